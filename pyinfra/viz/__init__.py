@@ -1,1 +1,1 @@
-"""Pictures, plots, site plans, the 3-D viewer and the report."""
+"""Draws pictures, plots, site plans, the 3-D viewer and the report."""

@@ -1,7 +1,7 @@
-"""Pictures of frames on disk and of scan patterns.
+"""Draws pictures of frames on disk and of scan patterns.
 
-They can be read in black and white and by the colour-blind: the more points a vehicle has, the
-darker, thicker and more solid its box; the colours follow Okabe and Ito.
+The pictures work in black and white and for colour-blind readers. The more points a vehicle has,
+the darker, thicker and more solid its box is. The colours follow Okabe and Ito.
 """
 
 import io
@@ -34,19 +34,20 @@ from pyinfra.formats import kitti
 STYLE: Any = {"font.size": 8, "axes.titlesize": 9, "axes.linewidth": 0.6}
 DPI = 150
 REGION_COLOUR = "#F1EDE4"
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # of LiDARs
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # one per LiDAR
 VIEW_LINE: dict[str, Any] = {"color": "black", "linewidth": 0.6, "linestyle": (0, (6, 3))}
 MARGIN_M = 12.0
 DARKEST_M = 3.0
-HALF_HEIGHT_M = 32.0  # the least that is drawn above and below the middle of a picture
+HALF_HEIGHT_M = 32.0  # minimum half-height of a picture, above and below its middle
 CAR_AT_M = 60.0
-# Azimuth and elevation (rad) of a car's rear, 1.8 m wide and 1.5 m high, seen from 6 m up.
+# Azimuth and elevation (rad) of a car's rear, 1.8 m wide and 1.5 m high. The sensor is 6 m higher
+# than the car's bottom edge.
 CAR = np.arctan(np.array([[-0.9, -6.0], [0.9, -4.5]]) / CAR_AT_M)
 
 
 @dataclass(frozen=True)
 class Quality:
-    """Vehicles with up to `most` points, and how their boxes are drawn."""
+    """A class of vehicles, by number of points (up to `most`), and the style of their boxes."""
 
     name: str
     most: float
@@ -66,7 +67,7 @@ PEOPLE = Quality("people", np.inf, "#009E73", "-", 1.1)
 
 @dataclass(frozen=True)
 class DrawnArea:
-    """The part of a plane that is drawn."""
+    """The drawn part of a plane."""
 
     x: tuple[float, float]
     y: tuple[float, float]
@@ -82,14 +83,14 @@ CLOSE_UP = DrawnArea((-3, 3), (-8, -2))
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """What is drawn of one frame of one LiDAR, in its levelled frame."""
+    """The drawn content of one frame of one LiDAR, in its levelled frame."""
 
     scene: str  # name of the data set's folder
     lidar: kitti.Lidar
     points: Points  # (n, 4)
     objects: kitti.Objects
-    region: tuple[FloatArray, ...]  # outlines (n, 2) of where vehicles are looked for, if known
-    road_z: float  # of the road
+    region: tuple[FloatArray, ...]  # outlines (n, 2) of the evaluation region, if known
+    road_z: float  # z of the road
 
     def counts(self) -> str:
         on_vehicles = self.objects.points[~self.are_people].sum()
@@ -97,12 +98,12 @@ class Snapshot:
 
     @property
     def are_people(self) -> BoolArray:
-        """(k,) which of the objects are no vehicles."""
+        """Returns a (k,) mask of the objects that are pedestrians or cyclists."""
         return np.isin(self.objects.names, PERSON_TYPES)
 
 
 def read_snapshot(lidar_folder: Path, frame: int) -> Snapshot:
-    """Reads a frame. Raises OSError and what the readers of pyinfra.formats.kitti raise."""
+    """Reads a frame. Raises OSError, and the exceptions of the readers in pyinfra.formats.kitti."""
     lidar = kitti.read_lidar(lidar_folder)
     outlines, road_z = _region(lidar_folder, lidar)
     return Snapshot(
@@ -116,9 +117,9 @@ def read_snapshot(lidar_folder: Path, frame: int) -> Snapshot:
 
 
 def draw_frames(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> list[Path]:
-    """Writes a sheet of data sets x LiDARs, and a picture of each; returns the files.
+    """Writes a sheet of data sets x LiDARs and one picture of each LiDAR; returns the files.
 
-    data_sets: the LiDAR folders of each data set. Raises what read_snapshot() raises.
+    data_sets: the LiDAR folders of each data set. Raises the exceptions of read_snapshot().
     """
     out.mkdir(parents=True, exist_ok=True)
     views = [[read_snapshot(folder, frame) for folder in folders] for folders in data_sets]
@@ -131,14 +132,14 @@ def draw_frames(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> l
 
 
 def draw_patterns(patterns: Mapping[str, FloatArray], file: Path) -> Path:
-    """Writes the picture of pattern_picture()."""
+    """Writes the figure of pattern_picture() to `file` and returns `file`."""
     file.parent.mkdir(parents=True, exist_ok=True)
     save(pattern_picture(patterns), file)
     return file
 
 
 def save(figure: Figure, file: Path, dpi: int = DPI) -> None:
-    """Writes a .png of the few colours that the pictures here have, which makes it small."""
+    """Writes a PNG with the fixed palette of these pictures, which keeps the file small."""
     with mpl.rc_context(STYLE), io.BytesIO() as png:
         figure.savefig(png, format="png", dpi=dpi)
         with Image.open(png) as image:
@@ -148,7 +149,7 @@ def save(figure: Figure, file: Path, dpi: int = DPI) -> None:
 
 
 def picture(view: Snapshot) -> Figure:
-    """Bird's-eye view of one frame of one LiDAR."""
+    """Returns a bird's-eye view of one frame of one LiDAR."""
     window = region_window(view)
     width, height = window.shape()
     low, high = view.lidar.price_usd
@@ -166,7 +167,7 @@ def picture(view: Snapshot) -> Figure:
 
 
 def sheet(views: Sequence[Sequence[Snapshot]]) -> Figure:
-    """One row for each data set, one column for each LiDAR; a row has one window."""
+    """Returns a figure with a row per data set and a column per LiDAR; a row shares one window."""
     windows = [region_window(row[0]) for row in views]
     columns = max(len(row) for row in views)
     width = 3.0
@@ -195,9 +196,10 @@ def sheet(views: Sequence[Sequence[Snapshot]]) -> Figure:
 def bird_view(
     axes: Axes, view: Snapshot, window: DrawnArea, *, point_size: float, headings: bool
 ) -> None:
-    """Points, boxes, evaluation region and field of view of a frame, in the levelled LiDAR frame.
+    """Draws points, boxes, evaluation region and field of view in the levelled LiDAR frame.
 
-    Points are light grey on the road and darker with height above it, black from DARKEST_M on.
+    Points at road level are light grey. They get darker with height and are black from DARKEST_M
+    on.
     """
     for outline in view.region:
         axes.add_patch(Polygon(outline, color=REGION_COLOUR, zorder=0))
@@ -226,12 +228,12 @@ def bird_view(
 
 
 def region_window(view: Snapshot) -> DrawnArea:
-    """What shows the whole region in the levelled LiDAR frame, or where none is known NEAR."""
+    """Returns the area around the region, or around NEAR if none is known; levelled frame."""
     return window_around(view.region or [NEAR])
 
 
 def window_around(outlines: Sequence[FloatArray]) -> DrawnArea:
-    """What shows outlines (n, 2) of roads, and as much to their sides as is needed to see them."""
+    """Returns an area around road outlines (n, 2), with a margin and a minimum height."""
     x, y = np.concatenate(outlines).T
     middle = (y.min() + y.max()) / 2
     half = max((y.max() - y.min()) / 2 + MARGIN_M, HALF_HEIGHT_M)
@@ -242,12 +244,12 @@ def window_around(outlines: Sequence[FloatArray]) -> DrawnArea:
 
 
 def qualities(views: Iterable[Snapshot]) -> list[Quality]:
-    """Of the vehicles' boxes, and of people's where a view has some."""
+    """Returns the box styles of vehicles, and PEOPLE if a view has pedestrians or cyclists."""
     return [*QUALITIES, *([PEOPLE] if any(view.are_people.any() for view in views) else [])]
 
 
 def legend_handles(views: Iterable[Snapshot]) -> list[Artist]:
-    """The classes of boxes of some views, and what else is drawn."""
+    """Returns legend entries for the box styles of some views and for the other drawn items."""
     handles: list[Artist] = [
         Line2D(
             [],
@@ -266,10 +268,10 @@ def legend_handles(views: Iterable[Snapshot]) -> list[Artist]:
 
 
 def pattern_picture(patterns: Mapping[str, FloatArray]) -> Figure:
-    """Where the rays of each LiDAR go in 0.1 s: the whole field, and a car 60 m ahead.
+    """Draws where the rays of each LiDAR go: the whole field, and a car's rear 60 m ahead.
 
-    patterns: by name, (n, 3) azimuth, elevation (rad), time (s), from 0 s on; all of them count for
-    the mean number of rays on the car.
+    patterns: by name, (n, 3) azimuth, elevation (rad) and time (s), from 0 s on. The rays of the
+    first 0.1 s are drawn. All rays count for the mean number of rays on the car.
     """
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(2.5 * len(patterns) + 0.3, 5.3), layout="constrained")
@@ -296,7 +298,7 @@ def pattern_picture(patterns: Mapping[str, FloatArray]) -> Figure:
 
 
 def _palette() -> Image.Image:
-    """Greys, the colour of the region, and those of boxes and lines in steps to white."""
+    """Returns greys, the region's colour, and each box and line colour in steps towards white."""
     greys = np.repeat(np.linspace(0, 1, 32)[:, None], 3, axis=1)
     lines = np.array([to_rgb(c) for c in (*(look.colour for look in QUALITIES), *COLOURS)])
     steps = [1 - share * (1 - lines) for share in (1.0, 0.8, 0.6, 0.4)]
@@ -307,7 +309,7 @@ def _palette() -> Image.Image:
 
 
 def _region(lidar_folder: Path, lidar: kitti.Lidar) -> tuple[tuple[FloatArray, ...], float]:
-    """Outlines of the roads, or of a recording's user, and z of the road."""
+    """Returns the outlines of the roads, or of a recording's region file, and the z of the road."""
     outline = lidar_folder / regions.REGION_FILE
     if lidar.preset != kitti.RECORDED or (lidar_folder.parent / "roads.csv").is_file():
         roads = _roads(lidar_folder.parent, lidar.T_world_levelled)
@@ -318,7 +320,7 @@ def _region(lidar_folder: Path, lidar: kitti.Lidar) -> tuple[tuple[FloatArray, .
 
 
 def _roads(data_set: Path, pose: kitti.WorldPose) -> pd.DataFrame:
-    """The evaluation region in the levelled LiDAR frame."""
+    """Returns the rows of roads.csv in the levelled LiDAR frame."""
     roads = pd.read_csv(data_set / "roads.csv")
     x, y = roads["x"] - pose.x, roads["y"] - pose.y
     cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
@@ -336,7 +338,7 @@ def _outline(road: pd.DataFrame) -> FloatArray:
 
 
 def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
-    """A legend under the axes, of as many columns as the width of the figure has room for."""
+    """Adds a legend under the axes, with as many columns as fit into the figure's width."""
     style: Any = {"handles": handles, "loc": "outside lower center", "frameon": False}
     empty = Figure(figsize=(figure.get_figwidth(), figure.get_figheight()))
     for columns in range(len(handles), 0, -1):
@@ -347,15 +349,16 @@ def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
 
 
 def strip(centre: FloatArray, heading: FloatArray, half_width: FloatArray) -> FloatArray:
-    """Both edges of a road with the centreline (n, 2) as one ring, (2 n, 2)."""
+    """Returns both edges of a road with centreline (n, 2) as one ring, (2 n, 2)."""
     left = regions.offset_curve(centre, heading, half_width)
     return np.concatenate([left, regions.offset_curve(centre, heading, -half_width)[::-1]])
 
 
 def sector(unit: kitti.FieldOfView) -> FloatArray:
-    """What a unit sees in plan, to its longest range: (n, 2), levelled LiDAR frame.
+    """Returns the outline of a unit's view from above, to its maximum range.
 
-    A circle, or an arc and its two sides, which meet at the sensor.
+    The result is (n, 2) in the levelled LiDAR frame: a circle, or an arc and the two sides that
+    join its ends to the sensor.
     """
     first, last = (unit.yaw + a for a in unit.azimuth)
     angle = np.linspace(first, last, 361)
@@ -375,7 +378,7 @@ def _inside(xy: Floats, window: DrawnArea) -> BoolArray:
 
 
 def _draw_boxes(axes: Axes, boxes: FloatArray, look: Quality, *, headings: bool) -> None:
-    """The footprints, crossed out if the vehicles were missed; a line leads to each front."""
+    """Draws footprints, with lines to the fronts; crosses out vehicles without points."""
     corners = footprints(boxes)
     style: dict[str, Any] = {"linewidths": look.width, "linestyles": [look.line], "zorder": 3}
     axes.add_collection(
@@ -399,5 +402,5 @@ def _draw_rays(axes: Axes, degrees: FloatArray, window: DrawnArea, size: float) 
         markeredgewidth=0,
     )
     axes.set_aspect("equal")
-    axes.set_xlim(*reversed(window.x))  # azimuth grows to the left, as the sensor sees it
+    axes.set_xlim(*reversed(window.x))  # azimuth grows to the left, as seen from the sensor
     axes.set_ylim(*window.y)

@@ -1,4 +1,4 @@
-"""Cut-outs of vehicles: the same ones as each LiDAR of a data set sees them."""
+"""Draws cut-outs of vehicles: the same vehicles as seen by each LiDAR of a data set."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,25 +18,28 @@ from pyinfra.viz import clouds
 from pyinfra.viz.scene_pictures import Scene
 
 DISTANCES_M = (20.0, 40.0, 60.0, 80.0, 100.0)
-NEAR_M = 8.0  # a vehicle this far from a column's distance still stands for it
+NEAR_M = 8.0  # maximum difference between a vehicle's distance and the distance of its column
 CLASS, LEAST_VISIBILITY = "Car", 0.8
-MARGIN_M = 0.3  # around a box: what lies in it is the vehicle's where nothing says whose it is
-ROAD_M = 0.1  # from the bottom of a box: what lies below is the road
-AROUND, ABOVE = np.radians([40.0, 30.0])  # where a cut-out is seen from, behind and to the right
-EDGE_M = 0.25  # of margin around a cut-out
+# around a box: points inside it count as the vehicle's if the frame has no `fields` file
+MARGIN_M = 0.3
+ROAD_M = 0.1  # above the bottom of a box: lower points count as road
+# viewing angles of a cut-out, from behind the vehicle and its right
+AROUND, ABOVE = np.radians([40.0, 30.0])
+EDGE_M = 0.25  # margin around a cut-out
 _EDGES = [(a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b).bit_count() == 1]
-_HIDDEN = 0b011  # the corner in front, on the left, at the bottom: behind the box
+_HIDDEN = 0b011  # the hidden corner, at the front, left and bottom of the box
 
 
 @dataclass(frozen=True, eq=False)
 class Vehicle:
-    """A vehicle of one frame."""
+    """A vehicle in one frame."""
 
     frame: int
     id: int
     box: FloatArray  # (7,) levelled LiDAR frame
     distance: float  # horizontal, sensor to box centre
-    in_view: tuple[bool, ...]  # of each LiDAR: inside its field of view and range
+    # one per LiDAR: whether the box centre is inside its field of view and range
+    in_view: tuple[bool, ...]
 
     @property
     def common(self) -> bool:
@@ -44,9 +47,9 @@ class Vehicle:
 
 
 def cutouts(scene: Scene, frame: int) -> Figure:
-    """The points of one vehicle at each of some distances, a row for each LiDAR.
+    """Draws the points of one vehicle per distance (columns) for each LiDAR (rows).
 
-    All of a column are of one vehicle in one frame; its heading is up and to the right.
+    All pictures of a column show one vehicle in one frame. Its heading points to the upper right.
     """
     vehicles = choose_vehicles(scene, frame)
     points = [
@@ -74,7 +77,7 @@ def cutouts(scene: Scene, frame: int) -> Figure:
                     _draw_cutout(axes, vehicle.box, cloud)
                     seen = (
                         vehicle.in_view[i] or len(cloud) > 0
-                    )  # a centre beyond the view may have an end in it
+                    )  # a vehicle can have points although its centre is out of view
                     caption = f"{len(cloud):,} points, {vehicle.distance:.0f} m"
                     axes.set_xlabel(caption if seen else f"{caption}, out of view", labelpad=1)
         title = f"{scene.name}: the same {CLASS.lower()} in each column, front at the upper right"
@@ -83,10 +86,11 @@ def cutouts(scene: Scene, frame: int) -> Figure:
 
 
 def choose_vehicles(scene: Scene, frame: int) -> list[Vehicle | None]:
-    """The vehicle for each of DISTANCES_M, None if there is none within NEAR_M of it.
+    """Returns a vehicle for each of DISTANCES_M, or None if there is none within NEAR_M of it.
 
-    Of the class and visibility that are wanted, one in the common field of view if there is any;
-    then of this frame, else of any frame that all LiDARs have; then the nearest to the distance.
+    Only vehicles of CLASS with LEAST_VISIBILITY are candidates. The order of preference is: in the
+    field of view of all LiDARs and in `frame`; in that of all LiDARs and in any frame that all
+    LiDARs have; in `frame`; in any such frame. Among equals the nearest to the distance is chosen.
     """
     frames = set.intersection(*(set(kitti.frames(folder)) for folder in scene.folders))
     here = _vehicles(scene, [frame])
@@ -103,9 +107,10 @@ def choose_vehicles(scene: Scene, frame: int) -> list[Vehicle | None]:
 
 
 def vehicle_points(lidar_folder: Path, vehicle: Vehicle) -> FloatArray:
-    """A vehicle's points, (n, 3) from its box's centre, x forward: those with its object_id.
+    """Returns a vehicle's points, (n, 3) from the centre of its box, x forward.
 
-    Without `fields`, those in its box with a margin but above the road.
+    These are the points with the vehicle's object_id. Without a `fields` file they are the points
+    inside its box plus MARGIN_M and above the road.
     """
     velodyne = kitti.frame_file(lidar_folder, "velodyne", vehicle.frame)
     xyz = kitti.read_points(velodyne)[:, :3].astype(np.float64)
@@ -120,7 +125,7 @@ def vehicle_points(lidar_folder: Path, vehicle: Vehicle) -> FloatArray:
 
 
 def _vehicles(scene: Scene, frames: Sequence[int]) -> list[Vehicle]:
-    """Those that any LiDAR has in reach, of the class and visibility that are wanted."""
+    """Returns the vehicles of CLASS with LEAST_VISIBILITY that any LiDAR lists in `frames`."""
     by_id: dict[tuple[int, int], Vehicle] = {}
     for folder in scene.folders:
         table = frame_tables.read_vehicles(folder, frames)
@@ -131,7 +136,7 @@ def _vehicles(scene: Scene, frames: Sequence[int]) -> list[Vehicle]:
             for lidar, tilt in zip(scene.lidars, scene.tilts, strict=True)
         ]
         in_view = np.stack(views, axis=1)
-        for i, box in enumerate(table.mid_frame):  # the same for all LiDARs
+        for i, box in enumerate(table.mid_frame):  # the boxes are the same for all LiDARs
             key = (frames[table.frame[i]], int(table.ids[i]))
             by_id[key] = Vehicle(*key, box, float(np.hypot(box[0], box[1])), tuple(in_view[i]))
     return list(by_id.values())
@@ -150,7 +155,7 @@ def _column_title(vehicle: Vehicle | None, distance: float, frame: int) -> str:
 
 
 def _draw_cutout(axes: Axes, box: FloatArray, points: FloatArray) -> None:
-    """Edges of a box, dotted behind it, an arrow ahead of it, and points on it."""
+    """Draws the edges of a box, those behind it dotted, and the vehicle's points."""
     corners = _flat(_corners(box))
     for edge in _EDGES:
         style: dict[str, Any] = {"linestyle": ":" if _HIDDEN in edge else "-", "linewidth": 0.7}
@@ -160,13 +165,13 @@ def _draw_cutout(axes: Axes, box: FloatArray, points: FloatArray) -> None:
 
 
 def _corners(box: FloatArray) -> FloatArray:
-    """(8, 3) from the box's centre; the bits of a corner's index: ahead, left, up."""
+    """Returns the corners (8, 3) from the box centre; bits of the index: ahead, left, up."""
     bits = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
     return np.asarray((bits - 0.5) * box[3:6])
 
 
 def _flat(points: Floats) -> FloatArray:
-    """Points (n, 3) from a box's centre, x forward, in parallel projection: (n, 2)."""
+    """Projects points (n, 3) in parallel to (n, 2); origin at the box centre, x forward."""
     across = np.cos(AROUND) * points[:, 0] - np.sin(AROUND) * points[:, 1]
     away = np.sin(AROUND) * points[:, 0] + np.cos(AROUND) * points[:, 1]
     return np.stack([across, np.sin(ABOVE) * away + np.cos(ABOVE) * points[:, 2]], axis=1)

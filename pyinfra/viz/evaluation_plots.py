@@ -1,7 +1,7 @@
-"""Figures of evaluations, from their tables; tables of several LiDARs one under another also work.
+"""Draws figures of evaluations from their tables.
 
-They can be read in black and white and by the colour-blind: lines differ in style and marker,
-qualities of areas in lightness and hatch.
+A table may hold the rows of several LiDARs. The figures work in black and white and for
+colour-blind readers: lines differ in style and marker, area qualities in lightness and hatch.
 """
 
 from __future__ import annotations
@@ -39,7 +39,10 @@ LABELS = {
 
 
 def draw_all(evaluation: Evaluation, out: Path) -> list[Path]:
-    """Writes every figure as SVG and PNG; returns the files. The plan needs roads."""
+    """Writes every figure as SVG and PNG; returns the files.
+
+    The plan is drawn only if roads exist.
+    """
     parts = evaluation.distance_ap if evaluation.cells is None else evaluation.cells
     figures = {
         "pr_curve": pr_curve(evaluation.pr_curve),
@@ -59,7 +62,7 @@ def draw_all(evaluation: Evaluation, out: Path) -> list[Path]:
 
 
 def pr_curve(table: pd.DataFrame) -> Figure:
-    """Precision against recall with its interval; a line for each LiDAR, a panel a ground truth."""
+    """Draws precision against recall with intervals: a line per LiDAR, a panel per ground truth."""
     with mpl.rc_context(STYLE), sns.axes_style("whitegrid"):
         figure, panels = _panels(table, (4.2, 3.6))
         for ax, rows in panels:
@@ -72,7 +75,7 @@ def pr_curve(table: pd.DataFrame) -> Figure:
 
 
 def distance_ap(table: pd.DataFrame) -> Figure:
-    """AP of the windows along each road with its interval, and the line above which it is high."""
+    """Draws AP with intervals in windows along each road, and the threshold of high quality."""
     table = with_fine(table)
     with mpl.rc_context(STYLE), sns.axes_style("whitegrid"):
         figure, panels = _panels(table, (5.2, 3.2), "road")
@@ -90,7 +93,7 @@ def distance_ap(table: pd.DataFrame) -> Figure:
 
 
 def areas(distance: pd.DataFrame) -> Figure:
-    """Stacked bars: how many areas of each quality a LiDAR has; a panel for each ground truth."""
+    """Draws stacked bars of the areas by quality per LiDAR, with a panel per ground truth."""
     with mpl.rc_context(STYLE), sns.axes_style("whitegrid", {"axes.grid.axis": "y"}):
         lidars = list(distance.lidar.unique())
         figure, panels = _panels(distance, (1.2 * len(lidars) + 1.6, 3.4))
@@ -110,9 +113,10 @@ def areas(distance: pd.DataFrame) -> Figure:
 def areas_plan(
     distance: pd.DataFrame, roads: Sequence[Road], sensor: tuple[float, float] | None = None
 ) -> Figure:
-    """The areas on the plan of the road, each drawn 5 m long around its middle; world frame.
+    """Draws the areas on the plan of the road, each 5 m long around its middle, in the world frame.
 
-    distance: windows, or cells, of one LiDAR; sensor: x y in the world, a triangle.
+    distance: windows or cells of one LiDAR. sensor: x and y in the world frame, drawn as a
+    triangle.
     """
     with mpl.rc_context(STYLE), sns.axes_style("white"):
         points = np.concatenate([road.xy for road in roads])
@@ -133,13 +137,13 @@ def areas_plan(
 
 
 def _square(cell: Any) -> np.ndarray[Any, Any]:
-    """Outline (4, 2) of a cell."""
+    """Returns the outline (4, 2) of a square cell."""
     corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
     return np.asarray((cell.x, cell.y) + WINDOW_M / 2 * corners)
 
 
 def _strip(road: Road, middle: float) -> np.ndarray[Any, Any]:
-    """Outline (n, 2) of a piece of road, WINDOW_STEP_M long and cut at the road's ends."""
+    """Returns the outline (n, 2) of a road piece of WINDOW_STEP_M, cut at the road's ends."""
     half = WINDOW_STEP_M / 2
     ends = np.clip([middle - half, middle + half], road.s[0], road.s[-1])
     s = np.linspace(ends[0], ends[1], 6)
@@ -154,7 +158,10 @@ def _strip(road: Road, middle: float) -> np.ndarray[Any, Any]:
 def _panels(
     table: pd.DataFrame, size: tuple[float, float], down: str | None = None
 ) -> tuple[Figure, Iterator[tuple[Axes, pd.DataFrame]]]:
-    """A column of axes for each ground truth, a row for each value of `down`, with their rows."""
+    """Returns a figure with a column per ground truth and a row per value of `down`.
+
+    The second value iterates over the axes, each with its rows of the table.
+    """
     across = list(table.ground_truth.unique())
     rows = list(table[down].unique()) if down else [None]
     figure = Figure(
@@ -177,7 +184,7 @@ def _panels(
 def _lidars(
     rows: pd.DataFrame, table: pd.DataFrame
 ) -> Iterator[tuple[str, pd.DataFrame, dict[str, Any]]]:
-    """Name, rows and style of each LiDAR; the style is the same in every panel."""
+    """Yields name, rows and style of each LiDAR; the style is the same in every panel."""
     colours = sns.color_palette("colorblind")
     for at, name in enumerate(table.lidar.unique()):
         style = {

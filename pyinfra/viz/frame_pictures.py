@@ -1,4 +1,4 @@
-"""Pictures of data sets: `pyinfra pictures DATA...`."""
+"""Draws pictures of data sets for `pyinfra pictures DATA...`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,8 +12,8 @@ from pyinfra.viz import scene_pictures as scene_figures
 def draw_scenes(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> list[Path]:
     """Writes the plan and the cut-outs of each data set; returns the files.
 
-    data_sets: the LiDAR folders of each data set; of a recording no scene is known, and none is
-    drawn. Raises OSError and FormatError.
+    data_sets: the LiDAR folders of each data set. Recordings are skipped, because their scene is
+    unknown. Raises OSError and FormatError.
     """
     out.mkdir(parents=True, exist_ok=True)
     files = []

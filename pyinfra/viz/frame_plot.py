@@ -1,4 +1,4 @@
-"""One frame from above: points, labels and detections."""
+"""Draws one frame from above: points, labels and detections."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pyinfra.dataset.frame_sequence import BOX, LidarFrame
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LABEL, DETECTION = "#1b7837", "#d6604d"  # told apart by the colour-blind, and by line style
+LABEL, DETECTION = "#1b7837", "#d6604d"  # distinct for colour-blind readers, and by line style
 
 
 @public
@@ -32,10 +32,10 @@ def plot_frame(
 
     Parameters
     ----------
-    frame : of a sequence of frames
-    detections : of `detect`; those of other frames are left out
-    min_score : 0 to 1, from which a detection is drawn
-    ax : to draw into; by default a new figure's
+    frame : one element of a sequence of frames
+    detections : table of `detect`; rows of other frames are ignored
+    min_score : 0 to 1, the minimum score of a drawn detection
+    ax : axes to draw into; by default those of a new figure
 
     Returns
     -------
@@ -43,7 +43,7 @@ def plot_frame(
 
     Raises
     ------
-    Error : for something else than a frame, a table without boxes, or a score out of range
+    Error : if frame is not a frame, detections has no boxes, or min_score is out of range
 
     Examples
     --------
@@ -86,7 +86,7 @@ def plot_frame(
 
 
 def _check(detections: pd.DataFrame) -> None:
-    """Raises Error for what is no table of detections."""
+    """Raises Error if `detections` is not a table of detections."""
     if not isinstance(detections, pd.DataFrame):
         got = type(detections).__name__
         raise Error(f"detections: expected a table, got {got}")

@@ -1,4 +1,4 @@
-"""Plots of what the public API gives: each draws into axes, and writes no file."""
+"""Plots results of the public API; each function draws into axes and writes no file."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ def plot_scene(scene: AnyScene, *, ax: Axes | None = None) -> Axes:
 
     Parameters
     ----------
-    scene : of `load_scene`, or what it takes; or frames of `simulate`
-    ax : to draw into; by default a new figure's
+    scene : result of `load_scene` or its argument; or frames of `simulate`
+    ax : axes to draw into; by default those of a new figure
 
     Returns
     -------
@@ -44,7 +44,7 @@ def plot_scene(scene: AnyScene, *, ax: Axes | None = None) -> Axes:
 
     Raises
     ------
-    Error : for an unknown scene
+    Error : if the scene is unknown
 
     Examples
     --------
@@ -86,13 +86,13 @@ def plot_scene(scene: AnyScene, *, ax: Axes | None = None) -> Axes:
 def plot_ap_by_distance(
     results: AnyResult, *, ground_truth: str | None = None, ax: Axes | None = None
 ) -> Axes:
-    """Draws AP (R1000) by the distance from the sensor, with its 95 % interval.
+    """Draws AP (R1000) against the distance from the sensor, with its 95 % interval.
 
     Parameters
     ----------
-    results : of `evaluate`, or several by the name that the legend shows
-    ground_truth : `captured`, `all`, ...; by default the first of each result
-    ax : to draw into; by default a new figure's
+    results : result of `evaluate`, or several results by their names in the legend
+    ground_truth : `captured`, `all`, ...; by default the first one of each result
+    ax : axes to draw into; by default those of a new figure
 
     Returns
     -------
@@ -100,7 +100,7 @@ def plot_ap_by_distance(
 
     Raises
     ------
-    Error : for something else than results, or a ground truth that one does not have
+    Error : if results is of another type, or a result lacks the ground truth
 
     Examples
     --------
@@ -137,21 +137,21 @@ def plot_ap_by_distance(
 def plot_stress(
     rows: pd.DataFrame | str | os.PathLike[str], stressor: str, *, ax: Axes | None = None
 ) -> Axes:
-    """Draws AP over the dial of one stressor, a line with its interval for each detector.
+    """Draws AP against the severity of one stressor, a line with its interval per detector.
 
     Parameters
     ----------
-    rows : stress.csv as a table, or the folder that `stress` worked in; of one LiDAR
-    stressor : a name, such as `rain`
-    ax : to draw into; by default a new figure's
+    rows : table read from stress.csv, or the output folder of `stress`; one LiDAR only
+    stressor : name of the stressor, such as `rain`
+    ax : axes to draw into; by default those of a new figure
 
     Returns
     -------
-    Matplotlib axes: the dial to the right, AP 0 to 100 up
+    Matplotlib axes: severity to the right, AP 0 to 100 up
 
     Raises
     ------
-    Error : for a stressor without rows, or a folder without the table
+    Error : if the stressor has no rows, or the folder has no stress.csv
 
     Examples
     --------
@@ -189,7 +189,7 @@ def plot_stress(
 
 
 def _axes(ax: Axes | None, size: tuple[float, float]) -> Axes:
-    """Those given, or a new figure's."""
+    """Returns `ax`, or the axes of a new figure if it is None."""
     if ax is not None:
         return ax
     import matplotlib.pyplot as plt

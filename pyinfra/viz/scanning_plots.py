@@ -1,7 +1,7 @@
-"""Figures of the scanning statistics, from their tables.
+"""Draws figures of the scanning statistics from their tables.
 
-A LiDAR has the same colour, line style and marker in all of them, and bars have hatches, so that
-they can be read in black and white; the colours are seaborn's palette for the colour-blind.
+A LiDAR has the same colour, line style and marker in all figures. Bars have hatches for black and
+white. The colours are seaborn's palette for colour-blind readers.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,7 +22,7 @@ LINES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1,
 MARKERS = "osD^vPX*"
 QUALITY_HATCHES = ("", "///", "...", "xxx")
 STYLE: Any = {
-    "svg.hashsalt": "pyinfra",  # the same bytes in each run
+    "svg.hashsalt": "pyinfra",  # gives the same bytes in each run
     "svg.fonttype": "none",
     "font.size": 9,
     "axes.titlesize": 8,
@@ -30,7 +30,7 @@ STYLE: Any = {
 
 
 def draw(name: str, table: pd.DataFrame) -> Figure:
-    """The figure of a table of pyinfra.statistics, by the table's name."""
+    """Returns the figure of a table of scanning statistics, by the table's name."""
     with mpl.rc_context(STYLE), sns.axes_style("whitegrid"):
         return FIGURES[name](table)
 
@@ -45,7 +45,10 @@ def save(figure: Figure, stem: Path) -> None:
 
 
 def points_per_vehicle(table: pd.DataFrame) -> Figure:
-    """APV by distance with intervals: a column for each data set, a row for each set."""
+    """Draws points per vehicle (APV) by distance with intervals.
+
+    Columns are data sets, rows are vehicle subsets.
+    """
     figure, axes = _panels(table, _data_sets(table), table["set"].unique(), size=(4.2, 3.2))
     for ax, column, row in axes:
         part = table[(_data_sets(table) == column) & (table["set"] == row)]
@@ -67,7 +70,7 @@ def points_per_vehicle(table: pd.DataFrame) -> Figure:
 
 
 def quality(table: pd.DataFrame) -> Figure:
-    """Shares of missed, low, medium and high vehicles by distance, on `common`, stacked."""
+    """Draws stacked shares of missed, low, medium and high vehicles by distance, on `common`."""
     table = table[(table["set"] == "common") & (table.quality != "hit")]
     whole = table.from_m.min(), table.to_m.max()
     table = table[~((table.from_m == whole[0]) & (table.to_m == whole[1]))]
@@ -96,7 +99,7 @@ def quality(table: pd.DataFrame) -> Figure:
 
 
 def speeds(table: pd.DataFrame) -> Figure:
-    """Speed histogram of each scene, with the number of samples beyond the axis."""
+    """Draws a speed histogram for each scene, with the number of samples beyond the axis."""
     figure, axes = _panels(table, table.scene.unique(), [""], size=(3.4, 2.6))
     for ax, scene, _ in axes:
         part = table[table.scene == scene].drop_duplicates(["from_km_h", "seed"])
@@ -118,7 +121,7 @@ def speeds(table: pd.DataFrame) -> Figure:
 
 
 def lit_share(table: pd.DataFrame) -> Figure:
-    """Share of the field of view lit against integration time."""
+    """Draws the share of the field of view that is hit by a ray against integration time."""
     figure, axes = _panels(table, table.preset.unique(), [""], size=(4.2, 3.2))
     for ax, preset, _ in axes:
         for name, lidar in _lidars(table[table.preset == preset], table):
@@ -134,7 +137,7 @@ def lit_share(table: pd.DataFrame) -> Figure:
 
 
 def angular_density(table: pd.DataFrame) -> Figure:
-    """Rays per second and square degree: off the axis, and by elevation straight ahead."""
+    """Draws rays per second and square degree, by off-axis angle and by elevation near x."""
     figure, axes = _panels(table, table.axis.unique(), table.preset.unique(), size=(4.2, 3))
     names = {"off_axis": "angle off the axis (deg)", "elevation": "elevation (deg)"}
     for ax, axis, preset in axes:
@@ -149,7 +152,7 @@ def angular_density(table: pd.DataFrame) -> Figure:
 
 
 def dots(value: str, label: str, by: str) -> Callable[[pd.DataFrame], Figure]:
-    """A figure of one value with its interval for each LiDAR, in a panel for each `by`."""
+    """Returns a function that draws a value with its interval per LiDAR, in a panel per `by`."""
 
     def of(table: pd.DataFrame) -> Figure:
         figure, axes = _panels(table, table[by].unique(), [""], size=(4.2, 2.8))
@@ -188,7 +191,10 @@ FIGURES: dict[str, Callable[[pd.DataFrame], Figure]] = {
 
 
 def _data_sets(table: pd.DataFrame) -> Any:
-    """What a row's data set is called: scene, preset, and what is not the default."""
+    """Returns a name for each row's data set: scene and preset.
+
+    Aggregation and seed are appended if the rows differ in them.
+    """
     names = table.scene + ", " + table.preset
     if table.aggregation.nunique() > 1:
         names = names + ", " + table.aggregation
@@ -200,7 +206,7 @@ def _data_sets(table: pd.DataFrame) -> Any:
 def _panels(
     table: pd.DataFrame, columns: Any, rows: Any, size: tuple[float, float]
 ) -> tuple[Figure, Iterator[tuple[Axes, Any, Any]]]:
-    """A grid of axes, each with the name of its column and row."""
+    """Returns a figure and its grid of axes, each with the name of its column and row."""
     columns, rows = list(dict.fromkeys(columns)), list(dict.fromkeys(rows))
     width, height = size[0] * len(columns) + 1.2, size[1] * len(rows)
     figure = Figure(figsize=(width, height), layout="constrained")
@@ -212,7 +218,7 @@ def _panels(
 
 
 def _finish(figure: Figure) -> Figure:
-    """One legend for all panels."""
+    """Adds one legend for all panels."""
     legends = [ax.get_legend_handles_labels() for ax in figure.axes]
     labels = {
         label: handle

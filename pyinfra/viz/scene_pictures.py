@@ -1,6 +1,6 @@
-"""Plans of data sets' scenes: roads, lanes, stations, buildings, sensor and fields of view.
+"""Draws plans of data sets' scenes: roads, lanes, stations, buildings, sensor, fields of view.
 
-They can be read in black and white: the fields of view differ in the style of their lines.
+The plans work in black and white: the fields of view differ in line style.
 """
 
 import textwrap
@@ -25,9 +25,9 @@ from pyinfra.viz import clouds
 
 STATION_STEP_M = 20.0
 SCALE_M = 20.0
-LABEL_LETTERS = 60  # of a line in the legend
+LABEL_LETTERS = 60  # maximum number of letters in a line of the legend
 ARROW_M = 14.0
-CLEAR_M = 6.0  # around a crossing road no station is written
+CLEAR_M = 6.0  # margin around a crossing road in which no station is written
 BUILDING: dict[str, Any] = {"facecolor": "#D0D0D0", "edgecolor": "0.35"}
 ROAD_LINES: dict[str, dict[str, Any]] = {
     "edge": {"linewidth": 0.8, "color": "black"},
@@ -49,11 +49,11 @@ class Scene:
 
 
 def read_scene(folders: Sequence[Path]) -> Scene:
-    """The data set of some LiDAR folders. Raises OSError, and FormatError with the line."""
+    """Reads the scene of some LiDAR folders. Raises OSError, and FormatError with the line."""
     data_set = folders[0].parent
     top = kitti.read_yaml(data_set / "dataset.yaml")
     if top.maybe("lanes") is None:
-        top.at("roads").items()  # a plan is of roads or lanes
+        top.at("roads").items()  # a plan needs roads or lanes
     return Scene(
         name=top.at("name").text(),
         folders=tuple(folders),
@@ -64,9 +64,9 @@ def read_scene(folders: Sequence[Path]) -> Scene:
 
 
 def plan(scenes: Sequence[Scene]) -> Figure:
-    """Roads, stations, buildings, sensor, fields of view of scenes side by side, to one scale.
+    """Draws roads, stations, buildings, sensor and fields of view of scenes to one scale.
 
-    LiDARs that see the same area share a line.
+    LiDARs with the same field of view share a line.
     """
     outlines = [
         [clouds.strip(r.xy, r.heading, r.half_width) for r in s.around.roads] for s in scenes
@@ -101,7 +101,7 @@ def plan(scenes: Sequence[Scene]) -> Figure:
 
 
 def _draw_surroundings(axes: Axes, scene: Scene) -> None:
-    """Buildings, edges and lane lines of the roads, and their stations."""
+    """Draws buildings, edges and lane lines of the roads, and their stations."""
     for corners in footprints(scene.around.buildings):
         axes.add_patch(Polygon(corners, **BUILDING, linewidth=0.6, zorder=0.5))
     for line in road_lines(scene.around):
@@ -111,7 +111,7 @@ def _draw_surroundings(axes: Axes, scene: Scene) -> None:
 
 
 def _draw_stations(axes: Axes, road: Road, scene: Scene) -> None:
-    """Metres along a road, beside it, but not where another road crosses."""
+    """Writes the stations (m) beside a road, except where another road crosses."""
     others = [other for other in scene.around.roads if other is not road]
     side = -1 if _is_left(road, scene.lidars[0].T_world_levelled) else 1
     edge, end, text = (
@@ -128,7 +128,7 @@ def _draw_stations(axes: Axes, road: Road, scene: Scene) -> None:
 
 
 def _is_left(road: Road, pose: kitti.WorldPose) -> bool:
-    """Whether a sensor stands on the left of a road, or over its middle."""
+    """Returns whether a sensor stands on the left of a road, or over its middle."""
     nearest = np.hypot(*(road.xy - (pose.x, pose.y)).T).argmin()
     x, y = (pose.x, pose.y) - road.xy[nearest]
     heading = road.heading[nearest]
@@ -136,7 +136,7 @@ def _is_left(road: Road, pose: kitti.WorldPose) -> bool:
 
 
 def _draw_views(axes: Axes, scene: Scene, looks: dict[str, dict[str, Any]]) -> None:
-    """Sensor and fields of view; adds the look of each area, by what the legend says of it."""
+    """Draws sensors and fields of view; adds the style of each view to `looks` by label."""
     areas: dict[tuple[Any, ...], list[kitti.Lidar]] = {}
     for lidar in scene.lidars:
         units = [(u.at, u.yaw, u.azimuth, u.range_m[1]) for u in lidar.field_of_view]
@@ -161,7 +161,7 @@ def _draw_views(axes: Axes, scene: Scene, looks: dict[str, dict[str, Any]]) -> N
 
 
 def _draw_scale(axes: Axes, window: clouds.DrawnArea) -> None:
-    """A bar at the lower edge, off the stations and the circles around the sensor."""
+    """Draws a scale bar at the lower edge, clear of the stations and of the circles."""
     x, y = window.x[0] + 0.3 * window.shape()[0], window.y[0] + 2.5
     axes.plot([x, x + SCALE_M], [y, y], color="black", linewidth=2.5, solid_capstyle="butt")
     axes.text(x + SCALE_M + 1.5, y, f"{SCALE_M:g} m", ha="left", va="center", fontsize=7)

@@ -1,4 +1,4 @@
-"""The plan of a site: surfaces, houses, lanes with their direction, trees, poles and their view."""
+"""Draws the plan of a site: surfaces, buildings, lanes with direction, trees, poles, their view."""
 
 import csv
 import math
@@ -48,7 +48,7 @@ SCALES_M = (10, 20, 50, 100, 200, 500, 1000)
 
 
 def read_lanes(file: Path) -> dict[str, FloatArray]:
-    """x y z width (n, 4) of each lane of lanes.csv. Raises MapError with the line."""
+    """Reads x, y, z, width (n, 4) of each lane of lanes.csv. Raises MapError with the line."""
     lanes: dict[str, list[list[float]]] = defaultdict(list)
     with file.open(newline="") as stream:
         rows = csv.reader(stream)
@@ -66,7 +66,7 @@ def read_lanes(file: Path) -> dict[str, FloatArray]:
 
 
 def read_scene(folder: Path) -> dict[str, Any]:
-    """site.yaml as it is. Raises MapError."""
+    """Returns the raw content of site.yaml. Raises MapError."""
     file = folder / "site.yaml"
     try:
         scene = yaml.safe_load(file.read_text())
@@ -78,14 +78,14 @@ def read_scene(folder: Path) -> dict[str, Any]:
 
 
 def save_plan(folder: Path, out: Path, radius_m: float | None = None) -> None:
-    """Raises MapError and OSError."""
+    """Writes the plan to a file. Raises MapError and OSError."""
     out.parent.mkdir(parents=True, exist_ok=True)
     with replacing(out) as beside:
         plan(folder, radius_m).savefig(beside, format=out.suffix.lstrip(".") or "svg", dpi=150)
 
 
 def plan(folder: Path, radius_m: float | None = None) -> Figure:
-    """The site's lanes with 20 m around them, or what is so near to the first mount."""
+    """Draws the site's lanes with 20 m around them, or a square of ±radius_m at the first mount."""
     scene = read_scene(folder)
     lanes = read_lanes(folder / scene["lanes"])
     points = np.concatenate(list(lanes.values()))[:, :2]
@@ -120,7 +120,7 @@ def plan(folder: Path, radius_m: float | None = None) -> Figure:
 
 
 def _draw_mesh(axes: Axes, folder: Path, mesh: dict[str, str]) -> str:
-    """Triangles from above, all but the terrain; returns the material."""
+    """Draws triangles from above, except for terrain; returns the material."""
     material = mesh["material"]
     if material != "terrain":
         triangles = read_ply(folder / mesh["file"])
@@ -152,7 +152,10 @@ def _draw_lanes(axes: Axes, lanes: dict[str, FloatArray]) -> None:
 
 
 def read_features(folder: Path) -> dict[str, FloatArray]:
-    """x y (n, 2) of what map.yaml lists, by kind; none without the file. Raises MapError."""
+    """Returns x, y (n, 2) of the features in map.yaml by kind.
+
+    The result is empty if the file does not exist. Raises MapError.
+    """
     file = folder / "map.yaml"
     if not file.exists():
         return {}

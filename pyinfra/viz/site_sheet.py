@@ -1,4 +1,4 @@
-"""Plans of generated sites side by side, to look at what is drawn."""
+"""Draws plans of generated sites side by side for visual inspection."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from pyinfra.core.boxes import footprints
 from pyinfra.scenes.generator.layout import DrawnRoad, Keys
 from pyinfra.viz import clouds
 
-HALF_M = 110.0  # that is drawn around the sensor
+HALF_M = 110.0  # half the side of the drawn square around the sensor
 COLUMNS = 6
 PANEL_INCHES = 2.3
 GROUND, FOOTWAY, SURFACE, LEAVES, HOUSE = "#F1EDE4", "#D0D0D0", "#8C8C8C", "#009E73", "#B08050"
 PARKED, RAIL, SENSOR, LINE = "#0072B2", "#000000", "#D55E00", "#FFFFFF"
 PEOPLE = {"Pedestrian": "#CC79A7", "Cyclist": "#F0E442"}
 WALK_HALF_M = 0.5
-ROW_HALF_M = {True: 1.0, False: 2.3}  # of parked vehicles: along the road, and at an angle
+# half depth of a row of parked vehicles: True for parallel parking, False for angled
+ROW_HALF_M = {True: 1.0, False: 2.3}
 
 
 def sheet(sites: Sequence[Keys]) -> Figure:
-    """A plan of each site's surroundings, its sensor and where it looks in the middle."""
+    """Draws a plan around each site's sensor, with the sensor's viewing direction."""
     rows = -(-len(sites) // COLUMNS)
     columns = min(COLUMNS, len(sites))
     size = (PANEL_INCHES * columns, (PANEL_INCHES + 0.25) * rows)
@@ -70,7 +71,7 @@ def _draw(axes: Axes, site: Keys) -> None:
 
 
 def _draw_ring(axes: Axes, ring: Keys) -> None:
-    """Generated roads meet at the origin."""
+    """Draws the roundabout; generated roads meet at the origin."""
     half_m = ring["width_m"] / 2
     for radius_m, colour in ((half_m, SURFACE), (-half_m, GROUND)):
         axes.add_patch(Circle((0, 0), ring["radius_m"] + radius_m, color=colour, zorder=2.2))
@@ -113,7 +114,7 @@ def _draw_crown(axes: Axes, x: float, y: float, row: Keys) -> None:
 
 
 def _frame(axes: Axes, site: Keys) -> None:
-    """The sensor, its view, and what the site is called."""
+    """Draws the sensor and its viewing direction, and sets the title."""
     mount = site["mounts"]["pole"]
     x, y, yaw = mount["x_m"], mount["y_m"], np.radians(mount["yaw_deg"])
     tip = (x + 22 * np.cos(yaw), y + 22 * np.sin(yaw))

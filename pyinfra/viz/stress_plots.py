@@ -1,4 +1,4 @@
-"""AP over the dials of each stressor, a panel each, from the table of rows."""
+"""Draws AP against the severity of each stressor, one panel each, from the table of rows."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ UNITS = {"1/km": "extinction, 1/km", "times": "times the scene's own", "name": "
 
 
 def draw_all(table: pd.DataFrame, out: Path) -> list[Path]:
-    """Writes a figure for each LiDAR, preset and scene, as SVG and PNG; returns the files."""
+    """Writes a figure for each LiDAR, preset and scene as SVG and PNG; returns the files."""
     files = []
     for key, rows in table.groupby(["scene", "preset", "lidar"], sort=False):
         if any(curves(rows)):
@@ -33,7 +33,7 @@ def draw_all(table: pd.DataFrame, out: Path) -> list[Path]:
 
 
 def stress(table: pd.DataFrame) -> Figure:
-    """A line with its interval for each detector; of one LiDAR."""
+    """Draws a panel per stressor with a line and its interval per detector, for one LiDAR."""
     all_curves = list(curves(table))
     names = [name for name in STRESSORS if any(s.name == name for _, s, _ in all_curves)]
     looks = list(dict.fromkeys(key["detector"] for key, _, _ in all_curves))
@@ -64,9 +64,9 @@ def panel(
     found: Sequence[tuple[str, Stressor, pd.DataFrame]],
     detectors: Sequence[str] | None = None,
 ) -> None:
-    """The curves of one stressor, each with its detector.
+    """Draws the curves of one stressor, one per detector.
 
-    detectors: all that there are, whose place is their colour; by default those of the curves.
+    detectors: all detectors in the order that sets their colours; by default those of the curves.
     """
     names = detectors or list(dict.fromkeys(name for name, _, _ in found))
     for name, stressor, curve in found:
@@ -81,7 +81,7 @@ def _line(
     colour = sns.color_palette("colorblind")[at % 10]
     style = {"color": colour, "marker": MARKERS[at % len(MARKERS)], "markersize": 4}
     if stressor.named:
-        # Names have no order: points beside each other, and no line.
+        # Names have no order, so points side by side without a line.
         ax.errorbar(
             curve["at"] + 0.12 * (at - (len(labels) - 1) / 2),
             curve.ap_fine,
@@ -99,7 +99,7 @@ def _line(
 
 
 def _reach(curve: pd.DataFrame) -> list[pd.Series]:
-    """Below and above AP; the interval of a bootstrap may leave the value out."""
+    """Returns the lengths of the interval below and above AP, 0 if AP lies outside it."""
     low, high = curve.ap_fine - curve.ap_fine_low, curve.ap_fine_high - curve.ap_fine
     return [low.clip(lower=0).fillna(0), high.clip(lower=0).fillna(0)]
 

@@ -1,1 +1,1 @@
-"""The results as one HTML page."""
+"""Shows the results as one HTML page."""

@@ -1,7 +1,7 @@
-"""What a section of the report is made of: plain values, which the template of the page shows.
+"""The parts of a report section: plain values, which the page's template shows.
 
-Every text is shown as it is, whatever characters it has; only `Embed` and the panels of a `Figure`
-are markup, and they are made by this package.
+Every text is escaped and shown literally. Only `Embed` and the panels of a `Figure` are markup, and
+only this package makes them.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ NOTHING = "\N{EN DASH}"
 class TableCell:
     """A cell of a table.
 
-    sort: what it is sorted by, the text itself if None; origin: the row it comes from;
-    verdict: holds, fails, undecided or nothing; below: a second, smaller line.
+    sort: the sort key; None sorts by the text. origin: the row that the cell comes from. verdict:
+    holds, fails, undecided or empty. below: a second, smaller line.
     """
 
     text: str
@@ -31,7 +31,7 @@ class TableCell:
 
     @property
     def key(self) -> str:
-        """What the page sorts by; numbers that are not there have none, which comes last."""
+        """The sort key of the page; a missing number has an empty one, which sorts last."""
         if self.sort is None:
             return self.verdict or self.text
         return f"{self.sort:.10g}" if math.isfinite(self.sort) else ""
@@ -39,7 +39,7 @@ class TableCell:
 
 @dataclass(frozen=True)
 class Column:
-    """The head of a column; numbers stand at the right."""
+    """The head of a column; numbers are right-aligned."""
 
     title: str
     number: bool = False
@@ -55,7 +55,7 @@ class Text:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A table that sorts by any column; `closed` ones open with a click."""
+    """A table that sorts by any column; if `closed`, a click opens it."""
 
     caption: str
     columns: Sequence[Column]
@@ -67,7 +67,7 @@ class Table:
 
 @dataclass(frozen=True)
 class LegendEntry:
-    """A name and the picture of its line or patch."""
+    """A legend label and the markup of its line or patch."""
 
     label: str
     swatch: str
@@ -75,7 +75,7 @@ class LegendEntry:
 
 @dataclass(frozen=True)
 class Panel:
-    """One drawing of a figure: its markup, and what it shows, in words."""
+    """One drawing of a figure: its title and its SVG markup."""
 
     title: str
     svg: str
@@ -83,10 +83,10 @@ class Panel:
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """Drawings under one caption, beside each other where there is room.
+    """Drawings under one caption, side by side if there is room.
 
-    layout: small, half (two beside each other) or wide; wide ones scroll on a narrow screen.
-    plate: they have a light ground in the dark too.
+    layout: small, half (two side by side) or wide. Wide drawings scroll on a narrow screen. plate:
+    the drawings keep a light background in dark mode.
     """
 
     name: str
@@ -102,7 +102,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class CardLine:
-    """An answer for one scene: what to take, and why."""
+    """The answer for one scene: the choice and its reason."""
 
     place: str
     choice: str
@@ -120,7 +120,7 @@ class Card:
 
 @dataclass(frozen=True, eq=False)
 class Cards:
-    """Answers beside each other."""
+    """Cards shown side by side."""
 
     cards: Sequence[Card]
     source: TableFile
@@ -129,7 +129,7 @@ class Cards:
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Things that follow from one another."""
+    """Steps that follow one another."""
 
     label: str
     steps: Sequence[tuple[str, str]]
@@ -138,7 +138,10 @@ class Steps:
 
 @dataclass(frozen=True)
 class Entry:
-    """A row of an index: a label, the start of an anchor, and what the page needs to have it."""
+    """A row of an index: a label and an anchor prefix.
+
+    needs: what the page must contain for the link to exist.
+    """
 
     label: str
     anchor: str
@@ -147,7 +150,7 @@ class Entry:
 
 @dataclass(frozen=True, eq=False)
 class Index:
-    """Where things are; the page looks up the anchors."""
+    """A list of links; the page looks up the anchors."""
 
     heads: tuple[str, str]
     entries: Sequence[Entry]
@@ -156,7 +159,7 @@ class Index:
 
 @dataclass(frozen=True, eq=False)
 class Embed:
-    """Markup of another part of this package."""
+    """Markup made by another part of this package."""
 
     markup: str
     caption: str
@@ -168,7 +171,7 @@ Block = Text | Table | Figure | Cards | Steps | Index | Embed
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """A part of the page, `name` being its anchor."""
+    """A part of the page; `name` is its anchor."""
 
     name: str
     title: str
@@ -177,17 +180,17 @@ class Section:
 
 
 def number(value: float, form: str = ".1f", origin: str = "") -> TableCell:
-    """A number as a cell; nothing if there is none."""
+    """Returns a cell with a number, or with a dash if it is not finite."""
     return TableCell(shown(value, form), value, origin)
 
 
 def shown(value: float, form: str = ".1f") -> str:
-    """A number as text; nothing if there is none."""
+    """Formats a number; returns a dash if it is not finite."""
     return format(value, form) if math.isfinite(value) else NOTHING
 
 
 def span(low: float, high: float, form: str = ".1f") -> str:
-    """An interval as text; empty if there is none."""
+    """Formats an interval; returns an empty text if a bound is not finite."""
     if not (math.isfinite(low) and math.isfinite(high)):
         return ""
     return f"[{low:{form}}, {high:{form}}]"

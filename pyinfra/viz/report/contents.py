@@ -1,7 +1,7 @@
-"""The sections of the report of a folder of results.
+"""The default sections of the report of a folder of results.
 
-`read_sections` reads another module with a list SECTIONS. A dict TABLES in that module describes
-its own tables, as KINDS of experiments/result_tables.py does.
+The argument `sections` names another module with a list SECTIONS, which replaces this one. A dict
+TABLES in that module declares more tables, in the form of KINDS in experiments/result_tables.py.
 """
 
 from __future__ import annotations
@@ -49,12 +49,15 @@ TITLE = "Roadside LiDAR: which sensor, which detector"
 
 
 def read_sections(module: str) -> tuple[Sequence[Maker], Mapping[str, Kind]]:
-    """SECTIONS and TABLES of a module. Raises Error if it has no SECTIONS or is not there."""
+    """Returns SECTIONS and TABLES of a module.
+
+    Raises Error if the module does not exist or has no SECTIONS.
+    """
     try:
         imported = importlib.import_module(module)
     except ModuleNotFoundError as error:
         if error.name is None or not module.startswith(error.name):
-            raise  # the module is there, and what it imports is not
+            raise  # the module exists, but one of its own imports is missing
         raise Error(f"sections: expected a module to import, got {module}") from None
     sections = getattr(imported, "SECTIONS", None)
     if not isinstance(sections, Sequence):
@@ -63,13 +66,13 @@ def read_sections(module: str) -> tuple[Sequence[Maker], Mapping[str, Kind]]:
 
 
 def page(material: Material, sections: Sequence[Maker] = SECTIONS) -> Page:
-    """All sections for which there is something."""
+    """Returns the page with all sections that have content."""
     made = [section for maker in sections if (section := maker(material)) is not None]
     return Page(TITLE, _subtitle(material), _footer(material), made, material.results.sources())
 
 
 def _subtitle(material: Material) -> str:
-    """What was compared, in a line."""
+    """Returns one line about what was compared."""
     cells = material.results.table("cells")
     if cells.empty:
         return "No cell of a benchmark is among these results."

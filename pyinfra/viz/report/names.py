@@ -1,4 +1,4 @@
-"""What LiDARs and detectors are called on the page, and their order."""
+"""Display names and order of LiDARs and detectors on the page."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ DETECTORS = {
 
 @dataclass(frozen=True)
 class Names:
-    """All LiDARs of a report, by their names in the tables, in the order of their looks."""
+    """All LiDARs of a report by their names in the tables; the order sets colours and markers."""
 
     lidars: tuple[str, ...]
     models: dict[str, str]
 
     def model(self, lidar: str) -> str:
-        """A LiDAR's model, its own name if none is known."""
+        """Returns a LiDAR's model, or its name if the model is unknown."""
         return self.models.get(lidar, lidar)
 
     def label(self, lidar: str) -> str:
-        """Model and kind, for legends."""
+        """Returns model and kind, for legends."""
         kind = KINDS.get(lidar)
         return f"{self.model(lidar)}, {kind}" if kind else self.model(lidar)
 
     def spelled(self, text: str) -> str:
-        """A text with models in place of LiDARs' names."""
+        """Replaces the names of LiDARs in a text by their models."""
         for name, model in self.models.items():
             text = re.sub(rf"\b{re.escape(name)}\b", model, text)
         return text
@@ -54,15 +54,15 @@ class Names:
         return look(self.lidars.index(lidar))
 
     def sorted(self, lidars: Iterable[str]) -> list[str]:
-        """Different ones, in the report's order."""
+        """Returns the distinct names in the report's order."""
         wanted = set(lidars)
         return [name for name in self.lidars if name in wanted]
 
 
 def read_names(lidars: Iterable[str], models: Mapping[str, str]) -> Names:
-    """Those of LIDARS first, so that their looks are the same in every report.
+    """Returns the names with the shipped LIDARS first, so that they look the same in every report.
 
-    models: by name, where they are known; others are looked up among the LiDARs of this package.
+    models: models by name, if known. The other models are read from this package's LiDAR files.
     """
     order = tuple(dict.fromkeys([*LIDARS, *sorted(set(lidars))]))
     plain = [name for name in order if re.fullmatch(r"[\w-]+", name)]
@@ -71,19 +71,19 @@ def read_names(lidars: Iterable[str], models: Mapping[str, str]) -> Names:
 
 
 def detector(name: str) -> str:
-    """What a detector is called."""
+    """Returns the display name of a detector."""
     return DETECTORS.get(name, name)
 
 
 def in_order(names: Iterable[str], first: Iterable[str]) -> list[str]:
-    """Different names: those of `first` in its order, then the others sorted."""
+    """Returns distinct names: those of `first` in its order, then the others sorted."""
     present = set(names)
     known = [name for name in first if name in present]
     return known + sorted(present - set(known))
 
 
 def _model(file: Path) -> str:
-    """The model that a LiDAR's file names; nothing without one."""
+    """Returns the model in a LiDAR's file, or an empty text if there is none."""
     if not file.is_file():
         return ""
     return str(read_keys(file).get("model", ""))

@@ -1,4 +1,4 @@
-"""The page from its sections, and the folder of CSV files beside it."""
+"""Writes the page from its sections, and the folder of CSV files beside it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CSV_DIGITS = "%.6g"
 
 @dataclass(frozen=True, eq=False)
 class Page:
-    """A report without its place; tables: what is beside it besides what its sections name."""
+    """A report before it is written; `tables` are written besides those of the sections."""
 
     title: str
     subtitle: str
@@ -30,7 +30,7 @@ class Page:
 
 
 def write_page(page: Page, file: Path) -> Path:
-    """Writes the page, and first the tables that it is from into NAME_data beside it."""
+    """Writes the page, and before it the tables, into the folder NAME_data beside the page."""
     folder = file.with_name(f"{file.stem}_data")
     folder.mkdir(parents=True, exist_ok=True)
     for source in [*page.tables, *sources(page.sections)]:
@@ -42,7 +42,7 @@ def write_page(page: Page, file: Path) -> Path:
 
 
 def render(page: Page, folder: str) -> str:
-    """The page as HTML; folder: where the CSV files are, seen from the page."""
+    """Returns the page as HTML; folder: path of the CSV files relative to the page."""
     environment = jinja2.Environment(
         autoescape=True,
         loader=jinja2.FileSystemLoader(HERE),
@@ -63,7 +63,7 @@ def render(page: Page, folder: str) -> str:
 
 
 def anchors(sections: Iterable[Section]) -> dict[str, str]:
-    """Everything on the page that can be linked to, with the title of its section."""
+    """Returns every anchor of the page with the title of its section."""
     all_names: dict[str, str] = {}
     for section in sections:
         names = [section.name, *(getattr(block, "name", "") for block in section.blocks)]
@@ -72,7 +72,7 @@ def anchors(sections: Iterable[Section]) -> dict[str, str]:
 
 
 def sources(sections: Sequence[Section]) -> Iterator[TableFile]:
-    """The tables that the sections name, each once."""
+    """Yields each table that the sections name once."""
     seen = set()
     for block in (block for section in sections for block in section.blocks):
         source = getattr(block, "source", None)

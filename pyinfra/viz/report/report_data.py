@@ -1,4 +1,4 @@
-"""All that a report is made from: results, and, where they are given, data sets and runs."""
+"""The input of a report: results, and data sets and runs if they are given."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ANY_PRICE = Wish()
 
 @dataclass(frozen=True)
 class Run:
-    """Predictions of a detector, and on which frames it made them."""
+    """Predictions of a detector, and the scene, LiDAR and preset that they belong to."""
 
     folder: Path
     scene: str
@@ -38,7 +38,7 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """What the sections take from."""
+    """The input of all sections."""
 
     results: Results
     names: Names
@@ -47,7 +47,7 @@ class Material:
     wish: Wish = ANY_PRICE
 
     def scenes(self) -> list[str]:
-        """Those of the results and of the data sets."""
+        """Returns the scenes of the results and of the data sets."""
         scenes = set(self.results.table("cells").scene) | {d.scene for d in self.data}
         return in_order(scenes, SCENES)
 
@@ -55,9 +55,9 @@ class Material:
         return in_order(self.results.table("cells").preset, PRESETS)
 
     def of_answers(self, rows: pd.DataFrame) -> pd.DataFrame:
-        """The rows of each scene under one preset, that of `preset_of_answers`.
+        """Returns the rows of each scene under one preset, that of `preset_of_answers`.
 
-        rows: with columns scene, preset, lidar and detector.
+        rows: a table with the columns scene, preset, lidar and detector.
         """
         chosen = {str(s): preset_of_answers(group) for s, group in rows.groupby("scene")}
         return rows[rows.preset == rows.scene.map(chosen)]
@@ -71,9 +71,9 @@ def read_material(
     wish: Wish = ANY_PRICE,
     more: Mapping[str, Kind] | None = None,
 ) -> Material:
-    """Reads everything but frames, and `more` tables.
+    """Reads all tables except frames; `more` declares additional tables.
 
-    Raises what read_results, read_data_set and read_run raise.
+    Raises the exceptions of read_results, read_data_set and read_run.
     """
     results = read_results(folder, tier, more)
     sets = tuple(read_data_set(folder) for folder in data)
@@ -92,9 +92,10 @@ def read_material(
 
 
 def read_run(folder: Path, data: Iterable[DataSet]) -> Run:
-    """What a run says of itself, else what its name says: SCENE_LIDAR_PRESET_DETECTOR_...
+    """Reads scene, LiDAR, preset and detector of a run from its run.yaml, else from its name.
 
-    Raises FileNotFoundError without predictions, and Error if neither says it.
+    The expected name is SCENE_LIDAR_PRESET_DETECTOR_... Raises FileNotFoundError if there are no
+    predictions, and Error if neither source has the values.
     """
     if not (folder / "predictions").is_dir():
         raise FileNotFoundError(2, "found no folder predictions", str(folder))

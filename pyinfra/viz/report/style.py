@@ -1,7 +1,7 @@
 """Colours, lines and markers: a LiDAR looks the same in every figure of the report.
 
-Figures are drawn in light colours; the page gives each of them a name, so that the dark page can
-have others. Lines and markers differ too, for black and white and the colour-blind.
+Figures are drawn in light colours. The page names each colour, so that dark mode can replace it.
+Lines and markers differ too, for black and white and for colour-blind readers.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pyinfra.viz.scanning_plots import LINES, MARKERS
 
 INK, FAINT, GRID, GROUND = "#262626", "#6a6a6a", "#cccccc", "#ffffff"
 ACCENT = "#0b5cad"
-SERIES = (  # light, dark; the first four are those of catalogue.LIDARS
+SERIES = (  # light, dark; the first four belong to catalogue.LIDARS
     ("#0072b2", "#5ab4ee"),
     ("#b65a00", "#f2a65a"),
     ("#00805c", "#46cfa2"),
@@ -31,7 +31,7 @@ SERIES = (  # light, dark; the first four are those of catalogue.LIDARS
     ("#00737f", "#57cbd6"),
     ("#777777", "#b4b4b4"),
 )
-QUALITIES = {  # of areas: what pyinfra.evaluation draws, name, here on the light and dark page
+QUALITIES = {  # area colours of evaluation_plots: name, colour on the light and on the dark page
     "#00204d": ("high", "#0b5cad", "#6fb4f6"),
     "#7c7b78": ("undecided", "#9dc0e2", "#35587a"),
     "#ffe945": ("low", "#e4e4e0", "#3b3c40"),
@@ -43,7 +43,7 @@ NAMES = {INK: "ink", FAINT: "faint", GRID: "grid", GROUND: "ground", ACCENT: "ac
 NAMES |= {colour: name for colour, (name, _, _) in QUALITIES.items()}
 STYLE: Any = {
     "svg.fonttype": "none",
-    "text.parse_math": False,  # a name may hold dollars
+    "text.parse_math": False,  # a name may contain dollar signs
     "font.size": 9,
     "axes.titlesize": 9,
     "axes.labelsize": 8.5,
@@ -67,7 +67,7 @@ AXES: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Look:
-    """How the lines of something are drawn."""
+    """The line style of one series."""
 
     colour: str
     line: Any
@@ -78,14 +78,14 @@ class Look:
 
 
 def look(index: int) -> Look:
-    """The look of the LiDAR at a place in the order of all LiDARs."""
+    """Returns the style of the LiDAR at an index in the order of all LiDARs."""
     return Look(
         SERIES[index % len(SERIES)][0], LINES[index % len(LINES)], MARKERS[index % len(MARKERS)]
     )
 
 
 def themes() -> tuple[dict[str, str], dict[str, str]]:
-    """Colours by name on the light and on the dark page."""
+    """Returns the colours by name on the light and on the dark page."""
     light = {c: c for c in NAMES} | {c: hex_colour for c, (_, hex_colour, _) in QUALITIES.items()}
     dark = DARK | dict(SERIES) | {c: hex_colour for c, (_, _, hex_colour) in QUALITIES.items()}
     return {n: light[c] for c, n in NAMES.items()}, {n: dark[c] for c, n in NAMES.items()}
@@ -93,7 +93,7 @@ def themes() -> tuple[dict[str, str], dict[str, str]]:
 
 @contextmanager
 def drawing() -> Iterator[None]:
-    """Figures made inside have the report's style."""
+    """Applies the report's style to figures made inside the context."""
     with mpl.rc_context(STYLE), sns.axes_style("whitegrid", AXES):
         yield
 
@@ -110,7 +110,7 @@ def panel(
 
 
 def log_ticks(axis: Any) -> None:
-    """Plain numbers at 1, 2 and 5 times the powers of ten."""
+    """Puts plain numbers at 1, 2 and 5 times the powers of ten."""
     axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter("{x:,g}")

@@ -1,4 +1,4 @@
-"""Figures as markup inside a page: small, with own ids, and in the colours of the page."""
+"""Turns figures into small markup inside a page, with unique ids and the page's colours."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ from matplotlib.transforms import Affine2D
 from pyinfra.viz.report.style import NAMES, STYLE
 
 DASHES = {"-": "none", "--": "6 3", "-.": "7 3 2 3", ":": "2 3"}
-DENSE = 400  # a line with more points is stored as a picture
+DENSE = 400  # a line with more points is stored as a bitmap
 POINTS_PER_PIXEL = 0.75
 
 
 def inline(figure: Figure, name: str, label: str, dpi: int = 144) -> str:
-    """A figure as an svg element whose accessible name is `label`; `name` makes its ids its own.
+    """Returns a figure as an svg element with the accessible name `label`.
 
-    dpi: of the dense clouds of points in it, which are stored as pictures.
+    name: prefix that makes the ids unique. dpi: resolution of dense point clouds, which are stored
+    as bitmaps.
     """
     for line in (line for axes in figure.axes for line in axes.lines):
         if np.size(line.get_xdata()) > DENSE:
@@ -37,12 +38,12 @@ def inline(figure: Figure, name: str, label: str, dpi: int = 144) -> str:
 
 
 def identifier(*words: object) -> str:
-    """Words as one that may be an id."""
+    """Joins words into one that is valid as an id."""
     return "-".join(re.sub(r"\W+", "-", str(word)).strip("-") for word in words).lower()
 
 
 def line_swatch(colour: str, line: Any, marker: str) -> str:
-    """The picture of a line and its marker for a legend; it has no ids, so it may be repeated."""
+    """Returns a line and its marker as a legend swatch; it has no ids, so it may be repeated."""
     shape = MarkerStyle(marker or "none")
     path = shape.get_path().transformed(shape.get_transform() + Affine2D().scale(6, -6))
     drawn = "".join(
@@ -61,7 +62,7 @@ def line_swatch(colour: str, line: Any, marker: str) -> str:
 
 
 def patch_swatch(colour: str, hatch: str) -> str:
-    """The picture of a filled area for a legend; hatched with strokes or not."""
+    """Returns a filled area as a legend swatch, optionally hatched."""
     strokes = '<path d="M2 13L12 1M10 13L20 1M18 13L26 3" stroke="var(--ink)"/>' if hatch else ""
     look = f'fill="{_paint(colour)}" stroke="var(--ink)"'
     return _swatch(28, f'<rect x="1" y="1" width="26" height="12" {look}/>{strokes}')
@@ -73,14 +74,15 @@ def _swatch(width: int, drawn: str) -> str:
 
 
 def _paint(colour: str) -> str:
-    """A colour as the page names it."""
+    """Returns the page's variable for a colour, or the colour itself if it has none."""
     return f"var(--{NAMES[colour.lower()]})" if colour.lower() in NAMES else colour
 
 
 def _bare(markup: str) -> str:
-    """Without prolog and metadata, with short numbers."""
+    """Removes the prolog, metadata and unused ids, and shortens numbers."""
     markup = markup[markup.index("<svg") :]
-    for element in ("metadata", "style"):  # the style is the same in each; the page has it
+    # the style is the same in all figures, and the page has it
+    for element in ("metadata", "style"):
         markup = re.sub(rf"<{element}[ >].*?</{element}>", "", markup, flags=re.DOTALL)
     markup = re.sub(r'(?<=[ "])(d|x|y|transform|points)="[^"]*"', _short, markup)
     markup = re.sub(r"font-family: [^;\"]*;? ?", "", markup)
@@ -91,13 +93,13 @@ def _bare(markup: str) -> str:
 
 
 def _short(attribute: re.Match[str]) -> str:
-    """A tenth of a point is finer than a screen; scales of transforms need more."""
+    """Shortens decimals to 0.1 point, finer than a screen; transforms keep three digits."""
     digits = 3 if attribute[1] == "transform" else 1
     return " ".join(re.sub(rf"(\.\d{{{digits}}})\d+", r"\1", attribute[0]).split())
 
 
 def _named(markup: str, name: str, label: str) -> str:
-    """With ids of its own, the page's colours, and an accessible name; it scales with its place."""
+    """Prefixes the ids, replaces colours by the page's, and sets size and accessible name."""
     prefix = f"{zlib.crc32(name.encode()):x}"
     markup = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{prefix}-", markup)
     for colour, variable in NAMES.items():

@@ -1,1 +1,1 @@
-"""Frames in 3-D as one HTML file."""
+"""Shows frames in 3-D as one HTML file."""

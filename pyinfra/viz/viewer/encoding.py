@@ -1,9 +1,9 @@
-"""Points of a frame as a short text that viewer/src/decode.js reads.
+"""Packs the points of a frame into a short text that viewer/src/decode.js reads.
 
-Coordinates are whole numbers of a step above the least of the frame, 16 bits each. Points are put
-in the order of cells that neighbour each other, each coordinate is written as the difference to the
-point before, low bytes first and then high bytes, and all is deflated: 2 to 3 bytes a point instead
-of 7 to 10 (docs/decisions/0006).
+Coordinates are 16-bit counts of a step above the minimum of the frame. Points are sorted so that
+neighbouring cells follow each other. Each coordinate is stored as the difference to the previous
+point, all low bytes first, then all high bytes. The result is deflated. A point takes 2 to 3 bytes
+instead of 7 to 10 (docs/decisions/0006).
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from pyinfra.core.arrays import Floats, IntArray
 from pyinfra.core.errors import Error
 from pyinfra.viz.viewer.frames import ViewFrame
 
-STEP_M = 0.01  # of coordinates, unless a frame is wider than 65,535 of them
+STEP_M = 0.01  # coordinate step, larger if a frame is wider than 65,535 steps
 CELL_M = 2.0
 _LARGEST = 2**16 - 1
-_LEVEL = 6  # 9 takes four times as long for 2 % less
+_LEVEL = 6  # level 9 takes four times as long for 2 % less
 
 
 def pack_points(view: ViewFrame, most_points: int | None = None) -> dict[str, Any]:
-    """What stands in the page for the points of a frame.
+    """Returns the page's JSON data for the points of a frame.
 
-    most_points: a frame that has more is thinned to so many, at random, repeatably; `of` is how
-    many it has. Raises Error for a frame with more than 65,535 objects.
+    most_points: a frame with more points is thinned at random, repeatably, to this number. In the
+    result `of` is the original number. Raises Error for a frame with more than 65,535 objects.
     """
     keep = _kept(len(view.points), most_points)
     points = view.points[keep].astype(np.float64)
@@ -56,18 +56,18 @@ def pack_points(view: ViewFrame, most_points: int | None = None) -> dict[str, An
 
 
 def _kept(count: int, most: int | None) -> IntArray:
-    """Indices of the points that stay, ascending."""
+    """Returns the indices of the kept points, ascending."""
     if most is None or count <= most:
         return np.arange(count)
     return np.sort(np.random.default_rng(0).choice(count, most, replace=False))
 
 
 def _byte(share: Floats) -> bytes:
-    """Values of [0, 1] in 255 steps."""
+    """Returns values of [0, 1] as bytes, in 255 steps."""
     steps = np.asarray(np.rint(255 * np.clip(share, 0, 1)), dtype=np.uint8)
     return steps.tobytes()
 
 
 def _split(words: npt.NDArray[np.uint16]) -> bytes:
-    """The low bytes, then the high bytes."""
+    """Returns the low bytes, then the high bytes."""
     return (words & 255).astype(np.uint8).tobytes() + (words >> 8).astype(np.uint8).tobytes()

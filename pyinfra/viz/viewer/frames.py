@@ -1,4 +1,4 @@
-"""Frames of one LiDAR as a viewer shows them: points and boxes in the world frame."""
+"""Reads frames of one LiDAR for a viewer: points and boxes in the world frame."""
 
 from __future__ import annotations
 
@@ -36,21 +36,22 @@ class ViewFrame:
     sensor: WorldPose
     points: Points  # (n, 3)
     intensity: Float32Array  # (n,) [0, 1]
-    boxes: FloatArray  # (k, 7) of the vehicles
+    boxes: FloatArray  # (k, 7) of the labelled objects
     names: NameArray  # (k,) class
-    hits: IntArray | None  # (k,) returns from each; None where only labels are known
+    hits: IntArray | None  # (k,) returns from each object; None if only labels are known
     time_s: Float32Array | None = None  # (n,) since the start of the frame
     object_id: Int32Array | None = None  # (n,) -1 for background
-    predictions: Labels | None = None  # of this frame, world frame; None where there is no file
+    predictions: Labels | None = None  # of this frame, world frame; None without a prediction file
 
 
 def read_view_frames(
     lidar_folder: Path, frames: Sequence[int], predictions: Path | None = None
 ) -> list[ViewFrame]:
-    """Reads frames of a folder in the KITTI layout; one without lidar.yaml stands at the origin.
+    """Reads frames of a folder in the KITTI layout.
 
-    predictions: folder of NNNNNN.txt or NNNNNN.csv. A frame's time and objects are known where its
-    `fields` file is. Raises OSError and FormatError.
+    Without a lidar.yaml the sensor stands at the origin. predictions: folder of NNNNNN.txt or
+    NNNNNN.csv. Point times and object ids are known only if the frame has a `fields` file. Raises
+    OSError and FormatError.
     """
     has_lidar = (lidar_folder / "lidar.yaml").is_file()
     lidar = kitti.read_lidar(lidar_folder) if has_lidar else None
@@ -82,7 +83,7 @@ def read_view_frames(
 
 
 def boxes_in_world(boxes: FloatArray, pose: WorldPose) -> FloatArray:
-    """Boxes (k, 7) of the levelled LiDAR frame in the world frame."""
+    """Transforms boxes (k, 7) from the levelled LiDAR frame to the world frame."""
     return np.column_stack([_in_world(boxes[:, :3], pose), boxes[:, 3:6], boxes[:, 6] + pose.yaw])
 
 
@@ -104,7 +105,7 @@ def _fields(lidar_folder: Path, frame: int, points: int) -> Records | None:
 def _predictions(
     lidar_folder: Path, frames: Sequence[int], folder: Path | None, pose: WorldPose
 ) -> list[Labels | None]:
-    """Of each frame."""
+    """Reads the predictions of each frame; None for a frame without a file."""
     if folder is None:
         return [None] * len(frames)
     known = kitti.frames(lidar_folder)

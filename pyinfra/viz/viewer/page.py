@@ -1,7 +1,7 @@
-"""The interactive view as HTML: a fragment for each view, and the library once in a page.
+"""Makes the interactive view as HTML: a fragment per view, and the library once per page.
 
-Nothing is fetched: the library, the style and the data are in the page. The data stands in a script
-element of JSON in which every `<` is escaped; names become text and never markup.
+Nothing is fetched from the network: library, style and data are in the page. The data is a JSON
+script element in which every `<` is escaped. Names are shown as text and never as markup.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from pyinfra.viz.viewer.frames import ViewFrame
 Views = Mapping[str, Sequence[ViewFrame]]
 
 DRAWN = " Lines on the ground are the road, as far as it is evaluated; brown boxes are buildings."
-LARGEST_MB = 40.0  # of a page
+LARGEST_MB = 40.0  # maximum size of a page
 STANDING = ("buildings", "further_mounts")
-LINE_STEP = 5  # of the points along a road every so many are kept
-MIN_SCORE = 0.3  # of the predictions shown at first
-_GROUND_PERCENTILE = 20  # of the points' heights: a sensor at the roadside sees mostly ground
-# No request can leave the page, whatever a name in the data may hold.
+LINE_STEP = 5  # every fifth point along a road is kept
+MIN_SCORE = 0.3  # minimum score of the predictions shown at first
+_GROUND_PERCENTILE = 20  # of point heights: a roadside sensor sees mostly ground
+# The policy blocks every request of the page, whatever a name in the data contains.
 _POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'"
 
 _PAGE = """<!DOCTYPE html>
@@ -68,7 +68,7 @@ h1 {{ margin: 0; font-size: 1.125rem; line-height: 1.3; overflow-wrap: anywhere;
 
 
 def library() -> str:
-    """The style and the script that must be once in a page, after its fragments."""
+    """Returns the style and the script; a page needs them once, after its fragments."""
     folder = files("pyinfra.viz.viewer")
     style = (folder / "viewer.css").read_text(encoding="utf-8")
     script = (folder / "viewer.min.js").read_text(encoding="utf-8")
@@ -82,12 +82,12 @@ def fragment(
     most_points: int | None = None,
     around: Surroundings | None = None,
 ) -> str:
-    """An interactive view of the frames of some LiDARs that see one world.
+    """Returns an interactive view of the frames of some LiDARs in the same world frame.
 
-    views: frames by the name that is shown, the same frames for each. element_id: of the figure,
-    letters, digits, - and _. most_points: frames with more are thinned to so many, and the page
-    says so. around: roads and buildings to draw. Raises Error without a frame and for LiDARs
-    that have different frames.
+    views: frames by display name, the same frame numbers for each. element_id: id of the figure,
+    made of letters, digits, - and _. most_points: frames with more points are thinned to this
+    number, and the page says so. around: roads and buildings to draw. Raises Error if there is no
+    frame, or if the LiDARs have different frames.
     """
     if not re.fullmatch(r"[A-Za-z][\w-]*", element_id, re.ASCII):
         raise Error(f"element_id: found '{element_id}', allowed a letter, then letters, - or _")
@@ -108,7 +108,7 @@ def page(
     most_points: int | None = None,
     around: Surroundings | None = None,
 ) -> str:
-    """A whole page with one view. Raises Error as fragment() does."""
+    """Returns a whole page with one view. Raises the exceptions of fragment()."""
     return _PAGE.format(
         policy=_POLICY,
         version=__version__,
@@ -127,7 +127,7 @@ def write_page(
 ) -> int:
     """Writes the page and returns its size in bytes.
 
-    Raises Error, and writes nothing, above LARGEST_MB and if `out` is a folder.
+    Raises Error before writing if the page exceeds LARGEST_MB or `out` is a folder.
     """
     check_file(out)
     text = page(views, title=title, most_points=most_points, around=around).encode()
@@ -143,7 +143,7 @@ def write_page(
 
 
 def check_file(out: Path) -> None:
-    """Raises Error if a file cannot be written there because a folder has its name."""
+    """Raises Error if `out` is an existing folder."""
     if out.is_dir():
         raise Error(f"out: found the folder {out}, allowed the name of a file")
 
@@ -174,7 +174,7 @@ def _boxes_of(views: Views) -> str:
 
 
 def _around(around: Surroundings | None) -> dict[str, Any]:
-    """Lines along the roads by kind, as lists of x y z, and buildings as boxes."""
+    """Returns lines along the roads by kind, as flat lists of x y z, and buildings as boxes."""
     packed: dict[str, Any] = {key: [] for key in ("edge", "solid", "dashed", *STANDING)}
     if around is None:
         return packed
@@ -186,7 +186,7 @@ def _around(around: Surroundings | None) -> dict[str, Any]:
 
 
 def _parts(xyz: FloatArray) -> list[FloatArray]:
-    """The pieces of a line between rows of NaN, with fewer points."""
+    """Splits a line at rows of NaN and thins the pieces."""
     gaps = np.flatnonzero(np.isnan(xyz[:, 0]))
     pieces = [part[~np.isnan(part[:, 0])] for part in np.split(xyz, gaps)]
     thinned = [np.append(part[:-1:LINE_STEP], part[-1:], axis=0) for part in pieces]
@@ -225,7 +225,7 @@ def _short(values: FloatArray, digits: int = 4) -> list[float]:
 
 
 def _ground(views: Sequence[ViewFrame]) -> float:
-    """Height of the ground: where vehicles stand, else where most points are, else 0."""
+    """Returns the ground height: median box bottom, else a low percentile of the points, else 0."""
     boxes = np.concatenate([view.boxes for view in views])
     if len(boxes):
         return float(np.median(boxes[:, 2] - boxes[:, 5] / 2))
@@ -234,7 +234,7 @@ def _ground(views: Sequence[ViewFrame]) -> float:
 
 
 def _note(lidars: Sequence[Mapping[str, Any]]) -> str:
-    """How to use it, and what the picture leaves out."""
+    """Returns the usage note, and what the picture leaves out."""
     packed = [frame["points"] for lidar in lidars for frame in lidar["frames"]]
     step = max((p["step_m"] for p in packed), default=STEP_M)
     note = (

@@ -1,4 +1,4 @@
-"""Frames as a recording for Rerun (https://rerun.io), an optional viewer: extra `rerun`."""
+"""Writes frames as a recording for Rerun (https://rerun.io), an optional viewer: extra `rerun`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ POINT_RADIUS = rerun.Radius.ui_points(1.2)
 def write(views: Mapping[str, Sequence[ViewFrame]], out: Path) -> int:
     """Writes a recording (.rrd) of frames by the LiDAR's name; returns its size in bytes.
 
-    Each LiDAR is an entity of the world with points, vehicles and predictions; the timelines are
+    Each LiDAR is an entity below `world` with points, vehicles and predictions. The timelines are
     `frame` and `time`, the start of the frame in seconds.
     """
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -47,9 +47,9 @@ def write(views: Mapping[str, Sequence[ViewFrame]], out: Path) -> int:
 
 
 def open_viewer(recording: Path) -> None:
-    """Opens a recording in Rerun's window until it is closed, reachable from this machine only.
+    """Opens a recording in Rerun's window and waits until the window is closed.
 
-    Raises Error if the viewer fails, as it does without a screen.
+    The viewer listens on this machine only. Raises Error if it fails, for example without a screen.
     """
     words = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", "--port", "auto", str(recording)]
     code = subprocess.run(words, check=False).returncode
@@ -58,7 +58,7 @@ def open_viewer(recording: Path) -> None:
 
 
 def _log(recording: Any, path: list[str], view: ViewFrame) -> None:
-    """Every part is logged, an empty one too: else Rerun shows that of the frame before."""
+    """Logs every part, even an empty one; otherwise Rerun shows the previous frame's part."""
     grey = np.rint(255 * np.clip(view.intensity, 0, 1)).astype(np.uint8)
     colours = np.stack([grey // 2 + 64, grey // 2 + 96, 255 - grey // 2], axis=1)
     points = rerun.Points3D(view.points, colors=colours, radii=POINT_RADIUS)
@@ -71,7 +71,7 @@ def _log(recording: Any, path: list[str], view: ViewFrame) -> None:
 
 
 def _boxes(boxes: FloatArray, labels: list[str], colour: tuple[int, int, int]) -> Any:
-    half = boxes[:, 6] / 2  # a turn about z as a quaternion x y z w
+    half = boxes[:, 6] / 2  # a rotation about z as a quaternion x y z w
     turns = np.stack([0 * half, 0 * half, np.sin(half), np.cos(half)], axis=1)
     return rerun.Boxes3D(
         centers=boxes[:, :3],

@@ -1,4 +1,4 @@
-"""Which LiDARs, frames and predictions a view shows."""
+"""Selects the LiDARs, frames and predictions of a view."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from pyinfra.viz.viewer.frames import ViewFrame, read_view_frames
 def read_views(
     folders: Sequence[Path], frames: Sequence[int], predictions: Mapping[Path, Path]
 ) -> dict[str, list[ViewFrame]]:
-    """Frames of LiDAR folders by the LiDAR's model, with the data set where two are the same.
+    """Reads frames of LiDAR folders by display name: the model, with the data set if ambiguous.
 
-    predictions: folders of predictions by LiDAR folder. Raises what read_view_frames() raises.
+    predictions: folders of predictions by LiDAR folder. Raises the exceptions of
+    read_view_frames().
     """
     names = _names(folders)
     return {
@@ -26,9 +27,10 @@ def read_views(
 
 
 def chosen_folders(data: Sequence[Path], lidars: Sequence[str] | None) -> list[Path]:
-    """The LiDAR folders of data sets and LiDAR folders, those named in `lidars` if any are.
+    """Returns the LiDAR folders of `data`, limited to the names in `lidars` unless it is None.
 
-    Raises FileNotFoundError for a folder that is neither, and Error for an unknown LiDAR.
+    data: data sets or LiDAR folders. Raises FileNotFoundError for a folder that is neither, and
+    Error for an unknown LiDAR.
     """
     folders = []
     for path in data:
@@ -43,11 +45,10 @@ def chosen_folders(data: Sequence[Path], lidars: Sequence[str] | None) -> list[P
 
 
 def chosen_frames(folder: Path, words: str | None, predictions: Path | None = None) -> list[int]:
-    """The frames of a folder in A:B or A:B:STEP, or frame A alone; the first without words.
+    """Returns the frames of a folder that `words` selects: A, A:B or A:B:STEP.
 
-    predictions: the first frame is then the first that has some.
-
-    Raises Error for other words, and for a folder that has none of them.
+    If `words` is None, the first frame is returned; with `predictions`, the first frame that has
+    some. Raises Error if `words` has another form, or selects no frame of the folder.
     """
     present = kitti.frames(folder)
     if words is None:
@@ -65,9 +66,10 @@ def chosen_frames(folder: Path, words: str | None, predictions: Path | None = No
 
 
 def prediction_folders(words: Sequence[str], folders: Sequence[Path]) -> dict[Path, Path]:
-    """Folders of predictions by LiDAR folder, from LIDAR=DIR, or DIR if there is one LiDAR.
+    """Returns folders of predictions by LiDAR folder, from LIDAR=DIR, or DIR if there is one LiDAR.
 
-    Raises Error for an unknown LiDAR, for DIR with several, and for two of one LiDAR.
+    Raises Error for an unknown LiDAR, for DIR with several LiDARs, and for two folders of one
+    LiDAR.
     """
     by_name = {folder.name: folder for folder in folders}
     chosen = {}
@@ -90,7 +92,7 @@ def title_of(folders: Sequence[Path], frames: Sequence[int]) -> str:
 
 
 def _names(folders: Sequence[Path]) -> list[str]:
-    """Models of the LiDARs; where two are the same, with data set and folder."""
+    """Returns the LiDARs' models; identical models get data set and folder appended."""
     models = [
         kitti.read_lidar(folder).model if (folder / "lidar.yaml").is_file() else folder.name
         for folder in folders

@@ -1,4 +1,4 @@
-"""Average precision, LiDAR by detector, and every cell of the benchmark."""
+"""The section on average precision by LiDAR and detector, with every experiment."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ Note = Callable[[pd.Series], str]
 
 
 def no_note(row: pd.Series) -> str:
-    """Nothing below."""
+    """Returns no note."""
     return ""
 
 
 def section(material: Material) -> Section | None:
-    """LiDAR by detector for each scene and preset, and all cells."""
+    """Returns tables of LiDARs x detectors for each scene and preset, and all experiments."""
     cells = material.results.table("cells")
     if cells.empty:
         return None
@@ -46,7 +46,7 @@ def section(material: Material) -> Section | None:
 
 
 def grids(material: Material, done: pd.DataFrame, note: Note = no_note) -> list[Table]:
-    """A table for each scene and preset; note: what stands below the AP of a row."""
+    """Returns a table for each scene and preset; note: makes the text below the AP of a row."""
     return [
         _grid(material, rows, note)
         for preset in in_order(done.preset, PRESETS)
@@ -67,7 +67,7 @@ def _lead(cells: pd.DataFrame, done: pd.DataFrame) -> str:
 
 
 def _grid(material: Material, rows: pd.DataFrame, note: Note) -> Table:
-    """LiDARs down, detectors across."""
+    """Returns a table with LiDARs as rows and detectors as columns."""
     detectors = in_order(rows.detector, DETECTORS)
     lines = []
     for lidar in material.names.sorted(rows.lidar):
@@ -93,7 +93,7 @@ def _ap(by_detector: pd.DataFrame, name: str, note: Note) -> TableCell:
 
 
 def _failed(cells: pd.DataFrame) -> list[Block]:
-    """Which cells have no AP, and why."""
+    """Returns a text that names the experiments without AP and the reasons."""
     rows = cells[cells.ap.isna()]
     if rows.empty:
         return []
@@ -106,7 +106,7 @@ def _failed(cells: pd.DataFrame) -> list[Block]:
 
 
 def _all(material: Material, cells: pd.DataFrame) -> Table:
-    """Every row of the benchmark."""
+    """Returns a table of every experiment of the benchmark."""
     heads = [Column(c) for c in ("Scene", "LiDAR", "Preset", "Detector")]
     name = ap_name(cells)
     numbers = [

@@ -1,4 +1,4 @@
-"""The answer first: which LiDAR with which detector, for what."""
+"""The first section: which LiDAR and detector for which purpose."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ UNTOLD = (
     "The table is of a version that kept no draws: whether the best can be told from the next is "
     "not known. A new pyinfra benchmark says it."
 )
-CLOSE_AP = 5.0  # a faster or cheaper choice may be this much below the best
+CLOSE_AP = 5.0  # a faster or cheaper choice may have an AP up to this much below the best
 
 Choice = Callable[[Material, pd.DataFrame], CardLine | None]
 
 
 def section(material: Material) -> Section | None:
-    """What is recommended for own sites; for shipped scenes the best for each purpose.
+    """Returns recommendations for the user's sites, and the best per purpose for shipped scenes.
 
-    With requirements, such as a budget, what is recommended for these scenes too.
+    With requirements, such as a budget, shipped scenes get recommendations too.
     """
     done = material.results.done()
     if done.empty:
         return None
     lead, blocks = "", list[Block]()
-    asked = material.wish != ANY_PRICE  # then of every scene
+    asked = material.wish != ANY_PRICE  # requirements apply to every scene
     there = [scene for scene in material.scenes() if scene in set(done.scene)]
     user_scenes = [scene for scene in there if asked or scene not in SCENES]
     if recommendation.can_answer(material):
@@ -47,7 +47,7 @@ def section(material: Material) -> Section | None:
 
 
 def _of_user_scenes(material: Material, scenes: list[str]) -> tuple[str, list[Block]]:
-    """The first scene's answer in words, then the blocks of all."""
+    """Returns the first scene's answer in words, then the blocks of all scenes."""
     lead, blocks = "", list[Block]()
     for scene in scenes:
         words, made = recommendation.answer_for(material, scene)
@@ -57,7 +57,7 @@ def _of_user_scenes(material: Material, scenes: list[str]) -> tuple[str, list[Bl
 
 
 def _of_purposes(material: Material, done: pd.DataFrame) -> list[Block]:
-    """The best choice for each purpose, under one preset of each scene."""
+    """Returns the best choice for each purpose, under one preset per scene."""
     cells = material.of_answers(done)
     cards = [_card(material, cells, *purpose) for purpose in PURPOSES]
     blocks: list[Block] = [
@@ -74,7 +74,7 @@ def _of_purposes(material: Material, done: pd.DataFrame) -> list[Block]:
 
 
 def _lead(material: Material, cells: pd.DataFrame) -> str:
-    """The first scene in words."""
+    """Returns the answer for the first scene in words."""
     scene = next(s for s in material.scenes() if s in set(cells.scene))
     rows = cells[cells.scene == scene]
     best = rows.loc[rows.ap_fine.idxmax()]
@@ -174,7 +174,7 @@ def _line(material: Material, row: pd.Series, reason: str) -> CardLine:
 
 
 def _rest(material: Material, rows: pd.DataFrame, best: pd.Series, truth: str) -> str:
-    """Which others cannot be told from the best, by the paired difference of fine AP."""
+    """Names the rows whose AP (R1000) does not differ significantly from the best (paired test)."""
     others = rows[rows.index != best.name].sort_values(f"{AP_OF[truth]}_fine", ascending=False)
     draws = CellDraws(material.results.table("draws"))
     if others.empty:
@@ -190,7 +190,7 @@ def _name(material: Material, row: pd.Series) -> str:
 
 
 def _listed(material: Material, rows: pd.DataFrame, most: int = 2) -> str:
-    """The first rows by name, and how many more there are."""
+    """Returns the names of the first rows and the number of the others."""
     names = [_name(material, row) for _, row in rows.head(most).iterrows()]
     if len(rows) > most:
         return f"{', '.join(names)} and {len(rows) - most} more"

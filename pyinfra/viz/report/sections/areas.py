@@ -1,4 +1,4 @@
-"""High-quality detection areas: how many, and where on the road."""
+"""The section on high-quality detection areas: how many, and where on the road."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ TRUTHS = ("captured", "all")
 
 
 def section(material: Material) -> Section | None:
-    """Stacked bars, the plan of the road where there is a data set, and the table."""
+    """Returns stacked bars, the plan of the road of each data set, and the table."""
     areas = material.results.table("areas")
     distance = material.results.table("distance")
     if areas.empty:
@@ -60,7 +60,7 @@ def section(material: Material) -> Section | None:
 
 
 def _bars(material: Material, distance: pd.DataFrame) -> list[Block]:
-    """Figures of stacked bars: a panel for each scene and detector."""
+    """Returns figures of stacked bars, with a panel for each scene and detector."""
     blocks: list[Block] = []
     for preset in in_order(distance.preset, PRESETS):
         for truth in TRUTHS:
@@ -115,14 +115,14 @@ def _bar_panel(material: Material, rows: pd.DataFrame) -> Panel:
 
 
 def _plans(material: Material, distance: pd.DataFrame, data: DataSet) -> list[Block]:
-    """The areas of every LiDAR on the plan of the road, with the scene's best detector."""
+    """Draws the areas of every LiDAR on the plan of the road, with the scene's best detector."""
     done = material.results.done()
     done = done[(done.scene == data.scene) & (done.preset == data.preset)]
     rows = distance[
         (distance.scene == data.scene)
         & (distance.preset == data.preset)
         & (distance.ground_truth == "all")
-        & (distance.road != LANES)  # whose areas are no windows
+        & (distance.road != LANES)  # areas of lanes are cells, not windows
     ]
     if done.empty or rows.empty:
         return []
@@ -164,7 +164,7 @@ def _plan(material: Material, data: DataSet, rows: pd.DataFrame) -> Panel:
 
 
 def _hatch(hatch: str | None) -> str:
-    """Without dots, each of which is a circle of its own in an SVG."""
+    """Returns the hatch, or none if it has dots: an SVG draws each dot as a circle of its own."""
     return "" if hatch is None or "." in hatch else hatch
 
 

@@ -1,4 +1,4 @@
-"""AP along the road."""
+"""The section on AP along the road."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MEANING = {
 
 
 def section(material: Material) -> Section | None:
-    """A panel for each road and detector; a figure for each preset and ground truth."""
+    """Returns a figure per preset and ground truth, with a panel per road and detector."""
     table = material.results.table("distance")
     if table.empty:
         return None
@@ -43,7 +43,7 @@ def section(material: Material) -> Section | None:
 
 
 def legend(names: Names, lidars: list[str]) -> list[LegendEntry]:
-    """The LiDARs and their lines."""
+    """Returns legend entries of the LiDARs with their lines."""
     looks = [(names.label(name), names.look(name)) for name in lidars]
     return [LegendEntry(x, svg.line_swatch(k.colour, k.line, k.marker)) for x, k in looks]
 

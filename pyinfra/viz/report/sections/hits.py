@@ -1,4 +1,4 @@
-"""Hit points per frame."""
+"""The section on hit points per frame."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LEAD = "How many points a frame has, on average over all frames."
 
 
 def section(material: Material) -> Section | None:
-    """Mean hits of a frame under each preset."""
+    """Returns a table of the mean hits of a frame under each preset."""
     rows, remark = measured(material)
     if rows.empty:
         return None
@@ -39,7 +39,7 @@ def section(material: Material) -> Section | None:
 
 
 def by_lidar(material: Material, rows: pd.DataFrame) -> list[tuple[tuple[str, str], pd.DataFrame]]:
-    """The rows of each scene and LiDAR, in the order of the report."""
+    """Returns the rows of each scene and LiDAR, in the report's order."""
     pairs = [
         (scene, lidar)
         for scene in in_order(rows.scene, SCENES)
@@ -49,7 +49,7 @@ def by_lidar(material: Material, rows: pd.DataFrame) -> list[tuple[tuple[str, st
 
 
 def measured(material: Material) -> tuple[pd.DataFrame, str]:
-    """scene, lidar, preset, hits_per_frame, origin; and what the rows are from."""
+    """Returns scene, lidar, preset, frames, hits_per_frame, origin; and a source remark."""
     table = material.results.table("hits")
     if len(table) > 0:
         return table[[*KEY, "preset", "frames", "hits_per_frame", "origin"]], ""

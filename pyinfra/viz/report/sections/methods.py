@@ -1,4 +1,4 @@
-"""How the figures were made, and what they came from."""
+"""The section on methods and on the provenance of the numbers."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ KINDS = {
 
 
 def section(material: Material) -> Section:
-    """The way of the data, the detectors, the provenance."""
+    """Returns the processing steps, the detectors and the provenance."""
     blocks: list[Block] = [Steps("The way of the data", STEPS)]
     names = in_order(material.results.table("cells").detector, DETECTORS)
     if names:
@@ -60,7 +60,7 @@ def _detectors(names: list[str]) -> Table:
 
 
 def _provenance(material: Material) -> Table:
-    """Of each table of results: rows, versions, seeds, machines, commands."""
+    """Lists rows, versions, seeds, machines and commands of each table of results."""
     rows = []
     for name, table in material.results.tables.items():
         if len(table) > 0:
@@ -82,7 +82,7 @@ def _provenance(material: Material) -> Table:
 
 
 def _different(table: pd.DataFrame, column: str) -> str:
-    """The different values of a column, if it is there."""
+    """Returns the distinct values of a column, or an empty text if the column does not exist."""
     if column not in table:
         return ""
     return ", ".join(sorted({str(value) for value in table[column]} - {""}))

@@ -1,4 +1,4 @@
-"""What the LiDARs see: pictures from data sets."""
+"""The section of pictures from data sets."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from pyinfra.viz.report.report_data import Material, Run
 from pyinfra.viz.report.style import drawing, panel
 
 PATTERN_S = 2.0
-SHOWN_SCORE = 0.3  # of predicted boxes
+SHOWN_SCORE = 0.3  # minimum score of predicted boxes
 FIRST_RUNS = ("pv-rcnn", "pointpillars")
 PREDICTED = "#b3006e"
 WIDE_DPI = 110
 
 
 def section(material: Material) -> Section | None:
-    """Patterns, plans, clouds, points per vehicle, one vehicle, boxes and speeds."""
+    """Draws patterns, plans, clouds, points per vehicle, one vehicle, boxes and speeds."""
     if not material.data:
         return None
     exact = [d for d in material.data if d.aggregation == "exact"] or list(material.data)
@@ -47,19 +47,19 @@ def section(material: Material) -> Section | None:
 
 
 def frame_of(material: Material, data: DataSet) -> int:
-    """The frame that is drawn: the first one that all runs of the data set made boxes for."""
+    """Returns the frame to draw: the first one for which all runs of the data set have boxes."""
     runs = [run for run in material.runs if is_of(run, data)]
     common = [k for k in data.frames if all(run.prediction(k).is_file() for run in runs)]
     return common[0] if common else data.frames[0]
 
 
 def is_of(run: Run, data: DataSet) -> bool:
-    """Whether a run was on this data set."""
+    """Returns whether a run used this data set."""
     return (run.scene, run.preset) == (data.scene, data.preset) and run.lidar in data.names
 
 
 def folders(material: Material, data: DataSet) -> list[Path]:
-    """The LiDAR folders in the report's order."""
+    """Returns the LiDAR folders in the report's order."""
     return [data.lidar_folder(name) for name in material.names.sorted(data.names)]
 
 
@@ -68,7 +68,7 @@ def _drawn(figure: Drawing, name: str, label: str, title: str = "") -> Panel:
 
 
 def _patterns(material: Material, data: DataSet) -> list[Block]:
-    """Where the rays go; nothing without the compiled extension."""
+    """Draws the scan patterns; returns nothing if the compiled extension is missing."""
     try:
         from pyinfra.metrics import scan_patterns
     except ImportError:
@@ -100,7 +100,7 @@ def _plans(data_sets: Sequence[DataSet]) -> Block:
 
 
 def _sheet(material: Material, data_sets: Sequence[DataSet]) -> Block:
-    """A picture from above for each data set and LiDAR."""
+    """Draws each LiDAR of each data set from above."""
     panels, views = [], []
     for data in data_sets:
         frame = frame_of(material, data)
@@ -127,7 +127,7 @@ def _box_legend(views: Sequence[clouds.Snapshot]) -> list[LegendEntry]:
 
 
 def _above(view: clouds.Snapshot, boxes: FloatArray | None = None) -> Drawing:
-    """A frame from above, with boxes (k, 7) over it."""
+    """Draws a frame from above, with boxes (k, 7) over it."""
     window = clouds.region_window(view)
     width, height = window.shape()
     with mpl.rc_context(clouds.STYLE):
@@ -151,7 +151,7 @@ def _cutouts(material: Material, data: DataSet) -> Block:
 
 
 def _aggregations(material: Material) -> list[Block]:
-    """The same vehicles with the points collected in several ways, where there are such data."""
+    """Draws the same vehicles under each aggregation, if such data sets are given."""
     groups: dict[tuple[str, str, int], list[DataSet]] = {}
     for data in material.data:
         groups.setdefault((data.scene, data.preset, data.seed), []).append(data)
@@ -175,7 +175,7 @@ def _one_way(material: Material, data: DataSet, frame: int) -> Panel:
 
 
 def _boxes(material: Material) -> list[Block]:
-    """Predicted boxes of two detectors on one frame of a LiDAR, for each data set."""
+    """Draws predicted boxes of two detectors on one frame of a LiDAR, for each data set."""
     figures: list[Block] = []
     for data in material.data:
         frame = frame_of(material, data)
@@ -188,7 +188,7 @@ def _boxes(material: Material) -> list[Block]:
 
 
 def _pair(runs: list[Run], lidar: str) -> list[Run]:
-    """At most two runs of a LiDAR, those of FIRST_RUNS first."""
+    """Returns at most two runs of a LiDAR, those of FIRST_RUNS first."""
     of_lidar = [run for run in runs if run.lidar == lidar]
     return sorted(of_lidar, key=lambda r: (r.detector not in FIRST_RUNS, r.detector))[:2]
 
@@ -220,7 +220,7 @@ def _boxes_panel(data: DataSet, view: clouds.Snapshot, run: Run, frame: int) -> 
 
 
 def _predicted(data: DataSet, run: Run, frame: int) -> FloatArray:
-    """Predicted boxes (k, 7) of a frame with a score that is shown."""
+    """Returns the predicted boxes (k, 7) of a frame with a score of at least SHOWN_SCORE."""
     folder = data.lidar_folder(run.lidar)
     check_origin(run.prediction(frame).parent, folder)
     cameras = frame_tables.read_cameras(folder, [frame])
@@ -234,7 +234,7 @@ def _outline(axes: Axes, boxes: FloatArray) -> None:
 
 
 def _speeds(data_sets: Sequence[DataSet]) -> Block:
-    """Histogram of the vehicles' speeds in each scene."""
+    """Draws a histogram of the vehicles' speeds in each scene."""
     first = list({d.scene: d for d in data_sets}.values())
     table = pd.concat([described(d, speed_table(d), above_road=False) for d in first])
     panels = [_speed_panel(rows) for _, rows in table.groupby("scene", sort=False)]

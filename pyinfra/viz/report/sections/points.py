@@ -1,4 +1,4 @@
-"""Points per vehicle by distance."""
+"""The section on points per vehicle by distance."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SETS = ("common", "view")
 
 
 def section(material: Material) -> Section | None:
-    """A panel for each scene and set; a figure for each preset."""
+    """Returns a figure per preset, with a panel per scene and vehicle subset."""
     table, source = _measured(material)
     table = table[table.apv > 0]
     if table.empty:
@@ -40,7 +40,7 @@ def section(material: Material) -> Section | None:
 
 
 def _measured(material: Material) -> tuple[pd.DataFrame, TableFile]:
-    """The results' own table, else what is counted in the data sets."""
+    """Returns the results' own table, or counts made from the data sets if it is empty."""
     table = material.results.table("points")
     exact = [data for data in material.data if data.aggregation == "exact"]
     if len(table) > 0 or not exact:
@@ -50,7 +50,7 @@ def _measured(material: Material) -> tuple[pd.DataFrame, TableFile]:
 
 
 def _counted(data: DataSet) -> pd.DataFrame:
-    """Points per vehicle over all frames of a data set."""
+    """Counts points per vehicle over all frames of a data set."""
     vehicles = read_sightings(data)
     chosen, blocks = sets_of(vehicles), blocks_of(data, vehicles)
     parts = [

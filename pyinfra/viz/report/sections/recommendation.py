@@ -1,4 +1,4 @@
-"""The answer for an own site: what `pyinfra recommend` says of its scenes."""
+"""The answer of `pyinfra recommend` for a user's own scenes."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ NEEDED = ("cells", "value", "distance")
 
 
 def can_answer(material: Material) -> bool:
-    """Whether the tables are there that an answer is of."""
+    """Returns whether the tables that an answer needs have rows."""
     return all(len(material.results.table(name)) > 0 for name in NEEDED)
 
 
 def answer_for(material: Material, scene: str) -> tuple[str, list[Block]]:
-    """The answer in a sentence, and the options with what is to be known about them."""
+    """Returns the answer in a sentence, then the options and remarks on them."""
     options = options_of(material.results, scene, "", material.wish)
     answer = recommend(options, material.wish)
     lead = _lead(material, answer, options[0])
@@ -89,7 +89,7 @@ def _row(material: Material, option: Option, relax: str) -> list[TableCell]:
 
 def _covered(option: Option) -> TableCell:
     if math.isnan(option.road_m):
-        return TableCell("")  # a site of lanes, of an earlier version
+        return TableCell("")  # a site of lanes whose results come from an earlier version
     cell = _cell(option.covered_m, ".0f", f" of {option.road_m:.0f}")
     reason = f"no interval: {option.no_interval}"
     return cell if option.covered_m.is_known else replace(cell, below=reason)

@@ -1,4 +1,4 @@
-"""Accuracy against time: to answer, and to train."""
+"""The section on accuracy against latency and training time."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ COSTS = {
 
 
 def section(material: Material) -> Section | None:
-    """AP against latency and training time, with the Pareto front of each."""
+    """Draws AP against latency and training time, with the Pareto front of each."""
     cells = material.results.done()
     presets = in_order(cells.preset, PRESETS)
     made = [_figure(material, cells, preset, cost) for cost in COSTS for preset in presets]
@@ -47,14 +47,15 @@ def section(material: Material) -> Section | None:
 
 
 def timing_load(cells: pd.DataFrame) -> str:
-    """Under which load the latencies of some cells were measured, in words."""
+    """Describes the load under which the latencies were measured."""
     return load_text(cells.latency_other_cores[cells.latency_p50_ms.notna()].tolist())
 
 
 def pareto(rows: pd.DataFrame, cost: str) -> pd.Series:
-    """Which rows no other beats: none is as cheap or cheaper, and as good or better, and not equal.
+    """Returns which rows are on the Pareto front of AP (R1000) and `cost`.
 
-    A row without its cost is on no front.
+    A row is off the front if another row has at most its cost and at least its AP, and is better in
+    one of the two. A row without a cost is on no front.
     """
     price, ap = rows[cost].to_numpy(np.float64), rows.ap_fine.to_numpy(np.float64)
     cheaper = (price[None] <= price[:, None]) & (ap[None] >= ap[:, None])
@@ -63,7 +64,7 @@ def pareto(rows: pd.DataFrame, cost: str) -> pd.Series:
 
 
 def _fronts(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows on the front of their scene, by latency."""
+    """Returns the rows on the front of their scene, by latency."""
     parts = [
         group[pareto(group, "latency_p50_ms")] for _, group in rows.groupby("scene", sort=False)
     ]
@@ -88,7 +89,7 @@ def _figure(material: Material, cells: pd.DataFrame, preset: str, cost: str) -> 
 
 
 def _marker(name: str) -> str:
-    """Detectors have markers here, as LiDARs have colours."""
+    """Returns a detector's marker; here markers stand for detectors and colours for LiDARs."""
     names = list(DETECTORS)
     return MARKERS[names.index(name)] if name in names else "*"
 
@@ -140,7 +141,7 @@ def _mark(material: Material, ax: Any, row: Any, cost: str) -> None:
 
 
 def _table(material: Material, rows: pd.DataFrame) -> Table:
-    """What no other beats in AP and latency."""
+    """Returns a table of the Pareto front of AP and latency."""
     heads = [Column(c) for c in ("Scene", "Preset", "LiDAR", "Detector")]
     heads += [
         Column(c, number=True) for c in (ap_name(rows), "Median, ms", "95 %, ms", "Training, s")

@@ -1,4 +1,4 @@
-"""Where detectors break: AP over the dials of each stressor."""
+"""The section on stress tests: AP against the severity of each stressor."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CURVE = ["detector", "lidar", "preset", "scene"]
 
 
 def section(material: Material) -> Section | None:
-    """A panel for each stressor, a line for each detector and LiDAR, and the tables of them."""
+    """Returns a panel per stressor with a line per detector and LiDAR, and the stress tables."""
     table = first_stress(material.results.table("stress"))
     blocks: list[Block] = []
     for scene in in_order(table.scene, SCENES):
@@ -95,9 +95,9 @@ def _style(name: str) -> tuple[Any, str]:
 
 
 def curve(table: pd.DataFrame, stressor: str) -> pd.DataFrame:
-    """The rows of a stressor with those without stress before them, and their place `at`.
+    """Returns the rows of a stressor and their unstressed baseline, with an x position `at`.
 
-    Places are dials, or 0, 1, .. for dials that are names.
+    The position is the severity. If severities are names, they get 1, 2, ... and the baseline 0.
     """
     stressed, base = table[table.stressor == stressor], table[table.stressor == NONE.name]
     base = base[base[CURVE].apply(tuple, axis=1).isin(stressed[CURVE].apply(tuple, axis=1))]
@@ -115,7 +115,7 @@ def curve(table: pd.DataFrame, stressor: str) -> pd.DataFrame:
 
 
 def _start(base: pd.DataFrame, stressed: pd.DataFrame) -> Any:
-    """The dial that is no stress: all frames, once the scene's own, else nothing."""
+    """Returns the severity of the baseline: all training frames, 1 for a factor, else 0."""
     if stressed.stressor.iloc[0] == "training_frames" and "trained_frames" in base:
         return pd.to_numeric(base["trained_frames"], errors="coerce")
     return 1.0 if stressed.unit.iloc[0] == "times" else 0.0
@@ -147,7 +147,7 @@ def _line(names: Names, ax: Any, rows: pd.DataFrame, lidar: str, by: str, *, nam
     colour = names.look(lidar).colour
     line, marker = _style(by)
     style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 3.2, "linewidth": 1.1}
-    if named:  # names have no order: marks and no line
+    if named:  # names have no order, so markers without a line
         reach = [
             (rows.ap_fine - rows.ap_fine_low).clip(lower=0),
             (rows.ap_fine_high - rows.ap_fine).clip(lower=0),
@@ -163,7 +163,7 @@ def _line(names: Names, ax: Any, rows: pd.DataFrame, lidar: str, by: str, *, nam
 
 
 def _plain(material: Material, rows: pd.DataFrame, source: TableFile, caption: str) -> Table:
-    """A table with the columns that its file has."""
+    """Returns a table with the columns of its file."""
     columns = [c for c in rows if c not in ("origin", "command", "version", "machine", "run")]
     numeric = {c: pd.to_numeric(rows[c], errors="coerce") for c in columns}
     is_number = {c: bool(v.notna().any()) and c != "seed" for c, v in numeric.items()}

@@ -1,4 +1,4 @@
-"""Price against performance."""
+"""The section on price against performance."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ HEADS = {
 
 
 def section(material: Material) -> Section | None:
-    """Prices of the LiDARs, the Pareto front of AP against price, and what a dollar buys."""
+    """Returns the Pareto front of AP against price, value for money, and the LiDARs' prices."""
     prices = material.results.table("lidars")
     value = _value(material)
     blocks: list[Block] = []
@@ -55,7 +55,7 @@ def section(material: Material) -> Section | None:
 def _value(material: Material) -> pd.DataFrame:
     value = with_fine(first_seed(material.results.table("value")))
     whole = value.ap_whole_fine.fillna(value.ap_whole)
-    return value.assign(ap_whole_fine=whole.fillna(value.ap_all_fine))  # of version 0.3
+    return value.assign(ap_whole_fine=whole.fillna(value.ap_all_fine))  # results of version 0.3
 
 
 def _lead(material: Material, value: pd.DataFrame) -> str:
@@ -84,7 +84,7 @@ def _on_front(value: pd.DataFrame) -> pd.Series:
 
 
 def _fronts(material: Material, value: pd.DataFrame) -> list[Figure]:
-    """A figure for each preset; those that the text is of are open, and first."""
+    """Returns a figure per preset; presets that the text uses come first and open."""
     of_text = set(material.of_answers(value).preset)
     presets = in_order(value.preset, PRESETS)
     presets.sort(key=lambda preset: preset not in of_text)
@@ -153,14 +153,14 @@ def _row(material: Material, row: pd.Series) -> list[TableCell]:
 
 
 def spelled(material: Material, text: str) -> str:
-    """A text with models and detectors as the page calls them."""
+    """Replaces the names of LiDARs and detectors in a text by those of the page."""
     for name, shown in DETECTORS.items():
         text = re.sub(rf"(?<![\w-]){re.escape(name)}(?![\w-])", shown, text)
     return material.names.spelled(text)
 
 
 def _prices(material: Material, prices: pd.DataFrame) -> Table:
-    """The LiDARs, and what else their file says of them."""
+    """Returns a table of the LiDARs with the values of their files."""
     known = ("lidar", "model", "units", "origin")
     more = [c for c in prices if c not in known and not c.startswith("price_")]
     numbers = prices[more].apply(pd.to_numeric, errors="coerce")
@@ -179,7 +179,7 @@ def _prices(material: Material, prices: pd.DataFrame) -> Table:
 
 
 def _title(column: str) -> str:
-    """horizontal_fov_deg: Horizontal fov, °."""
+    """Returns a column's title, such as Horizontal field of view, ° for horizontal_fov_deg."""
     for unit, shown in (("_deg", ", °"), ("_m", ", m")):
         if column.endswith(unit):
             column = column.removesuffix(unit) + shown

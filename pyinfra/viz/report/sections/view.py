@@ -1,4 +1,4 @@
-"""The interactive 3-D view of one frame of each LiDAR."""
+"""The section with an interactive 3-D view of one frame of each LiDAR."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from pyinfra.viz.report.sections.pictures import frame_of, is_of
 from pyinfra.viz.report.svg import identifier
 from pyinfra.viz.viewer import frames, page
 
-MOST_POINTS = 60_000  # of a frame
+MOST_POINTS = 60_000  # per frame
 FIRST_RUNS = ("pointpillars", "pv-rcnn", "centerpoint-pillar")
 
 
 def section(material: Material) -> Section | None:
-    """A view for each scene, and after the last one the library that shows them."""
+    """Returns a view for each scene, then the script and style that the views need."""
     data_sets = {data.scene: data for data in reversed(material.data)}
     if not data_sets:
         return None
@@ -52,7 +52,7 @@ def _view(material: Material, data: DataSet) -> Embed:
 
 
 def _predictions(material: Material, data: DataSet, lidar: str) -> Path | None:
-    """The run whose boxes are shown for a LiDAR."""
+    """Returns the run whose boxes are shown for a LiDAR."""
     runs = [run for run in material.runs if is_of(run, data) and run.lidar == lidar]
     order = {name: i for i, name in enumerate(FIRST_RUNS)}
     runs.sort(key=lambda run: (order.get(run.detector, len(order)), run.detector))
