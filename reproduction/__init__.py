@@ -1,6 +1,6 @@
-"""The study: what repeats and tests the paper's results, and what makes the tables of the docs.
+"""The study: repeats and tests the paper's results, and makes the tables of the documentation.
 
-Run from the root of a checkout as `python -m reproduction COMMAND ...`; no part of the wheel.
+Run it from the root of a checkout as `python -m reproduction COMMAND ...`. No wheel contains it.
 """
 
 from pathlib import Path
@@ -11,6 +11,9 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def provenance(command: str) -> dict[str, str]:
-    """The columns that say what made a row; command: its name and the options that decide."""
+    """Returns the columns that record a row's origin: version, machine and command.
+
+    command: name of the command with the options that affect the result.
+    """
     made_by = f"python -m reproduction {command}"
     return {"version": __version__, "machine": machine(), "command": made_by}

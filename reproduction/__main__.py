@@ -1,4 +1,4 @@
-"""`python -m reproduction COMMAND ...`: the commands are the modules of reproduction.commands."""
+"""Runs `python -m reproduction COMMAND ...`; the commands are modules of reproduction.commands."""
 
 import argparse
 import ast
@@ -15,7 +15,7 @@ PROGRAM = "python -m reproduction"
 
 
 def summaries() -> dict[str, str]:
-    """The first sentence of each command's docstring, by its name."""
+    """Returns the first line of each command's docstring by command name."""
     files = sorted(Path(commands.__path__[0]).glob("[a-z]*.py"))
     texts = {file.stem: ast.get_docstring(ast.parse(file.read_text("utf-8"))) for file in files}
     return {name: (text or "").partition("\n")[0] for name, text in texts.items()}
@@ -24,7 +24,7 @@ def summaries() -> dict[str, str]:
 def main(words: Sequence[str] | None = None) -> int:
     """Runs a command with the words after its name; returns the exit code.
 
-    Raises SystemExit for --help and wrong usage.
+    Raises SystemExit for --help and for wrong usage.
     """
     words = sys.argv[1:] if words is None else words
     sentences = summaries()

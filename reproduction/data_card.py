@@ -1,4 +1,4 @@
-"""The data card of a data set of several scenes: what it holds, how it was made, what it is not."""
+"""Writes the data card of a data set of several scenes: content, origin and limits."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -83,9 +83,9 @@ COLUMNS = ("rays", "hits", "vehicles", "vehicle_points")
 
 
 def data_card(sets: Sequence[DataSet], summaries: Sequence[pd.DataFrame]) -> str:
-    """Markdown about data sets of the same frames, LiDARs and preset, a scene each.
+    """Returns Markdown about data sets with the same frames, LiDARs and preset, one per scene.
 
-    summaries: the `summary.csv` of each.
+    summaries: the `summary.csv` of each data set.
     """
     first = sets[0]
     return TEXT.format(
@@ -110,7 +110,7 @@ def data_card(sets: Sequence[DataSet], summaries: Sequence[pd.DataFrame]) -> str
 
 
 def composition(sets: Sequence[DataSet], summaries: Sequence[pd.DataFrame]) -> str:
-    """A row for each scene and LiDAR."""
+    """Returns a table row for each scene and LiDAR."""
     lines = [
         "| scene | LiDAR | frames | rays | points | vehicles | points on vehicles |",
         "|---|---|---|---|---|---|---|",
@@ -129,7 +129,7 @@ def split_row(data: DataSet) -> str:
 
 
 def label_counts(data: DataSet) -> Counter[str]:
-    """Labels of all frames and LiDARs by class."""
+    """Counts the labels of all frames and LiDARs by class."""
     counts: Counter[str] = Counter()
     for name in data.names:
         for frame in data.frames:

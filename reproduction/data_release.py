@@ -1,8 +1,8 @@
-"""The whole data set in one command: `python -m reproduction dataset`, which `make dataset` runs.
+"""Writes the whole data set: `python -m reproduction dataset`, which `make dataset` runs.
 
-Three scenes as four LiDARs see them, split by time, with a data card and the SHA-256 of every file.
-A stopped run goes on with the same command; SHA256SUMS is written last, so it says that the set is
-whole.
+It holds three scenes seen by four LiDARs, split by time, with a data card and the SHA-256 of every
+file. The same command resumes a stopped run. SHA256SUMS is written last, so its presence means that
+the data set is complete.
 """
 
 import hashlib
@@ -17,16 +17,16 @@ from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import read_csv
 from reproduction.data_card import data_card
 
-FRAMES = 5000  # what a scene's 500 s hold
+FRAMES = 5000  # frames in a scene's 500 s
 CARD = "DATASET.md"
 SUMS = "SHA256SUMS"
 TIMES = "summary.csv"  # differs from run to run
 
 
 def spread(count: int) -> range:
-    """At most `count` frames, evenly spread from the first to about the last of a scene.
+    """Returns at most `count` frames, evenly spread from the first to about the last of a scene.
 
-    Raises Error for less than 2 or more than there are.
+    Raises Error if count is less than 2 or more than FRAMES.
     """
     if not 2 <= count <= FRAMES:
         raise Error(f"frames: found {count}, allowed 2 to {FRAMES}")
@@ -36,7 +36,7 @@ def spread(count: int) -> range:
 
 
 def check_folder(folder: Path, frames: range) -> None:
-    """Raises Error if a LiDAR of a scene's folder has a frame that is not among `frames`."""
+    """Raises Error if a LiDAR of a scene's folder has a frame that is not in `frames`."""
     for velodyne in sorted(folder.glob("[!.]*/training/velodyne")):
         lidar = velodyne.parents[1]
         if others := set(kitti.frames(lidar)) - set(frames):
@@ -47,9 +47,9 @@ def check_folder(folder: Path, frames: range) -> None:
 
 
 def write_scene(name: str, frames: range, preset: str, folder: Path) -> DataSet:
-    """Frames of one scene and their split; frames that are there stay as they are.
+    """Simulates one scene and splits it; existing frames are kept.
 
-    Raises FileExistsError for a split of another kind, which someone else made.
+    Raises FileExistsError if the folder already has another split.
     """
     words = ["--preset", preset, "--frames", f"0:{frames.stop}:{frames.step}"]
     lidars = [catalogue.lidar_file(lidar) for lidar in catalogue.LIDARS]
@@ -60,7 +60,7 @@ def write_scene(name: str, frames: range, preset: str, folder: Path) -> DataSet:
 
 
 def checksums(out: Path) -> Iterator[str]:
-    """Lines as those of `sha256sum`: of the card and every file of the scenes, except times."""
+    """Yields a line as from `sha256sum` for the card and every scene file but `summary.csv`."""
     files = [out / CARD, *(file for scene in catalogue.SCENES for file in (out / scene).rglob("*"))]
     for file in sorted(files):
         if file.is_file() and file.name != TIMES and not file.name.startswith("."):
@@ -70,10 +70,10 @@ def checksums(out: Path) -> Iterator[str]:
 
 
 def write(out: Path, frames: range, preset: str, say: Callable[[str], None] | None = None) -> None:
-    """Scenes, card and list of sums in `out`, which is created.
+    """Writes scenes, card and checksums to `out`, which is created.
 
-    say: is told of each scene that is there. Raises SimulatorError, and Error if `out` has
-    frames of another choice.
+    say: callback that gets a message after each scene. Raises SimulatorError, and Error if `out`
+    has frames of another selection.
     """
     for scene in catalogue.SCENES:
         check_folder(out / scene, frames)

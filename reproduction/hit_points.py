@@ -1,8 +1,8 @@
-"""Hit points per frame beside the paper's, and beside those of flat ground.
+"""Compares hit points per frame with the paper's, and with those on flat ground.
 
-The paper's figures are its means over 5,000 frames; here every 25th of them is simulated. Beside
-each scene stands what the same LiDAR hits on flat ground without vehicles, so that a reader sees
-what the site's geometry did.
+The paper's values are means over 5,000 frames; here every 25th frame is simulated. Each row also
+has the hits of the same LiDAR on flat ground without vehicles, which shows the effect of the site's
+geometry.
 """
 
 import hashlib
@@ -27,11 +27,11 @@ Say = Callable[[str], object]
 
 
 def compare(simulated: pd.DataFrame, flat: pd.Series, paper: pd.DataFrame) -> pd.DataFrame:
-    """One row for each row of `simulated`, in its order.
+    """Returns one row per row of `simulated`, in the same order.
 
-    simulated, paper: columns lidar, scene, hits; flat: hits by LiDAR.
-    Columns scene, lidar, paper, simulated, error, flat, flat_error; an error is hits / paper - 1,
-    nothing (NaN) where the paper has no figure.
+    simulated, paper: columns lidar, scene, hits. flat: hits by LiDAR. Result columns: scene, lidar,
+    paper, simulated, error, flat, flat_error. An error is hits / paper - 1, and NaN if the paper
+    has no value.
     """
     table = simulated.rename(columns={"hits": "simulated"})
     table = table.merge(
@@ -54,9 +54,9 @@ def hit_table(
     cache: Path | None = None,
     say: Say = lambda _: None,
 ) -> pd.DataFrame:
-    """Hit points of LiDARs in scenes beside the paper's and those of flat ground: see compare().
+    """Returns hit points of LiDARs in scenes, of the paper and of flat ground: see compare().
 
-    frames, cache: as in hits_per_frame(). say: is told what is simulated next.
+    frames, cache: as in hits_per_frame(). say: callback that gets a message before each simulation.
     Raises SimulatorError.
     """
     parts = []
@@ -72,11 +72,10 @@ def hit_table(
 def hits_per_frame(
     scene: Path, lidars: Sequence[Path], frames: str = FRAMES, cache: Path | None = None
 ) -> pd.Series:
-    """Mean hit points per frame in the `paper` preset, by LiDAR name; no frames are written.
+    """Returns mean hit points per frame in the `paper` preset, by LiDAR name; writes no frames.
 
-    frames: A:B[:STEP], B excluded. cache: a folder for the answers, so that the same binary is
-    asked once for the same configuration.
-    Raises SimulatorError.
+    frames: A:B[:STEP], B excluded. cache: folder for summaries, so that the same binary and
+    configuration are simulated once. Raises SimulatorError.
     """
     if cache is None:
         with tempfile.TemporaryDirectory() as folder:
@@ -89,9 +88,9 @@ def hits_per_frame(
 
 
 def read_hits(summary: Path) -> pd.Series:
-    """Hits per frame by LiDAR name, from the summary of a run.
+    """Returns hits per frame by LiDAR name from the summary of a run.
 
-    Raises Error if it has other columns, no LiDAR or no frames.
+    Raises Error if a column is missing, or if there is no LiDAR or no frame.
     """
     table = read_csv(summary)
     missing = [column for column in SUMMARY_COLUMNS if column not in table.columns]
@@ -108,7 +107,7 @@ def _run(scene: Path, lidars: Sequence[Path], frames: str) -> list[str | Path]:
 
 
 def _key(scene: Path, lidars: Sequence[Path], frames: str) -> str:
-    """Names all that a summary depends on: the binary, the resolved configuration, the frames."""
+    """Returns a hash of a summary's inputs: binary, resolved configuration and frames."""
     key = hashlib.sha256(frames.encode())
     key.update(infrasim("check", scene, "--preset", PRESET).encode())
     for lidar in lidars:
@@ -120,7 +119,7 @@ def _key(scene: Path, lidars: Sequence[Path], frames: str) -> str:
 
 
 def table_text(table: pd.DataFrame) -> str:
-    """The table of compare() for a terminal, with the mean and the largest error below."""
+    """Formats the table of compare() for a terminal, with the mean and the largest error below."""
     lines = [
         f"{'':24}{'hit points per frame':>30}{'error':>20}",
         f"{'scene':<11}{'LiDAR':<13}{'paper':>10}{'simulated':>10}{'flat':>10}"
@@ -146,7 +145,7 @@ def table_text(table: pd.DataFrame) -> str:
 
 
 def write_table(table: pd.DataFrame, file: Path) -> None:
-    """Writes the table of compare() as CSV, hits to 0.1 and errors to 0.0001."""
+    """Writes the table of compare() as CSV, hits rounded to 0.1 and errors to 0.0001."""
     file.parent.mkdir(parents=True, exist_ok=True)
     digits = {"simulated": 1, "flat": 1, "error": 4, "flat_error": 4}
     with replacing(file) as beside:

@@ -1,4 +1,4 @@
-"""The tables of the paper."""
+"""Reads the tables of the paper."""
 
 import pandas as pd
 
@@ -9,10 +9,10 @@ REFERENCE = ROOT / "reproduction/reference"
 
 
 def paper_hits() -> pd.DataFrame:
-    """The paper's table: columns lidar, scene, hits; LiDARs by the names they have here."""
+    """Returns the paper's hits: columns lidar, scene, hits; LiDARs have this project's names."""
     return read_csv(REFERENCE / "paper_hit_points.csv")
 
 
 def paper_ap() -> pd.DataFrame:
-    """The paper's AP: columns scene, lidar, detector, ap; by the names they have here."""
+    """Returns the paper's AP: columns scene, lidar, detector, ap, with this project's names."""
     return read_csv(REFERENCE / "paper_average_precision.csv")

@@ -1,1 +1,1 @@
-"""The claims of the paper, as tests with intervals; the rules stand in docs/conventions.md."""
+"""The paper's claims as tests with intervals; docs/conventions.md defines the rules."""

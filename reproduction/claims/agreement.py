@@ -1,4 +1,4 @@
-"""How the AP of a benchmark goes with the paper's."""
+"""Compares the AP of a benchmark with the paper's AP."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from reproduction.paper_tables import paper_ap
 
 CASE = ["scene", "lidar", "detector"]
 LEAST_CELLS = 3
-DRAWS = 9999  # orders; of up to 7 cells every one
+DRAWS = 9999  # random permutations; with up to 7 experiments all permutations are used
 
 
 def paper_table(cells: pd.DataFrame) -> pd.DataFrame:
-    """Spearman's rank correlation with the paper, and the mean difference, of preset `paper`.
+    """Returns the rank correlation and mean difference of AP to the paper, for preset `paper`.
 
-    One row a scene, and one for the scenes together (`all`); over the cells that both have.
-    Columns scene, preset, cells, rank_correlation, p_value (share of the orders of one side that
-    correlate as much, either way), mean_difference (here less the paper).
+    The table has one row per scene and one for all scenes together (`all`). Only experiments that
+    both sides have are used. Columns: scene, preset, cells (number of experiments),
+    rank_correlation (Spearman), p_value (two-sided permutation test), mean_difference (here minus
+    the paper).
     """
     ours = first_seed(cells[(cells.preset == "paper") & cells.ap.notna()])
     both = ours.merge(paper_ap(), on=CASE, suffixes=("", "_paper"))
@@ -41,7 +42,7 @@ def agreement(both: pd.DataFrame) -> dict[str, float]:
 
 
 def by_chance(both: pd.DataFrame) -> float:
-    """How likely a correlation of the ranks is that is as far from 0."""
+    """Returns the two-sided p-value of the rank correlation from a permutation test."""
     theirs = rankdata(both.ap_paper)
     test = permutation_test(
         (rankdata(both.ap),),

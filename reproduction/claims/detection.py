@@ -1,6 +1,6 @@
-"""The paper's claims about detection, tested on a benchmark's tables.
+"""Tests the paper's claims about detection on a benchmark's tables.
 
-The rules stand in docs/conventions.md, "Claims about detection".
+docs/conventions.md, "Claims about detection", defines the rules.
 """
 
 from __future__ import annotations
@@ -29,22 +29,25 @@ from reproduction.claims.scanning import (
 DETECTORS = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
 PUBLISHED = ("pv-rcnn", "pointpillars", "dsvt")
 BUNDLE = "bundle_5_livox_avia"
-TRUTHS = ("captured", "common")  # a claim about LiDARs can have another sign under the other
+# a difference between LiDARs can have another sign under the other one
+TRUTHS = ("captured", "common")
 AT_MOST_5 = (-math.inf, 5.0)
 STEEPEST_DEG = 20.0
 COLUMNS = "scene preset claim statement value low high verdict version".split(" ")
-# The figure of a LiDAR, detector, ground truth and measure; None if the table has none.
+# Looks up the bootstrapped value of a LiDAR, detector, ground truth and measure; None if the table
+# has none.
 Figures = Callable[[str, str, str, str], Bootstrapped | None]
 
 
 def claims_table(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """One row a claim and case, for every scene and preset of `cells`.
+    """Returns one row per claim and case, for every scene and preset of `cells`.
 
-    tables: `cells`, `draws` and `value` of a benchmark, and `stress_draws` where there is one. A
-    case whose cells are not all there, or keep no draws, has no row.
+    tables: `cells`, `draws` and `value` of a benchmark, and `stress_draws` if it exists. A case has
+    no row if one of its experiments is missing or has no bootstrap replicates.
     """
     kept = {name: rows for name, rows in tables.items() if len(rows)}
-    kept["cells"] = kept["cells"].dropna(subset=["ap"])  # of a seed that failed another stands in
+    # if a seed failed, the next seed replaces it
+    kept["cells"] = kept["cells"].dropna(subset=["ap"])
     kept |= {name: first_seed(kept[name]) for name in ("cells", "draws", "value") if name in kept}
     rows: list[dict[str, object]] = []
     for (scene, preset), group in kept["cells"].groupby(["scene", "preset"], sort=False):
@@ -61,7 +64,7 @@ def claims_table(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def claims(tables: dict[str, pd.DataFrame]) -> Iterator[Row]:
-    """The claims of one scene under one preset."""
+    """Yields the claims of one scene under one preset."""
     of = figures_of(tables.get("draws", pd.DataFrame()))
     for detector in DETECTORS:
         for truth in TRUTHS:
@@ -74,7 +77,7 @@ def claims(tables: dict[str, pd.DataFrame]) -> Iterator[Row]:
 
 
 def figures_of(draws: pd.DataFrame) -> Figures:
-    """Raises Error when asked, if the rows are not all of the same blocks."""
+    """Returns a lookup function that raises Error if the rows have different blocks."""
     if draws.empty:
         return lambda *_: None
     rows = {
@@ -99,7 +102,7 @@ def tested(claim: str, text: str, bootstrapped: Bootstrapped, inside: tuple[floa
 
 
 def across_lidars(of: Figures, detector: str, truth: str) -> Iterator[Row]:
-    """comparable and 64-below."""
+    """Tests the claims comparable and 64-below."""
     lidars = (LINES_128, AVIA, LINES_64)
     wide, avia, narrow = (of(name, detector, truth, "ap_fine") for name in lidars)
     case = f"{detector}, {truth}"
@@ -113,7 +116,7 @@ def across_lidars(of: Figures, detector: str, truth: str) -> Iterator[Row]:
 
 
 def across_detectors(of: Figures, lidar: str) -> Iterator[Row]:
-    """algorithms and similar."""
+    """Tests the claims algorithms and similar."""
     every = {name: of(lidar, name, "captured", "ap_fine") for name in (*PUBLISHED, "pointrcnn")}
     known = {name: one for name, one in every.items() if one is not None}
     by_detector = {name: known[name] for name in PUBLISHED if name in known}
@@ -133,7 +136,7 @@ def across_detectors(of: Figures, lidar: str) -> Iterator[Row]:
 
 
 def areas(of: Figures, detector: str) -> Iterator[Row]:
-    """Share and number of high-quality areas, over all roads."""
+    """Compares the share and the number of high-quality areas over all roads."""
     avia, wide = (of(name, detector, "captured", "p_hqda") for name in (AVIA, LINES_128))
     if avia and wide:
         text = f"{detector}: share of high-quality areas of the Avia less that of 128 lines within"
@@ -145,7 +148,7 @@ def areas(of: Figures, detector: str) -> Iterator[Row]:
 
 
 def gentle(of: Figures, detector: str) -> Iterator[Row]:
-    """How much more slowly AP falls off for the Avia than for the best spinning LiDAR."""
+    """Compares the fall of AP with distance: the Avia against the best spinning LiDAR."""
     avia = of(AVIA, detector, "captured", "ap_slope")
     others = [of(name, detector, "captured", "ap_slope") for name in SPINNING]
     known = [one for one in others if one is not None]
@@ -156,7 +159,7 @@ def gentle(of: Figures, detector: str) -> Iterator[Row]:
 
 
 def value(of: Figures, table: pd.DataFrame, detector: str) -> Iterator[Row]:
-    """AP and areas per dollar of the Avia, single and as a bundle, over the best of the others."""
+    """Compares AP and areas per dollar: one Avia, and five Avias, against the best other LiDAR."""
     if table.empty:
         return
     usd = table[table.detector == detector].set_index("lidar").price_usd
@@ -175,7 +178,10 @@ def value(of: Figures, table: pd.DataFrame, detector: str) -> Iterator[Row]:
 
 
 def per_dollar(text: str, bought: dict[str, Bootstrapped], usd: pd.Series) -> Iterator[Row]:
-    """The first per dollar over the best of the others; nothing if these have nothing."""
+    """Tests the first LiDAR's amount per dollar against the best other.
+
+    No row if the others have 0.
+    """
     first, *others = ((name, figure.times(1000 / usd[name])) for name, figure in bought.items())
     best, most = max(others, key=lambda pair: pair[1].value)
     if most.value > 0:
@@ -184,7 +190,7 @@ def per_dollar(text: str, bought: dict[str, Bootstrapped], usd: pd.Series) -> It
 
 
 def tilt(stress: pd.DataFrame) -> list[dict[str, object]]:
-    """The best tilt of the Avia against none, of every detector."""
+    """Compares the Avia's best tilt with no tilt, for every detector."""
     if stress.empty:
         return []
     rows = []

@@ -1,6 +1,6 @@
-"""The claims of the paper that scanning statistics can test.
+"""Tests the paper's claims that scanning statistics can test.
 
-The rules stand in docs/conventions.md, "Claims", and were written before the first run.
+docs/conventions.md, "Claims", defines the rules. They were written before the first run.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,14 +30,14 @@ SPINNING = (LINES_16, LINES_64, LINES_128)
 NEAR_M = (30.0, 50.0)
 FAR_SPAN_M = (FAR_M, 120.0)
 WHOLE_M = (30.0, 120.0)
-ABOVE_0 = (float(np.nextafter(0, 1)), np.inf)  # without 0 itself
+ABOVE_0 = (float(np.nextafter(0, 1)), np.inf)  # excludes 0
 ABOVE_1 = (float(np.nextafter(1, 2)), np.inf)
 COLUMNS = "claim preset statement value low high verdict command seed version".split(" ")
 
 
 @dataclass(frozen=True)
 class Row:
-    """A claim as tested: what was measured, its interval and what follows."""
+    """A tested claim: the measured value, its interval and the verdict."""
 
     claim: str
     statement: str
@@ -48,7 +48,10 @@ class Row:
 
 
 def verdict(low: float, high: float, inside: tuple[float, float]) -> str:
-    """holds, fails or undecided for an interval against the stated range; NaN is undecided."""
+    """Returns holds, fails or undecided for an interval against the stated range.
+
+    NaN is undecided.
+    """
     if low >= inside[0] and high <= inside[1]:
         return "holds"
     if high < inside[0] or low > inside[1]:
@@ -57,7 +60,7 @@ def verdict(low: float, high: float, inside: tuple[float, float]) -> str:
 
 
 def verdict_of_change(low: float, high: float, least: float) -> str:
-    """As verdict, for a change of `least` or more either way."""
+    """As verdict(), for a change of at least `least` in either direction."""
     if low >= least or high <= -least:
         return "holds"
     if low > -least and high < least:
@@ -66,9 +69,10 @@ def verdict_of_change(low: float, high: float, least: float) -> str:
 
 
 def claims(exact: Sightings, blocks: Blocks, instant: Sightings | None = None) -> list[Row]:
-    """All claims on the vehicles of one data set; `deskew` needs its instant twin.
+    """Returns all claims on the vehicles of one data set.
 
-    Raises Error if the LiDARs are not the four of the paper.
+    instant: the same frames with aggregation `instant`, needed by `deskew`. Raises Error if the
+    LiDARs are not the four of the paper.
     """
     if sorted(exact.lidars) != sorted((AVIA, *SPINNING)):
         raise Error(f"found LiDARs {', '.join(exact.lidars)}, allowed {AVIA} {SPINNING}")
@@ -89,7 +93,7 @@ def claims(exact: Sightings, blocks: Blocks, instant: Sightings | None = None) -
 
 
 def far_range(vehicles: Sightings, blocks: Blocks, name: str) -> Row:
-    """The Avia against the best of the others far out."""
+    """Compares points on far vehicles: the Avia against the best other LiDAR."""
     avia, others = vehicles.column(AVIA), [vehicles.column(x) for x in SPINNING]
 
     def statistic(sums: FloatArray) -> FloatArray:
@@ -105,7 +109,7 @@ def far_range(vehicles: Sightings, blocks: Blocks, name: str) -> Row:
 
 
 def near_range(vehicles: Sightings, blocks: Blocks) -> Row:
-    """128 lines against the Avia close by."""
+    """Compares points on near vehicles: 128 lines against the Avia."""
     text = f"APV of {LINES_128} over {AVIA} is above 1"
     return _apv_ratio("near-range", text, vehicles, blocks, (LINES_128, AVIA), NEAR_M, ABOVE_1)
 
@@ -113,13 +117,13 @@ def near_range(vehicles: Sightings, blocks: Blocks) -> Row:
 def lines_ratio(
     vehicles: Sightings, blocks: Blocks, more: str, less: str, inside: tuple[float, float]
 ) -> Row:
-    """More lines against fewer, over all distances."""
+    """Compares a LiDAR with more lines to one with fewer, over all distances."""
     text = f"APV of {more} over {less} is {inside[0]:g} to {inside[1]:g}"
     return _apv_ratio("ratio", text, vehicles, blocks, (more, less), WHOLE_M, inside)
 
 
 def gentle(vehicles: Sightings, blocks: Blocks) -> Row:
-    """How much faster the points of the slowest decaying spinning LiDAR fall off."""
+    """Compares decay exponents: the smallest of the spinning LiDARs against the Avia's."""
     avia, others = vehicles.column(AVIA), [vehicles.column(x) for x in SPINNING]
 
     def statistic(sums: FloatArray) -> FloatArray:
@@ -135,7 +139,7 @@ def gentle(vehicles: Sightings, blocks: Blocks) -> Row:
 
 
 def deskew(instant: Sightings, exact: Sightings, blocks: Blocks) -> list[Row]:
-    """Points inside the boxes of moving vehicles, from instant to exact, for each LiDAR."""
+    """Compares points inside the boxes of moving vehicles, instant against exact, per LiDAR."""
     if not np.array_equal(np.unique(instant.frame), np.unique(exact.frame)):
         raise Error("instant and exact: found other frames, allowed the same")
     change = aggregation_change(_within(instant, WHOLE_M), _within(exact, WHOLE_M), blocks)
@@ -152,7 +156,7 @@ def deskew(instant: Sightings, exact: Sightings, blocks: Blocks) -> list[Row]:
 
 
 def only_one(vehicles: Sightings, blocks: Blocks, name: str) -> Row:
-    """Far vehicles of the Avia alone less those of the others alone, per 100."""
+    """Compares far vehicles hit only by the Avia with those only hit by others, per 100."""
     far = _within(vehicles, FAR_SPAN_M)
     avia = far.column(AVIA)
     alone, another = (flags[:, avia] for flags in alone_and_another(far))
@@ -169,11 +173,11 @@ def only_one(vehicles: Sightings, blocks: Blocks, name: str) -> Row:
 
 
 def claims_table(folders: Sequence[Path]) -> pd.DataFrame:
-    """Rows of all data sets: claim, preset, statement, value, low, high, verdict, command, seed,
-    version.
+    """Returns the claims of all data sets as a table.
 
-    A data set of aggregation `instant` serves `deskew` of the exact one of its scene, preset and
-    seed. Raises Error for an instant data set without its exact one, and for other modes.
+    Columns: claim, preset, statement, value, low, high, verdict, command, seed, version. A data set
+    of aggregation `instant` is used for `deskew` with the exact one of the same scene, preset and
+    seed. Raises Error for an instant data set without its exact one, and for other aggregations.
     """
     data_sets = [read_data_set(folder) for folder in folders]
     command = "python -m reproduction claims " + " ".join(str(folder) for folder in folders)
@@ -211,7 +215,7 @@ def _apv_ratio(
     span: tuple[float, float],
     inside: tuple[float, float],
 ) -> Row:
-    """Points of one LiDAR over those of another, on the same vehicles of `common`."""
+    """Tests the ratio of two LiDARs' points on the same vehicles of `common`."""
     above, below = (vehicles.column(name) for name in pair)
     rows, estimate = _span(
         vehicles, blocks, span, lambda s: ratio(s[..., 0, above, 0], s[..., 0, below, 0])
@@ -225,7 +229,7 @@ def _span(
     span: tuple[float, float],
     statistic: Callable[[FloatArray], FloatArray],
 ) -> tuple[Sightings, Estimate]:
-    """The vehicles of a span of distance, and a statistic of their sums (..., 1, L, 4)."""
+    """Returns the vehicles in a distance span, and a statistic of their sums (..., 1, L, 4)."""
     rows = _within(vehicles, span)
     return rows, blocks.estimate(vehicle_sums(rows, blocks, np.array(span)), statistic)
 
@@ -235,7 +239,7 @@ def _within(vehicles: Sightings, span: tuple[float, float]) -> Sightings:
 
 
 def _where(rows: Sightings, span: tuple[float, float], name: str) -> str:
-    """The set, the span and the vehicles that are really there."""
+    """Describes the subset, the span, and the number and distances of its vehicles."""
     if len(rows) == 0:
         return f"{name}, {span[0]:g} to {span[1]:g} m, no vehicles"
     return (

@@ -1,1 +1,1 @@
-"""One module a command: `main()` reads its arguments from `sys.argv`."""
+"""The commands, one module each: `main()` reads its arguments from `sys.argv`."""

@@ -1,4 +1,4 @@
-"""Tests of the paper's claims, on data sets or on the tables of `pyinfra benchmark`."""
+"""Tests the paper's claims on data sets or on the tables of `pyinfra benchmark`."""
 
 import argparse
 from collections.abc import Sequence
@@ -19,15 +19,20 @@ SHOWN = "claim preset value low high verdict statement".split()
 def main() -> None:
     parser = argparse.ArgumentParser(
         description="Tests the claims about scanning on data sets, each of one preset, or those "
-        "about detection on a folder of results. The folder gets TIER_claims.csv and TIER_paper.csv"
-        " (how AP agrees with the paper's).",
+        "about detection on a folder of results. Writes TIER_claims.csv and TIER_paper.csv"
+        " (agreement of AP with the paper) into that folder.",
         epilog="examples: python -m reproduction claims data/highway_paper "
         "data/highway_paper_instant; python -m reproduction claims out/results",
     )
-    parser.add_argument("folders", nargs="+", type=Path, help="data sets, or one of results")
-    parser.add_argument("--tier", help="of results; by default the most complete")
+    parser.add_argument("folders", nargs="+", type=Path, help="data sets, or one folder of results")
+    parser.add_argument("--tier", help="tier of the results; default: the most complete one")
     usual = Path("results/claims.csv")
-    parser.add_argument("--out", type=Path, default=usual, help="of data sets: %(default)s")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=usual,
+        help="output file for claims on data sets (default: %(default)s)",
+    )
     args = parser.parse_args()
     if any((folder / "dataset.yaml").is_file() for folder in args.folders):
         table = of_data_sets(args.folders, args.out)
@@ -39,7 +44,7 @@ def main() -> None:
 
 
 def of_data_sets(folders: Sequence[Path], out: Path) -> pd.DataFrame:
-    """Writes the claims about scanning to `out`."""
+    """Writes the claims about scanning to `out`; returns them."""
     table = scanning.claims_table(folders)
     out.parent.mkdir(parents=True, exist_ok=True)
     with replacing(out) as beside:
@@ -48,9 +53,9 @@ def of_data_sets(folders: Sequence[Path], out: Path) -> pd.DataFrame:
 
 
 def of_results(folder: Path, tier: str | None) -> pd.DataFrame:
-    """Writes the claims about detection and the agreement with the paper beside their tables.
+    """Writes claims about detection and agreement with the paper into `folder`; returns the claims.
 
-    Raises Error for the smoke tier, whose networks have hardly learnt.
+    Raises Error for the smoke tier, whose networks are hardly trained.
     """
     chosen = read_results(folder, tier).tier
     if chosen == "smoke":

@@ -1,7 +1,8 @@
-"""How long errors of Background last, by its own detections on two scenes, beside the block.
+"""Measures how long Background's errors are correlated in time, against the block length.
 
-Each LiDAR is tested on 800 frames of 400 s. The time is the integrated autocorrelation of the
-frames' influence on AP at 1,000 recalls. Writes results/correlation.csv:
+Each LiDAR is tested on 800 frames that span 400 s, on two scenes. The time is the integrated
+autocorrelation of each frame's influence on AP (R1000). Writes results/correlation.csv:
+
     python -m reproduction correlation --work data/correlation
 """
 
@@ -36,7 +37,8 @@ from reproduction import ROOT
 
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 SCENES = ("highway", "crossroad")
-LONG_TEST = Parts(train_until_s=90, val_from_s=100)  # 400 s hold four stays at a signal
+# the 400 s test part spans about four waits at a signal
+LONG_TEST = Parts(train_until_s=90, val_from_s=100)
 
 
 def simulated(scene: str, work: Path) -> Path:
@@ -61,7 +63,7 @@ def predictions(folder: Path) -> Path:
 
 
 def correlation(folder: Path, pred: Path) -> Iterator[dict[str, object]]:
-    """Integrated correlation of the frames' influence on AP (R1000), seconds, by ground truth."""
+    """Yields the correlation time (s) of the frames' influence on AP by ground truth."""
     frames = frame_numbers(folder)
     truth = read_ground_truth(folder, frames, beyond_range=True)
     files = find_files(pred, frames, frames).files
@@ -86,7 +88,7 @@ def correlation(folder: Path, pred: Path) -> Iterator[dict[str, object]]:
 
 
 def integrated(series: FloatArray) -> float:
-    """Sum of the autocorrelation over both sides, to where it first falls to 0.05."""
+    """Returns the two-sided sum of the autocorrelation, up to where it first falls to 0.05."""
     centred = series - series.mean()
     spectrum = np.fft.rfft(centred, 2 * len(series))
     at = np.fft.irfft(spectrum * np.conj(spectrum))[: len(series)]
@@ -98,7 +100,9 @@ def integrated(series: FloatArray) -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=Path, required=True, help="folder of frames; about 2 GB")
+    parser.add_argument(
+        "--work", type=Path, required=True, help="working folder for frames, about 2 GB"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "correlation.csv")
     args = parser.parse_args()
     rows = []

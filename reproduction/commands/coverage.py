@@ -1,8 +1,10 @@
-"""How often a 95 % interval holds the truth: a made-up detector on the simulated traffic.
+"""Measures how often a 95 % interval contains the true AP, with an artificial detector.
 
-The chance that a vehicle is found is known: it falls with distance, is higher for some vehicles
-than for others, and changes within seconds; ghosts come in bouts. The truth is the AP over all
-studies together. Writes results/coverage.csv, of three scenes and spans of test:
+The detector runs on simulated traffic, and its detection probabilities are known. They fall with
+distance, differ between vehicles and change within seconds. False positives come in bursts. The
+true AP is that of all studies together. Writes results/coverage.csv for three scenes and test
+spans:
+
     python -m reproduction coverage --work data/coverage
 """
 
@@ -29,16 +31,21 @@ from reproduction import ROOT
 SCENES = ("highway", "curve", "crossroad")
 SPANS_S = (90, 250, 500)
 RUN_S, APART_S = 500, 0.5
-RULE = "as long as a stay"  # of the blocks of time
+RULE = "as long as a stay"  # length rule of the time blocks
 DRAWS = 200
-CHANGES_S, BOUTS_S = 4.0, 5.0  # after which a vehicle's chance, and the rate of ghosts, is another
-OF_THE_VEHICLE = 0.6  # share of the spread that stays as long as the vehicle
-LOSS_PER_M = 1.2 / 50  # of the logit
+# correlation times of a vehicle's detection probability and of the false-positive rate
+CHANGES_S, BOUTS_S = 4.0, 5.0
+OF_THE_VEHICLE = 0.6  # share of the spread that is constant per vehicle
+LOSS_PER_M = 1.2 / 50  # of the logit per metre
 
 
 @dataclass(frozen=True)
 class Detector:
-    """Its chances; logit is at the sensor's foot, ghosts are those of a frame."""
+    """An artificial detector.
+
+    logit: of the detection probability at distance 0. spread: of the logit. ghosts: false positives
+    per frame.
+    """
 
     logit: float
     spread: float
@@ -54,7 +61,7 @@ DETECTORS = {
 
 @dataclass(frozen=True, eq=False)
 class Traffic:
-    """Vehicles of the region, (n,) each."""
+    """Vehicles of the region, one entry per frame and vehicle: (n,) each."""
 
     frame: IntArray
     ids: IntArray
@@ -63,7 +70,7 @@ class Traffic:
 
 @dataclass(frozen=True, eq=False)
 class ScoredBoxes:
-    """Scores of the vehicles that are found and of ghosts, and their frames."""
+    """Scores and frames of detected vehicles and false positives; hit: True for vehicles."""
 
     scores: FloatArray
     frame: IntArray
@@ -83,7 +90,7 @@ def traffic(scene: str, seed: int, roads: list[regions.Road], work: Path) -> Tra
 
 
 def autoregressive(noise: FloatArray, seconds: float) -> FloatArray:
-    """Unit variance, with a correlation that falls to 1/e in so many seconds."""
+    """Filters noise to unit variance and a correlation that falls to 1/e in `seconds`."""
     keep = np.exp(-APART_S / seconds)
     return np.asarray(lfilter([np.sqrt(1 - keep**2)], [1, -keep], noise))
 
@@ -91,7 +98,10 @@ def autoregressive(noise: FloatArray, seconds: float) -> FloatArray:
 def detected_by(
     detector: Detector, t: Traffic, liking: FloatArray, random: np.random.Generator
 ) -> ScoredBoxes:
-    """liking: (n,) of each vehicle, unit variance, the same in all of its frames."""
+    """Samples the detections of a run.
+
+    liking: (n,) constant offset of each vehicle, unit variance.
+    """
     order = np.lexsort((t.frame, t.ids))
     moods = np.empty(len(order))
     moods[order] = autoregressive(random.normal(size=len(order)), CHANGES_S)
@@ -124,7 +134,7 @@ def studies(scene: str, count: int, work: Path) -> Iterator[tuple[Traffic, dict[
 
 
 def ranking(t: Traffic, boxes: ScoredBoxes, first: int, blocks: intervals.Blocks) -> ap.Ranking:
-    """Of the frames from `first` on."""
+    """Ranks the boxes of the frames from `first` on."""
     use, there = boxes.frame >= first, t.frame >= first
     slots = blocks.draws.shape[1]
     objects = np.bincount(blocks.slot[t.frame[there] - first], minlength=slots)
@@ -139,7 +149,7 @@ def block_s(t: Traffic) -> float:
 def figures(
     t: Traffic, by_detector: dict[str, ScoredBoxes], span_s: int, length_s: float
 ) -> dict[str, Bootstrapped]:
-    """AP of each detector and two differences, of the last seconds of a run."""
+    """Returns AP of each detector and two differences, over the last `span_s` of a run."""
     first = round((RUN_S - span_s) / APART_S)
     frames = np.arange(round(span_s / APART_S))
     blocks = intervals.time_blocks(frames, APART_S, block_s=length_s, draws=DRAWS)
@@ -155,7 +165,7 @@ def figures(
 
 
 def truths(every: list[tuple[Traffic, dict[str, ScoredBoxes]]]) -> dict[str, float]:
-    """AP over all runs together."""
+    """Returns the AP and the differences over all runs together."""
     objects = sum(len(t.frame) for t, _ in every)
     out = {}
     for name in DETECTORS:
@@ -192,7 +202,9 @@ def rows(scene: str, count: int, work: Path) -> Iterator[dict[str, object]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=Path, required=True, help="folder of what is simulated")
+    parser.add_argument(
+        "--work", type=Path, required=True, help="working folder for simulated data"
+    )
     parser.add_argument("--studies", type=int, default=200)
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "coverage.csv")
     args = parser.parse_args()

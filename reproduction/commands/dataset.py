@@ -1,4 +1,4 @@
-"""The study's data set: three scenes, four LiDARs, split, data card, SHA-256 (`make dataset`)."""
+"""Writes the study's data set: three scenes, four LiDARs, split, data card, SHA-256 sums."""
 
 import argparse
 from functools import partial
@@ -13,9 +13,15 @@ def main() -> None:
         "(DATASET.md) and the SHA-256 of every file (SHA256SUMS, for `sha256sum -c`). Resumes.",
         epilog="example: python -m reproduction dataset --frames 500 --out data/paper",
     )
-    parser.add_argument("--frames", type=int, default=FRAMES, help="of a scene, at most")
-    parser.add_argument("--preset", default="paper", help="of the LiDARs (default: %(default)s)")
-    parser.add_argument("--out", type=Path, required=True, help="a folder for each scene goes here")
+    parser.add_argument(
+        "--frames", type=int, default=FRAMES, help="maximum number of frames per scene"
+    )
+    parser.add_argument(
+        "--preset", default="paper", help="preset of the LiDARs (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, help="output folder; gets a folder per scene"
+    )
     args = parser.parse_args()
     write(args.out, spread(args.frames), args.preset, partial(print, flush=True))
     print(f"card {args.out / CARD}\nsums {args.out / SUMS}")

@@ -1,4 +1,4 @@
-"""The paper's hit points, a few frames of each scene, and their pictures."""
+"""Rebuilds the paper's hit points, simulates a few frames of each scene and draws them."""
 
 import argparse
 import sys
@@ -15,7 +15,8 @@ from pyinfra.formats import kitti
 from pyinfra.viz import clouds
 from reproduction.hit_points import PRESET, hit_table, table_text, write_table
 
-ANOTHER_RUN = "holds another run"  # the binary's words for a folder of another configuration
+# part of the simulator's error for a folder of another configuration
+ANOTHER_RUN = "holds another run"
 PATTERN_FRAMES = "0:20"
 
 
@@ -25,7 +26,7 @@ def main() -> None:
         "scene and draws them.",
         epilog="example: python -m reproduction demo --out out/demo --frames 0:3",
     )
-    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder of the results")
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="output folder")
     parser.add_argument(
         "--frames",
         default="0:3",
@@ -71,9 +72,9 @@ def main() -> None:
 
 
 def scan_pattern(lidar: Path) -> FloatArray:
-    """Azimuth, elevation (rad) and time (s) of every ray of PATTERN_FRAMES: (n, 3), sensor frame.
+    """Returns azimuth, elevation (rad) and time (s) of every ray of PATTERN_FRAMES.
 
-    Raises SimulatorError.
+    The result is (n, 3) in the sensor frame. Raises SimulatorError.
     """
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "pattern.npy"

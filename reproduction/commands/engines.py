@@ -1,9 +1,10 @@
-"""Would another engine be faster? The generalist by PyTorch, ONNX Runtime and OpenVINO.
+"""Compares inference engines for the pretrained detector: PyTorch, ONNX Runtime, OpenVINO.
 
-The backbone is where a frame's time goes; each engine takes its place in the detector, so that all
-else is the same, boxes included. Frames of the three scenes, one core, engines in turn frame by
-frame; AP of what each finds. int8: quantised with the activations of other frames. Rows of
-results/engines.csv.
+Most of a frame's time is spent in the backbone. Each engine replaces only the backbone, so that
+everything else is the same. The test uses frames of three scenes on one core and alternates the
+engines frame by frame. It also measures the AP with each engine. The int8 variants are quantised
+with activations of other frames. Writes results/engines.csv:
+
     .venv/bin/pip install onnxruntime openvino
     python -m reproduction engines --work data/engines
 """
@@ -39,14 +40,14 @@ from pyinfra.models.inference import detect
 from reproduction import ROOT, provenance
 
 CELLS = (("highway", "ruby_plus"), ("crossroad", "pandar_64"), ("curve", "livox_avia"))
-FRAMES, QUANTISED_BY = "0:2000:50", 5  # of the frames, the first ones calibrate int8
+FRAMES, QUANTISED_BY = "0:2000:50", 5  # the first frames calibrate int8, the others are tested
 SETTINGS = Settings(ground_truths=("captured",))
 KEY = ["scene", "lidar", "engine"]
 Run = Callable[[FloatArray], Sequence[FloatArray]]
 
 
 class Engine(nn.Module):
-    """The backbone, by another engine."""
+    """The backbone, run by another engine."""
 
     def __init__(self, run: Run) -> None:
         super().__init__()
@@ -57,7 +58,7 @@ class Engine(nn.Module):
 
 
 class Canvases(CalibrationDataReader):  # type: ignore[misc]  # it has no types
-    """What activations are measured with."""
+    """Calibration data: the inputs from which activation ranges are measured."""
 
     def __init__(self, canvases: Sequence[FloatArray]) -> None:
         self.left = iter(canvases)
@@ -148,7 +149,7 @@ def rows(folder: Path, work: Path) -> Iterator[dict[str, object]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=Path, required=True, help="folder of frames")
+    parser.add_argument("--work", type=Path, required=True, help="working folder for frames")
     parser.add_argument("--out", type=Path, default=ROOT / "results/engines.csv")
     args = parser.parse_args()
     columns = provenance("engines")

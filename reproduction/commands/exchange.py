@@ -1,9 +1,11 @@
-"""Rates of every export and import, on one core: 100 frames of each of four LiDARs.
+"""Measures the speed of every export and import on one core, with 100 frames of four LiDARs.
 
 Writes results/exchange.csv:
+
     python -m reproduction exchange
-Seconds are of the core, the system's share included: what a clock shows on a machine that does
-nothing else and whose disk keeps up. Files are in the page cache; MB are those written.
+
+Seconds are CPU time of the user and the system. They equal wall time on an idle machine whose disk
+is fast enough. Files are in the page cache. MB are the megabytes written.
 """
 
 from __future__ import annotations
@@ -37,7 +39,7 @@ Row = dict[str, object]
 
 
 def simulate(folder: Path, frames: int) -> None:
-    """Frames with all fields; raises CalledProcessError."""
+    """Simulates frames with all fields; raises CalledProcessError."""
     lidars = [f"configs/lidars/{name}.yaml" for name in LIDARS]
     command = [Path(sys.executable).with_name("infrasim"), "run", "configs/scenes/highway.yaml"]
     command += ["--lidar", *lidars, "--preset", "paper", "--frames", f"0:{frames}"]
@@ -46,7 +48,7 @@ def simulate(folder: Path, frames: int) -> None:
 
 
 def rows(data: Path, folder: Path) -> Iterator[Row]:
-    """A row for each LiDAR, format and direction."""
+    """Yields a row for each LiDAR, format and direction."""
     for lidar in LIDARS:
         source = data / lidar
         frames = frame_numbers(source, "all")
@@ -63,7 +65,7 @@ def rows(data: Path, folder: Path) -> Iterator[Row]:
 
 
 def warm_up(folder: Path) -> None:
-    """Each way once on two frames, so that no row has the imports of its packages."""
+    """Runs each conversion once on two frames, so that no timing includes package imports."""
     simulate(folder / "few", 2)
     list(rows(folder / "few", folder / "warm"))
 
@@ -90,7 +92,7 @@ def row(way: str, name: str, lidar: str, frames: int, out: Path, seconds: float)
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "exchange.csv")
-    parser.add_argument("--frames", type=int, default=100, help="of each LiDAR")
+    parser.add_argument("--frames", type=int, default=100, help="number of frames per LiDAR")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

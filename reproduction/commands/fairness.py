@@ -1,9 +1,11 @@
-"""What a short fine-tuning gives each LiDAR: a pretrained detector is fair where all gain the same.
+"""Measures what a short fine-tuning gains per LiDAR, to judge a pretrained detector's fairness.
 
-The pretrained detector is tested at the study's scenes as it comes and after 120 steps of training
-with the scene's own labels, for two LiDARs that it learnt from and two that were held out. If a
-narrow LiDAR gains more than a wide one, comparing LiDARs by the detector as it comes is unfair to
-it. Rows go to results/fairness.csv as they come; what is there of the same weights is kept.
+The pretrained detector is tested in the study's scenes, before and after 120 training steps with
+the scene's own labels. Two of the LiDARs were in its training, two were held out. A comparison of
+LiDARs with the pretrained detector is fair if all LiDARs gain the same. If a narrow LiDAR gains
+more than a wide one, the comparison is unfair to it. Rows are added to results/fairness.csv as they
+are made; existing rows of the same weights are kept.
+
     python -m reproduction fairness generalist --work data/fairness
 """
 
@@ -21,7 +23,8 @@ from pyinfra.experiments import store
 from reproduction import ROOT, provenance
 from reproduction.commands import generalist
 
-LIDARS = ("livox_avia", "ruby_plus", "livox_horizon", "hesai_ot128")  # narrow, wide; held out alike
+# a narrow and a wide one that were trained on, then a narrow and a wide one held out
+LIDARS = ("livox_avia", "ruby_plus", "livox_horizon", "hesai_ot128")
 ARMS = ("none", "tuned_120")
 KEY = ["site", "seed", "lidar", "preset", "arm", "start"]
 COLUMNS = [*KEY, "steps", "train_cpu_s", "ap_fine", "objects"]
@@ -29,8 +32,10 @@ COLUMNS = [*KEY, "steps", "train_cpu_s", "ap_fine", "objects"]
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("models", nargs="+", type=Path, help="runs, files or names")
-    parser.add_argument("--work", type=Path, required=True, help="folder of frames; about 1 GB")
+    parser.add_argument("models", nargs="+", type=Path, help="run folders, model files or names")
+    parser.add_argument(
+        "--work", type=Path, required=True, help="working folder for frames, about 1 GB"
+    )
     parser.add_argument("--scenes", nargs="+", default=list(generalist.SCENES))
     parser.add_argument("--lidars", nargs="+", default=list(LIDARS))
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])

@@ -1,6 +1,7 @@
-"""What the cheaper models of a scene change: detail, aggregation, beam width, parts of vehicles.
+"""Measures the effect of cheaper scene models: detail, aggregation, beam width, vehicle parts.
 
 Writes results/fidelity.csv, aggregation.csv, beam.csv, fidelity_parts.csv and a picture:
+
     python -m reproduction fidelity
 """
 
@@ -41,7 +42,7 @@ def lidar_file(name: str) -> Path:
 
 
 def objects(world: simulation.World, lidars: list[simulation.Lidar], frames: range) -> pd.DataFrame:
-    """Every vehicle of every frame as each LiDAR sees it, with the seconds of its frame."""
+    """Returns every vehicle in every frame of each LiDAR, with the frame's simulation time (s)."""
     rows = []
     for number, per_lidar in simulation.simulate(world, lidars, frames):
         for lidar, frame in zip(lidars, per_lidar, strict=True):
@@ -56,7 +57,7 @@ def scene(name: str, preset: str = "datasheet", **overrides: object) -> simulati
 
 
 def seen(table: pd.DataFrame) -> pd.DataFrame:
-    """Vehicles that a user would count: in the region and not hidden."""
+    """Returns the vehicles in the region with a visible share of at least 0.2."""
     return table[table.visibility >= 0.2]
 
 
@@ -68,14 +69,14 @@ def by_distance(table: pd.DataFrame) -> pd.Series:
 def points_ladder(
     dial: str, models: dict[str, dict[str, object]], frames: range, preset: str
 ) -> pd.DataFrame:
-    """Points per vehicle under each model of a dial against the first one, by distance.
+    """Returns points per vehicle by distance under each model, relative to the first model.
 
-    models: the keys of the scene that each value of the dial sets.
+    models: the scene keys that each value of `dial` sets.
     """
     first = next(iter(models))
     lidars = [simulation.load_lidar(lidar_file(n), preset) for n in LIDARS]
     means: dict[str, pd.Series] = {}
-    seconds: dict[str, pd.Series] = {}  # of a frame, by LiDAR; the least of the passes
+    seconds: dict[str, pd.Series] = {}  # per frame and LiDAR; the minimum over the passes
     for value in [*models] * PASSES:
         table = objects(scene("highway", preset, **models[value]), lidars, frames)
         means[value] = by_distance(seen(table))
@@ -98,7 +99,7 @@ def points_ladder(
 
 
 def aggregation_table(frames: range, preset: str) -> pd.DataFrame:
-    """Points on moving vehicles, and those outside their boxes, by aggregation mode."""
+    """Returns points on moving vehicles, and those outside their boxes, by aggregation mode."""
     lidars = [simulation.load_lidar(lidar_file(n), preset) for n in LIDARS]
     rows = []
     for mode in ("exact", "slices:100", "instant"):
@@ -122,7 +123,7 @@ def aggregation_table(frames: range, preset: str) -> pd.DataFrame:
 
 
 def beam_table(frames: range) -> pd.DataFrame:
-    """The Avia with rays, and with its 0.28 x 0.03 degree beam as 5 and 15 sub-rays."""
+    """Compares the Avia with single rays to its 0.28 x 0.03 degree beam as 5 and 15 sub-rays."""
     text = yaml.safe_load(lidar_file("livox_avia").read_text())
     lidars = []
     with tempfile.TemporaryDirectory() as folder:
@@ -151,7 +152,7 @@ def beam_table(frames: range) -> pd.DataFrame:
 
 
 def aggregation_picture(file: Path, number: int = 300) -> None:
-    """One vehicle from above under the three aggregation modes, with its mid-frame box."""
+    """Draws one vehicle from above under the three aggregation modes, with its mid-frame box."""
     lidar = simulation.load_lidar(lidar_file("ruby_plus"), "equal")
     modes = ("exact", "slices:100", "instant")
     figure, axes = plt.subplots(len(modes), 1, figsize=(6, 7), sharex=True, layout="constrained")
@@ -177,7 +178,9 @@ def aggregation_picture(file: Path, number: int = 300) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--frames", type=int, default=100, help="frames, spread over the run")
+    parser.add_argument(
+        "--frames", type=int, default=100, help="number of frames, spread over the run"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "results")
     args = parser.parse_args()
     args.out.mkdir(exist_ok=True)

@@ -1,11 +1,11 @@
-"""The sites that pretrained detectors are tested on, as files: tests/data/sites.
+"""Writes the test sites of pretrained detectors as files: tests/data/sites.
 
     python -m reproduction frozen_sites
 
-wrote them once: 60 sites of generator version 4 (`plain`) and 20 streets full of street furniture
-of version 5 (`cluttered`), each with four LiDARs of the catalogue and the frames of each. They stay
-as they are while the generator changes, so that versions of a detector are compared on equal
-frames. Training never sees their seeds.
+It was run once and wrote 60 sites of generator version 4 (`plain`) and 20 streets with much street
+furniture of version 5 (`cluttered`). Each site has four LiDARs of the catalogue and the frame
+numbers of each. The files stay unchanged when the generator changes, so that versions of a detector
+are compared on the same frames. Training never uses their seeds.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from pyinfra.scenes.generator.ranges import CLUTTERED, RANGES, Ranges
 from reproduction import ROOT
 
 FOLDER = ROOT / "tests/data/sites"
-FIRST_SITE = 1_000_000  # streams of training end before it
+FIRST_SITE = 1_000_000  # training streams use smaller seeds only
 PRESET = "datasheet"
-LIDARS, FRAMES = 4, 5  # of a site, of a LiDAR
-# First seed, number and ranges of each set.
+LIDARS, FRAMES = 4, 5  # LiDARs per site, frames per LiDAR
+# First seed, number of sites and ranges of each set.
 SETS: dict[str, tuple[int, int, Ranges]] = {
     "plain": (FIRST_SITE, 60, replace(RANGES, furniture=replace(RANGES.furniture, sites=0.0))),
     "cluttered": (FIRST_SITE + 100, 20, CLUTTERED),
@@ -50,7 +50,7 @@ class Visit:
 
 
 def read_visits(name: str) -> Iterator[tuple[Keys, list[Visit]]]:
-    """The keys of each site of a set, and its visits."""
+    """Yields the keys of each site of a set with its visits."""
     with (FOLDER / name / "visits.csv").open() as file:
         rows = [
             Visit(row["site"], row["lidar"], tuple(map(int, row["frames"].split())))
@@ -64,7 +64,10 @@ def read_visits(name: str) -> Iterator[tuple[Keys, list[Visit]]]:
 def looked_at(
     name: str, classes: tuple[ObjectClass, ...], sites: int | None = None, frames: int = FRAMES
 ) -> Iterator[tuple[str, str, list[SiteSample]]]:
-    """Site, LiDAR and samples of a set's visits: the first sites, and frames of each LiDAR."""
+    """Yields site, LiDAR and samples of each visit of a set.
+
+    sites: the number of sites, all if None. frames: the number of frames per LiDAR.
+    """
     for number, (keys, visits) in enumerate(read_visits(name)):
         if number == sites:
             return
@@ -84,7 +87,8 @@ def write_set(name: str) -> None:
         random = np.random.default_rng(seed)
         keys = make_site(seed, ranges) | {"label_time": "scan"}
         world = simulation.make_world(keys)
-        plain = json.loads(json.dumps(keys))  # no object twice, for which YAML has anchors
+        # json makes copies: YAML would write shared objects as anchors
+        plain = json.loads(json.dumps(keys))
         text = yaml.safe_dump(plain, sort_keys=False, width=110, default_flow_style=None)
         (FOLDER / name / f"{keys['name']}.yaml").write_text(text)
         for lidar in everyone.draw(random, LIDARS):

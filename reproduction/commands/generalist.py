@@ -1,13 +1,15 @@
-"""A generalist against specialists: AP where neither learnt, after a little training, and alone.
+"""Compares the pretrained detector with site-trained detectors, by AP at sites new to both.
 
-A cell is a site (one of the study's scenes, or a generated one that no training saw), a world of it
-(the seed of its traffic) and a LiDAR. In each the generalist is tested as it comes (`none`), after
-some steps with the site's own simulated labels (`tuned_30`, `tuned_120`: about so many seconds of
-one core), and beside a network of the same kind that learnt there alone (`specialist`). Rows go to
-results/generalist.csv as they come, with their draws; what is there of these weights (`start`) is
-not computed again.
+An experiment is a site, a traffic seed and a LiDAR. A site is a scene of the study, or a generated
+one that no training used. Each experiment tests the pretrained detector unchanged (`none`), after
+some training steps with the site's own simulated labels (`tuned_30`, `tuned_120`: about 30 and 120
+s of one core), and a network of the same kind trained only there (`specialist`). Rows with their
+bootstrap replicates are added to results/generalist.csv as they are made. Existing rows of the same
+weights (`start`) are not computed again.
+
     python -m reproduction generalist --work data/generalist
-`--paper`: as the study simulates, the cells of a first trial.
+
+`--paper`: the experiments of a first trial, simulated as in the study.
 """
 
 from __future__ import annotations
@@ -48,12 +50,12 @@ from reproduction import ROOT
 
 RECIPES = ROOT / "configs/detectors"
 SCENES = ("highway", "crossroad", "curve")
-FIRST_SITE = 2_000_000  # no training and no calibration saw it
+FIRST_SITE = 2_000_000  # seeds from here on were in no training and no calibration
 HELD_OUT = ("hesai_ot128", "hesai_xt32", "livox_horizon")  # of configs/streams/generalist.yaml
 STUDIED = ("ruby_plus", "livox_avia", "helios_16", "pandar_64")
-FRAMES = "0:5000:10"  # of 500 s; the first 400 s are learnt from, the last 90 s tested
-CUT = 0.5  # of calibrated scores: from here on a box is shown
-TRIAL = (  # what a first trial was tested on, as the study simulates
+FRAMES = "0:5000:10"  # of 500 s; training uses the first 400 s, the test the last 90 s
+CUT = 0.5  # calibrated score from which a box is shown
+TRIAL = (  # experiments of a first trial, simulated as in the study
     *((site, lidar) for site in SCENES for lidar in ("ruby_plus", "livox_avia")),
     ("highway", "helios_16"),
 )
@@ -64,7 +66,7 @@ KEY = ["site", "seed", "lidar", "preset", "arm"]
 
 @dataclass(frozen=True)
 class Cell:
-    """One LiDAR at one site in one world."""
+    """One LiDAR at one site with one traffic seed."""
 
     site: str
     seed: int
@@ -77,7 +79,10 @@ class Cell:
 
 
 def cells(sites: int, seeds: int) -> Iterator[Cell]:
-    """Every site in every world, with the LiDAR whose turn it is; a world begins with another."""
+    """Yields every site with every seed.
+
+    The LiDARs rotate over the sites and shift with the seed.
+    """
     lidars = (*STUDIED, *HELD_OUT)
     generated = [f"site_v{VERSION}_{FIRST_SITE + i}" for i in range(sites)]
     chosen = enumerate((*SCENES, *generated))
@@ -91,7 +96,7 @@ def cells_of_trial(seeds: int) -> Iterator[Cell]:
 
 
 def simulated(cell: Cell, work: Path) -> Path:
-    """The LiDAR's folder, split by time."""
+    """Simulates an experiment, splits it by time and returns the LiDAR's folder."""
     scene = scene_file(cell.site) if cell.site in SCENES else work / f"{cell.site}.yaml"
     if cell.site not in SCENES:
         work.mkdir(parents=True, exist_ok=True)
@@ -105,13 +110,13 @@ def simulated(cell: Cell, work: Path) -> Path:
 
 
 def shows_vehicles(folder: Path) -> bool:
-    """Whether there is something to learn from, and something to be tested on."""
+    """Returns whether both the training and the test part have vehicles with points."""
     parts = (read_vehicles(folder, frame_numbers(folder, part)) for part in ("train", "val"))
     return all((vehicles.points > 0).any() for vehicles in parts)
 
 
 def recipe_of(arm: str, model: Path) -> Recipe:
-    """How an arm learns at the site."""
+    """Returns the training recipe of an arm at the site."""
     if arm == "specialist":
         return read_recipe(RECIPES / "centerpoint-pillar.yaml", "quick")
     tier: Tier = "smoke" if arm == "tuned_30" else "quick"
@@ -119,7 +124,7 @@ def recipe_of(arm: str, model: Path) -> Recipe:
 
 
 def model_of(arm: str, model: Path, folder: Path, run: Path) -> tuple[Path, int, float]:
-    """The arm's model, its steps and the CPU seconds of its training."""
+    """Returns the arm's model, its training steps and their CPU seconds."""
     if arm == "none":
         return model, 0, 0.0
     recipe = recipe_of(arm, model)
@@ -150,10 +155,10 @@ def row(folder: Path, arm: str, model: Path) -> dict[str, object]:
 
 
 def at_cut(judgement: Judgement) -> dict[str, float]:
-    """Precision and recall of the boxes that are shown, and what the scores say of them.
+    """Returns precision and recall of the shown boxes, and the values that the scores predict.
 
-    A specialist's scores are as it has them; the other arms' have the line of the weights that they
-    began with.
+    A site-trained detector's scores are uncalibrated. The other arms' scores use the calibration of
+    the weights that they started from.
     """
     scores, hit = judgement.contest.predictions.scores, judgement.hit
     counted = hit | judgement.wrong
@@ -168,19 +173,27 @@ def at_cut(judgement: Judgement) -> dict[str, float]:
 
 
 def start_of(arm: str, model: Path) -> str:
-    """Which weights an arm begins with."""
+    """Identifies the weights that an arm starts from."""
     return "drawn" if arm == "specialist" else checkpoint.digest(detect.model_file(model))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=Path, required=True, help="folder of frames; about 1 GB")
-    parser.add_argument("--model", type=Path, default=Path("generalist"), help="run, file or name")
+    parser.add_argument(
+        "--work", type=Path, required=True, help="working folder for frames, about 1 GB"
+    )
+    parser.add_argument(
+        "--model", type=Path, default=Path("generalist"), help="run folder, model file or name"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "generalist.csv")
-    parser.add_argument("--sites", type=int, default=13, help="generated ones; default: 13")
-    parser.add_argument("--seeds", type=int, default=3, help="worlds of each site; default: 3")
+    parser.add_argument(
+        "--sites", type=int, default=13, help="number of generated sites (default: 13)"
+    )
+    parser.add_argument("--seeds", type=int, default=3, help="traffic seeds per site (default: 3)")
     parser.add_argument("--arms", nargs="+", choices=ARMS, default=list(ARMS))
-    parser.add_argument("--paper", action="store_true", help="the cells of the first trial")
+    parser.add_argument(
+        "--paper", action="store_true", help="run the experiments of the first trial"
+    )
     args = parser.parse_args()
     chosen = cells_of_trial(args.seeds) if args.paper else cells(args.sites, args.seeds)
     provenance = {

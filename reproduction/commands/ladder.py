@@ -1,9 +1,10 @@
-"""What cheaper models of a scene do to its conclusions: AP of four LiDARs against the cost.
+"""Measures how cheaper scene models change conclusions: AP of four LiDARs against cost.
 
-Highway, preset `datasheet`, where vehicles have parts; one dial at a time away from the default,
-which is that of the simulator and 1,000 of 5,000 frames. Rows go to results/ladder.csv as they
-come, of Background, and what is there is not computed again; another detector's table needs an
---out of its own:
+The scene is the highway with preset `datasheet`, where vehicles have parts. The default model is
+that of the simulator with 1,000 of 5,000 frames. One setting at a time differs from the default.
+The detector is Background. Rows are added to results/ladder.csv as they are made; existing rows are
+not computed again. Another detector needs another --out:
+
     python -m reproduction ladder --work data/ladder
 """
 
@@ -52,7 +53,10 @@ PARTS = ("glass", "gap", "coat", "tyres", "reflectors")
 def models(
     dials: Sequence[str], frames: str, wanted: Sequence[str] | None
 ) -> Iterator[dict[str, str]]:
-    """The default, and each dial's other wanted values; frames: of the default."""
+    """Yields the default model, then models with one other value of one setting.
+
+    frames: the number of frames of the default. wanted: limits the other values.
+    """
     default = DEFAULT | {"frames": frames}
     yield default
     for dial in dials:
@@ -62,13 +66,13 @@ def models(
 
 
 def parts_of(value: str) -> dict[str, bool]:
-    """Which `vehicle_parts` a value of the dial turns on: `glass+coat`, `all` or `none`."""
+    """Returns which `vehicle_parts` a value turns on: `glass+coat`, `all` or `none`."""
     on = PARTS if value == "all" else value.split("+")
     return {f"vehicle_parts.{part}": part in on for part in PARTS}
 
 
 def assignments(model: dict[str, str]) -> list[str]:
-    """The keys of the scene that a model sets, as `--set` has them."""
+    """Returns the scene keys that a model sets, as words for `--set`."""
     settings = {dial: model[dial] for dial in ("detail", "aggregation", "label_time")}
     settings |= {key: str(on).lower() for key, on in parts_of(model["parts"]).items()}
     settings |= {"vegetation": "[]"} if model["vegetation"] == "none" else {}
@@ -76,7 +80,7 @@ def assignments(model: dict[str, str]) -> list[str]:
 
 
 def simulated(model: dict[str, str], preset: str, names: Sequence[str], folder: Path) -> float:
-    """Runs the model's world into the folder; returns CPU milliseconds a frame set."""
+    """Simulates a model into the folder; returns CPU milliseconds per frame of all LiDARs."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     frames = int(model["frames"])
     lidars = [lidar_file(name) for name in names]
@@ -90,7 +94,7 @@ def simulated(model: dict[str, str], preset: str, names: Sequence[str], folder: 
 
 
 def row(folder: Path, detector: str) -> dict[str, object]:
-    """What a detector finds in the test frames of one LiDAR."""
+    """Trains a detector and evaluates it on the test frames of one LiDAR."""
     run = folder.parent / f"{folder.parent.name}_{folder.name}_{detector}"
     recipe = read_recipe(ROOT / "configs" / "detectors" / f"{detector}.yaml", "quick")
     train(recipe, [read_source(folder, "quick")], run, quiet=True)
@@ -112,14 +116,20 @@ def row(folder: Path, detector: str) -> dict[str, object]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=Path, required=True, help="folder of frames; about 2 GB")
+    parser.add_argument(
+        "--work", type=Path, required=True, help="working folder for frames, about 2 GB"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "ladder.csv")
     parser.add_argument("--preset", default="datasheet")
-    parser.add_argument("--detector", default="background", help="file of configs/detectors")
+    parser.add_argument(
+        "--detector", default="background", help="name of a file in configs/detectors"
+    )
     parser.add_argument("--lidars", nargs="+", default=LIDARS)
     parser.add_argument("--dials", nargs="+", choices=DIALS, default=list(DIALS))
-    parser.add_argument("--frames", default="1000", help="of the default; a divisor of 5,000")
-    parser.add_argument("--values", nargs="+", help="of the dials, these alone; default all")
+    parser.add_argument(
+        "--frames", default="1000", help="frames of the default model; a divisor of 5,000"
+    )
+    parser.add_argument("--values", nargs="+", help="only these values of the dials; default: all")
     args = parser.parse_args()
     provenance = {
         "preset": args.preset,

@@ -1,12 +1,12 @@
-"""Latency of a matrix's networks on a quiet machine, without their whole training.
+"""Measures the latency of a benchmark's networks on an idle machine, without full training.
 
     python -m reproduction latency configs/benchmarks/paper.yaml --scenes crossroad curve
 
-How long a network takes hangs on its widths and the canvas and hardly on what it has learnt, so
-each cell learns from a tenth of its steps (half, if its second stage takes what the first one is
-sure of), two at a time, and is then timed alone. `--check`: CHECKED, trained in full too, shows
-what that changes. Rows of results/latency.csv that are there are left out; new ones go into
-results/quick.csv as well.
+The latency of a network depends on its widths and its canvas, and hardly on its weights. So each
+network is trained with a tenth of its steps, two at a time, and is then timed alone. PointRCNN gets
+half of its steps, because its second stage takes the confident proposals of its first. `--check`
+also trains the experiments of CHECKED in full, to show the difference. Existing rows of
+results/latency.csv are skipped. New rows are also written to results/quick.csv.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ CHECKED = tuple(
 
 @dataclass(frozen=True)
 class Task:
-    """A cell, and the share of its steps that it learns from."""
+    """An experiment, and the share of its training steps."""
 
     cell: Cell
     budget: float
@@ -54,7 +54,7 @@ class Task:
 
 
 def tasks_of(plan: Plan, scenes: Sequence[str], check: bool) -> list[Task]:
-    """The networks of the scenes; or CHECKED, also with all of their steps."""
+    """Returns the networks of the scenes; or CHECKED, each with reduced and with full training."""
     if check:
         return [Task(cell, budget) for cell in CHECKED for budget in (budget_of(cell), 1.0)]
     cells = [c for c in plan.cells if c.detector != "background" and c.scene in scenes]
@@ -66,14 +66,14 @@ def budget_of(cell: Cell) -> float:
 
 
 def learn(task: Task, plan: Plan, workspace: Workspace) -> None:
-    """Trains, or goes on where it was stopped."""
+    """Trains a task's network; resumes a stopped training."""
     recipe = read_recipe(plan.files["detectors", task.cell.detector], task.cell.tier)
     folder = workspace.data(task.cell.world) / task.cell.lidar
     measure.trained(task.cell, recipe.for_budget(task.budget), folder, task.run(workspace), "cpu")
 
 
 def measured(task: Task, workspace: Workspace, every: int) -> None:
-    """Times a task on one thread; into the table of latencies, and into its cell's own row."""
+    """Times a task on one thread; writes the table of latencies and the experiment's own row."""
     folder = workspace.data(task.cell.world) / task.cell.lidar
     columns, _ = measure.timed_alone(task.run(workspace), folder, "cpu", every=every)
     provenance = {"frames": columns["latency_frames"], "command": "python -m reproduction latency"}
@@ -85,13 +85,15 @@ def measured(task: Task, workspace: Workspace, every: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("config", type=Path, help="file of configs/benchmarks")
+    parser.add_argument("config", type=Path, help="benchmark file, as in configs/benchmarks")
     parser.add_argument("--scenes", nargs="+", default=["highway", "crossroad", "curve"])
-    parser.add_argument("--check", action="store_true", help="CHECKED in place of the scenes")
+    parser.add_argument("--check", action="store_true", help="run CHECKED instead of the scenes")
     parser.add_argument("--work", type=Path, default=ROOT / "data/benchmark")
     parser.add_argument("--out", type=Path, default=ROOT / "results")
-    parser.add_argument("--every", type=int, default=3, help="of the test frames; default: 3")
-    parser.add_argument("--only-train", action="store_true", help="time nothing yet")
+    parser.add_argument(
+        "--every", type=int, default=3, help="use every Nth test frame (default: 3)"
+    )
+    parser.add_argument("--only-train", action="store_true", help="train without timing")
     args = parser.parse_args()
     plan, workspace = read_plan(args.config, "quick"), Workspace(args.work, args.out, "quick")
     table = store.read(args.out / "latency.csv")

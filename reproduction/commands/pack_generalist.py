@@ -1,11 +1,12 @@
-"""Calibrates the scores of a network of many sites where it did not learn, and packs it.
+"""Calibrates the scores of a pretrained detector on test sites, and packs the detector.
 
     python -m reproduction pack_generalist RUN
 
-looks at sites that no training saw, fits for each class the line of logits that makes scores
-shares of right boxes, and writes pyinfra/models/generalist.safetensors: layers in half precision,
-the lines and their figures in the header. results/generalist_sites.csv has precision and recall of
-the boxes from the cut on, by site, LiDAR and class, and what their scores say.
+The sites were in no training. For each class a line is fitted on the logits, so that a score is the
+share of correct boxes. Writes pyinfra/models/generalist.safetensors: layers in half precision, with
+the lines and their precision and recall in the header. Writes results/generalist_sites.csv:
+precision and recall of the boxes above the cut by site, LiDAR and class, and the values that the
+scores predict.
 """
 
 from __future__ import annotations
@@ -35,24 +36,24 @@ from pyinfra.models.training.samples import SiteSample
 from reproduction import ROOT
 from reproduction.commands import frozen_sites
 
-MIN_SCORE = 0.002  # of boxes that the lines are fitted on: more of them than are given
-CUT = 0.5  # of calibrated scores: from here on a box is shown
+MIN_SCORE = 0.002  # the lines are fitted on more boxes than a user sees
+CUT = 0.5  # calibrated score from which a box is shown
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """The boxes of a class that one LiDAR has in its frames at a site."""
+    """The boxes of a class that a network finds in the frames of one LiDAR at a site."""
 
     site: str
     lidar: str
     name: ObjectClass
     scores: FloatArray  # (n,)
     right: BoolArray  # (n,)
-    objects: int  # that are there to be found
+    objects: int  # number of ground-truth objects
 
 
 def judged(network: Network, site: str, lidar: str, samples: list[SiteSample]) -> Iterator[Judged]:
-    """The boxes of each class in its region."""
+    """Yields the boxes of each class in its region."""
     detections = []
     for sample in samples:
         network.know(sample.region)
@@ -75,7 +76,7 @@ def right_of(
     metric: matching.Metric,
     iou: float = matching.IOU,
 ) -> tuple[FloatArray, BoolArray, int]:
-    """Scores of a class's boxes in its region, which are right, and how many objects there are."""
+    """Returns scores (n,), matches (n,) and object count of a class in its region."""
     margin_m = 0.0 if name in VEHICLES else FOOTWAYS_M
     inside = (detections.names == TYPES[name]) & sample.region.holds(detections.boxes, margin_m)
     there = (sample.numbers == number) & sample.region.holds(sample.boxes, margin_m)
@@ -86,7 +87,7 @@ def right_of(
 
 
 def row(cell: Judged, line: tuple[float, float]) -> dict[str, object]:
-    """Precision and recall from the cut on, and what calibrated scores say of them."""
+    """Returns precision and recall above the cut, and the values that calibrated scores predict."""
     scores, right = calibration.calibrated(cell.scores, line), cell.right
     shown = scores >= CUT
     return {
@@ -103,7 +104,7 @@ def row(cell: Judged, line: tuple[float, float]) -> dict[str, object]:
 
 
 def line_of(cells: list[Judged], name: ObjectClass) -> tuple[float, float]:
-    """Raises ValueError for a class without a right and a wrong box."""
+    """Fits the line of a class. Raises ValueError if it lacks correct or incorrect boxes."""
     selected = [cell for cell in cells if cell.name == name]
     columns = (
         np.concatenate([getattr(cell, key) for cell in selected]) for key in ("scores", "right")
@@ -115,7 +116,7 @@ def line_of(cells: list[Judged], name: ObjectClass) -> tuple[float, float]:
 
 
 def halved(weights: dict[str, Tensor]) -> dict[str, Tensor]:
-    """The weights of layers in half precision; what norms keep stays, as it may be large."""
+    """Returns the weights, layers in half precision; norms keep full precision for their range."""
     return {
         f"network.{name}": tensor.half() if tensor.ndim > 1 else tensor
         for name, tensor in weights.items()
@@ -123,7 +124,10 @@ def halved(weights: dict[str, Tensor]) -> dict[str, Tensor]:
 
 
 def figures_of(table: pd.DataFrame) -> dict[str, float]:
-    """Means over sites and LiDARs; those of people by the name of their class."""
+    """Returns means over sites and LiDARs.
+
+    Keys of pedestrians and cyclists start with the class.
+    """
     return {
         key if name in VEHICLES else f"{name}_{key}": round(float(group[key].mean()), 3)
         for name, group in table.groupby("class", sort=False)
@@ -133,9 +137,9 @@ def figures_of(table: pd.DataFrame) -> dict[str, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("run", type=Path, help="folder of `pyinfra train --sites`")
+    parser.add_argument("run", type=Path, help="output folder of `pyinfra train --sites`")
     parser.add_argument("--sites", type=int, default=60)
-    parser.add_argument("--frames", type=int, default=5, help="of each LiDAR; default: 5")
+    parser.add_argument("--frames", type=int, default=5, help="frames per LiDAR (default: 5)")
     parser.add_argument("--out", type=Path, default=MODELS / "generalist.safetensors")
     parser.add_argument("--table", type=Path, default=ROOT / "results/generalist_sites.csv")
     args = parser.parse_args()

@@ -1,10 +1,11 @@
-"""How far each LiDAR sees people: points a frame on pedestrians and cyclists, by distance.
+"""Measures points per frame on pedestrians and cyclists by distance, for each LiDAR.
 
-A pole of 6 m over a straight level road, preset `datasheet`. A pedestrian and a cyclist go away
-from it side by side, to 500 m, with nothing before or behind them; in every frame they are others,
-of another paint, and face another way. So a bin of distances has 25 frames of other phases, places,
-headings and reflectances. Points are the medians over them.
-Writes results/people.csv and prints how far 5 points reach:
+The LiDAR is 6 m above a straight level road, with preset `datasheet`. A pedestrian and a cyclist
+move away from it side by side, to 500 m, with nothing in front of them or behind them. Each frame
+has new ones with another paint and another heading. So a distance bin has 25 frames with different
+scan phases, positions, headings and reflectances. Points are medians over these frames. Writes
+results/people.csv and prints the distances up to which the median is 5 points:
+
     python -m reproduction people
 """
 
@@ -24,12 +25,12 @@ from pyinfra.dataset.lidars import catalogue_files, presets_of
 from reproduction import ROOT
 
 SIZES = {"Pedestrian": (0.73, 0.67, 1.77), "Cyclist": (1.67, 0.70, 1.67)}  # core/classes.h
-SIDE_M = {"Pedestrian": 1.5, "Cyclist": -1.5}  # of the line straight ahead
-WEAVE_M = 0.3  # to both sides, so that no column meets them alike
+SIDE_M = {"Pedestrian": 1.5, "Cyclist": -1.5}  # lateral offset from the line straight ahead
+WEAVE_M = 0.3  # lateral movement to both sides, so that scan columns hit at varying positions
 FROM_M, TO_M, BIN_M = 10.0, 500.0, 10.0
 STEP_M = 0.4  # from one frame to the next
 TURN_RAD = 2.399963 / 5  # the golden angle in five frames: all headings in each bin
-ENOUGH = 5  # points
+ENOUGH = 5  # points that count as enough
 SCENE = """name: people
 duration_s: {duration_s}
 mounts:
@@ -45,7 +46,7 @@ FRAMES = round((TO_M - FROM_M) / STEP_M)
 
 
 def state(name: str, instant: int) -> str:
-    """Where one of a class is at an instant: x to speed of a row of trajectories.csv."""
+    """Returns the state of a class at an instant: columns x to speed of trajectories.csv."""
     dx, dy, dz = SIZES[name]
     x = FROM_M + STEP_M * instant
     y = SIDE_M[name] + WEAVE_M * np.sin(0.7 * instant)
@@ -54,14 +55,14 @@ def state(name: str, instant: int) -> str:
 
 
 def number(name: str, frame: int) -> int:
-    """The id of the one of a class that is there in a frame alone."""
+    """Returns the id of a class's object that exists in one frame only."""
     return 2 * frame + list(SIZES).index(name)
 
 
 def trajectories() -> Iterator[str]:
     yield "t,id,class,x,y,z,heading,dx,dy,dz,speed"
     for k in range(FRAMES + 1):
-        for frame in (k - 1, k):  # whose frame ends here, and whose begins
+        for frame in (k - 1, k):  # the frame that ends at this instant, and the one that starts
             if 0 <= frame < FRAMES:
                 for name in SIZES:
                     yield f"{k / 10},{number(name, frame)},{name},{state(name, k)}"
@@ -75,7 +76,7 @@ def write_scene(folder: Path) -> Path:
 
 
 def points(world: simulation.World, lidar: simulation.Lidar) -> pd.DataFrame:
-    """A row for each frame and class; 0 points of what is out of reach."""
+    """Returns a row for each frame and class; objects out of range have 0 points."""
     rows = []
     for k, (frame,) in simulation.simulate(world, [lidar], range(FRAMES)):
         counts = dict(
@@ -106,7 +107,7 @@ def measured(scene: Path, files: Iterable[Path]) -> Iterator[pd.DataFrame]:
 
 
 def reach(table: pd.DataFrame) -> dict[str, float]:
-    """To how many metres the median is ENOUGH, by class; 0 if nowhere."""
+    """Returns the distance (m) up to which the median is ENOUGH, by class."""
     enough = table[table.points >= ENOUGH]
     return {name: (enough[enough["class"] == name].from_m + BIN_M).max() for name in SIZES}
 
@@ -115,7 +116,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "people.csv")
     args = parser.parse_args()
-    # Its table of rays is its user's to fetch; it looks up.
+    # Excluded: users must download its table of rays themselves, and it looks upwards.
     files = [file for file in catalogue_files() if file.stem != "livox_mid_360"]
     with tempfile.TemporaryDirectory() as work:
         table = pd.concat(measured(write_scene(Path(work)), files))

@@ -1,10 +1,11 @@
-"""Places for a LiDAR at a crossing with corner houses: far, near, high, down, and two poles.
+"""Compares LiDAR positions at a crossing with corner buildings: distance, height, tilt, two poles.
 
-The scene and the commands are those of docs/several_poles.md, with three seeds of the traffic: the
-pole 40 m before the crossing, at the corner 4, 6 and 8 m high, at 8 m turned 10 degrees down, and
-at 6 m with a second one across.
-The detector is the one of the package, as it comes; nothing is learnt. Writes results/places.csv,
-the rows of `pyinfra compare` under `present` and `all`:
+The scene and the commands are those of docs/several_poles.md, with three traffic seeds. The
+positions are: 40 m before the crossing; at the corner at 4, 6 and 8 m height; at 8 m pitched down
+by 10 degrees; and at 6 m with a second pole across. The detector is the shipped pretrained one,
+without training. Writes results/places.csv, the rows of `pyinfra compare` under `present` and
+`all`:
+
     python -m reproduction places --work data/places
 """
 
@@ -28,7 +29,7 @@ FRAMES = "0:5000:47"
 LIDARS = ("hesai_xt32", "hesai_ot128")
 CORNER = {"pole.x_m": -11.5, "pole.y_m": -11.5}
 ACROSS = {"across.x_m": 11.5, "across.y_m": 11.5, "across.z_m": 6}
-RUNS = {  # by name: keys of the mounts, and the places with their folders
+RUNS = {  # by name: keys of the mounts, and the positions with their folders
     "back": ({}, {"back": "."}),
     "4m": (CORNER | {"pole.z_m": 4}, {"4m": "."}),
     "8m": (CORNER | {"pole.z_m": 8}, {"8m": "."}),
@@ -36,11 +37,11 @@ RUNS = {  # by name: keys of the mounts, and the places with their folders
     "two": (CORNER | ACROSS, {"6m": "pole", "two": "fused"}),
 }
 PLACES = ("back", "4m", "6m", "8m", "8m_down", "two")
-NAMES = ("place", "minus")  # columns of paths
+NAMES = ("place", "minus")  # columns that hold paths
 
 
 def scene(work: Path) -> Path:
-    """The scene of the page, saved under its name."""
+    """Extracts the scene from the page and saves it under its name."""
     page = (ROOT / "docs/several_poles.md").read_text("utf-8")
     match = re.search(r"^```yaml corner.yaml\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
     assert match is not None
@@ -54,7 +55,7 @@ def pyinfra(*words: object) -> None:
 
 
 def evaluate(lidar: str, run: str, seed: int, work: Path) -> None:
-    """The evaluations of a run's places, each in `work/out/LIDAR/PLACE/SEED`."""
+    """Evaluates the positions of a run, each in `work/out/LIDAR/PLACE/SEED`."""
     keys, places = RUNS[run]
     data = work / "data" / lidar / f"{run}_{seed}"
     words = ["--frames", FRAMES, "--seed", str(seed), "--out", str(data)]
@@ -73,7 +74,9 @@ def evaluate(lidar: str, run: str, seed: int, work: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=Path, required=True, help="folder of frames; about 5 GB")
+    parser.add_argument(
+        "--work", type=Path, required=True, help="working folder for frames, about 5 GB"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "places.csv")
     parser.add_argument("--lidars", nargs="+", choices=LIDARS, default=LIDARS)
     args = parser.parse_args()
@@ -85,7 +88,7 @@ def main() -> None:
                 evaluate(lidar, run, seed, args.work)
                 print(lidar, run, seed, flush=True)
         for which in ("present", "all"):
-            # Blocks of `all` are a place's own: it has no differences.
+            # The blocks of `all` differ between positions, so there are no paired differences.
             folders = [args.work / "out" / lidar / place for place in PLACES]
             groups = [folders] if which == "present" else [[folder] for folder in folders]
             for group in groups:

@@ -1,11 +1,12 @@
-"""One, two and four poles at a crossroad, fused: AP, and what wrong clocks and poses cost.
+"""Compares one, two and four fused poles at a crossroad: AP, and the cost of clock and pose errors.
 
-A detector learns from 400 s of fused frames whose clocks and poses are right, and is tested on
-500 s that come later in the same world: so, with late clocks, and with mounts turned by more than
-is known. (90 s would hold little more than one stay of a vehicle that waits: no interval.) The
-vehicles of `all` are those that four poles together see, whichever poles the tested frames are of,
-so that differences are of the same vehicles and blocks. Rows go to results/poles.csv as they come,
-with their draws; what is there is not computed again.
+A detector trains on 400 s of fused frames with exact clocks and poses. It is tested on 500 s later
+in the same simulation: without errors, with late clocks, and with mounts turned by an unknown
+angle. (90 s of test would be little more than the time of one waiting vehicle, so no interval could
+be computed.) The vehicles of `all` are those that four poles together see, for any number of poles,
+so that differences use the same vehicles and blocks. Rows with their bootstrap replicates are added
+to results/poles.csv as they are made; existing rows are not computed again.
+
     python -m reproduction poles --work data/poles
 """
 
@@ -43,7 +44,7 @@ from reproduction import ROOT, provenance
 
 SCENE = "crossroad_poles"
 LIDARS = ("helios_16", "livox_avia", "ruby_plus", "pandar_64")
-ANEW = "-relearnt"  # from the tested frames, with their errors; without labels
+ANEW = "-relearnt"  # trained on the test frames with their errors, which needs no labels
 ARMS = ("background", "centerpoint-pillar", f"background{ANEW}")
 MOUNTS = {1: ("west",), 2: ("west", "east"), 4: ("west", "east", "south", "north")}
 LEARNT_FRAMES, TEST_FRAMES = "0:4000:10", "5000:10000:50"
@@ -54,7 +55,7 @@ KEY = ["lidar", "poles", "arm", "error", "ground_truth"]
 
 @dataclass(frozen=True)
 class Error:
-    """What is wrong between the mounts; the first one is always right."""
+    """Errors between the mounts; the first mount is always exact."""
 
     clock_ms: float = 0
     yaw_deg: float = 0
@@ -66,7 +67,7 @@ class Error:
         return f"yaw_{self.yaw_deg:g}_deg" if self.yaw_deg else "none"
 
     def assignments(self, mounts: Mapping[str, Mapping[str, Any]]) -> list[str]:
-        """KEY=VALUE of the scene."""
+        """Returns KEY=VALUE words that set the errors in the scene."""
         late, turned = altered_scenes.late_clocks, altered_scenes.wrong_turns
         words = late(mounts, self.clock_ms) if self.clock_ms else ()
         return [*words, *(turned(mounts, self.yaw_deg) if self.yaw_deg else ())]
@@ -77,7 +78,10 @@ ERRORS = (NONE, Error(clock_ms=20), Error(clock_ms=50), Error(yaw_deg=0.2), Erro
 
 
 def simulated(lidar: str, poles: int, work: Path, error: Error | None = None) -> Path:
-    """The LiDAR's folder of all poles together: frames to learn from; with an error, to test on."""
+    """Simulates fused frames and returns the LiDAR's folder.
+
+    error: errors of the test frames; None makes training frames.
+    """
     out = work / f"{lidar}_{poles}_{error.name if error else 'learnt'}"
     folder = (out if poles == 1 else out / "fused") / lidar
     if (done := out / "done").is_file():
@@ -93,7 +97,7 @@ def simulated(lidar: str, poles: int, work: Path, error: Error | None = None) ->
     words += ["--set", *changes] if changes else []
     infrasim("run", scene, "--lidar", lidar_file(lidar), "--out", out, *words)
     for mount in mounts if poles > 1 else ():
-        shutil.rmtree(out / mount)  # the fused frames hold their points
+        shutil.rmtree(out / mount)  # the fused frames contain their points
     (folder / "ImageSets").mkdir(exist_ok=True)
     for part in ("train", "val") if error else ("train",):
         numbers = "".join(f"{k:06d}\n" for k in kitti.frames(folder))
@@ -103,7 +107,10 @@ def simulated(lidar: str, poles: int, work: Path, error: Error | None = None) ->
 
 
 def truth_of(folder: Path, reference: Path) -> GroundTruth:
-    """With the vehicles of the reference, and `all` as that has it; labels and points stay."""
+    """Returns a folder's ground truth with the vehicles and visibility of `reference`.
+
+    Labels and points stay those of the folder.
+    """
     truth = read_ground_truth(folder, frame_numbers(folder))
     others = read_vehicles(reference, truth.frames)
     vehicles = with_unreached(truth.vehicles, others)
@@ -114,7 +121,7 @@ def truth_of(folder: Path, reference: Path) -> GroundTruth:
 
 
 def model_of(arm: str, folder: Path) -> tuple[Path, float]:
-    """What an arm learnt from the folder's frames, and the CPU seconds of its steps."""
+    """Trains an arm on the folder's frames; returns its model and CPU seconds of the steps."""
     run = folder.parent / f"{folder.name}_{arm}"
     recipe = read_recipe(ROOT / "configs/detectors" / f"{arm.removesuffix(ANEW)}.yaml", "quick")
     file = train(recipe, [read_source(folder, "quick")], run, quiet=True)
@@ -123,7 +130,7 @@ def model_of(arm: str, folder: Path) -> tuple[Path, float]:
 
 
 def judged(model: Path, folder: Path, reference: Path) -> tuple[list[Judgement], float]:
-    """Under each ground truth, and the median of milliseconds a frame."""
+    """Returns the match results under each ground truth, and the median milliseconds per frame."""
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     detections, times = detect.detect(detect.detector_at(model, folder), files, None)
     truth = truth_of(folder, reference)
@@ -152,7 +159,7 @@ def row(judgement: Judgement, which: str) -> dict[str, object]:
 
 
 def filled(lidar: str, poles: int, arm: str, args: argparse.Namespace) -> Iterator[pd.DataFrame]:
-    """The rows of every error that the table has not."""
+    """Yields the rows of every error that the table lacks."""
     table = store.read(args.out, KEY)
     for error in ERRORS if poles > 1 else (NONE,):
         cell = {"lidar": lidar, "poles": poles, "arm": arm, "error": error.name}
@@ -175,7 +182,9 @@ def filled(lidar: str, poles: int, arm: str, args: argparse.Namespace) -> Iterat
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=Path, required=True, help="folder of frames; about 10 GB")
+    parser.add_argument(
+        "--work", type=Path, required=True, help="working folder for frames, about 10 GB"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "poles.csv")
     parser.add_argument("--lidars", nargs="+", choices=LIDARS, default=LIDARS[:3])
     parser.add_argument("--arms", nargs="+", choices=ARMS, default=ARMS)

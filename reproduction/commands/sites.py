@@ -1,7 +1,9 @@
-"""Ten sites from a map to an average precision, each step by the command that a user types.
+"""Takes ten maps from import to average precision, each step with the user's command.
 
-Seven maps are written here, three are towns (.xodr) of a folder that --towns names; without it they
-are left out. Rows go to results/sites.csv as they come; those that are there stay, unless --again.
+Seven maps are generated here. Three are towns (.xodr) in the folder that --towns names; without it
+they are skipped. Rows are added to results/sites.csv as they are made; existing rows are kept
+unless --again is given.
+
     python -m reproduction sites --work out/sites --towns maps
 """
 
@@ -27,19 +29,19 @@ TOWNS = ("Town04", "Town05", "Town10HD")
 LIDARS = ("ruby_plus", "livox_avia")
 PRESET, FRAMES, SEED = "datasheet", "0:5000:25", 1
 VEHICLES_PER_HOUR = 600
-SPLIT_S = (250, 260)  # until when learnt, from when tested
+SPLIT_S = (250, 260)  # end of training, start of test
 COMMAND = "python -m reproduction sites --work DIR --towns DIR"
 
 
 @dataclass
 class Steps:
-    """Commands of one site, timed; a step's seconds are those of all its commands."""
+    """Timed commands of one site; a step's seconds are the sum over its commands."""
 
     log: Path
     seconds: dict[str, float] = field(default_factory=dict)
 
     def run(self, step: str, program: str, *words: object) -> str:
-        """What it printed. Raises RuntimeError with its errors."""
+        """Returns the standard output of a command. Raises RuntimeError with its standard error."""
         start = time.perf_counter()
         command = [str(Path(sys.executable).parent / program), *map(str, words)]
         done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
@@ -53,7 +55,7 @@ class Steps:
 
 
 def measured(name: str, map_: Path, work: Path) -> Iterator[dict[str, object]]:
-    """A row for each LiDAR of a site."""
+    """Yields a row for each LiDAR of a site."""
     shutil.rmtree(work / name, ignore_errors=True)
     (work / name).mkdir(parents=True)
     steps = Steps(work / name / "log.txt")
@@ -85,7 +87,7 @@ def measured(name: str, map_: Path, work: Path) -> Iterator[dict[str, object]]:
 
 
 def with_background(steps: Steps, data: Path, work: Path) -> dict[str, object]:
-    """Background's AP on a LiDAR's frames."""
+    """Returns Background's AP on a LiDAR's frames."""
     recipe, run = ROOT / "configs/detectors/background.yaml", work / "run"
     steps.run("detect_s", "pyinfra", "train", recipe, "--data", data, "--out", run)
     steps.run("detect_s", "pyinfra", "detect", run, "--data", data, "--out", run / "predictions")
@@ -119,10 +121,14 @@ def maps_of(towns: Path | None, work: Path) -> Iterator[tuple[str, Path]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=Path, required=True, help="folder for sites and frames")
-    parser.add_argument("--towns", type=Path, help=f"folder of {', '.join(TOWNS)} (.xodr)")
-    parser.add_argument("--sites", nargs="+", help="these alone")
-    parser.add_argument("--again", action="store_true", help="also those that are in the table")
+    parser.add_argument(
+        "--work", type=Path, required=True, help="working folder for sites and frames"
+    )
+    parser.add_argument("--towns", type=Path, help=f"folder with {', '.join(TOWNS)} (.xodr)")
+    parser.add_argument("--sites", nargs="+", help="run only these sites")
+    parser.add_argument(
+        "--again", action="store_true", help="also run sites that the table already has"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "results/sites.csv")
     args = parser.parse_args()
     provenance = {"preset": PRESET, "seed": SEED, "version": __version__, "machine": machine()}

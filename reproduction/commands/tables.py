@@ -1,7 +1,8 @@
-"""Writes the tables of the documentation that repeat a CSV of results/: `make docs`.
+"""Writes the documentation's tables that come from a CSV in results/: `make docs`.
 
-A table stands in a page between `<!-- table NAME -->` and `<!-- end -->`; NAME is a row of TABLES
-with what it is made of. `--check` writes nothing and fails if a page differs.
+A table stands in a page between `<!-- table NAME -->` and `<!-- end -->`. NAME is a key of TABLES,
+which maps it to the function that makes the table. `--check` writes nothing and fails if a page
+differs.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ TABLES: dict[str, Callable[[], str]] = {
 
 
 def rewritten(page: Path) -> str:
-    """The page with its tables made anew. Raises Error for a table of no name here."""
+    """Returns the page with its tables made anew. Raises Error for an unknown table name."""
 
     def table(match: re.Match[str]) -> str:
         begin, name, _, end = match.groups()
@@ -69,8 +70,10 @@ def rewritten(page: Path) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="Tables of the documentation, from results/.")
-    parser.add_argument("--check", action="store_true", help="write nothing; fail if one differs")
+    parser = argparse.ArgumentParser(description="Writes the documentation's tables from results/.")
+    parser.add_argument(
+        "--check", action="store_true", help="write nothing; fail if a page differs"
+    )
     check = parser.parse_args().check
     stale = [page for page in PAGES if rewritten(page) != page.read_text(encoding="utf-8")]
     for page in stale:

@@ -1,8 +1,10 @@
-"""How traffic of SUMO moves before and after smoothing, vehicles, bicycles and people on foot.
+"""Measures the motion of SUMO's vehicles, bicycles and pedestrians before and after smoothing.
 
-Two runs on a crossing with signals that is made here, and on each site of one's own:
+Two runs are made on a generated crossing with signals, and on each given site:
+
     python -m reproduction traffic sites/town
-A row a run, before and after, in results/traffic.csv.
+
+Writes results/traffic.csv with a row per run before smoothing and one after it.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ ON_FOOT = ("Pedestrian",)
 
 @dataclass(frozen=True)
 class Place:
-    """A network, and where the poles are."""
+    """A road network and the pole positions."""
 
     name: str
     net: Path
@@ -74,9 +76,14 @@ def row(figures: TrafficFigures) -> dict[str, object]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("sites", type=Path, nargs="*", help="folders of `pyinfra site import`")
+    parser.add_argument("sites", type=Path, nargs="*", help="site folders of `pyinfra site import`")
     parser.add_argument("--vehicles-per-hour", type=float, default=1500)
-    parser.add_argument("--people-per-hour", type=float, default=300, help="on foot; and riders")
+    parser.add_argument(
+        "--people-per-hour",
+        type=float,
+        default=300,
+        help="pedestrians per hour, and the same number of cyclists",
+    )
     parser.add_argument("--seconds", type=float, default=500)
     parser.add_argument("--out", type=Path, default=ROOT / "results/traffic.csv")
     args = parser.parse_args()

@@ -1,9 +1,10 @@
-"""What a budget and a split do to AP: results/budget.csv and results/split.csv.
+"""Measures the effect of training budget and split on AP: results/budget.csv and split.csv.
 
     python -m reproduction training --work data/benchmark
 
-Highway, Avia, preset `paper`, quick tier. Rows that are there are left out; the whole budget and
-the split by time are the rows of results/quick.csv, so `pyinfra benchmark` comes first.
+The setting is the highway, the Avia, preset `paper`, tier quick. Existing rows are skipped. The
+rows with the whole budget and with the split by time come from results/quick.csv, so run `pyinfra
+benchmark` first.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ def cell_of(detector: str) -> Cell:
 
 
 def split_at_random(data: Path) -> Path:
-    """A twin of the data set whose frames are those of the first, split at random."""
+    """Makes a copy of the data set by links, with a random split; returns its folder."""
     twin = data.with_name(f"{data.name}_random")
     for file in data.glob("*.*"):
         link(twin / file.name, file)
@@ -55,7 +56,7 @@ def link(at: Path, to: Path) -> None:
 
 
 def add(file: Path, cell: Cell, change: dict[str, object], recipe: Recipe, folder: Path) -> None:
-    """The row of a cell with a change, unless it is there."""
+    """Runs an experiment with a change and adds its row, unless the row exists."""
     key = dataclasses.asdict(cell) | change
     if store.has(store.read(file, list(change)), key):
         return
@@ -68,7 +69,7 @@ def add(file: Path, cell: Cell, change: dict[str, object], recipe: Recipe, folde
 
 
 def add_known(file: Path, detectors: tuple[str, ...], change: dict[str, object]) -> None:
-    """The rows of the matrix with what is not changed."""
+    """Copies the benchmark's rows that correspond to the unchanged setting."""
     table = store.read(file.with_name("quick.csv"))
     wanted = pd.DataFrame([dataclasses.asdict(cell_of(name)) for name in detectors])
     rows = table[store.among(table, wanted, KEY)].assign(**change)

@@ -1,13 +1,14 @@
-"""AP of pretrained detectors at sites where none of them learnt, by class, site and pose error.
+"""Measures AP of pretrained detectors at sites new to all, by class, site type and pose error.
 
-The sites are files (written by the command `frozen_sites`): 60 generated ones and 20 full of street
-furniture, four LiDARs each as the vendors' sheets say, some frames of each. Vehicles by BEV IoU
-0.5; people by IoU 0.25 and by centres within 0.5 m, as half of a box of 0.6 m is an offset of
-0.2 m. A vulnerable road user is a pedestrian or a cyclist, boxed as either. Conditions are errors
-of the known pose. Intervals (Student's), paired differences to the first model and what a condition
-costs are of 1,000 bootstrap replicates of whole sites.
+The sites are files, written by the command `frozen_sites`: 60 generated sites and 20 with much
+street furniture. Each has four LiDARs with data sheet settings and some frames of each. Vehicles
+are matched by BEV IoU 0.5. Pedestrians and cyclists are matched by IoU 0.25, and by centres within
+0.5 m, because an IoU of 0.5 allows an offset of only 0.2 m for a box of 0.6 m. The class of a box
+does not matter for a vulnerable road user (pedestrian or cyclist). Conditions are errors of the
+known pose. Intervals (Student's t), paired differences to the first model and costs of a condition
+use 1,000 bootstrap replicates of whole sites. Writes results/unseen.csv:
+
     python -m reproduction unseen version_2.safetensors generalist
-writes results/unseen.csv.
 """
 
 from __future__ import annotations
@@ -41,19 +42,19 @@ from reproduction.commands import frozen_sites
 
 FINE = 1000  # recalls
 REPLICATES = 1000
-CUT = 0.5  # of calibrated scores: from here on a box counts as false or not
+CUT = 0.5  # calibrated score from which an unmatched box counts as a false positive
 CLASSES: tuple[ObjectClass, ...] = ("vehicle", "pedestrian", "cyclist")
-# What is found as what: the classes of a kind of object.
+# The classes whose boxes count for each kind of object.
 OBJECTS: dict[str, tuple[ObjectClass, ...]] = {
     **{name: (name,) for name in CLASSES},
     "vulnerable road user": ("pedestrian", "cyclist"),
 }
-# How an object is found: name, metric, threshold.
+# How a box is matched: name, metric, threshold.
 Measure = tuple[str, matching.Metric, float]
 OF_VEHICLES: list[Measure] = [("BEV IoU 0.5", "bev", 0.5)]
 OF_PEOPLE: list[Measure] = [("BEV IoU 0.25", "bev", 0.25), ("centre 0.5 m", "centre", 0.5)]
 AS_KNOWN = "as known"
-RANDOM = np.random.default_rng(0)  # errors of a pose take nothing from it
+RANDOM = np.random.default_rng(0)  # the pose errors use no random numbers
 Fault = Callable[[Points], Points]
 CONDITIONS: dict[str, Fault] = {
     AS_KNOWN: lambda points: points,
@@ -72,33 +73,33 @@ KINDS: dict[str, Callable[[Keys], bool]] = {
 
 
 def many(keys: Keys, name: str) -> bool:
-    """Whether a class that is rare elsewhere is much of the traffic."""
+    """Returns whether a rare class is a large share of the traffic."""
     return bool(keys["traffic"]["class_shares"].get(name, 0) >= RANGES.fleet_weight[0])
 
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """What a model has of a kind of object at all sites of a set, by one measure."""
+    """A model's boxes for a kind of object at all sites of a set, by one measure."""
 
-    slot: IntArray  # (n,) place of the site
+    slot: IntArray  # (n,) index of the site
     scores: FloatArray
     right: BoolArray
     objects: IntArray  # (sites,)
     frames: IntArray  # (sites,)
 
     def ap(self, weights: IntArray) -> FloatArray:
-        """weights: (replicates, sites)."""
+        """Returns AP (R1000); weights: (replicates, sites)."""
         return average_precision(
             rank(self.scores, self.right, self.objects, self.slot), FINE, weights
         )
 
     def false_per_frame(self, weights: IntArray) -> FloatArray:
-        """Boxes from the cut on that found nothing."""
+        """Returns unmatched boxes above the cut per frame."""
         false = self.slot[~self.right & (self.scores >= CUT)]
         return (weights @ np.bincount(false, minlength=len(self.frames))) / (weights @ self.frames)
 
     def recall_at_half(self, chosen: BoolArray) -> float:
-        """The highest recall at a precision of 0.5 or more, of the chosen sites."""
+        """Returns the highest recall with a precision of at least 0.5 at the chosen sites."""
         mask = chosen[self.slot]
         right = self.right[mask][np.argsort(-self.scores[mask], kind="stable")]
         hits = np.cumsum(right)
@@ -108,7 +109,7 @@ class Boxes:
 
 @dataclass
 class Parts:
-    """The same while it is gathered."""
+    """Collects the data of Boxes site by site."""
 
     sites: int
     boxes: list[tuple[IntArray, FloatArray, BoolArray]] = field(default_factory=list)
@@ -132,7 +133,7 @@ Key = tuple[str, int, str, str]  # condition, model, kind of object, measure
 def scored_boxes(
     sample: SiteSample, detections: Detections, names: tuple[ObjectClass, ...], measure: Measure
 ) -> tuple[FloatArray, BoolArray, int]:
-    """Scores of the boxes of some classes, which are right, and how many objects there are."""
+    """Returns scores (n,) and matches (n,) of the boxes of some classes, and the object count."""
     _, metric, limit = measure
     margin_m = 0.0 if names == VEHICLES else FOOTWAYS_M
     types, numbers = [TYPES[name] for name in names], [CLASSES.index(name) for name in names]
@@ -203,7 +204,10 @@ def rows(
 
 
 def with_ends(name: str, values: FloatArray | None, sites: int) -> dict[str, float]:
-    """The value, and the ends of its interval, of the replicates of sites that follow it."""
+    """Returns a value and the ends of its interval.
+
+    values: the value, then its bootstrap replicates over sites; None gives NaN.
+    """
     keys = (name, f"{name}_low", f"{name}_high")
     if values is None:
         return dict.fromkeys(keys, np.nan)
@@ -214,7 +218,7 @@ def with_ends(name: str, values: FloatArray | None, sites: int) -> dict[str, flo
 def tested(
     networks: list[Network], names: list[str], sites: int | None, frames: int
 ) -> Iterator[dict[str, object]]:
-    """Rows of both sets; errors of the pose, and kinds of sites, are of the plain one."""
+    """Yields the rows of both sets; pose errors and site types only for the plain set."""
     for name, conditions in (
         ("plain", CONDITIONS),
         ("cluttered", {AS_KNOWN: CONDITIONS[AS_KNOWN]}),
@@ -231,9 +235,11 @@ def tested(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("models", nargs="+", type=Path, help="names, files or runs")
-    parser.add_argument("--sites", type=int, help="the first ones of each set; default: all")
-    parser.add_argument("--frames", type=int, default=5, help="of each LiDAR; default: 5, the most")
+    parser.add_argument("models", nargs="+", type=Path, help="names, model files or run folders")
+    parser.add_argument("--sites", type=int, help="number of sites per set (default: all)")
+    parser.add_argument(
+        "--frames", type=int, default=5, help="frames per LiDAR, at most 5 (default: 5)"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "results/unseen.csv")
     args = parser.parse_args()
     networks = [fused(checkpoint.load(model_file(model)).network()) for model in args.models]

@@ -1,4 +1,4 @@
-"""The study's report: `pyinfra report RESULTS --sections reproduction.report`."""
+"""Sections of the study's report: `pyinfra report RESULTS --sections reproduction.report`."""
 
 from pyinfra.viz.report.contents import Maker
 from pyinfra.viz.report.sections import (

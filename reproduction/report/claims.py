@@ -1,4 +1,4 @@
-"""The paper's claims under each preset: holds, fails, undecided."""
+"""The section on the paper's claims: holds, fails or undecided under each preset."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ VERDICTS = ("holds", "fails", "undecided")
 
 
 def section(material: Material) -> Section | None:
-    """A row for each thing that was tested, with the verdict under each preset.
+    """Returns a row for each test, with the verdict under each preset.
 
-    Nothing for own sites alone: these claims are the paper's.
+    There is no section if the results have none of the paper's scenes.
     """
     if not are_of_the_paper(material):
         return None
@@ -62,14 +62,14 @@ def section(material: Material) -> Section | None:
 
 
 def thing_tested(statement: str) -> str:
-    """A statement without what differs from preset to preset: counts, and what is in brackets."""
+    """Returns a statement without the parts that differ between presets: counts and brackets."""
     what, _, where = re.sub(r"\s*\([^)]*\)", "", statement).partition(";")
     words = [w.strip() for w in where.split(",") if not re.search(r"\d+ (moving )?vehicles", w)]
     return "; ".join([what.strip(), *([", ".join(words)] if any(words) else [])])
 
 
 def _lead(rows: pd.DataFrame, presets: list[str]) -> str:
-    """How many tests hold, preset by preset."""
+    """Describes how many tests hold, fail or are undecided under each preset."""
     parts = []
     for preset in presets:
         counts = rows[rows.preset == preset].verdict.value_counts()

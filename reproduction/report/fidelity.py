@@ -1,4 +1,4 @@
-"""What the model of a scene costs, and what it changes; the cheapest that changes nothing."""
+"""The section on scene models: their cost and effect, and the cheapest one without an effect."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from reproduction.report import ladder as models
 
 DETAILS = ("box", "low", "mid", "fine")
 REFERENCE = "fine"
-ALLOWED_PERCENT = 1.0  # points on a vehicle may differ by this much at any distance
+ALLOWED_PERCENT = 1.0  # allowed change of points per vehicle at any distance
 
 
 def section(material: Material) -> Section | None:
-    """Error against cost over the detail of the vehicles, and over the aggregation."""
+    """Draws change against cost for the detail of the vehicles, and for the aggregation."""
     detail, aggregation = (material.results.table(n) for n in ("fidelity", "aggregation"))
     blocks: list[Block] = []
     lead = ""
@@ -50,7 +50,7 @@ def section(material: Material) -> Section | None:
 
 
 def _ladder(detail: pd.DataFrame) -> pd.DataFrame:
-    """For each detail and LiDAR the mean and the largest change of points, and the time."""
+    """Returns mean and largest change of points and relative time, by detail and LiDAR."""
     rows = detail.assign(change=detail.change_percent.abs())
     groups = rows.groupby(["detail", "lidar"], sort=False)
     table = groups.agg(
@@ -66,7 +66,7 @@ def _ladder(detail: pd.DataFrame) -> pd.DataFrame:
 
 
 def recommendation(ladder: pd.DataFrame) -> str:
-    """The cheapest detail whose points stay within ALLOWED_PERCENT of the finest one's."""
+    """Describes the cheapest detail whose points are within ALLOWED_PERCENT of the finest one's."""
     worst = ladder.groupby("detail", sort=False).largest_change_percent.max()
     time = ladder.groupby("detail", sort=False).relative_time.mean()
     good = [d for d in worst.index if worst[d] <= ALLOWED_PERCENT and d != REFERENCE]
@@ -84,7 +84,7 @@ def recommendation(ladder: pd.DataFrame) -> str:
 
 
 def _cost_of_slices(table: pd.DataFrame) -> str:
-    """What the other ways of collecting points cost and change, in words."""
+    """Describes the cost and the effect of each aggregation."""
     means = table.groupby("aggregation", sort=False)[["ms_per_frame_set", "outside_box_percent"]]
     rows = means.mean()
     if "exact" not in rows.index:

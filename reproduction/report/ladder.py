@@ -1,4 +1,4 @@
-"""What cheaper models of a scene do to its conclusions, dial by dial."""
+"""Shows how cheaper scene models change the conclusions, one setting at a time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pyinfra.viz.report.sections.distance import legend
 from pyinfra.viz.report.style import drawing, panel
 
 UNTOLD = "The table keeps no draws: which model leaves the conclusions as they are is not known."
-# Of each dial the values from cheap to dear; the last is what the others are held against.
+# The values of each setting from cheap to expensive; the last is the reference.
 DIALS = {
     "detail": ("box", "low", "mid", "fine"),
     "aggregation": ("instant", "slices:100", "exact"),
@@ -31,18 +31,18 @@ DIALS = {
 
 @dataclass(frozen=True)
 class Rung:
-    """One value of a dial against the dearest one."""
+    """One value of one setting, compared with the most expensive value."""
 
     dial: str
     value: str
     seconds: float  # CPU time of the simulation
-    change: float  # of AP, the largest of all LiDARs
-    same: bool  # conclusions
-    known: bool  # every LiDAR has an interval
+    change: float  # largest change of AP over all LiDARs
+    same: bool  # whether all conclusions are the same
+    known: bool  # whether every LiDAR has an interval
 
 
 def blocks(material: Material) -> tuple[str, list[Block]]:
-    """What is recommended, and the figure and table behind it; nothing without a ladder."""
+    """Returns the recommendation with its figure and table; nothing without a ladder table."""
     table = with_fine(material.results.table("ladder"))
     if table.empty:
         return "", []
@@ -53,7 +53,7 @@ def blocks(material: Material) -> tuple[str, list[Block]]:
 
 
 def rungs(table: pd.DataFrame) -> list[Rung]:
-    """Every value of every dial, the other dials at what most rows have."""
+    """Returns every value of every setting, the other settings at their most frequent values."""
     usual = usual_of(table)
     made = []
     for dial, values in dials_of(table).items():
@@ -81,17 +81,17 @@ def rungs(table: pd.DataFrame) -> list[Rung]:
 
 
 def dials_of(table: pd.DataFrame) -> dict[str, tuple[str, ...]]:
-    """The dials that a table has columns of."""
+    """Returns the settings that a table has as columns."""
     return {dial: values for dial, values in DIALS.items() if dial in table}
 
 
 def usual_of(table: pd.DataFrame) -> dict[str, str]:
-    """The value that most rows have, of each dial."""
+    """Returns the most frequent value of each setting."""
     return {dial: table[dial].astype(str).mode()[0] for dial in dials_of(table)}
 
 
 def _turned(table: pd.DataFrame, dial: str, usual: dict[str, str]) -> pd.DataFrame:
-    """The rows in which only this dial differs from the usual."""
+    """Returns the rows in which only `dial` differs from the most frequent values."""
     keep = pd.Series(True, index=table.index)
     for other, value in usual.items():
         if other != dial:
@@ -100,11 +100,12 @@ def _turned(table: pd.DataFrame, dial: str, usual: dict[str, str]) -> pd.DataFra
 
 
 def agrees(rows: pd.DataFrame, dearest: pd.DataFrame, *, of_frames: bool = False) -> bool:
-    """Whether no AP can be told from the dearest model's, and every pair that it decides stays so.
+    """Returns whether a cheaper model leads to the same conclusions as the most expensive one.
 
-    Both by LiDAR, on one traffic; of_frames: other frames have other draws, so the order alone. A
-    pair is decided where the interval of its paired difference does not hold 0; of a table that
-    keeps no draws nothing is known, so nothing agrees.
+    Both arguments have one row per LiDAR, for the same traffic. Two conditions must hold: no AP
+    differs significantly from that of the most expensive model, and every significant order of two
+    LiDARs stays. With of_frames only the order counts, because other frames have no paired
+    replicates. Without bootstrap replicates the result is False.
     """
     if set(rows.index) != set(dearest.index) or not (keeps_draws(rows) and keeps_draws(dearest)):
         return False
@@ -132,7 +133,7 @@ def figures(rows: pd.DataFrame) -> dict[str, comparison.Bootstrapped]:
 
 
 def recommendation(all_rungs: list[Rung]) -> str:
-    """Of each dial the cheapest value from which on nothing changes."""
+    """Names, for each setting, the cheapest value from which on no conclusion changes."""
     parts = []
     for dial in dict.fromkeys(rung.dial for rung in all_rungs):
         values = [rung for rung in all_rungs if rung.dial == dial]

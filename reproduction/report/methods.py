@@ -1,4 +1,4 @@
-"""The report's methods, with the rules of the claims and where the paper's figures are."""
+"""The section on methods, with the rules of the claims and an index of the paper's figures."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LEAD = (
     "about scanning were written before the run, those about detection before all cells were "
     "measured. Everything is simulated: no vegetation, one pole for each scene."
 )
-# What the paper shows, where it is here (the start of an anchor), and what it needs.
+# The paper's item, its position here (start of an anchor), and the input that it needs.
 ENTRIES = (
     Entry("Figure: scanning patterns", "figure-patterns", "a data set and the compiled extension"),
     Entry("Figure: framework", "methods", ""),
@@ -45,7 +45,7 @@ ENTRIES = (
 
 
 def section(material: Material) -> Section:
-    """With the index of the paper's figures before the provenance."""
+    """Inserts the index of the paper's figures before the provenance in pyinfra's section."""
     base = methods.section(material)
     if not are_of_the_paper(material):
         return base

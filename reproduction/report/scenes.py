@@ -1,10 +1,10 @@
-"""Whether a report is of the study's scenes."""
+"""Tells whether a report covers the study's scenes."""
 
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.viz.report.report_data import Material
 
 
 def are_of_the_paper(material: Material) -> bool:
-    """Whether a scene of the paper is among those of the results; true of no scene at all."""
+    """Returns whether the results have a scene of the paper, or no scene at all."""
     names = material.scenes()
     return not names or any(scene in SCENES for scene in names)

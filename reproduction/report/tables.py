@@ -1,4 +1,4 @@
-"""The study's own tables in a folder of results, beside those of pyinfra."""
+"""The study's own tables in a folder of results, besides those of pyinfra."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Tables of the documentation, by what they are of."""
+"""Makes tables of the documentation, one module per topic."""

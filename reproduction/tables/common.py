@@ -1,4 +1,4 @@
-"""What all tables have: names, figures, rows."""
+"""Names, number formats and rows for all tables."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pandas as pd
 
 from reproduction import ROOT
 
-LEAST_BOXES = 10  # of a site, for its own precision
+LEAST_BOXES = 10  # minimum number of boxes for a site's own precision
 DETECTORS = {
     "background": "Background",
     "pointpillars": "PointPillars",
@@ -39,7 +39,7 @@ def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def number(value: float) -> str:
-    """Three digits of what is below 1, else one or two behind the point."""
+    """Formats a number with two decimals if it is below 1, else with one."""
     return f"{value:.2f}" if abs(value) < 1 else f"{value:.1f}"
 
 

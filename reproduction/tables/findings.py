@@ -1,4 +1,4 @@
-"""What claims say of the paper's conclusions."""
+"""Makes the tables of the paper's claims and their verdicts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from reproduction.tables.common import (
 )
 
 Claims = Sequence[tuple[str, str, str, str]]
-# Claims about scanning: what the paper says, the claim, and words of its statement.
+# Claims about scanning: the paper's statement, the claim, and words of its test's statement.
 SCANNING = (
     ("the Avia has about twice the points far out", "far-range", " common,", "in reach of all"),
     ("", "far-range", " view,", "all vehicles"),
@@ -31,7 +31,7 @@ SCANNING = (
     ("motion takes points out of the box", "deskew", "", ""),
     ("the Avia alone sees some far vehicles", "only-one", "view,", "all vehicles"),
 )
-# Claims about detection, likewise.
+# Claims about detection, in the same form.
 DETECTION = (
     ("the Avia's AP is that of 128 lines", "comparable", "", ""),
     ("64 lines are below both", "64-below", "", ""),
@@ -48,7 +48,7 @@ DETECTION = (
     ("pillars, voxels and transformer are alike", "similar", "", ""),
     ("tilting the Avia does not help", "tilt", "", ""),
 )
-# A row of a table of one scene: claim, words of its statement, how it is said, digits.
+# Rows of a table of one scene: claim, words of its statement, label, number format.
 OF_A_SCENE = (
     ("comparable", "", "`comparable`: Avia less 128 lines within 3", "{:+.1f}"),
     ("64-below", "", "`64-below`: the smaller of both less 64 lines above 0", "{:+.1f}"),
@@ -68,7 +68,7 @@ OF_A_SCENE = (
         *("`value`: AP per dollar, five Avias over the best other above 1", "{:.2f}"),
     ),
 )
-# A row of the table of scanning: claim, words of its statement, how it is said, set and distance.
+# Rows of the table of scanning: claim, words of its statement, label, subset and distance.
 OF_SCANNING = (
     (
         *("far-range", " common,", "`far-range`: Avia / best other within 1.5 to 2.5"),
@@ -94,7 +94,7 @@ TWO = ("pointpillars", "centerpoint-pillar")
 
 
 def rows_of(table: pd.DataFrame, claim: str, words: str, **equal: str) -> pd.DataFrame:
-    """Rows of a claim whose statement has the words and whose columns are as given."""
+    """Returns the rows of a claim with the words in its statement and the given column values."""
     keep = (table.claim == claim) & table.statement.str.contains(words, regex=False)
     for column, value in equal.items():
         keep &= table[column] == value
@@ -102,12 +102,12 @@ def rows_of(table: pd.DataFrame, claim: str, words: str, **equal: str) -> pd.Dat
 
 
 def in_short() -> str:
-    """The verdict of every claim about scanning under every preset."""
+    """Returns the verdicts of every claim about scanning under every preset."""
     return _in_short(SCANNING, scanned)
 
 
 def detection_in_short() -> str:
-    """How many of each claim about detection hold, fail and are undecided."""
+    """Counts how often each claim about detection holds, fails and is undecided."""
     return _in_short(DETECTION, counted)
 
 
@@ -120,7 +120,7 @@ def _in_short(claims: Claims, cell: Callable[[str, str, str], str]) -> str:
 
 
 def named(claim: str, note: str) -> str:
-    """The claim with what it is about."""
+    """Returns the claim with its subject."""
     if claim == "gentle":
         return f"`{claim}` ({note})"
     return f"`{claim}` {note}" if claim == "ratio" else f"`{claim}`" + (f", {note}" if note else "")
@@ -143,7 +143,7 @@ def counted(claim: str, words: str, preset: str) -> str:
 
 
 def scanning() -> str:
-    """Value, interval and verdict of each claim about scanning."""
+    """Returns value, interval and verdict of each claim about scanning."""
     rows = []
     for claim, words, statement, where in OF_SCANNING:
         cells = (scanned_row(claim, words, preset) for preset in PRESETS)
@@ -160,7 +160,7 @@ def scanned_row(claim: str, words: str, preset: str) -> str:
 
 
 def of_a_scene(scene: str, preset: str, names: Sequence[str]) -> str:
-    """A column a detector; a row that none of them has is left out."""
+    """Returns a table with a column per detector, without rows that are empty for all."""
     rows = []
     for claim, words, statement, shape in OF_A_SCENE:
         cells = [verdict(scene, preset, claim, words, d, shape) for d in names]
@@ -170,7 +170,7 @@ def of_a_scene(scene: str, preset: str, names: Sequence[str]) -> str:
 
 
 def of_scenes(preset: str, scenes: Sequence[str], names: Sequence[str]) -> str:
-    """A column a scene, the detectors beside each other in it."""
+    """Returns a table with a column per scene; a cell lists the detectors."""
     rows = []
     for claim, words, statement, shape in OF_A_SCENE:
         cells = [
@@ -183,7 +183,7 @@ def of_scenes(preset: str, scenes: Sequence[str], names: Sequence[str]) -> str:
 
 
 def verdict(scene: str, preset: str, claim: str, words: str, detector: str, shape: str) -> str:
-    """Value and verdict of a claim about one detector; nothing if it was not tested."""
+    """Formats value and verdict of a claim about one detector; empty if it was not tested."""
     rows = rows_of(results("quick_claims"), claim, words, scene=scene, preset=preset)
     rows = rows[rows.statement.str.startswith(f"{detector}:")]
     if rows.empty:
@@ -193,7 +193,7 @@ def verdict(scene: str, preset: str, claim: str, words: str, detector: str, shap
 
 
 def detectors(scene: str, preset: str) -> str:
-    """AP of the smallest seed with its interval, and the time of training."""
+    """Returns the AP of the smallest seed with its interval, and the training time."""
     table = with_fine(results("quick"))
     table = table[(table.scene == scene) & (table.preset == preset)].sort_values("seed")
     rows = []

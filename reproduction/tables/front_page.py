@@ -1,4 +1,4 @@
-"""The three findings of README, each with what it was measured on."""
+"""Makes the three findings of README, each with its measurement conditions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def findings() -> str:
 
 
 def far_points() -> list[str]:
-    """Points on far vehicles: the Avia's over the best other LiDAR's, under the three presets."""
+    """Compares points on far vehicles: the Avia over the best other LiDAR, under three presets."""
     table = results("claims")
     paper, equal, datasheet = (
         number(rows_of(table, "far-range", " common,", preset=preset).value.item())
@@ -36,7 +36,7 @@ def far_points() -> list[str]:
 
 
 def wrong_yaw() -> list[str]:
-    """What a small yaw error costs: least and most over detectors and LiDARs."""
+    """Returns the AP cost of a small yaw error: minimum and maximum over detectors and LiDARs."""
     table = results("stress_generalist")
     turned = table[(table.stressor == "yaw_error") & (table.dial == f"{YAW_DEG:g}")]
     before = table[table.stressor == "none"].set_index("run").ap_fine
@@ -54,7 +54,7 @@ def wrong_yaw() -> list[str]:
 
 
 def several_poles() -> list[str]:
-    """AP of a network with 16 lines on one pole, and on four."""
+    """Returns the AP of a detector with 16-line LiDARs on one pole and on four."""
     table = results("poles")
     keep = (table.lidar == "helios_16") & (table.arm == "centerpoint-pillar")
     keep &= (table.error == "none") & (table.ground_truth == "all")

@@ -1,4 +1,4 @@
-"""Whether intervals hold what they promise."""
+"""Makes tables about the reliability of intervals."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from reproduction.tables.common import LIDARS, markdown, results
 
 
 def coverage() -> str:
-    """How often intervals held the truth, and how wide they were, by scene and span."""
+    """Returns how often intervals contained the true AP, and their width, by scene and span."""
     table = results("coverage")
     table = table[table.rule == "as long as a stay"]
     rows = []
@@ -18,7 +18,7 @@ def coverage() -> str:
 
 
 def correlation() -> str:
-    """How long errors of Background last by its own detections, of each LiDAR, and the block."""
+    """Returns the correlation time of Background's errors by LiDAR, and the block length."""
     table = results("correlation")
     table = table[table.ground_truth == "all"]
     by_lidar = table.pivot(index="scene", columns="lidar", values="correlation_s")

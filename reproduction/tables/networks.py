@@ -1,4 +1,4 @@
-"""One network for many sites, its stability and time."""
+"""Makes tables about the pretrained detector: accuracy, stability and latency."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ STRESSED = {
     "background": "Background",
     "centerpoint": "specialist",
     "generalist": "generalist",
-}  # by the end of the run's name
+}  # keyed by the end of the run's name
 HELD_OUT = ("hesai_ot128", "hesai_xt32", "livox_horizon")  # of configs/streams/generalist.yaml
-MANY_LABELS = 200  # in the frames of test
+MANY_LABELS = 200  # minimum number of labels in the test frames
 
 
 def generalist_sites() -> str:
-    """By LiDAR, precision and recall of the shipped network's vehicles at sites it never saw."""
+    """Returns the shipped detector's vehicle precision and recall by LiDAR at unseen sites."""
     rows, table = [], results("generalist_sites")
     for lidar, group in table[table["class"] == "vehicle"].groupby("lidar", sort=True):
         totals = group[["boxes", "objects"]].sum()
@@ -57,7 +57,7 @@ def generalist_sites() -> str:
 
 
 def generalist_classes() -> str:
-    """What the shipped network's boxes of each class are at sites it never saw, from the cut on."""
+    """Returns the shipped detector's precision and recall by class at unseen sites."""
     rows, table = [], results("generalist_sites")
     for name, group in table.groupby("class", sort=False):
         group = group.assign(
@@ -75,7 +75,7 @@ def generalist_classes() -> str:
 
 
 def generalist() -> str:
-    """Fine AP of the shipped network as it comes, after a little training, and of a specialist."""
+    """Returns AP (R1000) of the shipped, the fine-tuned and the site-trained detectors."""
     rows = []
     table = results("generalist").query("preset == 'datasheet'")
     for (site, lidar, world), group in table.groupby(["site", "lidar", "seed"], sort=False):
@@ -89,7 +89,10 @@ def generalist() -> str:
 
 
 def beside_specialists() -> str:
-    """Differences of fine AP to a specialist; a site is one replicate, as its worlds are alike."""
+    """Returns AP (R1000) minus that of a site-trained detector; each site is one replicate.
+
+    The traffic seeds of a site are averaged first, because they are alike.
+    """
     rows = []
     table = results("generalist").query("preset == 'datasheet'")
     key = ["site", "seed", "lidar"]
@@ -116,18 +119,18 @@ def beside_specialists() -> str:
 
 
 def _unseen() -> pd.DataFrame:
-    """Rows of unseen sites, with one measure of each class."""
+    """Returns the rows of unseen sites, with one measure for each class."""
     table = results("unseen")
     return table[table.measure.isin(["BEV IoU 0.5", "centre 0.5 m"])]
 
 
 def _pair(values: Sequence[float]) -> str:
-    """A paired difference with its interval; empty if there is none."""
+    """Formats a paired difference with its interval; empty if there is none."""
     return "" if math.isnan(values[0]) else "{:+.1f} [{:.1f}, {:.1f}]".format(*values)
 
 
 def unseen() -> str:
-    """Fine AP by class at sites that no training saw: the version before, the shipped one."""
+    """Returns AP (R1000) by class at unseen sites, for the previous and the shipped version."""
     table, rows = _unseen(), []
     models = list(dict.fromkeys(table.model))
     table = table[(table.condition == "as known") & (table.objects > 0)]
@@ -143,7 +146,7 @@ def unseen() -> str:
 
 
 def unseen_pose() -> str:
-    """What an error of the known pose costs at the plain sites, in AP."""
+    """Returns the AP cost of an error of the known pose at the plain sites."""
     table, rows = _unseen(), []
     models = list(dict.fromkeys(table.model))
     wrong = table[table.condition != "as known"]
@@ -155,7 +158,7 @@ def unseen_pose() -> str:
 
 
 def unseen_shown() -> str:
-    """Of boxes from a score of 0.5 on: false ones a frame; and recall at precision 0.5."""
+    """Returns false positives per frame from a score of 0.5 on, and recall at precision 0.5."""
     table, rows = _unseen(), []
     models = list(dict.fromkeys(table.model))
     table = table[(table.condition == "as known") & (table["sites"] == "all")]
@@ -173,7 +176,7 @@ def unseen_shown() -> str:
 
 
 def fairness() -> str:
-    """What 120 steps of training at a scene give each LiDAR, in AP."""
+    """Returns the AP gain of each LiDAR from 120 training steps at a scene."""
     rows = []
     for (site, seed, lidar), group in results("fairness").groupby(
         ["site", "seed", "lidar"], sort=False
@@ -186,7 +189,10 @@ def fairness() -> str:
 
 
 def stress_generalist() -> str:
-    """Where AP falls by 10 and to half, and AP under names, of three detectors and two LiDARs."""
+    """Returns where AP falls by 10 and to half, or the AP of named severities.
+
+    The columns are three detectors with two LiDARs.
+    """
     curves, trials = (
         results(name).assign(who=lambda t: t.run.str.rsplit("_", n=1).str[-1])
         for name in ("stress_generalist_summary", "stress_generalist")
@@ -213,7 +219,7 @@ def _unstressed(trials: pd.DataFrame, lidar: str, who: str) -> str:
 
 
 def engines() -> str:
-    """How much faster a frame is with another engine in the generalist, and its AP."""
+    """Returns the speed-up by each engine in the pretrained detector, and its AP."""
     table = results("engines")
     rows = []
     for engine, group in table.groupby("engine", sort=False):

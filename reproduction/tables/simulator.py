@@ -1,4 +1,4 @@
-"""Speed and fidelity of the simulator."""
+"""Makes tables about the speed and fidelity of the simulator."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ from reproduction.tables.common import LIDARS, markdown, results, with_interval_
 
 
 def speed() -> str:
-    """What `make bench` measured."""
+    """Returns the measurements of `make bench`."""
     table = results("speed")
-    now = table[~table.what.str.startswith("speed / before")]  # measured beside another version
+    now = table[~table.what.str.startswith("speed / before")]  # measured against another version
     rows = [[r.what, f"{r.value:.2f} {r.unit}"] for r in now.itertuples()]
     return markdown(["what", "value"], rows)
 
 
 def ladder(name: str = "ladder") -> str:
-    """Fine AP of the default model of a scene; of others one dial away, how far they are from it.
+    """Returns AP (R1000) of the default scene model, and differences of other models to it.
 
-    In pairs where the worlds are one, else AP. CPU seconds of the run.
+    A difference is paired if both models have the same traffic; otherwise the AP is shown. The
+    times are CPU seconds of the run.
     """
     table = results(name)
     dials = ["detail", "aggregation", "parts", "vegetation", "label_time", "frames"]
@@ -38,7 +39,7 @@ def ladder(name: str = "ladder") -> str:
 
 
 def _step(row: pd.Series, default: pd.Series | None) -> str:
-    """AP, or a signed difference, bold where its interval does not hold 0."""
+    """Formats an AP, or a paired difference, in bold if it is significant."""
     if default is None or not are_pairs(row, default):
         return with_interval_of_ap(*row[["ap_fine", "ap_fine_low", "ap_fine_high"]].astype(float))
     change = difference(row, default).measured()

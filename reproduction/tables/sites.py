@@ -1,4 +1,4 @@
-"""Any site: maps, traffic, people, several poles."""
+"""Makes tables about user sites: maps, traffic, pedestrians and cyclists, several poles."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from reproduction.tables.common import (
     with_interval_of_ap,
 )
 
-PEOPLE_POINTS, PEOPLE_BIN_M = 5, 10  # as the command `people` has them
+PEOPLE_POINTS, PEOPLE_BIN_M = 5, 10  # as in the command `people`
 POLE_DETECTORS = DETECTORS | {"background-relearnt": "Background, learnt anew"}
 COMPARED = "6m"
 PLACES = {
@@ -37,7 +37,7 @@ POLE_ERRORS = {
 
 
 def people() -> str:
-    """How far people have 5 points a frame, and how many they have on the way."""
+    """Returns the range with enough points on pedestrians and cyclists, and points by distance."""
     table = results("people")
     at_m = (20, 50, 100, 150)
     rows = []
@@ -52,7 +52,10 @@ def people() -> str:
 
 
 def people_reach(bins: pd.DataFrame) -> str:
-    """The end of the last bin with enough points, and that of the last without a gap before it."""
+    """Returns the end of the last bin with enough points.
+
+    If bins before it lack points, the end of the last bin without a gap is added.
+    """
     enough = (bins.points >= PEOPLE_POINTS).to_numpy()
     if not enough.any():
         return "-"
@@ -65,7 +68,7 @@ def people_reach(bins: pd.DataFrame) -> str:
 
 
 def traffic() -> str:
-    """How SUMO's vehicles, riders and people on foot move, before and after smoothing."""
+    """Returns motion measures of SUMO's road users before and after smoothing."""
     rows = []
     for (net, seed), group in results("traffic").groupby(["net", "seed"], sort=False):
         before, after = group.iloc[0], group.iloc[1]
@@ -78,7 +81,7 @@ def traffic() -> str:
 
 
 def sites() -> str:
-    """Ten maps: what they hold, seconds of each step, and Background's AP by LiDAR."""
+    """Returns the content of ten maps, seconds of each step, and Background's AP by LiDAR."""
     table = results("sites")
     steps = ("import", "traffic", "check", "run")
     rows = []
@@ -102,7 +105,7 @@ def site_ap(row: pd.Series, truth: str) -> str:
 
 
 def poles() -> str:
-    """AP by the number of poles, and what more poles add."""
+    """Returns the AP by the number of poles, and the gain of more poles."""
     rows = []
     for names, by_poles in of_poles():
         ap = [
@@ -124,7 +127,7 @@ def poles() -> str:
 
 
 def places() -> str:
-    """AP by the place of a LiDAR at a crossing, and the paired difference to one place."""
+    """Returns the AP by LiDAR position at a crossing, and the paired difference to one position."""
     table = results("places").fillna({"minus": ""})
     keys = ["ground_truth", "place", "minus", "measure"]
     rows = []
@@ -157,7 +160,7 @@ def _signed(value: float, low: float, high: float) -> str:
 
 
 def pole_errors() -> str:
-    """What each error costs, of two poles and of four."""
+    """Returns the AP cost of each error, with two poles and with four."""
     rows = []
     for names, by_poles in of_poles():
         for right in (by_poles[n] for n in (2, 4) if n in by_poles):
@@ -167,7 +170,7 @@ def pole_errors() -> str:
 
 
 def of_poles() -> Iterable[tuple[list[str], dict[int, pd.Series]]]:
-    """LiDAR and detector, and by the number of poles the row of `all` without an error."""
+    """Yields LiDAR and detector, and by number of poles the row of `all` without an error."""
     table = results("poles")
     right = table[(table.error == "none") & (table.ground_truth == "all")]
     for detector, (lidar, words) in itertools.product(POLE_DETECTORS, LIDARS.items()):
@@ -178,7 +181,7 @@ def of_poles() -> Iterable[tuple[list[str], dict[int, pd.Series]]]:
 
 
 def _errors(right: pd.Series) -> Iterable[pd.Series | None]:
-    """The same cell with each error, if it is there."""
+    """Returns the row of the same experiment with each error, or None if it does not exist."""
     table = results("poles")
     keys = ["lidar", "arm", "poles", "ground_truth"]
     by_error = table[(table[keys] == right[keys]).all(axis=1)].set_index("error", drop=False)
@@ -186,7 +189,7 @@ def _errors(right: pd.Series) -> Iterable[pd.Series | None]:
 
 
 def _less(a: pd.Series | None, b: pd.Series | None) -> str:
-    """Their difference with its interval; nothing if one is not there."""
+    """Formats a paired difference with its interval; empty if a row is missing."""
     if a is None or b is None:
         return ""
     change = difference(a, b).measured()
