@@ -1,6 +1,7 @@
-"""Exactness and speed of the evaluation, on one core.
+"""Measures the exactness and speed of the evaluation on one core.
 
 Writes results/evaluation.csv:
+
     .venv/bin/python benchmarks/evaluate_speed.py
 """
 
@@ -53,7 +54,10 @@ def random_boxes(random: np.random.Generator, n: int) -> FloatArray:
 
 
 def box_pairs(random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """50,000 random pairs and 50,000 degenerate ones: equal, touching, nearly equal, on a grid."""
+    """Returns 50,000 random pairs of boxes and 50,000 special ones.
+
+    The special pairs are equal, touching, nearly equal, or on a grid.
+    """
     a, b = random_boxes(random, 50_000), random_boxes(random, 50_000)
     parts = [(a, b)]
     for share, quarters in itertools.product(
@@ -79,7 +83,7 @@ def box_pairs(random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
 
 
 def corners(box: FloatArray) -> FloatArray:
-    """(n, 7) to (n, 4, 2)."""
+    """Returns the footprint corners (n, 4, 2) of boxes (n, 7)."""
     u = np.array([0.5, 0.5, -0.5, -0.5]) * box[:, 3, None]
     v = np.array([-0.5, 0.5, 0.5, -0.5]) * box[:, 4, None]
     cos, sin = np.cos(box[:, 6, None]), np.sin(box[:, 6, None])
@@ -94,7 +98,10 @@ def shapely_iou(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def exact_iou(a: FloatArray, b: FloatArray) -> float:
-    """Of two boxes (7,), by clipping in rational arithmetic; the judge where the two disagree."""
+    """Returns the IoU of two boxes (7,) by clipping in rational arithmetic.
+
+    It decides which result is right where ours and shapely's differ.
+    """
     one, two = (
         [(Fraction(float(x)), Fraction(float(y))) for x, y in corners(box[None])[0]]
         for box in (a, b)
@@ -138,7 +145,7 @@ def exactness(random: np.random.Generator) -> list[Row]:
 
 
 def frame(random: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Vehicles on 8 lanes, predictions (most of them noisy vehicles) and their scores."""
+    """Returns vehicles on 8 lanes, predictions (most are noisy vehicles) and their scores."""
     n = OBJECTS
     lane = random.integers(0, 8, n)
     x, y = random.uniform(-100, 100, n), 3.5 * lane - 12.25
@@ -159,7 +166,7 @@ def frame(random: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArr
 
 
 def write_data_set(folder: Path, frames: int, random: np.random.Generator) -> tuple[Path, Path]:
-    """A LiDAR's folder and predictions as files; the clouds are empty."""
+    """Writes a LiDAR's folder and predictions as files; the point clouds are empty."""
     lidar, predictions = folder / "speed", folder / "predictions"
     for part in ("velodyne", "objects"):
         (lidar / "training" / part).mkdir(parents=True)
@@ -190,9 +197,9 @@ def result_line(box: FloatArray, score: float) -> str:
 
 
 def evaluation(frames: int, random: np.random.Generator, *options: str) -> tuple[float, float]:
-    """Core seconds and peak MB of a whole `pyinfra evaluate`, Python's start and all.
+    """Returns CPU seconds and peak MB of a whole `pyinfra evaluate`, including Python's start.
 
-    Core seconds are what a clock shows on a machine that does nothing else.
+    CPU seconds equal wall time on an idle machine.
     """
     with tempfile.TemporaryDirectory() as name:
         lidar, predictions = write_data_set(Path(name), frames, random)
@@ -213,7 +220,7 @@ def whole_rows(random: np.random.Generator) -> list[Row]:
 
 
 def matching_rows(random: np.random.Generator, frames: int) -> list[Row]:
-    """Our IoU and matching against shapely for every pair of each frame and the same greed."""
+    """Compares our IoU and matching with shapely on every pair and the same greedy matching."""
     data = [frame(random) for _ in range(frames)]
     ours, fast = timed(lambda: match_ours(data))
     theirs, slow = timed(lambda: [match_shapely(*one) for one in data])
@@ -260,7 +267,9 @@ def timed(work: Callable[[], Any]) -> tuple[Any, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "evaluation.csv")
-    parser.add_argument("--frames", type=int, default=200, help="of the shapely loop")
+    parser.add_argument(
+        "--frames", type=int, default=200, help="number of frames of the shapely loop"
+    )
     args = parser.parse_args()
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     random = np.random.default_rng(1)

@@ -1,8 +1,11 @@
-"""Speed of the detectors' operations on one core, against torch, scipy, fpsample and spconv.
+"""Measures the detectors' operations on one core, against torch, scipy, fpsample and spconv.
 
-Writes results/ops.csv; what is not installed is left out (pip install fpsample spconv):
+Writes results/ops.csv. Packages that are not installed are skipped (pip install fpsample spconv):
+
     .venv/bin/python benchmarks/ops.py
-A time is the best of the repetitions, which go round all ways of one operation.
+
+A time is the minimum of the repetitions, which alternate between the implementations of an
+operation.
 """
 
 from __future__ import annotations
@@ -17,7 +20,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-os.environ["OMP_NUM_THREADS"] = "1"  # before torch; spconv is wrong with more
+# before importing torch; spconv gives wrong results with more threads
+os.environ["OMP_NUM_THREADS"] = "1"
 
 import numpy as np
 import pandas as pd
@@ -43,7 +47,7 @@ def optional(name: str) -> ModuleType | None:
 
 
 def in_torch(work: Callable[[], object]) -> Callable[[], object]:
-    """The same without the compiled kernels."""
+    """Returns the same function, run without the compiled kernels."""
 
     def plain() -> object:
         modules: list[Any] = [boxes, points, sparse]
@@ -60,7 +64,7 @@ def in_torch(work: Callable[[], object]) -> Callable[[], object]:
 
 
 def frame(random: np.random.Generator, n: int) -> Tensor:
-    """Points (n, 3) of a ground whose density falls with the range, walls and vehicles."""
+    """Returns points (n, 3) of walls, vehicles and a ground whose density falls with range."""
     ground, wall = n // 2, n // 4
     r, azimuth = random.uniform(8, 70, ground), random.uniform(-0.6, 0.6, ground)
     flat = np.stack([r * np.cos(azimuth), r * np.sin(azimuth), np.full(ground, -6.0)], 1)
@@ -75,7 +79,7 @@ def frame(random: np.random.Generator, n: int) -> Tensor:
 
 
 def crowd(random: np.random.Generator, n: int, clusters: int) -> tuple[Tensor, Tensor]:
-    """Boxes (n, 7) of cars in heaps and scores, as a detector gives them before suppression."""
+    """Returns clustered car boxes (n, 7) and scores, like detections before suppression."""
     at = random.integers(clusters, size=n)
     vehicles = np.zeros((n, 7))
     vehicles[:, :2] = random.uniform(-60, 60, (clusters, 2))[at] + random.normal(0, 0.5, (n, 2))
@@ -185,10 +189,13 @@ def sparse_ways(random: np.random.Generator) -> Iterator[tuple[str, Ways]]:
 def of_spconv(
     spconv: ModuleType, x: Tensor, at: Tensor, weight: Tensor, wanted: Tensor
 ) -> Callable[[], object]:
-    """Its convolution with the rulebook made before, as ours, after a check that it is the same."""
+    """Returns spconv's convolution after a check that its result equals ours.
+
+    Its rulebook is made beforehand, as ours is.
+    """
     channels = x.shape[1]
     layer = spconv.SubMConv3d(channels, channels, 3, bias=False, indice_key="a")
-    with torch.no_grad():  # its weight is (c_out, z, y, x, c_in)
+    with torch.no_grad():  # the shape of its weight is (c_out, z, y, x, c_in)
         layer.weight.copy_(weight.permute(2, 0, 1).reshape(layer.weight.shape))
     tensor = spconv.SparseConvTensor(x, at.int(), list(GRID), 1)
 
@@ -205,7 +212,7 @@ def of_spconv(
 
 
 def best(ways: Ways, repetitions: int) -> dict[str, float]:
-    """Milliseconds of each way."""
+    """Returns the minimum milliseconds of each implementation."""
     times = dict.fromkeys(ways, float("inf"))
     for _ in range(repetitions):
         for name, work in ways.items():

@@ -1,7 +1,7 @@
-"""What a command costs, seen from a small process of its own.
+"""Measures the cost of a command that a small separate process starts.
 
-Linux counts the memory of the process that starts a command into the command's peak, so a benchmark
-that holds hundreds of megabytes must not start it itself.
+Linux counts the memory of the starting process in the command's peak. So a benchmark that uses
+hundreds of megabytes must not start the command itself.
 """
 
 from __future__ import annotations
@@ -26,11 +26,14 @@ print(json.dumps([code, wall_s, used.ru_utime + used.ru_stime, used.ru_maxrss / 
 class Cost:
     wall_s: float
     cpu_s: float
-    peak_mb: float  # 10 MB at least, those of the launcher
+    peak_mb: float  # at least 10 MB, those of the launcher
 
 
 def run(command: Sequence[object], **how: object) -> Cost:
-    """how: of subprocess.run. Raises RuntimeError if the command fails."""
+    """Runs a command and returns its cost.
+
+    how: arguments of subprocess.run. Raises RuntimeError if the command fails.
+    """
     words = [sys.executable, "-S", "-c", LAUNCHER, *map(str, command)]
     done = subprocess.run(words, check=True, capture_output=True, text=True, **how)  # type: ignore[call-overload]
     code, *cost = json.loads(done.stdout)

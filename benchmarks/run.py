@@ -1,9 +1,10 @@
-"""Speed of the simulator; `make bench` runs it and docs/results.md has its table.
+"""Measures the speed of the simulator; `make bench` runs it, docs/results.md has its table.
 
-Rates are compared as ratios of medians whose runs alternate in one process. Rays are those that a
-pattern has, whether they are cast or answered by the static layer. With the checkout of an earlier
-version, its binary built, also against that. Writes out/speed.csv; the committed
-results/speed.csv only if it is named:
+Rates are compared as ratios of medians; the runs alternate in one process. The rays are all rays of
+a pattern, whether they are cast or taken from the static layer. `--before` names the checkout of an
+earlier version with its binary built, and adds a comparison with it. Writes out/speed.csv;
+results/speed.csv is committed and is written only if `--out` names it:
+
     .venv/bin/python benchmarks/run.py [--before ../before] [--out results/speed.csv]
 """
 
@@ -39,7 +40,10 @@ LIDARS = [
 
 
 def medians(repetitions: int) -> dict[str, float]:
-    """Millions of rays per second of each C++ benchmark, medians of interleaved repetitions."""
+    """Returns millions of rays per second of each C++ benchmark.
+
+    The values are medians of interleaved repetitions.
+    """
     with tempfile.NamedTemporaryFile(suffix=".json") as out:
         subprocess.run(
             [
@@ -63,7 +67,7 @@ def medians(repetitions: int) -> dict[str, float]:
 
 
 def core_rows(repetitions: int) -> list[tuple[str, float, str]]:
-    """Ratios between the pipeline and bounds of it."""
+    """Compares the pipeline with its bounds, such as a bare loop of ray packets."""
     rate = medians(repetitions)
 
     def r(name: str, threads: int = 2) -> float:
@@ -91,7 +95,7 @@ def core_rows(repetitions: int) -> list[tuple[str, float, str]]:
 
 
 def open3d_rows(repetitions: int) -> list[tuple[str, float, str]]:
-    """The 128-line against Open3D's RaycastingScene: static scene, no labels, same rays."""
+    """Compares the 128-line LiDAR with Open3D's RaycastingScene: static scene, same rays."""
     import open3d as o3d
 
     lidar = simulation.load_lidar(LIDARS[3], "paper")
@@ -127,7 +131,7 @@ def open3d_rows(repetitions: int) -> list[tuple[str, float, str]]:
 def alternate(
     a: Callable[[], object], b: Callable[[], object], repetitions: int
 ) -> tuple[float, float]:
-    """Median seconds of two functions whose runs alternate; one run of each does not count."""
+    """Returns the median seconds of two functions whose runs alternate; first runs do not count."""
     seconds: tuple[list[float], list[float]] = ([], [])
     for i in range(repetitions + 1):
         for function, into in zip((a, b), seconds, strict=True):
@@ -139,7 +143,7 @@ def alternate(
 
 
 def run_binary(frames: int, out: Path | None) -> tuple[float, float]:
-    """Wall seconds and peak memory (MB) of one `infrasim run` of the four LiDARs."""
+    """Returns wall seconds and peak memory (MB) of one `infrasim run` of the four LiDARs."""
     command = [BUILD / "cpp" / "infrasim", "run", SCENE, "--lidar", *LIDARS, "--preset", "paper"]
     command += ["--frames", f"0:{frames}", "--threads", "2"]
     if out is not None:
@@ -149,7 +153,10 @@ def run_binary(frames: int, out: Path | None) -> tuple[float, float]:
 
 
 def seconds_of(tree: Path, lidars: list[str], preset: str, more: list[str]) -> float:
-    """Of 300 frames of the highway by the tree's binary; one LiDAR on one thread, more on two."""
+    """Returns the wall seconds of 300 highway frames by the tree's binary.
+
+    One LiDAR runs on one thread, several on two.
+    """
     with tempfile.TemporaryDirectory(dir="/dev/shm") as out:
         command = [tree / "build/dev/cpp/infrasim", "run", tree / "configs/scenes/highway.yaml"]
         command += ["--lidar", *(tree / f"configs/lidars/{name}.yaml" for name in lidars)]
@@ -159,7 +166,7 @@ def seconds_of(tree: Path, lidars: list[str], preset: str, more: list[str]) -> f
 
 
 def before_rows(before: Path, repetitions: int) -> list[tuple[str, float, str]]:
-    """Today's time with an earlier version's, alternating, files written into memory."""
+    """Compares with an earlier version; runs alternate and write their files into memory."""
     four = [file.stem for file in LIDARS]
     plain = ["--set", "vegetation=[]"]
     rows = []
@@ -180,7 +187,7 @@ def before_rows(before: Path, repetitions: int) -> list[tuple[str, float, str]]:
 
 
 def stream_rows(repetitions: int) -> list[tuple[str, float, str]]:
-    """Frames a second of the four LiDARs from Python against the binary, start-up left out."""
+    """Compares frames per second from Python with those of the binary, without start-up."""
     world = simulation.load_scene(SCENE, preset="paper")
     lidars = [simulation.load_lidar(file, "paper") for file in LIDARS]
     first, last = 100, 500
@@ -195,7 +202,7 @@ def stream_rows(repetitions: int) -> list[tuple[str, float, str]]:
 
 
 def growth_rows() -> list[tuple[str, float, str]]:
-    """Time and memory over the number of frames, and the cost of writing."""
+    """Measures time and memory against the number of frames, and the cost of writing."""
     rows = []
     counts = (200, 400, 800)
     runs = {n: run_binary(n, None) for n in counts}
@@ -214,7 +221,9 @@ def growth_rows() -> list[tuple[str, float, str]]:
 def arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repetitions", type=int, default=9)
-    parser.add_argument("--before", type=Path, help="checkout of an earlier version, built")
+    parser.add_argument(
+        "--before", type=Path, help="checkout of an earlier version with its binary built"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "speed.csv")
     return parser
 

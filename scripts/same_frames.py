@@ -1,6 +1,8 @@
-"""Do the bindings give the frames of the binary? scripts/wheels.sh asks it of a wheel.
+"""Compares the bindings' frames with those of the binary; scripts/wheels.sh runs it on a wheel.
 
-python same_frames.py CONFIGS DATA      (a data set of the motorway, with the presets' default)
+    python same_frames.py CONFIGS DATA
+
+DATA is a data set of the highway, written with the default preset.
 """
 
 import sys
