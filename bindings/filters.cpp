@@ -19,9 +19,10 @@ namespace py = pybind11;
 
 namespace {
 
-constexpr py::ssize_t kMostPoints = py::ssize_t{1} << 28;  // rows are int32, 12 bytes are copied
+// rows are int32, and 12 bytes per point are copied
+constexpr py::ssize_t kMostPoints = py::ssize_t{1} << 28;
 
-/// Row-major x y z of an array (n, 3) or more columns, float32.
+/// Row-major x y z of a float32 array with 3 or more columns.
 /// @throws ConfigError for another shape or type
 std::vector<float> xyz_of(const py::array& points) {
   if (!py::isinstance<py::array_t<float>>(points) || points.ndim() != 2 || points.shape(1) < 3) {
@@ -56,7 +57,7 @@ BackgroundModel learnt(const std::vector<py::array>& frames, const BackgroundLea
   return learn_background(clouds, learning);
 }
 
-/// What Python hands over for a parameter, where it is another type.
+/// Converts a parameter's value from its Python type; most types need no conversion.
 const auto& from_python(const auto& value) { return value; }
 std::vector<Vec2> from_python(const std::vector<std::pair<double, double>>& corners) {
   std::vector<Vec2> out;
@@ -85,7 +86,7 @@ std::string class_name(std::string_view key) {
   return name;
 }
 
-/// Makes a filter of what Python hands over for its parameters.
+/// Makes a function that builds a filter from its parameters in Python types.
 template <class Filter, class... T, bool... kRequired>
 auto factory(const config::Parameter<Filter, T, kRequired>&... parameters) {
   return [parameters...](const InPython<T>&... values) {
@@ -101,7 +102,7 @@ void bind_filter(
     py::module_& m,
     const config::FilterDeclaration<config::Parameter<Filter, T, kRequired>...>& declared,
     std::index_sequence<I...>) {
-  // In Python, nothing with a default comes before what has none.
+  // Python requires parameters without a default first.
   constexpr std::size_t kFirstDefault = std::max({kRequired ? I + 1 : 0 ...});
   const auto make = std::apply([](const auto&... p) { return factory(p...); }, declared.parameters);
   py::class_<Filter>(m, class_name(declared.key).c_str(), declared.docstring)
@@ -109,7 +110,8 @@ void bind_filter(
            argument<(I >= kFirstDefault)>(Filter{}, std::get<I>(declared.parameters))...);
 }
 
-/// Binds a background as a model that is learnt from frames: their number is no parameter.
+/// Binds the background filter as a model that is learnt from frames. The number of frames is not a
+/// parameter in Python.
 template <class... T>
 void bind_background(
     py::module_& m,
@@ -121,11 +123,12 @@ void bind_background(
           [](const BackgroundModel& model, const std::string& file) {
             write_file_atomically(file, background_to_bytes(model));
           },
-          py::arg("file"), "Writes what `infrasim filter --background` reads.")
+          py::arg("file"), "Writes a file for `infrasim filter --background`.")
       .def_static(
           "load",
           [](const std::string& file) { return background_from_bytes(read_file(file), file); },
-          py::arg("file"), "Raises ConfigError for a file that is not a whole model.");
+          py::arg("file"),
+          "Reads a saved model. Raises ConfigError if the file is not a complete model.");
   std::apply(
       [&](const auto&, const config::Parameter<BackgroundLearning, T, false>&... parameters) {
         const auto learn = [parameters...](const std::vector<py::array>& frames, T... values) {
@@ -135,8 +138,8 @@ void bind_background(
         };
         m.def("learn_background", learn, py::arg("frames"), py::kw_only(),
               argument<true>(BackgroundLearning{}, parameters)...,
-              "A BackgroundModel from frames of one sensor in one place, each (n, 3) or (n, 4) "
-              "float32, levelled LiDAR frame. Raises ValueError.");
+              "Learns a BackgroundModel from frames of one fixed sensor, each (n, 3) or (n, "
+              "4) float32, levelled LiDAR frame. Raises ValueError.");
       },
       declared.parameters);
 }
@@ -154,8 +157,9 @@ void bind_filters(py::module_& m) {
           bind_filter(m, declared, std::make_index_sequence<kParameters>());
       });
   m.def("kept_rows", &kept_rows, py::arg("points"), py::arg("steps"),
-        "(k,) int32, increasing: the rows of points, (n, 3) or (n, 4) float32, levelled LiDAR "
-        "frame, that every step keeps; never rows that are not finite. Raises ValueError.");
+        "Returns (k,) int32, increasing: the rows of points that every step keeps, "
+        "without rows that are not finite. points: (n, 3) or (n, 4) float32, levelled "
+        "LiDAR frame. Raises ValueError.");
 }
 
 }  // namespace infrasim

@@ -12,7 +12,7 @@ namespace py = pybind11;
 
 namespace {
 
-/// ObjectRecord without nesting, as NumPy sees it.
+/// ObjectRecord without nesting, as a NumPy record.
 struct ObjectRow {
   std::int32_t id;
   std::uint16_t class_id;
@@ -43,7 +43,7 @@ py::array object_rows(const Frame& frame) {
   return rows;
 }
 
-/// A read-only view of a column that keeps its frame alive.
+/// A read-only view of a column; it keeps the frame alive.
 template <class T>
 py::array_t<T> view(const std::vector<T>& column, std::vector<py::ssize_t> shape,
                     const py::object& owner) {
@@ -67,7 +67,9 @@ void bind_frames(py::module_& m) {
                        points_in_box, distance, visibility, scan_x, scan_y, scan_z, scan_heading,
                        scan_time_s, points_in_scan_box);
   py::class_<Frame, std::shared_ptr<Frame>>(
-      m, "Frame", "What one LiDAR gives for one frame; columns are read-only views.")
+      m, "Frame",
+      "The points and objects of one LiDAR in one frame. Columns are read-only "
+      "views.")
       .def_property_readonly(
           "xyz",
           [](const py::object& self) {
@@ -85,10 +87,11 @@ void bind_frames(py::module_& m) {
                              "(n,) int32, -1 for background.")
       .def_property_readonly(
           "objects", &object_rows,
-          "(k,) structured: every vehicle in reach, box at mid-frame and pose when it was scanned, "
-          "levelled LiDAR frame.")
-      .def_readonly("rays", &Frame::rays, "Rays fired in this frame.")
-      .def_readonly("seconds", &Frame::seconds, "Time from rays to columns.")
+          "(k,) structured: every object in range, with its box at mid-frame and its "
+          "pose when it was scanned. Levelled LiDAR frame.")
+      .def_readonly("rays", &Frame::rays, "Number of rays fired in this frame.")
+      .def_readonly("seconds", &Frame::seconds,
+                    "Seconds of computation, from the rays to the columns.")
       .def("__len__", [](const Frame& f) { return f.cloud.size(); });
 }
 

@@ -4,11 +4,11 @@
 #include "infrasim/core/version.h"
 
 PYBIND11_MODULE(_core, m) {
-  m.doc() = "Compiled part of pyinfra; use pyinfra.dataset.simulation.";
-  m.def("version", &infrasim::version, "Version of the simulator.");
+  m.doc() = "Compiled part of pyinfra. Use it through pyinfra.dataset.simulation.";
+  m.def("version", &infrasim::version, "Returns the version of the simulator.");
   m.def(
       "frames_version", [] { return infrasim::kFramesVersion; },
-      "Number of its frames: the same number, the same bytes.");
+      "Returns the version number of the frames. Equal numbers give equal bytes.");
   const auto errors = pybind11::module_::import("pyinfra.core.errors");
   pybind11::register_exception<infrasim::ConfigError>(m, "ConfigError", errors.attr("ConfigError"));
   pybind11::register_exception<infrasim::IoError>(m, "IoError", PyExc_OSError);

@@ -20,7 +20,7 @@ namespace {
 template <typename T>
 using Array = py::array_t<T, py::array::c_style>;
 
-/// Row-major values of an array of a shape, (n) or (n, columns).
+/// Row-major values of an array with shape (n) or (n, columns).
 template <typename T>
 std::span<const T> values_of(const Array<T>& array, const char* name, py::ssize_t columns = 0) {
   const bool fits =
@@ -118,24 +118,28 @@ Array<std::int64_t> suppress(const Array<double>& boxes, double iou, std::int64_
 
 void bind_pointops(py::module_& m) {
   m.def("farthest_points", &farthest_points, py::arg("xyz").noconvert(), py::arg("count"),
-        "(count,) int64: rows of xyz, (n, 3) float32 and finite, far from each other, from row 0. "
-        "Raises ValueError without points and for those that are not finite.");
-  m.def(
-      "ball_query", &ball_query, py::arg("points").noconvert(), py::arg("centres").noconvert(),
-      py::arg("radius"), py::arg("limit"),
-      "(m, limit) int64 and (m,) uint8: the first rows of points, (n, 3) float32, that are closer "
-      "than radius to centres, (m, 3) float32, filled up with the first; 1 where there are none.");
+        "Farthest point sampling: returns (count,) int64 rows of xyz, starting with "
+        "row 0. xyz: (n, 3) float32. Raises ValueError if there are no points or a "
+        "value is not finite.");
+  m.def("ball_query", &ball_query, py::arg("points").noconvert(), py::arg("centres").noconvert(),
+        py::arg("radius"), py::arg("limit"),
+        "Returns (m, limit) int64, the first rows of points closer than radius to "
+        "each centre, and (m,) uint8, 1 for a centre without such points. Unused "
+        "entries repeat the first row. points: (n, 3) float32. centres: (m, 3) "
+        "float32.");
   m.def("shifted_pairs", &shifted_pairs, py::arg("keys").noconvert(), py::arg("steps"),
-        "Inputs (p,) int64, outputs (p,) int64 and their number for each step: rows with "
-        "keys[input] = keys[output] + step of increasing keys, (n,) int64.");
+        "Returns inputs (p,) int64, outputs (p,) int64 and the number of pairs for "
+        "each step: rows with keys[input] = keys[output] + step. keys: (n,) int64, "
+        "increasing.");
   m.def("reached_voxels", &reached_voxels, py::arg("coordinates").noconvert(), py::arg("shape"),
         py::arg("kernel"), py::arg("stride"), py::arg("padding"), py::arg("target_shape"),
-        "(inputs, outputs, counts) as of shifted_pairs for each offset of the kernel, and the "
-        "increasing keys (m,) int64 of the voxels that a convolution reaches from coordinates, "
-        "(n, 4) int64, batch z y x within the shape.");
+        "Returns (inputs, outputs, counts), as shifted_pairs does, for each offset of "
+        "the kernel, and the increasing keys (m,) int64 of the output voxels of a "
+        "convolution. coordinates: (n, 4) int64, batch z y x within the shape.");
   m.def("suppress", &suppress, py::arg("boxes").noconvert(), py::arg("iou"), py::arg("limit"),
-        "(k,) int64, increasing: rows of boxes, (n, 7) float64, best first, that no kept one "
-        "overlaps by more than iou; k <= limit.");
+        "Non-maximum suppression: returns (k,) int64, increasing, k <= limit: the "
+        "rows of boxes that no kept better box overlaps by more than iou. boxes: (n, "
+        "7) float64, best first.");
 }
 
 }  // namespace infrasim

@@ -16,7 +16,7 @@ namespace py = pybind11;
 
 namespace {
 
-/// @throws ConfigError for what is no range of frames
+/// @throws ConfigError if the numbers are not a range of frames
 void check_frames(int first_frame, int last_frame, int step) {
   if (first_frame < 0 || last_frame <= first_frame || step < 1)
     throw ConfigError("frames: found " + std::to_string(first_frame) + ":" +
@@ -48,7 +48,7 @@ std::pair<py::array_t<float>, py::array_t<std::uint32_t>> mesh_arrays(const Worl
                                  mesh.triangles.data()->data())};
 }
 
-/// One object of the scene, as NumPy sees it.
+/// One object of the scene as a NumPy record.
 struct SceneObject {
   std::int32_t id;
   std::uint16_t class_id;
@@ -90,7 +90,8 @@ void bind_simulation(py::module_& m) {
               if (unit.pattern.spinning) unit.pattern.spinning->phase = MotorPhase::kFree;
             return lidar;
           },
-          "The same, its turns begun at a draw of the scene's seed, whatever its file says.")
+          "Returns a copy whose spinning motors start at random angles, derived from "
+          "the scene's seed.")
       .def(
           "period_warnings",
           [](const LidarConfig& lidar, int first_frame, int last_frame, int step) {
@@ -98,16 +99,18 @@ void bind_simulation(py::module_& m) {
             return period_warnings({lidar}, first_frame, last_frame, step);
           },
           py::arg("first_frame"), py::arg("last_frame"), py::arg("step"),
-          "A line if frames by this step show fewer of its pattern than others would, else none.")
+          "Returns one warning if frames with this step show less of the scan pattern "
+          "than other steps would, else none.")
       .def_readonly("name", &LidarConfig::name)
       .def_readonly("preset", &LidarConfig::preset)
-      .def("dump", &dump_lidar, "Every key with its value, as YAML.")
+      .def("dump", &dump_lidar, "Returns every key with its value, as YAML.")
       .def("pattern", &pattern_rays, py::arg("first_frame"), py::arg("last_frame"), py::arg("step"),
            py::arg("seed") = py::none(), py::arg("mount") = kUsualMount,
-           "(n, 3) float64: azimuth, elevation (rad) and time (s) of every ray, column by column, "
-           "sensor frame; free motors start as if locked unless a seed is given.");
+           "Returns (n, 3) float64: azimuth, elevation (rad) and time (s) of every ray, "
+           "column by column, sensor frame. Without a seed, free motors start as if "
+           "locked.");
 
-  py::class_<World>(m, "World", "A scene made ready.")
+  py::class_<World>(m, "World", "A scene that is ready to simulate.")
       .def(py::init([](const std::string& file, const std::vector<std::string>& set,
                        const std::string& preset, const std::string& mount) {
              const py::gil_scoped_release release;
@@ -123,40 +126,44 @@ void bind_simulation(py::module_& m) {
             return std::make_unique<World>(build_world(parse_scene(text, name, preset), mount));
           },
           py::arg("text"), py::arg("name"), py::arg("preset") = "datasheet", py::arg("mount") = "",
-          "A scene that is no file; name stands for one in messages.")
+          "Makes a scene from YAML text. Messages use name in place of a file name.")
       .def(
           "roads_csv", [](const World& w) { return w.region.roads_csv(); },
-          "The evaluation region, as roads.csv has it.")
+          "Returns the evaluation region in the format of roads.csv.")
       .def(
           "regions_csv", [](const World& w) { return w.region.regions_csv(); },
-          "The outlines that narrow the region, as regions.csv has them; empty without any.")
+          "Returns the outlines that narrow the region, in the format of regions.csv. "
+          "Empty without outlines.")
       .def("lidar_yaml", &lidar_yaml, py::arg("lidar"),
-           "What lidar.yaml says of a LiDAR in this scene.")
+           "Returns the content of lidar.yaml for a LiDAR in this scene.")
       .def("objects", &object_array, py::arg("frame"),
-           "(k,) structured: every object at the middle of a frame, near or far; levelled frame.")
+           "Returns (k,) structured: every object of the scene at the middle of a frame, "
+           "at any distance. Levelled frame.")
       .def(
           "dump", [](const World& w) { return dump_scene(w.scene); },
-          "Every key with its value, as YAML.")
+          "Returns every key with its value, as YAML.")
       .def(
           "label_time",
           [](const World& w, const std::string& preset) {
             return enum_names(
                 LabelTime{})[static_cast<std::size_t>(label_time_of(w.scene, preset))];
           },
-          py::arg("preset"), "frame or scan: when the labels of frames of a preset hold.")
+          py::arg("preset"), "Returns the label time of a preset: frame or scan.")
       .def_property_readonly(
           "frames", [](const World& w) { return w.trajectories->frames(); },
-          "Frames of 0.1 s in the scene's duration.")
+          "Number of 0.1 s frames in the scene's duration.")
       .def("mesh", &mesh_arrays, py::arg("frame"), py::arg("share") = 0.5,
-           "All triangles at one instant of a frame: (n, 3) float32 vertices, (m, 3) uint32; "
-           "levelled frame.");
+           "Returns all triangles at one instant of a frame: (n, 3) float32 vertices and "
+           "(m, 3) uint32 vertex indices. Levelled frame. share: 0 at the start of the "
+           "frame, 1 at its end.");
 
   m.def(
       "warnings",
       [](const World& w, const std::vector<LidarConfig>& lidars) {
         return weather_warnings(w.scene.weather, lidars);
       },
-      py::arg("world"), py::arg("lidars"), "What a user should know before the frames, as lines.");
+      py::arg("world"), py::arg("lidars"),
+      "Returns warnings about the weather model for these LiDARs, one line each.");
 
   py::class_<FrameStream>(m, "FrameStream",
                           "Iterates over (number, [Frame per LiDAR]), computed ahead by threads.")

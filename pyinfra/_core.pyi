@@ -1,5 +1,5 @@
 """
-Compiled part of pyinfra; use pyinfra.dataset.simulation.
+Compiled part of pyinfra. Use it through pyinfra.dataset.simulation.
 """
 from __future__ import annotations
 import collections.abc
@@ -61,15 +61,15 @@ class BackgroundModel:
     @staticmethod
     def load(file: str) -> BackgroundModel:
         """
-        Raises ConfigError for a file that is not a whole model.
+        Reads a saved model. Raises ConfigError if the file is not a complete model.
         """
     def save(self, file: str) -> None:
         """
-        Writes what `infrasim filter --background` reads.
+        Writes a file for `infrasim filter --background`.
         """
 class Frame:
     """
-    What one LiDAR gives for one frame; columns are read-only views.
+    The points and objects of one LiDAR in one frame. Columns are read-only views.
     """
     def __len__(self) -> int:
         ...
@@ -91,12 +91,12 @@ class Frame:
     @property
     def objects(self) -> numpy.ndarray:
         """
-        (k,) structured: every vehicle in reach, box at mid-frame and pose when it was scanned, levelled LiDAR frame.
+        (k,) structured: every object in range, with its box at mid-frame and its pose when it was scanned. Levelled LiDAR frame.
         """
     @property
     def rays(self) -> int:
         """
-        Rays fired in this frame.
+        Number of rays fired in this frame.
         """
     @property
     def ring(self) -> numpy.typing.NDArray[numpy.uint16]:
@@ -106,7 +106,7 @@ class Frame:
     @property
     def seconds(self) -> float:
         """
-        Time from rays to columns.
+        Seconds of computation, from the rays to the columns.
         """
     @property
     def time(self) -> numpy.typing.NDArray[numpy.float32]:
@@ -126,19 +126,19 @@ class Lidar:
         ...
     def dump(self) -> str:
         """
-        Every key with its value, as YAML.
+        Returns every key with its value, as YAML.
         """
     def pattern(self, first_frame: typing.SupportsInt | typing.SupportsIndex, last_frame: typing.SupportsInt | typing.SupportsIndex, step: typing.SupportsInt | typing.SupportsIndex, seed: typing.SupportsInt | typing.SupportsIndex | None = None, mount: str = 'pole') -> numpy.typing.NDArray[numpy.float64]:
         """
-        (n, 3) float64: azimuth, elevation (rad) and time (s) of every ray, column by column, sensor frame; free motors start as if locked unless a seed is given.
+        Returns (n, 3) float64: azimuth, elevation (rad) and time (s) of every ray, column by column, sensor frame. Without a seed, free motors start as if locked.
         """
     def period_warnings(self, first_frame: typing.SupportsInt | typing.SupportsIndex, last_frame: typing.SupportsInt | typing.SupportsIndex, step: typing.SupportsInt | typing.SupportsIndex) -> list[str]:
         """
-        A line if frames by this step show fewer of its pattern than others would, else none.
+        Returns one warning if frames with this step show less of the scan pattern than other steps would, else none.
         """
     def with_free_motors(self) -> Lidar:
         """
-        The same, its turns begun at a draw of the scene's seed, whatever its file says.
+        Returns a copy whose spinning motors start at random angles, derived from the scene's seed.
         """
     @property
     def name(self) -> str:
@@ -148,47 +148,47 @@ class Lidar:
         ...
 class World:
     """
-    A scene made ready.
+    A scene that is ready to simulate.
     """
     @staticmethod
     def of_text(text: str, name: str, preset: str = 'datasheet', mount: str = '') -> World:
         """
-        A scene that is no file; name stands for one in messages.
+        Makes a scene from YAML text. Messages use name in place of a file name.
         """
     def __init__(self, file: str, assignments: collections.abc.Sequence[str] = [], preset: str = 'datasheet', mount: str = '') -> None:
         ...
     def dump(self) -> str:
         """
-        Every key with its value, as YAML.
+        Returns every key with its value, as YAML.
         """
     def label_time(self, preset: str) -> str:
         """
-        frame or scan: when the labels of frames of a preset hold.
+        Returns the label time of a preset: frame or scan.
         """
     def lidar_yaml(self, lidar: Lidar) -> str:
         """
-        What lidar.yaml says of a LiDAR in this scene.
+        Returns the content of lidar.yaml for a LiDAR in this scene.
         """
     def mesh(self, frame: typing.SupportsInt | typing.SupportsIndex, share: typing.SupportsFloat | typing.SupportsIndex = 0.5) -> tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.uint32]]:
         """
-        All triangles at one instant of a frame: (n, 3) float32 vertices, (m, 3) uint32; levelled frame.
+        Returns all triangles at one instant of a frame: (n, 3) float32 vertices and (m, 3) uint32 vertex indices. Levelled frame. share: 0 at the start of the frame, 1 at its end.
         """
     def objects(self, frame: typing.SupportsInt | typing.SupportsIndex) -> numpy.ndarray:
         """
-        (k,) structured: every object at the middle of a frame, near or far; levelled frame.
+        Returns (k,) structured: every object of the scene at the middle of a frame, at any distance. Levelled frame.
         """
     def regions_csv(self) -> str:
         """
-        The outlines that narrow the region, as regions.csv has them; empty without any.
+        Returns the outlines that narrow the region, in the format of regions.csv. Empty without outlines.
         """
     def roads_csv(self) -> str:
         """
-        The evaluation region, as roads.csv has it.
+        Returns the evaluation region in the format of roads.csv.
         """
     @property
     def frames(self) -> int:
         """
-        Frames of 0.1 s in the scene's duration.
+        Number of 0.1 s frames in the scene's duration.
         """
 class FrameStream:
     """
@@ -202,41 +202,41 @@ class FrameStream:
         ...
 def ball_query(points: numpy.typing.NDArray[numpy.float32], centres: numpy.typing.NDArray[numpy.float32], radius: typing.SupportsFloat | typing.SupportsIndex, limit: typing.SupportsInt | typing.SupportsIndex) -> tuple[numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.uint8]]:
     """
-    (m, limit) int64 and (m,) uint8: the first rows of points, (n, 3) float32, that are closer than radius to centres, (m, 3) float32, filled up with the first; 1 where there are none.
+    Returns (m, limit) int64, the first rows of points closer than radius to each centre, and (m,) uint8, 1 for a centre without such points. Unused entries repeat the first row. points: (n, 3) float32. centres: (m, 3) float32.
     """
 def farthest_points(xyz: numpy.typing.NDArray[numpy.float32], count: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.int64]:
     """
-    (count,) int64: rows of xyz, (n, 3) float32 and finite, far from each other, from row 0. Raises ValueError without points and for those that are not finite.
+    Farthest point sampling: returns (count,) int64 rows of xyz, starting with row 0. xyz: (n, 3) float32. Raises ValueError if there are no points or a value is not finite.
     """
 def frames_version() -> int:
     """
-    Number of its frames: the same number, the same bytes.
+    Returns the version number of the frames. Equal numbers give equal bytes.
     """
 def kept_rows(points: numpy.ndarray, steps: collections.abc.Sequence[CropBox | CropPolygon | CropRange | CropFieldOfView | GroundHeight | GroundPlane | GroundMorphological | BackgroundModel]) -> numpy.typing.NDArray[numpy.int32]:
     """
-    (k,) int32, increasing: the rows of points, (n, 3) or (n, 4) float32, levelled LiDAR frame, that every step keeps; never rows that are not finite. Raises ValueError.
+    Returns (k,) int32, increasing: the rows of points that every step keeps, without rows that are not finite. points: (n, 3) or (n, 4) float32, levelled LiDAR frame. Raises ValueError.
     """
 def learn_background(frames: collections.abc.Sequence[numpy.ndarray], *, azimuth_cell_deg: typing.SupportsFloat | typing.SupportsIndex = 0.2, elevation_cell_deg: typing.SupportsFloat | typing.SupportsIndex = 0.2, range_margin_m: typing.SupportsFloat | typing.SupportsIndex = 0.3, height_margin_m: typing.SupportsFloat | typing.SupportsIndex = 0.15) -> BackgroundModel:
     """
-    A BackgroundModel from frames of one sensor in one place, each (n, 3) or (n, 4) float32, levelled LiDAR frame. Raises ValueError.
+    Learns a BackgroundModel from frames of one fixed sensor, each (n, 3) or (n, 4) float32, levelled LiDAR frame. Raises ValueError.
     """
 def reached_voxels(coordinates: numpy.typing.NDArray[numpy.int64], shape: typing.Annotated[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex], "FixedSize(3)"], kernel: typing.Annotated[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex], "FixedSize(3)"], stride: typing.Annotated[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex], "FixedSize(3)"], padding: typing.Annotated[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex], "FixedSize(3)"], target_shape: typing.Annotated[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex], "FixedSize(3)"]) -> tuple[tuple[numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.int64], list[int]], numpy.typing.NDArray[numpy.int64]]:
     """
-    (inputs, outputs, counts) as of shifted_pairs for each offset of the kernel, and the increasing keys (m,) int64 of the voxels that a convolution reaches from coordinates, (n, 4) int64, batch z y x within the shape.
+    Returns (inputs, outputs, counts), as shifted_pairs does, for each offset of the kernel, and the increasing keys (m,) int64 of the output voxels of a convolution. coordinates: (n, 4) int64, batch z y x within the shape.
     """
 def shifted_pairs(keys: numpy.typing.NDArray[numpy.int64], steps: collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex]) -> tuple[numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.int64], list[int]]:
     """
-    Inputs (p,) int64, outputs (p,) int64 and their number for each step: rows with keys[input] = keys[output] + step of increasing keys, (n,) int64.
+    Returns inputs (p,) int64, outputs (p,) int64 and the number of pairs for each step: rows with keys[input] = keys[output] + step. keys: (n,) int64, increasing.
     """
 def suppress(boxes: numpy.typing.NDArray[numpy.float64], iou: typing.SupportsFloat | typing.SupportsIndex, limit: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.int64]:
     """
-    (k,) int64, increasing: rows of boxes, (n, 7) float64, best first, that no kept one overlaps by more than iou; k <= limit.
+    Non-maximum suppression: returns (k,) int64, increasing, k <= limit: the rows of boxes that no kept better box overlaps by more than iou. boxes: (n, 7) float64, best first.
     """
 def version() -> str:
     """
-    Version of the simulator.
+    Returns the version of the simulator.
     """
 def warnings(world: World, lidars: collections.abc.Sequence[Lidar]) -> list[str]:
     """
-    What a user should know before the frames, as lines.
+    Returns warnings about the weather model for these LiDARs, one line each.
     """
