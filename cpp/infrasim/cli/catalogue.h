@@ -6,10 +6,11 @@
 
 namespace infrasim::cli {
 
-/// The file that a word of the command line means: a path if it holds a '/' or a '.', else a name
-/// of the catalogue that came with the program, such as `livox_avia` of `lidars`.
-/// @param kinds folders of the catalogue that are asked, one after the other
-/// @throws ConfigError for a name that is not there; it lists those that are
+/// Resolves a command-line argument to a file. An argument with a '/' or a '.' is a path. Any other
+/// argument is a name in the catalogue that comes with the program, such as `livox_avia` in
+/// `lidars`.
+/// @param kinds folders of the catalogue, searched in this order
+/// @throws ConfigError if the name is unknown; the message lists the known names
 std::filesystem::path config_file(const std::string& word, const std::vector<std::string>& kinds);
 
 }  // namespace infrasim::cli

@@ -6,12 +6,12 @@ class App;
 
 namespace infrasim::cli {
 
-/// What a command that ran says of itself.
+/// Result of a command.
 struct CommandResult {
   int exit_code = 0;
 };
 
-// Each adds one subcommand; its callback throws ConfigError or IoError.
+// Each function adds one subcommand, whose callback throws ConfigError or IoError.
 void add_run_command(CLI::App& app, CommandResult& result);
 void add_check_command(CLI::App& app);
 void add_keys_command(CLI::App& app);

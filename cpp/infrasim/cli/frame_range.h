@@ -7,7 +7,7 @@
 
 namespace infrasim::cli {
 
-/// A:B or A:B:STEP, B excluded, of the frames in so many seconds.
+/// Parses a frame range A:B or A:B:STEP, B excluded, within a duration.
 /// @throws ConfigError
 FrameRange parse_frames(const std::string& text, double duration_s);
 

@@ -4,17 +4,17 @@
 
 namespace infrasim::cli {
 
-/// From now on SIGINT and SIGTERM end the process at once, with a message and 128 + the signal.
+/// Makes SIGINT and SIGTERM end the process at once, with a message and exit code 128 + signal.
 void hear_signals();
 
-/// From now on the first signal is only noted, so that work can be finished; a second one ends the
-/// process at once.
+/// Makes the first signal only set a flag, so that running work can finish. A second signal ends
+/// the process at once.
 void finish_before_signals();
 
-/// The signal that was noted, else 0.
+/// The signal that set the flag, else 0.
 const std::atomic<int>& noted_signal();
 
-/// What a command that a signal ended says.
+/// Prints the message of a command that a signal stopped.
 void say_stopped(int signal);
 
 }  // namespace infrasim::cli

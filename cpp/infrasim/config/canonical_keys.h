@@ -4,24 +4,24 @@
 #include <span>
 #include <string_view>
 
-// What a folder or a row of results is told by is made of the keys as version 0.3 named them, the
-// canonical names, so that a key may get another name, or a default come to it, and old folders and
-// rows stay what they are. Here, and nowhere else, is said what has changed since.
+// The identity of a folder or of a row of results is computed from configuration keys. It uses the
+// key names of version 0.3, the canonical names. So a key can be renamed, or a key with a default
+// added, and old folders and rows stay valid. Only this header lists the changes since 0.3.
 
 namespace infrasim::config {
 
-/// A key that has another name than in version 0.3. Its canonical name is read as well.
+/// A key that was renamed since version 0.3. The reader accepts its canonical name too.
 struct RenamedKey {
-  /// The end of its dotted path, such as `spinning.cut_angle_deg` or `mounts.*.x_m`, where * stands
-  /// for any name; one at the top begins with a dot. Numbers of lists are left out.
+  /// The end of the key's dotted path, such as `spinning.cut_angle_deg` or `mounts.*.x_m`. A *
+  /// stands for any name, and a leading dot for the top level. List indices are left out.
   std::string_view path;
   std::string_view canonical;
 };
 
-/// A key that came after version 0.3: with its default it is no part of what a folder is told by.
+/// A key added after version 0.3. With its default value it is not part of the identity.
 struct LaterKey {
-  std::string_view path;      ///< as of RenamedKey
-  std::string_view standard;  ///< its default, as `infrasim check` prints it
+  std::string_view path;      ///< as in RenamedKey
+  std::string_view standard;  ///< its default, in the form that `infrasim check` prints
 };
 
 struct CanonicalKeys {
@@ -33,7 +33,8 @@ inline constexpr std::array<RenamedKey, 0> kRenamedKeys{};
 inline constexpr std::array<LaterKey, 0> kLaterKeys{};
 inline constexpr CanonicalKeys kCanonicalKeys{kRenamedKeys, kLaterKeys};
 
-/// Whether a path, such as `.pattern.spinning.cut_angle_deg`, ends as the pattern of a table does.
+/// Whether a path, such as `.pattern.spinning.cut_angle_deg`, ends with the pattern of a table
+/// entry.
 bool ends_as(std::string_view path, std::string_view pattern);
 
 }  // namespace infrasim::config

@@ -16,13 +16,14 @@
 #include "infrasim/core/geometry.h"
 #include "infrasim/core/named_map.h"
 
-// Each configuration struct has one `visit(fields, struct)` that names its keys. A FieldReader
-// fills the struct from a Tree; a FieldWriter prints it, every key and default, as YAML.
-// The words of an enum come from `enum_names(Enum)`, beside the enum.
+// Each configuration struct has one function `visit(fields, struct)` that names its keys. A
+// FieldReader fills the struct from a Tree. A FieldWriter prints it as YAML, with every key and
+// default. The words of an enum come from `enum_names(Enum)`, declared beside the enum.
 
 namespace infrasim::config {
 
-/// What a key allows. An absent required key is an error; else the struct's own default stays.
+/// The allowed values of a key. A missing required key is an error; any other missing key keeps its
+/// default.
 struct Rule {
   double min = -1e9;
   double max = 1e9;
@@ -41,15 +42,16 @@ inline Rule at_least_one() { return {-1e9, 1e9, false, true, 1}; }
 /// Shortest text that reads back as the same number.
 std::string number_text(double value);
 
-/// Whether a text begins with a letter, a digit or _: a shell and a spreadsheet take others, such
-/// as -rf and =1+1, for orders.
+/// Whether a text begins with a letter, a digit or _. Shells and spreadsheets interpret other
+/// beginnings, such as -rf and =1+1.
 bool begins_as_name(const std::string& text);
 
-/// @throws ConfigError if the value is no map
+/// @throws ConfigError if the value is not a map
 void expect_map(const Tree& tree, const std::string& key);
 
-/// Takes `presets` out of a file's tree: a block of keys for each name; nothing if it has none.
-/// @throws ConfigError if they are no map
+/// Removes `presets` from a file's tree and returns it: a map from preset names to blocks of keys.
+/// Returns nothing if the file has no presets.
+/// @throws ConfigError if `presets` is not a map
 std::optional<Tree> take_presets(Tree& tree);
 
 template <class T>
@@ -59,17 +61,17 @@ concept Struct = std::is_class_v<T> && !std::is_same_v<T, std::string> &&
 class FieldReader {
  public:
   FieldReader(const Tree& map, std::string path);
-  /// @throws ConfigError if the map has a key that no field read, else for the first failed check
+  /// @throws ConfigError for an unknown key if there is one, else for the first failed check
   void finish() const;
 
   template <class T>
   void field(const char* key, T& value, const char* /*doc*/, Rule rule = {}) {
     if (const Tree* tree = take(key, rule)) read(*tree, full(key), value, rule);
   }
-  /// Remembers where the struct stands, for checks that need other parts of the scene.
+  /// Stores the position of the struct, for checks that need other parts of the scene.
   void here(Place& place) const { place = map_.place; }
-  /// `finish` fails at the key's place if the condition does not hold: an unknown key, often a
-  /// misspelt one, is the likelier cause and is named first, also of a required key's absence.
+  /// Makes `finish` fail at the key's position if the condition does not hold. Unknown keys are
+  /// reported first, even before a missing required key, because a misspelt key is often the cause.
   void check(bool holds, const char* key, const std::string& what);
 
  private:
@@ -141,7 +143,7 @@ class FieldReader {
 class FieldWriter {
  public:
   FieldWriter() = default;
-  /// Writes keys by their canonical names, and leaves out those of later versions at their default.
+  /// Writes keys by their canonical names, and omits later keys that have their default value.
   explicit FieldWriter(const CanonicalKeys& canonical) : canonical_(canonical) {}
 
   template <class T>
@@ -158,7 +160,7 @@ class FieldWriter {
   std::string text() const { return text_.starts_with('\n') ? text_.substr(1) : text_; }
 
  private:
-  /// @param name what is written for the key that was entered
+  /// @param name function that returns the written name of the entered key
   template <class T>
   void entry(const std::string& key, T& value,
              std::string (FieldWriter::*name)(const std::string&) const) {
@@ -225,14 +227,14 @@ class FieldWriter {
   static std::string quoted(const std::string& text);
   void append_entry(const std::string& entry);
 
-  CanonicalKeys canonical_;  ///< empty: keys as they are
-  std::string path_;         ///< of the key that is written, from the top, with a dot before each
+  CanonicalKeys canonical_;  ///< empty: keys keep their current names
+  std::string path_;  ///< dotted path of the current key from the top level, with a leading dot
   std::string text_;
   std::size_t indent_ = 0;
 };
 
-/// With canonical names of keys replaced by those of now.
-/// @throws ConfigError if a key stands there under both
+/// Replaces canonical names of keys by their current names.
+/// @throws ConfigError if a map has a key under both names
 Tree with_names_of_now(Tree tree, const CanonicalKeys& canonical, const std::string& path = "");
 
 template <class T>
@@ -253,7 +255,7 @@ std::string dump_struct(T value) {
   return writer.text() + "\n";
 }
 
-/// The same by the keys of version 0.3: what folders and rows of results are told by.
+/// As dump_struct, but with canonical keys: the identity of folders and rows of results.
 template <class T>
 std::string canonical_text(T value, const CanonicalKeys& canonical = kCanonicalKeys) {
   FieldWriter writer(canonical);

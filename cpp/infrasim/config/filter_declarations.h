@@ -6,13 +6,13 @@
 #include "infrasim/config/fields.h"
 #include "infrasim/core/filter_steps.h"
 
-// What every filter is called and what its parameters are, once: the keys of a scene, the options
-// of `infrasim filter` and the classes of Python follow. A new filter is a struct and its place in
-// FilterOf (core/filter_steps.h), a declaration here, and its `keep` in filter/.
+// The names and parameters of every filter. The keys of a scene, the options of `infrasim filter`
+// and the classes in Python are made from them. A new filter needs a struct and an entry in
+// FilterOf (core/filter_steps.h), a declaration here, and a function `keep` in filter/.
 
 namespace infrasim::config {
 
-/// A parameter of a filter: its name in scenes and in Python, and what a scene may set.
+/// A parameter of a filter: its name in scenes and in Python, and its allowed values.
 template <class Filter, class T, bool kRequired>
 struct Parameter {
   static constexpr bool required = kRequired;
@@ -36,9 +36,9 @@ Parameter<Filter, T, true> required(const char* name, T Filter::* member, const 
 
 template <class... Parameters>
 struct FilterDeclaration {
-  const char* key;        ///< of an entry of a scene's `filters`; CamelCase in Python
-  const char* doc;        ///< of that key
-  const char* docstring;  ///< of Python's class
+  const char* key;        ///< of an entry in a scene's `filters`; CamelCase in Python
+  const char* doc;        ///< description of that key
+  const char* docstring;  ///< docstring of the class in Python
   std::tuple<Parameters...> parameters;
 };
 
@@ -51,7 +51,7 @@ FilterDeclaration<Parameters...> declare(const char* key, const char* doc, const
 template <class Filter>
 using Of = std::type_identity<Filter>;
 
-/// Calls use(Of<Filter>) for every filter, in their order.
+/// Calls use(Of<Filter>) for every filter, in the order of FilterOf.
 template <class... Filters, class Use>
 void for_each_filter(Of<std::variant<Filters...>>, const Use& use) {
   (use(Of<Filters>{}), ...);
@@ -117,7 +117,7 @@ inline auto declaration(Of<GroundMorphological>) {
       optional("max_range_m", &Filter::max_range_m, "farther points are kept", positive(600)));
 }
 
-/// In Python, and where points are filtered, it is a model that was learnt.
+/// In Python, and where points are filtered, the filter is a learnt model.
 inline auto declaration(Of<BackgroundFilter>) {
   using Filter = BackgroundFilter;
   return declare(

@@ -6,7 +6,7 @@
 
 namespace infrasim {
 
-/// An entry of `filters`.
+/// Keys of an entry of `filters`.
 template <class Fields>
 void visit(Fields& f, FilterConfig& c);
 

@@ -11,8 +11,8 @@
 
 namespace infrasim::config {
 
-/// Lists the keys of a struct as a reader would take them, one line each: path, type, default,
-/// what is allowed and meaning, with tabs between. N and NAME stand for any entry of a list or map.
+/// Lists the keys of a struct with tabs between the columns, one line per key: path, type, default,
+/// allowed values, meaning. N stands for a list index and NAME for a map key.
 class FieldLister {
  public:
   template <class T>
@@ -61,7 +61,8 @@ class FieldLister {
     return type(T{}) + "s by name";
   }
 
-  /// The default as `dump_struct` writes it; nothing for what holds other keys or is absent.
+  /// The default as `dump_struct` writes it; empty for absent values and for values with keys of
+  /// their own.
   template <class T>
   static std::string standard(T& value) {
     if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T> || std::is_same_v<T, std::string>) {
@@ -137,7 +138,7 @@ std::string list_keys() {
   return lister.text();
 }
 
-/// The keys of scene and LiDAR files, as FieldLister has them.
+/// The keys of scene and LiDAR files, in the format of FieldLister.
 std::string list_scene_keys();
 std::string list_lidar_keys();
 

@@ -20,7 +20,7 @@ struct Tree;
 /// One laser of a spinning sensor.
 struct Channel {
   double elevation_deg = 0;
-  double azimuth_offset_deg = 0;  ///< in the direction of rotation
+  double azimuth_offset_deg = 0;  ///< positive in the direction of rotation
   double fire_time_us = 0;        ///< after the start of its column
 };
 
@@ -30,18 +30,19 @@ struct ChannelsConfig {
   int count = 0;
   double upper_deg = 0;
   double lower_deg = 0;
-  std::vector<Channel> table;  ///< resolved
+  std::vector<Channel> table;  ///< the resolved channels
 };
 
-/// How a pattern starts. Free motors start at a draw of the seed, the mount and the unit.
+/// How a pattern starts. The start of a free motor is sampled from the seed, the mount and the
+/// unit.
 enum class MotorPhase { kLocked, kFree };
 std::span<const char* const> enum_names(MotorPhase);
 
-/// Turns clockwise seen from above, as all sensors of the catalogue do. Has one of
-/// azimuth_step_deg and columns_per_turn.
+/// The sensor turns clockwise seen from above, as all sensors of the catalogue do. Exactly one of
+/// azimuth_step_deg and columns_per_turn is set.
 struct SpinningConfig {
   double rate_hz = 10;
-  MotorPhase phase = MotorPhase::kLocked;  ///< locked: at time 0 it stands at cut_angle_deg
+  MotorPhase phase = MotorPhase::kLocked;  ///< locked: at time 0 the motor is at cut_angle_deg
   double cut_angle_deg = 180;              ///< azimuth in the unit's own frame
   std::optional<double> azimuth_step_deg;
   std::optional<Fraction>
@@ -49,14 +50,15 @@ struct SpinningConfig {
   ChannelsConfig channels;
 };
 double columns_per_s(const SpinningConfig& spinning);
-/// Also where a step says it, such as 0.2: that is the number nearest to 360 / 1800. Nothing for
-/// steps that no fraction with a denominator up to 16 gives.
+/// Columns per turn as an exact fraction, also if the file gives a step: 0.2 means 1800 per turn,
+/// though the number is only close to 360 / 1800. Returns nothing if no fraction with a denominator
+/// up to 16 fits the step.
 std::optional<Fraction> columns_per_turn(const SpinningConfig& spinning);
 
 enum class Faces { kTiltedFirst, kFlatFirst };
 std::span<const char* const> enum_names(Faces);
 
-/// A rotating prism prism: one flat and one tilted face.
+/// A rotating prism with one flat and one tilted face.
 struct PrismConfig {
   double rpm = 0;
   double angle_deg = 0;
@@ -65,7 +67,7 @@ struct PrismConfig {
   double phase_deg = 0;
 };
 
-/// Lasers that look through a row of rotating prisms.
+/// Lasers behind a row of rotating prisms.
 struct PrismsConfig {
   double steps_per_s = 0;
   MotorPhase phase = MotorPhase::kFree;  ///< no vendor offers a lock
@@ -75,14 +77,15 @@ struct PrismsConfig {
   std::vector<PrismConfig> prisms;
 };
 
-/// Azimuth and elevation of ray after ray, repeated when it ends.
+/// Directions of consecutive rays, repeated at the end of the table.
 struct TableConfig {
   std::string file;
   double rays_per_s = 0;
   MotorPhase phase = MotorPhase::kFree;
   std::string digest;            ///< of the directions
   std::vector<Vec2> directions;  ///< resolved: azimuth, elevation (rad)
-  std::vector<double> times_s;   ///< resolved: of each direction since the first; none: evenly
+  /// resolved: time of each direction since the first; empty: evenly spaced
+  std::vector<double> times_s;
 };
 
 struct PatternConfig {
@@ -91,39 +94,39 @@ struct PatternConfig {
   std::optional<TableConfig> table;
 };
 
-/// CARLA's loss of points, with its names.
+/// CARLA's random loss of points, with CARLA's names.
 struct DropOffConfig {
   double general_rate = 0.45;
   double intensity_limit = 0.8;
   double zero_intensity_rate = 0.4;
 };
 
-/// A range that a vendor publishes.
+/// A range published by a vendor.
 struct PublishedRange {
   double range_m = 0;
   double reflectance = 0.1;
   double sunlight_klux = 100;
 };
 
-/// Detection by received power. The 10 % range is that in 100 klx.
+/// Detection by received power. The 10 % range holds in 100 klx.
 struct DetectionConfig {
   double range_at_10_percent_m = 100;
   std::vector<PublishedRange> further_ranges;
   double steepness = 5;
 };
 
-/// All ranges that a vendor publishes, the 10 % range first.
+/// All published ranges, the 10 % range first.
 std::vector<PublishedRange> published_ranges(const DetectionConfig& detection);
 std::string range_text(const PublishedRange& r);
 
-/// A beam wider than a ray, cast as several.
+/// A beam with a divergence, cast as several rays.
 struct BeamConfig {
   double vertical_deg = 0;
   double horizontal_deg = 0;
   int sub_rays = 5;
 };
 
-inline constexpr double kLongestRange_m = 5000;  ///< of any LiDAR
+inline constexpr double kLongestRange_m = 5000;  ///< for any LiDAR
 
 struct ReturnsConfig {
   double min_range_m = 0;
@@ -141,7 +144,7 @@ struct PriceConfig {
   std::string date;
 };
 
-/// One optical unit; a bundle has several, each turned on the common mount.
+/// One optical unit. A bundle has several units, each rotated on the common mount.
 struct LidarUnit {
   double yaw_deg = 0;
   double pitch_deg = 0;
@@ -159,20 +162,20 @@ struct LidarConfig {
 
 double rays_per_s(const PatternConfig& pattern);
 
-/// Reads one preset of a LiDAR file; files it names are read too, relative to it.
+/// Reads one preset of a LiDAR file, and the files that it names, relative to it.
 /// @throws ConfigError, IoError
 LidarConfig read_lidar(const std::filesystem::path& file, const std::string& preset);
 
-/// Names of the presets in a LiDAR or scene file, in its order.
+/// Names of the presets in a LiDAR or scene file, in the file's order.
 std::vector<std::string> preset_names(const std::filesystem::path& file);
 
-/// Every key with its value as plain YAML, channels as read. That of one unit reads back, turned or
-/// not; that of several has no price.
+/// Every key with its value as plain YAML, with the resolved channels. The dump of a LiDAR with one
+/// unit, rotated or not, can be read back. The dump of a LiDAR with several units has no price.
 std::string dump_lidar(const LidarConfig& lidar);
 
-/// The same by the canonical names of keys: what its frames are told by.
+/// As dump_lidar, but with canonical keys: the identity of the LiDAR's frames.
 std::string canonical_lidar(const LidarConfig& lidar);
-/// @param resolved the keys that `dump_lidar` wrote, of this version or an older one
+/// @param resolved keys written by `dump_lidar` of this version or an older one
 std::string canonical_lidar(const config::Tree& resolved);
 
 }  // namespace infrasim

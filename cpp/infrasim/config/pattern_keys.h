@@ -6,11 +6,11 @@
 
 namespace infrasim {
 
-// A frame is a tenth of a second: at least one ray, and no more than memory holds.
+// A frame lasts 0.1 s. It must have at least one ray, and its rays must fit into memory.
 inline constexpr double kFewestPerSecond = 10;
 inline constexpr double kMostRaysPerSecond = 1e8;
 
-/// `pattern` of a unit.
+/// Keys of `pattern` of a unit.
 template <class Fields>
 void visit(Fields& f, PatternConfig& c);
 

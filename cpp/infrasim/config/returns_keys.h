@@ -6,7 +6,7 @@
 
 namespace infrasim {
 
-/// `returns` of a unit.
+/// Keys of `returns` of a unit.
 template <class Fields>
 void visit(Fields& f, ReturnsConfig& c);
 

@@ -15,7 +15,7 @@
 #include "infrasim/core/geometry.h"
 #include "infrasim/core/named_map.h"
 
-// The scene file, key by key. Units are in the names; world frame, z up.
+// The scene file, key by key. Names contain units. Positions are in the world frame, z up.
 
 namespace infrasim {
 
@@ -26,7 +26,7 @@ std::span<const char* const> enum_names(Detail);
 std::span<const char* const> enum_names(LabelRule);
 std::span<const char* const> enum_names(LabelTime);
 
-/// A line, or an arc that turns left for a positive angle.
+/// A straight line, or an arc; a positive angle turns left.
 struct CentrelinePiece {
   double line_m = 0;
   double radius_m = 0;
@@ -39,8 +39,9 @@ struct RoadStart {
   double heading_deg = 0;
 };
 
-/// Cross-section: the same number of lanes on both sides of the centreline, traffic on the right;
-/// of a one-way road all lanes side by side, the centreline in their middle.
+/// Cross-section of a road. A two-way road has the same number of lanes on both sides of the
+/// centreline, with traffic on the right. On a one-way road the centreline is in the middle of all
+/// lanes.
 struct LanesConfig {
   int each_way = 1;
   std::optional<bool> one_way;
@@ -73,35 +74,36 @@ struct RoadConfig {
   config::Place place;
 };
 
-/// How the scene rises along one direction: what it says is level, and lifted by this where it is.
+/// The slope of the scene along one direction. The other keys describe a level scene; each point is
+/// then raised by the profile at its position.
 struct ProfileConfig {
   double x_m = 0;
   double y_m = 0;
   double heading_deg = 0;
-  std::vector<Vec2> points_m;  ///< station from x_m, y_m along heading_deg, and rise there
+  std::vector<Vec2> points_m;  ///< (station from x_m, y_m along heading_deg, rise at this station)
   double vertical_curve_m = 40;
 };
 
-/// A level piece of terrain with a convex outline; where no ground is, rays pass.
+/// A level piece of terrain with a convex outline. Rays pass where there is no ground.
 struct GroundConfig {
   double elevation_m = 0;
   std::vector<Vec2> outline_m;
   config::Place place;
 };
 
-/// What a mesh is made of; the values are those of Class.
+/// The material of a mesh; the values are those of Class.
 enum class Material { kRoad, kSidewalk, kTerrain, kStructure, kVegetation };
 
 std::span<const char* const> enum_names(Material);
 
-/// A surface from a file; world frame.
+/// A surface from a file, in the world frame.
 struct MeshConfig {
   std::string file;  ///< .ply, relative to the scene file
   Material material = Material::kStructure;
   config::Place place;
 };
 
-/// An upright box: building, pole, or anything that stands.
+/// An upright box, such as a building or a pole.
 struct BuildingConfig {
   double x_m = 0;
   double y_m = 0;
@@ -116,7 +118,7 @@ struct BuildingConfig {
 /// A wall along a road, from one station of its centreline to another.
 struct BarrierConfig {
   std::string road;
-  double offset_m = 0;  ///< to the left of the centreline
+  double offset_m = 0;  ///< positive to the left of the centreline
   double height_m = 0.8;
   double width_m = 0.3;
   double from_m = 0;
@@ -124,13 +126,14 @@ struct BarrierConfig {
   config::Place place;
 };
 
-/// Chance per metre that leaves stop a ray: G = 0.5 of randomly turned leaves (Campbell, Norman:
-/// An Introduction to Environmental Biophysics, 1998) times the area of leaves in a volume, for
-/// which studies of street trees take 1.5 m2/m3 (sparse) to 3 (dense); a clipped hedge is dense.
+/// Probability per metre that leaves stop a ray. It is the projection G = 0.5 of randomly oriented
+/// leaves (Campbell, Norman: An Introduction to Environmental Biophysics, 1998) times the leaf area
+/// density. Studies of street trees use densities of 1.5 m2/m3 (sparse) to 3 m2/m3 (dense). A
+/// clipped hedge is dense.
 inline constexpr double kHedgeDensity_per_m = 1.5;
 inline constexpr double kCrownDensity_per_m = 0.75;
 
-/// A beam across a road on two legs outside its lanes.
+/// A beam across a road on two legs outside the lanes.
 struct GantryConfig {
   std::string road;
   double s_m = 0;
@@ -151,10 +154,10 @@ struct HedgeConfig {
   config::Place place;
 };
 
-/// A hedge along a road, as a barrier is.
+/// A hedge along a road, defined like a barrier.
 struct HedgeAlongConfig {
   std::string road;
-  double offset_m = 0;  ///< to the left of the centreline
+  double offset_m = 0;  ///< positive to the left of the centreline
   double height_m = 1.5;
   double width_m = 1;
   double base_m = 0;  ///< above the road
@@ -164,11 +167,11 @@ struct HedgeAlongConfig {
   config::Place place;
 };
 
-/// A crown, which is an ellipsoid of leaves, on a trunk, which is solid up to the crown's middle.
+/// A tree: an ellipsoid of leaves on a solid trunk, which ends in the middle of the crown.
 struct TreeShape {
   double height_m = 9;
-  double crown_m = 5;  ///< across
-  double trunk_m = 3;  ///< up to the crown
+  double crown_m = 5;  ///< diameter of the crown
+  double trunk_m = 3;  ///< height of the trunk below the crown
   double trunk_width_m = 0.3;
   double base_m = 0;
   double density_per_m = kCrownDensity_per_m;
@@ -184,7 +187,7 @@ struct TreeConfig {
 /// A row of trees along a road.
 struct TreesAlongConfig {
   std::string road;
-  double offset_m = 0;  ///< to the left of the centreline
+  double offset_m = 0;  ///< positive to the left of the centreline
   double every_m = 10;
   double from_m = 0;
   double to_m = 1e9;
@@ -211,10 +214,11 @@ struct RoundaboutConfig {
   double island_m = 0.3;
 };
 
-/// Signals where two roads cross, each approach with its own green; or a roundabout, without any.
+/// A crossing of two roads: either with signals, where each approach has its own green phase, or a
+/// roundabout without signals.
 struct JunctionConfig {
   std::vector<std::string> roads;
-  std::optional<SignalConfig> signal;  ///< its defaults, if there is no roundabout
+  std::optional<SignalConfig> signal;  ///< default values unless there is a roundabout
   std::optional<RoundaboutConfig> roundabout;
   double left_share = 0.2;
   double right_share = 0.2;
@@ -226,7 +230,7 @@ struct SpeedConfig {
   double std_km_h = 3;
 };
 
-inline constexpr double kStandstillGap_m = 2;  ///< between vehicles that queue
+inline constexpr double kStandstillGap_m = 2;  ///< between queued vehicles
 
 struct TrafficConfig {
   double vehicles_per_km_lane = 12;
@@ -236,15 +240,15 @@ struct TrafficConfig {
   config::Place place;
 };
 
-/// Vehicles that stand in a row along a road.
+/// A row of parked vehicles along a road.
 struct ParkedConfig {
   std::string road;
-  double offset_m = 0;  ///< of their middles, to the left of the centreline
+  double offset_m = 0;  ///< of the vehicles' centres, positive to the left of the centreline
   double from_m = 0;
   double to_m = 1e9;
-  double turn_deg = 0;    ///< from the road's direction
-  double gap_m = 1;       ///< between two of them, mean
-  double occupied = 0.8;  ///< share of the places that a vehicle stands in
+  double turn_deg = 0;    ///< relative to the road's direction
+  double gap_m = 1;       ///< mean gap between two vehicles
+  double occupied = 0.8;  ///< share of the spaces with a vehicle
   double base_m = 0;      ///< above the road
   std::map<std::string, double> class_shares;
   config::Place place;
@@ -259,13 +263,13 @@ struct PersonSpeedConfig {
   double std_km_h = 0.5;
 };
 
-/// People on foot or on bicycles that go along a line beside a road, both ways.
+/// Pedestrians or cyclists that move along a line beside a road, in both directions.
 struct PeopleConfig {
   std::string road;
-  double offset_m = 0;  ///< of the line, to the left of the centreline
+  double offset_m = 0;  ///< of the line, positive to the left of the centreline
   double from_m = 0;
   double to_m = 1e9;
-  double per_km = 0;                          ///< of the line, both ways together
+  double per_km = 0;  ///< per kilometre of the line, both directions together
   PersonKind kind = PersonKind::kPedestrian;  ///< key `class`
   PersonSpeedConfig speed;
   config::Place place;
@@ -273,15 +277,15 @@ struct PeopleConfig {
 
 /// Pedestrians who stand close together, as at a crossing or a stop.
 struct StandingPeopleConfig {
-  double x_m = 0;  ///< of the middle
+  double x_m = 0;  ///< centre of the group
   double y_m = 0;
   int count = 4;
-  double spacing_m = 1.3;  ///< between neighbours, mean
-  double base_m = 0;       ///< world z that they stand on
+  double spacing_m = 1.3;  ///< mean distance of neighbours
+  double base_m = 0;       ///< world z of their feet
   config::Place place;
 };
 
-/// What a fusion takes a mount's pose to be, less what it is.
+/// A mount's pose assumed by the fusion, minus its true pose.
 struct CalibrationError {
   double x_m = 0;
   double y_m = 0;
@@ -291,17 +295,17 @@ struct CalibrationError {
   double roll_deg = 0;
 };
 
-/// A pose of the LiDARs of a run.
+/// The pose of the LiDARs of a run.
 struct MountConfig {
   double x_m = 0;
   double y_m = 0;
   double z_m = 6;
   double yaw_deg = 0;
-  double pitch_deg = 0;  ///< positive looks down
+  double pitch_deg = 0;  ///< a positive pitch looks down
   double roll_deg = 0;
-  std::optional<double> clock_offset_s = std::nullopt;  ///< true time less what its stamps say
+  std::optional<double> clock_offset_s = std::nullopt;  ///< true time minus time stamp
   std::optional<CalibrationError> calibration_error = std::nullopt;
-  std::optional<bool> own_draws = std::nullopt;  ///< nothing: if the scene has several mounts
+  std::optional<bool> own_draws = std::nullopt;  ///< nothing: true if the scene has several mounts
   config::Place place = {};
 };
 
@@ -311,8 +315,9 @@ struct WeatherConfig {
   double sunlight_klux = 100;
 };
 
-/// What LiDARs that detect by received power see of vehicles apart from plain paint. What takes
-/// less than a hundredth of a car's points or gives it no more is off (reproduction, fidelity).
+/// Parts of vehicles that differ from plain paint, for LiDARs that detect by received power. By
+/// default a part is off if it changes the points on a car by less than 1 % (`python -m
+/// reproduction fidelity`).
 struct VehicleParts {
   bool glass = true;
   bool tyres = false;
@@ -323,17 +328,18 @@ struct VehicleParts {
   bool any() const { return glass || tyres || gap || coat || reflectors; }
 };
 
-/// One step that thins out the points of every frame.
+/// One step that removes points from every frame.
 struct FilterConfig {
   FilterOf<BackgroundFilter> step;
 };
 
-inline constexpr const char* kFusedName = "fused";  ///< folder that no mount has
+inline constexpr const char* kFusedName = "fused";  ///< a folder name that no mount may have
 inline constexpr double kLongestScene_s = 36000;
-inline constexpr double kSteepest = 0.15;    ///< grade; steeper streets are rare
-inline constexpr double kClearance_m = 4.5;  ///< of free height over a road: trucks have up to 4.4
+inline constexpr double kSteepest = 0.15;  ///< maximum grade; steeper streets are rare
+/// free height over a road; trucks are up to 4.4 m high
+inline constexpr double kClearance_m = 4.5;
 
-/// A piece of the evaluation region; world frame.
+/// A part of the evaluation region, in the world frame.
 struct RegionConfig {
   std::string name;
   std::vector<Vec2> outline_m;
@@ -348,13 +354,13 @@ struct SceneConfig {
   Detail detail = Detail::kLow;
   VehicleParts vehicle_parts;
   LabelRule labels = LabelRule::kHit;
-  std::optional<LabelTime> label_time;  ///< nothing: as label_time_of has it
+  std::optional<LabelTime> label_time;  ///< nothing: see label_time_of
   bool point_fields = false;            ///< key `fields`
   double region_half_length_m = 100;
   NamedMap<MountConfig> mounts;
   WeatherConfig weather;
-  std::optional<std::vector<RegionConfig>> regions;  ///< nothing: wherever roads or lanes are
-  std::optional<std::string> lanes;  ///< a file in place of roads; relative to the scene file
+  std::optional<std::vector<RegionConfig>> regions;  ///< nothing: all roads or lanes
+  std::optional<std::string> lanes;  ///< a file that replaces `roads`, relative to the scene file
   std::vector<RoadConfig> roads;
   std::optional<ProfileConfig> profile;  ///< nothing: level
   std::optional<std::vector<MeshConfig>> meshes;
@@ -369,46 +375,48 @@ struct SceneConfig {
   std::optional<std::vector<ParkedConfig>> parked;
   std::optional<std::vector<PeopleConfig>> people;
   std::optional<std::vector<StandingPeopleConfig>> standing_people;
-  std::string trajectories;  ///< a file instead of traffic; relative to the scene file
-  /// By LiDAR, a file in place of casting what stands still; relative to the scene file.
+  std::string trajectories;  ///< a file that replaces `traffic`, relative to the scene file
+  /// By LiDAR: a file that replaces the casting of static surfaces, relative to the scene file.
   std::optional<std::map<std::string, std::string>> static_layers;
-  std::filesystem::path folder;            ///< of the scene file; no key
-  std::string preset;                      ///< that the file was read for; no key
-  std::vector<std::string> preset_blocks;  ///< names of those that the file has; no key
+  std::filesystem::path folder;  ///< of the scene file; not a key
+  std::string preset;            ///< the preset that the file was read for; not a key
+  /// names of the presets with a block in the file; not a key
+  std::vector<std::string> preset_blocks;
 };
 
-/// The scene as a data set of one mount has it: without the others.
+/// The scene with only one of its mounts, as in a data set of that mount.
 /// @param mount its name; empty: the only one
-/// @throws ConfigError if there is none of the name, or none is named of several
+/// @throws ConfigError if the mount is unknown, or the name is empty and there are several
 SceneConfig scene_at_mount(const SceneConfig& scene, const std::string& mount);
 
-/// What a scene says, else `frame` under the presets `paper` and `equal`, as the study's simulator
-/// labels, and `scan` under any other, as annotators do who draw around the points.
+/// The label time of a scene. If the scene sets none, it is `frame` under the presets `paper` and
+/// `equal`, as in the study's simulator, and `scan` under any other preset, as for annotators who
+/// draw boxes around points.
 LabelTime label_time_of(const SceneConfig& scene, const std::string& preset);
 
-/// Reads a scene file, with the block of a preset, if it has one, on top of its other keys, and
-/// `--set KEY=VALUE` assignments on top of both.
+/// Reads a scene file. The block of the preset, if there is one, overrides other keys, and `--set
+/// KEY=VALUE` assignments override both.
 /// @param preset of the run's LiDARs
 /// @throws ConfigError, IoError
 SceneConfig read_scene(const std::filesystem::path& file,
                        std::span<const std::string> assignments = {},
                        const std::string& preset = "");
 
-/// Where a road stands in `scene.roads`; `place` and `key` are those of whoever names it.
-/// @throws ConfigError if there is none of the name
+/// Index of a road in `scene.roads`. `place` and `key` are those of the entry that names the road.
+/// @throws ConfigError if the name is unknown
 std::size_t road_index(const SceneConfig& scene, const std::string& name,
                        const config::Place& place, const char* key);
 
-/// The same from text; `name` stands for the file in messages.
+/// As read_scene, from text. Messages use `name` in place of the file name.
 SceneConfig parse_scene(const std::string& text, const std::string& name,
                         const std::string& preset = "");
 
 /// Every key with its value, as YAML that reads back to the same scene.
 std::string dump_scene(const SceneConfig& scene);
 
-/// The same by the canonical names of keys: what its frames are told by.
+/// As dump_scene, but with canonical keys: the identity of the scene's frames.
 std::string canonical_scene(const SceneConfig& scene);
-/// @param resolved the keys that `dump_scene` wrote, of this version or an older one
+/// @param resolved keys written by `dump_scene` of this version or an older one
 std::string canonical_scene(const config::Tree& resolved);
 
 }  // namespace infrasim

@@ -4,11 +4,11 @@
 
 #include "infrasim/config/fields.h"
 
-// Keys that several structs have.
+// Keys that several structs share.
 
 namespace infrasim {
 
-/// Of what tables name.
+/// Checks a name that is written into tables.
 template <class Fields>
 void check_name(Fields& f, const std::string& name) {
   f.check(name.find(',') == std::string::npos && name.size() <= 100, "name",
@@ -17,7 +17,7 @@ void check_name(Fields& f, const std::string& name) {
           "found '" + name + "', allowed a name that begins with a letter, a digit or _");
 }
 
-/// Beside which road something stands.
+/// Keys that place an object beside a road.
 template <class Fields, class Config>
 void visit_side(Fields& f, Config& c, const char* road = "name of its road") {
   f.field("road", c.road, road, config::required());
@@ -25,7 +25,7 @@ void visit_side(Fields& f, Config& c, const char* road = "name of its road") {
           config::required(config::between(-100, 100)));
 }
 
-/// From where to where along its road.
+/// Keys that limit an object to a part of its road.
 template <class Fields, class Config>
 void visit_stations(Fields& f, Config& c, const char* from = "first station of the centreline") {
   f.field("from_m", c.from_m, from, config::between(0, 1e5));

@@ -2,11 +2,11 @@
 
 #include "infrasim/config/scene_config.h"
 
-// Keys of what stands, lies and grows. Fields is FieldReader, FieldWriter or FieldLister.
+// Keys of static objects and vegetation. Fields is FieldReader, FieldWriter or FieldLister.
 
 namespace infrasim {
 
-/// `meshes` to `vegetation`.
+/// Keys `meshes` to `vegetation`.
 template <class Fields>
 void visit_static_objects(Fields& f, SceneConfig& c);
 

@@ -2,11 +2,12 @@
 
 #include "infrasim/config/scene_config.h"
 
-// Keys of who drives, stands parked and walks. Fields is FieldReader, FieldWriter or FieldLister.
+// Keys of traffic, parked vehicles, pedestrians and cyclists. Fields is FieldReader, FieldWriter or
+// FieldLister.
 
 namespace infrasim {
 
-/// `traffic` to `trajectories`.
+/// Keys `traffic` to `trajectories`.
 template <class Fields>
 void visit_traffic(Fields& f, SceneConfig& c);
 

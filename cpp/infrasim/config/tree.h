@@ -11,26 +11,26 @@
 
 namespace infrasim::config {
 
-/// Where a value stands: `file:line:col`, or the option that set it.
+/// Source position of a value: `file:line:col`, or the option that set it.
 struct Place {
   std::string file;
-  int line = 0;  ///< from 1; 0 for a value that has no line
+  int line = 0;  ///< from 1; 0 for a value without a line
   int column = 0;
 };
 
-/// One parsed YAML value. A map keeps its keys in file order, each once.
+/// One parsed YAML value. A map keeps its keys in file order and without duplicates.
 struct Tree {
   enum class Kind { kNull, kScalar, kSequence, kMap };
   Kind kind = Kind::kNull;
   std::string scalar;
-  std::vector<std::string> keys;  ///< of a map, parallel to items
+  std::vector<std::string> keys;  ///< of a map, parallel to `items`
   std::vector<Tree> items;        ///< of a map or sequence
   Place place;
 
   const Tree* find(std::string_view key) const;
 };
 
-/// Takes a key and its value out of a map; nothing if it is not there.
+/// Removes a key from a map and returns its value; nothing if the key is missing.
 std::optional<Tree> take(Tree& map, std::string_view key);
 
 /// "file:line:col: key: what" as one line.
@@ -38,7 +38,7 @@ std::string message(const Place& place, std::string_view key, std::string_view w
 
 [[noreturn]] void fail(const Place& place, std::string_view key, std::string_view what);
 
-/// @throws ConfigError on malformed YAML, duplicate keys, or a file that expands beyond reason
+/// @throws ConfigError on malformed YAML, duplicate keys, or aliases that expand the file too much
 /// @throws IoError if the file can't be read
 Tree read_tree(const std::filesystem::path& file);
 Tree parse_tree(const std::string& text, const std::string& name);
@@ -46,8 +46,8 @@ Tree parse_tree(const std::string& text, const std::string& name);
 /// Values of `over` replace those of `base`; maps merge key by key.
 Tree merged(const Tree& base, const Tree& over);
 
-/// Sets the value at a dotted path (`mounts.pole.z_m`, `roads.0.name`) as `--set KEY=VALUE` does.
-/// Missing maps on the way are created; the strict reader then judges the key.
+/// Sets the value at a dotted path (`mounts.pole.z_m`, `roads.0.name`), as `--set KEY=VALUE` does.
+/// Missing maps on the path are created. The strict reader checks the key later.
 /// @throws ConfigError if the assignment is malformed or a list index is out of range
 void override_value(Tree& root, const std::string& assignment);
 

@@ -7,19 +7,19 @@
 
 namespace infrasim {
 
-/// How the rays of a frame see moving objects.
+/// How the rays of a frame sample the motion of objects.
 struct Aggregation {
-  std::string word = "exact";  ///< as the configuration has it
-  int slices = 0;              ///< frozen worlds per frame; 0: every ray at its own firing time
+  std::string word = "exact";  ///< the word in the configuration
+  int slices = 0;              ///< frozen instants per frame; 0: every ray sees its own firing time
 };
 
 inline constexpr const char* kAggregationWords = "exact, instant or slices:N with N from 1 to 1000";
 
-/// `exact`, `instant` (one frozen world at the middle of the frame) or `slices:N`.
-/// @return nothing if the word is none of them
+/// Parses `exact`, `instant` (one frozen instant at the middle of the frame) or `slices:N`.
+/// @return nothing for any other word
 std::optional<Aggregation> parse_aggregation(const std::string& word);
 
-/// A stretch of a frame, as shares of it, whose rays see one state of the world.
+/// A part of a frame, as shares of the frame, whose rays see one state of the objects.
 struct WorldSlice {
   double from = 0;
   double to = 1;
@@ -27,7 +27,7 @@ struct WorldSlice {
   double middle() const { return (from + to) / 2; }
 };
 
-/// One moving slice for `exact`, n frozen ones else.
+/// One moving slice for `exact`, otherwise n frozen ones.
 std::vector<WorldSlice> world_slices(const Aggregation& aggregation);
 
 }  // namespace infrasim

@@ -7,14 +7,14 @@
 
 namespace infrasim {
 
-/// What a point lies on: the background by material, vehicles by class.
+/// Class of a point: a material for the background, an object class for objects.
 enum class Class : std::uint16_t {
   kRoad = 0,
   kSidewalk = 1,
   kTerrain = 2,
   kStructure = 3,
   kVegetation = 4,
-  kRecorded = 5,  ///< what stands at a real place, as a recording saw it: of unknown material
+  kRecorded = 5,  ///< background taken from a recording, of unknown material
   kCar = 10,
   kVan = 11,
   kTruck = 12,
@@ -35,11 +35,11 @@ struct ObjectClass {
   Class id;
   std::string_view name;  ///< as in KITTI's label files
   Spread length_m, width_m, height_m;
-  bool vehicle;  ///< one of the five that make up class `vehicle`
+  bool vehicle;  ///< whether the class belongs to the group `vehicle`
 };
 
-/// Sizes: CARLA 0.9.15 blueprints; bus and pedestrian from the nuScenes anchors, whose spread is
-/// not published and is taken as 5 %.
+/// Sizes come from the blueprints of CARLA 0.9.15. Sizes of buses and pedestrians come from the
+/// nuScenes anchors, whose standard deviations are unpublished and are taken as 5 %.
 inline constexpr std::array<ObjectClass, 7> kObjectClasses{{
     {Class::kCar, "Car", {4.53, 0.71}, {1.95, 0.16}, {1.57, 0.17}, true},
     {Class::kVan, "Van", {5.30, 0.85}, {2.05, 0.21}, {2.25, 0.25}, true},

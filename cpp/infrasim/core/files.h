@@ -5,12 +5,13 @@
 
 namespace infrasim {
 
-/// Whether a path has a zero byte, where the system would take it to end.
+/// Whether a path contains a zero byte, at which system calls would cut it off.
 inline bool has_zero(const std::filesystem::path& file) {
   return file.native().find('\0') != std::string::npos;
 }
 
-/// All bytes of a file. @throws IoError if it can't be read
+/// All bytes of a file.
+/// @throws IoError if it can't be read
 std::string read_file(const std::filesystem::path& file);
 
 }  // namespace infrasim

@@ -4,7 +4,7 @@
 
 namespace infrasim {
 
-/// A positive number as written, such as 8125/4; in lowest terms.
+/// A positive number written as a fraction, such as 8125/4, in lowest terms.
 struct Fraction {
   std::int64_t numerator = 1;
   std::int64_t denominator = 1;

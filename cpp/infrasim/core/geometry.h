@@ -14,7 +14,7 @@ inline constexpr double kInf = std::numeric_limits<double>::infinity();
 inline double rad(double degrees) { return degrees * (kPi / 180.0); }
 inline double deg(double radians) { return radians * (180.0 / kPi); }
 
-/// Angle folded into [-pi, pi).
+/// Wraps an angle into [-pi, pi).
 inline double wrap_angle(double angle) {
   return angle - 2.0 * kPi * std::floor((angle + kPi) / (2.0 * kPi));
 }
@@ -29,7 +29,7 @@ inline Vec2 operator*(double s, Vec2 a) { return {s * a.x, s * a.y}; }
 inline double dot(Vec2 a, Vec2 b) { return a.x * b.x + a.y * b.y; }
 inline double cross(Vec2 a, Vec2 b) { return a.x * b.y - a.y * b.x; }
 inline double norm(Vec2 a) { return std::hypot(a.x, a.y); }
-/// Unit vector.
+/// Unit vector in the direction of a heading.
 inline Vec2 heading_vector(double heading) { return {std::cos(heading), std::sin(heading)}; }
 
 struct Vec3 {
@@ -61,8 +61,8 @@ inline Mat3 operator*(const Mat3& a, const Mat3& b) {
   return c;
 }
 
-/// Rotation by yaw about z, then pitch about the new y, then roll about the new x (radians).
-/// A positive pitch looks down, as the right-hand rule about y (to the left) has it.
+/// Rotation by yaw about z, then pitch about the new y, then roll about the new x (radians). A
+/// positive pitch looks down, by the right-hand rule about y, which points left.
 inline Mat3 rotation(double yaw, double pitch, double roll) {
   const double cy = std::cos(yaw), sy = std::sin(yaw);
   const double cp = std::cos(pitch), sp = std::sin(pitch);
@@ -71,8 +71,8 @@ inline Mat3 rotation(double yaw, double pitch, double roll) {
          Mat3{1, 0, 0, 0, cr, -sr, 0, sr, cr};
 }
 
-/// Box of a vehicle: geometric centre, length width height, yaw about +z, then pitch about its own
-/// left, as `rotation` has it: positive looks down.
+/// Box of an object: geometric centre, length, width, height, yaw about +z, then pitch about its
+/// own left axis as in `rotation` (positive looks down).
 struct Box3d {
   double x = 0, y = 0, z = 0;
   double dx = 0, dy = 0, dz = 0;
@@ -80,42 +80,43 @@ struct Box3d {
   double pitch = 0;
 };
 
-/// The smallest box without pitch, of the same heading, that holds the box.
+/// The smallest box without pitch and with the same heading that contains the box.
 Box3d levelled(const Box3d& box);
 
-/// A box that many points are held against.
+/// A box prepared for tests of many points.
 class BoxFrame {
  public:
   explicit BoxFrame(const Box3d& box);
 
-  /// From world axes to the axes of the box, from its centre; and back.
+  /// From world axes to the axes and the centre of the box, and back.
   Vec3 to_box(Vec3 p) const;
   Vec3 from_box(Vec3 local) const;
-  /// Up to `margin` outside, too.
+  /// Whether the box contains a point; `margin` enlarges the box on all sides.
   bool contains(Vec3 p, double margin) const;
-  /// The point of the box that is nearest.
+  /// The point of the box nearest to p.
   Vec3 nearest(Vec3 p) const;
 
  private:
   Box3d box_;
-  double cos_, sin_;              ///< of the heading
-  double cos_pitch_, sin_pitch_;  ///< 1 and 0 of a level box: then nothing is rounded twice
+  double cos_, sin_;  ///< of the heading
+  /// 1 and 0 for a level box, so that rotation by pitch adds no rounding
+  double cos_pitch_, sin_pitch_;
 };
 
 /// Corners of the footprint, counter-clockwise from front right.
 std::array<Vec2, 4> footprint(const Box3d& box);
 
-/// Of an outline, not closed; positive if counter-clockwise.
+/// Area of an outline that is not closed; positive if counter-clockwise.
 double signed_area(std::span<const Vec2> outline);
 
-/// True if the convex outlines, counter-clockwise, share an area (touching does not count).
+/// True if two convex counter-clockwise outlines overlap (touching does not count).
 bool footprints_overlap(std::span<const Vec2> a, std::span<const Vec2> b);
 
-/// True if the point lies inside the convex outline, counter-clockwise, or on its edge.
+/// True if the point lies inside the convex counter-clockwise outline or on its edge.
 bool covers(std::span<const Vec2> outline, Vec2 point);
 
-/// True if the point lies inside the outline, convex or not: a ray from it towards +x crosses an
-/// odd number of edges.
+/// True if the point lies inside the outline, convex or not: a ray from the point towards +x
+/// crosses an odd number of edges.
 bool encloses(std::span<const Vec2> outline, Vec2 point);
 
 }  // namespace infrasim

@@ -11,7 +11,7 @@
 
 namespace infrasim {
 
-/// Values by name, in the order in which they came.
+/// Values by name, in the order of insertion.
 template <class T>
 class NamedMap {
  public:
@@ -20,7 +20,7 @@ class NamedMap {
   NamedMap() = default;
   NamedMap(std::initializer_list<Entry> entries) : entries_(entries) {}
 
-  /// The value of a name; a new one comes last.
+  /// The value of a name; a new name is added at the end.
   T& operator[](std::string_view name) {
     const auto entry = std::ranges::find(entries_, name, &Entry::first);
     return entry != entries_.end() ? entry->second

@@ -8,7 +8,8 @@
 
 namespace infrasim {
 
-/// The whole text as a number, in any locale; nothing for blanks, a plus sign or what is too large.
+/// Parses the whole text as a number, independent of the locale; nothing for blanks, a plus sign or
+/// overflow.
 template <class T>
 std::optional<T> parse_number(std::string_view text) {
   T value{};
@@ -19,8 +20,8 @@ std::optional<T> parse_number(std::string_view text) {
   return value;
 }
 
-/// Appends what printf's %.Nf gives in the C locale, in any locale.
-/// @param digits behind the point, at most 10
+/// Appends a number as printf's %.Nf does in the C locale, independent of the locale.
+/// @param digits after the decimal point, at most 10
 inline void append_fixed(std::string& text, double value, int digits) {
   std::array<char, 330> buffer{};  // the largest number has 309 digits
   char* const end = buffer.data() + buffer.size();

@@ -7,7 +7,7 @@
 
 namespace infrasim {
 
-/// Points of one LiDAR and frame, one column per attribute; all columns have length size().
+/// Points of one LiDAR in one frame, one column per attribute; all columns have length size().
 struct PointCloud {
   std::vector<float> xyz;               ///< 3 * size(), row-major, metres, levelled LiDAR frame
   std::vector<float> intensity;         ///< [0, 1]

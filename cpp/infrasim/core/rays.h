@@ -7,13 +7,13 @@
 
 namespace infrasim {
 
-/// Rays from the origin of the levelled frame, group by group, one column per attribute.
+/// Rays from the origin of the levelled frame, one group after the other, one column per attribute.
 struct RayBatch {
   std::vector<float> dx, dy, dz;  ///< unit direction, levelled frame
   std::vector<float> time;        ///< seconds since the start of the frame
   std::vector<std::uint16_t> ring;
-  std::vector<float> near;  ///< metres; nearer hits are none. Empty: every ray starts at 0
-  float max_range = 0;      ///< metres; hits beyond are misses
+  std::vector<float> near;  ///< metres; nearer hits are ignored. Empty: every ray starts at 0
+  float max_range = 0;      ///< metres; farther hits are misses
 
   std::size_t size() const { return time.size(); }
   float near_range(std::size_t i) const { return near.empty() ? 0 : near[i]; }
@@ -23,10 +23,10 @@ struct RayBatch {
   }
 };
 
-/// Where a ray meets a moving body.
+/// Position at which a ray meets a moving body.
 struct BodyPlace {
   std::array<float, 3> at;      ///< in its unit box, [-0.5, 0.5], x forward
-  std::array<float, 3> normal;  ///< unit vector in its frame, inwards or outwards
+  std::array<float, 3> normal;  ///< unit vector in the body's frame, pointing inwards or outwards
 };
 
 /// Nearest hit of a ray.
@@ -40,11 +40,12 @@ struct Hit {
 
 /// Nearest hit of each ray.
 struct HitBatch {
-  std::vector<float> range;             ///< metres; +inf: nothing hit
-  std::vector<float> cos_incidence;     ///< between ray and surface normal, [0, 1]
-  std::vector<std::int32_t> object;     ///< index of the moving body; -1: background
-  std::vector<std::uint16_t> class_id;  ///< of the background, behind a body, too; 0 where it ends
-  std::vector<BodyPlace> place;         ///< where on a moving body; filled with cos_incidence
+  std::vector<float> range;          ///< metres; +inf: nothing hit
+  std::vector<float> cos_incidence;  ///< between ray and surface normal, [0, 1]
+  std::vector<std::int32_t> object;  ///< index of the moving body; -1: background
+  /// of the background, even behind a body; 0 without background
+  std::vector<std::uint16_t> class_id;
+  std::vector<BodyPlace> place;  ///< position on a moving body; filled together with cos_incidence
 
   std::size_t size() const { return range.size(); }
   Hit at(std::size_t i) const {

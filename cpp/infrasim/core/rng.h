@@ -22,33 +22,33 @@ constexpr std::uint64_t hash_name(std::string_view name) {
   return h;
 }
 
-/// Counter-based random numbers: draw j of a key is a pure function of both, so that results never
-/// depend on the order in which rays or frames are computed.
+/// Counter-based random numbers. Sample j of a key is a pure function of both, so that results do
+/// not depend on the order in which rays or frames are computed.
 class Rng {
  public:
   constexpr explicit Rng(std::uint64_t key) : key_(key) {}
 
-  /// Key of one named stream (a LiDAR, the traffic).
+  /// Key of a named stream, such as a LiDAR or the traffic.
   static constexpr Rng of(std::uint64_t seed, std::string_view name) {
     return Rng(mix64(mix64(seed + kStep) ^ hash_name(name)));
   }
 
-  /// Key of one part of this stream: a vehicle, a frame, and of that a ray. Keys are mixed at each
-  /// level: were they steps from each other, the rays of a frame would have the draws of those one
-  /// further in the frame before. Parts of a stream that draws itself are numbered from 1.
+  /// Key of a part of this stream, such as a vehicle, a frame, or a ray of a frame. Keys are mixed
+  /// at each level. If they were only added, ray i + 1 of a frame would have the samples of ray i
+  /// in the next frame. A stream that is also sampled itself numbers its parts from 1.
   constexpr Rng at(std::uint64_t index) const { return Rng(mix64(key_ + kStep * (index + 1))); }
 
-  /// Draw j, uniform in [0, 1).
+  /// Sample j, uniform in [0, 1).
   constexpr double uniform(unsigned j) const {
     return static_cast<double>(bits(j) >> 11) * 0x1p-53;
   }
 
-  /// Draw j, uniform in (0, 1), both ends excluded.
+  /// Sample j, uniform in (0, 1), both ends excluded.
   constexpr double open_uniform(unsigned j) const {
     return (static_cast<double>(bits(j) >> 12) + 0.5) * 0x1p-52;
   }
 
-  /// Draw j of a standard normal (Box-Muller); uses the uniform draws j and j + 1.
+  /// Sample j of a standard normal (Box-Muller); it uses the uniform samples j and j + 1.
   double normal(unsigned j) const {
     const double radius = std::sqrt(-2.0 * std::log(1.0 - uniform(j)));
     return radius * std::cos(2.0 * std::numbers::pi * uniform(j + 1));

@@ -6,11 +6,11 @@
 
 namespace infrasim {
 
-/// Triangles with a class each.
+/// A triangle mesh with a class per triangle.
 struct TriangleMesh {
   std::vector<std::array<float, 3>> vertices;
   std::vector<std::array<std::uint32_t, 3>> triangles;
-  std::vector<std::uint16_t> class_id;  ///< per triangle; empty: the object's own class
+  std::vector<std::uint16_t> class_id;  ///< per triangle; empty: all have the object's own class
 };
 
 }  // namespace infrasim

@@ -7,9 +7,10 @@
 
 namespace infrasim {
 
-/// Indices of the points to keep, in increasing order; NaN and infinite points are never kept.
+/// Indices of the points to keep, in increasing order, without NaN and infinite points.
 /// @param xyz  row-major points, metres, levelled LiDAR frame (origin at the sensor)
-/// @throws std::invalid_argument if bounds are not numbers or cross, or a polygon has no area
+/// @throws std::invalid_argument if a bound is NaN, a minimum exceeds its maximum, or a polygon has
+///   no area
 std::vector<int> keep(std::span<const float> xyz, const CropBox& box);
 std::vector<int> keep(std::span<const float> xyz, const CropPolygon& polygon);
 std::vector<int> keep(std::span<const float> xyz, const CropRange& range);

@@ -12,21 +12,20 @@ namespace infrasim {
 
 using FilterStep = FilterOf<BackgroundModel>;
 
-/// Indices of the points that one step keeps, in increasing order; never NaN or infinite points.
+/// Indices of the points that one step keeps, in increasing order, without NaN or infinite points.
 /// @param xyz  row-major points, metres, levelled LiDAR frame (origin at the sensor)
 /// @throws std::invalid_argument if a parameter of the step is out of its range
 std::vector<int> apply(const FilterStep& step, std::span<const float> xyz);
 
-/// Indices of the points that every step keeps; each step sees only what those before it kept.
-/// Without steps, all finite points.
-/// @param observer gets after each step the number of points before and after it
+/// Indices of the points that every step keeps. Each step gets only the points that the previous
+/// steps kept. Without steps, all finite points are kept.
+/// @param observer called after each step with the number of points before and after it
 using StepObserver =
     std::function<void(const FilterStep& step, std::size_t before, std::size_t after)>;
 std::vector<int> keep_all(std::span<const FilterStep> steps, std::span<const float> xyz,
                           const StepObserver& observer = {});
 
-/// Whether a step takes a plane away and found none; one that was found takes at least its own
-/// points.
+/// Whether a ground-plane step found no plane. A found plane removes at least its own points.
 inline bool has_no_plane(const FilterStep& step, std::size_t before, std::size_t after) {
   return std::holds_alternative<GroundPlane>(step) && after == before;
 }

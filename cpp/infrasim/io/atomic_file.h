@@ -7,23 +7,23 @@
 
 namespace infrasim {
 
-/// A file that is written piece by piece, hidden beside its place, and then put there: a reader
-/// sees the whole file or none, and of several that write it at the same time the last one stays.
-/// No fsync: this guards against a process that dies, not against a machine that does.
+/// A file that is written in pieces under a hidden name in the same folder, and then renamed. A
+/// reader sees the complete file or none. If several processes write it at the same time, the last
+/// one wins. There is no fsync: this protects against a crash of the process, not of the machine.
 /// Each function throws IoError with the path and the system's reason.
 class AtomicFile {
  public:
   explicit AtomicFile(std::filesystem::path file);
-  /// Removes what was written unless it was put in its place.
+  /// Removes the hidden file unless it was renamed.
   ~AtomicFile();
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
 
   void write(std::span<const std::byte> bytes);
   void write(std::string_view text);
-  /// Puts the file in its place, where another may be.
+  /// Renames the file to its final name, replacing an existing file.
   void replace();
-  /// Puts the file in its place if none is there.
+  /// Renames the file to its final name if no such file exists.
   /// @return whether it did
   bool create();
 
@@ -35,16 +35,16 @@ class AtomicFile {
   int descriptor_ = -1;
 };
 
-/// Writes a file at once.
+/// Writes a file in one call.
 /// @throws IoError
 void write_file_atomically(const std::filesystem::path& file, std::span<const std::byte> bytes);
 void write_file_atomically(const std::filesystem::path& file, std::string_view text);
 
-/// As above, but what is there already stays.
+/// As write_file_atomically, but keeps an existing file.
 /// @return whether the file is the one written
 bool create_file_atomically(const std::filesystem::path& file, std::string_view text);
 
-/// Removes the hidden files that processes of this machine left in a folder when they died.
+/// Removes hidden files in a folder that crashed processes of this machine left behind.
 void remove_leftovers(const std::filesystem::path& folder);
 
 }  // namespace infrasim

@@ -10,7 +10,7 @@
 
 namespace infrasim {
 
-/// One field of a point: F, I or U of 1, 2, 4 or 8 bytes, `count` of them.
+/// One field of a point: F, I or U of 1, 2, 4 or 8 bytes, with `count` elements.
 struct CloudField {
   std::string name;
   char type = 'F';
@@ -18,41 +18,43 @@ struct CloudField {
   int count = 1;
 };
 
-/// The pose of the sensor in the frame of the place: a unit quaternion, then a shift.
+/// The pose of the sensor in the frame of the scanned site: a unit quaternion, then a shift.
 struct Viewpoint {
   Vec3 shift;
   double w = 1;
   Vec3 axis;  ///< x y z of the quaternion
 
   bool is_identity() const;
-  /// Whether the shift would move points farther than clouds reach, as one on Earth does; it is
-  /// left out then.
+  /// Whether the shift would move points beyond the allowed range, as Earth-fixed coordinates do.
+  /// Such a shift is ignored.
   bool is_far() const;
   Vec3 apply(Vec3 stored) const;
 };
 
 enum class PcdEncoding { kAscii, kBinary, kBinaryCompressed };
 
-/// A point cloud as a file holds it: records of fields, point by point. Fields that nobody here
-/// knows survive.
+/// The content of a point cloud file: records of fields, point by point. Unknown fields are
+/// preserved.
 struct CloudFile {
   std::vector<CloudField> fields;
-  std::string viewpoint = "0 0 0 1 0 0 0";  ///< x y z of the sensor, then w x y z of its turn
+  /// x y z of the sensor, then the quaternion w x y z of its rotation
+  std::string viewpoint = "0 0 0 1 0 0 0";
   PcdEncoding encoding = PcdEncoding::kBinary;
   std::size_t points = 0;
   std::string records;  ///< points * record_size() bytes, little-endian
 
   std::size_t record_size() const;
-  /// The field of that name, else the only one that differs from it in capitals alone; null if
-  /// there is none.
+  /// The field with that name, else the only field whose name differs just in upper and lower case;
+  /// null if there is none.
   const CloudField* field(std::string_view name) const;
-  /// Values of a field's first element as float; empty if there is no such field.
+  /// Values of a field's first element as float; empty if the field does not exist.
   std::vector<float> column(std::string_view name) const;
-  /// Values of the first of the usual names of an intensity; empty if there is none.
+  /// Values of the first field with a usual name of the intensity; empty if there is none.
   std::vector<float> intensity() const;
-  /// Row-major x y z, as stored.
+  /// Row-major x y z as stored.
   std::vector<float> xyz() const;
-  /// Row-major x y z where the viewpoint moves them; 0 0 0 stands for no return and stays.
+  /// Row-major x y z transformed by the viewpoint. The point 0 0 0 means no return and is not
+  /// moved.
   std::vector<float> moved_xyz() const;
   Viewpoint pose() const;
   CloudFile select(std::span<const int> keep) const;
@@ -63,12 +65,13 @@ struct CloudFile {
 /// @throws IoError if it can't be read
 CloudFile read_cloud(const std::filesystem::path& file);
 
-/// The suffix decides the format. A .bin gets x y z intensity, 0 where the cloud has none; as it
-/// has no viewpoint, its points are where the cloud's moves them.
+/// Writes a cloud in the format of the file's suffix. A .bin gets x y z intensity, with 0 for a
+/// missing intensity. A .bin has no viewpoint, so its points are transformed by the cloud's
+/// viewpoint.
 /// @throws ConfigError for another suffix, IoError
 void write_cloud(const std::filesystem::path& file, const CloudFile& cloud);
 
-// The same on bytes; `name` stands for the file in messages.
+// The same on bytes; messages use `name` in place of the file name.
 CloudFile parse_bin(std::string_view bytes, const std::string& name);
 CloudFile parse_pcd(std::string_view bytes, const std::string& name);
 std::string pcd_bytes(const CloudFile& cloud);

@@ -6,33 +6,33 @@
 
 namespace infrasim {
 
-/// Reads rows of comma-separated cells under a header that is given, one after the other. A cell
-/// has no quotes; a line ends in \n or \r\n.
-/// Each of its errors is a ConfigError that names file, line and column.
+/// Reads rows of comma-separated cells under a given header, one after the other. Cells have no
+/// quotes; a line ends in \n or \r\n. All parsing errors are ConfigErrors with file, line and
+/// column.
 class CsvReader {
  public:
-  /// @param last column that a file may have after those of the header; empty: none
+  /// @param last optional last column that a file may have after the header's; empty: none
   /// @throws ConfigError if the first line is not the header, IoError if the file can't be read
   CsvReader(const std::filesystem::path& file, std::string_view header, std::string_view last = "");
-  CsvReader(const CsvReader&) = delete;  // it views its own text
+  CsvReader(const CsvReader&) = delete;  // it holds views of its own text
   CsvReader& operator=(const CsvReader&) = delete;
 
-  /// Whether the file has the last column.
+  /// Whether the file has the optional last column.
   bool has_last() const { return has_last_; }
-  /// Goes to the first or next row; false if there is none.
-  /// @throws ConfigError if its cells are not as many as the header's
+  /// Goes to the first or next row; returns false if there is none.
+  /// @throws ConfigError if the number of its cells differs from the header's
   bool next_row();
-  /// The row's next cell, from its first to its last.
+  /// The row's next cell, from the first to the last.
   std::string_view cell();
-  /// The row's next cell as a number; `key` names it in messages.
-  /// @throws ConfigError if it is none or out of [low, high]
+  /// The row's next cell as a number; messages use `key` as its name.
+  /// @throws ConfigError if it is not a number or out of [low, high]
   double number(std::string_view key, double low, double high);
-  /// The same where a blank cell stands for `blank`.
+  /// As number(); a blank cell gives `blank`.
   double number_or(double blank, std::string_view key, double low, double high);
 
-  /// Throws about the cell that was read last.
+  /// Throws an error about the cell that was read last.
   [[noreturn]] void fail(std::string_view key, const std::string& what) const;
-  /// Throws about the row as a whole.
+  /// Throws an error about the whole row.
   [[noreturn]] void fail_row(std::string_view key, const std::string& what) const;
 
  private:
@@ -43,8 +43,8 @@ class CsvReader {
   std::string text_;
   std::string_view rest_;      ///< after the current line
   std::string_view row_;       ///< the current line
-  std::size_t cell_ = 0;       ///< where the current cell starts in it
-  std::size_t next_cell_ = 0;  ///< and the next one
+  std::size_t cell_ = 0;       ///< start of the current cell in row_
+  std::size_t next_cell_ = 0;  ///< start of the next cell in row_
   std::ptrdiff_t columns_;
   int line_ = 0;
   bool has_last_ = false;

@@ -7,12 +7,12 @@
 
 namespace infrasim {
 
-/// Creates a folder and those above it, and removes what runs that died left in it.
+/// Creates a folder and its parents, and removes files that crashed runs left in it.
 /// @throws IoError
 void create_folder(const std::filesystem::path& folder);
 
-/// Holds a folder against other processes that lock it, as long as it lives; where the file system
-/// has no locks, against none.
+/// Locks a folder against other processes that lock it, for its own lifetime. Has no effect on a
+/// file system without locks.
 class FolderLock {
  public:
   explicit FolderLock(const std::filesystem::path& folder);
@@ -24,22 +24,22 @@ class FolderLock {
   int descriptor_;
 };
 
-/// What the text of a file, which is named for messages, says of the frames beside it.
-/// @throws ConfigError if it can't be read
+/// Extracts the identity of the frames from the text of a file; `file` is its name for messages.
+/// @throws ConfigError if the text can't be read
 using Identity = std::function<std::string(const std::string& text, const std::string& file)>;
 
-/// Writes a file that says what a folder holds, or checks that one is there that says the same:
-/// the same text, or another of the same identity, which stays.
-/// Safe against other processes that claim the same folder at the same time.
-/// @throws IoError if it can't be written, or is there and says something else (names the first
-///         line)
+/// Writes a file that identifies the content of a folder, or checks an existing one. The existing
+/// file must have the same text or the same identity, and is kept. Safe against other processes
+/// that claim the same folder at the same time.
+/// @throws IoError if the file can't be written, or exists with another content (the message shows
+///   the first different line)
 void claim_file(const std::filesystem::path& file, const std::string& text,
                 const Identity& identity = {});
 
 /// Takes the next piece of a text.
 using TakeText = std::function<void(std::string_view)>;
-/// The same for a text too long to be held: `give_all` hands it over, whole lines at a time, and
-/// may be asked twice.
+/// As above, for a text that is too long for memory. `give_all` passes it on in whole lines, and
+/// may be called twice.
 void claim_file(const std::filesystem::path& file,
                 const std::function<void(const TakeText&)>& give_all);
 
