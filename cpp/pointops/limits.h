@@ -5,14 +5,17 @@
 #include <stdexcept>
 #include <string>
 
-// What the operations take: sizes whose products stay within 64 bits and whose results within
-// memory. Nothing that a detector asks for comes near.
+// Limits of the operations' sizes. Products stay within 64 bits and results within memory.
+// Detectors use far smaller sizes.
 
 namespace pointops {
 
-inline constexpr std::int64_t kMostResults = std::int64_t{1} << 28;  ///< numbers: 2 GiB of int64
-inline constexpr std::int64_t kMostVoxels = std::int64_t{1} << 33;   ///< of a grid: 1 GiB of bits
-inline constexpr std::int64_t kMostSteps = std::int64_t{1} << 30;    ///< of a loop: some seconds
+/// numbers of a result: 2 GiB of int64
+inline constexpr std::int64_t kMostResults = std::int64_t{1} << 28;
+/// voxels of a grid: 1 GiB of bits
+inline constexpr std::int64_t kMostVoxels = std::int64_t{1} << 33;
+/// steps of a loop: some seconds
+inline constexpr std::int64_t kMostSteps = std::int64_t{1} << 30;
 
 /// @throws std::invalid_argument as "NAME: expected LOW to HIGH, got VALUE"
 inline void check_between(const std::string& name, std::int64_t value, std::int64_t low,
@@ -22,8 +25,9 @@ inline void check_between(const std::string& name, std::int64_t value, std::int6
                                 std::to_string(high) + ", got " + std::to_string(value));
 }
 
-/// The product of factors from 0 on.
-/// @throws std::invalid_argument if it is above `most`, which is below 2^62
+/// The product of non-negative factors.
+/// @throws std::invalid_argument if a factor is negative or the product is above `most`, which is
+///   below 2^62
 inline std::int64_t checked_product(const std::string& name,
                                     std::initializer_list<std::int64_t> factors,
                                     std::int64_t most) {

@@ -8,10 +8,10 @@ namespace pointops {
 
 /// Greedy non-maximum suppression by the overlap of rotated footprints.
 /// @param boxes  7 * n, x y z dx dy dz heading, best first, finite
-/// @param iou    a box is left out if one that is kept overlaps it by more
-/// @param limit  how many to keep at most
-/// @return rows of boxes, increasing
-/// @throws std::invalid_argument if a box is not finite, iou no number or the limit negative
+/// @param iou    a box is removed if a kept box overlaps it by more
+/// @param limit  maximum number of boxes to keep
+/// @return rows of the kept boxes, increasing
+/// @throws std::invalid_argument if a box is not finite, iou is NaN or the limit is negative
 std::vector<std::int64_t> suppress(std::span<const double> boxes, double iou, std::int64_t limit);
 
 }  // namespace pointops

@@ -7,7 +7,7 @@
 
 namespace pointops {
 
-/// Pairs of rows, grouped by the offset at which they meet.
+/// Pairs of input and output rows, grouped by offset.
 struct VoxelPairs {
   std::vector<std::int64_t> inputs;
   std::vector<std::int64_t> outputs;
@@ -15,12 +15,12 @@ struct VoxelPairs {
 };
 
 /// Pairs of voxels whose keys differ by one of the steps.
-/// @param keys  increasing, no two equal; outputs and inputs are rows of it
+/// @param keys  increasing, without duplicates; outputs and inputs are its rows
 /// @return for each step the pairs with keys[input] = keys[output] + step, by increasing output
-/// @throws std::invalid_argument for other keys, or more work than a machine has time for
+/// @throws std::invalid_argument for other keys, or if the work exceeds kMostSteps
 VoxelPairs shifted_pairs(std::span<const std::int64_t> keys, std::span<const std::int64_t> steps);
 
-/// How voxels of a grid reach those of a coarser one; along z, y, x.
+/// Parameters of a sparse convolution from one grid to a coarser one; along z, y, x.
 struct Reach {
   std::array<std::int64_t, 3> shape;  ///< of the input
   std::array<std::int64_t, 3> kernel;
@@ -34,11 +34,11 @@ struct ReachedVoxels {
   std::vector<std::int64_t> keys;  ///< ((batch * Z + z) * Y + y) * X + x of each output, increasing
 };
 
-/// Every voxel that the kernel reaches from the inputs: stride * output = input + padding - offset.
-/// Takes a bit for each voxel of the target's grid up to the last batch.
+/// Every output voxel that the kernel reaches from the inputs: stride * output = input + padding -
+/// offset. Uses one bit for each voxel of the target grid up to the last batch.
 /// @param coordinates  4 * n, batch z y x, within the shape
-/// @throws std::invalid_argument for others, a negative size, a stride below 1, and what is larger
-///         than limits.h has it
+/// @throws std::invalid_argument for other coordinates, a negative size, a stride below 1, or sizes
+///   above the limits in limits.h
 ReachedVoxels reached_voxels(std::span<const std::int64_t> coordinates, const Reach& reach);
 
 }  // namespace pointops

@@ -30,16 +30,18 @@ struct ScannerUnit {
   ReturnModel returns;
   std::optional<Beam> beam;
   float max_range;
-  Rng stream;                                                      ///< of its random numbers
-  std::map<std::int64_t, std::vector<std::uint32_t>> tile_orders;  ///< by number of groups
-  std::shared_ptr<const StaticLayer> layer;                        ///< null: all rays are cast
+  Rng stream;  ///< random numbers of the unit
+  /// tile orders by number of groups
+  std::map<std::int64_t, std::vector<std::uint32_t>> tile_orders;
+  std::shared_ptr<const StaticLayer> layer;  ///< null: all rays are cast
 
-  /// Whether a static layer can answer: it repeats soon enough, and no beam is wider than a ray.
+  /// Whether a static layer is possible: the pattern repeats, no beam is wider than a ray, and the
+  /// layer fits into the memory limit.
   bool can_have_layer() const {
     return pattern.repeats_after() > 0 && !beam && layer_bytes(pattern) <= kMostLayerBytes;
   }
 
-  /// Rays that are fired within a share of frame k.
+  /// Rays fired between two shares of frame k.
   RayRange rays(int k, double from = 0, double to = 1) const;
 };
 
@@ -47,35 +49,35 @@ struct ScannerUnit {
 Mat3 unit_pose(const SceneConfig& scene, const LidarUnit& unit);
 
 /// All units of a LiDAR.
-/// @param draws put before the names of their streams of random numbers
+/// @param draws prefix of the names of their random streams
 std::vector<ScannerUnit> make_scanner_units(const SceneConfig& scene, const LidarConfig& lidar,
                                             const std::string& draws = "");
 
-/// Casts the rays of LiDARs and makes returns of what comes back, part of a frame by part: cast,
-/// stop in leaves, pass panes, merge beams, detect. Keeps its buffers from frame to frame. For one
-/// thread at a time.
+/// Casts the rays of LiDARs and turns hits into returns, one part of a frame after the other. The
+/// steps are: cast, stop in leaves, pass through panes, merge beams, detect. It keeps its buffers
+/// between frames. Not thread-safe.
 class Caster {
  public:
-  /// @param parts  that LiDARs which detect by received power see of vehicles
-  /// @param leaves that they see; outlive the caster
+  /// @param parts  parts of vehicles, for LiDARs that detect by received power
+  /// @param leaves volumes of leaves; must outlive the caster
   Caster(Raycaster& raycaster, const VehicleParts& parts, const Volumes& leaves)
       : raycaster_(raycaster), parts_(parts), leaves_(leaves), transparent_(raycaster) {}
 
   /// Adds the returns of the rays that the unit fires in one slice of frame k.
-  /// @param vehicles those that the raycaster has
-  /// @return how many rays were cast for them: fewer where a static layer answers, more where beams
-  ///         are wider than a ray
+  /// @param vehicles the vehicles that the raycaster has
+  /// @return number of rays that were cast: fewer with a static layer, more with beams wider than a
+  ///   ray
   std::size_t cast(int k, const WorldSlice& slice, const FrameVehicles& vehicles,
                    ScannerUnit& scanner, FrameBuilder& out);
 
  private:
-  /// A run of groups that one unit fires, worked on at once.
+  /// A run of groups of one unit that is processed at once.
   struct Part {
     ScannerUnit& scanner;
     const FrameVehicles& vehicles;
     std::int64_t first, last;  ///< groups
     const Rng& frame;          ///< random numbers of the unit and frame
-    std::uint64_t first_ray;   ///< of the part, within the frame
+    std::uint64_t first_ray;   ///< number of the part's first ray within the frame
 
     std::int64_t groups() const { return last - first; }
     bool by_power() const { return scanner.returns.needs_reflectance(); }
@@ -99,14 +101,14 @@ class Caster {
   const Volumes& leaves_;
   TransparentCaster transparent_;
   RayBatch rays_;
-  std::vector<std::uint32_t> selected_;   ///< rays worth casting
+  std::vector<std::uint32_t> selected_;   ///< rays that have to be cast
   std::vector<std::uint32_t> in_leaves_;  ///< rays that may meet leaves
-  RayBatch sub_rays_;                     ///< of the selected rays, where beams are wider than rays
+  RayBatch sub_rays_;                     ///< of the selected rays, if beams are wider than rays
   std::vector<std::uint32_t> sub_selected_;
-  HitBatch hits_;     ///< of the rays, or of the sub-rays, until they become echoes
-  EchoBatch echoes_;  ///< of the same
+  HitBatch hits_;     ///< of the rays or the sub-rays, until they become echoes
+  EchoBatch echoes_;  ///< of the rays or the sub-rays
   EchoBatch beam_echoes_;
-  std::vector<float> sunlit_;  ///< of the beams
+  std::vector<float> sunlit_;  ///< reflectance of the beams in sunlight
   ReturnBatch returns_;
 };
 

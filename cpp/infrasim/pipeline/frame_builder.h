@@ -11,14 +11,14 @@
 
 namespace infrasim {
 
-inline constexpr double kBoxMargin = 0.01;  ///< m: points on a face stay inside their box
+inline constexpr double kBoxMargin = 0.01;  ///< m; points on a face count as inside their box
 
 /// One return before it becomes a point.
 struct Return {
   float dx, dy, dz;  ///< unit direction, levelled frame
   float range;       ///< metres
   float hit_range;   ///< metres, without noise
-  bool wide;         ///< of a beam wider than a ray: a hit may be beside the direction
+  bool wide;         ///< from a beam wider than a ray: the hit may lie beside the direction
   float intensity;   ///< [0, 1]
   float time;        ///< seconds since the start of the frame
   std::uint16_t ring;
@@ -26,27 +26,27 @@ struct Return {
   std::int32_t object;  ///< index among the frame's objects; -1: background
 };
 
-/// Where an object is in the labels; levelled frame.
+/// Boxes of an object in the labels; levelled frame.
 struct ObjectBoxes {
   Box3d frame;  ///< at mid-frame
   Box3d scan;   ///< at the time of its returns
 };
 
-/// How many points an object got.
+/// Number of points on an object.
 struct PointCount {
   int points = 0;
   int points_in_box = 0;
   int points_in_scan_box = 0;
 };
 
-/// Collects the returns of one LiDAR and frame, in the order they are added.
+/// Collects the returns of one LiDAR in one frame, in the order in which they are added.
 class FrameBuilder {
  public:
   void start();
-  /// The returns to come see objects as they are at this time since the start of the frame;
-  /// nothing: each at its own.
+  /// Sets the time since the start of the frame at which the following returns see objects;
+  /// nothing: each at its own time.
   void see_objects_at(std::optional<double> time_s) { frozen_s_ = time_s; }
-  /// Makes room for `more` calls of `add`.
+  /// Reserves memory for `more` calls of `add`.
   void reserve(std::size_t more);
   /// @param object_id id of the object, -1 for background
   void add(const Return& r, std::int32_t object_id) {
@@ -64,33 +64,34 @@ class FrameBuilder {
   std::size_t size() const { return size_; }
   /// Row-major points so far.
   std::span<const float> xyz() const { return {scratch_.xyz.data(), 3 * size_}; }
-  /// Drops all but the given rows, which must increase.
+  /// Keeps only the given rows, which must increase.
   void keep(std::span<const int> rows);
   /// The points.
   PointCloud cloud() const;
 
-  /// Times at which each object was seen, since the start of the frame; seconds.
+  /// Times (s) at which each object was seen, since the start of the frame.
   std::vector<std::vector<double>> times_seen(std::size_t objects) const;
 
-  /// Where an object is at a time since the start of the frame; levelled frame.
+  /// Box of an object at a time since the start of the frame; levelled frame.
   using BoxAt = std::function<Box3d(std::size_t object, double time_s)>;
-  /// Points of each object, also those inside its boxes. There are two reasons why a point is
-  /// outside, range noise and motion, and motion alone counts: range noise is left out, and the hit
-  /// of a wide beam is taken to the object. A point counts as inside up to 1 cm outside of the box.
+  /// Counts the points of each object, in total and inside its boxes. A point can lie outside a box
+  /// because of range noise or because of motion. Only motion counts here: range noise is removed,
+  /// and the hit of a wide beam is moved onto the object. Points up to 1 cm outside a box count as
+  /// inside.
   std::vector<PointCount> count(std::span<const ObjectBoxes> boxes, const BoxAt& box_at) const;
 
  private:
-  /// A return from an object, where it was hit.
+  /// A return from an object, with its position.
   struct Hit {
     std::size_t row;
     std::int32_t object;
-    double time_s;  ///< of the world it met
+    double time_s;  ///< time of the object state that it met
     bool wide;
     Vec3 place;
   };
   void add_hit(const Return& r);
 
-  PointCloud scratch_;  // kept at its largest size from frame to frame
+  PointCloud scratch_;  // keeps its largest size between frames
   std::vector<Hit> hits_;
   std::optional<double> frozen_s_;
   std::size_t size_ = 0;

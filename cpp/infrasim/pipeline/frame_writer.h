@@ -10,25 +10,26 @@
 
 namespace infrasim {
 
-/// Does jobs on a thread of its own, one after the other, while those that compute go on. Jobs that
-/// wait are few: whoever brings another does it himself. Without a thread, so does everybody.
+/// Runs jobs one after the other on its own thread, while other threads compute. The queue is
+/// short: if it is full, the caller runs the job itself. If the thread could not start, callers run
+/// all jobs.
 class FrameWriter {
  public:
   using Job = std::function<void()>;
 
-  /// @param most jobs that wait
+  /// @param most maximum number of waiting jobs
   explicit FrameWriter(std::size_t most);
-  /// Does what waits, unless a job has failed.
+  /// Runs the waiting jobs, unless a job has failed.
   ~FrameWriter();
   FrameWriter(const FrameWriter&) = delete;
   FrameWriter& operator=(const FrameWriter&) = delete;
 
-  /// For any thread. The job is done before `finish` returns.
-  /// @throws what an earlier job threw, or this one
+  /// Adds a job, from any thread. The job is done before `finish` returns.
+  /// @throws the exception of an earlier job or of this one
   void write(Job job);
 
   /// Waits until all jobs are done.
-  /// @throws what the first job that failed threw
+  /// @throws the exception of the first job that failed
   void finish();
 
  private:
@@ -41,7 +42,7 @@ class FrameWriter {
   bool busy_ = false;
   bool closed_ = false;
   std::exception_ptr error_;
-  std::jthread thread_;  // last: joined before the rest goes
+  std::jthread thread_;  // last member: joined before the others are destroyed
 };
 
 }  // namespace infrasim

@@ -12,37 +12,39 @@
 
 namespace infrasim {
 
-/// A:B or A:B:STEP of the frames of a run.
+/// A frame range A:B or A:B:STEP of a run.
 struct FrameRange {
   int first = 0;
   int last = 0;  ///< one past the end
   int step = 1;
 };
 
-/// What to simulate, and where to.
+/// The input of a run.
 struct RunRequest {
   SceneConfig scene;
   std::vector<LidarConfig> lidars;
   std::string preset;
   FrameRange frames;
   std::filesystem::path out;  ///< empty: nothing is written
-  std::string mount;          ///< that alone is run; empty: all
-  bool fuse = false;          ///< all mounts' frames together, too
+  std::string mount;          ///< only this mount is run; empty: all mounts
+  bool fuse = false;          ///< also writes the fused frames of all mounts
   int threads = 1;
-  bool cast_all = false;  ///< what stands still too, in every frame; the frames are the same
+  /// casts static surfaces in every frame instead of using static layers; the frames are the same
+  bool cast_all = false;
 };
 
-/// Called after each frame, in their order, with the number done and the number in all.
+/// Called after each frame, in frame order, with the number of finished frames and the total.
 using Progress = std::function<void(int, int)>;
 
-/// Called with a line that says what a user should know.
+/// Called with a warning for the user, one line.
 using Warn = std::function<void(const std::string&)>;
 
-/// Simulates the frames that are not on disk yet, several at a time, of a scene with several mounts
-/// to a folder each. Stops after the current frames when `stop` becomes non-zero. Warns of LiDARs
-/// that see no vehicle in the first 10 frames, and of steps that show a part of a pattern alone.
-/// @return one row per LiDAR over all frames of the request that exist by then; of several mounts
-///         named MOUNT/LIDAR, and fused/LIDAR
+/// Simulates the frames that are not on disk yet, several at a time. A scene with several mounts
+/// gets a folder per mount. Stops after the current frames when `stop` becomes non-zero. Warns of
+/// LiDARs that see no vehicle in the first 10 frames, and of frame steps that show only a part of a
+/// scan pattern.
+/// @return one row per LiDAR over all requested frames that exist afterwards; with several mounts
+///   the rows are named MOUNT/LIDAR and fused/LIDAR
 /// @throws ConfigError if the request does not fit the scene
 /// @throws IoError if a file can't be written, or the folder holds another configuration
 std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& stop,

@@ -8,19 +8,20 @@
 
 namespace infrasim {
 
-/// lidar.yaml: the LiDAR's configuration and what follows from it and the scene, for readers that
-/// know no scene.
+/// Text of lidar.yaml: the LiDAR's configuration, and values derived from it and the scene, for
+/// readers that do not read the scene.
 /// @throws ConfigError for rays that can't be traced
 std::string lidar_yaml(const World& world, const LidarConfig& lidar);
 
-/// Creates the folder of a run with the texts that say what is in it (dataset.yaml,
-/// trajectories.csv, roads.csv and a lidar.yaml each), or checks that it holds the same run.
+/// Creates the folder of a run with the files that identify it (dataset.yaml, trajectories.csv,
+/// roads.csv and a lidar.yaml per LiDAR), or checks that an existing folder belongs to the same
+/// run.
 /// @throws ConfigError for a LiDAR with rays that can't be traced
-/// @throws IoError if a file can't be written, or is there with another text
+/// @throws IoError if a file can't be written, or exists with another content
 void open_run_folder(const RunRequest& request, const World& world);
 
-/// The same of all mounts fused, in the frame of the first.
-/// @throws what open_run_folder does
+/// As open_run_folder, for the fused frames in the frame of the first mount.
+/// @throws the exceptions of open_run_folder
 void open_fused_folder(const RunRequest& request, const World& first, const Fusion& fusion);
 
 }  // namespace infrasim

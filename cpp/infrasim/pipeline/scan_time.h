@@ -7,15 +7,16 @@
 
 namespace infrasim {
 
-/// Time of one vehicle's returns: their mean. Where more than `cut_s` parts them in two groups, as
-/// where the cut angle of a turn splits the vehicle, that of the larger group, of equal ones the
-/// first.
-/// @param times_s since the start of the frame, at least one; they are sorted if they are parted
+/// Mean time of one object's returns. If a pause longer than `cut_s` splits them into two groups,
+/// as the cut angle of a turn does, it is the mean of the larger group, or of the first one if both
+/// are equal.
+/// @param times_s since the start of the frame, at least one; sorted by this function if they are
+///   split
 double scan_time_s(std::span<double> times_s, double cut_s);
 
-/// The pause in the returns from a vehicle, in seconds, from which on the cut angle splits it: half
-/// a turn of the slowest spinning unit. Of faster ones, whose frames hold several turns, half a
-/// frame, so that whole looks at a vehicle stay together. Infinite without a spinning unit.
+/// The minimum pause (s) in an object's returns that counts as a split at the cut angle: half a
+/// turn of the slowest spinning unit. If a frame holds several turns it is half a frame, so that
+/// each pass over an object stays whole. Infinite without a spinning unit.
 double cut_s(const LidarConfig& lidar);
 
 }  // namespace infrasim

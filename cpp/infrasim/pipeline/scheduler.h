@@ -23,24 +23,24 @@ namespace infrasim {
 
 inline constexpr int kMostThreads = 1024;
 
-/// Which frames to compute, and how far ahead of whoever takes them.
+/// Which frames to compute, and how far ahead of the consumer.
 struct Schedule {
   std::vector<int> frames;
   int threads = 1;
-  std::size_t ahead = 1;                   ///< most frames under way or waiting to be taken
-  const std::atomic<int>* stop = nullptr;  ///< no frame is started any more once it is not 0
-  bool cast_all = false;                   ///< cast what stands still in every frame, too
+  std::size_t ahead = 1;  ///< maximum number of frames that are computed or waiting
+  const std::atomic<int>* stop = nullptr;  ///< no further frame is started when it is not 0
+  bool cast_all = false;  ///< casts static surfaces in every frame instead of using static layers
 };
 
-/// Computes frames on threads of its own, each frame whole on one of them with its own simulator,
-/// and hands the results over in the order of the frames. A thread that can't be started leaves
-/// its work to the others; without any, `next` computes.
+/// Computes frames on its own threads and returns the results in frame order. One thread computes a
+/// whole frame with its own simulator. If a thread can't be started, the others do its work.
+/// Without any thread, `next` computes.
 template <class Result>
 class Scheduler {
  public:
-  /// What is wanted of one frame.
+  /// Computes the result of one frame.
   using Work = std::function<Result(FrameSimulator&, int)>;
-  /// The same of several worlds, a simulator each.
+  /// The same for several worlds, with one simulator per world.
   using WorkAtAll = std::function<Result(std::span<FrameSimulator>, int)>;
 
   /// The world must outlive the scheduler.
@@ -67,7 +67,7 @@ class Scheduler {
                         std::to_string(kMostThreads));
     start(std::min(static_cast<std::size_t>(threads), schedule_.frames.size()));
   }
-  /// Waits for the frames under way; results not taken are dropped.
+  /// Waits for the frames being computed; drops results that were not taken.
   ~Scheduler() {
     const std::lock_guard lock(mutex_);
     closed_ = true;
@@ -76,8 +76,10 @@ class Scheduler {
   Scheduler(const Scheduler&) = delete;
   Scheduler& operator=(const Scheduler&) = delete;
 
-  /// The next frame's number and result; nothing after the last, or the last before a stop. Blocks.
-  /// @throws what the first frame that failed threw, in its turn; none is started after an error
+  /// The next frame's number and result; nothing after the last frame, or after the last one before
+  /// a stop. Blocks.
+  /// @throws the exception of the first failed frame, when it is that frame's turn; no frame is
+  ///   started after an error
   std::optional<std::pair<int, Result>> next() {
     if (threads_.empty()) compute_here();
     std::unique_lock lock(mutex_);
@@ -89,18 +91,18 @@ class Scheduler {
     return std::pair{schedule_.frames[taken_++], std::move(result.mapped())};
   }
 
-  /// How many compute.
+  /// Number of threads that compute.
   int threads() const { return std::max(1, static_cast<int>(threads_.size())); }
 
  private:
   void start(std::size_t threads) {
-    const std::lock_guard lock(mutex_);  // none ends before all are counted
+    const std::lock_guard lock(mutex_);  // no thread may end before all are counted
     threads_.reserve(threads);
     while (threads_.size() < threads && start_one()) continue;
     working_ = threads_.size();
   }
 
-  /// False where there are no more threads: those that run do the work.
+  /// Returns false if the system has no more threads.
   bool start_one() {
     try {
       threads_.emplace_back([this] { compute_all(); });
@@ -147,7 +149,7 @@ class Scheduler {
     }
   }
 
-  /// Index of the next frame to compute; waits while enough of them are ahead.
+  /// Index of the next frame to compute; waits while enough results are ahead.
   std::optional<std::size_t> claim() {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [&] { return closed_ || started_ < taken_ + schedule_.ahead; });
@@ -156,7 +158,7 @@ class Scheduler {
     return started_++;
   }
 
-  /// Keeps the error of the earliest frame, whichever came first.
+  /// Stores the error of the earliest frame, regardless of the order of errors.
   void fail(std::size_t index) {
     const std::lock_guard lock(mutex_);
     if (!error_ || index < failed_) {
@@ -176,15 +178,15 @@ class Scheduler {
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::size_t started_ = 0;  ///< of the schedule's frames; an index each, as the next two
+  std::size_t started_ = 0;  ///< an index into the schedule's frames, as the next two
   std::size_t taken_ = 0;
   std::size_t failed_ = 0;
   std::size_t working_ = 0;  ///< threads that have not ended
   bool closed_ = false;
   std::exception_ptr error_;
   std::map<std::size_t, Result> ready_;
-  std::vector<FrameSimulator> caller_simulators_;  ///< of the caller, where no thread could start
-  std::vector<std::jthread> threads_;              // last: joined before the rest goes
+  std::vector<FrameSimulator> caller_simulators_;  ///< used by the caller if no thread could start
+  std::vector<std::jthread> threads_;  // last member: joined before the others are destroyed
 };
 
 }  // namespace infrasim

@@ -15,36 +15,36 @@
 
 namespace infrasim {
 
-/// Of each LiDAR, the static layer of each unit; null where the pattern never repeats, a beam is
-/// wider than a ray, or a layer costs more than it saves. Shared by the simulators of all threads.
-/// No entry at all: all rays are cast.
+/// The static layer of each unit of each LiDAR. An entry is null if the pattern never repeats, a
+/// beam is wider than a ray, or the layer costs more than it saves. All threads' simulators share
+/// the layers. If the outer vector is empty, all rays are cast.
 using StaticLayers = std::vector<std::vector<std::shared_ptr<const StaticLayer>>>;
-/// Those that the scene names a file for are read, the others cast: as far as kMostLayerBytes go,
-/// and where the frames have no fewer rays than the period that is cast for them.
-/// @param frames how many will be simulated
-/// @throws ConfigError for a file that is of another LiDAR, or of another scene
+/// Makes static layers. Layers that the scene names a file for are read. The others are cast,
+/// within kMostLayerBytes, and only if the frames have at least as many rays as the period to cast.
+/// @param frames number of frames that will be simulated
+/// @throws ConfigError for a file of another LiDAR or another scene
 StaticLayers make_static_layers(const World& world, std::span<const LidarConfig> lidars,
                                 std::size_t frames = std::numeric_limits<std::size_t>::max());
 
-/// Of each LiDAR, the scene's filters. Shared by the simulators of all threads.
+/// The scene's filters for each LiDAR. All threads' simulators share them.
 using LidarFilters = std::vector<std::shared_ptr<const std::vector<FilterStep>>>;
 
-/// Computes frames of several LiDARs at one mount. For one thread at a time.
+/// Computes frames of several LiDARs at one mount. Not thread-safe.
 class FrameSimulator {
  public:
   FrameSimulator(const World& world, std::span<const LidarConfig> lidars)
       : FrameSimulator(world, lidars, make_static_layers(world, lidars)) {}
-  /// @param layers of these LiDARs in this world; frames are the same with any and with none
+  /// @param layers for these LiDARs in this world; the frames do not depend on them
   FrameSimulator(const World& world, std::span<const LidarConfig> lidars,
                  const StaticLayers& layers)
       : FrameSimulator(world, lidars, layers, learn_filters(world, lidars, layers)) {}
-  /// @param filters of these LiDARs in this world
+  /// @param filters for these LiDARs in this world
   FrameSimulator(const World& world, std::span<const LidarConfig> lidars,
                  const StaticLayers& layers, const LidarFilters& filters);
   ~FrameSimulator();
   FrameSimulator(FrameSimulator&&) noexcept;
 
-  /// The scene's filters, a background learnt from frames without vehicles.
+  /// The scene's filters, with a background learnt from frames without vehicles.
   static LidarFilters learn_filters(const World& world, std::span<const LidarConfig> lidars,
                                     const StaticLayers& layers);
 

@@ -13,15 +13,15 @@
 
 namespace infrasim {
 
-/// Rays worked on at once: they stay in the first-level cache.
+/// Number of rays processed at once, so that they fit into the first-level cache.
 inline constexpr std::int64_t kChunkRays = 4096;
 
-/// The nearest thing that stands still, for each ray of a period of one unit, group by group.
+/// The nearest static hit of each ray in a period of one unit, one group after the other.
 struct StaticHits {
   std::int64_t groups = 0;  ///< of a period
   std::int64_t group_size = 0;
   float max_range_m = 0;
-  std::uint64_t directions = 0;  ///< digest of those of the rays
+  std::uint64_t directions = 0;  ///< digest of the rays' directions
   std::vector<float> range_m;    ///< +inf: nothing hit
   std::vector<float>
       gain;  ///< as Echo has it: the cosine of incidence; of a recording its intensity
@@ -30,28 +30,28 @@ struct StaticHits {
   std::size_t rays() const { return static_cast<std::size_t>(groups * group_size); }
 };
 
-/// Of the layers of a mount's LiDARs, together.
+/// For all layers of a mount's LiDARs together.
 inline constexpr std::size_t kMostLayerBytes = std::size_t{256} << 20;
 
-/// Of the layer of a pattern that repeats, at most.
+/// Maximum size of the layer of a pattern that repeats.
 std::size_t layer_bytes(const ScanPattern& pattern);
 
-/// What a pattern is told by: groups, group size, range and digest; no hits.
-/// @param pattern one that repeats
+/// The identity of a pattern, without hits: groups, group size, range and digest.
+/// @param pattern must repeat
 StaticHits no_hits(const ScanPattern& pattern, float max_range_m);
 
-/// As the raycaster's background has it.
+/// Casts the static hits on the raycaster's background.
 StaticHits cast_static(const ScanPattern& pattern, float max_range_m, Raycaster& raycaster);
 
-/// Hits of some rays, one after the other.
+/// Hits of consecutive rays.
 struct StaticSlice {
   std::span<const float> range_m, gain;
   std::span<const std::uint16_t> class_id;
 };
 
-/// What stands still, as one unit whose pattern repeats sees it: the nearest hit of each ray of a
-/// period, and where groups of near rays look, so that only those which can meet a vehicle are cast
-/// again.
+/// The static scene as seen by one unit with a repeating pattern. It holds the nearest hit of each
+/// ray of a period, and the view of blocks of neighbouring rays, so that only rays that may meet a
+/// vehicle are cast again.
 class StaticLayer {
  public:
   /// @param hits of this pattern
@@ -59,16 +59,17 @@ class StaticLayer {
 
   std::int64_t groups() const { return hits_.groups; }  ///< of one period
 
-  /// The longest run of groups from `first` on that lies in one period, up to a whole number of
-  /// blocks of near rays and at most `last`.
+  /// End of the longest run of groups from `first` on that lies in one period. The run is a whole
+  /// number of blocks of neighbouring rays, or ends at `last`.
   std::int64_t part_end(std::int64_t first, std::int64_t last) const;
 
-  /// Hits of the rays of a run of groups that `part_end` gave.
+  /// Hits of the rays in a run of groups given by `part_end`.
   StaticSlice slice(std::int64_t first_group, std::int64_t last_group) const;
-  /// The same as hits; incidence is no cosine of what a recording saw, whose gain the slice has.
+  /// The same as a HitBatch. The incidence of recorded surfaces is not a cosine; use the gain of
+  /// the slice.
   void hits(std::int64_t first_group, std::int64_t last_group, bool incidence, HitBatch& out) const;
 
-  /// Names the rays of such a run that may meet a body, near ones together.
+  /// Selects the rays of such a run that may meet a body, with neighbouring rays together.
   void select(std::int64_t first_group, std::int64_t last_group, const BodyIndex& bodies,
               std::vector<std::uint32_t>& selected) const;
 
@@ -76,9 +77,10 @@ class StaticLayer {
 
  private:
   StaticHits hits_;
-  std::int64_t block_groups_;         ///< of a block, whose rays are near each other in `order_`
-  std::vector<std::uint32_t> order_;  ///< of the rays of a block: a tile is a packet of it
-  std::vector<ViewBounds> tiles_;     ///< of block after block
+  /// number of groups in a block; `order_` puts its neighbouring rays together
+  std::int64_t block_groups_;
+  std::vector<std::uint32_t> order_;  ///< order of the rays in a block; a tile is a packet of it
+  std::vector<ViewBounds> tiles_;     ///< one after the other, block by block
 };
 
 }  // namespace infrasim

@@ -14,14 +14,14 @@ namespace infrasim {
 /// A LiDAR and its preset, for messages.
 std::string words_of(const LidarConfig& lidar);
 
-/// What each unit's static layer is told by, and no hits.
-/// @param scanners its units
-/// @throws ConfigError, with the reason, for a LiDAR that can have no static layer
+/// The identity of each unit's static layer, without hits.
+/// @param scanners the LiDAR's units
+/// @throws ConfigError, with the reason, for a LiDAR that can't have a static layer
 std::vector<StaticHits> units_without_hits(const LidarConfig& lidar,
                                            std::span<const ScannerUnit> scanners);
 
-/// What stands still in the world, as each unit of a LiDAR sees it.
-/// @throws ConfigError, with the reason, for a LiDAR that can have no static layer
+/// The static scene as seen by each unit of a LiDAR.
+/// @throws ConfigError, with the reason, for a LiDAR that can't have a static layer
 std::vector<StaticHits> cast_static_layer(const World& world, const LidarConfig& lidar);
 
 }  // namespace infrasim

@@ -18,48 +18,49 @@ struct SummaryRow {
   double hits_per_frame = 0;
   double vehicles_per_frame = 0;
   double vehicle_points_per_frame = 0;
-  double rays_cast_per_frame = 0;  ///< over the frames that were not on disk already
+  double rays_cast_per_frame = 0;  ///< over the frames that were not on disk before
   double seconds =
-      0;  ///< from vehicles and rays to columns, summed over threads and divided by them
-  int frames_without_plane = 0;  ///< where a `ground_plane` filter found none; of those computed
-  double mrays_per_s = 0;        ///< millions of rays answered per such second
+      0;  ///< computing time from objects and rays to columns, summed and divided by the threads
+  /// computed frames in which a `ground_plane` filter found no plane
+  int frames_without_plane = 0;
+  double mrays_per_s = 0;  ///< millions of rays per second of computing time
 };
 
-/// What one frame of one LiDAR adds to its row.
+/// The contribution of one frame of one LiDAR to its row.
 struct FrameTally {
   FrameCounts counts;
   std::size_t rays = 0;
   std::size_t rays_cast = 0;
   bool no_plane = false;
-  double seconds = 0;  ///< 0 if the frame was on disk already
+  double seconds = 0;  ///< 0 if the frame was on disk before
 };
 
-/// Sums up a run, one row per LiDAR.
+/// Sums up a run, with one row per LiDAR.
 class Summary {
  public:
   explicit Summary(const std::vector<LidarConfig>& lidars);
   /// @param tallies one per LiDAR
   void add(const std::vector<FrameTally>& tallies);
-  /// Adds the frames in a folder that were not asked for; how many rays they have is not known.
+  /// Adds frames of a folder that were not requested; their number of rays is unknown.
   void add_others(const std::filesystem::path& folder, const std::vector<int>& frames);
   /// Means over the frames so far.
-  /// @param threads that cast at the same time
+  /// @param threads number of threads that cast at the same time
   std::vector<SummaryRow> rows(int threads) const;
 
  private:
-  std::vector<int> computed_;     ///< frames of each LiDAR that were not on disk already
-  std::vector<int> others_;       ///< and those that were not asked for
-  std::vector<SummaryRow> sums_;  ///< mrays_per_s: millions of rays answered
+  std::vector<int> computed_;     ///< frames of each LiDAR that were not on disk before
+  std::vector<int> others_;       ///< frames of each LiDAR that were not requested
+  std::vector<SummaryRow> sums_;  ///< here mrays_per_s is the sum of rays, in millions
 };
 
 std::string summary_csv(const std::vector<SummaryRow>& rows);
 
-/// Puts the rows of a run into a folder's summary.csv: in place of those of the same LiDARs, or
-/// behind the others, which stay as long as their LiDAR is there. A LiDAR of which nothing was
-/// computed keeps the times of its row. Frames on disk that were not asked for count as well.
-/// Other processes may do the same at the same time: frames are counted under the folder's lock.
-/// @param frames that were asked for, ascending
-/// @param threads that cast at the same time
+/// Merges the rows of a run into a folder's summary.csv. They replace rows of the same LiDARs. The
+/// rows of other LiDARs are kept while their folders exist. If nothing was computed for a LiDAR,
+/// its row keeps its times. Frames on disk that were not requested count too. Several processes may
+/// do this at the same time: frames are counted while the folder is locked.
+/// @param frames requested frames, ascending
+/// @param threads number of threads that cast at the same time
 /// @throws IoError if it can't be written
 void merge_summary(const std::filesystem::path& folder, Summary sums,
                    const std::vector<int>& frames, int threads);

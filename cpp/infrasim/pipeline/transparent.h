@@ -13,32 +13,32 @@
 
 namespace infrasim {
 
-/// Turns hits into echoes: finds what rays meet on vehicles, and casts them on where it lets them
-/// through: panes, with the power that is left, and the air below bodies. Keeps its buffers. For
-/// one thread at a time.
+/// Turns hits into echoes. It finds the vehicle part that each ray meets, and casts rays on that
+/// pass through: through panes, with the remaining power, and below bodies. It keeps its buffers.
+/// Not thread-safe.
 class TransparentCaster {
  public:
   explicit TransparentCaster(Raycaster& raycaster) : raycaster_(raycaster) {}
 
-  /// The strongest echo, beyond the blind zone, of what each ray meets on its way.
-  /// @param vehicles    those that the raycaster has
-  /// @param hits        nearest ones, with incidence; they become the echoes
-  /// @param path        to the echoes
-  /// @param background  hits of the rays with what stands still; empty: it is cast
-  /// @return how many rays were cast on, a ray as often as it was
+  /// The strongest echo of each ray beyond the blind zone.
+  /// @param vehicles    the vehicles that the raycaster has
+  /// @param hits        nearest hits, with incidence; they become the echoes
+  /// @param path        attenuation on the way to the echoes
+  /// @param background  hits of the rays with static surfaces; empty: they are cast
+  /// @return number of additional casts, counted once per ray and cast
   std::size_t resolve(const RayBatch& rays, const FrameVehicles& vehicles,
                       const VehicleParts& parts, const EchoPath& path, HitBatch& hits,
                       EchoBatch& echoes, const StaticSlice& background = {});
 
  private:
-  /// A ray that goes on.
+  /// A ray that is cast on.
   struct Passing {
     std::uint32_t ray = 0;
-    std::int32_t object = -1;  ///< that it is in or under; -1: none
-    bool under = false;        ///< it, not in it
-    float power = 1;           ///< what panes have left of it
-    float near = 0;            ///< from where it goes on; 0: it comes from the sensor
-    float floor_range = std::numeric_limits<float>::infinity();  ///< to the floor of a cabin
+    std::int32_t object = -1;  ///< the vehicle that the ray is in or under; -1: none
+    bool under = false;        ///< whether the ray is under the vehicle, not in it
+    float power = 1;           ///< share of power that the panes have left
+    float near = 0;            ///< range at which the ray continues; 0: it comes from the sensor
+    float floor_range = std::numeric_limits<float>::infinity();  ///< range to the floor of a cabin
   };
 
   void cast_on(const RayBatch& rays);
@@ -56,8 +56,8 @@ class TransparentCaster {
   EchoPath path_;
   StaticSlice background_;
   EchoBatch* echoes_ = nullptr;
-  std::vector<Passing> passing_;  ///< rays to be cast on
-  std::vector<Passing> next_;     ///< those that go on after that
+  std::vector<Passing> passing_;  ///< rays to cast on
+  std::vector<Passing> next_;     ///< rays to cast on after those
   RayBatch on_;
   std::vector<std::uint32_t> on_order_;
   HitBatch on_hits_;

@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <string>
 
-// What differs between Embree 3 (Debian 12) and Embree 4 (Debian 13). CMake prefers 4 too.
+// The differences between Embree 3 (Debian 12) and Embree 4 (Debian 13). CMake prefers 4 too.
 
 #if __has_include(<embree4/rtcore.h>)
 #include <embree4/rtcore.h>
@@ -15,11 +15,11 @@
 
 namespace infrasim {
 
-/// The first error of a device, kept until somebody asks: Embree is C, and no exception may pass
-/// through its functions.
+/// The first error of a device, stored until `check`. Embree is a C library, so no exception may
+/// pass through its functions.
 class EmbreeError {
  public:
-  /// Outlives the device.
+  /// Must outlive the device.
   void watch(RTCDevice device) { rtcSetDeviceErrorFunction(device, keep, this); }
 
   /// @throws std::runtime_error if there was one
@@ -40,7 +40,7 @@ class EmbreeError {
   std::array<char, 200> text_{};
 };
 
-/// Nearest hits of 16 rays that start together; lanes with `valid` 0 are left as they are.
+/// Nearest hits of 16 rays with nearby origins; lanes with `valid` 0 are not changed.
 inline void intersect16(const int* valid, RTCScene scene, RTCRayHit16& rays) {
 #if RTC_VERSION_MAJOR >= 4
   RTCIntersectArguments arguments;

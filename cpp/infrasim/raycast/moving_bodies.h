@@ -11,8 +11,8 @@
 
 namespace infrasim {
 
-/// A body of the library, scaled to its box and moving over one frame: position linear in time,
-/// heading the short way, pitch linear; levelled frame.
+/// A body of the library, scaled to its box and moving over one frame. Position and pitch are
+/// linear in time. The heading changes linearly along the shorter way. Levelled frame.
 struct MovingBody {
   int body = 0;
   Box3d from;
@@ -22,8 +22,8 @@ struct MovingBody {
 /// The box of a moving body at a share of the frame.
 Box3d box_at(const MovingBody& body, double share);
 
-/// Takes rays from the origin to the unit box of a moving body, each at its own time. Lengths along
-/// a ray stay what they are.
+/// Transforms rays from the origin to the unit box of a moving body, each at its own time. Lengths
+/// along a ray do not change.
 class BodyMotion {
  public:
   explicit BodyMotion(const MovingBody& body);
@@ -56,7 +56,7 @@ class BodyMotion {
             (c * dy - s * dx) * inv_dy_,         dz * inv_dz_};
   }
 
-  /// Unit vector, of the body but for its size, from a normal of the unit box of any length.
+  /// Unit vector in the body's frame in metres, from a normal in the unit box of any length.
   std::array<float, 3> normal(float nx, float ny, float nz) const {
     nx *= inv_dx_, ny *= inv_dy_, nz *= inv_dz_;
     const float length = std::sqrt(nx * nx + ny * ny + nz * nz);
@@ -64,7 +64,7 @@ class BodyMotion {
                       : std::array{0.F, 0.F, 1.F};
   }
 
-  /// Cosine between a ray of the unit box and a surface there, by its normal of any length.
+  /// Cosine between a ray in the unit box and a surface with a normal of any length.
   float cos_incidence(const UnitRay& ray, float nx, float ny, float nz) const {
     const float ahead = std::abs(nx * ray.dx + ny * ray.dy + nz * ray.dz);
     nx *= inv_dx_, ny *= inv_dy_, nz *= inv_dz_;
@@ -75,7 +75,7 @@ class BodyMotion {
  private:
   float x_, y_, z_, travel_x_, travel_y_, travel_z_;
   float heading_, turn_, cos_, sin_;
-  float pitch_, pitch_turn_;  ///< of the body's nose downwards
+  float pitch_, pitch_turn_;  ///< positive: the nose points down
   float inv_dx_, inv_dy_, inv_dz_;
 };
 
@@ -84,11 +84,11 @@ class BodyIndex {
  public:
   BodyIndex() { set(std::span<const MovingBody>{}); }
   void set(std::span<const MovingBody> bodies);
-  /// The same for anything, by where it is seen.
+  /// As above, for any objects, given by their views.
   void set(std::vector<std::array<ViewBounds, 2>> views);
 
   /// Calls `visit` with the index of each body that the view may meet, in increasing order, until
-  /// it returns false. No body that a ray of the view hits is left out.
+  /// it returns false. Every body that a ray of the view hits is visited.
   template <class Visit>
   void for_each_in(const ViewBounds& view, const Visit& visit) const {
     if (bounds_.empty() || view.left > view.right) return;
@@ -102,7 +102,7 @@ class BodyIndex {
       }
     }
   }
-  /// Where each body is seen; two parts for one that stands across 180 degrees.
+  /// The view of each body; two parts for a body across 180 degrees.
   std::span<const std::array<ViewBounds, 2>> views() const { return bounds_; }
 
   bool any_in(const ViewBounds& view) const {
@@ -112,7 +112,7 @@ class BodyIndex {
   }
 
  private:
-  static constexpr std::size_t kBins = 128;  // of bearing
+  static constexpr std::size_t kBins = 128;  // number of bearing bins
   static std::size_t bin(float bearing) { return bearing_bin(bearing, kBins); }
   bool meets(std::size_t i, const ViewBounds& view) const {
     return bounds_[i][0].meets(view) || bounds_[i][1].meets(view);
@@ -120,7 +120,7 @@ class BodyIndex {
 
   std::vector<std::array<ViewBounds, 2>> bounds_;
   std::size_t words_ = 0;
-  std::vector<std::uint64_t> bins_;  ///< a bit for each body in each bin
+  std::vector<std::uint64_t> bins_;  ///< one bit per body in each bin
 };
 
 }  // namespace infrasim

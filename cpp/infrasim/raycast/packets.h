@@ -10,17 +10,17 @@
 
 namespace infrasim {
 
-/// Rays that are cast together; another width changes last digits.
+/// Number of rays cast together; another width changes the last digits of results.
 inline constexpr std::size_t kPacketRays = 16;
 
-/// Calls `work` with the part of an order that each packet holds.
+/// Calls `work` with the part of an order that belongs to each packet.
 template <class Work>
 void for_each_packet(std::span<const std::uint32_t> order, const Work& work) {
   for (std::size_t first = 0; first < order.size(); first += kPacketRays)
     work(order.subspan(first, std::min(kPacketRays, order.size() - first)));
 }
 
-/// What the named rays span.
+/// View that contains the given rays.
 inline ViewBounds view_of(const RayBatch& rays, std::span<const std::uint32_t> packet) {
   ViewBounds view;
   for (const std::uint32_t k : packet) view.add(rays.dx[k], rays.dy[k], rays.dz[k]);

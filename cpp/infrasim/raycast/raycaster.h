@@ -28,7 +28,7 @@ class MeshLibrary {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Nearest hits of rays from the origin of the levelled frame. For one thread at a time.
+/// Nearest hits of rays from the origin of the levelled frame. Not thread-safe.
 class Raycaster {
  public:
   explicit Raycaster(const MeshLibrary& library);
@@ -36,33 +36,34 @@ class Raycaster {
   Raycaster(const Raycaster&) = delete;
   Raycaster& operator=(const Raycaster&) = delete;
 
-  /// Sets the moving bodies of a frame of `period_s`.
+  /// Sets the moving bodies of a frame that lasts `period_s`.
   void set_bodies(std::span<const MovingBody> bodies, double period_s);
 
-  /// How high anything in the scene is seen.
+  /// Upper limit of the elevation of everything in the scene.
   const Horizon& horizon() const;
 
-  /// Where bodies can be met during the frame.
+  /// Views of the bodies during the frame.
   const BodyIndex& bodies() const;
 
-  /// Nearest hit of each ray that `order` names, every ray at its own time; packets of 16 in that
-  /// order. The others are misses. The hits do not depend on the order; of equal ones the
-  /// background's counts, then that of the lowest index.
-  /// @param incidence fill hits.cos_incidence, and hits.place of bodies, too
+  /// Nearest hit of each ray in `order`, each at its own time, in packets of 16 in that order. The
+  /// other rays become misses. The hits do not depend on the order. Between equally near hits the
+  /// background wins, then the lowest index.
+  /// @param incidence whether to fill hits.cos_incidence, and hits.place for bodies
   void cast(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
             bool incidence = true);
 
-  /// The same with the background alone.
+  /// As cast, with the background alone.
   void cast_background(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
                        bool incidence = true);
 
-  /// Replaces the hits of the rays that `order` names where a body is nearer; their class stays
-  /// that of the background.
+  /// Replaces the hits of the rays in `order` if a body is nearer. The hits keep the class of the
+  /// background.
   void cast_bodies(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
                    bool incidence = true);
 
-  /// Of 8 x 8 rays through the box's angular rectangle at mid-frame that hit the body alone, the
-  /// share that reach it first, each by the share that leaves let through; 0 if none hits it alone.
+  /// Visible share of a body at mid-frame, by 8 x 8 rays through the angular rectangle of its box.
+  /// Of the rays that hit the body when it is alone, it is the share that reach it first, each
+  /// weighted by the transmission of leaves. 0 if no ray hits it alone.
   double visibility(std::size_t index, const Volumes& leaves);
 
  private:

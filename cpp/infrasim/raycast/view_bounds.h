@@ -11,21 +11,21 @@
 
 namespace infrasim {
 
-/// Stands in for the azimuth of a direction at the cost of a division: grows with it from -2 at
-/// -180 degrees to 2 at 180. 0 straight up and down.
+/// A cheap monotonic substitute for the azimuth of a direction: from -2 at -180 degrees to 2 at 180
+/// degrees. 0 for straight up and down.
 inline float bearing(float dx, float dy) {
   const float sum = std::abs(dx) + std::abs(dy);
   return sum > 0 ? std::copysign(1 - dx / sum, dy) : 0.0F;
 }
 
-/// Which of equal bins a bearing falls into.
+/// Index of the bin of a bearing, with equal bins.
 inline std::size_t bearing_bin(float bearing, std::size_t bins) {
   const auto n = static_cast<float>(bins);
   return static_cast<std::size_t>(std::clamp((bearing + 2) * (n / 4), 0.0F, n - 1));
 }
 
-/// What some directions span, seen from the origin: a rectangle of bearing and of the sine of
-/// elevation. Directions on both sides of 180 degrees span all bearings.
+/// Bounds of some directions from the origin: a rectangle of bearing and of the sine of elevation.
+/// Directions on both sides of 180 degrees span all bearings.
 struct ViewBounds {
   float left = std::numeric_limits<float>::infinity();  ///< lowest bearing
   float right = -std::numeric_limits<float>::infinity();
@@ -45,21 +45,21 @@ struct ViewBounds {
   bool empty() const { return left > right; }
 };
 
-/// Where an upright prism is seen, with a margin for rounding; the second part is empty unless it
-/// stands across 180 degrees.
-/// @param outline convex, in either sense
+/// View of an upright prism, with a margin for rounding. The second part is empty unless the prism
+/// lies across 180 degrees.
+/// @param outline convex, in either direction
 std::array<ViewBounds, 2> view_of(std::span<const Vec2> outline, double bottom, double top);
 
-/// The highest sine of elevation at which anything is seen, by bearing; 0 where nothing rises.
+/// The highest sine of elevation of anything in the scene, by bearing; 0 where nothing rises.
 class Horizon {
  public:
-  /// Raises it to all that is in the view.
+  /// Raises the horizon to include the view.
   void add(const ViewBounds& view);
-  /// False for directions that look over everything, with all others in a cone around them.
+  /// False if a cone around the direction lies above everything.
   /// @param spread tangent of half the cone's angle, 0 to 0.25
   bool covers(float dx, float dy, float dz, float spread = 0) const {
     const float lowest = dz - spread;  // the sine falls no faster than the angle
-    // Close to the zenith what is near in angle may be far in bearing.
+    // Near the zenith, small angles can be large differences of bearing.
     if (dz > kSteep) return lowest <= highest_;
     return lowest <= 0 ||
            lowest <= (spread > 0 ? highest_around(dx, dy, spread) : sines_[bin(bearing(dx, dy))]);

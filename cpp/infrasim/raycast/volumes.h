@@ -14,8 +14,8 @@
 
 namespace infrasim {
 
-/// Volumes of leaves, as rays from the origin of the levelled frame meet them. In each a ray is
-/// stopped with a chance per metre (Beer-Lambert), where a draw of its own says.
+/// Volumes of leaves, for rays from the origin of the levelled frame. A volume stops a ray with a
+/// probability per metre (Beer-Lambert), by a random sample of the ray.
 class Volumes {
  public:
   Volumes() = default;
@@ -23,14 +23,14 @@ class Volumes {
   explicit Volumes(std::span<const LeafVolume> volumes);
 
   bool empty() const { return volumes_.empty(); }
-  /// Where volumes are seen.
+  /// Views of the volumes.
   const BodyIndex& index() const { return index_; }
   const Horizon& horizon() const { return horizon_; }
 
-  /// Replaces the hits of rays that leaves stop before. Neither the order of the rays nor rays that
-  /// meet no volume change anything.
-  /// @param order    rays that may meet a volume, near ones together
-  /// @param draws_of random numbers of a ray, by its index: of its leaf, and of each volume
+  /// Replaces the hits of rays that leaves stop earlier. The result does not depend on the order of
+  /// the rays or on rays that meet no volume.
+  /// @param order    rays that may meet a volume, neighbouring ones together
+  /// @param draws_of random numbers of a ray by its index, for its leaf and for each volume
   template <class DrawsOf>
   void stop(const RayBatch& rays, std::span<const std::uint32_t> order, const DrawsOf& draws_of,
             HitBatch& hits) const {
@@ -46,19 +46,19 @@ class Volumes {
     });
   }
 
-  /// Share of rays along a direction that no leaf stops before a range.
+  /// Share of rays in a direction that no leaf stops before a range.
   double transmission(float dx, float dy, float dz, double range) const;
 
  private:
-  /// Takes rays to the unit sphere, or to the cube around it.
+  /// Transforms rays to the unit sphere, or to the cube around it.
   struct Volume {
     bool ellipsoid;
     double density_per_m;
     double cos, sin;
-    double inv_x, inv_y, inv_z;  ///< of half its size
-    double x, y, z;              ///< the rays' origin
+    double inv_x, inv_y, inv_z;  ///< 1 / half of its size
+    double x, y, z;              ///< origin of the rays
   };
-  /// Part of a ray within a volume, metres; none unless from < to.
+  /// Part of a ray within a volume, metres; empty unless from < to.
   struct Way {
     double from = 0, to = 0;
   };

@@ -12,8 +12,8 @@ struct CurvePoint {
   double heading = 0;
 };
 
-/// A plane curve by samples; s is the length from its first sample. Between samples position and
-/// heading are linear.
+/// A plane curve given by samples; s is the length from its first sample. Position and heading are
+/// linear between samples.
 class Curve {
  public:
   Curve() = default;
@@ -21,15 +21,15 @@ class Curve {
 
   double length() const { return s_.back(); }
   const std::vector<CurvePoint>& samples() const { return samples_; }
-  /// s of each sample.
+  /// Station s of each sample.
   const std::vector<double>& stations() const { return s_; }
   /// Point at s, clamped to the curve's ends.
   CurvePoint at(double s) const;
-  /// Station of the nearest point of the curve.
+  /// Station of the curve's point nearest to `point`.
   double project(Vec2 point) const;
   /// The part from s0 to s1.
   Curve part(double s0, double s1) const;
-  /// Every sample moved to the left.
+  /// The curve with every sample moved to the left.
   Curve offset(double left_m) const;
   Curve reversed() const;
   /// Radius of the tightest bend; infinite for a straight curve.
@@ -42,7 +42,8 @@ class Curve {
   std::vector<double> s_;
 };
 
-/// Smooth turn from one directed point to another (cubic Bezier, near a circle for a right angle).
+/// Smooth turn from one directed point to another (cubic Bezier, almost a circle for a right
+/// angle).
 Curve turn(const CurvePoint& from, const CurvePoint& to);
 
 }  // namespace infrasim

@@ -14,29 +14,30 @@ namespace infrasim {
 struct LanePath {
   std::string name;
   Curve line;
-  std::vector<double> z;        ///< m, of each sample of the line
-  std::vector<double> width_m;  ///< of each sample of the line
+  std::vector<double> z;        ///< metres, at each sample of the line
+  std::vector<double> width_m;  ///< at each sample of the line
 
-  /// Of z or width_m, at a station of the line.
+  /// Interpolates z or width_m at a station of the line.
   double at(const std::vector<double>& values, double s) const;
 };
 
-/// Lanes of a file with the columns lane,x,y,z,width: rows of one lane stand together.
-/// @throws IoError; ConfigError for a lane of one row, in two places, or with two rows at one point
+/// Reads lanes from a file with the columns lane,x,y,z,width. Rows of one lane must be consecutive.
+/// @throws IoError; ConfigError for a lane with one row, with rows in two parts of the file, or
+///   with two rows at one point
 std::vector<LanePath> read_lanes(const std::filesystem::path& file);
 
-/// Those of the scene's `lanes`; none without the key.
+/// The lanes of the scene's `lanes` file; empty without that key.
 std::vector<LanePath> lanes_of(const SceneConfig& scene);
 
-/// A lane at its point that is nearest to a place.
+/// The point of a lane nearest to a position.
 struct LaneLevel {
-  double away = 0;      ///< m from the place, horizontally
-  bool beyond = false;  ///< the place lies before or behind it
+  double away = 0;      ///< horizontal distance from the position, metres
+  bool beyond = false;  ///< the position lies before the start or behind the end of the lane
   double half_width = 0;
   double z = 0;
 };
 
-/// Of each of some lanes.
+/// The nearest point of each lane.
 std::vector<LaneLevel> lane_levels(std::span<const LanePath> lanes, Vec2 place);
 
 }  // namespace infrasim

@@ -10,22 +10,22 @@ namespace infrasim {
 
 enum class Turn { kStraight, kLeft, kRight };
 
-/// A directed strip that vehicles follow. Lanes of a road run from its ends (or its junction) to
-/// its ends; inside a junction a lane connects an approach to an exit.
+/// A directed strip that vehicles follow. A lane of a road ends at the road's ends or at a
+/// junction. Inside a junction a lane connects an approach to an exit.
 struct Lane {
   Curve curve;
   double elevation_m = 0;
   double width_m = 3.5;
   double speed_limit_m_s = kInf;
-  bool entry = false;  ///< vehicles appear at its start
-  int approach = -1;   ///< signal that stands at its end; -1: none
-  int junction = -1;   ///< of a connecting lane
-  int leaves = -1;     ///< junction at its start; -1: none
+  bool entry = false;  ///< new vehicles appear at its start
+  int approach = -1;   ///< the signal at its end; -1: none
+  int junction = -1;   ///< the junction of a connecting lane
+  int leaves = -1;     ///< the junction at its start; -1: none
   Turn turn = Turn::kStraight;
-  std::vector<int> next;  ///< lanes that follow
+  std::vector<int> next;  ///< the following lanes
 };
 
-/// The part of a road that a junction takes, by stations of its centreline.
+/// The part of a road inside a junction, by stations of its centreline.
 struct JunctionCut {
   int junction = 0;
   double from = 0;
@@ -34,16 +34,18 @@ struct JunctionCut {
 
 struct LaneNetwork {
   std::vector<Lane> lanes;
-  std::vector<std::optional<JunctionCut>> cuts;  ///< of each road
-  std::vector<int> approach_junctions;           ///< of each signal, one per arm of a junction
+  std::vector<std::optional<JunctionCut>> cuts;  ///< one per road
+  /// the junction of each approach; one approach per arm of a junction
+  std::vector<int> approach_junctions;
   std::vector<JunctionConfig> junctions;
-  std::vector<std::optional<Ring>> rings;  ///< of each junction
+  std::vector<std::optional<Ring>> rings;  ///< one per junction
 };
 
-/// Two roads make a junction where they cross, or where one ends on the other (a T).
+/// Builds the lanes of roads and junctions. Two roads make a junction where they cross, or where
+/// one ends on the other (a T).
 /// @param centrelines of the scene's roads
-/// @throws ConfigError if a junction names an unknown road, or joins roads that do not meet, lie
-/// at different heights, or meet at an angle that traffic can't drive
+/// @throws ConfigError if a junction names an unknown road, or joins roads that do not meet, lie at
+///   different heights, or meet at an angle that traffic can't drive
 LaneNetwork build_lane_network(const SceneConfig& scene, std::span<const Curve> centrelines);
 
 }  // namespace infrasim

@@ -7,23 +7,23 @@
 
 namespace infrasim {
 
-/// A point of a lane's centreline, as a row of roads.csv has it; world frame.
+/// A point of a lane's centreline, as in a row of roads.csv; world frame.
 struct LaneRow {
-  double s = 0;  ///< m in the direction of travel
+  double s = 0;  ///< metres in the direction of travel
   Vec2 place;
   double z = 0;
-  double heading = 0;  ///< of travel
+  double heading = 0;  ///< direction of travel
   double half_width = 0;
 };
 
-/// A stretch of a lane: 0 is where it is nearest to the sensor's foot.
+/// A part of a lane. s is 0 at its point nearest to the sensor's foot.
 struct LanePart {
   std::string name;
-  std::vector<LaneRow> rows;  ///< both ends, and every whole metre between them
-  Vec2 low, high;             ///< corners of a rectangle that holds it
+  std::vector<LaneRow> rows;  ///< at both ends and at every whole metre between them
+  Vec2 low, high;             ///< corners of its bounding rectangle
 
-  /// True within its width and `beside` more on both sides, between its first and its last row;
-  /// nothing is added at the ends.
+  /// True for a point within the lane's width plus `beside` on both sides, between its first and
+  /// its last row. Nothing is added at the ends.
   bool contains(Vec2 point, double beside) const;
 };
 

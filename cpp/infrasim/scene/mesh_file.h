@@ -7,8 +7,8 @@
 
 namespace infrasim {
 
-/// A line for each of the scene's meshes in which triangles have no area: no ray meets them.
-/// @throws what read_ply does
+/// Returns a line for each mesh of the scene with triangles of zero area, which no ray can hit.
+/// @throws the exceptions of read_ply
 std::vector<std::string> flat_triangles(const SceneConfig& scene);
 
 }  // namespace infrasim

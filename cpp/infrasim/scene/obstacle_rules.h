@@ -4,8 +4,8 @@
 
 namespace infrasim {
 
-/// @throws ConfigError for a barrier, box, plant, parked vehicle or row of people on a lane, or for
-/// vehicles and people where something else stands
+/// @throws ConfigError for a barrier, box, plant, parked vehicle or row of pedestrians or cyclists
+///   on a lane, and for vehicles, pedestrians or cyclists that overlap with something else
 void check_obstacles(const Site& site);
 
 }  // namespace infrasim

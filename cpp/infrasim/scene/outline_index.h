@@ -11,8 +11,8 @@
 
 namespace infrasim {
 
-/// Finds which of many small outlines may meet another one: each is listed in every square of the
-/// plane that its bounds touch.
+/// Finds which of many small outlines may overlap with another one. Each outline is listed in every
+/// square of a grid that its bounding box touches.
 class OutlineIndex {
  public:
   void add(std::span<const Vec2> outline, std::size_t number) {
@@ -22,8 +22,8 @@ class OutlineIndex {
     });
   }
 
-  /// True if `meets(number)` is for an outline in one of the squares; asks again for one that is
-  /// in several.
+  /// True if `meets(number)` is true for an outline in one of the squares. An outline in several
+  /// squares is tested several times.
   template <class Meets>
   bool any_near(std::span<const Vec2> outline, const Meets& meets) const {
     return for_each_square(outline, [&](std::uint64_t key) {
@@ -35,7 +35,7 @@ class OutlineIndex {
  private:
   static constexpr double kSquare = 8;  // m
 
-  /// True as soon as `stop(key)` is.
+  /// Calls `stop(key)` for each square; returns true as soon as `stop` does.
   template <class Stop>
   static bool for_each_square(std::span<const Vec2> outline, const Stop& stop) {
     const auto [left, right] = std::ranges::minmax(outline, {}, &Vec2::x);

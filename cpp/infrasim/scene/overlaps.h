@@ -8,25 +8,24 @@
 
 namespace infrasim {
 
-inline constexpr double kTouch_m =
-    0.001;  ///< what two vehicles may share and do no more than touch
+inline constexpr double kTouch_m = 0.001;  ///< overlaps up to this size count as touching
 
-/// Two vehicles in one place.
+/// Two objects that overlap.
 struct Overlap {
-  int first_id = 0;  ///< the smaller one
+  int first_id = 0;  ///< the smaller id
   int second_id = 0;
   double time_s = 0;
   Vec2 place;  ///< half way between their centres, world frame
 };
 
-/// Finds vehicles that are in one place, at each instant and half way between two: oriented boxes,
-/// by a separating axis in the plane and their heights.
+/// Finds overlapping objects at each instant and half way between two instants. It tests oriented
+/// boxes by separating axes in the plane and by their heights.
 class OverlapSearch {
  public:
-  /// The vehicles of the next instant, 0.1 s after the last.
+  /// Adds the objects of the next instant, 0.1 s after the last one.
   void take(const std::vector<ObjectState>& states);
 
-  /// Every pair once, with the time and place of its first overlap, in the order of time.
+  /// Every pair once, with the time and position of its first overlap, in time order.
   const std::vector<Overlap>& overlaps() const { return overlaps_; }
 
  private:

@@ -9,19 +9,20 @@
 
 namespace infrasim {
 
-inline constexpr int kFirstParkedId = 1'000'000'000;  ///< beyond those of traffic
+inline constexpr int kFirstParkedId = 1'000'000'000;  ///< larger than the ids of traffic
 
-/// A vehicle that stands for the whole of a run, and the row that says so.
+/// A vehicle parked for the whole run, and the position of its row in the file.
 struct ParkedVehicle {
   ObjectState state;
   config::Place place;
 };
 
-/// All of a scene, by increasing id, drawn from its seed. From one end of a row to the other stands
-/// a vehicle after the other, with gaps of 0.6 to 1.4 of the mean, or its place stays empty. Along
-/// the road they face as its traffic on their side does; at an angle half of them head out.
+/// All parked vehicles of a scene, by increasing id, sampled from its seed. Each row is filled from
+/// one end to the other with gaps of 0.6 to 1.4 times the mean; some spaces stay empty. Vehicles
+/// parallel to the road face in the direction of the traffic on their side. Half of the vehicles at
+/// an angle are parked backwards.
 /// @param centrelines of the scene's roads
-/// @throws ConfigError for a row of an unknown road, beyond its end, or of too many vehicles
+/// @throws ConfigError for a row of an unknown road, beyond its end, or with too many vehicles
 std::vector<ParkedVehicle> parked_vehicles(const SceneConfig& scene,
                                            std::span<const Curve> centrelines);
 

@@ -11,42 +11,43 @@
 
 namespace infrasim {
 
-inline constexpr int kFirstPersonId = 1'500'000'000;          ///< beyond those of parked vehicles
-inline constexpr int kFirstStandingPersonId = 2'000'000'000;  ///< beyond those of people who walk
+inline constexpr int kFirstPersonId = 1'500'000'000;  ///< larger than the ids of parked vehicles
+/// larger than the ids of walking pedestrians and cyclists
+inline constexpr int kFirstStandingPersonId = 2'000'000'000;
 
-/// The line of a row of people, from one end to the other.
+/// The line of a row of pedestrians or cyclists, from one end to the other.
 /// @param centreline of the road that the row names
 /// @throws ConfigError for a row that begins beyond the road's end
 Curve people_line(const Curve& centreline, const PeopleConfig& row);
 
-/// The radius of the circle that the people of a group stand in, their bodies included.
+/// Radius of the circle that contains the bodies of a standing group.
 double radius_of(const StandingPeopleConfig& group);
 
-/// The people of all groups who stand, drawn from the scene's seed, on a level road.
+/// The standing pedestrians of all groups, sampled from the scene's seed, on a level road.
 /// @throws ConfigError for more people than a scene may have
 std::vector<ObjectState> standing_people(const SceneConfig& scene);
 
-/// Somebody of a row, without beginning or end.
+/// A pedestrian or cyclist of a row, at all times.
 struct Person {
   VehicleSize size;
-  double start_m = 0;    ///< at t = 0, along the way it goes
+  double start_m = 0;    ///< position at t = 0 in its direction of movement
   double speed_m_s = 0;  ///< constant
-  bool back = false;     ///< goes against the line
+  bool back = false;     ///< moves against the direction of the line
   double aside_m = 0;    ///< to the left of the line while nobody is near
 };
 
-/// People of a row: they circulate on their line and beyond both of its ends, where nobody sees
-/// them come and go. Who meets or overtakes another steps aside, without turning, and comes back; a
-/// place is a function of the time alone.
+/// The pedestrians or cyclists of a row. They circulate on their line and on a stretch beyond both
+/// of its ends, where they appear and disappear unseen. Those who meet or overtake someone step
+/// aside without turning, and come back. Positions depend on the time alone.
 class PeopleRow {
  public:
-  /// @throws ConfigError as people_line
+  /// @throws the exceptions of people_line
   PeopleRow(const Road& road, const PeopleConfig& row, const Rng& rng);
 
   std::size_t size() const { return people_.size(); }
 
-  /// Those on the line at a time; ids are first_id + lap * step + number in the row, so that who
-  /// comes again is another one.
+  /// Appends those who are on the line at a time. Ids are first_id + lap * step + index in the row,
+  /// so that each lap has new ids.
   void append_at(double time_s, int first_id, int step, std::vector<ObjectState>& out) const;
 
  private:
@@ -62,27 +63,27 @@ class PeopleRow {
   const ObjectClass* object_class_;
   double elevation_m_;
   Curve line_;
-  double beyond_m_ = 0;  ///< circulated before and after the line
+  double beyond_m_ = 0;  ///< length of the circulation before and after the line
   double circle_m_ = 0;
   std::vector<Person> people_;
 };
 
-/// All people of a scene, drawn from its seed, in steady state from t = 0 on.
+/// All pedestrians and cyclists of a scene, sampled from its seed, in steady state from t = 0 on.
 class People {
  public:
   /// @param centrelines of the scene's roads
   /// @throws ConfigError as people_line, for an unknown road, and for more people than a scene may
-  /// have
+  ///   have
   People(const SceneConfig& scene, std::span<const Curve> centrelines);
 
   bool empty() const { return step_ == 0; }
 
-  /// By increasing id, all from kFirstPersonId on; a function of the time alone.
+  /// All states at a time, by increasing id from kFirstPersonId on. They depend on the time alone.
   std::vector<ObjectState> at(double time_s) const;
 
  private:
   std::vector<PeopleRow> rows_;
-  int step_ = 0;  ///< people of all rows
+  int step_ = 0;  ///< number of people in all rows
 };
 
 }  // namespace infrasim

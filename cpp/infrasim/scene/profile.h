@@ -9,27 +9,27 @@
 
 namespace infrasim {
 
-/// Triangles before they are rounded; `class_id` is one for each.
+/// Triangles in double precision; `class_id` has one entry per triangle.
 struct Surface {
   std::vector<Vec3> vertices;
   std::vector<std::array<std::uint32_t, 3>> triangles;
   std::vector<std::uint16_t> class_id;
 };
 
-/// The scene's rise as a function of place. Grades run straight from point to point, and a parabola
-/// rounds each change, as roads are built. World frame.
+/// The scene's rise as a function of position, in the world frame. Grades are constant between
+/// points, and a parabola rounds each change of grade, as in road design.
 class Profile {
  public:
-  /// Zero everywhere if the scene has none.
+  /// Zero everywhere if the scene has no profile.
   explicit Profile(const SceneConfig& scene);
 
   bool level() const { return changes_.empty(); }
   double rise(Vec2 place) const;
 
-  /// Lifts every vertex by its own place, and cuts triangles until no edge is further than a
-  /// centimetre from what it stands for; neighbours are cut alike.
+  /// Raises every vertex by the rise at its position. Triangles are cut until no edge is more than
+  /// a centimetre from the true surface. Neighbours are cut alike.
   void lift(Surface& surface) const;
-  /// Sets vehicles and riders on the slope under their wheels, and people upright on it.
+  /// Puts vehicles and cyclists on the slope under their wheels, and pedestrians upright on it.
   void lift(std::vector<ObjectState>& states) const;
 
  private:

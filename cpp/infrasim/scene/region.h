@@ -9,24 +9,26 @@
 
 namespace infrasim {
 
-inline constexpr double kFootways_m = 6;  ///< beside a carriageway, where people count too
+/// beside a carriageway; pedestrians and cyclists count there too
+inline constexpr double kFootways_m = 6;
 
-/// The evaluation region. With lanes of a file: what of them lies within the half length of the
-/// sensor's foot, each stretch a road of its own that runs with the traffic. With roads: along each
-/// from -half length to +half length around the foot, within the carriageway; stations s are 0 at
-/// the foot and grow along the sensor's view, of a roundabout's ring along its traffic. For people
-/// kFootways_m more on both sides. With `regions`, only what lies in one of them.
+/// The evaluation region. With a lane file, it is the parts of the lanes within the half length of
+/// the sensor's foot, each a road of its own in the direction of traffic. With roads, it runs along
+/// each road from -half length to +half length around the foot, within the carriageway. Stations s
+/// are 0 at the foot and grow along the sensor's view, or along the traffic on a roundabout's ring.
+/// For pedestrians and cyclists the region is kFootways_m wider on both sides. With `regions`, only
+/// the parts inside one of them count.
 class EvaluationRegion {
  public:
-  /// @param mount whose foot the region lies around
-  /// @throws ConfigError if no lane is near, or none of the roads or lanes meets `regions`
+  /// @param mount the region lies around its foot
+  /// @throws ConfigError if no lane is near, or no road or lane overlaps with `regions`
   EvaluationRegion(const Site& site, const MountConfig& mount);
 
-  /// @param point world frame, the centre of what is of the class
+  /// @param point centre of an object of the class, world frame
   bool contains(Vec2 point, Class object_class) const;
 
-  /// Columns road,s,x,y,z,heading,half_width at 1 m steps along roads and lanes, whatever
-  /// `regions` leave of them; world frame, metres, radians.
+  /// Columns road,s,x,y,z,heading,half_width in 1 m steps along roads and lanes, regardless of
+  /// `regions`; world frame, metres, radians.
   std::string roads_csv() const;
   /// Columns region,x,y: corners in order, world frame, metres; empty without `regions`.
   std::string regions_csv() const;
@@ -34,7 +36,7 @@ class EvaluationRegion {
  private:
   struct RoadPart {
     std::string name;
-    Curve along;  ///< runs with the view
+    Curve along;  ///< in the direction of the view
     double foot;  ///< station of the sensor's foot on `along`
     double elevation;
     double half_width;
@@ -42,13 +44,13 @@ class EvaluationRegion {
   void check_names(const SceneConfig& scene) const;
   void check_outlines(const SceneConfig& scene) const;
   bool in_outlines(Vec2 point) const;
-  /// One after the other: road by road, s rising.
+  /// Visits the rows, road by road, with increasing s.
   template <class Take>
   void for_each_row(const Take& take) const;
 
   std::vector<RoadPart> roads_;
   std::vector<LanePart> parts_;
-  std::vector<RegionConfig> outlines_;  ///< none: everywhere
+  std::vector<RegionConfig> outlines_;  ///< empty: the region is not limited
   double half_length_;
   Profile profile_;
 };

@@ -9,15 +9,15 @@
 
 namespace infrasim {
 
-/// Distance from the centreline to the outer edge of the shoulder, or of the footway.
+/// Distance from the centreline to the outer edge of the shoulder, and of the footway.
 double carriageway_half_width(const LanesConfig& lanes);
 double outer_half_width(const LanesConfig& lanes);
 
-/// Centreline of a road; arcs are sampled every 0.5 m, wide ones less often.
+/// Centreline of a road. Arcs are sampled every 0.5 m, wide ones less often.
 Curve centreline(const RoadConfig& road);
 
-/// Those of a scene's roads, in their order.
-/// @throws ConfigError for more metres of roads than rays can reach
+/// The centrelines of a scene's roads, in the order of the roads.
+/// @throws ConfigError if the roads are longer than rays can reach
 std::vector<Curve> centrelines(const SceneConfig& scene);
 
 /// A road of a scene.
@@ -27,8 +27,8 @@ struct Road {
 };
 
 /// @param centrelines of the scene's roads
-/// @param place       of the entry that names the road
-/// @throws ConfigError if there is none of the name
+/// @param place       position of the entry that names the road
+/// @throws ConfigError if the name is unknown
 Road road_named(const SceneConfig& scene, std::span<const Curve> centrelines,
                 const std::string& name, const config::Place& place);
 

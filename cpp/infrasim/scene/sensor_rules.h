@@ -6,15 +6,15 @@
 
 namespace infrasim {
 
-/// @throws ConfigError for a sensor in the ground, in what stands there, in the way of the vehicles
-/// of a lane, or out of reach of everything
+/// @throws ConfigError for a sensor inside the ground or an object, in the path of vehicles on a
+///   lane, or too far from everything
 void check_sensor(const Site& site);
 
 /// @param background in the levelled frame of the scene's mount
-/// @throws ConfigError for a sensor below a road, footway or terrain of a mesh that is no bridge
+/// @throws ConfigError for a sensor below a road, footway or terrain of a mesh that is not a bridge
 void check_sensor_above(const SceneConfig& scene, const TriangleMesh& background);
 
-/// @param states of an instant of the scene
+/// @param states objects at an instant of the scene
 /// @throws ConfigError if a vehicle drives through the sensor
 void check_sensor_is_free(const SceneConfig& scene, const std::vector<ObjectState>& states,
                           int instant);

@@ -12,22 +12,22 @@
 
 namespace infrasim {
 
-/// What follows from a scene alone, whatever its mounts are: built once, and read by the rules, the
-/// meshes, the evaluation region and the traffic. World frame, before the profile lifts it.
+/// Everything that follows from a scene without its mounts. It is built once and used by the rules,
+/// the meshes, the evaluation region and the traffic. World frame, before the profile raises it.
 struct Site {
   SceneConfig scene;
   Profile profile;
-  std::vector<LanePath> lanes;               ///< of the file of `lanes`
-  std::vector<Curve> centrelines;            ///< of each road
-  LaneNetwork network;                       ///< of the roads
+  std::vector<LanePath> lanes;               ///< from the file of `lanes`
+  std::vector<Curve> centrelines;            ///< one per road
+  LaneNetwork network;                       ///< lanes of the roads
   std::vector<StaticBox> boxes;              ///< buildings, gantries, trunks
-  std::vector<std::vector<Box3d>> barriers;  ///< of each barrier, its pieces
+  std::vector<std::vector<Box3d>> barriers;  ///< the pieces of each barrier
   std::vector<LeafVolume> leaves;            ///< hedges and crowns
   std::vector<ParkedVehicle> parked;
 };
 
-/// @throws IoError for the file of `lanes`; ConfigError for roads, junctions or what stands along
-/// roads, if they do not fit each other
+/// @throws IoError for the file of `lanes`; ConfigError if roads, junctions or roadside objects do
+///   not fit each other
 Site build_site(const SceneConfig& scene);
 
 }  // namespace infrasim

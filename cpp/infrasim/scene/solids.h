@@ -3,31 +3,32 @@
 #include "infrasim/core/geometry.h"
 #include "infrasim/core/triangle_mesh.h"
 
-// Solids that bodies are put together from. Each is closed, its triangles clockwise seen from
-// outside as those of all bodies are, and added to a mesh with vertices of its own.
+// Solids from which bodies are made. Each is closed and has vertices of its own in the mesh. Its
+// triangles are clockwise seen from outside, as for all bodies.
 
 namespace infrasim {
 
-/// An upright ellipsoid, metres; `lean` moves its top by so much ahead and its bottom back.
+/// An upright ellipsoid, metres. `lean` shifts its top forwards and its bottom backwards by this
+/// length.
 struct Ellipsoid {
   Vec3 centre;
   Vec3 radii;
   double lean = 0;
 };
 
-/// Of `bands` from pole to pole and `sectors` round the axis; as wide as makes up for its corners,
-/// so that it hides as much of what lies behind it as the ellipsoid does, on average.
+/// Adds an ellipsoid with `bands` from pole to pole and `sectors` around the axis. It is slightly
+/// enlarged, so that on average it hides the same area as the exact ellipsoid.
 void add_ellipsoid(TriangleMesh& mesh, const Ellipsoid& e, int bands, int sectors);
 
-/// A wheel's rim and tyre, upright and along x: a ring of triangular section.
+/// Adds the rim and tyre of a wheel, upright and along x: a ring with a triangular section.
 /// @param depth from its outside to its inside, metres
 void add_ring(TriangleMesh& mesh, Vec3 centre, double radius, double depth, double width,
               int segments);
 
-/// A straight bar of `sides` sides, from one middle of its ends to the other; never along z.
+/// Adds a straight bar with `sides` sides, between the centres of its ends; never parallel to z.
 void add_bar(TriangleMesh& mesh, Vec3 from, Vec3 to, double radius, int sides);
 
-/// The same body moved and stretched to the unit box [-0.5, 0.5]^3, whose six faces it touches.
+/// The body moved and scaled to the unit box [-0.5, 0.5]^3, so that it touches all six faces.
 TriangleMesh in_unit_box(TriangleMesh mesh);
 
 }  // namespace infrasim

@@ -7,18 +7,18 @@
 
 namespace infrasim {
 
-/// The vehicles and people of a scene, one instant after the other; simulated ones are not kept,
-/// those of a file are read once.
+/// The vehicles, pedestrians and cyclists of a scene, one instant after the other. Simulated states
+/// are not kept; a file is read once.
 class StateSource {
  public:
-  /// @param site outlives this
+  /// @param site must outlive this object
   /// @throws ConfigError, IoError for the file of trajectories
   explicit StateSource(const Site& site);
 
-  /// Whether vehicles may lean forwards or backwards: tables have the column.
+  /// Whether objects may have a pitch: their tables have the column.
   bool pitched() const { return site_.scene.profile || (recorded_ && recorded_->pitched); }
   void each(const StateSink& sink) const;
-  /// The same up to a number of instants.
+  /// As above, up to a number of instants.
   void each(const StateSink& sink, int instants) const;
 
  private:

@@ -12,8 +12,8 @@ namespace infrasim {
 struct StaticBox {
   Box3d box;
   config::Place place;
-  const char* key;   ///< that says where along its road or in the world it is
-  const char* kind;  ///< in words
+  const char* key;   ///< the key that gives its position along a road or in the world
+  const char* kind;  ///< what it is, in words
 };
 
 /// Buildings, the legs and beams of gantries, and trunks of trees.
@@ -22,7 +22,7 @@ struct StaticBox {
 std::vector<StaticBox> static_boxes(const SceneConfig& scene, std::span<const Curve> centrelines);
 
 /// A barrier as boxes of up to `longest_m`.
-/// @param road that the barrier names
+/// @param road the road that the barrier names
 /// @throws ConfigError for a start beyond the road's end
 std::vector<Box3d> barrier_pieces(const Road& road, const BarrierConfig& barrier,
                                   double longest_m = 2);

@@ -5,7 +5,7 @@
 
 namespace infrasim {
 
-/// Where the levelled frame of a mount stands: its position and yaw in the world.
+/// Pose of the levelled frame of a mount: its position and yaw in the world.
 struct LevelPose {
   Vec3 origin;
   double yaw = 0;
@@ -17,9 +17,9 @@ struct LevelPose {
 LevelPose level_pose(const MountConfig& mount);
 
 inline constexpr double kSidewalkDrop =
-    0.01;  ///< m below the road, so that crossing roads are on top
+    0.01;  ///< metres below the road, so that crossing roads lie on top
 
-/// Everything that stands still, lifted by the profile; world frame.
+/// All static surfaces, raised by the profile; world frame.
 /// @throws IoError, ConfigError for a file of `meshes`
 Surface build_static_surface(const Site& site);
 

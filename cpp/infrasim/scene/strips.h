@@ -11,31 +11,32 @@
 
 namespace infrasim {
 
-inline constexpr double kStripLength_m = 2;  ///< most that a strip is long
+inline constexpr double kStripLength_m = 2;  ///< maximum length of a strip
 
 /// A piece of a road, lane or slope between two stations of its line.
 struct Strip {
   std::array<Vec2, 4> outline;  ///< counter-clockwise
   double from = 0;
   double to = 0;
-  std::size_t of = 0;  ///< road or lane
+  std::size_t of = 0;  ///< index of the road or lane
 
   Vec2 middle() const { return 0.5 * (outline[0] + outline[2]); }
 };
 
-/// "x 12.3, y -4", for messages.
+/// Formats a position for messages, such as "x 12.3, y -4".
 std::string at_text(Vec2 point);
 
-/// The surface between two lines beside a curve; `longer` metres are added at both of its ends.
+/// Cuts the surface between two lines beside a curve into strips; `longer` metres are added at both
+/// ends.
 std::vector<Strip> cut_into_strips(const Curve& curve, double left_m, double right_m,
                                    std::size_t of, double longer = 0);
 
-/// Strips, found by place.
+/// Strips, searchable by position.
 class StripIndex {
  public:
   void add(const std::vector<Strip>& strips);
 
-  /// The first strip that an outline meets, and that is `wanted`; null if there is none.
+  /// The first `wanted` strip that overlaps with an outline; null if there is none.
   template <class Wanted>
   const Strip* first_met(std::span<const Vec2> outline, const Wanted& wanted) const {
     const Strip* met = nullptr;

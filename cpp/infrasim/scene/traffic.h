@@ -5,18 +5,19 @@
 
 namespace infrasim {
 
-/// Drives vehicles over the lanes of a scene with the Intelligent Driver Model (Treiber, Hennecke,
-/// Helbing 2000) and signals, from a warm start, for the scene's duration. The number of vehicles
-/// is held at the density: who leaves at the end of a lane is replaced by a new vehicle at an
-/// entry. Vehicles keep their lane: two points of each follow it, so that long ones stay within it
-/// round a bend, and those that would not stay within a turn go straight on.
-/// @param sink     is given the vehicles every 0.1 s, rounded to the digits of the trajectory file
-/// @param instants of the scene's that are wanted: no more are simulated
+/// Simulates vehicles on the lanes of a scene for the scene's duration, from a warm start, with
+/// signals and the Intelligent Driver Model (Treiber, Hennecke, Helbing 2000). The number of
+/// vehicles follows the density: a vehicle that leaves at the end of a lane is replaced by a new
+/// one at an entry. Vehicles keep their lane. Two points of each vehicle follow the lane, so that
+/// long vehicles stay within it in a bend. Vehicles that would not stay within a turn go straight
+/// on.
+/// @param sink     gets the vehicles every 0.1 s, rounded to the digits of the trajectory file
+/// @param instants number of instants to simulate
 /// @throws ConfigError if vehicles of a class do not fit the lanes
 void simulate_traffic(const Site& site, const StateSink& sink, int instants);
-/// The same for the scene's duration.
+/// As above, for the scene's duration.
 void simulate_traffic(const Site& site, const StateSink& sink);
-/// The same, all rows at once.
+/// As above, returning all rows at once.
 Trajectories simulate_traffic(const Site& site);
 
 }  // namespace infrasim

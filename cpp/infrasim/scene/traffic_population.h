@@ -8,19 +8,19 @@
 
 namespace infrasim {
 
-/// Puts vehicles on the lanes and holds their number at the density.
+/// Puts vehicles on the lanes and keeps their number at the density.
 class TrafficPopulation {
  public:
-  /// @param state outlives this
-  /// @throws ConfigError for vehicles of a class that do not fit the lanes
+  /// @param state must outlive this object
+  /// @throws ConfigError if vehicles of a class do not fit the lanes
   TrafficPopulation(const TrafficConfig& config, std::uint64_t seed, TrafficState& state);
 
-  /// Vehicles over the lanes outside junctions, evenly at the density, but for those that stand
-  /// further back for the length of who is ahead; who has no room waits for an entry.
+  /// Distributes vehicles evenly over the lanes outside junctions. A vehicle stands further back if
+  /// the one ahead is long. A vehicle without space waits for an entry.
   void fill();
-  /// A vehicle left the lanes: another one waits for an entry.
+  /// Counts a vehicle that left the lanes: another one waits for an entry.
   void replace_one() { ++waiting_; }
-  /// Puts the vehicles that wait for an entry where the last one ahead leaves room.
+  /// Puts waiting vehicles on entries where the last vehicle ahead leaves enough space.
   void spawn();
 
  private:
@@ -33,8 +33,8 @@ class TrafficPopulation {
   TrafficState& state_;
   Rng rng_;
   std::vector<int> entries_;
-  double tightest_radius_ = kInf;  ///< m, of the lanes, turns at junctions left out
-  double narrowest_m_ = kInf;      ///< width of a lane
+  double tightest_radius_ = kInf;  ///< metres; minimum over the lanes, without turns at junctions
+  double narrowest_m_ = kInf;      ///< width of the narrowest lane
   double density_carry_ = 0;
   std::size_t waiting_ = 0;
   std::uint64_t spawn_draws_ = 0;

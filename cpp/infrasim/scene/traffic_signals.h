@@ -7,23 +7,23 @@
 
 namespace infrasim {
 
-/// Who may enter a junction: by signals, or by gaps in the traffic of a roundabout.
+/// The right to enter junctions: by signals, or by gaps in the traffic of a roundabout.
 class TrafficSignals {
  public:
   explicit TrafficSignals(const LaneNetwork& network);
 
-  /// One step of the signals.
+  /// Advances the signals by one time step.
   void update(const TrafficState& state);
   /// Looks for gaps at the approaches of roundabouts.
   void find_gaps(const TrafficState& state);
 
   bool is_green(int approach) const;
-  /// How many lanes an approach has.
+  /// Number of lanes of an approach.
   std::size_t lanes_of(int approach) const { return arms_[approach].lanes.size(); }
 
  private:
-  /// Greens of one junction, one approach after the other; the next one starts when the junction
-  /// is empty, so that paths that cross are never driven together.
+  /// The signals of one junction. One approach after the other gets green. The next green starts
+  /// when the junction is empty, so that crossing paths are never used together.
   struct Signal {
     std::vector<int> approaches;
     std::size_t current = 0;
@@ -33,15 +33,15 @@ class TrafficSignals {
   /// The lanes of one direction of a road that end at a junction.
   struct Arm {
     std::vector<int> lanes;
-    bool gap = false;  ///< that who enters a roundabout there has
+    bool gap = false;  ///< a vehicle may enter the roundabout here
   };
 
   static bool is_clear(const TrafficState& state, int junction);
   bool has_gap(const TrafficState& state, int approach) const;
 
   const LaneNetwork& network_;
-  std::vector<Signal> signals_;  ///< of each junction
-  std::vector<Arm> arms_;        ///< of each approach
+  std::vector<Signal> signals_;  ///< one per junction
+  std::vector<Arm> arms_;        ///< one per approach
 };
 
 }  // namespace infrasim

@@ -14,7 +14,7 @@ struct Vehicle {
   const ObjectClass* object_class = nullptr;
   double dx = 0, dy = 0, dz = 0;
   double desired_speed = 0;
-  double lateral = 0;      ///< of the driver from the lane's centre
+  double lateral = 0;      ///< offset of the driver from the lane's centre
   double turn_choice = 0;  ///< uniform sample
   int lane = 0;
   int last_lane = -1;
@@ -24,18 +24,20 @@ struct Vehicle {
   bool committed = false;  ///< past the point where it could still stop at its signal
 };
 
-/// Half the length between the two points of a vehicle that follow its path. So far apart, a
-/// vehicle in a bend extends as far inwards with its side as outwards with its corners.
+/// Half the distance between the two points of a vehicle that follow its path. It is chosen so that
+/// in a bend the vehicle's side extends as far inwards as its corners extend outwards.
 double half_base(const Vehicle& v);
 
-/// How far a vehicle extends beside its path in a bend, driving `outwards` metres outside of it.
+/// How far a vehicle extends beside its path in a bend, if it drives `outwards` metres outside the
+/// path.
 double half_width_in_bend(const Vehicle& v, double radius, double outwards);
 
-/// Who is where on the lanes of a network.
+/// The vehicles on the lanes of a network.
 struct TrafficState {
   const LaneNetwork& network;
   std::vector<std::deque<Vehicle>> lanes;  ///< vehicles of each lane, the one furthest ahead first
-  std::vector<std::vector<int>> near;      ///< lanes in, to and from each junction, in their order
+  /// sorted indices of the lanes in, to and from each junction
+  std::vector<std::vector<int>> near;
 
   explicit TrafficState(const LaneNetwork& network);
 
@@ -45,12 +47,13 @@ struct TrafficState {
   }
   double to_stop_line(const Vehicle& v) const { return lane_of(v).curve.length() - v.s - v.dx / 2; }
   Vec2 position(const Vehicle& v) const { return lane_of(v).curve.at(v.s).position; }
-  /// Whether a vehicle of a roundabout enters its ring or is on it, and does not leave it.
+  /// Whether a vehicle in a roundabout enters the ring or is on it, and is not leaving it.
   bool stays_on(const Ring& ring, const Vehicle& v) const {
     return ring.holds(position(v)) || v.s < lane_of(v).curve.length() / 2;
   }
 
-  /// Each vehicle that enters or is on the ring of a junction, if that has one; not who leaves it.
+  /// Calls `use` for each vehicle that enters or is on the ring of a junction, but not for leaving
+  /// ones. Does nothing if the junction has no ring.
   template <class Use>
   void for_each_on_ring(int junction, const Use& use) const {
     if (junction < 0 || !network.rings[junction]) return;
@@ -61,7 +64,7 @@ struct TrafficState {
           if (stays_on(ring, v)) use(ring, v);
   }
 
-  /// By increasing id, rounded to the digits of the trajectory file.
+  /// States by increasing id, rounded to the digits of the trajectory file.
   std::vector<ObjectState> object_states() const;
 
  private:

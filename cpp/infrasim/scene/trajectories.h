@@ -11,14 +11,14 @@
 
 namespace infrasim {
 
-inline constexpr double kFramePeriod = 0.1;  ///< s; also the step of the trajectory rows
+inline constexpr double kFramePeriod = 0.1;  ///< seconds; also the time step of the trajectory rows
 
-/// Frames of a scene of such a duration.
+/// Number of frames in a duration.
 inline int frame_count(double duration_s) {
   return static_cast<int>(std::llround(duration_s / kFramePeriod));
 }
 
-/// One vehicle at one instant; world frame, box centre.
+/// One object at one instant; world frame, box centre.
 struct ObjectState {
   int id = 0;
   Class object_class = Class::kCar;
@@ -26,8 +26,8 @@ struct ObjectState {
   double speed_m_s = 0;
 };
 
-/// One vehicle over one frame. Position is linear in time and heading goes the short way: the
-/// rays and the labels use exactly this.
+/// One object over one frame. Position is linear in time, and the heading changes along the shorter
+/// way. Rays and labels use exactly this motion.
 struct MovingObject {
   int id = 0;
   Class object_class = Class::kCar;
@@ -39,37 +39,37 @@ struct MovingObject {
   Box3d at(double u) const;
 };
 
-/// All vehicles of a run: row k holds the states at 0.1 k seconds, by increasing id.
+/// All objects of a run: row k holds the states at 0.1 k seconds, by increasing id.
 struct Trajectories {
   std::vector<std::vector<ObjectState>> rows;
-  bool pitched = false;    ///< vehicles may lean forwards or backwards: tables have the column
-  std::vector<bool> kept;  ///< which rows are here, the others being empty; none: all are
+  bool pitched = false;    ///< objects may have a pitch: their tables have the column
+  std::vector<bool> kept;  ///< which rows are present; the others are empty. Empty: all rows
 
   int frames() const { return static_cast<int>(rows.size()) - 1; }
   bool whole() const { return kept.empty(); }
-  /// Vehicles that are there for the whole of frame k.
-  /// @throws std::logic_error if its rows are not here
+  /// Objects that exist for the whole of frame k.
+  /// @throws std::logic_error if its rows are missing
   std::vector<MovingObject> in_frame(int k) const;
 };
 
-/// Rounds a state to the digits of the file, so that a run from the file equals the run itself.
+/// Rounds a state to the digits of the file, so that a run from the file equals the original run.
 ObjectState rounded(ObjectState state);
 
-/// Takes the states of one instant after the other.
+/// Receives the states of consecutive instants.
 using StateSink = std::function<void(const std::vector<ObjectState>&)>;
 
-/// Keeps trajectories as they are handed over: all rows while they are few, then only those that
-/// are asked for.
+/// Collects trajectories. It keeps all rows while there are few states, and then only the requested
+/// rows.
 class TrajectoryKeeper {
  public:
   static constexpr std::size_t kMostStates = 2'000'000;  ///< 160 MB
 
-  /// @param asked of each row, whether it is; as many as there will be
-  /// @param most  states that are kept of rows that nobody asks for
+  /// @param asked whether each row is requested; one entry per row
+  /// @param most  maximum number of states kept in rows that are not requested
   TrajectoryKeeper(std::vector<bool> asked, bool pitched, std::size_t most = kMostStates);
 
   void take(const std::vector<ObjectState>& states);
-  /// Rows that were not handed over are not kept.
+  /// The kept trajectories; rows that were not received are missing.
   Trajectories finish();
 
  private:
@@ -79,27 +79,28 @@ class TrajectoryKeeper {
   std::size_t states_ = 0;
 };
 
-/// Hands the instants on as a clock has them that runs `late_s` (within a frame) behind: instant k
-/// is where all are at 0.1 k + late_s, between two instants as in a frame. Before the first and
-/// after the last one they go on as before; who is not there for the whole of a frame is left out.
-/// @param frames that will be handed over, one less than instants
+/// Passes on the instants of a clock that is late by `late_s` (less than a frame): its instant k
+/// shows the objects at 0.1 k + late_s, interpolated as in a frame. Before the first and after the
+/// last instant, objects move on uniformly. Objects that do not exist for the whole of a frame are
+/// left out.
+/// @param frames number of frames that will be passed on, one less than the number of instants
 StateSink resample_at_clock_offset(double late_s, int frames, const StateSink& sink);
-/// The same of trajectories, of which a row is kept if those it lies between are.
+/// As above for trajectories. A row is kept if the two rows around it are present.
 Trajectories resample_at_clock_offset(const Trajectories& trajectories, double late_s);
 
-/// The text of trajectories.csv, one instant after the other: columns
-/// t,id,class,x,y,z,heading,dx,dy,dz,speed, and pitch where vehicles lean; metres, radians, world
-/// frame, 10 Hz. Where nobody is at the first or the last instant, a row of its time alone says
-/// that the file begins or ends there; a file without any row is of a scene without anybody.
+/// The text of trajectories.csv, one instant after the other. Columns:
+/// t,id,class,x,y,z,heading,dx,dy,dz,speed, and pitch if objects have a pitch; metres, radians,
+/// world frame, 10 Hz. If the first or the last instant has no object, a row with only its time
+/// marks the begin or end. A file without rows is a scene without objects.
 class TrajectoryText {
  public:
   explicit TrajectoryText(bool pitched = false) : pitched_(pitched) {}
 
-  /// The first line.
+  /// The header line.
   std::string header() const;
   /// The rows of the next instant.
   std::string rows(const std::vector<ObjectState>& states);
-  /// What follows the rows of the last instant.
+  /// The text after the rows of the last instant.
   std::string end() const;
 
   int instants() const { return instants_; }
@@ -109,14 +110,14 @@ class TrajectoryText {
 
   bool pitched_;
   int instants_ = 0;
-  int first_ = -1;  ///< instant with somebody
+  int first_ = -1;  ///< first instant with an object
   int last_ = -1;
 };
 
-/// The same as a whole.
+/// The whole text of trajectories.csv.
 std::string trajectories_csv(const Trajectories& trajectories);
 
-/// @return without any instant for a file without rows
+/// @return trajectories without instants for a file without rows
 /// @throws ConfigError with file and line: rows out of order, gaps, jumps, sizes that change
 /// @throws IoError if the file can't be read
 Trajectories read_trajectories(const std::filesystem::path& file);

@@ -6,14 +6,14 @@
 
 namespace infrasim {
 
-/// Where leaves are: an upright box, or the ellipsoid within it; the frame is the box's.
+/// A volume of leaves: an upright box, or the ellipsoid within it, in the frame of the box.
 struct LeafVolume {
   Box3d box;
   bool ellipsoid = false;
-  double density_per_m = 0;  ///< chance per metre that they stop a ray
+  double density_per_m = 0;  ///< probability per metre that leaves stop a ray
   config::Place place;
-  const char* key;   ///< that says where along its road or in the world it is
-  const char* kind;  ///< in words
+  const char* key;   ///< the key that gives its position along a road or in the world
+  const char* kind;  ///< what it is, in words
 };
 
 /// True for points inside the volume.
@@ -24,7 +24,7 @@ bool holds(const LeafVolume& volume, Vec3 point);
 /// @throws ConfigError for an unknown road, or a start beyond its end
 std::vector<LeafVolume> leaf_volumes(const SceneConfig& scene, std::span<const Curve> centrelines);
 
-/// The solid part of trees.
+/// The trunks of trees.
 /// @param centrelines of the scene's roads
 /// @throws ConfigError for an unknown road, or a start beyond its end
 std::vector<StaticBox> trunks(const SceneConfig& scene, std::span<const Curve> centrelines);

@@ -11,8 +11,8 @@
 
 namespace infrasim {
 
-/// A beam wider than a ray, as sub-rays side by side along its longer axis: up and down, or level,
-/// as the unit stands. All are across the ray.
+/// A beam wider than a ray, as sub-rays side by side along its longer axis: vertical or horizontal
+/// in the unit's frame. All sub-rays are offset perpendicular to the ray.
 class Beam {
  public:
   /// @param unit_pose rotation from the unit's frame to the levelled frame
@@ -23,31 +23,32 @@ class Beam {
   /// Tangent of the angle between a ray and its outermost sub-rays.
   float half_width() const { return offsets_.back(); }
 
-  /// Sub-rays of the selected rays, side by side; the middle of them is the ray itself.
+  /// Makes the sub-rays of the selected rays, side by side; the middle one is the ray itself.
   void expand(const RayBatch& rays, std::span<const std::uint32_t> selected,
               RayBatch& sub_rays) const;
 
-  /// One echo per selected ray, in its place among `echoes`; the other rays have none. Of its
-  /// sub-rays' echoes, those within the range resolution of each other add up, and the strongest
-  /// sum beyond the blind zone is reported. Its range is the power-weighted mean, its reflectance
-  /// that of a full beam of the same power, at a gain of 1.
-  /// @param sub_echoes of each sub-ray
-  /// @param echoes     as many as rays
-  /// @param sunlit     reflectance of all that the beam hits, as the sun lights it
+  /// Merges sub-ray echoes into one echo per selected ray, stored at the ray's index; the other
+  /// rays get none. Echoes within the range resolution of each other are summed. The strongest sum
+  /// beyond the blind zone is reported. Its range is the power-weighted mean. Its reflectance is
+  /// that of a full beam with the same power, at a gain of 1.
+  /// @param sub_echoes one per sub-ray
+  /// @param echoes     one per ray
+  /// @param sunlit     reflectance of everything that the beam hits, for the sunlight that it
+  ///   reflects
   void combine(const EchoBatch& sub_echoes, std::span<const std::uint32_t> selected,
                const EchoPath& path, EchoBatch& echoes, std::vector<float>& sunlit) const;
 
  private:
   struct MergedEcho {
     float power = 0, weighted_range = 0, reflected = 0;
-    std::size_t strongest = 0;  ///< of its sub-rays
-    bool holds_all = false;     ///< every sub-ray that hit anything is in it
+    std::size_t strongest = 0;  ///< index of its strongest sub-ray
+    bool holds_all = false;     ///< it contains every sub-ray that hit anything
   };
 
   Vec3 side_of(Vec3 ray) const;
   MergedEcho echo_around(std::size_t a, std::size_t first, const EchoBatch& sub_echoes) const;
 
-  std::vector<float> offsets_;  ///< tangents, to the side
+  std::vector<float> offsets_;  ///< sideways offsets as tangents
   bool vertical_;
   Vec3 up_, left_;  ///< of the unit, levelled frame
 };

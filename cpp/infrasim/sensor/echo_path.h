@@ -4,12 +4,12 @@
 
 namespace infrasim {
 
-/// What a LiDAR makes of the way to an echo, apart from the square of the range.
+/// Attenuation on the way to an echo, apart from the square of the range.
 struct EchoPath {
-  float min_range_m = 0;        ///< of the blind zone: what lies in it does not count
+  float min_range_m = 0;        ///< end of the blind zone; nearer echoes do not count
   double extinction_per_m = 0;  ///< of the air
 
-  /// The share of an echo's power that counts.
+  /// The share of an echo's power that is received.
   float share(float range_m) const {
     if (range_m < min_range_m) return 0;
     return extinction_per_m > 0 ? static_cast<float>(std::exp(-2 * extinction_per_m * range_m)) : 1;

@@ -8,13 +8,13 @@
 
 namespace infrasim {
 
-/// What a detector receives of one ray.
+/// What the detector receives from one ray.
 struct Echo {
-  float range;             ///< metres; +inf: nothing comes back
+  float range;             ///< metres; +inf: no echo
   std::int32_t object;     ///< index of the moving body; -1: background
   std::uint16_t class_id;  ///< of the background
-  float reflectance;       ///< of the surface, less what panes on the way take
-  float gain;  ///< power over that of a Lambertian surface of the reflectance that is met head on
+  float reflectance;       ///< of the surface, reduced by the panes on the way
+  float gain;  ///< power relative to a Lambertian surface of this reflectance at normal incidence
 };
 
 /// The echo of each ray, one column per attribute.
@@ -40,8 +40,8 @@ struct EchoBatch {
     reflectance[i] = echo.reflectance;
     gain[i] = echo.gain;
   }
-  /// Echoes of Lambertian surfaces at the hits, whose columns it takes over, but for their places;
-  /// reflectance is still to be set.
+  /// Makes echoes of Lambertian surfaces from hits. It takes over the hits' columns, except for
+  /// their positions. The reflectance must be set afterwards.
   void take(HitBatch& hits) {
     range.swap(hits.range);
     object.swap(hits.object);

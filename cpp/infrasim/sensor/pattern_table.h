@@ -13,22 +13,22 @@ namespace infrasim {
 /// Name of the random stream of one unit of a LiDAR.
 std::string stream_name(const LidarConfig& lidar, std::size_t unit);
 
-inline constexpr const char* kUsualMount = "pole";  // as the catalogue's scenes have it
+inline constexpr const char* kUsualMount = "pole";  // as in the catalogue's scenes
 
-/// Time by which the motors of a LiDAR's unit are ahead of where a lock would hold them: 0 if they
-/// are locked, else a draw of the seed, the mount and the unit's number. All LiDARs of a mount have
-/// the same draw, so that none is better by luck.
+/// Time by which the motors of a LiDAR's unit are ahead of their locked phase. It is 0 for locked
+/// motors, else a sample from the seed, the mount and the unit's number. All LiDARs of a mount have
+/// the same sample, so that none has an advantage by chance.
 double start_phase_s(std::uint64_t seed, const std::string& mount, const LidarConfig& lidar,
                      std::size_t unit);
 
 /// Azimuth, elevation (rad) and time (s) of every ray of every step-th frame in [first, last), row
-/// by row, group by group; sensor frame. Motors start as a lock would hold them, unless a seed is
-/// given: then free ones start as a run of this seed has them at the mount.
+/// by row, group by group; sensor frame. Without a seed all motors start at their locked phase.
+/// With a seed, free motors start as in a run with this seed at the mount.
 std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last, int step,
                                   std::optional<std::uint64_t> seed,
                                   const std::string& mount = kUsualMount);
 
-/// Of each unit, in its own frame.
+/// The field of view of each unit, in the unit's own frame.
 /// @throws ConfigError, with the LiDAR's name, for rays that can't be traced
 std::vector<FieldOfView> fields_of_view(const LidarConfig& lidar);
 

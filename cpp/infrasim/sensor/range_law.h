@@ -4,38 +4,38 @@
 
 namespace infrasim {
 
-/// How far a LiDAR sees: by day the noise is sunlight that the target itself reflects, so that
-/// range goes with the fourth root of reflectance; below some light the detector's own noise rules,
-/// and it goes with the square root.
+/// The range of a LiDAR by reflectance and sunlight. By day the noise is sunlight that the target
+/// reflects, so the range grows with the fourth root of the reflectance. In low light the
+/// detector's own noise dominates, and the range grows with the square root.
 struct RangeLaw {
   double dark_range_m;                     ///< of a 10 % target without sunlight
-  double background_noise_crossover_klux;  ///< on a 10 % target, where sunlight is as loud as the
-                                           ///< detector
+  double background_noise_crossover_klux;  ///< on a 10 % target: sunlight
+                                           ///< noise equals detector noise
 
-  /// Of the noise in `klux`, in units of the detector's own.
-  /// @param sunlit reflectance of what the detector looks at
+  /// Noise at `klux` of sunlight, in units of the detector's own noise.
+  /// @param sunlit reflectance of the surface that the detector looks at
   double noise(double sunlit, double klux) const;
 
-  /// Where signal and threshold are equal, head on and in clear air.
+  /// Range at which signal and threshold are equal, at normal incidence and in clear air.
   double range_m(double reflectance, double klux) const;
 };
 
-/// The law nearest to what the vendor publishes: squared errors of the logarithms of range, where
-/// 2 % by day weigh as 4 % at night. A range that is the device's last is one that the law must
-/// reach. Of equal laws the one whose balance is nearest to 100 klx, which is the assumption for a
-/// LiDAR with one range.
+/// Fits the law to the published ranges by squared errors of the logarithms of range. For this fit,
+/// an error of 2 % by day weighs as much as 4 % at night. A range equal to the device's maximum is
+/// only a lower limit for the law. Between equally good laws, the one with the crossover nearest to
+/// 100 klx is taken; this is also the assumption for a LiDAR with one published range.
 RangeLaw fit_range_law(const DetectionConfig& detection, double max_range_m);
 
-/// A published range, and where the law puts it.
+/// A published range, and the range by the law.
 struct LawRange {
   PublishedRange published;
-  double law_m = 0;  ///< at most the device's last
+  double law_m = 0;  ///< at most the device's maximum
 
-  /// Share by which the law is farther.
+  /// Relative error of the law; positive if its range is longer.
   double error() const { return law_m / published.range_m - 1; }
 };
 
-/// The published range that the nearest law misses by the largest share.
+/// The published range with the largest relative error of the fitted law.
 LawRange worst_of_law(const DetectionConfig& detection, double max_range_m);
 
 }  // namespace infrasim

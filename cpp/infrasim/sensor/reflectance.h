@@ -5,8 +5,8 @@
 
 namespace infrasim {
 
-/// Diffuse reflectance of the background near 905 nm. Asphalt between old and light (0.28) and
-/// dark (0.15); grass 0.51; deciduous leaves 0.55; concrete 0.3 to 0.4 (the last nominal).
+/// Diffuse reflectance of the background near 905 nm. Asphalt lies between old and light (0.28) and
+/// dark (0.15). Grass has 0.51, deciduous leaves 0.55, concrete 0.3 to 0.4 (nominal).
 constexpr float background_reflectance(Class material) {
   switch (material) {
     case Class::kRoad:
@@ -16,7 +16,7 @@ constexpr float background_reflectance(Class material) {
     case Class::kVegetation:
       return 0.55F;
     case Class::kRecorded:
-      return 1;  // its intensity stands in place of the cosine
+      return 1;  // its intensity replaces the cosine
     default:
       return 0.35F;
   }

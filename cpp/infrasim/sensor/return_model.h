@@ -26,25 +26,26 @@ struct ReturnBatch {
   }
 };
 
-/// Which echoes become points. Range limits and drop-off as in CARLA 0.9; detection by received
-/// power P = rho cos(theta) / R^2 exp(-2 alpha R) over the noise of the RangeLaw, with extinction
-/// alpha by rain (Marshall-Palmer) and fog (Koschmieder). What a recording saw is not lost again.
+/// Decides which echoes become points. Range limits and drop-off follow CARLA 0.9. Detection
+/// depends on the received power P = rho cos(theta) / R^2 exp(-2 alpha R) over the noise of the
+/// RangeLaw. The extinction alpha comes from rain (Marshall-Palmer) and fog (Koschmieder). Recorded
+/// surfaces have no additional losses.
 class ReturnModel {
  public:
   ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather);
 
-  /// @param rng         stream of this unit and frame; ray i of the frame draws from rng.at(i)
+  /// @param rng         stream of this unit and frame; ray i of the frame uses rng.at(i)
   /// @param first_ray   number of the batch's first ray within the frame
   /// @param echoes      one per ray; reflectance and gain are read only if needs_reflectance()
-  /// @param sunlit      reflectance of all that the detector receives light from there, which for a
-  ///                    single ray is that of its echo
+  /// @param sunlit      reflectance of everything that the detector sees in this direction; for a
+  ///   single ray it is that of its echo
   void apply(const Rng& rng, std::uint64_t first_ray, const EchoBatch& echoes,
              const std::vector<float>& sunlit, ReturnBatch& out) const;
 
   bool needs_reflectance() const { return config_.detection.has_value(); }
 
-  /// By which the strongest echo of a ray is told: the air takes nothing from LiDARs that do not
-  /// detect by received power.
+  /// Attenuation by which the strongest echo of a ray is selected. For LiDARs that do not detect by
+  /// received power, the air has no effect.
   EchoPath path() const {
     return {static_cast<float>(config_.min_range_m), config_.detection ? extinction_per_m_ : 0};
   }
@@ -57,12 +58,12 @@ class ReturnModel {
 
   ReturnsConfig config_;
   double extinction_per_m_ = 0;
-  double signal_m2_ = 0;    ///< of a reflectance of 1, at 1 m
-  double sun_per_rho_ = 0;  ///< square of the sun's noise over that of the detector
+  double signal_m2_ = 0;    ///< of a reflectance of 1 at 1 m
+  double sun_per_rho_ = 0;  ///< square of the sun's noise relative to the detector's
 };
 
-/// One line for each LiDAR that the weather does not touch, wholly or on some of its units: what a
-/// user should know before the run.
+/// Warnings for the user: one line for each LiDAR on which the weather has no effect, on all or
+/// some of its units.
 std::vector<std::string> weather_warnings(const WeatherConfig& weather,
                                           std::span<const LidarConfig> lidars);
 

@@ -23,18 +23,18 @@ struct Ray {
   double time_s = 0;
 };
 
-/// Directions of all lasers of a step, one column for each component: loops over them become
-/// vector code.
+/// Directions of all lasers of a step, one column per component, so that loops over them can be
+/// vectorised.
 struct DirectionBatch {
   std::vector<double> x, y, z;
 };
 
 /// Directions and times of one optical unit. Rays are fired in groups (a column of channels, the
-/// lasers of one step, one row of a table), numbered for ever from the start of the run: a pattern
-/// never restarts at a frame.
+/// lasers of one step, or one row of a table). Groups are numbered from the start of the run: a
+/// pattern never restarts at a frame.
 class ScanPattern {
  public:
-  /// @param phase_s   time by which the motors are ahead of where a lock would hold them
+  /// @param phase_s   time by which the motors are ahead of their locked phase
   /// @param unit_pose rotation from the unit's frame to the levelled frame
   /// @param first_ring ring number of the unit's lowest laser
   ScanPattern(const PatternConfig& config, double phase_s, const Mat3& unit_pose, int first_ring);
@@ -42,22 +42,25 @@ class ScanPattern {
   int group_size() const { return group_size_; }
   double groups_per_s() const { return groups_per_s_; }
   bool spins() const;
-  double cycle_s() const;  ///< in which it looks everywhere; 1 s for prisms, which never repeat
+  /// time to cover the whole field of view; 1 s for prisms, which never repeat
+  double cycle_s() const;
 
-  /// Groups after which `generate` gives the same directions again, bit for bit; 0 if never: of
-  /// prisms, and of columns whose step no short fraction of a turn gives.
+  /// Number of groups after which `generate` gives the same directions again, bit for bit. It is 0
+  /// for patterns that never repeat: prisms, and columns whose step is not a short fraction of a
+  /// turn.
   std::int64_t repeats_after() const;
 
-  /// Whole groups that start in [from, to) seconds.
+  /// Rays of whole groups that start in [from, to) seconds.
   RayRange fired_between(double from_s, double to_s) const;
 
   /// One ray in double precision.
   Ray ray(std::int64_t index) const;
 
-  /// Rays of whole groups, one after the other, in the levelled frame; times since `start_s`.
+  /// Generates the rays of whole groups, one after the other, in the levelled frame; times since
+  /// `start_s`.
   void generate(RayRange range, double start_s, RayBatch& rays) const;
 
-  /// An order in which rays of that many groups are near each other: tiles of 4 columns by 4
+  /// An order in which neighbouring rays of that many groups are together: tiles of 4 columns by 4
   /// neighbouring rings for a spinning unit.
   std::vector<std::uint32_t> tile_order(int groups) const;
 
@@ -76,20 +79,20 @@ class ScanPattern {
 
   PatternConfig config_;
   double phase_s_;
-  std::optional<Fraction> columns_per_turn_;  ///< of a spinning unit, if it is exact
-  double start_deg_ = 0;  ///< how far a spinning unit has turned from its x axis at time 0
+  std::optional<Fraction> columns_per_turn_;  ///< of a spinning unit, if the fraction is exact
+  double start_deg_ = 0;  ///< angle between a spinning unit's x axis and its direction at time 0
   std::array<float, 9> pose_;
   Mat3 pose_exact_;
   int group_size_ = 1;
   double groups_per_s_ = 0;
-  std::int64_t first_row_ = 0;                 ///< of a table, at time 0
-  std::vector<std::uint16_t> ring_;            ///< of each member of a group
-  std::vector<std::uint32_t> member_of_ring_;  ///< its inverse
+  std::int64_t first_row_ = 0;                 ///< row of a table at time 0
+  std::vector<std::uint16_t> ring_;            ///< ring of each member of a group
+  std::vector<std::uint32_t> member_of_ring_;  ///< the inverse of ring_
   struct Laser {
     float cos_elevation, sin_elevation, cos_shift, sin_shift, fire_time;
   };
   std::vector<Laser> lasers_;      ///< of a spinning unit
-  DirectionBatch lasers_of_step_;  ///< before the prisms
+  DirectionBatch lasers_of_step_;  ///< directions before the prisms
 };
 
 /// Extent of a pattern in its own frame.
@@ -97,7 +100,7 @@ struct FieldOfView {
   double azimuth_min_deg, azimuth_max_deg, elevation_min_deg, elevation_max_deg;
 };
 
-/// Smallest box around all directions of one second.
+/// Bounding box of all directions of one second.
 FieldOfView field_of_view(const ScanPattern& pattern);
 
 }  // namespace infrasim

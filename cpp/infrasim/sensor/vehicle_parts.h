@@ -10,7 +10,7 @@ namespace infrasim {
 
 enum class Part : std::uint8_t { kPaint, kGlass, kTyre, kGap, kPlate, kLamp };
 
-/// Where a ray meets a vehicle.
+/// Position at which a ray meets a vehicle.
 struct BodyHit {
   Class object_class;
   Vec3 size_m;  ///< length, width, height
@@ -18,12 +18,12 @@ struct BodyHit {
   Vec3 normal;  ///< unit vector in the body's frame; inwards or outwards
 };
 
-/// The part of a vehicle that lies at a hit: a matter of place alone, so that it does not depend on
-/// the level of detail. Parts that are not asked for are paint.
+/// The part of a vehicle at a hit. It depends on the position alone, not on the level of detail.
+/// Parts that are not in `asked` count as paint.
 Part part_at(const BodyHit& hit, const VehicleParts& asked);
 
-/// How a surface sends light back: `reflectance` to all sides, and `gain` times as much towards the
-/// LiDAR, as a Lambertian surface that is met at this angle would.
+/// Optical properties of a surface: diffuse `reflectance`, and `gain`, the power towards the LiDAR
+/// relative to a Lambertian surface at normal incidence.
 struct Optics {
   float reflectance;
   float gain;
@@ -33,16 +33,16 @@ struct Optics {
 Optics optics_of(Part part, Class object_class, float paint, double cos_incidence,
                  const VehicleParts& asked);
 
-/// What lies behind a pane: the far side of the cabin, or its floor.
+/// Surface behind a pane: the far side of the cabin, or its floor.
 Optics interior_optics(double cos_incidence);
 
-/// Of a ray that goes through a pane and comes back: the share of its power.
+/// Share of power that remains after passing a pane in both directions.
 inline constexpr float kPaneTwice = 0.25F;
 
-/// Where bodies end above the road.
+/// Height of the lower edge of bodies above the road.
 inline constexpr double kSillHeight_m = 0.2;
 
-/// Whether one can look through the cabin: not of a truck, which has a wall behind its seats.
+/// Whether rays can pass through the cabin; not for a truck, which has a wall behind its seats.
 constexpr bool sees_through(Class object_class) { return object_class != Class::kTruck; }
 
 }  // namespace infrasim
