@@ -11,7 +11,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Beside the program: in a Python package, an installation, a source tree; empty if nowhere.
+/// The catalogue's folder, relative to the program: in a Python package, an installation or a
+/// source tree. Empty if there is none.
 fs::path catalogue() {
   std::error_code error;
   const fs::path folder = fs::read_symlink("/proc/self/exe", error).parent_path();
@@ -21,7 +22,7 @@ fs::path catalogue() {
   return {};
 }
 
-/// The catalogue's names of one kind, sorted.
+/// Names in one folder of the catalogue, sorted.
 std::vector<std::string> names(const fs::path& folder) {
   std::vector<std::string> names;
   std::error_code error;

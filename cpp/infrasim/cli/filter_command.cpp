@@ -17,7 +17,7 @@ namespace infrasim::cli {
 
 namespace {
 
-// Numbers of the command line become parameters, one after the other.
+// Assigns the numbers of an option to parameters, one after the other.
 void take(std::span<const double>& numbers, double& value) {
   value = numbers.front();
   numbers = numbers.subspan(1);
@@ -38,7 +38,7 @@ void take(std::span<const double>& numbers, std::vector<Vec2>& outline) {
   }
 }
 
-/// A filter that numbers stand for: as many of its parameters, in order, as there are numbers.
+/// Makes a filter from numbers: they set its first parameters, in order.
 template <class Filter>
 FilterStep filter_of(std::span<const double> numbers) {
   Filter filter;
@@ -53,12 +53,13 @@ FilterStep filter_of(std::span<const double> numbers) {
 struct FilterOption {
   const char* name;
   const char* help;
-  int numbers;  ///< at least; none makes it a flag
+  int numbers;  ///< minimum; 0 makes it a flag
   int most_numbers;
   FilterStep (*filter)(std::span<const double> numbers);
 };
 
-/// In the order of --help and of the steps: what needs the ground before what removes it.
+/// In the order of --help and of the steps: filters that need the ground come before those that
+/// remove it.
 constexpr std::array kFilterOptions{
     FilterOption{"--crop-box", "xmin,ymin,zmin,xmax,ymax,zmax (m)", 6, 6, filter_of<CropBox>},
     FilterOption{"--crop-polygon", "x,y,x,y,... of an outline (m)", 6, 10000,
@@ -122,7 +123,7 @@ void warn_without_plane(const FilterStep& step, std::size_t before, std::size_t 
                where.c_str());
 }
 
-/// What a .bin cannot say of itself, and what is lost in one.
+/// Warns if a .bin seems to have another layout, and about information that a .bin can't hold.
 void warn_of_bin(const FilterOptions& o, const CloudFile& cloud) {
   const auto warn = [&](const std::string& file, const std::string& text) {
     std::fprintf(stderr, "infrasim: warning: %s: %s\n", file.c_str(), text.c_str());
@@ -177,7 +178,7 @@ void add_filter_command(CLI::App& app) {
           ->delimiter(',')
           ->expected(row.numbers, row.most_numbers);
   }
-  // Each needs the ground: after one, the other would take roofs for it.
+  // Each of them needs the ground points: after one, the other would take roofs for the ground.
   command->get_option("--ground-plane")->excludes(command->get_option("--ground-morphological"));
   auto* background = command->add_option("--background", o->background,
                                          "a saved model, or frames of the sensor to learn from");

@@ -38,10 +38,11 @@ struct CheckOptions {
   bool canonical = false;
 };
 
-constexpr double kMostOff = 0.2;  ///< of a published range that the detection law misses
+/// maximum relative error of the detection law at a published range
+constexpr double kMostOff = 0.2;
 
-/// How well the law of detection meets what the vendor publishes, a line for each different unit.
-/// @throws ConfigError if it misses a range by kMostOff or more
+/// The agreement of the detection law with the published ranges, one line per distinct unit.
+/// @throws ConfigError if the error of a range exceeds kMostOff
 std::set<std::string> law_errors(const std::filesystem::path& file, const LidarConfig& lidar) {
   std::set<std::string> lines;
   for (const LidarUnit& unit : lidar.units) {
@@ -62,7 +63,7 @@ std::set<std::string> law_errors(const std::filesystem::path& file, const LidarC
   return lines;
 }
 
-/// Reads every preset that was not asked for too, and traces every ray.
+/// Reads the LiDAR under a preset, or under all presets if none is given, and traces every ray.
 LidarConfig checked_lidar(const std::filesystem::path& file,
                           const std::optional<std::string>& preset) {
   const auto checked = [&file](const std::string& name, bool printed) {
@@ -78,7 +79,7 @@ LidarConfig checked_lidar(const std::filesystem::path& file,
   return lidar;
 }
 
-/// @throws ConfigError that names the first of them
+/// @throws ConfigError about the first overlap of vehicles
 void check_traffic(const std::filesystem::path& file, const SceneConfig& scene) {
   const std::vector<Overlap> overlaps = traffic_overlaps(scene);
   if (overlaps.empty()) return;
@@ -93,12 +94,13 @@ void check_traffic(const std::filesystem::path& file, const SceneConfig& scene) 
                     ", allowed vehicles apart");
 }
 
-/// Builds the scene under every preset of the file too, and under none, unless one was asked for.
-/// @param findings what is no error, each once
+/// Builds the scene under the given preset; if none is given, under every preset of the file and
+/// without one.
+/// @param findings remarks that are not errors, without duplicates
 SceneConfig checked_scene(const std::filesystem::path& file, const CheckOptions& o,
                           std::set<std::string>& findings) {
   std::vector<SceneConfig> driven;
-  // A site that was just imported has no traffic yet, but all else can be checked.
+  // A site that was just imported has no traffic yet, but everything else can be checked.
   const auto lacks_trajectories = [&](const SceneConfig& scene) {
     const std::filesystem::path recorded = scene.folder / scene.trajectories;
     if (scene.traffic || std::filesystem::exists(recorded)) return false;
@@ -126,7 +128,7 @@ SceneConfig checked_scene(const std::filesystem::path& file, const CheckOptions&
   return scene;
 }
 
-/// What the frames of a scene or LiDAR are told by, or those of a folder by its dataset.yaml or
+/// The identity of a scene's or LiDAR's frames, or of a folder's frames by its dataset.yaml or
 /// lidar.yaml.
 std::string canonical_of(const std::filesystem::path& file, const config::Tree& tree, bool lidar,
                          const CheckOptions& o) {

@@ -16,7 +16,7 @@
 
 namespace {
 
-// 0 done, 1 failed, 2 wrong usage or configuration.
+// Exit codes: 0 done, 1 failed, 2 wrong usage or configuration.
 constexpr int kFailed = 1;
 constexpr int kWrong = 2;
 
@@ -25,7 +25,7 @@ int complain(const std::string& text, int code) {
   return code;
 }
 
-/// Says so if the first word is no command: CLI11 only says that one is missing.
+/// Reports an unknown command by name; CLI11 would only report that a command is missing.
 void check_command(const CLI::App& app, int argc, char** argv) {
   if (argc < 2 || argv[1][0] == '-') return;
   std::string names;
@@ -57,11 +57,11 @@ int parse(CLI::App& app, int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  // Frames come and go by the megabyte: keep their pages instead of asking for new ones each time.
+  // Frames of several megabytes are allocated and freed all the time: keep their memory pages.
   mallopt(M_MMAP_THRESHOLD, 1 << 28);
   mallopt(M_TRIM_THRESHOLD, 1 << 28);
   infrasim::cli::hear_signals();
-  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error of its write
+  std::signal(SIGXFSZ, SIG_IGN);  // exceeding the file size limit becomes an error of write()
   CLI::App app(
       "Simulates roadside LiDARs.\nExample: infrasim run highway "
       "--lidar livox_avia --frames 0:10 --out data/highway",

@@ -37,7 +37,7 @@ struct RunOptions {
   int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
 };
 
-/// Options that override a key of the scene of the same name are assignments too.
+/// All assignments, including options that override a scene key of the same name.
 std::vector<std::string> assignments(const RunOptions& o) {
   std::vector<std::string> all = o.assignments;
   const auto add = [&](const char* key, const std::optional<std::string>& value) {
@@ -52,15 +52,15 @@ std::vector<std::string> assignments(const RunOptions& o) {
   return all;
 }
 
-/// The path of an option; empty if it was not given, so that an empty word is an error.
+/// The path of an option; empty if it was not given. An empty argument is an error.
 std::string path_of(const char* option, const std::optional<std::string>& value) {
   if (value && value->empty())
     throw ConfigError(std::string(option) + ": found an empty path, allowed a file or folder");
   return value.value_or("");
 }
 
-/// Leaves those of a scene's mounts that are named, in the scene's order.
-/// @throws ConfigError if one is not there, or named twice
+/// Keeps only the named mounts of a scene, in the scene's order.
+/// @throws ConfigError if a name is unknown or given twice
 void keep_mounts(SceneConfig& scene, std::vector<std::string> names) {
   NamedMap<MountConfig> kept;
   std::string known;
@@ -93,8 +93,8 @@ RunRequest request_of(const RunOptions& o) {
   return request;
 }
 
-/// From the first frame on a signal lets the frames that are begun be finished. A bar on a
-/// terminal, at most ten times a second; nothing in a pipe.
+/// A progress bar on a terminal, updated at most ten times a second; nothing in a pipe. From the
+/// first frame on, a signal lets running frames finish.
 Progress progress_bar() {
   if (::isatty(STDERR_FILENO) == 0) return [](int, int) { finish_before_signals(); };
   using Clock = std::chrono::steady_clock;

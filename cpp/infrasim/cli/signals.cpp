@@ -9,7 +9,7 @@ namespace infrasim::cli {
 
 namespace {
 
-std::atomic<int> g_signal = 0;  // a handler can reach nothing else
+std::atomic<int> g_signal = 0;  // a signal handler can only use globals
 std::atomic<bool> g_finish = false;
 static_assert(std::atomic<int>::is_always_lock_free);
 
@@ -20,7 +20,7 @@ void on_signal(int number) {
 }
 
 void put(std::string_view text) {
-  // Where standard error is closed there is nobody to tell.
+  // Nothing can be done if standard error is closed.
   [[maybe_unused]] const auto written = ::write(STDERR_FILENO, text.data(), text.size());
 }
 
@@ -35,7 +35,7 @@ void finish_before_signals() { g_finish = true; }
 
 const std::atomic<int>& noted_signal() { return g_signal; }
 
-/// Safe in a handler: SIGINT is 2 and SIGTERM 15.
+/// Safe in a signal handler: SIGINT is 2 and SIGTERM 15.
 void say_stopped(int signal) {
   put(signal == SIGINT ? "stopped by signal 2" : "stopped by signal 15");
   put("; the same command resumes\n");

@@ -51,7 +51,8 @@ bool parse_double(const std::string& text, double& value) {
 
 std::string number_text(double value) {
   if (std::isinf(value)) return value > 0 ? ".inf" : "-.inf";
-  // YAML 1.1 readers take 1e5 for a word, so an exponent appears only where it must, with a point.
+  // YAML 1.1 readers take 1e5 for a string. So an exponent appears only if necessary, and with a
+  // decimal point.
   const double size = std::abs(value);
   const bool fixed = value == 0 || (size >= 1e-6 && size < 1e15);
   std::array<char, 64> buffer{};
@@ -67,7 +68,8 @@ std::string number_text(double value) {
 
 bool begins_as_name(const std::string& text) {
   const unsigned char first = text.empty() ? 0 : static_cast<unsigned char>(text.front());
-  return std::isalnum(first) != 0 || first == '_' || first >= 0x80;  // of a letter in UTF-8
+  // first byte of a letter in UTF-8
+  return std::isalnum(first) != 0 || first == '_' || first >= 0x80;
 }
 
 void expect_map(const Tree& tree, const std::string& key) {
@@ -168,7 +170,7 @@ void FieldReader::read(const Tree& tree, const std::string& key, Vec2& value, co
   read(tree.items[1], key + ".1", value.y, rule);
 }
 
-/// Whole numbers on both sides of the line; products of two of them stay exact.
+/// Numerator and denominator are limited, so that products of two of them are exact.
 void FieldReader::read(const Tree& tree, const std::string& key, Fraction& value,
                        const Rule& rule) {
   const std::string_view text = tree.scalar;

@@ -6,7 +6,7 @@
 
 namespace infrasim {
 
-/// A scene names each side of the box.
+/// A scene has one key for each side of the box.
 template <class Fields>
 void visit(Fields& f, CropBox& c) {
   static constexpr std::array kMin{"x_min_m", "y_min_m", "z_min_m"};

@@ -25,7 +25,7 @@ void visit(Fields& f, PriceConfig& c) {
 
 namespace {
 
-/// One entry of a bundle: another LiDAR's file, or (in a resolved dump) the unit itself.
+/// One entry of a bundle: the file of another LiDAR, or (in a resolved dump) the unit itself.
 struct BundleEntry {
   std::optional<std::string> lidar;
   double yaw_deg = 0;
@@ -34,7 +34,7 @@ struct BundleEntry {
   std::optional<ReturnsConfig> returns;
 };
 
-/// The keys of a LiDAR file; either one unit or a bundle.
+/// The keys of a LiDAR file: either one unit or a bundle.
 struct LidarFile {
   std::string name;
   std::string model;
@@ -49,7 +49,7 @@ void visit(Fields& f, BundleEntry& c) {
   f.field("lidar", c.lidar, "LiDAR file, relative to this one");
   f.field("yaw_deg", c.yaw_deg, "turned to the left on the mount", between(-360, 360));
   f.field("pitch_deg", c.pitch_deg, "positive looks down", between(-90, 90));
-  if constexpr (!std::is_same_v<Fields, config::FieldLister>) {  // listed once, outside of bundles
+  if constexpr (!std::is_same_v<Fields, config::FieldLister>) {  // listed once, outside bundles
     f.field("pattern", c.pattern, "directions and times of its rays");
     f.field("returns", c.returns, "which hits become points");
   }
@@ -59,7 +59,8 @@ void visit(Fields& f, BundleEntry& c) {
           "found neither or both, allowed a LiDAR file, or pattern and returns in its place");
 }
 
-/// A bundle of files has the sum of their prices; one of whole units has its own.
+/// Whether the keys form a valid bundle. The price of a bundle of files is the sum of their prices;
+/// a bundle of whole units has its own price.
 bool is_bundle(const LidarFile& c) {
   const auto files =
       std::ranges::count_if(c.bundle, [](const BundleEntry& e) { return e.lidar.has_value(); });
@@ -88,7 +89,7 @@ void visit(Fields& f, LidarFile& c) {
           "price_usd and a bundle without files");
 }
 
-/// The file's tree with the named preset merged in.
+/// The file's tree, merged with the named preset.
 config::Tree preset_tree(const std::filesystem::path& file, const std::string& preset) {
   config::Tree tree = config::read_tree(file);
   const auto presets = config::take_presets(tree);
@@ -116,7 +117,8 @@ void resolve_channels(const std::filesystem::path& folder, ChannelsConfig& c) {
   c = ChannelsConfig{.file = "", .count = 0, .upper_deg = 0, .lower_deg = 0, .table = c.table};
 }
 
-/// A table with times begins again a mean step after its last row, or as `rays_per_s` says.
+/// Sets the rate of a table. It repeats at `rays_per_s`; without that key, a table with times
+/// repeats one mean step after its last row.
 void resolve_rate(const std::filesystem::path& file, TableConfig& c) {
   const auto rows = static_cast<double>(c.directions.size());
   const double last_s = c.times_s.empty() ? 0 : c.times_s.back();
@@ -187,7 +189,7 @@ void check_size(const std::filesystem::path& file, const LidarConfig& lidar) {
   limit("(rays per second)", rays, kMostRaysPerSecond);
 }
 
-/// Works on a single LiDAR's keys and on a whole entry of a bundle.
+/// Makes a unit from the keys of a single LiDAR or of an entry of a bundle.
 template <class Keys>
 LidarUnit unit_of(const std::filesystem::path& file, const Keys& keys) {
   LidarUnit unit{.yaw_deg = 0, .pitch_deg = 0, .pattern = *keys.pattern, .returns = *keys.returns};
@@ -202,7 +204,7 @@ void add_price(const PriceConfig& part, PriceConfig& sum) {
   sum.date = part.date;
 }
 
-/// The unit that a file of a bundle describes; its price is added to the sum.
+/// The unit described by a file of a bundle; its price is added to the sum.
 LidarUnit unit_of_file(const std::filesystem::path& file, const std::string& part,
                        const std::string& preset, PriceConfig& sum) {
   const std::filesystem::path part_file = file.parent_path() / part;
@@ -211,7 +213,7 @@ LidarUnit unit_of_file(const std::filesystem::path& file, const std::string& par
     config::fail({file.string()}, "bundle", "found a bundle in it, allowed single LiDARs");
   add_price(*keys.price_usd, sum);
   LidarUnit unit = unit_of(part_file, keys);
-  // From here on the path is relative to the bundle.
+  // The path becomes relative to the bundle.
   if (auto& table = unit.pattern.table)
     table->file = (std::filesystem::path(part).parent_path() / table->file).string();
   return unit;

@@ -12,7 +12,8 @@ using config::required;
 
 namespace {
 
-// Each ray is traced through each prism, about 0.1 us; a Horizon has 720,000 passages.
+// Each ray is traced through each prism in about 0.1 us. A Livox Horizon has 720,000 passages per
+// second.
 constexpr double kMostPassagesPerSecond = 1e7;
 
 }  // namespace

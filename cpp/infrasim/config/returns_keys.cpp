@@ -37,8 +37,8 @@ std::string range_text(const PublishedRange& r) {
 
 namespace {
 
-/// Two ranges of which the one of a brighter target, or in less light, is the shorter; nothing if
-/// there are none.
+/// Two published ranges that contradict each other: the target with higher reflectance, or in less
+/// light, has the shorter range. Empty if there are none.
 std::string contradiction(const DetectionConfig& detection) {
   const std::vector<PublishedRange> ranges = published_ranges(detection);
   for (const PublishedRange& a : ranges)

@@ -99,7 +99,7 @@ bool is_folder_name(const std::string& name) {
   return plain && config::begins_as_name(name);
 }
 
-/// Several are folders, each beside the others and what a fusion writes.
+/// Several mounts become folders, side by side and beside the folder of a fusion.
 template <class Fields>
 void check_mounts(Fields& f, const SceneConfig& c) {
   for (const auto& [name, mount] : c.mounts) {

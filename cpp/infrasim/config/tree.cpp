@@ -16,13 +16,13 @@ namespace infrasim::config {
 
 namespace {
 
-constexpr std::size_t kMaxNodes = 1'000'000;  // aliases can expand a small file without end
+constexpr std::size_t kMaxNodes = 1'000'000;  // aliases can expand a small file without limit
 
 Place place_of(const YAML::Mark& mark, const std::string& name) {
   return {name, mark.line + 1, mark.column + 1};
 }
 
-constexpr int kMaxDepth = 64;  // an alias may stand for what holds it
+constexpr int kMaxDepth = 64;  // an alias may refer to a node that contains it
 
 struct Converter {
   const std::string& name;
@@ -70,7 +70,7 @@ struct Converter {
   }
 };
 
-/// Remembers where the last document starts and takes no notice of its content.
+/// Records the start of the last document and ignores its content.
 class DocumentPlaces : public YAML::EventHandler {
  public:
   YAML::Mark last;
@@ -89,7 +89,7 @@ class DocumentPlaces : public YAML::EventHandler {
   void OnMapEnd() override {}
 };
 
-/// yaml-cpp's own LoadAll never ends on a stray comma, so documents are asked for one by one.
+/// Requests documents one by one, because yaml-cpp's LoadAll never ends on a stray comma.
 std::optional<YAML::Mark> second_document(const std::string& text) {
   std::istringstream in(text);
   YAML::Parser parser(in);
@@ -104,7 +104,7 @@ Tree* find_mutable(Tree& tree, std::string_view key) {
                                : &tree.items[static_cast<std::size_t>(it - tree.keys.begin())];
 }
 
-/// The child that one step of a dotted path names; created in a map where it is missing.
+/// The child for one step of a dotted path; created if it is missing in a map.
 Tree& child(Tree& tree, const std::string& step, const std::string& option) {
   if (tree.kind == Tree::Kind::kSequence) {
     const auto index = parse_number<std::size_t>(step);
@@ -150,7 +150,8 @@ void fail(const Place& place, std::string_view key, std::string_view what) {
   throw ConfigError(message(place, key, what));
 }
 
-/// yaml-cpp ends a file at some control characters and replaces what is not UTF-8.
+/// Rejects such bytes because yaml-cpp ends a file at some control characters and replaces bytes
+/// that are not UTF-8.
 void check_characters(const std::string& text, const std::string& name) {
   for (auto at = find_unprintable(text); at != std::string::npos;
        at = find_unprintable(text, at + 1)) {

@@ -11,7 +11,7 @@ std::string read_file(const std::filesystem::path& file) {
   if (has_zero(file)) throw IoError("(file): expected a path without a zero byte, got one with it");
   std::ifstream in(file, std::ios::binary);
   std::ostringstream bytes;
-  // An empty file would set the stream's fail bit.
+  // Reading an empty file would set the stream's fail bit.
   if (in && in.peek() != std::ifstream::traits_type::eof()) bytes << in.rdbuf();
   if (!in.is_open() || in.bad() || std::filesystem::is_directory(file))
     throw IoError(file.string() + ": can't be read");

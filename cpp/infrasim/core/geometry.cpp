@@ -60,7 +60,7 @@ std::array<Vec2, 4> footprint(const Box3d& box) {
 
 namespace {
 
-/// True if a line along an edge of `a` has all of `b` on its outer side.
+/// True if all of `b` lies on the outer side of a line along an edge of `a`.
 bool separated_by_edge(std::span<const Vec2> a, std::span<const Vec2> b) {
   for (std::size_t i = 0; i < a.size(); ++i) {
     const Vec2 from = a[i], edge = a[(i + 1) % a.size()] - from;

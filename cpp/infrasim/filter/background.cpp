@@ -11,12 +11,13 @@ namespace infrasim {
 
 namespace {
 
-/// A cell's background is the farthest of its returns but for this share: it is found even if
-/// vehicles hide it in most frames (a queue at a red light), and stray echoes do not move it.
+/// The background of a cell is a quantile of its ranges, this share below the farthest. So it is
+/// found even if vehicles hide it in most frames (a queue at a red light), and stray echoes do not
+/// move it.
 constexpr double kFarShare = 0.1;
-/// There is a background if at least this share of a cell's returns agrees on it and the cell got
-/// at least this share of the returns of the cells below it. Where beams see passing vehicles and
-/// else nothing (the sky, ground out of reach) neither holds.
+/// A cell has a background if at least kAgreeingShare of its returns agree on it and the cell got
+/// at least kSeenShare of the returns of the cells below it. Neither holds where beams only meet
+/// passing vehicles (the sky, or ground out of range).
 constexpr double kAgreeingShare = 0.2;
 constexpr double kSeenShare = 0.5;
 
@@ -28,13 +29,13 @@ struct Sample {
 int cell_of(const BackgroundModel& model, Vec3 p) {
   const double turn = std::atan2(p.y, p.x) / (2 * kPi) + 0.5;
   const double tilt = std::atan2(p.z, std::hypot(p.x, p.y)) / kPi + 0.5;
-  // Cells are centred on multiples of their width, as the beams of a turning sensor mostly are.
+  // Cells are centred on multiples of their width, like most beams of spinning sensors.
   const int a = static_cast<int>(std::lround(turn * model.azimuth_cells)) % model.azimuth_cells;
   const int e = std::min(static_cast<int>(tilt * model.elevation_cells), model.elevation_cells - 1);
   return e * model.azimuth_cells + a;
 }
 
-/// The cell some steps on; around in azimuth, held at the poles.
+/// The cell some steps away; azimuth wraps around, elevation stops at the poles.
 int neighbour(const BackgroundModel& model, int cell, int azimuth_step, int elevation_step) {
   const int n = model.azimuth_cells;
   const int a = (cell % n + azimuth_step + n) % n;
@@ -74,8 +75,8 @@ CellSamples sort_by_cell(std::span<const std::vector<float>> frames, const Backg
   return cells;
 }
 
-/// Returns that a cell would get if all its rays had one: the mean of the seen cells up to 5
-/// degrees below it, where the ground is.
+/// Expected number of returns of a cell if all its rays had one: the mean over the seen cells up to
+/// 5 degrees below it, where the ground is.
 double expected_count(const BackgroundModel& model, const CellSamples& cells, int cell) {
   const int rows = std::max(1, 5 * model.elevation_cells / 180);
   std::size_t seen = 0, returns = 0;
@@ -86,7 +87,7 @@ double expected_count(const BackgroundModel& model, const CellSamples& cells, in
   return static_cast<double>(returns) / static_cast<double>(seen);
 }
 
-/// The value that a share of the samples lies below.
+/// The value below which a share of the samples lies.
 float quantile(std::span<Sample> samples, double share, float Sample::* value) {
   const auto k =
       static_cast<std::size_t>(std::lround(share * static_cast<double>(samples.size() - 1)));
@@ -94,8 +95,8 @@ float quantile(std::span<Sample> samples, double share, float Sample::* value) {
   return samples[k].*value;
 }
 
-/// The cell's background, still without margins. It is level if its height explains more of the
-/// returns than its range does.
+/// Learns a cell's background without margins. The cell is level if more of its returns agree on
+/// the height than on the range.
 void learn_cell(std::span<Sample> samples, const BackgroundLearning& learning, float& range_m,
                 float& height_m) {
   const float range = quantile(samples, 1 - kFarShare, &Sample::range);
@@ -111,7 +112,8 @@ void learn_cell(std::span<Sample> samples, const BackgroundLearning& learning, f
   if (level) height_m = z;
 }
 
-/// Change of range from a cell to the next, as far as both sides agree on it (the minmod limiter).
+/// Change of range from a cell to the next, limited to the change on which both sides agree (minmod
+/// limiter).
 float range_change(const BackgroundModel& model, int cell, int azimuth_step, int elevation_step) {
   const float ahead = model.range_m[neighbour(model, cell, azimuth_step, elevation_step)];
   const float behind = model.range_m[neighbour(model, cell, -azimuth_step, -elevation_step)];
@@ -174,7 +176,7 @@ BackgroundModel learn_background(std::span<const std::vector<float>> frames_xyz,
   BackgroundModel model = empty_background(learning);
   CellSamples cells = sort_by_cell(frames_xyz, model);
   for (int c = 0; c < static_cast<int>(model.range_m.size()); ++c) {
-    // Returns in few frames are those of passing vehicles, in front of nothing.
+    // Returns in only a few frames come from passing vehicles, with nothing behind them.
     const auto returns = static_cast<double>(cells.count(c));
     if (returns > 0 && returns >= kSeenShare * expected_count(model, cells, c))
       learn_cell(cells.of(c), learning, model.range_m[c], model.height_m[c]);

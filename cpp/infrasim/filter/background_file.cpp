@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::string_view kMagic = "infrasim-background 1\n";
 
-/// Rows of elevation that hold a background; the others are not stored.
+/// The header; only elevation rows with a background are stored.
 struct Header {
   std::int32_t azimuth_cells, elevation_cells, first_row, rows;
 };

@@ -12,20 +12,20 @@ namespace infrasim {
 
 namespace {
 
-/// n . p + d = 0 with a unit normal n; without points none was found.
+/// The plane n . p + d = 0 with a unit normal n; without points, no plane was found.
 struct Plane {
   Vec3 normal;
   double d = 0;
-  std::size_t points = 0;  ///< of those that took part in the search
+  std::size_t points = 0;  ///< number of its points among those searched
 };
 
-/// At most this many points take part in the search: evenly chosen ones give the same plane.
+/// Maximum number of points in the search: evenly chosen points give the same plane.
 constexpr std::size_t kFitPoints = 20000;
-/// Planes that are tried before none lies where the ground should.
+/// Number of planes to try before giving up.
 constexpr int kMostPlanes = 8;
 constexpr double kHeightTolerance_m = 0.5;
-/// A plane this close to where the ground should be is the ground, also beside a larger one that is
-/// not as close, if it has a tenth of its points.
+/// A plane within this distance of the expected height is the ground. A larger plane that is less
+/// close is ignored if this one has at least a tenth of its points.
 constexpr double kClose_m = 0.15;
 constexpr std::size_t kFewer = 10;
 
@@ -37,9 +37,10 @@ pcl::PointCloud<pcl::PointXYZ>::Ptr fit_points(std::span<const float> xyz) {
   return cloud;
 }
 
-/// The largest plane that is nearly level.
+/// The largest nearly level plane.
 Plane largest_plane(const pcl::PointCloud<pcl::PointXYZ>::Ptr& cloud, const GroundPlane& ground) {
-  // PCL prints when it finds none, which is no fault here; its level of printing is a global.
+  // PCL prints a message if it finds no plane, which is not an error here. Its verbosity is a
+  // global.
   static const bool quiet = (pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS), true);
   static_cast<void>(quiet);
   if (cloud->size() < 3) return {};
@@ -61,7 +62,8 @@ Plane largest_plane(const pcl::PointCloud<pcl::PointXYZ>::Ptr& cloud, const Grou
 
 double distance(const Plane& plane, Vec3 p) { return std::abs(dot(plane.normal, p) + plane.d); }
 
-/// Planes that lie elsewhere, such as a field beside a bank, are taken away before the next search.
+/// Finds the ground plane. Planes at other heights, such as a field beside an embankment, are
+/// removed before the next search.
 Plane find_plane(std::span<const float> xyz, const GroundPlane& ground) {
   const auto cloud = fit_points(xyz);
   Plane best;

@@ -13,7 +13,7 @@ namespace {
 
 constexpr float kNone = std::numeric_limits<float>::infinity();
 
-/// Heights over rows and columns; kNone where nothing is known.
+/// A grid of heights; kNone where the height is unknown.
 struct HeightGrid {
   int rows = 0;
   int columns = 0;
@@ -29,7 +29,7 @@ struct HeightGrid {
   }
 };
 
-/// The points' lowest heights, once in square cells around the LiDAR and once along its rays.
+/// The lowest heights of the points, in square cells around the LiDAR and in cells along its rays.
 struct GroundGrids {
   double cell_m;
   HeightGrid map;   ///< row: x, column: y
@@ -48,7 +48,7 @@ struct GroundGrids {
     return map.at(static_cast<int>(std::floor(p.x / cell_m)) + map.rows / 2,
                   static_cast<int>(std::floor(p.y / cell_m)) + map.rows / 2);
   }
-  /// Null beyond the farthest point.
+  /// The cell along the rays; null beyond the farthest point.
   float* on_ray(double x, double y) {
     const int column = static_cast<int>(std::hypot(x, y) / cell_m);
     const double turn = std::atan2(y, x) / (2 * kPi) + 0.5;
@@ -57,10 +57,11 @@ struct GroundGrids {
   }
 };
 
-/// Fills the gaps of a ray: straight from return to return, except behind something that may hide
-/// lower ground. There, the gap falls nearly as steeply as the line of sight; it goes on level for
-/// as long as the gap before it and is then as low as its far end. After the last return it is as
-/// low as a road through the returns before could be.
+/// Fills the gaps of a ray. A gap is filled linearly from return to return, unless the nearer
+/// return may hide lower ground. Behind such a return, where the ground falls nearly as steeply as
+/// the line of sight, the gap stays level for as long as the gap before it and then has the height
+/// of its far end. After the last return the height is the lowest that a road through the earlier
+/// returns could have.
 void fill_ray(std::span<float> ray, double cell_m) {
   constexpr double kShortGap_m = 2, kShadowShare = 0.8, kRoadSlope = 0.06;
   const int n = static_cast<int>(ray.size());
@@ -71,7 +72,7 @@ void fill_ray(std::span<float> ray, double cell_m) {
     if (ray[i] == kNone) continue;
     const float from = last < 0 ? ray[i] : ray[last];
     const int gap = i - last;
-    const double sight_fall = gap / (i + 0.5) * -ray[i];  // of the ray to i, over the gap
+    const double sight_fall = gap / (i + 0.5) * -ray[i];  // fall of the ray to i over the gap
     const bool shadow = gap * cell_m > kShortGap_m && from - ray[i] > kShadowShare * sight_fall;
     const int level_until = shadow ? last + (last - before) : last;
     for (int k = last + 1; k < i; ++k) {
@@ -85,7 +86,7 @@ void fill_ray(std::span<float> ray, double cell_m) {
   std::fill(ray.begin() + last + 1, ray.end(), road_at_last);
 }
 
-/// Gives the empty cells of the map the height of the filled rays.
+/// Fills the empty cells of the map with the heights of the filled rays.
 void fill_map(GroundGrids& grids) {
   for (int r = 0; r < grids.rays.rows; ++r) fill_ray(grids.rays.line(r), grids.cell_m);
   for (int r = 0; r < grids.map.rows; ++r)
@@ -96,12 +97,12 @@ void fill_map(GroundGrids& grids) {
     }
 }
 
-/// out[i] = best of in[i - half .. i + half], by `better`; what is outside does not count.
+/// out[i] = best value of in[i - half .. i + half] by `better`, ignoring indices outside.
 template <class Better>
 void slide(const std::vector<float>& in, int half, Better better, std::vector<int>& queue,
            std::vector<float>& out) {
   const int n = static_cast<int>(in.size());
-  int head = 0, tail = 0;  // of a queue of indices whose values get worse from head to tail
+  int head = 0, tail = 0;  // of a queue of indices; values get worse from head to tail
   for (int next = 0, i = 0; i < n; ++i) {
     for (; next < n && next <= i + half; ++next) {
       while (tail > head && !better(in[queue[tail - 1]], in[next])) --tail;
@@ -112,7 +113,7 @@ void slide(const std::vector<float>& in, int half, Better better, std::vector<in
   }
 }
 
-/// Best height of each cell's window of 2 half + 1 cells squared.
+/// Replaces each cell by the best height of its window of (2 half + 1) squared cells.
 template <class Better>
 void slide_windows(HeightGrid& grid, int half, Better better) {
   std::vector<float> in, out;
@@ -129,11 +130,11 @@ void slide_windows(HeightGrid& grid, int half, Better better) {
   along(grid.columns, grid.rows, [&](int c, int r) -> float& { return grid.at(r, c); });
 }
 
-/// Grey opening: the highest of the windows' lowest heights, over the windows that hold the cell.
+/// Grey opening: the highest of the minima of all windows that contain the cell.
 void open_windows(HeightGrid& grid, int half) {
   slide_windows(grid, half, std::less<>());
   for (float& z : grid.z)
-    if (z == kNone) z = -kNone;  // a window without any return must not win
+    if (z == kNone) z = -kNone;  // a window without returns must not win
   slide_windows(grid, half, std::greater<>());
 }
 
@@ -168,7 +169,7 @@ std::vector<int> keep(std::span<const float> xyz, const GroundMorphological& gro
       *z = std::min(*z, static_cast<float>(p.z));
   }
   fill_map(grids);
-  // A window that is wider than the map on all sides is as one that covers it.
+  // A window wider than the map has the same effect as one that covers it.
   const double half = std::min(ground.window_m / 2 / ground.cell_m, 1.0 * grids.map.rows);
   open_windows(grids.map, static_cast<int>(std::lround(half)));
   return keep_if(

@@ -28,16 +28,16 @@ std::string host() {
   return name.data();
 }
 
-/// .NAME.HOST.PID.COUNT.tmp: no other process and no other write has it.
+/// .NAME.HOST.PID.COUNT.tmp, unique among processes and writes.
 std::filesystem::path hidden_file(const std::filesystem::path& file) {
   static const std::string kHost = host();
   static std::atomic<unsigned> count = 0;
-  const std::string name = file.filename().string().substr(0, 100);  // a system allows 255 bytes
+  const std::string name = file.filename().string().substr(0, 100);  // file systems allow 255 bytes
   return file.parent_path() / ("." + name + "." + kHost + "." + std::to_string(::getpid()) + "." +
                                std::to_string(count++) + std::string(kEnding));
 }
 
-/// The process that a hidden file's name holds if it is of this machine, else 0.
+/// The process id in the name of a hidden file of this machine, else 0.
 pid_t writer_of(std::string_view name) {
   const auto last_part = [&] {
     const auto dot = std::min(name.rfind('.'), name.size());
@@ -66,7 +66,7 @@ AtomicFile::AtomicFile(std::filesystem::path file) : file_(std::move(file)) {
   do {
     hidden_ = hidden_file(file_);
     descriptor_ = ::open(hidden_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-  } while (descriptor_ < 0 && errno == EEXIST);  // left by a process that had this one's number
+  } while (descriptor_ < 0 && errno == EEXIST);  // left by an earlier process with the same id
   if (descriptor_ < 0) fail(file_, errno);
 }
 
@@ -100,7 +100,7 @@ void AtomicFile::replace() {
 
 bool AtomicFile::create() {
   close();
-  // A link fails where a rename would replace the file of a process that was first.
+  // A link fails if the file exists; a rename would replace another process's file.
   const int failed = ::link(hidden_.c_str(), file_.c_str()) == 0 ? 0 : errno;
   if (failed != 0 && failed != EEXIST) fail(file_, failed);
   return failed == 0;

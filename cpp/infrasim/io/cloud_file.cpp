@@ -55,7 +55,7 @@ bool same_but_for_capitals(std::string_view a, std::string_view b) {
   return std::ranges::equal(a, b, {}, small, small);
 }
 
-/// Those in use; as pyinfra/exchange/pcd.py has them.
+/// Usual names of an intensity, as in pyinfra/exchange/pcd.py.
 constexpr const char* kIntensities[] = {
     "intensity",        "reflectivity",        "i",
     "intensities",      "reflectance",         "remission",

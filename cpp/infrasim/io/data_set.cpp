@@ -25,8 +25,9 @@ std::vector<std::string> lines_of(const std::string& text) {
   return lines;
 }
 
-/// @param there, of_run two texts that differ: those of the file, or what they say
-/// @param old_lines of the file
+/// Throws an error about the first different line.
+/// @param there, of_run two texts that differ: the files' texts or their identities
+/// @param old_lines lines of the existing file
 [[noreturn]] void fail_at_difference(const std::filesystem::path& file, const std::string& there,
                                      const std::string& of_run,
                                      const std::vector<std::string>& old_lines) {
@@ -36,7 +37,7 @@ std::vector<std::string> lines_of(const std::string& text) {
   };
   std::size_t i = 0;
   while (i < in_folder.size() && i < in_run.size() && in_folder[i] == in_run[i]) ++i;
-  // A line that is not as in the file has no number there.
+  // A line of an identity that is not a line of the file has no line number.
   const bool in_file = line_of(old_lines, i) == line_of(in_folder, i);
   throw IoError(file.string() + ":" + (in_file ? std::to_string(i + 1) + ":" : "") +
                 " the folder holds another run: found '" + line_of(in_folder, i) +
@@ -54,15 +55,15 @@ void compare(const std::filesystem::path& file, const std::string& text, const I
       if (in_folder == of_run) return;
     }
   } catch (const ConfigError&) {
-    in_folder = of_run = "";  // of a file that says nothing, the texts are compared
+    in_folder = of_run = "";  // without an identity, the texts are compared
   }
   if (in_folder == of_run) fail_at_difference(file, there, text, lines_of(there));
   fail_at_difference(file, in_folder, of_run, lines_of(there));
 }
 
-constexpr std::size_t kPiece = 1 << 20;  // bytes that are written at a time
+constexpr std::size_t kPiece = 1 << 20;  // bytes written at once
 
-/// Compares a text that comes piece by piece with a file.
+/// Compares a text that arrives in pieces with a file.
 class Comparison {
  public:
   explicit Comparison(const std::filesystem::path& file)
@@ -112,7 +113,7 @@ class Comparison {
   std::string name_;
   std::ifstream there_;
   int line_ = 1;
-  std::string begun_;  ///< of the line, the same in both
+  std::string begun_;  ///< start of the current line, equal in both
 };
 
 }  // namespace

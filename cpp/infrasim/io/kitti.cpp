@@ -30,7 +30,7 @@ constexpr char kObjectColumns[] =
 
 constexpr std::size_t kFieldsRecord = 12;
 
-/// Appends numbers, each with the separator before it.
+/// Appends numbers, each preceded by the separator.
 void append_all(std::string& text, char separator, int digits,
                 std::initializer_list<double> values) {
   for (const double value : values) {

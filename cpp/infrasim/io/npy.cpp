@@ -20,13 +20,14 @@ namespace {
 
 constexpr std::string_view kNpyMagic = "\x93NUMPY";
 
-/// What a file consists of; the parts lie in its bytes.
+/// The parts of a file, as views of its bytes.
 struct NpyFile {
   std::string_view header;  ///< {'descr': '<f8', 'fortran_order': False, 'shape': (2, 2), }
   std::string_view data;
 };
 
-/// Format: NumPy enhancement proposal 1. Nothing if the bytes do not begin so.
+/// Splits a file in the format of NumPy enhancement proposal 1. Nothing if the bytes begin
+/// differently.
 std::optional<NpyFile> split_npy(std::string_view bytes) {
   if (!bytes.starts_with(kNpyMagic) || bytes.size() < 12) return std::nullopt;
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(bytes[i]); };
@@ -39,7 +40,7 @@ std::optional<NpyFile> split_npy(std::string_view bytes) {
   return NpyFile{bytes.substr(start, length), bytes.substr(start + length)};
 }
 
-/// The text of a header's entry such as `'descr': '<f4'`, up to the next comma or bracket.
+/// The value of a header's entry such as `'descr': '<f4'`, up to the next comma or bracket.
 std::string_view entry(std::string_view header, const std::string& name) {
   const auto at = header.find("'" + name + "': ");
   if (at == header.npos) return {};

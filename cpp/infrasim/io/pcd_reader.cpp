@@ -19,7 +19,7 @@ constexpr std::size_t kMaxFields = 256;
 constexpr std::size_t kMaxCount = 65536;
 constexpr std::size_t kMaxPoints = std::size_t{1} << 40;
 
-/// Reads a PCD file line by line and says what is wrong where.
+/// Reads a PCD file line by line and reports errors with their position.
 class PcdReader {
  public:
   PcdReader(std::string_view bytes, std::string name) : rest_(bytes), name_(std::move(name)) {}
@@ -109,7 +109,7 @@ class PcdReader {
       if (i >= 3) length = std::hypot(length, value);
       cloud_.viewpoint += (i == 0 ? "" : " ") + values[i];
     }
-    // Writers that know no turn have zeros there.
+    // Writers that know no rotation write zeros.
     if (length != 0 && (length < 0.9 || length > 1.1))
       fail(key, "expected a quaternion of length 1, got " + std::to_string(length));
   }
@@ -170,8 +170,8 @@ class PcdReader {
                          std::to_string(width_) + " x " + std::to_string(height_));
   }
 
-  /// Bytes that the header promises; checked against what the file holds before anything is
-  /// allocated.
+  /// Number of bytes that the header promises. It is checked against the file's size before memory
+  /// is allocated.
   std::size_t promised(std::size_t most) const {
     const std::size_t record = cloud_.record_size();
     if (cloud_.points > most / record)
@@ -180,7 +180,7 @@ class PcdReader {
     return cloud_.points * record;
   }
 
-  /// Data beyond what the header promises would be lost without a word.
+  /// Rejects data beyond the size that the header promises, which would be lost silently.
   void require_end(std::size_t size) const {
     if (rest_.size() > size)
       fail("POINTS", "found " + std::to_string(rest_.size() - size) +
@@ -212,7 +212,7 @@ class PcdReader {
     transpose(*columns, cloud_.records);
   }
 
-  /// Compressed data holds field after field; records hold point after point.
+  /// Compressed data holds one field after the other; records hold one point after the other.
   void transpose(const std::string& columns, std::string& records) const {
     const std::size_t stride = cloud_.record_size();
     std::size_t offset = 0, from = 0;
@@ -225,7 +225,7 @@ class PcdReader {
   }
 
   void read_ascii() {
-    promised(rest_.size() * 8);  // the shortest value, "0 ", may stand for 8 bytes
+    promised(rest_.size() * 8);  // the shortest value, "0 ", may represent 8 bytes
     cloud_.records.reserve(cloud_.points * cloud_.record_size());
     for (std::size_t i = 0; i < cloud_.points; ++i) {
       const std::vector<std::string> values = words(next_line());

@@ -15,7 +15,7 @@ namespace infrasim {
 
 namespace {
 
-/// Of a scalar, as files name it.
+/// A scalar type with its two names in files.
 struct PlyType {
   std::string_view name, other_name;
   std::size_t bytes;
@@ -44,7 +44,7 @@ constexpr std::array kPlyTypes{
 struct PlyProperty {
   std::string name;
   const PlyType* type = nullptr;
-  const PlyType* count = nullptr;  ///< of a list; nothing: one value
+  const PlyType* count = nullptr;  ///< count type of a list; null for a single value
 };
 
 struct PlyElement {
@@ -168,7 +168,7 @@ class PlyReader {
     return entry;
   }
 
-  /// Before anything is reserved: a row takes bytes.
+  /// Checks the element count against the file's size before memory is reserved.
   void check_size(const PlyElement& element) {
     std::size_t least = 0;
     for (const PlyProperty& p : element.properties)
@@ -268,8 +268,8 @@ class PlyReader {
 
   std::string name_;
   std::string text_;
-  std::size_t at_ = 0;    ///< of the next byte
-  std::size_t next_ = 0;  ///< of the next line of the header
+  std::size_t at_ = 0;    ///< position of the next byte
+  std::size_t next_ = 0;  ///< position of the next header line
   bool in_header_ = true;
   bool ascii_ = false;
   std::vector<PlyElement> elements_;

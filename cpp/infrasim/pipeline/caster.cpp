@@ -11,9 +11,10 @@ namespace {
 
 constexpr VehicleParts kNoParts{false, false, false, false, false};
 
-constexpr std::uint64_t kLeafDraws = 16;  // of a ray: beyond the numbers of its own draws
+// offset of the leaves' random numbers of a ray, beyond its other samples
+constexpr std::uint64_t kLeafDraws = 16;
 
-/// The first group after a part of the frame that is worked on at once.
+/// End of the part of the frame that is processed at once from group `first` on.
 std::int64_t part_end(const ScannerUnit& scanner, std::int64_t first, std::int64_t last) {
   if (scanner.layer) return scanner.layer->part_end(first, last);
   const int group = scanner.pattern.group_size();
@@ -98,7 +99,7 @@ std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& ve
 }
 
 /// Nearest hits of the rays, or of the sub-rays of beams.
-/// @return how many were cast
+/// @return number of rays cast
 std::size_t Caster::cast_rays(const Part& part) {
   const ScannerUnit& scanner = part.scanner;
   if (scanner.layer) {
@@ -117,7 +118,8 @@ std::size_t Caster::cast_rays(const Part& part) {
   return sub_rays_.size();
 }
 
-/// Names the rays worth casting, near ones together: not those that look over everything there is.
+/// Selects the rays that have to be cast, neighbouring ones together. Rays above everything in the
+/// scene are skipped.
 void Caster::select(const Part& part) {
   ScannerUnit& scanner = part.scanner;
   const float spread = scanner.beam ? scanner.beam->half_width() : 0;
@@ -153,7 +155,7 @@ void Caster::stop_in_leaves(const Part& part) {
   leaves_.stop(rays_cast(part), order_for_leaves(part), draws_of, hits_);
 }
 
-/// Also rays that are not cast may meet leaves.
+/// Rays that are not cast may meet leaves too.
 std::span<const std::uint32_t> Caster::order_for_leaves(const Part& part) {
   if (part.scanner.beam) return sub_selected_;
   if (!part.scanner.layer) return tile_order(part.scanner, part.groups());
@@ -161,8 +163,8 @@ std::span<const std::uint32_t> Caster::order_for_leaves(const Part& part) {
   return in_leaves_;
 }
 
-/// Makes echoes of the hits, also of what lies behind panes and below bodies.
-/// @return how many rays were cast on
+/// Makes echoes from the hits, including surfaces behind panes and below bodies.
+/// @return number of rays that were cast on
 std::size_t Caster::pass_panes(const Part& part) {
   const ScannerUnit& scanner = part.scanner;
   const StaticSlice background =
@@ -171,7 +173,7 @@ std::size_t Caster::pass_panes(const Part& part) {
                               scanner.returns.path(), hits_, echoes_, background);
 }
 
-/// One echo per beam of those of its sub-rays.
+/// Merges the echoes of each beam's sub-rays into one.
 void Caster::merge_beams(const Part& part) {
   beam_echoes_.resize(rays_.size());
   part.scanner.beam->combine(echoes_, selected_, part.scanner.returns.path(), beam_echoes_,

@@ -12,12 +12,12 @@ namespace infrasim {
 
 namespace {
 
-/// Of frames by the version of a folder that has no number: 0.3 wrote none.
+/// The frames' version number of a folder without one: version 0.3 did not write it.
 std::string frames_version_of(const std::string& version) {
   return version.starts_with("0.3.") ? "3" : "unknown, of version " + version;
 }
 
-/// Without the lines that say where a firing table lies: its digest says what it is.
+/// Removes the lines with paths of firing tables, because their digests identify them.
 std::string without_files(const std::string& text) {
   std::istringstream lines(text);
   std::string kept;
@@ -29,7 +29,7 @@ std::string without_files(const std::string& text) {
   return kept;
 }
 
-/// A text that is taken out of a map, as its line; nothing if it is not there.
+/// Takes a text out of a map and returns it as a line; empty if it is missing.
 std::string taken(config::Tree& map, const std::string& key) {
   const auto value = config::take(map, key);
   return value ? key + ": \"" + value->scalar + "\"\n" : "";
@@ -48,11 +48,11 @@ std::string data_set_identity(const std::string& text, const std::string& file) 
 }
 
 std::string lidar_identity(const std::string& text, const std::string& file) {
-  const std::size_t end = text.find("\npreset: ");  // of the LiDAR's own keys
+  const std::size_t end = text.find("\npreset: ");  // the preset of the LiDAR's own keys
   const config::Tree tree = config::parse_tree(text.substr(0, end), file);
   if (end == std::string::npos ||
       (tree.find("pattern") == nullptr && tree.find("bundle") == nullptr))
-    return text;  // of several mounts, whose own files have the keys
+    return text;  // with several mounts, the files of the mounts have the keys
   return without_files(canonical_lidar(tree)) + text.substr(end + 1);
 }
 

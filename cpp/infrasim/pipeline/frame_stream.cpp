@@ -6,7 +6,7 @@ namespace infrasim {
 
 namespace {
 
-/// @throws ConfigError where the scene says other things under the preset of a LiDAR
+/// @throws ConfigError if the scene has other values under the preset of a LiDAR
 std::vector<LidarConfig> of_its_preset(const World& world, std::vector<LidarConfig> lidars) {
   const auto has_block = [&](const std::string& preset) {
     return std::ranges::find(world.scene.preset_blocks, preset) != world.scene.preset_blocks.end();

@@ -8,7 +8,7 @@ namespace infrasim {
 
 namespace {
 
-/// None where there are no more threads.
+/// Starts a thread; returns none if the system has no more threads.
 template <class Work>
 std::jthread start(const Work& work) {
   try {
@@ -64,7 +64,7 @@ void FrameWriter::work() {
     } catch (...) {
       error = std::current_exception();
     }
-    job = nullptr;  // its frame goes before the lock is held
+    job = nullptr;  // frees its frame before the lock is taken
     lock.lock();
     busy_ = false;
     if (error) {

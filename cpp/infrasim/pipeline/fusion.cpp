@@ -15,13 +15,13 @@ void append_column(std::vector<T>& to, const std::vector<T>& from) {
   to.insert(to.end(), from.begin(), from.end());
 }
 
-/// The vehicle in a mount's frame; null if that has none of the id.
+/// The object in a mount's frame; null if the id is missing.
 const ObjectRecord* find_object(const Frame& frame, int id) {
   const auto entry = std::ranges::lower_bound(frame.objects, id, {}, &ObjectRecord::id);
   return entry != frame.objects.end() && entry->id == id ? &*entry : nullptr;
 }
 
-/// Counts the points in each vehicle's boxes, as they lie in the frame.
+/// Counts the points in each object's boxes at their positions in the fused frame.
 void count_in_boxes(Frame& frame) {
   struct Held {
     ObjectRecord* object;
@@ -48,7 +48,8 @@ Fusion::Fusion(const SceneConfig& scene, std::span<const World> worlds) : first_
   for (const MountConfig& mount : mounts_) transforms_.push_back(transform_of(mount));
 }
 
-/// A wrong tilt levels wrongly: the true one is taken back, then the assumed one applied.
+/// A wrong tilt gives a wrong levelled frame: the true tilt is removed, then the assumed one
+/// applied.
 Fusion::RigidTransform Fusion::transform_of(const MountConfig& mount) const {
   const MountConfig& first = mounts_.front();
   const CalibrationError e = mount.calibration_error.value_or(CalibrationError{});

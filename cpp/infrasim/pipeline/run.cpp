@@ -43,7 +43,7 @@ std::vector<int> numbers(const FrameRange& range) {
   return frames;
 }
 
-/// @throws ConfigError for what can't be fused
+/// @throws ConfigError if the request can't be fused
 void check_fuse(const RunRequest& request) {
   if (!request.fuse) return;
   if (request.scene.mounts.size() < 2)
@@ -53,12 +53,12 @@ void check_fuse(const RunRequest& request) {
   if (request.out.empty()) throw ConfigError("--fuse: found no --out, allowed with it");
 }
 
-/// The folders of a run: one of each mount, and one of all.
+/// The folders of a run: one per mount, and one for the fused frames.
 struct Parts {
   std::vector<RunRequest> mounts;
   std::optional<RunRequest> fused;
 
-  /// All of them, the fused one last.
+  /// All parts, the fused one last.
   std::vector<RunRequest> all() const {
     std::vector<RunRequest> out = mounts;
     if (fused) out.push_back(*fused);
@@ -93,7 +93,7 @@ void open_folders(const RunRequest& request, const Parts& parts, const std::vect
   if (fusion) open_fused_folder(*parts.fused, worlds.front(), *fusion);
 }
 
-/// Which LiDARs' frames are not on disk.
+/// Which LiDARs' frames are missing on disk.
 std::vector<bool> missing(const RunRequest& part, int k) {
   std::vector<bool> out;
   for (const LidarConfig& lidar : part.lidars)
@@ -113,10 +113,10 @@ FrameTally tally_of(const Frame& frame) {
   return {count(frame), frame.rays, frame.rays_cast, frame.no_plane, frame.seconds};
 }
 
-/// Of each part, a tally per LiDAR.
+/// For each part, one tally per LiDAR.
 using Tallies = std::vector<std::vector<FrameTally>>;
 
-/// Computes what is not on disk of one frame, and has it written.
+/// Computes the missing parts of one frame and queues them for writing.
 class FrameWork {
  public:
   FrameWork(const Parts& parts, const std::optional<Fusion>& fusion, FrameWriter& writer)
@@ -141,9 +141,9 @@ class FrameWork {
   }
 
  private:
-  /// @param absent which are not on disk
-  /// @param fuse   which are computed even if they are, so that a fused frame is always made of the
-  ///               same numbers
+  /// @param absent which LiDARs' frames are missing on disk
+  /// @param fuse   which LiDARs are computed even if their frames exist, so that a fused frame is
+  ///   always made from the same numbers
   static std::vector<FrameTally> at_mount(const RunRequest& part, FrameSimulator& simulator, int k,
                                           const std::vector<bool>& absent,
                                           const std::vector<bool>& fuse,
@@ -179,7 +179,7 @@ class FrameWork {
     return tallies;
   }
 
-  /// @param mounts of the points of a fused frame
+  /// @param mounts mount index of each point of a fused frame
   void write_later(const RunRequest& part, std::size_t lidar, int k, Frame frame,
                    std::optional<std::vector<std::uint16_t>> mounts = std::nullopt) const {
     if (part.out.empty()) return;
@@ -197,7 +197,7 @@ class FrameWork {
 
 constexpr int kFramesToSeeOne = 10;
 
-/// Vehicles are wanted, but none of a LiDAR's frames so far has a point on one.
+/// Warns if the scene has traffic, but no frame of a LiDAR so far has a point on a vehicle.
 void warn_of_no_vehicles(const SceneConfig& scene, const std::vector<SummaryRow>& rows,
                          const Warn& warn) {
   if (scene.traffic && scene.traffic->vehicles_per_km_lane == 0) return;
@@ -215,7 +215,7 @@ void warn_without_plane(const std::vector<SummaryRow>& rows, const Warn& warn) {
            " frames, kept all their points; allowed a road at sensor_height_m below the sensor");
 }
 
-/// The sums of a run's parts.
+/// The summaries of a run's parts.
 class Summaries {
  public:
   explicit Summaries(const std::vector<RunRequest>& parts) : parts_(parts) {
@@ -224,7 +224,7 @@ class Summaries {
   void add(const Tallies& tallies) {
     for (std::size_t i = 0; i < sums_.size(); ++i) sums_[i].add(tallies[i]);
   }
-  /// @param frames that were asked for, ascending; others of the folders count as well
+  /// @param frames requested frames, ascending; other frames in the folders count too
   void write(int threads, const std::vector<int>& frames) const {
     for (std::size_t i = 0; i < sums_.size(); ++i)
       if (const RunRequest& part = parts_[i]; !part.out.empty())
@@ -261,7 +261,7 @@ std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& s
        period_warnings(request.lidars, range.first, range.last, range.step))
     warn(line);
   const std::vector<int> frames = numbers(request.frames);
-  // A folder's trajectories are those of the whole scene, whichever frames are asked for.
+  // A folder's trajectories cover the whole scene, whichever frames are requested.
   const std::vector<World> worlds =
       build_worlds(request.scene, mounts_of(request), frames, !request.out.empty());
   const Parts parts = parts_of(request, worlds);

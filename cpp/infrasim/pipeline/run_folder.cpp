@@ -28,7 +28,7 @@ std::string digest(const std::vector<T>& values) {
   return text.data();
 }
 
-/// Of the surfaces that files brought: with others this is another data set.
+/// Digest of surfaces from files: with other surfaces it is another data set.
 std::string surfaces_text(const World& world) {
   if (!world.scene.meshes) return "";
   const TriangleMesh& mesh = world.background;
@@ -43,8 +43,8 @@ std::string run_text(const RunRequest& request, const World& world) {
          "\"\nframes_version: " + std::to_string(kFramesVersion) + "\n";
 }
 
-/// Directions and ranges that a unit covers, as one entry of a YAML list.
-/// @param pose of its sensor in the levelled frame, if that is not where its data set's is
+/// Field of view and range of a unit as one entry of a YAML list.
+/// @param pose of its sensor in the levelled frame, if it differs from the data set's
 std::string view_text(const LidarUnit& unit, const FieldOfView& view,
                       const std::string& pose = "") {
   const auto n = [](double v) { return config::number_text(v); };
@@ -56,15 +56,15 @@ std::string view_text(const LidarUnit& unit, const FieldOfView& view,
          pose + "}\n";
 }
 
-/// @param sensors how many of the LiDAR there are
+/// @param sensors number of LiDARs
 std::string price_text(const LidarConfig& lidar, std::size_t sensors) {
   const auto n = [&](double v) { return config::number_text(v * static_cast<double>(sensors)); };
   return "preset: \"" + lidar.preset + "\"\nprice_total_usd: {low: " + n(lidar.price_usd.low) +
          ", high: " + n(lidar.price_usd.high) + "}\n";
 }
 
-/// What of a LiDAR's frames follows from the scene.
-/// @param mount where its levelled frame is, and how it leans
+/// The lines about a LiDAR's frames that depend on the scene.
+/// @param mount position and tilt of its levelled frame
 std::string frames_text(const World& world, const LidarConfig& lidar, const MountConfig& mount) {
   const SceneConfig& scene = world.scene;
   const auto n = [](double v) { return config::number_text(v); };
@@ -81,7 +81,7 @@ std::string frames_text(const World& world, const LidarConfig& lidar, const Moun
   return text + "field_of_view:\n";
 }
 
-/// Where a mount's sensor is in the fused frame.
+/// Pose of a mount's sensor in the fused frame.
 std::string pose_text(const MountConfig& mount) {
   const auto n = [](double v) { return config::number_text(std::round(v * 1e4) / 1e4 + 0.0); };
   return ", at: {x_m: " + n(mount.x_m) + ", y_m: " + n(mount.y_m) + ", z_m: " + n(mount.z_m) +
@@ -89,13 +89,14 @@ std::string pose_text(const MountConfig& mount) {
          ", roll_deg: " + n(mount.roll_deg) + "}";
 }
 
-/// The lines of name and model, which come first.
+/// The first lines: name and model.
 std::string lidar_text(const LidarConfig& lidar) {
   const std::string text = dump_lidar(lidar);
   return text.substr(0, text.find('\n', text.find('\n') + 1) + 1);
 }
 
-/// The LiDARs of one name at all mounts; without patterns, as that is no LiDAR that can be cast.
+/// lidar.yaml for the fused frames of all mounts. It has no patterns, because no single LiDAR could
+/// cast them.
 std::string fused_text(const RunRequest& request, const World& first, const Fusion& fusion,
                        const LidarConfig& lidar) {
   const auto& mounts = request.scene.mounts;
@@ -112,7 +113,7 @@ std::string fused_text(const RunRequest& request, const World& first, const Fusi
   return text;
 }
 
-/// The LiDAR whose firing tables lie beside its lidar.yaml, so that the data set is whole.
+/// The LiDAR with its firing tables beside lidar.yaml, so that the data set is complete.
 LidarConfig with_tables_beside(LidarConfig lidar) {
   for (std::size_t i = 0; i < lidar.units.size(); ++i)
     if (auto& table = lidar.units[i].pattern.table)
@@ -120,7 +121,7 @@ LidarConfig with_tables_beside(LidarConfig lidar) {
   return lidar;
 }
 
-/// Writes the tables that are not in the folder yet; its lidar.yaml has their digests.
+/// Writes tables that are not in the folder yet; lidar.yaml has their digests.
 void write_tables(const LidarConfig& lidar, const std::filesystem::path& folder) {
   for (const LidarUnit& unit : lidar.units) {
     if (!unit.pattern.table) continue;
@@ -172,7 +173,7 @@ std::string lidar_yaml(const World& world, const LidarConfig& lidar) {
 
 void open_run_folder(const RunRequest& request, const World& world) {
   std::vector<LidarConfig> lidars;
-  std::vector<std::string> texts;  // first, as they may be refused
+  std::vector<std::string> texts;  // made before the folder is touched, because this may fail
   for (const LidarConfig& lidar : request.lidars)
     texts.push_back(lidar_yaml(world, lidars.emplace_back(with_tables_beside(lidar))));
   claim_folder(request, world, texts);

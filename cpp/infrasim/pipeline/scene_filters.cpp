@@ -6,7 +6,7 @@ namespace infrasim {
 
 namespace {
 
-/// Height of the road at the sensor's foot: of the first, or of the nearest lane.
+/// Height of the road at the sensor's foot, by the first road or the nearest lane.
 double road_z(const Site& site, const MountConfig& mount) {
   const Vec2 foot{mount.x_m, mount.y_m};
   const std::vector<RoadConfig>& roads = site.scene.roads;

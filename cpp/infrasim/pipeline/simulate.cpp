@@ -21,9 +21,10 @@ namespace {
 struct Lidar {
   std::vector<ScannerUnit> scanners;
   double reach = 0;
-  double cut_s = kInf;  ///< pause in a vehicle's returns from which on the cut angle splits it
+  /// minimum pause in an object's returns that counts as a split at the cut angle
+  double cut_s = kInf;
   FrameBuilder builder;
-  std::size_t rays_cast = 0;  ///< of the frame under way
+  std::size_t rays_cast = 0;  ///< in the current frame
 
   void start() {
     builder.start();
@@ -37,8 +38,8 @@ UnitLayers layers_of(const StaticLayers& layers, std::size_t lidar) {
   return layers.empty() ? UnitLayers{} : layers[lidar];
 }
 
-/// @param layers of its units; none: all rays are cast
-/// @param draws  stream of its random numbers; the motors' phases do not depend on it
+/// @param layers of its units; empty: all rays are cast
+/// @param draws  prefix of its random streams; the motors' phases do not depend on it
 Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config, const UnitLayers& layers,
                  const std::string& draws = "") {
   Lidar lidar;
@@ -50,7 +51,7 @@ Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config, const Unit
   return lidar;
 }
 
-/// The seconds that some work takes.
+/// The computing time of some work, seconds.
 template <class Work>
 double timed(const Work& work) {
   const auto start = std::chrono::steady_clock::now();
@@ -66,7 +67,7 @@ struct FrameSimulator::Impl {
   std::vector<Lidar> lidars;
   LidarFilters filters;  ///< one per LiDAR
   double reach = 0;
-  bool pitched;  ///< whether a vehicle of the run may
+  bool pitched;  ///< whether an object of the run may have a pitch
   Raycaster raycaster;
   Caster caster;
   FrameVehicles vehicles;
@@ -85,7 +86,7 @@ struct FrameSimulator::Impl {
     }
   }
 
-  /// Points of one frame without any vehicle.
+  /// Points of one frame without any object.
   std::vector<float> empty_frame(int k, Lidar& lidar) {
     vehicles = {};
     raycaster.set_bodies({}, kFramePeriod);
@@ -106,7 +107,8 @@ struct FrameSimulator::Impl {
         vehicles.moving[vehicle].at(std::clamp(time_s / kFramePeriod, 0.0, 1.0)));
   }
 
-  /// When each vehicle was scanned, since the start of the frame; mid-frame where nothing was hit.
+  /// Times at which the objects were scanned, since the start of the frame; mid-frame for objects
+  /// without a hit.
   std::vector<double> scan_times_s(const Lidar& lidar) const {
     std::vector<double> out;
     for (std::vector<double>& times : lidar.builder.times_seen(vehicles.size()))
@@ -145,7 +147,7 @@ struct FrameSimulator::Impl {
 
 namespace {
 
-/// Whether the period of a pattern has no more rays than the frames.
+/// Whether the period of a pattern has at most as many rays as the frames.
 bool pays(const ScanPattern& pattern, std::size_t frames) {
   const double groups = static_cast<double>(frames) * kFramePeriod * pattern.groups_per_s();
   return static_cast<double>(pattern.repeats_after()) <= std::round(groups);
@@ -190,7 +192,7 @@ LidarFilters FrameSimulator::learn_filters(const World& world, std::span<const L
   LidarFilters out;
   std::optional<Impl> impl;
   for (std::size_t i = 0; i < lidars.size(); ++i) {
-    // A background is learnt from frames with noise of their own, not from those it is held to.
+    // A background is learnt from frames with their own noise, not from the frames that it filters.
     std::optional<Lidar> learning;
     out.push_back(std::make_shared<const std::vector<FilterStep>>(
         make_filters(*world.site, world.scene.mounts.begin()->second, [&](int k) {

@@ -16,12 +16,12 @@ namespace {
 constexpr std::int64_t kTileRays = kPacketRays;
 constexpr std::int64_t kLeastColumns = 4;  // of a block: as wide as tiles are high
 
-/// Groups of a block of near rays.
+/// Number of groups in a block of neighbouring rays.
 std::int64_t block_groups(std::int64_t group_size) {
   return std::max(kLeastColumns, kTileRays / group_size);
 }
 
-/// Calls use(rays) for block after block of a period.
+/// Calls use(rays) for each block of a period.
 template <class Use>
 void for_each_block(const ScanPattern& pattern, RayBatch& rays, const Use& use) {
   const std::int64_t size = pattern.group_size(), step = block_groups(size);
@@ -36,7 +36,7 @@ void for_each_block(const ScanPattern& pattern, RayBatch& rays, const Use& use) 
 
 std::size_t layer_bytes(const ScanPattern& pattern) {
   constexpr std::size_t kRayBytes = 2 * sizeof(float) + sizeof(std::uint16_t);
-  constexpr std::size_t kTileBytes = 2;  // a ray's part of a view of 8 rays or more
+  constexpr std::size_t kTileBytes = 2;  // a ray's share of the view of 8 rays or more
   const auto rays = static_cast<std::size_t>(pattern.repeats_after() * pattern.group_size());
   return rays * (kRayBytes + kTileBytes);
 }

@@ -21,7 +21,7 @@ static_assert(std::endian::native == std::endian::little, "the file is little-en
 namespace {
 
 constexpr std::string_view kLayerMagic = "infrasim-static-layer 2\n";
-constexpr std::string_view kFirstMagic = "infrasim-static-layer 1\n";  // of 0.3
+constexpr std::string_view kFirstMagic = "infrasim-static-layer 1\n";  // of version 0.3
 constexpr std::array kMountKeys{"x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "roll_deg"};
 constexpr std::int32_t kMostUnits = 1024, kMostGroups = 1 << 30, kMostMembers = 65535;
 constexpr std::size_t kRayBytes = 2 * sizeof(float) + sizeof(std::uint16_t);
@@ -47,7 +47,7 @@ void put_all(std::string& bytes, const std::vector<T>& column) {
   bytes.append(reinterpret_cast<const char*>(column.data()), column.size() * sizeof(T));
 }
 
-/// Takes one value after the other from the bytes of a file.
+/// Reads values one after the other from the bytes of a file.
 class Reader {
  public:
   Reader(std::string_view bytes, std::string name) : bytes_(bytes), name_(std::move(name)) {}
@@ -70,7 +70,7 @@ class Reader {
                                std::to_string(most));
     return n;
   }
-  /// A column of n values for which `allowed` holds.
+  /// Reads a column of n values, which must satisfy `allowed`.
   template <class T, class Allowed>
   std::vector<T> take_column(std::size_t n, const char* what, const Allowed& allowed,
                              const std::string& words) {

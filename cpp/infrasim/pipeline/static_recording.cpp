@@ -19,9 +19,10 @@ namespace {
 
 constexpr std::size_t kFewestFrames = 20, kMostFrames = 100;
 constexpr double kMostMiss_deg = 0.1;
-constexpr double kAgree_m = 0.3;         // and 6 sigma of the range noise, if that is more
-constexpr double kColumnReach = 0.75;    // of a column: the next one is not taken for it
-constexpr double kConstantEnough = 0.7;  // mean of unit vectors: a spread of an eighth of a column
+constexpr double kAgree_m = 0.3;       // or 6 sigma of the range noise, if that is more
+constexpr double kColumnReach = 0.75;  // of a column, so that the next column is not matched
+// length of the mean unit vector: a spread of an eighth of a column
+constexpr double kConstantEnough = 0.7;
 
 struct RecordedReturn {
   float azimuth;  ///< in the unit's frame
@@ -29,10 +30,10 @@ struct RecordedReturn {
   float intensity;
 };
 
-/// One laser, and what it saw.
+/// One laser and its returns.
 struct Ring {
   double elevation = 0;
-  std::vector<std::pair<double, std::size_t>> rays;  ///< azimuth, number in the period; ascending
+  std::vector<std::pair<double, std::size_t>> rays;  ///< azimuth, index in the period; ascending
   std::vector<std::vector<RecordedReturn>> frames;   ///< ascending in azimuth
   double sum_of_misses = 0;
   std::size_t points = 0;
@@ -40,14 +41,14 @@ struct Ring {
 
 struct Unit {
   Mat3 from_levelled;
-  double reach = 0;    ///< from a ray's azimuth to that of its return
-  double agree_m = 0;  ///< extent of a group of returns
+  double reach = 0;    ///< maximum azimuth difference of a ray and its return
+  double agree_m = 0;  ///< maximum extent of a group of returns
   std::vector<Ring> rings;
-  double grid_cos = 0, grid_sin = 0;  ///< sums over points: where between two columns they lie
+  double grid_cos = 0, grid_sin = 0;  ///< sums over points: their phase between two columns
   std::size_t points = 0;
 
   double columns() const { return static_cast<double>(rings.front().rays.size()); }
-  /// Of the recorded columns from the LiDAR's, if it is constant.
+  /// Azimuth offset of the recorded columns, if it is constant.
   std::optional<double> offset() const {
     const bool constant =
         std::hypot(grid_cos, grid_sin) > kConstantEnough * static_cast<double>(points);
@@ -59,7 +60,7 @@ Mat3 transposed(const Mat3& m) { return {m[0], m[3], m[6], m[1], m[4], m[7], m[2
 
 double azimuth(Vec3 v) { return std::atan2(v.y, v.x); }
 
-/// Where the lasers of a unit look, by ring.
+/// Directions of a unit's lasers, by ring.
 std::vector<Ring> rings_of(const ScanPattern& pattern) {
   const std::int64_t size = pattern.group_size();
   RayBatch first;
@@ -93,7 +94,7 @@ std::vector<Unit> units_of(const SceneConfig& scene, const LidarConfig& lidar,
   return units;
 }
 
-/// Numbers of the frames to look at, ascending.
+/// Numbers of the frames to read, ascending.
 std::vector<int> frames_of(const std::filesystem::path& folder) {
   std::vector<int> all = frames_on_disk(folder);
   if (all.size() < kFewestFrames)
@@ -119,8 +120,8 @@ void take_point(Unit& unit, Ring& ring, Vec3 levelled, float intensity) {
   ring.frames.back().push_back({static_cast<float>(at), static_cast<float>(range), intensity});
 }
 
-/// The unit and the ring of a number that counts the rings of all units; nothing if there are
-/// fewer.
+/// The unit and ring of a ring number that counts over all units; nothing if the number is too
+/// large.
 std::pair<Unit*, Ring*> find_ring(std::vector<Unit>& units, std::size_t number) {
   for (Unit& unit : units) {
     if (number < unit.rings.size()) return {&unit, &unit.rings[number]};
@@ -147,7 +148,7 @@ void take_frame(const std::filesystem::path& folder, int frame, std::vector<Unit
       std::ranges::sort(ring.frames.back(), {}, &RecordedReturn::azimuth);
 }
 
-/// @return by how much the worst ring misses, degrees
+/// @return elevation error of the worst ring, degrees
 double check_elevations(const std::filesystem::path& folder, const LidarConfig& lidar,
                         const std::vector<Unit>& units) {
   double worst = 0;
@@ -167,7 +168,7 @@ double check_elevations(const std::filesystem::path& folder, const LidarConfig& 
                     " (channels of the LiDAR's file, pitch and roll of the mount)");
 }
 
-/// The return that is nearest to an azimuth, at most `reach` away.
+/// The return nearest to an azimuth, at most `reach` away.
 const RecordedReturn* nearest(const std::vector<RecordedReturn>& echoes, double at, double reach) {
   if (echoes.empty()) return nullptr;
   const auto after =
@@ -179,8 +180,8 @@ const RecordedReturn* nearest(const std::vector<RecordedReturn>& echoes, double 
   return away(best) <= reach ? &best : nullptr;
 }
 
-/// Mean of the largest group of returns within `extent_m`, of equal ones the nearest; nothing if it
-/// has fewer than half of the frames.
+/// Mean of the largest group of returns within `extent_m`, or of the nearest group if several are
+/// equally large. Nothing if the group has fewer returns than half of the frames.
 std::optional<RecordedReturn> agreed(std::vector<RecordedReturn>& seen, double extent_m,
                                      std::size_t frames) {
   std::ranges::sort(seen, {}, &RecordedReturn::range);
@@ -199,7 +200,7 @@ std::optional<RecordedReturn> agreed(std::vector<RecordedReturn>& seen, double e
   return RecordedReturn{0, static_cast<float>(range / n), static_cast<float>(intensity / n)};
 }
 
-/// @return how many rays saw something beyond the LiDAR's range
+/// @return number of rays with a return beyond the LiDAR's range
 std::size_t fill(const Unit& unit, StaticHits& hits) {
   const double offset = unit.offset().value_or(0);
   std::size_t too_far = 0;

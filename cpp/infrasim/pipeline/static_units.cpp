@@ -8,7 +8,7 @@ std::string words_of(const LidarConfig& lidar) { return lidar.name + ", preset "
 
 namespace {
 
-/// @throws ConfigError, with the reason, for a LiDAR that can have no static layer
+/// @throws ConfigError, with the reason, for a LiDAR that can't have a static layer
 void check_can_have_layer(const LidarConfig& lidar, std::span<const ScannerUnit> scanners) {
   for (std::size_t i = 0; i < scanners.size(); ++i) {
     const ScannerUnit& unit = scanners[i];

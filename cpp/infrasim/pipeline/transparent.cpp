@@ -11,18 +11,18 @@ namespace infrasim {
 
 namespace {
 
-constexpr int kMostTimes = 4;  // that a ray is cast on
+constexpr int kMostTimes = 4;  // maximum number of times that a ray is cast on
 constexpr float kNever = std::numeric_limits<float>::infinity();
-constexpr double kLevelNormal = 0.9;  // z of the normal of a body's floor
+constexpr double kLevelNormal = 0.9;  // minimum z of the normal of a body's floor
 
 Echo vehicle_echo(float range, std::int32_t object, const Optics& optics) {
   return {range, object, 0, optics.reflectance, optics.gain};
 }
 
-/// From a hit on: beyond what rounding can find again.
+/// A range slightly behind a hit, so that rounding does not find the hit again.
 float beyond(float range) { return range + std::max(2e-4F, 2e-6F * range); }
 
-/// Where a ray that goes through a pane meets the floor of the cabin.
+/// Range at which a ray through a pane meets the floor of the cabin.
 float floor_range(float range, const BodyHit& hit, float dz) {
   const double above = (hit.at.z + 0.5) * hit.size_m.z - kSillHeight_m;
   return dz < 0 ? range + static_cast<float>(above / -dz) : kNever;
@@ -82,7 +82,7 @@ void TransparentCaster::cast_on(const RayBatch& rays) {
   for (std::size_t k = 0; k < passing_.size(); ++k) meet(rays, passing_[k], on_hits_.at(k));
 }
 
-/// What stands still is known, so that vehicles alone are cast.
+/// The static hits are known, so only vehicles are cast.
 void TransparentCaster::cast_on_with(const StaticSlice& background) {
   on_hits_.resize(on_.size());
   std::ranges::fill(on_hits_.object, -1);
@@ -140,11 +140,11 @@ void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state,
   next_.push_back(on);
 }
 
-/// A ray that went in below a body meets it again.
+/// Handles a ray that entered the space below a body and meets the body again.
 void TransparentCaster::meet_below(const BodyHit& body, Part part, const Passing& state,
                                    const Hit& hit) {
   const float range = hit.range;
-  // A body stands on the ground, so where the ray meets its lower face it meets the ground.
+  // A body stands on the ground, so a ray that meets its lower face meets the ground.
   if (body.at.z < 0 && std::abs(body.normal.z) > kLevelNormal) {
     const bool on_lane = vehicles_->on_lane[static_cast<std::size_t>(hit.object)];
     const Class ground = on_lane ? Class::kRoad : static_cast<Class>(hit.class_id);
@@ -170,14 +170,14 @@ BodyHit TransparentCaster::body_hit(const Hit& hit) const {
           .normal = {normal[0], normal[1], normal[2]}};
 }
 
-/// @param cosine of incidence; what a recording saw has a gain of its own instead
+/// @param cosine of incidence; for a recorded surface its stored gain is used instead
 Echo TransparentCaster::background_echo(float range, Class material, std::uint32_t ray,
                                         float cosine) const {
   const float gain = material == Class::kRecorded ? background_.gain[ray] : cosine;
   return {range, -1, static_cast<std::uint16_t>(material), background_reflectance(material), gain};
 }
 
-/// Makes an echo the ray's, unless what it met before is stronger.
+/// Stores an echo as the ray's, unless the stored one is stronger.
 void TransparentCaster::keep_strongest(const Passing& state, Echo echo) {
   const std::uint32_t i = state.ray;
   echo.reflectance *= state.power;

@@ -13,7 +13,7 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kChecked_s = 60;  // of simulated traffic
+constexpr double kChecked_s = 60;  // duration of simulated traffic that is checked
 
 std::map<std::string, StaticLayerFile> read_static_layers(const SceneConfig& scene) {
   std::map<std::string, StaticLayerFile> layers;
@@ -39,7 +39,8 @@ double clock_offset_s(const SceneConfig& view) {
   return view.mounts.begin()->second.clock_offset_s.value_or(0);
 }
 
-/// Which rows the frames need: those at their ends and, by another clock, one more on either side.
+/// The rows that the frames need: at the start and end of each frame, and with a clock offset one
+/// more on each side.
 std::vector<bool> rows_of(std::span<const int> frames, const std::vector<SceneConfig>& views) {
   const bool late =
       std::ranges::any_of(views, [](const SceneConfig& view) { return clock_offset_s(view) != 0; });
@@ -51,7 +52,7 @@ std::vector<bool> rows_of(std::span<const int> frames, const std::vector<SceneCo
   return rows;
 }
 
-/// Hands every instant on that leaves the sensors free.
+/// Passes on every instant after checking that no vehicle hits a sensor.
 StateSink checking_sensors(const SceneConfig& scene, const StateSink& sink) {
   return [&scene, sink, instant = 0](const std::vector<ObjectState>& states) mutable {
     check_sensor_is_free(scene, states, instant++);

@@ -27,8 +27,8 @@ struct LanePart {
   bool contains(Vec2 point, double beside) const;
 };
 
-/// What of a lane lies within `radius` of the sensor's foot, in the order of travel. The second and
-/// further parts are named NAME_2 and so on. Stretches below a tenth of a metre are left out.
+/// The parts of a lane within `radius` of the sensor's foot, in the direction of travel. The second
+/// and further parts are named NAME_2 and so on. Parts shorter than 0.1 m are left out.
 std::vector<LanePart> parts_within(const LanePath& lane, Vec2 foot, double radius);
 
 }  // namespace infrasim
