@@ -12,7 +12,7 @@ namespace pointops {
 
 namespace {
 
-/// Rows of points by square cells seen from above, of which there are at most about four per point.
+/// Rows of points by square cells seen from above; at most about four cells per point.
 class Cells {
  public:
   Cells(std::span<const float> points, float at_least) {
@@ -26,7 +26,7 @@ class Cells {
     }
     const double width = double{high_x} - low_x_, height = double{high_y} - low_y_;
     const auto cells = static_cast<double>(4 * n + 16);
-    // A little more than the radius, so that rounding never leaves a point out.
+    // Slightly more than the radius, so that rounding never misses a point.
     size_ = std::max(
         {1.001 * at_least, std::sqrt(width * height / cells), width / cells, height / cells});
     columns_ = static_cast<std::int64_t>(width / size_) + 1;
@@ -45,7 +45,7 @@ class Cells {
     for (std::size_t i = 0; i < n; ++i) rows_[next[cell[i]]++] = static_cast<std::int64_t>(i);
   }
 
-  /// Calls visit(row) for all points that are in the cell of x, y or beside it.
+  /// Calls visit(row) for all points in the cell of x, y and in its neighbours.
   template <typename Visit>
   void around(float x, float y, const Visit& visit) const {
     const std::int64_t first = std::clamp<std::int64_t>(column(x) - 1, 0, columns_);
@@ -60,7 +60,7 @@ class Cells {
  private:
   std::int64_t column(float x) const { return cell_of(double{x} - low_x_); }
   std::int64_t line(float y) const { return cell_of(double{y} - low_y_); }
-  // Far from the cells all numbers are alike; within int64 whatever the distance.
+  // Clamps far positions, which all have no points, so that the result fits into int64.
   std::int64_t cell_of(double along) const {
     return static_cast<std::int64_t>(std::floor(std::clamp(along / size_, -9.0, 1e15)));
   }
@@ -69,8 +69,9 @@ class Cells {
   float low_y_ = std::numeric_limits<float>::infinity();
   double size_ = 1;
   std::int64_t columns_ = 0, lines_ = 0;
-  std::vector<std::size_t> starts_;  ///< of the cells, line by line, and the end of the last
-  std::vector<std::int64_t> rows_;   ///< increasing within a cell
+  /// start of each cell, line by line, and the end of the last one
+  std::vector<std::size_t> starts_;
+  std::vector<std::int64_t> rows_;  ///< increasing within a cell
 };
 
 }  // namespace

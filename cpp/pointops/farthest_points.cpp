@@ -16,19 +16,20 @@ namespace {
 
 using Point = std::array<float, 3>;
 
-constexpr std::size_t kGroup = 128;  // points: few enough to skip often, enough to loop fast
+// points; small enough to skip often, large enough for fast loops
+constexpr std::size_t kGroup = 128;
 
-/// Points in groups that are close together, with the distance to what is chosen so far.
+/// Points in groups of neighbours, with their distance to the chosen points.
 struct Groups {
   std::array<std::vector<float>, 3> xyz;
-  std::vector<std::int64_t> rows;   ///< of the caller's points
+  std::vector<std::int64_t> rows;   ///< rows of the caller's points
   std::vector<float> apart;         ///< squared distance to the nearest chosen point
-  std::vector<std::size_t> starts;  ///< of the groups, and the end of the last
+  std::vector<std::size_t> starts;  ///< start of each group, and the end of the last one
   std::vector<Point> low, high;     ///< bounds of a group
   std::vector<float> farthest;      ///< largest `apart` of a group
 };
 
-/// Halves the rows at the median of their longest side until they fit into a group.
+/// Splits the rows at the median of their longest side until they fit into a group.
 void split(std::span<const float> xyz, std::span<std::int64_t> rows, std::size_t start,
            Groups& groups) {
   Point low, high;
@@ -66,7 +67,7 @@ Groups grouped(std::span<const float> xyz) {
   std::iota(groups.rows.begin(), groups.rows.end(), 0);
   split(xyz, groups.rows, 0, groups);
   groups.starts.push_back(n);
-  // Within a group by row, so that the first of equally far points is the lowest row.
+  // Sorted by row within a group, so that the first of equally far points has the lowest row.
   for (std::size_t g = 0; g + 1 < groups.starts.size(); ++g)
     std::sort(groups.rows.begin() + static_cast<std::ptrdiff_t>(groups.starts[g]),
               groups.rows.begin() + static_cast<std::ptrdiff_t>(groups.starts[g + 1]));
@@ -78,8 +79,8 @@ Groups grouped(std::span<const float> xyz) {
   return groups;
 }
 
-/// Squared distance to the group's bounds. In the same order of operations as that to a point, so
-/// that rounding never makes it larger than that to a point inside.
+/// Squared distance to the group's bounds. The order of operations is that of the distance to a
+/// point, so rounding never makes it larger than the distance to a point inside.
 float apart_from_group(const Groups& groups, std::size_t g, const Point& chosen) {
   Point gap;
   for (std::size_t axis = 0; axis < 3; ++axis)
@@ -103,7 +104,8 @@ void choose(Groups& groups, std::size_t g, const Point& chosen) {
   groups.farthest[g] = farthest;
 }
 
-/// Position in `groups` of the farthest point; of equally far ones that with the lowest row.
+/// Position in `groups` of the farthest point, or of the one with the lowest row among equally far
+/// points.
 std::size_t farthest_position(const Groups& groups) {
   const float most = *std::max_element(groups.farthest.begin(), groups.farthest.end());
   std::size_t best = groups.rows.size();

@@ -12,7 +12,7 @@ namespace pointops {
 
 namespace {
 
-/// Of an overlap, in units of rounding of the larger box's square: what is below counts as nothing.
+/// Smaller overlaps count as nothing; in units of rounding of the larger box's squared size.
 constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
 
 struct Footprint {
@@ -41,7 +41,7 @@ double mean_clipped(double start, double end, double limit) {
   return middle + above * (limit - middle) - below * (limit + middle);
 }
 
-/// Area that both share, by Green's theorem along the edges of b in the frame of a, as in
+/// Area shared by both boxes, by Green's theorem along the edges of b in the frame of a, as in
 /// pyinfra/core/boxes.py: the sum of (mean of x, clipped to a) * (change of y, clipped to a).
 double overlap(const Footprint& a, const Footprint& b) {
   const double dx = b.x - a.x, dy = b.y - a.y;

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::int64_t kWord = 64;
 
-/// A set of numbers below a limit that knows how many members are below each of them.
+/// A set of numbers below a limit, with the rank of each member.
 class RankedSet {
  public:
   explicit RankedSet(std::int64_t limit)
@@ -23,7 +23,7 @@ class RankedSet {
 
   void insert(std::int64_t key) { words_[word(key)] |= std::uint64_t{1} << (key % kWord); }
 
-  /// Members in increasing order, at most so many; from here on rank() is right.
+  /// Members in increasing order, at most `at_most`; rank() works after this call.
   std::vector<std::int64_t> members(std::size_t at_most) {
     std::vector<std::int64_t> keys;
     keys.reserve(at_most);
@@ -50,10 +50,10 @@ class RankedSet {
 
 struct Arrival {
   std::int64_t offset;  ///< along one axis of the kernel
-  std::int64_t at;      ///< along that axis of the target
+  std::int64_t at;      ///< along the same axis of the target
 };
 
-/// For each coordinate along one axis, where it arrives.
+/// For each coordinate along one axis, the target coordinates that it reaches.
 class Arrivals {
  public:
   Arrivals(const Reach& reach, std::size_t axis) {
@@ -94,7 +94,7 @@ constexpr std::array kAxes{"z", "y", "x"};
 constexpr std::int64_t kMostArrivals = std::int64_t{1} << 24;  // along an axis, 16 bytes each
 constexpr std::int64_t kMostOffsets = std::int64_t{1} << 20;   // of a kernel
 
-/// @throws std::invalid_argument for what can't be walked along an axis
+/// @throws std::invalid_argument for sizes along an axis that are out of bounds
 void check_axis(const Reach& reach, std::size_t axis) {
   const auto name = [&](const char* what) { return std::string(what) + ", " + kAxes[axis]; };
   check_between(name("shape"), reach.shape[axis], 0, kMostArrivals);
@@ -105,8 +105,8 @@ void check_axis(const Reach& reach, std::size_t axis) {
   checked_product(name("shape x kernel"), {reach.shape[axis], reach.kernel[axis]}, kMostArrivals);
 }
 
-/// How many batches there are.
-/// @throws std::invalid_argument for coordinates out of the grid, and a target without an end
+/// Number of batches.
+/// @throws std::invalid_argument for coordinates outside the grid, or a target that is too large
 std::int64_t check_reach(std::span<const std::int64_t> coordinates, const Reach& reach) {
   for (std::size_t axis = 0; axis < 3; ++axis) check_axis(reach, axis);
   std::int64_t batches = 0;
@@ -136,12 +136,12 @@ VoxelPairs shifted_pairs(std::span<const std::int64_t> keys, std::span<const std
   VoxelPairs pairs;
   for (const std::int64_t step : steps) {
     const std::size_t before = pairs.inputs.size();
-    // Both sides increase, so one walk along them finds all pairs.
+    // Both sides increase, so one pass over them finds all pairs.
     std::size_t input = 0;
     for (std::size_t output = 0; output < keys.size(); ++output) {
       std::int64_t wanted = 0;
       if (__builtin_add_overflow(keys[output], step, &wanted)) {
-        if (step > 0) break;  // from here on all wanted ones are above every key
+        if (step > 0) break;  // all following values are above every key
         continue;
       }
       while (input < keys.size() && keys[input] < wanted) ++input;

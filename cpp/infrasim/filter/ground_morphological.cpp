@@ -57,10 +57,10 @@ struct GroundGrids {
   }
 };
 
-/// Fills the gaps of a ray. A gap is filled linearly from return to return, unless the nearer
-/// return may hide lower ground. Behind such a return, where the ground falls nearly as steeply as
-/// the line of sight, the gap stays level for as long as the gap before it and then has the height
-/// of its far end. After the last return the height is the lowest that a road through the earlier
+/// Fills the gaps of a ray. A gap is filled linearly from return to return, with one exception: if
+/// the gap falls nearly as steeply as the line of sight, its nearer return may hide lower ground.
+/// Then the gap stays level for as long as the gap before it, and takes the height of its far end
+/// after that. Behind the last return the height is the lowest that a road through the earlier
 /// returns could have.
 void fill_ray(std::span<float> ray, double cell_m) {
   constexpr double kShortGap_m = 2, kShadowShare = 0.8, kRoadSlope = 0.06;

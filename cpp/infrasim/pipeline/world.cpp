@@ -131,7 +131,7 @@ void check_worlds(const SceneConfig& scene, bool drive) {
 
 bool move_alike(const SceneConfig& a, const SceneConfig& b) {
   const auto text = [](SceneConfig scene) {
-    const SceneConfig none;  // of what has no part in where vehicles are
+    const SceneConfig none;  // defaults of keys that do not change the motion of vehicles
     scene.aggregation = none.aggregation;
     scene.detail = none.detail;
     scene.vehicle_parts = none.vehicle_parts;

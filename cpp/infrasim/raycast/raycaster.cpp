@@ -56,7 +56,8 @@ SceneHandle mesh_scene(RTCDevice device, const TriangleMesh& mesh, const EmbreeE
   return handle;
 }
 
-/// One packet of rays. What Embree leaves as it is (masks, flags, the nearest range) is set once.
+/// One packet of rays. Fields that Embree does not change (masks, flags, nearest range) are set
+/// once.
 struct Packet {
   alignas(64) std::array<int, kPacketRays> valid{};
   RTCRayHit16 rh{};
@@ -77,7 +78,7 @@ struct Packet {
     rh.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
   }
 
-  /// Lanes from `count` on are masked off.
+  /// Masks off the lanes from `count` on.
   void intersect(RTCScene scene, std::size_t count) {
     for (std::size_t i = 0; i < kPacketRays; ++i) valid[i] = i < count ? -1 : 0;
     intersect16(valid.data(), scene, rh);
@@ -86,7 +87,8 @@ struct Packet {
   bool hit(std::size_t i) const { return rh.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID; }
 };
 
-/// Embree's manual asks for flushed denormals in a thread that casts; its caller gets its own back.
+/// Embree's manual recommends flushed denormals in threads that cast. The caller's mode is
+/// restored.
 class FlushedDenormals {
  public:
   FlushedDenormals() : before_(_mm_getcsr()) {
@@ -137,7 +139,7 @@ struct MeshLibrary::Impl {
   RTCDevice device = nullptr;
   Horizon horizon;  ///< of the background
   std::vector<std::uint16_t> background_class;
-  std::vector<SceneHandle> bodies;  ///< the background last
+  std::vector<SceneHandle> bodies;  ///< one per body, then the background
 
   ~Impl() {
     bodies.clear();
@@ -147,7 +149,7 @@ struct MeshLibrary::Impl {
 
 MeshLibrary::MeshLibrary(const TriangleMesh& background, std::span<const TriangleMesh> bodies)
     : impl_(std::make_unique<Impl>()) {
-  // One build thread, so that a hierarchy never depends on the number of threads.
+  // One build thread, so that the hierarchy does not depend on the number of threads.
   impl_->device = rtcNewDevice("threads=1,set_affinity=0");
   if (impl_->device == nullptr) throw std::runtime_error("Embree: no device");
   impl_->error.watch(impl_->device);
@@ -175,7 +177,7 @@ struct Raycaster::Impl {
 
   RTCScene background() const { return library.bodies.back().get(); }
 
-  /// Casts one packet at one body and keeps what is nearer than the hits so far.
+  /// Casts one packet at one body and keeps hits that are nearer than the previous ones.
   void cast_body(std::size_t body, const RayBatch& rays, std::span<const std::uint32_t> order,
                  HitBatch& hits, bool incidence) {
     const BodyMotion& motion = motions[body];
@@ -200,7 +202,7 @@ struct Raycaster::Impl {
     }
   }
 
-  /// Rays at the cell centres of the box's angular rectangle.
+  /// Makes rays through the cell centres of the box's angular rectangle.
   void aim_probe(const Box3d& box) {
     const double centre = std::atan2(box.y, box.x);
     double left = -kPi, right = kPi, up = -kPi, down = kPi;

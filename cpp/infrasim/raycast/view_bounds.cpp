@@ -4,8 +4,9 @@ namespace infrasim {
 
 namespace {
 
-constexpr float kMargin = 1e-5F;  // of bearing and sine: more than a float's last digits
-constexpr double kAngleMargin = 2 * kMargin;  // a bearing grows by half of an angle or more
+constexpr float kMargin = 1e-5F;  // of bearing and sine, larger than float rounding errors
+// a bearing changes at least half as much as the angle
+constexpr double kAngleMargin = 2 * kMargin;
 
 /// Horizontal distance from the origin to a convex outline; 0 inside.
 double nearest(std::span<const Vec2> outline) {
@@ -44,7 +45,8 @@ std::array<ViewBounds, 2> view_of(std::span<const Vec2> outline, double bottom, 
   view.left = -2;
   view.right = 2;
   if (near == 0) return {view, {}};  // around the sensor
-  // What ends at 180 degrees is seen at -180, too: the margin comes before the turn.
+  // An outline that ends at 180 degrees is seen at -180 degrees too, so the margin is added before
+  // the split.
   from -= kAngleMargin;
   to += kAngleMargin;
   const bool behind = from < -kPi || to > kPi;
@@ -63,7 +65,8 @@ void Horizon::add(const ViewBounds& view) {
 
 /// The highest sine within the azimuths of a cone.
 float Horizon::highest_around(float dx, float dy, float spread) const {
-  // The higher a cone, the more azimuths it spans; a bearing grows no faster than an azimuth.
+  // The steeper a cone points, the more azimuths it spans; a bearing grows no faster than an
+  // azimuth.
   const float half = std::asin(std::min(1.0F, spread / std::hypot(dx, dy))) + kMargin;
   constexpr float kBinsPerUnit = kBins / 4.0F;
   const float middle = bearing(dx, dy) + 2;

@@ -71,7 +71,8 @@ double Curve::tightest_radius() const {
 }
 
 Curve turn(const CurvePoint& from, const CurvePoint& to) {
-  // Handles of 0.39 chords make a quarter turn a circle within 0.03 % of its radius.
+  // With handles of 0.39 chords a quarter turn deviates from a circle by at most 0.03 % of its
+  // radius.
   constexpr int kSteps = 40;
   const double handle = 0.39 * norm(to.position - from.position);
   const Vec2 p1 = from.position + handle * heading_vector(from.heading);

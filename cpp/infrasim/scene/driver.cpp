@@ -8,12 +8,15 @@ namespace infrasim {
 namespace {
 
 constexpr double kAcceleration = 1.5;    // m/s2 (Treiber, Kesting 2013, table 11.2)
-constexpr double kHardestBraking = 8.0;  // m/s2
-constexpr double kCommitBraking = 3.0;   // m/s2: who would need more at a red signal drives on
-constexpr double kLookahead = 100;       // m at least; to a comfortable stop for who is faster
-constexpr double kTailClear = 10;        // m into a junction until a turning tail frees the lane
+constexpr double kHardestBraking = 8.0;  // m/s2, maximum braking
+// m/s2: a vehicle that would have to brake harder at a red signal drives on
+constexpr double kCommitBraking = 3.0;
+// m at least; for fast vehicles the distance of a comfortable stop
+constexpr double kLookahead = 100;
+// m into a junction until a turning vehicle's tail leaves the lane free
+constexpr double kTailClear = 10;
 
-/// What limits a driver: free distance ahead of the bumper and the speed at its end.
+/// The limit ahead of a driver: the free distance in front of the bumper, and the speed at its end.
 struct Leader {
   double gap = kInf;
   double speed = 0;
@@ -34,13 +37,13 @@ double idm_acceleration(double speed, double desired, const Leader& leader) {
   return std::clamp(kAcceleration * acceleration, -kHardestBraking, kAcceleration);
 }
 
-/// On a turn that it takes, a vehicle leaves the lanes beside it free.
+/// Whether a vehicle on a turn leaves the lanes beside it free.
 bool stays_in_lane(const Vehicle& v, const Lane& turn) {
   const double outwards = turn.turn == Turn::kRight ? v.lateral : -v.lateral;
   return half_width_in_bend(v, turn.curve.tightest_radius(), outwards) <= turn.width_m / 2;
 }
 
-/// The lane that a vehicle takes from the end of its own.
+/// The lane that a vehicle takes at the end of its own lane.
 int next_lane(const TrafficState& state, const TrafficSignals& signals, const Vehicle& v) {
   const LaneNetwork& network = state.network;
   const Lane& lane = state.lane_of(v);
@@ -61,7 +64,7 @@ int next_lane(const TrafficState& state, const TrafficSignals& signals, const Ve
   }
   for (const int next : lane.next) {
     const Turn turn = network.lanes[next].turn;
-    // A turn leaves from one of the lanes only, so its share of that lane is larger.
+    // Only one lane of an approach turns, so the share of turning vehicles on that lane is larger.
     const auto lanes = static_cast<double>(signals.lanes_of(lane.approach));
     if (!stays_in_lane(v, network.lanes[next])) continue;
     if (turn == Turn::kLeft && v.turn_choice < junction.left_share * lanes) return next;
@@ -70,7 +73,7 @@ int next_lane(const TrafficState& state, const TrafficSignals& signals, const Ve
   return *way(Turn::kStraight);
 }
 
-/// The desired speed, lower when a slow lane is near enough to brake for.
+/// The desired speed, reduced if a slow lane is near enough to brake for.
 double target_speed(const TrafficState& state, const Vehicle& v) {
   const double here = std::min(v.desired_speed, state.lane_of(v).speed_limit_m_s);
   if (v.next_lane < 0) return here;
@@ -79,7 +82,7 @@ double target_speed(const TrafficState& state, const Vehicle& v) {
   return std::min(here, std::sqrt(limit * limit + 2 * kBraking / 2 * distance));
 }
 
-/// The nearest of the vehicles that one must not run into.
+/// The nearest vehicle that this one must not run into.
 Leader vehicle_ahead(const TrafficState& state, int lane, std::size_t i) {
   const LaneNetwork& network = state.network;
   const auto& lanes = state.lanes;
@@ -111,7 +114,7 @@ Leader vehicle_ahead(const TrafficState& state, int lane, std::size_t i) {
   return best;
 }
 
-/// The stop line of a red signal, as a vehicle that stands a little behind it.
+/// The stop line of a red signal, as a standing vehicle slightly behind it.
 Leader red_signal(const TrafficState& state, const TrafficSignals& signals, const Vehicle& v) {
   const int approach = state.lane_of(v).approach;
   if (approach < 0 || v.committed || signals.is_green(approach)) return {};

@@ -10,7 +10,7 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kLeastStep = 1e-4;  // m between two rows of a lane
+constexpr double kLeastStep = 1e-4;  // m, minimum distance of two rows of a lane
 constexpr double kAtEnd = 1e-6;      // m along a lane
 
 struct LaneFileRow {
@@ -19,7 +19,7 @@ struct LaneFileRow {
   double width;
 };
 
-/// The direction at each row: that of what lies before and after it, weighted by its length.
+/// The direction at each row, from the row before it to the row after it.
 std::vector<CurvePoint> directed(const std::vector<LaneFileRow>& rows) {
   std::vector<CurvePoint> out;
   for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -39,7 +39,7 @@ LanePath path_of(const std::string& name, const std::vector<LaneFileRow>& rows) 
   return lane;
 }
 
-/// Reads a file of lanes row by row and says what is wrong where.
+/// Reads a file of lanes row by row and reports errors with their position.
 class LaneReader {
  public:
   explicit LaneReader(const std::filesystem::path& file) : csv_(file, "lane,x,y,z,width") {}

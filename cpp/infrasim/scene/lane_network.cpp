@@ -8,15 +8,15 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kStopLineGap = 3;             // between the crossing road's edge and the stop line
-constexpr double kLeastArm = 10;               // of a road on each side of its junction
-constexpr double kSharpTurnGap = 8;            // m more at a T, times the cosine of its angle: room
-                                               // for tails that are still on the bend
-constexpr double kLateralAcceleration = 2;     // m/s2 that drivers accept in a turn
-constexpr double kSharpestCrossing = kPi / 4;  // between two roads: a sharper turn is none
-constexpr double kAngleSlack = 1e-6;           // of angles that were meant to be equal
-constexpr double kMostBend = kPi / 6;          // of a road within its junction
-constexpr double kSharpestRing = kPi / 3;      // between two arms of a roundabout
+constexpr double kStopLineGap = 3;   // m between the crossing road's edge and the stop line
+constexpr double kLeastArm = 10;     // m, minimum length of a road on each side of its junction
+constexpr double kSharpTurnGap = 8;  // additional m at a T, times the cosine of its angle,
+                                     // for tails of vehicles still in the bend
+constexpr double kLateralAcceleration = 2;     // m/s2, accepted by drivers in a turn
+constexpr double kSharpestCrossing = kPi / 4;  // minimum angle between two roads
+constexpr double kAngleSlack = 1e-6;           // tolerance for angles that should be equal
+constexpr double kMostBend = kPi / 6;          // maximum bend of a road within its junction
+constexpr double kSharpestRing = kPi / 3;      // minimum angle between two arms of a roundabout
 
 /// One direction of a road at a junction: lane indices, inner lane first.
 struct Arm {
@@ -44,7 +44,7 @@ std::optional<Vec2> crossing(const Curve& a, const Curve& b) {
   return std::nullopt;
 }
 
-/// Where two roads meet: they cross, or one ends on the carriageway of the other.
+/// The point where two roads meet: they cross, or one ends on the carriageway of the other.
 std::optional<Vec2> meeting(const RoadLine& a, const RoadLine& b) {
   if (const auto point = crossing(a.curve, b.curve)) return point;
   for (const auto& [stem, main] : {std::pair{&a, &b}, std::pair{&b, &a}})
@@ -61,7 +61,7 @@ bool is_end(const RoadLine& road, double s, double reach) {
   return std::min(s, road.curve.length() - s) <= reach;
 }
 
-/// What a junction takes of a road at a station; a road that ends within `reach` of it stops there.
+/// The part of a road inside a junction at a station; a road that ends within `reach` stops there.
 JunctionCut cut_at(const JunctionConfig& junction, int index, const RoadLine& road, double s,
                    double half, double reach) {
   const double length = road.curve.length();
@@ -78,14 +78,14 @@ bool ends_at(const RoadLine& road) {
   return road.cut->from == 0 || road.cut->to == road.curve.length();
 }
 
-/// Half the length that a crossing road's width, footways included, takes of a road.
+/// Half the length of a road that a crossing road covers with its width, including footways.
 double half_crossing(const LanesConfig& road, const LanesConfig& other, double angle) {
   const double across = outer_half_width(other);
   const double along = carriageway_half_width(road) * std::abs(std::cos(angle));
   return (across + along) / std::abs(std::sin(angle));
 }
 
-/// Angle between two lines, from 0 to a right one.
+/// Angle between two lines, 0 to 90 degrees, in radians.
 double between_lines(double heading_a, double heading_b) {
   const double angle = std::abs(wrap_angle(heading_a - heading_b));
   return std::min(angle, kPi - angle);
@@ -103,7 +103,8 @@ void check_heights(const JunctionConfig& junction, const RoadConfig& a, const Ro
                      " m, allowed roads at one height");
 }
 
-/// Straight on is nearly straight, and every other way out is a turn to the left or right.
+/// Checks that the way straight on is nearly straight, and that every other exit is a left or right
+/// turn.
 void check_angles(const JunctionConfig& junction, const RoadLine& a, const RoadLine& b) {
   for (const RoadLine* road : {&a, &b}) {
     const double in = road->curve.at(road->cut->from).heading;
@@ -124,7 +125,7 @@ void check_angles(const JunctionConfig& junction, const RoadLine& a, const RoadL
     }
 }
 
-/// A ring has one lane, and room for its approaches.
+/// Makes a ring. It has one lane, and its roads must have one lane each way.
 Ring ring_at(const JunctionConfig& junction, Vec2 centre, const RoadConfig& a,
              const RoadConfig& b) {
   for (const RoadConfig* road : {&a, &b})
@@ -135,7 +136,7 @@ Ring ring_at(const JunctionConfig& junction, Vec2 centre, const RoadConfig& a,
   return {a.name + "_" + b.name + "_ring", centre, a.elevation_m, *junction.roundabout};
 }
 
-/// Gives both roads their cuts; the ring of a roundabout.
+/// Sets the cuts of both roads; returns the ring of a roundabout.
 std::optional<Ring> cut_roads(const SceneConfig& scene, int index, std::vector<RoadLine>& roads) {
   const JunctionConfig& junction = scene.junctions[static_cast<std::size_t>(index)];
   RoadLine& a = roads[road_index(scene, junction.roads[0], junction.place, "roads")];
@@ -185,7 +186,7 @@ int add_lane(LaneNetwork& network, const RoadConfig& road, Curve curve) {
   return static_cast<int>(network.lanes.size()) - 1;
 }
 
-/// Lanes of one direction of a road; `along` runs with the traffic.
+/// Adds the lanes of one direction of a road; `along` runs with the traffic.
 void add_direction(LaneNetwork& network, const RoadLine& road, const Curve& along, bool reversed,
                    std::vector<std::vector<Arm>>& arms) {
   const LanesConfig& cross_section = road.config->lanes;
@@ -251,8 +252,9 @@ std::optional<Turn> turn_between(const Arm& from, const Arm& to) {
   return angle > 0 ? Turn::kLeft : Turn::kRight;
 }
 
-/// Left turns leave from the inner lane, right ones from the outer; two that turn side by side
-/// would need more room than there is, so of a road that ends there each lane has its own turn.
+/// Connects the arms of a junction. Left turns start on the inner lane, right turns on the outer
+/// one. Two vehicles cannot turn side by side, so on a road that ends here each lane has its own
+/// turn.
 void connect_arms(LaneNetwork& network, int index, const std::vector<Arm>& arms) {
   for (const Arm& from : arms) {
     for (const Arm& to : arms) {

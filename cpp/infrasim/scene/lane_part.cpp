@@ -7,15 +7,15 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kLeastPart = 0.1;    // m, of a lane in the region
-constexpr double kLeastApart = 0.05;  // m, from an end to the next whole metre
-constexpr double kHalfChord = 0.5;    // m, that a heading is taken from
+constexpr double kLeastPart = 0.1;    // m, minimum length of a part in the region
+constexpr double kLeastApart = 0.05;  // m, minimum distance from an end to the next whole metre
+constexpr double kHalfChord = 0.5;    // m before and after a station, to compute a heading
 
 struct Stretch {
   double from, to;  // m along a lane
 };
 
-/// Where a line is within a circle, in order.
+/// The stretches of a line within a circle, in order.
 std::vector<Stretch> stretches_within(const Curve& line, Vec2 centre, double radius) {
   std::vector<Stretch> out;
   double s = 0;
@@ -39,7 +39,7 @@ std::vector<Stretch> stretches_within(const Curve& line, Vec2 centre, double rad
   return out;
 }
 
-/// Direction of travel at a station, by what lies half a metre before and after it.
+/// Direction of travel at a station, from the points half a metre before and after it.
 double heading_at(const Curve& line, double s) {
   const Vec2 before = line.at(s - kHalfChord).position, after = line.at(s + kHalfChord).position;
   const Vec2 way =
@@ -47,7 +47,7 @@ double heading_at(const Curve& line, double s) {
   return std::atan2(way.y, way.x);
 }
 
-/// As roads.csv has it, so that its readers and this one have the same region.
+/// A length rounded as in roads.csv, so that its readers get the same region.
 double as_written(double metres) { return std::round(metres * 1e4) / 1e4 + 0.0; }  // not -0
 
 LaneRow row_at(const LanePath& lane, double zero, double s) {
@@ -89,7 +89,7 @@ bool LanePart::contains(Vec2 point, double beside) const {
   if (point.x < low.x - beside || point.x > high.x + beside || point.y < low.y - beside ||
       point.y > high.y + beside)
     return false;
-  // As pyinfra/dataset/regions.py has it: on the pieces at the nearest row.
+  // As in pyinfra/dataset/regions.py: tests the pieces at the nearest row.
   const auto nearest = std::ranges::min_element(
       rows, {}, [&](const LaneRow& row) { return dot(point - row.place, point - row.place); });
   const auto last = static_cast<std::ptrdiff_t>(rows.size()) - 2;
@@ -115,7 +115,8 @@ std::vector<LanePart> parts_within(const LanePath& lane, Vec2 foot, double radiu
   std::vector<LanePart> out;
   for (const Stretch& stretch : stretches_within(lane.line, foot, radius)) {
     LanePart part = part_of(lane, stretch, foot);
-    if (norm(part.rows[1].place - part.rows[0].place) < kLeastApart) continue;  // there and back
+    // the lane only turns back
+    if (norm(part.rows[1].place - part.rows[0].place) < kLeastApart) continue;
     if (!out.empty()) part.name += "_" + std::to_string(out.size() + 1);
     out.push_back(std::move(part));
   }

@@ -13,9 +13,9 @@ namespace {
 
 using config::number_text;
 
-constexpr double kPeopleBeside_m = 1.2;  // to each side of their line, that they need to pass
-constexpr double kPeopleHeight_m = 2.5;  // that is free over their line
-constexpr double kPeopleStep_m = 2;      // of the boxes that their line is checked in
+constexpr double kPeopleBeside_m = 1.2;  // free width needed on each side of the line
+constexpr double kPeopleHeight_m = 2.5;  // free height needed over the line
+constexpr double kPeopleStep_m = 2;      // length of the boxes in which the line is checked
 
 class ObstacleRules {
  public:
@@ -43,7 +43,7 @@ class ObstacleRules {
   }
 
  private:
-  /// True if the box is in the space over a lane that vehicles need.
+  /// True if the box lies in the space over a lane that vehicles need.
   bool stands_on_lane(const Box3d& box) const {
     const double low = box.z - box.dz / 2, high = box.z + box.dz / 2;
     const auto in_way = [&](double level) { return high > level && low < level + kClearance_m; };
@@ -75,7 +75,7 @@ class ObstacleRules {
                        " m above them");
   }
 
-  /// What rays and vehicles do not pass, plants but for their trunks left out.
+  /// Solid objects: boxes and barriers, including trunks but no leaves.
   std::vector<Box3d> solids() const {
     std::vector<Box3d> solid;
     for (const StaticBox& box : site_.boxes) solid.push_back(box.box);
@@ -84,7 +84,7 @@ class ObstacleRules {
     return solid;
   }
 
-  /// Parked vehicles stand beside the lanes, and where nothing else does.
+  /// Parked vehicles must be beside the lanes and must not overlap with other objects.
   void check_parked() const {
     if (site_.parked.empty()) return;
     std::vector<Box3d> solid = solids();
@@ -108,7 +108,8 @@ class ObstacleRules {
     }
   }
 
-  /// People go beside the lanes of traffic, and where nothing stands and no other row goes.
+  /// Pedestrians and cyclists must be beside the traffic lanes, and must not overlap with objects
+  /// or other rows.
   void check_people() const {
     const SceneConfig& scene = site_.scene;
     if (!scene.people && !scene.standing_people) return;
@@ -154,7 +155,7 @@ class ObstacleRules {
     }
   }
 
-  /// What a row of people needs for itself, in pieces of 2 m.
+  /// The free space that a row of pedestrians or cyclists needs, in pieces of 2 m.
   std::vector<Box3d> free_way(const PeopleConfig& row) const {
     const Road road = road_named(site_.scene, site_.centrelines, row.road, row.place);
     const Curve line = people_line(road.centreline, row);
@@ -170,8 +171,8 @@ class ObstacleRules {
   }
 
   const Site& site_;
-  StripIndex lanes_;  ///< of the network
-  StripIndex paths_;  ///< of the file of lanes
+  StripIndex lanes_;  ///< lanes of the network
+  StripIndex paths_;  ///< lanes of the lane file
 };
 
 }  // namespace

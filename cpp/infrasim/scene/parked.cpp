@@ -11,12 +11,12 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kAside_m = 0.15;       // most that a vehicle stands beside its row, nominal
-constexpr double kAskew_deg = 2;        // and turned from it
-constexpr std::size_t kMost = 2'000;    // in a scene: each is looked at in every frame
-constexpr unsigned kDrawsOfOthers = 7;  // class and size
+constexpr double kAside_m = 0.15;       // maximum lateral offset of a vehicle from its row, nominal
+constexpr double kAskew_deg = 2;        // maximum rotation from the row's direction
+constexpr std::size_t kMost = 2'000;    // per scene: each is processed in every frame
+constexpr unsigned kDrawsOfOthers = 7;  // after the samples of class and size
 
-/// The line that the middles of a row's vehicles stand on.
+/// The line through the centres of a row's vehicles.
 Curve line_of(const Curve& whole, const ParkedConfig& row) {
   const double to = std::min(row.to_m, whole.length());
   if (row.from_m >= to)

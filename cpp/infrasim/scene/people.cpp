@@ -10,13 +10,13 @@ namespace infrasim {
 
 namespace {
 
-constexpr int kMostPeople = 1'000;    // in a scene: each is looked at in every frame
-constexpr double kOffLine_m = 0.1;    // most that somebody goes beside the line, nominal
-constexpr double kApart_m = 0.5;      // free between two that pass, less what both go aside
-constexpr double kAhead_m = 0.4;      // free along the line before two begin to close again
-constexpr double kMakesWay_s = 1.5;   // from going straight to having made way, nominal
-constexpr double kShortestWay = 3;    // lengths: the same for two who hardly differ in speed
-constexpr unsigned kDrawsOfSize = 7;  // after those of the size
+constexpr int kMostPeople = 1'000;    // per scene: each is processed in every frame
+constexpr double kOffLine_m = 0.1;    // maximum lateral offset from the line, nominal
+constexpr double kApart_m = 0.5;      // free gap between two that pass, minus both offsets
+constexpr double kAhead_m = 0.4;      // free length along the line before two come closer again
+constexpr double kMakesWay_s = 1.5;   // duration of a lateral step, nominal
+constexpr double kShortestWay = 3;    // in body lengths: minimum for two with almost equal speeds
+constexpr unsigned kDrawsOfSize = 7;  // after the samples of the size
 
 double fastest_of(const PersonSpeedConfig& speed) {
   return (speed.mean_km_h + 2 * speed.std_km_h) / 3.6;
@@ -28,14 +28,14 @@ const ObjectClass& object_class_of(PersonKind kind) {
 
 }  // namespace
 
-/// Where somebody is on the line, and which way.
+/// Position and direction of a person on the line.
 struct PeopleRow::Walk {
   const Person* person = nullptr;
   int number = 0;
   int lap = 0;
-  double s = 0;         ///< station of the line; beyond its ends too
-  double velocity = 0;  ///< along the line
-  double left = 0;      ///< to the left of it
+  double s = 0;         ///< station of the line, possibly beyond its ends
+  double velocity = 0;  ///< velocity along the line
+  double left = 0;      ///< to the left of the line
 };
 
 Curve people_line(const Curve& centreline, const PeopleConfig& row) {
@@ -55,7 +55,7 @@ PeopleRow::PeopleRow(const Road& road, const PeopleConfig& row, const Rng& rng)
   circle_m_ = line_.length() + 2 * beyond_m_;
   const auto n = std::llround(row.per_km * circle_m_ / 1000);
   for (std::int64_t i = 0; i < n; ++i) {
-    const std::int64_t pair = i / 2;  // one each way
+    const std::int64_t pair = i / 2;  // one person in each direction
     const Rng person_rng = rng.at(static_cast<std::uint64_t>(i) + 1);
     const double spread = std::clamp(person_rng.normal(kDrawsOfSize), -2.0, 2.0);
     people_.push_back(
@@ -84,14 +84,15 @@ std::vector<PeopleRow::Walk> PeopleRow::walks_at(double time_s) const {
 
 namespace {
 
-/// From right to left: who goes along the line, the faster further left, then who comes, the
-/// slower further left. So everybody keeps to their right, and the faster pass on the inner side.
+/// Sort key from right to left. First come those who move along the line, faster ones further left,
+/// then those in the opposite direction, slower ones further left. So everybody keeps to the right,
+/// and faster people pass on the inner side.
 double order_of(double velocity) {
   constexpr double kBeyondAll = 1'000;  // m/s
   return velocity > 0 ? velocity : kBeyondAll + velocity;
 }
 
-/// From 0 to 1 while u goes from 0 to 1, level at both ends.
+/// Smooth step from 0 to 1 for u from 0 to 1, with zero slope at both ends.
 double smooth(double u) {
   const double v = std::clamp(u, 0.0, 1.0);
   return v * v * (3 - 2 * v);
@@ -99,19 +100,20 @@ double smooth(double u) {
 
 }  // namespace
 
-/// Two who are near each other, by their order from the right.
+/// Two people who are near each other, ordered from the right.
 struct PeopleRow::Gap {
   std::size_t right, left;
-  double apart = 0;  ///< what the one must be further left, but for what both go beside the line
-  double near = 0;   ///< 1 from before they meet until after it, 0 before they see each other
+  double apart = 0;  ///< required lateral distance, apart from their offsets from the line
+  double near = 0;   ///< 1 from before they meet until after it, 0 at a larger distance
 };
 
-/// Of somebody in what others do: all on the line, none where people come and go unseen.
+/// Weight of a person for others: 1 on the line, falling to 0 where people appear and disappear.
 double PeopleRow::share(const Walk& walk) const {
   return smooth(1 + std::min(walk.s, line_.length() - walk.s) / beyond_m_);
 }
 
-/// Of all who are near each other; `walks` by increasing station, `place` of each in the order.
+/// The gaps of all pairs who are near each other. `walks` is sorted by station; `place` is the rank
+/// of each in the order from the right.
 std::vector<PeopleRow::Gap> PeopleRow::gaps(const std::vector<Walk>& walks,
                                             const std::vector<std::size_t>& place) const {
   std::vector<Gap> out;
@@ -129,8 +131,9 @@ std::vector<PeopleRow::Gap> PeopleRow::gaps(const std::vector<Walk>& walks,
   return out;
 }
 
-/// Nobody is further left than they must for those on their right, nor further right than for
-/// those on their left; half way between both, all who are near are apart.
+/// Moves people aside. Each must be left of those on their right, and right of those on their left.
+/// Everybody moves half way between both limits, so all who are near each other keep their
+/// distance.
 void PeopleRow::make_way(std::vector<Walk>& walks) const {
   std::vector<std::size_t> from_right(walks.size()), place(walks.size());
   std::iota(from_right.begin(), from_right.end(), 0);
@@ -199,8 +202,8 @@ namespace {
 
 // Group members stand on a Fermat spiral, whose points fill a disc evenly (Vogel 1979).
 constexpr double kGoldenAngle = 2.399963229728653;  // rad
-constexpr double kSpiral = 0.58;     // radius of the spiral's first turn by the mean spacing
-constexpr double kOffSpiral = 0.05;  // most that somebody stands off it, by the mean spacing
+constexpr double kSpiral = 0.58;  // radius of the spiral's first turn, relative to the mean spacing
+constexpr double kOffSpiral = 0.05;  // maximum offset from the spiral, relative to the mean spacing
 constexpr double kBody_m = 0.6;      // half the diagonal of the largest pedestrian
 
 }  // namespace

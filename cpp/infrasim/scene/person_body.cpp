@@ -6,7 +6,7 @@ namespace infrasim {
 
 namespace {
 
-/// How finely each kind of part is cut.
+/// Number of facets for each kind of part.
 struct Facets {
   int bands, sectors;  ///< of an ellipsoid
   int segments;        ///< of a wheel
@@ -24,7 +24,8 @@ Facets facets_of(Detail detail) {
   }
 }
 
-// Metres of an adult of 1.77 m, and of one on a bicycle of 28 inches, heads at 1.67 m (nominal).
+// Dimensions in metres of an adult of 1.77 m, and of a cyclist with a 28 inch bicycle, head at 1.67
+// m (nominal).
 constexpr Ellipsoid kHead{{0, 0, 1.645}, {.10, .085, .125}};
 constexpr Ellipsoid kTrunk{{0, 0, 1.16}, {.12, .19, .37}};
 constexpr Ellipsoid kLeftArm{{-.10, .275, 1.11}, {.05, .05, .34}, .12};

@@ -8,8 +8,9 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kOff_m = 0.01;     // of a triangle's edge from the slope that it stands for
-constexpr double kWheelbase = 0.6;  // by length: 0.57 to 0.62 of cars, less of lorries and buses
+constexpr double kOff_m = 0.01;  // maximum deviation of a triangle's edge from the slope
+// relative to the length: 0.57 to 0.62 for cars, less for trucks and buses
+constexpr double kWheelbase = 0.6;
 
 }  // namespace
 
@@ -46,9 +47,9 @@ double Profile::station(Vec2 place) const { return dot(place - origin_, axis_); 
 
 double Profile::rise(Vec2 place) const { return rise_at(station(place)); }
 
-/// How far an edge reaches along the profile, if it must be cut; 0 for one that may stay. A chord
-/// is off by a quarter of its length times the change of grade along it, at most; no part of it by
-/// more, so that cutting ends.
+/// Length of an edge along the profile if it must be cut, else 0. The deviation of a chord is at
+/// most a quarter of its length times the change of grade along it. Parts of the edge deviate less,
+/// so cutting ends.
 double Profile::bent(Vec3 from, Vec3 to) const {
   const auto [a, b] = std::minmax({station({from.x, from.y}), station({to.x, to.y})});
   double turned = 0;
@@ -60,7 +61,7 @@ double Profile::bent(Vec3 from, Vec3 to) const {
   return (b - a) / 4 * turned > kOff_m ? b - a : 0;
 }
 
-/// Cuts the longest bent edge of every triangle in two, until none is left.
+/// Halves the longest bent edge of every triangle until no edge is bent.
 void Profile::cut(Surface& surface) const {
   auto& vertices = surface.vertices;
   for (std::size_t i = 0; i < surface.triangles.size();) {
@@ -89,7 +90,7 @@ void Profile::lift(Surface& surface) const {
   for (Vec3& v : surface.vertices) v.z += rise({v.x, v.y});
 }
 
-/// Its middle stands over the chord between its axles.
+/// Puts a box on the slope, with its centre over the chord between its axles.
 Box3d Profile::on_slope(const Box3d& box) const {
   const Vec2 half = (kWheelbase * box.dx / 2) * heading_vector(box.heading);
   const Vec2 place{box.x, box.y};

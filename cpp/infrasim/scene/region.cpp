@@ -59,7 +59,7 @@ void EvaluationRegion::for_each_row(const Take& take) const {
     for (const LaneRow& row : part.rows) take(part.name, row);
 }
 
-/// A part must not be taken for a lane: rows of one name are one road.
+/// Checks that names of parts are unique, because rows with one name form one road.
 void EvaluationRegion::check_names(const SceneConfig& scene) const {
   std::set<std::string> names;
   for (const LanePart& part : parts_)

@@ -9,9 +9,9 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kMostRoad = 100'000;  // m: rays end at 5 km, and vehicles take time everywhere
+constexpr double kMostRoad = 100'000;  // m; rays end at 5 km, and all vehicles take computing time
 
-/// Length of an arc's chords, at most 0.8 mm off it: 0.5 m at a radius of 40 m or less.
+/// Length of an arc's chords, which deviate by at most 0.8 mm: 0.5 m for radii up to 40 m.
 double arc_step(double radius) { return 0.5 * std::sqrt(std::max(1.0, radius / 40)); }
 
 void append_line(std::vector<CurvePoint>& samples, double length) {

@@ -33,7 +33,7 @@ double distance(std::span<const Vec2> outline, Vec2 point) {
   return nearest;
 }
 
-/// From the line to the point; infinite beyond its ends.
+/// Distance from the line to the point; infinite if the point is beyond the line's ends.
 double distance_beside(const Curve& line, Vec2 point) {
   const double s = line.project(point);
   const CurvePoint p = line.at(s);
@@ -61,8 +61,8 @@ double distance_to_surfaces(const Site& site, const Sensor& sensor) {
   return nearest;
 }
 
-/// Height of a road's embankment or cutting over a point that is inside of it, `beside` metres
-/// outside the road's edge.
+/// Height of a road's embankment or cutting over a point inside it, `beside` metres outside the
+/// road's edge; nothing if the point is not inside.
 std::optional<double> slope_over(const RoadConfig& road, double beside, double z) {
   if (!road.embankment) return std::nullopt;
   const double top = road.elevation_m, foot = road.embankment->foot_elevation_m;
@@ -72,8 +72,8 @@ std::optional<double> slope_over(const RoadConfig& road, double beside, double z
   return z <= surface ? std::optional(surface) : std::nullopt;
 }
 
-/// Height of what the sensor is below; nothing if that is a bridge, or if it stands beside all of
-/// it and higher than the lowest.
+/// Height of the surface that the sensor is below. Nothing if that surface is a bridge, or if the
+/// sensor is beside all surfaces and above the lowest one.
 std::optional<double> ground_over(const Site& site, const Sensor& sensor) {
   double lowest = kInf, over = kInf, under = -kInf;
   const auto meet = [&](bool here, double z) {
@@ -101,7 +101,7 @@ bool holds(const Box3d& box, const Sensor& sensor) {
   return BoxFrame(box).contains({sensor.foot.x, sensor.foot.y, sensor.z}, 0);
 }
 
-/// In words; empty if nothing does.
+/// Name of the object that contains the sensor; empty if there is none.
 std::string what_holds(const Site& site, const Sensor& sensor) {
   for (const StaticBox& solid : site.boxes)
     if (holds(solid.box, sensor)) return solid.kind;
@@ -115,7 +115,8 @@ std::string what_holds(const Site& site, const Sensor& sensor) {
   return "";
 }
 
-/// z of the lane whose vehicles need the space; the line between two lanes is in neither's way.
+/// z of the lane whose vehicles need the sensor's position. A line between two lanes belongs to
+/// neither.
 std::optional<double> lane_around(const Site& site, const Sensor& sensor) {
   const auto in_height = [&](double z) { return sensor.z > z && sensor.z < z + kClearance_m; };
   for (const Lane& lane : site.network.lanes)
@@ -126,7 +127,7 @@ std::optional<double> lane_around(const Site& site, const Sensor& sensor) {
   return std::nullopt;
 }
 
-/// Heights over and under the origin at which road, footway or terrain is; infinite without any.
+/// Heights of the road, footway or terrain above and below the origin; infinite without any.
 struct SurfacesAt {
   double over = kInf;
   double under = -kInf;
@@ -163,7 +164,7 @@ SurfacesAt surfaces_at_origin(const TriangleMesh& mesh) {
 
 void check_sensor(const Site& site) {
   for (const auto& [name, mount] : site.scene.mounts) {
-    // Heights of a scene are as if it were level.
+    // Heights in a scene file are those of a level scene.
     const double rise = site.profile.rise({mount.x_m, mount.y_m});
     const Sensor sensor{{mount.x_m, mount.y_m}, mount.z_m - rise};
     const auto fail = [&](const char* key, const std::string& what) {

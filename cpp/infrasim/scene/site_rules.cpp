@@ -15,9 +15,9 @@ namespace {
 
 using config::number_text;
 
-constexpr double kApart = 0.01;          // m between two roads, else they abut
-constexpr double kLeastDepth = 0.001;    // m from a road down to the ground
-constexpr int kSlopeSteps = 16;          // that a slope is looked at in
+constexpr double kApart = 0.01;          // m, minimum distance between two roads; nearer ones touch
+constexpr double kLeastDepth = 0.001;    // m, minimum depth of the ground below a road
+constexpr int kSlopeSteps = 16;          // number of strips in which a slope is checked
 constexpr double kMostVehicles = 5'000;  // of traffic: a gigabyte of trajectories in 500 s
 
 class RoadRules {
@@ -122,7 +122,7 @@ class RoadRules {
     }
   }
 
-  /// A slope is looked at in narrow strips, each with its own heights.
+  /// Checks slopes in narrow strips, each with its own heights.
   void check_slopes(std::size_t i) const {
     const RoadConfig& road = site_.scene.roads[i];
     if (!road.embankment) return;

@@ -13,7 +13,7 @@ std::uint32_t add_vertex(TriangleMesh& mesh, Vec3 p) {
   return static_cast<std::uint32_t>(mesh.vertices.size() - 1);
 }
 
-/// The band between two closed lines of n vertices each, that begin at a and b.
+/// Adds the band between two closed lines of n vertices each, which begin at a and b.
 void join(TriangleMesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t n) {
   for (std::uint32_t i = 0; i < n; ++i) {
     const std::uint32_t j = (i + 1) % n;
@@ -25,7 +25,7 @@ void join(TriangleMesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t n)
 }  // namespace
 
 void add_ellipsoid(TriangleMesh& mesh, const Ellipsoid& e, int bands, int sectors) {
-  // Shares of a half circle's area and of a circle's mean width that its polygons have.
+  // The polygons' share of a half circle's area, and of a circle's mean width.
   const double tall = bands * std::sin(kPi / bands) / kPi;
   const double round = sectors * std::sin(kPi / sectors) / kPi;
   const double wide = 1 / (tall * round);

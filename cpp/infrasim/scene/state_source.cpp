@@ -34,7 +34,7 @@ Trajectories load_recorded(const SceneConfig& scene) {
   return trajectories;
 }
 
-/// Hands over every instant with the vehicles that stand for the whole of it.
+/// Passes on every instant together with the parked vehicles.
 StateSink with_parked(const Site& site, const StateSink& sink) {
   std::vector<ObjectState> parked;
   for (const ParkedVehicle& vehicle : site.parked) parked.push_back(vehicle.state);
@@ -46,7 +46,7 @@ StateSink with_parked(const Site& site, const StateSink& sink) {
   };
 }
 
-/// Hands over every instant with the people who are there then.
+/// Passes on every instant together with its pedestrians and cyclists.
 StateSink with_people(const Site& site, const StateSink& sink) {
   People people(site.scene, site.centrelines);
   std::vector<ObjectState> standing = standing_people(site.scene);

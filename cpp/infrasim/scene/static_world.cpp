@@ -9,7 +9,7 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kKerbRun = 0.15;  // m, from the foot of a roundabout's island to its top
+constexpr double kKerbRun = 0.15;  // m, from the lower to the upper edge of a roundabout's island
 
 class MeshBuilder {
  public:
@@ -20,7 +20,7 @@ class MeshBuilder {
     triangle(first, first + 2, first + 3, material);
   }
 
-  /// Surface between two lines parallel to a curve, each with its own height.
+  /// Adds a surface between two lines parallel to a curve, each with its own height.
   void strip(const Curve& curve, double left_a, double z_a, double left_b, double z_b,
              Class material) {
     const Curve a = curve.offset(left_a), b = curve.offset(left_b);
@@ -56,7 +56,7 @@ class MeshBuilder {
       triangle(first + t[0], first + t[1], first + t[2], material);
   }
 
-  /// All of it, lifted by the profile.
+  /// Returns the whole surface, raised by the profile.
   Surface take(const Profile& profile) {
     profile.lift(surface_);
     return std::move(surface_);

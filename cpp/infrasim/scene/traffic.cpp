@@ -31,7 +31,7 @@ class Traffic {
   std::vector<ObjectState> object_states() const { return state_.object_states(); }
 
  private:
-  /// All by what they see before anybody moves.
+  /// Moves all vehicles. Accelerations are computed before any vehicle moves.
   void drive() {
     auto& lanes = state_.lanes;
     std::vector<std::vector<double>> accelerations(lanes.size());

@@ -12,9 +12,10 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kMaxLateral = 0.3;  // m, constant offset of a driver from the lane's centre
+// m, maximum constant offset of a driver from the lane's centre
+constexpr double kMaxLateral = 0.3;
 
-/// Between the centres of two that stand one behind the other.
+/// Distance between the centres of two vehicles, one queued behind the other.
 double spacing(const Vehicle& v, const Vehicle& ahead) {
   return (v.dx + ahead.dx) / 2 + kStandstillGap_m;
 }
@@ -57,7 +58,7 @@ void TrafficPopulation::fill() {
   }
 }
 
-/// The desired speed, or less so that the vehicle can stop at the signal ahead.
+/// The desired speed, reduced so that the vehicle can stop at the signal ahead.
 double TrafficPopulation::speed_at_start(const Vehicle& v, double desired) const {
   if (state_.lane_of(v).approach < 0) return desired;
   return std::min(desired, std::sqrt(2 * kBraking * std::max(0.0, state_.to_stop_line(v))));
@@ -98,8 +99,8 @@ void TrafficPopulation::check_fits(const ObjectClass& row) const {
                    metres(tightest_radius_) + " m");
 }
 
-/// Narrower, and nearer to the lane's centre, where the scene's tightest bend would else take it
-/// out of its lane, and there is no room beside another long one.
+/// Makes a vehicle narrower and moves it to the lane's centre, if the scene's tightest bend would
+/// otherwise take it out of its lane, where another long vehicle may be beside it.
 void TrafficPopulation::fit_lanes(Vehicle& v) const {
   const double beside = half_width_in_bend(v, tightest_radius_, 0) - v.dy / 2;
   v.dy = std::min(v.dy, narrowest_m_ - 2 * beside);

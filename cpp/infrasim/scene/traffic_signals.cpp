@@ -4,7 +4,8 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kRingGap = 5;  // s that who enters a roundabout needs before the next comes
+// s between a vehicle that enters a roundabout and the next one on the ring
+constexpr double kRingGap = 5;
 
 }  // namespace
 
@@ -49,8 +50,8 @@ bool TrafficSignals::is_green(int approach) const {
   return signal.green && signal.approaches[signal.current] == approach;
 }
 
-/// Who enters a roundabout gives way to whom it would make brake, but for those before it from its
-/// own arm.
+/// Whether a vehicle may enter a roundabout. It gives way to vehicles that would have to brake, but
+/// not to those that entered before it from its own arm.
 bool TrafficSignals::has_gap(const TrafficState& state, int approach) const {
   const Curve& lane = network_.lanes[arms_[approach].lanes.front()].curve;
   const Vec2 end = lane.at(lane.length()).position;
@@ -65,8 +66,8 @@ bool TrafficSignals::has_gap(const TrafficState& state, int approach) const {
   return free;
 }
 
-/// No vehicle is in the junction, on its way in, or with its tail still there. What happens at
-/// another junction does not count.
+/// Whether no vehicle is in the junction, about to enter it, or leaving it with its tail still
+/// inside. Other junctions are ignored.
 bool TrafficSignals::is_clear(const TrafficState& state, int junction) {
   for (const int i : state.near[junction]) {
     const Lane& lane = state.network.lanes[i];

@@ -31,7 +31,7 @@ TrafficState::TrafficState(const LaneNetwork& lane_network)
       near[junction].push_back(static_cast<int>(i));
 }
 
-/// The path of a vehicle at a station of its lane, or beyond its ends.
+/// Position on a vehicle's path at a station of its lane, possibly beyond the lane's ends.
 Vec2 TrafficState::on_path(const Vehicle& v, double s) const {
   const Lane& lane = lane_of(v);
   const double length = lane.curve.length();

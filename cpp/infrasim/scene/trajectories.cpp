@@ -83,7 +83,7 @@ Trajectories TrajectoryKeeper::finish() {
 
 namespace {
 
-/// The frame that an instant of a late clock lies in, or is next to.
+/// The frame that contains an instant of a late clock, or the nearest frame.
 int frame_of_late(double late_s, int instant, int frames) {
   return std::clamp(late_s < 0 ? instant - 1 : instant, 0, frames - 1);
 }
@@ -180,7 +180,7 @@ std::string trajectories_csv(const Trajectories& trajectories) {
 
 namespace {
 
-/// Reads a trajectory file row by row and says what is wrong where.
+/// Reads a trajectory file row by row and reports errors with their position.
 class TrajectoryReader {
  public:
   explicit TrajectoryReader(const std::filesystem::path& file)
@@ -228,14 +228,14 @@ class TrajectoryReader {
     add(t, s);
   }
 
-  /// Makes the instant the last one.
+  /// Appends instants up to time t, which becomes the last one.
   void go_to(double t) {
     const auto step = static_cast<std::size_t>(std::llround(t / kFramePeriod));
     if (std::abs(t - static_cast<double>(step) * kFramePeriod) > 1e-6)
       csv_.fail_row("t", "found a time that is not a multiple of 0.1 s");
     if (step + 1 < out_.rows.size()) csv_.fail_row("t", "found a time before the row above");
     if (out_.rows.empty() && step != 0) csv_.fail_row("t", "found a start after 0, allowed 0");
-    out_.rows.resize(std::max(out_.rows.size(), step + 1));  // a moment without rows is empty
+    out_.rows.resize(std::max(out_.rows.size(), step + 1));  // an instant without rows is empty
   }
 
   void add(double t, const ObjectState& s) {

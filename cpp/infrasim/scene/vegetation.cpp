@@ -9,10 +9,10 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kPiece_m = 20;     // of a hedge along a straight road: short enough to be culled
-constexpr double kBentPiece_m = 2;  // of one in bends, as of barriers, and on slopes
+constexpr double kPiece_m = 20;     // of a hedge along a straight road, short enough for culling
+constexpr double kBentPiece_m = 2;  // of a hedge in bends, as for barriers, and on slopes
 
-/// A tree in its place.
+/// A tree at its position.
 struct Tree {
   Vec2 foot;
   double base = 0;
@@ -67,7 +67,8 @@ void add_hedge_along(const Road& road, const HedgeAlongConfig& hedge, bool level
   }
 }
 
-/// A hedge by its centre; in pieces that are lifted one by one, where the scene has a profile.
+/// Adds a hedge given by its centre. If the scene has a profile, it is cut into pieces that are
+/// raised one by one.
 void add_hedge(const HedgeConfig& h, bool level, std::vector<LeafVolume>& out) {
   const auto cut = [&](double m) { return level ? 1.0 : std::ceil(m / kBentPiece_m); };
   const double along = cut(h.length_m), across = cut(h.width_m), heading = rad(h.heading_deg);

@@ -9,14 +9,14 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kBodyGap = 0.001;  // m of a box that its body leaves free, along each axis
+constexpr double kBodyGap = 0.001;  // m along each axis between a box and its body
 
-/// A cross-section of a body: place along the length, width and height as shares of the box.
+/// A cross-section of a body: position along the length, width and height as shares of the box.
 struct Station {
   double x, width, height;
 };
 
-/// A body lofted through stations, rear to front. Above the belt line it narrows to the roof.
+/// A body lofted through stations, rear to front. It narrows from the belt line to the roof.
 struct Silhouette {
   std::span<const Station> stations;
   double belt = 1;
@@ -67,7 +67,7 @@ Resolution resolution_of(Detail detail) {
   }
 }
 
-/// Smooth blend between stations for the finer levels; the stations themselves stay.
+/// Interpolates smoothly between stations for the finer details; the stations do not change.
 Station between(const Station& a, const Station& b, double u) {
   const double smooth = u * u * (3 - 2 * u);
   return {a.x + u * (b.x - a.x), a.width + smooth * (b.width - a.width),
@@ -76,7 +76,7 @@ Station between(const Station& a, const Station& b, double u) {
 
 using Outline = std::vector<Vec2>;  ///< (y, z) of a section, from the right foot over the top
 
-/// Right half of a section as corners from the foot to the top, y >= 0 to be mirrored.
+/// Right half of a section as corners from the foot to the top; y >= 0, to be mirrored.
 Outline half_corners(const Silhouette& body, const Station& s) {
   const double above = std::clamp((s.height - body.belt) / (1 - body.belt + 1e-9), 0.0, 1.0);
   const double half = s.width / 2, top = half * (1 - above * (1 - body.roof_width));
@@ -84,7 +84,7 @@ Outline half_corners(const Silhouette& body, const Station& s) {
   return {{half, -.5}, {half, belt - .5}, {top, .97 * s.height - .5}, {.85 * top, s.height - .5}};
 }
 
-/// Corners replaced by arcs (quadratic Bezier over a third of the shorter side).
+/// Replaces corners by arcs (quadratic Bezier over a third of the shorter side).
 Outline rounded_half(const Outline& corners, int points) {
   if (points == 1) return corners;
   Outline out{corners.front()};

@@ -8,8 +8,9 @@ namespace infrasim {
 
 namespace {
 
-constexpr float kRangeResolution = 0.5F;  // m: echoes closer than a pulse of 3 ns merge
-constexpr double kAlongUp = 1e-6;         // sine: nearer to up or down a side is rounding alone
+constexpr float kRangeResolution = 0.5F;  // m; echoes closer than a pulse of 3 ns merge
+// sine; for rays closer to vertical the side direction is only rounding noise
+constexpr double kAlongUp = 1e-6;
 
 }  // namespace
 
@@ -22,7 +23,8 @@ Beam::Beam(const BeamConfig& config, const Mat3& unit_pose)
     offsets_.push_back(static_cast<float>(std::tan(width * ((i + 0.5) / config.sub_rays - 0.5))));
 }
 
-/// Unit vector along which the sub-rays of a ray lie; straight up and down any level one is right.
+/// Unit vector along which the sub-rays of a ray lie. For vertical rays any horizontal vector
+/// works.
 Vec3 Beam::side_of(Vec3 ray) const {
   const Vec3 across = vertical_ ? up_ - dot(up_, ray) * ray : cross(up_, ray);
   const double sine = norm(across);
@@ -72,12 +74,12 @@ void Beam::combine(const EchoBatch& sub_echoes, std::span<const std::uint32_t> s
             i, {range, sub_echoes.object[merged.strongest], sub_echoes.class_id[merged.strongest],
                 merged.reflected / static_cast<float>(n), 1});
       }
-      if (merged.holds_all) break;  // the others' sums are this one
+      if (merged.holds_all) break;  // all other sums are the same
     }
   }
 }
 
-/// The sum of the sub-rays' echoes within the range resolution of one of them.
+/// The sum of the sub-rays' echoes within the range resolution of sub-ray `a`.
 Beam::MergedEcho Beam::echo_around(std::size_t a, std::size_t first,
                                    const EchoBatch& sub_echoes) const {
   MergedEcho merged;

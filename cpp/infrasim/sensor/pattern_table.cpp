@@ -10,7 +10,7 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kPhaseSpan_s = 600;  // motors have run for up to this long when a run starts
+constexpr double kPhaseSpan_s = 600;  // maximum time that motors have run before a run starts
 constexpr double kMostRows = 2e8;     // 4.8 GB
 
 MotorPhase motor_phase(const PatternConfig& pattern) {

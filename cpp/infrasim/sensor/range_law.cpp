@@ -10,9 +10,9 @@ namespace infrasim {
 
 namespace {
 
-/// Errors that weigh the same: vendors give ranges in steps of 10 m, and few at night.
+/// Errors with equal weight: vendors round ranges to 10 m, and publish few ranges at night.
 constexpr double kDayTolerance = 0.02, kNightTolerance = 0.04;
-/// Balances that are tried: 100 klx times 10^(i / 100), i from -100 to 100.
+/// Candidates for the crossover: 100 klx times 10^(i / 100), i from -100 to 100.
 constexpr int kSteps = 100;
 
 double tolerance(const PublishedRange& pair) {
@@ -24,7 +24,7 @@ double error(const RangeLaw& law, const PublishedRange& pair) {
   return std::log(pair.range_m / law.range_m(pair.reflectance, pair.sunlight_klux));
 }
 
-/// The dark range that suits a balance best; ranges at the device's end say nothing of it.
+/// The dark range that fits a crossover best. Ranges at the device's maximum are not used.
 double best_dark_range(double background_noise_crossover_klux,
                        const std::vector<PublishedRange>& pairs, double max_range_m) {
   const RangeLaw one{.dark_range_m = 1,

@@ -22,11 +22,12 @@ double extinction(const WeatherConfig& weather) {
   return rain + std::log(20.0) / weather.visibility_m;
 }
 
-/// Beyond any quantile of a draw, up or down.
+/// Larger than any quantile of a sample, in both directions.
 constexpr double kCertain = 8.5;
 
-/// Tells whether a target is detected, which it is with probability Phi(margin): if the quantile of
-/// its draw is below the margin. Where the two are far apart this is known without the quantile.
+/// Decides whether a target is detected, with probability Phi(margin): it is if the normal quantile
+/// of its sample is below the margin. If the two are far apart, this is decided without computing
+/// the quantile.
 class Detector {
  public:
   Detector() {
@@ -49,11 +50,11 @@ class Detector {
   }
 
  private:
-  static constexpr double kSlack = 1e-5;  // more than normal_quantile is wrong by
+  static constexpr double kSlack = 1e-5;  // more than the error of normal_quantile
   static constexpr std::size_t kStepsPerUnit = 16;
   static constexpr std::size_t kSteps = static_cast<std::size_t>(2 * kCertain * kStepsPerUnit) + 2;
-  std::array<double, kSteps> always_{};  ///< draws below are of detected targets
-  std::array<double, kSteps> never_{};   ///< draws above are not
+  std::array<double, kSteps> always_{};  ///< samples below: the target is detected
+  std::array<double, kSteps> never_{};   ///< samples above: the target is not detected
 };
 
 }  // namespace
@@ -66,8 +67,8 @@ ReturnModel::ReturnModel(const ReturnsConfig& config, const WeatherConfig& weath
   sun_per_rho_ = weather.sunlight_klux / law.background_noise_crossover_klux / 0.1;
 }
 
-/// Whether a recording has the echo. Behind a pane, which takes from its reflectance of 1, it may
-/// be lost as any other.
+/// Whether an echo comes directly from a recorded surface. Behind a pane, which reduces its
+/// reflectance of 1, it can be lost like any other echo.
 bool ReturnModel::is_recorded(const EchoBatch& echoes, std::size_t i) const {
   return echoes.object[i] < 0 &&
          echoes.class_id[i] == static_cast<std::uint16_t>(Class::kRecorded) &&
@@ -111,7 +112,8 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const EchoBatch
       const double ratio = snr(range, intensity, sunlit[i]);
       const double margin = config_.detection->steepness * (ratio - 1);
       if (!recorded && !detector.detects(margin, draw)) continue;
-      // What is detected is as strong as the threshold, by its noise if not by its signal.
+      // A detected signal is at least as strong as the threshold, because of noise if not by
+      // itself.
       sigma /= std::sqrt(2 * std::max(1.0, ratio));
     } else {
       intensity = std::exp(-kCarlaAttenuation * range);

@@ -17,8 +17,8 @@ double positive_fmod(double value, double period) {
   return r < 0 ? r + period : r;
 }
 
-/// Snell's law in vector form at a face with the given normal; mu = n_before / n_after. What is
-/// reflected totally becomes NaN.
+/// Snell's law in vector form at a face with the given normal; mu = n_before / n_after. Totally
+/// reflected directions become NaN.
 void refract(Vec3 normal, double mu, DirectionBatch& directions) {
   for (std::size_t i = 0; i < directions.x.size(); ++i) {
     const double c =
@@ -30,7 +30,7 @@ void refract(Vec3 normal, double mu, DirectionBatch& directions) {
   }
 }
 
-/// The same at a face across x.
+/// The same at a face perpendicular to x.
 void refract_flat(double mu, DirectionBatch& directions) {
   for (std::size_t i = 0; i < directions.x.size(); ++i) {
     directions.x[i] = std::sqrt(1 - mu * mu * (1 - directions.x[i] * directions.x[i]));
@@ -73,7 +73,7 @@ void trace(const std::vector<PrismConfig>& prisms, const DirectionBatch& lasers,
   check_transmitted(directions);
 }
 
-/// Rank of each elevation, 0 for the lowest; equal ones by their place.
+/// Indices of the elevations in increasing order; equal elevations keep their order.
 std::vector<std::uint32_t> ascending(const std::vector<double>& elevations) {
   std::vector<std::uint32_t> order(elevations.size());
   std::iota(order.begin(), order.end(), 0U);
@@ -97,7 +97,7 @@ ScanPattern::ScanPattern(const PatternConfig& config, double phase_s, const Mat3
     for (const Channel& c : config_.spinning->channels.table) {
       elevations.push_back(c.elevation_deg);
       const double e = rad(c.elevation_deg), fire_time = c.fire_time_us * 1e-6;
-      // The unit turns on while a column fires, so a later channel looks further round.
+      // The unit turns while a column fires, so a later channel points further round.
       const double shift = -rad(c.azimuth_offset_deg + 360 * config_.spinning->rate_hz * fire_time);
       lasers_.push_back({static_cast<float>(std::cos(e)), static_cast<float>(std::sin(e)),
                          static_cast<float>(std::cos(shift)), static_cast<float>(std::sin(shift)),
@@ -136,7 +136,7 @@ RayRange ScanPattern::fired_between(double from_s, double to_s) const {
     };
     return {row_at(from_s), row_at(to_s)};
   }
-  // The tolerance keeps a group that starts exactly at a border in the later range.
+  // The tolerance assigns a group that starts exactly at a border to the later range.
   const auto group_at = [&](double t) {
     return static_cast<std::int64_t>(std::ceil(t * groups_per_s_ - 1e-6));
   };
@@ -157,7 +157,7 @@ std::int64_t ScanPattern::repeats_after() const {
   return columns_per_turn_ ? columns_per_turn_->numerator : 0;
 }
 
-/// How far a unit has turned at a column, in degrees from 0 to 360.
+/// Angle by which a unit has turned at a column, 0 to 360 degrees.
 double ScanPattern::column_deg(std::int64_t column) const {
   if (!columns_per_turn_)
     return positive_fmod(static_cast<double>(column) * *config_.spinning->azimuth_step_deg, 360);
@@ -206,7 +206,7 @@ Ray ScanPattern::table_ray(std::int64_t group) const {
                                 : table_time(group + first_row_) - table_time(first_row_)};
 }
 
-/// Of a table with times: when a row fires, counted on over its repetitions, since row 0.
+/// Firing time of a row of a table with times, counted over its repetitions since row 0.
 double ScanPattern::table_time(std::int64_t row) const {
   const std::int64_t rows = repeats_after();
   const std::int64_t cycles = row / rows;
@@ -299,7 +299,7 @@ FieldOfView field_of_view(const ScanPattern& pattern) {
     fov.elevation_min_deg = std::min(fov.elevation_min_deg, elevation);
     fov.elevation_max_deg = std::max(fov.elevation_max_deg, elevation);
   }
-  // Between its columns a spinning LiDAR sees as well.
+  // The field of view of a spinning LiDAR includes the azimuths between its columns.
   if (pattern.spins()) fov.azimuth_min_deg = -180, fov.azimuth_max_deg = 180;
   return fov;
 }

@@ -8,28 +8,29 @@ namespace infrasim {
 
 namespace {
 
-/// Windows and wheels of a class, in shares of the box unless said otherwise; nominal, fitted to
-/// the profiles of scene/vehicle_body.cpp.
+/// Windows and wheels of a class, as shares of the box unless stated otherwise. Values are nominal,
+/// fitted to the profiles in scene/vehicle_body.cpp.
 struct Layout {
-  double belt, window_top;           ///< height
-  double cabin_rear, cabin_front;    ///< length: windows lie between them
-  double window_rear, window_front;  ///< length: side windows lie between them
+  double belt, window_top;           ///< shares of the height
+  double cabin_rear, cabin_front;    ///< shares of the length; windows lie between them
+  double window_rear, window_front;  ///< shares of the length; side windows lie between them
   int side_windows;
-  double rear_axle, front_axle;  ///< length
+  double rear_axle, front_axle;  ///< shares of the length
   double wheel_radius_m;
 };
 
-constexpr double kPillar_m = 0.14;         // between side windows
-constexpr double kScreenHalfWidth = 0.38;  // of the width, between the pillars of front and rear
-constexpr double kRoofNormal = 0.95;       // z of the normal from which a surface is roof
-constexpr double kTyreInner = 0.62;        // of the wheel: inside of it is the rim
+constexpr double kPillar_m = 0.14;  // between side windows
+// share of the width between the pillars of windscreen and rear window
+constexpr double kScreenHalfWidth = 0.38;
+constexpr double kRoofNormal = 0.95;  // minimum z of the normal of a roof
+constexpr double kTyreInner = 0.62;   // share of the wheel's radius; the rim is inside
 
 constexpr Layout kCar{.58, .95, -.46, .23, -.38, .17, 2, -.29, .29, .32};
 constexpr Layout kVan{.50, .95, -.50, .35, -.48, .26, 3, -.30, .31, .34};
 constexpr Layout kTruck{.50, .80, .20, .50, .25, .42, 1, -.30, .36, .48};
 constexpr Layout kBus{.50, .85, -.50, .50, -.46, .46, 6, -.24, .27, .48};
 
-/// Parts of what has four wheels; others are of one piece.
+/// Parts of vehicles with four wheels; other objects have none.
 const Layout* layout_of(Class object_class) {
   switch (object_class) {
     case Class::kCar:
@@ -70,7 +71,7 @@ bool is_tyre(const BodyHit& hit, const Layout& body) {
   return false;
 }
 
-/// Number plates are 520 x 110 mm in Europe; their places, and those of lamps, are nominal.
+/// Number plates are 520 x 110 mm in Europe. Their positions, and those of lamps, are nominal.
 std::optional<Part> reflector(const BodyHit& hit) {
   if (std::abs(hit.at.x) < 0.42 || std::abs(hit.normal.x) < 0.7) return std::nullopt;
   const double z = (hit.at.z + 0.5) * hit.size_m.z, y = std::abs(hit.at.y) * hit.size_m.y;
@@ -97,7 +98,7 @@ constexpr float kInteriorReflectance = 0.05F;
 constexpr Optics kPlateOptics{.reflectance = 0.6F, .gain = 10};
 constexpr Optics kLampOptics{.reflectance = 0.3F, .gain = 4};
 constexpr float kGlassReflectance = 0.003F;  // diffuse, of dust
-constexpr float kGlint = 1.6F;               // two faces of 4 % each, 20 times Lambert's
+constexpr float kGlint = 1.6F;               // two faces of 4 % each, 20 times a Lambertian surface
 constexpr double kGlintCosine = 0.99863;     // within 3 degrees
 
 }  // namespace
@@ -129,7 +130,7 @@ Optics optics_of(Part part, Class object_class, float paint, double cos_incidenc
       break;
   }
   if (!asked.coat || !class_of(object_class).vehicle) return {paint, lambert};
-  // The paint's own figure is that of light that comes and goes head on.
+  // The paint's reflectance is defined for normal incidence in both directions.
   const double passed = into_coat(cos_incidence) / into_coat(1);
   return {paint, lambert * static_cast<float>(passed * passed)};
 }
