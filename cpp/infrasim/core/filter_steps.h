@@ -62,17 +62,18 @@ struct GroundPlane {
 /// are narrower than the window, stay. Roads, slopes, terrain, and roofs wider than the window are
 /// removed. Points farther than `max_range_m` (horizontal) are kept. The filter needs the ground
 /// points, as GroundPlane does.
+///
 /// Measured with 128 lines to 100 m, flat road and embankments (tests/cpp/test_filter.cpp), as
 /// vehicle points kept / ground points removed:
 /// - this filter: 99.8 to 100 / 99.5 to 100 %, 22 to 36 ms for 80k points;
-/// - PCL's ProgressiveMorphologicalFilter (octree search per point): 99.4 / 100 % on a flat road, 9
-/// s;
+/// - PCL's ProgressiveMorphologicalFilter (octree search per point): 99.4 / 100 % on a flat
+///   road, 9 s;
 /// - PCL's ApproximateProgressiveMorphologicalFilter with 0.5 m cells and a window of 9 m: 88 to 98
-/// % of the vehicle points, because it ignores empty cells, so that a roof with its shadow counts
-/// as wide; with a window of 17 m 99.9 / 98.6 % in 240 to 400 ms, but 79 % of the ground of a 10 m
-/// wide road on an embankment;
+///   % of the vehicle points, because it ignores empty cells, so that a roof with its shadow counts
+///   as wide; with a window of 17 m 99.9 / 98.6 % in 240 to 400 ms, but 79 % of the ground of a 10
+///   m wide road on an embankment;
 /// - an opening in polar cells (range x azimuth): 94 % of the ground, because slopes are not flat
-/// there.
+///   there.
 /// Near the edge of a narrow field of view, a vehicle that the edge cuts may count as ground.
 struct GroundMorphological {
   double window_m = 6;

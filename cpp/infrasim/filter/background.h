@@ -28,6 +28,7 @@ struct BackgroundModel {
 /// traffic some tens of frames are needed, spread over minutes; about a hundred if the scan pattern
 /// does not repeat. A cell that no frame saw takes those bounds of its neighbours that remove
 /// least.
+///
 /// The range of beams that graze the ground changes by metres across one cell. So a level surface
 /// below the sensor is bounded by its height. Any other surface is bounded by its range minus the
 /// change of range to the next cells, if both sides agree on one (they do not at the edge of a
