@@ -150,8 +150,8 @@ void fail(const Place& place, std::string_view key, std::string_view what) {
   throw ConfigError(message(place, key, what));
 }
 
-/// Rejects such bytes because yaml-cpp ends a file at some control characters and replaces bytes
-/// that are not UTF-8.
+/// Rejects control characters and bytes that are not UTF-8. yaml-cpp would end the file at some of
+/// them and replace others.
 void check_characters(const std::string& text, const std::string& name) {
   for (auto at = find_unprintable(text); at != std::string::npos;
        at = find_unprintable(text, at + 1)) {

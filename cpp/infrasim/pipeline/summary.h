@@ -20,7 +20,7 @@ struct SummaryRow {
   double vehicle_points_per_frame = 0;
   double rays_cast_per_frame = 0;  ///< over the frames that were not on disk before
   double seconds =
-      0;  ///< computing time from objects and rays to columns, summed and divided by the threads
+      0;  ///< computing time of frames, summed over threads and divided by their number
   /// computed frames in which a `ground_plane` filter found no plane
   int frames_without_plane = 0;
   double mrays_per_s = 0;  ///< millions of rays per second of computing time

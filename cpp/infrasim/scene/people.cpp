@@ -84,9 +84,9 @@ std::vector<PeopleRow::Walk> PeopleRow::walks_at(double time_s) const {
 
 namespace {
 
-/// Sort key from right to left. First come those who move along the line, faster ones further left,
-/// then those in the opposite direction, slower ones further left. So everybody keeps to the right,
-/// and faster people pass on the inner side.
+/// Sort key from right to left. People who move along the line come first, faster ones further
+/// left, then those in the opposite direction, slower ones further left. So everybody keeps to the
+/// right, and faster people pass on the inner side.
 double order_of(double velocity) {
   constexpr double kBeyondAll = 1'000;  // m/s
   return velocity > 0 ? velocity : kBeyondAll + velocity;

@@ -71,7 +71,7 @@ def read_material(
     wish: Wish = ANY_PRICE,
     more: Mapping[str, Kind] | None = None,
 ) -> Material:
-    """Reads all tables except frames; `more` declares additional tables.
+    """Reads results, data sets and runs, but no frames; `more` declares more tables.
 
     Raises the exceptions of read_results, read_data_set and read_run.
     """
