@@ -1,4 +1,4 @@
-"""Roadside LiDAR: simulate frames, detect, evaluate, compare.
+"""Simulate roadside LiDARs, detect objects in their frames, evaluate and compare detectors.
 
     import pyinfra as pi
 
@@ -7,7 +7,7 @@
     detections = pi.detect(pi.load_detector("generalist"), frames)
     result = pi.evaluate(frames, detections)
 
-Every name below is imported when it is first used, so that `import pyinfra` is quick.
+Each public name is imported when it is first used. This keeps `import pyinfra` fast.
 """
 
 import importlib

@@ -1,6 +1,6 @@
-"""Functions of the public API that need a folder to work in: training, benchmarks, other formats.
+"""Public API functions that read or write folders: training, benchmarks, imports and exports.
 
-The functions that need none live in their packages; `pyinfra/__init__.py` lists both.
+The other public functions live in the packages below; `pyinfra/__init__.py` lists all of them.
 """
 
 from __future__ import annotations
@@ -41,28 +41,28 @@ def import_map(
     seconds: float = 500.0,
     seed: int = 1,
 ) -> Path:
-    """Makes a site folder of an OpenDRIVE map, an OpenStreetMap file or a SUMO network.
+    """Makes a site folder from an OpenDRIVE map, an OpenStreetMap file or a SUMO network.
 
-    SUMO drives vehicles through it, unless the folder has trajectories already.
+    SUMO then simulates the traffic of the site, unless the folder already has trajectories.
 
     Parameters
     ----------
-    file : .xodr, .osm, .net.xml; also packed by gzip or bzip2
-    out : folder of the site; the same import that is there already is kept
-    centre : x, y of the map; longitude, latitude of OpenStreetMap; by default the map's middle
-    radius_m : of the part that is taken
-    mount : x, y, z, yaw_deg of the pole in the site's frame; by default a place is guessed
-    vehicles_per_hour : through the site; 0 writes no trajectories, which `load_scene` needs
-    seconds : of traffic, 1 to 3600
-    seed : of the traffic
+    file : map file (.xodr, .osm or .net.xml), optionally compressed with gzip or bzip2
+    out : folder of the site; an existing result of the same import is kept
+    centre : x, y in the map's frame (OpenStreetMap: longitude, latitude); default: the map's middle
+    radius_m : radius around the centre within which the map is imported
+    mount : x, y, z, yaw_deg of the pole in the site's frame; by default a position is estimated
+    vehicles_per_hour : traffic volume; 0 writes no trajectories, but `load_scene` needs them
+    seconds : duration of the traffic, 1 to 3600
+    seed : seed of the traffic simulation
 
     Returns
     -------
-    The site's file, which `load_scene` takes
+    Path of the site's scene file, an input of `load_scene`
 
     Raises
     ------
-    Error : for a map that cannot be read, with file and line where there is one
+    Error : for a map that cannot be read; the message names the file and, if known, the line
 
     Examples
     --------
@@ -111,25 +111,27 @@ def import_recording(
     columns: int | None = None,
     channel: str | None = None,
 ) -> RecordedFrames:
-    """Frames of another tool as a LiDAR's folder; what is assumed of them stands in lidar.yaml.
+    """Converts a recording of another tool to the folder of one LiDAR.
+
+    All assumptions about the recording are written to the folder's lidar.yaml.
 
     Parameters
     ----------
     source : folder of the recording
     format : kitti, openpcdet, pcd, bin, nuscenes, dair-v2x, tumtraf or rcooper
-    out : new folder DATA/LIDAR
-    period_s : of a frame; by default as the recording says, else 0.1
-    height_m : of the sensor above the road; by default found in the points
-    tilt_deg : pitch (down positive) and roll of the sensor: points and boxes are turned upright
-    types : the type (Car, Van, Truck, ...) of the recording's own names
-    intensity_max : of the source; by default found: 1, 255 or 65535
-    unit_m : of a coordinate
-    columns : float32 values of a point in a .bin file; by default found
-    channel : which LiDAR of several
+    out : new folder, named DATA/LIDAR
+    period_s : frame period; by default taken from the recording, or 0.1 if it has none
+    height_m : height of the sensor above the road; by default estimated from the points
+    tilt_deg : pitch (positive looks down) and roll of the sensor; points and boxes are levelled
+    types : maps class names of the recording to types (Car, Van, Truck, ...)
+    intensity_max : largest intensity of the source; by default detected: 1, 255 or 65535
+    unit_m : length unit of the source's coordinates in metres
+    columns : number of float32 values per point in a .bin file; by default detected
+    channel : name of the LiDAR, if the recording has several
 
     Returns
     -------
-    The frames, as `load_dataset` gives them; `folder` is where they are
+    The frames, as `load_dataset` returns them; their attribute `folder` is the LiDAR's folder
 
     Raises
     ------
@@ -164,17 +166,17 @@ def import_recording(
 
 @public
 def export(frames: FrameSequence | StrPath, format: str, out: StrPath) -> Path:
-    """Writes frames of one LiDAR as another tool takes them.
+    """Writes frames of one LiDAR in the format of another tool.
 
     Parameters
     ----------
-    frames : of `simulate` or `load_dataset`, or a LiDAR's folder
+    frames : a result of `simulate` or `load_dataset`, or a LiDAR's folder
     format : openpcdet, mmdet3d, pcd, mcap, nuscenes or openlabel
-    out : new or empty folder; simulated frames are kept beside it until they are written
+    out : new or empty folder; its parent folder temporarily holds simulated frames
 
     Returns
     -------
-    The folder
+    Path of the output folder
 
     Raises
     ------
@@ -225,16 +227,16 @@ def train(
     Parameters
     ----------
     config : a name (`pointpillars`, `centerpoint-pillar`, `generalist`, ...) or a file
-    folders : LiDAR folders whose train frames are learnt from
-    work : folder of the training: checkpoints and log
-    tier : `smoke` (to try it), `quick` (minutes) or `full`
-    start : a model whose weights the training begins with
-    seed : of weights and samples
-    device : of torch
+    folders : LiDAR folders; the training uses the frames of their train split
+    work : output folder of checkpoints and log
+    tier : `smoke` (a quick check), `quick` (minutes) or `full`
+    start : a model whose weights initialise the training
+    seed : seed of the initial weights, the sample order and the augmentation
+    device : torch device
 
     Returns
     -------
-    What `detect` takes
+    The trained detector, an input of `detect`
 
     Raises
     ------
@@ -284,23 +286,25 @@ def benchmark(
     device: str = "cpu",
     progress: Progress | None = None,
 ) -> pd.DataFrame:
-    """Runs every experiment of a benchmark: scene, LiDAR, preset, detector, seed; resumes.
+    """Runs all experiments of a benchmark, or resumes a benchmark that was stopped.
+
+    An experiment is one combination of scene, LiDAR, preset, detector and seed.
 
     Parameters
     ----------
-    config : a name of configs/benchmarks or a file
-    out : folder of the tables
-    work : folder of frames and trainings
+    config : name of a file in configs/benchmarks, or a path
+    out : folder of the result tables
+    work : folder of frames and trained detectors
     tier : `smoke`, `quick` or `full`
-    scene : a name or file in place of the scenes of the configuration
-    jobs : experiments at a time
-    latency : times the finished experiments again, one at a time, and runs no other
-    device : of torch
-    progress : is told of each step, in one line
+    scene : scene name or file that replaces the scenes of the configuration
+    jobs : number of experiments that run in parallel
+    latency : only measure the finished experiments' run time again, one at a time
+    device : torch device
+    progress : callback that receives one line of text per step
 
     Returns
     -------
-    DataFrame : a row for each experiment; one that failed has its reason
+    DataFrame : one row per experiment; a failed experiment's row states the reason
 
     Raises
     ------

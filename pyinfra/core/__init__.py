@@ -1,1 +1,1 @@
-"""Arrays, boxes, files that appear whole, the reader of configurations."""
+"""Array types, boxes, atomic file writing and the reader of configurations."""

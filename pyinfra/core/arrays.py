@@ -1,4 +1,4 @@
-"""What the columns of numbers are called; shapes, units and frames stand where they are used."""
+"""Type aliases of NumPy arrays. Functions document shapes, units and frames themselves."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ NameArray = npt.NDArray[np.str_]
 Points = npt.NDArray[np.float32]  # (n, 4) x y z intensity, or (n, 3) x y z
 Float32Array = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
-Records = npt.NDArray[np.void]  # (n,) with named fields
+Records = npt.NDArray[np.void]  # (n,) structured array
 
-Floats = npt.NDArray[np.floating]  # float32 where there are many, float64 elsewhere
+Floats = npt.NDArray[np.floating]  # float32 for large arrays such as clouds, else float64
 AnyArray = npt.NDArray[Any]

@@ -1,7 +1,7 @@
-"""Rotated boxes: footprints, overlap, exact, in float64; the points of the vehicles in them.
+"""Rotated boxes: footprints, exact overlap in float64, and the points inside boxes.
 
-A box is `x y z dx dy dz heading`: geometric centre, length width height, yaw about +z; metres and
-radians. Two sets of boxes are compared in one frame, whichever it is.
+A box is `x y z dx dy dz heading`: geometric centre, length, width, height, and yaw about +z, in
+metres and radians. Functions that compare two sets of boxes expect both in the same frame.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ import numpy as np
 from pyinfra.core.arrays import BoolArray, FloatArray, Floats, IntArray
 from pyinfra.core.errors import Error
 
-# Of an overlap, relative to the size of the boxes: what is below it counts as nothing.
+# An overlap smaller than this share of the squared box size is rounding and counts as 0.
 _ROUNDING = 1e-14
-CAR_M, LONG_M = (4.3, 1.85, 1.6), (9.0, 2.5, 3.2)  # of a usual car; of a truck or bus
-AROUND_M = 0.05  # points this far outside a box belong to its vehicle
-_CHUNK = 8192  # pairs at a time: the temporaries stay in the cache
+CAR_M, LONG_M = (4.3, 1.85, 1.6), (9.0, 2.5, 3.2)  # typical size of a car, and of a truck or bus
+AROUND_M = 0.05  # points up to this far outside a box still belong to its vehicle
+_CHUNK = 8192  # pairs per batch, so that temporary arrays stay in the cache
 
 # Corners of the unit box, counter-clockwise from front right.
 _CORNERS = np.array([[0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5]])
 
 
 def footprints(boxes: FloatArray) -> FloatArray:
-    """Corners in plan, counter-clockwise, of boxes (k, 7): (k, 4, 2)."""
+    """Returns the footprint corners (k, 4, 2) of boxes (k, 7), counter-clockwise."""
     cos, sin = np.cos(boxes[:, 6]), np.sin(boxes[:, 6])
     ahead = np.stack([cos, sin], axis=1) * boxes[:, 3:4] / 2
     left = np.stack([-sin, cos], axis=1) * boxes[:, 4:5] / 2
@@ -33,7 +33,7 @@ def footprints(boxes: FloatArray) -> FloatArray:
 
 
 def bev_iou(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Intersection over union of the boxes' footprints.
+    """Returns the intersection over union of the boxes' footprints.
 
     a: (n, 7), b: (m, 7), in the same frame; returns (n, m) in [0, 1].
     A pair with no overlap gives exactly 0.
@@ -42,7 +42,7 @@ def bev_iou(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def iou_3d(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Intersection over union of the boxes' volumes.
+    """Returns the intersection over union of the boxes' volumes.
 
     a: (n, 7), b: (m, 7), in the same frame; returns (n, m) in [0, 1].
     A pair with no overlap gives exactly 0.
@@ -51,15 +51,15 @@ def iou_3d(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def bev_overlap(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Area that the footprints share, in square metres: (n, 7) and (m, 7) to (n, m)."""
+    """Returns the overlap areas (n, m) of footprints in m2, for boxes a (n, 7) and b (m, 7)."""
     return _all_pairs(a, b, pair_bev_overlap)
 
 
 def points_in_box(points: Floats, box: FloatArray, around_m: float = AROUND_M) -> BoolArray:
-    """Which points (n, 3 or more) belong to the vehicle of a box (7,): (n,).
+    """Returns (n,) whether each point (n, 3 or more) belongs to the vehicle in a box (7,).
 
-    They lie at most so far outside its sides and top, and at least so far above its bottom, because
-    the road that it stands on is not the vehicle.
+    Such points lie at most `around_m` outside the sides and the top of the box. They also lie at
+    least `around_m` above its bottom, which excludes returns from the road.
     """
     x, y, z = (points[:, i] - points.dtype.type(box[i]) for i in range(3))
     cos, sin = points.dtype.type(np.cos(box[6])), points.dtype.type(np.sin(box[6]))
@@ -70,7 +70,7 @@ def points_in_box(points: Floats, box: FloatArray, around_m: float = AROUND_M) -
 
 
 def points_in_boxes(points: Floats, boxes: FloatArray) -> IntArray:
-    """How many points (n, 3 or more) belong to the vehicle of each box (k, 7): (k,)."""
+    """Returns how many points (n, 3 or more) belong to the vehicle in each box (k, 7): (k,)."""
     x = np.ascontiguousarray(points[:, 0])
     counts = np.zeros(len(boxes), dtype=np.int64)
     for i, box in enumerate(boxes):
@@ -81,14 +81,14 @@ def points_in_boxes(points: Floats, boxes: FloatArray) -> IntArray:
 
 
 def pair_bev_iou(a: FloatArray, b: FloatArray) -> FloatArray:
-    """As `bev_iou`, of row i of a with row i of b: (n, 7) and (n, 7) to (n,)."""
+    """Returns the footprint IoU (n,) of row i of a (n, 7) and row i of b (n, 7)."""
     overlap = pair_bev_overlap(a, b)
     return _ratio(overlap, a[:, 3] * a[:, 4] + b[:, 3] * b[:, 4] - overlap)
 
 
 def pair_iou_3d(a: FloatArray, b: FloatArray) -> FloatArray:
-    """As `iou_3d`, of row i of a with row i of b: (n, 7) and (n, 7) to (n,)."""
-    # In coordinates around a's centre, where sums lose nothing.
+    """Returns the volume IoU (n,) of row i of a (n, 7) and row i of b (n, 7)."""
+    # Coordinates relative to the centre of a avoid rounding errors in the sums.
     between = b[:, 2] - a[:, 2]
     top = np.minimum(a[:, 5] / 2, between + b[:, 5] / 2)
     bottom = np.maximum(-a[:, 5] / 2, between - b[:, 5] / 2)
@@ -98,11 +98,11 @@ def pair_iou_3d(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def pair_bev_overlap(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Area that the footprints of row i of a and row i of b share: (n, 7) and (n, 7) to (n,).
+    """Returns the overlap area (n,) in m2 of footprints: row i of a (n, 7), row i of b (n, 7).
 
-    Green's theorem along the edges of b, in the frame of a: the integral of dx dy over what is in
-    both is that of clip(x) dy along the parts of b's border that lie in a's band of y. Nothing is
-    sorted and no case is special, so boxes that are equal or only touch are as exact as others.
+    Applies Green's theorem along the edges of b, in the frame of a: the overlap area equals the
+    integral of clip(x) dy along the border of b, within the y range of a. The method needs no
+    sorting and no special cases, so equal and touching boxes are as exact as all others.
     """
     _check(a)
     _check(b)
@@ -115,7 +115,10 @@ def pair_bev_overlap(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def centres_within_reach(a: FloatArray, b: FloatArray) -> BoolArray:
-    """False where the footprints cannot touch, by the circles around them. Rows broadcast."""
+    """Returns whether the circumscribed circles of the footprints touch. Rows broadcast.
+
+    Where it is False, the footprints cannot touch.
+    """
     apart = (a[..., 0] - b[..., 0]) ** 2 + (a[..., 1] - b[..., 1]) ** 2
     reach = _half_diagonal(a) + _half_diagonal(b)
     return np.asarray(apart <= reach * reach)
@@ -143,7 +146,7 @@ def _overlap(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _corners_seen_from(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """x and y (n, 4) of b's corners in a's frame."""
+    """Returns x and y, (n, 4) each, of the corners of b in the frame of a."""
     cos, sin = np.cos(a[:, 6]), np.sin(a[:, 6])
     dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
     x, y = (cos * dx + sin * dy)[:, None], (cos * dy - sin * dx)[:, None]
@@ -154,7 +157,7 @@ def _corners_seen_from(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatA
 
 
 def _mean_clipped(start: FloatArray, end: FloatArray, limit: FloatArray) -> FloatArray:
-    """Mean of clip(x, -limit, limit) for x from start to end."""
+    """Returns the mean of clip(x, -limit, limit) for x from start to end."""
     first, last = np.minimum(start, end), np.maximum(start, end)
     low, high = np.clip(first, -limit, limit), np.clip(last, -limit, limit)
     below = np.minimum(last, -limit) - np.minimum(first, -limit)
@@ -165,7 +168,7 @@ def _mean_clipped(start: FloatArray, end: FloatArray, limit: FloatArray) -> Floa
 
 
 def _ratio(part: FloatArray, whole: FloatArray) -> FloatArray:
-    """part / whole, and 0 where the whole is nothing."""
+    """Returns part / whole, or 0 where the whole is 0."""
     return np.asarray(np.divide(part, whole, out=np.zeros_like(part), where=whole > 0))
 
 

@@ -1,7 +1,8 @@
-"""Configurations that only Python reads: YAML files as frozen dataclasses.
+"""Reads YAML configurations of the Python package into frozen dataclasses.
 
-A key is a field of the class, its default the field's, its range the field's `rule`. Unknown and
-repeated keys, wrong types and values out of range are errors that name file, line and key.
+Each key is a field of the class, with the field's default and the range of the field's `rule`.
+Unknown and repeated keys, wrong types and values out of range raise an error that names file, line
+and key.
 """
 
 import dataclasses
@@ -20,17 +21,17 @@ from pyinfra.core.errors import ConfigError
 
 T = TypeVar("T")
 
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times faster where it is
-_MOST_LEVELS = 100  # of a file's nesting; libyaml's own recursion ends in a crash
-NO_VALUE = (ValueError, LookupError, AttributeError, ArithmeticError)  # that PyYAML lets through
-_MOST_LETTERS = 60  # of a value in a message
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # CSafeLoader is ten times faster
+_MOST_LEVELS = 100  # maximum nesting; deeper recursion crashes libyaml
+NO_VALUE = (ValueError, LookupError, AttributeError, ArithmeticError)  # PyYAML passes these on
+_MOST_LETTERS = 60  # longest part of a value that a message shows
 
 
-# What runs and rows of results are told by is made of the keys as version 0.3 named them, so that a
-# key may get another name, or come with a default, and old runs and rows stay what they are. Keys
-# of now, as `key` or `Class.key`, and their names in 0.3, which are read as well:
+# Runs and result rows are identified by their configuration, with the key names of version 0.3.
+# Renamed and added keys therefore do not change the identity of older runs and rows.
+# RENAMED maps current keys (`key` or `Class.key`) to their names in 0.3, which files may also use.
 RENAMED: dict[str, str] = {}
-# Keys that came later: with their default they are no part of what a run or a row is told by.
+# Keys added after 0.3. A key with its default value is not part of the identity of a run or row.
 LATER: frozenset[str] = frozenset(
     (
         "Learning.rare_windows",
@@ -44,12 +45,12 @@ LATER: frozenset[str] = frozenset(
 
 @dataclass(frozen=True)
 class Rule:
-    """What a value, or each value of a list, may be."""
+    """The allowed values of a key, or of each entry of a list."""
 
     low: float = -math.inf
     high: float = math.inf
-    check: Callable[[Path, str], object] | None = None  # of the file and a text; raises Error
-    once: bool = False  # no value of a list may come again
+    check: Callable[[Path, str], object] | None = None  # called with file and text; raises Error
+    once: bool = False  # a list may not contain the same value twice
 
 
 def ruled(
@@ -59,7 +60,7 @@ def ruled(
     *,
     once: bool = False,
 ) -> Any:
-    """A field with a range; required if it has no default."""
+    """Returns a dataclass field with a range; the key is required if it has no default."""
     return field(default=default, metadata={"rule": Rule(low, high, once=once)})
 
 
@@ -69,18 +70,21 @@ def checked(
     *,
     once: bool = False,
 ) -> Any:
-    """A field whose texts must pass a check; see Rule. Required if it has no default."""
+    """Returns a dataclass field whose texts must pass a check (see Rule).
+
+    The key is required if it has no default.
+    """
     return field(default=default, metadata={"rule": Rule(check=check, once=once)})
 
 
 def read_config(file: Path, kind: type[T]) -> T:
-    """The file as a `kind`. Raises ConfigError, and FileNotFoundError."""
+    """Reads a YAML file into a dataclass `kind`. Raises ConfigError and FileNotFoundError."""
     try:
         node = compose(file.read_text(encoding="utf-8"))
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         raise ConfigError(f"{file}:{line}: is not YAML: {error.problem}") from None
-    except yaml.YAMLError as error:  # a character that YAML has not
+    except yaml.YAMLError as error:  # a character that YAML does not allow
         raise ConfigError(f"{file}: is not YAML: {' '.join(str(error).split())}") from None
     except UnicodeDecodeError as error:
         raise ConfigError(f"{file}: found byte {error.start} that is not UTF-8") from None
@@ -88,7 +92,7 @@ def read_config(file: Path, kind: type[T]) -> T:
 
 
 def compose(text: str) -> Any:
-    """The root node of a YAML text, None of an empty one. Raises yaml.YAMLError."""
+    """Returns the root node of a YAML text, or None for an empty text. Raises yaml.YAMLError."""
     level = 0
     for event in yaml.parse(text, Loader=_LOADER):
         level += isinstance(event, yaml.CollectionStartEvent)
@@ -100,7 +104,7 @@ def compose(text: str) -> Any:
 
 
 def as_plain(value: Any) -> Any:
-    """A dataclass as dicts and lists, which `yaml.safe_dump` writes and `from_plain` reads."""
+    """Converts a dataclass to dicts and lists, for `yaml.safe_dump` and `from_plain`."""
     if dataclasses.is_dataclass(value):
         return {f.name: as_plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if isinstance(value, (tuple, list)):
@@ -109,7 +113,7 @@ def as_plain(value: Any) -> Any:
 
 
 def canonical(value: Any) -> Any:
-    """As `as_plain`, by the keys of version 0.3: what a run or a row of results is told by."""
+    """Converts like `as_plain`, but with the keys of version 0.3 that identify runs and rows."""
     if isinstance(value, (tuple, list)):
         return [canonical(item) for item in value]
     if not dataclasses.is_dataclass(value):
@@ -134,7 +138,7 @@ def _default(field: "dataclasses.Field[Any]") -> Any:
 
 
 def from_plain(plain: object, kind: type[T], name: str) -> T:
-    """The inverse of as_plain, checked as a file is; `name` stands for the file in messages."""
+    """Inverts `as_plain`, with the checks of `read_config`; messages show `name` as the file."""
     node = compose(yaml.safe_dump(plain))
     return _struct(_Location(name, node, ""), kind)
 
@@ -155,12 +159,12 @@ class _Location:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a file whose class is known once the rest is read."""
+    """A section of a file whose dataclass is known only after the rest of the file is read."""
 
-    location: _Location | None = None  # None: it is left out
+    location: _Location | None = None  # None: the file does not have the section
 
     def read(self, kind: type[T]) -> T:
-        """Raises ConfigError with file, line and key."""
+        """Reads the section into a dataclass. Raises ConfigError with file, line and key."""
         return kind() if self.location is None else _struct(self.location, kind)
 
 
@@ -188,7 +192,7 @@ def _struct(location: _Location, kind: type[T]) -> T:
     values = {key: _value(here, hints[key], rules[key]) for key, here in locations.items()}
     try:
         return kind(**values)
-    except ValueError as error:  # a check between keys
+    except ValueError as error:  # a check of several keys together
         location.fail(str(error))
 
 
@@ -254,10 +258,10 @@ def _scalar(location: _Location, kind: type[Any], rule: Rule) -> Any:
 
 
 def _loaded(location: _Location, allowed: str) -> Any:
-    """What YAML takes a node for."""
+    """Returns the Python value of a YAML node."""
     try:
         return SafeConstructor().construct_document(location.node)
-    except (yaml.YAMLError, *NO_VALUE):  # as in 2001-02-30, `!!int x`, `!!int` or `!!bool x`
+    except (yaml.YAMLError, *NO_VALUE):  # such as 2001-02-30, `!!int x`, `!!int` or `!!bool x`
         location.fail(f"found {_shown(location.node)}, allowed {allowed}")
 
 

@@ -1,6 +1,6 @@
-"""Errors that a user can mend: wrong input, with the file, line and key where there are some.
+"""Errors for wrong input, which the user can correct; messages name file, line and key if known.
 
-Any other exception but OSError is a bug of the package.
+Any other exception, except OSError, is a bug in the package.
 """
 
 import traceback
@@ -8,13 +8,13 @@ from pathlib import Path
 
 
 class Error(ValueError):
-    """A wrong argument, file or configuration; the message says what was expected."""
+    """A wrong argument, file or configuration; the message states what was expected."""
 
-    exit_code = 2  # of a command that ends with it
+    exit_code = 2  # of a command that fails with this error
 
 
 class FormatError(Error):
-    """A file holds something else than its format allows: `file:line: found, allowed`."""
+    """A file violates its format: `file:line: found, allowed`."""
 
 
 class ConfigError(Error):
@@ -22,17 +22,17 @@ class ConfigError(Error):
 
 
 class MissingPackage(Error, ImportError):
-    """A package that an extra of the installation brings; the message says which."""
+    """An optional package is missing; the message names the extra that installs it."""
 
 
 def missing(package: str | None, extra: str) -> MissingPackage:
-    """The error for a package that is not installed."""
+    """Returns the error for a package that is not installed."""
     return MissingPackage(
         f"found no package '{package}', it comes with: pip install 'infrasim[{extra}]'"
     )
 
 
 def keep_traceback(error: BaseException, file: Path) -> None:
-    """Writes where an error comes from, for a failure that others do not wait for."""
+    """Writes the traceback of an error to a file, for a failure that does not stop the run."""
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text("".join(traceback.format_exception(error)), errors="backslashreplace")

@@ -1,4 +1,7 @@
-"""Files and folders that are whole or not there, and locks between processes."""
+"""Atomic writing of files and folders, and locks between processes.
+
+A file or folder is either complete or absent.
+"""
 
 import errno
 import fcntl
@@ -14,16 +17,16 @@ _COUNT = itertools.count()
 
 
 def _beside(path: Path) -> Path:
-    """A hidden path that no other process and no other call has."""
+    """Returns a hidden path next to `path` that is unique to this process and call."""
     return path.with_name(f"{_prefix(path)}{os.getpid()}.{next(_COUNT)}.tmp")
 
 
 def _prefix(path: Path) -> str:
-    return f".{path.name[:100]}.{platform.node()}."  # a system allows names of 255 bytes
+    return f".{path.name[:100]}.{platform.node()}."  # file names are limited to 255 bytes
 
 
 def _remove_leftovers(path: Path) -> None:
-    """Removes the hidden folders of `new_folder` whose process, one of this machine, has died."""
+    """Removes hidden folders of `new_folder` left by processes of this machine that have died."""
     prefix = _prefix(path)
     for left in [p for p in path.parent.iterdir() if p.name.startswith(prefix)]:
         pid = left.name.removeprefix(prefix).split(".")[0]
@@ -33,10 +36,10 @@ def _remove_leftovers(path: Path) -> None:
 
 @contextmanager
 def replacing(file: Path) -> Iterator[Path]:
-    """A hidden path beside the file to write to; it takes the file's place when the block ends.
+    """Yields a hidden path to write to; it replaces the file when the block ends.
 
-    If the block raises, what it wrote goes and the file that was there stays; an error of the
-    system, as of a full disk, names the file.
+    If the block raises, the new content is deleted and the old file stays. An OSError, such as a
+    full disk, names the file.
     """
     beside = _beside(file)
     try:
@@ -49,18 +52,18 @@ def replacing(file: Path) -> Iterator[Path]:
 
 
 def write(file: Path, data: bytes | str) -> None:
-    """The file holds the data, a text as UTF-8, or stays as it was; see replacing."""
+    """Writes the data (a text as UTF-8) atomically; on an error the old file stays."""
     with replacing(file) as beside:
         beside.write_bytes(data.encode() if isinstance(data, str) else data)
 
 
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
-    """A hidden folder beside the path to write to; it takes the path when the block ends.
+    """Yields a hidden folder to write to; it is renamed to `folder` when the block ends.
 
-    If the block raises, what it wrote goes; an error of the system names the file or the folder.
-    Raises FileExistsError if the path is there already, or comes to be meanwhile, and is not an
-    empty folder.
+    If the block raises, the hidden folder is deleted. An OSError names the file or the folder.
+    Raises FileExistsError if `folder` exists and is not an empty folder, at the start or at the
+    end of the block.
     """
     there = FileExistsError(f"{folder}: is there already, allowed a new or an empty folder")
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
@@ -85,14 +88,15 @@ def new_folder(folder: Path) -> Iterator[Path]:
 
 @contextmanager
 def naming(path: Path, beside: Path | None = None) -> Iterator[None]:
-    """An OSError from the block names a file: `path` if it has none, as of an open file.
+    """Makes each OSError from the block name a file: `path`, if the error names none.
 
-    beside: what will take the place; errors that name it, or what is in it, name the place.
+    beside: the hidden path that will replace `path`. An error that names it, or a file inside it,
+    is changed to name the final path.
     """
     try:
         yield
     except OSError as error:
-        if error.errno is None:  # of a library, or of ours with the file in its text
+        if error.errno is None:  # raised by a library, or by this package with the file in its text
             if str(path.parent) in str(error):
                 raise
             raise OSError(errno.EIO, str(error) or os.strerror(errno.EIO), str(path)) from error
@@ -104,9 +108,10 @@ def naming(path: Path, beside: Path | None = None) -> Iterator[None]:
 
 @contextmanager
 def held(file: Path, *, wait: bool) -> Iterator[bool]:
-    """Whether this process alone holds the lock; waits until it does, or says no at once.
+    """Yields whether this process holds an exclusive lock on the file.
 
-    A process that dies lets go.
+    With `wait`, waits for the lock; else yields False at once if another process holds it. The lock
+    is released at the end of the block, and when the process dies.
     """
     file.parent.mkdir(parents=True, exist_ok=True)
     with file.open("w") as stream:

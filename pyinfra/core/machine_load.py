@@ -1,4 +1,4 @@
-"""How much of the machine other processes use, while something here is timed."""
+"""Measures the CPU load of other processes during a timing."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from pathlib import Path
 
 _TIMES = Path("/proc/stat")
 _IDLE = (3, 4)  # columns of /proc/stat: idle, iowait
-_COLUMNS = 8  # the next ones, guests, are in the first already
+_COLUMNS = 8  # the following columns (guest time) are already included in the first
 
 
 @dataclass
 class OtherLoad:
-    """Cores that other processes used, on average over a block; NaN where it is not known."""
+    """The mean number of cores that other processes used during a block; NaN if unknown."""
 
     cores: float = math.nan
 
@@ -28,18 +28,18 @@ class OtherLoad:
 
 @contextmanager
 def other_load() -> Iterator[OtherLoad]:
-    """Measures the load of a block that runs in this process; known when the block has ended."""
+    """Measures the load by other processes during a block; the result is set at its end."""
     load = OtherLoad()
     started, busy, process_s = time.perf_counter(), _busy_seconds(), time.process_time()
     yield load
     wall = time.perf_counter() - started
     others = (_busy_seconds() - busy) - (time.process_time() - process_s)
-    if not math.isnan(others):  # the clock of a short block is coarse
+    if not math.isnan(others):  # clipped: the CPU clock is too coarse for short blocks
         load.cores = min(max(0.0, others / wall), float(os.cpu_count() or math.inf))
 
 
 def _busy_seconds() -> float:
-    """CPU seconds of all processes since the machine started; NaN on a system that keeps none."""
+    """Returns the CPU seconds of all processes since boot; NaN on a system without /proc/stat."""
     try:
         words = _TIMES.read_text(encoding="ascii").split("\n", 1)[0].split()[1 : 1 + _COLUMNS]
         ticks = [int(word) for at, word in enumerate(words) if at not in _IDLE]
@@ -49,7 +49,7 @@ def _busy_seconds() -> float:
 
 
 def load_text(cores: Sequence[float]) -> str:
-    """In words under which loads something was timed."""
+    """Returns a text that describes the loads during timings."""
     if any(map(math.isnan, cores)) or not cores:
         return "the load of the machine was not recorded"
     low, high = (f"{end(cores):.1f}" for end in (min, max))

@@ -1,4 +1,4 @@
-"""Names of what comes with the package, and suggestions for a name that is none of them."""
+"""Resolves names of files shipped with the package, and suggests names similar to unknown ones."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from pyinfra.core.errors import Error
 
 
 def path_of(value: object, argument: str) -> Path:
-    """A path as a user gives it. Raises Error for another type."""
+    """Converts an argument to a Path. Raises Error if it is neither a text nor a path."""
     if not isinstance(value, (str, os.PathLike)):
         raise Error(f"{argument}: expected a name or a path, got {type(value).__name__}")
     return Path(os.fspath(value))
 
 
 def file_or_name(word: str | os.PathLike[str], files: dict[str, Path], argument: str) -> Path:
-    """The file of a name that comes with the package, or the file itself.
+    """Returns the file of a name that the package ships, or the given file itself.
 
     Parameters
     ----------
     word : a path, or a key of `files`
-    files : file of each name
-    argument : what the caller's argument is called, for the message
+    files : maps each name to its file
+    argument : name of the caller's argument, for the message
 
     Raises
     ------
@@ -40,7 +40,7 @@ def file_or_name(word: str | os.PathLike[str], files: dict[str, Path], argument:
 
 
 def suggestion(word: str, names: Iterable[str]) -> str:
-    """`; did you mean 'highway'?`, or all names where none is near."""
+    """Returns a text such as `; did you mean 'highway'?`, or all names if none is similar."""
     names = sorted(names)
     near = difflib.get_close_matches(word, names, n=3, cutoff=0.6)
     if near:

@@ -1,4 +1,4 @@
-"""What every function of the public API does with files that it cannot find."""
+"""The decorator of public API functions, which turns path problems into a `PathError`."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ MENDABLE = {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.EACCE
 
 
 class PathError(Error, OSError):
-    """A file or folder of an argument that is not there, is another, or is in the way."""
+    """A path argument is missing, of the wrong kind, not accessible, or exists already."""
 
 
 def public(function: F) -> F:
-    """The function, but a path that the user can mend is a PathError that names the argument.
+    """Wraps a function so that wrong paths raise a PathError that names the argument.
 
-    A full disk and the like stay OSError.
+    Other system errors, such as a full disk, stay OSError.
     """
 
     @functools.wraps(function)
@@ -44,7 +44,7 @@ def public(function: F) -> F:
 
 
 def _paths(given: dict[str, Any]) -> Iterator[tuple[str, Path]]:
-    """The arguments that are paths, or lists of them, longest first."""
+    """Returns name and path of all path arguments, also of those in lists, longest path first."""
     found = []
     for name, value in given.items():
         values = value if isinstance(value, (list, tuple)) else [value]

@@ -1,4 +1,4 @@
-"""The version of the package, and the machine that a measurement was made on."""
+"""The version of the package, and a description of the machine for measurements."""
 
 import os
 import platform
@@ -11,14 +11,14 @@ _CODE = ("cpp", "bindings", "pyinfra", "configs")
 
 
 def _source_version() -> str:
-    """The commit of a source tree that was not installed, with "-dirty" if its code was changed."""
+    """Returns the git commit of a source tree, with "-dirty" if its code has changes."""
     root = Path(__file__).resolve().parents[2]
     commit = _git(root, "rev-parse", "--short", "HEAD") or "source"
     return f"0+{commit}" + ("-dirty" if _git(root, "diff", "--stat", "HEAD", "--", *_CODE) else "")
 
 
 def _git(root: Path, *words: str) -> str:
-    """What git prints; nothing outside of a repository."""
+    """Returns the output of a git command; an empty text outside a repository."""
     try:
         return subprocess.run(
             ["git", *words], cwd=root, capture_output=True, text=True
@@ -28,7 +28,7 @@ def _git(root: Path, *words: str) -> str:
 
 
 def machine() -> str:
-    """The cores and processor that a measured row is of."""
+    """Returns the number of cores and the processor model of this machine."""
     cpuinfo = Path("/proc/cpuinfo")
     text = cpuinfo.read_text(encoding="utf-8", errors="replace") if cpuinfo.is_file() else ""
     named = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)

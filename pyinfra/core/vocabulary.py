@@ -1,27 +1,29 @@
-"""Names that several packages share: presets, tiers, object classes, ground-truth subsets."""
+"""Names used by several packages: presets, tiers, object classes, ground-truth subsets."""
 
 from __future__ import annotations
 
 from typing import Literal, get_args
 
-# Settings of a LiDAR of the catalogue; the last are nearest to those of one that can be bought.
+# Settings of a catalogue LiDAR. `datasheet` is closest to the product on the market.
 Preset = Literal["paper", "equal", "datasheet"]
 PRESETS: tuple[Preset, ...] = get_args(Preset)
 
-# Sizes of a training and of a benchmark.
+# Sizes of trainings and benchmarks.
 Tier = Literal["smoke", "quick", "full"]
 TIERS: tuple[Tier, ...] = get_args(Tier)
 
-# When a box holds: in the middle of the frame, or at the mean time of its object's returns.
+# The instant at which a box holds: mid-frame, or the mean time of the object's returns.
 LabelTime = Literal["frame", "scan"]
 
-# Which vehicles count, each inside the region. captured: at least some points of this LiDAR.
-# common: inside the field of view and range of every LiDAR of the data set, and visible. all:
-# visible. present: everyone, seen or not, the same for all LiDARs and mounts that share a region.
+# Ground-truth subsets: which vehicles inside the evaluation region count.
+# captured: vehicles with a minimum number of points of this LiDAR.
+# common: visible vehicles inside the field of view and range of every LiDAR of the data set.
+# all: visible vehicles.
+# present: all vehicles, visible or not; the same for all LiDARs and mounts that share a region.
 Subset = Literal["captured", "common", "all", "present"]
 SUBSETS: tuple[Subset, ...] = get_args(Subset)
 
-OBJECT_NAMES = {  # class_id of the simulator: type as in KITTI's label files
+OBJECT_NAMES = {  # class_id of the simulator: type, as in KITTI label files
     10: "Car",
     11: "Van",
     12: "Truck",
@@ -30,13 +32,13 @@ OBJECT_NAMES = {  # class_id of the simulator: type as in KITTI's label files
     15: "Pedestrian",
     16: "Cyclist",
 }
-# Types of label files. What is a vehicle; the last one is of unknown type.
+# Types of vehicles in label files; "vehicle" is a vehicle of unknown type.
 VEHICLE_TYPES = ("Car", "Van", "Truck", "Bus", "Motorcycle", "vehicle")
 PERSON_TYPES = ("Pedestrian", "Cyclist")
-# What is known to be no vehicle.
+# Types that are known not to be vehicles.
 OTHER_TYPES = ("Cyclist", "Pedestrian", "Person_sitting", "Tram", "Misc", "DontCare")
 
-# What is detected and evaluated, and the types that make up each class.
+# The classes that are detected and evaluated, and the types that belong to each class.
 ObjectClass = Literal["vehicle", "pedestrian", "cyclist"]
 VEHICLES: tuple[ObjectClass, ...] = ("vehicle",)
 OBJECT_CLASSES: dict[str, tuple[str, ...]] = {

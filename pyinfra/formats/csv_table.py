@@ -1,4 +1,4 @@
-"""CSV files whose words stay words: a LiDAR may be called `007`, `NA`, `1e5` or `null`."""
+"""A CSV reader that keeps text as text: a LiDAR may be named `007`, `NA`, `1e5` or `null`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pandas as pd
 
 from pyinfra.core.errors import FormatError
 
-# Columns of text, in every table that the project writes; all others hold numbers.
+# Names of text columns in the tables that this project writes; all other columns are numbers.
 WORDS = frozenset(
     (
         "scene lidar preset detector tier run stressor dial unit ground_truth measure world "
@@ -25,7 +25,7 @@ WORDS = frozenset(
 
 
 def read_csv(file: Path, words: Collection[str] = WORDS) -> pd.DataFrame:
-    """The columns `words` as text, the others as numbers; NaN where a cell is empty.
+    """Reads a table: the columns `words` as text, the others as numbers, empty cells as NaN.
 
     Raises FileNotFoundError, and FormatError with file, line and column.
     """
@@ -38,9 +38,9 @@ def read_csv(file: Path, words: Collection[str] = WORDS) -> pd.DataFrame:
 
 
 def read_words(file: Path) -> pd.DataFrame:
-    """Every cell as text. Raises FileNotFoundError, and FormatError with file and line."""
+    """Reads all cells as text. Raises FileNotFoundError, and FormatError with file and line."""
     try:
-        with file.open(encoding="utf-8-sig", newline="") as stream:  # as spreadsheets write
+        with file.open(encoding="utf-8-sig", newline="") as stream:  # spreadsheets write a BOM
             rows = list(csv.reader(stream, strict=True))
     except (csv.Error, UnicodeDecodeError) as error:
         raise FormatError(f"{file}: is no table: {error}") from None
@@ -56,7 +56,7 @@ def read_words(file: Path) -> pd.DataFrame:
 
 
 def numbers(file: Path, column: pd.Series) -> pd.Series:
-    """A column of text as numbers, NaN where a cell is empty or says so."""
+    """Converts a text column to numbers; empty cells and `nan` become NaN. Raises FormatError."""
     values = pd.to_numeric(column.where(column != "", "nan"), errors="coerce")
     empty = values.isna()
     wrong = empty & (column != "") & (column.str.lower() != "nan") if empty.any() else empty

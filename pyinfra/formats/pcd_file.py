@@ -1,6 +1,6 @@
-"""The PCD file format, version 0.7: a header of text, then the points.
+"""Reads and writes PCD files, version 0.7: a text header, then the points.
 
-After its public description (Point Cloud Library, "The PCD file format").
+Follows the public description (Point Cloud Library, "The PCD file format").
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ NEEDED = ("FIELDS", "SIZE", "TYPE", "POINTS", "DATA")
 KEYS = (*NEEDED, "VERSION", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT")
 MOST_LINES = 50  # of a header
 MOST_POINTS = 999_999_999
-MOST_LZF = 90  # LZF makes of 3 bytes at most 264
-QUATERNION = (0.9, 1.1)  # its length; rounded
+MOST_LZF = 90  # largest compression ratio: LZF expands 3 bytes to at most 264
+QUATERNION = (0.9, 1.1)  # allowed length of a rounded unit quaternion
 
 
 @dataclass(frozen=True, eq=False)
 class Viewpoint:
-    """The pose of the sensor in the frame of the place: VIEWPOINT x y z, quaternion w x y z."""
+    """The sensor's pose in the site's frame: VIEWPOINT x y z, quaternion w x y z."""
 
-    shift: FloatArray  # (3,), in the unit of the points
-    turn: FloatArray  # (3, 3), from the frame of the points as they are stored
+    shift: FloatArray  # (3,) translation, in the unit of the points
+    turn: FloatArray  # (3, 3) rotation from the frame of the stored points to the site's frame
 
     @property
     def is_far(self) -> bool:
-        """Whether the shift would move points farther than clouds reach, as one on Earth does."""
+        """Whether the shift exceeds the largest coordinate of a cloud (geographic coordinates)."""
         return bool(np.abs(self.shift).max() >= FARTHEST_M)
 
     @property
@@ -57,9 +57,9 @@ class Viewpoint:
         return not self.shift.any() and np.array_equal(self.turn, np.eye(3))
 
     def apply(self, columns: list[AnyArray], *, shifted: bool = True) -> list[AnyArray]:
-        """x, y, z (n,) in the frame of the place; 0 0 0 stands for no return and stays."""
+        """Transforms x, y, z, (n,) each, to the site's frame; 0 0 0 (no return) is unchanged."""
         stored = np.stack([column.astype(np.float64) for column in columns], axis=1)
-        with np.errstate(invalid="ignore"):  # not finite: no return
+        with np.errstate(invalid="ignore"):  # rays without return may have NaN coordinates
             moved = stored @ self.turn.T + (self.applied_shift if shifted else 0)
         moved[~stored.any(axis=1)] = 0
         return list(moved.T)
@@ -67,7 +67,10 @@ class Viewpoint:
 
 @dataclass(frozen=True)
 class Header:
-    """Of a file; fields have their names in small letters, but for those that differ in that."""
+    """The header of a file.
+
+    Field names are in lower case, unless two names of the file differ only in case.
+    """
 
     file: Path
     record: np.dtype[np.void]
@@ -77,7 +80,7 @@ class Header:
 
 
 def write_pcd(file: Path, records: Records) -> None:
-    """records: (n,) with one number per field, in binary; the viewpoint is the origin."""
+    """Writes records (n,), one number per field, as binary PCD; the viewpoint is the origin."""
     names = records.dtype.names or ()
     types = [records.dtype[name] for name in names]
     header = [
@@ -93,15 +96,15 @@ def write_pcd(file: Path, records: Records) -> None:
         f"POINTS {len(records)}",
         "DATA binary",
     ]
-    # Not by tofile, which does not see that a disk is full when it closes the file.
+    # ndarray.tofile is avoided: it does not report a full disk when it closes the file.
     write(file, "".join(f"{line}\n" for line in header).encode() + records.tobytes())
 
 
 def read_pcd(file: Path) -> Records:
-    """(n,) records with the fields of the file, ascii, binary or compressed, as they are stored.
+    """Reads an ascii, binary or compressed file into records (n,) with the file's fields.
 
-    Names are in small letters, see Header. Raises FormatError with the line of the header,
-    ImportError for a compressed file without the extra `exchange`.
+    The viewpoint is not applied. Field names are in lower case, see Header. Raises FormatError
+    with the line of the header, and ImportError for a compressed file without the extra `exchange`.
     """
     with file.open("rb") as stream:
         header = _read_header(file, stream)
@@ -112,7 +115,7 @@ def read_pcd(file: Path) -> Records:
 
 
 def read_header(file: Path) -> Header:
-    """Raises FormatError with the line of the header."""
+    """Reads the header of a file. Raises FormatError with the line of the header."""
     with file.open("rb") as stream:
         return _read_header(file, stream)
 
@@ -155,7 +158,7 @@ def _viewpoint(file: Path, words: list[str], line: int | None) -> Viewpoint:
         _fail(file, f"VIEWPOINT: expected 7 finite numbers, got '{got}'", line)
     shift, (w, x, y, z) = values[:3], values[3:]
     length = float(np.linalg.norm(values[3:]))
-    if length == 0:  # of writers that know no turn
+    if length == 0:  # some writers leave the rotation 0
         return Viewpoint(shift, np.eye(3))
     if not QUATERNION[0] <= length <= QUATERNION[1]:
         _fail(file, f"VIEWPOINT: expected a quaternion of length 1, got {length:g}", line)
@@ -215,14 +218,14 @@ def _binary(header: Header, stream: BinaryIO) -> Records:
 
 
 def _check_end(header: Header, got: int, expected: int) -> None:
-    """More than the header says is of a wrong header, or of two files in one."""
+    """Raises FormatError for extra data: the header is wrong, or two files are joined."""
     if got > expected:
         what = f"expected {expected} bytes of points, got {got}"
         _fail(header.file, f"{what}: do FIELDS, SIZE, COUNT and POINTS fit?")
 
 
 def _compressed(header: Header, stream: BinaryIO) -> Records:
-    """One field after another, all of it by LZF."""
+    """Reads LZF-compressed points, which are stored field by field."""
     try:
         import lzf
     except ImportError:

@@ -1,4 +1,4 @@
-"""Triangles as PLY files, binary and little-endian."""
+"""Triangle meshes as PLY files, binary and little-endian."""
 
 import io
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ SMALLEST_M2 = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
-    """A surface."""
+    """A triangle mesh, metres."""
 
     vertices: FloatArray  # (n, 3)
-    faces: IntArray  # (m, 3)
+    faces: IntArray  # (m, 3) indices of vertices
 
 
 def degenerate(mesh: Triangles) -> BoolArray:
-    """(m,) whether a triangle, as float32, is a line or a point."""
+    """Returns (m,) whether each triangle, in float32, degenerates to a line or a point."""
     a, b, c = (mesh.vertices.astype("f4").astype(float)[mesh.faces[:, k]] for k in range(3))
     twice = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     longest = np.maximum.reduce(
@@ -32,7 +32,7 @@ def degenerate(mesh: Triangles) -> BoolArray:
 
 
 def together(meshes: list[Triangles]) -> Triangles:
-    """One mesh, without degenerate triangles and what they alone used."""
+    """Joins meshes; drops degenerate triangles and the vertices that only they use."""
     starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
     faces = [m.faces + s for m, s in zip(meshes, starts, strict=False)]
     mesh = Triangles(
@@ -45,7 +45,7 @@ def together(meshes: list[Triangles]) -> Triangles:
 
 
 def write_ply(file: Path, mesh: Triangles) -> None:
-    """Vertices as float32, in metres."""
+    """Writes a mesh, with vertices as float32 in metres."""
     out = io.BytesIO()
     head = [
         "ply",
@@ -65,7 +65,7 @@ def write_ply(file: Path, mesh: Triangles) -> None:
 
 
 def read_ply(file: Path) -> Triangles:
-    """What write_ply wrote."""
+    """Reads a file of `write_ply`; other PLY variants are not supported."""
     data = file.read_bytes()
     head, _, rest = data.partition(b"end_header\n")
     points, faces = (int(w.split()[2]) for w in head.decode().splitlines() if w.startswith("elem"))

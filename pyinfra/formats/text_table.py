@@ -1,4 +1,4 @@
-"""Rows of words and numbers whose errors name file, line and column."""
+"""Text tables of words and numbers; errors name file, line and column."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -11,22 +11,22 @@ import numpy as np
 from pyinfra.core.arrays import BoolArray, FloatArray, NameArray
 from pyinfra.core.errors import FormatError
 
-MOST_RADIANS = 2 * math.pi + 0.01  # rounded; an angle beyond it is in degrees
+MOST_RADIANS = 2 * math.pi + 0.01  # a larger angle must be in degrees; 0.01 allows for rounding
 RADIANS = "-2 pi to 2 pi, in radians"
 
 
 @dataclass(frozen=True)
 class ColumnRule:
-    """What each of some columns may hold."""
+    """The allowed values of each of the named columns."""
 
     columns: tuple[str, ...]
-    holds: Callable[..., BoolArray]  # of the column, and of those that it depends on; elementwise
-    allowed: str  # in words
-    beside: tuple[str, ...] = ()  # what it depends on
+    holds: Callable[..., BoolArray]  # elementwise; arguments: the column, the columns in `beside`
+    allowed: str  # allowed values, for messages
+    beside: tuple[str, ...] = ()  # other columns that the rule depends on
 
 
 def between(columns: Sequence[str], low: float, high: float, *, whole: bool = False) -> ColumnRule:
-    """Numbers from low to high."""
+    """Returns a rule that allows numbers from low to high."""
 
     def holds(v: FloatArray) -> BoolArray:
         inside = (v >= low) & (v <= high)
@@ -37,7 +37,7 @@ def between(columns: Sequence[str], low: float, high: float, *, whole: bool = Fa
 
 
 def rules_hold(values: FloatArray, columns: Sequence[str], rules: Sequence[ColumnRule]) -> bool:
-    """Whether the rows (n, columns) keep all rules."""
+    """Returns whether the rows (n, columns) satisfy all rules."""
     column = {name: values[:, i] for i, name in enumerate(columns)}
     return all(
         bool(rule.holds(column[name], *(column[b] for b in rule.beside)).all())
@@ -47,10 +47,10 @@ def rules_hold(values: FloatArray, columns: Sequence[str], rules: Sequence[Colum
 
 
 def lines_of(file: Path, *, whole: bool = False) -> list[str]:
-    """Lines without the byte order mark of spreadsheet programs.
+    """Returns the lines of a text file, without a byte order mark.
 
-    whole: of a file that a run wrote, so that a last line without an end is a file cut short.
-    Raises FormatError, also if the text is not UTF-8.
+    whole: requires that the last line ends with a newline; otherwise the file is truncated.
+    Raises FormatError if the text is truncated or not UTF-8.
     """
     data = file.read_bytes()
     try:
@@ -63,14 +63,14 @@ def lines_of(file: Path, *, whole: bool = False) -> list[str]:
 
 
 def is_whole(data: bytes) -> bool:
-    """Whether a text is nothing or ends with the end of a line."""
+    """Returns whether a text is empty or ends with a newline."""
     return not data or data.endswith(b"\n")
 
 
 class NamedRows:
     """Rows of numbers with one column of names; errors name file, line and column.
 
-    lines: where the rows stand in the file.
+    lines: line numbers of the rows in the file.
     """
 
     def __init__(
@@ -102,7 +102,10 @@ class NamedRows:
         return self.values[:, self.columns.index(column)]
 
     def check(self, rules: Sequence[ColumnRule], rows: BoolArray | None = None) -> None:
-        """rows: (n,), those that the rules are for; all by default."""
+        """Raises FormatError if a value violates a rule.
+
+        rows: (n,) mask of the rows that are checked; by default all rows.
+        """
         for rule in rules:
             for column in rule.columns:
                 holds = rule.holds(self[column], *(self[name] for name in rule.beside))

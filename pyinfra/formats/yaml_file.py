@@ -1,4 +1,4 @@
-"""YAML files whose errors name file, line and key."""
+"""A YAML reader whose errors name file, line and key."""
 
 import math
 import re
@@ -14,18 +14,21 @@ from pyinfra.formats.text_table import lines_of
 
 
 def read_yaml(file: Path) -> "YamlNode":
-    """The root of a YAML file. Raises FormatError with file and line."""
+    """Returns the root node of a YAML file. Raises FormatError with file and line."""
     return YamlNode(file, _parsed(file, compose), "")
 
 
 def parse_yaml(text: str, name: str) -> "YamlNode":
-    """The root of a YAML text; name stands for its file in messages. Raises FormatError."""
+    """Returns the root node of a YAML text; messages show `name` as the file.
+
+    Raises yaml.YAMLError if the text is not YAML.
+    """
     return YamlNode(Path(name), compose(text), "")
 
 
 def read_keys(file: Path) -> dict[str, Any]:
-    """All keys and values of a YAML file. Raises FormatError with file and line."""
-    _parsed(file, compose)  # knows more of what is wrong
+    """Returns all keys and values of a YAML file. Raises FormatError with file and line."""
+    _parsed(file, compose)  # its error messages are more precise than those of safe_load
     parsed = _parsed(file, yaml.safe_load)
     if not isinstance(parsed, dict):
         raise FormatError(f"{file}:1: found no mapping, allowed keys and values")
@@ -33,7 +36,7 @@ def read_keys(file: Path) -> dict[str, Any]:
 
 
 def _parsed(file: Path, parse: Callable[[str], Any]) -> Any:
-    """Whatever PyYAML raises is a FormatError that starts with the file."""
+    """Parses a file, and turns every exception of PyYAML into a FormatError that names the file."""
     try:
         return parse("\n".join(lines_of(file)))
     except yaml.MarkedYAMLError as error:
@@ -41,12 +44,12 @@ def _parsed(file: Path, parse: Callable[[str], Any]) -> Any:
         raise FormatError(f"{file}:{line}: is not YAML: {error.problem}") from None
     except FormatError:
         raise
-    except (yaml.YAMLError, *NO_VALUE) as error:  # a character that YAML has not, 2025-13-45
+    except (yaml.YAMLError, *NO_VALUE) as error:  # a forbidden character; a date 2025-13-45
         raise FormatError(f"{file}: is not YAML: {' '.join(str(error).split())}") from None
 
 
 class YamlNode:
-    """A node of a YAML file that knows its place; errors name file, line and key."""
+    """A node of a YAML file with its location; errors name file, line and key."""
 
     def __init__(self, file: Path, node: yaml.Node | None, key: str) -> None:
         self.file, self.node, self.key = file, node, key
@@ -68,18 +71,18 @@ class YamlNode:
         return [YamlNode(self.file, n, f"{self.key}[{i}]") for i, n in enumerate(self.node.value)]
 
     def maybe(self, key: str) -> "YamlNode | None":
-        """What a key has, if it is there."""
+        """Returns the node of a key, or None if the key is absent."""
         node = self.node
         names = [name.value for name, _ in node.value] if isinstance(node, yaml.MappingNode) else []
         return self.at(key) if key in names else None
 
     def entries(self, key: str) -> "list[YamlNode]":
-        """The entries of a list; none if it is empty or not there."""
+        """Returns the entries of the list under a key; none if it is empty or absent."""
         node = self.maybe(key)
         return node.items() if node and node.node and node.node.value else []
 
     def values(self, key: str) -> "list[YamlNode]":
-        """What a map has, in the order of the file; none if it is not there."""
+        """Returns the values of the mapping under a key, in file order; none if it is absent."""
         mapping = self.maybe(key)
         if mapping is None:
             return []
@@ -97,7 +100,7 @@ class YamlNode:
     def number(
         self, low: float = -math.inf, high: float = math.inf, *, or_nan: bool = False
     ) -> float:
-        """A finite number from low to high; or_nan: or .nan, which says that it is not known."""
+        """Returns a finite number from low to high; `or_nan` also allows .nan for unknown."""
         text = self.text()
         try:
             value = float(text.replace(".inf", "inf").replace(".nan", "nan"))
@@ -110,7 +113,7 @@ class YamlNode:
         return value
 
     def whole(self, high: int) -> int:
-        """A whole number from 0 to high."""
+        """Returns a whole number from 0 to high."""
         text = self.text()
         if not re.fullmatch(r"[0-9]{1,20}", text) or int(text) > high:
             self.fail(f"found '{text[:40]}', allowed a whole number from 0 to {high}")
@@ -126,6 +129,6 @@ class YamlNode:
         raise FormatError(f"{self.location()}: {what}")
 
     def location(self) -> str:
-        """`file:line: key`, without the key at the root."""
+        """Returns `file:line: key`; the root has no key."""
         line = self.node.start_mark.line + 1 if self.node is not None else 1
         return f"{self.file}:{line}" + (f": {self.key}" if self.key else "")

@@ -1,9 +1,9 @@
-"""Reader and writer of the KITTI object layout: one folder per LiDAR, as `infrasim run` writes it
-and as KITTI itself has it.
+"""Reads and writes the KITTI object layout, one folder per LiDAR.
 
-All results are in the levelled LiDAR frame: metres and radians, x forward, y left, z up, origin at
-the sensor. The camera frame of `label_2` exists only in `pyinfra.formats.kitti.camera`. Needs
-neither torch nor the extension.
+Both KITTI's own folders and those of `infrasim run` are supported. All results are in the levelled
+LiDAR frame: metres and radians, x forward, y left, z up, origin at the sensor. Only
+`pyinfra.formats.kitti.camera` deals with the camera frame of `label_2`. The package needs neither
+torch nor the extension `pyinfra._core`.
 """
 
 from pyinfra.formats.kitti.camera import (

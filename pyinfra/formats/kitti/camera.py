@@ -1,8 +1,9 @@
-"""KITTI's camera frame: x right, y down, z forward, a box's place the middle of its bottom.
+"""Conversion between the LiDAR frame and KITTI's camera frame (x right, y down, z forward).
 
-Labels stand in the rectified frame of camera 0. A simulated LiDAR's camera stands at the sensor and
-looks along x; a real one is given by its `calib` file. The conventions are the devkit's (readme of
-the KITTI object benchmark, Geiger et al., CVPR 2012).
+KITTI gives a box position as the centre of its bottom face, in the rectified frame of camera 0. The
+camera of a simulated LiDAR is at the sensor and looks along x; a `calib` file describes a real
+camera. The conventions are those of the devkit (readme of the KITTI object benchmark, Geiger et
+al., CVPR 2012).
 """
 
 import math
@@ -20,38 +21,38 @@ SHAPES = {f"P{i}": (3, 4) for i in range(4)} | {
     "Tr_velo_to_cam": (3, 4),
     "Tr_imu_to_velo": (3, 4),
 }
-# The same matrices in KITTI's tracking benchmark, whose lines may lack the colon, and in that of
-# odometry, whose Tr is from the LiDAR to the rectified camera.
+# Names of the same matrices in KITTI's tracking and odometry benchmarks. Lines of the tracking
+# benchmark may lack the colon. Tr of odometry goes from the LiDAR to the rectified camera.
 OTHER_NAMES = {
     "R_rect": "R0_rect",
     "Tr_velo_cam": "Tr_velo_to_cam",
     "Tr_imu_velo": "Tr_imu_to_velo",
     "Tr": "Tr_velo_to_cam",
 }
-NOT_NEEDED = ("Tr_cam_to_road", "calib_time")  # of KITTI's road benchmark and raw data
-_NOT_A_ROTATION = 0.01  # KITTI's matrices have 7 digits
-_MOST = 1e6  # of a matrix: pixels or metres
+NOT_NEEDED = ("Tr_cam_to_road", "calib_time")  # in KITTI's road benchmark and raw data; ignored
+_NOT_A_ROTATION = 0.01  # tolerance of R R^T against identity; KITTI's matrices have 7 digits
+_MOST = 1e6  # largest absolute value in a matrix, pixels or metres
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """The seven matrices of a calib file; those that boxes do not need may be assumed."""
+    """The seven matrices of a calib file; matrices that boxes do not need may be defaults."""
 
-    P: FloatArray  # (4, 3, 4) projections of the cameras, pixels
+    P: FloatArray  # (4, 3, 4) projection matrices of the four cameras, pixels
     R0_rect: FloatArray  # (3, 3)
     Tr_velo_to_cam: FloatArray  # (3, 4)
     Tr_imu_to_velo: FloatArray  # (3, 4)
 
     @property
     def T_camera_lidar(self) -> FloatArray:
-        """(4, 4): from the LiDAR to the rectified camera."""
+        """Returns the transform (4, 4) from the LiDAR frame to the rectified camera frame."""
         out = np.eye(4)
         out[:3] = self.R0_rect @ self.Tr_velo_to_cam
         return out
 
 
 def simulated() -> Calibration:
-    """What `infrasim run` writes: a camera of 1200 x 360 pixels at the sensor, looking along x."""
+    """Returns the calibration of `infrasim run`: a 1200 x 360 camera at the sensor, along x."""
     projection = [[700, 0, 600, 0], [0, 700, 180, 0], [0, 0, 1, 0]]
     return Calibration(
         P=np.array([projection] * 4, dtype=np.float64),
@@ -62,13 +63,13 @@ def simulated() -> Calibration:
 
 
 def read_calibration(file: Path) -> Calibration:
-    """The matrices of a calib file of KITTI's object, tracking or odometry benchmark.
+    """Reads a calib file of KITTI's object, tracking or odometry benchmark.
 
-    A projection that is not there is that of another camera, as boxes do not need it; without an
-    IMU, Tr_imu_to_velo is the identity. Raises FormatError with file and line.
+    A missing projection is replaced with that of another camera, since boxes do not need it. A
+    missing Tr_imu_to_velo is the identity. Raises FormatError with file and line.
     """
     matrices: dict[str, FloatArray] = {}
-    rectified = False  # whether the transform from the LiDAR has the rectification in it
+    rectified = False  # whether the LiDAR-to-camera transform includes the rectification
     for number, line in enumerate(lines_of(file), start=1):
         if not line.strip():
             continue
@@ -106,7 +107,7 @@ def read_calibration(file: Path) -> Calibration:
 
 
 def calibration_text(calibration: Calibration) -> str:
-    """The text of a calib file, in the devkit's order."""
+    """Returns the text of a calib file, with the matrices in the devkit's order."""
     matrices = {f"P{i}": calibration.P[i] for i in range(4)}
     matrices |= {name: getattr(calibration, name) for name in list(SHAPES)[4:]}
     return "".join(
@@ -116,7 +117,7 @@ def calibration_text(calibration: Calibration) -> str:
 
 
 def boxes_from_camera(values: FloatArray, calibration: Calibration) -> FloatArray:
-    """h w l x y z rotation_y (k, 7) of label files as boxes (k, 7) x y z dx dy dz heading."""
+    """Converts h w l x y z rotation_y (k, 7) of label files to LiDAR-frame boxes (k, 7)."""
     h, w, l, x, y, z, rotation_y = values.T  # noqa: E741
     T_lidar_camera = np.linalg.inv(calibration.T_camera_lidar)
     middle = np.stack([x, y - h / 2, z], axis=1)
@@ -128,7 +129,7 @@ def boxes_from_camera(values: FloatArray, calibration: Calibration) -> FloatArra
 
 
 def boxes_to_camera(boxes: FloatArray, calibration: Calibration) -> FloatArray:
-    """The inverse of boxes_from_camera; exact where the camera's y points straight down."""
+    """Inverts `boxes_from_camera`; exact if the camera's y axis points straight down."""
     T_camera_lidar = calibration.T_camera_lidar
     middle = boxes[:, :3] @ T_camera_lidar[:3, :3].T + T_camera_lidar[:3, 3]
     heading = boxes[:, 6]
@@ -141,7 +142,7 @@ def boxes_to_camera(boxes: FloatArray, calibration: Calibration) -> FloatArray:
 
 
 def _key(line: str) -> tuple[str, str]:
-    """The name of a line, with a colon or none behind it, and the rest."""
+    """Splits a line into its name and the rest; the colon after the name is optional."""
     name, _, rest = line.strip().partition(":" if ":" in line else " ")
     return name.strip(), rest
 

@@ -1,4 +1,4 @@
-"""Where the parts of a frame lie, and what they hold when read."""
+"""File paths of the parts of a frame, and the data classes that hold their content."""
 
 import re
 from collections.abc import Sequence
@@ -28,33 +28,33 @@ OBJECT_COLUMNS = [
     *"id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility".split(","),
     *SCAN_COLUMNS,
 ]
-PITCH_COLUMN = "pitch"  # the last, of runs whose vehicles lean
+PITCH_COLUMN = "pitch"  # optional last column, written if vehicles can pitch
 LABEL_COLUMNS = "type truncated occluded alpha x1 y1 x2 y2 h w l x y z rotation_y".split()
-FARTHEST_M = 10_000.0  # of a coordinate in a LiDAR's frame; the farthest range is 5,000 m
+FARTHEST_M = 10_000.0  # largest coordinate in a LiDAR's frame; the longest range is 5,000 m
 
 
 @dataclass(frozen=True, eq=False)
 class Objects:
-    """The k vehicles in reach of a LiDAR in one frame, hit or not."""
+    """The k objects within range of a LiDAR in one frame, with or without returns."""
 
     ids: IntArray  # (k,)
     names: NameArray  # (k,) class
     boxes: FloatArray  # (k, 7) x y z dx dy dz heading, at mid-frame
     speed: FloatArray  # (k,) m/s
-    points: IntArray  # (k,) returns from the vehicle
-    points_in_box: IntArray  # (k,) those of them that lie in its box
+    points: IntArray  # (k,) number of returns from the object
+    points_in_box: IntArray  # (k,) number of those returns inside its box
     distance: FloatArray  # (k,) horizontal, sensor to box centre
     visibility: FloatArray  # (k,) [0, 1]; -1 outside the evaluation region
-    scan_boxes: FloatArray  # (k, 7) at scan_time_s
-    scan_time_s: FloatArray  # (k,) mean time of its returns, since the start of the frame
+    scan_boxes: FloatArray  # (k, 7) boxes at scan_time_s
+    scan_time_s: FloatArray  # (k,) mean time of the returns, since the start of the frame
     points_in_scan_box: IntArray  # (k,)
-    pitch: FloatArray | None = None  # (k,) of the vehicle itself, positive nose down; None: level
+    pitch: FloatArray | None = None  # (k,) of the vehicle, positive nose down; None: all level
 
     def __len__(self) -> int:
         return len(self.ids)
 
     def label_boxes(self, label_time: LabelTime) -> FloatArray:
-        """(k, 7) as the labels have them."""
+        """Returns the boxes (k, 7) at the given label time."""
         return self.scan_boxes if label_time == "scan" else self.boxes
 
 
@@ -72,12 +72,12 @@ class Labels:
 
 
 def frame_file(lidar_folder: Path, part: Part, frame: int) -> Path:
-    """Where a part of a frame lies, whether it exists or not."""
+    """Returns the path of a part of a frame, whether the file exists or not."""
     return lidar_folder / "training" / part / f"{frame:06d}{SUFFIXES[part]}"
 
 
 def frames(lidar_folder: Path) -> list[int]:
-    """The frames of a LiDAR, ascending; a frame exists if and only if its .bin does.
+    """Returns the frame numbers of a LiDAR, ascending; a frame exists if its .bin file does.
 
     Raises FileNotFoundError if the folder has no training/velodyne.
     """
@@ -86,5 +86,5 @@ def frames(lidar_folder: Path) -> list[int]:
 
 
 def extent(frames: Sequence[int]) -> str:
-    """What is allowed of ascending frames, in words."""
+    """Describes the allowed range of ascending frame numbers as text."""
     return f"{frames[0]} to {frames[-1]}" if frames else "none, as the folder has no frame"

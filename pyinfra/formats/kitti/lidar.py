@@ -1,4 +1,4 @@
-"""`lidar.yaml`: what a run wrote about the LiDAR that took the frames beside it."""
+"""Reads `lidar.yaml`, the description of a LiDAR that stands beside its frames."""
 
 import math
 from dataclasses import dataclass, fields
@@ -9,15 +9,15 @@ from pyinfra.core.vocabulary import LabelTime
 from pyinfra.formats.kitti.layout import FARTHEST_M
 from pyinfra.formats.yaml_file import YamlNode, parse_yaml, read_yaml
 
-RECORDED = "recorded"  # preset of a LiDAR that was not simulated
-PERIOD_S = (0.001, 60.0)  # of a frame, least and most
-_EARTH_M = 1e8  # farther from the world's origin is nothing
-_STEEP_M = 1e3  # a road's level, slopes and bends are less
+RECORDED = "recorded"  # preset name of recordings, which were not simulated
+PERIOD_S = (0.001, 60.0)  # shortest and longest frame period
+_EARTH_M = 1e8  # largest coordinate in the world frame
+_STEEP_M = 1e3  # largest absolute value of any number of a road shape
 
 
 @dataclass(frozen=True)
 class WorldPose:
-    """T_world_levelled: where a levelled LiDAR stands in the world."""
+    """T_world_levelled: the pose of a levelled LiDAR in the world frame. Metres, radians."""
 
     x: float
     y: float
@@ -27,7 +27,7 @@ class WorldPose:
 
 @dataclass(frozen=True)
 class Tilt:
-    """T_levelled_sensor: how a sensor leans; a positive pitch looks down. Radians."""
+    """T_levelled_sensor: pitch (positive looks down) and roll of a sensor. Radians."""
 
     pitch: float
     roll: float
@@ -35,9 +35,10 @@ class Tilt:
 
 @dataclass(frozen=True)
 class RoadShape:
-    """A recording's road: z = level + slopes times x, y + bends times x^2, x y, y^2.
+    """The road surface of a recording: a quadratic polynomial in the levelled frame, metres.
 
-    Levelled frame, metres; as far as `pyinfra.dataset.ground.shape_heights` follows it.
+    z = level_m + slope_x x + slope_y y + bend_xx x^2 + bend_xy x y + bend_yy y^2. Farther out,
+    `pyinfra.dataset.ground.shape_heights` continues it linearly.
     """
 
     level_m: float
@@ -50,7 +51,7 @@ class RoadShape:
 
 @dataclass(frozen=True)
 class SensorPose:
-    """Where a sensor of a fused data set stands in its levelled frame. Metres, radians."""
+    """The pose of one sensor of a fused data set in its levelled frame. Metres, radians."""
 
     x: float
     y: float
@@ -62,39 +63,44 @@ class SensorPose:
 
 @dataclass(frozen=True)
 class FieldOfView:
-    """What one unit of a LiDAR can see, in the unit's own frame, which is turned by `yaw` and
-    then tilted by `pitch` (positive looks down) in the sensor's frame."""
+    """The field of view of one unit of a LiDAR, in the unit's frame. Metres, radians.
+
+    The unit is rotated in the sensor's frame by `yaw`, then by `pitch` (positive looks down).
+    """
 
     yaw: float
     pitch: float
     azimuth: tuple[float, float]
     elevation: tuple[float, float]
     range_m: tuple[float, float]
-    at: SensorPose | None = None  # None: the sensor stands at the origin and leans as all do
+    at: SensorPose | None = None  # None: at the origin, with the common tilt of the LiDAR
 
 
 @dataclass(frozen=True)
 class Lidar:
-    """What `lidar.yaml` says of the LiDAR that took the frames beside it; angles in radians."""
+    """The content of `lidar.yaml`; angles in radians."""
 
     name: str
     model: str
     preset: str
-    price_usd: tuple[float, float]  # low, high; the sum over the units; nan: not known
+    price_usd: tuple[float, float]  # low, high; sum over the units; NaN if unknown
     period_s: float
     T_world_levelled: WorldPose
     field_of_view: tuple[FieldOfView, ...]  # one per unit
-    label_time: LabelTime = "frame"  # when the labels hold
+    label_time: LabelTime = "frame"  # instant at which the labels hold
 
     @property
     def sensors(self) -> tuple[SensorPose, ...]:
-        """Where they stand in the levelled frame: of a fused data set all, else one, its origin."""
+        """Returns the sensors' poses in the levelled frame.
+
+        A fused data set has several sensors. Any other has one, at the origin.
+        """
         origin = SensorPose(0, 0, 0, 0, 0, 0)
         return tuple(dict.fromkeys(unit.at or origin for unit in self.field_of_view)) or (origin,)
 
 
 def read_lidar(lidar_folder: Path) -> Lidar:
-    """What the run wrote about the LiDAR of a folder; keys that are not needed are left alone.
+    """Reads the LiDAR description of a folder; unknown keys are ignored.
 
     Raises FormatError with file and line.
     """
@@ -102,7 +108,10 @@ def read_lidar(lidar_folder: Path) -> Lidar:
 
 
 def parse_lidar(text: str, name: str) -> tuple[Lidar, Tilt]:
-    """The same from the text of a lidar.yaml, and how the sensor leans; name: for messages."""
+    """Reads the LiDAR and the sensor's tilt from the text of a lidar.yaml.
+
+    name: shown in messages in place of the file.
+    """
     top = parse_yaml(text, name)
     return _lidar(top), _tilt(top)
 
@@ -125,7 +134,7 @@ def _lidar(top: YamlNode) -> Lidar:
 
 
 def read_label_time(lidar_folder: Path) -> LabelTime:
-    """When the labels of a folder hold; `frame` of one without lidar.yaml.
+    """Returns the label time of a folder; `frame` if it has no lidar.yaml.
 
     Raises FormatError with file and line.
     """
@@ -134,7 +143,7 @@ def read_label_time(lidar_folder: Path) -> LabelTime:
 
 
 def read_tilt(lidar_folder: Path) -> Tilt:
-    """How the sensor of a folder leans. Raises FormatError with file and line."""
+    """Reads the tilt of a folder's sensor. Raises FormatError with file and line."""
     return _tilt(read_yaml(lidar_folder / "lidar.yaml"))
 
 
@@ -145,7 +154,10 @@ def _tilt(top: YamlNode) -> Tilt:
 
 
 def read_road_shape(lidar_folder: Path) -> RoadShape | None:
-    """The road of a recording, if it was found to be no plane. Raises FormatError as read_tilt."""
+    """Reads the road shape of a recording; None if lidar.yaml has none.
+
+    Raises FormatError with file and line.
+    """
     node = read_yaml(lidar_folder / "lidar.yaml").maybe("road_shape")
     if node is None:
         return None

@@ -1,4 +1,4 @@
-"""Readers of the parts of a frame. All results are in the levelled LiDAR frame."""
+"""Readers for the parts of a frame. All results are in the levelled LiDAR frame."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,11 +28,11 @@ from pyinfra.formats.text_table import (
     lines_of,
 )
 
-_SHORTEST_M, _LONGEST_M = 0.001, 1000.0  # of a side of a box
-_MOST = 2**31 - 1  # of an id and of points
-_ROUNDED_M = 0.05  # of a distance
+_SHORTEST_M, _LONGEST_M = 0.001, 1000.0  # allowed length of a box side
+_MOST = 2**31 - 1  # largest id and largest number of points
+_ROUNDED_M = 0.05  # tolerance of a rounded distance
 _LONGEST_FRAME_S = 60.0
-_EARLIEST_S = -0.2  # by the first clock of several, whose frames begin up to 0.1 s off each way
+_EARLIEST_S = -0.2  # fused data use the first mount's clock; others start up to 0.1 s off each way
 _COUNTS_IN_BOXES = ("points_in_box", "points_in_scan_box")
 
 
@@ -73,14 +73,14 @@ OBJECT_RULES = (
     ColumnRule(("visibility",), lambda v: (v == -1) | ((v >= 0) & (v <= 1)), "0 to 1, or -1"),
 )
 LABEL_RULES = (_sides("h w l"), _position("x y z"), _angle("rotation_y"))
-# A detector may be wild: of what it says only the sizes must be some.
+# Predictions may hold any finite values; only their sizes must be positive.
 RESULT_RULES = (ColumnRule(("h", "w", "l"), lambda v: v > 0, "more than 0"),)
 
 
 def read_points(file: Path) -> Float32Array:
-    """Returns of one frame: (n, 4) float32, x y z intensity, intensity in [0, 1].
+    """Reads the points of one frame: (n, 4) float32, x y z intensity, intensity in [0, 1].
 
-    Raises FormatError if the file is cut short, or a value is not finite or beyond 10 km.
+    Raises FormatError if the file is truncated, or a value is not finite or beyond 10 km.
     """
     points = _records(file, np.dtype(("<f4", 4)), "x y z intensity, float32")
     bad = np.flatnonzero(~(np.abs(points) <= FARTHEST_M).all(axis=1))
@@ -93,11 +93,11 @@ def read_points(file: Path) -> Float32Array:
 
 
 def read_fields(file: Path) -> Records:
-    """What else is known of each return, in the order of velodyne: (n,) records of FIELDS.
+    """Reads the additional fields of each point: (n,) records of FIELDS, in the points' order.
 
-    time_s: since the start of the frame; ring: 0 at the lowest elevation; class: of the object or
-    of the background's material; object_id: -1 for background.
-    Raises FormatError if the file is cut short.
+    time_s: time since the start of the frame; ring: 0 at the lowest elevation; class: class of the
+    object, or material of the background; object_id: -1 for background.
+    Raises FormatError if the file is truncated.
     """
     return _records(file, FIELDS, "time_s ring class object_id")
 
@@ -106,9 +106,9 @@ PITCHED_HEADER = ",".join([*OBJECT_COLUMNS, PITCH_COLUMN])
 
 
 def object_rows(header: str, lines: Sequence[str]) -> list[list[str]] | None:
-    """The cells of OBJECT_COLUMNS of each line; None if the header is none of an objects file.
+    """Returns the cells of OBJECT_COLUMNS of each line; None if the header is not valid.
 
-    A pitch, which the boxes of labels do not have, is left out.
+    The optional column `pitch` is dropped, because label boxes have no pitch.
     """
     rows = [line.split(",") for line in lines]
     if header == PITCHED_HEADER:
@@ -117,7 +117,7 @@ def object_rows(header: str, lines: Sequence[str]) -> list[list[str]] | None:
 
 
 def read_objects(file: Path) -> Objects:
-    """The vehicles of one frame; a frame without vehicles gives k = 0.
+    """Reads the objects of one frame; a frame without objects gives k = 0.
 
     Raises FormatError with file and line.
     """
@@ -152,7 +152,7 @@ def read_objects(file: Path) -> Objects:
 
 
 def _pitch(file: Path, lines: Sequence[str]) -> FloatArray:
-    """(k,) of the last cells of the rows."""
+    """Returns the pitch (k,) from the last cell of each row."""
     cells = [["row", line.rsplit(",", 1)[-1]] for line in lines[1:]]
     table = NamedRows(file, range(2, 1 + len(lines)), cells, ["row", PITCH_COLUMN], "row")
     table.check((_angle(PITCH_COLUMN),))
@@ -160,7 +160,7 @@ def _pitch(file: Path, lines: Sequence[str]) -> FloatArray:
 
 
 def scan_boxes(boxes: FloatArray, scan: FloatArray) -> FloatArray:
-    """Boxes (k, 7) of mid-frame at the poses x y z heading (k, 4) of their scan."""
+    """Moves mid-frame boxes (k, 7) to their poses at scan time, x y z heading (k, 4)."""
     return np.column_stack([scan[:, :3], boxes[:, 3:6], scan[:, 3]])
 
 
@@ -171,12 +171,12 @@ def read_labels(
     calibration: Calibration | None = None,
     dont_care: bool = False,
 ) -> Labels:
-    """The boxes of a label file, or with `scores` of a prediction file, in the LiDAR frame.
+    """Reads the boxes of a label file, or of a prediction file (`scores`), in the LiDAR frame.
 
-    calibration: of the frame's camera; that of a simulated LiDAR by default. DontCare regions are
-    left out unless asked for; blank lines are no boxes, and an empty file gives k = 0.
-    Raises FormatError with file and line, also for scores in a label file and none in predictions,
-    and for a rotation_y of a label that must be in degrees.
+    calibration: of the frame's camera; by default that of a simulated LiDAR. DontCare regions are
+    only returned with `dont_care`. Blank lines are skipped; an empty file gives k = 0.
+    Raises FormatError with file and line. This includes scores in a label file, missing scores in
+    a prediction file, and a label's rotation_y that is larger than radians can be.
     """
     columns = [*LABEL_COLUMNS, "score"] if scores else LABEL_COLUMNS
     rows = {i: line.split() for i, line in enumerate(lines_of(file), start=1) if line.strip()}

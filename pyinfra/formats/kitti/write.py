@@ -1,6 +1,6 @@
-"""Writers of the layout. A file is written beside its place and renamed: it is whole or not there.
+"""Writers for the KITTI layout. Files are written atomically: they are complete or absent.
 
-What a reader of this package gives is written back as it was: text to its decimals, clouds byte for
+Reading a file and writing it again preserves it: text files up to their decimals, clouds byte for
 byte.
 """
 
@@ -25,11 +25,11 @@ from pyinfra.formats.kitti.layout import (
 from pyinfra.formats.kitti.read import OBJECT_NUMBERS, OBJECT_RULES, PITCHED_HEADER
 from pyinfra.formats.text_table import rules_hold
 
-_IMAGE_BOX = (0, 0, 50, 50)  # the devkit drops what is below 25 pixels in height
+_IMAGE_BOX = (0, 0, 50, 50)  # the devkit ignores boxes below 25 pixels in height
 
 
 def write_points(file: Path, points: Points) -> None:
-    """points: (n, 4) float32, x y z intensity, within 10 km. Raises Error for others."""
+    """Writes points (n, 4) float32, x y z intensity, within 10 km. Raises Error for others."""
     if points.dtype != np.float32 or points.ndim != 2 or points.shape[1] != 4:
         raise Error(f"points: found {points.shape} {points.dtype}, allowed (n, 4) float32")
     if not (np.abs(points) <= FARTHEST_M).all():
@@ -38,16 +38,16 @@ def write_points(file: Path, points: Points) -> None:
 
 
 def write_fields(file: Path, fields: Records) -> None:
-    """fields: (n,) records of FIELDS. Raises Error for another type."""
+    """Writes the additional fields of points, (n,) records of FIELDS. Raises Error for others."""
     if fields.dtype != FIELDS or fields.ndim != 1:
         raise Error(f"fields: found {fields.shape} {fields.dtype}, allowed (n,) {FIELDS}")
     write(file, fields.tobytes())
 
 
 def write_objects(file: Path, objects: Objects) -> None:
-    """With a last column for the pitch if there is one.
+    """Writes the objects of a frame, with a last column `pitch` if it is not None.
 
-    Raises Error for numbers that read_objects does not take.
+    Raises Error for values that `read_objects` would reject.
     """
     o = objects
     pitch = o.pitch
@@ -77,11 +77,11 @@ def write_objects(file: Path, objects: Objects) -> None:
 
 
 def write_labels(file: Path, labels: Labels, calibration: Calibration | None = None) -> None:
-    """Labels, or with scores predictions, in the frame of the calibration's camera.
+    """Writes labels, or predictions if they have scores, in the calibration's camera frame.
 
-    calibration: that of a simulated LiDAR by default. Truncation, occlusion, alpha and the box in
-    the image are those the labels bring, else 0, 0, the angle of the place, and 50 x 50 pixels.
-    Raises Error for numbers that are not finite.
+    calibration: by default that of a simulated LiDAR. Truncation, occlusion, alpha and image box
+    come from `labels.image`. Without it they are 0, 0, the observation angle and 50 x 50 pixels.
+    Raises Error for numbers that are not finite, and for sizes of 0 or less.
     """
     camera = boxes_to_camera(labels.boxes, calibration or simulated())
     image = _image_columns(camera) if labels.image is None else labels.image
@@ -97,7 +97,7 @@ def write_labels(file: Path, labels: Labels, calibration: Calibration | None = N
 
 
 def write_calibration(file: Path, calibration: Calibration | None = None) -> None:
-    """calibration: that of a simulated LiDAR by default."""
+    """Writes a calib file; by default the calibration of a simulated LiDAR."""
     write(file, calibration_text(calibration or simulated()).encode())
 
 
@@ -111,9 +111,9 @@ def write_frame(
     fields: Records | None = None,
     calibration: Calibration | None = None,
 ) -> None:
-    """All parts of a frame, the cloud last: a frame exists if and only if its .bin does.
+    """Writes all parts of a frame, the cloud last: a frame exists if and only if its .bin does.
 
-    Makes the folders that are missing. Raises Error as the writers of the parts do.
+    Makes missing folders. Raises Error like the writers of the parts.
     """
 
     def path_of(part: Part) -> Path:
@@ -131,7 +131,7 @@ def write_frame(
 
 
 def _image_columns(camera: FloatArray) -> FloatArray:
-    """truncated occluded alpha x1 y1 x2 y2 of boxes that no image shows."""
+    """Returns truncated occluded alpha x1 y1 x2 y2 (k, 7) for boxes without an image."""
     x, z, rotation_y = camera[:, 3], camera[:, 5], camera[:, 6]
     alpha = rotation_y - np.arctan2(x, z)
     alpha = (alpha + np.pi) % (2 * np.pi) - np.pi
