@@ -1,1 +1,1 @@
-"""Data sets on disk and in memory: frames, regions, ground, split, and the simulator's runs."""
+"""Data sets on disk and in memory: frames, regions, ground, split, and runs of the simulator."""

@@ -1,4 +1,4 @@
-"""The scenes, LiDARs and references that come with the package."""
+"""Paths of the scenes, LiDARs and other configurations that the package ships."""
 
 from pathlib import Path
 
@@ -10,16 +10,16 @@ FLAT = "flat"
 
 
 def configs() -> Path:
-    """The folder of scenes, LiDARs and references: that of the wheel, else of the source tree."""
+    """Returns the folder of shipped configurations: in the wheel, else in the source tree."""
     inside = launch.PACKAGE / "configs"
     return inside if inside.is_dir() else launch.PACKAGE.parent / "configs"
 
 
 def scene_file(name: str) -> Path:
-    """File of a scene that comes with the package."""
+    """Returns the file of a shipped scene."""
     return configs() / "scenes" / f"{name}.yaml"
 
 
 def lidar_file(name: str) -> Path:
-    """File of a LiDAR that comes with the package."""
+    """Returns the file of a shipped LiDAR."""
     return configs() / "lidars" / f"{name}.yaml"

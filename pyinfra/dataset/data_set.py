@@ -1,4 +1,4 @@
-"""A data set that `infrasim run` wrote: what was simulated, its LiDARs and what they can see."""
+"""A data set folder of `infrasim run`: its scene, LiDARs, frames and fields of view."""
 
 import math
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ FULL_CIRCLE_DEG = 359.0
 
 @dataclass(frozen=True)
 class DataSet:
-    """A folder that `infrasim run` wrote: what was simulated, its LiDARs and its frames."""
+    """The description of a data set folder of `infrasim run`, without the content of its frames."""
 
     folder: Path
     scene: str
@@ -29,9 +29,9 @@ class DataSet:
     aggregation: str
     seed: int
     version: str
-    lidars: tuple[kitti.Lidar, ...]  # by name
+    lidars: tuple[kitti.Lidar, ...]  # sorted by name
     tilts: tuple[Tilt, ...]  # one per LiDAR
-    frames: tuple[int, ...]  # ascending, the same for every LiDAR
+    frames: tuple[int, ...]  # ascending; every LiDAR has the same frames
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -50,10 +50,10 @@ class DataSet:
 
 
 def read_data_set(folder: Path) -> DataSet:
-    """What a data set holds, without its frames' contents.
+    """Reads the description of a data set, without the content of its frames.
 
-    Raises FileNotFoundError if it is none, FormatError for a wrong file, and Error if
-    it has no LiDAR or no frame, or if the LiDARs have different frames.
+    Raises FileNotFoundError if the folder has no dataset.yaml, and FormatError for a wrong file.
+    Raises Error if there is no LiDAR or no frame, or if the LiDARs have different frames.
     """
     if not (folder / "dataset.yaml").is_file():
         raise FileNotFoundError(2, "No dataset.yaml in it, as `infrasim run` writes", str(folder))
@@ -74,7 +74,7 @@ def read_data_set(folder: Path) -> DataSet:
     preset = top.at("preset")
     if preset.text() != lidars[0].preset:
         preset.fail(f"found '{preset.text()}', allowed '{lidars[0].preset}' of the LiDARs")
-    declared, label_time = top.maybe("label_time"), lidars[0].label_time  # an import has none
+    declared, label_time = top.maybe("label_time"), lidars[0].label_time  # imports declare none
     if declared is not None and declared.text() != label_time:
         declared.fail(f"found '{declared.text()}', allowed '{label_time}' of the LiDARs")
     return DataSet(
@@ -91,11 +91,11 @@ def read_data_set(folder: Path) -> DataSet:
 
 
 def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
-    """The LiDARs of a data set and how they lean, by the names of their folders.
+    """Reads the LiDARs of a data set and their tilts, sorted by folder name.
 
-    Raises FormatError with file and line, also for a LiDAR of another preset, period or label time
-    than the first, for one whose folder has another name, by which files are looked for, and for a
-    folder with frames but without lidar.yaml.
+    Raises FormatError with file and line. This includes a LiDAR whose preset, period or label time
+    differs from the first one's, a LiDAR whose name is not that of its folder, and a folder with
+    frames but without lidar.yaml.
     """
     for frames in sorted(folder.glob("[!.]*/training/velodyne")):
         if not (file := frames.parents[1] / "lidar.yaml").is_file():
@@ -118,15 +118,15 @@ def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
 
 
 def is_of_lanes(data_set: Path) -> bool:
-    """Whether the roads of a data set are lanes of a file. Raises FormatError."""
+    """Returns whether the scene has a file of `lanes` in place of roads. Raises FormatError."""
     description = data_set / "dataset.yaml"
     return description.is_file() and kitti.read_yaml(description).maybe("lanes") is not None
 
 
 def without_region(lidar_folder: Path) -> str | None:
-    """What is wrong with the frames of a simulation whose roads.csv is missing, in words.
+    """Describes a missing roads.csv or regions.csv of simulated frames; None if nothing is missing.
 
-    The roads say which vehicles are in the region; a recording has none.
+    The roads define which vehicles are in the evaluation region. A recording needs no roads.
     """
     file = lidar_folder / "lidar.yaml"
     data_set = data_set_of(lidar_folder)
@@ -147,7 +147,7 @@ def without_region(lidar_folder: Path) -> str | None:
 
 
 def _without_outlines(data_set: Path) -> str | None:
-    """What is wrong if outlines narrow the region of a scene, and their file is missing."""
+    """Describes a missing file of region outlines that the scene has; None if it is not missing."""
     description, file = data_set / "dataset.yaml", data_set / OUTLINES_FILE
     named = kitti.read_yaml(description).maybe("regions") if description.is_file() else None
     if named is None or file.is_file():
@@ -158,10 +158,10 @@ def _without_outlines(data_set: Path) -> str | None:
 def field_of_view_mask(
     lidar: kitti.Lidar, tilt: Tilt, centre: FloatArray
 ) -> tuple[BoolArray, BoolArray]:
-    """Which points a LiDAR can see at all, by any of its units.
+    """Tests which points are inside the field of view of at least one unit of a LiDAR.
 
-    centre: (n, 3) levelled frame; returns (n,) inside the angles, and (n,) inside the angles and
-    range (slant, from the unit's sensor) of one unit.
+    centre: (n, 3), levelled frame. Returns two masks (n,): inside the angles of a unit, and inside
+    its angles and its slant range from the unit's sensor.
     """
     angles = np.zeros(len(centre), dtype=np.bool_)
     ranges = np.zeros(len(centre), dtype=np.bool_)
@@ -186,7 +186,7 @@ def field_of_view_mask(
 
 
 def road_level(data: DataSet, lidar: kitti.Lidar) -> float:
-    """z of the roads in the levelled frame, metres. Raises Error if they are not level."""
+    """Returns z of the roads in the levelled frame, metres. Raises Error if they are not level."""
     file = data.folder / "roads.csv"
     z = np.concatenate([road.z for road in read_roads(file)])
     if np.ptp(z) > 0.01:
@@ -195,9 +195,10 @@ def road_level(data: DataSet, lidar: kitti.Lidar) -> float:
 
 
 def read_owners(folder: Path, frame: int, count: int) -> IntArray:
-    """object_id of each of the `count` returns of a frame, -1 for background: (count,).
+    """Returns the object_id of each of the `count` points of a frame, -1 for background: (count,).
 
-    Raises FileNotFoundError without `fields`, and FormatError if there are more or less of them.
+    Raises FileNotFoundError without a file in `fields`, and FormatError if the file does not have
+    `count` records.
     """
     file = kitti.frame_file(folder, "fields", frame)
     owner = kitti.read_fields(file)["object_id"].astype(np.int64)
@@ -209,7 +210,7 @@ def read_owners(folder: Path, frame: int, count: int) -> IntArray:
 
 
 def _rotation(yaw: float, pitch: float, roll: float) -> FloatArray:
-    """Yaw about z, then pitch about the new y, then roll about the new x: (3, 3)."""
+    """Returns the rotation (3, 3): yaw about z, then pitch about the new y, then roll about x."""
     cy, sy = math.cos(yaw), math.sin(yaw)
     cp, sp = math.cos(pitch), math.sin(pitch)
     cr, sr = math.cos(roll), math.sin(roll)

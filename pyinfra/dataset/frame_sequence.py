@@ -1,8 +1,8 @@
-"""Frames of one LiDAR in memory: simulated when they are asked for, or read from a folder.
+"""Sequences of frames of one LiDAR, simulated on demand or read from a folder.
 
-A sequence knows what an evaluation needs beside the points: the LiDAR and its pose, the objects,
-the roads that make the evaluation region. It keeps no clouds but the last few, so that it may be
-longer than memory.
+Besides the points, a sequence provides what an evaluation needs: the LiDAR and its pose, the
+objects, and the roads that define the evaluation region. Only the last few clouds stay in memory,
+so that a sequence can be larger than the memory.
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ if TYPE_CHECKING:
 
 BOX = ["x", "y", "z", "dx", "dy", "dz", "heading"]
 LABEL_COLUMNS = ["type", *BOX, "id", "points", "visibility"]
-KEPT = 16  # clouds in memory
+KEPT = 16  # number of clouds kept in memory
 
 
 @dataclass(frozen=True, eq=False)
 class LidarFrame:
-    """One frame of one LiDAR; levelled LiDAR frame, metres and radians.
+    """One frame of one LiDAR, in the levelled LiDAR frame, metres and radians.
 
     Attributes
     ----------
-    number : of the frame in its scene or folder
+    number : frame number in the scene or folder
     points : (n, 4) float32, x y z intensity
-    objects : a row for each object that is known, seen or not: type, box, id, points, visibility
+    objects : one row per known object, with or without points: type, box, id, points, visibility
     """
 
     number: int
@@ -59,7 +59,7 @@ class LidarFrame:
 
     @property
     def labels(self) -> pd.DataFrame:
-        """The objects with a point, each with its box at the label time."""
+        """The objects with at least one point; boxes hold at the label time."""
         return self.objects[self.objects.points > 0].reset_index(drop=True)
 
 
@@ -71,44 +71,44 @@ class FrameSequence(Sequence[LidarFrame], ABC):
     @property
     @abstractmethod
     def name(self) -> str:
-        """Of the LiDAR."""
+        """Name of the LiDAR."""
 
     @property
     @abstractmethod
     def lidar(self) -> kitti.Lidar | None:
-        """Pose, field of view and price; None for a folder without lidar.yaml."""
+        """The LiDAR's pose, field of view and price; None for a folder without lidar.yaml."""
 
     @property
     @abstractmethod
     def ground(self) -> Ground | None:
-        """Height of the road; None where it is not known."""
+        """Height of the road; None if it is unknown."""
 
     @property
     @abstractmethod
     def region(self) -> Region | None:
-        """Where vehicles can be; None where it is not known."""
+        """The evaluation region; None if it is unknown."""
 
     @property
     @abstractmethod
     def known(self) -> Sequence[int]:
-        """Numbers of all frames that there are, in this sequence or not."""
+        """Numbers of all frames in the scene or folder, also of those outside this sequence."""
 
     @property
     def period_s(self) -> float:
-        """Seconds of a frame."""
+        """Frame period in seconds."""
         return self.lidar.period_s if self.lidar else PERIOD_S
 
     @abstractmethod
     def vehicles(self) -> Vehicles:
-        """The objects of all frames in one table of arrays; `frame` counts along `numbers`."""
+        """Returns the objects of all frames as arrays; `frame` is an index into `numbers`."""
 
     @abstractmethod
     def of(self, numbers: Sequence[int]) -> FrameSequence:
-        """The same sequence with other frames."""
+        """Returns a sequence of the same LiDAR with other frame numbers."""
 
     @abstractmethod
     def frame(self, number: int) -> LidarFrame:
-        """The frame of a number."""
+        """Returns the frame with a given number."""
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -124,7 +124,7 @@ class FrameSequence(Sequence[LidarFrame], ABC):
 
     @property
     def objects(self) -> pd.DataFrame:
-        """Every object of all frames: frame, type, box, id, points, visibility."""
+        """All objects of all frames: frame, type, box, id, points, visibility."""
         vehicles = self.vehicles()
         table = table_of(vehicles)
         table.insert(0, "frame", np.array(self.numbers, dtype=np.int64)[vehicles.frame])
@@ -132,13 +132,13 @@ class FrameSequence(Sequence[LidarFrame], ABC):
 
     @property
     def labels(self) -> pd.DataFrame:
-        """The objects with a point of this LiDAR, with the box that its labels have."""
+        """All objects with at least one point of this LiDAR; boxes hold at the label time."""
         table = self.objects
         return table[table.points > 0].reset_index(drop=True)
 
 
 def table_of(vehicles: Vehicles) -> pd.DataFrame:
-    """Columns LABEL_COLUMNS of objects."""
+    """Converts objects to a table with the columns LABEL_COLUMNS."""
     table = pd.DataFrame({"type": vehicles.names.astype(object)})
     table[BOX] = vehicles.boxes
     return table.assign(id=vehicles.ids, points=vehicles.points, visibility=vehicles.visibility)
@@ -146,9 +146,9 @@ def table_of(vehicles: Vehicles) -> pd.DataFrame:
 
 @dataclass(eq=False)
 class SimulatedFrames(FrameSequence):
-    """Frames that are simulated when they are asked for; nothing is on disk.
+    """Frames that are simulated on demand and not written to disk.
 
-    beside: the sequences of the other LiDARs that see the same scene.
+    beside: by name, the sequences of the other LiDARs in the same scene.
     """
 
     world: simulation.World
@@ -156,7 +156,7 @@ class SimulatedFrames(FrameSequence):
     numbers: tuple[int, ...]
     threads: int | None = None
     beside: Mapping[str, SimulatedFrames] = field(default_factory=dict)
-    rows: dict[int, AnyArray] = field(default_factory=dict)  # objects of frames that were cast
+    rows: dict[int, AnyArray] = field(default_factory=dict)  # objects of simulated frames
     clouds: OrderedDict[int, Float32Array] = field(default_factory=OrderedDict)
 
     @property
@@ -165,12 +165,12 @@ class SimulatedFrames(FrameSequence):
 
     @cached_property
     def keys(self) -> dict[str, Any]:
-        """The scene, key by key."""
+        """The resolved keys of the scene."""
         return dict(yaml.safe_load(self.world.dump()))
 
     @cached_property
     def described(self) -> tuple[kitti.Lidar, kitti.Tilt]:
-        """What a run would write in lidar.yaml."""
+        """LiDAR and tilt, as a run would write them to lidar.yaml."""
         return kitti.parse_lidar(self.world.lidar_yaml(self.unit), f"{self.name}/lidar.yaml")
 
     @property
@@ -179,7 +179,7 @@ class SimulatedFrames(FrameSequence):
 
     @property
     def tilt(self) -> kitti.Tilt:
-        """How the sensor leans."""
+        """The sensor's pitch and roll."""
         return self.described[1]
 
     @cached_property
@@ -192,7 +192,7 @@ class SimulatedFrames(FrameSequence):
 
     @property
     def of_lanes(self) -> bool:
-        """Whether the scene's roads are lanes of a file."""
+        """Whether the scene has a file of `lanes` in place of roads."""
         return bool(self.keys.get("lanes"))
 
     @cached_property
@@ -205,7 +205,7 @@ class SimulatedFrames(FrameSequence):
 
     @property
     def versions(self) -> tuple[str, str]:
-        """The number of the frames, and the version of the package."""
+        """The version number of simulated frames, and the version of the package."""
         from pyinfra.dataset import simulation
 
         return str(simulation.frames_version()), __version__
@@ -240,7 +240,7 @@ class SimulatedFrames(FrameSequence):
         )
 
     def everybody(self) -> Vehicles:
-        """Every object of the scene at mid-frame, near or far; without points."""
+        """Returns all objects of the scene at mid-frame, at any distance, without points."""
         return concatenated(
             [scene_objects(self.world.objects(k), i) for i, k in enumerate(self.numbers)]
         )
@@ -252,7 +252,7 @@ class SimulatedFrames(FrameSequence):
         return simulation.label_time(self.world, self.unit)
 
     def _cast(self, numbers: Sequence[int]) -> Iterator[tuple[int, Float32Array]]:
-        """Number and points of each frame; its objects are kept."""
+        """Simulates frames and yields number and points of each; stores their objects in `rows`."""
         from pyinfra.dataset import simulation
 
         stream = simulation.simulate(self.world, [self.unit], numbers, threads=self.threads)
@@ -272,7 +272,7 @@ class SimulatedFrames(FrameSequence):
 
 @dataclass(eq=False)
 class RecordedFrames(FrameSequence):
-    """Frames of a LiDAR's folder in the KITTI layout: simulated, imported, or of any tool."""
+    """Frames of a LiDAR's folder in the KITTI layout, whether simulated, imported or others."""
 
     folder: Path
     numbers: tuple[int, ...]
@@ -310,7 +310,7 @@ class RecordedFrames(FrameSequence):
 
 
 def vehicles_of(rows: AnyArray, frame: int, label_time: LabelTime) -> Vehicles:
-    """The structured rows of one simulated frame; frame: its index."""
+    """Converts the structured object rows of one simulated frame; `frame` is its index."""
     at = "scan_" if label_time == "scan" else ""
     labelled = [f"{at}x", f"{at}y", f"{at}z", "dx", "dy", "dz", f"{at}heading"]
     return Vehicles(
@@ -325,17 +325,17 @@ def vehicles_of(rows: AnyArray, frame: int, label_time: LabelTime) -> Vehicles:
 
 
 def scene_objects(rows: AnyArray, frame: int) -> Vehicles:
-    """What `World.objects` gives of one frame."""
+    """Converts the objects that `World.objects` returns for one frame; `frame` is its index."""
     boxes = np.stack([rows[name] for name in BOX], axis=1).reshape(-1, 7)
     index = np.full(len(rows), frame, dtype=np.int64)
     return without_points(index, rows["id"].astype(np.int64), type_names(rows), boxes)
 
 
 def type_names(rows: AnyArray) -> AnyArray:
-    """(k,) the types of structured rows."""
+    """Returns the types (k,) of structured object rows."""
     return np.array([OBJECT_NAMES[int(c)] for c in rows["class_id"]], dtype="<U12")
 
 
 def roads_of_world(world: simulation.World, name: str) -> list[Road]:
-    """The roads of a scene; name: for messages."""
+    """Returns the roads of a scene; messages show `name` as the file."""
     return roads_of(world.roads_csv().splitlines(), Path(name))

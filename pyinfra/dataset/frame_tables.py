@@ -1,7 +1,7 @@
-"""All boxes of many frames in one table: vehicles, labels, predictions.
+"""Reads the boxes of many frames into one table: objects, labels or predictions.
 
-Thousands of small files are read some hundred at a time, about ten times as fast as file by file.
-What such a group doesn't parse as is read again file by file, for the error with file and line.
+Files are parsed in groups of some hundred, about ten times as fast as one by one. If a group does
+not parse, its files are read again one by one, for an error that names file and line.
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ from pyinfra.formats.kitti.read import (
 from pyinfra.formats.text_table import is_whole, lines_of, rules_hold
 
 CSV_COLUMNS = ("class", "x", "y", "z", "dx", "dy", "dz", "heading", "score")
-_FILES = 256  # read at a time
+_FILES = 256  # files per group
 _LABEL_NUMBERS = kitti.LABEL_COLUMNS[8:]
 
 
 @dataclass(frozen=True, eq=False)
 class Vehicles:
-    """n vehicles of all frames, levelled LiDAR frame."""
+    """n objects of several frames, in the levelled LiDAR frame."""
 
-    frame: IntArray  # (n,) index into the frames that were asked for, ascending
-    ids: IntArray  # (n,) -1 if they come from labels
+    frame: IntArray  # (n,) index into the requested frames, ascending
+    ids: IntArray  # (n,) -1 if read from labels
     names: NameArray  # (n,) class
-    boxes: FloatArray  # (n, 7) as labelled
-    mid_frame: FloatArray  # (n, 7) at mid-frame, which decides what a vehicle belongs to
-    points: IntArray  # (n,) returns of this LiDAR; 1 if they come from labels
-    visibility: FloatArray  # (n,) -1 outside the region; nan if they come from labels
+    boxes: FloatArray  # (n, 7) at the label time
+    mid_frame: FloatArray  # (n, 7) at mid-frame; the region tests use these boxes
+    points: IntArray  # (n,) number of returns of this LiDAR; 1 if read from labels
+    visibility: FloatArray  # (n,) -1 outside the region; NaN if read from labels
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -55,14 +55,14 @@ class Vehicles:
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """n predicted boxes of all frames, levelled LiDAR frame."""
+    """n predicted boxes of several frames, in the levelled LiDAR frame."""
 
-    frame: IntArray  # (n,) index into the frames that were asked for, ascending
-    line: IntArray  # (n,) of its file
+    frame: IntArray  # (n,) index into the requested frames, ascending
+    line: IntArray  # (n,) line number in its file
     names: NameArray  # (n,) class
     boxes: FloatArray  # (n, 7)
     scores: FloatArray  # (n,)
-    angle: FloatArray  # (n,) as the file has it: rotation_y or heading
+    angle: FloatArray  # (n,) rotation_y or heading, unchanged from the file
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -73,13 +73,13 @@ class Predictions:
 
 @dataclass(frozen=True, eq=False)
 class Cameras:
-    """The calibrations of many frames, each different one once."""
+    """The calibrations of many frames; identical ones are stored once."""
 
     different: tuple[kitti.Calibration, ...]
     of_frame: IntArray  # (frames,) index into `different`
 
     def boxes(self, values: FloatArray, frame: IntArray) -> FloatArray:
-        """h w l x y z rotation_y (n, 7) of the frames (n,) as boxes (n, 7)."""
+        """Converts h w l x y z rotation_y (n, 7) to boxes (n, 7); frame: (n,) of each row."""
         out = np.empty_like(values)
         for i, calibration in enumerate(self.different):
             rows = self.of_frame[frame] == i
@@ -91,7 +91,7 @@ Table = TypeVar("Table", Vehicles, Predictions)
 
 
 def read_vehicles(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
-    """The objects of the frames, or the labels if the folder has no objects.
+    """Reads the objects of the frames, or their labels if the folder has no objects.
 
     Raises FileNotFoundError for a frame without its file, and FormatError.
     """
@@ -103,7 +103,7 @@ def read_vehicles(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
 
 
 def read_labelled(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
-    """The labels of the frames. Raises FileNotFoundError and FormatError."""
+    """Reads the labels of the frames. Raises FileNotFoundError and FormatError."""
     files = [kitti.frame_file(lidar_folder, "label_2", frame) for frame in frames]
     cameras = read_cameras(lidar_folder, frames)
     return _joined(files, lambda paths, index: _labels(paths, index, cameras))
@@ -112,9 +112,9 @@ def read_labelled(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
 def other_types(
     lidar_folder: Path, frames: Sequence[int], vehicles: Vehicles, types: Sequence[str]
 ) -> str | None:
-    """Names of the ground truth that are no class known here and none of `types`, in words.
+    """Describes unknown class names in the ground truth, which are also not in `types`.
 
-    Vehicles of such a name count nowhere: `car` is no `Car`. None if there is none.
+    Objects with such a name are never counted: `car` is not `Car`. Returns None if there is none.
     """
     other = ~np.isin(vehicles.names, [*types, *VEHICLE_TYPES, *OTHER_TYPES])
     if not other.any():
@@ -131,17 +131,17 @@ def other_types(
 
 
 def read_predictions(files: Sequence[Path | None], cameras: Cameras) -> Predictions:
-    """Predictions of the frames: KITTI results (.txt) or CSV in the LiDAR frame (.csv).
+    """Reads predictions: KITTI result files (.txt), or CSV files in the LiDAR frame (.csv).
 
-    files: one per frame, None for a frame without predictions. The columns of a CSV file are named
-    in its first line: class, x, y, z, dx, dy, dz, heading (radians), score, in any order.
+    files: one per frame, None for a frame without predictions. The first line of a CSV file names
+    its columns: class, x, y, z, dx, dy, dz, heading (radians) and score, in any order.
     Raises FormatError with file and line.
     """
     return _joined(files, lambda paths, index: _predictions(paths, index, cameras))
 
 
 def read_cameras(lidar_folder: Path, frames: Sequence[int]) -> Cameras:
-    """The calibrations of the frames; that of a simulated LiDAR where a frame has none.
+    """Reads the frames' calibrations; a frame without one gets that of a simulated LiDAR.
 
     Raises FormatError with file and line.
     """
@@ -162,7 +162,7 @@ def _joined(
     files: Sequence[Path | None],
     read: Callable[[Sequence[Path], IntArray], Table],
 ) -> Table:
-    """The groups' tables after one another; `read` is given the files and their frames."""
+    """Concatenates the tables of groups of files; calls `read` with files and frame indices."""
     present = [(i, file) for i, file in enumerate(files) if file is not None]
     parts = []
     for start in range(0, max(1, len(present)), _FILES):
@@ -173,13 +173,13 @@ def _joined(
 
 
 def concatenated(parts: Sequence[Table]) -> Table:
-    """One or more tables after one another."""
+    """Concatenates one or more tables."""
     columns = {name: [vars(part)[name] for part in parts] for name in vars(parts[0])}
     return type(parts[0])(**{name: np.concatenate(column) for name, column in columns.items()})
 
 
 def without_points(frame: IntArray, ids: IntArray, names: NameArray, boxes: FloatArray) -> Vehicles:
-    """Objects at mid-frame of which no LiDAR is known to see anything."""
+    """Returns objects at mid-frame with 0 points and unknown visibility (-1)."""
     return Vehicles(
         frame=frame,
         ids=ids,
@@ -194,7 +194,7 @@ def without_points(frame: IntArray, ids: IntArray, names: NameArray, boxes: Floa
 def _objects(files: Sequence[Path], frames: IntArray, label_time: LabelTime) -> Vehicles:
     texts = _texts(files, whole=True)
     cells = [object_rows(text[0], text[1:]) if text else None for text in texts]
-    # The class to the front, so that numbers follow each other.
+    # Move the class to the front, so that all numbers are adjacent.
     rows = [
         [*row[1:2], *row[:1], *row[2:]] for group in cells if group is not None for row in group
     ]
@@ -245,7 +245,7 @@ def _predictions(files: Sequence[Path], frames: IntArray, cameras: Cameras) -> P
 def _kitti(
     files: Sequence[Path], frames: IntArray, *, scores: bool
 ) -> tuple[IntArray, IntArray, NameArray, FloatArray]:
-    """Frame, line, class and numbers from h on, of label or result files."""
+    """Reads frame, line, class and the numbers from h on of label or result files."""
     texts = [
         [(i, content) for i, content in enumerate(text, 1) if content.strip()]
         for text in _texts(files)
@@ -286,7 +286,7 @@ def _csv_predictions(files: Sequence[Path], frames: IntArray) -> Predictions:
 
 
 def _csv_rows(file: Path) -> list[list[str]]:
-    """Cells of a prediction file in the order of CSV_COLUMNS, without the header."""
+    """Returns the cells of a CSV prediction file in the order of CSV_COLUMNS, without header."""
     lines = _texts([file])[0]
     header = [name.strip() for name in lines[0].split(",")] if lines else []
     missing = [name for name in CSV_COLUMNS if name not in header]
@@ -319,7 +319,7 @@ def _number(cell: str) -> float:
 
 
 def _texts(files: Sequence[Path], *, whole: bool = False) -> list[list[str]]:
-    """As kitti.table.lines_of, of each file."""
+    """Returns the lines of each file, like `text_table.lines_of`."""
     texts = [file.read_bytes() for file in files]
     try:
         lines = [text.decode("utf-8-sig").splitlines() for text in texts]
@@ -331,7 +331,10 @@ def _texts(files: Sequence[Path], *, whole: bool = False) -> list[list[str]]:
 
 
 def _numbers(rows: Sequence[Sequence[str]], width: int, first: int) -> FloatArray | None:
-    """The cells from column `first` on, (n, width - first); None if one is no finite number."""
+    """Converts the cells from column `first` on to (n, width - first); None if that fails.
+
+    It fails for a wrong number of columns and for cells that are not finite numbers.
+    """
     if any(len(row) != width for row in rows):
         return None
     try:
@@ -343,7 +346,7 @@ def _numbers(rows: Sequence[Sequence[str]], width: int, first: int) -> FloatArra
 
 
 def _fail(files: Sequence[Path], read: Callable[[Path], object]) -> NoReturn:
-    """Raises what reading the files one by one raises."""
+    """Reads the files one by one, to raise the error that names file and line."""
     for file in files:
         read(file)
     raise AssertionError(f"{files[0]}: read alone but not in a group")

@@ -1,4 +1,4 @@
-"""Which LiDARs and frames a folder holds."""
+"""Lists the LiDARs and frames of a folder."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from pyinfra.core.errors import Error, FormatError
 from pyinfra.formats import kitti
 from pyinfra.formats.text_table import lines_of
 
-PERIOD_S = 0.1  # of the simulator's frames, and of a folder without lidar.yaml
+PERIOD_S = 0.1  # frame period of the simulator, and default of folders without lidar.yaml
 
 
 def period_of(lidar_folder: Path) -> float:
-    """Seconds of a frame of a LiDAR's folder. Raises FormatError."""
+    """Returns the frame period of a LiDAR's folder in seconds. Raises FormatError."""
     timed = (lidar_folder / "lidar.yaml").is_file()
     return kitti.read_lidar(lidar_folder).period_s if timed else PERIOD_S
 
 
 def frame_range(word: str, gt: Path) -> list[int]:
-    """The frames of a folder in A:B[:STEP]. Raises Error if there is none."""
+    """Returns the frames of a folder in a range A:B[:STEP]. Raises Error if there is none."""
     parts = word.split(":")
     if len(parts) not in (2, 3) or not all(part.isdecimal() for part in parts):
         raise Error(f"frames: found '{word}', allowed A:B[:STEP]")
@@ -32,10 +32,10 @@ def frame_range(word: str, gt: Path) -> list[int]:
 
 
 def frame_numbers(folder: Path, split: str | None = None) -> list[int]:
-    """Frames of a folder, ascending.
+    """Returns the frame numbers of a folder, ascending.
 
-    split: those of ImageSets/SPLIT.txt; left out, those of val.txt if there is one, else all; `all`
-    is all. Raises FileNotFoundError, and FormatError with file and line.
+    split: selects the frames of ImageSets/SPLIT.txt; `all` selects all frames. The default is
+    val.txt if it exists, else all. Raises FileNotFoundError, and FormatError with file and line.
     """
     training = folder / "training"
     if (training / "velodyne").is_dir():
@@ -63,7 +63,10 @@ def _split(file: Path, present: set[int]) -> list[int]:
 
 
 def lidar_folders(data_set: Path) -> list[Path]:
-    """The LiDAR folders of a data set, by name. Raises FileNotFoundError if there is none."""
+    """Returns the LiDAR folders of a data set, sorted by name.
+
+    Raises FileNotFoundError if there is none.
+    """
     folders = lidars_in(data_set)
     if not folders:
         raise FileNotFoundError(
@@ -73,27 +76,27 @@ def lidar_folders(data_set: Path) -> list[Path]:
 
 
 def lidars_in(data_set: Path) -> list[Path]:
-    """The LiDAR folders of a data set, by name, or none.
+    """Returns the LiDAR folders of a data set, sorted by name; possibly none.
 
-    A hidden folder is none: it is being written, or its writer was killed.
+    Hidden folders are skipped: they are still being written, or their writer was killed.
     """
     files = data_set.glob("*/lidar.yaml")
     return sorted(file.parent for file in files if not file.parent.name.startswith("."))
 
 
 def data_set_of(lidar_folder: Path) -> Path:
-    """The data set that a LiDAR's folder, maybe `.`, stands in."""
+    """Returns the data set folder that contains a LiDAR's folder, which may be `.`."""
     named = lidar_folder.name not in ("", "..")
     return lidar_folder.parent if named else lidar_folder.resolve().parent
 
 
 def has_labels(lidar_folder: Path) -> bool:
-    """Whether any frame of a folder has one."""
+    """Returns whether any frame of a folder has a label."""
     files = (lidar_folder / "training/label_2").glob("*.txt")
     return any(file.stat().st_size > 0 for file in files)
 
 
 def check_no_data_set(folder: Path) -> None:
-    """Raises Error for a data set where the folder of one LiDAR is needed."""
+    """Raises Error if the folder is a data set instead of the folder of one LiDAR."""
     if inside := ", ".join(lidar.name for lidar in lidars_in(folder)):
         raise Error(f"{folder}: found a data set, allowed a LiDAR of it: {inside}")

@@ -1,7 +1,8 @@
-"""How high the road lies where a LiDAR stands: a function of the place, levelled LiDAR frame.
+"""Height of the road around a LiDAR as a function of x and y, in the levelled LiDAR frame.
 
-Networks are given points above the local road (z = 0 on it), and their boxes come back: what they
-learnt below a pole of 5 m on level ground holds below one of 8 m, and on a slope.
+Networks see points with z measured from the local road, and their boxes are transformed back. A
+network trained with a 5 m pole on level ground therefore also works with an 8 m pole and on a
+slope.
 """
 
 from __future__ import annotations
@@ -24,22 +25,22 @@ from pyinfra.formats.kitti import RoadShape, WorldPose
 
 F = TypeVar("F", bound=np.floating[Any])  # float32 of points, float64 of boxes
 
-MOST_HEIGHT_M = 100.0  # of a sensor above the road, as a user says it
-CELL_M = 1.0  # of a relief: as the points of a road's centreline
-RIM_M = 20.0  # of a relief, around the centrelines
-LEVEL_M = 0.01  # roads that rise by less are level
-STEADY = 16.0  # m2: slopes rest on vehicles spread by some metres more than the root of this
-FAR_M = 0.5  # off the plane: no vehicle on this road
-SHAPE_REACH_M = 60.0  # of a recording's road around its sensor: as far as it is looked at
-SHAPE_END_M = 150.0  # and how far it is followed straight on
+MOST_HEIGHT_M = 100.0  # largest height of a sensor above the road that a user may give
+CELL_M = 1.0  # cell size of a relief, equal to the point spacing of road centrelines
+RIM_M = 20.0  # margin of a relief around the centrelines
+LEVEL_M = 0.01  # roads whose z varies by less are treated as level
+STEADY = 16.0  # m2, ridge term: damps slopes unless vehicles spread over well more than its root
+FAR_M = 0.5  # vehicles farther from the plane may be outliers of the fit
+SHAPE_REACH_M = 60.0  # radius within which a recording's road shape is quadratic
+SHAPE_END_M = 150.0  # half width of its relief; it is linear beyond SHAPE_REACH_M
 
 
 @dataclass(frozen=True, eq=False)
 class Relief:
-    """Heights in cells."""
+    """Road heights in a grid of cells of CELL_M, in the levelled LiDAR frame."""
 
-    corner: tuple[float, float]  # x y of the first cell's
-    heights: FloatArray  # (columns along x, rows along y); a place beyond has that of the rim
+    corner: tuple[float, float]  # lowest x and y of the grid
+    heights: FloatArray  # (cells along x, cells along y); positions outside use the nearest cell
 
     def height(self, positions: npt.NDArray[F]) -> npt.NDArray[F]:
         last = np.array(self.heights.shape) - 1
@@ -52,13 +53,13 @@ class Relief:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """z of the road: that of the relief, else of the plane."""
+    """Height z of the road, given by the relief if there is one, else by the plane."""
 
     plane: tuple[float, float, float] = (0.0, 0.0, 0.0)  # z = a x + b y + c
     relief: Relief | None = None
 
     def height(self, positions: npt.NDArray[F]) -> npt.NDArray[F]:
-        """(n,) z of the road at places (n, 2 or more), of their type; finite places alone."""
+        """Returns z of the road (n,) at finite positions (n, 2 or more), with their dtype."""
         if self.relief is not None:
             return self.relief.height(positions)
         a, b, c = np.array(self.plane, positions.dtype)
@@ -66,20 +67,20 @@ class Ground:
 
     @property
     def sensor_m(self) -> float:
-        """How high the sensor is above the road at its foot."""
+        """Height of the sensor above the road directly below it."""
         return -float(self.height(np.zeros((1, 2)))[0])
 
     def above(self, positions: npt.NDArray[F]) -> npt.NDArray[F]:
-        """Points or boxes (n, 3 or more) with z from the road; a copy."""
+        """Returns a copy of points or boxes (n, 3 or more) with z measured from the road."""
         return self._moved(positions, -1)
 
     def back(self, positions: npt.NDArray[F]) -> npt.NDArray[F]:
-        """The same with z from the sensor again."""
+        """Inverts `above`: returns a copy with z measured from the sensor."""
         return self._moved(positions, 1)
 
     def _moved(self, positions: npt.NDArray[F], sign: int) -> npt.NDArray[F]:
         moved = positions.copy()
-        # Others stay as they are: no detector looks at them.
+        # Non-finite positions are left unchanged: no detector uses them.
         known = np.isfinite(positions[:, 0]) & np.isfinite(positions[:, 1])
         rows = slice(None) if known.all() else known
         moved[rows, 2] += sign * self.height(positions[rows])
@@ -91,9 +92,10 @@ def level_ground(z: float) -> Ground:
 
 
 def ground_of(lidar_folder: Path) -> Ground | None:
-    """That of the data set's roads; without them, as high as an imported LiDAR says.
+    """Returns the ground of a LiDAR's folder, or None if it is unknown.
 
-    None if neither is known. Raises FormatError.
+    The ground follows roads.csv of the data set. For a recording without roads.csv, it follows the
+    road shape in lidar.yaml, or else the sensor height there. Raises FormatError.
     """
     roads = data_set_of(lidar_folder) / "roads.csv"
     lidar = kitti.read_lidar(lidar_folder)
@@ -115,7 +117,7 @@ def ground_of_shape(shape: RoadShape) -> Ground:
 
 
 def shape_heights(shape: RoadShape, xy: FloatArray) -> FloatArray:
-    """(n,) z of a recording's road at places (n, 2); straight on from SHAPE_REACH_M on."""
+    """Returns z (n,) of a recording's road at positions (n, 2); linear beyond SHAPE_REACH_M."""
     inside = np.minimum(1, SHAPE_REACH_M / np.maximum(np.hypot(*xy.T), 1e-9))
     x, y = (xy * inside[:, None]).T
     along_x = shape.slope_x + 2 * shape.bend_xx_per_m * x + shape.bend_xy_per_m * y
@@ -125,7 +127,7 @@ def shape_heights(shape: RoadShape, xy: FloatArray) -> FloatArray:
 
 
 def ground_of_roads(roads: Sequence[Road], pose: WorldPose) -> Ground:
-    """At each place as high as the nearest point of a centreline."""
+    """Returns a ground that has, at each position, the height of the nearest centreline point."""
     xy = to_levelled(np.concatenate([road.xy for road in roads]), pose)
     z = np.concatenate([road.z for road in roads]) - pose.z
     if np.ptp(z) < LEVEL_M:
@@ -138,9 +140,10 @@ def ground_of_roads(roads: Sequence[Road], pose: WorldPose) -> Ground:
 
 
 def ground_of_boxes(boxes: Iterable[FloatArray]) -> Ground:
-    """The plane on which vehicles (k, 7) stand, no steeper than their spread can tell.
+    """Fits a plane to the bottoms of vehicles, one array of boxes (k, 7) per frame.
 
-    Raises Error if there is none.
+    Slopes are damped where vehicles lie too close together to determine them. Raises Error without
+    a vehicle.
     """
     every = np.concatenate([np.empty((0, 7)), *boxes])
     if len(every) == 0:

@@ -1,4 +1,4 @@
-"""Whether the road of some clouds lies where the sensor's height puts it."""
+"""Checks a given sensor height against the road in the clouds."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ from pyinfra.core.errors import Error
 from pyinfra.dataset.ground import MOST_HEIGHT_M
 from pyinfra.dataset.road_plane import road_of
 
-CHECKED = 5  # clouds, for their road
-HEIGHT_OFF_M = 0.2  # beyond the errors that version 3 of the pretrained detector learnt from
-LEAN_DEG = 0.3  # a quarter of a degree cost it 3 to 9 AP, half of one 8 to 25
+CHECKED = 5  # number of clouds in which the road is searched
+HEIGHT_OFF_M = 0.2  # larger than the height errors in the training of pretrained detector v3
+LEAN_DEG = 0.3  # a tilt of 0.25 degrees cost that detector 3 to 9 AP, 0.5 degrees 8 to 25
 
 
 def check_height(height_m: float) -> None:
-    """Raises Error for a height of a sensor above the road that no pole has."""
+    """Raises Error for an implausible height of a sensor above the road."""
     if not 0 < height_m <= MOST_HEIGHT_M:
         raise Error(f"height_m: expected more than 0 to {MOST_HEIGHT_M:g}, got {height_m:g}")
 
 
 def height_warnings(clouds: Sequence[Points], height_m: float) -> Iterator[str]:
-    """Says where the road lies elsewhere: a network sees vehicles by their height above it.
+    """Yields a warning if the road in the clouds contradicts the given height, or is tilted.
 
-    clouds: (n, 4) each, levelled LiDAR frame; nothing is said where little ground is seen.
+    Networks depend on the height of points above the road. clouds: (n, 4) each, levelled LiDAR
+    frame. Yields nothing if the clouds show too little ground.
     """
     road = road_of(clouds)
     if road is None:

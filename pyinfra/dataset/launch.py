@@ -1,4 +1,4 @@
-"""Starts the `infrasim` binary of this package."""
+"""Finds and starts the `infrasim` binary of this package."""
 
 import os
 import sys
@@ -8,7 +8,7 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def binary() -> Path | None:
-    """The simulator: that of the wheel, else the one that `make build` leaves in a source tree."""
+    """Returns the simulator binary: in the wheel, else that of `make build` in the source tree."""
     candidates = [PACKAGE / "bin/infrasim", PACKAGE.parent / "build/dev/cpp/infrasim"]
     return next((path for path in candidates if path.is_file()), None)
 

@@ -1,4 +1,4 @@
-"""Sheets of LiDARs: price, lines, field of view, range, as the simulator resolves their files."""
+"""Summaries of LiDAR files: price, lines, field of view and range, resolved by the simulator."""
 
 from __future__ import annotations
 
@@ -19,42 +19,44 @@ from pyinfra.formats import kitti
 
 @dataclass(frozen=True)
 class LidarSheet:
-    """A LiDAR under one preset; NaN and nothing where it could not be resolved."""
+    """A LiDAR under one preset; numbers are NaN or None if it could not be resolved."""
 
     name: str
     model: str
     presets: tuple[str, ...]
-    preset: str  # that the figures below are of
+    preset: str  # the figures below hold for this preset
     price_low_usd: float
     price_high_usd: float
     price_source: str
     price_date: str
-    lines: int | None = None  # None of a pattern without lines, and of a bundle
+    lines: int | None = None  # None for a pattern without lines, and for a bundle
     horizontal_fov_deg: float = math.nan
     vertical_fov_deg: float = math.nan
-    range_m: float = math.nan  # at most
-    range_at_10_percent_m: float = math.nan  # of a target of 10 %, where a preset has it
-    published_ranges: int = 0  # by reflectance and light, that of 10 % included; 1 is an assumption
-    problem: str = ""  # why it could not be resolved
+    range_m: float = math.nan  # maximum
+    range_at_10_percent_m: float = math.nan  # at 10 % reflectance; NaN if the preset has none
+    # Number of ranges published for different reflectances and light, that at 10 % included. With
+    # only 1, the range law at other reflectances is an assumption.
+    published_ranges: int = 0
+    problem: str = ""  # reason why it could not be resolved
 
 
 def catalogue_files() -> list[Path]:
-    """Files of all LiDARs that come with the package."""
+    """Returns the files of all LiDARs that the package ships."""
     return sorted((catalogue.configs() / "lidars").glob("*.yaml"))
 
 
 def presets_of(file: Path) -> tuple[str, ...]:
-    """Names of a LiDAR's presets; of a bundle, those of its first unit."""
+    """Returns the names of a LiDAR's presets; a bundle has those of its first unit."""
     presets: tuple[str, ...] = _plain(file)["presets"]
     return presets
 
 
 def read_sheet(file: Path, preset: str = "") -> LidarSheet:
-    """A LiDAR's sheet, by default of the preset that is nearest to LiDARs one can buy.
+    """Returns a LiDAR's summary; the default preset is `datasheet` if the LiDAR has it.
 
-    Raises SimulatorError if it cannot be resolved, FileNotFoundError without a file.
+    Raises SimulatorError if the LiDAR cannot be resolved, and FileNotFoundError without a file.
     """
-    infrasim("check", file)  # says where a file is wrong
+    infrasim("check", file)  # raises an error that names the wrong line of a file
     plain = _plain(file)
     chosen = preset or _preset_of(plain["presets"])
     resolved = yaml.safe_load(infrasim("check", file, *(["--preset", chosen] if chosen else [])))
@@ -73,7 +75,10 @@ def read_sheet(file: Path, preset: str = "") -> LidarSheet:
 
 
 def read_catalogue(preset: str = "") -> list[LidarSheet]:
-    """All sheets; a LiDAR that cannot be resolved, as one whose table is not here, says why."""
+    """Returns the summaries of all shipped LiDARs.
+
+    If one cannot be resolved, for example for a missing table, its `problem` states why.
+    """
     return [_read_or_say(file, preset) for file in catalogue_files()]
 
 
@@ -88,7 +93,7 @@ def _read_or_say(file: Path, preset: str) -> LidarSheet:
 
 
 def _plain(file: Path) -> dict[str, Any]:
-    """What a file says of itself, before any preset."""
+    """Returns the name, model, presets and price of a LiDAR file; they depend on no preset."""
     top = yaml.safe_load(file.read_text(encoding="utf-8"))
     units = [
         _plain(file.parent / unit["lidar"]) for unit in top.get("bundle", []) if "lidar" in unit
@@ -114,7 +119,7 @@ def _preset_of(presets: Sequence[str]) -> str:
 
 
 def _field_of_view(file: Path, preset: str) -> tuple[kitti.FieldOfView, ...]:
-    """As a run writes it, of each unit."""
+    """Returns the field of view of each unit, as a run writes it to lidar.yaml."""
     words = ["--preset", preset] if preset else []
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "data"
@@ -130,7 +135,7 @@ def _lines(resolved: dict[str, Any]) -> int | None:
 
 
 def _detection(resolved: dict[str, Any]) -> dict[str, Any]:
-    """Of the first unit; empty where every hit is a point."""
+    """Returns the detection keys of the first unit; empty if every hit gives a point."""
     detection = (resolved.get("bundle") or [resolved])[0].get("returns", {}).get("detection", {})
     return dict(detection)
 

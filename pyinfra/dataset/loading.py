@@ -1,4 +1,4 @@
-"""Scenes, LiDARs and frames by a name or a file: what the public API begins with."""
+"""Public functions that load scenes, LiDARs and frames by name or file."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ def load_scene(
     set: Mapping[str, object] | None = None,
     mount: str = "",
 ) -> simulation.World:
-    """A scene made ready: its traffic is simulated, its meshes are built.
+    """Loads a scene: simulates its traffic and builds its meshes.
 
     Parameters
     ----------
-    scene : a name that comes with the package (`highway`, `crossroad`, ...), or a file
-    preset : `paper`, `equal` or `datasheet`; a scene may have keys of its own for one
-    seed : of traffic and noise; by default the scene's own
-    set : values by dotted key, such as `{"traffic.vehicles_per_km_lane": 20}`
-    mount : which of several; a scene with one mount needs none
+    scene : name of a shipped scene (`highway`, `crossroad`, ...), or a file
+    preset : `paper`, `equal` or `datasheet`; a scene may have special keys for a preset
+    seed : seed of traffic and noise; by default that of the scene
+    set : overrides of keys, such as `{"traffic.vehicles_per_km_lane": 20}`
+    mount : name of the mount; only needed if the scene has several
 
     Returns
     -------
-    What `simulate` takes; `frames` says how many frames of 0.1 s it has
+    The scene, an input of `simulate`; its attribute `frames` is the number of frames of 0.1 s
 
     Raises
     ------
-    Error : for an unknown name, a wrong key or value (file, line and key are in the message)
+    Error : for an unknown name, or a wrong key or value; the message names file, line and key
 
     Examples
     --------
@@ -67,16 +67,16 @@ def load_scene(
 
 @public
 def load_lidar(lidar: str | os.PathLike[str], *, preset: str = "datasheet") -> simulation.Lidar:
-    """One preset of a LiDAR.
+    """Loads a LiDAR under one preset.
 
     Parameters
     ----------
-    lidar : a name of the catalogue (`pyinfra lidars` lists them), or a file
+    lidar : name of a shipped LiDAR (`pyinfra lidars` lists them), or a file
     preset : `paper`, `equal` or `datasheet`
 
     Returns
     -------
-    What `simulate` takes
+    The LiDAR, an input of `simulate`
 
     Raises
     ------
@@ -118,23 +118,24 @@ def simulate(
     *,
     threads: int | None = None,
 ) -> SimulatedFrames | dict[str, SimulatedFrames]:
-    """Frames of one LiDAR in a scene, or of several, simulated when they are asked for.
+    """Returns the frames of one or several LiDARs in a scene, simulated on demand.
 
     Parameters
     ----------
-    scene : of `load_scene`, or what `load_scene` takes
-    lidar : of `load_lidar`, or what it takes; a list of several LiDARs gives a dict by name
+    scene : a result of `load_scene`, or a name or file of a scene
+    lidar : a result of `load_lidar`, or a name or file of a LiDAR; or a list of these
     frames : numbers of frames of 0.1 s, such as `range(0, 1000, 10)`
-    threads : that cast rays; by default as many as there are processors
+    threads : number of threads that cast rays; by default the number of processors
 
     Returns
     -------
-    A sequence: `frames[3].points` is (n, 4) float32 x y z intensity in the levelled LiDAR frame,
-    `frames.labels` a table of all labels. No file is written.
+    A sequence of frames; for a list of LiDARs, a dict of sequences by LiDAR name. If `frames` is a
+    sequence, `frames[3].points` is (n, 4) float32, x y z intensity, in the levelled LiDAR frame,
+    and `frames.labels` is a table of all labels. No file is written.
 
     Raises
     ------
-    Error : for frames that the scene does not have, or a LiDAR that it cannot take
+    Error : for frames that the scene does not have, or a LiDAR whose preset does not fit the scene
 
     Examples
     --------
@@ -172,19 +173,19 @@ def simulate(
 
 @public
 def load_dataset(folder: str | os.PathLike[str]) -> RecordedFrames | dict[str, RecordedFrames]:
-    """Frames on disk: of a LiDAR's folder, or of each LiDAR of a data set.
+    """Opens frames on disk: those of a LiDAR's folder, or of each LiDAR of a data set.
 
     Parameters
     ----------
-    folder : what `infrasim run` or `pyinfra import` wrote, or a folder in KITTI's layout
+    folder : output of `infrasim run` or `pyinfra import`, or a folder in the KITTI layout
 
     Returns
     -------
-    A sequence of frames for a LiDAR's folder; for a data set a dict of sequences by LiDAR.
+    A sequence of frames for a LiDAR's folder; a dict of sequences by LiDAR name for a data set
 
     Raises
     ------
-    Error : if there is no frame in it
+    Error : if the folder has no frame
 
     Examples
     --------
@@ -201,7 +202,7 @@ def load_dataset(folder: str | os.PathLike[str]) -> RecordedFrames | dict[str, R
 
 
 def one_lidar(frames: FrameSequence | str | os.PathLike[str], argument: str) -> FrameSequence:
-    """A sequence itself, or that of a LiDAR's folder. Raises Error for a data set of several."""
+    """Returns a sequence unchanged, or opens a LiDAR's folder. Raises Error for a data set."""
     if isinstance(frames, FrameSequence):
         return frames
     loaded = _loaded(frames, argument)
@@ -222,7 +223,7 @@ def _loaded(
 
 
 def _numbers(frames: Sequence[int]) -> tuple[int, ...]:
-    """Raises Error for what is no sequence of whole numbers."""
+    """Converts frame numbers to a tuple. Raises Error unless they are whole numbers."""
     try:
         numbers = tuple(operator.index(k) for k in frames)
     except TypeError:

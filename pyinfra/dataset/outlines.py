@@ -1,7 +1,7 @@
-"""Outlines in plan: which places lie in them, and those that narrow a data set's region.
+"""Polygon outlines: point-in-polygon tests, and the outlines that restrict a data set's region.
 
-`regions.csv` has the corners of each in the world frame, in order; the last is joined to the first.
-Without the file, the region is wherever roads or lanes are.
+`regions.csv` lists the corners of each outline in order, in the world frame; the last corner is
+joined to the first. Without the file, the region covers all roads or lanes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _RULES = (between(["x", "y"], -1e6, 1e6),)
 
 
 def read_outlines(data_set: Path) -> tuple[FloatArray, ...]:
-    """Those of a data set, each (m, 2), world; none without the file.
+    """Reads the outlines of a data set, each (m, 2) in the world frame; none without the file.
 
     Raises FormatError with file and line.
     """
@@ -52,15 +52,15 @@ def read_outlines(data_set: Path) -> tuple[FloatArray, ...]:
 
 
 def outlines_of(scene: Mapping[str, Any]) -> tuple[FloatArray, ...]:
-    """Those of a scene's keys."""
+    """Returns the outlines in a scene's keys, each (m, 2) in the world frame."""
     return tuple(np.array(region["outline_m"], np.float64) for region in scene.get("regions", ()))
 
 
 def first_crossing(outline: FloatArray) -> tuple[int, int] | None:
-    """Two sides of an outline (m, 2) that cross each other; side i begins at corner i."""
+    """Returns two sides of an outline (m, 2) that cross, or None; side i begins at corner i."""
 
     def left_of(i: int, k: int) -> float:
-        """On which side of the line of side i corner k lies."""
+        """Returns a positive number if corner k lies to the left of the line through side i."""
         along, to = outline[(i + 1) % len(outline)] - outline[i], outline[k] - outline[i]
         return float(along[0] * to[1] - along[1] * to[0])
 
@@ -72,7 +72,10 @@ def first_crossing(outline: FloatArray) -> tuple[int, int] | None:
 
 
 def in_any(outlines: Sequence[FloatArray], points: FloatArray, margin_m: float) -> BoolArray:
-    """Which points (n, 2 or more) lie in one of the outlines or as near; all if there are none."""
+    """Returns which points (n, 2 or more) lie in an outline or within `margin_m` of one.
+
+    Without outlines, all points do.
+    """
     inside = np.full(len(points), len(outlines) == 0)
     for outline in outlines:
         inside |= in_outline(outline, points, margin_m)
@@ -80,13 +83,16 @@ def in_any(outlines: Sequence[FloatArray], points: FloatArray, margin_m: float) 
 
 
 def in_outline(outline: FloatArray, points: FloatArray, margin_m: float) -> BoolArray:
-    """Which points (n, 2 or more) lie in an outline (m, 2), by the even-odd rule, or as near."""
+    """Returns which points (n, 2 or more) lie in an outline (m, 2) or within `margin_m` of it.
+
+    Uses the even-odd rule.
+    """
     inside = np.zeros(len(points), np.bool_)
     near = np.zeros(len(points), np.bool_)
     for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         (x, y), (ahead, up) = (points[:, :2] - start).T, end - start
         crosses = (y < 0) != (y < up)
-        if up != 0:  # else it crosses no line along x
+        if up != 0:  # a side parallel to x crosses no horizontal ray
             inside ^= crosses & (x < y / up * ahead)
         along = np.clip((x * ahead + y * up) / max(ahead**2 + up**2, 1e-12), 0, 1)
         near |= np.hypot(x - along * ahead, y - along * up) <= margin_m

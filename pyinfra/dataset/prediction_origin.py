@@ -1,6 +1,6 @@
-"""Which model and which frames a folder of predictions comes from: `origin.yaml` beside them.
+"""Records and checks which model and frames a folder of predictions comes from (`origin.yaml`).
 
-Predictions of other tools have no such file; then nothing is checked.
+Predictions of other tools have no such file and are not checked.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from pyinfra.formats import kitti
 ORIGIN_FILE = "origin.yaml"
 OF_FRAMES = ("lidar", "preset", "scene", "seed", "dataset_sha256", "lidar_sha256")
 OF_MODEL = ("model_sha256",)
-RUN_FILES = ("last", "best", "background")  # models that are named as the folder of their run
+RUN_FILES = ("last", "best", "background")  # such model files are named after their run's folder
 PRICES = re.compile(rb"^price_usd:\n(?:  .*\n)+|^price_total_usd: .*\n", re.MULTILINE)
 
 
 def origin_of(lidar_folder: Path, model: Path | None = None) -> dict[str, str]:
-    """What is known of a LiDAR's frames, and of the file of the model that looks at them.
+    """Returns what identifies a LiDAR's frames and, if given, the model file.
 
     Raises FormatError for a wrong lidar.yaml or dataset.yaml.
     """
@@ -50,7 +50,7 @@ def origin_of(lidar_folder: Path, model: Path | None = None) -> dict[str, str]:
 
 
 def read_origin(predictions: Path) -> dict[str, str] | None:
-    """That of a folder of predictions; None where it is not known. Raises FormatError."""
+    """Reads the origin of a folder of predictions; None without the file. Raises FormatError."""
     file = predictions / ORIGIN_FILE
     if not file.is_file():
         return None
@@ -58,7 +58,7 @@ def read_origin(predictions: Path) -> dict[str, str] | None:
 
 
 def write_origin(predictions: Path, origin: Mapping[str, str], *, anew: bool = False) -> None:
-    """Writes the file, or checks that it says the same; anew: what was there is replaced.
+    """Writes the origin; an existing file must have the same origin, or is replaced with `anew`.
 
     Raises Error if the folder holds predictions of another model or of other frames.
     """
@@ -69,9 +69,9 @@ def write_origin(predictions: Path, origin: Mapping[str, str], *, anew: bool = F
 
 
 def check_origin(predictions: Path, lidar_folder: Path) -> bool:
-    """Whether the folder of predictions says where it comes from.
+    """Returns whether the folder of predictions has an origin file.
 
-    Raises Error if that is not the LiDAR's folder.
+    Raises Error if the predictions come from other frames than those of the LiDAR's folder.
     """
     there = read_origin(predictions)
     if there is None:
@@ -89,7 +89,7 @@ def _check(
     keys: tuple[str, ...],
     hint: str,
 ) -> None:
-    """Compares the keys that both have."""
+    """Raises Error if a key that both origins have differs."""
     for key in keys:
         if key in there and key in origin and there[key] != origin[key]:
             raise Error(

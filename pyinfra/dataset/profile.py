@@ -1,4 +1,4 @@
-"""How a scene rises along one direction, as `dataset.yaml` has it."""
+"""The vertical profile of a scene along one direction, as `dataset.yaml` stores it."""
 
 from __future__ import annotations
 
@@ -12,15 +12,18 @@ from pyinfra.formats.yaml_file import YamlNode
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Straight from point to point, level beyond; parabolas of `curve_m` round what changes."""
+    """A polyline of rise over station, constant beyond its ends.
 
-    start: FloatArray  # x, y where stations begin, metres
-    heading: float  # that they run in, radians
-    points: FloatArray  # (n, 2) station and rise
+    Parabolas of length `curve_m` round the changes of slope.
+    """
+
+    start: FloatArray  # (2,) x, y of station 0, metres
+    heading: float  # direction of increasing stations, radians
+    points: FloatArray  # (n, 2) station and rise, metres
     curve_m: float
 
     def rise_m(self, xy: FloatArray) -> FloatArray:
-        """At places (..., 2) of the world."""
+        """Returns the rise in metres at positions (..., 2) in the world frame."""
         axis = np.array([np.cos(self.heading), np.sin(self.heading)])
         beyond = ((xy - self.start) @ axis)[..., None] - self.points[:, 0]
         steps = np.diff(self.points, axis=0)
@@ -32,7 +35,7 @@ class Profile:
 
 
 def profile_of(node: YamlNode) -> Profile:
-    """Raises FormatError with file, line and key."""
+    """Reads a profile. Raises FormatError with file, line and key."""
     points = [_station_and_rise(pair) for pair in node.at("points_m").items()]
     return Profile(
         start=np.array([node.at("x_m").number(), node.at("y_m").number()]),

@@ -1,10 +1,12 @@
-"""Where along which road something is, the evaluation region, and the windows of distance.
+"""Positions along roads, the evaluation region, and windows of distance.
 
-Roads are the polylines of `roads.csv` in the world frame: one point a metre, s = 0 at the foot of
-the sensor; of lanes of a file also their ends, and s = 0 where a lane is nearest to the foot. A
-place is inside the region if it lies within the width of a road and between the first and the last
-s of its file, and in one of the outlines that narrow the region, if there are any. Where no roads
-are known, a user's outline may stand for them.
+Roads are the polylines of `roads.csv` in the world frame, with one point per metre. The station s
+is 0 at the foot of the sensor. Lanes of a file also have their end points, and s = 0 where a lane
+is nearest to the foot.
+
+A position is inside the region if it lies within the width of a road and between the road's first
+and last s. If outlines restrict the region, it must also lie in one of them. Where no roads are
+known, a user's outline may define the region.
 """
 
 from __future__ import annotations
@@ -26,13 +28,13 @@ from pyinfra.dataset.outlines import first_crossing, in_any, in_outline, read_ou
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.text_table import ColumnRule, NamedRows, between, lines_of
 
-REGION_FILE = "region.yaml"  # in a LiDAR's folder: its user's Outline
-REGION_M = 100.0  # to either side, or around a sensor: all of the region
+REGION_FILE = "region.yaml"  # in a LiDAR's folder: an outline drawn by the user
+REGION_M = 100.0  # a range of this or more selects the whole region
 WINDOW_M = 20.0  # length of a window along its road
-WINDOW_STEP_M = 5.0  # from the middle of one to that of the next
+WINDOW_STEP_M = 5.0  # distance between the middles of successive windows
 EVERY_ROAD = -1
-FOOTWAYS_M = 6.0  # beside a carriageway: people count there too, as in the simulator
-AXES_MARGIN_M = 2.0  # beside a carriageway: vehicles at its edge have its axis too
+FOOTWAYS_M = 6.0  # beside a carriageway, pedestrians and cyclists count too, as in the simulator
+AXES_MARGIN_M = 2.0  # beside a carriageway; vehicles at its edge still have the road's axis
 _CHUNK = 20_000
 
 ROAD_COLUMNS = ["road", "s", "x", "y", "z", "heading", "half_width"]
@@ -44,13 +46,15 @@ _RULES = (
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Where vehicles can be; levelled LiDAR frame."""
+    """The evaluation region, in the levelled LiDAR frame."""
 
-    # Which places (n, 2 or more) lie in it, or up to so many metres outside.
+    # Arguments: positions (n, 2 or more) and a margin in metres. Returns (n,) whether each position
+    # lies in the region, or outside by at most the margin.
     holds: Callable[[FloatArray, float], BoolArray]
-    corners: FloatArray  # (k, 2) that enclose it
-    # Sine and cosine of twice the heading of the roads there (n, 2), of places (n, 2): of length 1
-    # where there is one, shorter where several cross, 0 off the roads. None: no roads are known.
+    corners: FloatArray  # (k, 2) points whose extent encloses the region
+    # Maps positions (n, 2) to sine and cosine (n, 2) of twice the heading of the roads there. The
+    # vector has length 1 on one road, is shorter where several roads cross, and 0 off the roads.
+    # None if no roads are known.
     axes: Callable[[FloatArray], FloatArray] | None = None
 
 
@@ -59,7 +63,7 @@ class Road:
     """Centreline of a road within the region; world frame, metres, radians."""
 
     name: str
-    s: FloatArray  # (n,) rising
+    s: FloatArray  # (n,) increasing
     xy: FloatArray  # (n, 2)
     z: FloatArray  # (n,)
     heading: FloatArray  # (n,)
@@ -68,11 +72,11 @@ class Road:
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Where n points are: the nearest of the roads that hold them, and the station along it."""
+    """Road and station of n points: the nearest road that contains each, and s along it."""
 
-    road: IntArray  # (n,) index into the roads; -1 outside of the region
-    s: FloatArray  # (n,) metres; nan outside
-    xy: FloatArray  # (n, 2) world, if roads are known
+    road: IntArray  # (n,) index into the roads; -1 outside the region
+    s: FloatArray  # (n,) metres; NaN outside the region
+    xy: FloatArray  # (n, 2) world frame if roads are known, else levelled frame
 
     @property
     def inside(self) -> BoolArray:
@@ -81,7 +85,7 @@ class Places:
 
 @dataclass(frozen=True)
 class Outline:
-    """A file of a user's: where vehicles can be, in the levelled LiDAR frame."""
+    """A region outline drawn by the user, in the levelled LiDAR frame; a YAML file."""
 
     outline_m: tuple[tuple[float, float], ...] = ruled(low=-1e4, high=1e4)  # corners x y, in order
 
@@ -98,13 +102,13 @@ class Outline:
 
 @dataclass(frozen=True)
 class Window:
-    """A stretch of a road, or of every road: s in [middle - 10 m, middle + 10 m)."""
+    """A section of one road, or of all roads: s in [middle - 10 m, middle + 10 m)."""
 
-    road: int  # EVERY_ROAD, or an index
+    road: int  # EVERY_ROAD, or an index into the roads
     middle: float
 
     def holds(self, places: Places) -> BoolArray:
-        """(n,) bool: which of the places lie in it."""
+        """Returns (n,) whether each position lies in the window."""
         ahead = places.s - self.middle
         near = (ahead >= -WINDOW_M / 2) & (ahead < WINDOW_M / 2)
         return np.asarray(near & ((places.road == self.road) | (self.road == EVERY_ROAD)))
@@ -112,13 +116,13 @@ class Window:
 
 @dataclass(frozen=True)
 class GridCell:
-    """A square of 20 m in the world, cut along multiples of 20 m: an area of a site of lanes."""
+    """A 20 m square of a world-frame grid with lines at multiples of 20 m; used for lane sites."""
 
-    x: float  # of its middle
+    x: float  # of the square's middle
     y: float
 
     def holds(self, places: Places) -> BoolArray:
-        """(n,) bool: which of the places lie in it."""
+        """Returns (n,) whether each position lies in the square and in the region."""
         ahead = places.xy - (self.x, self.y)
         near = (ahead >= -WINDOW_M / 2) & (ahead < WINDOW_M / 2)
         return np.asarray(near.all(axis=1) & places.inside)
@@ -126,16 +130,17 @@ class GridCell:
 
 @dataclass(frozen=True)
 class Near:
-    """What lies within a range: along a road to either side, at a site of lanes around the sensor.
+    """The part of the region within a distance of the sensor.
 
-    REGION_M is all of the region.
+    The distance is measured along the road, or horizontally at a site of lanes. REGION_M or more
+    selects the whole region.
     """
 
     range_m: float
-    centre: tuple[float, float] | None = None  # x y in the world, of a site of lanes
+    centre: tuple[float, float] | None = None  # x y of the sensor in the world; only with lanes
 
     def holds(self, places: Places) -> BoolArray:
-        """(n,) bool: which of the places lie in it."""
+        """Returns (n,) whether each position lies in this part."""
         if self.range_m >= REGION_M:
             return places.inside
         if self.centre is None:
@@ -145,12 +150,12 @@ class Near:
 
 
 def read_roads(file: Path) -> list[Road]:
-    """Roads of a data set, in the order of the file. Raises FormatError with file and line."""
+    """Reads the roads of a data set, in file order. Raises FormatError with file and line."""
     return roads_of(lines_of(file, whole=True), file)
 
 
 def roads_of(lines: Sequence[str], file: Path) -> list[Road]:
-    """The same from the lines of a file, or of a world that has none."""
+    """Parses roads from lines of text; messages show `file`. Raises FormatError."""
     try:
         rows = list(csv.reader(lines))
     except csv.Error as error:
@@ -174,27 +179,27 @@ def _road(name: str, values: FloatArray, file: Path) -> Road:
 
 
 def offset_curve(centre: FloatArray, heading: FloatArray, left_m: Floats | float) -> FloatArray:
-    """The curve to the left of a centreline (n, 2), by metres that are one or (n,): (n, 2)."""
+    """Returns the curve (n, 2) at `left_m` (scalar or (n,)) to the left of a centreline (n, 2)."""
     aside = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
     return np.asarray(centre + aside * np.reshape(left_m, (-1, 1)))
 
 
 def to_world(points: FloatArray, pose: WorldPose) -> FloatArray:
-    """Points (n, 2 or more) of a levelled frame as x y (n, 2) of the world."""
+    """Transforms points (n, 2 or more) of a levelled frame to x y (n, 2) in the world frame."""
     cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
     x, y = points[:, 0], points[:, 1]
     return np.stack([pose.x + cos * x - sin * y, pose.y + sin * x + cos * y], axis=1)
 
 
 def to_levelled(points: FloatArray, pose: WorldPose) -> FloatArray:
-    """Points (n, 2) of the world as x y (n, 2) of a levelled frame."""
+    """Transforms world-frame points (n, 2) to x y (n, 2) in a levelled frame."""
     cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
     x, y = points[:, 0] - pose.x, points[:, 1] - pose.y
     return np.stack([cos * x + sin * y, -sin * x + cos * y], axis=1)
 
 
 def roads_region(roads: list[Road], pose: WorldPose, outlines: Sequence[FloatArray] = ()) -> Region:
-    """The evaluation region in a levelled frame with that pose; outlines: in the world."""
+    """Returns the evaluation region in the levelled frame at `pose`; outlines: world frame."""
     sides = [
         offset_curve(road.xy, road.heading, side * road.half_width)
         for road in roads
@@ -209,12 +214,15 @@ def roads_region(roads: list[Road], pose: WorldPose, outlines: Sequence[FloatArr
 
 
 def _common_corners(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(2, 2) of the rectangle along the axes in which both can have places."""
+    """Returns the corners (2, 2) of the intersection of both axis-parallel bounding boxes."""
     return np.stack([np.maximum(a.min(0), b.min(0)), np.minimum(a.max(0), b.max(0))])
 
 
 def road_axes(roads: list[Road], pose: WorldPose, positions: FloatArray) -> FloatArray:
-    """See `Region.axes`; a road is as wide as its carriageway and AXES_MARGIN_M on both sides."""
+    """Returns the axes (n, 2) as described at `Region.axes`.
+
+    Each road extends AXES_MARGIN_M beyond its carriageway on both sides.
+    """
     total, count = np.zeros((len(positions), 2)), np.zeros((len(positions), 1))
     for road in roads:
         centre = to_levelled(road.xy, pose)
@@ -241,9 +249,10 @@ def _on_roads(
 
 
 def region_of(lidar_folder: Path, pose: WorldPose) -> Region | None:
-    """Where vehicles can be: the data set's roads, else the LiDAR's outline; None if not known.
+    """Returns the evaluation region of a LiDAR's folder, or None if it is unknown.
 
-    Raises FormatError for roads, and ConfigError for an outline.
+    It follows the data set's roads, else the outline in the LiDAR's folder. Raises FormatError for
+    roads, and ConfigError for an outline.
     """
     data_set = data_set_of(lidar_folder)
     if (roads := data_set / "roads.csv").is_file():
@@ -253,23 +262,26 @@ def region_of(lidar_folder: Path, pose: WorldPose) -> Region | None:
 
 
 def outline_region(file: Path) -> Region:
-    """That of an `Outline` file. Raises ConfigError with file, line and key."""
+    """Returns the region of an `Outline` file. Raises ConfigError with file, line and key."""
     return region_within(read_outline(file))
 
 
 def region_within(corners: FloatArray) -> Region:
-    """That of an outline's corners (m, 2), metres, levelled LiDAR frame."""
+    """Returns the region inside an outline with corners (m, 2), metres, levelled LiDAR frame."""
     return Region(partial(in_outline, corners), corners)
 
 
 def drawn_outline(lidar_folder: Path) -> FloatArray | None:
-    """What its user drew, (m, 2), levelled; None without the file. Raises as `read_outline`."""
+    """Reads the user's outline (m, 2) in a LiDAR's folder, levelled frame; None without the file.
+
+    Raises ConfigError with file, line and key.
+    """
     file = lidar_folder / REGION_FILE
     return read_outline(file) if file.is_file() else None
 
 
 def read_outline(file: Path) -> FloatArray:
-    """The corners (m, 2) of an `Outline` file. Raises ConfigError with file, line and key."""
+    """Reads the corners (m, 2) of an `Outline` file. Raises ConfigError with file, line and key."""
     return np.array(read_config(file, Outline).outline_m, dtype=np.float64)
 
 
@@ -280,9 +292,9 @@ def locate(
     *,
     margin_m: float = 0.0,
 ) -> Places:
-    """Places of points (n, 2) in the world frame; outside of all outlines is outside of the region.
+    """Assigns world-frame points (n, 2) to roads; points outside all outlines are outside.
 
-    A margin makes roads wider and longer, and outlines wider.
+    A margin widens and lengthens the roads, and widens the outlines.
     """
     nearest = np.full(len(points), np.inf)
     places = Places(np.full(len(points), -1), np.full(len(points), np.nan), points)
@@ -303,7 +315,7 @@ def locate(
 
 
 def _near(points: FloatArray, road: Road, margin_m: float) -> BoolArray:
-    """Which points (n, 2) are in a rectangle around a road that holds all of it."""
+    """Returns which points (n, 2) lie in the bounding rectangle of a road with its margin."""
     reach = road.half_width.max() + 2 * margin_m + 1e-6
     low, high = road.xy.min(axis=0) - reach, road.xy.max(axis=0) + reach
     return np.asarray(((points >= low) & (points <= high)).all(axis=1))
@@ -312,10 +324,10 @@ def _near(points: FloatArray, road: Road, margin_m: float) -> BoolArray:
 def by_distance(
     points: FloatArray, outline: FloatArray | None = None, *, margin_m: float = 0.0
 ) -> Places:
-    """Places along one nameless road that leads away from the sensor: s is the distance.
+    """Assigns points to a single unnamed road whose s is the distance from the sensor.
 
-    points: (n, 2 or more), levelled frame, of which those outside of an outline (m, 2) by more
-    than the margin are outside of the region.
+    points: (n, 2 or more), levelled frame. Points outside the outline (m, 2) by more than the
+    margin are outside the region.
     """
     xy = points[:, :2]
     inside = in_any(() if outline is None else (outline,), xy, margin_m)
@@ -324,7 +336,7 @@ def by_distance(
 
 
 def road_windows(roads: list[Road]) -> list[Window]:
-    """Windows of 20 m whose middles are the multiples of 5 m on each road, its ends included."""
+    """Returns windows of 20 m on each road, with middles at all multiples of 5 m."""
     windows = []
     for index, road in enumerate(roads):
         first = np.ceil(road.s[0] / WINDOW_STEP_M - 1e-9)
@@ -335,14 +347,17 @@ def road_windows(roads: list[Road]) -> list[Window]:
 
 
 def lane_windows(roads: Sequence[Road]) -> list[Window]:
-    """The same of all roads at once, where these are lanes: hundreds, some of a few metres."""
+    """Returns windows of 20 m across all roads together, with middles at multiples of 5 m.
+
+    Used for lanes, of which a site has hundreds, some only a few metres long.
+    """
     low, high = min(road.s[0] for road in roads), max(road.s[-1] for road in roads)
     steps = np.arange(np.ceil(low / WINDOW_STEP_M - 1e-9), high / WINDOW_STEP_M + 1e-9)
     return [Window(EVERY_ROAD, float(WINDOW_STEP_M * step)) for step in steps]
 
 
 def region_cells(roads: Sequence[Road], outlines: Sequence[FloatArray]) -> list[GridCell]:
-    """Those with some of the region, by x, then y."""
+    """Returns the grid cells that contain a part of the region, sorted by x, then y."""
     sides = [
         offset_curve(road.xy, road.heading, side * road.half_width)
         for road in roads
@@ -355,19 +370,20 @@ def region_cells(roads: Sequence[Road], outlines: Sequence[FloatArray]) -> list[
 
 
 def distance_windows(farthest: float) -> list[Window]:
-    """Windows of 20 m every 5 m from the sensor until the farthest object is in one, or one."""
+    """Returns windows of 20 m, every 5 m from the sensor to the farthest object; at least one."""
     middles = np.arange(WINDOW_M / 2, max(farthest, 1e-9) + WINDOW_M / 2, WINDOW_STEP_M)
     return [Window(0, float(middle)) for middle in middles]
 
 
 def _project(points: FloatArray, road: Road) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Station, distance from the centreline and half width there, (n,) each.
+    """Returns station, distance from the centreline, and the road's half width there, (n,) each.
 
-    The first and the last piece of the centreline go on straight, so that s tells what is beyond.
+    The first and last segments are extended as straight lines, so that s is also defined beyond the
+    ends.
     """
     base = road.xy[0]
     line, points = road.xy - base, points - base
-    # |p - v|^2 without |p|^2, which is the same for all v.
+    # |p - v|^2 without the term |p|^2, which is the same for all v.
     nearest = ((line**2).sum(1) - 2 * points @ line.T).argmin(1)
     best_s = np.full(len(points), np.nan)
     best = np.full(len(points), np.inf)

@@ -1,10 +1,11 @@
-"""The road's plane below a sensor that stands still, from several frames.
+"""Estimates the road plane below a stationary sensor from several frames.
 
-The largest level plane need not be the road: fields beside it are larger, and often lower. So
-planes are tried at random (RANSAC, Fischler and Bolles 1981) and the best is the one that holds
-most of the ground near the sensor and most of the ground over which something moved. Roads are
-higher in their middle: where two slopes that fall away from a line fit much better than a plane,
-the frame is levelled to stand evenly between them.
+The largest plane need not be the road: fields beside it are larger and often lower. Random planes
+are therefore tested (RANSAC, Fischler and Bolles 1981). The best plane contains most of the ground
+near the sensor and most of the ground over which something moved.
+
+Many roads are crowned, that is, higher in their middle. If two slopes that fall away from a line
+fit much better than a plane, the result is the mean plane of the two slopes.
 """
 
 from __future__ import annotations
@@ -18,44 +19,44 @@ from scipy.spatial.transform import Rotation
 
 from pyinfra.core.arrays import BoolArray, FloatArray, Floats, IntArray, Points
 
-MOST_POINTS = 40_000  # of a cloud
-LEAST_SHARE = 0.15  # on the best plane; less is no road
-REACH_M = (2.0, 60.0)  # of the points that are looked at, from the sensor
-COLUMN_M = 1.0  # in which the lowest is ground, and something moves
-LOW_SHARE = 0.05  # of the points of a column that may lie below the ground
-LOW_M = 0.1  # and how far
-MOVED_M = 0.7  # above the lowest return of a column
-MOVED_SHARE = (0.03, 0.6)  # of the frames that see the column: less is noise, more stands there
-MOVED_COLUMNS = 30  # fewer say nothing
-MOVED_WEIGHT = 2.0  # of the ground with traffic against that near the sensor
-HALF_WEIGHT_M = 20.0  # horizontally, where ground counts half
-ON_M = 0.15  # of a plane
-TRIES = 1500
-REFINED = 10  # of them, the best, are fitted to what lies about them before one is chosen
-APART_M = 4.0  # the three points of a try
+MOST_POINTS = 40_000  # clouds with more points are thinned
+LEAST_SHARE = 0.15  # minimum share of the ground on the best plane
+REACH_M = (2.0, 60.0)  # slant range of the points used
+COLUMN_M = 1.0  # side of the vertical columns for which ground and motion are determined
+LOW_SHARE = 0.05  # share of a column's points that may lie below its ground
+LOW_M = 0.1  # points lower than this below the ground of a column are ignored
+MOVED_M = 0.7  # height above a column's ground at which a return counts as an object
+MOVED_SHARE = (0.03, 0.6)  # share of frames with an object: less is noise, more is static
+MOVED_COLUMNS = 30  # minimum number of columns with motion for a moved share
+MOVED_WEIGHT = 2.0  # weight of the ground with motion relative to the ground near the sensor
+HALF_WEIGHT_M = 20.0  # horizontal distance at which ground has half the weight
+ON_M = 0.15  # maximum distance of ground that counts as on a plane
+TRIES = 1500  # number of random planes
+REFINED = 10  # number of best planes that are fitted to the ground before one is chosen
+APART_M = 4.0  # minimum distance between the three points of a random plane
 MOST_TILT_DEG = 40.0
-SETTLED_DEG = 5.0  # the second fit may turn it so far
-HEIGHTS_M = (-2.0, 40.0)  # of the sensor above a plane
-FIT_M = 40.0  # the plane is fitted to the ground up to here
-NEAR_M = 0.3  # and to what is as close to it
-SOFT_M = 0.1  # Cauchy's scale of the fit
-CROWN = (0.005, 0.05)  # slopes to either side
-CROWN_GAIN = 0.25  # of the sum of squares that a crown must save
-LEAST_ROWS = 50  # columns; fewer show no crown
-LEAST_SIDE = 0.2  # of the ground that either side must have
+SETTLED_DEG = 5.0  # maximum rotation by the second fit
+HEIGHTS_M = (-2.0, 40.0)  # allowed height of the sensor above a plane
+FIT_M = 40.0  # horizontal distance up to which a plane is fitted to the ground
+NEAR_M = 0.3  # maximum distance from the plane of ground that is used in a fit
+SOFT_M = 0.1  # scale of the fit's Cauchy weights
+CROWN = (0.005, 0.05)  # allowed slopes of a crown
+CROWN_GAIN = 0.25  # minimum share by which a crown must reduce the sum of squares
+LEAST_ROWS = 50  # minimum number of columns for a crown
+LEAST_SIDE = 0.2  # minimum share of the ground on each side of a crown
 
 
 @dataclass(frozen=True)
 class RoadPlane:
-    """Where the road lies, in a frame whose z is up but for the tilt of its sensor."""
+    """The road plane in the frame of a sensor, whose z is up except for the sensor's tilt."""
 
-    normal: tuple[float, float, float]  # unit, upwards
-    height_m: float  # of the origin above it
-    residual_m: float  # root mean square of the road about it, or about its crown
-    share: float  # of the ground near the sensor that lies on it
-    moved_share: float  # of the ground over which something moved; nan if too little did
-    above: float  # share of the points within reach that stand above the ground
-    crown: float = 0.0  # slope to either side; 0: none was found
+    normal: tuple[float, float, float]  # unit vector, upwards
+    height_m: float  # of the origin above the plane
+    residual_m: float  # root mean square distance of the road from the plane or its crown
+    share: float  # weighted share of the ground near the sensor that lies on the plane
+    moved_share: float  # same for ground over which something moved; NaN if there is too little
+    above: float  # share of the points within range that are more than MOVED_M above the ground
+    crown: float = 0.0  # slope of the crown to either side; 0 if there is none
 
     @property
     def score(self) -> float:
@@ -64,22 +65,25 @@ class RoadPlane:
 
     @property
     def tilt(self) -> tuple[float, float]:
-        """Pitch and roll (rad) of the sensor that see the road level."""
+        """Pitch and roll (rad) of the sensor relative to the road."""
         return _tilt(*self.normal)
 
 
 @dataclass(frozen=True, eq=False)
 class LowestPoints:
-    """What lies lowest in each column of all frames, a point a column."""
+    """Ground points: the mean lowest point of each column, from all frames together."""
 
     xyz: FloatArray  # (n, 3)
-    near: FloatArray  # (n,) weight
-    moved: BoolArray  # (n,) something moved above it
-    above: float  # share of the points that stand more than MOVED_M above their column's lowest
+    near: FloatArray  # (n,) weight that decreases with distance
+    moved: BoolArray  # (n,) whether something moved above the point
+    above: float  # share of all points that are more than MOVED_M above their column's ground
 
 
 def road_of(clouds: Sequence[Points]) -> RoadPlane | None:
-    """The road of clouds with z up, but for a tilt; None if little of the ground lies on one."""
+    """Returns the road plane of clouds with z up except for a tilt.
+
+    Returns None if too little of the ground lies on the plane.
+    """
     plane = find_plane([cloud[:: 1 + len(cloud) // MOST_POINTS] for cloud in clouds])
     return None if plane is None or plane.share < LEAST_SHARE else plane
 
@@ -91,10 +95,10 @@ def find_plane(
     *,
     crowned: bool = True,
 ) -> RoadPlane | None:
-    """The road in clouds (k, 3 or more) of one sensor, z up but for a tilt; None if there is none.
+    """Finds the road in clouds (k, 3 or more) of one sensor, with z up except for a tilt.
 
-    heights_m: allowed of the sensor above the road; crowned: whether a crown is looked for. The
-    same clouds give the same plane.
+    heights_m: allowed heights of the sensor above the road; crowned: whether to search for a crown.
+    Returns None if no plane is found. The same clouds always give the same plane.
     """
     xyz, frame = _within_reach(clouds)
     ground = _ground(xyz, frame, len(clouds))
@@ -107,7 +111,7 @@ def find_plane(
     if not inside:
         return None
     best = max(inside, key=lambda plane: _score(ground, plane))
-    # Again in columns that stand upright on it: those that lean hold ground of many heights.
+    # Fit again in columns perpendicular to the plane: tilted columns mix ground of many heights.
     turn = Rotation.from_euler("ZYX", [0, *_tilt(*best[:3])]).as_matrix()
     upright = _ground(xyz @ turn.T, frame, len(clouds))
     level = _fitted(upright, np.array([0.0, 0.0, 1.0, best[3]]))
@@ -119,22 +123,22 @@ def find_plane(
 
 
 def lowest_points(clouds: Sequence[Floats]) -> LowestPoints:
-    """Of clouds (k, 3 or more) of one sensor, within its reach."""
+    """Returns the ground points of clouds (k, 3 or more) of one sensor, in range REACH_M."""
     xyz, frame = _within_reach(clouds)
     return _ground(xyz, frame, len(clouds))
 
 
 def _tilt(x: float, y: float, z: float) -> tuple[float, float]:
-    """Pitch and roll (rad) of a sensor that sees an upward normal so."""
+    """Returns pitch and roll (rad) of a sensor in whose frame the upward normal is x, y, z."""
     return -math.asin(x), math.atan2(y, z)
 
 
 def _within_reach(clouds: Sequence[Floats]) -> tuple[FloatArray, IntArray]:
-    """(n, 3), and the frame of each (n,)."""
+    """Returns the points (n, 3) of all clouds in range REACH_M, and the frame of each (n,)."""
     parts = []
     for cloud in clouds:
         xyz = cloud[:, :3].astype(np.float64)
-        slant = np.linalg.norm(xyz, axis=1)  # nan and inf are out of reach
+        slant = np.linalg.norm(xyz, axis=1)  # NaN and inf fail the test below
         parts.append(xyz[(slant >= REACH_M[0]) & (slant <= REACH_M[1])])
     frame = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     return np.concatenate([np.empty((0, 3)), *parts]), frame
@@ -158,7 +162,7 @@ def _ground(xyz: FloatArray, frame: IntArray, frames: int) -> LowestPoints:
 
 
 def _low(z: FloatArray, column: IntArray, columns: int) -> FloatArray:
-    """(columns,) z that a few points are below of: single ones may lie under the road."""
+    """Returns (columns,) z of the ground: the LOW_SHARE quantile, as stray points may lie lower."""
     order = np.lexsort((z, column))
     counts = np.bincount(column, minlength=columns)
     first = np.concatenate([[0], np.cumsum(counts)[:-1]])
@@ -168,7 +172,7 @@ def _low(z: FloatArray, column: IntArray, columns: int) -> FloatArray:
 def _moved(
     over: FloatArray, column: IntArray, frame: IntArray, columns: int, frames: int
 ) -> BoolArray:
-    """(columns,) in which something stands in a few of the frames that see them."""
+    """Returns (columns,) whether an object is above the ground in some, but not most, frames."""
     high = np.full(columns * frames, -np.inf)
     np.maximum.at(high, column * frames + frame, over)
     top = high.reshape(columns, frames)
@@ -179,7 +183,10 @@ def _moved(
 def _tries(
     ground: LowestPoints, heights_m: tuple[float, float], most_tilt_deg: float
 ) -> FloatArray:
-    """Planes (m, 4) n d with n x + d = 0 through three points each, n up, d the height."""
+    """Returns random planes (m, 4), each through three ground points.
+
+    A row holds the upward unit normal n and the height d, with n x + d = 0.
+    """
     n = len(ground.xyz)
     if n < 3:
         return np.empty((0, 4))
@@ -214,12 +221,12 @@ def _shares(ground: LowestPoints, plane: FloatArray) -> tuple[float, float]:
     near = float(ground.near[on].sum() / ground.near.sum())
     if ground.moved.sum() < MOVED_COLUMNS:
         return near, math.nan
-    weight = np.sqrt(ground.near[ground.moved])  # traffic tells also far away
+    weight = np.sqrt(ground.near[ground.moved])  # distant traffic counts more than distant ground
     return near, float(weight[on[ground.moved]].sum() / weight.sum())
 
 
 def _fitted(ground: LowestPoints, plane: FloatArray) -> FloatArray:
-    """The plane through what lies about it, ever closer."""
+    """Refits a plane to the ground near it, with a decreasing distance limit."""
     for near in (3 * NEAR_M, 2 * NEAR_M, NEAR_M, NEAR_M, NEAR_M):
         rows, off = _near_plane(ground, plane, near)
         x, y, z = ground.xyz[rows].T
@@ -234,7 +241,7 @@ def _fitted(ground: LowestPoints, plane: FloatArray) -> FloatArray:
 
 
 def _plane_of(along_x: float, along_y: float, level: float) -> FloatArray:
-    """n d of z = along_x x + along_y y + level."""
+    """Returns unit normal and height (4,) of the plane z = along_x x + along_y y + level."""
     normal = np.array([-along_x, -along_y, 1.0])
     length = float(np.linalg.norm(normal))
     return np.array([*(normal / length), -level / length])
@@ -243,7 +250,7 @@ def _plane_of(along_x: float, along_y: float, level: float) -> FloatArray:
 def _near_plane(
     ground: LowestPoints, plane: FloatArray, near: float
 ) -> tuple[IntArray, FloatArray]:
-    """Which points of FIT_M lie so near a plane, and how far above it they are."""
+    """Returns the indices of ground points near a plane, and their heights above it."""
     off = ground.xyz @ plane[:3] + plane[3]
     flat = np.hypot(ground.xyz[:, 0], ground.xyz[:, 1])
     rows = np.flatnonzero((np.abs(off) <= near) & (flat <= FIT_M))
@@ -251,7 +258,7 @@ def _near_plane(
 
 
 def _with_crown(ground: LowestPoints, plane: FloatArray, *, crowned: bool) -> RoadPlane:
-    """The plane that a crown stands evenly on, or the plane itself."""
+    """Returns the mean plane of a crown, or the plane itself if there is no crown."""
     rows, off = _near_plane(ground, plane, NEAR_M)
     weight = ground.near[rows] / (1 + (off / SOFT_M) ** 2)
     residual = math.sqrt(float(weight @ off**2) / max(float(weight.sum()), 1e-12))
@@ -264,9 +271,10 @@ def _with_crown(ground: LowestPoints, plane: FloatArray, *, crowned: bool) -> Ro
 
 
 def _roof(ground: LowestPoints, plane: FloatArray) -> tuple[float, FloatArray, float] | None:
-    """Slope to either side, the plane beneath and the residual; None where a crown fits no better.
+    """Fits a crown: returns its slope, its mean plane and the residual.
 
-    Fitted twice, the second time to what lies about the first.
+    Returns None if a crown does not fit much better than the plane. The second of two fits takes
+    its weights from the distances to the first.
     """
     rows, off = _near_plane(ground, plane, 2 * NEAR_M)
     xy, near = ground.xyz[rows, :2], ground.near[rows]
@@ -292,7 +300,7 @@ def _roof(ground: LowestPoints, plane: FloatArray) -> tuple[float, FloatArray, f
 
 
 def _folds(xy: FloatArray, weight: FloatArray) -> Iterator[FloatArray]:
-    """Distances (n,) of the places (n, 2) from lines that have enough of them on either side."""
+    """Yields distances (n,) of points (n, 2) from each line with enough points on both sides."""
     total = float(weight.sum())
     for angle in np.radians(np.arange(0, 180, 10)):
         across = xy @ np.array([-math.sin(angle), math.cos(angle)])
@@ -308,7 +316,7 @@ def _columns(xy: FloatArray, fold: FloatArray) -> FloatArray:
 def _slopes(
     xy: FloatArray, off: FloatArray, weight: FloatArray, fold: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Slopes along x and y, level, slope away from the line; and the squares that are left."""
+    """Fits slopes along x and y, level, and slope away from a line; also returns the residual."""
     a = _columns(xy, fold)
     weighted = a.T * weight
     solved = np.linalg.solve(weighted @ a + 1e-9 * np.eye(4), weighted @ off)
@@ -317,7 +325,7 @@ def _slopes(
 
 
 def _lifted(plane: FloatArray, coefficients: FloatArray, mean_fold: float) -> FloatArray:
-    """A plane with the slopes and level that a fit of what is above it found."""
+    """Returns the plane corrected by a fit of the heights above it."""
     x, y, z, d = plane
     level = -d / z + coefficients[2] + coefficients[3] * mean_fold
     return _plane_of(-x / z + coefficients[0], -y / z + coefficients[1], level)

@@ -8,7 +8,7 @@ from pyinfra.dataset import launch
 
 
 class SimulatorError(Error):
-    """The binary is missing or failed; `exit_code` is 2 for a wrong configuration, else 1."""
+    """The `infrasim` binary is missing or failed; exit code 2 for a wrong configuration, else 1."""
 
     def __init__(self, message: str, exit_code: int) -> None:
         super().__init__(message)
@@ -16,9 +16,9 @@ class SimulatorError(Error):
 
 
 def infrasim(*words: str | Path) -> str:
-    """Runs the binary and returns what it printed.
+    """Runs the binary and returns its standard output.
 
-    Raises SimulatorError with the binary's own message, or if there is no binary.
+    Raises SimulatorError with the binary's message if it fails, and if there is no binary.
     """
     binary = launch.binary()
     if binary is None:

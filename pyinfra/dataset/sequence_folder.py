@@ -1,4 +1,4 @@
-"""Simulated frames as a LiDAR's folder, as `infrasim run` writes it."""
+"""Writes simulated frames to a LiDAR's folder, in the layout of `infrasim run`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from pyinfra.formats import kitti
 def write_folder(frames: SimulatedFrames, data_set: Path) -> Path:
     """Writes a data set of one LiDAR; returns the LiDAR's folder.
 
-    data_set: an existing folder. Boxes are rounded as the layout has them; clouds keep their bytes.
+    data_set: an existing folder. Boxes are rounded to the decimals of the layout; clouds are
+    written unchanged.
     """
     lidar_folder = data_set / frames.name
     lidar_folder.mkdir()
@@ -41,7 +42,7 @@ def write_folder(frames: SimulatedFrames, data_set: Path) -> Path:
 
 
 def objects_of(rows: AnyArray) -> kitti.Objects:
-    """The structured rows of a simulated frame as the layout's objects."""
+    """Converts the structured object rows of a simulated frame to `Objects`."""
     same = "speed points points_in_box distance visibility scan_time_s points_in_scan_box".split()
     box = ["x", "y", "z", "dx", "dy", "dz", "heading"]
     scan = ["scan_x", "scan_y", "scan_z", "dx", "dy", "dz", "scan_heading"]

@@ -1,4 +1,4 @@
-"""The simulator from Python: the same frames, byte for byte, as the `infrasim` binary writes."""
+"""The simulator in Python; its frames equal those of the `infrasim` binary byte for byte."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ __all__ = [
     "simulate",
 ]
 
-_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # faster where it is
+_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # CSafeDumper is faster
 
 
 Filter: TypeAlias = (
@@ -87,11 +87,11 @@ def load_scene(
     set: Mapping[str, object] | None = None,
     mount: str = "",
 ) -> World:
-    """A scene made ready: its traffic driven, its meshes built.
+    """Loads a scene: simulates its traffic and builds its meshes.
 
     preset: of the LiDARs; a scene may have a block of keys for it.
-    set: values by dotted path: `{"traffic.vehicles_per_km_lane": 20}`.
-    mount: which of several; a scene with one needs none.
+    set: overrides of keys, such as `{"traffic.vehicles_per_km_lane": 20}`.
+    mount: name of the mount; only needed if the scene has several.
     Raises ConfigError with `file:line:col: key: found, allowed`, and IoError.
     """
     assignments = [f"{key}={_yaml(value)}" for key, value in (set or {}).items()]
@@ -101,23 +101,24 @@ def load_scene(
 
 
 def make_world(scene: Mapping[str, object], *, preset: str = "datasheet", mount: str = "") -> World:
-    """A scene made ready from its keys as plain data; messages name it in place of a file.
+    """Builds a scene from its keys as plain data; messages show the scene's name as the file.
 
-    Paths in it are relative to the working folder. Raises ConfigError and IoError.
+    Paths in the keys are relative to the working folder. Raises ConfigError and IoError.
     """
     text = yaml.dump(dict(scene), Dumper=_DUMPER, sort_keys=False, default_flow_style=None)
     return World.of_text(text, str(scene.get("name", "scene")), preset, mount)
 
 
 def load_lidar(file: str | Path, preset: str = "datasheet") -> Lidar:
-    """One preset of a LiDAR file. Raises ConfigError and IoError."""
+    """Loads a LiDAR file under one preset. Raises ConfigError and IoError."""
     return Lidar(str(file), preset)
 
 
 def label_time(scene: World, lidar: Lidar) -> LabelTime:
-    """When the labels of a LiDAR's frames hold: the scene's, or that of the LiDAR's preset.
+    """Returns the label time of the scene, or that of the LiDAR's preset if the scene sets none.
 
-    `frame`: columns x y z heading of `Frame.objects`; `scan`: scan_x scan_y scan_z scan_heading.
+    For `frame`, label poses are the columns x y z heading of `Frame.objects`; for `scan`, they are
+    scan_x scan_y scan_z scan_heading.
     """
     return "scan" if scene.label_time(lidar.preset) == "scan" else "frame"
 
@@ -133,14 +134,14 @@ def simulate(
     mount: str = "",
     threads: int | None = None,
 ) -> Iterator[tuple[int, list[Frame]]]:
-    """Frames in the given order, each with one `Frame` per LiDAR.
+    """Yields number and frames in the given order, with one `Frame` per LiDAR.
 
-    The next frames are computed by threads of their own while the caller works on this one. The
-    columns of a frame are read-only views that keep it alive; nothing is copied.
-    A scene or LiDAR may be a file; then preset, seed, set and mount apply to it.
-    Warns where weather has no effect.
-    Raises ConfigError for a wrong file, a frame that the scene does not have, and LiDARs of a
-    preset for which the scene has keys but was not loaded, and IoError.
+    Threads compute the next frames while the caller processes the current one. The columns of a
+    frame are read-only views without a copy; they keep the frame alive.
+    If the scene or a LiDAR is a file, preset, seed, set and mount apply to it.
+    Warns if the scene's weather has no effect on a LiDAR.
+    Raises IoError, and ConfigError for a wrong file or a frame that the scene does not have. Also
+    raises ConfigError if the scene has keys for a LiDAR's preset but was loaded with another one.
     """
     if isinstance(scene, World):
         if seed is not None or set or mount:
@@ -155,7 +156,7 @@ def simulate(
         warn(line, stacklevel=2)
     count = threads or os.cpu_count() or 1
     numbers = []
-    for k in frames:  # one by one, as they may be more than memory holds
+    for k in frames:  # checked one by one, since an iterable may be larger than the memory
         if not 0 <= k < world.frames:
             raise ConfigError(f"frames: found {k}, allowed 0 to {world.frames - 1}")
         numbers.append(k)
@@ -163,15 +164,15 @@ def simulate(
 
 
 def points(frame: Frame) -> Float32Array:
-    """Copy of a frame's points as detectors take them: (n, 4) float32, x y z intensity."""
+    """Returns a copy of a frame's points for detectors: (n, 4) float32, x y z intensity."""
     return np.column_stack([frame.xyz, frame.intensity])
 
 
 def filtered(points: Points, *steps: Filter) -> Float32Array:
-    """The rows of points (n, 3 or 4), levelled LiDAR frame, that every step keeps, in their order.
+    """Applies filter steps to points (n, 3 or 4), levelled LiDAR frame; keeps the points' order.
 
-    Each step sees what those before it kept, as in `infrasim filter`. Raises Error for
-    another shape or type of points and for a parameter out of its range.
+    Each step receives the points that the previous steps kept, as in `infrasim filter`. Raises
+    Error for another shape or type of points and for a parameter out of its range.
     """
     rows: Float32Array = points[kept_rows(points, list(steps))]
     return rows
@@ -185,10 +186,10 @@ def scan_pattern(
     seed: int | None = None,
     mount: str = "pole",
 ) -> FloatArray:
-    """Azimuth, elevation (rad) and time (s) of every ray: (n, 3) float64, column by column.
+    """Returns azimuth, elevation (rad) and time (s) of each ray: (n, 3) float64, column by column.
 
-    Sensor frame; time since the start of the run. Free motors start as if they were locked, or
-    with a seed as its runs have them at the mount.
+    Sensor frame; time since the start of the run. Without a seed, motors start as with phase lock.
+    With a seed, they start as in runs with that seed at the mount.
     """
     unit = lidar if isinstance(lidar, Lidar) else load_lidar(lidar, preset)
     return unit.pattern(frames.start, frames.stop, frames.step, seed, mount)

@@ -1,7 +1,7 @@
-"""ImageSets of a data set: `pyinfra split DATA`.
+"""Splits a data set into training and test frames (`ImageSets`), for `pyinfra split DATA`.
 
-Which frames train and which test (`val`). By time is the default, because neighbouring frames show
-the same vehicles: a random split leaks them from train to test. See docs/conventions.md, "Split".
+The default splits by time, because neighbouring frames show the same vehicles: a random split would
+leak vehicles from train to test (`val`). See docs/conventions.md, "Split".
 """
 
 import itertools
@@ -24,7 +24,7 @@ VAL_SHARE = 0.2
 
 @dataclass(frozen=True)
 class Split:
-    """Frames of the two lists, ascending."""
+    """The frames of both parts, ascending."""
 
     train: tuple[int, ...]
     val: tuple[int, ...]
@@ -36,9 +36,9 @@ def by_time(
     train_until_s: float = TRAIN_UNTIL_S,
     val_from_s: float = VAL_FROM_S,
 ) -> Split:
-    """Frames that start before train_until_s, and those that start at val_from_s or later.
+    """Splits by start time: train before train_until_s, val from val_from_s on.
 
-    Raises Error if the two overlap or one is empty.
+    Raises Error if both parts overlap or one is empty.
     """
     if val_from_s < train_until_s:
         raise Error(f"found val from {val_from_s:g} s, allowed {train_until_s:g} s or later")
@@ -58,7 +58,7 @@ def by_time(
 
 
 def by_random(frames: Sequence[int], seed: int, val_share: float = VAL_SHARE) -> Split:
-    """A seeded share of the frames as val, the rest as train; rounded, at least one of each.
+    """Splits at random: a rounded share of the frames is val, the rest train, at least one each.
 
     Raises Error for fewer than two frames or a share outside (0, 1).
     """
@@ -74,10 +74,10 @@ def by_random(frames: Sequence[int], seed: int, val_share: float = VAL_SHARE) ->
 
 
 def by_seed(train: DataSet, val: DataSet) -> tuple[Split, Split]:
-    """All frames of one data set train, all of the other are val; one split for each.
+    """Splits by data set: all frames of one are train, all of the other val; returns both splits.
 
-    Raises Error if they are not the same scene, preset, label time and LiDARs with another
-    seed.
+    Raises Error unless both have the same scene, preset, label time and LiDARs, but different
+    seeds.
     """
     for key in ("scene", "preset", "label_time", "names"):
         a, b = getattr(train, key), getattr(val, key)
@@ -89,10 +89,10 @@ def by_seed(train: DataSet, val: DataSet) -> tuple[Split, Split]:
 
 
 def write(data: DataSet, split: Split, *, force: bool = False, grown: bool = False) -> list[Path]:
-    """ImageSets/train.txt and val.txt of every LiDAR: six digits a line; returns the files.
+    """Writes ImageSets/train.txt and val.txt of each LiDAR, and returns the files.
 
-    grown: a file may have a part of its frames, as before more were simulated.
-    Raises FileExistsError, and writes none, if a file has other frames, unless forced.
+    grown: an existing file may list only a part of the frames, because more were simulated later.
+    Raises FileExistsError, and writes nothing, if a file lists other frames; `force` overwrites.
     """
     files = {
         data.lidar_folder(name) / "ImageSets" / f"{part}.txt": "".join(

@@ -1,4 +1,4 @@
-"""What stands around a sensor for good: roads with their lanes, and buildings."""
+"""The static surroundings of a sensor: roads with their lanes, and buildings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pyinfra.formats.yaml_file import YamlNode
 
 @dataclass(frozen=True)
 class Lanes:
-    """Lanes of a road, as `dataset.yaml` has them."""
+    """Lanes of a road, as `dataset.yaml` stores them."""
 
     each_way: int
     width_m: float
@@ -27,7 +27,10 @@ class Lanes:
     one_way: bool = False
 
     def lines(self) -> dict[float, bool]:
-        """Metres to the left of the centreline at which a line lies, and whether it is solid."""
+        """Returns for each lane line its offset to the left of the centreline, and if it is solid.
+
+        Offsets are in metres, ascending.
+        """
         solid = [i in (0, self.each_way) for i in range(self.each_way + 1)]
         if self.one_way:
             middle = self.each_way / 2
@@ -39,24 +42,24 @@ class Lanes:
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """World frame, metres, radians; roads are those of the evaluation region."""
+    """Roads of the evaluation region, lanes, buildings and mounts; world frame, metres, radians."""
 
     roads: tuple[Road, ...]
-    lanes: dict[str, Lanes]  # by road; a recording has none
+    lanes: dict[str, Lanes]  # by road name; empty for a recording
     buildings: FloatArray  # (k, 7) boxes
-    further_mounts: FloatArray  # (k, 3) of a fused set, after the first, in whose frame it is
+    further_mounts: FloatArray  # (k, 3) positions of all mounts of a fused data set but the first
 
 
 @dataclass(frozen=True, eq=False)
 class RoadLine:
-    """A line along a road: its edge, or one that is painted on it."""
+    """A line along a road: an edge of the road, or a painted lane line."""
 
     kind: Literal["edge", "solid", "dashed"]
     xyz: FloatArray  # (n, 3) world; NaN where another road crosses
 
 
 def read_surroundings(data_set: Path) -> Surroundings:
-    """Those of a data set; a recording without roads and buildings has none.
+    """Reads the surroundings of a data set; they are empty for a folder without dataset.yaml.
 
     Raises OSError, and FormatError with file and line.
     """
@@ -69,7 +72,7 @@ def read_surroundings(data_set: Path) -> Surroundings:
 
 
 def surroundings_of(top: YamlNode, roads: Sequence[Road]) -> Surroundings:
-    """Those of a scene's keys and the roads of its evaluation region. Raises FormatError."""
+    """Builds the surroundings from a scene's keys and its roads. Raises FormatError."""
     lanes = {road.at("name").text(): _lanes(road.at("lanes")) for road in top.entries("roads")}
     buildings = np.array([_building(own) for own in top.entries("buildings")]).reshape(-1, 7)
     mounts = [_position(mount) for mount in top.values("mounts")]
@@ -97,14 +100,14 @@ def _lanes(node: YamlNode) -> Lanes:
 
 
 def _building(node: YamlNode) -> list[float]:
-    """As a box x y z dx dy dz heading."""
+    """Returns a building as a box x y z dx dy dz heading."""
     keys = ("x_m", "y_m", "base_m", "length_m", "width_m", "height_m", "heading_deg")
     x, y, base, length, width, height, heading = (node.at(key).number() for key in keys)
     return [x, y, base + height / 2, length, width, height, np.radians(heading)]
 
 
 def road_lines(around: Surroundings) -> Iterator[RoadLine]:
-    """Edges and lane lines of every road."""
+    """Yields the edges and lane lines of all roads."""
     for road in around.roads:
         lanes = around.lanes.get(road.name)
         painted = lanes.lines() if lanes else {}
@@ -115,7 +118,7 @@ def road_lines(around: Surroundings) -> Iterator[RoadLine]:
 
 
 def _aside(around: Surroundings, road: Road, left_m: Floats | float) -> FloatArray:
-    """A line to the left of a road's centreline, but not where another road crosses."""
+    """Returns a line (n, 3) left of a road's centreline; x and y are NaN where a road crosses."""
     line = regions.offset_curve(road.xy, road.heading, left_m)
     others = [other for other in around.roads if other is not road]
     line[regions.locate(line, others).inside] = np.nan

@@ -1,4 +1,4 @@
-"""Every object of a data set's world at mid-frame, whether or not a LiDAR reaches it."""
+"""Reads all objects of a data set at mid-frame, including those outside the LiDARs' range."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from pyinfra.dataset.regions import to_levelled
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.text_table import is_whole
 
-INSTANT_S = 0.1  # between two rows; frame k lies between rows k and k + 1
+INSTANT_S = 0.1  # interval between instants; frame k lies between instants k and k + 1
 _NUMBERS = ["x", "y", "z", "dx", "dy", "dz", "heading"]
 
 
 def read_objects_at(file: Path, frames: Sequence[int], pose: WorldPose) -> Vehicles:
-    """The objects of trajectories.csv at the middle of some frames, ascending.
+    """Returns the objects of trajectories.csv at the middle of the given ascending frames.
 
-    pose: of the levelled LiDAR frame that boxes are in. Points are 0, and visibility is -1: what a
-    LiDAR sees of them is not known here. Raises FormatError.
+    pose: of the levelled LiDAR frame in which boxes are returned. Points are 0 and visibility is
+    -1, because the file does not contain what a LiDAR sees. Raises FormatError.
     """
     rows = read_rows(file, ["t", "id", "class", *_NUMBERS])
     instant = np.round(rows.t.to_numpy() / INSTANT_S).astype(np.int64)
@@ -48,22 +48,22 @@ def read_objects_at(file: Path, frames: Sequence[int], pose: WorldPose) -> Vehic
 
 
 def read_rows(file: Path, columns: Sequence[str]) -> pd.DataFrame:
-    """Some columns of trajectories.csv, `class` as text; the index is the row's place in the file.
+    """Reads some columns of trajectories.csv, `class` as text; the index is the row number.
 
-    Rows that say that nobody is there at an instant are left out. Raises FormatError with line.
+    Rows of instants without any object are left out. Raises FormatError with file and line.
     """
     data = file.read_bytes()
     _check_lines(file, data)
     numbers = {name: np.float64 for name in columns if name != "class"}
     try:
         rows = pd.read_csv(io.BytesIO(data), usecols=list(columns), dtype=numbers)
-    except ValueError as error:  # a word, other columns, not UTF-8, nothing
+    except ValueError as error:  # a text cell, missing columns, not UTF-8, or an empty file
         raise FormatError(f"{file}: {error}") from None
     return rows[rows[[name for name in columns if name != "t"]].notna().any(axis=1)]
 
 
 def _check_lines(file: Path, data: bytes) -> None:
-    """Raises FormatError unless all lines are whole and have as many columns as the first."""
+    """Raises FormatError unless all lines are complete and have as many columns as the first."""
     if not is_whole(data[-1:]):
         raise FormatError(f"{file}: found no end of the last line: is it cut short?")
     signs = np.frombuffer(data, np.uint8)
