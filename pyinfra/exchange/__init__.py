@@ -1,1 +1,1 @@
-"""Recordings and labels of other tools, in and out."""
+"""Import and export of recordings and labels in the formats of other tools."""

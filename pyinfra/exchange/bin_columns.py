@@ -1,8 +1,9 @@
-"""How many float32 a point has in .bin files, which say nothing of it: x y z, then intensity, ...
+"""Detects the number of float32 columns of .bin clouds, whose files do not state it.
 
-The sizes of all files leave some numbers, and the values of some files choose among these. Values
-of one column are alike and those of different columns are not, so that the right number of columns
-explains most of their variance. An intensity is nowhere below 0.
+The first columns are x y z, then usually intensity. The sizes of all files restrict the possible
+numbers, and the values of some files decide between them. Values within a column are similar and
+values of different columns are not. The right number of columns therefore explains most of the
+variance. An intensity is never negative.
 """
 
 from __future__ import annotations
@@ -16,20 +17,20 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.exchange.recording import Options
 
 USUAL = 4
-TRIED = (4, 5, 6, 3)  # in the order of preference where values do not choose
-FILES = 30  # whose values are looked at, spread over all
-VALUES = 60 * 1000  # of each, a multiple of all that is tried
-MOST = 1e7  # of a coordinate: 10 km in millimetres
-CLEARLY = 0.1  # more of the variance explained than by another number of columns
-FEWER = 2.0  # the same of few values, times the root of their number
-FEW = 200  # values; of fewer nothing may be explained
+TRIED = (4, 5, 6, 3)  # possible numbers of columns
+FILES = 30  # maximum number of files whose values are read, evenly spread
+VALUES = 60 * 1000  # values read per file, a multiple of all numbers in TRIED
+MOST = 1e7  # largest plausible coordinate: 10 km in millimetres
+CLEARLY = 0.1  # difference of explained variance that decides between two numbers of columns
+FEWER = 2.0  # n values need an additional difference of this over the square root of n
+FEW = 200  # with fewer values, the explained variance may be 0
 
 
 def columns_of(files: Sequence[Path], options: Options, usual: int = USUAL) -> tuple[int, str]:
-    """Float32 a point of some .bin files, and what was assumed; nothing of the usual ones.
+    """Returns the number of float32 per point of .bin files, and a note about the assumption.
 
-    Raises OSError for a file that cannot be read. A number that fits no file is the usual one: the
-    reader names what it does not fit.
+    The note is empty if no assumption was needed. If no number fits, returns the usual one; the
+    reader then raises an error that names the file. Raises OSError for an unreadable file.
     """
     if options.columns is not None:
         note = "points of .bin files have no intensity: taken as 0" if options.columns == 3 else ""
@@ -55,7 +56,7 @@ def columns_of(files: Sequence[Path], options: Options, usual: int = USUAL) -> t
 
 
 def _chosen(values: FloatArray, fit: Sequence[int], usual: int) -> int | None:
-    """None where the values are as of no number of columns."""
+    """Returns the most likely number of columns, or None if the values fit none."""
     likely = [n for n in fit if _is_likely(values, n)]
     shares = {n: explained(values, n) for n in likely or fit}
     few = len(values) < FEW
@@ -73,7 +74,7 @@ def _is_likely(values: FloatArray, columns: int) -> bool:
 
 
 def explained(values: FloatArray, columns: int) -> float:
-    """The share of the variance that lies between columns, about 0 where they are all alike."""
+    """Returns the share of the variance between columns; about 0 if all columns are similar."""
     size = np.log1p(np.abs(np.where(np.isfinite(values), values, 0)))
     whole = (values == np.floor(values)).astype(np.float64)
     shares = []

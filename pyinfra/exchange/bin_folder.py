@@ -1,4 +1,4 @@
-"""A folder of .bin clouds without labels: float32, the first columns x y z intensity."""
+"""Reads a folder of .bin clouds without labels; float32, with first columns x y z intensity."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ from pyinfra.exchange.recording import (
 
 
 def read(source: Path, options: Options) -> Recording:
-    """Raises FileNotFoundError, Error without a cloud, and on reading one FormatError."""
+    """Opens a folder of .bin clouds.
+
+    Raises FileNotFoundError, and Error if there is no cloud. Reading a frame raises FormatError.
+    """
     clouds = sorted_files(source, [".bin"])
     columns, note = columns_of(clouds, options)
 

@@ -1,4 +1,4 @@
-"""Labels as lines `x y z dx dy dz heading category`: box centre, LiDAR frame, metres, radians."""
+"""Label files with lines `x y z dx dy dz heading category`, in the LiDAR frame, metres, radians."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ COLUMNS = "x y z dx dy dz heading category".split()
 
 
 def read_boxes(file: Path) -> Boxes:
-    """Raises FormatError with file and line."""
+    """Reads the boxes of a label file. Raises FormatError with file and line."""
     rows = {i: line.split() for i, line in enumerate(lines_of(file), start=1) if line.strip()}
     table = NamedRows(file, list(rows), list(rows.values()), COLUMNS, "category")
     table.check(BOX_RULES)
@@ -22,7 +22,7 @@ def read_boxes(file: Path) -> Boxes:
 
 
 def write_boxes(file: Path, names: NameArray, boxes: FloatArray) -> None:
-    """names: (k,), boxes: (k, 7); places to a micrometre."""
+    """Writes names (k,) and boxes (k, 7), with six decimals."""
     lines = [
         " ".join([*(f"{value:.6f}" for value in box), str(name)]) + "\n"
         for name, box in zip(names, boxes, strict=True)

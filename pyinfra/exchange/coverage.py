@@ -1,4 +1,4 @@
-"""The field of view of a LiDAR as far as its returns show it."""
+"""Estimates the field of view of a LiDAR from its returns."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from pyinfra.core.arrays import IntArray, Points
 from pyinfra.core.errors import Error
 from pyinfra.formats.kitti import FieldOfView
 
-MOST_POINTS = 20_000  # looked at in a frame, evenly spread
-ROUNDING_DEG = 1e-4  # so that a direction of 0 is not in the cell below 0
-FULL_GAP_DEG = 30  # a wider part without returns is outside the field of view
+MOST_POINTS = 20_000  # maximum number of points used per frame, evenly spread
+ROUNDING_DEG = 1e-4  # avoids that a direction of 0 falls into the cell below 0
+FULL_GAP_DEG = 30  # a wider azimuth gap without returns is outside the field of view
 
 
 @dataclass
 class Coverage:
-    """Directions and ranges seen so far; sensor frame, cells of one degree."""
+    """Counts of returns by direction (cells of one degree, sensor frame), and the longest range."""
 
     azimuth: IntArray = field(default_factory=lambda: np.zeros(360, dtype=np.int64))
     elevation: IntArray = field(default_factory=lambda: np.zeros(180, dtype=np.int64))
     farthest_m: float = 0.0
 
     def add(self, points: Points) -> None:
-        """points: (n, 4), sensor frame."""
+        """Adds points (n, 3 or more) in the sensor frame."""
         x, y, z = points[:: 1 + len(points) // MOST_POINTS, :3].T.astype(np.float64)
         azimuth = np.floor(np.degrees(np.arctan2(y, x)) + ROUNDING_DEG).astype(np.int64) % 360
         elevation = (
@@ -37,7 +37,7 @@ class Coverage:
         self.farthest_m = max(self.farthest_m, float(slant.max(initial=0)))
 
     def measured(self) -> FieldOfView:
-        """Raises Error if there was no return."""
+        """Returns the estimated field of view. Raises Error if there was no return."""
         rows = np.flatnonzero(self.elevation)
         if len(rows) == 0:
             raise Error("found no return in any frame, allowed one or more")
@@ -52,7 +52,7 @@ class Coverage:
 
 
 def _seen(cells: IntArray) -> tuple[float, float]:
-    """All but the widest gap between the azimuths seen, radians; it may begin below -180."""
+    """Returns the azimuth interval outside the widest gap, radians; it may begin below -pi."""
     gaps = np.diff(np.append(cells, cells[0] + 360)) - 1
     widest = int(gaps.argmax())
     if gaps[widest] < FULL_GAP_DEG:

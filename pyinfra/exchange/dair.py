@@ -1,7 +1,7 @@
-"""The roadside part of DAIR-V2X: velodyne/*.pcd, label/virtuallidar/*.json, data_info.json.
+"""Reads the roadside part of DAIR-V2X: velodyne/*.pcd, label/virtuallidar/*.json, data_info.json.
 
-After its public description of the data's structure. Points are in the *virtual LiDAR's* frame,
-whose x-y plane is said to be parallel to the ground; intensities are 0 to 255.
+Follows the public description of the data set. Points are in the frame of the *virtual LiDAR*,
+whose x-y plane is parallel to the ground by that description. Intensities are 0 to 255.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ LABELS = ("label/virtuallidar", "label/lidar")
 
 
 def read(source: Path, options: Options) -> Recording:
-    """The folder with `velodyne` in it, or one that has it as a side of the road.
+    """Opens a folder that contains `velodyne`, directly or in an infrastructure-side subfolder.
 
-    Raises FileNotFoundError, Error for labels that do not pair with clouds, and on reading a
-    frame FormatError.
+    Raises FileNotFoundError, and Error for labels that do not pair with clouds. Reading a frame
+    raises FormatError.
     """
     side = next((source / n for n in SIDES if (source / n / "velodyne").is_dir()), source)
     clouds = sorted_files(side / "velodyne", [".pcd"])
@@ -60,7 +60,7 @@ def read(source: Path, options: Options) -> Recording:
 
 
 def _times(side: Path, names: tuple[str, ...]) -> FloatArray | None:
-    """pointcloud_timestamp of data_info.json, where all frames have one."""
+    """Reads pointcloud_timestamp of data_info.json in seconds; None if a frame has none."""
     file = side / "data_info.json"
     rows = read_json(file) if file.is_file() else []
     known = {}

@@ -1,7 +1,7 @@
-"""A recording as one LiDAR of a data set: what `infrasim run` would write, as far as it is known.
+"""Writes a recording as one LiDAR of a data set, in the layout of `infrasim run`.
 
-There is no scene, so there are no roads.csv and no trajectories.csv; see docs/own_data.md for what
-each command makes of that.
+A recording has no scene, so roads.csv and trajectories.csv are missing. docs/own_data.md describes
+what each command does in this case.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from pyinfra.exchange.recording import Boxes, RecordedFrame, Recording
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import RECORDED, Labels, Objects, RoadShape, WorldPose
 
-SEEN = 1.0  # visibility of an object that somebody labelled
+SEEN = 1.0  # visibility of a labelled object, if the recording has no visibility
 
 
 @dataclass(frozen=True)
 class LidarFacts:
-    """What the user knows of the LiDAR; None is not known."""
+    """Properties of the LiDAR that the user gave or that were estimated; None if unknown."""
 
     name: str
     scene: str
@@ -44,29 +44,29 @@ class LidarFacts:
     period_s: float | None = None
     height_m: float | None = None  # above the road
     tilt: tuple[float, float] | None = None  # pitch (positive looks down), roll; radians
-    shape: RoadShape | None = None  # of the road, where it is no plane
+    shape: RoadShape | None = None  # of a road that is not a plane
     types: Mapping[str, str] = field(default_factory=dict)
-    assumed: tuple[str, ...] = ()  # what was made of what nobody said, in words
+    assumed: tuple[str, ...] = ()  # texts that describe all assumptions
 
 
 @dataclass
 class ImportSummary:
-    """What was in the frames, counted while they are written."""
+    """Counts of an import, collected while the frames are written."""
 
     frames: int = 0
     points: int = 0
-    without_return: int = 0  # points left out
-    without_intensity: int = 0  # points whose intensity is not finite and stands as 0
+    without_return: int = 0  # points dropped because they are no return
+    without_intensity: int = 0  # points whose intensity was not finite and is written as 0
     empty: list[str] = field(default_factory=list)  # names of frames without a return
     doubled: list[str] = field(default_factory=list)  # names of frames with the points of another
     assumed: tuple[str, ...] = ()
     types: Counter[str] = field(default_factory=Counter)
-    bottoms: list[FloatArray] = field(default_factory=list)  # z of the vehicles'
+    bottoms: list[FloatArray] = field(default_factory=list)  # z of the vehicles' bottoms
     coverage: Coverage = field(default_factory=Coverage)
 
     @property
     def below_m(self) -> float | None:
-        """How far the labelled vehicles' bottoms lie below the sensor; None without one."""
+        """Median distance of the labelled vehicles' bottoms below the sensor; None without any."""
         bottoms = np.concatenate([np.empty(0), *self.bottoms])
         return -float(np.median(bottoms)) if len(bottoms) else None
 
@@ -74,10 +74,10 @@ class ImportSummary:
 def write_lidar(
     recording: Recording, out: Path, facts: LidarFacts, indices: Iterable[int] | None = None
 ) -> ImportSummary:
-    """Frames, lists and lidar.yaml into the folder `out`; returns what was there.
+    """Writes frames, ImageSets and lidar.yaml to the folder `out`; returns a summary.
 
-    indices: in the recording, all by default. Raises what reading the frames raises, and Error
-    if the tilt is given twice or there is no return at all.
+    indices: positions of the frames in the recording; by default all. Raises the errors of reading
+    the frames, and Error if the tilt is given twice or there is no return at all.
     """
     if facts.tilt and recording.tilt:
         raise Error("found a tilt in the recording and in the options, allowed one of them")
@@ -107,10 +107,10 @@ def write_lidar(
 
 
 def write_description(data: Path, scene: str, *, ids_are_tracks: bool) -> None:
-    """dataset.yaml, unless it is there for the same scene; one without a LiDAR is written anew.
+    """Writes dataset.yaml, unless the data set already has a LiDAR and the new one can join it.
 
-    Raises Error for a data set that the LiDAR cannot join: of a simulation, or one whose
-    objects have no common numbers.
+    Raises Error if the new LiDAR cannot join: the data set is simulated, or the object ids of the
+    LiDARs are not common tracks.
     """
     file = data / "dataset.yaml"
     ids = "tracks" if ids_are_tracks else "rows"
@@ -135,7 +135,7 @@ def write_description(data: Path, scene: str, *, ids_are_tracks: bool) -> None:
 
 
 def levelled(frame: RecordedFrame, T_levelled_sensor: FloatArray) -> RecordedFrame:
-    """Points and boxes of a leaning sensor turned upright; boxes stand upright afterwards."""
+    """Rotates points and boxes of a tilted sensor to the levelled frame; boxes become upright."""
     points = frame.points.copy()
     points[:, :3] = points[:, :3] @ T_levelled_sensor.T.astype(np.float32)
     b = frame.boxes
@@ -176,19 +176,19 @@ def _write_frame(
 
 
 def has_return(points: Points) -> BoolArray:
-    """Points (n, 4) whose place is finite and not 0 0 0, which stands for no return: (n,)."""
-    # Ten times as fast as all(axis=1).
+    """Returns (n,) whether each point (n, 4) is finite and not 0 0 0, which means no return."""
+    # The sum is ten times as fast as np.isfinite(...).all(axis=1).
     finite = np.isfinite(points[:, :3] @ np.ones(3, dtype=np.float32))
     x, y, z = points[:, 0], points[:, 1], points[:, 2]
     return np.asarray(finite & ((x != 0) | (y != 0) | (z != 0)))
 
 
 def objects_of(points: Points, boxes: Boxes, types: NameArray, period_s: float) -> Objects:
-    """The labelled objects, with the points that lie in their boxes.
+    """Returns the labelled objects, with the number of points in their boxes.
 
-    Annotators draw around the points, so the boxes are those of the scan; its time is not known,
-    and the boxes stand for mid-frame as well. Which point came from which object is not known, so
-    all counts are that of the box. A speed is not known and stands as 0.
+    Annotators draw boxes around the points, so the boxes hold at scan time. That time is unknown,
+    so the boxes are also used for mid-frame. It is unknown which point belongs to which object, so
+    all counts are the number of points in the box. The unknown speed is 0.
     """
     n = len(boxes)
     counts = points_in_boxes(points, boxes.boxes)
@@ -214,7 +214,7 @@ def _in_sensor_frame(points: Points, T_levelled_sensor: FloatArray) -> Points:
 
 
 def _write_lists(out: Path, recording: Recording, numbers: tuple[int, ...]) -> None:
-    """ImageSets as the recording has them, and which frame is which of its files."""
+    """Writes the recording's ImageSets, and sources.csv with the source name of each frame."""
     written = set(kitti.frames(out))
     of_name = dict(zip(recording.names, numbers, strict=True))
     for part, names in recording.splits.items():
@@ -272,7 +272,10 @@ def _period_s(recording: Recording, facts: LidarFacts) -> float:
 
 
 def _height(facts: LidarFacts, summary: ImportSummary) -> float:
-    """Of the sensor above the road, where the vehicles stand; 0 if neither is known."""
+    """Returns the height of the sensor above the road; 0 if unknown.
+
+    It is the given height, else the height above the labelled vehicles' bottoms.
+    """
     if facts.height_m is not None:
         return facts.height_m
     return 0.0 if summary.below_m is None else round(summary.below_m, 3)

@@ -1,4 +1,4 @@
-"""Frames of a LiDAR's folder as another tool takes them."""
+"""Exports frames of a LiDAR's folder to the formats of other tools."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SPLIT_BY_SHARE = ("openpcdet", "mmdet3d")
 
 
 def split_note(lidar_folder: Path, frames: Sequence[int], name: str) -> str:
-    """How an export of frames without ImageSets is split; nothing where there is nothing to say."""
+    """Describes how an export of frames without ImageSets is split; empty if that is not needed."""
     parts = ("train", "val") if name == NUSCENES else ("train",)
     if any((lidar_folder / f"ImageSets/{part}.txt").is_file() for part in parts):
         return ""
@@ -30,9 +30,9 @@ def split_note(lidar_folder: Path, frames: Sequence[int], name: str) -> str:
 
 
 def export(lidar_folder: Path, frames: Sequence[int], name: str, out: Path) -> None:
-    """Writes the frames in a format of EXPORTS into a new folder, whole or not at all.
+    """Writes the frames in a format of EXPORTS to a new folder; on an error nothing is written.
 
-    Raises what the format raises, Error without a frame, and FileExistsError.
+    Raises the errors of the format, Error if there is no frame, and FileExistsError.
     """
     write = exporter(name)
     if not frames:

@@ -1,7 +1,7 @@
-"""Which formats there are, and where each is written or read.
+"""The supported formats, and the modules that read or write them.
 
-A module that writes has `export(lidar_folder, frames, out)`: the whole export goes into the empty
-folder `out`. One that reads has `read(source, options)`, which gives a Recording.
+A module that writes has a function `export(lidar_folder, frames, out)`, which writes to the empty
+folder `out`. A module that reads has a function `read(source, options)`, which returns a Recording.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ Read = Callable[[Path, Options], Recording]
 
 @dataclass(frozen=True)
 class Format:
-    """Modules of this package; they are imported when they are asked for."""
+    """The modules of a format, which are imported on first use, and the format's conventions."""
 
     export: str = ""
     read: str = ""
-    extra: str = ""  # of pyproject.toml: the packages that not everybody has
-    level: bool | None = None  # whether clouds stand upright; None: if they are labelled
-    intensity_max: float | None = None  # that the format says; None: as the clouds have it
+    extra: str = ""  # extra of pyproject.toml that installs the optional packages
+    level: bool | None = None  # whether clouds are levelled; None: only if they are labelled
+    intensity_max: float | None = None  # fixed by the format; None: determined from the clouds
 
 
 FORMATS = {
@@ -49,12 +49,15 @@ IMPORTS = tuple(name for name, format in FORMATS.items() if format.read)
 
 
 def exporter(name: str) -> Export:
-    """Raises ImportError that names the extra whose packages are missing."""
+    """Returns the export function of a format.
+
+    Raises ImportError that names the extra whose packages are missing.
+    """
     return cast(Export, _module(FORMATS[name].export, FORMATS[name].extra).export)
 
 
 def reader(name: str) -> Read:
-    """Raises ImportError as `exporter` does."""
+    """Returns the read function of a format. Raises ImportError like `exporter`."""
     return cast(Read, _module(FORMATS[name].read, FORMATS[name].extra).read)
 
 

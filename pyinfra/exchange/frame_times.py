@@ -1,4 +1,4 @@
-"""When the frames of a recording were taken, and what is wrong with its clock."""
+"""Determines the times of a recording's frames, and finds errors of its clock."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from pyinfra.dataset.frames import PERIOD_S as USUAL_S
 from pyinfra.exchange.recording import Recording
 from pyinfra.formats.kitti.lidar import PERIOD_S
 
-# Digits after ten of seconds, or of a whole number, and what one of them is worth.
+# Units in seconds, by number of digits: of a fraction after ten digits, and of a whole number.
 FRACTIONS = {3: 1e-3, 6: 1e-6, 9: 1e-9}
 WHOLE = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}
-EARLIEST_S, LATEST_S = 1e8, 1e11  # of seconds since 1970 that are a clock's
-REGULAR = (0.5, 1.5)  # of the usual step
+EARLIEST_S, LATEST_S = 1e8, 1e11  # plausible seconds since 1970
+REGULAR = (0.5, 1.5)  # range of regular steps, relative to the median step
 MOST_NUMBER = 999_999
 
 
 def seconds_of(name: str) -> float | None:
-    """The time that a file's name stands for, s since 1970; None if it is none.
+    """Returns the time in a file's name, in seconds since 1970; None if the name has none.
 
-    Such as 1651673050.454284, 1651673050_454284855 or 1651673050454 at the beginning or alone.
+    The name must begin with a time such as 1651673050.454284, 1651673050_454284855 or
+    1651673050454, after an optional prefix without digits.
     """
     match = re.match(r"\D*(\d{10})(?:\.(\d+)|_(\d+))?(?!\d)", name)
     if match:
@@ -38,7 +39,7 @@ def seconds_of(name: str) -> float | None:
 
 
 def seconds_of_stamp(value: float) -> float | None:
-    """A clock's number of unknown unit as s since 1970; None if it is none."""
+    """Converts a clock reading of unknown unit to seconds since 1970; None if none is plausible."""
     for unit in WHOLE.values():
         if EARLIEST_S < value * unit < LATEST_S:
             return value * unit
@@ -46,12 +47,12 @@ def seconds_of_stamp(value: float) -> float | None:
 
 
 def timed(recording: Recording, period_s: float | None = None) -> tuple[Recording, list[str]]:
-    """The recording in order of time, with period and numbers by its clock, and what was found.
+    """Orders a recording by time, and takes frame period and numbers from its clock.
 
-    period_s: what the user says it is. Without times in the files, those of their names are taken;
-    without those too nothing changes.
-    If the times, sorted, are regular, they are right and frames out of order; else a time that
-    steps back is the clock's fault, and the order of the names holds.
+    Returns the recording and notes about findings. period_s: given by the user. Times come from the
+    files, else from the file names; without times, the recording is returned unchanged.
+    If times step back but are regular when sorted, the frames are reordered. Otherwise the clock is
+    considered wrong, and the order of the names is kept.
     """
     if len(recording.names) < 2:
         return recording, []
@@ -81,7 +82,7 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
 
 
 def _times(recording: Recording) -> tuple[FloatArray | None, list[str]]:
-    """By the clock in the files, else by that of their names; and what was found."""
+    """Returns the times in the files, else those in the file names, and notes about findings."""
     times, notes = recording.times() if recording.times is not None else None, []
     if times is not None and not (known := np.isfinite(times)).all():
         first = recording.names[int(known.argmin())]

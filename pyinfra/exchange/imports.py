@@ -1,4 +1,4 @@
-"""A recording of another tool as a LiDAR's folder."""
+"""Imports a recording of another tool as a LiDAR's folder."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from pyinfra.exchange.rates import Shown
 from pyinfra.exchange.recording import Options
 from pyinfra.formats.kitti.lidar import PERIOD_S
 
-# Whether the road is looked for and points turned upright to it, or taken as they are.
+# Whether to find the road and level the points to it, or to keep the points unchanged.
 Upright = Literal["auto", "road", "as-is"]
-HEIGHT_OFF_M = 0.5  # of the vehicles' bottoms against the height that the user says
+HEIGHT_OFF_M = 0.5  # tolerated difference between the vehicles' bottoms and the given height
 
 
 def import_recording(
@@ -38,12 +38,12 @@ def import_recording(
     upright: Upright = "auto",
     region: Path | None = None,
 ) -> tuple[ImportSummary, bool]:
-    """Writes a recording in a format of IMPORTS as the new folder DATA/LIDAR, whole or not at all.
+    """Writes a recording in a format of IMPORTS to the new folder DATA/LIDAR.
 
-    upright: `auto` looks for the road where the format does not say how points stand. region: an
-    outline in the levelled frame, kept in the folder.
-    Returns what was in it, and whether it has labels. Raises what the format raises, what the
-    survey raises, and FileExistsError.
+    upright: `auto` searches for the road unless the format guarantees levelled points. region: file
+    with an outline in the levelled frame; it is copied to the folder.
+    Returns a summary, and whether the recording has labels. Raises the errors of the format and of
+    `survey`, and FileExistsError; after an error, no folder is left.
     """
     read, format = reader(name), FORMATS[name]
     if source.exists() and not source.is_dir():
@@ -74,7 +74,7 @@ def import_recording(
 
 
 def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = None) -> list[str]:
-    """What the user should know of the imported frames. height_m: that the user says."""
+    """Returns warnings about the imported frames. height_m: sensor height given by the user."""
     out = []
     if not labelled:
         out.append(
@@ -108,7 +108,7 @@ def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = No
 
 
 def _some(names: list[str]) -> str:
-    """`3 frames (a, b, ...)`"""
+    """Returns a text such as `3 frames (a, b, ...)`."""
     listed = ", ".join(names[:2]) + (", ..." if len(names) > 2 else "")
     return f"{len(names)} frame{'s'[: len(names) > 1]} ({listed})"
 
@@ -124,7 +124,7 @@ def facts_of(
     tilt_deg: Sequence[float] | None = None,
     types: Mapping[str, str] | None = None,
 ) -> LidarFacts:
-    """What a user says of a LiDAR, in radians. Raises Error for a number out of range."""
+    """Converts a user's arguments to LidarFacts, in radians. Raises Error for one out of range."""
     out = out.resolve()
     if not re.fullmatch(r"[\w.-]+", out.name) or out.name.startswith("."):
         raise Error(f"out: expected a LiDAR of letters, digits and _ . -, got '{out.name}'")
@@ -150,7 +150,7 @@ def facts_of(
 
 
 def checked(options: Options) -> Options:
-    """Raises Error for a number out of range."""
+    """Returns the options unchanged. Raises Error for a number out of range."""
     highest, columns = options.intensity_max, options.columns
     if highest is not None and not 0 < highest < math.inf:
         raise Error(f"intensity_max: expected above 0, got {highest:g}")

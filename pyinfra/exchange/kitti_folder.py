@@ -1,6 +1,6 @@
-"""The KITTI object layout of any camera: training/velodyne, label_2, calib, and ImageSets.
+"""Reads the KITTI object layout with any camera: training/velodyne, label_2, calib, ImageSets.
 
-Or a sequence of the tracking benchmark, after the readme of its devkit.
+It also reads a sequence of the tracking benchmark, by the readme of that benchmark's devkit.
 """
 
 from __future__ import annotations
@@ -31,16 +31,17 @@ from pyinfra.formats.kitti.layout import LABEL_COLUMNS
 from pyinfra.formats.kitti.read import LABEL_RULES
 from pyinfra.formats.text_table import NamedRows, between, lines_of
 
-# Middle of the share that KITTI's `occluded` 0, 1, 2 stands for here; 3 is unknown.
+# Assumed visible share for KITTI's `occluded` 0, 1, 2; 3 means unknown.
 VISIBILITY = (0.9, 0.6, 0.2, 1.0)
 
 
 def read(source: Path, options: Options) -> Recording:
-    """A folder with `training` in it, or `training` itself; without label_2 nothing is labelled.
+    """Opens a folder that contains `training`, or `training` itself; label_2 is optional.
 
-    Of the tracking benchmark's folders one sequence is read, see _read_sequence.
-    Raises FileNotFoundError, Error for labels that do not pair with clouds, and on reading a
-    frame FormatError. A frame without calib has the camera of a simulated LiDAR.
+    A folder of the tracking benchmark gives one sequence, see _read_sequence. A frame without calib
+    gets the camera of a simulated LiDAR.
+    Raises FileNotFoundError, and Error for labels that do not pair with clouds. Reading a frame
+    raises FormatError.
     """
     training = source / "training" if (source / "training").is_dir() else source
     inside = [path for path in (training / "velodyne").iterdir() if path.name[0] != "."]
@@ -66,9 +67,10 @@ def read(source: Path, options: Options) -> Recording:
 
 
 def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) -> Recording:
-    """Of the tracking benchmark: velodyne/0000/*.bin, label_02/0000.txt and calib/0000.txt.
+    """Opens a tracking sequence: velodyne/0000/*.bin, label_02/0000.txt and calib/0000.txt.
 
-    `options.channel` says which sequence of several. A row of label_02 begins with frame and track.
+    `options.channel` selects one of several sequences. A row of label_02 begins with frame and
+    track id.
     """
     chosen = [path for path in sequences if options.channel in (None, path.name)]
     if len(chosen) != 1:
@@ -98,7 +100,7 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
 
 
 def _tracks(file: Path, calib: Path) -> dict[int, Boxes]:
-    """The boxes of each frame that has one. Raises FormatError with file and line."""
+    """Reads the boxes by frame, for frames that have any. Raises FormatError with file and line."""
     rows = {i: line.split() for i, line in enumerate(lines_of(file), start=1) if line.strip()}
     columns = ["frame", "track_id", *LABEL_COLUMNS]
     table = NamedRows(file, list(rows), list(rows.values()), columns, "type")

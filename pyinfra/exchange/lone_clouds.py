@@ -1,4 +1,4 @@
-"""Clouds that belong to no data set: what their files leave open is found in their values."""
+"""Reads clouds outside any data set; unstated properties are detected from their values."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from pyinfra.exchange.pose_estimation import WIDE, usual_intensity_max
 from pyinfra.exchange.recording import Options, read_bin
 from pyinfra.formats import kitti, pcd_file
 
-CHECKED = 5  # clouds, for their highest intensity
+CHECKED = 5  # number of .pcd clouds in which the highest intensity is searched
 
 
 def cloud_reader(clouds: Sequence[Path]) -> tuple[Callable[[Path], Points], list[str]]:
-    """What reads .bin and .pcd files as (n, 4) x y z intensity, and what was assumed for it.
+    """Returns a function that reads .bin and .pcd files, and notes about assumptions.
 
-    .pcd files are turned by their VIEWPOINT, and their intensities divided as an import does.
-    Points without a return are left out. Raises OSError, and FormatError for a file that is none.
+    The function returns points (n, 4), x y z intensity. It rotates .pcd points by their VIEWPOINT
+    and scales their intensities like an import. It drops points without a return. Raises OSError,
+    and FormatError for an invalid file.
     """
     pcds = [cloud for cloud in clouds if cloud.suffix.lower() == ".pcd"]
     bins = [cloud for cloud in clouds if cloud not in pcds]
@@ -54,6 +55,6 @@ def _points(file: Path, options: Options) -> Points:
 
 
 def _brightest(file: Path) -> float:
-    """The highest finite intensity of a .pcd file, or 0."""
+    """Returns the highest finite intensity of a .pcd file, or 0."""
     shares = _points(file, Options(intensity_max=WIDE.intensity_max))[:, 3]
     return float(shares[np.isfinite(shares)].max(initial=0)) * (WIDE.intensity_max or 1)

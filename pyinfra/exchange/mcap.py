@@ -1,15 +1,16 @@
-"""MCAP of ROS 2 messages, written without ROS; Foxglove, RViz and PlotJuggler open it.
+"""Writes an MCAP file of ROS 2 messages without ROS, for Foxglove, RViz and PlotJuggler.
 
-One file, NAME.mcap, with the topics
-    /NAME/points  sensor_msgs/PointCloud2            every point field that exists
-    /NAME/boxes   visualization_msgs/MarkerArray     a cube per object, after one that clears all
+The file NAME.mcap has the topics
+    /NAME/points  sensor_msgs/PointCloud2            all available point fields
+    /NAME/boxes   visualization_msgs/MarkerArray     one cube per object, after a marker to clear
     /tf           tf2_msgs/TFMessage                 world to the levelled LiDAR frame, `NAME`
-Clouds bear the start of their frame, from which `time` counts; boxes its middle (each of label time
-`scan` holds at its own time).
-All are logged at the frame's end, when a real sensor would have sent them. The pose goes out with
-every frame for both times, so that it is there wherever a player starts: ROS keeps `/tf_static`
-only for publishers with a quality of service that a player of files does not restore by itself.
-Names and types of the fields are those of the ROS 2 interfaces (Humble and later).
+A cloud is stamped with the start of its frame, from which the field `time` counts. Boxes are
+stamped with the middle of the frame, although with label time `scan` each box holds at its own
+time. All messages are logged at the end of the frame, when a real sensor would send them.
+
+The pose is sent with every frame for both stamps, so that a player can start anywhere. `/tf_static`
+would not work: ROS keeps it only for a quality of service that file players do not restore by
+default. Names and types of the fields are those of the ROS 2 interfaces (Humble and later).
 """
 
 from collections.abc import Sequence
@@ -37,9 +38,9 @@ WORLD = "world"
 COLOUR = {"r": 1.0, "g": 0.6, "b": 0.1, "a": 0.4}
 _CUBE, _DELETE_ALL = 1, 3  # Marker.type, Marker.action
 
-# Numbers of sensor_msgs/PointField.
+# Type numbers of sensor_msgs/PointField.
 _DATATYPES = {"<f4": 7, "<u2": 4, "<i4": 5}
-# kitti.FIELDS by the names that other tools know.
+# Maps kitti.FIELDS to the names that other tools use.
 _FIELDS = {"time_s": "time", "ring": "ring", "class": "class_id", "object_id": "object_id"}
 
 _HEADER = """
@@ -150,9 +151,9 @@ geometry_msgs/Quaternion rotation
 
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
-    """Writes NAME.mcap into the folder `out`, one frame in memory at a time.
+    """Writes NAME.mcap to the folder `out`, with one frame in memory at a time.
 
-    Raises FileNotFoundError for a frame that is not whole, and FormatError; then there is no file.
+    Raises FileNotFoundError for an incomplete frame, and FormatError; then no file is written.
     """
     series = read_series(lidar_folder)
     file = out / f"{series.lidar}.mcap"
@@ -178,7 +179,7 @@ def _write_frame(
 
 
 def cloud(frame_id: str, frame: StoredFrame) -> Message:
-    """sensor_msgs/PointCloud2: x y z intensity, and time ring class_id object_id if known."""
+    """Returns a sensor_msgs/PointCloud2 with all available fields of the points."""
     records = _records(frame)
     step = records.dtype.itemsize
     return {
@@ -195,7 +196,7 @@ def cloud(frame_id: str, frame: StoredFrame) -> Message:
 
 
 def markers(frame_id: str, frame: StoredFrame) -> Message:
-    """visualization_msgs/MarkerArray: class as namespace, the object's id as number."""
+    """Returns a visualization_msgs/MarkerArray: namespace is the class, id is the object's id."""
     objects, header = frame.objects, _header(frame.middle_s, frame_id)
     clear = {"header": header, "action": _DELETE_ALL}
     cubes = [
@@ -218,7 +219,7 @@ def markers(frame_id: str, frame: StoredFrame) -> Message:
 
 
 def transforms(series: FrameSeries, frame: StoredFrame) -> Message:
-    """tf2_msgs/TFMessage: the sensor's pose at the time of the cloud and at that of the boxes."""
+    """Returns a tf2_msgs/TFMessage with the sensor's pose at the stamps of cloud and boxes."""
     pose = series.T_world_lidar
     transform = {
         "translation": _xyz((pose.x, pose.y, pose.z)),
@@ -237,7 +238,7 @@ def transforms(series: FrameSeries, frame: StoredFrame) -> Message:
 
 
 def _records(frame: StoredFrame) -> Records:
-    """All that is known of each point, (n,) packed."""
+    """Returns packed records (n,) with all available fields of the points."""
     columns = {name: frame.points[:, i] for i, name in enumerate(("x", "y", "z", "intensity"))}
     if frame.fields is not None:
         columns |= {name: frame.fields[key] for key, name in _FIELDS.items()}

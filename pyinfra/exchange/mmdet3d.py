@@ -1,7 +1,8 @@
-"""MMDetection3D's custom layout: points/*.bin and info files, boxes by the middle of their bottom.
+"""Writes MMDetection3D's custom layout: points/*.bin and info files.
 
-After its public guide "Customize Datasets" (version 1.4). The info files are pickles because that
-is the format; they hold plain lists, numbers and words, and this package never reads one.
+Follows the public guide "Customize Datasets" (version 1.4). A box position is the centre of the
+bottom face. The format requires pickles as info files; they contain only plain lists, numbers and
+texts, and this package never reads one.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from pyinfra.exchange.road_level import (
     write_sensor,
 )
 
-PROTOCOL = 4  # of the pickles; Python 3.4 on
+PROTOCOL = 4  # pickle protocol; Python 3.4 and later
 METAINFO = {
     "classes": list(CLASSES),
     "categories": {name: i for i, name in enumerate(CLASSES)},
@@ -36,7 +37,7 @@ METAINFO = {
 
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
-    """At road level, see road_level. Raises Error if the frames have no vehicle."""
+    """Writes the frames at road level, see road_level. Raises Error if they have no vehicle."""
     labels = read_labels(lidar_folder, frames)
     site = site_of(lidar_folder, labels)
     lists = train_and_val(lidar_folder, frames)
@@ -55,7 +56,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 
 def _info(frame: RoadFrame) -> dict[str, Any]:
     boxes = frame.boxes.copy()
-    boxes[:, 2] -= boxes[:, 5] / 2  # from the centre to the middle of the bottom
+    boxes[:, 2] -= boxes[:, 5] / 2  # from the box centre to the centre of the bottom face
     counts = points_in_boxes(frame.points, frame.boxes)
     return {
         "sample_idx": frame.number,

@@ -1,21 +1,21 @@
-"""The tables of nuScenes, as `nuscenes-devkit` and what builds on it read them.
+"""Writes the tables of nuScenes for `nuscenes-devkit` and tools based on it.
 
-    v1.0-infrasim/*.json           thirteen tables; a row's key is its `token`, others refer to it
+    v1.0-infrasim/*.json           thirteen tables; rows refer to each other by their key `token`
     v1.0-infrasim/splits.json      scenes of infrasim_train, infrasim_val and infrasim_all; the
-                                   devkit keeps `train` and `val` for its own scenes
+                                   devkit reserves `train` and `val` for its own scenes
     samples/LIDAR_TOP/*.pcd.bin    float32 x y z intensity ring
-    maps/none.png                  a mask without anything; the devkit wants a file
-By the public description of the schema (docs/schema_nuscenes.md of the devkit):
-- Every frame is a sample. Those of ImageSets/train.txt are one scene, those of val.txt another, the
-  rest a third; an object of two scenes is two instances. Times are microseconds since the start of
-  the run, at the middle of the frame, where the boxes hold.
-- Global is the world. The ego stands on the world's plane z = 0 below the sensor and looks along
-  its x; the sensor, LIDAR_TOP, is above it. Its frame is the levelled LiDAR frame, x forward.
+    maps/none.png                  an empty mask, because the devkit needs a file
+Follows the public description of the schema (docs/schema_nuscenes.md of the devkit):
+- Every frame is a sample. The frames of ImageSets/train.txt form one scene, those of val.txt a
+  second, and the remaining frames a third. An object in two scenes is two instances. Timestamps are
+  microseconds since the start of the run, at mid-frame.
+- The global frame is the world frame. The ego is on the plane z = 0 of the world, below the sensor,
+  with the sensor's yaw. The frame of LIDAR_TOP is the levelled LiDAR frame, x forward.
 - Intensity is 0 to 255. The ring is -1 without `fields`.
-- Annotations are all vehicles in reach, also those without points, which the devkit's evaluation
-  leaves out. `num_lidar_pts` is `points_in_box` of the objects. An unknown
-  visibility is an empty token.
-- Classes have the names of nuScenes; a Van is a vehicle.car, unknown ones stay as they are.
+- Annotations are all objects within range, including those without points, which the devkit's
+  evaluation ignores. `num_lidar_pts` is `points_in_box` of the objects. An unknown visibility is an
+  empty token.
+- Classes have nuScenes names; a Van is a vehicle.car. Unknown classes keep their names.
 """
 
 from __future__ import annotations
@@ -41,19 +41,19 @@ from pyinfra.exchange.series import FrameSeries, StoredFrame, quaternion, read_f
 Row = dict[str, Any]
 Add = Callable[[Row], None]  # adds a row to a table
 VERSION = "v1.0-infrasim"
-CHANNEL = "LIDAR_TOP"  # the devkit knows a LiDAR by this name only
+CHANNEL = "LIDAR_TOP"  # the only LiDAR name that the devkit knows
 MAX_INTENSITY = 255
-STILL_MPS = 0.2  # slower stands
+STILL_MPS = 0.2  # up to this speed an object counts as standing
 TABLES = (
     "attribute calibrated_sensor category ego_pose instance log map sample sample_annotation "
     "sample_data scene sensor visibility"
 ).split()
-VISIBILITY = {"v0-40": 0.0, "v40-60": 0.4, "v60-80": 0.6, "v80-100": 0.8}  # from
+VISIBILITY = {"v0-40": 0.0, "v40-60": 0.4, "v60-80": 0.6, "v80-100": 0.8}  # lower bounds
 
 
 @dataclass(frozen=True)
 class Category:
-    """Name of a class, and of the attribute of one that drives and of one that stands."""
+    """nuScenes name of a class, and the attributes of its moving and standing objects."""
 
     name: str
     moving: str | None = None
@@ -75,10 +75,10 @@ CATEGORIES = {
 
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
-    """Writes the tables, clouds and the mask into the folder `out`.
+    """Writes the tables, clouds and the mask to the folder `out`.
 
-    Memory holds one frame, and of each object of a scene its last annotation.
-    Raises FileNotFoundError for a frame that is not whole, FormatError, and Error without any.
+    Keeps only one frame and the last annotation of each object in memory.
+    Raises FileNotFoundError for an incomplete frame, FormatError, and Error without a frame.
     """
     if not frames:
         raise Error(f"{lidar_folder}: found no frame to export, allowed one or more")
@@ -86,7 +86,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     for folder in (VERSION, f"samples/{CHANNEL}", "maps"):
         (out / folder).mkdir(parents=True)
     matplotlib.image.imsave(out / "maps/none.png", np.zeros((1, 1)), cmap="gray")
-    # A slice, because a caller may show how far the one pass over `frames` below has come.
+    # A slice, because iterating over `frames` may show a progress bar, meant for the loop below.
     parts = parts_of(lidar_folder, frames[:])
     with ExitStack() as stack:
         files = {name: out / VERSION / f"{name}.json" for name in TABLES}
@@ -108,10 +108,10 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 
 
 def parts_of(lidar_folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
-    """Which frames ImageSets give to `train` and `val`; `all` are those that neither has.
+    """Returns the frames in `train` and `val` of ImageSets; `all` contains the remaining frames.
 
-    A scene is the least that nuScenes can split, so each part becomes one.
-    Raises FormatError for a frame that both lists have.
+    nuScenes splits by scene, so each part becomes one scene.
+    Raises FormatError for a frame that is in both lists.
     """
     listed = {part: lidar_folder / f"ImageSets/{part}.txt" for part in ("train", "val")}
     there = [part for part, file in listed.items() if file.is_file()]
@@ -128,7 +128,7 @@ def parts_of(lidar_folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
 
 @contextmanager
 def _table(file: Path) -> Iterator[Add]:
-    """Gives a function that adds a row to the list in a JSON file."""
+    """Yields a function that appends a row to the list in a JSON file."""
     with replacing(file) as beside, beside.open("w", encoding="utf-8") as stream:
         before = "[\n"
 
@@ -142,7 +142,7 @@ def _table(file: Path) -> Iterator[Add]:
 
 
 class _Common:
-    """What all scenes refer to."""
+    """Writes the rows that all scenes share, such as sensor, map, visibilities and categories."""
 
     def __init__(self, series: FrameSeries, add: dict[str, Add]) -> None:
         self.series, self.add = series, add
@@ -150,7 +150,7 @@ class _Common:
         self.categories: set[str] = set()
 
     def token(self, kind: str, key: object) -> str:
-        """The same for the same series, and no other has it: 32 hexadecimal digits."""
+        """Returns a reproducible token, unique to this series, kind and key: 32 hex digits."""
         name = [self.name, *self.series.provenance.values(), kind, str(key)]
         return uuid.uuid5(uuid.NAMESPACE_URL, "/".join(name)).hex
 
@@ -188,7 +188,7 @@ class _Common:
         )
 
     def add_levels(self) -> None:
-        """Visibilities and attributes, used or not."""
+        """Writes all visibility levels and attributes, used or not."""
         for number, (level, least) in enumerate(VISIBILITY.items(), start=1):
             text = f"visible from {least:.0%} on"
             self.add["visibility"]({"token": str(number), "level": level, "description": text})
@@ -197,7 +197,7 @@ class _Common:
             self.add["attribute"](row)
 
     def attributes(self, category: Category, speed: float) -> list[str]:
-        """Tokens of what is known: none without a speed or for a class of the user's own."""
+        """Returns the attribute tokens; none for an unknown speed or class."""
         name = category.moving if speed > STILL_MPS else category.standing
         return [] if name is None or np.isnan(speed) else [self.token("attribute", name)]
 
@@ -208,18 +208,18 @@ class _Common:
 
 
 class _Scene:
-    """Frames whose samples and annotations name their neighbours in time."""
+    """Writes the samples and annotations of a scene, linked to their neighbours in time."""
 
     def __init__(self, common: _Common, part: str, frames: list[int]) -> None:
         self.common, self.part, self.frames, self.add = common, part, frames, common.add
         self.name = f"{common.name}-{part}"
         self.following = dict(pairwise(frames))
         self.preceding = dict(pairwise(reversed(frames)))
-        self.last: dict[int, Row] = {}  # annotation of each object, not written yet
+        self.last: dict[int, Row] = {}  # latest annotation of each object, not written yet
         self.instances: dict[int, Row] = {}
 
     def token(self, kind: str, key: object) -> str:
-        """Nothing for no key."""
+        """Returns the token of a key in this scene; an empty text if the key is None."""
         return "" if key is None else self.common.token(kind, f"{self.part}/{key}")
 
     def add_sample(self, frame: StoredFrame) -> None:
@@ -279,7 +279,7 @@ class _Scene:
             self.count(number, row, category)
 
     def chain(self, number: int, row: Row) -> None:
-        """An annotation is written when that after it is known, so that it can name it."""
+        """Links an annotation to the object's previous one, and writes the previous one."""
         last = self.last.get(number)
         if last is not None:
             row["prev"], last["next"] = last["token"], row["token"]
@@ -299,7 +299,7 @@ class _Scene:
         self.common.categories.add(category.name)
 
     def close(self) -> None:
-        """Writes what the last frame ends."""
+        """Writes the last annotations, the instances and the scene, after the last frame."""
         for row in self.last.values():
             self.add["sample_annotation"](row)
         for row in self.instances.values():
@@ -319,13 +319,13 @@ class _Scene:
 
 
 def visibility_token(visibility: float) -> str:
-    """Key of the level that a share in [0, 1] lies in; nothing if it is unknown, -1."""
+    """Returns the level of a visible share in [0, 1]; an empty text if it is unknown (-1)."""
     levels = sum(visibility >= least for least in VISIBILITY.values())
     return str(levels) if levels else ""
 
 
 def _to_world(series: FrameSeries, boxes: FloatArray) -> FloatArray:
-    """x y z heading (k, 4) of boxes (k, 7)."""
+    """Returns x y z heading (k, 4) of boxes (k, 7) in the world frame."""
     pose = series.T_world_lidar
     cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
     x, y, z = boxes[:, :3].T

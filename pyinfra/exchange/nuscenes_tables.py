@@ -1,7 +1,7 @@
-"""Key frames of one LiDAR of a set in the nuScenes format: JSON tables and .pcd.bin clouds.
+"""Reads the key frames of one LiDAR of a nuScenes data set: JSON tables and .pcd.bin clouds.
 
-After the public schema of nuScenes (version 1.0). Boxes are turned from the global frame into the
-levelled LiDAR frame, and so are the points of a LiDAR that leans.
+Follows the public schema of nuScenes (version 1.0). Boxes are transformed from the global frame to
+the levelled LiDAR frame. Points of a tilted LiDAR are rotated to the levelled frame too.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ Row = dict[str, Any]
 
 
 def read(source: Path, options: Options) -> Recording:
-    """A folder with the tables, or one whose only sub-folder with tables has them.
+    """Opens a folder with the tables, or with exactly one subfolder that has them.
 
-    Raises FileNotFoundError, FormatError that names table and row, and Error if one of
-    several LiDARs must be chosen. Frames come in order of time.
+    Frames are in order of time. Raises FileNotFoundError, FormatError that names table and row, and
+    Error if `options.channel` must select one of several LiDARs.
     """
     tables = Tables(_table_folder(source))
     rows = _key_frames(tables, _sensor(tables, options.channel))
@@ -70,7 +70,7 @@ def read(source: Path, options: Options) -> Recording:
 
 
 class Tables:
-    """The JSON tables of a folder, rows by token; errors name table, row and key."""
+    """The JSON tables of a folder, with rows by token; errors name table, row and key."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -93,7 +93,7 @@ class Tables:
         return str(row[key])
 
     def numbers(self, table: str, row: Row, key: str, shape: int | tuple[()]) -> FloatArray:
-        """A cell of `shape` finite numbers; () is one number."""
+        """Returns a cell as an array of finite numbers; shape () is a single number."""
         raw = row.get(key)
         want = (shape,) if isinstance(shape, int) else shape
         try:
@@ -112,7 +112,7 @@ class Tables:
         file = self._file(table)
         try:
             rows = json.loads(file.read_text(encoding="utf-8"))
-        except (ValueError, RecursionError) as error:  # not JSON, not UTF-8, endless digits
+        except (ValueError, RecursionError) as error:  # not JSON, not UTF-8, or too many digits
             raise FormatError(f"{file}: is not JSON: {error}") from None
         if not isinstance(rows, list) or not all(
             isinstance(row, dict) and "token" in row for row in rows
@@ -127,12 +127,12 @@ class Tables:
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Where a LiDAR stands in the global frame."""
+    """The pose of a LiDAR in the global frame; metres, radians."""
 
     origin: FloatArray  # (3,)
     yaw: float
     tilt: tuple[float, float]  # pitch, roll
-    leaning: FloatArray  # (3, 3): T_levelled_sensor
+    leaning: FloatArray  # (3, 3) rotation of T_levelled_sensor
 
 
 def _table_folder(source: Path) -> Path:
@@ -146,7 +146,7 @@ def _table_folder(source: Path) -> Path:
 
 
 def _sensor(tables: Tables, channel: str | None) -> str:
-    """Token of the LiDAR."""
+    """Returns the token of the selected LiDAR. Raises Error unless exactly one fits."""
     lidars = [row for row in tables.rows("sensor") if row.get("modality") == "lidar"]
     chosen = [row for row in lidars if channel in (None, row.get("channel"))]
     if len(chosen) != 1:
@@ -156,7 +156,7 @@ def _sensor(tables: Tables, channel: str | None) -> str:
 
 
 def _key_frames(tables: Tables, sensor: str) -> list[Row]:
-    """Rows of sample_data, by time."""
+    """Returns the key frames of a sensor, as rows of sample_data sorted by time."""
     rows = []
     for row in tables.rows("sample_data"):
         token = tables.cell("sample_data", row, "calibrated_sensor_token")
@@ -187,7 +187,7 @@ def _pose(tables: Tables, row: Row) -> Pose:
 
 
 def angles_of(turn: FloatArray) -> tuple[float, float, float]:
-    """Yaw, pitch and roll of a rotation (3, 3); straight up or down there is no roll."""
+    """Returns yaw, pitch and roll of a rotation (3, 3); roll is 0 if x points up or down."""
     flat = math.hypot(turn[0, 0], turn[1, 0])
     pitch = math.atan2(-turn[2, 0], flat)
     if flat < 1e-6:
@@ -196,7 +196,7 @@ def angles_of(turn: FloatArray) -> tuple[float, float, float]:
 
 
 def _rotation(tables: Tables, table: str, row: Row) -> FloatArray:
-    """(3, 3) of a row's quaternion, w first."""
+    """Returns the rotation (3, 3) of a row's quaternion w x y z."""
     w, x, y, z = tables.numbers(table, row, "rotation", 4)
     if not 0.9 <= math.hypot(w, x, y, z) <= 1.1:
         location = f"{tables.folder / table}.json: row '{row['token']}': rotation"
@@ -205,7 +205,7 @@ def _rotation(tables: Tables, table: str, row: Row) -> FloatArray:
 
 
 def _boxes(tables: Tables, rows: list[Row], pose: Pose) -> Boxes:
-    """Global boxes, sizes width length height, in the levelled LiDAR frame."""
+    """Converts global boxes with sizes width length height to the levelled LiDAR frame."""
     table = "sample_annotation"
     names, boxes, ids, visibility = [], [], [], []
     seen: set[str] = set()

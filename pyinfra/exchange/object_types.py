@@ -1,4 +1,4 @@
-"""What other tools call the vehicles, and what they are called here."""
+"""Maps the class names of other tools to the types of this package."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from pyinfra.core.arrays import NameArray
 from pyinfra.core.errors import Error
 
-# By any part of a name such as `vehicle.bus.rigid`, the last one first.
+# Looked up for each part of a name such as `vehicle.bus.rigid`, the last part first.
 TYPES = {
     "car": "Car",
     "van": "Van",
@@ -26,7 +26,7 @@ TYPES = {
 }
 
 
-# Of public roadside sets, what TYPES does not know or takes for something else.
+# Names in public roadside data sets that TYPES does not know or would map wrongly.
 _CHINESE = {
     "tricyclist": "Misc",
     "barrowlist": "Misc",
@@ -38,7 +38,7 @@ _CHINESE = {
     "unknown_unmovable": "Misc",
     "unknown": "Misc",
 }
-_WAYS = (str.upper, str.capitalize)  # of writing a name
+_WAYS = (str.upper, str.capitalize)  # further spellings of a name
 PUBLIC = {
     "dair-v2x": _CHINESE,
     "rcooper": _CHINESE | {"tricycle": "Misc", "huge_vehicle": "vehicle"},
@@ -47,19 +47,19 @@ PUBLIC = {
 
 
 def with_public_types(format: str, user_types: Mapping[str, str]) -> dict[str, str]:
-    """What the user says of names, then what is known of a public set's, as the sets write them."""
+    """Returns the types of a public data set's names in all spellings, and the user's types."""
     known = PUBLIC.get(format, {})
     written = {way(name): kind for name, kind in known.items() for way in (str, *_WAYS)}
     return {**written, **user_types}
 
 
 def types_of(names: NameArray, user_types: Mapping[str, str]) -> NameArray:
-    """Types (k,) of the names (k,): what `user_types` says, else TYPES, else the name itself."""
+    """Returns types (k,) for names (k,): from `user_types`, else TYPES, else the name itself."""
     return np.array([_type(str(name), user_types) for name in names], dtype=np.str_)
 
 
 def parse_types(words: Sequence[str]) -> dict[str, str]:
-    """`NAME=TYPE` as names with their types. Raises Error for another form."""
+    """Parses texts `NAME=TYPE` into a dict of types by name. Raises Error for another form."""
     types = {}
     for word in words:
         name, equals, kind = word.rpartition("=")

@@ -1,13 +1,14 @@
-"""ASAM OpenLABEL 1.0.0: boxes as cuboids in one JSON file, with the clouds they belong to.
+"""Writes ASAM OpenLABEL 1.0.0: boxes as cuboids in one JSON file, and the clouds.
 
     NAME.json            labels, valid against the standard's JSON schema
-    points/NNNNNN.bin    float32 x y z intensity, as KITTI has them
-- Frames count from 0 without gaps, because intervals are in them; a stream's `frame_stream` is the
-  number of our frame. Times are seconds since the start of the run: of a frame its middle, where
-  the boxes hold, of its cloud the start. They are strings, which more readers take than fractions.
-- A cuboid is x y z, quaternion x y z w, length width height, in the coordinate system of the LiDAR;
-  the system's pose takes it to the world, which is the scene's.
-- Attributes: `points_in_box` of the objects; speed (m/s) and visibility where known.
+    points/NNNNNN.bin    float32 x y z intensity, as in KITTI
+- OpenLABEL frames count from 0 without gaps, because intervals refer to them. `frame_stream` of a
+  stream is this package's frame number.
+- Times are seconds since the start of the run: mid-frame for a frame, its start for the cloud. They
+  are strings, because more readers accept strings than fractional numbers.
+- A cuboid is x y z, quaternion x y z w, length width height, in the LiDAR's coordinate system. That
+  system has a pose in the coordinate system `world` of the scene.
+- Attributes are `points_in_box` of the objects, and speed (m/s) and visibility if known.
 """
 
 from __future__ import annotations
@@ -35,15 +36,15 @@ Json = dict[str, Any]
 Item = tuple[str, Json]
 
 WORLD = "world"
-CUBOID = "shape"  # name of each object's one cuboid
+CUBOID = "shape"  # name of the single cuboid of each object
 FORMAT = "KITTI: float32 little-endian x y z intensity, metres, intensity 0 to 1"
 
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
-    """Writes NAME.json and the clouds into the folder `out`.
+    """Writes NAME.json and the clouds to the folder `out`.
 
-    Memory holds one frame, and of each object when it was there.
-    Raises FileNotFoundError for a frame that is not whole, FormatError, and Error without any.
+    Keeps only one frame and the frame intervals of all objects in memory.
+    Raises FileNotFoundError for an incomplete frame, FormatError, and Error without a frame.
     """
     if not frames:
         raise Error(f"{lidar_folder}: found no frame to export, allowed one or more")
@@ -54,7 +55,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
         "coordinate_systems": _coordinate_systems(series),
         "streams": {series.lidar: {"type": "lidar", "uri": "points", "description": FORMAT}},
         "frames": _frames(series, frames, presence, out),
-        # After the frames, which say when the objects are there.
+        # Must follow the frames: iterating over them fills `presence`.
         "objects": presence.objects(series.lidar),
     }
     with (
@@ -70,7 +71,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 
 
 class Presence:
-    """When each object was there, as closed intervals of frames; they only grow."""
+    """The closed intervals of frames in which each object is present."""
 
     def __init__(self) -> None:
         self.names: dict[int, str] = {}
@@ -124,7 +125,7 @@ def _frame_properties(series: FrameSeries, frame: StoredFrame, cloud: str) -> Js
 
 
 def _cuboids(coordinate_system: str, o: Objects) -> Iterator[Item]:
-    """object_data of each object of a frame."""
+    """Yields the id and object_data of each object of a frame."""
     for i, number in enumerate(o.ids.tolist()):
         box = o.boxes[i].tolist()
         known = {"points_in_box": int(o.points_in_box[i])}
@@ -151,7 +152,7 @@ def _metadata(series: FrameSeries) -> Json:
 
 
 def _coordinate_systems(series: FrameSeries) -> Json:
-    """The pose of a system takes its points to the parent's."""
+    """Returns the coordinate systems; a system's pose transforms its points to the parent's."""
     pose = series.T_world_lidar
     return {
         WORLD: {"type": "scene_cs", "parent": "", "children": [series.lidar]},
@@ -172,7 +173,7 @@ def _interval(start: int, end: int) -> Json:
 
 
 def _write_items(stream: TextIO, items: Iterable[tuple[str, Any]]) -> None:
-    """An object, one item a line."""
+    """Writes a JSON object with one item per line."""
     before = "{\n"
     for key, value in items:
         stream.write(f"{before}{json.dumps(key)}: {json.dumps(value, allow_nan=False)}")

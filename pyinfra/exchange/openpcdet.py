@@ -1,7 +1,7 @@
-"""OpenPCDet's custom layout: points/*.npy, labels/*.txt, ImageSets, and its configurations.
+"""Reads and writes OpenPCDet's custom layout: points/*.npy, labels/*.txt, ImageSets, configs.
 
-After its public guide "Custom Dataset Tutorial". Its class names, and that a listed frame must have
-a label, are those of its CustomDataset.
+Follows the public guide "Custom Dataset Tutorial". The class names, and the rule that each listed
+frame must have a label, come from OpenPCDet's CustomDataset.
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ from pyinfra.exchange.road_level import (
 )
 from pyinfra.formats import kitti
 
-# What NumPy raises for a header that is none: its words are evaluated as Python's.
+# Exceptions of NumPy for an invalid .npy header, which NumPy evaluates as a Python literal.
 _UNREADABLE = (
     *(ValueError, TypeError, EOFError, MemoryError, OverflowError, RecursionError, TokenError),
 )
 
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
-    """At road level, see road_level. Raises Error if the frames have no vehicle."""
+    """Writes the frames at road level, see road_level. Raises Error if they have no vehicle."""
     labels = read_labels(lidar_folder, frames)
     site = site_of(lidar_folder, labels)
-    # Its info maker stops at a frame without a label, so such frames are written but not listed.
+    # OpenPCDet's info script fails on a frame without a label. Such frames are written, not listed.
     listed = {k for k, entries in zip(frames, labels, strict=True) if len(entries) > 0}
     lists = train_and_val(lidar_folder, frames)
     write_lists(out, {part: [k for k in entries if k in listed] for part, entries in lists.items()})
@@ -68,10 +68,11 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 
 
 def read(source: Path, options: Options) -> Recording:
-    """A folder in that layout, also with points/*.bin; without labels/ nothing is labelled.
+    """Opens a folder in this layout, also with points/*.bin; labels/ is optional.
 
-    Raises FileNotFoundError, Error for labels that do not pair with clouds, and on reading a
-    frame FormatError. `sensor.yaml`, if there, takes the frames back from road level.
+    If there is a `sensor.yaml`, frames are moved back from road level to the sensor's level.
+    Raises FileNotFoundError, and Error for labels that do not pair with clouds. Reading a frame
+    raises FormatError.
     """
     clouds = sorted_files(source / "points", [".npy", ".bin"])
     folder = options.labels or source / "labels"
@@ -93,7 +94,7 @@ def read(source: Path, options: Options) -> Recording:
 
 
 def _lowered(points: Points, height: float) -> Points:
-    """From road level to the sensor's."""
+    """Moves points from road level to the sensor's level."""
     if height != 0:
         points = points.copy()
         points[:, 2] -= np.float32(height)
@@ -107,19 +108,19 @@ def _lowered_boxes(original: Boxes, height: float) -> Boxes:
 
 
 def _write_cloud(file: Path, points: Points) -> None:
-    """Through memory: `np.save` does not see that a disk is full when it closes the file."""
+    """Writes a .npy file via memory, because `np.save` does not report a full disk on closing."""
     buffer = io.BytesIO()
     np.save(buffer, points)
     write(file, buffer.getvalue())
 
 
 def _read_cloud(file: Path, columns: int, options: Options) -> Points:
-    """(n, 4). Raises FormatError; pickled objects in a .npy file are never read."""
+    """Reads points (n, 4). Raises FormatError; pickled objects in a .npy file are never read."""
     if file.suffix.lower() == ".bin":
         return read_bin(file, columns, options)
     try:
-        with warnings.catch_warnings(action="ignore"):  # about headers of Python 2
-            # The file is as large as its header says before anything is allocated.
+        with warnings.catch_warnings(action="ignore"):  # warnings about Python 2 headers
+            # A memory map checks the file size against the header before anything is allocated.
             points = np.lib.format.open_memmap(file, mode="r")
     except _UNREADABLE as error:
         raise FormatError(f"{file}: is no whole array of numbers: {error}") from None

@@ -1,7 +1,7 @@
-"""OpenPCDet's configuration files for frames at road level.
+"""Writes OpenPCDet's configuration files for frames at road level.
 
-The networks are those of its public configurations (pointpillar, pv_rcnn and dsvt of Waymo,
-pointrcnn of KITTI); ranges, voxels, anchors and sizes are those of the exported vehicles.
+The networks are those of OpenPCDet's public configurations (pointpillar, pv_rcnn and dsvt of Waymo,
+pointrcnn of KITTI). Ranges, voxels, anchors and sizes are derived from the exported vehicles.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ TEMPLATES = Path(__file__).parent / "openpcdet_models"
 
 PILLAR_M = 0.32
 VOXEL_M = 0.1
-CELLS = 16  # a grid's sides are multiples of it
-LAYERS = 40  # of voxels, from bottom to top
-LOW_Z_M, HIGH_Z_M = -2.0, 4.0  # the usual range at road level; wider where vehicles are
-MARGIN_M = 0.5
-AROUND_M = 2.0  # of the area around the vehicles
-BEYOND_M = 12.0  # the LiDAR's range: a vehicle whose rear it reaches
+CELLS = 16  # side lengths of a grid are multiples of this number of cells
+LAYERS = 40  # number of voxel layers in z
+LOW_Z_M, HIGH_Z_M = -2.0, 4.0  # minimum z range at road level
+MARGIN_M = 0.5  # above and below the vehicles
+AROUND_M = 2.0  # horizontal margin around the vehicles
+BEYOND_M = 12.0  # beyond the LiDAR's range, for vehicles of which it only sees the near end
 
-LONG_FROM_M = 6.0  # two sizes of anchors: a bus never reaches the overlap with one of a car
+LONG_FROM_M = 6.0  # longer vehicles get their own anchor: a car's anchor overlaps a bus too little
 
 
 @dataclass(frozen=True)
 class Box:
-    """x y z of two corners, metres, at road level."""
+    """An axis-parallel box given by two corners x y z, metres, at road level."""
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
 
     def on_grid(self, cell_m: float) -> Box:
-        """Grown to sides of whole multiples of CELLS cells, corners on multiples of a cell."""
+        """Returns the box enlarged in x and y to multiples of CELLS cells, aligned to the cells."""
         low, high = list(self.low), list(self.high)
         for i in range(2):
             first = math.floor(self.low[i] / cell_m + 1e-9)
@@ -51,12 +51,12 @@ class Box:
         return Box((low[0], low[1], low[2]), (high[0], high[1], high[2]))
 
     def cells(self, cell_m: float) -> list[int]:
-        """Of its x and y sides."""
+        """Returns the number of cells in x and y."""
         return [round((self.high[i] - self.low[i]) / cell_m) for i in range(2)]
 
 
 def area_of(vehicles: FloatArray, reach_m: float) -> Box:
-    """The area that holds the vehicles (m, 7), as far as the LiDAR reaches."""
+    """Returns the area that contains the vehicles (m, 7), limited by the LiDAR's range."""
     cos, sin = np.abs(np.cos(vehicles[:, 6])), np.abs(np.sin(vehicles[:, 6]))
     half_x = (cos * vehicles[:, 3] + sin * vehicles[:, 4]) / 2 + AROUND_M
     half_y = (sin * vehicles[:, 3] + cos * vehicles[:, 4]) / 2 + AROUND_M
@@ -73,7 +73,7 @@ def area_of(vehicles: FloatArray, reach_m: float) -> Box:
 
 
 def sizes_of(vehicles: FloatArray) -> list[list[float]]:
-    """Mean length, width and height of the short and of the long vehicles (m, 7)."""
+    """Returns mean length, width and height of the short and of the long vehicles (m, 7)."""
     long = vehicles[:, 3] > LONG_FROM_M
     return [
         [round(float(v), 2) for v in vehicles[mask, 3:6].mean(axis=0)] if mask.any() else usual
@@ -82,7 +82,7 @@ def sizes_of(vehicles: FloatArray) -> list[list[float]]:
 
 
 def values(vehicles: FloatArray, reach_m: float) -> dict[str, str]:
-    """What the templates ask for."""
+    """Returns the values of the placeholders in the templates."""
     area = area_of(vehicles, reach_m)
     pillars, voxels = area.on_grid(PILLAR_M), area.on_grid(VOXEL_M)
     height = area.high[2] - area.low[2]
@@ -101,7 +101,7 @@ def values(vehicles: FloatArray, reach_m: float) -> dict[str, str]:
 
 
 def write_configs(out: Path, vehicles: FloatArray, lidar: kitti.Lidar) -> None:
-    """`cfgs` as it goes into OpenPCDet/tools, and a README with the commands."""
+    """Writes the folder `cfgs` for OpenPCDet/tools, and a README with the commands."""
     reach = max(unit.range_m[1] for unit in lidar.field_of_view)
     known = values(vehicles, reach)
     folders = {"custom_dataset": "cfgs/dataset_configs"}

@@ -1,4 +1,4 @@
-"""PCD: points/NNNNNN.pcd with all that is known of a point, and labels/NNNNNN.txt."""
+"""Reads and writes PCD folders: points/NNNNNN.pcd with all point fields, and labels/NNNNNN.txt."""
 
 from __future__ import annotations
 
@@ -30,19 +30,22 @@ from pyinfra.formats.kitti.layout import FARTHEST_M
 from pyinfra.formats.pcd_file import Header, Viewpoint, read_header, read_pcd, write_pcd
 
 POINT_FIELDS: list[tuple[str, Any]] = [(name, "<f4") for name in ("x", "y", "z", "intensity")]
-# Of a field here, its name in kitti.FIELDS and its type.
+# Maps further fields of the .pcd files to their names in kitti.FIELDS.
 MORE = {"time": "time_s", "ring": "ring", "object_id": "object_id", "class": "class"}
-# Names in use, in small letters; without one it is 0. CloudCompare puts `scalar_` before its own.
+# Lower-case field names that mean intensity. CloudCompare prefixes its fields with `scalar_`.
 INTENSITIES = (
     *("intensity", "reflectivity", "i", "intensities", "reflectance", "remission"),
     *("scalar_intensity", "scalar_reflectivity", "scalar_reflectance"),
 )
-FIRST = 3  # clouds of which one has a clock, if the recording has: empty ones have none
-STAMPS = ("timestamp", "time_stamp", "time", "t")  # of a point, by a clock; else since something
+FIRST = 3  # number of first clouds that are checked for time stamps, as empty clouds have none
+STAMPS = ("timestamp", "time_stamp", "time", "t")  # point times, absolute or relative
 
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
-    """Levelled LiDAR frame, metres, seconds. Raises FormatError for frames that are none."""
+    """Writes the frames in the levelled LiDAR frame, metres, seconds.
+
+    Raises FormatError for an invalid frame.
+    """
     for part in ("points", "labels"):
         (out / part).mkdir()
     cameras = read_cameras(lidar_folder, frames)
@@ -60,10 +63,10 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 
 
 def read(source: Path, options: Options) -> Recording:
-    """Clouds in the folder or in points/ of it, and boxes in labels/; without it no labels.
+    """Opens a folder with clouds in it or in points/; boxes in labels/ are optional.
 
-    Raises FileNotFoundError, Error for labels that do not pair with clouds, and on reading a
-    frame FormatError.
+    Raises FileNotFoundError, and Error for labels that do not pair with clouds. Reading a frame
+    raises FormatError.
     """
     inside = source / "points"
     clouds = sorted_files(inside if inside.is_dir() else source, [".pcd"])
@@ -93,7 +96,7 @@ def read(source: Path, options: Options) -> Recording:
 
 
 class Headers:
-    """What the headers of a recording's clouds say of all of them."""
+    """Information from the headers of all clouds of a recording."""
 
     def __init__(self, files: Sequence[Path], labelled: bool) -> None:
         self.files, self.labelled = files, labelled
@@ -103,15 +106,15 @@ class Headers:
         return [read_header(file) for file in self.files]
 
     def origin(self) -> FloatArray | None:
-        """Where the sensor stands in the frame of the points; None if it is the origin, or moves.
+        """Returns the sensor's position (3,) in the frame of the points, in the source's unit.
 
-        (3,), in the unit of the source.
+        Returns None if it is the origin or differs between clouds.
         """
         shifts = np.array([header.viewpoint.applied_shift for header in self._all])
         return shifts[0] if shifts[0].any() and (shifts == shifts[0]).all() else None
 
     def notes(self, *, shifted: bool = True) -> list[str]:
-        """What points_of makes of viewpoints, and of clouds without an intensity."""
+        """Describes how `points_of` treats viewpoints and clouds without an intensity."""
         moved = [header for header in self._all if not header.viewpoint.is_identity]
         notes = []
         if moved:
@@ -143,9 +146,9 @@ def _viewpoint_note(viewpoint: Viewpoint, *, shifted: bool) -> str:
 
 
 def stamps(clouds: Sequence[Path]) -> FloatArray | None:
-    """The first time stamp of each cloud, s since 1970; nan without a clock's.
+    """Returns the first time stamp of each cloud, in seconds since 1970; NaN without one.
 
-    None if the first few have none.
+    Returns None if the first clouds have none.
     """
     if all(_stamp(read_pcd(file)) is None for file in clouds[:FIRST]):
         return None
@@ -171,10 +174,10 @@ def _records(points: Points, fields: Records | None) -> Records:
 
 
 def points_of(file: Path, records: Records, options: Options, *, shifted: bool = True) -> Points:
-    """The points of a file's records, where its viewpoint moves them.
+    """Returns the points (n, 4) of a file's records, transformed by its viewpoint.
 
-    shifted: False turns them alone, so that the sensor stays the origin. Without a field for it
-    the intensity is 0.
+    shifted: False only rotates them, so that the sensor stays the origin. The intensity is 0 if the
+    file has no field for it. Raises FormatError.
     """
     names = records.dtype.names or ()
     if not {"x", "y", "z"} <= set(names):
@@ -197,7 +200,10 @@ def _column(file: Path, records: Records, name: str) -> AnyArray:
 
 
 def _fields(file: Path, records: Records) -> Records | None:
-    """Time and ring if both are there; what is not known of a point is its background's."""
+    """Returns kitti.FIELDS (n,) if time and ring exist, else None.
+
+    A point without class and object_id counts as background. Raises FormatError.
+    """
     names = records.dtype.names or ()
     if not {"time", "ring"} <= set(names):
         return None

@@ -1,7 +1,7 @@
-"""What the clouds of a recording are, where the user and the format do not say it.
+"""Estimates properties of a recording's clouds that neither the user nor the format states.
 
-Some frames are looked at before all are written: units, which axis is up, how the sensor leans, how
-high it stands above the road. What follows from it is said in words, `assumed`.
+From some of the frames it estimates the length unit, the upward axis, the tilt of the sensor and
+its height above the road. All assumptions are listed as texts in `assumed`.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from pyinfra.exchange.road_shape import shape_of
 
 Read = Callable[[Path, Options], Recording]
 
-FRAMES = 30  # looked at, spread over all
-# Whatever the unit, these let a cloud pass the reader's ranges.
+FRAMES = 30  # number of frames used, evenly spread
+# With these options, clouds in any unit pass the range checks of the reader.
 WIDE = Options(unit_m=1e-3, intensity_max=65535.0)
 MILLIMETRES = "coordinates are millimetres: divided by 1000"
 INTENSITIES_MAX = (1.0, 255.0, 65535.0)
-FARTHEST_MEDIAN_M = 400.0  # of a roadside sensor's returns; in mm it is NEAREST_MEDIAN_MM or more
+FARTHEST_MEDIAN_M = 400.0  # largest median range of a roadside sensor in metres
 NEAREST_MEDIAN_MM = 2000.0
-UPS: dict[str, list[list[int]]] = {  # rows: x, y and z of the upright frame in that of the source
+UPS: dict[str, list[list[int]]] = {  # rows: x, y, z axes of the upright frame in the source's frame
     "z up": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
     "z down": [[1, 0, 0], [0, -1, 0], [0, 0, -1]],
     "y up": [[0, 0, 1], [1, 0, 0], [0, 1, 0]],
@@ -47,31 +47,32 @@ UPS: dict[str, list[list[int]]] = {  # rows: x, y and z of the upright frame in 
     "x up": [[0, 1, 0], [0, 0, 1], [1, 0, 0]],
     "x down": [[0, 1, 0], [0, 0, -1], [-1, 0, 0]],
 }
-SURE_SHARE = 0.3  # of the ground near the sensor: z is up without a look at other axes
-LOWEST_M = 1.0  # of a sensor above the road: below, the clouds stand at road level
-AS_GIVEN_M = 0.5  # a height may be off by so much,
-AS_GIVEN_SHARE = 0.15  # or by this share of it
-GIVEN_TILT_DEG = 10.0  # of the road in a frame that the user says is level
-WORTH_DEG = 0.05  # of tilt; less is left
+SURE_SHARE = 0.3  # share of the near ground on the road plane from which z is surely up
+LOWEST_M = 1.0  # lowest height of a sensor; if lower, the origin of the clouds is on the road
+AS_GIVEN_M = 0.5  # tolerated error of a given height,
+AS_GIVEN_SHARE = 0.15  # or this share of the height if larger
+GIVEN_TILT_DEG = 10.0  # largest tilt of the road after correction by a given tilt
+WORTH_DEG = 0.05  # smaller tilts are not corrected
 
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """How a recording is read and turned, and what was assumed for it."""
+    """The estimated options and transform of a recording, and the assumptions made."""
 
     options: Options
-    turn: FloatArray  # (3, 3) from the source's axes to upright ones
-    lift_m: float  # added to z
+    turn: FloatArray  # (3, 3) rotation from the source's axes to upright axes
+    lift_m: float  # added to z after the rotation
     facts: LidarFacts
     plane: RoadPlane | None
     assumed: tuple[str, ...]
-    back_m: FloatArray = field(default_factory=lambda: np.zeros(3))  # taken off places, before all
+    back_m: FloatArray = field(default_factory=lambda: np.zeros(3))  # subtracted before rotation
 
 
 def survey(source: Path, read: Read, options: Options, given: LidarFacts, *, road: bool) -> Survey:
-    """Looks at some frames. road: units, axes and the road are looked for, else intensities alone.
+    """Estimates the properties of a recording from some of its frames.
 
-    Raises Error for clouds whose unit or height cannot be told, with what the user can say.
+    road: whether to estimate unit, axes and road; otherwise only the intensity scale is estimated.
+    Raises Error if the unit or height cannot be determined; the message says which argument helps.
     """
     recording = read(source, _wide(options))
     clouds = _clouds(recording)
@@ -104,7 +105,7 @@ def survey(source: Path, read: Read, options: Options, given: LidarFacts, *, roa
 
 
 def turned(recording: Recording, estimate: Survey) -> Recording:
-    """The recording in upright axes, at the height where the sensor is the origin."""
+    """Returns the recording transformed to upright axes with the sensor as the origin."""
     up = [0.0, 0.0, estimate.lift_m]
     shift = up - estimate.turn @ estimate.back_m
     if np.array_equal(estimate.turn, np.eye(3)) and not shift.any():
@@ -113,7 +114,7 @@ def turned(recording: Recording, estimate: Survey) -> Recording:
 
     def frame(i: int) -> RecordedFrame:
         recorded = levelled(read(i), estimate.turn)
-        there = recorded.points[:, :3].any(axis=1)  # 0 0 0 stands for no return
+        there = recorded.points[:, :3].any(axis=1)  # 0 0 0 means no return
         recorded.points[there, :3] += shift.astype(np.float32)
         recorded.boxes.boxes[:, :3] += shift
         return recorded
@@ -122,7 +123,7 @@ def turned(recording: Recording, estimate: Survey) -> Recording:
 
 
 def check_region(file: Path, region: Region, recording: Recording, estimate: Survey) -> None:
-    """Raises Error if no looked-at frame has a return inside an outline."""
+    """Raises Error if none of the sampled frames has a return inside the region."""
     tilt = Rotation.from_euler("ZYX", [0, *(estimate.facts.tilt or (0.0, 0.0))]).as_matrix()
     chosen = _spread(recording)
     reach = 0.0
@@ -148,7 +149,7 @@ def _spread(recording: Recording) -> list[int]:
 
 
 def _clouds(recording: Recording) -> list[Floats]:
-    """Points (k, 4) of some frames as the source has them; wrong frames are left to the reader."""
+    """Returns points (k, 4) of some frames in the source's units; skips invalid frames."""
     clouds: list[Floats] = []
     for i in _spread(recording):
         try:
@@ -163,7 +164,7 @@ def _clouds(recording: Recording) -> list[Floats]:
 
 
 def _unit(source: Path, clouds: Sequence[Floats], options: Options) -> float:
-    """Metres of one unit of the source."""
+    """Returns the length unit of the source in metres."""
     if options.unit_m != 1 or sum(map(len, clouds)) == 0:
         return options.unit_m
     slant = np.linalg.norm(np.concatenate([cloud[:, :3] for cloud in clouds]), axis=1)
@@ -180,14 +181,14 @@ def _unit(source: Path, clouds: Sequence[Floats], options: Options) -> float:
 
 
 def _brightest(clouds: Sequence[Floats]) -> float:
-    """The highest finite intensity, or 0."""
+    """Returns the highest finite intensity, or 0."""
     values = [cloud[np.isfinite(cloud[:, 3]), 3] for cloud in clouds]
     return max((float(intensities.max(initial=0)) for intensities in values), default=0.0)
 
 
 def usual_intensity_max(brightest: float) -> float:
-    """The least usual highest intensity that holds the brightest one of some clouds."""
-    brightest *= 1 - 1e-6  # it was divided and multiplied again
+    """Returns the smallest of 1, 255 and 65535 that is not below `brightest`; 1 if none is."""
+    brightest *= 1 - 1e-6  # tolerates rounding: the value was divided and multiplied again
     return next((top for top in INTENSITIES_MAX if brightest <= top), 1.0)
 
 
@@ -224,7 +225,7 @@ def _with_road(source: Path, estimate: Survey, clouds: Sequence[Floats]) -> Surv
 
 
 def _shaped(estimate: Survey, clouds: Sequence[Floats]) -> Survey:
-    """With what is known of a road that is no plane. clouds: upright but for the tilt."""
+    """Adds the road shape if the road is not a plane. clouds: upright except for the tilt."""
     facts = estimate.facts
     lean = Rotation.from_euler("ZYX", [0, *(facts.tilt or (0.0, 0.0))]).as_matrix()
     shape = shape_of([cloud @ lean.T for cloud in clouds], facts.height_m or 0.0)
@@ -238,7 +239,7 @@ def _shaped(estimate: Survey, clouds: Sequence[Floats]) -> Survey:
 
 
 def _upright(clouds: Sequence[Floats]) -> tuple[str, RoadPlane | None]:
-    """Which axis is up, and the road's plane then."""
+    """Returns which axis is up, and the road plane in that orientation."""
     best_up, best = "z up", find_plane(clouds)
     if best is not None and best.share >= SURE_SHARE and best.height_m >= LOWEST_M:
         return best_up, best
@@ -252,7 +253,11 @@ def _upright(clouds: Sequence[Floats]) -> tuple[str, RoadPlane | None]:
 
 
 def _better(plane: RoadPlane, best: RoadPlane | None) -> bool:
-    """At road level both ways up have the same plane, and what stands is above it."""
+    """Returns whether a plane is a better estimate of the road than the best one so far.
+
+    If the origin is on the road, both orientations of an axis give the same plane. The right one
+    has more points above the road.
+    """
     if best is None:
         return True
     if max(plane.height_m, best.height_m) < LOWEST_M and abs(plane.share - best.share) < 0.1:
@@ -269,7 +274,7 @@ def _axes(turn: FloatArray) -> str:
 
 
 def _from_road_level(source: Path, estimate: Survey, plane: RoadPlane) -> Survey:
-    """Clouds whose origin lies on the road: moved down by the height that the user says."""
+    """Handles clouds whose origin is on the road: moves them down by the given sensor height."""
     height = estimate.facts.height_m
     below = f"the road lies {plane.height_m:.2f} m below the origin"
     _check_millimetres(source, estimate, below)
@@ -289,7 +294,7 @@ def _from_road_level(source: Path, estimate: Survey, plane: RoadPlane) -> Survey
 
 
 def _check_millimetres(source: Path, estimate: Survey, why: str) -> None:
-    """Raises Error if a unit was guessed, and what follows is no sensor above a road."""
+    """Raises Error if millimetres were assumed; called when they give no sensor above a road."""
     if MILLIMETRES in estimate.assumed:
         raise Error(
             f"{source}: found coordinates that as millimetres make no sense ({why}), allowed those "
@@ -300,7 +305,7 @@ def _check_millimetres(source: Path, estimate: Survey, why: str) -> None:
 def _as_given(
     source: Path, facts: LidarFacts, clouds: Sequence[Floats], plane: RoadPlane
 ) -> RoadPlane:
-    """The plane about the height that the user says. Raises Error if there is none."""
+    """Returns the plane near the given sensor height. Raises Error if there is none."""
     if facts.height_m is None:
         return plane
     off = max(AS_GIVEN_M, AS_GIVEN_SHARE * facts.height_m)

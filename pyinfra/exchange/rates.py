@@ -1,4 +1,4 @@
-"""How much was written, and how fast."""
+"""Progress bar and throughput of an import or export."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 
 class Shown(Sequence[int]):
-    """Frames whose passes show as a bar on stderr, on a terminal only."""
+    """Frame numbers that show a progress bar on stderr while they are iterated, on a terminal."""
 
     def __init__(self, frames: Sequence[int]) -> None:
         self.frames = frames
@@ -28,12 +28,15 @@ class Shown(Sequence[int]):
         return self.frames[at]
 
     def __iter__(self) -> Iterator[int]:
-        # None: no bar where there is no terminal.
+        # disable=None: no progress bar without a terminal.
         return iter(tqdm(self.frames, unit="frame", disable=None, leave=False, file=sys.stderr))
 
 
 def summary(frames: int, folder: Path, since: float) -> str:
-    """`100 frames, 12.3 MB in 1.5 s: 67 frames/s, 8.2 MB/s`; since: a time.perf_counter()."""
+    """Returns a text such as `100 frames, 12.3 MB in 1.5 s: 67 frames/s, 8 MB/s`.
+
+    since: value of time.perf_counter() at the start.
+    """
     seconds = max(time.perf_counter() - since, 1e-9)
     megabytes = size_of(folder) / 1e6
     return (
@@ -43,5 +46,5 @@ def summary(frames: int, folder: Path, since: float) -> str:
 
 
 def size_of(folder: Path) -> int:
-    """Bytes of all files in it."""
+    """Returns the total size of all files in a folder in bytes."""
     return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())

@@ -1,7 +1,7 @@
-"""One LiDAR of a sequence of RCooper: data/SCENE/POLE/seq-N/lidar/TIME.pcd and its labels.
+"""Reads one LiDAR of a sequence of RCooper: data/SCENE/POLE/seq-N/lidar/TIME.pcd and labels.
 
-After its public converters. Labels are beside, in label(s)/SCENE/POLE/seq-N/TIME.json, in the frame
-of the LiDAR; calib/lidar2world/POLE.json says how it leans.
+Follows RCooper's public converters. Labels are in label(s)/SCENE/POLE/seq-N/TIME.json, in the
+LiDAR's frame. calib/lidar2world/POLE.json contains the pose and tilt of the LiDAR.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ LABELS = ("label", "labels")
 
 
 def read(source: Path, options: Options) -> Recording:
-    """The folder of a sequence in data/SCENE/POLE.
+    """Opens the folder of a sequence in data/SCENE/POLE.
 
-    Raises FileNotFoundError, Error for labels that do not pair with clouds, and on reading a
-    frame FormatError.
+    Raises FileNotFoundError, and Error for labels that do not pair with clouds. Reading a frame
+    raises FormatError.
     """
     clouds = sorted_files(source / "lidar", [".pcd"])
     scene, pole, sequence = source.resolve().parts[-3:]
@@ -68,7 +68,7 @@ def read(source: Path, options: Options) -> Recording:
 
 
 def _pose(file: Path) -> tuple[WorldPose | None, tuple[float, float] | None]:
-    """Where the LiDAR stands and how it leans; None, None without the file."""
+    """Reads the LiDAR's pose and tilt; None and None without the file. Raises FormatError."""
     if not file.is_file():
         return None, None
     content = read_json(file)

@@ -1,4 +1,4 @@
-"""A recording of another tool or of a real LiDAR, read frame by frame."""
+"""The common representation of a recording, which is read frame by frame."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from pyinfra.formats.text_table import lines_of
 
 @dataclass(frozen=True)
 class Options:
-    """What a reader cannot see in the files; None is what the format usually has."""
+    """Properties that files do not state; None selects the default of the format."""
 
-    intensity_max: float | None = None  # of the source; 1 here
-    columns: int | None = None  # of a .bin file, float32: x y z, intensity unless 3, others
-    labels: Path | None = None  # folder, in place of the usual one
-    channel: str | None = None  # which LiDAR of several
-    unit_m: float = 1.0  # of a coordinate in the source
+    intensity_max: float | None = None  # largest intensity of the source, which becomes 1
+    columns: int | None = None  # float32 per point in a .bin file: x y z, intensity, others
+    labels: Path | None = None  # folder of the labels, if not the usual one
+    channel: str | None = None  # name of the LiDAR, if there are several
+    unit_m: float = 1.0  # length unit of the source's coordinates, metres
 
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
     """The k labelled objects of a frame, in the frame of its points."""
 
-    names: NameArray  # (k,) as the source has them
+    names: NameArray  # (k,) class names of the source
     boxes: FloatArray  # (k, 7) x y z dx dy dz heading
-    ids: IntArray | None = None  # (k,) the same for the same object in all frames; None: unknown
+    ids: IntArray | None = None  # (k,) track ids, equal in all frames; None: unknown
     visibility: FloatArray | None = None  # (k,) [0, 1]; None: unknown
 
     def __len__(self) -> int:
@@ -54,30 +54,30 @@ class RecordedFrame:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Frames of one LiDAR that stands still."""
+    """Frames of one stationary LiDAR."""
 
     names: tuple[str, ...]  # of the frames in the source, in order of time
-    read: Callable[[int], RecordedFrame]  # by place in `names`
+    read: Callable[[int], RecordedFrame]  # reads a frame by its index in `names`
     labelled: bool
-    splits: dict[str, tuple[str, ...]] = field(default_factory=dict)  # train, val: some of `names`
+    splits: dict[str, tuple[str, ...]] = field(default_factory=dict)  # names in train and val
     period_s: float | None = None
     pose: WorldPose | None = None
-    tilt: tuple[float, float] | None = None  # pitch, roll (rad) that are out of the points already
+    tilt: tuple[float, float] | None = None  # pitch, roll (rad), already removed from the points
     ids_are_tracks: bool = False
-    times: Callable[[], FloatArray | None] | None = None  # s, by the clock in the files; None: none
-    notes: Callable[[], list[str]] | None = None  # what was made of what the files say, in words
-    origin: Callable[[], FloatArray | None] | None = None  # of the sensor, if not 0 0 0; as stored
-    slots: tuple[int, ...] | None = None  # numbers of the frames; None: see numbers()
+    times: Callable[[], FloatArray | None] | None = None  # frame times in the files, seconds
+    notes: Callable[[], list[str]] | None = None  # texts about assumptions of the reader
+    origin: Callable[[], FloatArray | None] | None = None  # sensor position in the points' frame
+    slots: tuple[int, ...] | None = None  # frame numbers; None: see numbers()
 
     @property
     def counted(self) -> bool:
-        """Whether the names are no frame numbers of up to six digits."""
+        """Whether frames are numbered by their order, as names are not unique six-digit numbers."""
         if not all(re.fullmatch("[0-9]{1,6}", name) for name in self.names):
             return True
-        return len({int(name) for name in self.names}) < len(self.names)  # as 1 and 01
+        return len({int(name) for name in self.names}) < len(self.names)  # such as 1 and 01
 
     def numbers(self) -> tuple[int, ...]:
-        """Frame numbers: `slots`, else those that the names are, else from 0 on."""
+        """Returns the frame numbers: `slots`, else the names as numbers, else 0, 1, 2, ..."""
         if self.slots is not None:
             return self.slots
         if self.counted:
@@ -86,9 +86,9 @@ class Recording:
 
 
 def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
-    """The files of a folder with one of the suffixes, by name; numbers in names count as numbers.
+    """Returns the files of a folder with one of the suffixes, sorted by the numbers in their names.
 
-    Hidden ones are left out: they are of a system, or being written.
+    Hidden files are skipped: they belong to the system or are still being written.
     Raises FileNotFoundError without the folder, and Error if there is no such file.
     """
     candidates = (file for file in folder.iterdir() if not file.name.startswith("."))
@@ -99,7 +99,7 @@ def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
 
 
 def read_splits(folder: Path, names: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """The lists train and val of an ImageSets folder, without other frames; both or none."""
+    """Reads train and val of an ImageSets folder, limited to `names`; empty unless both exist."""
     known = set(names)
     splits = {}
     for part in ("train", "val"):
@@ -112,15 +112,15 @@ def read_splits(folder: Path, names: Sequence[str]) -> dict[str, tuple[str, ...]
 def as_points(
     file: Path, columns: Sequence[AnyArray], options: Options, usual: float = 1.0
 ) -> Points:
-    """x, y, z and intensity (n,) of any type of numbers as points (n, 4), in metres.
+    """Converts columns x, y, z and intensity, (n,) each, to points (n, 4) in metres.
 
-    Intensities are divided by what is the highest in the source. What is not finite stays, and is
-    no return. Raises FormatError for a point beyond 10 km or an intensity beyond 10,000 times the
-    highest.
+    Intensities are divided by the source's largest intensity. Non-finite values are kept; such
+    points are no return. Raises FormatError for a point beyond 10 km, or an intensity above 10,000
+    times the largest one.
     """
     highest = usual if options.intensity_max is None else options.intensity_max
     for name, column in zip(("x", "y", "z", "intensity"), columns, strict=True):
-        # As kitti.read_points has them.
+        # The same limits as in kitti.read_points.
         most = FARTHEST_M * (highest if name == "intensity" else 1 / options.unit_m)
         bad = np.flatnonzero(np.isfinite(column) & (np.abs(column) > most))
         if len(bad) > 0:
@@ -137,10 +137,10 @@ def as_points(
 
 
 def read_bin(file: Path, columns: int, options: Options, usual: float = 1.0) -> Points:
-    """The first four of some float32 columns, or `options.columns`: (n, 4), see as_points.
+    """Reads the first four columns of a float32 .bin file as points (n, 4), see as_points.
 
-    Of three columns the intensity is 0. Raises FormatError for a file cut short, and as as_points
-    does.
+    `options.columns` overrides `columns`. With three columns the intensity is 0. Raises FormatError
+    for a truncated file, and like as_points.
     """
     columns, size = options.columns or columns, file.stat().st_size
     if size % (4 * columns) != 0:
@@ -155,7 +155,7 @@ def read_bin(file: Path, columns: int, options: Options, usual: float = 1.0) -> 
 
 
 def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
-    """Raises Error for a label without a cloud, and for a cloud without a label."""
+    """Raises Error for a label file without a cloud, and for a cloud without a label file."""
     have, want = {stem(file) for file in clouds}, {stem(file) for file in labels}
     for file in labels:
         if stem(file) not in have:
@@ -168,7 +168,7 @@ def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
 
 
 def stem(file: Path) -> str:
-    """The name without .pcd.bin, .bin, .txt, ..., in small letters or capitals."""
+    """Returns a file name without its extension; .pcd.bin counts as one, in any case."""
     return re.sub(r"(\.pcd)?(\.bin)?$", "", file.name, flags=re.I).removesuffix(file.suffix)
 
 

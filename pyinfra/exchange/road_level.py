@@ -1,7 +1,7 @@
-"""Frames whose z = 0 is the road, for tools whose ranges and anchors expect it there.
+"""Frames with the road at z = 0, for tools whose ranges and anchors expect it there.
 
-Below a pole of 6 m the vehicles stand at z = -6, where the usual configurations cut everything
-off. So the clouds and boxes move up, and `sensor.yaml` beside them says by how much.
+Below a 6 m pole, vehicles are at z = -6, which common configurations cut off. Clouds and boxes are
+therefore moved up, and `sensor.yaml` beside them states by how much.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from pyinfra.dataset.frames import frame_numbers
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Labels
 
-# Both toolboxes' names; what is not among them has no class there and is left out.
+# Class names of OpenPCDet and MMDetection3D; objects of other classes are left out.
 CLASSES = ("Vehicle", "Pedestrian", "Cyclist")
 SENSOR_FILE = "sensor.yaml"
-TRAIN_SHARE = 0.8  # of frames without ImageSets, the first ones
+TRAIN_SHARE = 0.8  # share of the first frames that train if there are no ImageSets
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class RoadFrame:
 
     number: int
     points: Points  # (n, 4)
-    names: NameArray  # (k,) of CLASSES
+    names: NameArray  # (k,) names from CLASSES
     boxes: FloatArray  # (k, 7)
 
 
@@ -41,12 +41,12 @@ class RoadFrame:
 class RoadSite:
     """The vehicles of all exported frames, at road level."""
 
-    floor_z: float  # of the road in the LiDAR frame
+    floor_z: float  # z of the road in the LiDAR frame
     vehicles: FloatArray  # (m, 7)
 
 
 def read_labels(folder: Path, frames: Sequence[int]) -> list[Labels]:
-    """The labels of the frames that have a class in the toolboxes, with that class."""
+    """Reads the labels of the frames, with the names of CLASSES; drops all other classes."""
     cameras = read_cameras(folder, frames)
     kept = []
     for frame, camera in zip(frames, cameras.of_frame, strict=True):
@@ -59,7 +59,7 @@ def read_labels(folder: Path, frames: Sequence[int]) -> list[Labels]:
 
 
 def site_of(folder: Path, labels: Sequence[Labels]) -> RoadSite:
-    """Raises Error if the frames have no vehicle."""
+    """Returns the road's height and the vehicles at road level. Raises Error without a vehicle."""
     boxes = np.concatenate([np.empty((0, 7)), *(k.boxes[k.names == "Vehicle"] for k in labels)])
     if len(boxes) == 0:
         raise Error(
@@ -74,7 +74,7 @@ def site_of(folder: Path, labels: Sequence[Labels]) -> RoadSite:
 def road_frames(
     folder: Path, frames: Sequence[int], labels: Sequence[Labels], site: RoadSite
 ) -> Iterator[RoadFrame]:
-    """The frames one after another."""
+    """Yields the frames at road level."""
     for frame, frame_labels in zip(frames, labels, strict=True):
         points = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
         points[:, 2] -= np.float32(site.floor_z)
@@ -84,7 +84,7 @@ def road_frames(
 
 
 def write_sensor(out: Path, site: RoadSite) -> None:
-    """Where the sensor stands in the exported frames."""
+    """Writes the sensor's pose in the exported frames to sensor.yaml."""
     text = (
         "# z of a point here = its z in the LiDAR frame + z_m; predictions go back with - z_m.\n"
         f"T_road_lidar: {{x_m: 0, y_m: 0, z_m: {-site.floor_z:g}, yaw_deg: 0}}\n"
@@ -93,7 +93,7 @@ def write_sensor(out: Path, site: RoadSite) -> None:
 
 
 def read_sensor_height(folder: Path) -> float:
-    """z_m of the sensor above the frames' zero; 0 without the file. Raises FormatError."""
+    """Reads the height of the sensor above z = 0; 0 without sensor.yaml. Raises FormatError."""
     file = folder / SENSOR_FILE
     if not file.is_file():
         return 0.0
@@ -101,9 +101,9 @@ def read_sensor_height(folder: Path) -> float:
 
 
 def train_and_val(folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
-    """Those of the frames that train and that test, as ImageSets has them.
+    """Returns the frames of train and val by ImageSets.
 
-    Without it, the first four fifths train: neighbours share their vehicles.
+    Without ImageSets, the first 80 % are train, because neighbouring frames share vehicles.
     """
     if not (folder / "ImageSets/train.txt").is_file():
         count = round(TRAIN_SHARE * len(frames))
@@ -114,7 +114,7 @@ def train_and_val(folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
 
 
 def write_lists(out: Path, lists: dict[str, list[int]]) -> None:
-    """ImageSets/train.txt and val.txt."""
+    """Writes ImageSets/train.txt and val.txt."""
     (out / "ImageSets").mkdir()
     for part, frames in lists.items():
         text = "".join(f"{frame:06d}\n" for frame in frames)

@@ -1,7 +1,7 @@
-"""How a road leaves its plane: over a crest, through a dip, to either side of its middle.
+"""Fits a quadratic surface to a road that is not a plane, for example at a crest, dip or crown.
 
-Only ground under traffic is road for sure, so the surface of the second order is fitted to columns
-in which something moved; what stands beside the road has no say.
+Only ground under traffic is certain to be road. The surface is therefore fitted to columns in which
+something moved, and static objects beside the road have no influence.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from pyinfra.dataset.ground import SHAPE_REACH_M, shape_heights
 from pyinfra.dataset.road_plane import SOFT_M, lowest_points
 from pyinfra.formats.kitti import RoadShape
 
-LEAST_COLUMNS = 100  # under traffic; of fewer a plane is surer
-GATES_M = (1.5, 0.8, 0.5, 0.3, 0.3, 0.3)  # about the surface, ever closer
-ABOVE_M = 0.05  # what lies higher than this may be a vehicle where no ray meets the road,
-ABOVE_WEIGHT = 0.3  # and counts less
-STEADY_M4 = 1e4  # of the second order: (5 cm of a column / 5e-4 per m, a radius of 1 km) squared
-GAIN_M = 0.03  # by which that ground lies nearer to the surface than to the plane, in the mean,
-MOST_M = 0.3  # of no more than this each
-WORTH_M = 0.15  # by which a tenth of that ground leaves the plane
-FOOT_M = 0.5  # by which the surface may miss the plane at the sensor's foot
-STEEPEST = 0.2  # slope where it becomes straight
+LEAST_COLUMNS = 100  # minimum number of columns with traffic
+GATES_M = (1.5, 0.8, 0.5, 0.3, 0.3, 0.3)  # maximum distance from the surface in successive fits
+ABOVE_M = 0.05  # ground higher than this above the surface may be a vehicle that hides the road,
+ABOVE_WEIGHT = 0.3  # and gets this weight
+STEADY_M4 = 1e4  # ridge term of the quadratic coefficients: (0.05 m / 5e-4 per m) squared
+GAIN_M = 0.03  # minimum decrease of the mean distance from plane to surface,
+MOST_M = 0.3  # where larger distances count as this
+WORTH_M = 0.15  # the 90 % quantile of the surface's deviation from the plane must reach this
+FOOT_M = 0.5  # maximum deviation of the surface from the plane below the sensor
+STEEPEST = 0.2  # maximum slope at the radius where the surface becomes linear
 
 
 def shape_of(clouds: Sequence[Floats], height_m: float) -> RoadShape | None:
-    """The road in clouds (k, 3) of a levelled sensor so high above its plane.
+    """Fits the road shape to clouds (k, 3) of a levelled sensor, `height_m` above the road plane.
 
-    None where the plane does as well, where too little moved, and for a surface that is no road.
+    Returns None if the plane fits as well, too little moved, or the surface is implausible.
     """
     ground = lowest_points(clouds)
     xyz = ground.xyz[ground.moved]

@@ -1,4 +1,4 @@
-"""What an export reads: a LiDAR's frames one after another, and where they come from."""
+"""Reads the frames of a LiDAR's folder one by one for exports, and their provenance."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ _KEYS = ("name", "preset", "aggregation", "label_time", "seed", "version")  # of
 
 @dataclass(frozen=True)
 class FrameSeries:
-    """What holds for every frame of a LiDAR's folder."""
+    """Properties that all frames of a LiDAR's folder share."""
 
     lidar_folder: Path
     lidar: str
     scene: str
-    provenance: dict[str, str]  # where the frames come from; from dataset.yaml if there is one
-    ids_are_tracks: bool  # an object's id is the same in all frames
+    provenance: dict[str, str]  # keys of dataset.yaml; empty without the file
+    ids_are_tracks: bool  # whether an object has the same id in all frames
     period_s: float
     label_time: LabelTime
-    T_world_lidar: kitti.WorldPose  # nothing moved or turned without lidar.yaml
+    T_world_lidar: kitti.WorldPose  # identity without lidar.yaml
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,14 +42,14 @@ class StoredFrame:
 
     number: int
     start_s: float  # since the start of the run
-    middle_s: float  # when the boxes hold, or about when: each has its own time under `scan`
+    middle_s: float  # time of the boxes; only approximate with label time `scan`
     points: Points  # (n, 4) x y z intensity
     fields: Records | None  # (n,) records of kitti.FIELDS; None without `fields`
-    objects: Objects  # boxes and points_in_box are those of the labels
+    objects: Objects  # with boxes and points_in_box at the label time
 
 
 def read_series(lidar_folder: Path) -> FrameSeries:
-    """What is known of a folder; of any in the KITTI layout, with or without lidar.yaml.
+    """Reads the properties of a folder in the KITTI layout; lidar.yaml is optional.
 
     Raises FormatError with file and line.
     """
@@ -60,7 +60,7 @@ def read_series(lidar_folder: Path) -> FrameSeries:
     name = lidar.name if lidar else folder.name
     scene = provenance.get("name", folder.parent.name)
     for file, part in ((folder / "lidar.yaml", name), (folder.parent / "dataset.yaml", scene)):
-        if "/" in part:  # files are named by it
+        if "/" in part:  # the name becomes part of file names
             raise FormatError(f"{file}: name: found '{part}', allowed a name without '/'")
     has_objects = (folder / "training/objects").is_dir()
     return FrameSeries(
@@ -68,7 +68,7 @@ def read_series(lidar_folder: Path) -> FrameSeries:
         lidar=name,
         scene=scene,
         provenance={key: provenance[key] for key in _KEYS if key in provenance},
-        # A recording whose objects were never tracked says `ids: rows`; labels have none.
+        # A recording without tracks has `ids: rows` in dataset.yaml; labels have no ids.
         ids_are_tracks=has_objects and provenance.get("ids") != "rows",
         period_s=lidar.period_s if lidar else PERIOD_S,
         label_time=lidar.label_time if lidar else "frame",
@@ -77,12 +77,12 @@ def read_series(lidar_folder: Path) -> FrameSeries:
 
 
 def read_frames(series: FrameSeries, numbers: Sequence[int]) -> Iterator[StoredFrame]:
-    """The frames of ascending numbers, one in memory at a time.
+    """Yields the frames of ascending numbers, with one frame in memory at a time.
 
-    Without `objects` the boxes are the labels: speed is nan, visibility -1. Where ids are no tracks
-    every box is an object of its own.
-    Raises FileNotFoundError for a frame that is not whole, FormatError, and Error for numbers
-    that do not ascend.
+    Without `objects` the boxes come from the labels, with speed NaN and visibility -1. If ids are
+    not tracks, every box gets a new id.
+    Raises FileNotFoundError for an incomplete frame, FormatError, and Error if the numbers do not
+    ascend.
     """
     folder, before, named = series.lidar_folder, -1, 0
     for number in numbers:
@@ -105,17 +105,17 @@ def read_frames(series: FrameSeries, numbers: Sequence[int]) -> Iterator[StoredF
 
 
 def quaternion(yaw: float) -> tuple[float, float, float, float]:
-    """x y z w of a turn about +z."""
+    """Returns the quaternion x y z w of a rotation about +z."""
     return 0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2))
 
 
 def nanoseconds(seconds: float) -> int:
-    """Whole, so that 0.3 s is 300,000,000 ns."""
+    """Rounds seconds to whole nanoseconds, so that 0.3 s is exactly 300,000,000 ns."""
     return round(seconds * 1e9)
 
 
 def copy_cloud(series: FrameSeries, number: int, to: Path) -> None:
-    """The .bin of a frame, byte for byte."""
+    """Copies the .bin file of a frame unchanged."""
     write(to, kitti.frame_file(series.lidar_folder, "velodyne", number).read_bytes())
 
 

@@ -1,8 +1,8 @@
-"""TUMTraf: a folder of .pcd clouds of one LiDAR, and OpenLABEL files of the same names.
+"""Reads TUMTraf: a folder of .pcd clouds of one LiDAR, and OpenLABEL files of the same names.
 
-After its public development kit. A label file holds one frame; a cuboid's ten numbers are x y z,
-quaternion x y z w, length width height in the frame of the cloud, which leans with the LiDAR: the
-road is looked for in the points.
+Follows TUMTraf's public development kit. A label file contains one frame. The ten numbers of a
+cuboid are x y z, quaternion x y z w, and length width height, in the frame of the cloud. This frame
+is tilted like the LiDAR, so the import estimates the road from the points.
 """
 
 from __future__ import annotations
@@ -35,10 +35,11 @@ VISIBILITY = {"NOT_OCCLUDED": 0.9, "PARTIALLY_OCCLUDED": 0.6, "MOSTLY_OCCLUDED":
 
 
 def read(source: Path, options: Options) -> Recording:
-    """A folder of clouds such as point_clouds/s110_lidar_ouster_south, or the one above both.
+    """Opens a folder of clouds, or the folder that contains both clouds and labels.
 
-    `options.channel` says which LiDAR of several. Raises FileNotFoundError, Error for labels
-    that do not pair with clouds or several LiDARs, and on reading a frame FormatError.
+    A folder of clouds is, for example, point_clouds/s110_lidar_ouster_south.
+    `options.channel` selects one of several LiDARs. Raises FileNotFoundError, and Error for labels
+    that do not pair with clouds or if no LiDAR is selected. Reading a frame raises FormatError.
     """
     folder = _cloud_folder(source, options.channel)
     clouds = sorted_files(folder, [".pcd"])
@@ -58,7 +59,9 @@ def read(source: Path, options: Options) -> Recording:
 
 
 def read_cuboids(file: Path, ids: dict[str, int]) -> Boxes:
-    """The cuboids of a file's one frame. ids: numbers of the objects, which grow.
+    """Reads the cuboids of the single frame of a file.
+
+    ids: maps object keys to numbers, and is extended by new objects.
 
     Raises FormatError that names the object.
     """
@@ -90,7 +93,7 @@ def read_cuboids(file: Path, ids: dict[str, int]) -> Boxes:
 
 
 def _objects(file: Path) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Key and object_data of each object of the one frame."""
+    """Yields key and object_data of each object of the single frame."""
     content = read_json(file)
     try:
         frames = list(content["openlabel"]["frames"].values())
@@ -130,7 +133,7 @@ def _cloud_folder(source: Path, channel: str | None) -> Path:
 
 
 def _label_folder(clouds: Path) -> Path | None:
-    """Beside the folder of all clouds, or of this LiDAR's; None without labels."""
+    """Returns the folder of the labels, which is beside that of the clouds; None without labels."""
     for top, inside in ((clouds.parent.parent, clouds.name), (clouds.parent, "")):
         for name in LABELS:
             if (top / name / inside).is_dir():
