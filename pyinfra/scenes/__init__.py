@@ -1,1 +1,1 @@
-"""Scenes from maps and traffic of other tools, and random scenes."""
+"""Scenes from maps and traffic data of other tools, and random scenes."""

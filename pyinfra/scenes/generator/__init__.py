@@ -1,1 +1,1 @@
-"""Random scenes: roads, what stands beside them, people and LiDARs, by seed."""
+"""Random scenes by seed: roads, roadside objects, pedestrians, cyclists and LiDARs."""

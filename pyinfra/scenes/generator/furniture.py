@@ -1,7 +1,7 @@
-"""Street furniture on and beside footways: signs, bins, planters, shelters, small trees, groups.
+"""Street furniture beside roads: signs, bins, planters, shelters, small trees, standing groups.
 
-A detector that has never seen them takes them for vehicles. Everything is placed after all else of
-a site and keeps off it, so that the rest of a seed's site does not depend on it.
+A detector that was not trained with such objects mistakes them for vehicles. They are placed last,
+where space is left, so that the rest of a site does not depend on them.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from pyinfra.scenes.generator.random_stream import Draws
 from pyinfra.scenes.generator.ranges import Habitat, Ranges
 from pyinfra.scenes.generator.roadside import SIDES
 
-TRIES = 8  # places that are tried for each piece
-GAP_M = 0.4  # free around each piece
-VERGE_M = 1.5  # beyond the footway, where furniture stands too
-GROUP_VERGE_M = 6.0  # the same of people, who count so far beside the carriageway
-LANE_GAP_M = 0.3  # between the carriageway and a piece, at least
+TRIES = 8  # positions that are tried for each piece
+GAP_M = 0.4  # free space around each piece
+VERGE_M = 1.5  # width of the strip beyond the footway that may also have furniture
+GROUP_VERGE_M = 6.0  # the same for groups of pedestrians; the region includes this strip
+LANE_GAP_M = 0.3  # minimum gap between the carriageway and a piece
 
 
 class Furniture:
-    """Places the furniture of a site and collects its keys."""
+    """Places the street furniture of a site and collects its scene keys."""
 
     def __init__(
         self,
@@ -35,7 +35,7 @@ class Furniture:
         mount: Keys,
         base_m: Callable[[DrawnRoad, float], float],
     ) -> None:
-        """base_m: height of the ground at a distance to the left of a road's centreline."""
+        """base_m: returns the ground height at a distance to the left of a road's centreline."""
         self.walks, self.room, self.base_m = walks, walks.room, base_m
         self.counts, self.how = habitat.furniture, ranges.furniture
         self.times = ranges.furniture.times
@@ -45,7 +45,7 @@ class Furniture:
         self.groups: list[Keys] = []
 
     def add(self, road: DrawnRoad, seed: int) -> None:
-        """Furniture of both sides of a road, large pieces first."""
+        """Adds furniture on both sides of a road, large pieces first."""
         make = {
             "shelters": self._shelter,
             "groups": self._group,
@@ -63,7 +63,7 @@ class Furniture:
     def _free_position(
         self, draws: Draws, road: DrawnRoad, side: int, radius_m: float, verge_m: float = VERGE_M
     ) -> tuple[float, float, float, float] | None:
-        """x, y, heading (rad) and base of a free circle beside a road; None without one."""
+        """Returns x, y, heading (rad) and base of a free circle beside a road, or None."""
         for _ in range(TRIES):
             s = self._nearest_station(road) + draws.within((-self.how.within_m, self.how.within_m))
             wide_m = road.keys["lanes"]["sidewalk_m"] + verge_m - 2 * radius_m
@@ -76,7 +76,7 @@ class Furniture:
         return None
 
     def _is_free(self, position: FloatArray, radius_m: float) -> bool:
-        """Whether nothing is within a radius of a place (1, 2)."""
+        """Returns whether nothing is within a radius of a position (1, 2)."""
         room: Room = self.room
         if np.hypot(*(position[0] - room.centre)) < room.layout.junction_m + radius_m:
             return False
@@ -102,7 +102,7 @@ class Furniture:
         left_m: float = 0.0,
         above_m: float = 0.0,
     ) -> None:
-        """A box of length, width and height, moved along and across the road's direction."""
+        """Adds a box of length, width and height, moved along and across the road's direction."""
         x, y, heading, base_m = at
         cos, sin = np.cos(heading), np.sin(heading)
         self.buildings.append(
@@ -118,7 +118,7 @@ class Furniture:
         )
 
     def _sign(self, draws: Draws, road: DrawnRoad, side: int) -> None:
-        """A plate on a pole, across the road or along it."""
+        """Adds a sign: a plate on a pole, across the road or along it."""
         how = self.how
         plate = draws.within(how.plate_m), 0.1, draws.within(how.plate_m)
         pole_m, above_m = draws.within(how.pole_width_m), draws.within(how.plate_above_m)
@@ -134,7 +134,7 @@ class Furniture:
             self._box(at, size, turn_deg=draws.within((-20, 20), 0))
 
     def _planter(self, draws: Draws, road: DrawnRoad, side: int) -> None:
-        """A bench or a planter, along the road."""
+        """Adds a bench or a planter along the road."""
         how = self.how
         size = (
             draws.within(how.planter_length_m),
@@ -147,7 +147,7 @@ class Furniture:
             self._box(at, size, turn_deg=draws.within((-5, 5), 0))
 
     def _shelter(self, draws: Draws, road: DrawnRoad, side: int) -> None:
-        """A stop's shelter: a roof, a back wall and one end wall, open to the road."""
+        """Adds a shelter of a bus stop: a roof, a back wall and one end wall, open to the road."""
         how = self.how
         long_m, deep_m = draws.within(how.shelter_length_m), draws.within(how.shelter_depth_m)
         high_m, end = draws.within(how.shelter_height_m), draws.side()
@@ -160,7 +160,7 @@ class Furniture:
         self._box(at, (0.1, deep_m, high_m), ahead_m=end * (long_m / 2 - 0.05))
 
     def _tree(self, draws: Draws, road: DrawnRoad, side: int) -> None:
-        """A small tree, whose crown hangs over the footway."""
+        """Adds a small tree, whose crown hangs over the footway."""
         how = self.how
         crown_m, trunk_m = draws.within(how.crown_m), draws.within(how.crown_above_m)
         tree = {
@@ -174,13 +174,13 @@ class Furniture:
             self.trees.append({"tree": {"x_m": at[0], "y_m": at[1], **tree, "base_m": at[3]}})
 
     def _group(self, draws: Draws, road: DrawnRoad, side: int) -> None:
-        """Pedestrians who stand close together."""
+        """Adds a group of pedestrians who stand close together."""
         group = {
             "count": draws.whole(self.how.group_of),
             "spacing_m": draws.within(self.how.group_spacing_m),
         }
         radius_m = group["spacing_m"] * (0.58 * np.sqrt(group["count"]) + 0.05) + 0.6
-        # The simulator keeps the square around the circle free.
+        # The simulator keeps the square around the group's circle free.
         if (
             at := self._free_position(draws, road, side, float(1.42 * radius_m), GROUP_VERGE_M)
         ) is not None:

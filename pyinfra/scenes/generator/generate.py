@@ -1,7 +1,7 @@
-"""A seed's site: what a scene file says, as plain data.
+"""Generates the site of a seed, as the plain data of a scene file.
 
-Pure: the same seed and version give the same site. Everything is drawn by parts (roads, sensor,
-traffic, each side of each road), so that a new kind of thing changes little else.
+The same seed and version always give the same site. Each part (roads, sensor, traffic, each side of
+each road) has its own random stream, so that a new kind of object changes little else.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from pyinfra.scenes.generator.random_stream import Draws
 from pyinfra.scenes.generator.ranges import HABITATS, RANGES, Habitat, Ranges
 from pyinfra.scenes.generator.roadside import Roadside
 
-DURATION_S = 60.0  # frames enough to draw from: queues come and go
+DURATION_S = 60.0  # long enough for queues to form and dissolve
 WARM_UP_S = 60.0
 BOX_OF_SENSOR_M = 2.0
 
-# Length and width of a class's mean vehicle, as the simulator's table has them.
+# Mean length and width of the vehicles of a class, equal to the simulator's table.
 MEAN_SIZE_M = {
     "Car": (4.53, 1.95),
     "Van": (5.3, 2.05),
@@ -31,7 +31,7 @@ MEAN_SIZE_M = {
 
 
 def make_site(seed: int, ranges: Ranges = RANGES) -> Keys:
-    """The keys of a scene file. Raises Error for a seed below 0."""
+    """Returns the keys of a scene file. Raises Error for a seed below 0."""
     if seed < 0:
         raise Error(f"seed: found {seed}, allowed 0 or more")
     draws = Draws(seed, "roads")
@@ -63,7 +63,7 @@ def make_site(seed: int, ranges: Ranges = RANGES) -> Keys:
 def _people(
     seed: int, room: Room, habitat: Habitat, ranges: Ranges, things: dict[str, list[Keys]]
 ) -> Walks:
-    """After what stands there, which is therefore as without them."""
+    """Adds rows of pedestrians and cyclists last, so that static objects do not depend on them."""
     walks = Walks(room, habitat, ranges, things)
     if Draws(seed, "people").chance(ranges.ways.sites):
         for road in room.layout.roads:
@@ -108,7 +108,7 @@ def _scene(
 
 
 def _embank(draws: Draws, habitat: Habitat, ranges: Ranges, layout: Layout) -> float:
-    """How high the ground lies; roads above it get slopes."""
+    """Returns the elevation of the ground; may add an embankment to the only road of a layout."""
     below = -draws.within(ranges.ground_below_m)
     if layout.junctions or not draws.chance(habitat.embankment):
         return below
@@ -122,7 +122,7 @@ def _embank(draws: Draws, habitat: Habitat, ranges: Ranges, layout: Layout) -> f
 
 
 def _mount(draws: Draws, ranges: Ranges, layout: Layout) -> Keys:
-    """The sensor: beside a road, over its median or its lanes; turned to the road, or anywhere."""
+    """Returns the sensor's pose: beside a road, over its median, or over its lanes."""
     how, road, side = ranges.mount, layout.roads[0], draws.side()
     height = draws.within(how.height_m)
     s, left_m = layout.focus
@@ -155,9 +155,10 @@ def _mount(draws: Draws, ranges: Ranges, layout: Layout) -> Keys:
 def _on_a_slope(
     draws: Draws, habitat: Habitat, ranges: Ranges, mount: Keys, layout: Layout
 ) -> Keys:
-    """The pitch and roll of a sensor whose pole is upright beside roads that rise.
+    """Returns pitch and roll for a sensor on a vertical pole beside roads with a grade.
 
-    Frames are as if the roads were level and the sensor leant: networks see points above the road.
+    The scene keeps its roads level and tilts the sensor instead. This is equivalent for networks,
+    which see heights above the road.
     """
     if not draws.chance(ranges.grades):
         return {}
@@ -170,7 +171,7 @@ def _on_a_slope(
 
 
 def _aim(draws: Draws, ranges: Ranges, layout: Layout, ahead_m: float, left_m: float) -> float:
-    """Degrees from the road's direction; along it means towards the junction, if there is one."""
+    """Returns the sensor's yaw relative to the road, degrees; `along` looks towards a junction."""
     word = draws.one_of(ranges.mount.aims)
     if word == "anywhere":
         return draws.within((-180, 180))
@@ -198,12 +199,12 @@ def _traffic(seed: int, habitat: Habitat, ranges: Ranges, layout: Layout) -> Key
 
 
 def _inner_radius(road: DrawnRoad) -> float:
-    """Of the innermost lane of the tightest bend."""
+    """Returns the radius of the innermost lane in the tightest bend."""
     return road.radius_m - road.lanes_half_m + float(road.keys["lanes"]["width_m"]) / 2
 
 
 def fits(name: str, lane_m: float, radius_m: float) -> bool:
-    """Whether a class's mean vehicle stays in its lane in a bend: the rule of the simulator."""
+    """Returns whether a class's mean vehicle stays in its lane in a bend (simulator's rule)."""
     length, width = MEAN_SIZE_M[name]
     if np.isinf(radius_m):
         return width <= lane_m - 0.01

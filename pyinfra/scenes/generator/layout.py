@@ -1,4 +1,4 @@
-"""The roads of a site, and where beside them is room."""
+"""The roads of a site, and the free space beside them."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from pyinfra.scenes.generator.random_stream import Draws
 from pyinfra.scenes.generator.ranges import Habitat, Ranges, RingRanges
 
 Keys = dict[str, Any]
-Stretch = tuple[float, float]  # of stations
+Stretch = tuple[float, float]  # first and last station of a section of a road
 
-STEP_M = 1.0  # between stations
-STOP_LINE_M = 3.0  # before the crossing road's footway, as the simulator has it
-SHARP_TURN_M = 8.0  # more at a T, times the cosine of its angle
-RING_FLARE_M = 10.0  # from a roundabout's stop line to its ring, as the simulator has it
-T_LANES = 2  # of a road that ends there, at most: one to the left, one to the right
-SHORTEST_M = 6.0  # of a row of something
+STEP_M = 1.0  # distance between stations
+STOP_LINE_M = 3.0  # distance of a stop line from the crossing road's footway, as in the simulator
+SHARP_TURN_M = 8.0  # additional distance at a T-junction, times the cosine of its angle
+RING_FLARE_M = 10.0  # from a roundabout's stop line to its ring, as in the simulator
+T_LANES = 2  # most lanes each way of a road that ends at a T: one turns left, one right
+SHORTEST_M = 6.0  # minimum length of a row of objects
 WHOLE: Stretch = (0.0, np.inf)
 
 
 @dataclass(frozen=True)
 class DrawnRoad:
-    """A road as its keys have it, and its stations every metre or so."""
+    """A generated road: its scene keys, and stations about every metre."""
 
     keys: Keys
 
@@ -54,12 +54,12 @@ class DrawnRoad:
 
     @cached_property
     def radius_m(self) -> float:
-        """Of its tightest bend; infinite if it has none."""
+        """Radius of the tightest bend; infinite without a bend."""
         return min(float(piece.get("radius_m", np.inf)) for piece in self.keys["centreline"])
 
     @cached_property
     def stations(self) -> FloatArray:
-        """(n, 4): s x y heading."""
+        """Stations (n, 4): s, x, y, heading."""
         return self._line(STEP_M, STEP_M)
 
     def _line(self, arc_step_m: float, line_step_m: float = np.inf) -> FloatArray:
@@ -75,24 +75,24 @@ class DrawnRoad:
         return float(self.stations[-1, 0])
 
     def pose_at(self, s: float, left_m: float) -> tuple[float, float, float]:
-        """x, y and heading (rad) beside a station."""
+        """Returns x, y and heading (rad) at `left_m` to the left of a station."""
         x, y, heading = (
             float(np.interp(s, self.stations[:, 0], column)) for column in self.stations.T[1:]
         )
         return x - left_m * math.sin(heading), y + left_m * math.cos(heading), heading
 
     def beside(self, left_m: float) -> FloatArray:
-        """(n, 2): the line to the left of all stations."""
+        """Returns the line (n, 2) at `left_m` to the left of all stations."""
         return offset_curve(self.stations[:, 1:3], self.stations[:, 3], left_m)
 
     @cached_property
     def _corners(self) -> FloatArray:
-        """(m, 2): the ends of lines, and points of arcs that are 2 cm off at most between them."""
+        """Points (m, 2) of a polyline that deviates from the centreline by at most 2 cm."""
         step = np.sqrt(8 * 0.02 * self.radius_m)
         return self._line(step)[:, 1:3]
 
     def distance(self, points: FloatArray) -> FloatArray:
-        """From points (n, 2) to the centreline, (n,), 2 cm off at most."""
+        """Returns the distances (n,) of points (n, 2) from the centreline; error up to 2 cm."""
         line = self._corners
         edge = line[1:] - line[:-1]
         away = points[:, None] - line[:-1]  # (n, m - 1, 2)
@@ -102,7 +102,7 @@ class DrawnRoad:
 
 
 def _along(last: FloatArray, piece: Keys, step_m: float) -> FloatArray:
-    """(n, 4): stations of a line or an arc that begins at the last one, which is left out."""
+    """Returns the stations (n, 4) of a line or arc that begins at `last`, without `last` itself."""
     s, x, y, heading = last
     bend = np.radians(piece.get("turn_deg", 0.0))
     length = piece.get("line_m") or piece["radius_m"] * abs(bend)
@@ -115,13 +115,13 @@ def _along(last: FloatArray, piece: Keys, step_m: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class Layout:
-    """Roads, what joins them, and where the sensor's surroundings are."""
+    """Roads, their junctions, and the focus around which the sensor and objects are placed."""
 
     roads: tuple[DrawnRoad, ...]
-    focus: tuple[float, float]  # station of the first road around which things are
+    focus: tuple[float, float]  # station and left offset on the first road
     junctions: tuple[Keys, ...] = ()
-    junction_m: float = 0.0  # around the focus: turns are within
-    corner_m: float = 0.0  # from the focus: sensors stand beyond
+    junction_m: float = 0.0  # radius around the focus that contains the junction
+    corner_m: float = 0.0  # minimum distance of sensors from the focus along the road
 
 
 def straight(draws: Draws, habitat: Habitat, ranges: Ranges) -> Layout:
@@ -144,7 +144,7 @@ def curve(draws: Draws, habitat: Habitat, ranges: Ranges) -> Layout:
 
 
 def crossing(draws: Draws, habitat: Habitat, ranges: Ranges) -> Layout:
-    """Two straight roads and signals; the simulator has no crossing without."""
+    """Returns a crossing of two straight roads with signals, which the simulator requires."""
     half = draws.within(ranges.half_length_m, 0)
     angle_deg = draws.within(ranges.crossing_deg, 1) if draws.chance(0.5) else 90.0
     angle = np.radians(angle_deg)
@@ -159,7 +159,7 @@ def crossing(draws: Draws, habitat: Habitat, ranges: Ranges) -> Layout:
 
 
 def varied(layout: Layout, draws: Draws, ranges: Ranges) -> Layout:
-    """Some crossings are a T, a roundabout or both, and some side roads one-way streets."""
+    """Turns some crossings into T-junctions or roundabouts; makes some side roads one-way."""
     if not layout.junctions:
         return layout
     one_way, t = draws.chance(ranges.one_way), draws.chance(ranges.t_junctions)
@@ -182,7 +182,7 @@ def _with_lanes(road: DrawnRoad, **lanes: float) -> DrawnRoad:
 
 
 def _ending(side: DrawnRoad, in_the_middle: bool) -> DrawnRoad:
-    """A road across that ends on the other one, or begins there."""
+    """Shortens a side road so that it ends at the main road, or begins there (`in_the_middle`)."""
     half = side.keys["centreline"][0]["line_m"] / 2
     keys = side.keys | {"centreline": [{"line_m": half}]}
     if in_the_middle:
@@ -193,7 +193,7 @@ def _ending(side: DrawnRoad, in_the_middle: bool) -> DrawnRoad:
 def _roundabout(
     layout: Layout, main: DrawnRoad, side: DrawnRoad, draws: Draws, ring: RingRanges
 ) -> Layout:
-    """Of one lane, as its roads then are."""
+    """Returns a layout with a single-lane roundabout; its roads get one lane each way."""
     keys = {
         "radius_m": draws.within(ring.radius_m, 1),
         "width_m": draws.within(ring.width_m, 1),
@@ -217,7 +217,7 @@ LAYOUTS: Mapping[str, Builder] = {"straight": straight, "curve": curve, "crossin
 
 
 def _stop_line(road: DrawnRoad, other: DrawnRoad, angle: float, more_m: float = 0.0) -> float:
-    """From the middle of a crossing to the outer end of the stop line."""
+    """Returns the distance from the middle of a crossing to the outer end of the stop line."""
     along = road.carriageway_half_m * abs(np.cos(angle))
     half = (other.outer_half_m + along) / np.sin(angle) + STOP_LINE_M + more_m
     return float(np.hypot(half, road.lanes_half_m)) + 1.0
@@ -242,11 +242,11 @@ def _road(
 
 
 class Room:
-    """What is free: off all roads and junctions, and off what was put there before."""
+    """The free space of a site: off all roads and junctions, and off the objects placed so far."""
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
-        self.taken = np.zeros((0, 7))  # boxes; heights count nothing
+        self.taken = np.zeros((0, 7))  # boxes of placed objects; z and height are not used
         x, y, _ = layout.roads[0].pose_at(*layout.focus)
         self.centre = np.array([x, y])
 
@@ -254,7 +254,7 @@ class Room:
         self.taken = np.vstack([self.taken, np.asarray(box, np.float64)])
 
     def holds(self, box: Sequence[float], margin_m: float = 1.0) -> bool:
-        """Whether a box (x y z dx dy dz heading) has room, with so much around it."""
+        """Returns whether a box (x y z dx dy dz heading) with a margin around it is free."""
         grown = np.array([box], np.float64)
         grown[:, 3:5] += 2 * margin_m
         if bev_overlap(np.repeat(grown, len(self.taken), axis=0), self.taken).any():
@@ -268,7 +268,7 @@ class Room:
     def rows(
         self, road: DrawnRoad, left_m: float, half_width_m: float, part: Stretch = WHOLE
     ) -> list[Stretch]:
-        """From where to where along a road a row of that width has room beside it."""
+        """Returns the sections of a road beside which a row of the given width is free."""
         middle = road.beside(left_m)
         free = self.off_roads(middle, half_width_m, host=(road, left_m))
         for side in (-half_width_m, half_width_m):
@@ -279,12 +279,15 @@ class Room:
     def off_roads(
         self, points: FloatArray, margin_m: float, host: tuple[DrawnRoad, float] | None = None
     ) -> BoolArray:
-        """Which points (n, 2) are off junctions and roads; own: a road and how far beside it."""
+        """Returns which points (n, 2) are off junctions and roads.
+
+        host: the road along which the points lie, and their distance to its left.
+        """
         free = np.hypot(*(points - self.centre).T) >= self.layout.junction_m + margin_m
         for road in self.layout.roads:
             away = road.distance(points)
             if host is not None and road is host[0]:
-                free &= away >= abs(host[1]) - 0.3  # nearer: another part of a bend
+                free &= away >= abs(host[1]) - 0.3  # else they are near another part of a bend
             else:
                 free &= away >= road.outer_half_m + margin_m + 0.3
         return np.asarray(free)
@@ -294,7 +297,7 @@ _SHARES = np.linspace(0, 1, 8, endpoint=False)
 
 
 def within(points: FloatArray, box: FloatArray, margin_m: float) -> BoolArray:
-    """Which points (n, 2) lie in a box, or that near to it."""
+    """Returns which points (n, 2) lie in the footprint of a box with a margin."""
     dx, dy = (points - box[:2]).T
     cos, sin = np.cos(box[6]), np.sin(box[6])
     inside = np.abs(cos * dx + sin * dy) <= box[3] / 2 + margin_m
@@ -302,7 +305,7 @@ def within(points: FloatArray, box: FloatArray, margin_m: float) -> BoolArray:
 
 
 def runs(s: FloatArray, free: BoolArray, part: Stretch = WHOLE) -> list[Stretch]:
-    """Stretches of stations that are free, a metre shorter at both ends."""
+    """Returns the free sections of stations, shortened by a metre at both ends."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], free, [False]]).astype(int)))
     intervals = []
     for first, end in edges.reshape(-1, 2):

@@ -1,4 +1,4 @@
-"""The LiDARs that streams are cast with: those that come with the package, under every preset."""
+"""Random choice of LiDARs and presets from the catalogue, for training on generated sites."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from pyinfra.dataset.lidars import catalogue_files, presets_of
 
 @dataclass(frozen=True)
 class PresetShares:
-    """How often each preset is drawn, of those that a LiDAR has; 0: never.
+    """Relative frequency of each preset, among those that a LiDAR has; 0 excludes a preset.
 
-    Real sensors are as `datasheet`; the study's figures are of the others.
+    Real sensors are closest to `datasheet`; the study uses the other presets.
     """
 
     datasheet: float = ruled(0.6, 0, 1)
@@ -29,13 +29,13 @@ class PresetShares:
 
 @dataclass(frozen=True)
 class Sensors:
-    """LiDAR files, and how often each preset is drawn."""
+    """LiDAR files, and the relative frequency of each preset."""
 
     files: tuple[Path, ...]
     presets: Mapping[str, float] = field(default_factory=lambda: asdict(PresetShares()))
 
     def draw(self, random: np.random.Generator, count: int) -> list[simulation.Lidar]:
-        """So many LiDARs, no file twice; motors start anywhere."""
+        """Returns `count` random LiDARs from different files, without phase lock."""
         chosen = random.permutation(len(self.files))[:count]
         return [self._lidar(self.files[i], random.random()) for i in chosen]
 
@@ -49,9 +49,10 @@ class Sensors:
 def sensors(
     *, without: Collection[str] = (), presets: Mapping[str, float] | None = None
 ) -> Sensors:
-    """Those of the catalogue that can be cast, but for some names, and only some presets.
+    """Returns the catalogue LiDARs that can be simulated, except some names or presets.
 
-    Raises Error for a name that is none, and if none is left.
+    without: names of excluded LiDARs; presets: weights of the presets. Raises Error for an unknown
+    name, and if no LiDAR is left.
     """
     files = catalogue_files()
     names = [file.stem for file in files]
@@ -66,14 +67,17 @@ def sensors(
 
 
 def only(names: Collection[str], presets: Mapping[str, float] | None = None) -> Sensors:
-    """Those of the catalogue with these names. Raises Error as `sensors` does."""
+    """Returns the catalogue LiDARs with the given names. Raises Error like `sensors`."""
     others = [file.stem for file in catalogue_files() if file.stem not in names]
     unknown = set(names) - {file.stem for file in catalogue_files()}
     return sensors(without=[*others, *sorted(unknown)], presets=presets)
 
 
 def _can_be_cast(file: Path, presets: Mapping[str, float]) -> bool:
-    """False without a preset of those, and of a table that is not beside the file."""
+    """Returns whether a LiDAR has one of the presets and can be loaded with it.
+
+    Loading fails, for example, if a table of the LiDAR is missing.
+    """
     there = [name for name in _presets(file) if presets.get(name, 0) > 0]
     try:
         return bool([_loaded(file, name) for name in there])
@@ -81,7 +85,7 @@ def _can_be_cast(file: Path, presets: Mapping[str, float]) -> bool:
         return False
 
 
-_presets = cache(presets_of)  # streams ask for each frame
+_presets = cache(presets_of)  # cached, since each choice of a LiDAR calls it
 
 
 @cache

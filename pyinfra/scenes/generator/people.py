@@ -1,4 +1,4 @@
-"""Who goes beside the roads of a site: on foot and on bicycles, where nothing is in their way."""
+"""Rows of walking pedestrians and cyclists beside the roads of a site, where the way is free."""
 
 from __future__ import annotations
 
@@ -13,13 +13,16 @@ from pyinfra.scenes.generator.random_stream import Draws
 from pyinfra.scenes.generator.ranges import Habitat, Ranges, WalkRanges
 from pyinfra.scenes.generator.roadside import KERB_ROW_M, SIDES
 
-HALF_WAY_M = 1.35  # free to both sides of their line: the simulator asks for 1.2
-STEP_M = 0.25  # between the lines that are looked at
+HALF_WAY_M = 1.35  # free width on both sides of a line; the simulator requires 1.2
+STEP_M = 0.25  # distance between the lines that are tested
 Things = Mapping[str, Sequence[Keys]]
 
 
 class Walks:
-    """Rows of people, each on the free line beside its road that is longest, nearest of such."""
+    """Rows of pedestrians and cyclists of a site.
+
+    Each row uses the longest free line beside its road, and the nearest of equally long ones.
+    """
 
     def __init__(self, room: Room, habitat: Habitat, ranges: Ranges, things: Things) -> None:
         self.room, self.habitat, self.how = room, habitat, ranges.ways
@@ -30,7 +33,7 @@ class Walks:
         self.rows: list[Keys] = []
 
     def add(self, road: DrawnRoad, seed: int) -> None:
-        """People of both sides of a road; each class has a line of its own."""
+        """Adds pedestrians and cyclists on both sides of a road, with a separate line per class."""
         for side, word in SIDES:
             for name, walk in self.habitat.walks.items():
                 draws = Draws(seed, f"{road.name} {word} {name}")
@@ -56,7 +59,7 @@ class Walks:
             self.lines.append(cKDTree(_widened(line, HALF_WAY_M)))
 
     def _longest(self, road: DrawnRoad, side: int) -> tuple[float, list[Stretch]]:
-        """How far to the left of a road the best line is, and its parts; none if there is none."""
+        """Returns the left offset of the best line beside a road, and its free sections, if any."""
         best: tuple[float, float, list[Stretch]] = (self.how.shortest_m, 0.0, [])
         last_m = road.outer_half_m + self.how.verge_m
         if "embankment" in road.keys:
@@ -78,19 +81,19 @@ class Walks:
         for tree in self.lines:
             there = np.flatnonzero(free)
             away = tree.query(line[there], distance_upper_bound=HALF_WAY_M)[0]
-            free[there] = away > HALF_WAY_M  # infinite beyond
+            free[there] = away > HALF_WAY_M  # the query returns inf beyond the bound
         intervals = runs(road.stations[:, 0], free)
         return [(a, b) for a, b in intervals if b - a >= self.how.shortest_m]
 
     def is_free(self, position: FloatArray, radius_m: float) -> bool:
-        """Whether nothing stands and nobody walks within a radius of a place (1, 2)."""
+        """Returns whether no object and no row is within a radius of a position (1, 2)."""
         boxes = self.boxes[_reached(self.boxes, position, radius_m)]
         if any(within(position, box, radius_m)[0] for box in boxes):
             return False
         return all(tree.query(position)[0][0] > radius_m for tree in self.lines)
 
     def _lines(self, things: Things) -> Iterator[FloatArray]:
-        """Points (n, 2), a metre apart or so, all over what stands along roads."""
+        """Yields points (n, 2), about a metre apart, that cover the objects along roads."""
         rows = [(row, row["width_m"] / 2) for row in things["barriers"]]
         rows += [(row, KERB_ROW_M) for row in things["parked"] if row.get("turn_deg", 0) == 0]
         for plant in things["vegetation"]:
@@ -111,14 +114,14 @@ def _along(road: DrawnRoad, part: Stretch) -> BoolArray:
 
 
 def _widened(line: FloatArray, half_m: float) -> FloatArray:
-    """Points so far around a line (n, 2): what another line keeps off by as much again."""
+    """Returns points at a radius `half_m` around a line (n, 2)."""
     turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     around = half_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     return np.asarray((line[:, None] + around).reshape(-1, 2))
 
 
 def _boxes(things: Things) -> Iterator[list[float]]:
-    """x y z dx dy dz heading of what stands there by itself; heights count nothing."""
+    """Yields boxes x y z dx dy dz heading of single objects; z and height are not used."""
     plants = [thing for plant in things["vegetation"] for word, thing in plant.items()
               if word in ("hedge", "tree")]  # fmt: skip
     for thing in [*things["buildings"], *plants]:
@@ -129,7 +132,7 @@ def _boxes(things: Things) -> Iterator[list[float]]:
 
 
 def _reached(boxes: FloatArray, line: FloatArray, more_m: float = 2 * HALF_WAY_M) -> BoolArray:
-    """Which boxes lie that near to the rectangle around a line, or nearer."""
+    """Returns which boxes lie within `more_m` of the bounding rectangle of a line."""
     if len(line) == 0:
         return np.zeros(len(boxes), np.bool_)
     reach = boxes[:, 3:5].sum(axis=1)[:, None] / 2 + more_m

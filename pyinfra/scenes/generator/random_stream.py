@@ -1,4 +1,4 @@
-"""Draws of one part of one site: the same for the same version, seed and part."""
+"""Random samples for one part of a site; reproducible by version, seed and part."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ from typing import TypeVar
 
 import numpy as np
 
-VERSION = 5  # of the sites: it goes up where the same seed gives another site
-KEY = 1  # of the draws: as it was, so that what a version adds is all that is new in a site
+VERSION = 5  # of the sites; increased when the same seed gives another site
+KEY = 1  # of the random streams; unchanged, so that a new version only adds to older sites
 
 T = TypeVar("T")
 Range = tuple[float, float]
 
 
 class Draws:
-    """Uniform numbers, of which all others are made: those of NumPy's other draws may change."""
+    """A random stream that derives all samples from uniform ones.
+
+    NumPy may change its other distributions between versions.
+    """
 
     def __init__(self, seed: int, part: str) -> None:
         key = [KEY, seed, zlib.crc32(part.encode())]
@@ -30,11 +33,11 @@ class Draws:
         return bool(self._random.random() < share)
 
     def side(self) -> int:
-        """1 for the left, -1 for the right."""
+        """Returns 1 for the left or -1 for the right side."""
         return 1 if self.chance(0.5) else -1
 
     def whole(self, span: tuple[int, int]) -> int:
-        """Both ends included."""
+        """Returns a whole number in the span, both ends included."""
         low, high = span
         return low + int((high - low + 1) * self._random.random())
 

@@ -1,8 +1,8 @@
-"""What sites are drawn from: every distribution in one place, with its reason or source.
+"""All distributions of the scene generator, with their reasons or sources.
 
-A range is uniform, a share a chance, a mapping words with their weights. `RAA` and `RASt` are the
-German guidelines for motorways and town roads, `RAL` that for rural roads; numbers without a word
-are nominal: as wide as roadsides known to the author of a scene, wider rather than narrower.
+A range is a uniform distribution, a share is a probability, and a mapping holds weights. `RAA`,
+`RAL` and `RASt` are the German guidelines for motorways, rural roads and town roads. Numbers
+without a source are nominal, and rather too wide than too narrow.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ Weights = Mapping[str, float]
 
 @dataclass(frozen=True)
 class WalkRanges:
-    """People of a class on one side of a road."""
+    """Pedestrians or cyclists on one side of a road."""
 
-    share: float  # of the sides of roads
-    per_km: Range  # both ways together; the simulator allows 60
-    speed_km_h: Range  # mean
-    speed_spread: Range  # standard deviation by the mean: a third at most
+    share: float  # share of road sides with a row
+    per_km: Range  # both directions together; the simulator allows up to 60
+    speed_km_h: Range  # mean speed
+    speed_spread: Range  # standard deviation relative to the mean, at most a third
 
 
 @dataclass(frozen=True)
 class Habitat:
-    """A kind of place: its roads, its traffic, and what stands beside it."""
+    """A road type: its roads, its traffic, and its roadside objects."""
 
     layouts: Weights
     each_way: Mapping[int, float]
     lane_m: Range
-    median: float  # share of sites with one
+    median: float  # share of roads with one
     median_m: Range
     shoulder_m: Range
     sidewalk: float
@@ -41,29 +41,29 @@ class Habitat:
     turn_deg: Range
     speed_km_h: Range
     vehicles_per_km_lane: Range
-    classes: Mapping[str, Range]  # weights of the traffic's classes
+    classes: Mapping[str, Range]  # weights of the vehicle classes
     in_median: Weights
     embankment: float
-    embankment_m: Range  # depth of its foot
-    rail: float  # per side, as all that follow
+    embankment_m: Range  # depth of its foot below the road
+    rail: float  # share of road sides; the same for the following shares
     noise_wall: float
     hedge: float
     trees: float
     houses: float
     posts: float
-    boxes: tuple[int, int]  # cabinets, shelters, containers: what may be taken for a vehicle
-    wood: float  # where no houses are
-    wild: tuple[int, int]  # bushes and trees of no row
-    kerb_parking: float
+    boxes: tuple[int, int]  # cabinets, shelters, containers, which resemble vehicles
+    wood: float  # share of road sides without houses
+    wild: tuple[int, int]  # number of single bushes and trees per side
+    kerb_parking: float  # share of roads with a parking lane
     car_park: float
-    gantry: float  # of the site
-    walks: Mapping[str, WalkRanges]  # by class of people
-    furniture: Mapping[str, tuple[int, int]]  # pieces of each kind on a side of a road
-    grade_percent: Range  # of the site's roads, where they rise
+    gantry: float  # share of roads
+    walks: Mapping[str, WalkRanges]  # by class
+    furniture: Mapping[str, tuple[int, int]]  # number of pieces of each kind per side
+    grade_percent: Range  # of the roads of sites on a slope
 
 
-# Adults walk at 4 to 6 km/h, people who look around or wait hardly at all; most bicycles go at 12
-# to 25 km/h.
+# Adults walk at 4 to 6 km/h, or much slower while they look around or wait. Most cyclists ride at
+# 12 to 25 km/h.
 ON_FOOT = {"speed_km_h": (1.5, 6.0), "speed_spread": (0.05, 0.25)}
 ON_BICYCLES = {"speed_km_h": (9.0, 26.0), "speed_spread": (0.05, 0.25)}
 _NOBODY: Mapping[str, WalkRanges] = {}
@@ -73,12 +73,14 @@ _FEW = {
 }
 _MANY = {
     "Pedestrian": WalkRanges(share=0.65, per_km=(8, 60), **ON_FOOT),
-    "Cyclist": WalkRanges(share=0.6, per_km=(8, 60), **ON_BICYCLES),  # as many as on foot, to learn
+    # As many cyclists as pedestrians, for training.
+    "Cyclist": WalkRanges(share=0.6, per_km=(8, 60), **ON_BICYCLES),
 }
 
-# RAA: lanes 3.5 to 3.75 m, shoulders to 3 m, radii from 280 m (EKA 3); speeds of free flow and
-# of jams; a third of lorries on working days. Most have rails on both sides and a median with a
-# wall, rails or a hedge: what a network has never seen there, it takes for vehicles.
+# RAA: lanes 3.5 to 3.75 m, shoulders up to 3 m, radii from 280 m (EKA 3). Speeds range from jams to
+# free flow; up to a third of the traffic are lorries on working days. Most motorways have guard
+# rails on both sides and a median with a wall, rails or a hedge. A network that was not trained
+# with these mistakes them for vehicles.
 MOTORWAY = Habitat(
     layouts={"straight": 0.6, "curve": 0.4},
     each_way={2: 0.45, 3: 0.35, 4: 0.2},
@@ -119,8 +121,8 @@ MOTORWAY = Habitat(
     grade_percent=(0, 6),
 )
 
-# RAL: one lane each way, some with two, 3.25 to 3.5 m, radii as of EKL 4 and of older roads;
-# ditches beside, trees and hedges close by, rails where it is steep.
+# RAL: one lane each way, on some roads two, 3.25 to 3.5 m wide. Radii are those of EKL 4 and of
+# older roads. Ditches, trees and hedges are close to the road, and steep sections have rails.
 RURAL = Habitat(
     layouts={"straight": 0.4, "curve": 0.4, "crossing": 0.2},
     each_way={1: 0.75, 2: 0.25},
@@ -168,8 +170,8 @@ RURAL = Habitat(
     grade_percent=(0, 10),
 )
 
-# RASt: lanes 2.75 to 3.5 m, footways from 1.5 m, parking lanes of 2 m at the kerb, trees in rows,
-# houses close to the footway; queues at signals.
+# RASt: lanes 2.75 to 3.5 m, footways from 1.5 m, parking lanes of 2 m at the kerb. Trees stand in
+# rows, houses are close to the footway, and queues form at signals.
 STREET = Habitat(
     layouts={"straight": 0.25, "curve": 0.2, "crossing": 0.55},
     each_way={1: 0.4, 2: 0.45, 3: 0.15},
@@ -220,13 +222,13 @@ STREET = Habitat(
 
 @dataclass(frozen=True)
 class MountRanges:
-    """Where a sensor hangs."""
+    """The mounting position and orientation of a sensor."""
 
-    height_m: Range = (3.5, 9.0)  # masts to signal and lamp posts
-    over_m: Range = (5.5, 9.0)  # above lanes: on an arm or a gantry
-    over_lanes: float = 0.08
-    over_median: float = 0.12
-    beside_m: Range = (0.3, 4.0)  # from the kerb or the edge of the shoulder
+    height_m: Range = (3.5, 9.0)  # on masts, signal posts or lamp posts
+    over_m: Range = (5.5, 9.0)  # height above lanes, on an arm or a gantry
+    over_lanes: float = 0.08  # weight relative to 1 for sensors beside the road
+    over_median: float = 0.12  # weight relative to 1 for sensors beside the road
+    beside_m: Range = (0.3, 4.0)  # from the edge of the carriageway or of the footway
     before_junction_m: Range = (1.0, 30.0)  # from the corner
     aims: Weights = field(default_factory=lambda: {"along": 0.7, "across": 0.15, "anywhere": 0.15})
     off_aim_deg: Range = (-20, 20)
@@ -238,9 +240,9 @@ class MountRanges:
 
 @dataclass(frozen=True)
 class ThingRanges:
-    """Sizes of what stands beside roads."""
+    """Sizes of roadside objects."""
 
-    verge_m: Range = (0.4, 3.0)  # between one row and the next
+    verge_m: Range = (0.4, 3.0)  # gap between successive rows of objects
     rail_height_m: Range = (0.7, 0.9)  # EN 1317 systems: 0.75
     wall_height_m: Range = (0.8, 1.15)  # New Jersey and step barriers: 0.81 to 1.1
     wall_width_m: Range = (0.25, 0.6)
@@ -248,20 +250,20 @@ class ThingRanges:
     noise_wall_m: Range = (2.0, 4.5)
     hedge_height_m: Range = (0.7, 3.0)
     hedge_width_m: Range = (0.5, 2.5)
-    hedge_density_per_m: Range = (0.5, 2.0)  # sparse shrubs to clipped ones
+    hedge_density_per_m: Range = (0.5, 2.0)  # sparse shrubs to clipped hedges
     tree_every_m: Range = (6, 18)
     tree_height_m: Range = (7, 14)
     crown_m: Range = (2.5, 7.0)
     trunk_m: Range = (1.5, 3.5)
     trunk_width_m: Range = (0.15, 0.6)
     crown_density_per_m: Range = (0.4, 1.2)
-    free_trunk_m: float = 4.7  # of crowns that reach over a lane
+    free_trunk_m: float = 4.7  # trunk height of trees whose crowns reach over a lane
     wood_height_m: Range = (3, 12)
     wood_width_m: Range = (4, 15)
     wood_density_per_m: Range = (0.2, 0.8)
     wood_away_m: Range = (0.5, 15)
-    bush_m: Range = (0.8, 6.0)  # across: some are as large as a car
-    wild_m: Range = (0, 30)  # outside of the rows
+    bush_m: Range = (0.8, 6.0)  # length; some are as large as a car
+    wild_m: Range = (0, 30)  # distance beyond the rows
     wild_trees: float = 0.3
     house_length_m: Range = (7, 45)
     house_depth_m: Range = (7, 16)
@@ -269,19 +271,21 @@ class ThingRanges:
     house_gap_m: Range = (1, 25)
     house_setback_m: Range = (0.5, 12)
     post_every_m: Range = (18, 45)
-    post_height_m: Range = (2.5, 9)  # signs to lamps
+    post_height_m: Range = (2.5, 9)  # sign posts to lamp posts
     post_width_m: Range = (0.1, 0.35)
     box_length_m: Range = (0.6, 6.5)
     box_width_m: Range = (0.5, 2.6)
     box_height_m: Range = (0.9, 2.8)
-    within_m: float = 120  # from the sensor, for houses, posts and boxes: farther ones are not seen
+    # Houses, posts, boxes and bushes lie within this distance along the road of its station nearest
+    # to the site's focus; farther ones would hardly be seen.
+    within_m: float = 120
 
 
 @dataclass(frozen=True)
 class ParkingRanges:
-    """Crowds of parked cars."""
+    """Parked vehicles at kerbs and in car parks."""
 
-    lane_m: Range = (2.0, 2.6)  # at the kerb: RASt, 2.0
+    lane_m: Range = (2.0, 2.6)  # width of parking lanes at the kerb; RASt: 2.0
     kerb_gap_m: Range = (0.7, 2.0)
     bay_gap_m: Range = (0.4, 0.9)  # bays of 2.5 m
     bay_turn_deg: Mapping[float, float] = field(
@@ -290,32 +294,30 @@ class ParkingRanges:
     occupied: Range = (0.3, 1.0)
     rows: tuple[int, int] = (1, 4)
     length_m: Range = (18, 70)
-    away_m: Range = (2.0, 10.0)  # of the first row from the road's outer edge
-    back_to_back_m: float = (
-        6.8  # the longest car at 60 degrees reaches 6.37 m, and stands 0.15 m off
-    )
+    away_m: Range = (2.0, 10.0)  # distance of a car park from the outer edge of the road
+    back_to_back_m: float = 6.8  # the longest car at 60 degrees needs 6.37 m, and may be 0.15 m off
     aisle_m: float = 6.0
-    lorries: float = 0.2  # of the car parks that no street has: rows along the road
+    lorries: float = 0.2  # share of car parks with lorries, outside streets; rows along the road
     lorry_rows_m: float = 5.0
 
 
 @dataclass(frozen=True)
 class WayRanges:
-    """Where people go."""
+    """Rows of pedestrians and cyclists."""
 
-    sites: float = 0.85  # share of those that may have people; the others are as deserted as before
-    within_m: float = 120  # from the sensor
-    verge_m: float = 3.0  # beyond the footway: paths beside the road; their region reaches 6 m
-    shortest_m: float = 15.0  # of a row: people come and go at its ends
+    sites: float = 0.85  # share of sites with rows, among road types that have them
+    within_m: float = 120  # maximum distance from the site's focus
+    verge_m: float = 3.0  # strip beyond the footway that rows may use; their region extends to 6 m
+    shortest_m: float = 15.0  # minimum length; pedestrians and cyclists appear and end at its ends
 
 
 @dataclass(frozen=True)
 class FurnitureRanges:
-    """Street furniture, and groups of people; sizes are nominal unless a source is named."""
+    """Street furniture and standing groups; sizes are nominal unless a source is named."""
 
-    sites: float = 0.7  # share of sites with some
-    times: float = 1.0  # as many of each kind as a habitat says
-    within_m: float = 80  # from the middle of the site, along roads
+    sites: float = 0.7  # share of sites with furniture
+    times: float = 1.0  # multiplies the numbers of pieces of the road type
+    within_m: float = 80  # along the road, from its station nearest to the site's focus
     plate_m: Range = (0.4, 1.5)  # traffic signs of 0.42 to 0.9 m (StVO), larger ones at junctions
     plate_above_m: Range = (1.8, 3.0)  # StVO: 2.0 to 2.25 above footways
     pole_width_m: Range = (0.06, 0.25)
@@ -328,7 +330,7 @@ class FurnitureRanges:
     shelter_depth_m: Range = (1.2, 2.2)
     shelter_height_m: Range = (2.2, 2.7)
     crown_m: Range = (1.6, 4.5)
-    crown_above_m: Range = (2.0, 3.5)  # the lowest leaves
+    crown_above_m: Range = (2.0, 3.5)  # height of the lowest leaves
     crown_height_m: Range = (1.5, 4.0)
     trunk_width_m: Range = (0.1, 0.4)
     crown_density_per_m: Range = (0.3, 1.5)
@@ -338,11 +340,11 @@ class FurnitureRanges:
 
 @dataclass(frozen=True)
 class RingRanges:
-    """Roundabouts of one lane: 30 to 60 m across outside (Merkblatt Kreisverkehre: 26 to 40)."""
+    """Single-lane roundabouts, 30 to 60 m in outer diameter (Merkblatt Kreisverkehre: 26 to 40)."""
 
     radius_m: Range = (12.5, 26)
     width_m: Range = (5, 7)
-    island_m: Range = (0.1, 1.2)  # low stones to mounds
+    island_m: Range = (0.1, 1.2)  # height of the island, from low stones to mounds
 
 
 @dataclass(frozen=True)
@@ -351,12 +353,12 @@ class SkyRanges:
     rain_mm_per_h: Range = (0.5, 20)
     night: float = 0.3
     sunlight_klux: Range = (2, 100)  # overcast to full sun
-    scan_labels: float = 0.5  # the others are labelled at mid-frame
+    scan_labels: float = 0.5  # share of sites with label time `scan`; the others have `frame`
 
 
 @dataclass(frozen=True)
 class Ranges:
-    """All of them."""
+    """All distributions of the scene generator."""
 
     habitats: Mapping[str, float] = field(
         default_factory=lambda: {"motorway": 0.3, "rural": 0.25, "street": 0.45}
@@ -366,29 +368,29 @@ class Ranges:
     parking: ParkingRanges = ParkingRanges()
     sky: SkyRanges = SkyRanges()
     ways: WayRanges = WayRanges()
-    half_length_m: Range = (170, 260)  # of roads: beyond the region's 100 m on both sides
+    half_length_m: Range = (170, 260)  # of roads, beyond the region's 100 m to either side
     crossing_deg: Range = (60, 120)  # the simulator allows 45 to 135
     t_junctions: float = 0.35  # share of the crossings
-    one_way: float = 0.15  # share of the roads across
-    # Sites where a class that is rare elsewhere is much of the traffic: towns that ride, bus ways.
+    one_way: float = 0.15  # share of the side roads of crossings
+    # Some sites have much traffic of a class that is rare elsewhere: motorcycles or buses.
     fleets: Weights = field(
         default_factory=lambda: {"as elsewhere": 0.75, "Motorcycle": 0.15, "Bus": 0.1}
     )
-    fleet_weight: Range = (0.4, 1.0)  # beside cars of 0.5 to 0.95; weights end at 1
-    roundabouts: float = 0.3  # share of the crossings, and of the T
+    fleet_weight: Range = (0.4, 1.0)  # weight of that class; cars have 0.5 to 0.95
+    roundabouts: float = 0.3  # share of the crossings and of the T-junctions
     ring: RingRanges = RingRanges()
     furniture: FurnitureRanges = FurnitureRanges()
     grades: float = 0.4  # share of sites on a slope
     signal_green_s: Range = (8, 30)
-    turns: Range = (0.05, 0.3)  # share that turns left, and right
+    turns: Range = (0.05, 0.3)  # share of vehicles that turn left, and share that turn right
     ground_below_m: Range = (0.02, 0.2)
     slope_run_per_rise: Range = (1.5, 3.0)
-    lateral_m_s2: float = 3.0  # that drivers accept in bends
+    lateral_m_s2: float = 3.0  # lateral acceleration that drivers accept in bends
 
 
 HABITATS: Mapping[str, Habitat] = {"motorway": MOTORWAY, "rural": RURAL, "street": STREET}
 RANGES = Ranges()
-# Streets full of furniture, on which false vehicles are counted.
+# Streets with much furniture, for counting false positives.
 CLUTTERED = Ranges(
     habitats={"street": 1.0},
     furniture=FurnitureRanges(sites=1.0, times=2.5),

@@ -1,4 +1,4 @@
-"""What stands beside the roads of a site, from the kerb outwards."""
+"""Roadside objects of a site, placed from the kerb outwards."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from pyinfra.scenes.generator.random_stream import Draws, Range
 from pyinfra.scenes.generator.ranges import Habitat, Ranges
 
 SIDES = ((1, "left"), (-1, "right"))
-KERB_ROW_M = 1.6  # from the lanes to the middles of parked cars: half a van, askew
-KERB_REACH_M = 3.2  # and to their far sides
+KERB_ROW_M = 1.6  # from the lanes to the middles of parked cars: half a van, slightly turned
+KERB_REACH_M = 3.2  # from the lanes to the far sides of parked cars
 TRIES = 6
 Size = dict[str, float]
 KINDS = ("barriers", "gantries", "buildings", "vegetation", "parked")
 
 
 class Roadside:
-    """Fills the room beside roads, and collects the keys of what it put there."""
+    """Places objects in the free space beside roads, and collects their scene keys."""
 
     def __init__(
         self, room: Room, habitat: Habitat, ranges: Ranges, foot_m: float, mount: Keys
@@ -30,7 +30,10 @@ class Roadside:
         self._kerbs: set[tuple[str, int]] = set()  # road and side where cars are parked
 
     def park(self, road: DrawnRoad, seed: int) -> None:
-        """Parked vehicles of both sides; of all roads before other things, which keep off them."""
+        """Adds parked vehicles on both sides of a road.
+
+        Called for all roads before `furnish`, whose objects avoid them.
+        """
         for side, word in SIDES:
             if self._kerb_row(Draws(seed, f"{road.name} {word} kerb"), road, side):
                 self._kerbs.add((road.name, side))
@@ -38,18 +41,20 @@ class Roadside:
             self._car_park(draws, road, side, self._outer_m(road, side))
 
     def furnish(self, road: DrawnRoad, seed: int) -> None:
-        """Both sides of a road, and what is over it and in its middle."""
+        """Adds the objects on both sides of a road, over it and in its median."""
         draws = Draws(seed, f"{road.name} middle")
         self._median(draws, road)
-        kerbs = {(road.name, side) for side, _ in SIDES} & self._kerbs  # its legs stand there
+        kerbs = {(road.name, side) for side, _ in SIDES} & self._kerbs  # a gantry's legs need them
         if draws.chance(self.habitat.gantry) and not kerbs:
             self._gantry(draws, road)
         for side, word in SIDES:
             self._side(road, side, seed, f"{road.name} {word} ")
 
     def _side(self, road: DrawnRoad, side: int, seed: int, part: str) -> None:
-        """One row outside of the other, each with draws of its own; `out_m` is where the next
-        begins."""
+        """Adds rows of objects from the inside out, each with its own random stream.
+
+        `out_m` is where the next row begins.
+        """
         habitat = self.habitat
         kerb, out_m = (road.name, side) in self._kerbs, self._outer_m(road, side)
         draws = Draws(seed, f"{part}posts")
@@ -76,7 +81,7 @@ class Roadside:
         self._wild(Draws(seed, f"{part}wild"), road, side, out_m)
 
     def _wild(self, draws: Draws, road: DrawnRoad, side: int, out_m: float) -> None:
-        """Bushes, some as large as a car, and single trees, here and there."""
+        """Adds bushes, some as large as a car, and single trees at random positions."""
         things = self.ranges.things
         for _ in range(draws.whole(self.habitat.wild)):
             s = self._nearest_station(road) + draws.within((-things.within_m, things.within_m))
@@ -138,7 +143,7 @@ class Roadside:
     # --- along a side -----------------------------------------------------------------------------
 
     def _kerb_row(self, draws: Draws, road: DrawnRoad, side: int) -> bool:
-        """Whether cars are parked at this kerb."""
+        """Adds cars parked at a kerb; returns whether the kerb has a parking lane."""
         parking = self.ranges.parking
         wide = road.keys["lanes"]["shoulder_m"] >= parking.lane_m[0]
         if self.habitat.kerb_parking == 0 or not wide:
@@ -159,7 +164,7 @@ class Roadside:
         return True
 
     def _rail(self, draws: Draws, road: DrawnRoad, side: int) -> None:
-        """At the edge of the shoulder, or between kerb and footway."""
+        """Adds a guard rail at the edge of the shoulder, or between kerb and footway."""
         size = self._rail_size(draws)
         lanes = road.keys["lanes"]
         inwards = 0.35 if lanes["shoulder_m"] >= 0.9 and lanes["sidewalk_m"] == 0 else -0.3
@@ -176,13 +181,13 @@ class Roadside:
         size = self._hedge_size(draws)
         left_m = out_m + draws.within(self.ranges.things.verge_m) + size["width_m"] / 2
         within = self._stretch(draws, road, 0.4, (8, 60))
-        if left_m < self._beyond_mount(road, side):  # what hides the road from the sensor is cut
+        if left_m < self._beyond_mount(road, side):  # cut a hedge that would hide the road
             size["height_m"] = min(size["height_m"], 1.4)
         self._hedge_along(road, side * left_m, size, within)
         return left_m + size["width_m"] / 2
 
     def _wood(self, draws: Draws, road: DrawnRoad, side: int, out_m: float) -> None:
-        """The edge of a wood, or wild growth as high as one."""
+        """Adds the edge of a wood, or other growth of that height."""
         things = self.ranges.things
         size = {
             "height_m": draws.within(things.wood_height_m),
@@ -214,7 +219,7 @@ class Roadside:
             s += every
 
     def _boxes(self, draws: Draws, road: DrawnRoad, side: int, out_m: float) -> None:
-        """Cabinets, shelters, containers, stalls: about as large as vehicles, and none."""
+        """Adds cabinets, shelters, containers and stalls: objects of about the size of vehicles."""
         things = self.ranges.things
         for _ in range(draws.whole(self.habitat.boxes) // len(self.room.layout.roads)):
             size = {
@@ -242,7 +247,7 @@ class Roadside:
             s += size["length_m"] / 2 + draws.within(things.house_gap_m)
 
     def _car_park(self, draws: Draws, road: DrawnRoad, side: int, out_m: float) -> None:
-        """Rows of bays beside a straight stretch of a road on level ground."""
+        """Adds rows of parking bays beside a straight section of a road on level ground."""
         parking = self.ranges.parking
         if not draws.chance(self.habitat.car_park) or "embankment" in road.keys:
             return
@@ -302,7 +307,7 @@ class Roadside:
         }
 
     def _raised(self, shape: Size) -> Size:
-        """The tree with its crown above the vehicles of a lane that it may reach over."""
+        """Returns the tree with its crown raised above the vehicles of a lane below it."""
         trunk = round(self.ranges.things.free_trunk_m - shape["base_m"], 2)
         return shape | {"trunk_m": trunk, "height_m": max(shape["height_m"], round(trunk + 2, 2))}
 
@@ -327,13 +332,13 @@ class Roadside:
             self._add_plant("hedge_along", road, left_m, stations | size | base)
 
     def _trees_along(self, draws: Draws, road: DrawnRoad, left_m: float) -> None:
-        """Crowns that reach over a lane begin above the vehicles."""
+        """Adds a row of trees; crowns that reach over a lane are raised above the vehicles."""
         shape = self._tree_shape(draws) | {"base_m": self.slope_m(road, left_m)}
         reaches = abs(left_m) - shape["crown_m"] / 2 < road.lanes_half_m + 0.3
         if reaches or self.room.layout.junctions:
             shape |= self._raised(shape)
         shape["every_m"] = draws.within(self.ranges.things.tree_every_m)
-        # No crown around the sensor, nor right before it.
+        # Keep crowns away from the sensor.
         keep_off = shape["crown_m"] / 2 + 3
         for start, end in self.room.rows(road, left_m, 0.5):
             for low, high in self._without_mount(road, left_m, start, end, keep_off):
@@ -354,7 +359,7 @@ class Roadside:
     def _put(
         self, road: DrawnRoad, s: float, left_m: float, size: Size, turn_deg: float = 0.0
     ) -> None:
-        """A box, where it has room."""
+        """Adds a box if its position is free."""
         if not 0 < s < road.length_m:
             return
         box = self._box(road, s, left_m, size["length_m"], size["width_m"], turn_deg)
@@ -383,7 +388,7 @@ class Roadside:
         plant: dict[str, Any] = {"road": road.name, "offset_m": round(left_m, 3)} | keys
         self.keys["vegetation"].append({kind: plant})
 
-    # --- places -----------------------------------------------------------------------------------
+    # --- positions --------------------------------------------------------------------------------
 
     def _box(
         self,
@@ -398,12 +403,12 @@ class Roadside:
         return [x, y, 0, length_m, width_m, 1, heading + np.radians(turn_deg)]
 
     def _outer_m(self, road: DrawnRoad, side: int) -> float:
-        """From the centreline to where nothing of the road is any more."""
+        """Returns the distance from the centreline to the outer edge of the road or parked cars."""
         kerb = (road.name, side) in self._kerbs
         return max(road.outer_half_m, road.lanes_half_m + KERB_REACH_M if kerb else 0.0)
 
     def _stretch(self, draws: Draws, road: DrawnRoad, share: float, long_m: Range) -> Stretch:
-        """A part of a road near the sensor, in so many of the cases, else all of it."""
+        """Returns a section of the road near the focus with probability `share`, else all of it."""
         if not draws.chance(share):
             return WHOLE
         middle = self._nearest_station(road) + draws.within((-70, 70))
@@ -419,7 +424,7 @@ class Roadside:
         return float(road.stations[np.hypot(*away.T).argmin(), 0])
 
     def _beyond_mount(self, road: DrawnRoad, side: int) -> float:
-        """Metres to that side of the centreline at which the sensor is left behind."""
+        """Returns the distance from the centreline beyond which objects are behind the sensor."""
         foot = np.array([[self.mount["x_m"], self.mount["y_m"]]])
         left = road.beside(1.0) - road.stations[:, 1:3]
         nearest = np.hypot(*(road.stations[:, 1:3] - foot).T).argmin()
@@ -427,7 +432,7 @@ class Roadside:
         return side * left_m + 1.5 if 0 < side * left_m < 40 else 0.0
 
     def slope_m(self, road: DrawnRoad, left_m: float) -> float:
-        """Height of what lies there: the road, its slope, or the ground."""
+        """Returns the height of the surface beside a road: the road, its slope, or the ground."""
         if abs(left_m) <= road.carriageway_half_m:
             return 0.0
         slope = road.keys.get("embankment")
