@@ -1,1 +1,1 @@
-"""Site folders from OpenDRIVE, OpenStreetMap and SUMO maps, meshes and traffic."""
+"""Site folders from OpenDRIVE, OpenStreetMap and SUMO maps, with meshes and traffic."""

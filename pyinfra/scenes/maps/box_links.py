@@ -1,4 +1,4 @@
-"""Boxes of frames to tracks: each goes on as the nearest box to where it should be by now."""
+"""Links boxes of successive frames to tracks, by their predicted positions."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from scipy.optimize import linear_sum_assignment
 
 from pyinfra.core.arrays import FloatArray, IntArray, NameArray
 
-_REACH_M = 3.0  # from the predicted place, of a track whose speed is known
-_FIRST_REACH_M_S = 40.0  # from the last place, of one seen once: so fast at most
-_LOST_S = 0.35  # a track not seen for so long has ended
-_FAR = 1e6
+_REACH_M = 3.0  # maximum distance from the predicted position if the velocity is known
+_FIRST_REACH_M_S = 40.0  # maximum speed from the first box of a track to its second
+_LOST_S = 0.35  # a track without a box for longer than this has ended
+_FAR = 1e6  # cost of a pair that is not allowed
 
 
 def link(times: FloatArray, boxes: FloatArray, classes: NameArray) -> IntArray:
-    """Numbers of tracks (n,) for boxes (n, 7) at times (n,), by position at constant velocity.
+    """Returns track numbers (n,) for boxes (n, 7) at times (n,), assuming constant velocity.
 
-    Boxes of two classes are never one track, nor are two boxes of one time.
+    All boxes of a track have the same class and different times.
     """
     out = np.full(len(times), -1)
-    last: list[int] = []  # the newest row of each track
+    last: list[int] = []  # latest row of each track
     speed: list[FloatArray | None] = []
     for t in np.unique(times):
         rows = np.flatnonzero(times == t)
@@ -44,7 +44,7 @@ def _matched(
     boxes: FloatArray,
     classes: NameArray,
 ) -> list[tuple[int, int]]:
-    """Pairs of a track and a row, of the least sum of distances."""
+    """Returns pairs of a track and a row with the smallest sum of distances."""
     cost = np.full((len(live), len(rows)), _FAR)
     for i, k in enumerate(live):
         before = last[k]

@@ -1,4 +1,4 @@
-"""Lanes of a map at one place and at different heights: its roads contradict each other."""
+"""Finds lanes of a map that overlap at slightly different heights, which is an error of the map."""
 
 import numpy as np
 
@@ -6,12 +6,12 @@ from pyinfra.scenes.maps.lane_map import MapLane
 from pyinfra.scenes.maps.surfaces import paved_points
 
 CELL_M = 0.5
-LEAST_M = 0.1  # more than a steep road rises within a cell
-BRIDGE_M = 2.0  # apart or more: one crosses above the other
+LEAST_M = 0.1  # minimum height difference; a steep road rises less within a cell
+BRIDGE_M = 2.0  # from this height difference on, one lane crosses above the other
 
 
 def disagreements(lanes: list[MapLane]) -> list[str]:
-    """One line for each lane that lies under another one's surface, with a place."""
+    """Returns a text for each lane that lies under another lane's surface, with a position."""
     driven = [lane for lane in lanes if lane.driveable]
     parts = [paved_points([lane]) for lane in driven]
     of = np.repeat(np.arange(len(parts)), [len(part) for part in parts])

@@ -1,4 +1,4 @@
-"""SUMO's floating car data (XML, or XML in .gz): where front bumpers were, step by step."""
+"""Reads SUMO's floating car data (XML, or XML in .gz): front bumper positions per time step."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ import numpy as np
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import FormatError
 
-MOST_OBJECTS = 100_000  # of a file
+MOST_OBJECTS = 100_000  # per file
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """An object's rows as they stand in a file.
+    """The rows of one object in a file.
 
-    rows: (n, 5) t, x, y, z, heading (rad), which is NaN where the file has no angle; speeds: (n,)
-    m/s, NaN where it has none; kind: vehicle or person.
+    rows: (n, 5) t, x, y, z, heading (rad); the heading is NaN without an angle in the file.
+    speeds: (n,) m/s, NaN without a speed in the file. kind: vehicle or person.
     """
 
     name: str
@@ -34,7 +34,7 @@ class Recorded:
 
 
 def read_fcd(file: Path) -> list[Recorded]:
-    """All objects in the order of their first row. Raises FormatError, OSError."""
+    """Reads all objects, in the order of their first rows. Raises FormatError, OSError."""
     rows: dict[tuple[str, str], list[tuple[float, ...]]] = {}  # by kind and id
     types: dict[tuple[str, str], str] = {}
     try:
@@ -65,7 +65,7 @@ def _opened(file: Path) -> BinaryIO:
 def _objects(
     stream: BinaryIO, refusal: Callable[[str], FormatError]
 ) -> Iterator[tuple[float, ElementTree.Element]]:
-    """Vehicles and persons with the time of their step."""
+    """Yields the elements of vehicles and persons, with the time of their step."""
     before = -np.inf
     root: ElementTree.Element | None = None
     for event, element in ElementTree.iterparse(stream, events=("start", "end")):
@@ -89,7 +89,7 @@ def _objects(
 def _state(
     file: Path, t: float, name: str, element: ElementTree.Element
 ) -> tuple[float, float, float, float, float]:
-    """x, y, z, heading and speed; SUMO writes the last two and z only if it is asked to."""
+    """Returns x, y, z, heading and speed of an element; z, angle and speed are optional."""
     if not name:
         raise _refusal(file, f"time {t:g}: found a <{element.tag}> without id")
     x, y = (_number(element.get(key)) for key in ("x", "y"))
@@ -98,7 +98,8 @@ def _state(
         if not np.isfinite(value) or abs(value) > 1e7:
             text = element.get(key)
             raise _refusal(file, f"time {t:g}: {name}: {key}: found {text!r}, allowed a number")
-    heading = np.nan if element.get("angle") is None else np.radians(90 - angle)  # from north
+    # SUMO's angle counts clockwise from north.
+    heading = np.nan if element.get("angle") is None else np.radians(90 - angle)
     return x, y, z, heading, _number(element.get("speed"))
 
 

@@ -1,4 +1,4 @@
-"""Positions in longitude and latitude: how they are recognised, and their metres at a site."""
+"""Recognises positions in longitude and latitude, and projects them to metres at a site."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.scenes.maps.openstreetmap import transverse_mercator
 
-NEAR_M = 20_000.0  # of a site's origin: what lies farther away belongs to another place
-_CRAWL = 0.01  # of x and y in a second; metres of somebody who moves change more, degrees less
-_SHARE = 1e-3  # of the way that the speeds say; a degree is 10 to 111 km
+NEAR_M = 20_000.0  # maximum distance of positions from the site's origin
+_CRAWL = 0.01  # change of x and y per second; metres of a moving object change more, degrees less
+_SHARE = 1e-3  # of the distance that the speeds give; a degree is 10 to 111 km
 _ELLIPSOIDS = ("WGS84", "GRS80")
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What one object's rows say. times: (n,) s; xy: (n, 2); speeds: (n,) m/s or NaN."""
+    """The motion of one object. times: (n,) s; xy: (n, 2); speeds: (n,) m/s or NaN."""
 
     times: FloatArray
     xy: FloatArray
@@ -31,23 +31,24 @@ class Motion:
 
 @dataclass(frozen=True)
 class Projection:
-    """A transverse Mercator projection and what is added to its metres."""
+    """A transverse Mercator projection, and an offset that is added to its metres."""
 
     centre: tuple[float, float]  # lon, lat
     scale: float = 1.0
     offset_m: tuple[float, float] = (0.0, 0.0)
 
     def metres(self, lon_lat: FloatArray) -> FloatArray:
-        """(n, 2) x y of (n, 2) degrees."""
+        """Converts longitude and latitude (n, 2) in degrees to x y (n, 2) in metres."""
         unscaled = transverse_mercator(lon_lat, self.centre)
         return np.asarray(unscaled * self.scale + np.array(self.offset_m))
 
 
 def in_degrees(objects: Iterable[Motion], projection: Projection | None) -> bool:
-    """Whether positions are longitude and latitude.
+    """Returns whether positions are longitude and latitude.
 
-    They are if they fit and move far less than the speeds say, or slower than anybody who moves.
-    If nobody moves, the place decides: degrees of a site lie beside it.
+    They are if all values are in range and the objects move far less than their speeds imply. If
+    speeds are missing, they must move slower than any moving object does in metres. If no object
+    moves, the positions must be near the site.
     """
     objects = list(objects)
     xy = np.concatenate([o.xy for o in objects])
@@ -65,12 +66,12 @@ def in_degrees(objects: Iterable[Motion], projection: Projection | None) -> bool
 
 
 def fits(xy: FloatArray) -> bool:
-    """Whether all of (n, 2) may be longitude and latitude."""
+    """Returns whether all values (n, 2) are in the range of longitude and latitude."""
     return bool((np.abs(xy) <= (180, 85)).all())
 
 
 def centred_on(lon_lat: FloatArray) -> Projection:
-    """Metres from the middle of positions (n, 2)."""
+    """Returns the projection centred on the middle of positions (n, 2)."""
     lon, lat = (lon_lat.min(0) + lon_lat.max(0)) / 2
     return Projection((round(float(lon), 6), round(float(lat), 6)))
 
@@ -87,13 +88,13 @@ def check_near_site(lon_lat: FloatArray, projection: Projection) -> None:
 
 
 def _away_m(lon_lat: FloatArray, projection: Projection) -> float:
-    """The least distance to the site's origin; infinite where the projection does not reach."""
+    """Returns the smallest distance to the site's origin; infinite far from the meridian."""
     near = lon_lat[np.abs(lon_lat[:, 0] - projection.centre[0]) < 10]
     return float(np.hypot(*projection.metres(near).T).min(initial=math.inf))
 
 
 def network_projection(net_file: Path) -> Projection | None:
-    """How a SUMO network's coordinates come from degrees; None if it does not say, or has none.
+    """Reads the projection of a SUMO network's coordinates; None if the network states none.
 
     Raises FormatError for a projection that is not a transverse Mercator, and OSError.
     """

@@ -1,4 +1,4 @@
-"""A map as its lanes and what stands beside them, whatever format it came in."""
+"""The common representation of imported maps: lanes and roadside objects."""
 
 import re
 from collections.abc import Sequence
@@ -9,51 +9,51 @@ import numpy as np
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
 
-NARROWEST_M = 1.0  # of a lane that vehicles drive in; it ends where it is narrower
-SHORTEST_M = 0.2  # of a lane
-FARTHEST_M = 1e6  # of a place from a map's origin
-STEEP, STEEPEST = 0.5, 1.2  # grades between two points of a lane: those named, those refused
+NARROWEST_M = 1.0  # minimum width of a driveable lane; narrower parts are left out
+SHORTEST_M = 0.2  # minimum length of a lane
+FARTHEST_M = 1e6  # maximum distance of a position from a map's origin
+STEEP, STEEPEST = 0.5, 1.2  # grades above which a lane is reported, and above which it is refused
 
 
 class MapError(Error):
-    """A map that can't be read, or not as a site: file, place, what was found, what is allowed."""
+    """A map that cannot be read or used as a site; names file, location, and what is allowed."""
 
 
 @dataclass(frozen=True, eq=False)
 class MapLane:
-    """A strip of one use; rows go in the direction of travel."""
+    """A lane or sidewalk between two borders, whose points follow the direction of travel."""
 
     name: str
-    kind: str  # road, sidewalk
+    kind: str  # road or sidewalk
     driveable: bool
     left: FloatArray  # (n, 3), n >= 2
     right: FloatArray  # (n, 3)
-    kerb_m: float = 0.0  # how much higher it lies than its z
+    kerb_m: float = 0.0  # height of the surface above z of the borders
 
     @property
     def centre(self) -> FloatArray:
-        """(n, 3), between the borders."""
+        """Centreline (n, 3) between the borders."""
         return np.asarray((self.left + self.right) / 2)
 
     @property
     def width(self) -> FloatArray:
-        """(n,)"""
+        """Horizontal width (n,)."""
         return np.asarray(np.hypot(*(self.left - self.right)[:, :2].T))
 
 
 @dataclass(frozen=True, eq=False)
 class MapBody:
-    """What stands upright on an outline, from base to top."""
+    """A vertical prism on an outline, such as a building, a wall or a post."""
 
     outline: FloatArray  # (n, 2), counter-clockwise, n >= 3
     height_m: float
-    base_m: float | None = None  # None: on the terrain
-    hangs: bool = False  # with nothing below its base
+    base_m: float | None = None  # z of the base; None: on the terrain
+    hangs: bool = False  # whether the space below its base is open
 
 
 @dataclass(frozen=True)
 class MapTree:
-    """A tree where it stands."""
+    """A tree."""
 
     x_m: float
     y_m: float
@@ -63,10 +63,10 @@ class MapTree:
 
 @dataclass(frozen=True)
 class MapFeature:
-    """What is listed and drawn as what it is, and has no surface: a stop, a crossing, a signal."""
+    """A stop, crossing or signal, which is listed and drawn in plans but has no surface."""
 
     kind: str
-    source: str  # the map's own name of it
+    source: str  # its name in the map
     x_m: float
     y_m: float
     tags: dict[str, str] = field(default_factory=dict)
@@ -74,28 +74,28 @@ class MapFeature:
 
 @dataclass
 class SiteMap:
-    """What was read of a map, and what was made of it."""
+    """The content of a map, and the assumptions and repairs of its import."""
 
     lanes: list[MapLane] = field(default_factory=list)
-    areas: list[FloatArray] = field(default_factory=list)  # (n, 2) junctions, paved
-    footways: list[FloatArray] = field(default_factory=list)  # (n, 3) paved, where people wait
-    junctions: list[tuple[int, float, float]] = field(default_factory=list)  # ways through, x, y
+    areas: list[FloatArray] = field(default_factory=list)  # (n, 2) outlines of junctions
+    footways: list[FloatArray] = field(default_factory=list)  # (n, 3) outlines of walking areas
+    junctions: list[tuple[int, float, float]] = field(default_factory=list)  # number of ways, x, y
     bodies: list[MapBody] = field(default_factory=list)
     trees: list[MapTree] = field(default_factory=list)
     features: list[MapFeature] = field(default_factory=list)
-    covered_m: float = -np.inf  # what lies deeper is below the terrain
-    guessed: list[str] = field(default_factory=list)
-    mended: list[str] = field(default_factory=list)
-    not_understood: list[str] = field(default_factory=list)
+    covered_m: float = -np.inf  # lanes below this z are under the terrain
+    guessed: list[str] = field(default_factory=list)  # texts about assumptions
+    mended: list[str] = field(default_factory=list)  # texts about repaired lanes
+    not_understood: list[str] = field(default_factory=list)  # texts about ignored content
 
 
 def lane_name(*words: object) -> str:
-    """A name of letters, digits, `_` and `-` out of a map's own names."""
+    """Joins names of a map to a name of letters, digits, `_` and `-`."""
     return re.sub(r"[^A-Za-z0-9_-]", "_", "_".join(str(word) for word in words))
 
 
 def with_unique_names(lanes: Sequence[MapLane]) -> list[MapLane]:
-    """The lanes; of those of one name the later ones get a number."""
+    """Returns the lanes with unique names: repeated names get a number."""
     seen: dict[str, int] = {}
     named = []
     for lane in lanes:
@@ -107,10 +107,11 @@ def with_unique_names(lanes: Sequence[MapLane]) -> list[MapLane]:
 def without_folds(
     left: FloatArray, right: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """Borders (n, 3) none of whose points steps back along the lane, and where one did (x y z).
+    """Removes backward steps of the borders; returns left, right, and the first position of one.
 
-    In a bend tighter than a lane is wide, its inner border turns back: such points stay where the
-    border was. Rows at which the middle itself stands still or turns back are left out.
+    In a bend tighter than the lane's width, the inner border turns back; such points are moved to
+    the previous point. Rows at which the centreline stops or turns back are removed. The position
+    (x y z) is that of the first turn of the centreline, or None.
     """
     folded = None
     for _ in range(len(left)):
@@ -136,7 +137,7 @@ def without_folds(
 
 
 def steep_lanes(lanes: Sequence[MapLane]) -> list[str]:
-    """One line for each lane that is steeper than roads are."""
+    """Returns a text for each driveable lane that is implausibly steep."""
     notes = []
     for lane in lanes:
         steps = np.diff(lane.centre, axis=0)
@@ -148,7 +149,7 @@ def steep_lanes(lanes: Sequence[MapLane]) -> list[str]:
 
 
 def checked_lanes(lanes: Sequence[MapLane], source: str) -> list[MapLane]:
-    """The lanes as they are. Raises MapError, with the lane's name, if one can't be."""
+    """Returns the lanes unchanged. Raises MapError with a lane's name if the lane is impossible."""
     for lane in lanes:
         both = np.concatenate([lane.left, lane.right])
         if not np.isfinite(both).all():

@@ -1,4 +1,4 @@
-"""A map file as a site folder: scene, lanes, meshes, network, and what was made of the map."""
+"""Imports a map file as a site folder: scene, lanes, meshes, network and a record of the import."""
 
 import gzip
 import hashlib
@@ -37,22 +37,22 @@ from pyinfra.scenes.maps.openstreetmap import opened
 from pyinfra.scenes.maps.surfaces import Sheet, surfaces
 
 RADIUS_M = 1000.0
-LONGEST_BYTES = 2 << 30  # of a map
+LONGEST_BYTES = 2 << 30  # maximum size of a map file
 MOST_TRIANGLES = 20_000_000
-MATERIALS = {"buildings": "structure"}  # of the others the mesh's own name
-FORMATS = (".xodr", ".osm", ".osm.xml", ".net.xml")  # also packed, .gz and .bz2
+MATERIALS = {"buildings": "structure"}  # material by mesh; other meshes are named as theirs
+FORMATS = (".xodr", ".osm", ".osm.xml", ".net.xml")  # also compressed as .gz and .bz2
 PACKED = (".gz", ".bz2")
 CONVERTED = {".pbf": "osmium cat {0} -o {1}.osm.gz", ".o5m": "osmconvert {0} -o={1}.osm"}
 NETWORK = "map.net.xml"
 RECORD = "map.yaml"
-VERSION = 3  # of what an import makes
+VERSION = 3  # of the import's output
 
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """What a user may say about an import."""
+    """Options of a map import."""
 
-    centre: tuple[float, float] | None = None  # x, y of the map; lon, lat (or lat, lon) of OSM
+    centre: tuple[float, float] | None = None  # x, y in the map; OSM: lon, lat (or lat, lon)
     radius_m: float = RADIUS_M
     mount: tuple[float, float, float, float] | None = None  # x, y, z, yaw_deg in the site's frame
     duration_s: float = 500.0
@@ -61,19 +61,19 @@ class ImportOptions:
 
 @dataclass(frozen=True)
 class Imported:
-    """What an import made, for printing."""
+    """A summary of an import."""
 
     lanes: int
     triangles: int
     pole: Pole
-    record: dict[str, Any]
-    anew: bool  # False: the same import was there
+    record: dict[str, Any]  # content of map.yaml
+    anew: bool  # False: the same import already existed
 
 
 def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> Imported:
-    """Writes the site, or finds that the same import is there.
+    """Writes the site folder, unless it already has the result of the same import.
 
-    Raises MapError, ImportError without SUMO, FileExistsError if the folder holds something else.
+    Raises MapError, ImportError without SUMO, and FileExistsError if the folder has other content.
     """
     options = options or ImportOptions()
     kind = format_of(file)
@@ -118,7 +118,10 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
 
 
 def format_of(file: Path) -> str:
-    """The ending that says how a map is read, without that of its packing. Raises MapError."""
+    """Returns the extension that determines the map format, without that of the compression.
+
+    Raises MapError.
+    """
     name = file.name.lower()
     for ending, command in CONVERTED.items():
         if name.endswith(ending):
@@ -144,7 +147,7 @@ _BY_ROOT = {"OpenDRIVE": ".xodr", "osm": ".osm", "net": ".net.xml"}
 
 
 def _root_of(file: Path) -> str:
-    """The name of the first element; empty if it is not XML."""
+    """Returns the name of the first element; empty if there is none. Raises MapError if not XML."""
     try:
         with opened(file) as stream:
             for _, node in ElementTree.iterparse(stream, events=("start",)):
@@ -155,7 +158,7 @@ def _root_of(file: Path) -> str:
 
 
 def _unpacked(file: Path, kind: str, scratch: Path) -> Path:
-    """The file, or what is packed in it. Raises MapError."""
+    """Returns the file, or a decompressed copy of it. Raises MapError."""
     if file.suffix.lower() not in PACKED:
         return file
     out = scratch / f"map{kind}"
@@ -171,7 +174,7 @@ def _unpacked(file: Path, kind: str, scratch: Path) -> Path:
 
 
 def _listed(site_map: SiteMap) -> dict[str, list[dict[str, Any]]]:
-    """Features by kind, each with the map's name of it and its place."""
+    """Returns the features by kind, each with its name in the map, position and tags."""
     by_kind: dict[str, list[dict[str, Any]]] = {}
     for each in site_map.features:
         position = {"x_m": round(each.x_m, 2), "y_m": round(each.y_m, 2)}
@@ -294,14 +297,14 @@ _READERS = {
 def _shifted_network(
     file: Path, arguments: Sequence[str], offset: FloatArray, out: Path
 ) -> list[str]:
-    """The network in the site's frame. Raises MapError."""
+    """Writes the network in the site's frame; returns netconvert's warnings. Raises MapError."""
     x, y, z = (-offset).tolist()
     moved = ["--offset.disable-normalization", f"--offset.x={x!r}", f"--offset.y={y!r}"]
     return netconvert(file, [*arguments, *moved, f"--offset.z={z!r}"], out)
 
 
 def _extent(lanes: Sequence[MapLane]) -> tuple[FloatArray, FloatArray, float]:
-    """Corners (2,) of the lanes, and a whole number of metres to take off their z."""
+    """Returns the lower and upper corner (2,) of all lanes, and an offset of z to subtract."""
     points = np.concatenate([lane.centre for lane in lanes])
     low, high = points.min(0), points.max(0)
     return low[:2], high[:2], round(float(low[2]), -1) if abs(low[2]) > 50 else 0.0
@@ -317,7 +320,7 @@ def _moved_body(thing: Any, offset: FloatArray) -> Any:
 
 
 def _cut(site_map: SiteMap, radius_m: float, file: Path) -> None:
-    """Keeps lanes that come within the radius of the origin, whole, and what stands within it."""
+    """Removes objects outside the radius around the origin; lanes that reach into it stay whole."""
     site_map.lanes = [x for x in site_map.lanes if np.hypot(*x.centre[:, :2].T).min() <= radius_m]
     if not any(lane.driveable for lane in site_map.lanes):
         raise MapError(f"{file}: found no lane for vehicles within {radius_m:g} m of the centre")
@@ -377,7 +380,7 @@ def _tree(tree: Any, terrain: Sheet) -> dict[str, float]:
 
 
 def lanes_table(lanes: Sequence[MapLane]) -> str:
-    """lanes.csv: the centrelines of driveable lanes where they are wide enough."""
+    """Returns lanes.csv: the centrelines of driveable lanes where they are wide enough."""
     rows = ["lane,x,y,z,width"]
     for lane in lanes:
         if not lane.driveable:
@@ -394,7 +397,7 @@ def lanes_table(lanes: Sequence[MapLane]) -> str:
 
 
 def _wide(width: FloatArray) -> list[tuple[int, int]]:
-    """Runs [first, last) of two or more points at which a lane is wide enough."""
+    """Returns index ranges [first, last) of two or more points at which a lane is wide enough."""
     enough = np.concatenate([[False], width >= NARROWEST_M, [False]])
     edges = np.flatnonzero(np.diff(enough.astype(int))).reshape(-1, 2)
     return [(int(a), int(b)) for a, b in edges if b - a >= 2]

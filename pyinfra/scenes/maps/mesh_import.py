@@ -1,4 +1,4 @@
-"""Surfaces of others (OBJ, glTF, STL, PLY) as meshes of a site."""
+"""Imports mesh files (OBJ, glTF, STL, PLY) into a site."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from pyinfra.formats.yaml_file import read_keys
 from pyinfra.scenes.maps.site_folder import SCENE, feet
 
 ENDINGS = (".obj", ".glb", ".gltf", ".stl", ".ply")
-UPWARDS_Y = (".glb", ".gltf")  # glTF says so
+UPWARDS_Y = (".glb", ".gltf")  # glTF defines y as up
 MATERIALS = ("road", "sidewalk", "terrain", "structure", "vegetation")
-WIDEST_M = 10_000.0
-FARTHEST_M = 1_000.0  # from a mount
+WIDEST_M = 10_000.0  # maximum extent of a mesh
+FARTHEST_M = 1_000.0  # maximum distance of a mesh from a mount
 MOST_TRIANGLES = 20_000_000
 
 
 @dataclass(frozen=True)
 class MeshPlacement:
-    """How a file's coordinates become those of the site: scaled, turned, moved."""
+    """The transform from a file's coordinates to the site's: scale, upward axis, offset."""
 
     scale: float = 1.0
-    up: str = ""  # y or z; that of the format if not said
+    up: str = ""  # y or z; by default that of the format
     offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement) -> Triangles:
-    """Writes meshes/NAME.ply into the site and names it in site.yaml; returns what was written.
+    """Writes meshes/NAME.ply to the site and adds it to site.yaml; returns the mesh.
 
     Raises FormatError, FileExistsError, OSError, and ImportError without trimesh.
     """
@@ -57,7 +57,7 @@ def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement)
 
 
 def _read(file: Path) -> Triangles:
-    """All triangles of a file, in its own coordinates."""
+    """Reads all triangles of a file, in its own coordinates. Raises FormatError."""
     if file.suffix.lower() not in ENDINGS:
         raise FormatError(f"{file}: found another ending, allowed {', '.join(ENDINGS)}")
     if not file.stat().st_size:
@@ -68,7 +68,7 @@ def _read(file: Path) -> Triangles:
         raise missing("trimesh", "site") from error
     try:
         loaded = trimesh.load_scene(file, process=False).to_mesh()
-    except Exception as error:  # its readers raise what Python has
+    except Exception as error:  # the readers of trimesh raise exceptions of many types
         why = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise FormatError(f"{file}: is no mesh that can be read: {why}") from error
     vertices = np.asarray(loaded.vertices, dtype=np.float64)
@@ -106,16 +106,16 @@ def _placed(mesh: Triangles, file: Path, placement: MeshPlacement) -> Triangles:
 
 
 def _away_m(mesh: Triangles, mounts: FloatArray) -> float:
-    """Least distance in plan of the box around a mesh from the mounts (k, 2)."""
+    """Returns the smallest horizontal distance of a mesh's bounding box from the mounts (k, 2)."""
     low, high = mesh.vertices[:, :2].min(0), mesh.vertices[:, :2].max(0)
     outside = np.maximum(np.maximum(low - mounts, mounts - high), 0)
     return float(np.hypot(*outside.T).min())
 
 
 def with_mesh(file: Path, entry: dict[str, Any]) -> str:
-    """The text of a scene's file with one more of its `meshes`, all else as it is.
+    """Returns the text of a scene file with an entry added to `meshes`, and no other change.
 
-    Raises FormatError if its `meshes` are written in a way that can't be added to.
+    Raises FormatError if the YAML style of `meshes` does not allow adding a line.
     """
     lines = file.read_text().splitlines()
     before = read_keys(file)

@@ -1,6 +1,6 @@
-"""Where a pole would stand if nobody says: off the carriageway beside the biggest junction.
+"""Chooses a default pole: beside the largest junction, off the carriageway.
 
-It looks where a narrow field of view has the junction and most metres of lanes.
+Its yaw is chosen so that a narrow field of view contains the junction and most metres of lanes.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from pyinfra.scenes.maps.lane_map import MapLane, SiteMap
 from pyinfra.scenes.maps.surfaces import contains
 
 HEIGHT_M = 6.0
-NEAREST_M, FARTHEST_M = 12.0, 80.0  # from the junction's middle
-CLEAR_M = 1.0  # from the lanes' edges and from houses
+NEAREST_M, FARTHEST_M = 12.0, 80.0  # distance from the junction's middle
+CLEAR_M = 1.0  # minimum distance from lane edges and buildings
 CLEAR_OF_TREES_M = 5.0
-SEEN_M, SEEN_DEG = 100.0, 70.0  # of roads that the yaw is chosen by
+SEEN_M, SEEN_DEG = 100.0, 70.0  # range and width of the field of view for choosing the yaw
 YAW_STEP_DEG = 5.0
-JUNCTION_OFF_DEG, LANE_OFF_DEG = 30.0, 60.0  # as far off the yaw the target may be
+JUNCTION_OFF_DEG, LANE_OFF_DEG = 30.0, 60.0  # maximum angle between the yaw and the target
 
 
 @dataclass(frozen=True)
 class Pole:
-    """A mount's pose in the world."""
+    """The pose of a mount in the world frame."""
 
     x_m: float
     y_m: float
@@ -34,14 +34,14 @@ class Pole:
 
 
 def guess_pole(site_map: SiteMap) -> tuple[Pole, str]:
-    """The pole, and in words what it stands beside."""
+    """Returns the pole, and a text that names the junction or lane beside it."""
     lanes = [lane for lane in site_map.lanes if lane.kind == "road"]
     strips = _Strips.of(lanes)
     points = strips.start
     driven = [lane for lane in lanes if lane.driveable]
     inside = [
         j for j in site_map.junctions if np.hypot(*(points - j[1:]).T).min() < FARTHEST_M
-    ]  # of a map that was cut
+    ]  # junctions that still have lanes nearby after the map was cut
     if inside:
         ways, *centre = max(inside, key=lambda j: (j[0], -math.hypot(j[1], j[2])))
         target, what = np.array(centre), f"the junction with most ways through ({ways})"
@@ -57,7 +57,10 @@ def guess_pole(site_map: SiteMap) -> tuple[Pole, str]:
 
 
 def _yaw_deg(foot: FloatArray, target: FloatArray, lanes: list[MapLane], off_deg: float) -> float:
-    """Where a field of view has the target and most metres of lanes; of several the middle one."""
+    """Returns the yaw at which the field of view contains the target and most metres of lanes.
+
+    Of several equally good yaws, it returns the middle one.
+    """
     middles = [(lane.centre[1:] + lane.centre[:-1])[:, :2] / 2 - foot for lane in lanes]
     metres = [np.hypot(*np.diff(lane.centre[:, :2], axis=0).T) for lane in lanes]
     ways, weights = np.concatenate(middles), np.concatenate(metres)
@@ -75,7 +78,10 @@ def _yaw_deg(foot: FloatArray, target: FloatArray, lanes: list[MapLane], off_deg
 def _clear_position(
     target: FloatArray, strips: _Strips, site_map: SiteMap, farthest_m: float = FARTHEST_M
 ) -> FloatArray:
-    """The free place nearest to the target; farther away if all is paved there."""
+    """Returns the free position nearest to the target.
+
+    The search extends farther if there is none nearby.
+    """
     axis = np.arange(-farthest_m, farthest_m + 1, 1.0)
     offsets = np.stack(np.meshgrid(axis, axis), -1).reshape(-1, 2)
     distance = np.hypot(*offsets.T)
@@ -108,11 +114,11 @@ def _clear_position(
 
 @dataclass(frozen=True)
 class _Strips:
-    """Pieces of lanes (n, 2) to (n, 2), and how far from their middles a place is free."""
+    """Segments of lane centrelines, and the distances from them at which positions are free."""
 
-    start: FloatArray
-    end: FloatArray
-    clear: FloatArray
+    start: FloatArray  # (n, 2)
+    end: FloatArray  # (n, 2)
+    clear: FloatArray  # (n,)
 
     @staticmethod
     def of(lanes: list[MapLane]) -> _Strips:
@@ -128,7 +134,7 @@ class _Strips:
         return _Strips(self.start[some], self.end[some], self.clear[some])
 
     def free_m(self, position: FloatArray) -> float:
-        """How much farther from the lanes a place is than it must be."""
+        """Returns the distance of a position from the lanes in excess of the required one."""
         along = self.end - self.start
         part = ((position - self.start) * along).sum(1) / np.maximum((along**2).sum(1), 1e-12)
         away = self.start + part.clip(0, 1)[:, None] * along - position
@@ -136,7 +142,7 @@ class _Strips:
 
 
 def _is_close(outline: FloatArray, position: FloatArray) -> bool:
-    """Whether a place lies in an outline (n, 2) or within CLEAR_M of it."""
+    """Returns whether a position lies in an outline (n, 2) or within CLEAR_M of it."""
     sides = np.roll(outline, -1, axis=0) - outline
     along = ((position - outline) * sides).sum(1) / np.maximum((sides**2).sum(1), 1e-12)
     away = outline + along.clip(0, 1)[:, None] * sides - position

@@ -1,4 +1,4 @@
-"""Maps to SUMO networks, by its netconvert."""
+"""Converts maps to SUMO networks with SUMO's tool netconvert."""
 
 import subprocess
 from collections.abc import Sequence
@@ -18,9 +18,10 @@ OSM = (
 
 
 def without_sidewalk(edges: Sequence[str], file: Path) -> list[str]:
-    """Arguments by which no sidewalk is guessed at edges; the file takes what no command line may.
+    """Returns arguments that stop netconvert from guessing sidewalks at the given edges.
 
-    Those that a map names are imported.
+    The edges are written to `file`, since they may be too many for a command line. Sidewalks in the
+    map are always imported.
     """
     if not edges:
         return ["--osm.sidewalks"]
@@ -31,7 +32,7 @@ def without_sidewalk(edges: Sequence[str], file: Path) -> list[str]:
 
 
 def netconvert(source: Path, arguments: Sequence[str], out: Path) -> list[str]:
-    """Writes the network; returns what SUMO warns of. Raises MapError, and ImportError."""
+    """Writes the network; returns SUMO's warnings. Raises MapError and ImportError."""
     words = [*arguments, *DETAIL, "--output-file", str(out)]
     try:
         warnings = run_tool("netconvert", words, longest_s=LONGEST_S)

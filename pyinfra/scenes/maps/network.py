@@ -1,4 +1,4 @@
-"""Lanes and junctions of a SUMO network (`.net.xml`)."""
+"""Reads lanes and junctions of a SUMO network (`.net.xml`)."""
 
 import itertools
 import math
@@ -20,7 +20,7 @@ from pyinfra.scenes.maps.lane_map import (
 )
 from pyinfra.scenes.maps.opendrive_geometry import number
 
-DEFAULT_WIDTH_M = 3.2  # SUMO's, of a lane without one
+DEFAULT_WIDTH_M = 3.2  # SUMO's default lane width
 KERB_M = 0.15
 STEP_M = 4.0
 CLOSE_M = 0.05
@@ -29,7 +29,7 @@ WALKERS = frozenset({"pedestrian"})
 
 
 def read_network(file: Path, *, lanes: bool = True) -> SiteMap:
-    """The network; without its lanes, if only the junctions are wanted. Raises MapError."""
+    """Reads a network; lanes=False reads only the junctions. Raises MapError."""
     site_map = SiteMap()
     try:
         for _, node in ElementTree.iterparse(file):
@@ -48,7 +48,7 @@ def read_network(file: Path, *, lanes: bool = True) -> SiteMap:
 
 
 def shape_of(text: str, where: str) -> FloatArray:
-    """(n, 3) of `x,y x,y,z ...`. Raises MapError."""
+    """Parses `x,y x,y,z ...` to positions (n, 3). Raises MapError."""
     try:
         rows = [[float(v) for v in point.split(",")] for point in text.split()]
         shape = np.array([[*row, 0.0][:3] for row in rows]).reshape(-1, 3)
@@ -61,7 +61,7 @@ def shape_of(text: str, where: str) -> FloatArray:
 
 def _read_edge(edge: Element, site_map: SiteMap) -> None:
     function = edge.get("function", "normal")
-    if function == "crossing":  # paint on the junction
+    if function == "crossing":  # road marking within the junction, without a surface of its own
         for lane in edge.iterfind("lane"):
             x, y, _ = shape_of(lane.get("shape", ""), f"lane {lane.get('id')}").mean(0).tolist()
             site_map.features.append(MapFeature("crossing", f"edge {edge.get('id')}", x, y))
@@ -97,7 +97,7 @@ def _read_edge(edge: Element, site_map: SiteMap) -> None:
 
 
 def _thinned(shape: FloatArray) -> FloatArray:
-    """The line without points closer than CLOSE_M to the one before; its ends stay."""
+    """Returns the line without points closer than CLOSE_M to the previous one; keeps both ends."""
     kept: list[int] = []
     for i, point in enumerate(shape[:, :2]):
         if not kept or math.hypot(*(point - shape[kept[-1], :2])) >= CLOSE_M:
@@ -108,7 +108,7 @@ def _thinned(shape: FloatArray) -> FloatArray:
 
 
 def _unfolded(shape: FloatArray) -> FloatArray:
-    """The line without points at which it turns by more than 120 degrees; its ends stay."""
+    """Returns the line without points where it turns by more than 120 degrees; keeps both ends."""
     while len(shape) > 2:
         steps = np.diff(shape[:, :2], axis=0)
         steps /= np.maximum(np.hypot(*steps.T), 1e-9)[:, None]
@@ -120,7 +120,7 @@ def _unfolded(shape: FloatArray) -> FloatArray:
 
 
 def _dense(shape: FloatArray) -> FloatArray:
-    """With points at most STEP_M apart: no long thin triangles."""
+    """Returns the line with points at most STEP_M apart, which avoids long thin triangles."""
     s = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(shape[:, :2], axis=0).T))])
     more = [np.linspace(a, b, int((b - a) // STEP_M) + 2)[:-1] for a, b in itertools.pairwise(s)]
     at = np.concatenate([*more, s[-1:]])
@@ -128,7 +128,7 @@ def _dense(shape: FloatArray) -> FloatArray:
 
 
 def borders(centre: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
-    """Left and right border (n, 3) of a line, mitred up to twice the half width."""
+    """Returns left and right border (n, 3) of a line, mitred up to twice the half width."""
     steps = np.diff(centre[:, :2], axis=0)
     steps /= np.hypot(*steps.T)[:, None]
     before, after = np.concatenate([steps[:1], steps]), np.concatenate([steps, steps[-1:]])
@@ -141,7 +141,7 @@ def borders(centre: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _is_for(lane: Element, users: frozenset[str]) -> bool:
-    """Whether any of the users may be there."""
+    """Returns whether any of the user classes may use a lane."""
     allow, disallow = lane.get("allow"), lane.get("disallow", "")
     if allow is not None:
         return bool(users & set(allow.split()))
@@ -165,7 +165,7 @@ def _read_junction(node: Element, site_map: SiteMap) -> None:
 
 
 def _centroid(outline: FloatArray) -> tuple[float, float]:
-    """Of the area of an outline (n, 2); its corners' mean if it has none."""
+    """Returns the centroid of an outline (n, 2); the mean of its corners if it has no area."""
     middle = outline.mean(0)
     a, b = outline - middle, np.roll(outline, -1, axis=0) - middle
     doubled = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

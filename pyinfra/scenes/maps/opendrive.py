@@ -1,6 +1,6 @@
-"""Lanes and objects of an OpenDRIVE file, with the widths and the elevation that it says.
+"""Reads lanes and objects of an OpenDRIVE file, with the file's widths and elevations.
 
-Sampled every metre where anything bends, every four metres elsewhere.
+Roads are sampled every metre if anything bends, else every four metres.
 """
 
 import itertools
@@ -33,8 +33,8 @@ from pyinfra.scenes.maps.opendrive_objects import read_objects
 
 STEP_M = 1.0
 STRAIGHT_STEP_M = 4.0
-LENGTHS_APART = 0.01  # of a length, that is taken for rounding
-KERB_M = 0.15  # of sidewalks whose height the map does not say
+LENGTHS_APART = 0.01  # relative difference of two lengths that counts as rounding
+KERB_M = 0.15  # default height of sidewalks
 DRIVEN = frozenset(
     "driving entry exit onRamp offRamp connectingRamp bidirectional mwyEntry mwyExit "
     "bus taxi HOV slipLane".split()
@@ -47,13 +47,13 @@ FOOTWAYS = frozenset({"sidewalk", "walking", "curb"})
 
 
 def read_opendrive(file: Path) -> SiteMap:
-    """Raises MapError, and OSError."""
+    """Reads an OpenDRIVE file. Raises MapError and OSError."""
     try:
         root = ElementTree.parse(file).getroot()
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise MapError(f"{file}: not XML that can be read: {error}") from error
     for node in root.iter():
-        node.tag = node.tag.rpartition("}")[2]  # some writers name the schema
+        node.tag = node.tag.rpartition("}")[2]  # some writers add a namespace
     if root.tag != "OpenDRIVE":
         raise MapError(f"{file}: found <{root.tag}>, allowed <OpenDRIVE>")
     site_map, ids = SiteMap(), set[str | None]()
@@ -99,7 +99,7 @@ def _read_road(node: Element, site_map: SiteMap) -> None:
 
 
 def _lengths_that_disagree(road: OpenDriveRoad, node: Element) -> list[str]:
-    """Of the road and its geometries, and of a geometry and its curve."""
+    """Returns texts about contradicting lengths: road and geometries, geometry and its curve."""
     stated, length = number(node, "length", road.line.length), road.line.length
     notes = []
     if abs(stated - length) > LENGTHS_APART * length + 0.1:
@@ -119,13 +119,13 @@ def _lengths_that_disagree(road: OpenDriveRoad, node: Element) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A lane in one section, rows by rising s."""
+    """A lane in one lane section, with points of increasing s."""
 
     id: int
     type: str
     kerb_m: float
     inner: FloatArray  # (n, 3)
-    outer: FloatArray
+    outer: FloatArray  # (n, 3)
     successor: int | None
 
 
@@ -193,7 +193,7 @@ def _samples(road: OpenDriveRoad, cubics: list[Cubics], start: float, end: float
 def _joined(
     road: OpenDriveRoad, pieces: dict[tuple[int, int], Piece], left_hand: bool, site_map: SiteMap
 ) -> list[MapLane | None]:
-    """Lanes of one type and kerb that go on in the next section are one."""
+    """Joins lanes of equal type and kerb that continue in the next section."""
     lanes = []
     left = dict(pieces)
     for i, number_ in sorted(pieces):
@@ -220,7 +220,7 @@ def _lane(
     inner = np.concatenate([first.inner, *(p.inner[1:] for p in chain[1:])])
     outer = np.concatenate([first.outer, *(p.outer[1:] for p in chain[1:])])
     left, right = (outer, inner) if first.id > 0 else (inner, outer)
-    if (first.id > 0) != left_hand:  # against the reference line
+    if (first.id > 0) != left_hand:  # the lane runs against the reference line
         left, right = right[::-1], left[::-1]
     if np.hypot(*(left - right)[:, :2].T).max() < 0.01:
         return None

@@ -1,4 +1,4 @@
-"""Reference lines and polynomials of ASAM OpenDRIVE (1.4 to 1.8), evaluated at many s at once."""
+"""Reference lines and polynomials of ASAM OpenDRIVE (1.4 to 1.8), evaluated at arrays of s."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -14,7 +14,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
 def number(node: Element, name: str, default: float | None = None) -> float:
-    """An attribute as a finite number. Raises MapError with its element."""
+    """Returns an attribute as a finite number. Raises MapError that names the element."""
     text = node.get(name)
     if text is None and default is not None:
         return default
@@ -30,13 +30,16 @@ def number(node: Element, name: str, default: float | None = None) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Cubics:
-    """a + b u + c u^2 + d u^3, u from the last start at or before s; 0 if there is none."""
+    """Piecewise cubics a + b u + c u^2 + d u^3, where u is the distance from a piece's start.
 
-    starts: FloatArray  # (n,) rising
+    Without pieces, the value is 0.
+    """
+
+    starts: FloatArray  # (n,) increasing
     coefficients: FloatArray  # (n, 4)
 
     def at(self, s: FloatArray) -> FloatArray:
-        """(n,) values."""
+        """Returns the values (n,) at s (n,)."""
         if not len(self.starts):
             return np.zeros_like(s)
         i = np.searchsorted(self.starts, s + 1e-9, side="right").clip(1) - 1
@@ -46,23 +49,23 @@ class Cubics:
 
     @property
     def bent(self) -> bool:
-        """Whether any of them is not a straight line."""
+        """Whether any piece is not a straight line."""
         return bool(np.any(self.coefficients[:, 2:]))
 
 
 def read_cubics(nodes: Sequence[Element], key: str = "s", at: float = 0.0) -> Cubics:
-    """Polynomials in the order of their starts; `key` names the attribute, counted from `at`."""
+    """Reads cubics, sorted by start; `key` is the attribute of the start, relative to `at`."""
     rows = [[at + number(n, key, 0.0), *(number(n, k) for k in "abcd")] for n in nodes]
     table = np.array(sorted(rows, key=lambda row: row[0])).reshape(-1, 5)
     return Cubics(table[:, 0], table[:, 1:])
 
 
-Line = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]  # of ds: u, v, turn
+Line = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]  # ds to u, v, turn
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceLine:
-    """Pieces one after another; outside of them the first and last go on."""
+    """A road's reference line; beyond its ends, the first and last piece are extended."""
 
     starts: FloatArray
     poses: FloatArray  # (n, 3) x y heading
@@ -71,7 +74,7 @@ class ReferenceLine:
     bent: bool
 
     def at(self, s: FloatArray) -> FloatArray:
-        """(n, 3) x y heading."""
+        """Returns x y heading (n, 3) at s (n,)."""
         out = np.empty((len(s), 3))
         which = np.searchsorted(self.starts, s + 1e-9, side="right").clip(1) - 1
         for i in np.unique(which):
@@ -85,7 +88,7 @@ class ReferenceLine:
 
 @dataclass(frozen=True, eq=False)
 class OpenDriveRoad:
-    """What places on one road need."""
+    """The geometry of one road: reference line, elevation, superelevation and lane offset."""
 
     id: str
     line: ReferenceLine
@@ -94,7 +97,7 @@ class OpenDriveRoad:
     offset: Cubics
 
     def positions(self, s: FloatArray, t: FloatArray) -> FloatArray:
-        """(n, 3) world, t to the left of the reference line."""
+        """Returns positions (n, 3) in the map's frame at s and t (left of the reference line)."""
         x, y, heading = self.line.at(s).T
         roll = self.roll.at(s)
         flat, z = t * np.cos(roll), self.elevation.at(s) + t * np.sin(roll)
@@ -102,7 +105,7 @@ class OpenDriveRoad:
 
 
 def read_reference_line(road: Element) -> ReferenceLine:
-    """Raises MapError."""
+    """Reads the reference line of a road. Raises MapError."""
     nodes = road.findall("planView/geometry")
     if not nodes:
         raise MapError(f"road {road.get('id')}: found no planView/geometry, allowed one or more")
@@ -145,11 +148,11 @@ def _piece(node: Element, road: str | None) -> Line:
 
 
 def _spiral(start: float, end: float, length: float) -> Line:
-    """Curvature from start to end along its length; straight if both are 0."""
+    """Returns a curve whose curvature changes linearly from start to end along its length."""
     change = (end - start) / length
 
     def line(ds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        u = ds[:, None] * (_NODES + 1) / 2  # Gauss-Legendre over each stretch
+        u = ds[:, None] * (_NODES + 1) / 2  # Gauss-Legendre quadrature from 0 to each ds
         angle = u * (start + u * change / 2)
         weights = _WEIGHTS * ds[:, None] / 2
         turn = ds * (start + ds * change / 2)
@@ -161,9 +164,9 @@ def _spiral(start: float, end: float, length: float) -> Line:
 
 
 def _along(sides: dict[str, list[float]], end: float, length: float | None = None) -> Line:
-    """u and v as cubics of a parameter from 0 to `end`, found by the length along the curve.
+    """Returns a curve given by cubics u and v of a parameter from 0 to `end`, by arc length.
 
-    Where the geometry's length differs from the curve's, as by rounding, s is stretched to it.
+    If the geometry's length differs from the curve's, for example by rounding, s is scaled.
     """
     u_of, v_of = (np.polynomial.Polynomial(sides[k]) for k in ("aU", "aV"))
     du, dv = u_of.deriv(), v_of.deriv()
@@ -182,7 +185,7 @@ def _along(sides: dict[str, list[float]], end: float, length: float | None = Non
 
 
 def curve_length(node: Element) -> float:
-    """Of a paramPoly3 along itself, metres; other shapes are as long as their geometry says."""
+    """Returns the arc length of a paramPoly3 in metres, or the stated length of other shapes."""
     shape, length = node[0] if len(node) else node, number(node, "length")
     if shape.tag != "paramPoly3":
         return length

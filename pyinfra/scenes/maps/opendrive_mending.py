@@ -1,4 +1,4 @@
-"""An OpenDRIVE map as SUMO's netconvert can read it; what is changed for it is listed."""
+"""Adapts an OpenDRIVE map so that SUMO's netconvert can read it, and lists the changes."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 
 from pyinfra.scenes.maps.opendrive_geometry import number, read_cubics, read_reference_line
 
-WAY_M = 0.05  # of a way over a direct junction, where the roads touch
-LEAST_CURVATURE = 1e-9  # an arc of less is a line; netconvert divides by it
-JUNCTIONS = frozenset({"default", ""})  # others are left out of the network
+WAY_M = 0.05  # length of an added connecting road in a direct junction, where the roads touch
+LEAST_CURVATURE = 1e-9  # smaller curvatures become lines, since netconvert divides by them
+JUNCTIONS = frozenset({"default", ""})  # other types are removed
 
 
 def mended_for_netconvert(file: Path, out: Path) -> tuple[Path, list[str]]:
-    """The file itself, or `out` with what netconvert would refuse taken out; and what that was."""
+    """Returns the file itself, or `out` without content that netconvert refuses, and notes."""
     root = ElementTree.parse(file).getroot()
     for node in root.iter():
         node.tag = node.tag.rpartition("}")[2]
@@ -29,7 +29,10 @@ def mended_for_netconvert(file: Path, out: Path) -> tuple[Path, list[str]]:
 
 
 def _straightened(root: Element) -> list[str]:
-    """Arcs and spirals without a curvature as lines: the same curve, so nobody need be told."""
+    """Simplifies arcs and spirals without curvature, or with constant curvature.
+
+    The curves stay the same, so the notes are empty texts.
+    """
     notes = []
     for geometry in root.iterfind("road/planView/geometry"):
         for shape in [*geometry.findall("arc"), *geometry.findall("spiral")]:
@@ -51,7 +54,7 @@ _NEEDED = {
 
 
 def _signals(root: Element) -> list[str]:
-    """Signals without what netconvert asks of them, and references to such, are left out."""
+    """Removes signals without attributes that netconvert needs, and references to them."""
     notes = []
     kept = set[str]()
     for tag in ("signal", "signalReference"):
@@ -72,7 +75,7 @@ def _signals(root: Element) -> list[str]:
 
 
 def _lack(signal: Element) -> str:
-    """What netconvert would refuse of a signal; empty: nothing."""
+    """Describes why netconvert would refuse a signal; empty if it would not."""
     for key in _NEEDED[signal.tag]:
         if not (signal.get(key) or "").strip():
             return f"{key} is empty"
@@ -86,7 +89,7 @@ def _lack(signal: Element) -> str:
 
 
 def _junctions(root: Element) -> list[str]:
-    """Direct junctions with ways of their own; kinds without roads of their own left out."""
+    """Adds connecting roads to direct junctions; removes junctions of other special types."""
     notes = []
     for junction in root.findall("junction"):
         kind, name = junction.get("type", ""), junction.get("id", "")
@@ -114,7 +117,7 @@ def _links_to(root: Element, junction: str) -> list[tuple[Element, Element]]:
 
 
 def _as_default(root: Element, junction: Element) -> None:
-    """A direct junction as one whose ways have roads of their own, each of a few centimetres."""
+    """Converts a direct junction to a default one, with connecting roads of a few centimetres."""
     roads = {road.get("id"): road for road in root.iterfind("road")}
     links = []
     for connection in junction.findall("connection"):
@@ -143,11 +146,11 @@ def _as_default(root: Element, junction: Element) -> None:
     junction.attrib.pop("type")
 
 
-_End = tuple[Element, str, int]  # a road, start or end of it, and a lane there
+_End = tuple[Element, str, int]  # road, contact point (start or end), lane id
 
 
 def _way(name: str, junction: str, origin: _End, goal: _End) -> Element:
-    """A road of one lane that begins where its origin's lane ends."""
+    """Returns a connecting road with one lane that begins where the origin's lane ends."""
     road, contact, lane = origin
     line = read_reference_line(road)
     s = line.length if contact == "end" else 0.0
@@ -176,7 +179,7 @@ def _way(name: str, junction: str, origin: _End, goal: _End) -> Element:
 
 
 def _across(road: Element, s: float, contact: str, lane: int) -> tuple[float, float]:
-    """t of the lane's inner border, and its width, where the road meets the junction."""
+    """Returns t of the lane's inner border and the lane's width at the junction."""
     section = road.findall("lanes/laneSection")[-1 if contact == "end" else 0]
     start = number(section, "s")
     side = "left" if lane > 0 else "right"
@@ -193,7 +196,7 @@ def _across(road: Element, s: float, contact: str, lane: int) -> tuple[float, fl
 
 
 def _end_at(road: Element, junction: str | None) -> str:
-    """Which end of a road is at a junction."""
+    """Returns which end of a road is at a junction: start or end."""
     for end in road.iterfind("link/*"):
         if end.get("elementType") == "junction" and end.get("elementId") == junction:
             return "start" if end.tag == "predecessor" else "end"

@@ -1,6 +1,6 @@
-"""What stands beside the roads of an OpenDRIVE map: bodies, trees, and a list of what is not built.
+"""Reads roadside objects of an OpenDRIVE map as bodies and trees, and lists ignored ones.
 
-An outline supersedes the box of an object, and a repeat supersedes the object's one place.
+The outline of an object replaces its box, and a repeat replaces its single position.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ STANDING = frozenset(
     "barrier building gantry house obstacle pole railing soundBarrier streetLamp trafficIsland "
     "wind".split()
 )
-THINNEST_M = 0.1  # of walls and posts whose width the map has as nothing
-LOWEST_M = 0.05  # of what is built
-OVERHEAD_M = 2.0  # what begins higher hangs
-WALL_STEP_M = 2.0  # of a continuous object along the road
-TREE_M = 9.0
-MOST_COPIES = 10_000  # of one object
+THINNEST_M = 0.1  # minimum width of walls and posts
+LOWEST_M = 0.05  # minimum height of a built object
+OVERHEAD_M = 2.0  # objects whose base is higher above the road have open space below
+WALL_STEP_M = 2.0  # length of the pieces of a continuous object
+TREE_M = 9.0  # default height of a tree
+MOST_COPIES = 10_000  # maximum number of copies of an object
 
 
 def read_objects(road: OpenDriveRoad, node: Element, site_map: SiteMap) -> None:
-    """All objects and signals of a road."""
+    """Reads all objects and signals of a road into the site map."""
     for thing in node.iterfind("objects/object"):
         _read_object(road, thing, site_map)
     marks = [n for n in node.iterfind("objects/object") if _is_mark(n)]
@@ -66,7 +66,7 @@ def read_objects(road: OpenDriveRoad, node: Element, site_map: SiteMap) -> None:
 
 
 def _is_mark(node: Element) -> bool:
-    """Lines of paint, as CARLA's maps have them."""
+    """Returns whether an object is a painted line, as in CARLA's maps."""
     name = node.get("name", "").lower()
     return node.get("type") != "crosswalk" and name.startswith(("solid", "dashed"))
 
@@ -79,7 +79,7 @@ def _read_object(road: OpenDriveRoad, node: Element, site_map: SiteMap) -> None:
     def leave_out(why: str) -> None:
         site_map.not_understood.append(f"{where}: {why}")
 
-    if type_ == "crosswalk":  # paint of no height
+    if type_ == "crosswalk":  # a marking without height
         x, y, _ = road.positions(np.array([s]), np.array([t]))[0].tolist()
         name = f"road {road.id}: object {node.get('id')}"
         site_map.features.append(MapFeature("crossing", name, x, y))
@@ -148,7 +148,7 @@ def _read_plants(
 def _copies(
     node: Element, repeats: list[Element]
 ) -> Iterator[tuple[Element | None, tuple[float, float]]]:
-    """Each repeat with s, t of its copies; the object itself if there is none."""
+    """Yields each repeat with s, t of its copies; without a repeat, the object's own s, t."""
     if not repeats:
         yield None, (number(node, "s", 0.0), number(node, "t", 0.0))
     for repeat in repeats:
@@ -161,7 +161,7 @@ def _copies(
 
 
 def _of(repeat: Element | None, node: Element, name: str, s: float) -> float:
-    """A value at a place of a repeat, linear between its ends; else the object's."""
+    """Returns a value at s of a repeat, interpolated between its ends; else the object's value."""
     value = number(node, name, 0.0)
     if repeat is None:
         return value
@@ -172,7 +172,7 @@ def _of(repeat: Element | None, node: Element, name: str, s: float) -> float:
 
 
 def _wall(road: OpenDriveRoad, node: Element, repeat: Element) -> list[MapBody]:
-    """A continuous object: pieces along the road, each as high and as wide as the repeat says."""
+    """Returns a continuous object as pieces along the road, with width and height of the repeat."""
     start = number(repeat, "s", number(node, "s", 0.0))
     length = min(number(repeat, "length", 0.0), road.line.length - start)
     if length <= 0:
@@ -199,7 +199,7 @@ def _wall(road: OpenDriveRoad, node: Element, repeat: Element) -> list[MapBody]:
 def _of_box(
     road: OpenDriveRoad, node: Element, repeat: Element | None, at: tuple[float, float]
 ) -> list[MapBody]:
-    """The box or the cylinder of an object at one place."""
+    """Returns the box of an object at one position; a cylinder becomes a box."""
     s = at[0]
     round_ = 2 * _of(repeat, node, "radius", s)
     length, width = (_of(repeat, node, name, s) or round_ for name in ("length", "width"))
@@ -231,7 +231,7 @@ def _box(
 def _in_world(
     road: OpenDriveRoad, at: tuple[float, float], node: Element, uv: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Places (n, 2) in an object's own axes as x y, and the z of its origin on the road."""
+    """Transforms object coordinates (n, 2) to x y; also returns z of the road at the object."""
     s, t = (np.array([v]) for v in at)
     heading = float(road.line.at(s)[0, 2]) + number(node, "hdg", 0.0)
     x, y, z = road.positions(s, t)[0].tolist()
@@ -242,7 +242,7 @@ def _in_world(
 def _of_outline(
     road: OpenDriveRoad, node: Element, outline: Element, at: tuple[float, float]
 ) -> list[MapBody]:
-    """One body, or a thin wall from corner to corner if the outline is open."""
+    """Returns one body, or thin walls between corners if the outline is open or crosses itself."""
     usual = number(node, "height", 0.0)
     local, along = outline.findall("cornerLocal"), outline.findall("cornerRoad")
     if local:

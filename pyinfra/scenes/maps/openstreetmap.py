@@ -1,4 +1,4 @@
-"""Houses and trees of an OpenStreetMap file, in metres around a place on earth."""
+"""Reads OpenStreetMap files, and converts their buildings and trees to metres around a centre."""
 
 import bz2
 import gzip
@@ -18,17 +18,18 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.scenes.maps.lane_map import MapBody, MapError, MapTree, SiteMap
 
 LEVEL_M = 3.0
-HOUSE_M = 6.0  # high, if the map does not say
-TREE_M = 9.0
-BESIDE_DEG = 0.05  # of the roads, for a centre
+HOUSE_M = 6.0  # default height of a building
+TREE_M = 9.0  # default height of a tree
+BESIDE_DEG = 0.05  # maximum distance of a centre from the map's roads
 _FLATTENING = 1 / 298.257223563  # WGS 84
 _RADIUS_M = 6378137.0
 
 
 def transverse_mercator(lon_lat: FloatArray, centre: tuple[float, float]) -> FloatArray:
-    """(n, 2) metres east and north of the centre, scale 1 on its meridian.
+    """Returns metres (n, 2) east and north of the centre, with scale 1 on its meridian.
 
-    Krueger's series to the fourth order, as PROJ's tmerc (micrometres within 3 degrees).
+    Uses Krueger's series to the fourth order, which agrees with PROJ's tmerc to micrometres within
+    3 degrees.
     """
     lon, lat = np.radians(np.atleast_2d(lon_lat)).T
     east, north = _kruger(lon - math.radians(centre[0]), lat)
@@ -61,7 +62,7 @@ RAILWAYS = frozenset("rail light_rail tram subway narrow_gauge monorail".split()
 
 @dataclass(frozen=True)
 class Way:
-    """A road or a railway; nodes are names."""
+    """A road, railway or platform; `nodes` are node ids."""
 
     id: str
     nodes: list[str]
@@ -70,7 +71,7 @@ class Way:
 
 @dataclass
 class StreetMap:
-    """What an OSM file holds: places by lon, lat in degrees."""
+    """The content of an OSM file; positions are lon, lat in degrees."""
 
     nodes: dict[str, tuple[float, float]] = field(default_factory=dict)
     houses: list[tuple[str, list[str], dict[str, str]]] = field(default_factory=list)
@@ -78,19 +79,20 @@ class StreetMap:
     ways: list[Way] = field(default_factory=list)
     things: list[tuple[str, dict[str, str]]] = field(default_factory=list)  # nodes at streets
     lines: list[Way] = field(default_factory=list)  # platforms
-    others: list[str] = field(default_factory=list)
+    others: list[str] = field(default_factory=list)  # texts about ignored elements
     with_heights: set[str] = field(default_factory=set)  # nodes with `ele`
-    deleted: int = 0  # elements that an editor marked
-    rearranged: bool = False  # nodes stand behind ways or in them, as Overpass may write them
+    deleted: int = 0  # number of elements marked as deleted
+    rearranged: bool = False  # nodes come after or inside ways, as Overpass may write them
 
     def of_highways(self) -> list[str]:
-        """Nodes of roads that have a place."""
+        """Returns the nodes of roads that have a position."""
         return [i for w in self.ways if "highway" in w.tags for i in w.nodes if i in self.nodes]
 
     def place_of(self, centre: tuple[float, float] | None) -> tuple[tuple[float, float], bool]:
-        """A user's centre as lon, lat, and whether it was lat, lon; without one the map's middle.
+        """Returns the centre as lon, lat, and whether the user gave it as lat, lon.
 
-        It was if the map's roads are there and not at the place that lon, lat say.
+        The default is the map's middle. The order is lat, lon if only that order is near the map's
+        roads.
         """
         places = np.array([self.nodes[i] for i in self.of_highways()]).reshape(-1, 2)
         low, high = places.min(0), places.max(0)
@@ -106,14 +108,14 @@ class StreetMap:
 
 
 def opened(file: Path) -> Any:
-    """The file, unpacked if it ends in .gz or .bz2."""
+    """Opens a file for reading, and decompresses it if it ends in .gz or .bz2."""
     if file.suffix.lower() == ".bz2":
         return bz2.open(file)
     return gzip.open(file) if file.suffix.lower() == ".gz" else file.open("rb")
 
 
 def read_street_map(file: Path) -> StreetMap:
-    """Raises MapError, and OSError."""
+    """Reads an OSM file. Raises MapError and OSError."""
     street_map = StreetMap()
     for node in all_elements(file):
         _read_element(node, street_map, file)
@@ -125,7 +127,7 @@ def read_street_map(file: Path) -> StreetMap:
 
 
 def all_elements(file: Path) -> Iterator[Element]:
-    """Nodes, ways and relations. Raises MapError, and OSError."""
+    """Yields all nodes, ways and relations. Raises MapError and OSError."""
     root = None
     try:
         with opened(file) as stream:
@@ -151,7 +153,7 @@ def _read_element(node: Element, street_map: StreetMap, file: Path) -> None:
     name = node.get("id", "")
     if node.tag == "node":
         if node.get("lon") is None and node.get("lat") is None:
-            return  # only referred to
+            return  # a reference without a position
         street_map.nodes[name] = _lon_lat(node, file)
         street_map.rearranged |= bool(street_map.ways)
         if "ele" in tags:
@@ -182,7 +184,7 @@ def _read_element(node: Element, street_map: StreetMap, file: Path) -> None:
 
 
 def is_deleted(node: Element) -> bool:
-    """What an editor (JOSM) or a server's history marked as gone."""
+    """Returns whether an editor (JOSM) or a history export marked an element as deleted."""
     return node.get("action") == "delete" or node.get("visible") == "false"
 
 
@@ -202,7 +204,7 @@ def _lon_lat(node: Element, file: Path) -> tuple[float, float]:
 def add_surroundings(
     site_map: SiteMap, map_: StreetMap, centre: tuple[float, float], radius_m: float
 ) -> None:
-    """Houses and trees within the radius."""
+    """Adds buildings and trees within the radius to the site map."""
     heights = []
     for name, ids, tags in map_.houses:
         if not all(i in map_.nodes for i in ids):
@@ -240,7 +242,7 @@ def _metres(text: str) -> float | None:
 
 
 def _height(tags: dict[str, str]) -> tuple[float, bool]:
-    """Metres, and whether the map says them."""
+    """Returns the height of a building in metres, and whether the map states it."""
     stated_m = _metres(tags.get("height", ""))
     levels = _metres(tags.get("building:levels", ""))
     return (
@@ -249,7 +251,7 @@ def _height(tags: dict[str, str]) -> tuple[float, bool]:
 
 
 def crosses_itself(outline: FloatArray) -> bool:
-    """Whether two sides of an outline (n, 2) cross."""
+    """Returns whether two sides of an outline (n, 2) cross."""
     a, b = outline, np.roll(outline, -1, axis=0)
 
     def side(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:

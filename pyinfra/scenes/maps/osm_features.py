@@ -1,6 +1,6 @@
-"""What OpenStreetMap says of streets beside their lanes: stops, signals, crossings, sidewalks.
+"""Reads street features of OpenStreetMap: stops, signals, crossings and sidewalks.
 
-They are listed as what they are; signals and crossings of the network are SUMO's own guess.
+They are only listed. The network's own signals and crossings are guessed by SUMO.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _CROSSED_BY = ("footway", "cycleway", "path")
 
 
 def kind_of(tags: dict[str, str]) -> str:
-    """bus_stop, crossing, traffic_signals and what else stands at a street; empty: none of them."""
+    """Returns the kind of a street feature, such as bus_stop or crossing; empty if it is none."""
     highway, railway = tags.get("highway", ""), tags.get("railway", "")
     transport = tags.get("public_transport", "")
     if highway == "bus_stop" or transport == "platform" or railway == "platform":
@@ -38,7 +38,7 @@ def kind_of(tags: dict[str, str]) -> str:
 
 
 def sides_without(tags: dict[str, str]) -> dict[str, str]:
-    """Sides of a road (left, right) on which there is no sidewalk, or one with a way of its own."""
+    """Returns the sides (left, right) of a road without a sidewalk: `no`, or mapped `separate`."""
     whole = tags.get("sidewalk", "")
     sides = {}
     for side, other in (("left", "right"), ("right", "left")):
@@ -50,7 +50,7 @@ def sides_without(tags: dict[str, str]) -> dict[str, str]:
 
 
 def edges_without_sidewalk(map_: StreetMap) -> list[str]:
-    """Names that netconvert may give to edges at which the map says that no sidewalk is."""
+    """Returns all names that netconvert may give to edges without a sidewalk in the map."""
     names = []
     for way in map_.ways:
         if "highway" not in way.tags:
@@ -62,7 +62,7 @@ def edges_without_sidewalk(map_: StreetMap) -> list[str]:
 
 
 def features(map_: StreetMap, centre: tuple[float, float], radius_m: float) -> Iterator[MapFeature]:
-    """All within the radius, by kind; of ways the middle."""
+    """Yields all features within the radius; a way is represented by its middle."""
     elements = [(f"node {i}", [i], tags, kind_of(tags)) for i, tags in map_.things]
     for way in (*map_.lines, *map_.ways):
         kind = kind_of(way.tags)
@@ -83,7 +83,7 @@ def features(map_: StreetMap, centre: tuple[float, float], radius_m: float) -> I
 
 
 def without_kerb_at_crossings(lanes: list[MapLane], map_: StreetMap) -> list[MapLane]:
-    """The lanes; those of ways that cross a street lie on it."""
+    """Returns the lanes, with kerb height 0 for sidewalks that cross a street."""
     crossing = {way.id.lstrip("-") for way in map_.ways if kind_of(way.tags) == "crossing"}
 
     def is_crossing(lane: MapLane) -> bool:

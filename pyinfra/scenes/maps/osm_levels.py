@@ -1,7 +1,7 @@
-"""Heights of roads that OpenStreetMap says lie above or below others: bridges and tunnels.
+"""Computes heights of bridges and tunnels from the layers in OpenStreetMap.
 
-A way on a higher layer is lifted where it crosses another one: level over its whole length, with
-ramps along the roads to both sides. A tunnel goes down in the same manner.
+A way on a higher layer is lifted where it crosses another one. It is level over its whole length,
+with ramps along the roads on both sides. A tunnel is lowered in the same way.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from pyinfra.scenes.maps.openstreetmap import (
     transverse_mercator,
 )
 
-CLEARANCE_M = 6.0  # from one road's surface to the next one's
-LEAST_M = 4.5  # of it, or the crossing is named
-RAMP_M = 150.0  # long, for the clearance: 6 % where it is steepest
-STEP_M = 15.0  # between places of a ramp
+CLEARANCE_M = 6.0  # height difference between the surfaces of crossing roads
+LEAST_M = 4.5  # a crossing with a smaller difference is reported
+RAMP_M = 150.0  # length of a ramp for the clearance; 6 % at its steepest point
+STEP_M = 15.0  # distance between the nodes of a ramp
 NO_ROADS = frozenset("proposed construction planned abandoned razed disused platform".split())
-APART_M = 3.0  # of such places and a crossing
-COVERED_M = -4.0  # what lies deeper has ground above it
-_ROUNDS = 8
+APART_M = 3.0  # minimum distance between an added node and a crossing
+COVERED_M = -4.0  # roads below this z have ground above them
+_ROUNDS = 8  # maximum number of iterations
 
 
 @dataclass
 class Levels:
-    """heights: of nodes by id, where not 0; ways: by id with the nodes of their ramps put in."""
+    """The heights of nodes, and the nodes added for ramps."""
 
-    heights: dict[str, float] = field(default_factory=dict)
-    places: dict[str, tuple[float, float]] = field(default_factory=dict)  # lon, lat of new nodes
-    ways: dict[str, list[str]] = field(default_factory=dict)
-    crossings: int = 0  # that got their clearance
-    flat: list[str] = field(default_factory=list)  # those that did not, by name
+    heights: dict[str, float] = field(default_factory=dict)  # by node id, if not 0
+    places: dict[str, tuple[float, float]] = field(default_factory=dict)  # lon, lat of added nodes
+    ways: dict[str, list[str]] = field(default_factory=dict)  # node ids of changed ways, by way id
+    crossings: int = 0  # number of crossings with their clearance
+    flat: list[str] = field(default_factory=list)  # texts about crossings without it
 
 
 @dataclass(frozen=True)
@@ -53,12 +53,12 @@ class _Crossing:
     upper: Way
     lower: Way
     xy: tuple[float, float]
-    on_upper: tuple[str, str]  # nodes before and behind
+    on_upper: tuple[str, str]  # nodes before and after the crossing
     on_lower: tuple[str, str]
 
 
 def level(tags: dict[str, str]) -> int:
-    """`layer`, or what a bridge or a tunnel without one is on."""
+    """Returns the tag `layer`; without it, 1 for a bridge, -1 for a tunnel, else 0."""
     match = re.match(r"\s*([+-]?\d{1,2})\b", tags.get("layer", ""))
     if match:
         return int(match[1])
@@ -72,7 +72,7 @@ def _is(tags: dict[str, str], key: str) -> bool:
 
 
 def find_levels(map_: StreetMap, centre: tuple[float, float], radius_m: float) -> Levels:
-    """Heights around the centre; where the map has heights of its own, these hold."""
+    """Computes heights around the centre; heights in the map take precedence."""
     out = Levels()
     if not any(level(way.tags) for way in map_.ways):
         return out
@@ -100,7 +100,7 @@ def find_levels(map_: StreetMap, centre: tuple[float, float], radius_m: float) -
 
 
 def write_levelled(file: Path, out: Path, map_: StreetMap, levels: Levels) -> None:
-    """The map with its heights and without what was deleted; nodes first, as netconvert wants."""
+    """Writes the map with heights and without deleted elements; nodes first, for netconvert."""
     seen, taken = set[str](), set[tuple[str, str]]()
     with out.open("w", encoding="utf-8") as stream:
         stream.write('<?xml version="1.0" encoding="UTF-8"?>\n<osm version="0.6">\n')
@@ -124,7 +124,7 @@ def write_levelled(file: Path, out: Path, map_: StreetMap, levels: Levels) -> No
 
 
 def _place(element: Element, taken: set[tuple[str, str]]) -> Element:
-    """The node, half a metre aside if another one has its place: netconvert makes one of two."""
+    """Moves a node by half a metre if its position is taken, since netconvert would merge both."""
     while (place := (element.get("lon", ""), element.get("lat", ""))) in taken:
         element.set("lat", repr(float(place[1]) + 5e-6))
     taken.add(place)
@@ -141,7 +141,7 @@ def _set_height(node: Element, height: float | None) -> None:
 
 
 def _set_nodes(way: Element, nodes: list[str] | None, map_: StreetMap) -> None:
-    """Its nodes by name alone, those that have a place."""
+    """Replaces the node references of a way, without those that have no position."""
     old = way.findall("nd")
     for nd in old:
         way.remove(nd)
@@ -156,7 +156,7 @@ def _name(c: _Crossing) -> str:
 
 
 class _Net:
-    """Ways as nodes, metres and lengths."""
+    """The ways as a graph of nodes with positions in metres."""
 
     def __init__(self, map_: StreetMap, centre: tuple[float, float], radius_m: float) -> None:
         built = [way for way in map_.ways if way.tags.get("highway") not in NO_ROADS]
@@ -166,7 +166,7 @@ class _Net:
         coordinates = np.array([map_.nodes[i] for i in used])
         near = (
             np.abs(coordinates - centre).max(1) < 5
-        )  # degrees, past which the projection means little
+        )  # degrees, beyond which the projection is inaccurate
         xy = np.where(near[:, None], coordinates, np.array(centre))
         xy = np.where(near[:, None], transverse_mercator(xy, centre), math.inf)
         self.xy: dict[str, tuple[float, float]] = dict(
@@ -179,7 +179,7 @@ class _Net:
         self._fresh = itertools.count(max(map(abs, ids), default=0) + 1)
 
     def crossings(self) -> list[_Crossing]:
-        """Pieces of ways on two levels that cross without a common node."""
+        """Returns the crossings of ways on two levels that have no common node there."""
         near = {i for i, xy in self.xy.items() if math.hypot(*xy) < self.reach_m}
         pieces = [
             (k, a, b)
@@ -204,7 +204,7 @@ class _Net:
         return list(by_pair.values())
 
     def divide(self, crossings: list[_Crossing]) -> None:
-        """Puts nodes into long pieces that a ramp may reach."""
+        """Adds nodes to long segments that a ramp may reach."""
         at = np.array([c.xy for c in crossings])
         most = max(abs(level(way.tags)) for c in crossings for way in (c.upper, c.lower))
         reach = 2 * RAMP_M * (1 + min(most, 5))
@@ -216,7 +216,7 @@ class _Net:
                     count = math.ceil(math.dist(p, q) / STEP_M)
                     parts = np.arange(1, count) / count
                     apart = [np.hypot(*(p + (q - p) * u - at).T).min() for u in parts]
-                    # netconvert makes one of two nodes at one place
+                    # netconvert merges nodes at the same position
                     whole += [
                         self._put(a, b, float(u))
                         for u, metres in zip(parts, apart, strict=True)
@@ -234,15 +234,15 @@ class _Net:
         return name
 
     def solve(self, crossings: list[_Crossing]) -> None:
-        """Heights at which crossings have their clearance, as far as the roads' lengths let."""
+        """Computes heights that give all crossings their clearance, as far as ramps fit."""
         ways = {way.id: nodes for way, nodes in self.ways}
         next_: dict[str, dict[str, float]] = {}
         for _, nodes in self.ways:
             for a, b in itertools.pairwise(nodes):
                 metres = math.dist(self.xy[a], self.xy[b])
                 next_.setdefault(a, {})[b] = next_.setdefault(b, {})[a] = metres
-        goal: dict[str, float] = {}  # of ways, level over their length
-        pinned: dict[str, set[str]] = {}  # nodes that a way's ramps leave alone
+        goal: dict[str, float] = {}  # height of each lifted or lowered way
+        pinned: dict[str, set[str]] = {}  # nodes that the ramps of a way must not change
         for c in crossings:
             pinned.setdefault(c.upper.id, set()).update(c.on_lower)
             pinned.setdefault(c.lower.id, set()).update(c.on_upper)
@@ -269,7 +269,7 @@ class _Net:
             self.z = {i: high.get(i, 0.0) - low.get(i, 0.0) for i in {*high, *low}}
 
     def z_at(self, piece: tuple[str, str], xy: tuple[float, float]) -> float:
-        """Of a piece of a way, where it comes by a place."""
+        """Returns the height of a segment of a way at a position."""
         a, b = piece
         part = math.dist(self.xy[a], xy) / max(math.dist(self.xy[a], self.xy[b]), 1e-9)
         return (1 - part) * self.z.get(a, 0.0) + part * self.z.get(b, 0.0)
@@ -281,7 +281,7 @@ class _Net:
 def _ramps(
     next_: dict[str, dict[str, float]], way: list[str], still: set[str], height_m: float
 ) -> dict[str, float]:
-    """Shares of a way's height: 1 on it, 0 at the end of its ramps and at nodes that stay."""
+    """Returns the share of a way's height by node: 1 on the way, 0 at ramp ends and fixed nodes."""
     length = RAMP_M * max(1.0, height_m / CLEARANCE_M)
     back = _distances(next_, still, length)
     shares = {}
@@ -295,7 +295,7 @@ def _ramps(
 def _distances(
     next_: dict[str, dict[str, float]], sources: Iterable[str], limit: float
 ) -> dict[str, float]:
-    """Metres along the ways to each node within the limit."""
+    """Returns the distance along the ways to each node within the limit."""
     distances: dict[str, float] = {}
     heap = [(0.0, i) for i in sorted(sources)]
     while heap:
@@ -310,14 +310,14 @@ def _distances(
 
 
 def _crossed(start: FloatArray, end: FloatArray, i: int) -> IntArray:
-    """Numbers of the pieces that cross piece i or end at it."""
+    """Returns the indices of the segments that cross segment i or end at it."""
     a, b = start[i], end[i]
     low, high = np.minimum(a, b), np.maximum(a, b)
     near = ((np.minimum(start, end) <= high) & (np.maximum(start, end) >= low)).all(1)
     some = np.flatnonzero(near)
     p, q = start[some], end[some]
     across = (_side(a, b, p) * _side(a, b, q) <= 0) & (_side(p, q, a) * _side(p, q, b) <= 0)
-    across &= _side(p, q, a) != _side(p, q, b)  # not one along the other
+    across &= _side(p, q, a) != _side(p, q, b)  # excludes collinear segments
     return np.asarray(some[across])
 
 
@@ -329,14 +329,14 @@ def _side(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
 
 
 def _meeting(a: FloatArray, b: FloatArray, p: FloatArray, q: FloatArray) -> tuple[float, float]:
-    """Where a line from a to b crosses one from p to q."""
+    """Returns the intersection of the line from a to b with the line from p to q."""
     before, behind = _side(p, q, a), _side(p, q, b)
     x, y = a + (b - a) * (before / (before - behind))
     return float(x), float(y)
 
 
 def _away(at: FloatArray, p: FloatArray, q: FloatArray) -> float:
-    """Least distance of places (n, 2) to a piece."""
+    """Returns the smallest distance of positions (n, 2) from a segment."""
     along = q - p
     part = ((at - p) @ along / max(float(along @ along), 1e-9)).clip(0, 1)
     return float(np.hypot(*(p + part[:, None] * along - at).T).min())

@@ -1,4 +1,4 @@
-"""Boxes that others recorded: a CSV with its own names of columns, or the labels of frames."""
+"""Reads recorded boxes: a CSV file with any column names, or the labels of frames."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ _RULES = {
 
 @dataclass(frozen=True)
 class BoxColumns:
-    """How to read a CSV. names: ours to the file's; classes: the file's to ours."""
+    """How to read a CSV file."""
 
-    names: dict[str, str] = field(default_factory=dict)
-    classes: dict[str, str] = field(default_factory=dict)
-    rate_hz: float | None = None  # of the column `frame`
-    degrees: bool = False
+    names: dict[str, str] = field(default_factory=dict)  # our column names to the file's
+    classes: dict[str, str] = field(default_factory=dict)  # the file's class names to ours
+    rate_hz: float | None = None  # frame rate, if the file has `frame` instead of `t`
+    degrees: bool = False  # whether headings are in degrees
 
 
 @dataclass(frozen=True)
 class BoxTrack:
-    """One object's rows in a file. times: (n,) s, rising; boxes: (n, 7) world."""
+    """The boxes of one object. times: (n,) s, increasing; boxes: (n, 7), world frame."""
 
     name: str
     object_class: str
@@ -49,7 +49,10 @@ class BoxTrack:
 
 
 def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
-    """The objects of a CSV; without a column `id` boxes are linked. Raises FormatError, OSError."""
+    """Reads the objects of a CSV file; without a column `id`, boxes are linked to tracks.
+
+    Raises Error for an unknown name of a column, FormatError and OSError.
+    """
     unknown = sorted(set(how.names) - set(_COLUMNS))
     if unknown:
         raise Error(f"columns: found '{unknown[0]}', allowed {', '.join(_COLUMNS)}")
@@ -77,7 +80,10 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
 
 
 def read_frames(folder: Path) -> list[BoxTrack]:
-    """The labels of a LiDAR's folder (KITTI layout), linked, in the world. As read_boxes."""
+    """Reads the labels of a LiDAR's folder (KITTI layout) and links them to tracks, world frame.
+
+    Raises FormatError and OSError.
+    """
     lidar = read_lidar(folder)
     pose = lidar.T_world_levelled
     times, boxes, names = [], [np.zeros((0, 7))], [np.zeros(0, str)]
@@ -102,7 +108,7 @@ def read_frames(folder: Path) -> list[BoxTrack]:
 
 
 def _checked(file: Path, words: pd.DataFrame, name: str) -> FloatArray:
-    """A column of numbers, each there and in range."""
+    """Returns a column of numbers. Raises FormatError if one is missing or out of range."""
     values = numbers(file, words[name]).to_numpy(float)
     low, high = _RULES[name]
     wrong = ~((values >= low) & (values <= high))

@@ -1,4 +1,4 @@
-"""What traffic needs of a SUMO network: which edges lead where, who may use them, how long."""
+"""The graph of a SUMO network for traffic demand: edges, links, permitted classes, lengths."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ import numpy as np
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import FormatError
 
-TURN_LIMIT_M_S2 = 2.5  # sideways, on ways over a junction
-_MARK_M = 5.0
+TURN_LIMIT_M_S2 = 2.5  # lateral acceleration in junctions
+_MARK_M = 5.0  # maximum distance between marks
 
 
 @dataclass(frozen=True)
 class Edge:
-    """A road in one direction. shape: (n, 2) x y of its first lane for anything but walking."""
+    """A road in one direction. shape: (n, 2) x y of its first lane that is not only for walking."""
 
     name: str
     start: str
     end: str
     shape: FloatArray
     speed_m_s: float
-    lanes: tuple[frozenset[str] | None, ...]  # whom each lane bears among the asked; None: all
+    lanes: tuple[frozenset[str] | None, ...]  # permitted classes of each lane; None: all
 
     def lanes_for(self, sumo_class: str) -> int:
-        """How many of its lanes bear this class."""
+        """Returns the number of lanes that permit a class."""
         return sum(lane is None or sumo_class in lane for lane in self.lanes)
 
     @cached_property
     def length_m(self) -> float:
-        """Of its shape."""
+        """Length of the shape in metres."""
         return float(np.linalg.norm(np.diff(self.shape, axis=0), axis=1).sum())
 
     @cached_property
     def marks(self) -> FloatArray:
-        """Points (n, 2) of its shape, at most 5 m apart."""
+        """Points (n, 2) along the shape, at most 5 m apart."""
         pieces = []
         for a, b in zip(self.shape, self.shape[1:], strict=False):
             count = int(np.ceil(np.linalg.norm(b - a) / _MARK_M)) + 1
@@ -49,29 +49,29 @@ class Edge:
 
 @dataclass(frozen=True)
 class RoadNet:
-    """Edges by name; links: which edge leads to which others, and whom (None: all).
+    """Edges by name, and the links between them.
 
-    offset: see `origin_m`.
+    links: for each edge, the edges that follow it, with the permitted classes (None: all).
     """
 
     edges: dict[str, Edge]
     links: dict[str, dict[str, frozenset[str] | None]]
-    offset_m: tuple[float, float]  # what netconvert added to the map's coordinates
-    walkable: bool  # sidewalks and crossings are connected
-    turn_speed_limited: bool
+    offset_m: tuple[float, float]  # added by netconvert to the map's coordinates
+    walkable: bool  # whether sidewalks and crossings are connected
+    turn_speed_limited: bool  # whether lateral acceleration in junctions is limited
 
     def sources(self, sumo_class: str) -> list[Edge]:
-        """Where traffic enters the map: nothing leads there but a way back."""
+        """Returns the edges where traffic enters the map: none but a U-turn leads there."""
         led = {to for name, targets in self.links.items() for to in targets}
         turns = {to for to in led if not self._leads_on(to)}
         return [e for e in self._of(sumo_class) if e.name not in led or e.name in turns]
 
     def sinks(self, sumo_class: str) -> list[Edge]:
-        """Where it leaves the map."""
+        """Returns the edges where traffic leaves the map."""
         return [e for e in self._of(sumo_class) if not self._goes_on(e)]
 
     def routes_from(self, source: Edge, sumo_class: str) -> dict[str, list[str]]:
-        """The fastest way, edges by name, to each edge that can be reached."""
+        """Returns the fastest route, as edge names, to each edge that can be reached."""
         best: dict[str, list[str]] = {}
         heap: list[tuple[float, list[str]]] = [(0.0, [source.name])]
         while heap:
@@ -130,7 +130,7 @@ def _net(root: ElementTree.Element) -> RoadNet:
 
 
 def _edge(node: ElementTree.Element) -> Edge | None:
-    """None for what lies in a junction, and for what has no lane."""
+    """Reads an edge; None for an edge inside a junction or without a lane."""
     lanes = node.findall("lane")
     if node.get("function", "normal") not in ("normal", "connector") or not lanes:
         return None
@@ -147,7 +147,7 @@ def _edge(node: ElementTree.Element) -> Edge | None:
 
 
 def _led(link: ElementTree.Element, start: Edge, end: Edge) -> frozenset[str] | None:
-    """Whom a connection leads from lane to lane; who walks goes from edge to edge."""
+    """Returns the classes permitted on a connection; pedestrians need only permission on edges."""
     lanes = [_lane(start, link.get("fromLane")), _lane(end, link.get("toLane")), _borne(link)]
     walks = start.lanes_for("pedestrian") and end.lanes_for("pedestrian")
     some = [lane for lane in lanes if lane is not None]

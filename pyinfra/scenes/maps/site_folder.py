@@ -1,4 +1,4 @@
-"""What traffic needs of a site's folder, and the time that it fills."""
+"""Reads mounts, offset and projection of a site folder, and sets its duration."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SCENE, MAP, NET = "site.yaml", "map.yaml", "map.net.xml"
 
 
 def feet(site: Path) -> FloatArray:
-    """x y of each mount of site.yaml, world: (k, 2). Raises FormatError, OSError."""
+    """Reads x y (k, 2) of all mounts of site.yaml, world frame. Raises FormatError, OSError."""
     file = site / SCENE
     mounts = read_keys(file).get("mounts") or {}
     try:
@@ -31,10 +31,10 @@ def feet(site: Path) -> FloatArray:
 
 
 def offset(site: Path) -> FloatArray:
-    """x y z (3,) that is taken from the coordinates of the map that was imported.
+    """Reads the offset x y z (3,) that was subtracted from the imported map's coordinates.
 
-    It is `offset_m` of map.yaml; without the file or the key nothing is taken. The site's own
-    network is in the world's coordinates already.
+    It is `offset_m` of map.yaml, or 0 without the file or the key. The site's own network is
+    already in world coordinates. Raises FormatError.
     """
     file = site / MAP
     value = read_keys(file).get("offset_m") if file.exists() else None
@@ -50,13 +50,13 @@ def offset(site: Path) -> FloatArray:
 
 
 def projection(site: Path) -> Projection | None:
-    """How degrees become the world's metres, by the site's network. Raises FormatError, OSError."""
+    """Reads the projection of the site's network; None if unknown. Raises FormatError, OSError."""
     file = site / NET
     return network_projection(file) if file.exists() else None
 
 
 def set_duration(site: Path, seconds: float) -> None:
-    """Writes `duration_s` into site.yaml, and leaves all else in it as it is."""
+    """Sets `duration_s` in site.yaml, and changes nothing else in the file."""
     file = site / SCENE
     before = read_keys(file).get("duration_s")
     if before == seconds:

@@ -1,4 +1,4 @@
-"""Traffic by SUMO in the folder of a site."""
+"""Simulates traffic with SUMO for a site folder."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from pyinfra.scenes.maps.trajectory_file import NAME, write_trajectories
 
 
 def write_traffic(site: Path, demand: Demand, seconds: float, seed: int) -> list[str]:
-    """Writes trajectories.csv of a site and its duration; returns what to say of them.
+    """Writes trajectories.csv of a site and sets its duration; returns the lines of a report.
 
-    Raises Error for a demand that no map bears, MissingPackage without SUMO, and OSError.
+    Raises Error for a demand out of range, MissingPackage without SUMO, and OSError.
     """
     feet = site_folder.feet(site)
     traffic = simulate(site / NET, feet, demand, seconds, seed)

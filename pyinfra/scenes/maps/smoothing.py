@@ -1,8 +1,9 @@
-"""Front bumpers of a traffic simulator to boxes that move as vehicles do.
+"""Converts front bumper positions of a traffic simulator to boxes with realistic motion.
 
-A jump to the side (a lane change in one step) is spread over time; positions are averaged over a
-short time; the rear axle follows the front one, so that heading and centre are those of a body on
-two axles. A track that still turns or accelerates too hard is averaged over longer, then refused.
+A sideways jump (a lane change in one step) is spread over time, and positions are averaged over a
+short time. The rear axle follows the front axle, so that heading and centre are those of a body on
+two axles. A track that still turns or accelerates too hard is averaged over longer times, and
+refused if that does not help.
 """
 
 from __future__ import annotations
@@ -15,18 +16,18 @@ from scipy.ndimage import gaussian_filter1d
 from pyinfra.core.arrays import FloatArray
 from pyinfra.scenes.maps.tracks import HEADING, STEP_S, FrontPath, Track, wrap
 
-MAX_TURN_DEG = 5.0  # in 0.1 s
+MAX_TURN_DEG = 5.0  # per 0.1 s
 MAX_ACCELERATION_M_S2 = 8.0  # of the box centre, over 0.3 s
-_OVER = 3  # instants
+_OVER = 3  # number of instants of 0.1 s between positions for an acceleration
 _AVERAGE_S = (0.4, 0.6, 0.9, 1.3, 2.0)  # standard deviations, tried in this order
-_JUMP_M = 0.3  # beside what the steps around it say
-_SPREAD_S = 3.0  # a lane change takes so long
-_OVERHANG, _WHEELBASE = 0.2, 0.6  # shares of the length, of many cars and lorries
-_SLEW_RAD = math.radians(4.5)  # a step; pedestrians turn on the spot
+_JUMP_M = 0.3  # deviation from the mean of the neighbouring steps that counts as a jump
+_SPREAD_S = 3.0  # duration of a lane change
+_OVERHANG, _WHEELBASE = 0.2, 0.6  # relative to the length, as for many cars and lorries
+_SLEW_RAD = math.radians(4.5)  # maximum turn per step, needed as pedestrians turn on the spot
 
 
 def smooth(path: FrontPath) -> Track | None:
-    """The track of a front bumper's path; None if no average brings it below the limits."""
+    """Returns the track of a front bumper's path; None if no averaging satisfies the limits."""
     points = spread_jumps(path.points)
     for seconds in _AVERAGE_S:
         track = _track(path, _averaged(points, seconds))
@@ -36,7 +37,7 @@ def smooth(path: FrontPath) -> Track | None:
 
 
 def unsmoothed(path: FrontPath) -> Track:
-    """The boxes as the simulator has them: half a length behind the bumper, at its angle."""
+    """Returns the track without smoothing: the box centre is half a length behind the bumper."""
     length, _, height = path.size_m
     ahead = np.stack([np.cos(path.heading), np.sin(path.heading)], axis=1)
     centre = path.points.copy()
@@ -46,19 +47,22 @@ def unsmoothed(path: FrontPath) -> Track:
 
 
 def within_limits(track: Track) -> bool:
-    """Whether no step turns and nothing accelerates too hard."""
+    """Returns whether all turns and accelerations of a track are within the limits."""
     turn = turns_deg(track)
     acceleration = accelerations(track)
     return bool((turn <= MAX_TURN_DEG).all() and (acceleration <= MAX_ACCELERATION_M_S2).all())
 
 
 def turns_deg(track: Track) -> FloatArray:
-    """Change of heading in each 0.1 s, degrees: (n - 1,)."""
+    """Returns the change of heading in each 0.1 s, degrees: (n - 1,)."""
     return np.asarray(np.degrees(np.abs(wrap(np.diff(track.states[:, HEADING])))))
 
 
 def accelerations(track: Track) -> FloatArray:
-    """Of the centre in plan, from three positions 0.3 s apart, m/s2: (n - 6,), at least 0 rows."""
+    """Returns horizontal accelerations of the centre, m/s2: (n - 6,), or none for short tracks.
+
+    Each is computed from three positions 0.3 s apart.
+    """
     p = track.states[:, :2]
     if len(p) <= 2 * _OVER:
         return np.zeros(0)
@@ -67,7 +71,10 @@ def accelerations(track: Track) -> FloatArray:
 
 
 def spread_jumps(points: FloatArray) -> FloatArray:
-    """Steps (of points (n, 3)) that the steps before and after do not say, as ramps over time."""
+    """Replaces jumps of points (n, 3) by ramps over time.
+
+    A jump is a step that differs from the mean of its neighbouring steps.
+    """
     out = points.copy()
     steps = np.diff(points[:, :2], axis=0)
     if len(steps) < 3:
@@ -78,7 +85,7 @@ def spread_jumps(points: FloatArray) -> FloatArray:
     jumps = np.flatnonzero(np.linalg.norm(extra, axis=1) > _JUMP_M) + 1
     for k in map(int, jumps):
         if np.linalg.norm(extra[k - 1]) < max(_of_neighbours(extra, k - 1)):
-            continue  # the shadow of a jump beside it
+            continue  # an artefact of a larger jump next to it
         around = np.arange(max(0, k + 1 - half), min(len(points), k + 1 + half))
         u = np.clip((around - k - 0.5) / (2 * half) + 0.5, 0, 1)
         ramp = u * u * u * (u * (6 * u - 15) + 10) - (around > k)
@@ -92,7 +99,7 @@ def _of_neighbours(extra: FloatArray, k: int) -> list[float]:
 
 
 def _averaged(points: FloatArray, seconds: float) -> FloatArray:
-    """Gaussian average over time; ends go on straight, so that nothing stops there."""
+    """Averages over time with a Gaussian; ends are extended at constant velocity."""
     sigma = seconds / STEP_S
     pad = math.ceil(4 * sigma)
     if len(points) < 2:
@@ -108,7 +115,7 @@ def _averaged(points: FloatArray, seconds: float) -> FloatArray:
 
 
 def _track(path: FrontPath, points: FloatArray) -> Track:
-    """On two axles; who walks turns to where they go."""
+    """Returns the track of a body on two axles; a pedestrian turns into the walking direction."""
     if path.object_class == "Pedestrian":
         heading = _slewed(_walking_headings(path, points))
         centre = points + np.array([0, 0, path.size_m[2] / 2])
@@ -118,10 +125,10 @@ def _track(path: FrontPath, points: FloatArray) -> Track:
     along = front - rear
     heading = np.arctan2(along[:, 1], along[:, 0])
     pitch = -np.arctan2(along[:, 2], _WHEELBASE * length)
-    middle = (front + rear) / 2  # both overhangs are alike: the middle of the box
+    middle = (front + rear) / 2  # the middle of the box, since both overhangs are equal
     centre = middle + np.stack([0 * pitch, 0 * pitch, np.cos(pitch) * height / 2], axis=1)
     slewed = _slewed(heading)
-    bumper = points[:, :2] - middle[:, :2]  # a heading held back turns the box about its front
+    bumper = points[:, :2] - middle[:, :2]  # a limited heading turns the box about its front
     turned = np.abs(wrap(slewed - heading)) > 1e-9
     ahead = np.stack([np.cos(slewed), np.sin(slewed)], axis=1) * length / 2
     centre[turned, :2] = (middle[:, :2] + bumper - ahead)[turned]
@@ -129,7 +136,7 @@ def _track(path: FrontPath, points: FloatArray) -> Track:
 
 
 def _axles(path: FrontPath, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Front and rear axle (n, 3): each end of a rod that the bumper pulls, on the bumper's way."""
+    """Returns front and rear axle (n, 3): points of a rod that the bumper pulls along its path."""
     length = float(path.size_m[0])
     reach = (1 - _OVERHANG) * length
     rear_xy = _followed(points[:, :2], float(path.heading[0]), reach)
@@ -141,7 +148,7 @@ def _axles(path: FrontPath, points: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def _followed(points: FloatArray, heading: float, reach: float) -> FloatArray:
-    """Where the end of a rod of length `reach` is pulled by its other end: (n, 2) to (n, 2)."""
+    """Returns the path (n, 2) of the end of a rod of length `reach` pulled along points (n, 2)."""
     x = float(points[0, 0]) - reach * math.cos(heading)
     y = float(points[0, 1]) - reach * math.sin(heading)
     out = np.empty_like(points)
@@ -154,7 +161,10 @@ def _followed(points: FloatArray, heading: float, reach: float) -> FloatArray:
 
 
 def _heights_behind(points: FloatArray, behind_m: FloatArray) -> FloatArray:
-    """z of the path so far behind its points: (n, 3), (k,) to (n, k); before its start as there."""
+    """Returns z (n, k) of the path (n, 3) at distances (k,) behind each of its points.
+
+    Before its start, the path is extended with the slope at the start.
+    """
     steps = np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1)
     s = np.concatenate([[0.0], np.cumsum(steps)])
     moving = np.concatenate([[True], np.diff(s) > 1e-9])
@@ -178,7 +188,7 @@ def _walking_headings(path: FrontPath, points: FloatArray) -> FloatArray:
 
 
 def _slewed(heading: FloatArray) -> FloatArray:
-    """The heading, held to so many degrees a step."""
+    """Returns the heading with a limited turn per step."""
     if (np.abs(wrap(np.diff(heading))) <= _SLEW_RAD).all():
         return heading
     out = heading.tolist()

@@ -1,4 +1,4 @@
-"""SUMO's programs as processes: offline, their errors in one line."""
+"""Runs SUMO's programs as processes, without XML validation, and reports their errors."""
 
 import importlib.util
 import os
@@ -10,11 +10,11 @@ from pyinfra.core.errors import Error, missing
 
 
 class SumoError(Error):
-    """A program of SUMO's failed; its first line of error."""
+    """A SUMO program failed; the message is the first line of its errors."""
 
 
 def sumo_folder() -> Path:
-    """Where SUMO lies. Raises MissingPackage that says what to install."""
+    """Returns the folder of SUMO. Raises MissingPackage that names the package to install."""
     spec = importlib.util.find_spec("sumo")
     if spec is None or not spec.submodule_search_locations:
         raise missing("eclipse-sumo", "site")
@@ -22,7 +22,7 @@ def sumo_folder() -> Path:
 
 
 def run_tool(name: str, arguments: Sequence[str], *, longest_s: float | None = None) -> list[str]:
-    """Runs a program of SUMO's; returns what it warns of.
+    """Runs a SUMO program and returns its warnings.
 
     Raises SumoError, subprocess.TimeoutExpired, and MissingPackage.
     """

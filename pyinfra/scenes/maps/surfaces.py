@@ -1,4 +1,4 @@
-"""Roads, footways, junctions, terrain and houses of a map as triangles."""
+"""Triangle meshes of a map's roads, footways, junctions, terrain and buildings."""
 
 import itertools
 
@@ -10,16 +10,16 @@ from pyinfra.scenes.maps.lane_map import MapBody, MapLane, SiteMap
 
 TERRAIN_CELL_M = 4.0
 TERRAIN_MARGIN_M = 60.0
-TERRAIN_BELOW_M = 0.08  # under the road
+TERRAIN_BELOW_M = 0.08  # depth of the terrain below the road
 FILL_CELL_M = 1.0
-FILL_BELOW_M = 0.01  # of a junction's paving under its lanes
-SEAM_M = 0.02
-SINK_M = 0.5  # of a house into the ground
-ACROSS = (0.0, 0.25, 0.5, 0.75, 1.0)
+FILL_BELOW_M = 0.01  # depth of a junction's paving below its lanes
+SEAM_M = 0.02  # length by which each lane overlaps the next
+SINK_M = 0.5  # depth of a building's walls below the ground
+ACROSS = (0.0, 0.25, 0.5, 0.75, 1.0)  # positions across a lane, relative to its width
 
 
 def strip(lane: MapLane) -> Triangles:
-    """The lane's surface, and walls down to its z on both sides if it is raised."""
+    """Returns the surface of a lane; a raised lane also has walls on both sides."""
     up = np.array([0, 0, lane.kerb_m])
     left, right = longer(lane.left, lane.right)
     rows = [left, left + up, right + up, right] if lane.kerb_m else [left, right]
@@ -27,7 +27,7 @@ def strip(lane: MapLane) -> Triangles:
 
 
 def longer(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Borders that go on by SEAM_M at both ends: no ray falls between a lane and the next."""
+    """Extends borders by SEAM_M at both ends, so that no ray passes between successive lanes."""
     centre = (left + right) / 2
     ends = []
     for inner, end in ((1, 0), (-2, -1)):
@@ -37,7 +37,7 @@ def longer(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def ribbon(left: FloatArray, right: FloatArray) -> Triangles:
-    """Triangles between two lines (n, 3) of as many points, facing up if left is on the left."""
+    """Returns triangles between two lines (n, 3), facing up if `left` is on the left."""
     n = len(left)
     i = np.arange(n - 1)
     faces = np.concatenate([np.stack([i, n + i, n + i + 1], 1), np.stack([i, n + i + 1, i + 1], 1)])
@@ -45,7 +45,7 @@ def ribbon(left: FloatArray, right: FloatArray) -> Triangles:
 
 
 def paved_points(lanes: list[MapLane]) -> FloatArray:
-    """(n, 3) points on the lanes at most about a metre apart."""
+    """Returns points (n, 3) on the lanes, at most about a metre apart."""
     rows = []
     for lane in lanes:
         step = np.hypot(*np.diff(lane.centre[:, :2], axis=0).T)
@@ -61,7 +61,7 @@ def paved_points(lanes: list[MapLane]) -> FloatArray:
 
 
 class Sheet:
-    """A grid of heights that lies nowhere above the points it was made of."""
+    """A grid of heights that is nowhere above the points from which it was built."""
 
     def __init__(self, points: FloatArray, cell_m: float, margin_m: float, below_m: float) -> None:
         self.cell_m = cell_m
@@ -75,7 +75,7 @@ class Sheet:
         self.z = _filled(np.minimum.reduce(corners), 20 if margin_m > cell_m else 0) - below_m
 
     def mesh(self, wanted: BoolArray | None = None) -> Triangles:
-        """All cells, or the wanted ones (nx - 1, ny - 1)."""
+        """Returns the mesh of all cells, or of those in a mask (nx - 1, ny - 1)."""
         nx, ny = self.z.shape
         x, y = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")
         positions = np.stack([x, y], -1) * self.cell_m + self.low
@@ -87,7 +87,10 @@ class Sheet:
         return Triangles(vertices[used], numbers.reshape(-1, 3))
 
     def at(self, xy: FloatArray) -> FloatArray:
-        """(n,) lowest corner of the cell of each place; of the nearest one outside."""
+        """Returns (n,) the height of the lowest corner of the cell at each position (n, 2).
+
+        Positions outside the grid use the nearest cell.
+        """
         i, j = ((xy - self.low) / self.cell_m).astype(int).T
         i, j = i.clip(0, self.z.shape[0] - 2), j.clip(0, self.z.shape[1] - 2)
         corners = [self.z[i + a, j + b] for a in (0, 1) for b in (0, 1)]
@@ -95,7 +98,7 @@ class Sheet:
 
 
 def _filled(z: FloatArray, rounds: int) -> FloatArray:
-    """Heights where there are none grow in from those beside, and are evened out there."""
+    """Fills unknown heights from their neighbours, and smooths the filled part."""
     known = np.isfinite(z)
     z = np.where(known, z, 0.0)
     have = known.copy()
@@ -122,7 +125,7 @@ def _means(z: FloatArray, have: BoolArray) -> tuple[FloatArray, IntArray]:
 
 
 def contains(outline: FloatArray, xy: FloatArray) -> BoolArray:
-    """Whether points (n, 2) lie within an outline (m, 2), by the number of sides to their east."""
+    """Returns whether points (n, 2) lie in an outline (m, 2), by the even-odd rule."""
     (x0, y0), (x1, y1) = outline.T, np.roll(outline, -1, axis=0).T
     x, y = xy[:, :1], xy[:, 1:]
     cut = (y0 > y) != (y1 > y)
@@ -132,7 +135,7 @@ def contains(outline: FloatArray, xy: FloatArray) -> BoolArray:
 
 
 def junction_fill(areas: list[FloatArray], points: FloatArray) -> list[Triangles]:
-    """Paving between the lanes of each junction, just under them."""
+    """Returns paving between the lanes of each junction, slightly below them."""
     meshes = []
     points = points[np.argsort(points[:, 0])]
     for outline in areas:
@@ -152,7 +155,7 @@ def junction_fill(areas: list[FloatArray], points: FloatArray) -> list[Triangles
 
 
 def ears(outline: FloatArray) -> IntArray:
-    """Triangles (n - 2, 3) of an outline (n, 2) that does not cross itself, counter-clockwise."""
+    """Triangulates an outline (n, 2) that does not cross itself: (n - 2, 3), counter-clockwise."""
     x, y = outline.T
     area = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum()
     left = list(range(len(outline)) if area > 0 else range(len(outline) - 1, -1, -1))
@@ -165,7 +168,7 @@ def ears(outline: FloatArray) -> IntArray:
             others = outline[[i for i in left if i not in (a, b, c)]]
             if not _inside(outline[[a, b, c]], others).any():
                 break
-        else:  # what is left has no area
+        else:  # the remaining polygon has no area
             k = 0
             a, b, c = left[-1], left[0], left[1]
         triangles.append([a, b, c])
@@ -186,7 +189,7 @@ def _inside(corners: FloatArray, xy: FloatArray) -> BoolArray:
 
 
 def footway(shape: FloatArray, kerb_m: float) -> Triangles:
-    """A paved place (n, 3), raised by its kerb, with its side."""
+    """Returns a paved area with outline (n, 3), raised by its kerb, with side walls."""
     top = shape + np.array([0, 0, kerb_m])
     ring = np.arange(len(shape)) if _area(shape[:, :2]) < 0 else np.arange(len(shape))[::-1]
     ring = np.append(ring, ring[0])
@@ -199,7 +202,7 @@ def _area(outline: FloatArray) -> float:
 
 
 def body(thing: MapBody, terrain: Sheet) -> Triangles:
-    """Walls and roof; without a base of its own it stands on the lowest terrain under it."""
+    """Returns walls and roof of a body; without a base, it stands on the lowest terrain below."""
     ground = float(terrain.at(thing.outline).min())
     base = ground if thing.base_m is None else thing.base_m
     outline = thing.outline if _area(thing.outline) > 0 else thing.outline[::-1]
@@ -213,7 +216,7 @@ def body(thing: MapBody, terrain: Sheet) -> Triangles:
 
 
 def surfaces(site_map: SiteMap, footway_kerb_m: float) -> tuple[dict[str, Triangles], Sheet]:
-    """Meshes by name (road, sidewalk, terrain, buildings), and the terrain."""
+    """Returns the meshes by name (road, sidewalk, terrain, buildings), and the terrain grid."""
     points = paved_points(site_map.lanes)
     points = points[points[:, 2] >= site_map.covered_m]
     terrain = Sheet(points, TERRAIN_CELL_M, TERRAIN_MARGIN_M, TERRAIN_BELOW_M)

@@ -1,4 +1,4 @@
-"""Who moves at a site: tracks of boxes, an instant every 0.1 s, world frame."""
+"""Tracks of moving boxes at a site, in the world frame, with an instant every 0.1 s."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ X, Y, Z, HEADING, PITCH, SPEED = range(6)
 
 @dataclass(frozen=True)
 class ObjectClass:
-    """Mean and standard deviation of length, width, height in metres, and SUMO's name for it."""
+    """Mean and standard deviation of length, width, height in metres, and SUMO's class name."""
 
     mean_m: tuple[float, float, float]
     std_m: tuple[float, float, float]
     sumo_class: str
 
 
-# Sizes as in core/classes.h: a test compares them.
+# Equal to the sizes in core/classes.h; a test compares them.
 CLASSES = {
     "Car": ObjectClass((4.53, 1.95, 1.57), (0.71, 0.16, 0.17), "passenger"),
     "Van": ObjectClass((5.30, 2.05, 2.25), (0.85, 0.21, 0.25), "delivery"),
@@ -35,9 +35,9 @@ CLASSES = {
 
 @dataclass(frozen=True)
 class FrontPath:
-    """Where the middle of a front bumper was, on the road.
+    """The path of the middle of an object's front bumper, at road height.
 
-    first: the instant of the first row; points: (n, 3) x y z, metres; heading: (n,), radians.
+    first: instant of the first row; points: (n, 3) x y z, metres; heading: (n,), radians.
     """
 
     name: str
@@ -50,7 +50,7 @@ class FrontPath:
 
 @dataclass(frozen=True)
 class Track:
-    """A box that moves. states: (n, 6) x y z (its centre), heading, pitch, speed."""
+    """A moving box. states: (n, 6) x y z (box centre), heading, pitch, speed."""
 
     name: str
     object_class: str
@@ -59,7 +59,10 @@ class Track:
     states: FloatArray
 
     def between(self, start: int, end: int) -> Track | None:
-        """What lies in the instants from start to end, both included, counted from start."""
+        """Returns the part in the instants start to end, both included, counted from start.
+
+        Returns None if there is no such part.
+        """
         low, high = max(self.first, start), min(self.first + len(self.states) - 1, end)
         if high < low:
             return None
@@ -67,7 +70,7 @@ class Track:
         return Track(self.name, self.object_class, self.size_m, low - start, states)
 
     def near(self, feet: FloatArray, reach_m: float) -> list[Track]:
-        """Its pieces within a distance of one of the feet (k, 2), each a track."""
+        """Returns the pieces within a distance of one of the feet (k, 2), each as a track."""
         away = np.linalg.norm(self.states[:, None, :2] - feet, axis=2).min(1)
         inside = np.concatenate([[False], away <= reach_m, [False]])
         edges = np.flatnonzero(np.diff(inside.astype(int))).reshape(-1, 2)
@@ -78,27 +81,27 @@ class Track:
 
 @dataclass(frozen=True)
 class TrackTable:
-    """Rows of all tracks by instant, then by track: (n,), (n,), boxes (n, 7), states (n, 6)."""
+    """The rows of all tracks, sorted by instant, then by track."""
 
-    instant: IntArray
-    track: IntArray
-    boxes: FloatArray
-    states: FloatArray
+    instant: IntArray  # (n,)
+    track: IntArray  # (n,) index of the track
+    boxes: FloatArray  # (n, 7)
+    states: FloatArray  # (n, 6)
 
 
 def from_zero(tracks: list[Track]) -> list[Track]:
-    """The same by a clock that starts with the first of them."""
+    """Shifts the instants so that the first track starts at 0."""
     start = min((t.first for t in tracks), default=0)
     return [replace(t, first=t.first - start) for t in tracks]
 
 
 def lasts_s(tracks: list[Track]) -> float:
-    """The time of the last instant."""
+    """Returns the time of the last instant in seconds."""
     return round(max((t.first + len(t.states) - 1 for t in tracks), default=0) * STEP_S, 1)
 
 
 def table(tracks: list[Track]) -> TrackTable:
-    """All rows in the order of the file."""
+    """Returns the rows of all tracks in the order of trajectories.csv."""
     if not tracks:
         none = np.zeros(0, np.int64)
         return TrackTable(none, none, np.zeros((0, 7)), np.zeros((0, 6)))
@@ -112,5 +115,5 @@ def table(tracks: list[Track]) -> TrackTable:
 
 
 def wrap(angle: FloatArray) -> FloatArray:
-    """The same angle from -pi to pi."""
+    """Returns angles wrapped to the range -pi to pi."""
     return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)

@@ -1,4 +1,4 @@
-"""Traffic of a site by SUMO: its network, signals and right of way; tracks that move smoothly."""
+"""Simulates the traffic of a site with SUMO, and converts it to smooth tracks."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from pyinfra.scenes.maps.traffic_demand import Demand, Trips, trips
 from pyinfra.scenes.maps.traffic_figures import without_overlaps
 
 NET = "map.net.xml"
-REACH_M = 300.0  # from a mount; who drives on is no more in the file, and may come back as another
-STRIPE_M = "0.8"  # as wide as anyone walks, so that two pass each other
-_WARM_UP_S, _WALKING_S = 200, 400
-MOST_UNROUTED = 0.5  # of the trips
-_AROUND_S = 4.0  # before and after, so that averages have neighbours
+REACH_M = 300.0  # tracks end at this distance from the mounts; a returning object is a new track
+STRIPE_M = "0.8"  # width of a pedestrian lane, so that two pedestrians can pass each other
+_WARM_UP_S, _WALKING_S = 200, 400  # warm-up without and with pedestrians
+MOST_UNROUTED = 0.5  # maximum share of trips without a route
+_AROUND_S = 4.0  # additional time at both ends, for the averaging
 _TURN_LIMIT = ("--junctions.limit-turn-speed", str(TURN_LIMIT_M_S2), *DETAIL)
 _WALKS = (
     *("--sidewalks.guess", "true", "--crossings.guess", "true"),
@@ -34,38 +34,38 @@ _WALKS = (
 
 @dataclass(frozen=True)
 class Traffic:
-    """Tracks, the first of them from 0 on, and what was left out and why."""
+    """Tracks, the first of which starts at 0, and the names of objects that were left out."""
 
     tracks: list[Track]
-    asked: int  # objects that were to depart
-    rough: list[str]  # no average made them smooth
-    overlapping: list[str]  # they stood in others
+    asked: int  # number of planned trips
+    rough: list[str]  # no averaging made them smooth
+    overlapping: list[str]  # they overlapped other objects
     unrouted: list[str]  # SUMO found no valid route for them
 
 
 @dataclass(frozen=True)
 class SumoRun:
-    """What SUMO did. paths: their instants count from its own start, which lies before `start`."""
+    """The result of a SUMO run. Instants of the paths count from the start of the warm-up."""
 
     paths: list[FrontPath]
-    asked: int  # objects that were to depart
-    start: int  # instants
-    count: int
-    unrouted: list[str]  # names of those for whom SUMO found no valid route
+    asked: int  # number of planned trips
+    start: int  # instant at which the warm-up ends
+    count: int  # number of instants after it
+    unrouted: list[str]  # names of objects for which SUMO found no valid route
 
 
 def simulate(
     net_file: Path, feet: FloatArray, demand: Demand, seconds: float, seed: int
 ) -> Traffic:
-    """Traffic on a SUMO network in the world's coordinates; feet: (k, 2) of the mounts.
+    """Simulates traffic on a SUMO network in world coordinates; feet: (k, 2) of the mounts.
 
-    Raises Error, FormatError, OSError, RuntimeError (of SUMO).
+    Raises Error, FormatError, OSError, and SumoError if SUMO fails.
     """
     return cleaned(record(net_file, feet, demand, seconds, seed), feet)
 
 
 def record(net_file: Path, feet: FloatArray, demand: Demand, seconds: float, seed: int) -> SumoRun:
-    """As simulate, before anything is smoothed or left out."""
+    """Runs SUMO like `simulate`, but without smoothing and filtering."""
     demand.check()
     if not 1 <= seconds <= 3600 or not 0 <= seed < 2**31:
         raise Error("found a time or a seed out of range, allowed 1 to 3600 s, 0 to 2^31 - 1")
@@ -81,7 +81,7 @@ def record(net_file: Path, feet: FloatArray, demand: Demand, seconds: float, see
 
 
 def cleaned(sumo_run: SumoRun, feet: FloatArray) -> Traffic:
-    """Smoothed, cut to the time and to what is near the mounts, without overlaps."""
+    """Smooths the paths, cuts them to the time and to the mounts' vicinity, removes overlaps."""
     tracks, rough = [], []
     start, end = sumo_run.start, sumo_run.start + sumo_run.count
     for path in sumo_run.paths:
@@ -102,7 +102,10 @@ def _front_path(recorded: Recorded, asked: Trips) -> FrontPath:
 
 
 def _prepared(net_file: Path, net: RoadNet, demand: Demand, work: Path) -> Path:
-    """The net with slow turns, and with sidewalks where someone walks; rebuilt if it has none."""
+    """Returns the network with limited turn speeds, and with sidewalks if pedestrians need them.
+
+    The network is rebuilt if it lacks these.
+    """
     walks = demand.pedestrians_per_hour > 0 and not net.walkable
     if net.turn_speed_limited and not walks:
         return net_file
@@ -116,7 +119,7 @@ def _prepared(net_file: Path, net: RoadNet, demand: Demand, work: Path) -> Path:
 def _run_sumo(
     net: Path, asked: Trips, warm_up: float, seconds: float, seed: int, work: Path
 ) -> tuple[list[Recorded], list[str]]:
-    """What moved, and who was left out because SUMO found no valid route."""
+    """Returns the recorded objects, and the names of those without a valid route."""
     routes, fcd = work / "trips.rou.xml", work / "fcd.xml"
     begin, end = warm_up - _AROUND_S, math.ceil(warm_up + seconds + _AROUND_S)
     words = ["--net-file", str(net), "--route-files", str(routes), "--seed", str(seed)]
@@ -141,9 +144,9 @@ def _run_sumo(
 
 
 def without_route(xml: str, error: str) -> tuple[str, list[str]]:
-    """The trips less those that SUMO named, or that take the same turn by the same class of road.
+    """Removes the trip that SUMO's error names, and trips of its class that take the same turn.
 
-    Returns the trips and the names of those left out; none if the error is another one.
+    Returns the remaining trips and the names of those removed; none for an unrelated error.
     """
     named = re.search(r"(?:[Vv]ehicle|[Pp]erson) '([^']+)'", error)
     if not named or not re.search("no valid route|[Nn]o connection|[Nn]o route", error):

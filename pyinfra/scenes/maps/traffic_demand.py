@@ -1,4 +1,4 @@
-"""Who drives and walks where: trips through the region that begin and end outside of it."""
+"""Generates trips through the region that begin and end outside it."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from pyinfra.scenes.maps.road_net import Edge, RoadNet
 from pyinfra.scenes.maps.tracks import CLASSES
 from pyinfra.scenes.maps.traffic_figures import REGION_M
 
-MARGIN_M = 20.0  # trips begin and end at least so far outside the region
-_MOST_SOURCES = 60  # of a map without ends, drawn
+MARGIN_M = 20.0  # trips begin and end at least this far outside the region
+_MOST_SOURCES = 60  # maximum number of start edges; more are sampled at random
 
 
 @dataclass(frozen=True)
 class Demand:
-    """What enters the region in an hour; shares are those of the vehicles."""
+    """Numbers of objects per hour through the region; `class_shares` applies to vehicles."""
 
     vehicles_per_hour: float
     pedestrians_per_hour: float = 0
@@ -35,7 +35,7 @@ class Demand:
     )
 
     def check(self) -> None:
-        """Raises Error for a rate that no map bears."""
+        """Raises Error for a rate out of range, or if all rates are 0."""
         for name in ("vehicles_per_hour", "pedestrians_per_hour", "bicycles_per_hour"):
             rate = getattr(self, name)
             if not 0 <= rate <= 20_000:
@@ -46,7 +46,7 @@ class Demand:
 
 @dataclass(frozen=True)
 class Trips:
-    """SUMO's route file, and the classes and sizes of the types in it by name."""
+    """The text of SUMO's route file, and class and size of each object by name."""
 
     xml: str
     sizes: dict[str, tuple[str, FloatArray]]
@@ -54,14 +54,14 @@ class Trips:
 
 @dataclass(frozen=True)
 class _Ways:
-    """Routes, and how often each is taken."""
+    """Routes and their probabilities."""
 
     routes: list[list[str]]
     weights: FloatArray
 
 
 def trips(net: RoadNet, feet: FloatArray, demand: Demand, seconds: float, seed: int) -> Trips:
-    """Departures over so many seconds. feet: (k, 2) of the mounts, in the net's coordinates."""
+    """Generates departures over `seconds`. feet: (k, 2) of the mounts, in network coordinates."""
     rng = np.random.default_rng(seed)
     lines: list[tuple[float, str]] = []
     sizes: dict[str, tuple[str, FloatArray]] = {}
@@ -111,7 +111,7 @@ def _drive(name: str, depart: float, route: list[str]) -> str:
 
 
 def _walk(name: str, depart: float, route: list[str], net: RoadNet, feet: FloatArray) -> str:
-    """From where the first edge comes near the region to where the last one has left it."""
+    """Returns a walk from where its first edge nears the region to where its last one leaves it."""
     ahead, back = _far_m(net.edges[route[0]], feet), _far_m(net.edges[route[-1]], feet, back=True)
     start = f'<person id="{name}" type="{name}" depart="{depart:.1f}" departPos="{ahead:.1f}">'
     ways = f'from={quoteattr(route[0])} to={quoteattr(route[-1])} arrivalPos="-{back:.1f}"'
@@ -119,7 +119,7 @@ def _walk(name: str, depart: float, route: list[str], net: RoadNet, feet: FloatA
 
 
 def _far_m(edge: Edge, feet: FloatArray, *, back: bool = False) -> float:
-    """How far along an edge (or back from its end) no point is near the region."""
+    """Returns the distance along an edge (`back`: from its end) to the region's vicinity."""
     marks = edge.marks[::-1] if back else edge.marks
     near = np.linalg.norm(marks[:, None] - feet, axis=2).min(1) < REGION_M + MARGIN_M
     last = int(near.argmax()) - 1 if near.any() else len(marks) // 2
@@ -140,9 +140,10 @@ _MANNERS = {
 
 
 def _ways(net: RoadNet, feet: FloatArray, sumo_class: str, rng: np.random.Generator) -> _Ways:
-    """Routes from outside the region, through it, to outside; ends of the map where it has them.
+    """Returns routes that begin outside the region, pass through it, and end outside.
 
-    A map whose ends no route through the region joins has traffic from any edge far enough away.
+    Routes begin and end at the map's ends. If no such route exists, they begin and end at any edge
+    that is far enough away.
     """
     routes: list[tuple[list[str], int]] = []
     ends = _ends(net, feet, sumo_class)
@@ -161,7 +162,7 @@ def _routes(
     rng: np.random.Generator,
     between: tuple[list[Edge], list[Edge]],
 ) -> list[tuple[list[str], int]]:
-    """The fastest route of each start and end through the region, and its weight."""
+    """Returns the fastest route through the region for each start and end, and its weight."""
     starts, ends = between
     if len(starts) > _MOST_SOURCES:
         starts = [starts[i] for i in sorted(rng.choice(len(starts), _MOST_SOURCES, replace=False))]
@@ -174,7 +175,7 @@ def _routes(
             if way is None or inside.isdisjoint(way) or len(way) < 2 - (start.name in inside):
                 continue
             if end.start == start.end and end.end == start.start:
-                continue  # there and back
+                continue  # a route that returns on the opposite edge
             routes.append((way, start.lanes_for(sumo_class) * end.lanes_for(sumo_class)))
     return routes
 
@@ -184,14 +185,14 @@ def _is_far(point: FloatArray, feet: FloatArray) -> bool:
 
 
 def _far_edges(net: RoadNet, feet: FloatArray, sumo_class: str) -> tuple[list[Edge], list[Edge]]:
-    """Edges that begin, and those that end, far enough away."""
+    """Returns the edges that begin, and the edges that end, far enough from the region."""
     every = [e for e in net.edges.values() if e.lanes_for(sumo_class)]
     starts = [e for e in every if _is_far(e.shape[0], feet)]
     return starts, [e for e in every if _is_far(e.shape[-1], feet)]
 
 
 def _ends(net: RoadNet, feet: FloatArray, sumo_class: str) -> tuple[list[Edge], list[Edge]]:
-    """Edges where trips begin and end: of the map's ends, else any far enough away."""
+    """Returns the edges where trips begin and end: the map's ends, else any far enough away."""
     starts = [e for e in net.sources(sumo_class) if _is_far(e.shape[0], feet)]
     ends = [e for e in net.sinks(sumo_class) if _is_far(e.shape[-1], feet)]
     if not starts or not ends or sumo_class == "pedestrian":
@@ -200,7 +201,7 @@ def _ends(net: RoadNet, feet: FloatArray, sumo_class: str) -> tuple[list[Edge], 
 
 
 def _distance(points: FloatArray, feet: FloatArray) -> float:
-    """Least distance of points (n, 2) to feet (k, 2)."""
+    """Returns the smallest distance of points (n, 2) from feet (k, 2)."""
     return float(np.linalg.norm(points[:, None] - feet, axis=2).min())
 
 

@@ -1,4 +1,4 @@
-"""How well tracks move: turns, accelerations, overlaps, and who comes out of nowhere."""
+"""Quality figures of tracks: turns, accelerations, overlaps, and sudden appearances."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from pyinfra.core.boxes import pair_bev_overlap
 from pyinfra.scenes.maps.smoothing import accelerations, turns_deg
 from pyinfra.scenes.maps.tracks import Track, TrackTable, table, wrap
 
-REGION_M = 100.0  # from a mount's foot
+REGION_M = 100.0  # radius of the region around a mount's foot
 _NEIGHBOURS_M = 30.0
 _TOUCH_M = 0.001
-_AT_ONCE = 500  # instants and middles
+_AT_ONCE = 500  # number of instants and midpoints per batch
 MAX_OVERLAP_SHARE = 0.001
-MOST_NOTES = 20  # that are shown
+MOST_NOTES = 20  # maximum number of notes in a report
 
 
 @dataclass(frozen=True)
 class TrafficFigures:
-    """Of a whole set of tracks; a share of nothing is 0."""
+    """Figures of a set of tracks; shares and maxima of an empty set are 0."""
 
-    classes: dict[str, int]  # tracks
-    turn_deg: float  # the largest change of heading in 0.1 s
-    acceleration_m_s2: float  # the largest of a box centre over 0.3 s
+    classes: dict[str, int]  # number of tracks by class
+    turn_deg: float  # largest change of heading in 0.1 s
+    acceleration_m_s2: float  # largest acceleration of a box centre over 0.3 s
     overlap_share: float  # of pairs of boxes within 30 m of each other, every 0.05 s
-    appearing: int  # tracks that begin or end in the region, but at the ends of time
+    appearing: int  # tracks that begin or end in the region, except at the first or last instant
 
     def rows(self) -> list[tuple[str, str]]:
-        """Names and values for a table."""
+        """Returns names and values for a table."""
         counts = ", ".join(f"{n} {name}" for name, n in sorted(self.classes.items()))
         return [
             ("tracks", counts or "none"),
@@ -46,7 +46,7 @@ class TrafficFigures:
 
 
 def traffic_figures(tracks: list[Track], feet: FloatArray) -> TrafficFigures:
-    """feet: (k, 2) x y of the mounts."""
+    """Computes the figures of tracks. feet: (k, 2) x y of the mounts."""
     rows = table(tracks)
     pairs, overlapping = _pairs(rows)
     turns = [float(t.max()) for t in map(turns_deg, tracks) if len(t)]
@@ -61,7 +61,7 @@ def traffic_figures(tracks: list[Track], feet: FloatArray) -> TrafficFigures:
 
 
 def appearing(tracks: list[Track], feet: FloatArray) -> int:
-    """How many tracks begin or end in the region, other than with the first or last instant."""
+    """Returns how many tracks begin or end in the region, except at the first or last instant."""
     end = max((t.first + len(t.states) for t in tracks), default=0)
     count = 0
     for t in tracks:
@@ -72,7 +72,7 @@ def appearing(tracks: list[Track], feet: FloatArray) -> int:
 
 
 def without_overlaps(tracks: list[Track]) -> tuple[list[Track], list[str]]:
-    """The tracks less those that overlap others most, until none does; and the names of these."""
+    """Removes tracks with most overlaps until none is left; returns tracks and removed names."""
     _, overlapping = _pairs(table(tracks))
     left = [(int(a), int(b)) for a, b in overlapping]
     gone: set[int] = set()
@@ -89,7 +89,10 @@ def _in_region(point: FloatArray, feet: FloatArray) -> bool:
 
 
 def _pairs(rows: TrackTable) -> tuple[int, IntArray]:
-    """Pairs of neighbours over instants and the middles between them, and who overlaps: (n, 2)."""
+    """Returns the number of neighbouring pairs, and the track pairs (n, 2) that overlap.
+
+    Counts all instants and the midpoints between them.
+    """
     count, neighbours = 0, [np.zeros((0, 2), np.int64)]
     rows = _with_middles(rows)
     touch = np.array([0, 0, 0, _TOUCH_M, _TOUCH_M, 0, 0])
@@ -97,11 +100,11 @@ def _pairs(rows: TrackTable) -> tuple[int, IntArray]:
     for start in range(0, last + 1, _AT_ONCE):
         some = slice(*np.searchsorted(rows.instant, [start, start + _AT_ONCE]))
         boxes, track = rows.boxes[some], rows.track[some]
-        apart = 2 * _NEIGHBOURS_M * rows.instant[some]  # no two instants are neighbours
+        apart = 2 * _NEIGHBOURS_M * rows.instant[some]  # separates boxes of different instants
         tree = cKDTree(np.column_stack([boxes[:, :2], apart]))
         pairs = tree.query_pairs(_NEIGHBOURS_M, output_type="ndarray")
         a, b = boxes[pairs[:, 0]], boxes[pairs[:, 1]]
-        level = np.abs(a[:, 2] - b[:, 2]) < (a[:, 5] + b[:, 5]) / 2  # not one on a bridge
+        level = np.abs(a[:, 2] - b[:, 2]) < (a[:, 5] + b[:, 5]) / 2  # excludes bridges
         count += int(level.sum())
         reach = (np.hypot(*a[:, 3:5].T) + np.hypot(*b[:, 3:5].T)) / 2
         near = level & (np.hypot(*(a - b)[:, :2].T) < reach)
@@ -111,7 +114,7 @@ def _pairs(rows: TrackTable) -> tuple[int, IntArray]:
 
 
 def _with_middles(rows: TrackTable) -> TrackTable:
-    """Also the boxes halfway to each track's next instant; instants count half steps."""
+    """Adds boxes halfway between successive instants of each track; instants count half steps."""
     order = np.lexsort((rows.instant, rows.track))
     instant, track, boxes = rows.instant[order], rows.track[order], rows.boxes[order]
     on = np.flatnonzero((np.diff(track) == 0) & (np.diff(instant) == 1))
@@ -126,7 +129,7 @@ def _with_middles(rows: TrackTable) -> TrackTable:
 def report_lines(
     file: Path, tracks: Sequence[Track], feet: FloatArray, notes: Sequence[str]
 ) -> list[str]:
-    """The written file, its figures and the first of the notes, for a terminal."""
+    """Returns lines for the terminal: the written file, its figures and the first notes."""
     rows = traffic_figures(list(tracks), feet).rows()
     lines = [str(file), *(f"  {name:45} {value}" for name, value in rows)]
     lines += [f"  {note}" for note in notes[:MOST_NOTES]]

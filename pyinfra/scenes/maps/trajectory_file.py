@@ -1,4 +1,4 @@
-"""`trajectories.csv`: written whole, and only what the simulator's reader takes."""
+"""Writes `trajectories.csv`, with the checks of the simulator's reader."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ _LEVEL_RAD = 1e-4
 
 
 def write_trajectories(file: Path, tracks: list[Track]) -> None:
-    """Writes the tracks, numbered from 1 as they begin; refuses what the reader would refuse.
+    """Writes the tracks, numbered from 1 in the order of their starts.
 
-    The column `pitch` is there if any box leans.
+    The column `pitch` is only written if a box has a pitch. Raises Error for tracks that the
+    simulator would refuse.
     """
     ordered = sorted(tracks, key=lambda t: (t.first, t.name))
     if not ordered or ordered[0].first != 0:
@@ -50,7 +51,7 @@ def _text(tracks: list[Track]) -> str:
 
 
 def _check(track: Track) -> None:
-    """The rules of the simulator's reader, by name of the track."""
+    """Applies the rules of the simulator's reader. Raises Error that names the track."""
     if track.object_class not in CLASSES:
         _refuse(track, f"class '{track.object_class}'", ", ".join(CLASSES))
     if not np.isfinite(track.states).all() or not np.isfinite(track.size_m).all():

@@ -1,4 +1,4 @@
-"""Others' trajectories to tracks of ours: 10 Hz, no gaps, one size each, smooth."""
+"""Converts recorded trajectories to tracks: smooth, at 10 Hz, without gaps, with constant size."""
 
 from __future__ import annotations
 
@@ -24,15 +24,16 @@ from pyinfra.scenes.maps.recorded_boxes import BoxTrack
 from pyinfra.scenes.maps.smoothing import smooth, unsmoothed, within_limits
 from pyinfra.scenes.maps.tracks import CLASSES, STEP_S, FrontPath, Track, from_zero
 
-FILLED_S = 1.0  # gaps up to this are filled, longer ones cut a track
-_FASTEST_M_S = 70.0  # what is faster is another object, or a clock that jumped
+FILLED_S = 1.0  # gaps up to this length are filled; longer ones split a track
+_FASTEST_M_S = 70.0  # a faster step means another object, or a jump of the clock
 _SHORTEST_S = 1.0
 _SAME_SIZE_M = 0.05
 _LONGEST_S = 7200.0
 
-_MOVED_M = 0.5  # of a bumper whose heading is that of its way
+_MOVED_M = 0.5  # minimum movement from which a heading is derived
 
-# SUMO's own types, its classes and ours; of those that have none of ours the one of their size.
+# Maps our class names, SUMO's classes and SUMO's default types to our classes. SUMO's classes
+# without a counterpart map to our class of similar size.
 _SUMO_TYPES = {
     **{name: name for name in CLASSES},
     **{row.sumo_class: name for name, row in CLASSES.items()},
@@ -49,7 +50,7 @@ _WITHOUT_TYPE = {"vehicle": "Car", "person": "Pedestrian"}
 
 @dataclass
 class ImportedTracks:
-    """Tracks, and what became of what was not taken as it was: a line each."""
+    """Tracks, and one line of text for each change or omission."""
 
     tracks: list[Track] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -63,11 +64,12 @@ def import_fcd(
     *,
     has_site: bool = False,
 ) -> ImportedTracks:
-    """SUMO's front bumpers; sizes are the means of their classes.
+    """Converts SUMO's front bumper positions to tracks, with the mean sizes of their classes.
 
-    classes: SUMO's types to ours, past those that say it themselves; offset_m: (3,), taken from
-    the file's coordinates; projection: of the site, for longitude and latitude. Without a site
-    these are metres from their middle. Raises FormatError for a type without a class.
+    classes: maps SUMO's types to our classes, for types that are not known by name; offset_m: (3,),
+    subtracted from the file's coordinates; projection: of the site, for longitude and latitude.
+    Without a site, longitude and latitude become metres from their middle. Raises FormatError for a
+    type without a class.
     """
     out = ImportedTracks()
     start = min(float(o.rows[0, 0]) for o in objects)
@@ -93,7 +95,7 @@ def import_fcd(
 def _classes(
     objects: list[Recorded], classes: dict[str, str], out: ImportedTracks
 ) -> dict[tuple[str, str], str]:
-    """Our class of each kind and type; what was guessed is a note. Raises FormatError."""
+    """Returns our class for each kind and type; adds a note for guesses. Raises FormatError."""
     class_of: dict[tuple[str, str], str] = {}
     unknown: dict[str, str] = {}
     for o in objects:
@@ -117,7 +119,7 @@ def _classes(
 
 
 def _guessed_class(o: Recorded) -> str | None:
-    """By the type's name in other letters, or its last word, as in `veh_passenger`."""
+    """Guesses the class from the type's name in any case, or its last word: `veh_passenger`."""
     if not o.type_name:
         return _WITHOUT_TYPE[o.kind]
     words = re.split(r"[^a-z0-9]+", o.type_name.lower())
@@ -131,7 +133,10 @@ def _to_metres(
     has_site: bool,
     out: ImportedTracks,
 ) -> Callable[[FloatArray], FloatArray]:
-    """What turns the file's places (n, 3) into the site's. Raises FormatError."""
+    """Returns a function that converts the file's positions (n, 3) to the site's.
+
+    Raises FormatError.
+    """
     motions = [Motion(o.rows[:, 0], o.rows[:, 1:3], o.speeds) for o in objects]
     if not in_degrees(motions, projection):
         return lambda positions: np.asarray(positions - offset_m)
@@ -157,7 +162,7 @@ def _moves(positions: FloatArray) -> bool:
 
 
 def _headings(positions: FloatArray) -> FloatArray:
-    """(n,) rad, the direction of the way at each of (n, 4) places; 0 for who never moves."""
+    """Returns headings (n,) in rad from the motion of positions (n, 4); 0 without motion."""
     heading = np.zeros(len(positions))
     i = 0
     for k in range(1, len(positions)):
@@ -169,7 +174,10 @@ def _headings(positions: FloatArray) -> FloatArray:
 
 
 def import_boxes(objects: list[BoxTrack], offset_m: FloatArray) -> ImportedTracks:
-    """Boxes by their centres; what moves well already stays as it is. offset_m: as above."""
+    """Converts boxes to tracks; tracks within the limits are not smoothed.
+
+    offset_m: (3,), subtracted from the boxes' coordinates. Raises FormatError.
+    """
     out = ImportedTracks()
     start = min(float(o.times[0]) for o in objects)
     _check_length(start, max(float(o.times[-1]) for o in objects))
@@ -204,7 +212,7 @@ def _take(path: FrontPath, track: Track | None, out: ImportedTracks) -> None:
 
 
 def _from_zero(out: ImportedTracks) -> ImportedTracks:
-    """The clock starts with the first track that was kept."""
+    """Shifts the time so that the first track starts at 0. Raises FormatError without a track."""
     if not out.tracks:
         why = out.notes[0] if out.notes else "no rows"
         raise FormatError(f"found no track that can be used ({why}), allowed one or more")
@@ -215,7 +223,7 @@ def _from_zero(out: ImportedTracks) -> ImportedTracks:
 def _pieces(
     name: str, times: FloatArray, positions: FloatArray, out: ImportedTracks
 ) -> Iterator[tuple[int, FloatArray]]:
-    """First instant and places (n, 4) x y z heading at 10 Hz, of each part without a long gap."""
+    """Yields first instant and x y z heading (n, 4) at 10 Hz of each part without a long gap."""
     gap_s = np.diff(times)
     step_m = np.linalg.norm(np.diff(positions[:, :3], axis=0), axis=1)
     long = gap_s > FILLED_S + 1e-6
