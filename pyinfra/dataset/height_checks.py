@@ -22,10 +22,10 @@ def check_height(height_m: float) -> None:
 
 
 def height_warnings(clouds: Sequence[Points], height_m: float) -> Iterator[str]:
-    """Yields a warning if the road in the clouds contradicts the given height, or is tilted.
+    """Yields warnings if the road in the clouds contradicts the given height, or is tilted.
 
-    Networks depend on the height of points above the road. clouds: (n, 4) each, levelled LiDAR
-    frame. Yields nothing if the clouds show too little ground.
+    Both matter because networks depend on the height of points above the road. clouds: (n, 4) each,
+    levelled LiDAR frame. Yields nothing if the clouds show too little ground.
     """
     road = road_of(clouds)
     if road is None:

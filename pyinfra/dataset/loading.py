@@ -129,9 +129,9 @@ def simulate(
 
     Returns
     -------
-    A sequence of frames; for a list of LiDARs, a dict of sequences by LiDAR name. If `frames` is a
-    sequence, `frames[3].points` is (n, 4) float32, x y z intensity, in the levelled LiDAR frame,
-    and `frames.labels` is a table of all labels. No file is written.
+    A sequence of frames; for a list of LiDARs, a dict of sequences by LiDAR name. For a sequence
+    `result`, `result[3].points` is (n, 4) float32, x y z intensity, in the levelled LiDAR frame,
+    and `result.labels` is a table of all labels. No file is written.
 
     Raises
     ------

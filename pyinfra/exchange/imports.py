@@ -40,8 +40,9 @@ def import_recording(
 ) -> tuple[ImportSummary, bool]:
     """Writes a recording in a format of IMPORTS to the new folder DATA/LIDAR.
 
-    upright: `auto` searches for the road unless the format guarantees levelled points. region: file
-    with an outline in the levelled frame; it is copied to the folder.
+    upright: `auto` searches for the road unless the points count as levelled, either by the format
+    or, if the format leaves it open, because the recording has labels. region: file with an outline
+    in the levelled frame; it is copied to the folder.
     Returns a summary, and whether the recording has labels. Raises the errors of the format and of
     `survey`, and FileExistsError; after an error, no folder is left.
     """

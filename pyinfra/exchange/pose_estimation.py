@@ -294,7 +294,7 @@ def _from_road_level(source: Path, estimate: Survey, plane: RoadPlane) -> Survey
 
 
 def _check_millimetres(source: Path, estimate: Survey, why: str) -> None:
-    """Raises Error if millimetres were assumed; called when they give no sensor above a road."""
+    """Raises Error if millimetres were assumed, because the result is no sensor above a road."""
     if MILLIMETRES in estimate.assumed:
         raise Error(
             f"{source}: found coordinates that as millimetres make no sense ({why}), allowed those "

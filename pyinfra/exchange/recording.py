@@ -71,7 +71,7 @@ class Recording:
 
     @property
     def counted(self) -> bool:
-        """Whether frames are numbered by their order, as names are not unique six-digit numbers."""
+        """Whether frames are numbered by order: names are not unique numbers of up to 6 digits."""
         if not all(re.fullmatch("[0-9]{1,6}", name) for name in self.names):
             return True
         return len({int(name) for name in self.names}) < len(self.names)  # such as 1 and 01

@@ -1,7 +1,8 @@
-"""Street furniture beside roads: signs, bins, planters, shelters, small trees, standing groups.
+"""Street furniture beside roads: signs, bins, planters, shelters, small trees.
 
-A detector that was not trained with such objects mistakes them for vehicles. They are placed last,
-where space is left, so that the rest of a site does not depend on them.
+Groups of standing pedestrians are placed in the same way. A detector that was not trained with such
+objects mistakes them for vehicles. They are placed last, where space is left, so that the rest of a
+site does not depend on them.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class Furniture:
         mount: Keys,
         base_m: Callable[[DrawnRoad, float], float],
     ) -> None:
-        """base_m: returns the ground height at a distance to the left of a road's centreline."""
+        """base_m: callback for the ground height at a distance left of a road's centreline."""
         self.walks, self.room, self.base_m = walks, walks.room, base_m
         self.counts, self.how = habitat.furniture, ranges.furniture
         self.times = ranges.furniture.times

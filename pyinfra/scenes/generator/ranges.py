@@ -376,7 +376,7 @@ class Ranges:
     fleets: Weights = field(
         default_factory=lambda: {"as elsewhere": 0.75, "Motorcycle": 0.15, "Bus": 0.1}
     )
-    fleet_weight: Range = (0.4, 1.0)  # weight of that class; cars have 0.5 to 0.95
+    fleet_weight: Range = (0.4, 1.0)  # weight of that class, at most 1; cars have 0.5 to 0.95
     roundabouts: float = 0.3  # share of the crossings and of the T-junctions
     ring: RingRanges = RingRanges()
     furniture: FurnitureRanges = FurnitureRanges()

@@ -44,7 +44,7 @@ class Roadside:
         """Adds the objects on both sides of a road, over it and in its median."""
         draws = Draws(seed, f"{road.name} middle")
         self._median(draws, road)
-        kerbs = {(road.name, side) for side, _ in SIDES} & self._kerbs  # a gantry's legs need them
+        kerbs = {(road.name, side) for side, _ in SIDES} & self._kerbs  # no gantry over them
         if draws.chance(self.habitat.gantry) and not kerbs:
             self._gantry(draws, road)
         for side, word in SIDES:

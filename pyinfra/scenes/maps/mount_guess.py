@@ -1,6 +1,7 @@
 """Chooses a default pole: beside the largest junction, off the carriageway.
 
-Its yaw is chosen so that a narrow field of view contains the junction and most metres of lanes.
+Its yaw is chosen so that a narrow field of view contains the junction and the greatest total length
+of lanes.
 """
 
 from __future__ import annotations
@@ -57,9 +58,9 @@ def guess_pole(site_map: SiteMap) -> tuple[Pole, str]:
 
 
 def _yaw_deg(foot: FloatArray, target: FloatArray, lanes: list[MapLane], off_deg: float) -> float:
-    """Returns the yaw at which the field of view contains the target and most metres of lanes.
+    """Returns the yaw at which the field of view contains the target and most of the lanes.
 
-    Of several equally good yaws, it returns the middle one.
+    Lanes are weighted by their length. Of several equally good yaws, it returns the middle one.
     """
     middles = [(lane.centre[1:] + lane.centre[:-1])[:, :2] / 2 - foot for lane in lanes]
     metres = [np.hypot(*np.diff(lane.centre[:, :2], axis=0).T) for lane in lanes]

@@ -72,7 +72,7 @@ def appearing(tracks: list[Track], feet: FloatArray) -> int:
 
 
 def without_overlaps(tracks: list[Track]) -> tuple[list[Track], list[str]]:
-    """Removes tracks with most overlaps until none is left; returns tracks and removed names."""
+    """Removes the track with most overlaps until none overlap; also returns the removed names."""
     _, overlapping = _pairs(table(tracks))
     left = [(int(a), int(b)) for a, b in overlapping]
     gone: set[int] = set()
