@@ -36,7 +36,7 @@ _LABEL_NUMBERS = kitti.LABEL_COLUMNS[8:]
 
 @dataclass(frozen=True, eq=False)
 class Vehicles:
-    """n objects of several frames, in the levelled LiDAR frame."""
+    """The n objects of several frames, in the levelled LiDAR frame."""
 
     frame: IntArray  # (n,) index into the requested frames, ascending
     ids: IntArray  # (n,) -1 if read from labels
@@ -55,7 +55,7 @@ class Vehicles:
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """n predicted boxes of several frames, in the levelled LiDAR frame."""
+    """The n predicted boxes of several frames, in the levelled LiDAR frame."""
 
     frame: IntArray  # (n,) index into the requested frames, ascending
     line: IntArray  # (n,) line number in its file

@@ -49,8 +49,8 @@ UPS: dict[str, list[list[int]]] = {  # rows: x, y, z axes of the upright frame i
 }
 SURE_SHARE = 0.3  # share of the near ground on the road plane from which z is surely up
 LOWEST_M = 1.0  # lowest height of a sensor; if lower, the origin of the clouds is on the road
-AS_GIVEN_M = 0.5  # tolerated error of a given height,
-AS_GIVEN_SHARE = 0.15  # or this share of the height if larger
+AS_GIVEN_M = 0.5  # tolerated error of a given height
+AS_GIVEN_SHARE = 0.15  # the same relative to the height; the larger of both applies
 GIVEN_TILT_DEG = 10.0  # largest tilt of the road after correction by a given tilt
 WORTH_DEG = 0.05  # smaller tilts are not corrected
 

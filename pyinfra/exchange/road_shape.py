@@ -17,11 +17,11 @@ from pyinfra.formats.kitti import RoadShape
 
 LEAST_COLUMNS = 100  # minimum number of columns with traffic
 GATES_M = (1.5, 0.8, 0.5, 0.3, 0.3, 0.3)  # maximum distance from the surface in successive fits
-ABOVE_M = 0.05  # ground higher than this above the surface may be a vehicle that hides the road,
-ABOVE_WEIGHT = 0.3  # and gets this weight
+ABOVE_M = 0.05  # ground higher than this above the surface may be a vehicle that hides the road
+ABOVE_WEIGHT = 0.3  # weight of such ground
 STEADY_M4 = 1e4  # ridge term of the quadratic coefficients: (0.05 m / 5e-4 per m) squared
-GAIN_M = 0.03  # the mean distance of ground from the surface must be this much less than from the
-MOST_M = 0.3  # plane; each distance counts as at most this
+GAIN_M = 0.03  # minimum reduction of the ground's mean distance by the surface, against the plane
+MOST_M = 0.3  # upper limit of each distance in that mean
 WORTH_M = 0.15  # the 90 % quantile of the surface's deviation from the plane must reach this
 FOOT_M = 0.5  # maximum deviation of the surface from the plane below the sensor
 STEEPEST = 0.2  # maximum slope at the radius where the surface becomes linear
