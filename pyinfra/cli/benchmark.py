@@ -20,29 +20,55 @@ from pyinfra.experiments.pool import BACKENDS, Pool
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Fills a matrix scene x LiDAR x preset x detector x seed: a row a cell, with everything "
-        "needed to repeat it. The same command goes on after a stop."
+        "Runs an experiment for each combination of scene, LiDAR, preset, detector and seed, and "
+        "writes one row of results each. A row holds everything needed to repeat its experiment. "
+        "Run the same command again to resume."
     )
     parser.epilog = (
         "example: pyinfra benchmark configs/benchmarks/demo.yaml --tier smoke --out out/demo"
     )
-    parser.add_argument("config", type=Path, help="file of configs/benchmarks")
-    parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
-    parser.add_argument("--scene", default="", help="file or name, in place of the plan's scenes")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the tables")
+    parser.add_argument("config", type=Path, help="a benchmark file, as in configs/benchmarks")
     parser.add_argument(
-        "--work", type=Path, default=Path("data/benchmark"), help="folder of frames and runs"
+        "--tier", choices=TIERS, default="quick", help="size of the benchmark; default: quick"
     )
     parser.add_argument(
-        "--jobs", type=int, default=os.cpu_count() or 1, help="cells at a time; default: all cores"
+        "--scene", default="", help="a scene's file or name; replaces the scenes of the config"
+    )
+    parser.add_argument("--out", type=Path, required=True, help="folder for the tables of results")
+    parser.add_argument(
+        "--work",
+        type=Path,
+        default=Path("data/benchmark"),
+        help="folder for simulated frames and trained detectors; default: data/benchmark",
+    )
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        default=os.cpu_count() or 1,
+        help="number of experiments to run at the same time; default: one per core",
     )
     parser.add_argument("--backend", choices=BACKENDS, default="local")
-    parser.add_argument("--address", default="", help="of a Ray or Dask cluster that is there")
-    parser.add_argument("--device", default="cpu", help="cpu; cuda: any GPU that is free; cuda:1")
     parser.add_argument(
-        "--latency", action="store_true", help="time the finished cells again, one at a time"
+        "--address",
+        default="",
+        help="address of a running cluster, with --backend ray or dask; default: start one on "
+        "this machine",
     )
-    parser.add_argument("--dry-run", action="store_true", help="print the cells and their time")
+    parser.add_argument(
+        "--device",
+        default="cpu",
+        help="cpu, cuda (any free GPU) or one GPU such as cuda:1; default: cpu",
+    )
+    parser.add_argument(
+        "--latency",
+        action="store_true",
+        help="only measure the latency of finished experiments again, one at a time",
+    )
+    parser.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="only print the unfinished experiments and their expected run time",
+    )
 
 
 def run(args: argparse.Namespace) -> int:

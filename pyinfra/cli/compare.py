@@ -17,20 +17,22 @@ SHOWN = {"ap_r1000": "AP (R1000)", "found_percent": "found %", "hidden_percent":
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Compares poles, heights or numbers of poles over the same traffic: AP, the share of "
-        "vehicles found by a box of any score, the share hidden from the place, and paired "
-        "differences with 95 % intervals. A place is a folder of `pyinfra evaluate`, or a folder "
-        "of these, one per seed of the traffic."
+        "Compares mounts (pole positions, heights or numbers of poles) that see the same traffic. "
+        "Prints for each mount the AP, the share of vehicles found by a box of any score and the "
+        "share hidden from the mount, then paired differences with 95 % intervals. Each PLACE is "
+        "one mount: an output folder of `pyinfra evaluate`, or a folder that holds one such "
+        "folder for each traffic seed."
     )
     parser.epilog = "example: pyinfra compare out/low out/high"
-    parser.add_argument("places", nargs="+", type=Path, metavar="PLACE", help="two or more folders")
+    parser.add_argument("places", nargs="+", type=Path, metavar="PLACE", help="two folders or more")
     parser.add_argument(
         "--ground-truth",
         choices=SUBSETS,
         default="present",
-        help="default: present, every vehicle of the region, seen or not, the same for all places",
+        help="ground-truth subset; default: present, which is every vehicle in the region, "
+        "visible or not, and so the same for all mounts",
     )
-    parser.add_argument("--out", type=Path, metavar="FILE", help="also write the rows as CSV")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="CSV file to write the rows to")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -48,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def table_text(table: pd.DataFrame, which: str) -> str:
-    """The rows of `compare_places` as text."""
+    """Returns the rows of `compare_places` as a text table."""
     seeds, frames = int(table.seeds.iloc[0]), int(table.frames.iloc[0])
     of = f"{seeds} seeds of the traffic" if seeds > 1 else "one seed of the traffic"
     how = "Student's t over the seeds" if seeds > 1 else "a bootstrap over blocks of time"

@@ -36,53 +36,84 @@ NOTHING = (
     "no box in any frame: are the sensor's height, its frame (z up, origin at the sensor) and the "
     "region right?"
 )
-LIKELY = 0.5  # a score; a detector gives all boxes from 0.1 on, before calibration
+# Least score of a box that is counted as likely. Detectors return boxes with scores of 0.1 or more
+# before calibration.
+LIKELY = 0.5
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Finds vehicles with a trained detector; prints its latency."
+    parser.description = "Runs a trained detector on point clouds and prints its latency."
     parser.epilog = (
         "example: pyinfra detect runs/pillars --data data/highway/ruby_plus "
         "--out runs/pillars/predictions"
     )
     parser.add_argument(
-        "trained", metavar="RUN", nargs="?", type=Path, help="folder of `pyinfra train`, or --model"
+        "trained",
+        metavar="RUN",
+        nargs="?",
+        type=Path,
+        help="output folder of `pyinfra train`; or use --model",
     )
     parser.add_argument(
-        "cloud", nargs="*", type=Path, help=".bin files, x y z intensity, or .pcd files"
+        "cloud",
+        nargs="*",
+        type=Path,
+        help="point clouds: .pcd files, or .bin files with x, y, z, intensity",
     )
     parser.add_argument(
-        "--model", type=Path, help="in place of RUN: of the package, as generalist, or a file"
+        "--model",
+        type=Path,
+        help="used instead of RUN: a pretrained detector, such as generalist, or a model file",
     )
-    parser.add_argument("--data", type=Path, help="folder of a LiDAR")
-    parser.add_argument("--out", type=Path, help="folder of the KITTI results; needed with --data")
+    parser.add_argument("--data", type=Path, help="folder of one LiDAR; replaces cloud files")
     parser.add_argument(
-        "--split", help="val, train or all, with --data; default: val if split, else all"
+        "--out", type=Path, help="folder for boxes as KITTI results; required with --data"
     )
-    parser.add_argument("--frames", type=int, default=0, help="at most so many, evenly spread")
+    parser.add_argument(
+        "--split",
+        help="which frames of --data: val, train or all; default: val if the data set is split, "
+        "else all",
+    )
+    parser.add_argument(
+        "--frames",
+        type=int,
+        default=0,
+        help="largest number of frames of --data, evenly spread; default: 0, all frames",
+    )
     parser.add_argument(
         "--checkpoint",
         choices=("last", "best"),
         default="last",
-        help="default: last; best: by the recipe's validate_frames",
+        help="which state of the training: the last, or the best on its validation frames "
+        "(validate_frames of the detector's configuration); default: last",
     )
     parser.add_argument(
-        "--height-m", type=float, help="of the sensor above the road; default: what --data says"
+        "--height-m",
+        type=float,
+        help="height of the sensor above a level road, in metres; default: taken from --data",
     )
     parser.add_argument(
         "--region",
         type=Path,
         metavar="FILE",
-        help="where vehicles can be, `outline_m: [[x, y], ...]`; default: what --data says",
+        help="YAML file with the outline of the area where vehicles can be, "
+        "`outline_m: [[x, y], ...]`; default: taken from --data",
     )
     parser.add_argument(
         "--drop-standing",
         action="store_true",
-        help="with --data of a minute or more: no boxes that come back where nothing ever moves",
+        help="remove vehicle boxes that recur where nothing ever moves; needs --data, best of one "
+        "minute or more",
     )
-    parser.add_argument("--device", default="cpu", help="of a network: cpu, cuda, cuda:1, ...")
     parser.add_argument(
-        "--allow-transfer", action="store_true", help="another LiDAR, preset or scene is meant"
+        "--device",
+        default="cpu",
+        help="device of a network: cpu, cuda, cuda:1, ...; default: cpu",
+    )
+    parser.add_argument(
+        "--allow-transfer",
+        action="store_true",
+        help="do not warn if the detector was trained on another LiDAR, preset or scene",
     )
 
 
@@ -102,10 +133,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Raises Error for words that do not go together."""
+    """Raises Error for arguments that exclude each other; sorts RUN and clouds with --model."""
     if args.frames < 0:
         raise Error(f"frames: expected 0 or more, got {args.frames}")
-    if args.model is not None and args.trained is not None:  # it is the first cloud
+    # With --model the first positional argument is a cloud, although argparse takes it for RUN.
+    if args.model is not None and args.trained is not None:
         args.trained, args.cloud = None, [args.trained, *args.cloud]
     if args.model is None and args.trained is None:
         raise Error("detect: found no detector, allowed RUN or --model")

@@ -21,18 +21,20 @@ METRICS: tuple[Metric, ...] = get_args(Metric)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Average precision, by distance and area, with 95 % intervals."
+    parser.description = (
+        "Computes the average precision of predictions, by distance and area, with 95 % intervals."
+    )
     parser.epilog = (
         "example: pyinfra evaluate --gt data/highway/livox_avia "
         "--pred runs/pillars/predictions --out out/evaluation"
     )
-    parser.add_argument("--gt", type=Path, required=True, help="folder of a LiDAR, KITTI layout")
+    parser.add_argument("--gt", type=Path, required=True, help="folder of one LiDAR, KITTI layout")
     parser.add_argument(
         "--pred",
         type=Path,
         required=True,
-        help="folder of NNNNNN.txt (KITTI results) or NNNNNN.csv (class,x,y,z,dx,dy,dz,heading,"
-        "score in the LiDAR frame)",
+        help="folder of predictions, one file per frame: NNNNNN.txt (KITTI results) or NNNNNN.csv "
+        "(class,x,y,z,dx,dy,dz,heading,score in the LiDAR frame)",
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for tables and figures")
     default = Settings()
@@ -40,37 +42,53 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--ground-truth",
         nargs="+",
         choices=SUBSETS,
-        help="captured: with points of this LiDAR; common: in view of every LiDAR of the data set, "
-        "visible; all: visible from the mount; present: every one in the region, seen or not, to "
-        "compare mounts. Default: captured all, without objects captured",
+        help="which vehicles of the region count. captured: those with points of this LiDAR; "
+        "common: visible ones in the field of view of every LiDAR of the data set; all: those "
+        "visible from the mount; present: all of them, visible or not (to compare mounts). "
+        "Default: captured all; captured alone if the folder has no objects",
     )
     parser.add_argument(
         "--class",
         dest="classes",
         nargs="+",
         metavar="NAME[=TYPE,...]",
-        help=f"KITTI types that count; default vehicle={','.join(VEHICLE_TYPES)}; also pedestrian, "
-        "cyclist",
+        help="classes to evaluate, each with the KITTI types that it includes; the types may be "
+        "left out for vehicle, pedestrian and cyclist; "
+        f"default: vehicle={','.join(VEHICLE_TYPES)}",
     )
     add_measures(parser, default)
     parser.add_argument("--min-score", type=float, default=default.min_score)
     parser.add_argument(
-        "--min-points", type=int, default=default.min_points, help="of a captured vehicle"
+        "--min-points",
+        type=int,
+        default=default.min_points,
+        help=f"points that make a vehicle captured; default: {default.min_points}",
     )
     parser.add_argument(
-        "--min-objects", type=int, default=default.min_objects, help="of an area that counts"
+        "--min-objects",
+        type=int,
+        default=default.min_objects,
+        help=f"an area with fewer objects gets no quality level; default: {default.min_objects}",
     )
     parser.add_argument(
-        "--cut-first", action="store_true", help="also match within each window alone; slow"
+        "--cut-first",
+        action="store_true",
+        help="also compute AP with each window cut out before matching; slow",
     )
     add_bootstrap(parser, default)
     frames = parser.add_mutually_exclusive_group()
     frames.add_argument(
-        "--split", help="train, val, ... of ImageSets, or all; default val if there is one"
+        "--split",
+        help="which frames: the name of a list in ImageSets, such as val, or all; default: val if "
+        "it exists, else all",
     )
-    frames.add_argument("--frames", metavar="A:B[:STEP]", help="B excluded")
+    frames.add_argument(
+        "--frames", metavar="A:B[:STEP]", help="frame numbers from A to B, B excluded"
+    )
     parser.add_argument(
-        "--allow-missing", action="store_true", help="a missing file means nothing found"
+        "--allow-missing",
+        action="store_true",
+        help="treat a missing prediction file as a frame without boxes",
     )
     parser.add_argument("--no-figures", action="store_true")
 
@@ -80,22 +98,25 @@ def add_measures(parser: argparse.ArgumentParser, default: Settings) -> None:
         "--iou",
         type=float,
         nargs="+",
-        help=f"default {default.ious[0]:g}, of people {PERSON_IOU:g}",
+        help=f"IoU thresholds; default: {default.ious[0]:g}, "
+        f"for pedestrians and cyclists {PERSON_IOU:g}",
     )
     parser.add_argument(
         "--metric",
         nargs="+",
         choices=METRICS,
-        help=f"bev: IoU of footprints; 3d; centre: up to {CENTRE_M:g} m between centres. "
-        "Default bev, of people bev centre",
+        help="how boxes are matched. bev: by IoU of footprints; 3d: by IoU of volumes; centre: by "
+        f"centres at most {CENTRE_M:g} m apart. Default: bev, for pedestrians and cyclists bev "
+        "centre",
     )
     parser.add_argument(
         "--protocol",
         nargs="+",
         choices=PROTOCOLS,
         default=default.protocols,
-        help="definition: AP (R1000), in ap.csv also AP (R40); r11: 11 recalls; kitti: the "
-        "devkit's 40 recalls and sampling, strict IoU",
+        help="how AP is computed. definition: AP (R1000), in ap.csv also AP (R40); r11: AP at 11 "
+        "recalls; kitti: as the KITTI devkit does, at 40 recalls with its sampling, for IoU above "
+        "the threshold. Default: definition",
     )
 
 
@@ -103,7 +124,10 @@ def add_bootstrap(parser: argparse.ArgumentParser, default: Settings) -> None:
     bootstrap = parser.add_argument_group("bootstrap of the intervals")
     bootstrap.add_argument("--draws", type=int, default=default.draws)
     bootstrap.add_argument(
-        "--block-s", type=float, help="length of a block; default as long as a vehicle stays"
+        "--block-s",
+        type=float,
+        help="length of a block of time, in seconds; default: the time that a vehicle stays in "
+        "the region",
     )
     bootstrap.add_argument("--seed", type=int, default=default.seed)
 
@@ -147,7 +171,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def class_types(words: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """`vehicle`, `pedestrian`, `Car` or `large=Truck,Bus` as classes with their types.
+    """Returns the KITTI types of each class, by the class's name.
+
+    A word is `NAME=TYPE,...` as in `large=Truck,Bus`, or a name alone. A name alone is a class of
+    OBJECT_CLASSES, such as `vehicle`, or one KITTI type, such as `Car`.
 
     Raises Error for a class without types.
     """

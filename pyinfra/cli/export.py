@@ -14,16 +14,23 @@ from pyinfra.exchange.rates import Shown, summary
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Writes frames of a LiDAR as another tool takes them."
+    parser.description = "Writes frames of one LiDAR in the format of another tool."
     parser.epilog = (
         "example: pyinfra export data/highway/livox_avia --to openpcdet --out out/openpcdet"
     )
-    parser.add_argument("data", type=Path, help="folder of a LiDAR")
+    parser.add_argument("data", type=Path, help="folder of one LiDAR")
     parser.add_argument("--to", choices=EXPORTS, required=True)
-    parser.add_argument("--out", type=Path, required=True, help="new or empty folder")
+    parser.add_argument("--out", type=Path, required=True, help="new or empty folder to write to")
     frames = parser.add_mutually_exclusive_group()
-    frames.add_argument("--frames", metavar="A:B[:STEP]", help="B excluded; default: all")
-    frames.add_argument("--split", default="all", help="train or val of ImageSets; default: all")
+    frames.add_argument(
+        "--frames", metavar="A:B[:STEP]", help="frame numbers from A to B, B excluded"
+    )
+    frames.add_argument(
+        "--split",
+        default="all",
+        help="which frames: the name of a list in ImageSets, such as train or val, or all; "
+        "default: all",
+    )
 
 
 def run(args: argparse.Namespace) -> int:

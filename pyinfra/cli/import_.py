@@ -16,41 +16,55 @@ from pyinfra.exchange.recording import Options
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Makes a data set of a recording of your own or of another tool's frames."
+    parser.description = "Imports your own recording, or frames of another tool, as a data set."
     parser.epilog = (
         "example: pyinfra import recordings/junction --from pcd --out data/junction/pole_1 "
         "--period-s 0.1 --price-usd 1500 1500"
     )
-    parser.add_argument("source", type=Path, help="folder")
+    parser.add_argument("source", type=Path, help="folder of the recording")
     parser.add_argument("--from", dest="format", choices=IMPORTS, required=True)
-    parser.add_argument("--out", type=Path, required=True, help="new folder DATA/LIDAR")
-    parser.add_argument("--scene", help="name of the place; default: that of DATA")
-    parser.add_argument("--model", help="of the LiDAR; default: the name of its folder")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        help="new folder for the frames, DATA/LIDAR: a data set's folder and a LiDAR's name",
+    )
+    parser.add_argument("--scene", help="name of the site; default: the name of the folder DATA")
+    parser.add_argument("--model", help="model of the LiDAR; default: the name of its folder")
     parser.add_argument("--price-usd", type=float, nargs=2, metavar=("LOW", "HIGH"))
-    parser.add_argument("--period-s", type=float, help="of a frame; default: as recorded, else 0.1")
+    parser.add_argument(
+        "--period-s",
+        type=float,
+        help="duration of a frame in seconds; default: as recorded, else 0.1",
+    )
     parser.add_argument(
         "--height-m",
         type=float,
-        help="of the sensor above the road, roughly; default: found, or as vehicles stand",
+        help="approximate height of the sensor above the road, in metres; default: estimated from "
+        "the points or the labelled vehicles",
     )
     parser.add_argument(
         "--tilt-deg",
         type=float,
         nargs=2,
         metavar=("PITCH", "ROLL"),
-        help="how the sensor leans, pitch down positive: points and boxes are turned upright",
+        help="tilt of the sensor in degrees, positive pitch is downwards; points and boxes are "
+        "levelled with it",
     )
     parser.add_argument(
         "--upright",
         choices=get_args(Upright),
         default="auto",
-        help="road: turn points to the road's plane; default auto: without labels",
+        help="how points are levelled. road: by a plane that is fitted to the road; as-is: not at "
+        "all; auto: as road, unless the points are expected to be level, by their format or "
+        "because they have labels. Default: auto",
     )
     parser.add_argument(
         "--region",
         type=Path,
         metavar="FILE",
-        help="where vehicles can be, `outline_m: [[x, y], ...]`, kept with the frames",
+        help="YAML file with the outline of the area where vehicles can be, "
+        "`outline_m: [[x, y], ...]`; it is copied to the frames",
     )
     parser.add_argument(
         "--type",
@@ -58,22 +72,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="NAME=TYPE",
-        help="as Lkw=Truck",
+        help="object types of the source and what they are called here, such as Lkw=Truck",
     )
-    parser.add_argument("--labels", type=Path, help="folder of them, in place of the usual one")
+    parser.add_argument("--labels", type=Path, help="folder of labels; default: the format's own")
     parser.add_argument(
-        "--intensity-max", type=float, help="of the source; default: 1, 255 or 65535, as they are"
+        "--intensity-max",
+        type=float,
+        help="highest intensity of the source; default: 1, 255 or 65535, chosen by the format or "
+        "the values",
     )
     parser.add_argument(
         "--unit-m",
         type=float,
         default=1.0,
-        help="of a coordinate; default: 1, or 0.001 if so found",
+        help="unit of the coordinates in metres; default: 1, or 0.001 if the coordinates appear "
+        "to be millimetres",
     )
     parser.add_argument(
-        "--columns", type=int, help="float32 of a .bin point; default: found, nuscenes 5"
+        "--columns",
+        type=int,
+        help="number of float32 values of a point in .bin files; default: detected, for nuscenes 5",
     )
-    parser.add_argument("--channel", help="which LiDAR, or sequence of KITTI's tracking")
+    parser.add_argument(
+        "--channel", help="which LiDAR of the recording, or which sequence of KITTI tracking"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""`pyinfra lidars`: the LiDARs that come with the package, and those of files."""
+"""`pyinfra lidars`: lists the LiDARs of the package, or LiDARs from files."""
 
 from __future__ import annotations
 
@@ -25,20 +25,24 @@ LEGEND = ", ".join(f"{letter} {name}" for name, letter in LETTERS.items())
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Lists LiDARs, a row each: lines, width and height of the field of view, range in metres "
-        "at most and of a target of 10 %, price in US dollars with its source, presets."
+        "Lists LiDARs, one row each: number of lines, width and height of the field of view, "
+        "maximum range and range to a target of 10 % reflectance (metres), price in US dollars "
+        "with its source, and presets."
     )
     parser.epilog = "example: pyinfra lidars ruby_plus mine.yaml"
     parser.add_argument(
         "lidars",
         nargs="*",
         metavar="LIDAR",
-        help="names of the catalogue, or files; default: the whole catalogue",
+        help="names from the package, or LiDAR files; default: all LiDARs of the package",
     )
     parser.add_argument(
-        "--preset", default="", help="default: datasheet, if a LiDAR has it, then equal, then paper"
+        "--preset",
+        default="",
+        help="preset that the figures belong to; default: the first of datasheet, equal and paper "
+        "that a LiDAR has",
     )
-    parser.add_argument("--json", action="store_true", help="as JSON, every figure by its name")
+    parser.add_argument("--json", action="store_true", help="print JSON with named values")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -49,7 +53,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def file_of(word: str) -> Path:
-    """Raises Error with the names for a word that is neither a name nor a file."""
+    """Returns the file of a LiDAR that is named or given as a .yaml file.
+
+    Raises Error, which lists the known names, if there is no such file.
+    """
     file = Path(word) if word.endswith(".yaml") else lidar_file(word)
     if not file.is_file():
         names = ", ".join(file.stem for file in catalogue_files())
@@ -58,7 +65,7 @@ def file_of(word: str) -> Path:
 
 
 def as_json(sheets: Sequence[LidarSheet]) -> str:
-    """A list of objects; what is not known is null."""
+    """Returns the sheets as a JSON list of objects; unknown values are null."""
     known = [
         {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in asdict(sheet).items()}
         for sheet in sheets
@@ -67,7 +74,7 @@ def as_json(sheets: Sequence[LidarSheet]) -> str:
 
 
 def lines(sheets: Sequence[LidarSheet]) -> list[str]:
-    """A table, the sources of the prices, and what could not be resolved."""
+    """Returns the printed lines: a table, the sources of the prices, and files with problems."""
     sources = list(dict.fromkeys(source(sheet) for sheet in sheets if source(sheet)))
     rows = [HEADS, *(row(sheet, sources) for sheet in sheets)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -109,5 +116,5 @@ def whole(value: float) -> str:
 
 
 def source(sheet: LidarSheet) -> str:
-    """Where a price is from, and of when."""
+    """Returns the source and the date of a price, empty if neither is known."""
     return f"{sheet.price_source}, {sheet.price_date}".strip(", ")

@@ -1,10 +1,15 @@
 """The `pyinfra` command: one subcommand for each row of COMMANDS.
 
-A command is a module with `add_arguments(parser)`, whose epilog is an example, and
-`run(args) -> exit code`: parsing, a call of what a notebook can call too, printing. Messages go to
-stderr. What it raises becomes one line and an exit code here: 0 done; 2 what the user can mend
-(`pyinfra.Error`, wrong usage); 1 a file that the system cannot read or write, an experiment that
-failed, or a bug, whose traceback is kept in a file.
+Each subcommand is a module with two functions. `add_arguments(parser)` adds the options and an
+example as epilog. `run(args)` calls the library, prints the result and returns the exit code.
+Messages go to stderr.
+
+`main` turns an exception into one line on stderr and an exit code:
+
+- 0: the command succeeded
+- 1: a file could not be read or written, a package is missing, an experiment failed, or a bug
+  occurred; the traceback of a bug is saved to a file
+- 2: an error that the user can correct (`pyinfra.Error`, wrong usage)
 """
 
 import argparse
@@ -26,7 +31,7 @@ WRONG = 2
 
 @dataclass(frozen=True)
 class Command:
-    """A subcommand; its module is imported when it is the one that was asked for."""
+    """A subcommand; its module is imported only when the subcommand is used."""
 
     name: str
     module: str
@@ -34,34 +39,35 @@ class Command:
 
 
 COMMANDS = (
-    Command("pictures", "pyinfra.cli.pictures", "a frame from above, the scene, vehicles close up"),
-    Command("lidars", "pyinfra.cli.lidars", "the LiDARs there are: lines, view, range, price"),
-    Command("site", "pyinfra.cli.site", "a site out of a map and traffic: lanes, plan"),
-    Command("sites", "pyinfra.cli.sites", "plausible sites by seed, and their plans"),
-    Command("view", "pyinfra.cli.view", "frames in 3-D, as an HTML file without a network"),
-    Command("statistics", "pyinfra.cli.statistics", "hits, points per vehicle, patterns"),
-    Command("evaluate", "pyinfra.cli.evaluate", "average precision of predictions, with intervals"),
-    Command("compare", "pyinfra.cli.compare", "poles and heights over the same traffic, paired"),
-    Command("report", "pyinfra.cli.report", "the results as one page that opens from disk"),
-    Command("validate", "pyinfra.cli.validate", "checks of data sets and predictions"),
-    Command("train", "pyinfra.cli.train", "a detector learns from frames"),
-    Command("detect", "pyinfra.cli.detect", "boxes of a trained detector, and its latency"),
-    Command("stress", "pyinfra.cli.stress", "where detectors fail, and what fails first"),
-    Command("onnx", "pyinfra.cli.onnx", "a dense detector as one ONNX file"),
-    Command("benchmark", "pyinfra.cli.benchmark", "accuracy, speed and price, cell by cell"),
-    Command("recommend", "pyinfra.cli.recommend", "which LiDAR and detector for a budget"),
-    Command("export", "pyinfra.cli.export", "frames for other tools"),
-    Command("import", "pyinfra.cli.import_", "other tools' frames as a data set"),
-    Command("split", "pyinfra.cli.split", "which frames train and which test"),
+    Command("pictures", "pyinfra.cli.pictures", "draw frames from above, scenes and close-ups"),
+    Command("lidars", "pyinfra.cli.lidars", "list LiDARs: lines, field of view, range, price"),
+    Command("site", "pyinfra.cli.site", "make a site from a map, and add traffic to it"),
+    Command("sites", "pyinfra.cli.sites", "generate random sites and draw their plans"),
+    Command("view", "pyinfra.cli.view", "show frames in 3-D in an HTML file"),
+    Command("statistics", "pyinfra.cli.statistics", "compute points per vehicle and more"),
+    Command("evaluate", "pyinfra.cli.evaluate", "compute the average precision of predictions"),
+    Command("compare", "pyinfra.cli.compare", "compare pole positions and heights"),
+    Command("report", "pyinfra.cli.report", "write the results of a benchmark as one HTML page"),
+    Command("validate", "pyinfra.cli.validate", "check data sets and predictions"),
+    Command("train", "pyinfra.cli.train", "train a detector on frames"),
+    Command("detect", "pyinfra.cli.detect", "run a trained detector and measure its latency"),
+    Command("stress", "pyinfra.cli.stress", "find the conditions in which detectors fail"),
+    Command("onnx", "pyinfra.cli.onnx", "export a dense detector as an ONNX file"),
+    Command("benchmark", "pyinfra.cli.benchmark", "measure accuracy, speed and price"),
+    Command("recommend", "pyinfra.cli.recommend", "rank LiDARs and detectors within a budget"),
+    Command("export", "pyinfra.cli.export", "write frames in other tools' formats"),
+    Command("import", "pyinfra.cli.import_", "import a recording as a data set"),
+    Command("split", "pyinfra.cli.split", "divide frames into training and validation"),
 )
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line; `-13,5` is a value as `-13` is."""
+    """Reports wrong usage in one line, and accepts values such as `-13,5` that begin with `-`."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        # Of argparse's own, which knows single numbers only: no option begins with a digit.
+        # argparse's own pattern matches single numbers only. No option begins with a digit, so
+        # every word that begins like a negative number is a value.
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def error(self, message: str) -> NoReturn:
@@ -69,15 +75,20 @@ class _Parser(argparse.ArgumentParser):
 
 
 def make_parser(words: Sequence[str]) -> argparse.ArgumentParser:
-    """The parser for a command line; only the one asked for, the first word, has its arguments."""
+    """Returns the parser for a command line.
+
+    Only the subcommand in `words` gets its arguments, so that no other module is imported.
+    """
     parser = _Parser(
         prog="pyinfra",
-        description="Scanning statistics, detectors, average precision and reports.",
+        description="Trains and evaluates detectors on LiDAR frames, and compares LiDARs.",
         epilog="example: pyinfra lidars --preset datasheet",
     )
     parser.add_argument("--version", action="version", version=f"pyinfra {__version__}")
     parser.add_argument(
-        "--traceback", action="store_true", help="before COMMAND: show where an error comes from"
+        "--traceback",
+        action="store_true",
+        help="show the traceback of an error; give it before COMMAND",
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     asked = next((word for word in words if not word.startswith("-")), None)
@@ -91,7 +102,7 @@ def make_parser(words: Sequence[str]) -> argparse.ArgumentParser:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Runs a command line, that of the process by default; returns the exit code.
+    """Runs a command line, by default that of the process, and returns the exit code.
 
     Raises SystemExit for --help, --version and wrong usage.
     """
@@ -100,9 +111,9 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         make_parser(words).parse_args(words, args)
         code = int(args.run(args))
-        sys.stdout.flush()  # a closed pipe shows here
+        sys.stdout.flush()  # raises BrokenPipeError here if the pipe was closed
         return code
-    except BrokenPipeError:  # the reader of a pipe has enough
+    except BrokenPipeError:  # the reading program, such as `head`, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except KeyboardInterrupt:
@@ -117,7 +128,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def _ended_by(error: Exception, words: Sequence[str], args: argparse.Namespace) -> tuple[str, int]:
-    """What is said of an error, and the exit code."""
+    """Returns the message for an error, and the exit code."""
     if isinstance(error, Error):
         return message_of(error, args.options), error.exit_code
     if isinstance(error, OSError) or is_missing_package(error):
@@ -126,6 +137,6 @@ def _ended_by(error: Exception, words: Sequence[str], args: argparse.Namespace) 
 
 
 def is_missing_package(error: Exception) -> bool:
-    """Whether a package of others is not installed."""
+    """Returns whether the error is a third-party package that is not installed."""
     name = error.name if isinstance(error, ImportError) else None
     return isinstance(error, ModuleNotFoundError) and not str(name).startswith("pyinfra")

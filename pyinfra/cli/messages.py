@@ -1,5 +1,4 @@
-"""What a command says beside its results: lines on stderr, which name options where the library
-names arguments."""
+"""Messages of a command on stderr. They name options where the library names arguments."""
 
 from __future__ import annotations
 
@@ -14,11 +13,11 @@ from pathlib import Path
 from pyinfra.core.errors import keep_traceback
 from pyinfra.core.version import __version__
 
-Options = Mapping[str, str]  # option of each argument: `--height-m` of `height_m`
+Options = Mapping[str, str]  # options by argument, such as `--height-m` for `height_m`
 
 
 def options_of(parser: argparse.ArgumentParser) -> dict[str, str]:
-    """The option of each argument of a command, and of its own commands."""
+    """Returns the option of each argument of a command and of its subcommands."""
     names: dict[str, str] = {}
     for action in parser._actions:  # argparse has no other way to list them
         if isinstance(action, argparse._SubParsersAction):
@@ -32,24 +31,24 @@ def options_of(parser: argparse.ArgumentParser) -> dict[str, str]:
 
 
 def with_options(text: str, options: Options) -> str:
-    """A message of the library, with options in place of arguments.
+    """Returns a message of the library with option names in place of argument names.
 
-    An argument stands at the beginning, before a colon, or in backquotes: `height_m: expected 0 to
-    100, got -3`, "`columns` says another number".
+    An argument name is replaced at the beginning of the message before a colon, as in `height_m:
+    expected 0 to 100, got -3`, and in backquotes, as in "`columns` says another number".
     """
     text = re.sub(r"^(\w+)(?=: )", lambda m: options.get(m[1], m[1]), text)
     return re.sub(r"`(\w+)`", lambda m: options.get(m[1], m[0]), text)
 
 
 def printable(text: str) -> str:
-    """One line that a terminal shows and does not obey."""
+    """Returns a text as one line, with control characters escaped."""
     line = " ".join(text.split())
     escaped = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
     return "".join(escaped)
 
 
 def message_of(error: BaseException, options: Options | None = None) -> str:
-    """An error in one line; of a system's error, the path first."""
+    """Returns an error as one line; the message of an OSError begins with the path."""
     text = str(error) if str(error).strip() else type(error).__name__
     if isinstance(error, OSError) and error.filename is not None:
         text = f"{error.filename}: {error.strerror}"
@@ -67,7 +66,7 @@ def note(text: str, args: argparse.Namespace) -> None:
 
 
 def report_bug(error: Exception, words: Sequence[str]) -> str:
-    """Keeps the traceback of an error that no user can mend; returns what to print."""
+    """Saves the traceback of an internal error to a file, and returns the message to print."""
     text = f"internal error: {type(error).__name__}: {message_of(error)}"
     error.add_note(f"command: pyinfra {shlex.join(words)}")
     error.add_note(f"version: {__version__}, Python {sys.version.split()[0]}")

@@ -1,11 +1,11 @@
-"""Options that are lists of numbers, as `--mount X,Y,Z,YAW`."""
+"""Options whose value is a list of numbers, such as `--mount X,Y,Z,YAW`."""
 
 import argparse
 from collections.abc import Callable
 
 
 def numbers(names: str) -> Callable[[str], tuple[float, ...]]:
-    """Of an option: as many numbers as names, with commas between."""
+    """Returns a parser of option values: numbers with commas between, one for each of `names`."""
 
     def read(text: str) -> tuple[float, ...]:
         try:

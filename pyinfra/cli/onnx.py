@@ -9,10 +9,10 @@ from pyinfra.models.inference.onnx import export
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Writes a dense detector as ONNX, from points to boxes."
+    parser.description = "Exports a dense detector, from points to boxes, as one ONNX file."
     parser.epilog = "example: pyinfra onnx runs/pillars --out pillars.onnx"
-    parser.add_argument("model", metavar="RUN", type=Path, help="folder of `pyinfra train`")
-    parser.add_argument("--out", type=Path, required=True, help=".onnx file")
+    parser.add_argument("model", metavar="RUN", type=Path, help="output folder of `pyinfra train`")
+    parser.add_argument("--out", type=Path, required=True, help=".onnx file to write")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -12,13 +12,13 @@ from pyinfra.viz.frame_pictures import draw_scenes
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Bird's-eye views of one frame, a picture of each LiDAR and a sheet; the plan of each "
-        "scene; and the same vehicles as each LiDAR sees them."
+        "Draws one frame from above, as one picture for each LiDAR and a sheet of all. Also draws "
+        "the plan of each scene, and close-ups of the same vehicles in the points of each LiDAR."
     )
     parser.epilog = "example: pyinfra pictures data/highway data/curve --frame 0 --out out/pictures"
-    parser.add_argument("data", nargs="+", type=Path, help="data sets of `infrasim run`")
-    parser.add_argument("--frame", type=int, default=0, help="frame to draw")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the pictures")
+    parser.add_argument("data", nargs="+", type=Path, help="data sets written by `infrasim run`")
+    parser.add_argument("--frame", type=int, default=0, help="number of the frame; default: 0")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the pictures")
 
 
 def run(args: argparse.Namespace) -> int:

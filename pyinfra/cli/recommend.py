@@ -14,21 +14,25 @@ from pyinfra.metrics.row_selection import COUNTED
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Says which LiDAR and detector suit a budget, by a benchmark's tables: those whose "
-        "detector keeps up with the LiDAR, by AP of all vehicles on the road. Brackets behind AP "
-        "are its 95 % interval; behind metres of road, the metres if every window's AP were at "
-        "the low or at the high end of its own."
+        "Ranks the LiDARs and detectors of a benchmark that meet your requirements, by the AP of "
+        "all vehicles in the region. Brackets after an AP are its 95 % interval. Brackets after "
+        "metres of road are the metres if each window's AP were at the low end, or at the high "
+        "end, of its interval."
     )
     parser.epilog = "example: pyinfra recommend results --scene highway --budget 8000 --min-ap 85"
-    parser.add_argument("results", type=Path, help="folder of `pyinfra benchmark`")
+    parser.add_argument("results", type=Path, help="output folder of `pyinfra benchmark`")
     parser.add_argument(
-        "--budget", dest="budget_usd", type=float, required=True, help="USD for LiDAR and site"
+        "--budget",
+        dest="budget_usd",
+        type=float,
+        required=True,
+        help="highest price of LiDAR and site, in US dollars",
     )
     parser.add_argument(
         "--min-ap",
         type=float,
         default=Wish.min_ap,
-        help="AP of all vehicles, 0 to 100, at least; also where road counts as covered; "
+        help="lowest AP of all vehicles, 0 to 100; road counts as covered where AP is above it; "
         f"default: {Wish.min_ap:g}",
     )
     parser.add_argument(
@@ -36,24 +40,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="range_m",
         type=float,
         default=Wish.range_m,
-        help="10, 20 ... 100 m of road to either side, at a site from a map around the sensor: AP, "
-        f"recall and coverage are of what lies within; default: {Wish.range_m:g}",
+        help="10, 20 ... 100 m: AP, recall and coverage count only what lies within this distance, "
+        "along the road on either side or, at a site from a map, around the sensor; "
+        f"default: {Wish.range_m:g}",
     )
     parser.add_argument(
         "--latency",
         dest="latency_ms",
         type=float,
         default=Wish.latency_ms,
-        help=f"milliseconds a frame, median, at most; default: {Wish.latency_ms:g}, real time",
+        help="longest median time per frame, in milliseconds; "
+        f"default: {Wish.latency_ms:g}, the duration of a frame",
     )
-    parser.add_argument("--scene", default="", help="which of the scenes, if several were measured")
+    parser.add_argument("--scene", default="", help="scene; required if several were measured")
     parser.add_argument(
         "--preset",
         default="",
-        help="default: that of the report, the nearest to LiDARs one can buy (datasheet, equal, "
-        "paper) that has two LiDARs or more",
+        help="preset of the LiDARs; default: as in the report, the first of datasheet, equal and "
+        "paper that has results of two LiDARs or more",
     )
-    parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
+    parser.add_argument(
+        "--tier", choices=TIERS, default="quick", help="tier of the benchmark; default: quick"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

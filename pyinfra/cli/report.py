@@ -12,26 +12,41 @@ from pyinfra.viz.report.report_data import read_material
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "One page that opens from disk: the answer, and the figures behind it."
+    parser.description = (
+        "Writes the results of a benchmark as one HTML page that opens from disk: a "
+        "recommendation, and the figures that it is based on."
+    )
     parser.epilog = (
         "example: pyinfra report results --data data/highway --runs runs/* --out report.html"
     )
-    parser.add_argument("results", type=Path, help="folder of the tables of `pyinfra benchmark`")
+    parser.add_argument("results", type=Path, help="output folder of `pyinfra benchmark`")
     parser.add_argument(
-        "--data", nargs="+", type=Path, default=[], help="data sets to draw pictures of"
+        "--data", nargs="+", type=Path, default=[], help="data sets whose frames are drawn"
     )
     parser.add_argument(
-        "--runs", nargs="+", type=Path, default=[], help="runs whose predictions are drawn"
+        "--runs",
+        nargs="+",
+        type=Path,
+        default=[],
+        help="folders of trained detectors whose predictions are drawn",
     )
     parser.add_argument(
         "--sections",
         default="pyinfra.viz.report.contents",
         metavar="MODULE",
-        help="a module with a list SECTIONS of functions; default: %(default)s",
+        help="Python module whose list SECTIONS holds the functions that write the sections; "
+        "default: %(default)s",
     )
-    parser.add_argument("--tier", help="full, quick or smoke; by default the most complete")
+    parser.add_argument(
+        "--tier", help="tier of the benchmark: full, quick or smoke; default: the most complete"
+    )
     group = parser.add_argument_group("of the answer, as `pyinfra recommend` has them")
-    group.add_argument("--budget", type=float, default=Wish.budget_usd, help="default: any price")
+    group.add_argument(
+        "--budget",
+        type=float,
+        default=Wish.budget_usd,
+        help="highest price of LiDAR and site, in US dollars; default: no limit",
+    )
     group.add_argument("--min-ap", type=float, default=Wish.min_ap)
     group.add_argument("--range", type=float, default=Wish.range_m)
     group.add_argument("--latency", type=float, default=Wish.latency_ms)

@@ -1,19 +1,19 @@
-"""`pyinfra site STEP`: sites out of maps and traffic of others; a step is a module beside this."""
+"""`pyinfra site STEP`: makes sites from maps and traffic files. Each step has its own module."""
 
 import argparse
 import importlib
 
 STEPS = {
-    "import": ("pyinfra.cli.site_import", "a map as a site"),
-    "draw": ("pyinfra.cli.site_draw", "the plan of a site"),
-    "mesh": ("pyinfra.cli.site_mesh", "a surface of others in it"),
-    "traffic": ("pyinfra.cli.site_traffic", "traffic of a site by SUMO"),
-    "trajectories": ("pyinfra.cli.site_trajectories", "others' trajectories as its traffic"),
+    "import": ("pyinfra.cli.site_import", "import a map as a site"),
+    "draw": ("pyinfra.cli.site_draw", "draw the plan of a site"),
+    "mesh": ("pyinfra.cli.site_mesh", "add a 3-D model to a site"),
+    "traffic": ("pyinfra.cli.site_traffic", "simulate traffic with SUMO"),
+    "trajectories": ("pyinfra.cli.site_trajectories", "import recorded trajectories as traffic"),
 }
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Sites out of maps and traffic of others; needs the extra `site`."
+    parser.description = "Makes sites from maps and traffic files; needs the extra `site`."
     parser.epilog = "example: pyinfra site import town.xodr --out sites/town"
     steps = parser.add_subparsers(title="steps", metavar="STEP", required=True)
     for name, (module, summary) in STEPS.items():

@@ -1,4 +1,4 @@
-"""`pyinfra site draw sites/NAME --out plan.svg`: the plan of a site."""
+"""`pyinfra site draw sites/NAME --out plan.svg`: draws the plan of a site."""
 
 import argparse
 from pathlib import Path
@@ -9,9 +9,12 @@ from pyinfra.core.errors import Error
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = "example: pyinfra site draw sites/town --out plan.svg"
     parser.add_argument("site", type=Path, help="folder of the site")
-    parser.add_argument("--out", type=Path, required=True, help=".svg, .png or .pdf")
+    parser.add_argument("--out", type=Path, required=True, help=".svg, .png or .pdf file")
     parser.add_argument(
-        "--radius", dest="radius_m", type=float, help="metres around the pole; default: all"
+        "--radius",
+        dest="radius_m",
+        type=float,
+        help="draw only what lies within this distance of the pole, in metres; default: everything",
     )
 
 

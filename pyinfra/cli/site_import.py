@@ -1,4 +1,4 @@
-"""`pyinfra site import FILE --out sites/NAME`: a map of others as a site."""
+"""`pyinfra site import FILE --out sites/NAME`: imports a map as a site."""
 
 import argparse
 from pathlib import Path
@@ -14,20 +14,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help=kinds)
     parser.add_argument("--out", type=Path, required=True, help="folder of the site")
     parser.add_argument(
-        "--centre", type=numbers("X,Y"), metavar="X,Y", help="of the site in the map; OSM: lon,lat"
+        "--centre",
+        type=numbers("X,Y"),
+        metavar="X,Y",
+        help="centre of the site in map coordinates; for OSM longitude,latitude",
     )
     parser.add_argument(
         "--radius",
         dest="radius_m",
         type=float,
         default=RADIUS_M,
-        help=f"metres around; default: {RADIUS_M:g}",
+        help=f"radius around the centre to import, in metres; default: {RADIUS_M:g}",
     )
     parser.add_argument(
         "--mount",
         type=numbers("X,Y,Z,YAW"),
         metavar="X,Y,Z,YAW",
-        help="pole in the site, yaw in degrees",
+        help="position of the sensor in the site, in metres, and its yaw in degrees; "
+        "default: chosen from the map",
     )
 
 

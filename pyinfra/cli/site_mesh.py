@@ -1,4 +1,4 @@
-"""`pyinfra site mesh FILE --out SITE`: a surface of others in a site."""
+"""`pyinfra site mesh FILE --out SITE`: adds the surface of a 3-D model to a site."""
 
 import argparse
 from pathlib import Path
@@ -16,15 +16,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, metavar="FILE")
     add = parser.add_argument
     add("--out", type=Path, required=True, metavar="SITE", help="folder of the site")
-    add("--material", choices=MATERIALS, default="structure", help="default: structure")
-    add("--up", choices=("y", "z"), default="", help="its upward axis; default: y of glTF, else z")
-    add("--scale", type=float, default=1.0, help="metres of its unit; default: 1")
+    add("--material", choices=MATERIALS, default="structure", help="material; default: structure")
+    add(
+        "--up",
+        choices=("y", "z"),
+        default="",
+        help="upward axis of the file; default: y for glTF, else z",
+    )
+    add("--scale", type=float, default=1.0, help="unit of the file in metres; default: 1")
     add(
         "--offset",
         type=numbers("X,Y,Z"),
         default=(0.0, 0.0, 0.0),
         metavar="X,Y,Z",
-        help="m, added last",
+        help="shift in metres, applied after scale and rotation; default: 0,0,0",
     )
 
 

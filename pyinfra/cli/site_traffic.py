@@ -1,4 +1,4 @@
-"""`pyinfra site traffic SITE`: who moves there, by SUMO."""
+"""`pyinfra site traffic SITE`: simulates the traffic of a site with SUMO."""
 
 import argparse
 from pathlib import Path
@@ -6,18 +6,33 @@ from pathlib import Path
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Simulates traffic on SITE/map.net.xml by SUMO, with its signals and right of way, and "
-        "writes it as SITE/trajectories.csv: boxes that move as vehicles on two axles. The "
-        "scene's duration_s becomes the time that they fill."
+        "Simulates traffic on SITE/map.net.xml with SUMO, including signals and right of way, and "
+        "writes SITE/trajectories.csv. Boxes move as vehicles with two axles do. Sets duration_s "
+        "of the scene to the length of the trajectories."
     )
     parser.epilog = "example: pyinfra site traffic sites/corner --vehicles-per-hour 1200"
     parser.add_argument("site", type=Path, metavar="SITE")
     add = parser.add_argument
-    add("--vehicles-per-hour", type=float, default=1000, help="through the region; default: 1000")
-    add("--pedestrians-per-hour", type=float, default=0, help="default: 0")
-    add("--bicycles-per-hour", type=float, default=0, help="default: 0")
-    add("--seconds", type=float, default=500, help="of the file; default: 500")
-    add("--seed", type=int, default=1, help="default: 1")
+    add(
+        "--vehicles-per-hour",
+        type=float,
+        default=1000,
+        help="vehicles that enter the region in an hour; default: 1000",
+    )
+    add(
+        "--pedestrians-per-hour",
+        type=float,
+        default=0,
+        help="pedestrians that enter the region in an hour; default: 0",
+    )
+    add(
+        "--bicycles-per-hour",
+        type=float,
+        default=0,
+        help="cyclists that enter the region in an hour; default: 0",
+    )
+    add("--seconds", type=float, default=500, help="length of the trajectories; default: 500")
+    add("--seed", type=int, default=1, help="seed of the traffic; default: 1")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""`pyinfra site trajectories FILE --out SITE`: who moves there, by others."""
+"""`pyinfra site trajectories FILE --out SITE`: imports trajectories as the traffic of a site."""
 
 import argparse
 from pathlib import Path
@@ -8,11 +8,11 @@ from pyinfra.core.errors import Error
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Takes trajectories of others into a site: SUMO's floating car data (.xml, .gz), a .csv "
-        "of boxes, or the folder of a LiDAR with labels. Resampled to 10 Hz, gaps up to 1 s "
-        "filled, smoothed where they jump; without ids boxes are linked. The scene's duration_s "
-        "becomes the time that they fill. Floating car data in longitude and latitude are "
-        "recognised, and projected as the site's map."
+        "Imports trajectories as the traffic of a site. FILE is SUMO's floating car data (.xml, "
+        ".gz), a .csv file of boxes, or a LiDAR's folder with labels. Trajectories are resampled "
+        "to 10 Hz, gaps of up to 1 s are filled, and jumps are smoothed. Boxes without ids are "
+        "linked to tracks. Floating car data in longitude and latitude are projected like the "
+        "map of the site. Sets duration_s of the scene to the length of the trajectories."
     )
     parser.epilog = (
         "example: pyinfra site trajectories tracks.csv --columns x=center_x,y=center_y "
@@ -21,17 +21,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, metavar="FILE")
     add = parser.add_argument
     add("--out", type=Path, required=True, metavar="SITE", help="folder of the site")
-    add("--columns", type=_pairs, default={}, metavar="x=NAME,...", help="a CSV's own names")
+    add(
+        "--columns",
+        type=_pairs,
+        default={},
+        metavar="x=NAME,...",
+        help="column names in the CSV file, such as x=center_x",
+    )
     add(
         "--class-of",
         type=_classes,
         default={},
         metavar="NAME=Car,...",
-        help="its own classes; =Car: of those without one",
+        help="class of each class name in the file; =Car is for objects without a class name",
     )
-    add("--rate-hz", type=float, help="frames a second: time is the column `frame`")
-    add("--world", action="store_true", help="positions are the site's, not those of its map")
-    add("--degrees", action="store_true", help="a CSV's headings are in degrees")
+    add(
+        "--rate-hz",
+        type=float,
+        help="frames per second; time is then computed from the column `frame` of the CSV file",
+    )
+    add(
+        "--world",
+        action="store_true",
+        help="positions are in the site's frame; default: in the coordinates of its map",
+    )
+    add("--degrees", action="store_true", help="headings of the CSV file are in degrees")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -73,7 +87,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _classes(text: str) -> dict[str, str]:
-    """As _pairs; the first name may be empty, and may hold a `=`. The second is one of ours."""
+    """Returns `a=Car,b=Bus` as a mapping from class names of the file to classes of CLASSES.
+
+    A class name of the file may be empty, and may contain `=`.
+    """
     from pyinfra.scenes.maps.tracks import CLASSES
 
     pairs = dict(part.rpartition("=")[::2] for part in text.split(",") if "=" in part)
@@ -87,7 +104,7 @@ def _classes(text: str) -> dict[str, str]:
 
 
 def _pairs(text: str) -> dict[str, str]:
-    """`a=b,c=d` as a mapping."""
+    """Returns `a=b,c=d` as a mapping."""
     pairs = [part.split("=") for part in text.split(",")]
     if any(len(pair) != 2 or not all(pair) for pair in pairs):
         raise argparse.ArgumentTypeError(f"found '{text[:60]}', allowed NAME=OTHER,...")

@@ -1,4 +1,4 @@
-"""`pyinfra sites --seed S --count N --out DIR`: generated sites as scene files, and their plans."""
+"""`pyinfra sites --seed S --count N --out DIR`: writes generated sites and draws their plans."""
 
 import argparse
 from pathlib import Path
@@ -16,13 +16,18 @@ DPI = 130
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Writes plausible sites as scene files, one a seed, and a sheet of their plans: what "
-        "training that streams from the simulator is drawn from."
+        "Generates random sites, writes each as a scene file, and draws a sheet of their plans. "
+        "`pyinfra train --sites` trains on such sites."
     )
     parser.epilog = "example: pyinfra sites --seed 0 --count 24 --out out/sites"
-    parser.add_argument("--seed", type=int, default=0, help="of the first site; default: 0")
-    parser.add_argument("--count", type=int, default=24, help="sites; default: 24")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the files")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the first site; default: 0")
+    parser.add_argument(
+        "--count",
+        type=int,
+        default=24,
+        help="number of sites; each has the next seed; default: 24",
+    )
+    parser.add_argument("--out", type=Path, required=True, help="folder for the files")
 
 
 def run(args: argparse.Namespace) -> int:

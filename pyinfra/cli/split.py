@@ -9,23 +9,31 @@ from pyinfra.dataset.split import TRAIN_UNTIL_S, VAL_FROM_S, by_random, by_seed,
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Writes ImageSets/train.txt and val.txt for every LiDAR of a data set."
+    parser.description = (
+        "Divides the frames of a data set into training and validation frames. Writes their "
+        "numbers to ImageSets/train.txt and val.txt of every LiDAR."
+    )
     parser.epilog = "example: pyinfra split data/highway --by time"
-    parser.add_argument("data", type=Path, help="data set of `infrasim run`")
+    parser.add_argument("data", type=Path, help="data set written by `infrasim run`")
     parser.add_argument(
         "--by",
         choices=["time", "seed", "random"],
         default="time",
-        help="time: 0-400 s train, from 410 s val; seed: another seed's data set is val; "
-        "random: a fifth is val",
+        help="which frames are val. time: those from 410 s on, while those before 400 s are train; "
+        "seed: all frames of --val-data, a data set of another seed; random: a fifth of the "
+        "frames. Default: time",
     )
-    parser.add_argument("--val-data", type=Path, help="with --by seed: the data set that is val")
-    parser.add_argument("--seed", type=int, default=1, help="of --by random")
+    parser.add_argument("--val-data", type=Path, help="validation data set, with --by seed")
+    parser.add_argument(
+        "--seed", type=int, default=1, help="random seed, with --by random; default: 1"
+    )
     for name, default in (("train-until-s", TRAIN_UNTIL_S), ("val-from-s", VAL_FROM_S)):
         parser.add_argument(
-            f"--{name}", type=float, default=default, help=f"of --by time; default: {default:g}"
+            f"--{name}", type=float, default=default, help=f"with --by time; default: {default:g}"
         )
-    parser.add_argument("--force", action="store_true", help="replace another split")
+    parser.add_argument(
+        "--force", action="store_true", help="replace an existing split that differs"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

@@ -8,23 +8,29 @@ from pyinfra.core.errors import Error
 from pyinfra.metrics.scanning_statistics import statistics, write
 from pyinfra.viz import scanning_plots
 
-MOST_FRAMES = 100  # that count as one
+MOST_FRAMES = 100  # highest value of --accumulate
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Scanning statistics of data sets, as tables and figures."
+    parser.description = (
+        "Computes scanning statistics of data sets, such as points per vehicle, and writes tables "
+        "and figures."
+    )
     parser.epilog = "example: pyinfra statistics data/highway data/curve --out out/statistics"
-    parser.add_argument("data", nargs="+", type=Path, help="data sets of `infrasim run`")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the tables and figures")
+    parser.add_argument("data", nargs="+", type=Path, help="data sets written by `infrasim run`")
+    parser.add_argument("--out", type=Path, required=True, help="folder for tables and figures")
     parser.add_argument(
-        "--above-road", action="store_true", help="leave out points below road level (need fields)"
+        "--above-road",
+        action="store_true",
+        help="leave out points below road level; needs frames of `infrasim run --fields`",
     )
     parser.add_argument(
         "--accumulate",
         type=int,
         default=1,
         metavar="N",
-        help="N frames one after another count as one: points of a vehicle add up; default: 1",
+        help="merge N consecutive frames into one, so that the points on a vehicle add up; "
+        "default: 1",
     )
 
 

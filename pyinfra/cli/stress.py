@@ -1,6 +1,6 @@
-"""`pyinfra stress RUN... --data DATA/LIDAR --out DIR`: where detectors fail, and what fails first.
+"""`pyinfra stress RUN... --data DATA/LIDAR --out DIR`: finds where detectors fail.
 
-The rules stand in docs/conventions.md, "Stress", and were written before the first run.
+docs/conventions.md, "Stress", defines the rules, which were written before the first run.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from pyinfra.viz import stress_plots
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Turns dials on clouds, worlds and training from none to breaking; rows go to stress.csv. "
-        "A row that is there is not computed again, and several processes share the work. "
-        "Stressors that cannot act on the data are left out with a note; trials that fail are "
-        "named, and the exit status is then 1."
+        "Tests detectors under stressors of growing severity. A stressor changes the point clouds, "
+        "the simulated scene or LiDAR, or the training. Rows go to stress.csv. Existing rows are "
+        "not computed again, and several processes can share the work. Stressors that do not "
+        "apply to the data are left out with a note. If a trial fails, its name and error are "
+        "printed and the exit status is 1."
     )
     parser.epilog = (
         "example: pyinfra stress runs/background runs/pillars --data data/highway/ruby_plus "
@@ -33,11 +34,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         type=Path,
         metavar="RUN",
-        help="folders of `pyinfra train` for this LiDAR; of several runs of a detector the first "
-        "is stressed, and the others are its smaller trainings and other seeds",
+        help="output folders of `pyinfra train` for this LiDAR. Of several runs of one detector "
+        "the first is stressed; the others, with fewer training frames or another seed, are "
+        "compared with it",
     )
     parser.add_argument(
-        "--data", type=Path, required=True, help="folder of a LiDAR; its val frames"
+        "--data", type=Path, required=True, help="folder of one LiDAR; its val frames are used"
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for tables and figures")
     parser.add_argument(
@@ -45,17 +47,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         metavar="NAME",
         default=list(STRESSORS),
-        help=f"default all: {', '.join(STRESSORS)}",
+        help=f"names of stressors; default: all, which are {', '.join(STRESSORS)}",
     )
-    parser.add_argument("--dials", nargs="+", help="with one stressor: these in place of its own")
+    parser.add_argument(
+        "--dials",
+        nargs="+",
+        help="severities to test, in the unit of the stressor; only with one stressor; "
+        "default: the stressor's own",
+    )
     parser.add_argument(
         "--frames",
         type=int,
         default=runner.FRAMES,
-        help="at most so many, evenly spaced; default 60",
+        help="largest number of frames, evenly spread; default: 60",
     )
-    parser.add_argument("--seed", type=int, default=1, help="of the draws; default 1")
-    parser.add_argument("--dry-run", action="store_true", help="list the trials, with an estimate")
+    parser.add_argument(
+        "--seed", type=int, default=1, help="seed of the random changes; default: 1"
+    )
+    parser.add_argument(
+        "--dry-run", action="store_true", help="only list the trials and estimate their run time"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -80,7 +91,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _fill(plan: runner.Prepared, out: Path, seed: int) -> int:
-    """How many failed, each with a line on stderr. Without a terminal there is no bar."""
+    """Runs the trials and returns how many failed; each failure is one line on stderr.
+
+    A progress bar is shown on a terminal only.
+    """
     failed = 0
     bar = tqdm(plan.todo, unit="trial", disable=None, file=sys.stderr)
     for trial in bar:

@@ -20,62 +20,90 @@ from pyinfra.models.training.train import OF_NETWORKS, train
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Trains a detector on frames; the same command goes on after a stop."
+    parser.description = "Trains a detector on frames. Run the same command again to resume."
     parser.epilog = (
         "example: pyinfra train configs/detectors/pointpillars.yaml "
         "--data data/highway/ruby_plus --tier quick --out runs/pillars"
     )
-    parser.add_argument("config", type=Path, help="file of configs/detectors")
-    parser.add_argument("--data", nargs="+", type=Path, default=[], help="folders of LiDARs")
-    parser.add_argument("--scene", type=Path, help="in place of --data: simulate while training")
-    parser.add_argument("--lidar", type=Path, help="with --scene: file of configs/lidars")
-    parser.add_argument("--mount", default="", help="with --scene: which of several")
+    parser.add_argument("config", type=Path, help="a detector's file, as in configs/detectors")
     parser.add_argument(
-        "--sites", type=Path, metavar="FILE", help="in place of --data: file of configs/streams"
+        "--data",
+        nargs="+",
+        type=Path,
+        default=[],
+        help="folders of LiDARs whose training frames are used",
     )
-    parser.add_argument("--preset", default="datasheet", help="with --scene; default: datasheet")
+    parser.add_argument(
+        "--scene",
+        type=Path,
+        help="scene file; its frames are simulated during training (instead of --data)",
+    )
+    parser.add_argument(
+        "--lidar", type=Path, help="LiDAR file, as in configs/lidars; required with --scene"
+    )
+    parser.add_argument(
+        "--mount", default="", help="name of the mount; with a --scene that has several"
+    )
+    parser.add_argument(
+        "--sites",
+        type=Path,
+        metavar="FILE",
+        help="stream file, as in configs/streams; random sites are simulated during training "
+        "(instead of --data)",
+    )
+    parser.add_argument(
+        "--preset", default="datasheet", help="preset of --lidar; default: datasheet"
+    )
     parser.add_argument(
         "--region",
         type=Path,
         metavar="FILE",
-        help="of background: where vehicles can be, `outline_m: [[x, y], ...]`; default: the roads",
+        help="for the detector background: YAML file with the outline of the area where vehicles "
+        "can be, `outline_m: [[x, y], ...]`; default: the roads of the data set",
     )
     parser.add_argument(
         "--from",
         dest="start",
         type=Path,
         metavar="RUN",
-        help="begin with a trained network's weights: a folder, a file, or one of the package; "
-        "default: the recipe's start",
+        help="start from the weights of a trained network: a training folder, a model file, or "
+        "the name of a pretrained detector; default: `start` of the config",
     )
-    parser.add_argument("--tier", choices=TIERS, default="quick", help="default: quick")
+    parser.add_argument(
+        "--tier", choices=TIERS, default="quick", help="size of the training; default: quick"
+    )
     parser.add_argument(
         "--accumulate",
         type=int,
         default=1,
         metavar="N",
-        help="of a network: stack so many frames into one cloud; default: 1",
+        help="merge N consecutive frames into one cloud; networks only; default: 1",
     )
     parser.add_argument(
         "--label-at",
         choices=get_args(LabelAt),
         default="newest",
-        help="of the stacked frames, the one whose vehicles are found; default: newest",
+        help="which of the merged frames the labels belong to; default: newest",
     )
-    parser.add_argument("--out", type=Path, required=True, help="folder of the run")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the trained detector")
     parser.add_argument("--seed", type=int, default=OF_NETWORKS["seed"])
-    parser.add_argument("--device", default=OF_NETWORKS["device"], help="cpu, cuda, cuda:1, ...")
+    parser.add_argument(
+        "--device",
+        default=OF_NETWORKS["device"],
+        help="cpu, cuda, cuda:1, ...; default: cpu",
+    )
     parser.add_argument(
         "--precision",
         choices=get_args(Precision),
         default=OF_NETWORKS["precision"],
-        help="of the layers; default: float32",
+        help="number format of the network's layers; default: float32",
     )
     parser.add_argument(
         "--budget",
         type=float,
         default=OF_NETWORKS["budget"],
-        help="share of the tier's steps, the schedule with it",
+        help="number of steps as a multiple of the tier's steps; the learning rate schedule is "
+        "stretched to match; default: 1",
     )
 
 
@@ -98,13 +126,16 @@ def run(args: argparse.Namespace) -> int:
             warn(f"other-types: {warning}", args)
     how = {name: getattr(args, name) for name in ("seed", "device", "precision")}
     model = train(recipe, sources, args.out, **how)
-    if os.environ.get("RANK", "0") == "0":  # of several processes, the first
+    if os.environ.get("RANK", "0") == "0":  # only the first of several processes prints
         print(model)
     return 0
 
 
 def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]) -> list[Source]:
-    """The sources with the region that was asked for; says if one that needs it has none."""
+    """Returns the sources with the region of --region, if it is given.
+
+    Prints a note for each source that has no region, if the detector uses one.
+    """
     if DETECTORS[recipe.detector].learnt or not recipe.network.within_region:
         if args.region is not None:
             raise Error("--region: found a file, allowed for background with network.within_region")
@@ -123,7 +154,7 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
 
 
 def check_mount(mount: str, scene: Path | None) -> None:
-    """Raises Error for one that cannot be streamed."""
+    """Raises Error for a mount without a scene, or for fused frames, which are not simulated."""
     if mount and scene is None:
         raise Error(f"--mount: found '{mount}' without --scene, allowed with it")
     if mount == "fused":

@@ -16,20 +16,32 @@ from pyinfra.metrics.frame_checks import folders_with_frames, validate
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Checks frames, and predictions of them; names the usual causes of AP 0."
+    parser.description = (
+        "Checks the frames of a data set and predictions for them, and reports common causes of "
+        "an AP of 0."
+    )
     parser.epilog = (
         "example: pyinfra validate data/highway/livox_avia --pred runs/pillars/predictions"
     )
-    parser.add_argument("data", type=Path, help="folder of a LiDAR, or a data set without --pred")
-    parser.add_argument("--pred", type=Path, help="folder of NNNNNN.txt or NNNNNN.csv")
-    parser.add_argument("--split", help="frames to be predicted; default val if there is one")
-    parser.add_argument("--allow-missing", action="store_true", help="of prediction files")
+    parser.add_argument(
+        "data", type=Path, help="folder of one LiDAR; without --pred also a data set"
+    )
+    parser.add_argument("--pred", type=Path, help="folder of predictions, NNNNNN.txt or NNNNNN.csv")
+    parser.add_argument(
+        "--split",
+        help="which frames must have predictions: the name of a list in ImageSets, such as val, or "
+        "all; default: val if it exists, else all",
+    )
+    parser.add_argument(
+        "--allow-missing", action="store_true", help="allow frames without a prediction file"
+    )
     parser.add_argument(
         "--unlabelled",
         action="store_true",
-        help="say how far to believe --pred without a look at labels; default where there are none",
+        help="estimate how reliable the predictions are without using labels; default if the "
+        "frames have no labels",
     )
-    parser.add_argument("--out", type=Path, help="folder for trust.csv, of unlabelled frames")
+    parser.add_argument("--out", type=Path, help="folder for trust.csv, the table of --unlabelled")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -55,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _trust(folder: Path, args: argparse.Namespace) -> None:
-    """Prints and writes how far to believe the predictions."""
+    """Prints the label-free quality measures of the predictions, and writes them with --out."""
     from pyinfra.models.inference.label_free_checks import trust_of
 
     rows = trust_of(folder, args.pred, args.split, allow_missing=args.allow_missing)

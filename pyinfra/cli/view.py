@@ -1,4 +1,4 @@
-"""Eyes on data: `pyinfra view DATA --frames 0:50:5 --out view.html`."""
+"""`pyinfra view DATA --frames 0:50:5 --out view.html`: shows frames in 3-D."""
 
 from __future__ import annotations
 
@@ -19,36 +19,48 @@ from pyinfra.viz.viewer.selection import (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "An interactive 3-D view of one frame or several, of one LiDAR or several that see one "
-        "world, as one HTML file that needs no network."
+        "Writes an interactive 3-D view of one or more frames as one HTML file that needs no "
+        "internet connection. It can show several LiDARs of the same data set."
     )
     parser.epilog = "example: pyinfra view data/highway --frames 0:50:5 --out out/view.html"
     parser.add_argument(
-        "data", nargs="+", type=Path, help="data set of `infrasim run`, or folder of a LiDAR"
+        "data",
+        nargs="+",
+        type=Path,
+        help="data set written by `infrasim run`, or folder of one LiDAR",
     )
-    parser.add_argument("--lidar", nargs="+", metavar="NAME", help="only these LiDARs")
+    parser.add_argument("--lidar", nargs="+", metavar="NAME", help="show only these LiDARs")
     frames = parser.add_mutually_exclusive_group()
     frames.add_argument(
-        "--frame", type=int, help="by default the first, or the first with predictions"
+        "--frame",
+        type=int,
+        help="number of the frame; default: the first, with --pred the first that has predictions",
     )
-    frames.add_argument("--frames", metavar="A:B[:STEP]", help="those of A to B - 1 that exist")
+    frames.add_argument(
+        "--frames",
+        metavar="A:B[:STEP]",
+        help="frame numbers from A to B, B excluded; missing frames are skipped",
+    )
     parser.add_argument(
         "--pred",
         nargs="+",
         default=[],
         metavar="DIR",
-        help="predictions as NNNNNN.txt or .csv; LIDAR=DIR for each of several LiDARs",
+        help="folder of predictions, NNNNNN.txt or NNNNNN.csv; for several LiDARs LIDAR=DIR each",
     )
     parser.add_argument(
-        "--most-points", type=int, metavar="N", help="thin frames with more; the page says so"
+        "--most-points",
+        type=int,
+        metavar="N",
+        help="thin larger frames to N points; the page states this",
     )
     parser.add_argument(
         "--rerun",
         action="store_true",
-        help="write a recording (.rrd) for Rerun instead and open it (extra `rerun`); Rerun's "
-        "program reports its use to its makers until `rerun analytics disable`",
+        help="write a recording (.rrd) for Rerun instead and open it (needs the extra `rerun`); "
+        "Rerun sends usage data to its makers unless you run `rerun analytics disable`",
     )
-    parser.add_argument("--out", type=Path, required=True, help="the file to write")
+    parser.add_argument("--out", type=Path, required=True, help="file to write, .html or .rrd")
 
 
 def run(args: argparse.Namespace) -> int:
