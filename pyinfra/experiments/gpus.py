@@ -1,4 +1,4 @@
-"""GPUs as a resource: a cell has one to itself."""
+"""Exclusive use of GPUs: each experiment gets one GPU of its own."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ POLL_S = 1.0
 
 @contextmanager
 def exclusive_gpu(device: str, folder: Path) -> Iterator[str]:
-    """`cuda` becomes a GPU of this machine that no other cell has; any other device stays.
+    """Yields the device to use: for `cuda` a free GPU of this machine, else `device` itself.
 
-    Waits until one is free. folder: of the locks, of all processes that share the GPUs.
+    Waits until a GPU is free. folder: where the locks are; all processes that share the GPUs must
+    use the same one.
     """
     names = visible() if device == "cuda" else []
     if not names:
@@ -34,7 +35,7 @@ def exclusive_gpu(device: str, folder: Path) -> Iterator[str]:
 
 
 def visible() -> list[str]:
-    """Names of the GPUs that this process may use, in torch's order; empty without any."""
+    """Returns the names of the GPUs that this process may use, in PyTorch's order."""
     import torch
 
     count = torch.cuda.device_count()

@@ -1,4 +1,4 @@
-"""The options of a benchmark as a table: what each reaches, whether it meets some requirements."""
+"""The options of a benchmark as a table: their figures, and whether they meet requirements."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from pyinfra.metrics.row_selection import COUNTED
 
 @dataclass(frozen=True)
 class Shortfall:
-    """A limit that an option breaks."""
+    """A requirement that an option does not meet."""
 
     of: Literal["price", "ap", "latency"]
     reason: str
-    relax: str  # what would let it in, by the argument of `recommend`; nothing if none does
-    share: float  # of the limit, by which it is broken
+    relax: str  # argument of `recommend` that the option would meet; empty if there is none
+    share: float  # how far the option misses the requirement, as a share of it
 
 
 @public
@@ -41,27 +41,35 @@ def recommend(
     preset: str = "",
     tier: Tier = "quick",
 ) -> pd.DataFrame:
-    """Which LiDAR and detector of a benchmark meet some requirements.
+    """Ranks the LiDARs and detectors of a benchmark, and tells which of them meet requirements.
 
     Parameters
     ----------
     results : folder of a benchmark's tables
-    budget_usd : for LiDAR and site, at most
-    min_ap : 1 to 100, AP of every vehicle of the region at least
-    range_m : of the road, to either side of the sensor, up to 100
-    latency_ms : of a frame, median, at most
-    scene : which of several
-    preset : of the LiDARs; by default the nearest to what one can buy
-    tier : of the benchmark: `smoke`, `quick` or `full`
+    budget_usd : highest price of LiDAR and site
+    min_ap : lowest AP of all vehicles in the region, 1 to 100
+    range_m : range within which AP, recall and coverage count, up to 100; along the road it is
+        measured to either side of the sensor
+    latency_ms : longest median time per frame
+    scene : name of the scene; required if the tables have several
+    preset : preset of the LiDARs; by default the first of `datasheet`, `equal` and `paper` that
+        has two LiDARs or more
+    tier : tier of the benchmark: `smoke`, `quick` or `full`
 
     Returns
     -------
-    DataFrame : a row for each option, those that meet the requirements first, then by AP. lidar,
-        detector, ap_r1000 with ap_r1000_low and ap_r1000_high (95 % interval) of every vehicle,
-        the same of visible and of captured vehicles, prices in USD, latency in ms a frame, road
-        covered in m, `meets`, and for the others `reason` and what to `relax`. `difference` is the
-        AP of the first row less that of this one, paired, with its interval. `share_over` is by
-        which share price and AP miss in sum, inf where no other requirement would help.
+    DataFrame : a row for each option. Options that meet the requirements come first; within both
+        groups rows are ordered by AP. Columns:
+
+        - `lidar`, `detector`, `scene`, `preset`
+        - `ap_r1000`: AP (R1000) of all vehicles, with the 95 % interval `ap_r1000_low`,
+          `ap_r1000_high`; the same for visible and for captured vehicles
+        - prices in USD, latency in ms per frame, covered road in m
+        - `meets`: whether all requirements are met; if not, `reason` tells why, and `relax` which
+          requirement to change
+        - `difference`: AP of the first row less that of this row, paired, with its interval
+        - `share_over`: how far price and AP miss the requirements, as a sum of shares; inf where no
+          change of these requirements would help
 
     Raises
     ------
@@ -95,7 +103,10 @@ def recommend(
 
 
 def option_table(options: Sequence[Option], wish: Wish) -> pd.DataFrame:
-    """A row for each option, in their order; `difference` is to the first one that meets."""
+    """Returns a row for each option, in the same order.
+
+    `difference` is relative to the first option that meets the requirements, else to the first.
+    """
     broken = [shortfalls(option, wish) for option in options]
     good = [option for option, own in zip(options, broken, strict=True) if not own]
     first = good[0] if good else options[0]
@@ -145,7 +156,7 @@ def _ends(name: str, figure: Measured) -> dict[str, float]:
 
 
 def shortfalls(option: Option, wish: Wish) -> list[Shortfall]:
-    """Why an option does not meet the requirements; nothing if it does."""
+    """Returns the requirements that an option does not meet; empty if it meets all."""
     missed = []
     if option.price_usd > wish.budget_usd:
         over = option.price_usd / wish.budget_usd - 1
@@ -165,7 +176,10 @@ def shortfalls(option: Option, wish: Wish) -> list[Shortfall]:
 
 
 def relaxation(broken: Sequence[Shortfall], wish: Wish) -> str:
-    """What would let an option in, by the argument of `recommend`, and what is to be measured."""
+    """Returns as text the arguments of `recommend` that an option would meet.
+
+    If such an argument does not exist, the text asks for a measured latency.
+    """
     words = " ".join(one.relax for one in broken if one.relax)
     unknown = any(not one.relax for one in broken)
     measured = f"a measured latency of {wish.latency_ms:g} ms or less" if unknown else ""
@@ -179,7 +193,10 @@ def latency(option: Option) -> str:
 
 
 def price(option: Option, wish: Wish) -> str:
-    """With the range of prices, if there is one, and whether a price too high may be within it."""
+    """Returns the price as text, with its range and the LiDAR's part where these are known.
+
+    The text also tells if the price is above the budget but the low end of its range is not.
+    """
     text = f"{option.price_usd:,.0f} USD"
     noun = f"{option.mounts} LiDARs" if option.mounts > 1 else "LiDAR"
     lidar = f"{noun} {option.price_usd - option.site_usd:,.0f}" if option.site_usd else ""

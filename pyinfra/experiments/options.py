@@ -1,4 +1,4 @@
-"""The options of a benchmark: its finished cells, each with its price and the road it covers."""
+"""The options of a benchmark: finished experiments with their price and the road they cover."""
 
 from __future__ import annotations
 
@@ -31,21 +31,22 @@ from pyinfra.metrics.row_selection import (
 
 ROAD, SQUARES = "m of road", f"squares of {WINDOW_M:g} m"
 UNKNOWN = Measured(math.nan, math.nan, math.nan)
-FRAME_MS = 1000 * PERIOD_S  # a detector that takes longer falls behind its LiDAR
+FRAME_MS = 1000 * PERIOD_S  # a detector that takes longer is slower than its LiDAR
 
 
 @dataclass(frozen=True)
 class Wish:
-    """What a site asks for."""
+    """Requirements of a user."""
 
-    budget_usd: float = math.inf  # of LiDAR and site
-    min_ap: float = HIGH_QUALITY  # 0 to 100, of the whole road; also where road counts as covered
-    range_m: float = REGION_M  # of road, to either side of the sensor
-    latency_ms: float = FRAME_MS  # of a frame, median, at most
+    budget_usd: float = math.inf  # highest price of LiDAR and site
+    # Lowest AP of all vehicles, 0 to 100. Road counts as covered where AP is above it.
+    min_ap: float = HIGH_QUALITY
+    range_m: float = REGION_M  # range within which AP and coverage count, to either side
+    latency_ms: float = FRAME_MS  # longest median time per frame
 
 
 def checked_wish(budget_usd: float, min_ap: float, range_m: float, latency_ms: float) -> Wish:
-    """Raises Error for a number out of range."""
+    """Returns the requirements. Raises Error for a number out of range."""
     for key, value, least, top in (
         ("budget_usd", budget_usd, 0, math.inf),
         ("min_ap", min_ap, 1, 100),
@@ -61,53 +62,55 @@ def checked_wish(budget_usd: float, min_ap: float, range_m: float, latency_ms: f
 
 @dataclass(frozen=True)
 class Option:
-    """A finished cell.
+    """A finished experiment.
 
-    Prices are those of LiDAR and site. Road counts as covered where the AP of the whole road's
-    vehicles in a window is above what is asked; the ends of `covered_m` take every window's AP at
-    the same end of its interval, and a window without an interval counts at the high end only. At
-    a site of lanes squares take the place of metres of road.
+    Prices are those of LiDAR and site together. "All vehicles" are those of ground truth `whole`.
+    Road counts as covered inside windows whose AP of all vehicles is above the required AP. The low
+    end of `covered_m` counts the road if each window's AP were at the low end of its interval, and
+    the high end accordingly; a window without an interval counts at the high end only. At a site of
+    lanes, squares are counted instead of metres of road.
     """
 
     scene: str
     preset: str
     lidar: str
     detector: str
-    ap_whole: Measured  # fine AP, 0 to 100, of the whole road's vehicles
-    ap_visible: Measured  # of those that the mount can see
-    hidden: float  # share that it cannot; NaN if the table does not say
-    ap: Measured  # of the vehicles that the LiDAR captured
-    price_usd: float  # middle of low and high
+    ap_whole: Measured  # AP (R1000) of all vehicles, 0 to 100
+    ap_visible: Measured  # AP (R1000) of the vehicles that are visible from the mount
+    hidden: float  # share of the vehicles that are hidden from the mount; NaN if unknown
+    ap: Measured  # AP (R1000) of the vehicles that the LiDAR captured
+    price_usd: float  # mean of low and high
     price_low_usd: float
     price_high_usd: float
-    site_usd: float  # what of the price is not the LiDARs'
-    site_items: Mapping[str, float]  # what it is the sum of; nothing if the table does not say
-    covered_m: Measured  # without ends where they would say nothing: see no_interval
-    road_m: float  # that was evaluated, within the range that is asked; NaN if it is not known
-    latency_ms: float  # of a frame on one core, median; NaN if it was not measured
+    site_usd: float  # part of the price that is not for LiDARs
+    site_items: Mapping[str, float]  # items whose sum is site_usd; empty if unknown
+    covered_m: Measured  # without an interval if `no_interval` gives a reason
+    road_m: float  # road that was evaluated within the required range; NaN if unknown
+    latency_ms: float  # median time per frame on one core; NaN if it was not measured
     latency_p95_ms: float
-    machine: str  # on which latency was measured; empty if the table does not say
-    other_cores: float  # that other processes used meanwhile; NaN if the table does not say
-    draws: pd.Series | None  # of ap_whole; None of an earlier version
-    range_m: float = math.nan  # within which AP is; NaN: of the whole region
-    recall: Measured = UNKNOWN  # percent of the whole road's vehicles, by predictions of any score
+    machine: str  # computer on which the latency was measured; empty if unknown
+    other_cores: float  # cores that other processes used during that measurement; NaN if unknown
+    draws: pd.Series | None  # bootstrap replicates of ap_whole; None in tables of earlier versions
+    range_m: float = math.nan  # range within which AP was computed; NaN: the whole region
+    recall: Measured = UNKNOWN  # percent of all vehicles within range_m, predictions of any score
     covered_in: str = ROAD  # what covered_m and road_m count
-    no_interval: str = ""  # why covered_m has none
-    ap_name: str = AP_R1000  # what these AP are; of a table of version 0.2 AP (R40)
-    detected: Measured | None = None  # percent of the whole road's vehicles, by boxes of any score
-    whole: str = "present"  # which ground truth ap_whole is of (`with_whole`)
-    mounts: int = 1  # LiDARs, whose frames are fused
-    hardly_learnt: bool = False  # a network that learnt in the smoke tier
+    no_interval: str = ""  # why covered_m has no interval
+    ap_name: str = AP_R1000  # which AP this is; in tables of version 0.2 it is AP (R40)
+    # Percent of all vehicles of the region that boxes of any score found.
+    detected: Measured | None = None
+    whole: str = "present"  # ground truth of ap_whole (`with_whole`)
+    mounts: int = 1  # number of LiDARs whose frames are fused
+    hardly_learnt: bool = False  # whether it is a network that was trained in the smoke tier
 
     @property
     def name(self) -> str:
         return f"{self.lidar} with {self.detector}"
 
     def less(self, other: Option) -> Measured:
-        """AP of the whole road, this one less the other, paired.
+        """Returns the paired difference of the AP of all vehicles, this option less the other.
 
-        Without an interval if one keeps no draws. Raises Error for draws that are not of the
-        same blocks.
+        It has no interval if one of both has no bootstrap replicates. Raises Error for replicates
+        of different blocks of time.
         """
         if self.draws is None or other.draws is None:
             return Measured(self.ap_whole.value - other.ap_whole.value, math.nan, math.nan)
@@ -115,15 +118,16 @@ class Option:
 
 
 def read_options(folder: Path, tier: str, scene: str, preset: str, wish: Wish) -> list[Option]:
-    """As `options_of`, of the tables of a folder. Raises FileNotFoundError without a table."""
+    """Returns `options_of` the tables of a folder. Raises FileNotFoundError without a table."""
     return options_of(read_tables(folder, tier), scene, preset, wish)
 
 
 def options_of(results: Results, scene: str, preset: str, wish: Wish) -> list[Option]:
-    """The finished cells of a scene, lowest seed, by AP of all vehicles, then price.
+    """Returns the finished experiments of a scene, ordered by AP of all vehicles, then by price.
 
-    preset: by default that of the report's answers. Raises Error for a wrong table, a scene or
-    preset that was not measured, or if a table has not all cells.
+    Of several seeds the lowest counts. preset: by default that of `preset_of_answers`. Raises
+    Error for an invalid table, for a scene or preset without results, and for a table in which
+    experiments are missing.
     """
     done = results.done()
     if done.empty:
@@ -148,7 +152,10 @@ def options_of(results: Results, scene: str, preset: str, wish: Wish) -> list[Op
 
 
 def read_tables(folder: Path, tier: str) -> Results:
-    """As `read_results`, but three tables have to be there, and LiDARs' prices have a preset."""
+    """Returns `read_results`, and checks that all tables exist that a recommendation needs.
+
+    Raises FileNotFoundError for a missing table, and Error for a table of LiDARs without presets.
+    """
     for suffix in ("", "_value", "_distance"):
         file = folder / f"{tier}{suffix}.csv"
         if not file.is_file():
@@ -168,7 +175,7 @@ def file_of(results: Results, table: str) -> Path:
 
 
 def chosen(done: pd.DataFrame, scene: str, preset: str) -> tuple[str, str]:
-    """The scene and preset that are meant. Raises Error if they are not in the table."""
+    """Returns the scene and preset to use. Raises Error if they are not in the table."""
     scenes = sorted(set(done.scene))
     if scene not in scenes:
         if scene or len(scenes) != 1:
@@ -183,7 +190,10 @@ def chosen(done: pd.DataFrame, scene: str, preset: str) -> tuple[str, str]:
 
 
 def joined(cells: pd.DataFrame, more: pd.DataFrame, file: Path) -> pd.DataFrame:
-    """Every cell with its columns of another table, that of a file, which the error names."""
+    """Returns the experiments with the columns of another table, which was read from `file`.
+
+    Raises Error, which names the file, if experiments are missing there.
+    """
     table = cells.merge(more, on=KEY)
     if len(table) < len(cells):
         raise Error(
@@ -194,9 +204,9 @@ def joined(cells: pd.DataFrame, more: pd.DataFrame, file: Path) -> pd.DataFrame:
 
 
 def prices(results: Results) -> pd.DataFrame:
-    """By cell price_usd, price_low_usd and price_high_usd, all of LiDAR and site, and the site's.
+    """Returns the prices of LiDAR and site, and the site's costs, for each experiment.
 
-    Without a row in the table of LiDARs low and high are the price itself.
+    Where the table of LiDARs has no row, the low and the high price are the price itself.
     """
     columns = [*KEY, "price_usd", "site_usd", *SITE_ITEMS]
     value = results.table("value").dropna(subset="price_usd")
@@ -211,10 +221,10 @@ def prices(results: Results) -> pd.DataFrame:
 
 
 def within(cells: pd.DataFrame, ranges: pd.DataFrame, wish: Wish) -> pd.DataFrame:
-    """The cells with AP, recall and counts of the range that is asked, and column range_m.
+    """Returns the experiments with AP, recall and counts within the required range, and range_m.
 
-    That is NaN, and AP is of the whole region, where a cell has no rows in the table of ranges, as
-    those of earlier versions. Raises Error for a range that was not measured.
+    If an experiment has no rows in the table of ranges, as in earlier versions, AP stays that of
+    the whole region and column range_m is NaN. Raises Error for a range that was not measured.
     """
     by_range = ranges.merge(cells[[*KEY, "whole"]], on=KEY)
     if by_range.empty or len(by_range[KEY].drop_duplicates()) < len(cells):
@@ -240,7 +250,11 @@ def within(cells: pd.DataFrame, ranges: pd.DataFrame, wish: Wish) -> pd.DataFram
 
 
 def coverage(distance: pd.DataFrame, squares: pd.DataFrame, wish: Wish, truth: str) -> pd.DataFrame:
-    """By cell covered_m, low_m and high_m, road_m, what they count, and why there are no ends."""
+    """Returns for each experiment how much road, or how many squares, it covers.
+
+    Columns: covered_m with its interval low_m, high_m; road_m, all that was evaluated; covered_in,
+    what these count; no_interval, why the interval is missing.
+    """
     rows_covered = road(distance, wish, truth).assign(covered_in=ROAD)
     near = distance[(distance.ground_truth == truth) & (distance.s.abs() <= wish.range_m)]
     parts = near[near.road != LANES]
@@ -272,7 +286,7 @@ def coverage(distance: pd.DataFrame, squares: pd.DataFrame, wish: Wish, truth: s
 
 
 def no_interval(row: pd.Series, wish: Wish) -> str:
-    """Why the ends of what is covered say nothing; empty if they do."""
+    """Returns why the interval of the coverage has no meaning; empty if it has one."""
     what = "window" if row.covered_in == ROAD else "square"
     if row.parts == 0:
         return "no vehicle is there"
@@ -284,9 +298,9 @@ def no_interval(row: pd.Series, wish: Wish) -> str:
 
 
 def road(distance: pd.DataFrame, wish: Wish, truth: str) -> pd.DataFrame:
-    """By cell covered_m, low_m and high_m, the ends of what is covered, and road_m.
+    """Returns for each experiment covered_m, its interval low_m and high_m, and road_m.
 
-    distance: windows of the cells of one scene, as of `with_fine`.
+    distance: windows of the experiments of one scene, as `with_fine` returns them.
     """
     values = {
         "covered_m": distance.ap_fine,

@@ -1,4 +1,4 @@
-"""Tasks on several processes through joblib: local ones, or those of a Ray or Dask cluster."""
+"""Runs tasks in several processes through joblib: local ones, or those of a Ray or Dask cluster."""
 
 from __future__ import annotations
 
@@ -15,27 +15,29 @@ import joblib
 from pyinfra.core.errors import Error
 
 Task = TypeVar("Task")
-Say = Callable[[str], None]  # is told in a line what is going on, also from the tasks' processes
+Say = Callable[[str], None]  # receives progress as single lines, also from the tasks' processes
 Backend = Literal["local", "ray", "dask"]
 BACKENDS: tuple[Backend, ...] = get_args(Backend)
-LOOPBACK = "127.0.0.1"  # a cluster that is started here runs what it is sent, by whomever
+# A cluster that is started here listens on this address only: it would run code from any sender.
+LOOPBACK = "127.0.0.1"
 
 
 def silent(_: str) -> None:
-    """Tells nobody."""
+    """Discards the line."""
 
 
 class NoGpu(Error):
-    """A cluster was asked for what it does not have."""
+    """Raised when tasks need a GPU and the cluster has none."""
 
 
 @dataclass(frozen=True)
 class Pool:
     """Where tasks run.
 
-    address: of a cluster that is there; without it one is started that only this machine reaches.
-    gpu: each task needs one; local tasks see to that themselves (gpus.py), a cluster sends them
-    where GPUs are.
+    address: address of a running cluster; if empty, a cluster is started that only this machine
+    can reach.
+    gpu: whether each task needs a GPU. Local tasks reserve one themselves (gpus.py); a cluster
+    schedules tasks on nodes with GPUs.
     """
 
     backend: Backend = "local"
@@ -46,7 +48,10 @@ class Pool:
 
 @contextmanager
 def workers(pool: Pool) -> Iterator[None]:
-    """joblib's tasks inside run on the pool. Raises ImportError without the back-end's package."""
+    """Context in which joblib runs its tasks on the pool.
+
+    Raises ImportError if the package of the back-end is not installed.
+    """
     if pool.backend == "dask":
         from dask.distributed import Client, LocalCluster
 
@@ -58,7 +63,7 @@ def workers(pool: Pool) -> Iterator[None]:
                     n_workers=pool.jobs,
                     threads_per_worker=1,
                     host=LOOPBACK,
-                    dashboard_address=f"{LOOPBACK}:0",  # its default is all of the machine's
+                    dashboard_address=f"{LOOPBACK}:0",  # default: all network interfaces
                     **needs,
                 )
                 where = stack.enter_context(cluster)
@@ -82,17 +87,17 @@ def workers(pool: Pool) -> Iterator[None]:
             warnings.catch_warnings(),
             joblib.parallel_config("loky", n_jobs=pool.jobs, inner_max_num_threads=1),
         ):
-            # Between tasks loky replaces a worker that has grown, as a training's does.
+            # loky replaces workers whose memory has grown, as it does during a training, and warns.
             warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
             yield
 
 
 @contextmanager
 def _on_loopback() -> Iterator[None]:
-    """Ray started inside listens on the loopback address alone, as it does elsewhere than on Linux.
+    """Context in which Ray starts listening on the loopback address only.
 
-    It has no setting for that but this one, which it reads when it is imported; what it starts
-    reads the environment.
+    Ray does so by default on other systems than Linux. On Linux only this variable sets it: Ray
+    reads it at import, and the processes that Ray starts read it from the environment.
     """
     from ray._private import ray_constants
 
@@ -109,7 +114,7 @@ def _on_loopback() -> Iterator[None]:
 
 
 def _share(pool: Pool) -> float:
-    """GPUs for each of Ray's workers: one, or less if there are more workers than GPUs."""
+    """Returns the GPUs of each Ray worker: one, or a fraction if workers outnumber GPUs."""
     import ray
 
     gpus = float(ray.cluster_resources().get("GPU", 0))
@@ -119,7 +124,7 @@ def _share(pool: Pool) -> float:
 
 
 def call_all(call: Callable[[Task], Any], tasks: Sequence[Task], pool: Pool) -> None:
-    """Calls each task once. Raises what a call raises, after those under way."""
+    """Calls `call` once for each task. Raises the exception of a failed call."""
     with workers(pool):
         joblib.Parallel(batch_size=1)(joblib.delayed(call)(task) for task in tasks)
 
@@ -132,10 +137,10 @@ def run(
     lost: Callable[[Task, Exception], None],
     say: Say = silent,
 ) -> None:
-    """Calls each task once at least, also when workers die; `call` itself does not raise.
+    """Calls `call` at least once for each task, and repeats tasks whose worker process died.
 
-    left: those of the tasks that are not done. lost: is told of a task whose worker died although
-    it ran alone.
+    `call` itself must not raise. left: returns those of the given tasks that are not done.
+    lost: is called with a task whose worker died although no other task ran, and with the error.
     """
     groups = [list(tasks)]
     while groups:

@@ -1,9 +1,9 @@
-"""Which LiDAR and detector meet some requirements: an answer in words.
+"""Which LiDAR and detector meet some requirements: a recommendation in words.
 
-Every figure is of the tables of `pyinfra benchmark` in RESULTS. Options are compared by every
-vehicle of the region, seen or not (ground truth `present`); of tables of version 0.3, which have
-none, by those that the mount can see. Road counts as covered where their AP in a window of 20 m is
-above what is asked.
+All figures come from the tables of `pyinfra benchmark`. Options are compared by the AP of all
+vehicles in the region, visible or not (ground truth `present`). Tables of version 0.3 do not have
+it; there the vehicles that are visible from the mount are used. Road counts as covered where this
+AP in a window of 20 m is above the required AP.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from pyinfra.metrics.comparison import Measured
 from pyinfra.metrics.intervals import FEW_BLOCKS
 from pyinfra.metrics.row_selection import COUNTED
 
-MOST = 5  # options that are told in full
-NEAREST = 3  # of those that fall short, if none meets the wish
+MOST = 5  # options that are described in full
+NEAREST = 3  # options that are described if none meets the requirements
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What to take, or what is nearest to it, best first; and what is to be known about it."""
+    """The recommended options, or those that miss the requirements least, best first."""
 
-    meets: bool  # or the options named are the nearest to requirements that none meets
+    meets: bool  # whether the options in `named` meet the requirements
     named: Sequence[Option]
-    relax: Sequence[str]  # what would let each of them in; nothing if it meets
+    relax: Sequence[str]  # for each option, which requirements to change; empty if it meets all
     remarks: Sequence[str]
 
 
 def recommend(options: Sequence[Option], wish: Wish) -> Answer:
-    """The answer that the table of the options gives.
+    """Returns the recommendation for some requirements.
 
-    options: one or more, of one scene and preset, best first.
+    options: one or more, of one scene and preset, ordered by AP.
     """
     table = option_table(options, wish)
     good = table[table.meets]
@@ -51,7 +51,7 @@ def recommend(options: Sequence[Option], wish: Wish) -> Answer:
         remarks = [*general_notes(options, wish), *left_out(options, rest)]
         return Answer(False, [options[i] for i in near.index], [*near.relax], remarks)
     named, more = good[:MOST], good[MOST:]
-    before = table[: named.index[0]]  # of a higher AP
+    before = table[: named.index[0]]  # options with a higher AP
     slow = before[before.meets_price & before.meets_ap & ~before.meets_latency]
     remarks = [*too_slow(options, slow, wish), *general_notes(options, wish)]
     remarks += [*doubts(options, named, wish), *left_out(options, table.drop(slow.index))]
@@ -63,7 +63,7 @@ def recommend(options: Sequence[Option], wish: Wish) -> Answer:
 
 
 def answer_lines(answer: Answer, wish: Wish) -> Iterator[str]:
-    """An answer line by line."""
+    """Yields a recommendation line by line."""
     if not answer.meets:
         near = " The nearest, and what to relax:" if answer.named else ""
         yield f"No option meets this.{near}"
@@ -74,10 +74,11 @@ def answer_lines(answer: Answer, wish: Wish) -> Iterator[str]:
 
 
 def nearest(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows that break budget and AP by the least share in sum, and among equals the latency.
+    """Returns the rows that miss budget and AP by the smallest sum of shares.
 
-    A detector can be made faster, or run on another computer; its AP stays. An option of which no
-    AP or price would be enough is not near.
+    Among equal rows those come first that miss the latency least, because a detector can be made
+    faster or run on another computer, while its AP stays. Options that no change of budget and AP
+    would let in are left out.
     """
     can = table[np.isfinite(table.share_over)]
     return can.sort_values(["share_over", "latency_over"], kind="stable")[:NEAREST]
@@ -104,7 +105,10 @@ def sentence(option: Option, wish: Wish) -> str:
 
 
 def covered_road(option: Option, wish: Wish) -> str:
-    """Nothing of a site of lanes in a table of an earlier version."""
+    """Returns the covered road as text; empty if the table does not have it.
+
+    Tables of earlier versions lack it for sites of lanes.
+    """
     road = option.covered_m
     if math.isnan(option.road_m):
         return ""
@@ -117,7 +121,7 @@ def covered_road(option: Option, wish: Wish) -> str:
 
 
 def general_notes(options: Sequence[Option], wish: Wish) -> Iterator[str]:
-    """What prices and latencies are of, the same for every option."""
+    """Yields remarks that hold for all options: on AP, prices and latencies."""
     if options[0].whole == "all":
         yield (
             "These results were measured without ground truth `present`: vehicles that the mount "
@@ -137,7 +141,7 @@ def general_notes(options: Sequence[Option], wish: Wish) -> Iterator[str]:
 
 
 def latency_note(options: Iterable[Option]) -> str:
-    """Where and under which load latencies were measured."""
+    """Returns a remark on the computer and the load under which latencies were measured."""
     timed = [option for option in options if math.isfinite(option.latency_ms)]
     if not timed:
         return "No latency was measured; a benchmark with `latency` measures it."
@@ -148,7 +152,7 @@ def latency_note(options: Iterable[Option]) -> str:
 
 
 def too_slow(options: Sequence[Option], slow: pd.DataFrame, wish: Wish) -> Iterator[str]:
-    """Options that meet budget and AP, but not the latency that is asked."""
+    """Yields a remark for each option that meets budget and AP, but not the latency."""
     for i, row in slow.iterrows():
         what = "not timed" if math.isnan(row.latency_ms) else "too slow"
         text = sentence(options[int(i)], wish)
@@ -156,7 +160,7 @@ def too_slow(options: Sequence[Option], slow: pd.DataFrame, wish: Wish) -> Itera
 
 
 def cost_notes(option: Option) -> Iterator[str]:
-    """What the prices hold beside the LiDAR, the same for every option, and what they do not."""
+    """Yields a remark on which costs beside the LiDAR the prices include, and which they do not."""
     if not option.site_usd:
         items = ", ".join(map(item_name, SITE_ITEMS))
         lidars = f"{option.mounts} LiDARs, a mount each," if option.mounts > 1 else "LiDARs alone"
@@ -174,7 +178,7 @@ def cost_notes(option: Option) -> Iterator[str]:
 
 
 def item_name(column: str) -> str:
-    """computer_usd: computer."""
+    """Returns the name of a cost item: `computer` for the column `computer_usd`."""
     return column.removesuffix("_usd")
 
 
@@ -189,7 +193,7 @@ def names(options: Iterable[Option]) -> str:
 
 
 def doubts(options: Sequence[Option], good: pd.DataFrame, wish: Wish) -> Iterator[str]:
-    """What the data does not decide about the options that are named."""
+    """Yields remarks on what is uncertain about the recommended options."""
     named = [options[i] for i in good.index]
     first = named[0]
     yield from doubts_of_order(first, named[1:], good[1:])
@@ -203,7 +207,7 @@ def doubts(options: Sequence[Option], good: pd.DataFrame, wish: Wish) -> Iterato
 
 
 def doubts_of_order(first: Option, others: Sequence[Option], table: pd.DataFrame) -> Iterator[str]:
-    """Which others may be as good as the first."""
+    """Yields remarks on which other options may be as good as the first."""
     ends = zip(table.difference_low, table.difference_high, strict=True)
     apart = [(o, Measured(0, *pair)) for o, pair in zip(others, ends, strict=True)]
     equal = [o for o, interval in apart if interval.is_known and not interval.is_significant]
@@ -226,7 +230,7 @@ def cheapest(options: Sequence[Option]) -> str:
 
 
 def doubts_of_ap(named: Sequence[Option], wish: Wish) -> Iterator[str]:
-    """Which may miss the AP that is asked."""
+    """Yields remarks on options that may miss the required AP."""
     unsure = f"Not sure to reach AP {wish.min_ap:g} of {COUNTED[named[0].whole]}"
     below = [o for o in named if o.ap_whole.is_known and o.ap_whole.low < wish.min_ap]
     if below:
@@ -237,7 +241,7 @@ def doubts_of_ap(named: Sequence[Option], wish: Wish) -> Iterator[str]:
 
 
 def doubts_of_price(named: Sequence[Option], wish: Wish) -> Iterator[str]:
-    """Which may cost more than the budget; those of one range of prices in one sentence."""
+    """Yields a remark for each range of prices that exceeds the budget, with its options."""
     dear = [option for option in named if option.price_high_usd > wish.budget_usd]
     for span in dict.fromkeys(map(price_range, dear)):
         listed = names(option for option in dear if price_range(option) == span)
@@ -245,7 +249,7 @@ def doubts_of_price(named: Sequence[Option], wish: Wish) -> Iterator[str]:
 
 
 def doubts_of_latency(named: Sequence[Option], wish: Wish) -> Iterator[str]:
-    """Which are too late in more than one frame of twenty."""
+    """Yields a remark on options that exceed the latency in more than 5 % of the frames."""
     late = [option for option in named if option.latency_p95_ms > wish.latency_ms]
     if late:
         text = f"Above {wish.latency_ms:g} ms in more than 5 % of the frames: {names(late)}"
@@ -253,6 +257,6 @@ def doubts_of_latency(named: Sequence[Option], wish: Wish) -> Iterator[str]:
 
 
 def left_out(options: Sequence[Option], table: pd.DataFrame) -> Iterator[str]:
-    """The options that fall short, with the reasons."""
+    """Yields a remark for each option that does not meet the requirements, with the reason."""
     for i, row in table[~table.meets].iterrows():
         yield f"Left out: {options[int(i)].name}: {row.reason}."

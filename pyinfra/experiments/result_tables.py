@@ -1,7 +1,7 @@
-"""The tables of a folder of results, as the report reads them.
+"""Reads and checks the tables of a folder of results for the report.
 
-A table that is not there is one without rows; a column that is needed and not there, or a number
-that is none or out of its range, or a row twice, is an error that names file, row and column.
+A missing file gives a table without rows. A missing column, a value that is not a number or out of
+range, and a duplicate row are errors that name the file, the row and the column.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Ends = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class TableFile:
-    """A CSV file beside the page: one of the results as it stands, or a table made from them."""
+    """A CSV file to offer with the report: a file of the results, or a table made from them."""
 
     name: str
     content: Path | pd.DataFrame
@@ -34,16 +34,17 @@ class TableFile:
 
 @dataclass(frozen=True)
 class Kind:
-    """The file of a table, {tier} standing for the tier, and the columns that are needed.
+    """The file name of a table, in which {tier} stands for the tier, and its columns.
 
-    later: numbers that tables of earlier versions lack; they are NaN there.
-    ranges: what columns may hold that are not in RANGES.
+    texts, numbers: required columns.
+    later: columns of numbers that tables of earlier versions lack; they are read as NaN there.
+    ranges: allowed ranges of columns that are not in RANGES.
     """
 
     file: str
     texts: tuple[str, ...]
     numbers: tuple[str, ...]
-    key: tuple[str, ...]  # columns that are not all the same in two rows; none: any rows
+    key: tuple[str, ...]  # columns whose values together must be unique; empty: not checked
     later: tuple[str, ...]
     ranges: Mapping[str, Ends] = field(default_factory=dict)
 
@@ -58,8 +59,8 @@ def kind(
 SHARE = (0.0, 100.0)
 _FROM_ZERO = (0.0, sys.float_info.max)
 FINITE = (-sys.float_info.max, sys.float_info.max)
-_ANY = (-math.inf, math.inf)  # as the end of an interval of few draws
-# What a column of numbers may hold, in whichever table; the others: 0 or more.
+_ANY = (-math.inf, math.inf)  # ends of intervals can be infinite if there are few replicates
+# Allowed ranges of columns of numbers, in any table; all other columns allow 0 or more.
 RANGES = {
     **dict.fromkeys(AP_COLUMNS, SHARE),
     **dict.fromkeys("recall recall_low recall_high".split(), SHARE),
@@ -68,7 +69,7 @@ RANGES = {
     **dict.fromkeys("s x y".split(), FINITE),
     "units": (1.0, 1e6),
 }
-ENDS = (  # of intervals
+ENDS = (  # columns with the low and the high end of an interval
     *((name, f"{name.removesuffix('_low')}_high") for name in AP_COLUMNS if name.endswith("_low")),
     ("recall_low", "recall_high"),
     ("p_low", "p_high"),
@@ -79,7 +80,7 @@ ENDS = (  # of intervals
 )
 
 
-AS_THEY_COME = ("background", "generalist-as-is")  # learn no steps in any tier
+AS_THEY_COME = ("background", "generalist-as-is")  # detectors without training steps in any tier
 _CELL = " ".join((*CELL, "seed"))
 KINDS = {
     "cells": kind(
@@ -159,7 +160,7 @@ KINDS = {
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """The tables of a folder by name; their column `origin` says in which row of which file."""
+    """The tables of a folder by name; column `origin` names the file and the row of each row."""
 
     folder: Path
     tier: str
@@ -167,11 +168,11 @@ class Results:
     kinds: Mapping[str, Kind]
 
     def table(self, name: str) -> pd.DataFrame:
-        """The rows, none if the file is not there."""
+        """Returns the rows of a table; no rows if there is no file."""
         return self.tables[name]
 
     def done(self) -> pd.DataFrame:
-        """The cells that have an AP, of the lowest seed of each."""
+        """Returns the experiments that have an AP; of several seeds, the lowest."""
         cells = self.tables["cells"]
         return first_seed(cells[cells.ap.notna()])
 
@@ -179,7 +180,7 @@ class Results:
         return self.kinds[name].file.format(tier=self.tier)
 
     def sources(self) -> list[TableFile]:
-        """All tables that have rows."""
+        """Returns the files of all tables that have rows."""
         return [self.source(name) for name, table in self.tables.items() if len(table) > 0]
 
     def source(self, name: str) -> TableFile:
@@ -187,9 +188,10 @@ class Results:
 
 
 def hardly_learnt(cells: pd.DataFrame) -> pd.Series:
-    """Which rows are of networks that learnt in the smoke tier: nothing follows from their AP.
+    """Returns which rows are networks trained in the smoke tier, whose AP means nothing.
 
-    Rows of earlier versions do not say `train_steps`: there only AS_THEY_COME learnt nothing in it.
+    Rows of earlier versions have no `train_steps`; there all detectors but those of AS_THEY_COME
+    count as trained.
     """
     guessed = (~cells.detector.isin(AS_THEY_COME)).astype(float)
     steps = cells.train_steps.fillna(guessed) if "train_steps" in cells else guessed
@@ -199,12 +201,12 @@ def hardly_learnt(cells: pd.DataFrame) -> pd.Series:
 def read_results(
     folder: Path, tier: str | None = None, more: Mapping[str, Kind] | None = None
 ) -> Results:
-    """All tables of a folder; by default of the tier with the most finished cells.
+    """Reads all tables of a folder; by default those of the tier with most finished experiments.
 
-    more: tables beside KINDS.
+    more: kinds of tables in addition to KINDS.
 
-    Raises FileNotFoundError for a folder that is not there, and Error for a wrong table, a
-    tier without cells and a folder without any table.
+    Raises FileNotFoundError for a missing folder, and Error for an invalid table, a tier without
+    experiments and a folder without any table.
     """
     if not folder.is_dir():
         raise FileNotFoundError(2, "found no folder of results", str(folder))
@@ -221,7 +223,7 @@ def read_results(
 
 
 def _richest(folder: Path) -> str:
-    """The tier with the most finished cells; `quick` if there is none."""
+    """Returns the tier with most finished experiments; `quick` if there are none."""
     counts = {
         tier: int(_read(folder / f"{tier}.csv", KINDS["cells"]).ap.notna().sum()) for tier in TIERS
     }
@@ -230,7 +232,7 @@ def _richest(folder: Path) -> str:
 
 
 def _with_reasons(cells: pd.DataFrame) -> pd.DataFrame:
-    """With a column `reason`, which says of every cell without an AP that it has none."""
+    """Returns the table with a column `reason`, which is filled for experiments without an AP."""
     given = cells["reason"] if "reason" in cells else pd.Series("", index=cells.index, dtype=str)
     silent = cells.ap.isna() & (given == "")
     return cells.assign(reason=given.mask(silent, "no AP was measured, no reason was given"))
@@ -241,7 +243,7 @@ def _read(file: Path, kind: Kind) -> pd.DataFrame:
         return _empty(kind)
     try:
         return _checked(file, kind)
-    except FormatError as error:  # a folder of no results was named
+    except FormatError as error:  # the user named a folder that holds other files
         raise Error(str(error)) from None
 
 
@@ -266,7 +268,7 @@ def _empty(kind: Kind) -> pd.DataFrame:
 
 
 def _in_range(file: Path, column: pd.Series, ranges: Mapping[str, Ends]) -> pd.Series:
-    """A column as numbers, NaN where a cell is empty."""
+    """Returns a column as numbers, NaN where it is empty. Raises Error for one out of range."""
     low, high = {**RANGES, **ranges}.get(str(column.name), _FROM_ZERO)
     values = numbers(file, column).astype(np.float64)
     wrong = values.notna() & ~values.between(low, high)
@@ -292,8 +294,8 @@ def _check_order(file: Path, values: dict[str, pd.Series]) -> None:
 
 
 def _check_key(file: Path, table: pd.DataFrame, key: tuple[str, ...]) -> None:
-    """Raises Error for a row without a name, and for one that comes twice."""
-    here = [name for name in key if name in table]  # tables of earlier versions lack some
+    """Raises Error for an empty value in the key, and for two rows with the same key."""
+    here = [name for name in key if name in table]  # tables of earlier versions lack some columns
     for name in here:
         empty = table[name] == ""
         if empty.any():

@@ -1,6 +1,7 @@
-"""Tables of experiments that resume: rows are added whole, by several processes.
+"""CSV tables of results that several processes fill, and that let experiments resume.
 
-The benchmark and the stress test stand on it: an experiment with a row is done (`fill`).
+The benchmark and the stress test use them. An experiment that has a row is finished and does not
+run again (`fill`).
 """
 
 from __future__ import annotations
@@ -16,12 +17,15 @@ from pyinfra.formats.csv_table import WORDS, read_csv
 
 
 def read(file: Path, words: Sequence[str] = ()) -> pd.DataFrame:
-    """The table, empty if there is none; `words` are columns of text beside those of WORDS."""
+    """Returns the table of a file, empty if there is no file.
+
+    words: text columns in addition to those of WORDS.
+    """
     return read_csv(file, WORDS.union(words)) if file.is_file() else pd.DataFrame()
 
 
 def put(file: Path, rows: pd.DataFrame, key: Sequence[str]) -> None:
-    """Adds rows; those of the table with the same key go."""
+    """Adds rows to the table of a file; they replace rows with the same key."""
     if rows.empty:
         return
     words = [name for name in rows if is_string_dtype(rows[name])]
@@ -31,13 +35,13 @@ def put(file: Path, rows: pd.DataFrame, key: Sequence[str]) -> None:
 
 
 def drop(file: Path, rows: pd.DataFrame, key: Sequence[str]) -> None:
-    """Takes out the rows with the same key."""
+    """Removes the rows of a file's table that have the key of one of `rows`."""
     with held(lock(file), wait=True):
         write(file, without(read(file), rows, key))
 
 
 def lock(file: Path) -> Path:
-    """Beside the tables, so that all who write them meet there."""
+    """Returns the lock file of a folder's tables, which all writers share."""
     return file.parent / "locks/tables"
 
 
@@ -52,14 +56,14 @@ def without(table: pd.DataFrame, rows: pd.DataFrame, key: Sequence[str]) -> pd.D
 
 
 def among(table: pd.DataFrame, rows: pd.DataFrame, key: Sequence[str]) -> pd.Series:
-    """Which rows of the table have the key of one of the rows."""
+    """Returns a boolean for each row of `table`: whether it has the key of one of `rows`."""
     wanted = pd.MultiIndex.from_frame(rows[list(key)].astype(str))
     mask = pd.MultiIndex.from_frame(table[list(key)].astype(str)).isin(wanted)
     return pd.Series(mask, index=table.index)
 
 
 def fill(lock: Path, is_done: Callable[[], bool], run: Callable[[], None]) -> bool:
-    """Runs an experiment that is not done, unless another process is at it; whether it ran."""
+    """Runs an experiment unless it is done or another process runs it; returns whether it ran."""
     with held(lock, wait=False) as ours:
         if not ours or is_done():
             return False
@@ -72,7 +76,10 @@ def has(table: pd.DataFrame, key: Mapping[str, object]) -> bool:
 
 
 def has_each(table: pd.DataFrame, keys: Sequence[Mapping[str, object]]) -> list[bool]:
-    """Of each key whether the table has a row with it; all keys have the same columns."""
+    """Returns for each key whether the table has a row with it.
+
+    All keys must have the same columns.
+    """
     if table.empty or not keys:
         return [False] * len(keys)
     wanted = pd.DataFrame(keys)

@@ -1,4 +1,4 @@
-"""Price against performance: what a dollar buys, and which options another one beats."""
+"""Price against performance: measures per dollar, and which options are dominated by others."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, LANES
 from pyinfra.metrics.row_selection import CELL, each_road_once, with_fine, with_whole
 
 KEY = [*CELL, "seed"]
-RIVALS = ["scene", "preset", "tier", "seed"]  # options are compared where these are the same
-MOUNTS = "mounts"  # column of scenes with several, whose frames are fused
+RIVALS = ["scene", "preset", "tier", "seed"]  # only options with equal values here are compared
+MOUNTS = "mounts"  # column with the number of mounts, for scenes whose frames are fused
 SITE_ITEMS = ("computer_usd", "pole_usd", "installation_usd", "energy_usd")
 
 
 @dataclass(frozen=True)
 class Costs:
-    """What a site costs beside its LiDARs: assumptions of the user, nothing by default."""
+    """Costs of a site without its LiDARs, as the user assumes them; 0 by default."""
 
-    pole_usd: float = ruled(0.0, 0, 1e7)  # of each mount's
-    installation_usd: float = ruled(0.0, 0, 1e7)  # of each mount: work and permits
-    computer_usd: float = ruled(0.0, 0, 1e7)  # that runs the detector
-    power_w: float = ruled(0.0, 0, 1e5)  # of LiDAR and computer, all day
+    pole_usd: float = ruled(0.0, 0, 1e7)  # price of a pole; each mount needs one
+    installation_usd: float = ruled(0.0, 0, 1e7)  # work and permits for each mount
+    computer_usd: float = ruled(0.0, 0, 1e7)  # price of the computer that runs the detector
+    power_w: float = ruled(0.0, 0, 1e5)  # power of LiDAR and computer, all day
     usd_per_kwh: float = ruled(0.0, 0, 100)  # price of energy
-    years: float = ruled(0.0, 0, 100)  # of energy that are counted
+    years: float = ruled(0.0, 0, 100)  # years of energy to include
 
     def of_mounts(self, mounts: int) -> Costs:
-        """Of a site with so many: a pole and an installation each."""
+        """Returns the costs of a site with this number of mounts, in which `pole_usd` and
+        `installation_usd` are the sums over all mounts."""
         each = {"pole_usd": self.pole_usd, "installation_usd": self.installation_usd}
         return replace(self, **{name: mounts * usd for name, usd in each.items()})
 
@@ -43,18 +44,19 @@ class Costs:
         return sum(self.items().values())
 
     def items(self) -> dict[str, float]:
-        """What site_usd is the sum of, by column of the table."""
+        """Returns the items whose sum is `site_usd`, by column of the table."""
         return {name: getattr(self, name) for name in SITE_ITEMS}
 
 
 def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
-    """One row a finished cell.
+    """Returns a row for each finished experiment.
 
-    tables: `cells`, `areas`, `distance`, `lidars` and `hits` of a benchmark. The price is the
-    middle of the LiDAR's low and high, times the scene's mounts, and the site's costs; areas and
-    metres are those of the whole road (`with_whole`), the same for every LiDAR. An option is
-    dominated if another one of the same scene, preset, tier and seed costs no more and finds no
-    less of it, by its fine AP, and is better in one.
+    tables: `cells`, `areas`, `distance`, `lidars` and `hits` of a benchmark. The price is the mean
+    of the LiDAR's low and high price, times the number of mounts, plus the costs of the site.
+    High-quality areas and metres of road are computed with the ground truth of `with_whole`, so
+    that they count the same vehicles for every LiDAR. An option is dominated if another one of the
+    same scene, preset, tier and seed has no higher price and no lower AP (R1000) with this ground
+    truth, and is better in at least one of the two.
     """
     cells = with_whole(with_fine(tables["cells"].dropna(subset=["ap"])))
     truth = "all" if cells.empty else str(cells.whole.iloc[0])
@@ -90,7 +92,7 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
 
 
 def of_mounts(table: pd.DataFrame, mounts: pd.Series, costs: Costs) -> pd.DataFrame:
-    """With the LiDARs' and the site's costs of each row's mounts."""
+    """Returns the table with the costs of LiDARs and site for each row's number of mounts."""
     table["lidar_usd"] *= mounts
     sites = [costs.of_mounts(n) for n in mounts]
     items = {item: [site.items()[item] for site in sites] for item in SITE_ITEMS}
@@ -98,7 +100,7 @@ def of_mounts(table: pd.DataFrame, mounts: pd.Series, costs: Costs) -> pd.DataFr
 
 
 def mounts_of(table: pd.DataFrame) -> pd.Series:
-    """How many LiDARs a row's frames are of; one where the table does not say."""
+    """Returns the number of mounts of each row; 1 where the table does not give it."""
     if MOUNTS not in table:
         return pd.Series(1, index=table.index)
     return pd.to_numeric(table[MOUNTS]).fillna(1).astype(int)
@@ -110,14 +112,15 @@ def covered(
     within_m: float = REGION_M,
     truth: str = "all",
 ) -> pd.DataFrame:
-    """Metres of road inside windows whose AP of a ground truth is above 85: column covered_m.
+    """Returns the metres of road that are covered, in column `covered_m`, for each experiment.
 
-    A road goes from the middle of its first window to that of its last one: nothing beyond was
-    evaluated, though half of these windows lies there.
-    within_m: how far along the road, to both sides, from the foot of the sensor. NaN of a
-    site of lanes, which has no windows along a road.
+    Road is covered inside windows whose AP with ground truth `truth` is higher than `above`. A
+    road extends from the middle of its first window to the middle of its last one, although half
+    of these windows lies beyond. within_m: only road within this distance along the road from the
+    foot of the sensor counts, in both directions. The value is NaN for a site of lanes, which has
+    no windows along a road.
     """
-    at_once = distance.road == LANES  # whose metres of s are no metres of road
+    at_once = distance.road == LANES  # rows whose column s is no distance along a road
     lanes = distance[at_once][KEY].drop_duplicates().assign(covered_m=np.nan)
     distance = distance[~at_once]
     if "ap_fine" not in distance:
@@ -143,7 +146,7 @@ def covered(
 
 
 def best_rival(option: pd.Series, rivals: pd.DataFrame) -> str:
-    """The option that dominates this one with the highest AP; nothing if there is none."""
+    """Returns the name of the dominating option with the highest AP; empty if there is none."""
     as_cheap, cheaper = (rivals.price_usd <= option.price_usd, rivals.price_usd < option.price_usd)
     as_good, better = (
         rivals.ap_whole_fine >= option.ap_whole_fine,

@@ -1,1 +1,1 @@
-"""Many experiments: scene, LiDAR, preset, detector and seed."""
+"""Benchmarks: experiments over scenes, LiDARs, presets, detectors and seeds."""

@@ -1,4 +1,4 @@
-"""What a benchmark would do, without doing it."""
+"""Dry run of a benchmark: what it would do, and how long that would take."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from pyinfra.experiments.benchmark.provenance import stale
 from pyinfra.experiments.benchmark.workspace import Workspace
 from pyinfra.experiments.value import KEY
 
-# CPU seconds of a cell on one core where no row says better: training, detection, evaluation.
+# Expected CPU seconds of an experiment (training, detection, evaluation) if none is finished yet.
 SECONDS = {"smoke": 60.0, "quick": 400.0, "full": 4000.0}
 BACKGROUND_S = 20.0
 
 
 def outlook(plan: Plan, workspace: Workspace, jobs: int) -> str:
-    """The cells that are not finished and how long they will take by those that are; stale rows.
+    """Returns a text with the unfinished experiments, their expected time, and the stale rows.
 
-    Raises what `benchmark` would raise of scenes and LiDARs, such as a preset that a LiDAR has not.
+    The time is estimated from finished experiments. Raises what `benchmark` would raise for scenes
+    and LiDARs, for instance if a LiDAR does not have a preset.
     """
     inputs.check_names(plan)
     inputs.digests(plan)
@@ -42,7 +43,10 @@ def outlook(plan: Plan, workspace: Workspace, jobs: int) -> str:
 
 
 def expected_seconds(cells: Sequence[Cell], table: pd.DataFrame) -> list[float]:
-    """Of each cell: the median of its detector's rows, else what the tier allows."""
+    """Returns the expected CPU seconds of each experiment.
+
+    They are the median training time of the detector's rows, else a default of the tier.
+    """
     known = table.groupby("detector").train_seconds.median() if len(table) else {}
     usual = {"background": BACKGROUND_S}
     return [

@@ -1,4 +1,4 @@
-"""The data sets of a benchmark: simulated in shards, split by time, counted."""
+"""The data sets of a benchmark: simulated in parts, split by time, and described in tables."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Shard:
 
 
 def shards(plan: Plan, work: Path, parts: int) -> list[Shard]:
-    """Every data set of the plan in so many parts, each of neighbouring frames."""
+    """Returns every data set of the plan in `parts` parts of consecutive frames."""
     return [
         Shard(
             folder=work / "data" / world,
@@ -51,12 +51,12 @@ def shards(plan: Plan, work: Path, parts: int) -> list[Shard]:
 
 
 def lidars_of(cells: Sequence[Cell]) -> list[str]:
-    """Their LiDARs, each once."""
+    """Returns the LiDARs of the experiments, each once."""
     return list(dict.fromkeys(cell.lidar for cell in cells))
 
 
 def parts_of(frames: str, parts: int) -> list[str]:
-    """A:B[:STEP] cut into at most so many ranges; together they hold the same frames."""
+    """Divides A:B[:STEP] into at most `parts` ranges, which together have the same frames."""
     numbers = range_of(frames)
     cuts = [len(numbers) * i // parts for i in range(parts + 1)]
     pieces = [numbers[a:b] for a, b in itertools.pairwise(cuts) if a < b]
@@ -64,10 +64,7 @@ def parts_of(frames: str, parts: int) -> list[str]:
 
 
 def warnings(plan: Plan) -> list[str]:
-    """What a user should know of the frames before they are simulated, of each LiDAR once.
-
-    Nothing without the extension.
-    """
+    """Returns warnings about the frames of each LiDAR; empty if the extension is not built."""
     try:
         from pyinfra.dataset import simulation
     except ImportError:
@@ -80,23 +77,24 @@ def warnings(plan: Plan) -> list[str]:
 
 
 def simulate(shard: Shard) -> None:
-    """Frames that are there stay as they are. Raises SimulatorError."""
+    """Simulates the frames of a shard that do not exist yet. Raises SimulatorError."""
     words = ["--preset", shard.preset, "--frames", shard.frames, "--threads", "1"]
     words += ["--fuse"] if has_several_mounts(shard.scene) else []
     infrasim("run", shard.scene, "--lidar", *shard.lidars, *words, "--out", shard.folder)
 
 
 def split_by_time(folder: Path, parts: Parts) -> None:
-    """Raises FileExistsError if the data set is split in another way."""
+    """Splits a data set by time. Raises FileExistsError if it has another split already."""
     data = read_data_set(folder)
     time_split = split.by_time(data.frames, data.period_s, parts.train_until_s, parts.val_from_s)
     split.write(data, time_split)
 
 
 def described(folder: Path, cells: Sequence[Cell]) -> dict[str, pd.DataFrame]:
-    """Tables of a data set and all LiDARs in it, its cells' or not.
+    """Returns the tables that describe a data set and all LiDARs in it.
 
-    They are `lidars`, those of STATISTICS, and last `hits`, which marks the end.
+    They are `lidars`, those of STATISTICS and `hits`. `hits` comes last: a row there means that the
+    others are complete.
     """
     key = {"scene": cells[0].scene, "preset": cells[0].preset}
     data = read_data_set(folder)
@@ -112,7 +110,10 @@ def described(folder: Path, cells: Sequence[Cell]) -> dict[str, pd.DataFrame]:
 
 
 def lidar_row(folder: Path) -> dict[str, object]:
-    """Price, field of view and range of a LiDAR, as the run resolved them; of one mount's."""
+    """Returns price, field of view and range of a LiDAR, as the run resolved them.
+
+    For a fused data set they are those of the LiDAR at the first mount.
+    """
     mounts = mount_names(folder)
     folder = folder.parents[1] / mounts[0] / folder.name if mounts else folder
     lidar, top = kitti.read_lidar(folder), kitti.read_yaml(folder / "lidar.yaml")
@@ -136,7 +137,7 @@ def lidar_row(folder: Path) -> dict[str, object]:
 
 
 def hit_row(folder: Path, on_vehicles: int) -> dict[str, object]:
-    """Points per frame, and those of them on vehicles, of all frames together."""
+    """Returns the mean number of points per frame, and of points on vehicles per frame."""
     frames, mounts = kitti.frames(folder), mount_names(folder)
     sizes = [kitti.frame_file(folder, "velodyne", k).stat().st_size for k in frames]
     return {
@@ -148,6 +149,6 @@ def hit_row(folder: Path, on_vehicles: int) -> dict[str, object]:
 
 
 def mount_names(folder: Path) -> list[str]:
-    """Of a fused LiDAR's folder; else none."""
+    """Returns the names of the mounts whose frames a folder fuses; empty if it is not fused."""
     names: list[str] = kitti.read_keys(folder / "lidar.yaml").get("mounts", [])
     return names

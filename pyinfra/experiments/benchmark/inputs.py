@@ -1,4 +1,4 @@
-"""What the names of a benchmark stand for: read before anything runs, and kept with its tables."""
+"""Checks the files that a benchmark names before it runs, and computes their digests."""
 
 from __future__ import annotations
 
@@ -24,25 +24,28 @@ PRICE = re.compile(r"^price_usd:\n(?:  .*\n)+", re.MULTILINE)
 TOTAL = re.compile(r"^price_total_usd: .*\n", re.MULTILINE)
 PRICE_TEXT = ["price_source", "price_date"]
 FRAMES_OF = ["scene", "preset", "lidar"]
-FIRST_NUMBER = "frames_version: 3\n"  # of 0.3, whose digests are without it
+FIRST_NUMBER = "frames_version: 3\n"  # left out, because the digests of version 0.3 are without it
 
 
 @cache
 def resolved(file: Path, preset: str = "", *words: str) -> str:
-    """A scene, or a LiDAR under a preset, as the simulator writes it. Raises SimulatorError."""
+    """Returns a scene, or a LiDAR with a preset, as the simulator resolves it.
+
+    Raises SimulatorError.
+    """
     return infrasim("check", file, *(["--preset", preset] if preset else []), *words)
 
 
 def canonical(file: Path, preset: str) -> str:
-    """The same by the keys of version 0.3, with the number of a scene's frames.
+    """Returns the resolved text with the keys of version 0.3, and `frames_version` of a scene.
 
-    Whatever a later version calls a key, this stays. Raises SimulatorError.
+    It stays the same when a later version renames a key. Raises SimulatorError.
     """
     return resolved(file, preset, "--canonical").removesuffix(FIRST_NUMBER)
 
 
 def price_of(lidar: Path, preset: str) -> dict[str, Any]:
-    """Keys low, high, source and date; of a bundle the sum of its units."""
+    """Returns the price with the keys low, high, source, date; for a bundle the units' sum."""
     file = yaml.safe_load(lidar.read_text("utf-8"))
     for keys in (yaml.safe_load(resolved(lidar, preset)), file):
         if "price_usd" in keys:
@@ -53,12 +56,15 @@ def price_of(lidar: Path, preset: str) -> dict[str, Any]:
 
 
 def has_several_mounts(scene: Path) -> bool:
-    """Whether a scene's frames are fused. Raises SimulatorError."""
+    """Returns whether a scene has several mounts, whose frames are fused. Raises SimulatorError."""
     return len(yaml.safe_load(resolved(scene))["mounts"]) > 1
 
 
 def check_names(plan: Plan) -> None:
-    """Raises ConfigError if a scene or LiDAR is not named as its file, as rows and folders are."""
+    """Raises ConfigError if the key `name` of a scene or LiDAR differs from the file's name.
+
+    Rows and folders use the file's name.
+    """
     for name in dict.fromkeys(cell.scene for cell in plan.cells):
         check_name(plan.files["scenes", name], resolved(plan.files["scenes", name]))
     for name, preset in dict.fromkeys((cell.lidar, cell.preset) for cell in plan.cells):
@@ -67,7 +73,7 @@ def check_names(plan: Plan) -> None:
 
 
 def check_name(file: Path, text: str) -> None:
-    """Raises ConfigError if a resolved text is not named as the file."""
+    """Raises ConfigError if the key `name` of a resolved text differs from the file's name."""
     given, name = yaml.safe_load(text)["name"], name_of(file)
     if given != name:
         what = "file" if name == file.stem else "folder"
@@ -75,10 +81,10 @@ def check_name(file: Path, text: str) -> None:
 
 
 def digests(plan: Plan) -> pd.DataFrame:
-    """Columns scene, preset, lidar and `inputs`: a digest of what the frames depend on.
+    """Returns a table with scene, preset, lidar and `inputs`, a digest of the frames' inputs.
 
-    That is the scene with the files that it names, the LiDAR without its price, the number and the
-    range of the frames and how they are split.
+    These are the scene with the files that it names, the LiDAR without its price, the version and
+    range of the frames, and their split.
     """
     keys = dict.fromkeys((cell.scene, cell.preset, cell.lidar) for cell in plan.cells)
     return pd.DataFrame(
@@ -97,7 +103,10 @@ def digest(plan: Plan, scene: str, preset: str, lidar: str) -> str:
 
 
 def named_files(scene: dict[str, Any]) -> list[str]:
-    """What a scene reads besides itself, relative to its file; by canonical keys."""
+    """Returns the files that a scene names, relative to its own file.
+
+    scene: with canonical keys.
+    """
     layers = [layer for _, layer in sorted(scene.get("static_layers", {}).items())]
     surfaces = [mesh["file"] for mesh in scene.get("meshes", [])]
     names = [scene.get("trajectories"), *layers, scene.get("lanes"), *surfaces]
@@ -105,9 +114,9 @@ def named_files(scene: dict[str, Any]) -> list[str]:
 
 
 def check_frames(hits: Path, wanted: pd.DataFrame) -> None:
-    """Raises ConfigError if the table has rows of another scene, LiDAR or range of frames.
+    """Raises ConfigError if rows of the table have other inputs than the benchmark.
 
-    wanted: of `digests`. Rows of an earlier version, without a digest, are taken for the same.
+    wanted: as `digests` returns. Rows of earlier versions have no digest and are accepted.
     """
     table = store.read(hits)
     if "inputs" not in table:
@@ -124,9 +133,9 @@ def check_frames(hits: Path, wanted: pd.DataFrame) -> None:
 
 
 def check_lidars(hits: Path, plan: Plan, folder_of: Callable[[str], Path]) -> None:
-    """Raises ConfigError if rows were measured among other LiDARs than the data set has or gets.
+    """Raises ConfigError if rows were measured with another set of LiDARs in the data set.
 
-    Which vehicles all LiDARs of a data set can see, the truth `common`, is a matter of all of them.
+    Ground truth `common`, the vehicles in view of all LiDARs, depends on the whole set.
     """
     table = store.read(hits)
     for world, cells in plan.worlds().items() if len(table) else ():
@@ -143,11 +152,12 @@ def check_lidars(hits: Path, plan: Plan, folder_of: Callable[[str], Path]) -> No
 
 
 def with_prices(plan: Plan, lidars: pd.DataFrame) -> pd.DataFrame:
-    """The table of LiDARs with the prices that the files of its LiDARs have now.
+    """Returns the table of LiDARs with the current prices of the LiDAR files.
 
     lidars: with the columns PRICE_TEXT as text.
     """
-    lidars = lidars.astype({"price_low_usd": float, "price_high_usd": float})  # may all be whole
+    # A CSV with whole numbers only is read as integers.
+    lidars = lidars.astype({"price_low_usd": float, "price_high_usd": float})
     for name, preset in dict.fromkeys((cell.lidar, cell.preset) for cell in plan.cells):
         price = price_of(plan.files["lidars", name], preset)
         at = (lidars.lidar == name) & (lidars.preset == preset)
@@ -157,7 +167,7 @@ def with_prices(plan: Plan, lidars: pd.DataFrame) -> pd.DataFrame:
 
 
 def renew_price(lidar: Path, preset: str, file: Path) -> None:
-    """Writes the price of now into the `lidar.yaml` of frames, which do not depend on it."""
+    """Writes the current price into a `lidar.yaml`; the frames do not depend on it."""
     price = price_of(lidar, preset)
     mounts = len(kitti.read_keys(file).get("mounts", ["the only one"]))
     price |= {end: mounts * price[end] for end in ("low", "high")}

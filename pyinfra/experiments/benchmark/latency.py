@@ -1,6 +1,6 @@
-"""Detectors timed alone: one at a time in one process, after the experiments of a benchmark.
+"""Measures the latency of detectors, one at a time, after the experiments of a benchmark.
 
-While other experiments run a detector takes up to four times as long, so nothing is timed then.
+While other experiments run, a detector can take four times as long, so none is timed then.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from pyinfra.experiments.pool import Say, silent
 from pyinfra.experiments.value import KEY
 from pyinfra.models.training.recipe import read_recipe
 
-LOCK = "latency.lock"  # of all commands that share a folder of work
+LOCK = "latency.lock"  # shared by all commands that use the same work folder
 
 
 def time_untimed(
     plan: Plan, workspace: Workspace, *, device: str = "cpu", say: Say = silent
 ) -> None:
-    """Times the finished cells that have no latency, if all of the plan's experiments have ended.
+    """Times the finished experiments that have no latency, once all of the plan have ended.
 
-    Where another command still runs some of them, that one times them all.
+    If another command still runs some of them, that command times them all.
     """
     if workspace.without_row(plan.cells):
         say("pyinfra: another command still runs experiments: it measures the latencies at its end")
@@ -44,7 +44,7 @@ def time_untimed(
         for cell in with_run(left, workspace):
             try:
                 time_cell(cell, plan, workspace, digests, device, say)
-            except Exception as error:  # whatever it is, the others are timed
+            except Exception as error:  # any error: the other experiments are still timed
                 keep_traceback(error, workspace.work / "runs" / f"{cell.name}.traceback.txt")
                 say(f"{cell.title}: no latency: {type(error).__name__}: {error}")
 
@@ -56,7 +56,10 @@ def with_run(cells: Sequence[Cell], workspace: Workspace) -> list[Cell]:
 def time_cell(
     cell: Cell, plan: Plan, workspace: Workspace, digests: pd.DataFrame, device: str, say: Say
 ) -> None:
-    """Puts the latency of a finished cell into its row. Raises what detectors and files raise."""
+    """Measures the latency of a finished experiment and adds it to its row.
+
+    Raises what detectors and files raise.
+    """
     run = workspace.work / "runs" / cell.name
     recipe = read_recipe(plan.files["detectors", cell.detector], cell.tier)
     claim_run(run, inputs_of(cell, recipe, digests))
@@ -68,7 +71,7 @@ def time_cell(
 
 
 def put_latency(cell: Cell, workspace: Workspace, columns: dict[str, object]) -> None:
-    """Puts a latency in place of that of the cell's row, if the cell is finished."""
+    """Replaces the latency in the row of an experiment, if it is finished."""
     table = workspace.finished()
     rows = table[store.among(table, pd.DataFrame([asdict(cell)]), KEY)] if len(table) else table
     if len(rows):
@@ -76,7 +79,7 @@ def put_latency(cell: Cell, workspace: Workspace, columns: dict[str, object]) ->
 
 
 def time_again(plan: Plan, workspace: Workspace, *, device: str = "cpu", say: Say = silent) -> None:
-    """Times every finished cell whose run is here.
+    """Times every finished experiment whose trained detector is in the work folder.
 
     Raises FileNotFoundError if there is none.
     """

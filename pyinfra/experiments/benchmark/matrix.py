@@ -1,4 +1,4 @@
-"""`configs/benchmarks/*.yaml`: which cells a benchmark has."""
+"""`configs/benchmarks/*.yaml`: which experiments a benchmark has."""
 
 from __future__ import annotations
 
@@ -20,24 +20,28 @@ from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.experiments.value import Costs
 from pyinfra.scenes.maps.site_folder import MAP, SCENE
 
-# Of the 5,000 frames of 500 s.
+# Frames that are simulated, of the 5,000 frames of 500 s.
 FRAMES: dict[Tier, str] = {"smoke": "0:5000:20", "quick": "0:5000:5", "full": "0:5000"}
 MOST_FRAMES = 360_000  # of a scene: 36,000 s
-MOST_CELLS = 100_000  # of a benchmark, of 20 s at least
-# Names are folders and words of tables, which a shell or a spreadsheet must not take for more.
+MOST_CELLS = 100_000  # experiments of a benchmark; each takes 20 s or more
+# Names become folders and text in tables, so they must be harmless in a shell and a spreadsheet.
 NAME = re.compile(r"\w[^/\\,\"\x00-\x1f\x7f]{0,99}")
 
 
 def name_of(path: Path) -> str:
-    """That of the file; of a site that of its folder (sites/corner/site.yaml)."""
+    """Returns the name of a scene's or LiDAR's file without its suffix.
+
+    For a site it is the name of the folder, such as `corner` for sites/corner/site.yaml.
+    """
     is_site = path.name == SCENE and (path.parent / MAP).exists()
     return path.absolute().parent.name if is_site else path.stem
 
 
 def config_file(kind: str, benchmark: Path, word: str) -> Path:
-    """`ruby_plus` of configs/lidars, or `own.yaml` beside the benchmark's file.
+    """Returns the file of a name such as `ruby_plus` in configs/, or of `own.yaml`.
 
-    Raises Error with what is allowed.
+    A word that ends in .yaml is a path relative to the benchmark's file. Raises Error with what is
+    allowed.
     """
     folder = configs() / kind
     path = benchmark.parent / word if word.endswith(".yaml") else folder / f"{word}.yaml"
@@ -53,7 +57,7 @@ def config_file(kind: str, benchmark: Path, word: str) -> Path:
 
 
 def scene_of(word: str) -> Path:
-    """A scene that a user names. Raises Error."""
+    """Returns the file of a scene that a user names. Raises Error if there is none."""
     try:
         return config_file("scenes", Path.cwd() / "plan", word)
     except ValueError as error:
@@ -66,13 +70,16 @@ def files_of(kind: str) -> Any:
 
 @dataclass(frozen=True)
 class Combinations:
-    """All combinations of what it lists; names of configs/, or files beside the benchmark's."""
+    """All combinations of the listed values.
 
-    scenes: tuple[str, ...] = files_of("scenes")  # of configs/scenes
-    lidars: tuple[str, ...] = files_of("lidars")  # of configs/lidars
-    presets: tuple[Preset, ...] = ruled(once=True)  # of the LiDARs
-    detectors: tuple[str, ...] = files_of("detectors")  # of configs/detectors
-    seeds: tuple[int, ...] = ruled((1,), 0, 1e9, once=True)  # of the training, not of the world
+    A scene, LiDAR or detector is a name in configs/, or a file relative to the benchmark's file.
+    """
+
+    scenes: tuple[str, ...] = files_of("scenes")  # names in configs/scenes, or files
+    lidars: tuple[str, ...] = files_of("lidars")  # names in configs/lidars, or files
+    presets: tuple[Preset, ...] = ruled(once=True)  # presets of the LiDARs
+    detectors: tuple[str, ...] = files_of("detectors")  # names in configs/detectors, or files
+    seeds: tuple[int, ...] = ruled((1,), 0, 1e9, once=True)  # seeds of training, not of traffic
 
     @property
     def cells(self) -> int:
@@ -81,18 +88,20 @@ class Combinations:
 
 @dataclass(frozen=True)
 class Parts:
-    """What is learnt from and what is tested on."""
+    """How frames are divided into training and test frames."""
 
-    train_until_s: float = ruled(split.TRAIN_UNTIL_S, 0, 1e6)  # frames that start before it train
-    val_from_s: float = ruled(split.VAL_FROM_S, 0, 1e6)  # and from here on they test
+    # frames that start before this time are training frames
+    train_until_s: float = ruled(split.TRAIN_UNTIL_S, 0, 1e6)
+    # frames that start at this time or later are test frames
+    val_from_s: float = ruled(split.VAL_FROM_S, 0, 1e6)
 
 
 @dataclass(frozen=True)
 class Benchmark:
-    """A union of blocks, in their order."""
+    """A benchmark: the experiments of all its combinations, in this order."""
 
     matrix: tuple[Combinations, ...]  # combinations to measure
-    frames: str = ""  # A:B[:STEP] in place of the tier's
+    frames: str = ""  # frame numbers A:B[:STEP], B excluded; default: those of the tier
     split: Parts = field(default_factory=Parts)
     costs: Costs = field(default_factory=Costs)
 
@@ -104,7 +113,7 @@ class Benchmark:
 
 @dataclass(frozen=True)
 class Cell:
-    """One row of the results; its fields are the row's key."""
+    """An experiment, which becomes one row of the results; its fields are the row's key."""
 
     scene: str
     lidar: str
@@ -123,13 +132,13 @@ class Cell:
 
     @property
     def world(self) -> str:
-        """The data set it needs."""
+        """The name of the data set that the experiment needs."""
         return f"{self.scene}_{self.preset}"
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The cells of a benchmark on one tier, and the files their names stand for."""
+    """The experiments of a benchmark in one tier, and the files that they name."""
 
     cells: tuple[Cell, ...]
     frames: str
@@ -138,7 +147,7 @@ class Plan:
     parts: Parts
 
     def worlds(self) -> dict[str, list[Cell]]:
-        """The cells by the data set they need."""
+        """Returns the experiments, grouped by the data set that they need."""
         groups: dict[str, list[Cell]] = {}
         for cell in self.cells:
             groups.setdefault(cell.world, []).append(cell)
@@ -146,10 +155,10 @@ class Plan:
 
 
 def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
-    """The cells of a file; scene: a file or a name in place of all of its scenes.
+    """Reads the experiments of a benchmark's file.
 
-    Raises ConfigError with file, key, what was found and what is allowed, and Error for the
-    scene.
+    scene: a scene's file or name, which replaces the scenes of the file. Raises ConfigError, which
+    names the file and the key, and Error for the scene.
     """
     benchmark = read_config(file, Benchmark)
     files: dict[tuple[str, str], Path] = {}
@@ -168,7 +177,7 @@ def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
 
     def cells() -> Iterator[Cell]:
         for block in benchmark.matrix:
-            # Detectors before LiDARs: the first rows say most.
+            # LiDARs vary faster than detectors, so that the first rows compare LiDARs.
             for scene, preset, detector, lidar, seed in itertools.product(
                 known("scenes", block.scenes),
                 block.presets,
@@ -185,7 +194,7 @@ def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
 
 
 def check_parts(file: Path, frames: str, parts: Parts) -> None:
-    """Raises ConfigError if there is nothing to learn from, or nothing to test on."""
+    """Raises ConfigError if no frame is left for training, or none for testing."""
     try:
         split.by_time(range_of(frames), PERIOD_S, parts.train_until_s, parts.val_from_s)
     except ValueError as error:
@@ -193,7 +202,7 @@ def check_parts(file: Path, frames: str, parts: Parts) -> None:
 
 
 def range_of(frames: str) -> range:
-    """A:B[:STEP]. Raises ConfigError if it is no range."""
+    """Returns the frame numbers of A:B[:STEP]. Raises ConfigError for another text."""
     match = re.fullmatch(r"([0-9]{1,9}):([0-9]{1,9})(?::([0-9]{1,9}))?", frames)
     if match is None:
         raise ConfigError(f"frames: found '{frames}', allowed A:B[:STEP]")

@@ -1,4 +1,4 @@
-"""One cell: train, detect, evaluate; and, when nothing else runs, time."""
+"""One experiment: training, detection and evaluation; latency is measured separately."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ MEASURED = (
 
 
 def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str = "cpu") -> Tables:
-    """The rows of a cell: `cells`, `areas`, `draws`, `ranges`, and `distance` without `common`;
-    of a site of lanes also `squares`.
+    """Runs an experiment and returns its rows by table.
 
-    folder: the LiDAR's, split; run: where the model goes.
-    A training that was stopped goes on. Raises what training, detecting and evaluating raise, and
-    Error if no vehicle counts.
+    The tables are `cells`, `areas`, `draws`, `ranges` and `distance` (without ground truth
+    `common`), and `squares` for a site of lanes. folder: the LiDAR's folder, which has a split.
+    run: folder for the trained detector. A training that was interrupted resumes. Raises what
+    training, detecting and evaluating raise, and Error if no vehicle counts.
     """
     seconds = trained(cell, recipe, folder, run, device)
     detected(run, folder, device)
@@ -65,7 +65,7 @@ def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str =
 
 
 def check_counted(evaluation: Evaluation) -> None:
-    """Raises Error if no vehicle counts, as then the cell has no AP."""
+    """Raises Error if no vehicle counts, because AP is then undefined."""
     rows = evaluation.ap[evaluation.ap.ground_truth == "captured"]
     if not rows.objects.sum():
         raise Error(
@@ -75,7 +75,7 @@ def check_counted(evaluation: Evaluation) -> None:
 
 
 def trained(cell: Cell, recipe: Recipe, folder: Path, run: Path, device: str) -> float:
-    """CPU seconds of the training: of every step of the model, in whichever go it was done."""
+    """Trains a detector and returns the CPU seconds of all its steps, earlier runs included."""
     before = time.process_time()
     source = read_source(folder, cell.tier, classes=recipe.classes)
     train(recipe, [source], run, seed=cell.seed, device=device, quiet=True)
@@ -86,7 +86,7 @@ def trained(cell: Cell, recipe: Recipe, folder: Path, run: Path, device: str) ->
 
 
 def detected(run: Path, folder: Path, device: str) -> None:
-    """Writes the predictions of the test frames."""
+    """Writes the predictions for the test frames to the folder `predictions` of a run."""
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     (run / "predictions").mkdir(exist_ok=True)
     write_origin(run / "predictions", origin_of(folder, detect.model_file(run)), anew=True)
@@ -96,10 +96,10 @@ def detected(run: Path, folder: Path, device: str) -> None:
 def timed_alone(
     run: Path, folder: Path, device: str, *, every: int | None = None
 ) -> tuple[dict[str, object], OtherLoad]:
-    """The columns of latency, points to boxes, and under which load it was measured.
+    """Measures the latency from points to boxes; returns its columns and the load by others.
 
-    every: takes each `every`-th test frame; by default as many as give TIMED_FRAMES at most. It is
-    the caller's part that nothing else runs.
+    every: use every n-th test frame; by default such that at most TIMED_FRAMES are used. The caller
+    must make sure that nothing else runs.
     """
     numbers = frame_numbers(folder)
     chosen = numbers[:: every or math.ceil(len(numbers) / TIMED_FRAMES)]
@@ -124,12 +124,12 @@ def latency_columns(times: FloatArray, load: OtherLoad) -> dict[str, object]:
 
 
 def steps_of(recipe: Recipe) -> int:
-    """Steps of training in the tier; 0 of a network as it comes and of `background`."""
+    """Returns the training steps of a recipe; 0 for an untrained start network and `background`."""
     return 0 if recipe.detector == "background" else recipe.learning.steps
 
 
 def row(cell: Cell, evaluation: Evaluation, seconds: float, steps: int) -> dict[str, object]:
-    """Without a latency: detectors are timed when nothing else runs."""
+    """Returns the row of a finished experiment; its latency is NaN until it is measured."""
     by_truth = evaluation.ap.set_index("ground_truth")
     return {
         **asdict(cell),
@@ -151,7 +151,7 @@ def row(cell: Cell, evaluation: Evaluation, seconds: float, steps: int) -> dict[
 
 
 def failed(cell: Cell, error: BaseException) -> Tables:
-    """The row of a cell that failed, with its reason in one line."""
+    """Returns the row of a failed experiment, with the reason in one line."""
     reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:300]
     nothing = dict.fromkeys(MEASURED, np.nan)
     row = {**asdict(cell), **nothing, **provenance(), "reason": reason}
@@ -167,7 +167,7 @@ def provenance() -> dict[str, object]:
 
 
 def keyed(cell: Cell, rows: pd.DataFrame | None) -> pd.DataFrame:
-    """The rows of an evaluation's table, named by their cell."""
+    """Returns the rows of an evaluation's table with the key columns of their experiment."""
     if rows is None:
         return pd.DataFrame()
     table = rows.drop(columns=["lidar", "class", "iou"]).reset_index(drop=True)

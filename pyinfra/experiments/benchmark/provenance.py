@@ -1,4 +1,4 @@
-"""What a cell depends on: its row and its training say so, and nothing old is taken for new."""
+"""Digests of an experiment's inputs, kept in its row and its training to detect stale results."""
 
 from __future__ import annotations
 
@@ -23,35 +23,39 @@ from pyinfra.experiments.value import KEY
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.training.recipe import Recipe, read_recipe
 
-SHOWN = 5  # cells that a message names
-# What version 0.3 measured: those added since change none of its figures.
+SHOWN = 5  # experiments that a message names
+# Ground truths of version 0.3. Later ones do not change its figures, so digests leave them out.
 FIRST_TRUTHS: tuple[Subset, ...] = ("captured", "common", "all")
 
 
 def recipe_digest(recipe: Recipe) -> str:
-    """Of what a cell depends on beside frames and seed: the recipe, and how AP is counted.
+    """Returns a digest of the detector's recipe and of the evaluation settings.
 
-    Raises FileNotFoundError for a recipe that starts with a network that is not there.
+    Together with frames and seed these determine an experiment. Raises FileNotFoundError if the
+    recipe starts from a network that does not exist.
     """
     plain = [canonical(recipe), canonical(replace(SETTINGS, ground_truths=FIRST_TRUTHS))]
     start = plain[0]["learning"].pop("start")
-    if start:  # else as the rows of earlier versions
+    if start:  # without a start the digest is that of earlier versions
         plain.append(hashlib.sha256(model_file(Path(start)).read_bytes()).hexdigest())
     return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def inputs_of(cell: Cell, recipe: Recipe, digests: pd.DataFrame) -> dict[str, str]:
-    """The columns of a cell's row that say what it depends on; digests: of the frames."""
+    """Returns the columns `inputs` and `recipe` of an experiment's row.
+
+    digests: digests of the frames, as `inputs.digests` returns them.
+    """
     frames = digests[store.among(digests, pd.DataFrame([vars(cell)]), FRAMES_OF)]
     return {"inputs": str(frames.inputs.item()), "recipe": recipe_digest(recipe)}
 
 
 def stale(plan: Plan, table: pd.DataFrame) -> pd.DataFrame:
-    """The rows of finished cells that are of another recipe or of other frames than now.
+    """Returns the rows of finished experiments that have another recipe or other frames.
 
-    They are those of the plan's detectors, also of scenes and LiDARs that it has not: one name
-    stands for one recipe. Rows of an earlier version, without digests, are taken for the same.
-    Raises ConfigError for a wrong file of a detector.
+    Rows of the plan's detectors are included even if their scene or LiDAR is not in the plan,
+    because one name stands for one recipe. Rows of earlier versions have no digests and count as
+    up to date. Raises ConfigError for an invalid file of a detector.
     """
     rows = table[knows(table)]
     if rows.empty:
@@ -71,14 +75,14 @@ def stale(plan: Plan, table: pd.DataFrame) -> pd.DataFrame:
 
 
 def knows(table: pd.DataFrame) -> pd.Series:
-    """Which rows are of a finished cell, and say what it depends on."""
+    """Returns which rows are finished experiments with digests of their inputs."""
     if "recipe" not in table:
         return pd.Series(False, index=table.index)
     return table.ap.notna() & table.recipe.notna()
 
 
 def check_cells(cells: Path, plan: Plan, say: Say = silent) -> None:
-    """Raises ConfigError if the table has stale rows; warns of those that do not say."""
+    """Raises ConfigError if the table has stale rows; warns about rows without digests."""
     table = store.read(cells)
     old = stale(plan, table)
     if len(old):
@@ -97,10 +101,10 @@ def check_cells(cells: Path, plan: Plan, say: Say = silent) -> None:
 
 
 def claim_run(run: Path, inputs: Mapping[str, str]) -> None:
-    """Writes beside a training what it depends on.
+    """Writes the digests of a training's inputs into its folder.
 
-    Raises ConfigError if one of other inputs began there; one of an earlier version, which does
-    not say, is taken for the same.
+    Raises ConfigError if a training with other inputs was begun there. A training of an earlier
+    version has no digests and counts as up to date.
     """
     file, text = run / "inputs.txt", "".join(f"{k} {v}\n" for k, v in inputs.items())
     begun = (run / "last.safetensors").exists() and file.exists()

@@ -1,4 +1,4 @@
-"""The draws of a benchmark's cells: which of them cannot be told apart."""
+"""Bootstrap replicates of a benchmark's experiments, and which differences are significant."""
 
 from __future__ import annotations
 
@@ -17,12 +17,15 @@ MEASURE = "ap_fine"
 
 @dataclass(frozen=True, eq=False)
 class CellDraws:
-    """A table of draws, one row for each cell, ground truth and measure."""
+    """A table of bootstrap replicates: one row for each experiment, ground truth and measure."""
 
     rows: pd.DataFrame
 
     def row(self, cell: Key, ground_truth: str, measure: str = MEASURE) -> pd.Series | None:
-        """Of AP (R1000); None if the table has none, as those of earlier versions."""
+        """Returns the row of an experiment; None if the table does not have it.
+
+        `measure` is by default AP (R1000), which tables of earlier versions lack.
+        """
         if self.rows.empty:
             return None
         here = (self.rows.ground_truth == ground_truth) & (self.rows.measure == measure)
@@ -32,10 +35,10 @@ class CellDraws:
         return None if rows.empty else rows.iloc[0]
 
     def alike(self, best: Key, others: Iterable[Key], ground_truth: str) -> list[int]:
-        """Which of the others, by their place, cannot be told from the best by fine AP.
+        """Returns the indices of those others whose AP (R1000) does not differ significantly.
 
-        One without draws is not among them: nothing is known of it. Raises Error for cells
-        whose draws are not of the same blocks.
+        Experiments without bootstrap replicates are left out, because nothing is known of their
+        difference. Raises Error for experiments whose replicates are of different blocks of time.
         """
         reference = self.row(best, ground_truth)
         rows = [self.row(other, ground_truth) for other in others]

@@ -1,4 +1,4 @@
-"""The way of a benchmark: simulate, describe the data sets, fill the cells, price and time them."""
+"""Runs a benchmark: simulation, tables of the data sets, experiments, prices and latencies."""
 
 from __future__ import annotations
 
@@ -35,13 +35,14 @@ def benchmark(
     device: str = "cpu",
     say: Say = silent,
 ) -> None:
-    """Fills the tables; cells with a row are left out, those that failed are tried again.
+    """Runs the experiments that have no row yet, and writes the tables of results.
 
-    Detectors are timed at the end, one at a time, when nothing else of the benchmark runs.
+    Failed experiments are tried again. Detectors are timed at the end, one at a time, when nothing
+    else of the benchmark runs.
 
-    say: is told of each step and cell; it is sent to the pool's processes.
-    Raises SimulatorError if a data set cannot be made, ConfigError if the tables are of other
-    inputs; a cell that fails is a row with its reason.
+    say: is called with a line for each step and experiment, also in the processes of the pool.
+    Raises SimulatorError if a data set cannot be made, and ConfigError if the tables were made from
+    other inputs. An experiment that fails does not raise; it gets a row with the reason.
     """
     inputs.resolved.cache_clear()
     inputs.check_names(plan)
@@ -67,7 +68,7 @@ def benchmark(
 
 
 def check_costs(workspace: Workspace, plan: Plan) -> None:
-    """Raises ConfigError if the prices of the table are with other costs of the site."""
+    """Raises ConfigError if the prices in the table include other costs of the site."""
     table = store.read(workspace.table("value"))
     for mounts, rows in table.groupby(mounts_of(table)) if len(table) else ():
         allowed = plan.costs.of_mounts(mounts).site_usd
@@ -80,7 +81,7 @@ def check_costs(workspace: Workspace, plan: Plan) -> None:
 
 
 def forget_failed(workspace: Workspace, plan: Plan) -> None:
-    """Takes the rows of failed cells of the plan out of the table."""
+    """Removes the rows of the plan's failed experiments from the table."""
     file = workspace.table("cells")
     table = store.read(file)
     if "reason" not in table:
@@ -92,7 +93,7 @@ def forget_failed(workspace: Workspace, plan: Plan) -> None:
 
 
 def simulate_worlds(plan: Plan, workspace: Workspace, where: pool.Pool, say: Say = silent) -> None:
-    """All data sets of the plan, split, and their tables."""
+    """Simulates and splits all data sets of the plan, and writes their tables."""
     for world, cells in plan.worlds().items():
         for name in frames.lidars_of(cells):
             for file in lidar_files(workspace.work / "data" / world, name):
@@ -112,13 +113,13 @@ def simulate_worlds(plan: Plan, workspace: Workspace, where: pool.Pool, say: Say
 
 
 def lidar_files(folder: Path, name: str) -> list[Path]:
-    """Every `lidar.yaml` of a LiDAR: of the data set, or of each mount's and of the fused one."""
+    """Returns every `lidar.yaml` of a LiDAR in a data set, including those of several mounts."""
     files = (folder / name / "lidar.yaml", *folder.glob(f"*/{name}/lidar.yaml"))
     return [file for file in files if file.is_file()]
 
 
 def is_described(workspace: Workspace, cells: Sequence[Cell]) -> bool:
-    """Whether every LiDAR of the cells of one data set has its row of hits."""
+    """Returns whether every LiDAR of one data set's experiments has a row in table `hits`."""
     hits = store.read(workspace.table("hits"))
     wanted = [{key: getattr(cell, key) for key in KEYS["hits"]} for cell in cells]
     return all(store.has_each(hits, wanted))
@@ -132,9 +133,9 @@ def fill(
     device: str,
     say: Say = silent,
 ) -> None:
-    """The rows of one cell, unless another process is at it.
+    """Runs one experiment and adds its rows, unless another process runs it.
 
-    An exception becomes its reason; the traceback is kept beside the folder of its training.
+    An exception becomes the reason in its row; the traceback is saved next to its training folder.
     """
     run = workspace.work / "runs" / cell.name
     traceback = run.with_name(f"{run.name}.traceback.txt")
@@ -149,7 +150,7 @@ def fill(
                 tables = measure.tables(cell, recipe, folder, run, device=gpu)
             tables["cells"] = tables["cells"].assign(**cell_inputs)
             traceback.unlink(missing_ok=True)
-        except Exception as error:  # whatever it is, the other cells go on
+        except Exception as error:  # any error: the other experiments continue
             keep_traceback(error, traceback)
             tables = measure.failed(cell, error)
         workspace.put(tables)
@@ -170,7 +171,7 @@ def progress(cell: Cell, row: pd.Series) -> str:
 
 
 def conclude(workspace: Workspace, plan: Plan) -> None:
-    """Works out prices again, if there is a finished cell; after each, so that they fit."""
+    """Updates the table of prices, which covers all finished experiments."""
     with held(workspace.results / "locks/conclude", wait=True):
         _conclude(workspace, plan)
 

@@ -1,4 +1,4 @@
-"""Where a benchmark works, and where its tables are."""
+"""The folders of a benchmark: for frames and trainings, and for tables of results."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pyinfra.experiments.benchmark import frames
 from pyinfra.experiments.benchmark.matrix import Cell
 from pyinfra.experiments.value import KEY
 
-KEYS = {  # of the rows of each table
+KEYS = {  # columns that identify a row of each table
     "cells": KEY,
     "areas": KEY,
     "distance": KEY,
@@ -29,20 +29,24 @@ KEYS = {  # of the rows of each table
 
 @dataclass(frozen=True)
 class Workspace:
-    """Where a benchmark works, and where its tables are."""
+    """The folders of a benchmark: `work` for frames and trainings, `results` for tables."""
 
     work: Path
     results: Path
     tier: str
 
     def data(self, world: str) -> Path:
-        """The data set of a world; of several mounts the fused one."""
+        """Returns the folder of a data set; for several mounts that of the fused frames.
+
+        world: as `Cell.world`.
+        """
         folder = self.work / "data" / world
         fused = folder / "fused"
         return fused if (fused / "dataset.yaml").is_file() else folder
 
     def table(self, name: str) -> Path:
-        """`TIER.csv` has the cells, `TIER_areas.csv` their areas; LiDARs know no tier."""
+        """Returns the file of a table: TIER.csv for experiments, lidars.csv for LiDARs, else
+        TIER_NAME.csv."""
         file = {"lidars": "lidars", "cells": self.tier}.get(name, f"{self.tier}_{name}")
         return self.results / f"{file}.csv"
 
@@ -51,7 +55,7 @@ class Workspace:
             store.put(self.table(name), rows, KEYS[name])
 
     def finished(self) -> pd.DataFrame:
-        """The rows of cells that did not fail."""
+        """Returns the rows of experiments that did not fail."""
         table = store.read(self.table("cells"))
         return table[table.ap.notna()] if len(table) else table
 

@@ -1,1 +1,1 @@
-"""Detectors under faults of growing severity."""
+"""Stress tests: detectors under faults of growing severity."""

@@ -1,4 +1,4 @@
-"""What can happen to the world: the test frames again, simulated with other keys into a cache."""
+"""Changes of scene and LiDAR: the test frames are simulated again with other keys, in a cache."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from pyinfra.dataset.runs import SimulatorError, infrasim
 from pyinfra.experiments.stress import lidar
 from pyinfra.formats import kitti
 
-# Keys that a run adds to its scene.
+# Keys in dataset.yaml that a run adds to those of the scene.
 NOT_OF_THE_SCENE = ("surfaces", "preset", "version", "frames_version")
-FIRST_NUMBER = 3  # of the frames of 0.3, whose digests are without it
-PHASES = 16  # angles that are drawn: a bundle of more spinning units has some twice
+FIRST_NUMBER = 3  # frames_version of version 0.3, whose digests are without it
+PHASES = 16  # number of random angles; a bundle with more spinning units repeats some
 SCENE = "scene.yaml"
 
 
@@ -36,7 +36,7 @@ class Base:
 
     folder: Path
     lidar: kitti.Lidar
-    scene: dict[str, Any]  # as the run resolved it, files by whole paths; empty if not known
+    scene: dict[str, Any]  # as the run resolved it, with absolute paths; empty if unknown
     frames: tuple[int, ...]  # ascending
 
     @property
@@ -45,18 +45,18 @@ class Base:
 
     @property
     def trajectories(self) -> Path | None:
-        """Where the recorded vehicles are; nothing if they are simulated."""
+        """The file of recorded trajectories; None if vehicles are simulated."""
         file = self.scene.get("trajectories")
         return Path(file) if file else None
 
     @property
     def mounts(self) -> dict[str, dict[str, Any]]:
-        """By name; several of a fused data set, none if they are not known."""
+        """The mounts by name: several for a fused data set, none if they are unknown."""
         return dict(self.scene.get("mounts", {}))
 
     @cached_property
     def identity(self) -> str:
-        """What the frames are told by: scene and LiDAR, by the keys of version 0.3."""
+        """A text that identifies the frames: scene and LiDAR, with the keys of version 0.3."""
         return _identity(self)
 
     @property
@@ -65,7 +65,7 @@ class Base:
 
     @property
     def lidar_file(self) -> Path:
-        """What says where rays go: of a fused data set, that of its first mount beside it."""
+        """The file with the scan pattern; for a fused data set that of its first mount."""
         if not self.is_fused:
             return self.folder / lidar.FILE
         return self.folder.parents[1] / next(iter(self.mounts)) / self.folder.name / lidar.FILE
@@ -73,19 +73,19 @@ class Base:
 
 @dataclass(frozen=True)
 class World:
-    """What differs from the base; nothing is as there."""
+    """Differences of a simulation from the base; an empty field means no difference."""
 
     set: tuple[str, ...] = ()  # KEY=VALUE
-    lidar: str = ""  # of the catalogue
-    scene: str = ""  # of the catalogue
+    lidar: str = ""  # name in the catalogue
+    scene: str = ""  # name in the catalogue
     preset: str = ""
-    turns_deg: tuple[float, ...] = ()  # of the units' seams, over and over
+    turns_deg: tuple[float, ...] = ()  # turns of the units' cut angles; they repeat if too few
 
 
 def read_base(folder: Path, most: int) -> Base:
-    """The test frames of a folder, at most so many, evenly spaced.
+    """Returns the test frames of a LiDAR's folder, at most `most`, evenly spread.
 
-    Raises FileNotFoundError, FormatError, and Error for a folder that is no LiDAR's.
+    Raises FileNotFoundError, FormatError, and Error for another kind of folder.
     """
     check_no_data_set(folder)
     frames = frame_numbers(folder)
@@ -98,16 +98,17 @@ def read_base(folder: Path, most: int) -> Base:
 
 
 def _scene(keys: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """That of a `dataset.yaml`, to be simulated again."""
+    """Returns the scene of a `dataset.yaml`, ready to be simulated again."""
     scene = {key: value for key, value in keys.items() if key not in NOT_OF_THE_SCENE}
-    if scene.get("trajectories"):  # relative to a scene file that is elsewhere; a run copies them
+    # The name is relative to a scene file elsewhere, but a run copies the trajectories.
+    if scene.get("trajectories"):
         scene["trajectories"] = str((folder.parent / "trajectories.csv").resolve())
         _tell_from_first(scene["mounts"])
     return scene
 
 
 def _tell_from_first(mounts: dict[str, dict[str, Any]]) -> None:
-    """The copy of trajectories is by the clock of the only mount, or of the first."""
+    """Makes clock offsets relative to the first mount, whose clock the copied trajectories use."""
     first_s = next(iter(mounts.values())).get("clock_offset_s", 0)
     for mount in mounts.values():
         late_s = mount.pop("clock_offset_s", 0) - first_s
@@ -120,7 +121,7 @@ def _identity(base: Base) -> str:
     try:
         keys = yaml.safe_load(infrasim("check", description, "--canonical"))
         text = infrasim("check", lidar_yaml, "--canonical")
-    except SimulatorError:  # of a recording, or of a simulation whose files were changed
+    except SimulatorError:  # a recording, or a simulation whose files were changed
         return f"{base.scene}\n{lidar_yaml.read_text('utf-8')}"
     number = keys["frames_version"]
     later = "" if number == FIRST_NUMBER else f"\nframes_version: {number}"
@@ -136,7 +137,7 @@ def speed(base: Base, times: float | str) -> World:
 
 
 def tilt(base: Base, pitch_deg: float | str) -> World:
-    """Looks further down by the pitch; every mount."""
+    """Pitches every mount further down by `pitch_deg`."""
     mounts = base.mounts.items()
     down = {name: mount.get("pitch_deg", 0) + float(pitch_deg) for name, mount in mounts}
     return World(tuple(f"mounts.{name}.pitch_deg={deg:g}" for name, deg in down.items()))
@@ -151,7 +152,10 @@ def pole_yaw(base: Base, degrees: float | str) -> World:
 
 
 def late_clocks(mounts: Mapping[str, Mapping[str, Any]], ms: float) -> tuple[str, ...]:
-    """KEY=VALUE: clocks later than they are, the last one's by ms, those between evenly."""
+    """Returns KEY=VALUE words that delay the clocks of all mounts but the first.
+
+    The last mount's delay is `ms`; the delays grow evenly in the order of the mounts.
+    """
     offsets_s = [mount.get("clock_offset_s", 0) for mount in mounts.values()]
     more_s = [ms / 1000 * i / (len(offsets_s) - 1) for i in range(len(offsets_s))]
     late = zip(mounts, offsets_s, more_s, strict=True)
@@ -159,7 +163,10 @@ def late_clocks(mounts: Mapping[str, Mapping[str, Any]], ms: float) -> tuple[str
 
 
 def wrong_turns(mounts: Mapping[str, Mapping[str, Any]], degrees: float) -> tuple[str, ...]:
-    """KEY=VALUE: all but the first are taken to stand turned, left and right by turns."""
+    """Returns KEY=VALUE words that add an error to the assumed yaw of all mounts but the first.
+
+    The errors are alternately to the left and to the right.
+    """
     words = []
     for i, (name, mount) in enumerate(mounts.items()):
         given_deg = mount.get("calibration_error", {}).get("yaw_deg", 0)
@@ -170,17 +177,20 @@ def wrong_turns(mounts: Mapping[str, Mapping[str, Any]], degrees: float) -> tupl
 
 
 def seam(_: Base, degrees: float | str) -> World:
-    """The turns of all units begin so much further left."""
+    """Turns the cut angles of all units to the left by `degrees`."""
     return World(turns_deg=(float(degrees),))
 
 
 def phase(_: Base, draw: float | str) -> World:
-    """Every unit's motor starts at an angle of its own, as after power was cut."""
+    """Gives every unit its own random cut angle, as after a power cut.
+
+    draw: `draw_N`, where N seeds the angles.
+    """
     return World(turns_deg=angles_deg(int(str(draw).removeprefix("draw_"))))
 
 
 def angles_deg(draw: int) -> tuple[float, ...]:
-    """Where motors stand after power was cut for the draw-th time."""
+    """Returns PHASES random angles in degrees, seeded with `draw`."""
     angles = np.random.default_rng([draw, PHASES]).uniform(0, 360, PHASES)
     return tuple(angles.round(3).tolist())
 
@@ -194,7 +204,7 @@ def other_scene(_: Base, name: float | str) -> World:
 
 
 def other_preset(base: Base, name: float | str) -> World:
-    """Of the catalogue's LiDAR of this name: a data set holds one preset alone."""
+    """Takes the LiDAR of this name from the catalogue, since a data set has one preset only."""
     return World(lidar=base.lidar.name, preset=str(name))
 
 
@@ -203,14 +213,14 @@ def one_class(_: Base, name: float | str) -> World:
 
 
 def check(base: Base, world: World) -> None:
-    """Reads all that a world is made of, as its run will, and casts no ray.
+    """Checks all inputs of a changed simulation without casting rays.
 
-    Raises Error for frames that its scene is too short for, and SimulatorError.
+    Raises Error if the scene is too short for the test frames, and SimulatorError.
     """
     with tempfile.TemporaryDirectory() as folder:
         scene, lidar_yaml = _written(_texts(base, world), world, Path(folder))
         infrasim("check", lidar_yaml, "--preset", _preset(base, world))
-        if world.scene or world.set:  # that of the base was read by its own run
+        if world.scene or world.set:  # the unchanged scene was checked by the base's run
             text = infrasim("check", scene, *_sets(world))
     if world.scene:
         _check_length(base, scene_file(world.scene), yaml.safe_load(text)["duration_s"])
@@ -226,10 +236,11 @@ def _check_length(base: Base, scene: Path, duration_s: float) -> None:
 
 
 def simulated(base: Base, world: World, cache: Path, name: str) -> Path:
-    """The LiDAR's folder of the base's frames in another world; what is there already stays.
+    """Simulates the base's frames with changes; returns the LiDAR's folder in the cache.
 
-    name: of its folder in the cache, for a reader; a digest of the configuration follows.
-    Raises FormatError for a LiDAR that was not simulated, and SimulatorError.
+    Existing frames are kept. name: first part of the folder's name, for readers; a digest of the
+    configuration follows. Raises FormatError for a LiDAR that was not simulated, and
+    SimulatorError.
     """
     texts = _texts(base, world)
     out = cache / f"{name}_{_digest(base, world, texts)}"
@@ -247,7 +258,10 @@ def simulated(base: Base, world: World, cache: Path, name: str) -> Path:
 
 
 def _texts(base: Base, world: World) -> dict[str, str]:
-    """What the simulator reads, by name; a LiDAR of the catalogue stays where it is."""
+    """Returns the texts of the scene's and LiDAR's files by file name.
+
+    A LiDAR of the catalogue is not among them, as it is read from there.
+    """
     text = yaml.safe_dump(base.scene, sort_keys=False)
     if world.scene:
         text = scene_file(world.scene).read_text("utf-8")
@@ -260,7 +274,7 @@ def _lidar_text(base: Base, world: World) -> str:
 
 
 def _written(texts: dict[str, str], world: World, folder: Path) -> tuple[Path, Path]:
-    """Writes the texts; returns the files of the scene and of the LiDAR."""
+    """Writes the texts to a folder; returns the files of the scene and of the LiDAR."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
         with replacing(folder / name) as beside:
@@ -269,7 +283,11 @@ def _written(texts: dict[str, str], world: World, folder: Path) -> tuple[Path, P
 
 
 def _digest(base: Base, world: World, texts: dict[str, str]) -> str:
-    """Of all that a world depends on but the frames, the binary and the catalogue's LiDARs."""
+    """Returns a digest of a changed simulation's inputs.
+
+    It leaves out the frame numbers, the simulator's version and the files of the catalogue's
+    LiDARs.
+    """
     parts = [*texts.values(), _preset(base, world), base.lidar.label_time, *world.set]
     digest = hashlib.sha256("\n".join(parts).encode())
     if base.trajectories and not world.scene:
@@ -286,7 +304,10 @@ def _sets(world: World) -> list[str]:
 
 
 def frame_words(frames: Sequence[int]) -> str:
-    """A:B:STEP that holds the frames, ascending: all of them, and others if they are not even."""
+    """Returns the range A:B:STEP that includes all frames, given in ascending order.
+
+    If the frames are not evenly spaced, it includes others too.
+    """
     gaps = [b - a for a, b in itertools.pairwise(frames)]
     return f"{frames[0]}:{frames[-1] + 1}:{math.gcd(*gaps) or 1}"
 

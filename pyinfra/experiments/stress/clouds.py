@@ -1,8 +1,8 @@
-"""What can happen to a cloud: pure functions of points, a dial and draws.
+"""Changes of a point cloud: functions of points, a severity and a random generator.
 
-points: (n, 4) float32, x y z intensity, levelled LiDAR frame; each returns (m, 4) float32. With the
-same draws a stronger dial keeps no point that a weaker one lost. The formulas and their sources
-stand in docs/conventions.md, "Stress".
+points: (n, 4) float32, x y z intensity, levelled LiDAR frame. Each function returns (m, 4) float32.
+With the same random numbers, points that are lost at one severity are lost at every higher one.
+docs/conventions.md, "Stress", has the formulas and their sources.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.models.training.sensor_faults import Draws, ranges_of, scaled
 
-DROPS_SHARE = 0.1  # of the points lost in rain or fog: they come back as a drop (assumed)
+DROPS_SHARE = 0.1  # share of lost points that are replaced by a return from a drop (assumed)
 DROPS_FROM_M = 1.0
 DROPS_INTENSITY = 0.05
 
@@ -28,41 +28,47 @@ def fog(points: Points, extinction_per_km: float, draws: Draws) -> Points:
 
 
 def blocked_sector(points: Points, width_deg: float, _: Draws) -> Points:
-    """No point within half the width of the x axis."""
+    """Removes points in a sector of azimuth of this width, centred on the x axis."""
     azimuth_deg = np.degrees(np.arctan2(points[:, 1], points[:, 0]))
     return points[np.abs(azimuth_deg) >= width_deg / 2]
 
 
 def height_error(points: Points, height_m: float, _: Draws) -> Points:
-    """The sensor stands higher than is known: everything seems lower."""
+    """The sensor is higher than assumed by `height_m`, so all points appear lower."""
     return moved(points, np.eye(3), height_m)
 
 
 def roll_error(points: Points, roll_deg: float, _: Draws) -> Points:
-    """The sensor leans to the right, unknown: what is on its left seems lower."""
+    """The sensor has an unknown roll to the right, so objects on its left appear lower."""
     return moved(points, rotation(roll=math.radians(roll_deg)))
 
 
 def pitch_error(points: Points, pitch_deg: float, _: Draws) -> Points:
-    """The sensor looks down, unknown: what is ahead seems higher."""
+    """The sensor has an unknown downward pitch, so objects ahead appear higher."""
     return moved(points, rotation(pitch=math.radians(pitch_deg)))
 
 
 def yaw_error(points: Points, yaw_deg: float, _: Draws) -> Points:
-    """The sensor is turned to the left, unknown: what is ahead seems to the right."""
+    """The sensor has an unknown yaw to the left, so objects ahead appear further right."""
     return moved(points, rotation(yaw=math.radians(yaw_deg)))
 
 
 def moved(points: Points, R_true_known: FloatArray, height_m: float = 0.0) -> Points:
-    """Points as a sensor has them whose true levelled frame differs from the known one."""
+    """Returns points in the levelled frame that is assumed, which differs from the true one.
+
+    points: in the true levelled frame. R_true_known: (3, 3) rotation from the assumed to the true
+    frame. height_m: height of the sensor above the assumed one.
+    """
     out = points.copy()
     out[:, :3] = points[:, :3].astype(np.float64) @ R_true_known - [0, 0, height_m]
     return out
 
 
 def rotation(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> FloatArray:
-    """(3, 3): Rz(yaw) Ry(pitch) Rx(roll), radians; as the simulator's, a positive pitch looks down
-    and a positive roll lifts the left side."""
+    """Returns Rz(yaw) Ry(pitch) Rx(roll), (3, 3), from angles in radians.
+
+    As in the simulator, positive pitch is downwards and positive roll lifts the left side.
+    """
     (cy, sy), (cp, sp), (cr, sr) = ((math.cos(a), math.sin(a)) for a in (yaw, pitch, roll))
     yaw_matrix = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
     pitch_matrix = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
@@ -71,7 +77,7 @@ def rotation(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> FloatAr
 
 
 def _attenuated(points: Points, extinction_per_m: float, draws: Draws) -> Points:
-    """What comes through, fainter, and then the drops that some lost rays hit."""
+    """Returns the remaining points with lower intensity, followed by returns from drops."""
     ranges = ranges_of(points)
     stays, drop, fraction = draws.random((3, len(points)))
     transmission = np.exp(-2 * extinction_per_m * ranges)

@@ -1,4 +1,4 @@
-"""The LiDAR of a data set, from its `lidar.yaml`, as a file that the simulator reads."""
+"""Turns the `lidar.yaml` of a data set into a LiDAR file that the simulator reads."""
 
 from __future__ import annotations
 
@@ -20,12 +20,15 @@ FILE = "lidar.yaml"
 
 
 def read(file: Path) -> Keys:
-    """All keys of a `lidar.yaml`, its preset applied. Raises FormatError."""
+    """Reads all keys of a `lidar.yaml`, in which its preset is applied. Raises FormatError."""
     return read_keys(file)
 
 
 def units_of(config: Keys) -> list[Keys]:
-    """The keys UNIT of each unit, of what a run or `infrasim check` wrote; none of a recording."""
+    """Returns the keys UNIT of each unit; empty for a recording.
+
+    config: as a run or `infrasim check` wrote it.
+    """
     if config.get("bundle"):
         return [{key: unit[key] for key in UNIT} for unit in config["bundle"]]
     if "pattern" in config:
@@ -34,12 +37,12 @@ def units_of(config: Keys) -> list[Keys]:
 
 
 def spins(config: Keys) -> bool:
-    """Whether a unit turns, so that it has a seam."""
+    """Returns whether a unit spins, and so has a cut angle."""
     return any("spinning" in unit["pattern"] for unit in units_of(config))
 
 
 def turned(unit: Keys, degrees: float) -> Keys:
-    """A unit whose turns begin so much further left; one that does not spin stays as it is."""
+    """Returns a unit whose cut angle is turned left by `degrees`; other units stay unchanged."""
     spinning = unit["pattern"].get("spinning")
     if not spinning:
         return unit
@@ -48,16 +51,16 @@ def turned(unit: Keys, degrees: float) -> Keys:
 
 
 def table_files(config: Keys, folder: Path) -> list[Path]:
-    """Where the lists of directions are looked for: beside `lidar.yaml`, if not by a whole path."""
+    """Returns the files with tables of directions; relative names are resolved in `folder`."""
     tables = [unit["pattern"].get("table") for unit in units_of(config)]
     return [(folder / table["file"]).resolve() for table in tables if table]
 
 
 def text(file: Path, turns_deg: Sequence[float] = ()) -> str:
-    """What the simulator reads instead of a `lidar.yaml`: all units as one bundle, maybe of one.
+    """Returns the text of a LiDAR file for the simulator, with all units as one bundle.
 
-    turns_deg: by which the units' seams are turned, over and over.
-    Raises FormatError for a LiDAR that was not simulated.
+    turns_deg: angles by which the cut angles of the units are turned; they repeat if there are more
+    units than angles. Raises FormatError for a LiDAR that was not simulated.
     """
     config = read(file)
     units = units_of(config)
@@ -73,7 +76,7 @@ def text(file: Path, turns_deg: Sequence[float] = ()) -> str:
 
 
 def difference(config: Keys, shipped: Keys) -> str:
-    """The first key in which two LiDARs cast other rays or return other points, else nothing."""
+    """Returns the first key that gives two LiDARs different rays or returns; empty if none does."""
     ours, other = units_of(config), units_of(shipped)
     if config["name"] != shipped["name"]:
         return "name"

@@ -1,4 +1,8 @@
-"""What a stressor of worlds needs of a data set; each function says why it lacks it, or nothing."""
+"""Requirements of stressors on a data set.
+
+Each function returns why the data set `base` does not meet a requirement, or an empty text if it
+does.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +18,7 @@ CLOUDS_ALONE = "allowed stressors of clouds alone"
 
 
 def scene(base: Base) -> str:
-    """The scene of a simulated data set, and the vehicles recorded for it."""
+    """Requires a simulated scene whose files, recorded trajectories included, are available."""
     folder = base.folder.parent
     if not base.scene:
         return f"{folder}: found no dataset.yaml, {CLOUDS_ALONE}"
@@ -31,7 +35,7 @@ def scene(base: Base) -> str:
 
 
 def rays(base: Base) -> str:
-    """Where the rays of its LiDAR go."""
+    """Requires the scan pattern of the LiDAR, with its table files."""
     file = base.lidar_file
     if not file.is_file():
         return f"{file}: found no such file, needed to simulate the fused frames again"
@@ -45,7 +49,7 @@ def rays(base: Base) -> str:
 
 
 def seam(base: Base) -> str:
-    """A unit that spins."""
+    """Requires a spinning LiDAR, or a bundle with a spinning unit."""
     file = base.lidar_file
     return (
         ""
@@ -55,7 +59,7 @@ def seam(base: Base) -> str:
 
 
 def traffic(base: Base) -> str:
-    """Vehicles that are simulated."""
+    """Requires simulated traffic, not recorded trajectories."""
     if not base.scene.get("traffic"):
         file = base.folder.parent / "dataset.yaml"
         return f"{file}: traffic: found recorded trajectories, allowed simulated traffic"
@@ -63,14 +67,14 @@ def traffic(base: Base) -> str:
 
 
 def several_mounts(base: Base) -> str:
-    """Frames of several mounts, fused."""
+    """Requires fused frames of several mounts."""
     if not base.is_fused:
         return f"{base.folder.parent}: found frames of one mount, allowed fused ones"
     return ""
 
 
 def one_mount(base: Base) -> str:
-    """Frames whose points are all from one place."""
+    """Requires frames of one mount."""
     if base.is_fused:
         problem = f"found fused frames of {', '.join(base.mounts)}"
         return f"{base.folder.parent}: {problem}, allowed those of one mount"
@@ -78,7 +82,7 @@ def one_mount(base: Base) -> str:
 
 
 def known_preset(base: Base) -> str:
-    """A preset that the LiDARs of the catalogue have."""
+    """Requires a preset that LiDARs of the catalogue have."""
     preset = base.lidar.preset
     if preset not in PRESETS:
         allowed = f"{', '.join(PRESETS)}, which the catalogue has"
@@ -87,7 +91,7 @@ def known_preset(base: Base) -> str:
 
 
 def catalogue(base: Base) -> str:
-    """A LiDAR of the catalogue: what another's presets say, its frames do not tell."""
+    """Requires an unchanged LiDAR of the catalogue, whose other presets are known."""
     file = base.lidar_file
     shipped = lidar_file(base.lidar.name)
     if not shipped.is_file():

@@ -1,4 +1,4 @@
-"""A stress test: which trials are to be done, and doing them."""
+"""Prepares and runs a stress test."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from pyinfra.experiments.stress.stressors import STRESSORS, chosen
 from pyinfra.experiments.stress.trials import Trial
 from pyinfra.models.inference.boxes_table import TrainedDetector
 
-FRAMES = 60  # at most so many, evenly spread
+FRAMES = 60  # largest number of frames, evenly spread
 Model = TrainedDetector | str | os.PathLike[str]
 
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """The trials of a stress test; wrong ones cannot be simulated."""
+    """The trials of a stress test; those in `wrong` cannot be simulated."""
 
     base: Base
     every: Sequence[Trial]
     todo: Sequence[Trial]
     wrong: dict[Trial, Exception]
-    left_out: dict[str, list[str]]  # names of stressors that cannot act on the data, by the reason
+    left_out: dict[str, list[str]]  # names of stressors that do not apply to the data, by reason
 
 
 @public
@@ -47,26 +47,28 @@ def stress(
     seed: int = 1,
     progress: Callable[[str], None] | None = None,
 ) -> pd.DataFrame:
-    """Worsens clouds, scenes and training step by step, and says where each detector fails.
+    """Tests detectors under stressors of growing severity, and reports where each one fails.
 
-    A trial that was done is not repeated: the same call resumes, and goes on with more stressors.
+    Stressors change the point clouds, the simulated scene or LiDAR, or the training. Finished
+    trials are not repeated: the same call resumes, and a call with other stressors adds rows.
 
     Parameters
     ----------
-    models : of `load_detector`, or folders or files of trainings; of several of one detector the
-        first is stressed, and the others are its smaller trainings and other seeds
-    data : a LiDAR's folder with labels; its test frames are taken
-    work : folder of altered scenes, rows (stress.csv), summary and ranking
+    models : detectors of `load_detector`, or folders or files of trainings. Of several trainings of
+        one detector the first is stressed; the others, with other frames or seed, are compared
+        with it
+    data : a LiDAR's folder with labels; its test frames are used
+    work : folder for changed simulations, rows (stress.csv), summary and ranking
     stressors : names, such as `rain` or `tilt`; by default all
-    dials : of one stressor, in place of its own
-    frames : at most so many, evenly spread
-    seed : of what is random in a stressor
-    progress : is told of each trial, in one line
+    dials : severities to test, with one stressor only; by default its own
+    frames : largest number of frames, evenly spread
+    seed : seed of the random changes
+    progress : is called with a line before each trial
 
     Returns
     -------
-    DataFrame : a row for each detector and stressor: AP without stress, the least AP, the dial at
-        which AP is 10 lower and at which it is half, and what fails first
+    DataFrame : a row for each detector and stressor, with AP without stress, the least AP, the
+        severities at which AP is 10 lower and at which it is half, and what fails first
 
     Raises
     ------
@@ -117,7 +119,7 @@ def prepare(
     frames: int,
     seed: int,
 ) -> Prepared:
-    """Which trials are to be done; nothing is simulated. Raises Error, OSError."""
+    """Returns the trials to run; nothing is simulated. Raises Error, OSError."""
     if frames < 1:
         raise Error(f"frames: expected 1 or more, got {frames}")
     for name in stressors:
@@ -136,7 +138,7 @@ def prepare(
 
 
 def _folder(model: Model) -> Path:
-    """That of its training, which says what it learnt from, or its file."""
+    """Returns the folder of a model's training, else the model's file."""
     if not isinstance(model, TrainedDetector):
         return path_of(model, "models")
     of_training = model.file.name in ("last.safetensors", "background.npz")

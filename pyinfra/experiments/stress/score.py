@@ -1,7 +1,8 @@
-"""How good predictions are, how they err, and what each error costs.
+"""AP of predictions, the kinds of errors in them, and the AP that each kind costs.
 
-Everything is of class vehicle, BEV IoU 0.5, ground truth `captured`, as `pyinfra evaluate` has it.
-Forgiving follows TIDE (Bolya et al., ECCV 2020); docs/conventions.md, "Stress", has the rules.
+All figures are for class vehicle, BEV IoU 0.5 and ground truth `captured`, as in `pyinfra
+evaluate`. The cost of a kind of error is the gain in AP when it is corrected, as in TIDE (Bolya et
+al., ECCV 2020). docs/conventions.md, "Stress", defines the rules.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from pyinfra.models.detectors import Detections
 
 BANDS_M = {"near": (0.0, 40.0), "mid": (40.0, 70.0), "far": (70.0, math.inf)}
 ERRORS = ("ghosts", *(f"misses_{band}" for band in BANDS_M), "position", "heading")
-PARTNER_M = 2.0  # between centres, or half the vehicle's length
+PARTNER_M = 2.0  # largest distance between centres, unless half the vehicle's length is larger
 COLUMNS = (
     "ap",
     "ap_low",
@@ -47,10 +48,11 @@ COLUMNS = (
 def scored(
     truth: GroundTruth, detections: Sequence[Detections], types: Sequence[str] = VEHICLE_TYPES
 ) -> tuple[dict[str, float], pd.DataFrame]:
-    """COLUMNS of the detections in each frame of truth, and the draws of their fine AP.
+    """Returns COLUMNS for detections, and the bootstrap replicates of their AP (R1000).
 
-    nan where there is nothing to measure. types: KITTI types that count as vehicle. forgiven_*:
-    fine AP gained when that error is forgiven.
+    detections: one element for each frame of `truth`. types: KITTI types that count as vehicle.
+    A figure is NaN if there is nothing to measure. forgiven_*: gain in AP (R1000) when errors of
+    this kind are corrected.
     """
     settings = Settings(classes={"vehicle": tuple(types)}, ground_truths=("captured",))
     one = contest(truth, as_predictions(detections), "vehicle", settings, "bev")
@@ -69,7 +71,7 @@ def scored(
 
 
 def as_predictions(detections: Sequence[Detections]) -> Predictions:
-    """The detections of each frame, one after another."""
+    """Returns the detections of all frames as one table."""
     counts = [len(one) for one in detections]
     boxes = np.concatenate([np.empty((0, 7)), *(one.boxes for one in detections)])
     return Predictions(
@@ -85,7 +87,12 @@ def as_predictions(detections: Sequence[Detections]) -> Predictions:
 
 
 def forgiven(judgement: Judgement) -> dict[str, float]:
-    """Fine AP gained for each of ERRORS when it alone is forgiven."""
+    """Returns for each of ERRORS the gain in AP (R1000) when errors of this kind are corrected.
+
+    ghosts: false positives without a partner are removed. misses_*: missed vehicles in a band of
+    distance no longer count. position, heading: false positives get this part of the box of their
+    partner.
+    """
     one, partner = judgement.contest, partners(judgement)
     has = partner >= 0
     reached = np.zeros(len(one.vehicles), dtype=np.bool_)
@@ -105,7 +112,10 @@ def forgiven(judgement: Judgement) -> dict[str, float]:
 
 
 def partners(judgement: Judgement) -> IntArray:
-    """The vehicle that each wrong prediction may have meant: (p,), -1 for none."""
+    """Returns the vehicle that each false positive may have been meant for: (p,), -1 for none.
+
+    It is an unmatched vehicle whose centre is at most PARTNER_M, or half its length, away.
+    """
     one = judgement.contest
     v, p = one.vehicles, one.predictions
     free = np.ones(len(v), dtype=np.bool_)
@@ -114,7 +124,7 @@ def partners(judgement: Judgement) -> IntArray:
     for i, j in pairs_of_frames(p.frame, v.frame):
         apart = np.hypot(*(p.boxes[i, :2] - v.boxes[j, :2]).T)
         near = judgement.wrong[i] & (apart <= np.maximum(PARTNER_M, v.boxes[j, 3] / 2))
-        # The nearest is written last.
+        # The nearest vehicle is written last, so it stays.
         order = np.flatnonzero(near)[np.argsort(-apart[near], kind="stable")]
         partner[i[order]] = j[order]
     return np.where(np.append(free, False)[partner], partner, -1)
@@ -129,7 +139,7 @@ def _ap(judgement: Judgement) -> float:
 
 
 def _distance(one: Contest) -> FloatArray:
-    """Horizontal, sensor to the vehicles' centres: (v,)."""
+    """Returns the horizontal distance from the sensor to the vehicles' centres, (v,) in metres."""
     return np.asarray(np.hypot(one.vehicles.mid_frame[:, 0], one.vehicles.mid_frame[:, 1]))
 
 
@@ -142,7 +152,10 @@ def _recall(judgement: Judgement, ends: tuple[float, float]) -> float:
 
 
 def box_errors(judgement: Judgement) -> dict[str, float]:
-    """Medians over the hits; heading to the nearer of the two ways along the vehicle."""
+    """Returns the median errors of position (m) and heading (degrees) over all true positives.
+
+    Headings are compared modulo 180 degrees.
+    """
     p = judgement.contest.predictions.boxes[judgement.hit]
     v = judgement.contest.vehicles.boxes[judgement.matches[judgement.hit]]
     apart = np.hypot(p[:, 0] - v[:, 0], p[:, 1] - v[:, 1])

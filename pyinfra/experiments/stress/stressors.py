@@ -1,4 +1,4 @@
-"""The stressors, a row each: name, unit, dials from none to breaking, and what they do."""
+"""The table of stressors: name, unit, severities and effect of each."""
 
 from __future__ import annotations
 
@@ -17,23 +17,27 @@ from pyinfra.experiments.stress.altered_scenes import Base, World
 from pyinfra.models.training import sensor_faults
 
 Dial = float | str
-UNSTRESSED = "own"  # no stress, where a dial is a name
+UNSTRESSED = "own"  # severity without stress of a stressor whose severities are names
 CloudChange = Callable[[Points, float, sensor_faults.Draws], Points]
 WorldChange = Callable[[Base, Dial], World]
-Need = Callable[[Base], str]  # why a base lacks it, or nothing
+Need = Callable[[Base], str]  # returns why a base does not meet a requirement, empty if it does
 
 
 @dataclass(frozen=True)
 class Stressor:
-    """One way to disturb a detector; without a change it compares runs."""
+    """One kind of stress.
+
+    `cloud` changes point clouds, `world` changes the simulation. A stressor with neither compares
+    trainings of a detector.
+    """
 
     name: str
-    unit: str  # `name` if the dials are names
-    dials: tuple[Dial, ...]  # the first one is none
+    unit: str  # `name` if the severities are names
+    dials: tuple[Dial, ...]  # severities; the first one is no stress
     cloud: CloudChange | None = None
     world: WorldChange | None = None
     needs: tuple[Need, ...] = ()
-    each_frame: bool = True  # other draws for each frame
+    each_frame: bool = True  # whether each frame has its own random numbers
 
     @property
     def named(self) -> bool:
@@ -46,11 +50,11 @@ class Stressor:
         return "world" if self.world else "training"
 
     def lacks(self, base: Base) -> str:
-        """Why it cannot act on a base, or nothing."""
+        """Returns why the stressor cannot be applied to a base; empty if it can."""
         return next((why for need in self.needs if (why := need(base))), "")
 
     def apply(self, points: Points, dial: float, seed: int, frame: int) -> Points:
-        """A cloud (n, 4) under a dial of a stressor of clouds; the same one without stress."""
+        """Returns a cloud (n, 4) changed with a severity; `points` itself without stress."""
         assert self.cloud is not None
         if dial == self.dials[0]:
             return points
@@ -58,7 +62,7 @@ class Stressor:
         return self.cloud(points, dial, np.random.default_rng(key))
 
     def parse(self, words: list[str]) -> tuple[Dial, ...]:
-        """Dials from words; the one without stress is left out. Raises Error."""
+        """Parses severities; the one without stress is left out. Raises Error."""
         if self.named:
             unknown = [word for word in words if word not in self.dials]
             if unknown:
@@ -82,7 +86,7 @@ WORLD = (limits.scene, limits.rays)
 TRAFFIC = (*WORLD, limits.traffic)
 SEAM = (*WORLD, limits.seam)
 POLES = (limits.several_mounts, *WORLD)
-ALONE = (limits.one_mount,)  # ranges and directions of a fused cloud are from no one place
+ALONE = (limits.one_mount,)  # points of a fused cloud have no common origin of ranges and angles
 NONE = Stressor("none", "", (0.0,))
 STRESSORS = {
     row.name: row
@@ -112,7 +116,7 @@ STRESSORS = {
             clouds.blocked_sector,
             needs=ALONE,
         ),
-        # The motorway of the catalogue holds no more than four times its own.
+        # The catalogue's highway has no space for more than four times its vehicles.
         Stressor("density", "times", (1.0, 2.0, 4.0), world=altered_scenes.density, needs=TRAFFIC),
         Stressor(
             "speed", "times", (1.0, 1.25, 1.5, 2.0), world=altered_scenes.speed, needs=TRAFFIC
@@ -172,7 +176,7 @@ STRESSORS = {
         Stressor(
             "pole_yaw", "deg", (0.0, 0.1, 0.2, 0.5, 1.0), world=altered_scenes.pole_yaw, needs=POLES
         ),
-        # Their dials are what the runs were trained with.
+        # The severities of these are the frames and seeds that the runs were trained with.
         Stressor("training_frames", "frames", ()),
         Stressor("training_seed", "name", (UNSTRESSED,)),
     )
@@ -180,7 +184,10 @@ STRESSORS = {
 
 
 def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Dial, ...]]:
-    """The stressors by their names, with the dials that stress. Raises Error."""
+    """Returns stressors by their names, with their severities but the one without stress.
+
+    words: severities of a single stressor; by default its own. Raises Error.
+    """
     unknown = [name for name in names if name not in STRESSORS]
     if unknown:
         raise Error(f"stressors: found '{unknown[0]}', allowed {', '.join(STRESSORS)}")

@@ -1,4 +1,4 @@
-"""What the rows of a stress test come to: where each curve falls, what fails first, a ranking."""
+"""Summary of a stress test: where AP falls, which error causes it, and a ranking of detectors."""
 
 from __future__ import annotations
 
@@ -13,23 +13,24 @@ from pyinfra.experiments.stress.score import ERRORS
 from pyinfra.experiments.stress.stressors import NONE, STRESSORS, UNSTRESSED, Stressor
 from pyinfra.metrics.row_selection import with_fine
 
-CURVE = "detector run lidar preset scene seed frames".split()  # and the stressor
-FALL = 10.0  # AP
-LEAST_SHARE = 0.2  # of the fall, for an error to be named
+CURVE = "detector run lidar preset scene seed frames".split()  # key of a curve, with the stressor
+FALL = 10.0  # fall in AP that counts as a failure
+LEAST_SHARE = 0.2  # least share of the fall that makes an error its cause
 BEYOND = "beyond"
 COLUMNS = [
     *CURVE,
     *"stressor unit dials ap_none ap_least dial_least falls_by_10 falls_to_half".split(),
     *"fails_first largest_blame share_of_fall gentleness".split(),
 ]
-GROUP = "lidar preset scene seed frames".split()  # within which detectors are ranked
+GROUP = "lidar preset scene seed frames".split()  # detectors with equal values here are ranked
 RANKING = [*GROUP, "rank", "detector", "run", "gentleness", "stressors"]
 
 
 def curves(table: pd.DataFrame) -> Iterator[tuple[dict[str, str], Stressor, pd.DataFrame]]:
-    """The rows of each curve from none on, in the order of the dials; `at` is their place.
+    """Yields the key, the stressor and the rows of each curve, ordered by severity.
 
-    Curves without an AP for no stress, and those with nothing else, are left out.
+    The first row is the one without stress. Column `at` is the severity, or the index of a named
+    one. Curves that have no AP without stress, or no other row, are left out.
     """
     for key, rows in with_fine(table).groupby(CURVE, sort=False):
         base = rows[rows.stressor == NONE.name]
@@ -54,12 +55,15 @@ def _ordered(curve: pd.DataFrame, stressor: Stressor) -> pd.DataFrame:
         at = curve.dial.map(order.index).astype(np.float64)
         return curve.assign(at=at).sort_values("at", ignore_index=True)
     curve = curve.assign(at=curve.dial.astype(float))
-    # Fewer frames are the stronger dial.
+    # A training with fewer frames is the higher severity.
     return curve.sort_values("at", ascending=stressor.name != "training_frames", ignore_index=True)
 
 
 def crossing(at: FloatArray, ap: FloatArray, level: float) -> float:
-    """Where straight lines between the dials first reach a level from above; inf if never."""
+    """Returns the severity at which AP first falls to a level, interpolated linearly.
+
+    It is inf if AP stays above the level.
+    """
     known = ~np.isnan(ap)
     at, ap = at[known], ap[known]
     if len(ap) > 0 and ap[0] <= level:
@@ -72,7 +76,10 @@ def crossing(at: FloatArray, ap: FloatArray, level: float) -> float:
 
 
 def fallen(curve: pd.DataFrame, stressor: Stressor, level: float) -> str:
-    """The dial at which AP is down to a level, or the names with no more than that."""
+    """Returns the severity at which AP falls to a level, as text.
+
+    For a stressor with named severities these are all names whose AP is not above the level.
+    """
     if stressor.named:
         return " ".join(curve.dial[curve.ap_fine <= level]) or BEYOND
     at = crossing(curve["at"].to_numpy(), curve.ap_fine.to_numpy(float), level)
@@ -80,10 +87,10 @@ def fallen(curve: pd.DataFrame, stressor: Stressor, level: float) -> str:
 
 
 def first_failure(curve: pd.DataFrame) -> tuple[str, str, float]:
-    """What fails first, the error with the largest blame, and its share of the fall.
+    """Returns what fails first, the error with the largest share of the fall, and this share.
 
-    At the first dial with a fall of 10 or more. What fails first is `mixed` if no error has a fifth
-    of the fall; nothing if there is no such fall.
+    They are taken at the first severity at which AP has fallen by FALL or more. What fails first is
+    that error, `mixed` if its share is below LEAST_SHARE, and empty if AP does not fall so far.
     """
     base = curve.iloc[0]
     down = curve[curve.ap_fine <= base.ap_fine - FALL]
@@ -99,7 +106,10 @@ def first_failure(curve: pd.DataFrame) -> tuple[str, str, float]:
 
 
 def gentleness(curve: pd.DataFrame, stressor: Stressor) -> float:
-    """Mean of AP / AP(none) over the dials, stretched to 0 to 1; nan for an undefined AP, or 0."""
+    """Returns the mean of AP / AP without stress over the severities, scaled to 0 to 1.
+
+    It is NaN if AP without stress is 0, or if an AP is undefined.
+    """
     if curve.ap_fine.iloc[0] == 0:
         return math.nan
     ratio = curve.ap_fine.to_numpy(float) / curve.ap_fine.iloc[0]
@@ -110,7 +120,7 @@ def gentleness(curve: pd.DataFrame, stressor: Stressor) -> float:
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """A row for each curve."""
+    """Returns a row for each curve."""
     rows = []
     for key, stressor, curve in curves(table):
         base, worst = curve.ap_fine.iloc[0], curve.loc[curve.ap_fine.idxmin()]
@@ -136,9 +146,10 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def ranking(table: pd.DataFrame) -> pd.DataFrame:
-    """Detectors of each LiDAR by their mean gentleness, over what all of them went through.
+    """Ranks the detectors of each LiDAR by their mean gentleness.
 
-    Nothing for a LiDAR without such a stressor, or a detector whose AP without stress is 0.
+    The mean is over the stressors that all detectors were tested with, at the same severities. A
+    LiDAR without such a stressor, and a detector whose AP without stress is 0, are left out.
     """
     training = [name for name, stressor in STRESSORS.items() if stressor.acts_on == "training"]
     rows = summary(table)

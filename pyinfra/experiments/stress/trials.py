@@ -1,4 +1,4 @@
-"""The trials of a stress test, run by dial, and the table of those that are done."""
+"""The trials of a stress test, one for each run and severity, and the table of finished ones."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.models.detectors import Detector
 from pyinfra.models.inference.detect import detect, detector_at, model_file
 
-# What a row is of; a trial with such a row is not computed again.
+# Key of a row; a trial that has a row is not computed again.
 KEY = "detector run lidar preset scene stressor dial seed frames".split()
 COLUMNS = (
     *KEY,
@@ -38,12 +38,12 @@ COLUMNS = (
     "version",
     "machine",
 )
-WORLD_S = 4.0  # to simulate one; for the estimate alone
+WORLD_S = 4.0  # assumed time of one simulation, used to estimate the run time
 
 
 @dataclass(frozen=True)
 class TrainedRun:
-    """A trained detector and what its folder says of it; frames and seed are -1 if unknown."""
+    """A trained detector with its frames and seed of training; these are -1 if unknown."""
 
     folder: Path
     detector: str
@@ -55,7 +55,7 @@ class TrainedRun:
         return self.folder.resolve().name
 
     def model(self, frames: Path) -> Detector:
-        """Where the frames of a LiDAR's folder were taken."""
+        """Returns the detector, set up for the site of a LiDAR's folder."""
         return detector_at(self.folder, frames)
 
     @cached_property
@@ -65,7 +65,11 @@ class TrainedRun:
 
 @dataclass(frozen=True)
 class Trial:
-    """A run under one dial; of a stressor of training, `run` is the one to compare."""
+    """One run tested at one severity.
+
+    For a stressor of training, `run` is the training that is compared with `reference`; otherwise
+    the two are the same.
+    """
 
     reference: TrainedRun
     run: TrainedRun
@@ -82,7 +86,7 @@ class Trial:
 
 
 def read_run(folder: Path, base: Base) -> TrainedRun:
-    """Raises FileNotFoundError, and Error for a model of another LiDAR."""
+    """Reads a trained detector. Raises FileNotFoundError, and Error for one of another LiDAR."""
     if model_file(folder).suffix == ".npz":
         return TrainedRun(folder, "background", -1, -1)
     from pyinfra.models.training import checkpoint
@@ -98,10 +102,11 @@ def read_run(folder: Path, base: Base) -> TrainedRun:
 def plan(
     runs: Sequence[TrainedRun], stressors: dict[Stressor, tuple[Dial, ...]], base: Base
 ) -> list[Trial]:
-    """Every trial: first without stress, then stressor by stressor, so that early rows compare.
+    """Returns all trials: those without stress first, then one stressor after another.
 
-    The first run of a detector is stressed; its others are dials of the training's stressors.
-    Raises Error for runs that differ from the first in more than one of them, or in none.
+    The first run of each detector is stressed. Its other runs are severities of the stressors
+    `training_frames` and `training_seed`. Raises Error for a run that differs from the first in
+    both frames and seed, or in neither.
     """
     first: dict[str, TrainedRun] = {}
     for run in runs:
@@ -122,7 +127,7 @@ def plan(
 
 
 def _difference(a: TrainedRun, b: TrainedRun) -> tuple[str, Dial]:
-    """The stressor of training, and its dial, that leads from run a to run b."""
+    """Returns the stressor of training, and the severity, by which run b differs from run a."""
     if (a.frames == b.frames) == (a.seed == b.seed):
         raise Error(
             f"{b.folder}: found {b.frames} frames and seed {b.seed}, allowed another number of "
@@ -142,7 +147,7 @@ def key_of(trial: Trial, base: Base, seed: int) -> dict[str, str]:
 
 
 def inputs_of(trial: Trial, base: Base) -> str:
-    """A digest of what a row depends on beside its key: models, frames, scene and LiDAR."""
+    """Returns a digest of a row's inputs beside its key: models, frames, scene and LiDAR."""
     parts = [trial.reference.digest, trial.run.digest, str(base.frames), base.identity]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
 
@@ -150,7 +155,10 @@ def inputs_of(trial: Trial, base: Base) -> str:
 def row_of(
     trial: Trial, base: Base, cache: Path, seed: int
 ) -> tuple[dict[str, object], pd.DataFrame]:
-    """Detects and scores: a row, and its draws. Raises what simulating and detecting raise."""
+    """Runs a trial; returns its row and its bootstrap replicates.
+
+    Raises what simulating and detecting raise.
+    """
     stressor, dial, folder = trial.stressor, trial.dial, base.folder
     key = key_of(trial, base, seed)
     if stressor.world:
@@ -181,11 +189,14 @@ def row_of(
 
 
 def read(file: Path) -> pd.DataFrame:
-    """The rows that are there; keys are text. Raises Error for another table."""
+    """Reads a table of trials, with its keys as text; it is empty if there is no file.
+
+    Raises Error for another kind of table.
+    """
     if not file.is_file():
         return pd.DataFrame(columns=list(COLUMNS))
     table = read_csv(file, WORDS.union(KEY))
-    if "inputs" not in table:  # of an earlier version
+    if "inputs" not in table:  # a table of an earlier version
         table["inputs"] = None
     missing = [name for name in COLUMNS if name not in table and "fine" not in name]
     if missing:
@@ -194,7 +205,7 @@ def read(file: Path) -> pd.DataFrame:
 
 
 def fill(trial: Trial, base: Base, out: Path, seed: int) -> bool:
-    """The row of a trial that has none, unless another process is at it; whether one was added."""
+    """Runs a trial unless it has a row or another process runs it; returns whether it ran."""
     file, key = out / "stress.csv", key_of(trial, base, seed)
 
     def measured() -> None:
@@ -207,14 +218,14 @@ def fill(trial: Trial, base: Base, out: Path, seed: int) -> bool:
 
 
 def attempt(trial: Trial, base: Base, out: Path, seed: int) -> Exception | None:
-    """Fills a trial; returns what went wrong, and keeps its traceback in out/tracebacks.
+    """Runs a trial as `fill` does; returns its error, and saves the traceback in out/tracebacks.
 
-    Raises what a trial without stress raises: nothing compares without it.
+    The error of a trial without stress is raised, because no other trial can be compared then.
     """
     traceback = out / "tracebacks" / f"{'_'.join(key_of(trial, base, seed).values())}.txt"
     try:
         fill(trial, base, out, seed)
-    except Exception as error:  # whatever it is, the other trials go on
+    except Exception as error:  # any error: the other trials continue
         if trial.stressor is NONE:
             raise
         keep_traceback(error, traceback)
@@ -224,7 +235,7 @@ def attempt(trial: Trial, base: Base, out: Path, seed: int) -> Exception | None:
 
 
 def missing(trials: Sequence[Trial], base: Base, out: Path, seed: int) -> Iterator[Trial]:
-    """The trials without a row. Raises Error for a row of the same names, and other inputs."""
+    """Yields the trials without a row. Raises Error for a row of the same key with other inputs."""
     file = out / "stress.csv"
     table = read(file)
     for trial in trials:
@@ -240,7 +251,7 @@ def missing(trials: Sequence[Trial], base: Base, out: Path, seed: int) -> Iterat
 
 
 def write_summary(out: Path) -> list[Path]:
-    """Writes the summary and the ranking of the rows that are there; returns all tables' files."""
+    """Writes the summary and the ranking of all finished trials; returns all tables' files."""
     table = read(out / "stress.csv")
     made = {"summary": summary.summary(table), "ranking": summary.ranking(table)}
     files = {name: out / f"stress_{name}.csv" for name in made}
@@ -251,7 +262,7 @@ def write_summary(out: Path) -> list[Path]:
 
 
 def left_out(stressors: Iterable[Stressor], base: Base) -> dict[str, list[str]]:
-    """Names of the stressors that cannot act on a base, by the reason."""
+    """Returns the names of stressors that cannot be applied to a base, grouped by reason."""
     reasons: dict[str, list[str]] = {}
     for stressor in stressors:
         if why := stressor.lacks(base):
@@ -262,7 +273,7 @@ def left_out(stressors: Iterable[Stressor], base: Base) -> dict[str, list[str]]:
 def able(
     stressors: dict[Stressor, tuple[Dial, ...]], base: Base
 ) -> dict[Stressor, tuple[Dial, ...]]:
-    """Those that can act on a base. Raises Error if none can."""
+    """Returns the stressors that can be applied to a base. Raises Error if there are none."""
     reasons = left_out(stressors, base)
     names = {name for each in reasons.values() for name in each}
     if len(names) == len(stressors):
@@ -271,7 +282,10 @@ def able(
 
 
 def wrong_worlds(trials: Iterable[Trial], base: Base) -> dict[tuple[str, Dial], Exception]:
-    """What is wrong with the worlds of trials, by Trial.at; nothing is simulated."""
+    """Checks the changed simulations of trials without running them.
+
+    Returns the errors, by Trial.at.
+    """
     wrong: dict[tuple[str, Dial], Exception] = {}
     for trial in {trial.at: trial for trial in trials if trial.stressor.world}.values():
         assert trial.stressor.world is not None
@@ -283,7 +297,10 @@ def wrong_worlds(trials: Iterable[Trial], base: Base) -> dict[tuple[str, Dial], 
 
 
 def seconds_of(trials: Sequence[Trial], base: Base) -> float:
-    """How long trials may take: detection as on two frames now, and a simulation for each world."""
+    """Estimates the seconds that trials take.
+
+    Each detector is timed on two frames; each changed simulation counts WORLD_S.
+    """
     files = [kitti.frame_file(base.folder, "velodyne", k) for k in base.frames[:2]]
     per_run = {}
     for run in {trial.run.folder: trial.run for trial in trials}.values():

@@ -1,8 +1,9 @@
-"""What a sensor loses: pure functions of points, a dial and draws, for training and for stress.
+"""Sensor faults as functions of points, a severity and a random generator.
 
-points: (n, 4) float32, x y z intensity, levelled LiDAR frame; each returns (m, 4) float32. With the
-same draws a stronger dial keeps no point that a weaker one lost. The definitions stand in
-docs/conventions.md, "Stress".
+Training uses them for augmentation, and the stress test as stressors. points: (n, 4) float32, x y z
+intensity, levelled LiDAR frame. Each function returns (m, 4) float32. With the same random numbers,
+points that are lost at one severity are lost at every higher one. docs/conventions.md, "Stress",
+has the definitions.
 """
 
 from __future__ import annotations
@@ -14,23 +15,23 @@ from pyinfra.core.arrays import FloatArray, Points
 Draws = np.random.Generator
 
 ROW_DEG = 40 / 127  # spacing of 128 even channels over 40 degrees
-ROWS = 1024  # more than there are of ROW_DEG from pole to pole
+ROWS = 1024  # more rows of ROW_DEG than fit into 180 degrees
 
 
 def drop_out(points: Points, share: float, draws: Draws) -> Points:
-    """Each point goes with this probability."""
+    """Removes each point with probability `share`."""
     return points[draws.random(len(points)) >= share]
 
 
 def range_noise(points: Points, sigma_m: float, draws: Draws) -> Points:
-    """Normal noise along the ray; no point passes the sensor."""
+    """Adds normal noise along the rays; ranges stay at 0 or above."""
     ranges = ranges_of(points)
     noisy = np.maximum(ranges + sigma_m * draws.normal(size=len(points)), 0)
     return scaled(points, np.divide(noisy, ranges, out=np.ones_like(ranges), where=ranges > 0))
 
 
 def lost_lines(points: Points, share: float, draws: Draws) -> Points:
-    """Rows of elevation go with this probability."""
+    """Removes each row of elevation with probability `share`."""
     flat = np.hypot(points[:, 0].astype(np.float64), points[:, 1])
     elevation_deg = np.degrees(np.arctan2(points[:, 2], flat))
     row = np.floor(elevation_deg / ROW_DEG).astype(np.int64) + ROWS // 2
