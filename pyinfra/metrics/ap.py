@@ -1,15 +1,15 @@
-"""Average precision from matched detections; pure functions, numbers from 0 to 100.
+"""Average precision (AP) from matched predictions, 0 to 100.
 
-Definition (AP|R40): precision at the recalls 1/40 .. 40/40, each the highest precision at that
-recall or beyond, averaged. Fine AP: at 1/1000 .. 1, without the steps of 2.5 that 40 recalls
-have. Recall is hits over objects, precision hits over counted predictions.
-Predictions of equal score enter together: an operating point is a score, not a prediction.
-Without objects AP is undefined: nan.
+AP (R40) is the mean precision at the recalls 1/40 .. 40/40, where the precision at a recall is the
+highest one at this or a higher recall. AP (R1000) uses the recalls 1/1000 .. 1, which avoids the
+steps of 2.5 of AP (R40). Recall is true positives over objects. Precision is true positives over
+counted predictions. Predictions of equal score enter together, because an operating point is a
+score. Without objects AP is undefined (NaN).
 Sources: the KITTI object benchmark since 2019 (40 recalls); PASCAL VOC 2007 (11 recalls).
 
-Everything takes weights of slots of time, so that a bootstrap is one call: a slot of weight 2
-counts as if its frames were there twice. Weighted AP looks at 2,000 operating points at
-the most, which changes it by some hundredths where there are more (tests: less than 0.05).
+Functions take weights of time slots, so that one call computes all bootstrap replicates: a slot
+with weight 2 counts as if its frames existed twice. Weighted AP uses at most 2,000 operating
+points. If there are more, this changes AP by some hundredths (less than 0.05 in the tests).
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ import numpy as np
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 
 RECALLS, FINE_RECALLS = 40, 1000
-KITTI_SAMPLES = 41  # recalls the devkit aims at: 0, 1/40 .. 40/40
-MOST_POINTS = 2000  # of weighted AP
-_CHUNK = 4_000_000  # points times draws at a time
+KITTI_SAMPLES = 41  # recalls that the devkit samples: 0, 1/40 .. 40/40
+MOST_POINTS = 2000  # operating points of weighted AP
+_CHUNK = 4_000_000  # operating points times replicates that are computed together
 
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
     """Counted predictions in order of falling score, and the objects to be found.
 
-    An operating point is a score at which at least one object is hit; between two of them
-    precision only falls, so no definition of AP needs the others.
+    Only scores with at least one true positive are operating points. Precision falls between two of
+    them, so no definition of AP needs the other scores.
     """
 
-    scores: FloatArray  # (k,) of the operating points, falling
-    upto: IntArray  # (k,) predictions up to and with the operating point
-    hits_upto: IntArray  # (k,) those of them that hit an object
+    scores: FloatArray  # (k,) scores of the operating points, falling
+    upto: IntArray  # (k,) number of predictions with this score or a higher one
+    hits_upto: IntArray  # (k,) number of true positives among them
     slot: IntArray  # (n,) slot of each prediction
-    hit_slot: IntArray  # (h,) slot of each hit
+    hit_slot: IntArray  # (h,) slot of each true positive
     objects: IntArray  # (slots,) objects in each slot
 
 
@@ -49,10 +49,11 @@ def rank(
     objects: int | IntArray,
     slot: IntArray | None = None,
 ) -> Ranking:
-    """Counted predictions as a Ranking; those to be ignored are left out by the caller.
+    """Returns counted predictions as a Ranking; the caller leaves out ignored predictions.
 
-    scores, hit: (n,); objects: how many there are, or per slot (slots,); slot: (n,), all 0 if
-    left out. The order of the predictions has no influence on anything that follows.
+    scores: (n,). hit: (n,) whether a prediction is a true positive. objects: the number of objects,
+    or the number in each slot (slots,). slot: (n,), by default all 0. The result does not depend on
+    the order of the predictions.
     """
     per_slot = np.atleast_1d(np.asarray(objects, dtype=np.int64))
     slot = np.zeros(len(scores), dtype=np.int64) if slot is None else slot
@@ -74,10 +75,10 @@ def rank(
 def average_precision(
     ranking: Ranking, recalls: int = RECALLS, weights: IntArray | None = None
 ) -> FloatArray:
-    """AP by the definition above, (draws,); nan for a draw without objects.
+    """Returns AP as defined above, (replicates,); NaN for a replicate without objects.
 
-    recalls: 40, 1000, or 11 for the recalls 0, 0.1 .. 1.
-    weights: (draws, slots) whole numbers; left out, one draw of every slot once.
+    recalls: 40, 1000, or 11 for the recalls 0, 0.1 .. 1. weights: (replicates, slots) whole
+    numbers; by default one replicate in which each slot counts once.
     """
     count, first = (10, 0) if recalls == 11 else (recalls, 1)
     return np.asarray(100 * precision_at_recalls(ranking, count, first, weights).mean(axis=1))
@@ -86,7 +87,7 @@ def average_precision(
 def coarse_and_fine(
     ranking: Ranking, weights: IntArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """AP at 40 and at 1,000 recalls, (draws,) each, as of `average_precision`."""
+    """Returns AP (R40) and AP (R1000), (replicates,) each, as `average_precision` does."""
     step = FINE_RECALLS // RECALLS  # every 25th of the 1,000 recalls is one of the 40
     precision = precision_at_recalls(ranking, FINE_RECALLS, 1, weights)
     coarse = np.ascontiguousarray(precision[:, step - 1 :: step])
@@ -96,9 +97,10 @@ def coarse_and_fine(
 def precision_at_recalls(
     ranking: Ranking, count: int, first: int = 1, weights: IntArray | None = None
 ) -> FloatArray:
-    """Highest precision at or beyond the recalls first/count .. count/count: (draws, recalls).
+    """Returns the highest precision at or above the recalls first/count .. count/count.
 
-    0 where the recall is not reached, nan for a draw without objects.
+    The shape is (replicates, recalls). The value is 0 for a recall that is not reached, and NaN for
+    a replicate without objects.
     """
     levels = np.arange(first, count + 1)
 
@@ -111,13 +113,14 @@ def precision_at_recalls(
 
 
 def kitti_average_precision(ranking: Ranking, weights: IntArray | None = None) -> FloatArray:
-    """AP|R40 by the protocol of KITTI's devkit, (draws,); nan for a draw without objects.
+    """Returns AP (R40) as KITTI's devkit computes it, (replicates,); NaN without objects.
 
-    The devkit (evaluate_object.cpp, getThresholds) picks up to 41 of the hits' scores, those whose
-    recall is nearest to 0, 1/40 .. 40/40, always with the last one; precision at each is raised to
-    the highest that follows; AP is the mean of the 2nd to the 41st, a missing one being 0. So AP
-    cannot pass (n - 1)/40 with n < 41 objects, and one recall too many is credited to a detector
-    that stops short of recall 1. Hits are to be found with an IoU strictly above the threshold.
+    The devkit (evaluate_object.cpp, getThresholds) samples up to 41 scores of true positives: those
+    whose recall is nearest to 0, 1/40 .. 40/40, and always the last one. The precision at each is
+    raised to the highest that follows. AP is the mean of the 2nd to the 41st; missing ones count
+    as 0. So AP cannot exceed (n - 1)/40 with n < 41 objects, and a detector that does not reach
+    recall 1 is credited with one recall too many. True positives must have been matched with an IoU
+    strictly above the threshold.
     """
 
     def sampled(hits: FloatArray, precision: FloatArray, objects: IntArray) -> FloatArray:
@@ -133,12 +136,15 @@ def kitti_average_precision(ranking: Ranking, weights: IntArray | None = None) -
 
 
 def _kitti_hits(total: IntArray, objects: IntArray) -> IntArray:
-    """(draws, 41): which hits the devkit samples, counted from 1; total + 1 for none."""
+    """Returns which true positives the devkit samples, counted from 1: (replicates, 41).
+
+    total + 1 stands for none.
+    """
     nth = np.empty((len(total), KITTI_SAMPLES), dtype=np.int64)
     last = np.zeros_like(total)
     for j in range(KITTI_SAMPLES):
-        # Hit i is passed over while recall (i + 1)/n is nearer to j/40 than i/n is; 40 j/n as
-        # whole numbers, where the devkit sums 1/40 in floating point.
+        # The devkit skips true positive i while recall (i + 1)/n is nearer to j/40 than i/n is.
+        # It sums 1/40 in floating point; here whole numbers are compared.
         nearest = -((20 - j * objects) // 40)
         picked = np.minimum(np.maximum(last + 1, nearest), total)
         nth[:, j] = np.where(last >= total, total + 1, picked)
@@ -152,7 +158,10 @@ def _over_draws(
     width: int,
     measure: Callable[[FloatArray, FloatArray, IntArray], FloatArray],
 ) -> FloatArray:
-    """measure(hits (d, k), precision (d, k), objects (d,)) -> (d, width), on chunks of draws."""
+    """Calls measure(hits (d, k), precision (d, k), objects (d,)) -> (d, width) for replicates.
+
+    The replicates are processed in chunks.
+    """
     if weights is None:
         objects = ranking.objects.sum(keepdims=True)
         hits = ranking.hits_upto[None].astype(np.float64)
@@ -177,7 +186,10 @@ def _chunks(draws: int, points: int) -> Iterator[slice]:
 
 
 def _per_slot(ranking: Ranking) -> tuple[FloatArray, FloatArray]:
-    """Hits, and predictions, of each slot up to some operating points: (slots, points) each."""
+    """Returns cumulated true positives and predictions of each slot, (slots, points) each.
+
+    They are cumulated up to each of the operating points of `_some_points`.
+    """
     points = _some_points(ranking)
     hits_upto, upto = ranking.hits_upto[points], ranking.upto[points]
     slots = len(ranking.objects)
@@ -192,7 +204,11 @@ def _per_slot(ranking: Ranking) -> tuple[FloatArray, FloatArray]:
 
 
 def _some_points(ranking: Ranking) -> IntArray:
-    """All operating points, or of groups of equally many the last and the most precise."""
+    """Returns the indices of all operating points, or of at most about MOST_POINTS of them.
+
+    If there are more, they are divided into groups of equal size; the last and the most precise
+    ones of each group are kept.
+    """
     k = len(ranking.upto)
     if k <= MOST_POINTS:
         return np.arange(k)
@@ -205,9 +221,12 @@ def _some_points(ranking: Ranking) -> IntArray:
 
 
 def _highest_from(precision: FloatArray, at: IntArray) -> FloatArray:
-    """Highest precision from column at[d, j] of row d on: (d, k) and (d, j) to (d, j); at rises."""
+    """Returns the highest precision in row d from column at[d, j] on: (d, j).
+
+    precision: (d, k). at: (d, j), ascending along j.
+    """
     rows, points = precision.shape
-    padded = np.pad(precision, ((0, 0), (0, 1)))  # column k: beyond the last point
+    padded = np.pad(precision, ((0, 0), (0, 1)))  # column k stands for recalls not reached
     stops = np.pad(at, ((0, 0), (0, 1)), constant_values=points)
     flat = stops + (points + 1) * np.arange(rows)[:, None]
     between = np.maximum.reduceat(padded.ravel(), flat.ravel()).reshape(stops.shape)[:, :-1]

@@ -18,23 +18,23 @@ def compare(
     *,
     ground_truth: str | None = None,
 ) -> Measured:
-    """AP (R1000) of the first less that of the second, paired.
+    """Returns the paired difference in AP (R1000), the first evaluation less the second.
 
     Parameters
     ----------
-    a, b : evaluations of the same frames and objects, such as of two detectors, or of two LiDARs
-        in one scene; or lists of as many evaluations, one per seed, in the same order
+    a, b : evaluations of the same frames and objects, for instance of two detectors, or of two
+        LiDARs in one scene; or two lists of evaluations, one per seed, in the same order
     ground_truth : `captured`, `all`, ...; by default the first that both have
 
     Returns
     -------
-    value, low, high : the difference and its 95 % interval. Of single evaluations the interval is
-        a bootstrap over blocks of time; of lists, Student's t over the seeds' differences. The
-        difference is significant if the interval excludes 0.
+    value, low, high : the difference and its 95 % interval. For single evaluations the interval is
+        a bootstrap over blocks of time; for lists it is Student's t over the seeds' differences.
+        The difference is significant if the interval excludes 0.
 
     Raises
     ------
-    Error : for evaluations of different frames, label times or objects, or lists of two lengths
+    Error : for evaluations of different frames, label times or objects, or lists of unequal length
 
     Examples
     --------

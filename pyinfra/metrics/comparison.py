@@ -1,8 +1,8 @@
-"""Figures with their draws, and what can be said of two of them.
+"""Figures with their bootstrap replicates, and the differences between figures.
 
-The draws of blocks are the same for all LiDARs and detectors of a world, so a difference is taken
-draw by draw: what the traffic does to both falls out of it. Two figures cannot be told apart where
-the interval of their difference holds 0, or there is none.
+All LiDARs and detectors that are evaluated on the same traffic use the same blocks of time. So a
+difference is taken in each replicate, and the effect of the traffic on both cancels out. The
+difference of two figures is not significant if its interval includes 0, or if there is no interval.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pyinfra.metrics import intervals
 
 @dataclass(frozen=True)
 class Measured:
-    """A figure with the ends of its 95 % interval; NaN without one."""
+    """A figure with the ends of its 95 % interval; they are NaN if there is no interval."""
 
     value: float
     low: float
@@ -27,32 +27,32 @@ class Measured:
 
     @property
     def is_known(self) -> bool:
-        """Whether it has an interval."""
+        """Whether there is an interval."""
         return math.isfinite(self.low) and math.isfinite(self.high)
 
     @property
     def is_significant(self) -> bool:
-        """Of a difference: whether the two can be told apart."""
+        """Whether a difference is significant: its interval excludes 0."""
         return self.low > 0 or self.high < 0
 
 
 @dataclass(frozen=True, eq=False)
 class Bootstrapped:
-    """A figure and what it is in each draw of blocks."""
+    """A figure with its bootstrap replicates."""
 
     value: float
-    draws: FloatArray  # (d,) nan where it is not defined
-    blocks: float  # how many the time holds
+    draws: FloatArray  # (d,) value in each replicate; NaN where undefined
+    blocks: float  # number of blocks in the whole time
 
     def less(self, other: Bootstrapped) -> Bootstrapped:
-        """The difference, of the same world."""
+        """Returns the difference to a figure with replicates of the same blocks."""
         return Bootstrapped(self.value - other.value, self.draws - other.draws, self.blocks)
 
     def times(self, factor: float) -> Bootstrapped:
         return Bootstrapped(self.value * factor, self.draws * factor, self.blocks)
 
     def over(self, other: Bootstrapped) -> Bootstrapped:
-        """The ratio, of the same world."""
+        """Returns the ratio to a figure with replicates of the same blocks."""
         both = np.append(self.draws, self.value), np.append(other.draws, other.value)
         *draws, value = intervals.ratio(*both)
         return Bootstrapped(float(value), np.array(draws), self.blocks)
@@ -63,12 +63,18 @@ class Bootstrapped:
 
 
 def over_seeds(values: Sequence[Bootstrapped]) -> Measured:
-    """Of one seed by its blocks of time, of several by Student's t over the seeds."""
+    """Returns the mean over seeds; its interval is Student's t over the seeds.
+
+    For a single seed the interval is the bootstrap over blocks of time.
+    """
     return values[0].measured() if len(values) == 1 else over_worlds([v.value for v in values])
 
 
 def over_worlds(per_seed: Sequence[float]) -> Measured:
-    """The mean of a figure over replicates, each of another world and training: Student's."""
+    """Returns the mean of a figure over seeds, with Student's t interval.
+
+    Each seed has its own traffic and training.
+    """
     values = np.asarray(per_seed, dtype=np.float64)
     if len(values) < 2:
         return Measured(float(values.mean()) if len(values) else math.nan, math.nan, math.nan)

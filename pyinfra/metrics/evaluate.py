@@ -1,8 +1,8 @@
 """Average precision of predictions.
 
-Any detector of any toolbox: predictions are KITTI result files or CSV in the LiDAR frame. What
-counts and what is ignored stands in pyinfra.evaluation, AP in pyinfra.ap, the rest in
-docs/conventions.md, "Evaluation".
+Predictions can come from any detector, as KITTI result files or as CSV in the LiDAR frame.
+match_results.py defines what counts and what is ignored, ap.py defines AP, and docs/conventions.md,
+"Evaluation", has the other rules.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def evaluate(
     allow_missing: bool = False,
     ranges: bool = False,
 ) -> Evaluation:
-    """Average precision of predictions, with intervals.
+    """Computes the average precision (AP) of predictions, with intervals.
 
     Parameters
     ----------
@@ -54,12 +54,12 @@ def evaluate(
     pred : a table with the columns frame, type, x y z dx dy dz heading, score (levelled LiDAR
         frame, metres, radians), or a folder of KITTI results or CSV files
     settings : classes, ground truths, thresholds; by default vehicles at BEV IoU 0.5
-    object_class : `vehicle` (default), `pedestrian`, `cyclist` or another name of OBJECT_CLASSES,
-        in place of settings
-    frames : the numbers to evaluate; by default all frames in memory, or those of the split
-    split : of a folder, the frames of ImageSets/SPLIT.txt; by default `val` if there is one
-    allow_missing : a frame without a prediction file counts as one without boxes
-    ranges : also AP and recall within ranges of the sensor (`result.ranges`)
+    object_class : a name of OBJECT_CLASSES (`vehicle`, `pedestrian`, `cyclist`), to be used instead
+        of settings; by default `vehicle`
+    frames : frame numbers to evaluate; by default all frames in memory, or those of the split
+    split : name of a list in ImageSets of a folder, or `all`; by default `val` if it exists
+    allow_missing : whether a frame without a prediction file counts as a frame without boxes
+    ranges : whether to compute AP and recall within ranges of the sensor (`result.ranges`)
 
     Returns
     -------
@@ -68,9 +68,9 @@ def evaluate(
 
     Raises
     ------
-    Error : for a table with a missing column, a value out of range or another frame; for settings
-        that do not fit
-    FormatError : for a file, with its line
+    Error : for a table with a missing column, a value out of range or a frame that is not
+        evaluated, and for arguments that exclude each other
+    FormatError : for an invalid file, with its line
     FileNotFoundError : for a folder without frames or predictions
 
     Examples
@@ -112,7 +112,7 @@ def _chosen(
     frames: Sequence[int] | None,
     split: str | None,
 ) -> FrameSequence:
-    """The frames to evaluate."""
+    """Returns the frames to evaluate."""
     if isinstance(gt, FrameSequence):
         if split is not None:
             raise Error(f"split: expected a LiDAR's folder as gt, got frames and '{split}'")
@@ -123,7 +123,7 @@ def _chosen(
         return gt.of(sorted(frames))
     folder = path_of(gt, "gt")
     if isinstance(pred, pd.DataFrame):
-        one_lidar(folder, "gt")  # a data set is named as such
+        one_lidar(folder, "gt")  # raises Error for a data set with several LiDARs
     return RecordedFrames(
         folder, tuple(frame_numbers(folder, split) if frames is None else sorted(frames))
     )
@@ -136,7 +136,10 @@ def _predictions(
     *,
     allow_missing: bool,
 ) -> tuple[PredictionFiles, Predictions]:
-    """Those of a table, or of files; folder: of the frames, if they are on disk."""
+    """Returns the predictions of a table or of files.
+
+    folder: the LiDAR's folder, if the frames are on disk.
+    """
     numbers = sequence.numbers
     if isinstance(pred, pd.DataFrame):
         names = tuple(Path(f"frame {k}") for k in numbers)
@@ -160,9 +163,10 @@ def judged(
     frames: Sequence[int] | None = None,
     split: str | None = None,
 ) -> list[Judgement]:
-    """What became of each prediction, for each ground truth of the settings.
+    """Returns the match result of each ground truth in the settings.
 
-    By footprints, of the first class and IoU; frames, split and errors are as of `evaluate`.
+    Boxes are matched by footprints, for the first class and IoU. frames, split and errors are as in
+    `evaluate`.
     """
     frames = frame_numbers(gt, split) if frames is None else sorted(frames)
     truth = read_ground_truth(gt, frames, beyond_range=True)
@@ -174,12 +178,12 @@ def judged(
 
 
 def default_settings(gt: Path, object_class: str = "vehicle") -> Settings:
-    """Those of a class; `all` can only be told with objects."""
+    """Returns the default settings of a class; without objects, only ground truth `captured`."""
     return settings_of(object_class, has_objects=(gt / "training/objects").is_dir())
 
 
 def settings_of(object_class: str, *, has_objects: bool) -> Settings:
-    """Those of a class. Raises Error for an unknown one."""
+    """Returns the default settings of a class. Raises Error for an unknown class."""
     if object_class not in OBJECT_CLASSES:
         near = suggestion(object_class, OBJECT_CLASSES)
         raise Error(f"object_class: expected a class, got '{object_class}'{near}")
@@ -188,9 +192,11 @@ def settings_of(object_class: str, *, has_objects: bool) -> Settings:
 
 
 def class_settings(classes: Mapping[str, tuple[str, ...]], *, custom_iou: bool = False) -> Settings:
-    """Of vehicles or of people, who are found from another IoU on, or by their centres.
+    """Returns the default settings of classes.
 
-    custom_iou: an IoU takes the place of these. Raises Error for both together without one.
+    Pedestrians and cyclists have a lower IoU threshold than vehicles, and are also matched by
+    centres. custom_iou: whether the user gives an IoU. Raises Error for vehicles together with
+    pedestrians or cyclists without a custom IoU.
     """
     of_people = [are_people(types) for types in classes.values()]
     if not any(of_people) or (custom_iou and not all(of_people)):

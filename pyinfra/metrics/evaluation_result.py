@@ -1,4 +1,4 @@
-"""The tables of an evaluation put together, and what is amiss with its results."""
+"""Computes all tables of an evaluation, and warnings about its results."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ from pyinfra.metrics.prediction_checks import Finding
 from pyinfra.metrics.ranges import by_range
 from pyinfra.metrics.replicates import draw_rows, figures, measure_of, same_of
 
-KITTI_LEAST = 41  # objects below which the devkit's AP cannot reach 100
+KITTI_LEAST = 41  # with fewer objects the AP of KITTI's devkit cannot reach 100
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The tables of one LiDAR's predictions, named as their files, and what was found amiss."""
+    """The tables of an evaluation, named as their files, and findings about its inputs."""
 
     truth: GroundTruth
     ap: pd.DataFrame
@@ -59,14 +59,14 @@ class Evaluation:
     draws: pd.DataFrame
     off_region: pd.DataFrame
     findings: tuple[Finding, ...]
-    ranges: pd.DataFrame | None = None  # AP and recall within ranges, if they were asked for
-    cells: pd.DataFrame | None = None  # of a site of lanes, whose areas they are
+    ranges: pd.DataFrame | None = None  # AP and recall within ranges; None if not requested
+    cells: pd.DataFrame | None = None  # AP of each grid cell; only for a site of lanes
     predictions: Predictions | None = None
     settings: Settings | None = None
 
     @cached_property
     def by_distance(self) -> pd.DataFrame:
-        """AP (R1000) of the vehicles of each ring of 20 m around the sensor, per ground truth.
+        """AP (R1000) in rings of 20 m around the sensor, for each ground truth.
 
         Columns: ground_truth, distance_m (middle of the ring, horizontal), ap_r1000,
         ap_r1000_low and ap_r1000_high (95 % interval), objects, predictions.
@@ -78,10 +78,10 @@ class Evaluation:
 
     @cached_property
     def matches(self) -> pd.DataFrame:
-        """What became of each prediction and object, by the first ground truth and threshold.
+        """Match results of predictions and missed objects, for the first ground truth and IoU.
 
         Columns: frame, outcome (`true positive`, `false positive`, `missed`, `ignored`), type,
-        x y z dx dy dz heading, score (NaN of a missed object), object_id (-1 without one).
+        x y z dx dy dz heading, score (NaN for a missed object), object_id (-1 if unmatched).
         """
         return match_table(next(iter(self._results.values())))
 
@@ -112,9 +112,10 @@ def evaluate_tables(
     *,
     ranges: bool = False,
 ) -> Evaluation:
-    """Evaluates predictions that were read; predictions.frame counts along truth.frames.
+    """Evaluates predictions in memory.
 
-    ranges: also within ranges of the sensor, but for `common`; their AP joins the draws.
+    predictions.frame are indices of truth.frames. ranges: whether to evaluate within ranges of the
+    sensor too, except for ground truth `common`; their AP is added to table `draws`.
     """
     contests = {
         (name, metric): contest(truth, predictions, name, settings, metric)
@@ -141,7 +142,10 @@ def evaluate_tables(
 def _ap_rows(
     contests: dict[tuple[str, Metric], Contest], settings: Settings
 ) -> list[dict[str, object]]:
-    """The primary row first, then by class, metric, ground truth, threshold and protocol."""
+    """Returns the rows of AP, ordered by class, metric, ground truth, threshold and protocol.
+
+    The first row is the primary result.
+    """
     rows = []
     for (name, metric), one in contests.items():
         ious = settings.ious_of(metric)
@@ -161,7 +165,7 @@ def _ap_rows(
 
 
 def _off_region(contests: dict[tuple[str, Metric], Contest], settings: Settings) -> pd.DataFrame:
-    """The table `off_region` of each class, by the first metric and threshold."""
+    """Returns table `off_region` of all classes, for the first metric and threshold."""
     metric = settings.metrics[0]
     enough = threshold_of(metric, settings.ious[0])
     parts = []
@@ -175,7 +179,10 @@ def _off_region(contests: dict[tuple[str, Metric], Contest], settings: Settings)
 
 
 def _primary_tables(one: Contest, settings: Settings, *, ranges: bool) -> dict[str, pd.DataFrame]:
-    """The other tables: first class, metric and threshold, by the definition, each ground truth."""
+    """Returns the other tables, for each ground truth.
+
+    They use the first class, metric and threshold, and protocol `definition`.
+    """
     enough = threshold_of(one.metric, settings.ious[0])
     matches = one.match(enough, strict=False)
     tables: dict[str, list[pd.DataFrame]] = {}
@@ -220,7 +227,7 @@ def _named(rows: pd.DataFrame, truth: GroundTruth, settings: Settings) -> pd.Dat
 
 
 def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> list[Finding]:
-    """Warnings about the results themselves."""
+    """Returns warnings about the results."""
     warnings = []
     kinds = {which == "present" for which in settings.ground_truths}
     every = [blocks_of(truth, settings, present=kind) for kind in kinds]

@@ -1,4 +1,4 @@
-"""The summary of an evaluation on the terminal."""
+"""The summary of an evaluation as text for the terminal."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ MEASURES = {"definition": AP_R1000, "r11": "AP (R11)", "kitti": "AP (R40), devki
 
 
 def summary(evaluation: Evaluation) -> str:
-    """AP, areas and causes of false positives as lines of text."""
+    """Returns AP, high-quality areas and causes of false positives as lines of text."""
     lines = [f"{evaluation.truth.name}: {len(evaluation.truth.frames)} frames"]
-    iou = [f"{v:g}" if v > 0 else "" for v in evaluation.ap.iou]  # none where centres decide
+    iou = [f"{v:g}" if v > 0 else "" for v in evaluation.ap.iou]  # empty for metric `centre`
     head = f"{'class':<12}{'ground truth':<14}{'IoU':>5} {'measure':<26}{'':>5}  "
     lines.append(f"{head}{'95 % interval':<14}{'objects':>8}{'predictions':>12}")
     for at, (_, row) in enumerate(evaluation.ap.iterrows()):
@@ -46,13 +46,13 @@ def summary(evaluation: Evaluation) -> str:
 
 
 def measure(protocol: str) -> str:
-    """The name of what a row of a protocol shows; `definition-centre`: AP (R1000), centre."""
+    """Returns the name of a protocol's measure: `definition-centre` gives AP (R1000), centre."""
     name, _, metric = protocol.partition("-")
     return f"{MEASURES[name]}, {metric}" if metric else MEASURES[name]
 
 
 def _off_region(rows: pd.DataFrame) -> str:
-    """Of one class, from the lowest score on and from one of a half."""
+    """Returns the boxes per minute off the region, at the lowest score and at 0.5, as text."""
     some = [row for row in rows.itertuples() if row.score in (rows.score.min(), 0.5)]
     return ", ".join(
         f"{row.boxes_per_min:.1f} from score {row.score:g} ({row.on_people_per_min:.1f} on people)"

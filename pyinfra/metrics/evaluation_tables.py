@@ -1,4 +1,4 @@
-"""Tables of an evaluation. AP and shares are 0 to 100; low and high end the 95 % interval."""
+"""Tables of an evaluation. AP and shares are 0 to 100; low and high are 95 % interval ends."""
 
 from __future__ import annotations
 
@@ -25,20 +25,21 @@ from pyinfra.metrics.match_results import (
     precision,
 )
 
-EVERYWHERE = "all"  # in place of a road
-LANES = "(lanes)"  # stands for all of them at once, in place of a road; no road is named so
-HIGH_QUALITY = 85.0  # an area above this AP is of high quality
+EVERYWHERE = "all"  # in column `road`: all roads together
+LANES = "(lanes)"  # in column `road`: all lanes of a site together; no road has this name
+HIGH_QUALITY = 85.0  # AP above which an area has high quality
 PR_RECALLS = 100
 AP_COLUMNS = (
     "class ground_truth iou protocol ap ap_low ap_high ap_fine ap_fine_low ap_fine_high "
     "objects predictions frames block_s"
 ).split()
-# Of an area: high or low with its whole interval, else undecided; few: not enough objects.
+# Quality of an area: `high` or `low` if its whole interval is above or below HIGH_QUALITY, else
+# `undecided`; `few` if it has too few objects.
 QUALITIES = ("high", "undecided", "low", "few")
 
 
 def ap_row(judgement: Judgement, iou: float, protocol: Protocol) -> dict[str, Any]:
-    """AP over all frames, without the columns that name the class and the ground truth."""
+    """Returns the row of AP over all frames, without the columns class and ground_truth."""
     ranking = judgement.ranking()
     value, low, high = _ap_with_interval(judgement, ranking, protocol)[:3]
     metric = judgement.contest.metric
@@ -57,7 +58,10 @@ def ap_row(judgement: Judgement, iou: float, protocol: Protocol) -> dict[str, An
 
 
 def fine_ap(judgement: Judgement, ranking: ap.Ranking | None = None) -> Bootstrapped:
-    """AP at 1,000 recalls over all frames, and in each draw; of a part if its ranking is given."""
+    """Returns AP (R1000) over all frames, with its replicates.
+
+    ranking: that of a part of the region; by default of the whole region.
+    """
     ranking = judgement.ranking() if ranking is None else ranking
     value = float(ap.average_precision(ranking, ap.FINE_RECALLS)[0])
     draws = ap.average_precision(ranking, ap.FINE_RECALLS, judgement.weights)
@@ -67,23 +71,26 @@ def fine_ap(judgement: Judgement, ranking: ap.Ranking | None = None) -> Bootstra
 def fine_columns(
     judgement: Judgement, fine: Bootstrapped, ranking: ap.Ranking | None = None
 ) -> dict[str, float]:
-    """Columns of a fine AP with the ends of its interval, which are 0 to 100."""
+    """Returns the columns of AP (R1000) and its interval, which is clipped to 0 to 100."""
     ranking = judgement.ranking() if ranking is None else ranking
     low, high = judgement.interval(fine.value, fine.draws, ranking.objects)
     return {"ap_fine": fine.value, "ap_fine_low": float(low), "ap_fine_high": float(high)}
 
 
 def shown_ap(row: Any) -> tuple[float, float, float]:
-    """The AP of a row of `ap.csv` with the ends of its interval: R1000, or what was asked for."""
+    """Returns the AP to show for a row of `ap.csv`, with the ends of its interval.
+
+    It is AP (R1000) for protocol `definition`, and the AP of the protocol for others.
+    """
     if str(row.protocol).startswith("definition"):
         return row.ap_fine, row.ap_fine_low, row.ap_fine_high
     return row.ap, row.ap_low, row.ap_high
 
 
 def pr_table(judgement: Judgement) -> pd.DataFrame:
-    """Highest precision at or beyond the recalls 0.01 .. 1, 0 where they are not reached.
+    """Returns the highest precision at or above the recalls 0.01 .. 1; 0 if not reached.
 
-    score: of the operating point at which the recall is reached.
+    Column score is the score of the operating point at which a recall is reached.
     """
     ranking = judgement.ranking()
     recalls = np.arange(1, PR_RECALLS + 1)
@@ -99,7 +106,10 @@ def pr_table(judgement: Judgement) -> pd.DataFrame:
 
 
 def distance_table(judgement: Judgement, min_objects: int) -> tuple[pd.DataFrame, FloatArray]:
-    """AP of each window, at 40 and 1,000 recalls; the draws of the latter (windows, draws)."""
+    """Returns AP (R40) and AP (R1000) of each window, and the replicates of the latter.
+
+    The replicates are (windows, replicates).
+    """
     truth = judgement.contest.truth
     names = dict(enumerate(road.name for road in truth.roads)) or {0: "distance"}
     names[EVERY_ROAD] = LANES
@@ -108,7 +118,10 @@ def distance_table(judgement: Judgement, min_objects: int) -> tuple[pd.DataFrame
 
 
 def cell_table(judgement: Judgement, min_objects: int) -> tuple[pd.DataFrame, FloatArray]:
-    """The same of each cell, where these are the areas; x, y of its middle, and how far it is."""
+    """Returns AP and replicates of each grid cell, as `distance_table` does of each window.
+
+    Columns x, y are the middle of a cell, distance_m its distance from the sensor.
+    """
     truth = judgement.contest.truth
     pose = truth.lidar.T_world_levelled if truth.lidar else None
     cells = {
@@ -125,7 +138,10 @@ def cell_table(judgement: Judgement, min_objects: int) -> tuple[pd.DataFrame, Fl
 def _ap_of(
     judgement: Judgement, parts: Mapping[Any, dict[str, Any]], min_objects: int
 ) -> tuple[pd.DataFrame, FloatArray]:
-    """A row and the draws of AP (R1000) of each window or cell; parts: the columns that name it."""
+    """Returns a row for each window or grid cell, and the replicates of its AP (R1000).
+
+    parts: the windows or cells, with the columns that name them.
+    """
     rows, draws = [], []
     for part, named in parts.items():
         ranking = judgement.ranking(part)
@@ -153,7 +169,7 @@ def _ap_of(
 def cut_first_ap(
     contest: Contest, which: Subset, iou: float, min_points: int, windows: Sequence[Window]
 ) -> list[float]:
-    """AP (R1000) of each window when what lies outside is cut away before matching."""
+    """Returns AP (R1000) of each window, if boxes outside it are removed before matching."""
     values = []
     for window in windows:
         matches = contest.match(iou, strict=False, within=window)
@@ -163,7 +179,7 @@ def cut_first_ap(
 
 
 def area_quality(row: dict[str, Any], min_objects: int) -> str:
-    """Which of QUALITIES an area has."""
+    """Returns the quality of an area, one of QUALITIES."""
     if row["objects"] < min_objects:
         return "few"
     if math.isnan(row["ap_fine_low"]) or row["ap_fine_low"] <= HIGH_QUALITY < row["ap_fine_high"]:
@@ -172,10 +188,11 @@ def area_quality(row: dict[str, Any], min_objects: int) -> str:
 
 
 def area_table(judgement: Judgement, distance: pd.DataFrame, draws: FloatArray) -> pd.DataFrame:
-    """High-quality areas of each road, and of all roads (road `all`) if there are several.
+    """Returns the number of high-quality areas of each road, and of all roads (road `all`).
 
-    n_tda: areas with enough objects; n_hqda: those of them with an AP above 85, decided or not;
-    undecided: those of them whose interval holds 85, or that have none.
+    n_tda: areas with enough objects. n_hqda: those of them with an AP above HIGH_QUALITY,
+    significantly or not. undecided: those of n_tda whose interval includes HIGH_QUALITY, or that
+    have no interval.
     """
     names = list(dict.fromkeys(distance.road))
     groups = [(EVERYWHERE, np.ones(len(distance), dtype=np.bool_))] if len(names) > 1 else []
@@ -204,17 +221,20 @@ def _areas(judgement: Judgement, distance: pd.DataFrame, draws: FloatArray) -> d
 
 
 def high_quality_share(distance: pd.DataFrame, draws: FloatArray) -> FloatArray:
-    """Of the areas with an interval, in each draw: percent; NaN where none has an AP."""
+    """Returns the percentage of high-quality areas in each replicate.
+
+    Only areas with an interval count. It is NaN for a replicate in which no area has an AP.
+    """
     shown = ((distance.quality != "few") & distance.ap_fine_low.notna()).to_numpy()
     defined = (~np.isnan(draws[shown])).sum(0)
     return _ratio(100.0 * (draws[shown] > HIGH_QUALITY).sum(0), defined)
 
 
 def error_table(judgement: Judgement) -> pd.DataFrame:
-    """Errors of the boxes that hit, prediction less vehicle, in the vehicle's own directions.
+    """Returns the errors of true positives, prediction less vehicle, along the vehicle's axes.
 
-    ahead, left, up: of the centre; heading: to the nearer of the two ways along the vehicle;
-    reversed: share of boxes that point the other way. The interval is that of mean_absolute.
+    ahead, left, up: errors of the centre. heading: error modulo 180 degrees. reversed: share of
+    boxes that point backwards. The interval belongs to mean_absolute.
     """
     contest = judgement.contest
     p = contest.predictions.boxes[judgement.hit]
@@ -263,7 +283,7 @@ def _error(judgement: Judgement, values: FloatArray, slot: IntArray) -> dict[str
 
 
 def false_positive_table(judgement: Judgement, iou: float, *, strict: bool) -> pd.DataFrame:
-    """Wrong predictions by cause; share: of the wrong ones, in percent."""
+    """Returns the number of false positives by cause, and their share in percent."""
     names = causes(judgement, iou, strict=strict)
     contest, weights = judgement.contest, judgement.weights
     slot = judgement.blocks.slot[contest.predictions.frame[judgement.wrong]]
@@ -280,10 +300,10 @@ def false_positive_table(judgement: Judgement, iou: float, *, strict: bool) -> p
 
 
 def off_region_table(contest: Contest, matches: IntArray) -> pd.DataFrame:
-    """Boxes that took nothing and are centred off the region, from some scores on.
+    """Returns how many unmatched boxes have their centre outside the region, by least score.
 
-    per_min: of the time that the frames show; on_people: those of them that stand on people, which
-    count as wrong. nan where no region is known.
+    *_per_min: number per minute of the frames' time. on_people: boxes of vehicles on labelled
+    pedestrians and cyclists, which count as false positives. Counts are NaN if no region is known.
     """
     truth, scores = contest.truth, contest.predictions.scores
     off = (matches < 0) & ~contest.prediction_places.inside

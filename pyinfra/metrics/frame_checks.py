@@ -1,7 +1,7 @@
 """Checks of frames and predictions.
 
-Files that can't be read as their format says are errors. What makes most toolboxes show an AP of 0
-on roadside frames is named: heights, ranges, filters by the image, headings, frames of reference.
+Files that do not follow their format are errors. Common causes of an AP of 0 on roadside frames are
+reported: heights, point ranges, filters by image size, headings and frames of reference.
 """
 
 from __future__ import annotations
@@ -33,27 +33,27 @@ from pyinfra.metrics.ground_truth_checks import ground_truth_findings
 from pyinfra.metrics.match_results import Settings
 from pyinfra.metrics.prediction_checks import Finding, check_predictions, find_files
 
-MOST_ERRORS = 20  # listed
-CLOUDS = 50  # looked into, spread over all
-COUNTED = 1000  # clouds whose points in boxes are counted, spread over all
+MOST_ERRORS = 20  # errors that are listed
+CLOUDS = 50  # clouds that are read, evenly spread
+COUNTED = 1000  # clouds whose points in boxes are counted, evenly spread
 POINT_BYTES, FIELD_BYTES = 16, kitti.FIELDS.itemsize
-NEIGHBOURS = 21  # frames whose median size a cloud is held against
-SMALL = 0.5  # of that median
-FEW_POINTS = 10  # of a frame's objects may be missing, and LOST_SHARE of all
+NEIGHBOURS = 21  # a cloud's size is compared with the median of this many frames
+SMALL = 0.5  # clouds smaller than this share of the median are reported
+FEW_POINTS = 10  # an error needs more missing points in objects than this, and than LOST_SHARE
 LOST_SHARE = 0.05
-FAR_MARGIN_M = 5.0  # beyond the LiDAR's range: noise
-USUAL_LOW_Z = -3.0  # where the point range of the usual car-mounted configurations ends
-USUAL_FAR_M = 70.4
-HEIGHT_FILTER_PX = 25.0  # of the 2-D box; KITTI's tools leave out lower ones
-MARGIN_M = 0.1  # around a box that is to hold points
+FAR_MARGIN_M = 5.0  # points may be this far beyond the LiDAR's range, because of range noise
+USUAL_LOW_Z = -3.0  # lower end of the point range in common configurations for cars
+USUAL_FAR_M = 70.4  # far end of that point range
+HEIGHT_FILTER_PX = 25.0  # KITTI's tools leave out labels with a lower 2-D box
+MARGIN_M = 0.1  # margin around a box when points in it are counted
 
 
 def validate(
     folder: Path, pred: Path | None = None, split: str | None = None, *, allow_missing: bool = False
 ) -> list[Finding]:
-    """Everything that was found in a LiDAR's folder, and in predictions of its frames.
+    """Checks a LiDAR's folder, and predictions for its frames; returns all findings.
 
-    Raises FileNotFoundError if the folder is none of the KITTI layout.
+    Raises FileNotFoundError if the folder does not have the KITTI layout.
     """
     frames = frame_numbers(folder, "all")
     if not frames:
@@ -64,7 +64,7 @@ def validate(
     vehicles = read_vehicles(folder, frames)
     types = Settings().types
     findings += ground_truth_findings(folder, frames, vehicles, types)
-    labelled = read_labelled(folder, frames)  # which other tools read
+    labelled = read_labelled(folder, frames)  # the label files, which other tools read
     if vehicles.ids.max(initial=-1) >= 0 and (
         other := other_types(folder, frames, labelled, types)
     ):
@@ -77,7 +77,7 @@ def validate(
 
 
 def _unreadable(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
-    """Errors of the text files, the first MOST_ERRORS of them."""
+    """Yields errors of label, object and calibration files, at most MOST_ERRORS."""
     readers: dict[kitti.Part, Callable[[Path], object]] = {
         "label_2": kitti.read_labels,
         "objects": kitti.read_objects,
@@ -101,7 +101,7 @@ def _unreadable(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
 
 
 def _unreadable_data_set(folder: Path) -> Iterator[Finding]:
-    """Errors of what describes the LiDARs and the region, where they are described."""
+    """Yields errors of the files that describe the LiDARs, the region and the data set."""
     data_set = data_set_of(folder)
     checks: dict[Path, Callable[[], object]] = {}
     if (folder / "lidar.yaml").is_file():
@@ -146,7 +146,7 @@ def _labels(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
 
 
 def _clouds(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
-    """Errors of some clouds, and whether the labelled boxes hold points."""
+    """Yields errors of some clouds, and warnings about intensities and boxes without points."""
     if not (folder / "training/velodyne").is_dir():
         return
     boxes_with_points = boxes = 0
@@ -178,7 +178,7 @@ def _clouds(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
 
 
 def _sizes(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
-    """Clouds whose size does not fit their fields, or is far below that of the frames around."""
+    """Yields findings about clouds whose size differs from their fields or is unusually small."""
     if not (folder / "training/velodyne").is_dir():
         return
     files = [kitti.frame_file(folder, "velodyne", frame) for frame in frames]
@@ -200,16 +200,16 @@ def _sizes(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
 
 
 def _counts(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
-    """Clouds that lack points which their objects have, or have points beyond the LiDAR's range.
+    """Yields errors of clouds with missing points in objects, or points beyond the range.
 
-    A cloud that was cut or swapped with another frame's lacks points in the objects' boxes.
+    Points in the objects' boxes are missing if a cloud was cut or belongs to another frame.
     """
     has_objects = (folder / "training/objects").is_dir() and (folder / "lidar.yaml").is_file()
     if not has_objects or not (folder / "training/velodyne").is_dir():
         return
     lidar = kitti.read_lidar(folder)
     if lidar.preset == kitti.RECORDED:
-        return  # objects of a recording have the points that its import counted
+        return  # the import of a recording counted the points in objects itself
     farthest = max(unit.range_m[1] for unit in lidar.field_of_view) + FAR_MARGIN_M
     farthest += max(float(np.hypot(sensor.x, sensor.y)) for sensor in lidar.sensors)
     errors = []
@@ -218,7 +218,7 @@ def _counts(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
         try:
             points = kitti.read_points(file)
         except FormatError:
-            continue  # is said by _clouds
+            continue  # _clouds reports this error
         objects = kitti.read_objects(kitti.frame_file(folder, "objects", frame))
         hit = objects.points_in_box > 0
         expected = objects.points_in_box[hit]
@@ -247,7 +247,7 @@ def _holds_points(box: FloatArray, points: Points) -> bool:
 
 
 def _points_in(box: FloatArray, points: Points) -> int:
-    """Points in a box and MARGIN_M around it."""
+    """Counts the points in a box that is enlarged by MARGIN_M on each side."""
     near = np.abs(points[:, 0] - box[0]) <= np.hypot(box[3], box[4]) / 2 + 2 * MARGIN_M
     offset = points[near, :3] - box[:3]
     cos, sin = np.cos(box[6]), np.sin(box[6])
@@ -259,7 +259,7 @@ def _points_in(box: FloatArray, points: Points) -> int:
 
 
 def _ranges(folder: Path, vehicles: Vehicles) -> Iterator[Finding]:
-    """What a detector's configuration must hold; the usual causes of an AP of 0."""
+    """Yields notes on the ranges of z, x and y that a detector's configuration must include."""
     captured = vehicles.select(vehicles.points > 0)
     if len(captured) == 0:
         return
@@ -296,9 +296,9 @@ def _predictions(folder: Path, pred: Path, split: str | None, allow_missing: boo
 
 
 def folders_with_frames(data: Path) -> list[Path]:
-    """The folder itself if it has frames, or those in it that have, with a lidar.yaml or without.
+    """Returns the folder itself if it has frames, else the folders in it that have frames.
 
-    Raises FileNotFoundError if there is none.
+    Raises FileNotFoundError if there are none.
     """
     if (data / "training").is_dir():
         return [data]

@@ -24,28 +24,31 @@ from pyinfra.formats import kitti
 
 @dataclass(frozen=True, eq=False)
 class GroundTruth:
-    """What is known of the frames of one LiDAR."""
+    """The vehicles in the frames of one LiDAR, and the data needed to select those that count."""
 
     folder: Path
     name: str
     period_s: float
-    frames: tuple[int, ...]  # ascending; `vehicles.frame` counts along them
-    vehicles: Vehicles  # every one in reach, counted or not
-    has_objects: bool  # False: the vehicles are the labels, and only `captured` can be told
+    frames: tuple[int, ...]  # ascending; `vehicles.frame` are indices of it
+    vehicles: Vehicles  # all vehicles, counted or not
+    has_objects: bool  # False: vehicles are the labels, and only `captured` can be evaluated
     lidar: kitti.Lidar | None  # None without lidar.yaml
-    neighbours: tuple[tuple[kitti.Lidar, kitti.Tilt], ...]  # every LiDAR of the data set
-    roads: tuple[Road, ...]  # empty without roads.csv: then there is no region
-    outlines: tuple[FloatArray, ...]  # that narrow the region, world
-    drawn: FloatArray | None  # (m, 2) levelled: the region where no roads are known
-    of_lanes: bool  # the roads are lanes of a file, each a road of its own
-    versions: tuple[str, str] | None = None  # of frames in memory: their number, the package's
+    neighbours: tuple[tuple[kitti.Lidar, kitti.Tilt], ...]  # all LiDARs of the data set
+    roads: tuple[Road, ...]  # empty without roads.csv
+    outlines: tuple[FloatArray, ...]  # outlines that narrow the region, world frame
+    drawn: FloatArray | None  # (m, 2) levelled: outline of the region if no roads are known
+    of_lanes: bool  # whether the roads are lanes of a file, each of which is a road of its own
+    versions: tuple[str, str] | None = None  # frames_version and version, for frames in memory
 
     @property
     def has_region(self) -> bool:
         return bool(self.roads) or self.drawn is not None
 
     def places(self, boxes: FloatArray, beside_m: float = 0.0) -> Places:
-        """Where boxes (n, 7) of the levelled LiDAR frame lie; beside_m makes the roads wider."""
+        """Returns where boxes (n, 7) of the levelled LiDAR frame lie on the roads.
+
+        beside_m: width that is added to each side of the roads.
+        """
         if not self.roads or self.lidar is None:
             return regions.by_distance(boxes, self.drawn, margin_m=beside_m)
         roads = [replace(road, half_width=road.half_width + beside_m) for road in self.roads]
@@ -53,7 +56,7 @@ class GroundTruth:
         return regions.locate(world, roads, self.outlines)
 
     def windows(self) -> list[Window]:
-        """The windows of distance: along the roads, or away from the sensor without roads."""
+        """Returns the windows along the roads; without roads, along distance from the sensor."""
         if self.of_lanes:
             return regions.lane_windows(self.roads)
         if self.roads:
@@ -62,15 +65,18 @@ class GroundTruth:
         return regions.distance_windows(float(distance.max(initial=0)))
 
     def cells(self) -> list[GridCell]:
-        """The areas where no road has an axis, as of lanes; none where windows are the areas."""
+        """Returns the grid cells that are the areas of a site of lanes; empty for other sites.
+
+        Elsewhere the windows along the roads are the areas.
+        """
         return regions.region_cells(self.roads, self.outlines) if self.of_lanes else []
 
     def counted(
         self, which: Subset, vehicles: Vehicles, places: Places, min_points: int
     ) -> BoolArray:
-        """Which of some vehicles (n,), with their places, are to be found.
+        """Returns which vehicles count in a ground-truth subset: (n,) bool.
 
-        Raises Error for a set that this folder cannot tell.
+        places: of the vehicles. Raises Error for a subset that needs objects if there are none.
         """
         if which == "captured":
             return places.inside & (vehicles.points >= min_points)
@@ -82,7 +88,7 @@ class GroundTruth:
         return visible & self.in_common_view(vehicles.mid_frame) if which == "common" else visible
 
     def in_common_view(self, boxes: FloatArray) -> BoolArray:
-        """Centres (n,) inside the field of view and range of every LiDAR of the data set."""
+        """Returns which centres are in the field of view and range of all LiDARs: (n,) bool."""
         seen = np.ones(len(boxes), dtype=np.bool_)
         for lidar, tilt in self.neighbours:
             seen &= field_of_view_mask(lidar, tilt, boxes[:, :3])[1]
@@ -92,11 +98,12 @@ class GroundTruth:
 def read_ground_truth(
     folder: Path, frames: Sequence[int] | None = None, *, beyond_range: bool = False
 ) -> GroundTruth:
-    """Reads the frames of a folder in the KITTI layout: of a run of `infrasim`, or any other.
+    """Reads the ground truth of a folder in the KITTI layout, from `infrasim` or any other tool.
 
-    frames: those to read, `frame_numbers(folder)` if left out. beyond_range: with the vehicles that
-    this LiDAR does not reach: what another one of the data set knows of them, else where they are.
-    Raises FileNotFoundError, FormatError with file and line, and Error without any frame.
+    frames: frame numbers to read; by default `frame_numbers(folder)`. beyond_range: whether to add
+    the vehicles beyond the range of this LiDAR. They are taken from the LiDAR with the longest
+    range, then from trajectories.csv. Raises FileNotFoundError, FormatError with file and line, and
+    Error if there is no frame.
     """
     frames = sorted(frame_numbers(folder) if frames is None else frames)
     if not frames:
@@ -132,7 +139,10 @@ def read_ground_truth(
 
 
 def ground_truth_of(frames: FrameSequence) -> GroundTruth:
-    """That of frames in memory, or of those of a folder; raises as read_ground_truth."""
+    """Returns the ground truth of frames in memory or in a folder.
+
+    Raises as read_ground_truth does.
+    """
     if isinstance(frames, RecordedFrames):
         return read_ground_truth(frames.folder, frames.numbers, beyond_range=True)
     if not isinstance(frames, SimulatedFrames):
@@ -165,9 +175,9 @@ def _reach(lidar: kitti.Lidar) -> float:
 
 
 def with_unreached(vehicles: Vehicles, others: Vehicles) -> Vehicles:
-    """Own vehicles, and those of the region that only the others have.
+    """Returns `vehicles`, and those of `others` in the region that are not among them.
 
-    These have 0 points, so that they are labelled at mid-frame.
+    The added vehicles have 0 points, and their boxes are those at mid-frame.
     """
     return _with(vehicles, others.select(_unknown(vehicles, others) & (others.visibility >= 0)))
 
@@ -175,7 +185,7 @@ def with_unreached(vehicles: Vehicles, others: Vehicles) -> Vehicles:
 def with_absent(
     vehicles: Vehicles, file: Path, frames: Sequence[int], lidar: kitti.Lidar
 ) -> Vehicles:
-    """Own vehicles, and those that trajectories.csv has beside them."""
+    """Returns `vehicles`, and those of the file trajectories.csv that are not among them."""
     if not file.is_file():
         return vehicles
     others = read_objects_at(file, frames, lidar.T_world_levelled)
@@ -183,13 +193,13 @@ def with_absent(
 
 
 def _unknown(vehicles: Vehicles, others: Vehicles) -> BoolArray:
-    """Which of the others (n,) are not among the own ones."""
+    """Returns which of `others` are not among `vehicles`: (n,) bool."""
     base = 1 + max(vehicles.ids.max(initial=0), others.ids.max(initial=0))
     return ~np.isin(others.frame * base + others.ids, vehicles.frame * base + vehicles.ids)
 
 
 def _with(vehicles: Vehicles, extra: Vehicles) -> Vehicles:
-    """Both, by frame; the extra ones without points and with their boxes at mid-frame."""
+    """Returns both, ordered by frame; `extra` get 0 points and their boxes at mid-frame."""
     columns = {
         name: np.concatenate([vars(vehicles)[name], vars(extra)[name]]) for name in vars(vehicles)
     }

@@ -1,4 +1,4 @@
-"""What may be wrong with the ground truth although every file can be read."""
+"""Checks of ground truth for problems that do not make a file unreadable."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from pyinfra.metrics.prediction_checks import Finding
 def ground_truth_findings(
     lidar_folder: Path, frames: Sequence[int], vehicles: Vehicles, types: Sequence[str]
 ) -> Iterator[Finding]:
-    """Warnings about vehicles that count nowhere, and about a region that is missing.
+    """Yields warnings about missing labels, labels that do not count, and a missing region.
 
-    frames: those that `vehicles.frame` counts along; types: the names that are evaluated.
+    frames: frame numbers; `vehicles.frame` are indices of it. types: names that are evaluated.
     """
     if len(vehicles) == 0:
         text = f"{lidar_folder}: found no label in {len(frames)} frames, so there is no AP; "

@@ -1,10 +1,11 @@
-"""Intervals of figures over time: neighbouring frames show the same vehicles.
+"""95 % intervals of figures over frames that are correlated in time.
 
-Circular block bootstrap (Politis and Romano 1992): a draw is made of runs of time, one block long,
-that begin anywhere; the last frame is followed by the first. The spread of a figure over the draws
-is its standard error, and the interval Student's, with as many samples as the time holds blocks.
-A block is as long as errors last, by the world's own vehicles (`block_seconds`); how often such
-intervals hold the truth: reproduction/commands/coverage.py.
+Neighbouring frames show the same vehicles, so intervals use the circular block bootstrap (Politis
+and Romano 1992). A bootstrap replicate consists of runs of one block length that begin at random
+times; the last frame is followed by the first. The standard deviation of a figure over the
+replicates is its standard error. The interval is Student's t with as many samples as there are
+blocks. A block is as long as errors last, which the stays of vehicles determine (`block_seconds`).
+reproduction/commands/coverage.py measures how often such intervals include the true value.
 """
 
 from __future__ import annotations
@@ -19,21 +20,21 @@ from scipy import stats
 from pyinfra.core.arrays import AnyArray, FloatArray, IntArray
 from pyinfra.core.errors import Error
 
-SLOT_S = 1.0  # of time, drawn whole
-BLOCK_STEP_S = 5.0  # lengths of blocks are multiples of it, so that LiDARs of a world agree
-LEAST_BLOCK_S = 20.0  # ghosts come in bouts, which do not end with a vehicle's stay
+SLOT_S = 1.0  # unit of time that is resampled as a whole
+BLOCK_STEP_S = 5.0  # block lengths are multiples of it, so that they agree between LiDARs
+LEAST_BLOCK_S = 20.0  # false positives can last longer than vehicles stay
 DRAWS = 1000
 SEED = 1
-MIN_BLOCKS = 4.0  # of a block's length; what is shorter gives no interval
+MIN_BLOCKS = 4.0  # a time of fewer blocks gives no interval
 FEW_BLOCKS = f"vehicles are in fewer than {MIN_BLOCKS:g} blocks of time"
 NO_INTERVAL = f"(no interval: {FEW_BLOCKS})"
 LEVEL = 0.95
-LEAST_DEFINED = 0.5  # of the draws
+LEAST_DEFINED = 0.5  # least share of replicates in which a figure must be defined
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """A figure or an array of them, with the ends of their 95 % intervals; NaN is none."""
+    """A figure or an array of figures with 95 % intervals; NaN where there is no interval."""
 
     value: FloatArray
     low: FloatArray
@@ -42,21 +43,21 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Which slot of time each frame is in, and how often each draw takes each slot."""
+    """The time slot of each frame, and how often each bootstrap replicate contains each slot."""
 
     frames: IntArray  # (f,) ascending
     slot: IntArray  # (f,) 0 to n - 1, the slot of each frame
-    draws: IntArray  # (d, n) counts; (0, n) if the time holds too few blocks for an interval
-    length: int  # slots of a block
+    draws: IntArray  # (d, n) counts; (0, n) if there are too few blocks for an interval
+    length: int  # slots in a block
     block_s: float
 
     @property
     def count(self) -> float:
-        """How many blocks the time holds."""
+        """The number of blocks in the whole time."""
         return int(self.draws.shape[1]) / self.length
 
     def sums(self, frame: IntArray, values: AnyArray) -> FloatArray:
-        """Sums of values (n, ...) by the slot of their frame (n,): (slots, ...) float64."""
+        """Sums values (n, ...) over the slot of their frame (n,): (slots, ...) float64."""
         out = np.zeros((self.draws.shape[1], *values.shape[1:]))
         np.add.at(out, self.slot[np.searchsorted(self.frames, frame)], values)
         return out
@@ -68,10 +69,11 @@ class Blocks:
         *,
         within: tuple[float, float] = (-math.inf, math.inf),
     ) -> Estimate:
-        """A statistic of sums with its interval.
+        """Returns a statistic of sums with its interval.
 
-        sums: (slots, ...) as from `sums`; statistic: takes sums (m, ...) of m samples to (m, ...),
-        NaN where it has no value; within: what it can be. Draws without a value are left out.
+        sums: (slots, ...), as the method `sums` returns. statistic: maps the sums (m, ...) of m
+        samples to values (m, ...), NaN where undefined. within: range to which the interval is
+        clipped. Replicates without a value are left out.
         """
         value = statistic(sums.sum(axis=0)[None])[0]
         low, high = interval(value, statistic(np.tensordot(self.draws, sums, axes=1)), self.count)
@@ -86,18 +88,18 @@ def time_blocks(
     draws: int = DRAWS,
     seed: int = SEED,
 ) -> Blocks:
-    """Slots of time that hold a frame or more, and seeded draws of runs of them.
+    """Returns the time slots that contain frames, and seeded bootstrap replicates of them.
 
-    Of less than MIN_BLOCKS blocks there are no draws. Raises Error if the frames do not
-    ascend.
+    There are no replicates if the time has fewer than MIN_BLOCKS blocks. Raises Error if the frames
+    are not in ascending order.
     """
     if np.any(np.diff(frames) <= 0):
         raise Error("frames: found a frame that is not after the one before it")
-    # A frame that starts on the border of a slot belongs to the later one.
+    # A frame that starts on the border of two slots belongs to the later one.
     numbers = np.floor(frames * period_s / SLOT_S + 1e-9)
     _, first, slot = np.unique(numbers, return_index=True, return_inverse=True)
     count = len(first)
-    # Of frames 2.5 s apart, slots are 2 and 3 apart in turn.
+    # For frames 2.5 s apart, the slots are alternately 2 and 3 slots apart.
     apart_s = period_s * float(np.median(np.diff(frames[first]))) if count > 1 else SLOT_S
     length = max(1, round(block_s / max(SLOT_S, apart_s)))
     enough = count >= MIN_BLOCKS * length
@@ -107,7 +109,10 @@ def time_blocks(
 
 
 def _runs(count: int, length: int, draws: int, random: np.random.Generator) -> IntArray:
-    """How often each of `count` slots is in runs of `length`, cut at `count`: (draws, count)."""
+    """Returns how often each slot is in a replicate: (draws, count).
+
+    A replicate consists of random runs of `length` slots, cut to `count` slots in all.
+    """
     runs = -(-count // length)
     starts = random.integers(0, count, size=(draws, runs))
     slots = (starts[:, :, None] + np.arange(length)).reshape(draws, runs * length)
@@ -117,12 +122,12 @@ def _runs(count: int, length: int, draws: int, random: np.random.Generator) -> I
 
 
 def block_seconds(frame: IntArray, ids: IntArray, apart_s: float) -> float:
-    """How long errors last at most: as long as the vehicle that a look meets is there.
+    """Returns the block length: the mean stay of the vehicle in a random row, rounded up.
 
-    frame, ids: (n,) the frame and the id of every vehicle that is there to be found, whichever
-    LiDAR finds it; apart_s: from one frame to the next. Whole steps of BLOCK_STEP_S, LEAST_BLOCK_S
-    or more. If a vehicle were found in all of its frames or in none, its stay would be the whole
-    correlation of the frames.
+    frame, ids: (n,) frame and id of every vehicle that can be found, by any LiDAR. apart_s: time
+    between two frames. The length is a multiple of BLOCK_STEP_S, and LEAST_BLOCK_S or more. If a
+    vehicle were found either in all of its frames or in none, errors would be correlated for as
+    long as vehicles stay.
     """
     stay = np.unique(ids, return_counts=True)[1].astype(np.float64)
     seconds = apart_s * float((stay**2).sum() / stay.sum()) if len(stay) else 0.0
@@ -130,10 +135,10 @@ def block_seconds(frame: IntArray, ids: IntArray, apart_s: float) -> float:
 
 
 def interval(value: FloatArray, drawn: FloatArray, blocks: float) -> tuple[FloatArray, FloatArray]:
-    """Ends of the 95 % interval of figures (...) from their draws (d, ...).
+    """Returns the ends of the 95 % intervals of figures (...) from their replicates (d, ...).
 
-    blocks: how many the time holds; draws see n - 1 of the variance of n. NaN without draws, or if
-    fewer than half of them are defined.
+    blocks: the number of blocks n. The variance of the replicates is corrected by n / (n - 1). The
+    ends are NaN without replicates, or if fewer than half of them are defined.
     """
     value = np.asarray(value, dtype=np.float64)
     known = ~np.isnan(drawn)
@@ -150,12 +155,12 @@ def interval(value: FloatArray, drawn: FloatArray, blocks: float) -> tuple[Float
 
 
 def student(samples: float) -> float:
-    """Half the width of a 95 % interval, in standard errors that rest on so many samples."""
+    """Returns half the width of a 95 % interval in standard errors, for a number of samples."""
     return float(stats.t.ppf((1 + LEVEL) / 2, samples - 1))
 
 
 def ratio(above: FloatArray, below: FloatArray) -> FloatArray:
-    """above / below of any equal shapes; NaN where below is 0."""
+    """Returns above / below for arrays of equal shapes; NaN where below is 0."""
     out: FloatArray = np.full(np.broadcast_shapes(above.shape, below.shape), np.nan)
     np.divide(above, below, out=out, where=below != 0)
     return out

@@ -1,16 +1,18 @@
-"""How far to believe a detector on frames that nobody labelled.
+"""Quality measures of a detector on frames without labels.
 
-A second opinion comes from what moves before the background of a fixed sensor. It knows nothing of
-vehicles that stand, and takes leaves for what moves; so no figure is an error by itself, and all of
-them change with the score at which boxes are cut.
+Predictions are compared with moving points, which are found by subtracting the static background of
+a fixed sensor. This comparison does not detect standing vehicles, and moving leaves count as
+moving points. So no measure is an error rate by itself. All measures depend on the least score of
+the boxes.
 
-- A box is *confirmed* if POINTS points in it move.
-- A cluster of what moves *travels* if it is seen in TRACK frames in a row or more, and gets
-  TRAVELLED_M away from where it was first, by a path that is no longer than that / STRAIGHT; leaves
-  do not. It is *found* if a box overlaps it, or has its centre within NEAR_M.
-- A box *flickers* if it has no partner in the frame before nor in the one after.
-- A box *stands* if boxes are there in HALF of all frames or more and few of them are confirmed:
-  hedges, rails, and what is parked.
+- A box is *confirmed* if at least POINTS points in it move.
+- A cluster of moving points *travels* if it is tracked over TRACK consecutive frames or more, moves
+  at least TRAVELLED_M away from its first position, and its path is not longer than that distance
+  divided by STRAIGHT. Moving leaves do not meet this. A cluster is *found* if a box overlaps it, or
+  if the centre of a box is within NEAR_M.
+- A box *flickers* if it has no partner in the frames before and after.
+- A box *stands* if boxes are at its position in at least HALF of all frames and less than HALF of
+  them are confirmed, as for hedges, rails and parked vehicles.
 """
 
 from __future__ import annotations
@@ -29,18 +31,18 @@ POINTS = 3
 TRACK = 4
 TRAVELLED_M = 3.0
 STRAIGHT = 0.7
-STEP_M = 0.3  # of a path; less is jitter
+STEP_M = 0.3  # smaller steps of a path are jitter and do not count
 NEAR_M = 2.0
-HERE_M = 1.0  # boxes as close stand in the same place
+HERE_M = 1.0  # boxes whose centres are at most this far apart are at the same position
 HALF = 0.5
 FASTEST_M_S = 45.0
-SLACK_M = 1.0  # by which a box jumps though its vehicle does not
-LEAST_FRAMES = 5  # in a row or at all, for what needs neighbours or a place
+SLACK_M = 1.0  # tolerance for the position error of a box
+LEAST_FRAMES = 5  # least number of frames for `flickers` and `stands`
 
 
 @dataclass(frozen=True, eq=False)
 class BoxSeries:
-    """Boxes of consecutive or spread frames, by frame."""
+    """Boxes of several frames, ordered by frame."""
 
     frame: IntArray  # (n,) number of the frame, ascending
     boxes: FloatArray  # (n, 7) levelled LiDAR frame
@@ -55,17 +57,20 @@ class BoxSeries:
 
 @dataclass(frozen=True)
 class Trust:
-    """A row of `trust.csv`: the boxes from a score on; shares are nan where there is nothing."""
+    """A row of `trust.csv`, for boxes with a score of `score` or more.
+
+    A share is NaN if there is nothing to count.
+    """
 
     score: float
     frames: int
     boxes_per_frame: float
-    confirmed_share: float  # of the boxes, in which something moves
-    found_share: float  # of the travelling clusters, that have a box
-    travelling_per_frame: float  # clusters
-    off_region_share: float  # of the boxes, whose centre is off the region; nan: none is known
-    flicker_share: float  # of the boxes in frames with both neighbours
-    standing_share: float  # of the boxes
+    confirmed_share: float  # share of boxes that are confirmed
+    found_share: float  # share of travelling clusters that are found
+    travelling_per_frame: float  # travelling clusters per frame
+    off_region_share: float  # share of boxes outside the region; NaN if no region is known
+    flicker_share: float  # share of boxes that flicker, in frames with both neighbours
+    standing_share: float  # share of boxes that stand
 
 
 COLUMNS = tuple(field.name for field in fields(Trust))
@@ -80,10 +85,11 @@ def trust(
     clusters: BoxSeries,
     cuts: Sequence[float] = CUTS,
 ) -> list[Trust]:
-    """A row for each cut. frames: the numbers of all that were looked at, ascending.
+    """Returns a row for each least score in `cuts`.
 
-    moving: (n,) points that move in each found box; off_region: (n,), None if no region is known;
-    clusters: what moves, in the region.
+    frames: numbers of all frames, ascending. moving: (n,) number of moving points in each detected
+    box. off_region: (n,) whether a box is outside the region; None if no region is known. clusters:
+    boxes of clusters of moving points in the region.
     """
     numbers = np.asarray(frames)
     travelling = clusters.select(travels(clusters, period_s))
@@ -109,15 +115,16 @@ def trust(
 
 
 def links(seen: BoxSeries, period_s: float) -> IntArray:
-    """(n,) the box of the next frame that each is again, -1: none.
+    """Returns the box of the next frame that each box is linked to: (n,), -1 for none.
 
-    Nearest to each other of both frames, within SLACK_M and what FASTEST_M_S allows.
+    Two boxes are linked if each is the nearest one to the other. Their distance is at most SLACK_M
+    plus the way at FASTEST_M_S. It is measured from the position that the box's last step predicts.
     """
     after = np.full(len(seen), -1)
     numbers, start = np.unique(seen.frame, return_index=True)
     ends = np.append(start[1:], len(seen))
     reach = SLACK_M + FASTEST_M_S * period_s
-    moved = np.zeros((len(seen), 2))  # since the frame before
+    moved = np.zeros((len(seen), 2))  # step since the previous frame
     for i in range(len(numbers) - 1):
         if numbers[i + 1] != numbers[i] + 1:
             continue
@@ -134,7 +141,7 @@ def links(seen: BoxSeries, period_s: float) -> IntArray:
 
 
 def travels(seen: BoxSeries, period_s: float) -> BoolArray:
-    """(n,) boxes of tracks that are long enough and get away."""
+    """Returns which boxes belong to a track that travels: (n,) bool."""
     after = links(seen, period_s)
     track = tracks(after)
     count = np.bincount(track)
@@ -151,7 +158,7 @@ def travels(seen: BoxSeries, period_s: float) -> BoolArray:
 
 
 def tracks(after: IntArray) -> IntArray:
-    """(n,) number of the track of each box, from `links`; a track begins at its first box."""
+    """Returns the number of each box's track: (n,). after: as `links` returns."""
     track = np.full(len(after), -1)
     count = 0
     for i, following in enumerate(after):
@@ -164,7 +171,7 @@ def tracks(after: IntArray) -> IntArray:
 
 
 def stands(seen: BoxSeries, confirmed: BoolArray, frames: int) -> BoolArray:
-    """(n,) boxes where boxes are in HALF of the frames or more, most of them not confirmed."""
+    """Returns which boxes stand: (n,) bool. frames: number of frames."""
     out = np.zeros(len(seen), np.bool_)
     if len(seen) == 0 or frames < LEAST_FRAMES:
         return out
@@ -176,7 +183,7 @@ def stands(seen: BoxSeries, confirmed: BoolArray, frames: int) -> BoolArray:
 
 
 def _has_box(clusters: BoxSeries, detections: BoxSeries) -> BoolArray:
-    """(c,) clusters that a box of their frame overlaps, or whose centre is near one's."""
+    """Returns which clusters are found by a box of their frame: (c,) bool."""
     out = np.zeros(len(clusters), np.bool_)
     for number in np.unique(clusters.frame):
         here = np.flatnonzero(clusters.frame == number)
@@ -190,7 +197,7 @@ def _has_box(clusters: BoxSeries, detections: BoxSeries) -> BoolArray:
 
 
 def _flicker(detections: BoxSeries, numbers: IntArray, period_s: float) -> float:
-    """Share of the boxes without a partner, of those in frames that have both neighbours."""
+    """Returns the share of boxes that flicker, among boxes of frames with both neighbours."""
     inner = np.isin(numbers - 1, numbers) & np.isin(numbers + 1, numbers)
     if inner.sum() < LEAST_FRAMES - 2:
         return float("nan")

@@ -1,14 +1,17 @@
-"""Predictions held against the vehicles of a LiDAR's frames: what is right, wrong and ignored.
+"""Match results: which predictions are true positives, false positives or ignored.
 
-Every vehicle in reach takes part in the matching, with the box of its label; where it belongs is
-decided by that of mid-frame; people count beside the carriageway too. One that is not counted
-(another ground truth, or outside the evaluation region) and the prediction that took it are
-ignored. A prediction that took none is wrong, unless its centre lies outside the region or, for
-`common`, outside the common field of view: then it is ignored too. So a vehicle at the border is
-judged with the box that found it.
+All vehicles take part in the matching, with the boxes of their labels. Whether a vehicle is in the
+region depends on its box at mid-frame. For pedestrians and cyclists the region includes a strip
+beside the carriageway.
 
-People are the exception. A vehicle's box on a labelled person is wrong outside the region too, and
-so is a second box on a person who counts.
+- A vehicle that does not count (not in the ground-truth subset, or outside the region) is ignored,
+  and so is the prediction that is matched with it.
+- An unmatched prediction is a false positive if its centre is inside the region; for ground truth
+  `common` it must also be in the common field of view. Otherwise it is ignored.
+
+There are two exceptions, which also hold outside the region. A vehicle's box on a labelled
+pedestrian or cyclist is a false positive, and so is a second box on a pedestrian or cyclist that
+counts.
 """
 
 from __future__ import annotations
@@ -46,30 +49,32 @@ from pyinfra.metrics.matching import (
     reaches,
 )
 
-# definition: 40 recalls. r11: 11 recalls. kitti: the devkit's sampling and strict threshold.
+# definition: AP at 40 and at 1,000 recalls. r11: 11 recalls. kitti: 40 recalls, with the sampling
+# and the strict threshold of KITTI's devkit.
 Protocol = Literal["definition", "r11", "kitti"]
 PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
 CAUSES = ("ghost", "duplicate", "localisation")
-LABELS_BLOCK_S = 20.0  # as on a motorway: without objects no one knows how long a vehicle stays
+# Block length if vehicles have no ids, so that their stay is unknown; it suits a motorway.
+LABELS_BLOCK_S = 20.0
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What is evaluated; of each list the first one is primary."""
+    """Settings of an evaluation; the first element of each list is the primary one."""
 
     classes: Mapping[str, tuple[str, ...]] = field(
         default_factory=lambda: {"vehicle": OBJECT_CLASSES["vehicle"]}
-    )  # by name: the KITTI types that count
+    )  # names of classes and the KITTI types that they include
     ground_truths: tuple[Subset, ...] = ("captured", "all")
     ious: tuple[float, ...] = (IOU,)
     protocols: tuple[Protocol, ...] = ("definition",)
     metrics: tuple[Metric, ...] = ("bev",)
-    min_score: float = 0.0  # from here on a prediction counts
-    min_points: int = 1  # of a vehicle that is captured
-    min_objects: int = 20  # of an area that counts
-    cut_first: bool = False  # also match within each window alone
-    block_s: float | None = None  # of the bootstrap; by default as long as a vehicle stays
-    draws: int = 200
+    min_score: float = 0.0  # least score of a prediction that counts
+    min_points: int = 1  # least number of points on a captured vehicle
+    min_objects: int = 20  # least number of objects in an area that gets a quality
+    cut_first: bool = False  # whether to compute AP with windows cut out before matching, too
+    block_s: float | None = None  # block length of the bootstrap; default: the stay of a vehicle
+    draws: int = 200  # number of bootstrap replicates
     seed: int = 1
 
     def __post_init__(self) -> None:
@@ -92,33 +97,33 @@ class Settings:
                 raise Error(f"{name}: found {value}, allowed {least} or more")
 
     def ious_of(self, metric: Metric) -> tuple[float, ...]:
-        """Of the rows of a metric; one that is not known where centres decide."""
+        """Returns the IoU thresholds of a metric; one NaN for metric `centre`."""
         return (math.nan,) if metric == "centre" else self.ious
 
     @property
     def types(self) -> list[str]:
-        """Names of vehicles and predictions that are evaluated, each once."""
+        """The names of vehicles and predictions that are evaluated, each once."""
         every = (t for name, types in self.classes.items() for t in (*types, name))
         return list(dict.fromkeys(every))
 
 
 def are_people(types: Iterable[str]) -> bool:
-    """Whether all of some types are of people, who are found and counted by rules of their own."""
+    """Returns whether all types are pedestrians or cyclists, which have their own rules."""
     return set(types) <= set(PERSON_TYPES)
 
 
 @dataclass(frozen=True, eq=False)
 class Contest:
-    """Vehicles and predictions of one class, and which of them overlap."""
+    """The vehicles and predictions of one class, ready for matching."""
 
     truth: GroundTruth
     vehicles: Vehicles
     predictions: Predictions
     blocks: Blocks
-    present_blocks: Blocks  # of ground truth `present`, the same for all mounts
+    present_blocks: Blocks  # blocks for ground truth `present`, the same for all mounts
     metric: Metric
-    of_people: bool  # a class of them, who count beside the carriageway too
-    people: Vehicles  # of other classes, labelled: no box of the class may stand on them
+    of_people: bool  # whether the class is pedestrians or cyclists
+    people: Vehicles  # labelled pedestrians and cyclists, on which a vehicle's box is wrong
 
     @property
     def beside_m(self) -> float:
@@ -134,7 +139,7 @@ class Contest:
 
     @cached_property
     def pairs(self) -> Pairs:
-        """In the order of matching."""
+        """Overlapping pairs in the order of matching."""
         v, p = self.vehicles, self.predictions
         pairs = overlapping_pairs(p.frame, p.boxes, v.frame, v.boxes, self.metric)
         return in_order(pairs, p.scores, p.boxes, v.boxes)
@@ -145,19 +150,22 @@ class Contest:
 
     @cached_property
     def on_people(self) -> BoolArray:
-        """(p,) predictions that hold the centre of one of the people and overlap no vehicle."""
+        """(p,) whether a box contains the centre of one of `people` and overlaps no vehicle."""
         p, who = self.predictions, self.people
         on = holding_centres(p.frame, p.boxes, who.frame, who.boxes)
         return on & (self.best_overlap < LEAST_OVERLAP - TIE)
 
     def on_detected(self, detected: BoolArray) -> BoolArray:
-        """(p,) predictions that overlap one of some vehicles (v,)."""
+        """Returns which predictions overlap a vehicle of the mask `detected` (v,): (p,)."""
         on = np.zeros(len(self.predictions), dtype=np.bool_)
         on[self.pairs.prediction[detected[self.pairs.vehicle]]] = True
         return on
 
     def match(self, iou: float, *, strict: bool, within: Window | None = None) -> IntArray:
-        """The vehicle that each prediction took, -1 for none; within: cut to a window first."""
+        """Returns the vehicle that each prediction is matched with: (p,), -1 for none.
+
+        strict: as in `matching.match`. within: only boxes in this window are matched.
+        """
         pairs = self.pairs
         if within is not None:
             v, p = within.holds(self.vehicle_places), within.holds(self.prediction_places)
@@ -166,22 +174,25 @@ class Contest:
 
 
 class Part(typing.Protocol):
-    """A part of the region: a window of a road, a cell, a ring around the sensor."""
+    """A part of the region: a window of a road, a grid cell, a ring around the sensor."""
 
     def holds(self, places: Places) -> BoolArray:
-        """(n,) bool: which of the places lie in it."""
+        """Returns which of the places lie in the part: (n,) bool."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """What became of every prediction and vehicle under one ground truth and threshold."""
+    """The match result of all predictions and vehicles, for one ground truth and threshold.
+
+    A prediction that is neither in `hit` nor in `wrong` is ignored.
+    """
 
     contest: Contest
-    matches: IntArray  # (p,) vehicle, -1 for none
-    counted: BoolArray  # (v,) vehicles to be found
-    hit: BoolArray  # (p,) right
-    wrong: BoolArray  # (p,) the rest is ignored
+    matches: IntArray  # (p,) matched vehicle, -1 for none
+    counted: BoolArray  # (v,) vehicles that count
+    hit: BoolArray  # (p,) true positives
+    wrong: BoolArray  # (p,) false positives
     blocks: Blocks
 
     @property
@@ -189,7 +200,11 @@ class Judgement:
         return int(np.count_nonzero(self.counted))
 
     def ranking(self, window: Part | None = None) -> ap.Ranking:
-        """All, or of a window or cell: hits and misses with their vehicle, others alone."""
+        """Returns the counted predictions and objects of the region, or of a part of it.
+
+        A true positive belongs to the part that its vehicle is in; a false positive belongs to the
+        part that its own centre is in.
+        """
         contest, hit, wrong, counted = self.contest, self.hit, self.wrong, self.counted
         if window is not None:
             in_window = window.holds(contest.vehicle_places)
@@ -207,11 +222,11 @@ class Judgement:
 
     @property
     def weights(self) -> IntArray:
-        """How often each draw takes each slot: (draws, slots); no draws of a short time."""
+        """How often each replicate contains each slot: (replicates, slots)."""
         return self.blocks.draws
 
     def per_slot(self, frame: IntArray) -> IntArray:
-        """How many of the frames (n,) are in each slot."""
+        """Counts the frames (n,) in each slot: (slots,)."""
         blocks = self.blocks
         return np.bincount(blocks.slot[frame], minlength=blocks.draws.shape[1]).astype(np.int64)
 
@@ -223,9 +238,10 @@ class Judgement:
         *,
         most: float = 100.0,
     ) -> tuple[FloatArray, FloatArray]:
-        """Ends of the 95 % intervals of figures (...) of 0 to `most` from their draws (d, ...).
+        """Returns the ends of the 95 % intervals of figures (...), clipped to 0 to `most`.
 
-        objects: (slots,), what they rest on; NaN if they are in too few blocks.
+        draws: replicates (d, ...). objects: (slots,) number of objects that the figure is computed
+        from. The ends are NaN if these are in too few blocks.
         """
         blocks = self.blocks
         held = np.count_nonzero(np.add.reduceat(objects, np.arange(0, len(objects), blocks.length)))
@@ -237,9 +253,9 @@ class Judgement:
 def contest(
     truth: GroundTruth, predictions: Predictions, name: str, settings: Settings, metric: Metric
 ) -> Contest:
-    """The vehicles and predictions of a class, these from the lowest score on that counts.
+    """Returns the vehicles and predictions of a class, without predictions below `min_score`.
 
-    A prediction may be named by one of the class's types or by the class itself.
+    The name of a prediction may be a type of the class or the class itself.
     """
     types = settings.classes[name]
     is_vehicle = np.isin(truth.vehicles.names, types)
@@ -259,9 +275,10 @@ def contest(
 
 
 def blocks_of(truth: GroundTruth, settings: Settings, *, present: bool = False) -> Blocks:
-    """Of one length for all LiDARs of a mount, by the vehicles that can be seen from there.
+    """Returns the bootstrap blocks, whose length is the same for all LiDARs of a mount.
 
-    present: by every vehicle of the region, so that the length is the same for all mounts too.
+    The length follows from the stay of visible vehicles. present: it follows from all vehicles of
+    the region, and so is the same for all mounts.
     """
     frames = np.array(truth.frames, dtype=np.int64)
     types = [t for group in settings.classes.values() for t in group]
@@ -273,10 +290,10 @@ def blocks_of(truth: GroundTruth, settings: Settings, *, present: bool = False) 
 
 
 def block_seconds(truth: GroundTruth, *, people: bool = False, present: bool = False) -> float:
-    """As long as a visible vehicle stays; LABELS_BLOCK_S where vehicles have no ids.
+    """Returns the block length: the stay of visible vehicles, or LABELS_BLOCK_S without ids.
 
-    people: as long as those do; else people beside the carriageway are left out, who stay longer.
-    present: as long as any vehicle of the region does, visible or not.
+    people: use the stay of pedestrians and cyclists only. Otherwise those beside the carriageway
+    are left out, because they stay longer. present: use all vehicles of the region, visible or not.
     """
     if not truth.has_objects:
         return LABELS_BLOCK_S
@@ -295,10 +312,11 @@ def block_seconds(truth: GroundTruth, *, people: bool = False, present: bool = F
 
 
 def judge(contest: Contest, which: Subset, matches: IntArray, min_points: int) -> Judgement:
-    """Counts under a ground truth what Contest.match() found."""
+    """Returns the match result for a ground truth, from the matches of Contest.match()."""
     counted = contest.truth.counted(which, contest.vehicles, contest.vehicle_places, min_points)
     matched = matches >= 0
-    amiss = contest.prediction_places.inside | contest.on_people  # where a box costs something
+    # An unmatched box at these positions is a false positive.
+    amiss = contest.prediction_places.inside | contest.on_people
     if contest.of_people:
         detected = np.zeros(len(counted), dtype=np.bool_)
         detected[matches[matched]] = counted[matches[matched]]
@@ -313,17 +331,18 @@ def judge(contest: Contest, which: Subset, matches: IntArray, min_points: int) -
 
 
 def precision(ranking: ap.Ranking, protocol: Protocol, weights: IntArray | None) -> FloatArray:
-    """AP of each draw; of the frames as they are without weights."""
+    """Returns AP of each replicate; without weights, the AP of all frames."""
     if protocol == "kitti":
         return ap.kitti_average_precision(ranking, weights)
     return ap.average_precision(ranking, 11 if protocol == "r11" else 40, weights)
 
 
 def causes(judgement: Judgement, iou: float, *, strict: bool) -> NameArray:
-    """Why each wrong prediction is wrong, (wrong ones,).
+    """Returns the cause of each false positive: (false positives,).
 
-    duplicate: another took the vehicle that it overlaps enough; localisation: it overlaps one by
-    0.1 or more, but not enough; ghost: no vehicle is there.
+    duplicate: it overlaps a vehicle enough, but another prediction is matched with that vehicle.
+    localisation: it overlaps a vehicle by LEAST_OVERLAP or more, but not enough. ghost: it overlaps
+    no vehicle.
     """
     best = judgement.contest.best_overlap[judgement.wrong]
     names = np.full(len(best), "ghost", dtype="<U12")

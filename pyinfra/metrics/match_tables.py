@@ -19,21 +19,24 @@ RING_M = 20.0
 
 @dataclass(frozen=True)
 class Ring:
-    """Places whose horizontal distance from the sensor is from `low_m` to below `high_m`."""
+    """The area whose horizontal distance from the sensor is from `low_m` to below `high_m`."""
 
-    x: float  # of the sensor, in the frame of the places
+    x: float  # position of the sensor, in the frame of the places
     y: float
     low_m: float
     high_m: float
 
     def holds(self, places: Places) -> BoolArray:
-        """(n,) bool: which of the places lie in it, and in the region."""
+        """Returns which of the places lie in the ring and in the region: (n,) bool."""
         distance = np.hypot(places.xy[:, 0] - self.x, places.xy[:, 1] - self.y)
         return np.asarray(places.inside & (distance >= self.low_m) & (distance < self.high_m))
 
 
 def ring_rows(result: Judgement) -> Iterator[dict[str, float]]:
-    """AP (R1000) of each ring until the farthest object that counts; NaN without objects."""
+    """Yields AP (R1000) of each ring up to the farthest object that counts.
+
+    AP is NaN for a ring without objects.
+    """
     truth = result.contest.truth
     pose = truth.lidar.T_world_levelled if truth.lidar is not None and truth.roads else None
     x, y = (pose.x, pose.y) if pose else (0.0, 0.0)
@@ -56,7 +59,7 @@ def ring_rows(result: Judgement) -> Iterator[dict[str, float]]:
 
 
 def match_table(result: Judgement) -> pd.DataFrame:
-    """A row for each prediction, and one for each object that was missed."""
+    """Returns a row for each prediction, and a row for each missed object."""
     predictions, vehicles = result.contest.predictions, result.contest.vehicles
     numbers = np.array(result.contest.truth.frames, dtype=np.int64)
     outcome = np.full(len(predictions), "ignored", dtype=object)

@@ -1,11 +1,11 @@
-"""Which prediction found which vehicle; pure functions over arrays.
+"""Matching of predictions with vehicles.
 
-Predictions take vehicles greedily: in order of falling score, each takes the vehicle it overlaps
-most among those that no other took, if the overlap reaches the threshold. By centres, closeness
-stands in place of overlap: 1 less the horizontal distance in metres, as nuScenes matches.
-Predictions of equal score come in order of falling overlap, then by the numbers of their boxes: the
-order in the files has no influence. It is done against all vehicles of a frame, also those that are
-not counted later.
+Matching is greedy: in order of falling score, each prediction is matched with the vehicle that it
+overlaps most among the unmatched ones, if the overlap reaches the threshold. Metric `centre` uses
+closeness instead of overlap: 1 less the horizontal distance of the centres in metres, similar to
+nuScenes. Predictions of equal score are ordered by falling overlap, then by the values of their
+boxes, so that their order in the files does not matter. All vehicles of a frame can be matched,
+also those that do not count later.
 """
 
 from __future__ import annotations
@@ -21,18 +21,19 @@ from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 
 Metric = Literal["bev", "3d", "centre"]
 
-# An IoU this close to the threshold equals it: more than its error, less than a label's digits.
+# An IoU this close to the threshold counts as equal. TIE is larger than the numerical error of an
+# IoU, and smaller than the rounding of labels.
 TIE = 1e-9
-IOU = 0.5  # of footprints: from here on a vehicle is found
-PERSON_IOU = 0.25  # the same of people, whose footprints are as small as the errors of boxes
-CENTRE_M = 0.5  # between centres: up to here something is found by metric `centre`
-LEAST_OVERLAP = 0.1  # with less, a false positive has nothing to do with a vehicle
-_PAIRS = 500_000  # looked at together
+IOU = 0.5  # least IoU of footprints for a match with a vehicle
+PERSON_IOU = 0.25  # the same for pedestrians and cyclists, whose footprints are small
+CENTRE_M = 0.5  # largest distance of centres for a match by metric `centre`
+LEAST_OVERLAP = 0.1  # below it, a false positive is not related to a vehicle
+_PAIRS = 500_000  # pairs that are processed together
 
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Predictions and vehicles of one frame that overlap: n of them."""
+    """n pairs of a prediction and a vehicle of the same frame that overlap."""
 
     prediction: IntArray  # (n,)
     vehicle: IntArray  # (n,)
@@ -49,9 +50,10 @@ def overlapping_pairs(
     vehicles: FloatArray,
     metric: Metric = "bev",
 ) -> Pairs:
-    """Pairs with an IoU, or by centres a closeness, of LEAST_OVERLAP or more.
+    """Returns the pairs with an IoU (or closeness of centres) of LEAST_OVERLAP or more.
 
-    frames: (p,) and (v,), ascending; boxes: (p, 7) and (v, 7).
+    prediction_frame, vehicle_frame: (p,) and (v,), ascending. predictions, vehicles: boxes, (p, 7)
+    and (v, 7).
     """
     measure = _MEASURES[metric]
     chunks = []
@@ -68,7 +70,7 @@ def overlapping_pairs(
 
 
 def _closeness(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Of the centres of row i of a and of b, (n, 7) each: (n,), 1 where they are one."""
+    """Returns the closeness of the centres of boxes a and b, (n, 7) each: (n,), 1 if equal."""
     return np.asarray(1 - np.hypot(a[:, 0] - b[:, 0], a[:, 1] - b[:, 1]))
 
 
@@ -76,16 +78,16 @@ _MEASURES = {"bev": overlap.pair_bev_iou, "3d": overlap.pair_iou_3d, "centre": _
 
 
 def threshold_of(metric: Metric, iou: float) -> float:
-    """What a pair must reach: the IoU, or the closeness of centres that are CENTRE_M apart."""
+    """Returns the threshold of a metric: `iou`, or the closeness of centres CENTRE_M apart."""
     return 1 - CENTRE_M if metric == "centre" else iou
 
 
 def in_order(
     pairs: Pairs, scores: FloatArray, predictions: FloatArray, vehicles: FloatArray
 ) -> Pairs:
-    """The pairs in the order in which they are tried.
+    """Returns the pairs in the order in which they are matched.
 
-    scores: (p,); predictions: (p, 7) and vehicles: (v, 7) boxes.
+    scores: (p,). predictions: (p, 7) and vehicles: (v, 7) boxes.
     """
     keys = (
         _rank(vehicles)[pairs.vehicle],
@@ -99,10 +101,10 @@ def in_order(
 def match(
     pairs: Pairs, predictions: int, vehicles: int, threshold: float, *, strict: bool = False
 ) -> IntArray:
-    """The vehicle that each prediction took: (predictions,), -1 for none.
+    """Returns the vehicle that each prediction is matched with: (predictions,), -1 for none.
 
-    pairs: as from in_order(), or some of them in that order; strict: the overlap must pass the
-    threshold, as KITTI has it, not just reach it.
+    pairs: as in_order() returns, or some of them in this order. strict: the overlap must be above
+    the threshold, as in KITTI; otherwise it may be equal.
     """
     enough = reaches(pairs.iou, threshold, strict=strict)
     taken = [-1] * predictions
@@ -124,7 +126,7 @@ def hits(
     metric: Metric = "bev",
     iou: float = IOU,
 ) -> BoolArray:
-    """(p,) which predictions take a vehicle; arguments as of overlapping_pairs."""
+    """Returns which predictions are matched: (p,). Arguments are as in overlapping_pairs."""
     pairs = overlapping_pairs(prediction_frame, predictions, vehicle_frame, vehicles, metric)
     pairs = in_order(pairs, scores, predictions, vehicles)
     threshold = threshold_of(metric, iou)
@@ -132,12 +134,12 @@ def hits(
 
 
 def reaches(iou: FloatArray, threshold: float, *, strict: bool) -> BoolArray:
-    """Whether an overlap is enough; a difference below TIE is none."""
+    """Returns whether an overlap reaches the threshold; a difference below TIE is ignored."""
     return np.asarray(iou > threshold + TIE if strict else iou >= threshold - TIE)
 
 
 def best_overlap(pairs: Pairs, predictions: int) -> FloatArray:
-    """Highest IoU of each prediction with any vehicle: (p,), 0 below LEAST_OVERLAP."""
+    """Returns the highest IoU of each prediction with any vehicle: (p,), 0 if not in `pairs`."""
     best = np.zeros(predictions)
     np.maximum.at(best, pairs.prediction, pairs.iou)
     return best
@@ -146,9 +148,10 @@ def best_overlap(pairs: Pairs, predictions: int) -> FloatArray:
 def holding_centres(
     prediction_frame: IntArray, predictions: FloatArray, frame: IntArray, boxes: FloatArray
 ) -> BoolArray:
-    """(p,) whose footprints hold the centre of one of some boxes (n, 7) of their frame.
+    """Returns which predictions contain the centre of a box (n, 7) of their frame: (p,).
 
-    Frames ascending, as of overlapping_pairs. Boxes of people are too small to overlap a vehicle's.
+    Footprints are compared. Frames are ascending, as in overlapping_pairs. It is used for boxes of
+    pedestrians and cyclists, which are too small for an IoU with the box of a vehicle.
     """
     holding = np.zeros(len(predictions), dtype=np.bool_)
     for p, b in pairs_of_frames(prediction_frame, frame):
@@ -162,7 +165,7 @@ def holding_centres(
 
 
 def _rank(boxes: FloatArray) -> IntArray:
-    """Place of each box in an order that depends on its numbers alone: (n,)."""
+    """Returns the rank of each box in an order that depends on its values only: (n,)."""
     rank = np.empty(len(boxes), dtype=np.int64)
     rank[np.lexsort(boxes.T[::-1])] = np.arange(len(boxes))
     return rank
@@ -171,7 +174,7 @@ def _rank(boxes: FloatArray) -> IntArray:
 def pairs_of_frames(
     prediction_frame: IntArray, vehicle_frame: IntArray
 ) -> Iterator[tuple[IntArray, IntArray]]:
-    """Every prediction with every vehicle of its frame, some at a time."""
+    """Yields all pairs of a prediction and a vehicle of its frame, in chunks."""
     first = np.searchsorted(vehicle_frame, prediction_frame, "left")
     count = np.searchsorted(vehicle_frame, prediction_frame, "right") - first
     upto = np.cumsum(count)
@@ -189,7 +192,7 @@ def pairs_of_frames(
 def _may_overlap(
     predictions: FloatArray, vehicles: FloatArray, p: IntArray, v: IntArray
 ) -> BoolArray:
-    """False where the centres are too far apart for footprints to touch."""
+    """Returns False for pairs whose centres are too far apart for their footprints to overlap."""
     half_p = np.hypot(predictions[:, 3], predictions[:, 4]) / 2
     half_v = np.hypot(vehicles[:, 3], vehicles[:, 4]) / 2
     dx = predictions[p, 0] - vehicles[v, 0]

@@ -1,4 +1,4 @@
-"""The vehicles of a data set as all of its LiDARs saw them, and which of them are compared."""
+"""The vehicles of a data set with the points of all its LiDARs, and subsets for comparisons."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,41 +22,47 @@ from pyinfra.metrics.intervals import Blocks, block_seconds, time_blocks
 
 @dataclass(frozen=True, eq=False)
 class Sightings:
-    """Every vehicle of every frame that is in reach of a LiDAR or more: n rows, L LiDARs."""
+    """Observations: a row for each vehicle and frame within range of at least one LiDAR.
+
+    There are n rows and L LiDARs.
+    """
 
     lidars: tuple[str, ...]  # L names, the order of the columns below
     frame: IntArray  # (n,)
     ids: IntArray  # (n,)
-    centre: FloatArray  # (n, 3) of the box, levelled LiDAR frame, metres
+    centre: FloatArray  # (n, 3) centre of the box, levelled LiDAR frame, metres
     distance: FloatArray  # (n,) horizontal, sensor to box centre, metres
     speed: FloatArray  # (n,) m/s
     visibility: FloatArray  # (n,) [0, 1]; -1 outside the evaluation region
     points: IntArray  # (n, L) returns from the vehicle; 0 also beyond the LiDAR's range
-    points_in_box: IntArray  # (n, L) those of them that lie in its box
-    in_angles: BoolArray  # (n, L) centre inside the azimuths and elevations of the LiDAR
-    in_range: BoolArray  # (n, L) centre inside the field of view, range and all
+    points_in_box: IntArray  # (n, L) number of these returns that lie in its box
+    in_angles: BoolArray  # (n, L) whether the LiDAR's azimuths and elevations include the centre
+    in_range: BoolArray  # (n, L) whether the centre is also within the LiDAR's range
 
     def __len__(self) -> int:
         return len(self.ids)
 
     def select(self, keep: BoolArray) -> "Sightings":
-        """The rows of a mask (n,)."""
+        """Returns the rows of a mask (n,)."""
         return replace(self, **{name: getattr(self, name)[keep] for name in _COLUMNS})
 
     def visible(self) -> BoolArray:
-        """In the evaluation region and not hidden: (n,)."""
+        """Returns which vehicles are in the evaluation region and not hidden: (n,)."""
         return self.visibility >= MIN_VISIBILITY
 
     def common(self) -> BoolArray:
-        """Visible and inside the field of view and range of every LiDAR: (n,)."""
+        """Returns which visible vehicles are in the field of view and range of all LiDARs: (n,)."""
         return self.visible() & self.in_range.all(axis=1)
 
     def view(self) -> BoolArray:
-        """As common, whatever the LiDARs' range: (n,)."""
+        """Returns which visible vehicles are in the field of view of all LiDARs: (n,).
+
+        Unlike in `common`, the range does not matter.
+        """
         return self.visible() & self.in_angles.all(axis=1)
 
     def column(self, lidar: str) -> int:
-        """Which column of points is a LiDAR's. Raises Error if there is none."""
+        """Returns the column of a LiDAR. Raises ValueError for an unknown name."""
         return self.lidars.index(lidar)
 
 
@@ -67,9 +73,9 @@ _COLUMNS = (
 
 
 def blocks_of(data: DataSet, vehicles: Sightings, frames: IntArray | None = None) -> Blocks:
-    """The blocks of the bootstrap over a data set's frames, or some of them.
+    """Returns the bootstrap blocks of a data set's frames, or of some of them.
 
-    vehicles: all of the data set; a block is as long as a visible one stays.
+    vehicles: all vehicles of the data set. A block is as long as a visible vehicle stays.
     """
     there, every = vehicles.visible(), np.array(data.frames, dtype=np.int64)
     apart_s = data.period_s * float(np.median(np.diff(every))) if len(every) > 1 else data.period_s
@@ -78,10 +84,10 @@ def blocks_of(data: DataSet, vehicles: Sightings, frames: IntArray | None = None
 
 
 def read_sightings(data: DataSet, *, above_road: bool = False) -> Sightings:
-    """All vehicles of all frames, joined by frame and id.
+    """Reads all vehicles of all frames; rows of several LiDARs are joined by frame and id.
 
-    above_road: count only points above the road's level; raises Error if the roads are not
-    level, FileNotFoundError without `fields`. `points_in_box` is not changed by it.
+    above_road: count only points above road level. It does not change `points_in_box`. It raises
+    Error if the roads are not level, and FileNotFoundError without the folder `fields`.
     """
     levels = [road_level(data, lidar) for lidar in data.lidars] if above_road else None
     tables = [
@@ -116,7 +122,10 @@ def read_sightings(data: DataSet, *, above_road: bool = False) -> Sightings:
 
 
 def ends_of_runs(frames: Sequence[int], count: int) -> IntArray:
-    """Frames that end so many one after another, ascending. Raises Error if none does."""
+    """Returns the last frame of each run of `count` consecutive frames, ascending.
+
+    Raises Error if there is no such run.
+    """
     every = np.array(sorted(frames), dtype=np.int64)
     runs = np.lib.stride_tricks.sliding_window_view(every, min(count, len(every)))
     ends = runs[runs[:, -1] - runs[:, 0] == count - 1, -1]
@@ -126,10 +135,10 @@ def ends_of_runs(frames: Sequence[int], count: int) -> IntArray:
 
 
 def accumulated(vehicles: Sightings, frames: Sequence[int], count: int) -> Sightings:
-    """The vehicles of frames that end so many one after another, with the points of all of them.
+    """Returns the vehicles at the end of each run of `count` consecutive frames.
 
-    Points add up over what the vehicle was hit by in them, wherever it was; the rest is of the
-    last. Raises Error as `ends_of_runs`.
+    The points on a vehicle are summed over the run; all other columns are those of its last frame.
+    Raises Error as `ends_of_runs` does.
     """
     newest = vehicles.select(np.isin(vehicles.frame, ends_of_runs(frames, count)))
     keys = np.stack([vehicles.frame, vehicles.ids], axis=1)
@@ -144,7 +153,7 @@ def accumulated(vehicles: Sightings, frames: Sequence[int], count: int) -> Sight
 
 
 def hit_counts(data: DataSet, lidar: kitti.Lidar, *, above_road: bool = False) -> IntArray:
-    """Returns of each frame: (f,), in the order of data.frames."""
+    """Counts the returns of each frame: (f,), in the order of data.frames."""
     folder = data.lidar_folder(lidar.name)
     if not above_road:
         sizes = [kitti.frame_file(folder, "velodyne", k).stat().st_size for k in data.frames]
@@ -159,11 +168,11 @@ def hit_counts(data: DataSet, lidar: kitti.Lidar, *, above_road: bool = False) -
 
 @dataclass(frozen=True, eq=False)
 class _ObjectTable:
-    """The objects of one LiDAR, all frames after one another."""
+    """The objects of one LiDAR in all frames."""
 
     keys: IntArray  # (n, 2) frame, id
     values: FloatArray  # (n, 6) x y z distance speed visibility
-    points: IntArray  # (n, 2) on the vehicle, in its box
+    points: IntArray  # (n, 2) points on the vehicle, and in its box
 
 
 def _read_objects(data: DataSet, lidar: int, level: float | None) -> _ObjectTable:
@@ -181,7 +190,7 @@ def _read_objects(data: DataSet, lidar: int, level: float | None) -> _ObjectTabl
 
 
 def _points_above(folder: Path, frame: int, ids: IntArray, level: float) -> IntArray:
-    """Points of each vehicle above a height: (k,)."""
+    """Counts the points on each vehicle above a height: (k,)."""
     points = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
     owner = read_owners(folder, frame, len(points))
     owners, counts = np.unique(owner[points[:, 2] > level], return_counts=True)
@@ -192,7 +201,7 @@ def _points_above(folder: Path, frame: int, ids: IntArray, level: float) -> IntA
 
 
 def _rows(sorted_keys: IntArray, keys: IntArray) -> IntArray:
-    """Where each key (m, 2) stands among the sorted ones (n, 2): (m,)."""
+    """Returns the position of each key (m, 2) in sorted keys (n, 2): (m,)."""
     base = int(sorted_keys[:, 1].max(initial=0)) + 1
     return np.searchsorted(
         sorted_keys[:, 0] * base + sorted_keys[:, 1], keys[:, 0] * base + keys[:, 1]
@@ -200,12 +209,12 @@ def _rows(sorted_keys: IntArray, keys: IntArray) -> IntArray:
 
 
 def moving(vehicles: Sightings, min_speed: float = 1.0) -> BoolArray:
-    """Faster than a speed in m/s: (n,)."""
+    """Returns which vehicles are faster than `min_speed` in m/s: (n,)."""
     return vehicles.speed > min_speed
 
 
 def same_rows(a: Sightings, b: Sightings) -> tuple[BoolArray, BoolArray]:
-    """Masks of the vehicles of the same frame and id in two tables, in the same order."""
+    """Returns masks of the rows in two tables that have the same frame and id in both."""
     keys = [set(zip(t.frame.tolist(), t.ids.tolist(), strict=True)) for t in (a, b)]
     both = keys[0] & keys[1]
     return _member(a, both), _member(b, both)

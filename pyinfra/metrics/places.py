@@ -1,7 +1,7 @@
-"""Places compared over the same traffic: poles, heights, one pole with two.
+"""Comparison of mounts over the same traffic: pole positions, heights, numbers of poles.
 
-A place is a folder of `pyinfra evaluate`, or a folder of several, one per seed of the traffic.
-Evaluations of two places are pairs where the vehicles of the region and the frames are the same.
+A place is one mount: an output folder of `pyinfra evaluate`, or a folder with one such folder for
+each traffic seed. Evaluations of two places are paired if their vehicles and frames are the same.
 """
 
 from __future__ import annotations
@@ -20,32 +20,33 @@ from pyinfra.formats.csv_table import read_csv
 from pyinfra.metrics.comparison import over_seeds
 from pyinfra.metrics.replicates import check_pair, drawn
 
-MEASURES = {"ap_r1000": "ap_fine", "found_percent": "recall"}  # by column: in draws.csv
+MEASURES = {"ap_r1000": "ap_fine", "found_percent": "recall"}  # names in the result: in draws.csv
 COLUMNS = ["place", "minus", "measure", "value", "low", "high", "seeds", "frames"]
 
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Evaluations of one place, by the digest of their vehicles and frames."""
+    """The evaluations of one mount, one for each traffic seed."""
 
     name: str
-    rows: dict[str, dict[str, pd.Series]]  # by digest, then by measure
-    hidden_percent: float  # of the region's vehicles; NaN if `all` was not evaluated
+    rows: dict[str, dict[str, pd.Series]]  # by digest of vehicles and frames, then by measure
+    hidden_percent: float  # share of the region's vehicles; NaN if `all` was not evaluated
 
 
 def compare_places(folders: Sequence[Path], which: Subset = "present") -> pd.DataFrame:
-    """AP and share found of each place, and of each less every earlier one, paired.
+    """Compares mounts: AP and share of vehicles found, and paired differences of all pairs.
 
     Parameters
     ----------
-    folders : of `pyinfra evaluate`, or folders of these, one per seed of the traffic
-    which : ground truth; `present` is the same for all places of a region
+    folders : output folders of `pyinfra evaluate`, or folders with one of these per traffic seed
+    which : ground truth; `present` is the same for all mounts of a region
 
     Returns
     -------
-    Columns COLUMNS: `minus` is empty for the places themselves; measures are ap_r1000,
-    found_percent and hidden_percent, 0 to 100, with the ends of the 95 % interval. Of one seed
-    the interval is a bootstrap over blocks of time; of several, Student's t over the seeds.
+    DataFrame : columns COLUMNS. `minus` is empty in the rows of a place itself; otherwise the row
+        is the difference place less minus. The measures are ap_r1000, found_percent and
+        hidden_percent, 0 to 100, with the ends of the 95 % interval. For one seed the interval is
+        a bootstrap over blocks of time; for several it is Student's t over the seeds.
 
     Raises
     ------
@@ -67,7 +68,10 @@ def compare_places(folders: Sequence[Path], which: Subset = "present") -> pd.Dat
 
 
 def read_place(folder: Path, which: Subset) -> Place:
-    """Raises Error with the file, and FileNotFoundError for a folder without an evaluation."""
+    """Reads the evaluations of a place.
+
+    Raises Error, which names the file, and FileNotFoundError for a folder without an evaluation.
+    """
     files = [folder / "draws.csv"]
     if not files[0].is_file():
         files = sorted(folder.glob("*/draws.csv"))
@@ -96,7 +100,7 @@ def read_place(folder: Path, which: Subset) -> Place:
 
 
 def check_pairs(places: Sequence[Place]) -> None:
-    """Raises Error unless every place has an evaluation of the same vehicles and frames."""
+    """Raises Error unless all places have evaluations of the same vehicles and frames."""
     first = places[0]
     for other in places[1:]:
         alone = set(first.rows) ^ set(other.rows)
@@ -130,5 +134,5 @@ def _row(place: Place, minus: Place | None, measure: str) -> dict[str, object]:
 
 
 def _frames(place: Place) -> int:
-    """Of all seeds together."""
+    """Returns the number of frames of all seeds together."""
     return int(sum(rows["ap_fine"]["frames"] for rows in place.rows.values()))

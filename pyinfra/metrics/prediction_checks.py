@@ -1,7 +1,8 @@
-"""What may be wrong with predictions: which files there are, and whether their boxes make sense.
+"""Checks of predictions: whether their files are complete, and whether their boxes are plausible.
 
-Wrong files are errors. Boxes that look wrong are warnings with a name, so that no AP of 0 goes
-unexplained: roadside frames have vehicles 3 to 6 m below the sensor, which trips most toolboxes.
+Invalid files are errors. Implausible boxes give warnings with a name, which explain most cases of
+an AP of 0. A common cause is that vehicles are 3 to 6 m below a roadside sensor, which toolboxes
+for car-mounted sensors do not expect.
 """
 
 from __future__ import annotations
@@ -20,15 +21,15 @@ from pyinfra.dataset.frame_tables import Predictions, Vehicles
 from pyinfra.dataset.prediction_origin import ORIGIN_FILE, check_origin
 from pyinfra.metrics.matching import pairs_of_frames
 
-NEAR_M = 2.0  # a prediction this close to a vehicle may mean it
-FAR_M = 20.0  # by how much all boxes may be displaced and still be recognised
-LEAST_NEAR = 0.3  # share of the predictions near a vehicle below which another place is tried
-FAR_OFF = 0.1  # share below which they are said to have nothing to do with the vehicles
-MUCH_BETTER = 0.25  # by how much the share must rise for a warning to name the place
+NEAR_M = 2.0  # a prediction this close to a vehicle counts as near
+FAR_M = 20.0  # largest common displacement of all boxes that is recognised
+LEAST_NEAR = 0.3  # with a smaller share of near predictions, other positions are tried
+FAR_OFF = 0.1  # with a smaller share, a warning reports that boxes are far from all vehicles
+MUCH_BETTER = 0.25  # increase of the share for which a warning names the cause
 HEIGHT_OFF_M = 0.5
 QUARTER_DEG = 60.0
-LEAST_RATIO = 1.2  # of length to width, from which on a box is not about as wide as long
-CHANGES = {  # of x and y, that give the right place to boxes that have a wrong one
+LEAST_RATIO = 1.2  # least ratio of length to width for which the two can be told apart
+CHANGES = {  # matrices for x and y that correct boxes with wrong axes
     "mirrored-left-right": [[1, 0], [0, -1]],
     "mirrored-front-back": [[-1, 0], [0, 1]],
     "turned-half": [[-1, 0], [0, -1]],
@@ -36,12 +37,12 @@ CHANGES = {  # of x and y, that give the right place to boxes that have a wrong 
     "turned-quarter-left": [[0, -1], [1, 0]],
     "turned-quarter-right": [[0, 1], [-1, 0]],
 }
-FRAMES = 300  # looked at, spread over all
+FRAMES = 300  # number of frames to check, evenly spread
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that a check found; its text starts with the file and line where there is one."""
+    """A result of a check; its text begins with the file and line, if there is one."""
 
     level: str  # error, warning, note
     name: str
@@ -53,9 +54,9 @@ class Finding:
 
 @dataclass(frozen=True)
 class PredictionFiles:
-    """The files to be read, and what was found on the way."""
+    """The prediction files of all frames, and findings about them."""
 
-    files: tuple[Path | None, ...]  # one per frame; None: missing, which was allowed
+    files: tuple[Path | None, ...]  # one per frame; None for a missing file, if allowed
     findings: tuple[Finding, ...]
 
 
@@ -67,11 +68,11 @@ def find_files(
     lidar_folder: Path | None = None,
     allow_missing: bool = False,
 ) -> PredictionFiles:
-    """The prediction files NNNNNN.txt (KITTI results) or NNNNNN.csv of some frames.
+    """Returns the prediction files NNNNNN.txt (KITTI results) or NNNNNN.csv of some frames.
 
-    frames: those to be evaluated; known: all of the ground truth; lidar_folder: whose frames they
-    are. Raises FormatError for a frame that is not known, for a missing file unless allowed, and if
-    there is no file at all; Error for predictions of other frames, by their origin.yaml.
+    frames: numbers to evaluate. known: all numbers of the ground truth. lidar_folder: folder of the
+    frames. Raises FormatError for an unknown frame, for a missing file unless that is allowed, and
+    for a folder without predictions. Raises Error if origin.yaml names other frames.
     """
     present = [file for file in sorted(folder.iterdir()) if file.suffix in (".txt", ".csv")]
     by_frame = {int(file.stem): file for file in present if _of_frame(file)}
@@ -122,9 +123,9 @@ def check_predictions(
     types: Sequence[str],
     min_score: float = 0.0,
 ) -> list[Finding]:
-    """Warnings and notes about the names, the numbers and the places of the predictions.
+    """Returns warnings and notes about the names, values and positions of predictions.
 
-    types: the names that are evaluated; vehicles: of these types, of the same frames.
+    types: names that are evaluated. vehicles: vehicles of these types in the same frames.
     """
     if len(predictions) == 0:
         text = f"{_folder(files)}: all {len(files)} files are empty: AP is 0 if there is a vehicle"
@@ -151,7 +152,7 @@ def _names(
         return
     known = np.isin(predictions.names, (*VEHICLE_TYPES, *PERSON_TYPES))
     if (other & ~known).any() and not other.all():
-        other &= ~known  # people beside vehicles need no word where something else does
+        other &= ~known  # known classes are not reported if unknown names are
     names, counts = np.unique(predictions.names[other], return_counts=True)
     listed = ", ".join(f"{name} ({count})" for name, count in zip(names, counts, strict=True))
     text = (
@@ -214,7 +215,7 @@ def _position_findings(predictions: Predictions, vehicles: Vehicles) -> Iterator
 def _elsewhere(
     boxes: FloatArray, truth: FloatArray, p: IntArray, v: IntArray, share: float
 ) -> tuple[str, str] | None:
-    """Where the predictions would be near the vehicles, if there is such a place."""
+    """Returns the change of axes or position that moves predictions near vehicles, if any."""
     text = f"{100 * share:.0f} % of the predictions lie within {NEAR_M:g} m of a vehicle"
     shares = {}
     for name, matrix in CHANGES.items():
@@ -234,12 +235,12 @@ def _elsewhere(
             f"{text}, but {100 * there:.0f} % less a shift of ({dx:.1f}, {dy:.1f}) m",
         )
     if share > FAR_OFF:
-        return None  # a poor detector, but in the right place
+        return None  # a poor detector, whose positions are right
     return "far-from-vehicles", f"{text}: another frame of reference, other frames, or bad boxes?"
 
 
 def _shift(between: FloatArray) -> tuple[float, float]:
-    """The commonest difference (n, 2) of the centres, within FAR_M."""
+    """Returns the most frequent difference between centres, at most FAR_M. between: (n, 2)."""
     edges = np.arange(-FAR_M, FAR_M + 1)
     counts, _, _ = np.histogram2d(between[:, 0], between[:, 1], bins=(edges, edges))
     i, j = np.unravel_index(counts.argmax(), counts.shape)
@@ -282,7 +283,7 @@ def _headings(boxes: FloatArray, truth: FloatArray) -> Iterator[tuple[str, str]]
 
 
 def _median_turn(turn: FloatArray) -> float:
-    """Median angle between two lines, in degrees; a box has no front here."""
+    """Returns the median angle between headings in degrees, modulo 180."""
     return float(np.median(np.abs((np.degrees(turn) + 90) % 180 - 90)))
 
 

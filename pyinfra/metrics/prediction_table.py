@@ -1,4 +1,4 @@
-"""Predictions in memory: a table of boxes as the evaluation takes it."""
+"""Checks a table of predicted boxes and converts it for the evaluation."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ FARTHEST_M = 10_000.0
 
 
 def predictions_of(table: pd.DataFrame, frames: Sequence[int]) -> Predictions:
-    """The rows of a table, by frame.
+    """Returns the rows of a table as predictions, ordered by frame.
 
     Parameters
     ----------
     table : columns frame, type, x y z dx dy dz heading (metres, radians, levelled LiDAR frame),
         score (0 to 1)
-    frames : those that are evaluated, ascending; rows of others are an error
+    frames : numbers of the evaluated frames, ascending; rows of other frames are an error
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""AP and recall of what is near the sensor: within 10, 20 ... 100 m of it."""
+"""AP and recall of vehicles within 10, 20 ... 100 m of the sensor."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ RANGES_M = tuple(range(STEP_M, int(REGION_M) + 1, STEP_M))
 
 
 def sensor_of(truth: GroundTruth) -> tuple[float, float] | None:
-    """x y of the sensor in the world; None where ranges are along roads, or no place is known."""
+    """Returns x, y of the sensor in the world frame, for a site of lanes.
+
+    It is None elsewhere, as ranges are measured along roads there, and if the pose is unknown.
+    """
     if not truth.of_lanes or truth.lidar is None:
         return None
     pose = truth.lidar.T_world_levelled
@@ -28,7 +31,10 @@ def sensor_of(truth: GroundTruth) -> tuple[float, float] | None:
 
 
 def by_range(judgement: Judgement) -> Iterator[tuple[dict[str, Any], Bootstrapped]]:
-    """Of each range AP (R1000), recall of all predictions in percent, and counts; AP's draws."""
+    """Yields a row for each range, and the replicates of its AP.
+
+    A row has AP (R1000), the recall of predictions of any score in percent, and counts.
+    """
     centre = sensor_of(judgement.contest.truth)
     for range_m in RANGES_M:
         near = Near(range_m, centre)
@@ -47,7 +53,7 @@ def by_range(judgement: Judgement) -> Iterator[tuple[dict[str, Any], Bootstrappe
 
 
 def recall(judgement: Judgement, ranking: ap.Ranking) -> dict[str, float]:
-    """Percent of the objects that a prediction of any score finds, with its interval."""
+    """Returns the percentage of objects that predictions of any score found, with interval."""
     hits = np.bincount(ranking.hit_slot, minlength=len(ranking.objects)).astype(np.float64)
     objects = ranking.objects.astype(np.float64)
     value = 100 * hits.sum() / objects.sum() if objects.sum() else math.nan

@@ -1,8 +1,8 @@
-"""What an evaluation came to in each draw of blocks, kept so that two can be compared in pairs.
+"""Bootstrap replicates of an evaluation's figures, kept for paired comparisons.
 
-A row is one figure of one detector on one LiDAR; the columns `draw_1` .. are its draws. They are
-the same blocks for all LiDARs and detectors of a world, and for those alone: the columns SAME say
-which.
+A row holds one figure of one detector and LiDAR; the columns `draw_1` .. are its replicates. All
+LiDARs and detectors that are evaluated on the same traffic and frames use the same blocks of time.
+Two rows can be compared if they agree in the columns SAME.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from pyinfra.metrics.ground_truth import GroundTruth
 from pyinfra.metrics.intervals import Blocks, ratio
 from pyinfra.metrics.match_results import Judgement
 
-# What two rows must have in common: else their draws are not of the same blocks, or not comparable.
+# Columns that must agree between two rows; otherwise their replicates cannot be compared.
 SAME = ("world", "frames_version", "label_time", "frames", "block_s", "draws", "draws_seed")
 COLUMNS = ("ground_truth", "measure", "value", "blocks", "version", *SAME)
 DIGITS = 3
-AHEAD_M = (0.0, 100.0)  # of the first road, for the slope
-WINDOWS_OVERLAP = 4  # as many hold each vehicle
+AHEAD_M = (0.0, 100.0)  # part of the first road that is used for the slope
+WINDOWS_OVERLAP = 4  # each vehicle is in this many windows
 LEAST_WINDOWS = 5
 
 
 def measure_of(range_m: float) -> str:
-    """The measure of AP within a range: ap_fine_60m."""
+    """Returns the name of AP (R1000) within a range, such as ap_fine_60m."""
     return f"ap_fine_{range_m:g}m"
 
 
@@ -42,11 +42,12 @@ def figures(
     distance: tuple[pd.DataFrame, FloatArray],
     areas: tuple[pd.DataFrame, FloatArray],
 ) -> Iterator[tuple[str, Bootstrapped]]:
-    """What is kept of one ground truth; tables with their draws: as of `distance_table`.
+    """Yields the figures of one ground truth, by name.
 
-    ap_fine; n_hqda and p_hqda, number and percent of high-quality areas; ap_slope, AP per 10 m
-    ahead of the sensor, if there are windows enough; recall, percent of the objects that a box of
-    any score found.
+    They are ap_fine, AP (R1000); n_hqda and p_hqda, the number and percentage of high-quality
+    areas; ap_slope, the change of AP per 10 m ahead of the sensor, if there are enough windows; and
+    recall, the percentage of objects found by boxes of any score. distance, areas: tables with
+    their replicates, as `distance_table` returns.
     """
     blocks = judgement.blocks.count
     yield "ap_fine", fine_ap(judgement)
@@ -65,7 +66,7 @@ def figures(
 
 
 def recall(judgement: Judgement) -> Bootstrapped:
-    """Percent of the objects that a prediction of any score found."""
+    """Returns the percentage of objects that predictions of any score found."""
     ranking, weights = judgement.ranking(), judgement.weights
     objects = ranking.objects.astype(np.float64)
     hits = np.bincount(ranking.hit_slot, minlength=len(objects)).astype(np.float64)
@@ -86,7 +87,10 @@ def _slope_ahead(
 
 
 def slope(windows: pd.DataFrame, draws: FloatArray, blocks: float) -> Bootstrapped:
-    """AP per 10 m: lines by least squares, windows weighted by their intervals; draws (w, d)."""
+    """Returns the slope of AP in AP per 10 m, from a weighted least-squares line.
+
+    The weights of the windows follow from their intervals. draws: (windows, replicates).
+    """
     weight = 1 / (windows.ap_fine_high - windows.ap_fine_low).to_numpy() ** 2
     tens = windows.s.to_numpy() / 10
     away = weight * (tens - np.average(tens, weights=weight))
@@ -95,7 +99,7 @@ def slope(windows: pd.DataFrame, draws: FloatArray, blocks: float) -> Bootstrapp
 
 
 def same_of(truth: GroundTruth, blocks: Blocks, seed: int) -> dict[str, object]:
-    """The columns SAME of an evaluation's rows, and the version that wrote the frames."""
+    """Returns the columns SAME of an evaluation, and the version that wrote the frames."""
     frames_version, version = versions_of(truth)
     return {
         "world": world_of(truth),
@@ -112,7 +116,10 @@ def same_of(truth: GroundTruth, blocks: Blocks, seed: int) -> dict[str, object]:
 def draw_rows(
     same: Mapping[str, object], which: str, estimates: Iterable[tuple[str, Bootstrapped]]
 ) -> pd.DataFrame:
-    """The rows of one ground truth, with columns COLUMNS and the draws; same: of `same_of`."""
+    """Returns the rows of one ground truth, with the columns COLUMNS and the replicates.
+
+    same: as `same_of` returns.
+    """
     rows = []
     for measure, one in estimates:
         head = {"ground_truth": which, "measure": measure, "value": one.value}
@@ -122,7 +129,10 @@ def draw_rows(
 
 
 def world_of(truth: GroundTruth) -> str:
-    """A digest of what there is to be found, whichever LiDAR looks: vehicles of the region."""
+    """Returns a digest of the frames and the vehicles in the region.
+
+    It is the same for all LiDARs that see the same traffic.
+    """
     v = truth.vehicles
     there = v.visibility >= 0 if truth.has_objects else np.ones(len(v), np.bool_)
     frames = np.array(truth.frames)[v.frame[there]]
@@ -133,7 +143,7 @@ def world_of(truth: GroundTruth) -> str:
 
 
 def versions_of(truth: GroundTruth) -> tuple[str, str]:
-    """The number of the frames and the version that wrote them; nothing without dataset.yaml."""
+    """Returns frames_version and the version that wrote the frames; empty without dataset.yaml."""
     if truth.versions is not None:
         return truth.versions
     file = data_set_of(truth.folder) / "dataset.yaml"
@@ -144,32 +154,36 @@ def versions_of(truth: GroundTruth) -> tuple[str, str]:
 
 
 def frames_version_of(version: str) -> str:
-    """The number of the frames of version 0.3, which did not write it: "3".
+    """Returns the frames_version of a package version that did not write it.
 
-    Of other versions nothing is known: only those of the same one go together.
+    It is "3" for version 0.3. For others it is unknown; the version itself takes its place, so that
+    only frames of the same version can be compared.
     """
     return "3" if version.startswith("0.3.") else version
 
 
 def _same(row: pd.Series, name: str) -> str:
-    """The text of a column SAME; rows of 0.3 have their version in place of `frames_version`."""
+    """Returns the text of a column of SAME; for rows of 0.3 `frames_version` is derived."""
     text = str(row[name]) if name in row and pd.notna(row[name]) else ""
     return text or frames_version_of(str(row["version"])) if name == "frames_version" else text
 
 
 def drawn(row: pd.Series) -> Bootstrapped:
-    """A row of the table as a figure with its draws."""
+    """Returns a row of the table as a figure with its replicates."""
     names = [f"draw_{i + 1}" for i in range(int(row.draws))]
     return Bootstrapped(float(row.value), row[names].to_numpy(np.float64), float(row.blocks))
 
 
 def are_pairs(a: pd.Series, b: pd.Series) -> bool:
-    """Whether the draws of two rows are of the same blocks, and may be compared."""
+    """Returns whether two rows have replicates of the same blocks, and can be compared."""
     return all(_same(a, name) == _same(b, name) for name in SAME)
 
 
 def check_pair(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> None:
-    """Raises Error with what differs if two rows cannot be compared in pairs."""
+    """Raises Error, which names the difference, if two rows cannot be compared in pairs.
+
+    also: further columns that must agree.
+    """
     for name in (*also, *SAME):
         if _same(a, name) != _same(b, name):
             origins = [str(row["origin"]) for row in (a, b) if "origin" in row]
@@ -181,6 +195,6 @@ def check_pair(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> None:
 
 
 def difference(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> Bootstrapped:
-    """The first less the second, draw by draw. Raises Error as `check_pair`."""
+    """Returns the first figure less the second, in each replicate. Raises Error as `check_pair`."""
     check_pair(a, b, also)
     return drawn(a).less(drawn(b))

@@ -1,4 +1,4 @@
-"""Which rows of a table of results stand for a cell where there are several."""
+"""Selects the rows and AP columns of a table of results that represent each experiment."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import pandas as pd
 
 from pyinfra.core.vocabulary import PRESETS
 
-CELL = ("scene", "lidar", "preset", "detector", "tier")  # and the seed
-CURVE = ("scene", "lidar", "preset", "detector")  # of a stress test
-# Columns of AP of each ground truth, at 40 recalls and at 1,000, with the ends of their intervals.
+CELL = ("scene", "lidar", "preset", "detector", "tier")  # key of an experiment, without the seed
+CURVE = ("scene", "lidar", "preset", "detector")  # key of a curve of a stress test
+# Columns of AP (R40) and AP (R1000) of each ground truth, with the ends of their intervals.
 AP_OF = {"captured": "ap", "common": "ap_common", "all": "ap_all", "present": "ap_present"}
 AP_ENDS = ("", "_low", "_high", "_fine", "_fine_low", "_fine_high")
 AP_COLUMNS = tuple(f"{name}{end}" for name in AP_OF.values() for end in AP_ENDS)
-AP_R1000, AP_R40 = "AP (R1000)", "AP (R40)"  # what these are called wherever one is shown
+AP_R1000, AP_R40 = "AP (R1000)", "AP (R40)"  # names of the measures in texts and figures
 
 
 def with_fine(cells: pd.DataFrame) -> pd.DataFrame:
-    """With AP at 1,000 recalls; where an earlier version measured none, that at 40 stands in.
+    """Fills missing AP (R1000) with AP (R40), which is all that early versions measured.
 
-    Column `recalls` says which of both a row has: see `ap_name`.
+    Column `recalls` tells which of the two a row has (see `ap_name`).
     """
     columns = {}
     for name in AP_OF.values():
@@ -36,22 +36,23 @@ def with_fine(cells: pd.DataFrame) -> pd.DataFrame:
 
 
 def ap_name(rows: pd.DataFrame) -> str:
-    """What the column ap_fine of rows (of `with_fine`) is called."""
+    """Returns the name of the measure in column ap_fine. rows: as `with_fine` returns."""
     recalls = set(rows.recalls.dropna()) if "recalls" in rows else set()
     if recalls == {40.0}:
         return AP_R40
     return "AP (R1000; R40 in rows of version 0.2)" if 40.0 in recalls else AP_R1000
 
 
-# What the AP of the whole road counts: see `with_whole`.
+# The vehicles that ap_whole counts, by ground truth: see `with_whole`.
 COUNTED = {"present": "every vehicle", "all": "all visible vehicles"}
 
 
 def with_whole(cells: pd.DataFrame) -> pd.DataFrame:
-    """With columns `whole` and ap_whole (ends as AP_ENDS): what compares LiDARs, poles and sites.
+    """Adds the columns `whole`, a ground truth, and ap_whole, its AP (ends as AP_ENDS).
 
-    cells: as of `with_fine`. Of `present`, the same for all; of `all`, which leaves out what a pole
-    cannot see, where a finished row has no other, as those of version 0.3.
+    They are used to compare LiDARs, poles and sites. The ground truth is `present`, the same
+    vehicles for all. It is `all`, the vehicles that are visible from the mount, if a finished row
+    lacks AP of `present`, as in version 0.3. cells: as `with_fine` returns.
     """
     done = cells.ap.notna()
     fine = cells.get("ap_present_fine")
@@ -63,36 +64,37 @@ def with_whole(cells: pd.DataFrame) -> pd.DataFrame:
 
 
 def hidden_share(cells: pd.DataFrame) -> pd.Series:
-    """Of the vehicles in the region, those that the mount cannot see; NaN where it is not known."""
+    """Returns the share of the region's vehicles that are hidden from the mount; NaN if unknown."""
     if not {"objects_all", "objects_present"} <= set(cells):
         return pd.Series(np.nan, index=cells.index)
     return 1 - cells.objects_all / cells.objects_present.where(cells.objects_present > 0)
 
 
 def first_seed(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows of the lowest seed of each cell."""
+    """Returns the rows of the lowest seed of each experiment."""
     seed = pd.to_numeric(rows.seed)
     return rows[seed == seed.groupby([rows[name] for name in CELL]).transform("min")]
 
 
 def first_stress(rows: pd.DataFrame) -> pd.DataFrame:
-    """Of each detector, LiDAR, preset and scene the rows of the first run, seed and frames."""
+    """Returns the rows of the first run, seed and frames for each key of CURVE."""
     way = rows[["run", "seed", "frames"]].astype(str).agg(" ".join, axis=1)
     return rows[way == way.groupby([rows[name] for name in CURVE]).transform("first")]
 
 
 def each_road_once(areas: pd.DataFrame) -> pd.DataFrame:
-    """Without the rows `all`, which add up the roads of a scene that has several."""
+    """Removes the rows of road `all` from scenes with several roads, whose sum they are."""
     truth = [areas[name] for name in (*CELL, "seed", "ground_truth")]
     several = areas.groupby(truth).road.transform("nunique") > 1
     return areas[~((areas.road == "all") & several)]
 
 
 def preset_of_answers(rows: pd.DataFrame) -> str:
-    """Of the presets with two LiDARs or more the nearest to LiDARs one can buy, else the first.
+    """Returns the last preset of PRESETS that has results of two LiDARs or more, else the first.
 
-    One with a single detector gives no answers where another has several: it is begun, no more.
-    rows: of one scene, one or more, with columns preset, lidar and detector.
+    The last ones are nearest to real LiDARs. A preset with one detector is left out if another one
+    has several, because its benchmark has only begun. rows: rows of one scene, with columns preset,
+    lidar and detector.
     """
     counts = rows.groupby("preset")[["lidar", "detector"]].nunique()
     enough = (counts.lidar >= 2) & (counts.detector >= min(2, counts.detector.max()))

@@ -1,4 +1,4 @@
-"""Where and how densely a LiDAR's rays go, whatever they hit. Needs the compiled extension."""
+"""Directions and density of a LiDAR's rays, without a scene. Needs the compiled extension."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ class Rays:
 
     azimuth_deg: FloatArray  # (n,)
     elevation_deg: FloatArray  # (n,)
-    time_s: FloatArray  # (n,) since the start of the run
+    time_s: FloatArray  # (n,) time since the start of the run
 
 
 def read_rays(lidar_yaml: Path, seconds: float, period_s: float) -> Rays:
-    """The rays of a LiDAR from the start of the run, as the `lidar.yaml` of a data set has it.
+    """Returns the rays of the LiDAR in the `lidar.yaml` of a data set, from time 0 to `seconds`.
 
-    Whole frames, cut at `seconds`; phase 0. Raises sim.ConfigError for a file that is none.
+    The phase of the pattern is 0. Raises ConfigError for an invalid file.
     """
     from pyinfra.dataset import simulation
 
@@ -54,23 +54,24 @@ def read_rays(lidar_yaml: Path, seconds: float, period_s: float) -> Rays:
 
 
 def has_pattern(lidar_yaml: Path) -> bool:
-    """Whether a `lidar.yaml` says where the rays go; those of a recording and a bundle do not."""
+    """Returns whether a `lidar.yaml` has a pattern; those of recordings and bundles have none."""
     return "returns" in read_keys(lidar_yaml)
 
 
 def lit_share(rays: Rays, times_s: tuple[float, ...] = TIMES_S) -> pd.DataFrame:
-    """Share of the field of view lit after a time; the field is that of all given rays.
+    """Returns the share of the field of view that rays have covered after each time.
 
-    Cells of CELL_DEG of azimuth and elevation; a cell is lit by a ray inside it. The field is, row
-    by row, what lies between the outermost rays, and a row without rays has the extent of the row
-    below. Columns: time_s, lit_percent, field_deg2 (of azimuth and elevation, not solid angle).
+    The field of view is divided into cells of CELL_DEG of azimuth and elevation; a ray covers the
+    cell that it lies in. In each row the field extends between the outermost rays; a row without
+    rays has the width of the row below. Columns: time_s, lit_percent, field_deg2 (product of
+    azimuth and elevation, not solid angle).
     """
     column = np.floor(rays.azimuth_deg / CELL_DEG).astype(np.int64)
     row = np.floor(rays.elevation_deg / CELL_DEG).astype(np.int64)
     width = int(np.ptp(column)) + 1
     key = (row - row.min()) * width + column - column.min()
     cells = _field_cells(row - row.min(), column - column.min())
-    _, first = np.unique(key, return_index=True)  # rays come in order of time
+    _, first = np.unique(key, return_index=True)  # the first in time, as rays are ordered by time
     lit_at = rays.time_s[first]
     return pd.DataFrame(
         [
@@ -85,7 +86,7 @@ def lit_share(rays: Rays, times_s: tuple[float, ...] = TIMES_S) -> pd.DataFrame:
 
 
 def angular_density(rays: Rays, seconds: float = DENSITY_S) -> pd.DataFrame:
-    """Rays per second and square degree of solid angle, of the rays before `seconds`.
+    """Returns the rays per second and square degree of solid angle, until `seconds`.
 
     Columns: axis (`off_axis`: rings around x; `elevation`: rows within HALF_WIDTH_DEG of x),
     from_deg, to_deg, rays, density.
@@ -108,7 +109,7 @@ def angular_density(rays: Rays, seconds: float = DENSITY_S) -> pd.DataFrame:
 def _density(
     axis: str, angle: FloatArray, edges_deg: FloatArray, solid_angle: FloatArray, seconds: float
 ) -> pd.DataFrame:
-    """solid_angle: (bins,) steradians."""
+    """Returns the density of rays in bins of `angle`; solid_angle: (bins,) steradians."""
     counts, _ = np.histogram(np.degrees(angle), edges_deg)
     square_degrees = solid_angle * np.degrees(1) ** 2
     return pd.DataFrame(
@@ -123,7 +124,10 @@ def _density(
 
 
 def _field_cells(row: IntArray, column: IntArray) -> int:
-    """Cells between the outermost ones of each row, empty rows as the one below them."""
+    """Returns the number of cells between the outermost ones of each row.
+
+    An empty row counts as many as the row below it.
+    """
     rows = int(row.max()) + 1
     low, high = np.full(rows, np.iinfo(np.int64).max), np.full(rows, -1)
     np.minimum.at(low, row, column)

@@ -1,8 +1,8 @@
-"""Scanning statistics of data sets.
+"""Scanning statistics of data sets: figures of the points alone, without a detector.
 
-What a LiDAR gets of a scene before any detector: hits, points per vehicle, quality, light. The
-functions are in tables.py (vehicles) and patterns.py (rays); here they are put
-together, written as CSV and drawn. Definitions: docs/conventions.md, "Scanning statistics".
+They include returns per frame, points per vehicle and the coverage of the field of view.
+scanning_tables.py computes those of vehicles, scan_patterns.py those of rays. This module combines
+them and writes CSV files. docs/conventions.md, "Scanning statistics", has the definitions.
 """
 
 import itertools
@@ -34,7 +34,7 @@ Tables = dict[str, pd.DataFrame]
 
 
 def sets_of(vehicles: Sightings) -> dict[str, Sightings]:
-    """The sets of vehicles that statistics compare, by name."""
+    """Returns the sets of vehicles that statistics are computed for, by name."""
     return {
         "common": vehicles.select(vehicles.common()),
         "view": vehicles.select(vehicles.view()),
@@ -42,7 +42,7 @@ def sets_of(vehicles: Sightings) -> dict[str, Sightings]:
 
 
 def vehicle_tables(vehicles: Sightings, blocks: Blocks) -> Tables:
-    """points_per_vehicle, quality, only_one, decay and box_points, with a column `set`."""
+    """Returns points_per_vehicle, quality, only_one, decay and box_points, with a column `set`."""
     tables: dict[str, list[pd.DataFrame]] = {}
     for name, chosen in sets_of(vehicles).items():
         for table, function in (
@@ -59,7 +59,7 @@ def vehicle_tables(vehicles: Sightings, blocks: Blocks) -> Tables:
 
 
 def speed_table(data: DataSet) -> pd.DataFrame:
-    """Speeds of all vehicles of the scene at the times of the frames, from trajectories.csv.
+    """Returns the speeds of all vehicles at the times of the frames, from trajectories.csv.
 
     Raises FormatError with file and line.
     """
@@ -80,7 +80,7 @@ def _speeds(file: Path) -> pd.DataFrame:
 
 
 def pattern_tables(data: DataSet) -> Tables:
-    """lit_share and angular_density of the LiDARs whose pattern is known; none without one.
+    """Returns lit_share and angular_density of the LiDARs whose pattern is known.
 
     Raises ImportError without the extension.
     """
@@ -102,10 +102,10 @@ def pattern_tables(data: DataSet) -> Tables:
 def data_set_tables(
     data: DataSet, vehicles: Sightings, *, above_road: bool, accumulate: int = 1
 ) -> Tables:
-    """All tables of one data set but those of its patterns, with columns that name it.
+    """Returns all tables of one data set but those of its patterns, with columns that name it.
 
-    accumulate: frames one after another that count as one. A recording, which has no trajectories,
-    has no table of speeds. Raises Error without so many frames one after another.
+    accumulate: number of consecutive frames that are merged into one. A recording without
+    trajectories has no table of speeds. Raises Error without that many consecutive frames.
     """
     ends = ends_of_runs(data.frames, accumulate)
     blocks = blocks_of(data, vehicles, ends)
@@ -113,7 +113,7 @@ def data_set_tables(
     counts = {}
     for lidar in data.lidars:
         each = hit_counts(data, lidar, above_road=above_road)
-        runs = np.convolve(each, np.ones(accumulate, np.int64), "valid")  # of frames that are there
+        runs = np.convolve(each, np.ones(accumulate, np.int64), "valid")  # gaps are removed below
         last = np.array(data.frames)[accumulate - 1 :]
         counts[lidar.name] = runs[np.isin(last, ends)]
     tables["hit_points"] = statistics_tables.hit_points(counts, blocks)
@@ -151,7 +151,7 @@ def aggregation_table(
 
 
 def described(data: DataSet, rows: pd.DataFrame, above_road: bool) -> pd.DataFrame:
-    """Rows with first the columns scene, preset, aggregation, seed, above_road."""
+    """Returns rows with the columns scene, preset, aggregation, seed, above_road in front."""
     key = {
         "scene": data.scene,
         "preset": data.preset,
@@ -171,12 +171,12 @@ def statistics(
     patterns: bool = True,
     accumulate: int = 1,
 ) -> Tables:
-    """All tables of the data sets under one another, by name.
+    """Returns all tables by name, each with the rows of all data sets.
 
-    accumulate: frames one after another that count as one, as in `accumulated`; of more than one
-    there is no table `aggregation`.
+    accumulate: number of consecutive frames that are merged into one, as in `accumulated`; with
+    more than one there is no table `aggregation`. patterns: whether to compute the tables of rays.
 
-    Raises what read_data_set and read_sightings raise; ImportError for patterns without the
+    Raises what read_data_set and read_sightings raise, and ImportError for patterns without the
     extension.
     """
     data_sets = [read_data_set(folder) for folder in folders]
@@ -208,7 +208,7 @@ def write(tables: Tables, out: Path) -> list[Path]:
 
 
 def _patterns_once(data_sets: Sequence[DataSet], above_road: bool) -> Tables:
-    """The patterns' tables, once for each scene and preset: the aggregation changes none."""
+    """Returns the tables of patterns, once for each preset and set of LiDARs."""
     seen: dict[tuple[str, tuple[str, ...]], DataSet] = {}
     for data in data_sets:
         seen.setdefault((data.preset, data.names), data)
@@ -221,7 +221,7 @@ def _patterns_once(data_sets: Sequence[DataSet], above_road: bool) -> Tables:
 
 
 def _joined(parts: Sequence[Tables]) -> Tables:
-    """Tables of the same name under one another."""
+    """Concatenates tables of the same name."""
     names = list(dict.fromkeys(name for part in parts for name in part))
     return {
         name: pd.concat([part[name] for part in parts if name in part], ignore_index=True)

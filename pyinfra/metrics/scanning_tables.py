@@ -1,7 +1,7 @@
-"""Scanning statistics as tidy tables: one row a figure, with its vehicles and 95 % interval.
+"""Scanning statistics as tidy tables: one row per figure, with its vehicles and 95 % interval.
 
-The rules (sets of vehicles, blocks of the bootstrap, decay) stand in docs/conventions.md.
-In every table ci_low and ci_high are the ends of the interval, NaN where there is none.
+docs/conventions.md defines the sets of vehicles, the bootstrap blocks and the decay. In all tables
+ci_low and ci_high are the ends of the interval, NaN if there is none.
 """
 
 import itertools
@@ -25,7 +25,10 @@ SPEED_EDGES_KM_H = np.arange(0.0, 81.0, 2.0)
 
 
 def hit_points(counts: dict[str, IntArray], blocks: Blocks) -> pd.DataFrame:
-    """Mean returns per frame of each LiDAR; counts: by LiDAR, (f,) in the order of the frames."""
+    """Returns the mean number of returns per frame for each LiDAR.
+
+    counts: by LiDAR, (f,) in the order of the frames.
+    """
     rows = []
     for lidar, per_frame in counts.items():
         values = np.stack([per_frame, np.ones_like(per_frame)], axis=1)
@@ -41,8 +44,9 @@ def hit_points(counts: dict[str, IntArray], blocks: Blocks) -> pd.DataFrame:
 def points_per_vehicle(
     vehicles: Sightings, blocks: Blocks, edges: FloatArray = EDGES_M
 ) -> pd.DataFrame:
-    """Average Points per Vehicle in bins of distance, over all of the vehicles and the hit ones.
+    """Returns the Average Points per Vehicle (APV) in bins of distance.
 
+    It is computed over all vehicles, and over those with at least one point (columns `*_hit`).
     Columns: lidar, from_m, to_m, vehicles, apv, ci_low, ci_high, vehicles_hit, apv_hit,
     ci_low_hit, ci_high_hit. A bin without vehicles has NaN.
     """
@@ -68,10 +72,11 @@ def points_per_vehicle(
 
 
 def quality(vehicles: Sightings, blocks: Blocks, edges: FloatArray = EDGES_M) -> pd.DataFrame:
-    """Shares of vehicles that are missed, low, medium and high, and hit at all, by distance.
+    """Returns the share of vehicles by number of points and by distance.
 
-    Columns: lidar, from_m, to_m, quality, vehicles (of the bin), share_percent, ci_low, ci_high;
-    the last bin is the whole reach.
+    Column quality: missed (no point), low (1 to 4), medium (5 to 20), high (more), hit (any).
+    Columns: lidar, from_m, to_m, quality, vehicles (in the bin), share_percent, ci_low, ci_high.
+    The last bin is the whole range of distances.
     """
     points = vehicles.points[:, :, None]
     classes = [
@@ -105,10 +110,10 @@ def quality(vehicles: Sightings, blocks: Blocks, edges: FloatArray = EDGES_M) ->
 
 
 def only_one(vehicles: Sightings, blocks: Blocks, from_m: float = FAR_M) -> pd.DataFrame:
-    """Vehicles from a distance on that one LiDAR alone hit, and those that all others alone hit.
+    """Returns how many vehicles beyond a distance only one LiDAR hit.
 
-    Columns: lidar, from_m, vehicles, hit_alone, share_percent (of the vehicles), ci_low, ci_high,
-    hit_by_another_only (by some other LiDAR, not by this one).
+    Columns: lidar, from_m, vehicles, hit_alone (by this LiDAR only), share_percent (hit_alone of
+    all vehicles), ci_low, ci_high, hit_by_another_only (by another LiDAR, not by this one).
     """
     far = vehicles.select(vehicles.distance >= from_m)
     alone, another = alone_and_another(far)
@@ -132,14 +137,15 @@ def only_one(vehicles: Sightings, blocks: Blocks, from_m: float = FAR_M) -> pd.D
 
 
 def alone_and_another(vehicles: Sightings) -> tuple[IntArray, IntArray]:
-    """1 where a LiDAR alone hit a vehicle, and where some other did and it did not: (n, L)."""
+    """Returns two arrays (n, L) of 0 and 1: whether only this LiDAR hit a vehicle, and whether
+    another LiDAR hit it but this one did not."""
     hit = vehicles.points > 0
     hits = hit.sum(axis=1, keepdims=True)
     return (hit & (hits == 1)).astype(np.int64), (~hit & (hits > 0)).astype(np.int64)
 
 
 def decay(vehicles: Sightings, blocks: Blocks, edges: FloatArray = EDGES_M) -> pd.DataFrame:
-    """Exponent k of APV = c d^-k for each LiDAR.
+    """Returns the exponent k of APV = c d^-k for each LiDAR.
 
     Columns: lidar, from_m, to_m, bins, vehicles (in the bins of the fit), exponent, ci_low,
     ci_high, r_squared; NaN with fewer than MIN_BINS_FOR_DECAY bins.
@@ -169,17 +175,17 @@ def decay(vehicles: Sightings, blocks: Blocks, edges: FloatArray = EDGES_M) -> p
 
 
 def decay_exponent(sums: FloatArray) -> FloatArray:
-    """The first of decay_lines."""
+    """Returns the exponents of decay_lines."""
     return decay_lines(sums)[0]
 
 
 def decay_lines(sums: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Exponents of weighted straight lines, log of APV on log of mean distance, and their R^2.
+    """Returns the exponents k of APV = c d^-k and the R^2 of the fits, (..., L) each.
 
-    R^2 is the share of the logs' weighted variance that lies on the line. All draws at once: a fit
-    of each by a library takes 150 times as long.
+    A fit is a weighted least-squares line of log APV over log mean distance; R^2 is weighted too.
+    All replicates are fitted at once, which is 150 times as fast as single fits by a library.
 
-    sums: (..., bins, L, 4) points, vehicles, hit vehicles, distances; returns (..., L) of each.
+    sums: (..., bins, L, 4) points, vehicles, hit vehicles, distances.
     """
     used = _fit_bins(sums)
     weight = np.where(used, sums[..., 1], 0)
@@ -195,7 +201,10 @@ def decay_lines(sums: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def vehicle_sums(vehicles: Sightings, blocks: Blocks, edges: FloatArray = EDGES_M) -> FloatArray:
-    """(b, bins, L, 4) points, vehicles, hit vehicles, sum of distances, by block and distance."""
+    """Returns sums by slot of time and bin of distance: (slots, bins, L, 4).
+
+    The last axis is points, vehicles, hit vehicles, distances.
+    """
     points = vehicles.points
     distance = np.broadcast_to(vehicles.distance[:, None], points.shape)
     values = np.stack([points, np.ones_like(points), points > 0, distance], axis=2)
@@ -205,9 +214,9 @@ def vehicle_sums(vehicles: Sightings, blocks: Blocks, edges: FloatArray = EDGES_
 def speed_distribution(
     ids: IntArray, speed: FloatArray, edges_km_h: FloatArray = SPEED_EDGES_KM_H
 ) -> pd.DataFrame:
-    """Histogram of speeds; the last row, to infinity, is what lies beyond the axis.
+    """Returns a histogram of speeds; its last row counts all speeds above the last edge.
 
-    ids, speed: (n,) a vehicle at a time, m/s. Columns: from_km_h, to_km_h, samples,
+    ids, speed: (n,) samples of vehicles, m/s. Columns: from_km_h, to_km_h, samples,
     share_percent, vehicles (with a sample in the bin).
     """
     km_h = 3.6 * speed
@@ -228,7 +237,9 @@ def speed_distribution(
 
 
 def box_points(vehicles: Sightings, blocks: Blocks) -> pd.DataFrame:
-    """Points on moving vehicles and those of them outside the box at the middle of the frame.
+    """Returns the points on moving vehicles, and how many of them lie outside the box.
+
+    The box is that at the middle of the frame.
 
     Columns: lidar, vehicles, apv, apv_in_box, outside_box_percent, ci_low, ci_high.
     """
@@ -254,10 +265,10 @@ def box_points(vehicles: Sightings, blocks: Blocks) -> pd.DataFrame:
 
 
 def aggregation_change(before: Sightings, after: Sightings, blocks: Blocks) -> pd.DataFrame:
-    """Change of the points on, and inside the boxes of, the moving vehicles in both tables.
+    """Returns the change in points on moving vehicles, and in their boxes, between two tables.
 
-    Draws are paired: both tables hold the same frames. Columns: lidar, counted (points or
-    points_in_box), vehicles, before, after (per vehicle), change_percent, ci_low, ci_high.
+    Replicates are paired, because both tables have the same frames. Columns: lidar, counted (points
+    or points_in_box), vehicles, before, after (per vehicle), change_percent, ci_low, ci_high.
     Raises Error if the LiDARs differ.
     """
     if before.lidars != after.lidars:
@@ -285,12 +296,12 @@ def aggregation_change(before: Sightings, after: Sightings, blocks: Blocks) -> p
 
 
 def _fit_bins(sums: FloatArray) -> BoolArray:
-    """Bins that the fit of the decay uses: (..., bins, L) of sums (..., bins, L, 4)."""
+    """Returns which bins the fit of the decay uses: (..., bins, L). sums: (..., bins, L, 4)."""
     return np.asarray((sums[..., 1] >= MIN_VEHICLES_FOR_DECAY) & (sums[..., 0] > 0))
 
 
 def _binned(vehicles: Sightings, blocks: Blocks, edges: FloatArray, values: AnyArray) -> FloatArray:
-    """Sums of values (n, ...) by block and bin of distance: (b, bins, ...)."""
+    """Sums values (n, ...) by slot of time and bin of distance: (slots, bins, ...)."""
     number = np.searchsorted(edges, vehicles.distance, side="right") - 1
     bins = []
     for i in range(len(edges) - 1):
