@@ -1,1 +1,1 @@
-"""How detectors find boxes in frames, and what is done with the boxes afterwards."""
+"""Runs detectors on frames, and filters, checks and writes their boxes."""

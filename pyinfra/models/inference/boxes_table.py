@@ -1,4 +1,4 @@
-"""Detections of frames in memory as a table, by any detector."""
+"""Runs any detector on frames in memory and returns its boxes as a table."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ AnyRegion: TypeAlias = "npt.ArrayLike | str | os.PathLike[str]"
 
 @dataclass(frozen=True)
 class TrainedDetector:
-    """A trained detector's file; `detect` places it where the frames were taken."""
+    """A trained detector's file; `detect` loads it and sets it up for the site of the frames."""
 
     file: Path
     device: str = "cpu"
@@ -46,16 +46,16 @@ class TrainedDetector:
 def load_detector(
     model: str | os.PathLike[str] = "generalist", *, device: str = "cpu"
 ) -> TrainedDetector:
-    """A detector that comes with the package, or one that was trained.
+    """Selects a pretrained detector of the package, or a trained one, for `detect`.
 
     Parameters
     ----------
     model : `generalist`, the pretrained detector; the folder of a training; or a file in it
-    device : of torch, such as `cpu` or `cuda`
+    device : device of PyTorch, such as `cpu` or `cuda`
 
     Returns
     -------
-    What `detect` takes; the weights are read when it does
+    TrainedDetector : an argument for `detect`, which reads the weights
 
     Raises
     ------
@@ -83,34 +83,36 @@ def detect(
     region: AnyRegion | None = None,
     drop_standing: bool = False,
 ) -> pd.DataFrame:
-    """Boxes of a detector in each frame.
+    """Runs a detector on frames and returns its boxes.
 
-    A trained detector is given points above the road where the frames were taken, and frames
-    stacked as those that it learnt from. A warning says where the road of the clouds does not lie
-    `height_m` below the sensor, and where frames are too few for `drop_standing`.
+    For a trained detector, points are converted to height above the road, and frames are stacked as
+    in its training. A warning is issued if the road in the clouds is not `height_m` below the
+    sensor, and if there are too few frames for `drop_standing`.
 
     Parameters
     ----------
-    model : of `load_detector`, or what it takes; or any callable that takes points (n, 4) float32,
-        x y z intensity, and returns a table with the columns type (default `vehicle`), x y z dx dy
-        dz heading, score (default 1); metres and radians, levelled LiDAR frame
-    frames : of `simulate` or `load_dataset`, or a LiDAR's folder
-    height_m : of the sensor above a level road, for a trained detector; by default that of the
-        frames
+    model : a detector of `load_detector`, or an argument of it; or any callable that takes points
+        (n, 4) float32, x y z intensity, and returns a table with the columns type (default
+        `vehicle`), x y z dx dy dz heading, score (default 1); metres and radians, levelled LiDAR
+        frame
+    frames : frames of `simulate` or `load_dataset`, or a LiDAR's folder
+    height_m : height of the sensor above a level road, for a trained detector; by default that of
+        the frames
     region : where vehicles can be, for a trained detector: the corners (m, 2) of an outline in the
         levelled LiDAR frame, metres, or a file with `outline_m: [[x, y], ...]`; by default the
         roads of the frames
-    drop_standing : leaves out vehicles that come back where nothing ever moves, such as hedges;
-        takes frames of a minute or more
+    drop_standing : whether to remove vehicle boxes that recur where nothing ever moves, such as
+        hedges; needs frames of a minute or more
 
     Returns
     -------
-    DataFrame : frame, type, x y z dx dy dz heading, score; by frame, best first
+    DataFrame : columns frame, type, x y z dx dy dz heading, score; ordered by frame, then best
+        first
 
     Raises
     ------
-    Error : if the model is none, a callable fails or returns something else, or a height or region
-        makes no sense
+    Error : for an unknown model, a callable that fails or returns another kind of object, and for
+        an invalid height or region
 
     Examples
     --------
@@ -149,7 +151,7 @@ def detect(
 
 
 def _place(frames: FrameSequence, height_m: float | None, region: AnyRegion | None) -> Place:
-    """The road of the frames, but for what the user says of it."""
+    """Returns ground and region of the frames, replaced by those that the user gives."""
     ground, inside, given = frames.ground, frames.region, list[str]()
     if height_m is not None:
         check_height(height_m)
@@ -160,7 +162,7 @@ def _place(frames: FrameSequence, height_m: float | None, region: AnyRegion | No
 
 
 def _corners(region: AnyRegion) -> npt.NDArray[np.float64]:
-    """(m, 2)"""
+    """Returns the corners of an outline: (m, 2). Raises Error for another argument."""
     if isinstance(region, (str, os.PathLike)):
         return read_outline(Path(region))
     try:
@@ -177,7 +179,7 @@ def _corners(region: AnyRegion) -> npt.NDArray[np.float64]:
 
 
 def _stacked(model: Path, frames: FrameSequence) -> Iterator[Points]:
-    """The clouds of the frames as the model learnt from them."""
+    """Returns the clouds of the frames, stacked as in the model's training."""
     accumulation = inference.accumulation_of(model)
     if accumulation.frames == 1:
         return (frame.points for frame in frames)

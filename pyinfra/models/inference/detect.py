@@ -1,4 +1,4 @@
-"""Boxes of a trained detector in clouds on disk."""
+"""Loads trained detectors and runs them on clouds on disk."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pyinfra.models.detectors.background import Background
 from pyinfra.models.training.accumulation import Accumulation
 from pyinfra.models.training.sources import read_frame, scene_of
 
-MODELS = Path(__file__).resolve().parents[1]  # that come with the package
+MODELS = Path(__file__).resolve().parents[1]  # folder of the pretrained detectors
 PERCENTILES = (50, 95)
 
 
@@ -34,12 +34,12 @@ def load_detector(
     device: str = "cpu",
     stacks: bool = False,
 ) -> Detector:
-    """The detector of a run's folder, of a file in it, or of the name of a shipped one.
+    """Loads the detector of a training's folder, of a file, or a pretrained one by its name.
 
-    ground, region: of the road where it is to find vehicles; None: those where it learnt, if they
-    are known. stacks: whether it will be given what its `accumulation_of` says, not single frames.
-    Raises FileNotFoundError, and Error for a file that is no model, without any ground, and
-    for a model of stacked frames that would be given single ones.
+    ground, region: of the site where it is used; by default those of its training, if known.
+    stacks: whether it will get stacked frames as in `accumulation_of`; otherwise single frames.
+    Raises FileNotFoundError, and Error for a file that is no model, if no ground is known, and for
+    a model of stacked frames that would get single ones.
     """
     file = model_file(run)
     if file.suffix == ".npz":
@@ -61,7 +61,7 @@ def load_detector(
 
 
 def check_single(run: Path, frames: int) -> None:
-    """Raises Error for a model of more than one frame where each is looked at alone."""
+    """Raises Error for a model that needs stacked frames. frames: number that it stacks."""
     if frames > 1:
         raise Error(
             f"{run}: found a model of {frames} stacked frames, allowed one of single frames: only "
@@ -70,7 +70,7 @@ def check_single(run: Path, frames: int) -> None:
 
 
 def accumulation_of(file: Path) -> Accumulation:
-    """What a model's clouds are made of. Raises as checkpoint.load."""
+    """Returns how a model's frames are stacked. Raises as checkpoint.load."""
     if file.suffix == ".npz":
         return Accumulation()
     from pyinfra.models.training import checkpoint
@@ -82,9 +82,9 @@ def accumulation_of(file: Path) -> Accumulation:
 def stacking(
     lidar_folder: Path, frames: Sequence[int], accumulation: Accumulation
 ) -> Callable[[Path], Points]:
-    """What reads the cloud of a frame's file with its neighbours, of whichever split.
+    """Returns a function that reads the stacked cloud of a frame's file.
 
-    Raises Error if no frame has one.
+    Neighbouring frames of any split are stacked. Raises Error if no frame has a neighbour.
     """
     there, period_s = frame_numbers(lidar_folder, "all"), period_of(lidar_folder)
     clouds = accumulation.clouds(partial(read_frame, lidar_folder), frames, there, period_s)
@@ -94,13 +94,13 @@ def stacking(
 
 
 def detector_at(run: Path, lidar_folder: Path, *, device: str = "cpu") -> Detector:
-    """The detector where the frames of a LiDAR's folder were taken; raises as load_detector."""
+    """Loads a detector, set up for the site of a LiDAR's folder; raises as load_detector."""
     ground, region = ground_and_region_of(lidar_folder)
     return load_detector(run, ground=ground, region=region, device=device)
 
 
 def ground_and_region_of(lidar_folder: Path) -> tuple[Ground | None, Region | None]:
-    """The road where the frames of a folder were taken, as far as it is known.
+    """Returns the ground and the region at the site of a folder; None where unknown.
 
     Raises FormatError, and ConfigError for an outline.
     """
@@ -111,12 +111,15 @@ def ground_and_region_of(lidar_folder: Path) -> tuple[Ground | None, Region | No
 
 
 def shipped() -> list[str]:
-    """Names of the models that come with the package."""
+    """Returns the names of the pretrained detectors of the package."""
     return sorted(file.stem for file in MODELS.glob("*.safetensors"))
 
 
 def model_file(run: Path, which: Literal["last", "best"] = "last") -> Path:
-    """The model in a run's folder, the file itself, or a shipped one; raises FileNotFoundError."""
+    """Returns the model file of a training's folder, of a file, or of a pretrained detector.
+
+    Raises FileNotFoundError.
+    """
     if run.is_file():
         return run
     if not run.exists() and str(run) in shipped():
@@ -134,7 +137,7 @@ def model_file(run: Path, which: Literal["last", "best"] = "last") -> Path:
 
 
 def is_of_anywhere(file: Path) -> bool:
-    """Whether a model learnt at other sites than those where it is meant to find something."""
+    """Returns whether a model was trained at many sites, to be used at others."""
     if file.suffix == ".npz":
         return False
     from pyinfra.models.training import checkpoint
@@ -143,7 +146,7 @@ def is_of_anywhere(file: Path) -> bool:
 
 
 def transfer(run: Path, lidar_folder: Path) -> str:
-    """How the folder differs from what the run learnt from; empty if it does not."""
+    """Returns how a folder differs from the training data of a model; empty if it does not."""
     file = model_file(run)
     if file.suffix == ".npz" or not (lidar_folder / "lidar.yaml").is_file():
         return ""
@@ -172,11 +175,11 @@ def detect(
     *,
     read: Callable[[Path], Points] = kitti.read_points,
 ) -> tuple[list[Detections], FloatArray]:
-    """Detections and milliseconds, points to boxes, of each cloud; written as KITTI results.
+    """Runs a detector; returns the detections and the milliseconds of each cloud.
 
-    The results are in the camera of the frame's calib file, if there is one where a data set has
-    it, else in that of a simulated LiDAR. Raises FormatError for a cloud that is none, and
-    Error for two clouds of one name.
+    The time is that from points to boxes. Results are also written as KITTI results to `out`, in
+    the camera frame of the frame's calib file, or of a simulated LiDAR if there is none. Raises
+    FormatError for an invalid cloud, and Error for two clouds of the same name.
     """
     per_frame, times = [], []
     if out is not None:
@@ -193,13 +196,13 @@ def detect(
 
 
 def write(out: Path, cloud: Path, detections: Detections) -> None:
-    """A KITTI result of a cloud. Raises FormatError for its calib file."""
+    """Writes the KITTI result of a cloud. Raises FormatError for an invalid calib file."""
     labels = Labels(detections.names, detections.boxes, detections.scores)
     kitti.write_labels(out / f"{cloud.stem}.txt", labels, calibration_of(cloud))
 
 
 def once(files: Sequence[Path]) -> None:
-    """Raises Error if the results of two clouds would be one file."""
+    """Raises Error if two clouds have the same name, so that their results would be one file."""
     named: dict[str, Path] = {}
     for file in files:
         if file.stem in named:
@@ -208,7 +211,10 @@ def once(files: Sequence[Path]) -> None:
 
 
 def calibration_of(cloud: Path) -> kitti.Calibration | None:
-    """That of a cloud in `velodyne`, from `calib` beside it. Raises FormatError."""
+    """Reads the calibration of a cloud in `velodyne`, from the folder `calib` next to it.
+
+    It is None if there is no such file. Raises FormatError.
+    """
     file = cloud.parent.parent / "calib" / f"{cloud.stem}.txt"
     beside = cloud.parent.name == "velodyne" and file.is_file()
     return kitti.read_calibration(file) if beside else None

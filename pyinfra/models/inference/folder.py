@@ -1,4 +1,4 @@
-"""Boxes of a trained detector in the frames of a LiDAR's folder, written as KITTI results."""
+"""Runs a trained detector on the frames of a LiDAR's folder and writes KITTI results."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ Warn = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """The road where a detector is to find something; None: not known, or as the detector has it.
+    """Ground and region of the site where a detector is used.
 
-    height_m: of the sensor above the road, where the user says it. given: names of what the user
-    says.
+    None means unknown; the detector then uses those of its training. height_m: height of the sensor
+    above the road, if the user gives it. given: names of the arguments that the user gives.
     """
 
     ground: Ground | None = None
@@ -49,21 +49,21 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Detections of each file, and how long each took."""
+    """The detections in each file, and the time of each."""
 
     files: Sequence[Path]
     detections: Sequence[Detections]
-    times_ms: FloatArray  # (n,) points to boxes
-    left_out: int | None = None  # boxes of what stands; None: they were not looked for
+    times_ms: FloatArray  # (n,) time from points to boxes
+    left_out: int | None = None  # number of removed standing boxes; None: without this filter
 
 
 def place(
     lidar_folder: Path | None, height_m: float | None = None, outline: Path | None = None
 ) -> Place:
-    """The road of a folder, but for what the user says of it.
+    """Returns ground and region of a folder, replaced by those that the user gives.
 
-    height_m: of the sensor above a level road. outline: a file, `outline_m: [[x, y], ...]`. Raises
-    Error for a height out of range, FormatError, and ConfigError for an outline.
+    height_m: height of the sensor above a level road. outline: a file, `outline_m: [[x, y], ...]`.
+    Raises Error for a height out of range, FormatError, and ConfigError for an outline.
     """
     if height_m is not None:
         check_height(height_m)
@@ -78,9 +78,10 @@ def place(
 
 
 def detector_at_place(model: Path, where: Place, device: str = "cpu") -> Detector:
-    """A model's detector at a place; it may be one of stacked frames.
+    """Loads a detector for a site; it may need stacked frames.
 
-    Raises Error for a place beside a background model, which stands where it learnt.
+    Raises Error if the user gives height or region for a background model, which can only be used
+    at the site of its training.
     """
     if model.suffix == ".npz" and where.given:
         name = where.given[0]
@@ -91,9 +92,9 @@ def detector_at_place(model: Path, where: Place, device: str = "cpu") -> Detecto
 
 
 def frame_files(lidar_folder: Path, split: str | None, most: int) -> list[Path]:
-    """The clouds of a folder's frames. most: at most so many, evenly spread; 0: all.
+    """Returns the clouds of a folder's frames. most: largest number, evenly spread; 0: all.
 
-    Raises Error for a folder without frames, or a split without one.
+    Raises Error for a folder or a split without frames.
     """
     if not (lidar_folder / "training/velodyne").is_dir():
         raise Error(f"data: expected a folder with training/velodyne, got {lidar_folder}")
@@ -115,10 +116,10 @@ def detect_folder(
     device: str = "cpu",
     warn: Warn,
 ) -> Found:
-    """Writes the boxes of a model in some frames of a folder, with where they come from.
+    """Runs a model on frames of a folder; writes its boxes and their origin to `out`.
 
-    drop_standing: without boxes that come back where nothing ever moves. warn: is told what makes
-    boxes worse than a user may think. Frames of a model of several are stacked.
+    Frames are stacked if the model needs it. drop_standing: remove vehicle boxes that recur where
+    nothing ever moves. warn: is called with a text for each problem that may reduce accuracy.
     """
     if out.name == "label_2":
         raise Error(f"out: expected another folder than that of labels, got {out}")
@@ -145,7 +146,7 @@ def detect_folder(
 def warn_of_height(
     files: Sequence[Path], read: Callable[[Path], Points], where: Place, warn: Warn
 ) -> None:
-    """Says where the road of some clouds lies elsewhere than the user says."""
+    """Warns if the road in some clouds is not at the height that the user gives."""
     if where.height_m is not None:
         clouds = [read(files[i])[:, :4] for i in spread(range(len(files)), CHECKED)]
         for text in height_warnings(clouds, where.height_m):
@@ -155,7 +156,7 @@ def warn_of_height(
 def learnt_warning(
     model: Path, lidar_folder: Path, split: str | None, *, allow_transfer: bool
 ) -> str:
-    """Where a model has seen the frames, or others than these; empty if neither is known."""
+    """Returns a warning if a model was trained on other data, or on these frames; else empty."""
     if other := transfer(model, lidar_folder):
         return "" if allow_transfer else f"{other}; `allow_transfer` if this is meant"
     is_split = split or (lidar_folder / "ImageSets/val.txt").is_file()
@@ -168,13 +169,13 @@ def learnt_warning(
 
 
 def others(out: Path, files: Sequence[Path]) -> list[Path]:
-    """Results of other frames than those of some clouds, perhaps of another detector."""
+    """Returns the result files in `out` that belong to none of the clouds `files`."""
     ours = {f"{file.stem}.txt" for file in files}
     return [file for file in out.glob("*.txt") if file.name not in ours]
 
 
 def others_warning(out: Path, files: Sequence[Path]) -> str:
-    """What to say of results of other frames; empty without one."""
+    """Returns a warning about result files of other frames in `out`; empty if there are none."""
     there = others(out, files)
     if not there:
         return ""

@@ -1,4 +1,4 @@
-"""Checks of predictions where nothing is labelled."""
+"""Quality measures of predictions on frames without labels."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from pyinfra.models.detectors.background import DEFAULT, Background
 from pyinfra.models.training.sources import spread
 from pyinfra.models.training.train import BACKGROUND_FRAMES
 
-CLUSTER_SCORE = 0.3  # of what moves: less is a few points
-OFF_M = 1.0  # a box's centre may lie so far off the region
+CLUSTER_SCORE = 0.3  # clusters of moving points with a lower score are too small to use
+OFF_M = 1.0  # a box's centre may be this far outside the region
 
 
 def trust_of(
     folder: Path, pred: Path, split: str | None = None, *, allow_missing: bool = False
 ) -> list[Trust]:
-    """How far to believe predictions of a folder's vehicles; its labels are not looked at.
+    """Returns label-free quality measures of the vehicle predictions for a folder.
 
-    split: all frames by default. The background is learnt from the same frames. Raises
-    FileNotFoundError, FormatError for files that are none, and Error without a point.
+    Labels are not used. The background is learnt from the same frames. split: by default all
+    frames. Raises FileNotFoundError, FormatError for invalid files, and Error if there is no point.
     """
     frames = frame_numbers(folder, split or "all")
     files = find_files(
@@ -66,7 +66,7 @@ def trust_of(
 def _second_opinion(
     background: Background, clouds: Sequence[Path], frames: Sequence[int], predictions: Predictions
 ) -> tuple[IntArray, BoxSeries]:
-    """Points that move in each predicted box, and the clusters of what moves."""
+    """Returns the number of moving points in each predicted box, and clusters of moving points."""
     moving = np.zeros(len(predictions), dtype=np.int64)
     numbers, boxes, scores = [np.empty(0, np.int64)], [np.empty((0, 7))], [np.empty(0)]
     for i, file in enumerate(clouds):

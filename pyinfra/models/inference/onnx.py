@@ -1,8 +1,9 @@
-"""A dense detector as one ONNX graph, from points to boxes.
+"""Exports a dense detector, from points to boxes, as one ONNX graph.
 
-Input `points` (n, 4) float32, n >= 1, inside the area that the file's metadata give; outputs
-`boxes` (k, 7) and `scores` (k,), best first, before suppression; of several classes one after the
-other, with `classes` (k,), the place of each in the network's. Levelled LiDAR frame.
+The input is `points` (n, 4) float32, n >= 1, inside the area in the file's metadata. The outputs
+are `boxes` (k, 7) and `scores` (k,), best first, before non-maximum suppression. A network with
+several classes returns them one class after another, and has the output `classes` (k,), indices of
+the network's classes. All coordinates are in the levelled LiDAR frame.
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ from pyinfra.models.inference.detect import check_single, model_file
 from pyinfra.models.training import checkpoint
 
 DENSE = (PointPillars, CenterPointPillar)
-OPSET = 18  # the first whose scatter can take the largest
+OPSET = 18  # the first opset whose scatter operation has a maximum
 
 
 class Graph(nn.Module):
-    """One frame of a dense detector, without shapes that depend on the points' places."""
+    """A dense detector for one frame, whose tensor shapes do not depend on point positions."""
 
     def __init__(self, network: PointPillars | CenterPointPillar) -> None:
         super().__init__()
@@ -43,7 +44,7 @@ class Graph(nn.Module):
 
 
 def whole_canvas(encoder: PillarEncoder, points: Tensor) -> Tensor:
-    """As the encoder, with a pillar at every cell, empty or not: (1, C, H, W)."""
+    """Returns the canvas of the encoder, computed with a pillar in every cell: (1, C, H, W)."""
     batch = Batch(points, torch.zeros_like(points[:, 0], dtype=torch.int64), ())
     cells = encoder.rows * encoder.columns
     member = encoder.pillar_of(batch)
@@ -53,8 +54,10 @@ def whole_canvas(encoder: PillarEncoder, points: Tensor) -> Tensor:
 
 
 def export(run: Path, file: Path) -> None:
-    """Raises Error for a detector that is not dense or is one of stacked frames, and
-    ImportError without onnxscript.
+    """Writes a trained detector as an ONNX file.
+
+    Raises Error for a detector that is not dense or that needs stacked frames, and ImportError
+    without onnxscript.
     """
     loaded = checkpoint.load(model_file(run))
     check_single(run, loaded.provenance.accumulate)
@@ -67,7 +70,7 @@ def export(run: Path, file: Path) -> None:
     xyz = low + torch.rand(100, 3, generator=torch.Generator().manual_seed(1)) * (high - low)
     points = torch.cat([xyz, torch.full((100, 1), 0.5)], dim=1)
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)
-    with warnings.catch_warnings():  # of the exporter's own packages
+    with warnings.catch_warnings():  # the exporter's own packages cause warnings
         warnings.simplefilter("ignore")
         program = torch.onnx.export(
             Graph(network).eval(),

@@ -1,4 +1,4 @@
-"""A detector of a user's: any callable from points to a table of boxes."""
+"""A user's own detector: any callable that takes points and returns a table of boxes."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ OwnDetector: TypeAlias = Callable[[Points], pd.DataFrame]
 
 
 def detections_of_own(number: int, model: OwnDetector, points: Points) -> Detections:
-    """What a callable finds in a frame, best first.
+    """Calls a user's detector on a frame; returns its boxes, best first.
 
-    number: of the frame, for messages. points: (n, 4) float32. Raises Error if it fails, or
-    returns no table of boxes.
+    number: number of the frame, for messages. points: (n, 4) float32. Raises Error if the callable
+    fails or does not return a table of boxes.
     """
     where = f"model: frame {number}"
     try:

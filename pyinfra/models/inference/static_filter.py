@@ -1,4 +1,4 @@
-"""Vehicles that come back where nothing ever moves: hedges and rails, found without a label."""
+"""Removes vehicle boxes that recur where nothing ever moves, such as hedges and rails."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from pyinfra.models.detectors.background import DEFAULT, Background
 from pyinfra.models.training.sources import spread
 from pyinfra.models.training.train import BACKGROUND_FRAMES
 
-LEAST_S = 60.0  # of frames that tell what stands
-SAME_POSITION_M = 0.7  # boxes whose centres are as near are at one place
-COMES_BACK = 3  # boxes at a place, and more
-MOVING_SHARE = 0.2  # of a box's points: leaves that flutter are fewer
-LEAST_SCORE = 0.1  # of boxes that tell something, and that may go
+LEAST_S = 60.0  # least duration of the frames for a reliable result
+SAME_POSITION_M = 0.7  # boxes whose centres are at most this far apart have the same position
+COMES_BACK = 3  # least number of boxes at a position that recur
+MOVING_SHARE = 0.2  # a box moves if more of its points move; moving leaves stay below
+LEAST_SCORE = 0.1  # boxes with a lower score are neither used nor removed
 
 
 def without_standing(
@@ -31,11 +31,12 @@ def without_standing(
     region: Region | None,
     road: Ground | None = None,
 ) -> list[Detections]:
-    """The detections of each cloud without vehicles that come back where nothing ever moves.
+    """Returns the detections without vehicle boxes that recur where nothing ever moves.
 
-    clouds: each gives (n, 4) points when it is called, which happens once or twice. The background
-    is learnt from them, so they should be of LEAST_S or more: what stands for most of it where
-    nothing drives past goes as well. People who wait stay. Raises Error without a point.
+    clouds: functions that return (n, 4) points; each is called once or twice. The background is
+    learnt from these clouds, so they should span LEAST_S or more. Vehicles that stand for most of
+    this time where nothing drives past are removed too. Pedestrians and cyclists are never removed.
+    Raises Error if there is no point.
     """
     chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
     learnt = [clouds[i]() for i in chosen]
@@ -54,7 +55,7 @@ def without_standing(
 
 
 def length_warning(numbers: Sequence[int], period_s: float) -> str:
-    """What to say of frames of these numbers that are few; nothing if they are enough."""
+    """Returns a warning if frames span less than LEAST_S; else an empty text."""
     seconds = (max(numbers) - min(numbers)) * period_s
     if seconds >= LEAST_S:
         return ""
@@ -65,9 +66,10 @@ def length_warning(numbers: Sequence[int], period_s: float) -> str:
 
 
 def standing(boxes: FloatArray, moves: BoolArray) -> BoolArray:
-    """(n,) which boxes come back where none moves, nor drives past: queues stand on lanes.
+    """Returns which boxes recur at positions where no box ever moves: (n,) bool.
 
-    boxes: (n, 7) of all frames; moves: (n,).
+    Positions that a moving box covers are left out, because vehicles queue on lanes. boxes: (n, 7)
+    of all frames. moves: (n,) whether a box moves.
     """
     tree = cKDTree(boxes[:, :2])
     comes_back = (
@@ -84,7 +86,7 @@ def standing(boxes: FloatArray, moves: BoolArray) -> BoolArray:
 
 
 def _hold(boxes: FloatArray, point: FloatArray) -> BoolArray:
-    """(k,) whether a point (2,) is in a box (k, 7) seen from above, or at its middle."""
+    """Returns which footprints of boxes (k, 7) contain a point (2,), or are centred at it: (k,)."""
     dx, dy = (point - boxes[:, :2]).T
     cos, sin = np.cos(boxes[:, 6]), np.sin(boxes[:, 6])
     ahead, left = np.abs(cos * dx + sin * dy), np.abs(cos * dy - sin * dx)
@@ -93,7 +95,7 @@ def _hold(boxes: FloatArray, point: FloatArray) -> BoolArray:
 
 
 def _moves(background: Background, points: Points, boxes: FloatArray) -> BoolArray:
-    """(k,) whether something moves in each box."""
+    """Returns in which boxes (k, 7) points move: (k,) bool."""
     moving = points_in_boxes(background.moving(points), boxes)
     return (moving > 0) & (moving > MOVING_SHARE * points_in_boxes(points, boxes))
 

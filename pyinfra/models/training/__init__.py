@@ -1,1 +1,1 @@
-"""How detectors learn: recipes, samples, sources of frames, checkpoints."""
+"""Training of detectors: recipes, samples, sources of frames, checkpoints."""

@@ -1,4 +1,4 @@
-"""Frames of one fixed sensor stacked into one cloud: more time where a pattern does not repeat."""
+"""Stacks frames of a fixed sensor into one cloud; useful if the pattern does not repeat."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ MOST_FRAMES = 100
 
 @dataclass(frozen=True)
 class Accumulation:
-    """How many frames are one cloud, and of which of them the labels are."""
+    """How many frames are stacked into one cloud, and which of them has the labels."""
 
-    frames: int = 1  # one after another
+    frames: int = 1  # number of consecutive frames
     label_at: LabelAt = "newest"
 
     def __post_init__(self) -> None:
@@ -33,14 +33,14 @@ class Accumulation:
             raise Error(f"label_at: found {self.label_at} of one frame, allowed newest")
 
     def around(self, frame: int) -> range:
-        """The numbers of the frames in the cloud of a labelled one."""
+        """Returns the numbers of the frames that are stacked for a labelled frame."""
         after = self.frames // 2 if self.label_at == "middle" else 0
         return range(frame + after - self.frames + 1, frame + after + 1)
 
     def stacks(self, labelled: Sequence[int], there: Collection[int]) -> tuple[list[int], ...]:
-        """Those that are there, ascending, for each labelled frame; it is one of them.
+        """Returns the existing frames of each labelled frame's stack, ascending.
 
-        Raises Error if frames lie so far apart that none has a neighbour.
+        The labelled frame is always in its stack. Raises Error if no frame has a neighbour.
         """
         known = {*there, *labelled}
         groups = tuple([k for k in self.around(frame) if k in known] for frame in labelled)
@@ -58,9 +58,9 @@ class Accumulation:
         there: Collection[int],
         period_s: float,
     ) -> tuple[Callable[[], Points], ...]:
-        """The cloud of each labelled frame, made when it is asked for: as read if it is one frame.
+        """Returns for each labelled frame a function that makes its cloud.
 
-        Raises Error as `stacks`.
+        A single frame is returned as it is read. Raises Error as `stacks` does.
         """
         if self.frames == 1:
             return tuple(partial(read, frame) for frame in labelled)
@@ -75,9 +75,10 @@ def _read_stack(
 
 
 def stacked(clouds: Sequence[Points], ages_s: Sequence[float]) -> Points:
-    """(n, 5) float32: clouds (k, 4) under one another, each with its age as the fifth column.
+    """Concatenates clouds (k, 4), with the age of each in a fifth column: (n, 5) float32.
 
-    An age is 0 of the labelled frame, positive of what was seen before and negative after it.
+    The age in seconds is 0 for the labelled frame, positive for earlier and negative for later
+    frames.
     """
     columns = [np.full((len(c), 1), age) for c, age in zip(clouds, ages_s, strict=True)]
     return np.concatenate(

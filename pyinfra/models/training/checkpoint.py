@@ -1,7 +1,7 @@
-"""A network on disk: one safetensors file whose header says, as YAML, what it is.
+"""A network on disk: one safetensors file with a description as YAML in its header.
 
-Never a pickle: a checkpoint from a stranger runs no code. The file is written beside its place and
-renamed, so it is whole or not there.
+Pickles are not used, so that loading an untrusted checkpoint runs no code. A file is written under
+another name and renamed, so that it is never incomplete.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ CONVENTION = "levelled LiDAR frame: x forward, y left, z up, metres, origin at t
 
 @dataclass(frozen=True)
 class Provenance:
-    """What a checkpoint says of itself."""
+    """The description of a checkpoint."""
 
     detector: str
-    network: Any  # the detector's Config, plain
+    network: Any  # the detector's Config as plain values
     site: Site
     lidar: str
     preset: str
@@ -47,17 +47,18 @@ class Provenance:
     step: int
     steps: int
     label_time: str = "frame"
-    above_road: bool = True  # z of what the network sees is from the road
-    # z = a x + b y + c of the road where it learnt, if that was one plane, for want of a nearer one
+    above_road: bool = True  # whether z of the network's input is measured from the road
+    # z = a x + b y + c of the road at the training site, if that was one plane. It is used where no
+    # other ground is known.
     ground: tuple[float, float, float] | None = None
-    anywhere: bool = False  # learnt at so many sites that it is meant for others
-    accumulate: int = 1  # frames of one cloud
-    label_at: LabelAt = "newest"  # of them, whose labels it learnt
-    start: str = ""  # digest of the weights that it began with; empty: drawn
-    # a, b of logit(score) -> a logit(score) + b, so that a score is a share of right boxes; of
-    # several classes those of each in turn
+    anywhere: bool = False  # whether it was trained at many sites, to be used at others
+    accumulate: int = 1  # frames that are stacked into one cloud
+    label_at: LabelAt = "newest"  # which of the stacked frames has the labels
+    start: str = ""  # digest of the weights that the training started from; empty: random
+    # a, b of logit(score) -> a logit(score) + b, which makes a score the probability that a box is
+    # right. Several classes have one pair each.
     calibration: tuple[float, ...] | None = None
-    figures: Any = None  # what it was found to do, by name
+    figures: Any = None  # measured figures, by name
     format: int = FORMAT
     convention: str = CONVENTION
     version: str = __version__
@@ -65,18 +66,18 @@ class Provenance:
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """Weights by name, and those of the optimiser under `optimizer.`."""
+    """A checkpoint in memory. Tensors are named `network.` (weights) and `optimizer.` (state)."""
 
     provenance: Provenance
     tensors: dict[str, Tensor]
 
     @property
     def classes(self) -> tuple[ObjectClass, ...]:
-        """That its network tells apart."""
+        """The classes that its network distinguishes."""
         return classes_of(config_of(self.provenance.detector, self.provenance.network))
 
     def weights(self) -> dict[str, Tensor]:
-        """Those of the network, by the names it has for them."""
+        """Returns the weights of the network, by the network's names."""
         return {
             name.removeprefix("network."): tensor.float() if tensor.is_floating_point() else tensor
             for name, tensor in self.tensors.items()
@@ -84,9 +85,10 @@ class Checkpoint:
         }
 
     def network(self, region: Region | None = None) -> Network:
-        """The network in eval mode, that looks at a region, or where it learnt.
+        """Returns the network in eval mode.
 
-        Raises ConfigError if the weights do not fit its Config.
+        region: the area that it will see; by default that of its training. Raises ConfigError if
+        the weights do not fit its Config.
         """
         site = self.provenance.site if region is None else around(region, self.provenance.site)
         network, weights = (
@@ -111,7 +113,7 @@ class Checkpoint:
 
 
 def build(detector: str, config: Any, site: Site) -> Network:
-    """A new network; config: the detector's Config or its plain form."""
+    """Returns a new network. config: the detector's Config, or the same as plain values."""
     entry = DETECTORS.get(detector)
     if entry is None or not entry.learnt:
         learnt = ", ".join(name for name, row in DETECTORS.items() if row.learnt)
@@ -122,7 +124,7 @@ def build(detector: str, config: Any, site: Site) -> Network:
 
 
 def config_of(detector: str, config: Any) -> Any:
-    """A learnt detector's Config, from its plain form: keys of later versions have defaults."""
+    """Returns a detector's Config from plain values; missing keys get their defaults."""
     kind = importlib.import_module(DETECTORS[detector].module).Config
     if isinstance(config, kind):
         return config
@@ -136,14 +138,14 @@ def digest(file: Path) -> str:
 def save(
     file: Path, network: nn.Module, optimizer: dict[str, Tensor], provenance: Provenance
 ) -> None:
-    """Raises OSError, and leaves the file that was there."""
+    """Writes a checkpoint. Raises OSError; an existing file is then left as it is."""
     tensors = {f"network.{k}": v.contiguous() for k, v in network.state_dict().items()}
     tensors |= {f"optimizer.{k}": v.contiguous() for k, v in optimizer.items()}
     write(file, tensors, provenance)
 
 
 def write(file: Path, tensors: dict[str, Tensor], provenance: Provenance) -> None:
-    """Tensors by the names of a checkpoint, of any precision. Raises OSError as `save`."""
+    """Writes tensors of any precision under a checkpoint's names. Raises OSError as `save`."""
     try:
         with replacing(file) as beside:
             save_file(tensors, beside, metadata={"about": yaml.safe_dump(as_plain(provenance))})
@@ -152,7 +154,7 @@ def write(file: Path, tensors: dict[str, Tensor], provenance: Provenance) -> Non
 
 
 def load(file: Path) -> Checkpoint:
-    """Raises FileNotFoundError, and ConfigError for anything but a checkpoint of this format."""
+    """Reads a checkpoint. Raises FileNotFoundError, and ConfigError for another file or format."""
     if not file.is_file():
         raise FileNotFoundError(2, "No such checkpoint", str(file))
     try:

@@ -1,9 +1,9 @@
-"""Samples of generated sites, cast when they are asked for; nothing is on disk.
+"""Training samples from generated sites, simulated on demand without files.
 
-A visit is one site with some LiDARs and some frames of each: its world is built once, all its
-samples are cast, and it is thrown away. Some visits are mixed: a group of them is held in memory,
-and its samples are given in a drawn order. Sample n is a function of the plan and n alone, so a run
-goes on from any n at the price of one group.
+A visit is one site with some LiDARs and some frames of each. Its scene is built once, all its
+samples are simulated, and it is discarded. A group of visits is held in memory, and its samples are
+returned in random order. Sample n depends on the plan and n only, so a training can resume at any
+n by simulating one group.
 """
 
 from __future__ import annotations
@@ -32,27 +32,27 @@ from pyinfra.scenes.generator.lidar_catalogue import PresetShares
 from pyinfra.scenes.generator.random_stream import KEY, VERSION
 from pyinfra.scenes.generator.ranges import RANGES
 
-# What is looked at around a sensor, metres: x and y to the end of the regions and of parked crowds,
-# z from below the local road to over a truck.
+# The area around a sensor that networks see, in metres: x and y include the regions and parking
+# lots, z reaches from below the local road to above a truck.
 AREA = Area((-110.0, -110.0, -1.0), (110.0, 110.0, 4.5))
-# Sites of narrow visits: the sensor looks along a road.
+# Ranges of the sites of narrow visits, in which the sensor is aimed along a road.
 ALONG = replace(RANGES, mount=replace(RANGES.mount, aims={"along": 1.0}, off_aim_deg=(-8, 8)))
 REDRAWN, TRIES = 1_000_000_000, 5
 
 
 @dataclass(frozen=True)
 class StreamPlan:
-    """Which sites, and how they are visited."""
+    """The sites of a stream, and how many LiDARs and frames are simulated at each."""
 
-    seed: int = ruled(1, 0, 2**62)  # of LiDARs, frames and order
-    sites: int = ruled(1000, 1, REDRAWN)
-    first_site: int = ruled(0, 0, REDRAWN - 1)
-    lidars: int = ruled(4, 1, 100)  # of a visit
-    frames: int = ruled(2, 1, 100)  # of each of its LiDARs
-    mixed: int = ruled(6, 1, 1000)  # visits in memory
-    label_time: LabelTime | None = None  # None: as each site has it
-    # Share of the visits whose LiDARs are all narrow ones (`StreamFile.narrow`); their sensor looks
-    # along a road, where vehicles are. The other visits have none of them.
+    seed: int = ruled(1, 0, 2**62)  # seed of LiDARs, frames and order
+    sites: int = ruled(1000, 1, REDRAWN)  # number of sites
+    first_site: int = ruled(0, 0, REDRAWN - 1)  # seed of the first site
+    lidars: int = ruled(4, 1, 100)  # LiDARs of a visit
+    frames: int = ruled(2, 1, 100)  # frames of each LiDAR in a visit
+    mixed: int = ruled(6, 1, 1000)  # visits that are held in memory and mixed
+    label_time: LabelTime | None = None  # None: that of each site
+    # Share of the visits that use only narrow LiDARs (`StreamFile.narrow`), which are aimed along a
+    # road, where vehicles are. The other visits use none of them.
     narrow: float = ruled(0.0, 0, 1)
 
     @property
@@ -66,13 +66,13 @@ class StreamPlan:
 
 @dataclass
 class SiteSamples:
-    """Samples (`pyinfra.models.training.samples.Samples`) of a plan."""
+    """The samples of a plan, as `pyinfra.models.training.samples.Samples`."""
 
     plan: StreamPlan
     sensors: lidar_catalogue.Sensors
-    classes: tuple[ObjectClass, ...] = VEHICLES  # that their boxes are of
+    classes: tuple[ObjectClass, ...] = VEHICLES  # classes of the boxes
     make_keys: Callable[[int], Keys] = make_site
-    narrow: lidar_catalogue.Sensors | None = None  # that the plan's narrow visits draw from
+    narrow: lidar_catalogue.Sensors | None = None  # LiDARs of the plan's narrow visits
     _group: tuple[int, list[SiteSample]] = (-1, [])
 
     def __post_init__(self) -> None:
@@ -86,11 +86,14 @@ class SiteSamples:
             )
 
     def __len__(self) -> int:
-        """Of one round over the sites; the next one has other LiDARs and frames."""
+        """Returns the number of samples in one round over the sites.
+
+        The next round has other LiDARs and frames.
+        """
         return self.plan.sites * self.plan.of_visit
 
     def nth(self, _seed: int, n: int) -> int:
-        """In the stream's own order, so that a world is built once."""
+        """Returns n: samples come in the stream's order, so that each scene is built once."""
         return n
 
     def sample(self, i: int) -> SiteSample:
@@ -98,7 +101,7 @@ class SiteSamples:
         return self._samples(group)[self._order(group)[position]]
 
     def another(self, i: int, draw: np.random.Generator) -> SiteSample:
-        """Of the same visit and LiDAR."""
+        """Returns a random sample of the same visit and LiDAR."""
         group, position = divmod(i, self.plan.of_group)
         first = self._order(group)[position] // self.plan.frames * self.plan.frames
         return self._samples(group)[first + int(draw.integers(self.plan.frames))]
@@ -109,7 +112,7 @@ class SiteSamples:
 
     def _samples(self, group: int) -> list[SiteSample]:
         if self._group[0] != group:
-            self._group = (-1, [])  # never two in memory
+            self._group = (-1, [])  # so that two groups are never in memory
             visits = range(group * self.plan.mixed, (group + 1) * self.plan.mixed)
             self._group = (group, [s for visit in visits for s in self._visit(visit)])
         return self._group[1]
@@ -123,7 +126,7 @@ class SiteSamples:
         keys, world = world_of(seed, self.plan.label_time, make_keys)
         samples = []
         for lidar in sensors.draw(random, self.plan.lidars):
-            # Drawn, not evenly spaced: a pattern that nearly repeats would show few phases.
+            # Random, not evenly spaced, or a pattern that almost repeats would show few phases.
             frames = sorted(random.choice(world.frames, self.plan.frames, replace=False).tolist())
             samples += samples_of(world, keys, lidar, frames, self.classes)
         return samples
@@ -132,9 +135,10 @@ class SiteSamples:
 def world_of(
     seed: int, label_time: LabelTime | None = None, make_keys: Callable[[int], Keys] = make_site
 ) -> tuple[Keys, simulation.World]:
-    """A seed's site, or that of the next of its stand-ins, and its world.
+    """Returns the site of a seed and its simulated scene.
 
-    One bad draw must not end a long run. Raises ConfigError if the simulator refuses all of them.
+    If the simulator rejects the site, the sites of up to TRIES - 1 replacement seeds are tried, so
+    that one invalid site does not end a long training. Raises ConfigError if all are rejected.
     """
     for times in range(TRIES):
         keys = make_keys(redrawn(seed, times))
@@ -148,7 +152,10 @@ def world_of(
 
 
 def redrawn(seed: int, times: int) -> int:
-    """The seed of the site that stands in for one that the simulator refuses."""
+    """Returns the seed of the n-th replacement for a site that the simulator rejects.
+
+    times: n; for 0 it is the seed itself.
+    """
     return seed + times * REDRAWN
 
 
@@ -159,7 +166,10 @@ def samples_of(
     frames: list[int],
     classes: tuple[ObjectClass, ...] = VEHICLES,
 ) -> list[SiteSample]:
-    """Frames of a site's LiDAR, above its road. Raises what the simulator does."""
+    """Returns samples of a LiDAR at a site, with z above the road.
+
+    Raises what the simulator raises.
+    """
     pose = pose_of(keys)
     roads = roads_of_world(world, keys["name"])
     region, ground = regions.roads_region(roads, pose), ground_of_roads(roads, pose)
@@ -178,25 +188,26 @@ def samples_of(
 def cast(
     world: simulation.World, lidar: simulation.Lidar, frames: list[int]
 ) -> list[simulation.Frame]:
-    """Without a word on weather, which sites have and not every preset.
+    """Simulates frames without the warning that a preset ignores the site's weather.
 
-    Warnings are not turned off: that is for the process, and samples are made in a second thread.
+    Python's warning filters are not used, because they hold for the whole process, while samples
+    are made in a second thread.
     """
     return [frame for _, (frame,) in simulation.FrameStream(world, [lidar], frames, 1)]
 
 
 @dataclass(frozen=True)
 class StreamFile:
-    """`configs/streams/*.yaml`: sites to learn from."""
+    """`configs/streams/*.yaml`: generated sites to train on."""
 
     plan: StreamPlan = field(default_factory=StreamPlan)
-    without: tuple[str, ...] = ()  # LiDARs of the catalogue that are not learnt from
+    without: tuple[str, ...] = ()  # LiDARs of the catalogue that are not used
     narrow: tuple[str, ...] = ()  # LiDARs of `plan.narrow`
     presets: PresetShares = field(default_factory=PresetShares)
 
 
 def read_stream(file: Path, classes: tuple[ObjectClass, ...] = VEHICLES) -> Stream:
-    """What a file says, with boxes of these classes.
+    """Reads a stream file; `classes` are the classes of the boxes.
 
     Raises ConfigError with file, line and key, and FileNotFoundError."""
     settings = read_config(file, StreamFile)
@@ -217,18 +228,17 @@ def site_stream(
     classes: tuple[ObjectClass, ...] = VEHICLES,
     narrow: lidar_catalogue.Sensors | None = None,
 ) -> Stream:
-    """What `pyinfra.models.training.train.train` learns from in place of sources.
+    """Returns a stream of samples, which `training.train.train` takes instead of sources.
 
-    narrow: the LiDARs of the plan's narrow visits.
-
-    Raises Error for more LiDARs a visit than there are.
+    narrow: LiDARs of the plan's narrow visits. Raises Error if a visit needs more LiDARs than there
+    are.
     """
     chosen = sensors or lidar_catalogue.sensors()
     samples = SiteSamples(plan, chosen, classes, narrow=narrow)
     files = (*chosen.files, *(narrow.files if narrow else ()))
     drawn = asdict(plan)
     if plan.narrow == 0:
-        del drawn["narrow"]  # a run that began before there were narrow visits goes on
+        del drawn["narrow"]  # so that trainings of versions without narrow visits can resume
     of_narrow = {"of_narrow": lidar_catalogue.names_of(narrow.files)} if narrow else {}
     last = plan.first_site + plan.sites - 1
     return Stream(

@@ -1,8 +1,7 @@
-"""The training loop: one-cycle AdamW over a fixed number of steps.
+"""The training loop: AdamW with a one-cycle learning rate over a fixed number of steps.
 
-What is random is drawn from the step, most of it from the seed as well, and the learning rate is a
-function of the step, so a run that was killed goes on from its last checkpoint as if nothing had
-been.
+Random numbers and the learning rate are functions of the step (and the seed). So a training that
+was interrupted resumes at its last checkpoint with the same result.
 """
 
 from __future__ import annotations
@@ -36,31 +35,31 @@ from pyinfra.models.training.samples import Augmentation, Frames, Samples, augme
 from pyinfra.models.training.validation import Checks
 
 WARM_UP = 0.4  # share of the steps in which the rate rises
-DIVIDED = 10.0  # the first rate is the highest by this
-LAST = 1e-4  # the last rate is the first by this
+DIVIDED = 10.0  # the first rate is the highest rate divided by this
+LAST = 1e-4  # the last rate is the first rate times this
 MOMENTA = (0.95, 0.85)
-SAVES = 20  # checkpoints over a run
-AHEAD = 16  # batches; a stream makes the samples of a dozen at a time
-PASSING = ("step", "version")  # may change while a run goes on
+SAVES = 20  # checkpoints in a training
+AHEAD = 16  # batches made in advance; a stream makes the samples of about twelve at a time
+PASSING = ("step", "version")  # may differ when a training resumes
 
 
 class TrainingDiverged(Error):
-    """The loss is no number any more."""
+    """Raised when the loss or the gradients are not finite."""
 
     exit_code = 1
 
 
 @dataclass(frozen=True)
 class Progress:
-    """After a step."""
+    """The progress after a step."""
 
     step: int
     steps: int
     rate: float
     loss: float
     parts: dict[str, float]
-    seconds: float  # of this run, since it began or went on
-    cpu_seconds: float  # since the one before, with what was made ahead
+    seconds: float  # time since this process started the training or resumed it
+    cpu_seconds: float  # CPU time since the previous step, batches made in advance included
 
 
 def train(
@@ -76,14 +75,14 @@ def train(
     precision: Precision = "float32",
     report: Callable[[Progress], None] | None = None,
 ) -> Network:
-    """Trains to the end and writes `out`/last.safetensors now and then and at the end.
+    """Trains a network to the last step; writes `out`/last.safetensors at intervals.
 
-    held_out: frames by which best.safetensors is chosen, which changes nothing of the last one.
-    begun: what `read_begun` found of this run, to go on from. Raises TrainingDiverged with the
-    step, the loss and the checkpoint to go back to.
+    held_out: frames that select best.safetensors; they do not affect the training. begun: the
+    checkpoint to resume from, as `read_begun` returns it. Raises TrainingDiverged, which names the
+    step, the loss and the last good checkpoint.
     """
     learning, device = recipe.learning, device or torch.device("cpu")
-    first = distributed.rank() == 0  # it alone writes
+    first = distributed.rank() == 0  # only the first process writes files
     network = network.to(device).train()
     distributed.share_norms(network)
     optimizer = torch.optim.AdamW(network.parameters(), learning.rate, foreach=False)
@@ -100,7 +99,7 @@ def train(
             with torch.autocast(device.type, torch.bfloat16, enabled=precision == "bfloat16"):
                 parts = network.losses(batch)
             loss = torch.stack(list(parts.values())).sum()
-            # Of the whole batch, so that all processes stop if one does.
+            # The loss of the whole batch, so that all processes stop together.
             whole = distributed.mean(torch.stack([loss, *parts.values()])).tolist()
             check_finite("loss", whole[0], step, last)
             optimizer.zero_grad(set_to_none=True)
@@ -111,7 +110,8 @@ def train(
             optimizer.step()
             done = step + 1
             here = dataclasses.replace(provenance, step=done)
-            # Before the last one is written: a kill between them leads back to before the check.
+            # Before last.safetensors is written: if the process ends between the two, the check is
+            # repeated.
             if first and checks is not None and checks.find_best(network, done, learning.steps):
                 checkpoint.save(out / "best.safetensors", network, {}, here)
             if first and (done % max(1, learning.steps // SAVES) == 0 or done == learning.steps):
@@ -126,9 +126,9 @@ def train(
 
 
 def ahead(make: Callable[[int], Batch], steps: range) -> Generator[tuple[int, Batch]]:
-    """What is made for each step, in order, by a second thread while the ones before are used.
+    """Yields the steps with their batches, which a second thread makes in advance.
 
-    Raises at a step what making its batch raised.
+    An error in making a batch is raised at its step.
     """
     pool, begun = ThreadPoolExecutor(1), deque[tuple[int, Future[Batch]]]()
     try:
@@ -144,14 +144,14 @@ def ahead(make: Callable[[int], Batch], steps: range) -> Generator[tuple[int, Ba
 
 
 def check_finite(name: str, value: float, step: int, last: Path) -> None:
-    """Raises TrainingDiverged; `last` is where a checkpoint lies, if there is one yet."""
+    """Raises TrainingDiverged if a value is not finite. last: file of the last checkpoint."""
     if not math.isfinite(value):
         good = f"the last good checkpoint is {last}" if last.exists() else "no checkpoint is there"
         raise TrainingDiverged(f"step {step}: the {name} is {value}; {good}")
 
 
 def batch_of(frames: Samples, recipe: Recipe, network: Network, seed: int, step: int) -> Batch:
-    """The frames of a step, or this process's share: each comes once before one comes twice."""
+    """Returns the augmented samples of a step; of several processes, this one's share."""
     learning = recipe.learning
     size = learning.batch
     samples, centres = [], []
@@ -172,7 +172,10 @@ def batch_of(frames: Samples, recipe: Recipe, network: Network, seed: int, step:
 
 
 def set_rate(optimizer: torch.optim.Optimizer, learning: Learning, step: int) -> float:
-    """One cycle (Smith, 2018): the rate rises and falls along cosines, the momentum against it."""
+    """Sets and returns the learning rate of a step, by the one-cycle policy (Smith, 2018).
+
+    The rate rises and falls along cosines; the momentum falls and rises.
+    """
     top, bottom = learning.rate, learning.rate / DIVIDED
     turn = WARM_UP * learning.steps
     if step < turn:
@@ -199,13 +202,13 @@ def optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
 
 @dataclass(frozen=True)
 class Description(Provenance):
-    """`run.yaml`: what a checkpoint says of itself, and how the run learns."""
+    """`run.yaml`: the description of a checkpoint, and the settings of its training."""
 
     learning: Learning = field(default_factory=Learning)
     augmentation: Augmentation = field(default_factory=Augmentation)
-    frames: int = 0  # learnt from
+    frames: int = 0  # number of training frames
     precision: Precision = "float32"
-    drawn: str = ""  # of a stream: how its samples are
+    drawn: str = ""  # how the samples of a stream are chosen
 
 
 def describe(
@@ -223,16 +226,16 @@ def describe(
 
 
 def read_begun(out: Path, ours: Description) -> Checkpoint | None:
-    """The last checkpoint of a run; none if it has not begun.
+    """Returns the last checkpoint of a training; None if there is none.
 
-    Raises ConfigError if the checkpoint there is of another run, or of one that learns otherwise.
+    Raises ConfigError if the checkpoint is from another training, or from one with other settings.
     """
     file = out / "last.safetensors"
     if not file.exists():
         return None
     loaded = checkpoint.load(file)
     theirs, wanted = as_plain(loaded.provenance), as_plain(ours)
-    if loaded.provenance.detector == ours.detector:  # of an earlier version it may lack keys
+    if loaded.provenance.detector == ours.detector:  # adds keys that an earlier version lacks
         theirs["network"] = as_plain(checkpoint.config_of(ours.detector, theirs["network"]))
     different = [key for key in theirs if key not in PASSING and theirs[key] != wanted[key]]
     if different:
@@ -246,7 +249,7 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
 
 
 def _ways(description: Description) -> dict[str, object]:
-    """How a run learns, by keys with a dot."""
+    """Returns the settings of a training by dotted keys."""
     plain = as_plain(description)
     kept = {key: plain[key] for key in ("frames", "precision", "drawn")}
     return kept | {
@@ -257,7 +260,7 @@ def _ways(description: Description) -> dict[str, object]:
 
 
 def resume(network: Network, optimizer: torch.optim.Optimizer, begun: Checkpoint) -> int:
-    """Fills both from the checkpoint; returns the steps that are done."""
+    """Loads network and optimiser from a checkpoint; returns the number of finished steps."""
     network.load_state_dict(begun.weights())
     state: dict[int, dict[str, Tensor]] = {}
     for key, tensor in begun.tensors.items():
@@ -270,12 +273,12 @@ def resume(network: Network, optimizer: torch.optim.Optimizer, begun: Checkpoint
 
 
 class Log:
-    """`log.csv`: one row a step, those after a checkpoint forgotten when a run goes on."""
+    """`log.csv`, one row per step. A resumed training removes the rows after its checkpoint."""
 
     def __init__(self, file: Path, done: int) -> None:
         self.file = file
         rows = file.read_text().splitlines() if file.exists() else []
-        # A row that a full disk cut is not of a step that is done.
+        # An incomplete row, as a full disk leaves it, does not belong to a finished step.
         whole = [row for row in rows if row.count(",") == rows[0].count(",")]
         kept = [row for row in whole[1:] if int(row.split(",")[0]) <= done]
         with replacing(file) as beside:

@@ -1,4 +1,4 @@
-"""`configs/detectors/*.yaml`: which detector, how wide, and how it learns, for each tier."""
+"""`configs/detectors/*.yaml`: detector, network size and training settings for each tier."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from pyinfra.models.detectors.classes import classes_of
 from pyinfra.models.inference.detect import model_file, shipped
 from pyinfra.models.training.samples import Augmentation
 
-# Of the layers; in which cell a point lies, searches, losses and boxes always have 32 bits.
+# Precision of the layers. Cells of points, searches, losses and boxes always use 32 bits.
 Precision = Literal["float32", "bfloat16"]
 
 
 def _model(_: Path, word: str) -> None:
-    """Raises Error if a network to begin with is named that is not there."""
+    """Raises Error if the network to start from does not exist."""
     try:
         if word:
             model_file(Path(word))
@@ -31,23 +31,23 @@ def _model(_: Path, word: str) -> None:
 
 @dataclass(frozen=True)
 class Learning:
-    """One-cycle AdamW over all steps of the budget."""
+    """Settings of the training, which uses AdamW with a one-cycle learning rate."""
 
-    steps: int = ruled(1000, 0, 10_000_000)  # batches until the end; 0, with start: as it comes
+    steps: int = ruled(1000, 0, 10_000_000)  # training steps; 0: use the network `start` as it is
     start: str = checked(
         _model, ""
-    )  # whose weights are the first ones: a run, a file, or a model of the package
+    )  # network to start from: a training's folder, a file, or a pretrained detector's name
     batch: int = ruled(4, 1, 1024)  # frames in a batch
-    rate: float = ruled(0.003, 1e-7, 1)  # the highest learning rate
-    weight_decay: float = ruled(0.01, 0, 1)  # of AdamW
+    rate: float = ruled(0.003, 1e-7, 1)  # highest learning rate
+    weight_decay: float = ruled(0.01, 0, 1)  # weight decay of AdamW
     clip: float = ruled(10.0, 1e-6, 1e6)  # of the gradients' norm
-    window_m2: float = ruled(0.0, 0, 1e9)  # m2 of a frame that are learnt from at a time; 0: all
-    # Share of the windows whose class is drawn first, each class of the frame alike.
+    window_m2: float = ruled(0.0, 0, 1e9)  # area of a frame that a step uses, in m2; 0: all of it
+    # share of the windows whose class is sampled first, each class of the frame equally often
     rare_windows: float = ruled(0.0, 0, 1)
-    # Exponent: a frame of n objects has the weight n ** -balance. 0: each object counts the same.
+    # exponent: a frame of n objects has the weight n ** -balance; 0: each object counts the same
     balance: float = ruled(0.0, 0, 1)
-    # The last ones of each LiDAR are not learnt from: they choose best.safetensors. None by
-    # default, because the published figures are of networks that learnt from all frames.
+    # last frames of each LiDAR that are not trained on, but select best.safetensors. The default
+    # is 0, because the published figures are of networks that were trained on all frames.
     validate_frames: int = ruled(0, 0, 100_000)
 
     def __post_init__(self) -> None:
@@ -57,7 +57,7 @@ class Learning:
 
 @dataclass(frozen=True)
 class Recipe:
-    """What one tier of a file says."""
+    """The settings of one tier in a detector's file."""
 
     detector: str
     network: Any  # the detector's own Config
@@ -66,22 +66,22 @@ class Recipe:
 
     @property
     def classes(self) -> tuple[ObjectClass, ...]:
-        """That the detector tells apart."""
+        """The classes that the detector distinguishes."""
         return classes_of(self.network)
 
     def for_budget(self, share: float) -> Recipe:
-        """With so much of the steps, the schedule with them."""
+        """Returns the recipe with a share of its steps; the learning rate schedule is scaled."""
         steps = max(min(1, self.learning.steps), round(share * self.learning.steps))
         return replace(self, learning=replace(self.learning, steps=steps))
 
     def begun_with(self, start: Path) -> Recipe:
-        """With the weights of a run, a file, or a model of the package."""
+        """Returns the recipe with another start: a training, a file, or a pretrained detector."""
         return replace(self, learning=replace(self.learning, start=str(start)))
 
 
 @dataclass(frozen=True)
 class TierPart:
-    """A tier as it stands in a file; the keys of its network are the detector's."""
+    """A tier as it is in a file; the detector defines the keys of `network`."""
 
     network: Part = field(default_factory=Part)
     learning: Learning = field(default_factory=Learning)
@@ -107,7 +107,7 @@ class DetectorFile:
 
 
 def read_recipe(file: Path, tier: Tier) -> Recipe:
-    """Raises ConfigError with file, line and key, and FileNotFoundError."""
+    """Reads one tier of a file. Raises ConfigError with file, line and key, FileNotFoundError."""
     whole = read_config(file, DetectorFile)
     kind = importlib.import_module(DETECTORS[whole.detector].module).Config
     parts = {name: getattr(whole.tiers, name) for name in TIERS}

@@ -1,4 +1,4 @@
-"""Frames to learn from, and what augmentation makes of them."""
+"""Training samples and their augmentation."""
 
 from __future__ import annotations
 
@@ -17,62 +17,62 @@ from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors.batch import Sample
 from pyinfra.models.training import sensor_faults
 
-MOST_STD = 3.3  # standard deviations of an error of the pose
-SHADOW_DEG = 0.3  # cells of directions in which a pasted object hides what is behind it
+MOST_STD = 3.3  # errors of the pose are clipped to this many standard deviations
+SHADOW_DEG = 0.3  # angular resolution at which pasted objects hide points behind them
 
 
 @dataclass(frozen=True)
 class Augmentation:
-    """What may be done to a frame; the defaults change nothing."""
+    """Random changes of a frame; the defaults change nothing."""
 
-    flip: bool = False  # left and right, in half of the frames
-    rotation_deg: float = ruled(0.0, 0, 180)  # up to this, either way
-    scale: float = ruled(0.0, 0, 0.5)  # up to this share, either way
-    pasted: int = ruled(0, 0, 100)  # vehicles of another frame, where they stood
-    least_points: int = ruled(5, 0, 1000)  # of a pasted vehicle
-    shadows: bool = False  # whether a pasted vehicle hides what lies behind it
-    drop_out: float = ruled(0.0, 0, 0.99)  # up to this share of the points goes
-    lost_lines: float = ruled(0.0, 0, 0.99)  # up to this share of the rows of elevation goes
-    range_noise_m: float = ruled(0.0, 0, 10)  # up to this standard deviation along the rays
-    # Errors of the sensor's pose: standard deviations, cut at 3.3 of them.
-    height_std_m: float = ruled(0.0, 0, 10)  # of its height above the road
-    level_std_deg: float = ruled(0.0, 0, 10)  # of its tilt about each horizontal axis
+    flip: bool = False  # whether half of the frames are mirrored left to right
+    rotation_deg: float = ruled(0.0, 0, 180)  # largest rotation, either way
+    scale: float = ruled(0.0, 0, 0.5)  # largest change of scale, as a share, either way
+    pasted: int = ruled(0, 0, 100)  # most objects pasted from another frame, at their positions
+    least_points: int = ruled(5, 0, 1000)  # least number of points on a pasted object
+    shadows: bool = False  # whether pasted objects hide the points behind them
+    drop_out: float = ruled(0.0, 0, 0.99)  # largest share of points that is removed
+    lost_lines: float = ruled(0.0, 0, 0.99)  # largest share of elevation rows that is removed
+    range_noise_m: float = ruled(0.0, 0, 10)  # largest standard deviation of range noise
+    # Errors of the sensor's pose have a normal distribution, clipped at 3.3 standard deviations.
+    height_std_m: float = ruled(0.0, 0, 10)  # standard deviation of the height above the road
+    level_std_deg: float = ruled(0.0, 0, 10)  # standard deviation of each horizontal axis's tilt
 
 
 @dataclass(frozen=True, eq=False)
 class SiteSample(Sample):
-    """A frame that knows where it was taken; points and boxes are above the road."""
+    """A sample with the region of its site; z of points and boxes is measured from the road."""
 
     region: Region = field(kw_only=True)  # where vehicles can be
 
 
 class Samples(Protocol):
-    """What a run learns from, numbered from 0."""
+    """The samples of a training, numbered from 0."""
 
     def __len__(self) -> int:
-        """How many there are before one comes again."""
+        """Returns the number of samples before one is repeated."""
         ...
 
     def nth(self, seed: int, n: int) -> int:
-        """Which one is the n-th to learn from; there is one for each n."""
+        """Returns the number of the n-th sample in the order of training; n has no limit."""
         ...
 
     def sample(self, i: int) -> Sample: ...
 
     def another(self, i: int, draw: np.random.Generator) -> Sample:
-        """Any of the LiDAR of sample i in its place."""
+        """Returns a random sample of the same LiDAR as sample i."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Frames to learn from, in the order given: clouds on demand, boxes at once."""
+    """Frames of one or more LiDARs as samples; clouds are read on demand."""
 
     clouds: tuple[Callable[[], Points], ...]
-    boxes: tuple[FloatArray, ...]  # (k, 7) of the vehicles with a point of this LiDAR
+    boxes: tuple[FloatArray, ...]  # (k, 7) boxes of each frame, with a point of this LiDAR
     starts: tuple[int, ...] = (0,)  # first frame of each LiDAR
-    classes: tuple[IntArray, ...] = ()  # (k,) of each frame's boxes; none: all of the first class
-    heights_m: tuple[float, ...] = ()  # of each frame's sensor above z = 0; none: it is there
+    classes: tuple[IntArray, ...] = ()  # (k,) class numbers of each frame's boxes; empty: all 0
+    heights_m: tuple[float, ...] = ()  # height of each frame's sensor above z = 0; empty: all 0
 
     def __len__(self) -> int:
         return len(self.clouds)
@@ -85,12 +85,12 @@ class Frames:
         return Frames(clouds, boxes, starts, classes, heights_m)
 
     def part(self, rows: slice) -> Frames:
-        """Of the frames of one LiDAR."""
+        """Returns some of the frames; all must be of one LiDAR."""
         classes, heights_m = self.classes[rows], self.heights_m[rows]
         return Frames(self.clouds[rows], self.boxes[rows], classes=classes, heights_m=heights_m)
 
     def nth(self, seed: int, n: int) -> int:
-        """Each comes once before one comes twice."""
+        """Returns the n-th frame in random order; all frames occur before one is repeated."""
         turn, position = divmod(n, len(self))
         return int(np.random.default_rng([seed, turn]).permutation(len(self))[position])
 
@@ -99,11 +99,11 @@ class Frames:
         return Sample(self.clouds[i](), self.boxes[i], self.numbers(i), height_m=height_m)
 
     def numbers(self, i: int) -> IntArray:
-        """(k,) of the classes of a frame's boxes."""
+        """Returns the class numbers of a frame's boxes: (k,)."""
         return self.classes[i] if self.classes else np.zeros(len(self.boxes[i]), np.int64)
 
     def another(self, i: int, draw: np.random.Generator) -> Sample:
-        """Any frame of the LiDAR of frame i."""
+        """Returns a random frame of the same LiDAR as frame i."""
         of = bisect.bisect(self.starts, i)
         return self.sample(int(draw.integers(self.starts[of - 1], [*self.starts, len(self)][of])))
 
@@ -111,7 +111,7 @@ class Frames:
 def augmented(
     sample: Sample, other: Sample | None, how: Augmentation, draw: np.random.Generator
 ) -> Sample:
-    """The sample changed; `other` is a frame to take vehicles from."""
+    """Returns the augmented sample; objects of `other` may be pasted into it."""
     if other is not None and how.pasted > 0:
         sample = with_pasted(sample, other, how, draw)
     turn = np.deg2rad(draw.uniform(-how.rotation_deg, how.rotation_deg))
@@ -122,10 +122,10 @@ def augmented(
 
 
 def with_pose_error(sample: Sample, how: Augmentation, draw: np.random.Generator) -> Sample:
-    """As if the sensor's height and level were known with an error.
+    """Returns the sample as if the sensor's height and tilt were known with an error.
 
-    Points and boxes keep x and y: a tilt of 1 degree moves what is 6 m below by 0.1 m. Without an
-    error nothing is drawn.
+    Only z is changed, because a tilt of 1 degree shifts points 6 m below by only 0.1 m. Without
+    an error no random numbers are used.
     """
     if how.height_std_m == how.level_std_deg == 0:
         return sample
@@ -142,13 +142,13 @@ def with_pose_error(sample: Sample, how: Augmentation, draw: np.random.Generator
 
 
 def with_faults(sample: Sample, how: Augmentation, draw: np.random.Generator) -> Sample:
-    """As a sensor with faults has it: each of them up to its dial, evenly drawn.
+    """Returns the sample with sensor faults, whose severities are uniform up to their maxima.
 
-    Vehicles that lose their last point are no longer to be found. Without a dial nothing is drawn.
+    Boxes that lose their last point are removed. If all maxima are 0, no random numbers are used.
     """
     if how.lost_lines == how.drop_out == how.range_noise_m == 0:
         return sample
-    points = lifted(sample.points, -sample.height_m)  # to the sensor: faults are of its rays
+    points = lifted(sample.points, -sample.height_m)  # relative to the sensor, for its rays
     for most, fault in (
         (how.lost_lines, sensor_faults.lost_lines),
         (how.drop_out, sensor_faults.drop_out),
@@ -167,14 +167,14 @@ def with_faults(sample: Sample, how: Augmentation, draw: np.random.Generator) ->
 
 
 def lifted(points: Points, by_m: float) -> Points:
-    """Points with another z."""
+    """Returns points with z increased by `by_m`."""
     out = points.copy()
     out[:, 2] += np.float32(by_m)
     return out
 
 
 def moved(sample: Sample, *, turn: float, scale: float, flip: bool) -> Sample:
-    """Turned about the sensor, scaled, and mirrored left to right."""
+    """Returns the sample mirrored left to right, turned about the sensor (radians) and scaled."""
     side = -1.0 if flip else 1.0
     cos, sin = np.cos(turn), np.sin(turn)
     # Row vectors: mirror, then turn, then scale.
@@ -196,7 +196,10 @@ def moved(sample: Sample, *, turn: float, scale: float, flip: bool) -> Sample:
 def _in_moved(
     region: Region, linear: FloatArray, positions: FloatArray, margin_m: float
 ) -> BoolArray:
-    """Which places lie in a region that was moved by (2, 2): row vectors from the right."""
+    """Returns which positions lie in a region whose points were multiplied by `linear` (2, 2).
+
+    Points are row vectors: new = old @ linear.
+    """
     before = positions[:, :2] @ np.linalg.inv(linear)
     return region.holds(before, margin_m / float(np.sqrt(abs(np.linalg.det(linear)))))
 
@@ -204,9 +207,9 @@ def _in_moved(
 def with_pasted(
     sample: Sample, other: Sample, how: Augmentation, draw: np.random.Generator
 ) -> Sample:
-    """Some objects of the other frame, with their points, where nothing stands here.
+    """Pastes objects of the other frame, with their points, where this frame has none.
 
-    Each class in turn, so that rare ones come as often.
+    Classes take turns, so that rare ones are pasted as often.
     """
     order = draw.permutation(len(other.boxes))
     order = order[np.argsort(_ranks_in_class(other.numbers[order]), kind="stable")]
@@ -236,7 +239,7 @@ def with_pasted(
 
 
 def _ranks_in_class(numbers: IntArray) -> IntArray:
-    """(n,): how many of the same class stand before each."""
+    """Returns for each element how many elements before it have the same class: (n,)."""
     ranks = np.zeros(len(numbers), np.int64)
     for number in np.unique(numbers):
         of_class = numbers == number
@@ -245,10 +248,10 @@ def _ranks_in_class(numbers: IntArray) -> IntArray:
 
 
 def hidden_by(hiding: Points, points: Points, height_m: float) -> BoolArray:
-    """(n,): which points (n, 4) lie behind others (m, 4) as the sensor sees them.
+    """Returns which points (n, 4) are hidden behind the points `hiding` (m, 4): (n,).
 
-    A point is hidden if it is farther than the nearest of `hiding` in its cell of directions or in
-    one beside it. height_m: of the sensor above z = 0.
+    A point is hidden if its range is longer than the shortest range of `hiding` in the same cell of
+    directions or in a neighbouring one. height_m: height of the sensor above z = 0.
     """
     columns, rows, near = _directions(hiding, height_m)
     around = [(columns + i, rows + k) for i in (-1, 0, 1) for k in (-1, 0, 1)]
@@ -263,7 +266,7 @@ def hidden_by(hiding: Points, points: Points, height_m: float) -> BoolArray:
 
 
 def _directions(points: Points, height_m: float) -> tuple[IntArray, IntArray, FloatArray]:
-    """Columns of azimuth and rows of elevation (n,), and ranges (n,), from the sensor."""
+    """Returns the cells of azimuth and elevation (n,) of points, and their ranges (n,)."""
     x, y, z = points[:, :3].T.astype(np.float64)
     z -= height_m
     flat = np.hypot(x, y)

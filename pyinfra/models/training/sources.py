@@ -1,4 +1,4 @@
-"""Where frames to learn from come from: the folder of a LiDAR, or the simulator itself."""
+"""Sources of training frames: the folder of a LiDAR, or the simulator."""
 
 from __future__ import annotations
 
@@ -33,46 +33,46 @@ if TYPE_CHECKING:
     from pyinfra.models.detectors.detection_area import Site
     from pyinfra.models.training.samples import Samples
 
-# Of the train frames of 500 s, at most so many, evenly spread.
+# Largest number of training frames, evenly spread over those of 500 s.
 MOST_FRAMES: dict[Tier, int] = {"smoke": 200, "quick": 800, "full": 4000}
 ONE_FRAME = Accumulation()
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """The train frames of one LiDAR in one scene."""
+    """The training frames of one LiDAR in one scene."""
 
     lidar: str
     preset: str
     scene: str
     label_time: LabelTime
     clouds: tuple[Callable[[], Points], ...]
-    # (k, 7) of each frame's vehicles with a point, or of whatever the classes are
+    # (k, 7) boxes of each frame's objects that have a point and belong to `classes`
     read_boxes: Callable[[], tuple[FloatArray, ...]]
-    read_warning: Callable[[], str | None] = lambda: None  # of names that are no vehicle's
-    region: regions.Region | None = None  # where vehicles can be, if that is known
-    ground: Ground | None = None  # how high the road lies; None: as the vehicles stand
-    accumulation: Accumulation = ONE_FRAME  # of the clouds: (n, 5), of one frame (n, 4)
-    classes: tuple[ObjectClass, ...] = VEHICLES  # that the boxes are of
-    # (k,) numbers of the boxes' classes in each frame; none: all are of the first
+    read_warning: Callable[[], str | None] = lambda: None  # warning about unknown object names
+    region: regions.Region | None = None  # where vehicles can be, if known
+    ground: Ground | None = None  # height of the road; None: taken from the vehicles
+    accumulation: Accumulation = ONE_FRAME  # clouds are (n, 4) for one frame, (n, 5) if stacked
+    classes: tuple[ObjectClass, ...] = VEHICLES  # classes of the boxes
+    # (k,) class numbers of the boxes in each frame; empty: all are of the first class
     read_classes: Callable[[], tuple[IntArray, ...]] = tuple
 
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """Samples above the road of many LiDARs and sites, made when they are asked for."""
+    """Samples of one or more LiDARs and sites, made on demand, with z measured from the road."""
 
-    lidar: str  # names of all, with blanks between, as the next three
+    lidar: str  # all names, separated by blanks; so are the next three fields
     preset: str
     scene: str
     label_time: str
     samples: Samples
-    site: Site  # what a network looks at around each sensor
-    ground: Ground | None = None  # if it is the same for all
-    anywhere: bool = False  # whether sites are so many that another one is meant to be found in
+    site: Site  # the area around each sensor that a network sees
+    ground: Ground | None = None  # ground that is the same for all samples, if any
+    anywhere: bool = False  # whether there are so many sites that the network can be used at others
     accumulation: Accumulation = ONE_FRAME
-    classes: tuple[ObjectClass, ...] = VEHICLES  # that the samples' boxes are of
-    drawn: str = ""  # how samples are drawn, which a run that goes on must not change
+    classes: tuple[ObjectClass, ...] = VEHICLES  # classes of the samples' boxes
+    drawn: str = ""  # how samples are chosen; it must be the same when a training resumes
 
 
 def read_source(
@@ -81,10 +81,10 @@ def read_source(
     accumulation: Accumulation = ONE_FRAME,
     classes: tuple[ObjectClass, ...] = VEHICLES,
 ) -> Source:
-    """The train frames of a folder: those of ImageSets/train.txt, else the split by time.
+    """Returns the training frames of a folder.
 
-    Without a label all frames are train frames. Stacked with them are train frames and those that
-    lie between them, never one to test on.
+    They are those of ImageSets/train.txt, else those of the split by time; without labels they are
+    all frames. Only training frames and frames between them are stacked, never test frames.
 
     Raises FileNotFoundError, FormatError and Error.
     """
@@ -116,14 +116,14 @@ def _train_frames(folder: Path, period_s: float) -> Sequence[int]:
     if (folder / "ImageSets/train.txt").is_file():
         return frame_numbers(folder, "train")
     if not has_labels(folder):
-        return kitti.frames(folder)  # nothing to test on
+        return kitti.frames(folder)  # frames without labels cannot be test frames
     return split.by_time(kitti.frames(folder), period_s).train
 
 
 def _stackable(folder: Path, train: Sequence[int]) -> set[int]:
-    """Train frames, and those between them that are not to be tested on.
+    """Returns the training frames, and the frames between them that are not test frames.
 
-    With a list of train frames and none of test frames the others may all be to test on.
+    If there is a list of training frames but none of test frames, all others may be test frames.
     """
     lists = folder / "ImageSets"
     named = [part for part in ("val", "test") if (lists / f"{part}.txt").is_file()]
@@ -135,14 +135,14 @@ def _stackable(folder: Path, train: Sequence[int]) -> set[int]:
 
 
 def read_frame(folder: Path, frame: int) -> Points:
-    """The cloud (n, 4) of a frame of a LiDAR's folder. Raises FormatError."""
+    """Reads the cloud (n, 4) of a frame in a LiDAR's folder. Raises FormatError."""
     return kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
 
 
 def on_road(source: Source) -> Source:
-    """With clouds and boxes above the road, as networks are given them.
+    """Returns the source with z of clouds and boxes measured from the road, as networks need it.
 
-    Raises Error if neither the road's height is known nor a vehicle is there.
+    Raises Error if the road's height is unknown and there is no vehicle to take it from.
     """
     boxes = source.read_boxes()
     ground = source.ground or ground_of_boxes(boxes)
@@ -159,7 +159,7 @@ def _above(ground: Ground, cloud: Callable[[], Points]) -> Points:
 
 
 def scene_of(folder: Path) -> str:
-    """Name of the scene that a LiDAR's folder was simulated in."""
+    """Returns the name of the scene of a LiDAR's folder; `unknown` without dataset.yaml."""
     description = data_set_of(folder) / "dataset.yaml"
     return read_yaml(description).at("name").text() if description.is_file() else "unknown"
 
@@ -167,7 +167,10 @@ def scene_of(folder: Path) -> str:
 def hit_boxes(
     vehicles: Vehicles, frames: int, classes: tuple[ObjectClass, ...] = VEHICLES
 ) -> tuple[tuple[FloatArray, ...], tuple[IntArray, ...]]:
-    """(k, 7) of what of the classes has a point in each frame, and the numbers (k,) of these."""
+    """Returns the boxes (k, 7) of each frame's objects of some classes, and class numbers (k,).
+
+    Only objects with a point are included.
+    """
     numbers = numbers_of(vehicles.names, classes)
     hit = (numbers >= 0) & (vehicles.points > 0)
     masks = [hit & (vehicles.frame == i) for i in range(frames)]
@@ -186,10 +189,10 @@ def simulated_source(
     accumulation: Accumulation = ONE_FRAME,
     classes: tuple[ObjectClass, ...] = VEHICLES,
 ) -> Source:
-    """The same frames as a run would write, cast when they are asked for; nothing is on disk.
+    """Returns the frames that `infrasim run` would write, simulated on demand without files.
 
-    mount: which of several. Raises ConfigError and IoError as the simulator does, ImportError
-    without the extension.
+    mount: name of the mount, if there are several. Raises ConfigError and IoError as the simulator
+    does, and ImportError without the extension.
     """
     from pyinfra.dataset import simulation
 
@@ -214,7 +217,7 @@ def simulated_source(
 
 
 def pose_of(scene: Mapping[str, Any]) -> kitti.WorldPose:
-    """Of a scene's one mount."""
+    """Returns the pose of a scene's only mount."""
     ((_, mount),) = scene["mounts"].items()
     yaw = float(np.radians(mount["yaw_deg"]))
     return kitti.WorldPose(mount["x_m"], mount["y_m"], mount["z_m"], yaw)
@@ -232,13 +235,13 @@ def labels_of_frame(
     label_time: LabelTime,
     classes: tuple[ObjectClass, ...] = VEHICLES,
 ) -> tuple[FloatArray, IntArray]:
-    """(k, 7) of what of the classes has a point in a simulated frame, and the numbers (k,)."""
+    """Returns boxes (k, 7) and class numbers (k,) of a simulated frame, as `hit_boxes` does."""
     (boxes,), (numbers,) = hit_boxes(vehicles_of(frame.objects, 0, label_time), 1, classes)
     return boxes, numbers
 
 
 def spread(numbers: Sequence[int], most: int) -> tuple[int, ...]:
-    """At most so many of the numbers, evenly spread."""
+    """Returns at most `most` of the numbers, evenly spread."""
     if len(numbers) <= most:
         return tuple(numbers)
     return tuple(numbers[i * len(numbers) // most] for i in range(most))

@@ -1,4 +1,4 @@
-"""A training: from a recipe and LiDAR folders to a model."""
+"""Trains a detector from a recipe and frames."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
 BACKGROUND_FRAMES = 100
 
-OF_CLASSES = {"head.heat.weight", "head.heat.bias"}  # weights with a row a class
+OF_CLASSES = {"head.heat.weight", "head.heat.bias"}  # weights with one row per class
 
-# What a method that does not learn by steps has no use for, and its default.
+# Arguments that only networks use, with their defaults.
 OF_NETWORKS = {"seed": 1, "device": "cpu", "precision": "float32", "budget": 1.0, "start": None}
 
 
@@ -49,10 +49,10 @@ def train(
     precision: Precision = "float32",
     quiet: bool = False,
 ) -> Path:
-    """Trains a detector into the folder `out`, or goes on there; returns the model's file.
+    """Trains a detector in the folder `out`, or resumes there; returns the model's file.
 
-    Of a recipe without steps it is that of the network it starts with. Raises what reading frames
-    and training raise.
+    If the recipe has no steps, the network that it starts from is copied. Raises what reading
+    frames and training raise.
     """
     out.mkdir(parents=True, exist_ok=True)
     other = "last.safetensors" if recipe.detector == "background" else "background.npz"
@@ -66,7 +66,10 @@ def train(
 
 
 def _as_it_comes(start: Path, out: Path) -> Path:
-    """Raises FileNotFoundError, and FileExistsError for the folder of another network."""
+    """Copies a network without training; returns the file.
+
+    Raises FileNotFoundError, and FileExistsError if the folder has another network.
+    """
     source, model = model_file(start), out / "last.safetensors"
     if model.exists() and not filecmp.cmp(source, model, shallow=False):
         raise FileExistsError(f"{out}: {model.name}: is there already, of another network")
@@ -129,7 +132,7 @@ def _train_network(
     description = loop.describe(provenance, recipe, len(frames), precision, stream.drawn)
     with distributed.joined(device_of(device)) as where:
         distributed.check_batch(recipe.learning.batch)
-        begun = loop.read_begun(out, description)  # once all are here, so all find the same
+        begun = loop.read_begun(out, description)  # after all processes joined: all read the same
         done = begun.provenance.step if begun is not None else 0
         first = distributed.rank() == 0
         with _reporting(out, description, done, quiet) if first else nullcontext() as report:
@@ -149,7 +152,7 @@ def _train_network(
 
 
 def _provenance(recipe: Recipe, stream: Stream, seed: int) -> Provenance:
-    """What the checkpoint will say before the first step."""
+    """Returns the description of the checkpoint before the first step."""
     from pyinfra.models.training import checkpoint
 
     return checkpoint.Provenance(
@@ -171,11 +174,10 @@ def _provenance(recipe: Recipe, stream: Stream, seed: int) -> Provenance:
 
 
 def _begun_with(network: Network, start: Path, provenance: Provenance) -> Provenance:
-    """The network with the weights of another, and what the checkpoint then says.
+    """Loads the weights of another network; returns the changed description of the checkpoint.
 
-    What is learnt of classes that both know; the others begin as they were drawn. The line of
-    scores is kept if the classes are the same. Raises FileNotFoundError, and ConfigError for
-    weights of another network.
+    Weights of classes that only the new network has stay random. The calibration is kept if the
+    classes are the same. Raises FileNotFoundError, and ConfigError for weights that do not fit.
     """
     import torch
 
@@ -200,7 +202,7 @@ def _begun_with(network: Network, start: Path, provenance: Provenance) -> Proven
 
 
 def common_label_time(sources: Sequence[Source]) -> LabelTime:
-    """Raises Error for sources whose labels hold at different times."""
+    """Returns the label time of all sources. Raises Error if it differs."""
     first = sources[0]
     for other in sources:
         if other.label_time != first.label_time:
@@ -212,7 +214,7 @@ def common_label_time(sources: Sequence[Source]) -> LabelTime:
 
 
 def common_accumulation(sources: Sequence[Source]) -> Accumulation:
-    """Raises Error for sources that are stacked in several ways."""
+    """Returns the accumulation of all sources. Raises Error if it differs."""
     first = sources[0]
     for other in sources:
         if other.accumulation != first.accumulation:
@@ -229,7 +231,7 @@ def common_accumulation(sources: Sequence[Source]) -> Accumulation:
 def _reporting(
     out: Path, description: Description, done: int, quiet: bool
 ) -> Iterator[Callable[[Progress], None]]:
-    """Describes the run in `run.yaml`, and shows and logs each step that is given."""
+    """Writes `run.yaml`, and yields a function that displays and logs the progress of a step."""
     from torch.utils.tensorboard import SummaryWriter
 
     from pyinfra.models.training.loop import Log
@@ -238,7 +240,7 @@ def _reporting(
         beside.write_text(yaml.safe_dump(as_plain(description), sort_keys=False))
     log, steps = Log(out / "log.csv", done), description.steps
     board = SummaryWriter(str(out / "tensorboard"), purge_step=done + 1)
-    # Without `quiet`, None: on a terminal only.
+    # None, without `quiet`, shows the bar on a terminal only.
     bar = tqdm(total=steps, initial=done, unit="step", disable=quiet or None, file=sys.stderr)
 
     def report(progress: Progress) -> None:
@@ -254,9 +256,10 @@ def _reporting(
 
 
 def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Frames | None]:
-    """What to learn from, and what is kept to choose the best state by; None for 0.
+    """Returns the training samples, and the held-out frames; None if `kept` is 0.
 
-    Raises Error as `_frames` does, and if something is to be kept of a stream.
+    kept: number of frames of each LiDAR to hold out. Raises Error as `_frames` does, and if frames
+    of a stream are to be held out.
     """
     from pyinfra.models.detectors.detection_area import site_of
 
@@ -283,9 +286,9 @@ def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Fram
 
 
 def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None]:
-    """The frames to learn from, and the last `kept` ones of each LiDAR; None for 0.
+    """Returns the training frames, and the last `kept` frames of each LiDAR; None if `kept` is 0.
 
-    Raises Error if nothing is left to learn from, or no vehicle stands in what is kept.
+    Raises Error if no frame is left to train on, or if the held-out frames have no vehicle.
     """
     learnt, held_out = Frames((), ()), Frames((), ())
     for source in sources:

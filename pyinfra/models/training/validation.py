@@ -1,8 +1,8 @@
-"""Which state of a network is the best: AP on frames that are not learnt from.
+"""Selects the best state of a network by its AP on held-out training frames.
 
-The frames are the last ones of each LiDAR's training time (`validate_frames` of a recipe), never
-test frames. Its first seconds show vehicles that the last frames learnt from show as well, so the
-AP chooses among states of one run and says nothing else.
+The held-out frames are the last training frames of each LiDAR (`validate_frames` of a recipe),
+never test frames. The first of them show vehicles that are also in frames trained on. So this AP
+can only compare states of one training.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from pyinfra.models.detectors.classes import METRICS, TYPES
 from pyinfra.models.detectors.network import Network
 from pyinfra.models.training.samples import Frames
 
-CHECKS = 5  # over a run; with 40 frames, 4 % of the time of a quick PointPillars
+CHECKS = 5  # checks per training; with 40 frames they take 4 % of a quick PointPillars training
 
 
 def is_due(done: int, steps: int) -> bool:
-    """At each fifth of the steps, the last one with them."""
+    """Returns whether a check is due: after each 1 / CHECKS of the steps, and at the end."""
     return done * CHECKS // steps > (done - 1) * CHECKS // steps
 
 
 def average_precision(network: Network, frames: Frames) -> float:
-    """AP (R1000) of all vehicles with a point, 0 to 100; leaves the network as it is.
+    """Returns the AP (R1000) of all objects with a point, 0 to 100.
 
-    Of several classes the mean over those that are there.
+    For several classes it is the mean over those that occur. The mode of the network is restored.
     """
     training = network.training
     network.eval()
@@ -57,9 +57,10 @@ def _frame_of(parts: Sequence[FloatArray]) -> IntArray:
 
 
 class Checks:
-    """Looks at held-out frames now and then.
+    """Evaluates a network on held-out frames during training.
 
-    `validation.csv` has the step and AP of each check; those after a checkpoint are forgotten.
+    `validation.csv` has the step and AP of each check. When a training resumes, checks after its
+    checkpoint are removed.
     """
 
     def __init__(self, frames: Frames, file: Path, done: int) -> None:
@@ -69,7 +70,7 @@ class Checks:
         self.history = [(int(step), float(value)) for step, value in cells if int(step) <= done]
 
     def find_best(self, network: Network, done: int, steps: int) -> bool:
-        """Whether a check is due, and nothing before was better."""
+        """Makes a check if one is due; returns whether its AP is the highest so far."""
         if not is_due(done, steps):
             return False
         value = average_precision(network, self.frames)
