@@ -1,7 +1,7 @@
 """Detectors of vehicles in one frame of one LiDAR.
 
-A detector is one file with a class that satisfies `Detector`, and one row of DETECTORS. The file's
-top names the paper that it follows and every deviation from it.
+A detector is one file with a class that implements `Detector`, and one row of DETECTORS. The
+docstring of the file names the paper that it follows and all deviations from it.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from pyinfra.core.arrays import FloatArray, NameArray, Points
 
 @dataclass(frozen=True, eq=False)
 class Detections:
-    """What a detector finds in a frame, best first."""
+    """The boxes that a detector finds in a frame, best first."""
 
     boxes: FloatArray  # (k, 7) x y z dx dy dz heading, levelled LiDAR frame
     scores: FloatArray  # (k,) [0, 1], descending
@@ -26,10 +26,10 @@ class Detector(Protocol):
     """Finds vehicles in a cloud."""
 
     def predict(self, points: Points) -> Detections:
-        """points: (n, 4) float32, x y z intensity, levelled LiDAR frame; n may be 0.
+        """Returns the boxes in a cloud.
 
-        A detector of stacked frames takes (n, 5): the age of each point, seconds, comes last.
-
-        Points that are not finite or out of the detector's range are left out.
+        points: (n, 4) float32, x y z intensity, levelled LiDAR frame; n may be 0. A detector of
+        stacked frames takes (n, 5); the last column is the age of each point in seconds. Points
+        that are not finite, or outside the detector's range, are ignored.
         """
         ...

@@ -1,9 +1,9 @@
-"""Anchors on a bird's-eye grid: which boxes they stand for, and how far those are from them.
+"""Anchors on a bird's-eye grid: assignment to boxes, and residuals of boxes.
 
-SECOND, Yan et al., Sensors 2018, as OpenPCDet has it: matched by the overlap of the footprints,
-each turned to its nearest axis; residuals over the anchor's diagonal, height and sizes; headings
-modulo half a turn and a class for the half. Two sizes instead of one, because a bus never reaches
-the overlap with an anchor of a car.
+It follows SECOND, Yan et al., Sensors 2018, as implemented in OpenPCDet. Anchors are assigned by
+the IoU of footprints that are turned to their nearest axis. Residuals are relative to the anchor's
+diagonal, height and sizes. Headings are predicted modulo half a turn, with a class for the half.
+There are two sizes instead of one, because the IoU of a bus with an anchor for cars is too low.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ HEADINGS = (0.0, math.pi / 2)
 
 @dataclass(frozen=True)
 class AnchorConfig:
-    """Sizes are dx dy dz in metres."""
+    """Anchor boxes; sizes are length, width, height in metres."""
 
-    car_m: tuple[float, float, float] = ruled(CAR_M, 0.1, 30)  # length, width, height
-    long_m: tuple[float, float, float] = ruled(LONG_M, 0.1, 30)  # the second size
-    matched: float = ruled(0.6, 0, 1)  # an anchor stands for a box from this overlap on
-    unmatched: float = ruled(0.45, 0, 1)  # and for none below this one
-    candidates: int = ruled(4096, 1, 4096)  # best anchors that become boxes, before suppression
+    car_m: tuple[float, float, float] = ruled(CAR_M, 0.1, 30)  # size for cars
+    long_m: tuple[float, float, float] = ruled(LONG_M, 0.1, 30)  # size for trucks and buses
+    matched: float = ruled(0.6, 0, 1)  # least IoU of an anchor that is assigned to a box
+    unmatched: float = ruled(0.45, 0, 1)  # anchors with a lower IoU are background
+    candidates: int = ruled(4096, 1, 4096)  # most anchors that enter the suppression, best first
 
     @property
     def sizes(self) -> tuple[tuple[float, float, float], ...]:
@@ -42,11 +42,11 @@ class AnchorConfig:
 
 @dataclass(frozen=True, eq=False)
 class Targets:
-    """Of all anchors of one frame, or of one grid of them."""
+    """The assignment of anchors to the boxes of one frame."""
 
-    positive: Tensor  # (...) bool: stands for a box
-    negative: Tensor  # (...) bool: stands for none; the others do not count
-    box: Tensor  # (...) int64: the row of the box
+    positive: Tensor  # (...) bool: assigned to a box
+    negative: Tensor  # (...) bool: background; anchors that are neither do not count
+    box: Tensor  # (...) int64: row of the assigned box
 
 
 class Anchors:
@@ -68,9 +68,9 @@ class Anchors:
         self.boxes = torch.cat([xy, torch.stack(kinds).expand(rows, columns, -1, -1)], dim=-1)
 
     def targets(self, boxes: Tensor, grid: tuple[int, int] | None = None) -> Targets:
-        """boxes: (k, 7); returns tensors (rows, columns, per_cell).
+        """Assigns anchors to boxes (k, 7); returns tensors (rows, columns, per_cell).
 
-        grid: the first rows and columns only.
+        grid: use only the first rows and columns.
         """
         rows, columns = grid or self.boxes.shape[:2]
         shape = (rows, columns, self.config.per_cell)
@@ -80,7 +80,7 @@ class Anchors:
         overlap = self.axis_aligned_iou(boxes, grid)  # (rows, columns, per_cell, k)
         best, box = overlap.max(dim=-1)
         positive = best >= self.config.matched
-        # A box that no anchor matches gets its best ones.
+        # A box without a matched anchor is assigned its best ones.
         most = overlap.flatten(0, 2).amax(dim=0)
         forced = (overlap == most) & (most > 0)
         hit, forced_box = forced.max(dim=-1)
@@ -89,7 +89,10 @@ class Anchors:
         return Targets(positive, ~positive & (best < self.config.unmatched), box)
 
     def axis_aligned_iou(self, boxes: Tensor, grid: tuple[int, int] | None = None) -> Tensor:
-        """(rows, columns, per_cell, k): of footprints turned to their nearest axis."""
+        """Returns the IoU of anchors and boxes: (rows, columns, per_cell, k).
+
+        The footprints of boxes are turned to their nearest axis.
+        """
         rows, columns = grid or self.boxes.shape[:2]
         across = boxes[:, 6].sin().abs() > math.sqrt(0.5)
         gx = torch.where(across, boxes[:, 4], boxes[:, 3])
@@ -105,14 +108,14 @@ class Anchors:
 
 
 def _shared(centre: Tensor, length: float, other: Tensor, other_length: Tensor) -> Tensor:
-    """Length that intervals share, each with each."""
+    """Returns the length that intervals share, for all pairs."""
     low = torch.maximum(centre[:, None] - length / 2, other - other_length / 2)
     high = torch.minimum(centre[:, None] + length / 2, other + other_length / 2)
     return (high - low).clamp(min=0)
 
 
 def encode(boxes: Tensor, anchors: Tensor) -> Tensor:
-    """Residuals (n, 7) of boxes (n, 7) from anchors (n, 7)."""
+    """Returns the residuals (n, 7) of boxes (n, 7) relative to anchors (n, 7)."""
     diagonal = anchors[:, 3:5].norm(dim=1, keepdim=True)
     xy = (boxes[:, :2] - anchors[:, :2]) / diagonal
     z = (boxes[:, 2:3] - anchors[:, 2:3]) / anchors[:, 5:6]
@@ -121,7 +124,10 @@ def encode(boxes: Tensor, anchors: Tensor) -> Tensor:
 
 
 def decode(residuals: Tensor, anchors: Tensor, backwards: Tensor) -> Tensor:
-    """The inverse of encode; backwards (n,) bool says which half of the turn the heading is in."""
+    """Returns the boxes (n, 7) of residuals (n, 7), the inverse of encode.
+
+    backwards: (n,) bool, the half of the turn that the heading is in.
+    """
     diagonal = anchors[:, 3:5].norm(dim=1, keepdim=True)
     xy = residuals[:, :2] * diagonal + anchors[:, :2]
     z = residuals[:, 2:3] * anchors[:, 5:6] + anchors[:, 2:3]
@@ -131,15 +137,16 @@ def decode(residuals: Tensor, anchors: Tensor, backwards: Tensor) -> Tensor:
     return torch.cat([xy, z, sizes, heading[:, None]], dim=1)
 
 
-# A heading along the road is near 0 or pi: the halves must part far from both.
+# Angle that divides the two halves of a turn. Headings along the road are near 0 or pi, so it must
+# be far from both.
 PART = -math.pi / 4
 
 
 def in_half_turn(heading: Tensor) -> Tensor:
-    """The same axis, in [PART, PART + pi)."""
+    """Returns the headings modulo half a turn, in [PART, PART + pi)."""
     return (heading - PART) % math.pi + PART
 
 
 def is_backwards(heading: Tensor) -> Tensor:
-    """(n,) bool: which half of the turn a heading is in."""
+    """Returns which half of the turn headings are in: (n,) bool."""
     return (heading - PART) % (2 * math.pi) >= math.pi

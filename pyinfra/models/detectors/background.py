@@ -1,22 +1,23 @@
-"""Vehicles as what stands out from the background of a fixed sensor; nothing is learnt from labels.
+"""Background subtraction for a fixed sensor: detects vehicles without labels.
 
-The steps are the usual ones of roadside LiDAR: the background is what stays over minutes, the rest
-is clustered, and each cluster gets the rectangle of the L-shape search of Zhang et al., "Efficient
-L-Shape Fitting for Vehicle Detection Using Laser Scanners" (IV 2017). What differs from there:
+It uses the usual steps of roadside LiDAR. The background is what stays over minutes. The other
+points are clustered, and each cluster gets a rectangle by the L-shape search of Zhang et al.,
+"Efficient L-Shape Fitting for Vehicle Detection Using Laser Scanners" (IV 2017). Deviations from
+the paper:
 
-- the closeness of the points to the sides is saturated, and the directions of the roads, where
-  these are known, and those in which vehicles were seen to stand at that place while learning pull
-  the heading: few points fix none;
-- all clusters and headings of a frame are searched at once;
-- clusters reach farther along the direction of the road than across it;
-- a rectangle shorter than its class is grown away from the sensor, as that side is not seen;
-- what moves beside the roads, as leaves do, is left out, where the roads are known.
+- the closeness of points to the sides is saturated, and the heading is pulled towards the
+  directions of known roads and of vehicles seen at this position in training, because few points do
+  not determine a heading
+- all clusters and headings of a frame are searched at once
+- clusters may have larger gaps along the road than across it
+- a rectangle that is shorter than its class is extended away from the sensor, where it is hidden
+- moving points beside the roads, such as leaves, are left out if the roads are known
 
-What it cannot do: a heading is known up to half a turn; a vehicle that stands in most of the frames
-is background; vehicles that touch are one; ground that is hidden in every frame is taken from its
-neighbours or from the plane of the road. Without a region that plane may lie on the plants beside
-the road, and without known roads far vehicles side by side may be taken for one across the road.
-Needs neither torch nor the extension.
+Limitations: headings are known up to half a turn. A vehicle that stands in most frames is
+background. Vehicles that touch are merged. Ground that is hidden in all frames is taken from
+neighbouring cells or from the plane of the road. Without a region, this plane may follow plants
+beside the road. Without known roads, distant vehicles side by side may be merged into one across
+the road. The detector needs neither PyTorch nor the extension.
 """
 
 from __future__ import annotations
@@ -46,37 +47,40 @@ CLASSES = ("Car", "Motorcycle", "Truck", "Bus", "Pedestrian", "Cyclist")
 _VEHICLE_SIZES = [[4.5, 1.9, 1.6], [2.2, 0.8, 1.4], [8.5, 2.5, 3.2], [12, 2.55, 3.2]]  # metres
 SIZES = np.array([*_VEHICLE_SIZES, [0.73, 0.67, 1.77], [1.67, 0.7, 1.67]])
 _CAR, _MOTORCYCLE, _TRUCK, _BUS, _PEDESTRIAN, _CYCLIST = range(6)
-_LEAST_ALONE = 5  # points of a small cluster that is no far part of something else
+_LEAST_ALONE = 5  # least points of a pedestrian or cyclist; fewer may be part of a distant object
 
-_ROAD_CELL_M = 5.0  # of the grid of directions
-_KNOWN_ROAD = 1.0  # weight of a known road there: a vehicle in the same cell has some 0.07
-_THIN_M = 0.4  # points closer than that are one in the graph of clusters
+_ROAD_CELL_M = 5.0  # cell size of the grid of directions
+_KNOWN_ROAD = 1.0  # weight of a known road in it; a vehicle in the same cell has about 0.07
+_THIN_M = 0.4  # cell size in which points are merged before clustering
 _OFFSETS = np.radians(np.arange(-90, 90, 4)).astype(np.float32)  # headings of the search
 _BONNET_M = 1.2  # length of the low front or rear of a car
-_ON_SIDE_M = 0.1  # a point as close to a side lies on it
-_NEIGHBOUR_M = 10.0  # as far reaches the ground that is seen over ground that is not
-_OVERHEAD_M = 2.0  # above a road: crowns, gantries and signs, and no part of it
-_SHARED = 0.1  # of the smaller of two boxes: more is one vehicle
-_MOST = 1000  # boxes of a frame: what a wrong background or heavy rain may cost
+_ON_SIDE_M = 0.1  # a point this close to a side lies on it
+_NEIGHBOUR_M = 10.0  # largest distance from which the height of hidden ground is taken
+_OVERHEAD_M = 2.0  # higher permanent points above a road are crowns, gantries or signs
+_SHARED = 0.1  # two boxes that share more of the smaller one are the same vehicle
+_MOST = 1000  # most boxes of a frame; limits the time for a wrong background or heavy rain
 
-# What numpy raises for a file that is no .npz, is cut or has other arrays.
+# Exceptions of NumPy for a file that is no .npz file, is incomplete or has other arrays.
 _UNREADABLE = (ValueError, TypeError, KeyError, EOFError, ArithmeticError, BadZipFile, zlib.error)
 
 
 @dataclass(frozen=True)
 class Config:
-    """What is background and what is one vehicle."""
+    """Settings of background and clusters."""
 
-    range_m: float = ruled(120.0, 1, 1000)  # each way along x and y
-    cell_m: float = ruled(1.0, 0.1, 20)  # of the grid of the ground
-    clearance_m: float = ruled(0.15, 0, 5)  # a point this far above the ground is of something
-    ceiling_m: float = ruled(5.0, 0.1, 50)  # and below this of a vehicle
-    permanent_share: float = ruled(0.7, 0, 1)  # of the frames: what is hit more stands for good
-    gap_m: float = ruled(0.8, 0.05, 10)  # between points of a vehicle across the road, nearby
-    gap_along_m: float = ruled(1.2, 0.05, 10)  # and along it
-    within_region: bool = True  # no box whose centre is off the roads or the given outline
-    region_margin_m: float = ruled(1.0, 0, 20)  # around them, as boxes are not exact
-    people: bool = False  # small clusters are Pedestrian or Cyclist; a margin holds the footways
+    range_m: float = ruled(120.0, 1, 1000)  # range of x and y, in each direction
+    cell_m: float = ruled(1.0, 0.1, 20)  # cell size of the grid of the ground
+    clearance_m: float = ruled(0.15, 0, 5)  # points lower than this above the ground are ground
+    ceiling_m: float = ruled(5.0, 0.1, 50)  # points higher than this above the ground are ignored
+    # share of the frames: a voxel that has points in more of them is background
+    permanent_share: float = ruled(0.7, 0, 1)
+    # largest gap between points of a vehicle across the road; it grows with distance
+    gap_m: float = ruled(0.8, 0.05, 10)
+    gap_along_m: float = ruled(1.2, 0.05, 10)  # the same along the road
+    within_region: bool = True  # whether boxes outside the roads or the outline are left out
+    region_margin_m: float = ruled(1.0, 0, 20)  # margin around these, as boxes are not exact
+    # whether small clusters become Pedestrian or Cyclist; the margin must include the footways
+    people: bool = False
 
     def __post_init__(self) -> None:
         if self.clearance_m >= self.ceiling_m:
@@ -89,17 +93,17 @@ DEFAULT = Config()
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """A detector that knows its place: the ground, what stands there for good, and the traffic.
+    """A detector for one site, with its ground, its permanent objects and its traffic.
 
-    Grids are square and centred on the sensor, first index along x.
+    Grids are square and centred on the sensor; the first index is along x.
     """
 
     settings: Config
     ground: Floats  # (n, n) z of the ground, metres
-    permanent: BoolArray  # (n, n, layers of 1 m above the ground) where something always stands
-    region: BoolArray  # (n, n) where vehicles can be; everywhere if that is not known
-    road: Floats  # (m, m, 2) mean cos, sin of twice the heading of traffic; its length is certainty
-    expected: Floats  # (2,): ln of the points on a vehicle is [0] + [1] ln distance
+    permanent: BoolArray  # (n, n, layers of 1 m above the ground) voxels of permanent objects
+    region: BoolArray  # (n, n) where vehicles can be; everywhere if unknown
+    road: Floats  # (m, m, 2) mean cos, sin of twice the heading; the length is the certainty
+    expected: Floats  # (2,) points on a vehicle: ln points = [0] + [1] * ln distance
 
     @classmethod
     def learn(
@@ -109,12 +113,14 @@ class Background:
         region: Region | None = None,
         road: Ground | None = None,
     ) -> Background:
-        """frames: clouds (k, 4) of one sensor that stays where it is, spread over minutes.
+        """Learns the background of a site.
 
-        region: where vehicles can be; left out, or without `within_region`, everywhere.
-        Its roads, if it knows any, pull the directions of the traffic.
-        road: how high it lies; only a relief is used, a level road is taken from the frames.
-        Vehicles may stand in the way for most of that time if the road is seen free once.
+        frames: clouds (k, 4) of one fixed sensor, spread over minutes. The ground of a cell is
+        found if it is visible in at least one of them.
+        region: where vehicles can be; by default, and without `within_region`, everywhere. Known
+        roads in it influence the directions of traffic.
+        road: height of the road; only a relief is used, because a level road is estimated from the
+        frames.
         Raises Error if no frame has a point in range.
         """
         clouds = [_usable(frame, settings) for frame in frames]
@@ -128,13 +134,13 @@ class Background:
         inside = _inside_region(region, settings, settings.region_margin_m)
         none = np.zeros(2, np.float32)
         known = cls(settings, ground, permanent, inside, _mean_direction(roads), none)
-        for _ in range(2):  # the second time with directions that hold clusters apart
+        for _ in range(2):  # the second time uses directions, which separate clusters better
             rectangles = _joined([known._rectangles(cloud) for cloud in clouds])
             known = replace(known, road=_road(rectangles, roads), expected=_expected(rectangles))
         return known
 
     def predict(self, points: Points) -> Detections:
-        """As `Detector.predict`."""
+        """Returns the boxes in a cloud, as `Detector.predict` does."""
         rectangles = self._rectangles(_usable(points, self.settings))
         kinds = _kinds(rectangles, self.settings)
         boxes = _boxes(rectangles, kinds)
@@ -143,12 +149,15 @@ class Background:
         return Detections(boxes[keep], scores[keep], np.array(CLASSES)[kinds[keep]])
 
     def moving(self, points: Points) -> Floats:
-        """(m, 3) x y z of what moves, in the region or not; points as those of `predict`."""
+        """Returns the points that are not background, inside and outside the region: (m, 3).
+
+        points: as in `predict`.
+        """
         cloud = _usable(points, self.settings)
         return cloud[self._moving(cloud)[0]]
 
     def save(self, file: Path) -> None:
-        """Writes plain arrays in numpy's .npz format."""
+        """Writes the arrays as a .npz file of NumPy."""
         with replacing(file) as beside, beside.open("wb") as stream:
             np.savez_compressed(
                 stream,
@@ -162,7 +171,7 @@ class Background:
 
     @classmethod
     def load(cls, file: Path) -> Background:
-        """What `save` wrote. Raises Error with the file's name for anything else."""
+        """Reads a file of `save`. Raises Error, which names the file, for any other file."""
         try:
             with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
                 contents = [data[f.name] for f in fields(cls)]
@@ -173,7 +182,7 @@ class Background:
         return known
 
     def _check(self) -> None:
-        """Raises Error unless the arrays are those of `learn`."""
+        """Raises Error for arrays of other shapes or types than `learn` makes."""
         s = self.settings
         n, m = _cells(s), _road_cells(s)
         allowed = {
@@ -192,7 +201,7 @@ class Background:
                 )
 
     def _moving(self, cloud: Floats) -> tuple[IntArray, Floats]:
-        """Indices of the points (k, 3) that are no background, and heights (k,) of all."""
+        """Returns the indices of points (k, 3) that are not background, and all heights (k,)."""
         s = self.settings
         cell = _cell(cloud, s)
         height = cloud[:, 2] - self.ground.reshape(-1).take(cell)
@@ -202,7 +211,7 @@ class Background:
         return high[moves], height
 
     def _rectangles(self, cloud: Floats) -> _Rectangles:
-        """Clusters in the region of what is no background; cloud: (k, 3) usable points."""
+        """Returns the clusters in the region; cloud: (k, 3) usable points."""
         s = self.settings
         high, height = self._moving(cloud)
         rectangles = _fit(cloud.take(high, axis=0), height.take(high), self.road, s)
@@ -212,19 +221,19 @@ class Background:
 
 @dataclass(frozen=True, eq=False)
 class _Rectangles:
-    """Clusters and the rectangles around what is seen of them, in axes turned by the heading."""
+    """Clusters with the rectangles around their points, in axes turned by the heading."""
 
     heading: Floats  # (c,)
-    low: Floats  # (c, 2) least coordinate ahead and to the left
-    high: Floats  # (c, 2)
+    low: Floats  # (c, 2) least coordinates ahead and to the left
+    high: Floats  # (c, 2) largest coordinates
     bottom: Floats  # (c,) z of the ground
-    lowest: Floats  # (c,) height of the lowest point above it
-    height: Floats  # (c,) and of the highest
-    count: Floats  # (c,) points
+    lowest: Floats  # (c,) height of the lowest point above the ground
+    height: Floats  # (c,) height of the highest point
+    count: Floats  # (c,) number of points
 
     @property
     def size(self) -> Floats:
-        """(c, 2) seen length and width."""
+        """(c, 2) length and width of the visible part."""
         return np.asarray(self.high - self.low)
 
     @property
@@ -234,12 +243,12 @@ class _Rectangles:
 
     @property
     def distance(self) -> Floats:
-        """(c,) horizontal, from the sensor."""
+        """(c,) horizontal distance from the sensor, at least 1 m."""
         ahead, left = ((self.low + self.high) / 2).T
         return np.asarray(np.maximum(np.hypot(ahead, left), 1))
 
     def select(self, keep: BoolArray) -> _Rectangles:
-        """keep: (c,)."""
+        """Returns the clusters of a mask (c,)."""
         return _Rectangles(*(getattr(self, f.name)[keep] for f in fields(self)))
 
 
@@ -249,7 +258,7 @@ def _joined(parts: Sequence[_Rectangles]) -> _Rectangles:
 
 
 def _usable(points: Points, s: Config) -> Floats:
-    """(k, 3) x y z of the points that are finite and in range.
+    """Returns x y z of the points (n, 4) that are finite and in range: (k, 3).
 
     Raises Error for an array of another shape.
     """
@@ -273,7 +282,7 @@ def _road_cells(s: Config) -> int:
 
 
 def _numbers(settings: Config) -> FloatArray:
-    """Those of a file; without people it is as of versions that knew none."""
+    """Returns the settings as numbers; `people` is left out if false, as in earlier versions."""
     numbers = np.array(astuple(settings))
     return numbers if settings.people else numbers[:-1]
 
@@ -287,27 +296,30 @@ def _settings(values: FloatArray) -> Config:
 
 
 def _cell(cloud: Floats, s: Config) -> Int32Array:
-    """(k,) index into the grids of the ground, row by row; of places beyond it, at its edge."""
+    """Returns the index of each point's cell in the grid of the ground, row by row: (k,).
+
+    Points outside the grid get the nearest cell at its edge.
+    """
     index = ((cloud[:, :2] + np.float32(s.range_m)) * np.float32(1 / s.cell_m)).astype(np.int32)
     np.clip(index, 0, _cells(s) - 1, out=index)
     return index[:, 0] * np.int32(_cells(s)) + index[:, 1]
 
 
 def _centres(s: Config) -> tuple[Floats, Floats]:
-    """x (n, 1) and y (1, n) of the cells of the ground."""
+    """Returns x (n, 1) and y (1, n) of the cells of the ground."""
     at = ((np.arange(_cells(s)) + 0.5) * s.cell_m - s.range_m).astype(np.float32)
     return at[:, None], at[None]
 
 
 def _cell_positions(s: Config) -> FloatArray:
-    """(n * n, 2) x y of the cells of the ground, row by row."""
+    """Returns x, y of the cells of the ground, row by row: (n * n, 2)."""
     n = _cells(s)
     x, y = (np.broadcast_to(a, (n, n)).ravel() for a in _centres(s))
     return np.column_stack([x, y]).astype(np.float64)
 
 
 def _inside_region(region: Region | None, s: Config, margin_m: float) -> BoolArray:
-    """(n, n) of the cells whose centre is in the region or its margin."""
+    """Returns which cells have their centre in the region or its margin: (n, n)."""
     n = _cells(s)
     if region is None:
         return np.ones((n, n), np.bool_)
@@ -315,12 +327,12 @@ def _inside_region(region: Region | None, s: Config, margin_m: float) -> BoolArr
 
 
 def _ground(clouds: Sequence[Floats], s: Config, road: Ground | None, inside: BoolArray) -> Floats:
-    """(n, n) z: the lowest return of each cell, unless it is only ever of vehicles.
+    """Returns z of the ground, (n, n): the lowest return of each cell where that is ground.
 
-    A cell whose lowest return is well above the road and not there in most frames is one whose
-    ground no ray reaches; it gets that of a neighbour, or of the road: its relief where that is
-    known, else the plane that fits it best. inside: (n, n) of the cells in the region, all if it
-    is not known; in it what stays overhead is no ground either.
+    If the lowest return of a cell is well above the road and not there in most frames, no ray
+    reached its ground. The cell then gets the ground of a neighbour or of the road, which is its
+    relief if known, else a fitted plane. inside: (n, n) cells in the region; all if it is unknown.
+    Inside the region, permanent returns far above the road are not ground either.
     """
     n = _cells(s)
     lowest = np.full(n * n, np.inf, np.float32)
@@ -334,19 +346,19 @@ def _ground(clouds: Sequence[Floats], s: Config, road: Ground | None, inside: Bo
     if road is not None and road.relief is not None:
         plane = road.height(_cell_positions(s)).reshape(n, n).astype(np.float32)
     else:
-        # Plants and slopes beside the road are seen in every frame, far lanes hardly ever.
+        # Plants and slopes beside the road are visible in all frames, distant lanes in few.
         trusted = inside & (seen > 0).reshape(n, n)
         plane = _plane(z, np.where(trusted, share, 0) if trusted.any() else share, s)
     stays = share > s.permanent_share
     if not inside.all():
         stays &= ~inside | (z < plane + _OVERHEAD_M)
     real = stays | (z < plane + s.clearance_m) | (z == z.min())
-    # What stays beside the road, a crown say, tells nothing of the road.
+    # Permanent objects beside the road, such as crowns, must not affect the ground of the road.
     return np.where(inside, _filled(z, real & inside, plane, s), _filled(z, real, plane, s))
 
 
 def _filled(z: Floats, real: BoolArray, plane: Floats, s: Config) -> Floats:
-    """(n, n) z of the nearest real cell, that of the plane where none is near."""
+    """Returns z of the nearest cell in `real`, or of the plane where none is near: (n, n)."""
     if not real.any():
         return plane
     apart, (i, j) = distance_transform_edt(~real, s.cell_m, return_indices=True)
@@ -354,9 +366,10 @@ def _filled(z: Floats, real: BoolArray, plane: Floats, s: Config) -> Floats:
 
 
 def _plane(lowest: Floats, share: Floats, s: Config) -> Floats:
-    """(n, n) z of the plane through the lowest returns of the cells that are seen most often.
+    """Returns z of a robust plane through the lowest returns of cells: (n, n).
 
-    share: (n, n) of the frames that see a cell. Vehicles are seen seldom and only ever above.
+    share: (n, n) share of the frames with a return in a cell, which is its weight. Returns above
+    the plane, as on vehicles, have less weight.
     """
     x, y = (np.broadcast_to(a, lowest.shape) for a in _centres(s))
     known = share > 0
@@ -369,7 +382,7 @@ def _plane(lowest: Floats, share: Floats, s: Config) -> Floats:
     fit = np.array([0, 0, z[near][order][np.searchsorted(total, total[-1] / 2)]])
     for reach in np.minimum(s.range_m * 1.5, [45, 45, 45, 45, 80, 80, 200, 200]):
         above = z - a @ fit
-        # Cauchy weights; a weak pull towards level ground where few cells are known.
+        # Cauchy weights, and a weak prior for level ground, which matters if few cells are known.
         weight = trust * (distance <= reach) / (1 + (above / 0.2) ** 2)
         weight *= np.where(above > 0, 0.2, 1)
         normal = a.T @ (a * weight[:, None]) + np.diag([1.0, 1.0, 1e-6])
@@ -378,7 +391,7 @@ def _plane(lowest: Floats, share: Floats, s: Config) -> Floats:
 
 
 def _permanent(clouds: Sequence[Floats], ground: Floats, s: Config) -> BoolArray:
-    """(n, n, layers) True where most frames have a return above the ground."""
+    """Returns which voxels have a return in most frames: (n, n, layers)."""
     n, layers = _cells(s), _layers(s)
     seen = np.zeros(n * n * layers, np.int32)
     for cloud in clouds:
@@ -391,8 +404,10 @@ def _permanent(clouds: Sequence[Floats], ground: Floats, s: Config) -> BoolArray
 
 
 def _known_roads(region: Region | None, s: Config) -> FloatArray:
-    """(m, m, 3) votes of the region's roads as those of clusters in `_road`, of next to no weight
-    where none is known and where several cross."""
+    """Returns the votes of the region's roads, (m, m, 3), in the form of `_road`.
+
+    Their weight is almost 0 where no road is known and where several roads cross.
+    """
     cells = _road_cells(s)
     votes = np.full((cells, cells, 3), 1e-6) * [0, 0, 1]
     if region is not None and region.axes is not None:
@@ -404,15 +419,16 @@ def _known_roads(region: Region | None, s: Config) -> FloatArray:
 
 
 def _mean_direction(votes: FloatArray) -> Floats:
-    """(m, m, 2) of votes (m, m, 3)."""
+    """Returns the mean direction (m, m, 2) of votes (m, m, 3)."""
     return (votes[..., :2] / votes[..., 2:]).astype(np.float32)
 
 
 def _road(rectangles: _Rectangles, roads: FloatArray) -> Floats:
-    """(m, m, 2) mean cos, sin of twice the heading of long clusters; shorter where they differ.
+    """Returns the mean cos, sin of twice the heading of long clusters: (m, m, 2).
 
-    roads: (m, m, 3) votes of known ones. Far away most clusters show their rear alone, and two
-    vehicles side by side are one across the road: few votes there are as often wrong as right.
+    The vector is shorter where headings differ. roads: (m, m, 3) votes of known roads. Far away,
+    clusters mostly show the rear of vehicles, and two vehicles side by side are merged; a few votes
+    there are not reliable.
     """
     cells = len(roads)
     length, width = rectangles.size.T
@@ -422,7 +438,7 @@ def _road(rectangles: _Rectangles, roads: FloatArray) -> Floats:
     turn = 2 * rectangles.heading[sure]
     vote = np.stack([np.cos(turn), np.sin(turn), np.ones_like(turn)], axis=1)
     np.add.at(votes, (i, j), vote)
-    # Narrow where many were seen; where none were, what there is far around.
+    # Votes are smoothed over a small area if there are many, and over a large one if there are few.
     smooth = roads.copy()
     for share, cells_wide in [(1, 1.5), (0.02, 4), (1e-4, 10)]:
         smooth += share * gaussian_filter(votes, (cells_wide, cells_wide, 0), mode="constant")
@@ -436,9 +452,9 @@ def _road_cell(xy: Floats, cells: int) -> tuple[IntArray, IntArray]:
 
 
 def _expected(rectangles: _Rectangles) -> Floats:
-    """(2,) line through ln points over ln distance of the clusters.
+    """Returns the line through ln points over ln distance of the clusters: (2,).
 
-    A weak pull towards the slope -1.5 matters if they are few or all at one distance.
+    A weak prior for the slope -1.5 matters if there are few clusters, or all at one distance.
     """
     good = rectangles.count >= 2
     x, y = np.log(rectangles.distance[good]), np.log(rectangles.count[good])
@@ -449,7 +465,7 @@ def _expected(rectangles: _Rectangles) -> Floats:
 
 
 def _fit(cloud: Floats, height: Floats, road: Floats, s: Config) -> _Rectangles:
-    """Rectangles of the clusters of a cloud (k, 3) with heights (k,) above the ground."""
+    """Returns the clusters of a cloud (k, 3) with heights (k,) above the ground."""
     if len(cloud) == 0:
         none = np.empty(0, np.float32)
         pair = np.empty((0, 2), np.float32)
@@ -475,7 +491,10 @@ def _fit(cloud: Floats, height: Floats, road: Floats, s: Config) -> _Rectangles:
 
 
 def _thinned(cloud: Floats) -> tuple[Floats, IntArray]:
-    """One point (t, 2) per cell of the plane, the mean of its points, and which is whose (k,)."""
+    """Merges the points in each cell of _THIN_M.
+
+    Returns their means (t, 2), and the index of the mean of each point (k,).
+    """
     cell = np.floor(cloud[:, :2] / np.float32(_THIN_M)).astype(np.int64)
     _, owner, count = np.unique(
         cell[:, 0] * 1_000_000 + cell[:, 1], return_inverse=True, return_counts=True
@@ -485,10 +504,10 @@ def _thinned(cloud: Floats) -> tuple[Floats, IntArray]:
 
 
 def _clusters(xy: Floats, road: Floats, s: Config) -> Int32Array:
-    """(t,) label of the cluster of each point, from 0: neighbours in an ellipse along the road.
+    """Returns the cluster of each point, numbered from 0: (t,).
 
-    The ellipse grows with the distance, as the gaps between rays do. Without a known direction it
-    is a circle.
+    Points are in one cluster if one lies in an ellipse along the road around the other. The ellipse
+    grows with distance, as the gaps between rays do. Without a known direction it is a circle.
     """
     distance = np.hypot(xy[:, 0], xy[:, 1])
     grow = 1 + distance / np.float32(100)
@@ -497,7 +516,7 @@ def _clusters(xy: Floats, road: Floats, s: Config) -> Int32Array:
     x, y = (xy[i] - xy[j]).T
     cos, sin = road[_road_cell(xy, len(road))].T
     both = x * x + y * y
-    # |along|^2 - |across|^2 of the step, times the certainty.
+    # (along^2 - across^2) of the step, times the certainty of the direction.
     tilt = (x * x - y * y) * cos[i] + 2 * x * y * sin[i]
     size = (both + tilt) / (2 * s.gap_along_m**2) + (both - tilt) / (2 * s.gap_m**2)
     near = size < grow[i] ** 2
@@ -508,7 +527,7 @@ def _clusters(xy: Floats, road: Floats, s: Config) -> Int32Array:
 
 
 def _headings(xy: Floats, label: Int32Array, road: Floats) -> Floats:
-    """(c,) best heading of each cluster; xy (t, 2) ordered by label (t,)."""
+    """Returns the best heading of each cluster: (c,). xy (t, 2) is ordered by label (t,)."""
     start = np.flatnonzero(np.diff(label, prepend=-1))
     count = np.diff(start, append=len(xy))
     mean = np.add.reduceat(xy, start) / count[:, None].astype(np.float32)
@@ -529,19 +548,22 @@ def _headings(xy: Floats, label: Int32Array, road: Floats) -> Floats:
 
 
 def _inside(at: Floats, start: IntArray, label: Int32Array) -> tuple[Floats, Floats]:
-    """How far points (t, h) are from the nearer end of their cluster, and the extents (c, h)."""
+    """Returns the distances of points to the nearer end of their cluster, and its extents.
+
+    The shapes are (t, h) and (c, h).
+    """
     low, high = np.minimum.reduceat(at, start), np.maximum.reduceat(at, start)
     return np.minimum(at - low[label], high[label] - at), high - low
 
 
 def _turned(xy: Floats, heading: Floats) -> Floats:
-    """(n, 2) points turned by (n,) radians about the sensor."""
+    """Returns points (n, 2), turned by (n,) radians about the sensor."""
     cos, sin = np.cos(heading), np.sin(heading)
     return np.stack([cos * xy[:, 0] - sin * xy[:, 1], sin * xy[:, 0] + cos * xy[:, 1]], axis=1)
 
 
 def _kinds(rectangles: _Rectangles, s: Config) -> IntArray:
-    """(c,) index into CLASSES."""
+    """Returns the index in CLASSES of each cluster: (c,)."""
     length, width = rectangles.size.T
     kinds = np.full(len(length), _CAR)
     kinds[(width < 1.1) & (length < 3.2) & (rectangles.count >= 8)] = _MOTORCYCLE
@@ -559,11 +581,14 @@ def _kinds(rectangles: _Rectangles, s: Config) -> IntArray:
 
 
 def _boxes(rectangles: _Rectangles, kinds: IntArray) -> FloatArray:
-    """(c, 7): each rectangle, grown to the size of its class on the side away from the sensor."""
+    """Returns the boxes of clusters: (c, 7).
+
+    Rectangles are extended to the size of their class on the side away from the sensor.
+    """
     missing = np.maximum(SIZES[kinds, :2] - rectangles.size, 0)
-    # Where the sensor is alongside, no side is nearer.
+    # If the sensor is alongside a vehicle, front and rear are equally far, and both are extended.
     away = np.clip((rectangles.low + rectangles.high) / 2 / SIZES[kinds, :2], -1, 1)
-    # Rays that only hit the cabin went over the bonnet before it.
+    # If only the cabin was hit, rays passed above the bonnet, which is nearer to the sensor.
     over = np.where(kinds == _CAR, np.clip(2 * rectangles.lowest - 1, 0, 1), 0)
     nearer = np.minimum(over[:, None] * [_BONNET_M, 0], missing)
     middle = (rectangles.low + rectangles.high) / 2 + away * (missing / 2 - nearer)
@@ -575,14 +600,18 @@ def _boxes(rectangles: _Rectangles, kinds: IntArray) -> FloatArray:
 
 
 def _scores(rectangles: _Rectangles, kinds: IntArray, expected: Floats) -> FloatArray:
-    """(c,) [0.1, 1]: the points against those expected there, and the size against the class."""
+    """Returns scores in [0.1, 1]: (c,).
+
+    They depend on the number of points relative to the expected one, and on the size relative to
+    that of the class.
+    """
     ratio = rectangles.count / np.exp(expected[0] + expected[1] * np.log(rectangles.distance))
     excess = np.maximum(rectangles.size - SIZES[kinds, :2] - [1.5, 0.5], 0).sum(1)
     return np.asarray(0.1 + 0.9 * ratio / (ratio + 0.3) * np.exp(-excess), dtype=np.float64)
 
 
 def _without_overlap(boxes: FloatArray, scores: FloatArray) -> IntArray:
-    """Indices of at most _MOST boxes, best first, without those that overlap a better one."""
+    """Returns the indices of boxes that do not overlap a better one, best first, at most _MOST."""
     order = np.argsort(-scores, kind="stable")[:_MOST]
     best = boxes[order]
     area = best[:, 3] * best[:, 4]

@@ -1,4 +1,4 @@
-"""What networks are given: points and boxes of some frames, and the area they look at."""
+"""The input of networks: points and boxes of some frames, and the area that is used."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pyinfra.core.errors import Error
 
 @dataclass(frozen=True)
 class Area:
-    """The part of the levelled LiDAR frame that a detector looks at, metres."""
+    """The part of the levelled LiDAR frame that a detector uses, in metres."""
 
     low: tuple[float, float, float]  # x y z
     high: tuple[float, float, float]
@@ -30,20 +30,20 @@ class Area:
         return x, y, z
 
     def holds(self, xyz: Floats) -> BoolArray:
-        """(n,) bool: which of xyz (n, 3) are finite and inside; the high side is outside."""
+        """Returns which of xyz (n, 3) are finite and inside: (n,) bool; `high` is excluded."""
         low, high = np.array(self.low, xyz.dtype), np.array(self.high, xyz.dtype)
         inside = np.ones(len(xyz), dtype=np.bool_)
-        for axis in range(3):  # column by column: a fifth of the time of all(axis=1)
+        for axis in range(3):  # column by column, which is five times as fast as all(axis=1)
             inside &= (xyz[:, axis] >= low[axis]) & (xyz[:, axis] < high[axis])
         return inside
 
     def crop(self, points: Points) -> Points:
-        """The points (n, 4 or more) inside, with finite intensities."""
+        """Returns the points (n, 4 or more) that are inside and have finite intensities."""
         keep = self.holds(points[:, :3]) & np.isfinite(points[:, 3])
         return points[keep]
 
     def grown(self, step: float) -> Area:
-        """The same middle, x and y made whole multiples of `step`."""
+        """Returns the area enlarged around its middle, so that x and y are multiples of `step`."""
         low, high = list(self.low), list(self.high)
         for axis in (0, 1):
             size = high[axis] - low[axis]
@@ -54,22 +54,22 @@ class Area:
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One frame to learn from."""
+    """One training frame."""
 
-    points: Points  # (n, 4), stacked (n, 5) with ages
-    boxes: FloatArray  # (k, 7) of the vehicles with a point of this LiDAR
-    classes: IntArray | None = None  # (k,) numbers of the boxes' classes; None: all of the first
-    height_m: float = field(default=0.0, kw_only=True)  # of the sensor above z = 0
+    points: Points  # (n, 4); for stacked frames (n, 5) with ages
+    boxes: FloatArray  # (k, 7) boxes of the objects with a point of this LiDAR
+    classes: IntArray | None = None  # (k,) class numbers of the boxes; None: all 0
+    height_m: float = field(default=0.0, kw_only=True)  # height of the sensor above z = 0
 
     @property
     def numbers(self) -> IntArray:
-        """(k,) numbers of the boxes' classes."""
+        """(k,) class numbers of the boxes."""
         return np.zeros(len(self.boxes), np.int64) if self.classes is None else self.classes
 
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """The part of each frame's canvas to learn from (windows.py)."""
+    """The part of each frame's canvas that is used for training (windows.py)."""
 
     most_m2: float
     centres: Tensor  # (B, 2) x y
@@ -77,24 +77,24 @@ class Windows:
 
 @dataclass(frozen=True, eq=False)
 class CanvasPart:
-    """The part of the canvas that is filled."""
+    """The part of the canvas that is filled, shifted to the first cell of the canvas."""
 
     sides: tuple[int, int]  # rows, columns
-    first: Tensor | None  # (B, 2) row and column of each frame's first cell; None: the canvas's
-    boxes: tuple[Tensor, ...]  # (k, 7) in it, moved as it is to the canvas's first cell
-    classes: tuple[Tensor, ...]  # (k,) of them
+    first: Tensor | None  # (B, 2) row, column of the part's first cell; None: the whole canvas
+    boxes: tuple[Tensor, ...]  # (k, 7) boxes of each frame in the part, shifted in the same way
+    classes: tuple[Tensor, ...]  # (k,) class numbers of these boxes
 
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Frames under one another."""
+    """Several frames, with their points concatenated."""
 
-    points: Tensor  # (n, 4) float32, (n, 5) of a network that looks at ages
-    frame: Tensor  # (n,) int64, ascending
-    boxes: tuple[Tensor, ...]  # of each frame (k, 7) float32
+    points: Tensor  # (n, 4) float32; (n, 5) for a network that uses ages
+    frame: Tensor  # (n,) int64, frame of each point, ascending
+    boxes: tuple[Tensor, ...]  # (k, 7) float32 for each frame
     windows: Windows | None = None  # None: the whole area
-    classes: tuple[Tensor, ...] = ()  # of each frame (k,) int64, the numbers of the boxes' classes
-    balance: float = 0.0  # of the loss over frames: see `Learning.balance`
+    classes: tuple[Tensor, ...] = ()  # (k,) int64 class numbers of the boxes of each frame
+    balance: float = 0.0  # weighting of frames in the loss: see `Learning.balance`
 
     @property
     def size(self) -> int:
@@ -111,9 +111,9 @@ class Batch:
 
 
 def make_batch(samples: Sequence[Sample], area: Area, columns: int = 4) -> Batch:
-    """The first columns of the points inside the area, and the boxes whose centre is.
+    """Makes a batch of the points inside the area and the boxes whose centres are inside.
 
-    Raises Error for a cloud of fewer columns.
+    columns: number of columns of the points to use. Raises Error for a cloud with fewer columns.
     """
     for sample in samples:
         if sample.points.shape[1] < columns:

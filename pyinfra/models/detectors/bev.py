@@ -1,7 +1,8 @@
-"""The two-dimensional network over a bird's-eye canvas.
+"""The two-dimensional network on a bird's-eye canvas.
 
-SECOND, Yan et al., Sensors 2018, as PointPillars has it: blocks of 3 x 3 convolutions, each at half
-the resolution of the one before, brought back to one resolution and stacked.
+It follows SECOND, Yan et al., Sensors 2018, as used in PointPillars: blocks of 3 x 3 convolutions,
+each at half the resolution of the previous one. Their outputs are upsampled to one resolution and
+concatenated.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ from pyinfra.core.errors import Error
 
 @dataclass(frozen=True)
 class BevConfig:
-    """Per block: layers after the strided one, width, stride; and the width brought up."""
+    """Two-dimensional network on the bird's-eye canvas; lists have one value per block."""
 
-    layers: tuple[int, ...] = ruled((3, 5, 5), 0, 20)  # convolutions of each level, after its first
-    widths: tuple[int, ...] = ruled((64, 128, 256), 1, 1024)  # channels of each level
-    strides: tuple[int, ...] = ruled((2, 2, 2), 1, 4)  # of the first convolution of each level
-    up_width: int = ruled(128, 1, 1024)  # channels that each level adds to the output
+    layers: tuple[int, ...] = ruled((3, 5, 5), 0, 20)  # convolutions after the strided one
+    widths: tuple[int, ...] = ruled((64, 128, 256), 1, 1024)  # channels
+    strides: tuple[int, ...] = ruled((2, 2, 2), 1, 4)  # stride of the first convolution
+    up_width: int = ruled(128, 1, 1024)  # channels that each block adds to the output
 
     def __post_init__(self) -> None:
         if not 0 < len(self.layers) == len(self.widths) == len(self.strides):
@@ -31,7 +32,7 @@ class BevConfig:
 
 
 class BevNetwork(nn.Module):
-    """(B, C, H, W) -> (B, blocks * up_width, H / s, W / s), s the first stride."""
+    """Maps (B, C, H, W) to (B, blocks * up_width, H / s, W / s), where s is the first stride."""
 
     def __init__(self, config: BevConfig, channels: int, *, residual: bool = False) -> None:
         super().__init__()
@@ -48,7 +49,8 @@ class BevNetwork(nn.Module):
             channels = width
         self.channels = len(config.layers) * config.up_width
         self.step = math.prod(config.strides)  # the canvas's sides must be multiples of this
-        # As the canvas: a sixth faster on a CPU. The stub of `to` lacks this overload.
+        # The same memory layout as the canvas is a sixth faster on a CPU. The stub of `to` lacks
+        # this overload.
         self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def forward(self, x: Tensor) -> Tensor:
@@ -66,7 +68,7 @@ def conv(channels: int, width: int, stride: int = 1) -> nn.Sequential:
 
 
 class Residual(nn.Module):
-    """Two 3 x 3 convolutions with a way around them (He et al., CVPR 2016)."""
+    """Two 3 x 3 convolutions with a residual connection (He et al., CVPR 2016)."""
 
     def __init__(self, channels: int, width: int, stride: int = 1) -> None:
         super().__init__()
@@ -86,5 +88,5 @@ def norm(width: int) -> nn.BatchNorm2d:
 
 
 def multiple(config: BevConfig, cell_m: float) -> float:
-    """The area's sides must be multiples of this, in metres."""
+    """Returns the length of which the area's sides must be multiples, in metres."""
     return math.prod(config.strides) * cell_m

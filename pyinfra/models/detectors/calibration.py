@@ -1,6 +1,6 @@
-"""Scores that are shares of right boxes: the line of logits that makes them so.
+"""Calibration of scores, so that a score is the probability that a box is right.
 
-Platt, "Probabilistic outputs for support vector machines", 1999.
+Logits are transformed by a line (Platt, "Probabilistic outputs for support vector machines", 1999).
 """
 
 from __future__ import annotations
@@ -12,21 +12,21 @@ from scipy.special import expit
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.errors import Error
 
-STEADY = 1e-3  # pulls the line to scores as they are, where there are next to no boxes
-LEAST = 1e-7  # of a score and of what it lacks to 1
+STEADY = 1e-3  # weight of the prior for unchanged scores, which matters with very few boxes
+LEAST = 1e-7  # scores are clipped to LEAST .. 1 - LEAST
 
 
 def logit(scores: FloatArray) -> FloatArray:
-    """(n,) of scores (n,) in [0, 1]."""
+    """Returns the logits of scores (n,) in [0, 1]: (n,)."""
     inside = np.clip(scores, LEAST, 1 - LEAST)
     return np.asarray(np.log(inside / (1 - inside)))
 
 
 def fit(scores: FloatArray, right: BoolArray) -> tuple[float, float]:
-    """a and b of logit -> a logit + b, most likely for boxes with these scores (n,).
+    """Returns the maximum-likelihood a and b of logit -> a logit + b.
 
-    right: (n,) whether each overlaps a vehicle enough. Raises Error without a right and a
-    wrong one.
+    scores: (n,) scores of boxes. right: (n,) whether each box overlaps a vehicle enough. Raises
+    Error unless there are both right and wrong boxes.
     """
     if right.all() or not right.any():
         raise Error(f"found {right.sum()} right boxes of {len(right)}, allowed some and not all")
@@ -44,6 +44,6 @@ def fit(scores: FloatArray, right: BoolArray) -> tuple[float, float]:
 
 
 def calibrated(scores: FloatArray, line: tuple[float, float]) -> FloatArray:
-    """(n,) scores whose logits are the line of what they were."""
+    """Returns calibrated scores (n,); line: a and b of `fit`."""
     a, b = line
     return np.asarray(expit(a * logit(scores) + b))

@@ -1,11 +1,14 @@
-"""The detectors by name: a new one is a file and a row here."""
+"""The detectors by name; a new detector needs a file and a row here."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Entry:
-    """Module and class; `learnt` networks have a `Config` beside the class and are trained."""
+    """Module and class of a detector. A module also has a class `Config`.
+
+    learnt: whether the detector is a network that is trained.
+    """
 
     module: str
     name: str

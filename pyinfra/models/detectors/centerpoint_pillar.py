@@ -1,8 +1,11 @@
 """CenterPoint on pillars: Center-based 3D Object Detection and Tracking, Yin et al., CVPR 2021.
 
-Deviations: dynamic pillars (pillars.py) through one layer, one head for all classes, no second
-stage, Gaussians along the vehicles, a plainer head and the weight of its box (centre_head.py),
-boxes on every second row and column of pillars of 0.2 m.
+Deviations from the paper:
+
+- dynamic pillars with one layer (pillars.py)
+- one head for all classes, and no second stage
+- Gaussians aligned with the vehicles, a simpler head, another weight of the box (centre_head.py)
+- the grid of boxes has half the resolution of the pillars, which are 0.2 m wide
 """
 
 from __future__ import annotations
@@ -26,17 +29,18 @@ from pyinfra.models.detectors.windows import view_of
 
 @dataclass(frozen=True)
 class Config:
-    """Widths and depths; the defaults are the published ones."""
+    """Sizes of the network; the defaults are the published ones."""
 
     pillar_m: float = ruled(0.2, 0.05, 2)  # side of a pillar
     pillar_width: int = ruled(64, 1, 512)  # channels of a pillar
-    intensity: bool = True  # whether a point's is looked at; each LiDAR has its own scale
-    place: bool = True  # whether x and y themselves are; a network of many sites does without
-    age: bool = False  # whether a point's is looked at, of stacked frames (--accumulate)
+    intensity: bool = True  # whether intensity is an input; each LiDAR has its own scale
+    place: bool = True  # whether x and y are inputs; networks for many sites do without them
+    age: bool = False  # whether the age of points in stacked frames is an input (--accumulate)
     bev: BevConfig = field(default_factory=BevConfig)
-    head_width: int = ruled(64, 1, 512)  # channels of the layer that heat and box share
-    axis: bool = False  # whether boxes have an axis and a way, for sites with traffic any way
-    classes: tuple[ObjectClass, ...] = ruled(VEHICLES, once=True)  # that are told apart
+    head_width: int = ruled(64, 1, 512)  # channels of the layer that heat map and boxes share
+    # whether axis and direction of a box are predicted separately, for traffic in all directions
+    axis: bool = False
+    classes: tuple[ObjectClass, ...] = ruled(VEHICLES, once=True)  # classes that are distinguished
 
     def __post_init__(self) -> None:
         if not self.classes:
@@ -44,7 +48,7 @@ class Config:
 
 
 class CenterPointPillar(Network):
-    """Pillars, a two-dimensional network, a heat map."""
+    """Pillars, a two-dimensional network and a heat map of centres."""
 
     learns_in_windows = True
     balances_frames = True

@@ -1,9 +1,13 @@
 """The centre head: a heat map of the centres of each class, and a box at each peak.
 
-CenterPoint, Yin et al., CVPR 2021, first stage. Deviations: the heat of a vehicle is a Gaussian as
-long and as wide as the vehicle itself, along its heading, in place of a circle; one layer for the
-heat and one for the box behind a shared one, where the published branches have two each; the box
-weighs 0.5, where its published weight is 0.25 or 2, by the data set.
+It follows the first stage of CenterPoint, Yin et al., CVPR 2021. Deviations from the paper:
+
+- the heat of a vehicle is a Gaussian with the length, width and heading of the vehicle, not a
+  circle
+- after a shared layer there is one layer for the heat and one for the box; the published branches
+  have two layers each
+- the loss of the box has the weight 0.5; the published weight is 0.25 or 2, depending on the data
+  set
 """
 
 from __future__ import annotations
@@ -27,15 +31,16 @@ from pyinfra.models.detectors.network import Losses
 
 BOX_WEIGHT, DIRECTION_WEIGHT = 0.5, 0.2
 BOX = 8  # x y z, log sizes (3), sine and cosine of the heading
-PEAKS = 512  # the highest ones that become boxes
-ROAD_WEIGHT = 3.0  # of the road's axis, where none was found at all; 1 is 0 to 2 AP below
-LEAST_CELLS = 0.6  # standard deviation of a Gaussian
+PEAKS = 512  # number of highest peaks that become boxes
+# Weight of the road's axis relative to a predicted axis of length 0. With 1, AP is 0 to 2 lower.
+ROAD_WEIGHT = 3.0
+LEAST_CELLS = 0.6  # least standard deviation of a Gaussian, in cells
 
 
 class CentreHead(nn.Module):
-    """(B, C, H, W), row = y: heat of each class and boxes of each cell.
+    """Predicts the heat of each class and a box in each cell of a canvas (B, C, H, W), row = y.
 
-    What stands in a cell has one box, of whichever class it is.
+    All classes share the box of a cell.
     """
 
     def __init__(
@@ -53,7 +58,10 @@ class CentreHead(nn.Module):
         self.box: nn.Module = nn.Conv2d(width, BOX, 3, padding=1)
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Heat as logits (B, classes, H, W), boxes (B, H, W, 8); a subclass may add to the 8."""
+        """Returns heat as logits (B, classes, H, W) and boxes (B, H, W, 8).
+
+        A subclass may append numbers to the 8.
+        """
         x = self.shared(x)
         return self.heat(x).float(), self.box(x).permute(0, 2, 3, 1).float()
 
@@ -64,10 +72,10 @@ class CentreHead(nn.Module):
         classes: tuple[Tensor, ...] = (),
         balance: float = 0.0,
     ) -> Losses:
-        """boxes: (k, 7) of each frame; classes: their numbers (k,), needed where there are some.
+        """Returns the losses of a canvas.
 
-        balance: a frame of n boxes has the weight n ** -balance: with 0 each box counts the same,
-        with 1 each frame.
+        boxes: (k, 7) for each frame. classes: their class numbers (k,). balance: a frame with n
+        boxes has the weight n ** -balance; with 0 each box counts the same, with 1 each frame.
         """
         logits, residuals = self(x)
         counts = torch.tensor([len(b) for b in boxes])
@@ -87,31 +95,34 @@ class CentreHead(nn.Module):
         return {name: part / count for name, part in (heat | parts).items()}
 
     def heat_loss(self, logits: Tensor, boxes: Sequence[Tensor], weights: Tensor) -> Tensor:
-        """Of one class (B, H, W), summed with the frames' weights (B,)."""
+        """Returns the loss of one class's heat (B, H, W), summed with the frames' weights (B,)."""
         heat = torch.stack([self.heat_of(b, logits.shape[1:]) for b in boxes])
         return (weights * heat_map_focal(logits, heat)).sum()
 
     def box_losses(
         self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor, weights: Tensor
     ) -> Losses:
-        """Summed over the boxes (k, 7), each with what was found at its centre (k, 8)."""
+        """Returns the losses summed over boxes (k, 7). at: predictions at their centres, (k, 8)."""
         box = (at[:, :BOX] - self.encode(boxes, row, column)).abs().sum(dim=1)
         return {"box": BOX_WEIGHT * (weights * box).sum()}
 
     def cells_of(self, boxes: Tensor, shape: Sequence[int]) -> tuple[Tensor, Tensor]:
-        """Row and column (k,) of the boxes' centres, which float32 may have moved onto the rim."""
+        """Returns the cells of the boxes' centres: row and column, (k,) each.
+
+        Rounding may move a centre onto the border of the canvas, so the cells are clipped.
+        """
         low = boxes.new_tensor(self.site.area.low[:2])
         cell = ((boxes[:, :2] - low) / self.cell_m).long()
         return cell[:, 1].clamp(max=shape[0] - 1), cell[:, 0].clamp(max=shape[1] - 1)
 
     def middle_of(self, row: Tensor, column: Tensor) -> Tensor:
-        """(k, 2) x y of cells' middles, metres."""
+        """Returns x, y of the middles of cells in metres: (k, 2)."""
         cell = torch.stack([column, row], dim=1)
         low = torch.tensor(self.site.area.low[:2], device=row.device)
         return low + (cell + 0.5) * self.cell_m
 
     def encode(self, boxes: Tensor, row: Tensor, column: Tensor) -> Tensor:
-        """(k, 8)."""
+        """Returns the residuals of boxes (k, 7) relative to their cells: (k, 8)."""
         offset = (boxes[:, :2] - self.middle_of(row, column)) / self.cell_m
         z = boxes[:, 2:3] - self.site.floor_z
         heading = boxes[:, 6:]
@@ -120,7 +131,10 @@ class CentreHead(nn.Module):
     def decode(
         self, residuals: Tensor, row: Tensor, column: Tensor, *, along_road: bool = True
     ) -> Tensor:
-        """(k, 8) -> (k, 7); along_road: whether their class goes where roads lead."""
+        """Returns the boxes (k, 7) of residuals (k, 8).
+
+        along_road: whether objects of this class move along roads.
+        """
         xy = self.middle_of(row, column) + residuals[:, :2] * self.cell_m
         z = residuals[:, 2:3] + self.site.floor_z
         sizes = residuals[:, 3:6].clamp(-5, 5).exp()
@@ -128,7 +142,7 @@ class CentreHead(nn.Module):
         return torch.cat([xy, z, sizes, heading], dim=1)
 
     def heat_of(self, boxes: Tensor, shape: tuple[int, ...]) -> Tensor:
-        """(H, W) in [0, 1], 1 in the cell of each box's centre."""
+        """Returns the target heat: (H, W) in [0, 1], 1 in the cell of each box's centre."""
         heat = boxes.new_zeros(tuple(shape))
         if len(boxes) == 0:
             return heat
@@ -143,7 +157,7 @@ class CentreHead(nn.Module):
         return each.amax(dim=0)
 
     def candidates(self, x: Tensor) -> list[tuple[Tensor, ...]]:
-        """The peaks of each frame, as `Network.candidates` gives them."""
+        """Returns the boxes at the peaks of each frame, as `Network.candidates` does."""
         logits, boxes = self(x)
         heat = torch.sigmoid(logits)
         peak = functional.max_pool2d(heat, 3, 1, 1) == heat
@@ -158,19 +172,19 @@ class CentreHead(nn.Module):
         return parts
 
     def peaks(self, score: Tensor, boxes: Tensor, *, along_road: bool) -> tuple[Tensor, Tensor]:
-        """Boxes (k, 7) and scores (k,) of the highest cells of one class (H, W)."""
+        """Returns boxes (k, 7) and scores (k,) at the highest cells of one class (H, W)."""
         best = score.flatten().topk(min(PEAKS, score.numel()))
         row, column = best.indices // score.shape[1], best.indices % score.shape[1]
         at = boxes[row, column]
         return self.decode(at, row, column, along_road=along_road), self.score(best.values, at)
 
     def score(self, heat: Tensor, at: Tensor) -> Tensor:
-        """(k,) of peaks with this heat (k,) and what was found at them (k, 8)."""
+        """Returns the scores (k,) of peaks. heat: (k,). at: predictions at the peaks, (k, 8)."""
         return heat
 
 
 def _numbered(of_classes: Sequence[tuple[Tensor, Tensor]]) -> tuple[Tensor, Tensor, Tensor]:
-    """Boxes (k, 7), scores (k,) and numbers (k,) of all classes."""
+    """Concatenates the boxes and scores of all classes; returns boxes, scores, class numbers."""
     boxes, scores = (torch.cat(parts) for parts in zip(*of_classes, strict=True))
     numbers = [
         torch.full_like(of_class, i, dtype=torch.int64)
@@ -180,11 +194,12 @@ def _numbered(of_classes: Sequence[tuple[Tensor, Tensor]]) -> tuple[Tensor, Tens
 
 
 class AxisHead(CentreHead):
-    """Boxes carry their axis, as sine and cosine of twice the heading, and which way is forwards.
+    """A head that predicts the axis of a box and, separately, which end is the front.
 
-    Front and back look alike where traffic may come from anywhere. A mean of the two ways is no
-    heading, but the axis has one. Where points do not tell it, as a handful on a car far away, what
-    is found of it is short, and the axis of the road fills it up, if the roads are known.
+    The axis is the sine and cosine of twice the heading. Front and rear look alike if traffic can
+    come from any direction; then the mean of two opposite headings is meaningless, but their axis
+    is the same. With few points, as on a distant car, the predicted axis vector is short. If the
+    roads are known, the axis of the road is added in proportion to the missing length.
     """
 
     def __init__(
@@ -200,7 +215,7 @@ class AxisHead(CentreHead):
         self.road_axes: Tensor | None = None
 
     def know(self, region: Region, shape: tuple[int, int]) -> None:
-        """Takes the axes of a region's roads for (H, W) cells; none of a region without."""
+        """Stores the axes of the region's roads for (H, W) cells; None if it has no roads."""
         self.road_axes = None
         if region.axes is None:
             return

@@ -1,4 +1,4 @@
-"""The classes that a network tells apart: their numbers, and the types that files have of them."""
+"""The classes that a network distinguishes: their numbers, and their types in files."""
 
 from __future__ import annotations
 
@@ -10,25 +10,26 @@ from pyinfra.core.arrays import IntArray, NameArray
 from pyinfra.core.vocabulary import OBJECT_CLASSES, VEHICLES, ObjectClass
 from pyinfra.metrics.matching import Metric
 
-# What a network writes, as it knows no more of a vehicle.
+# Type that a network writes for each class. It does not distinguish types of vehicles.
 TYPES: dict[ObjectClass, str] = {
     "vehicle": "vehicle",
     "pedestrian": "Pedestrian",
     "cyclist": "Cyclist",
 }
-# How one of them is found: people by their centres, as their footprints are as small as boxes err.
+# Metric that matches boxes of each class. Pedestrians and cyclists are matched by their centres,
+# because their footprints are as small as the errors of boxes.
 METRICS: dict[ObjectClass, Metric] = {"vehicle": "bev", "pedestrian": "centre", "cyclist": "centre"}
-ALONG_ROADS = ("vehicle", "cyclist")  # the others go any way
+ALONG_ROADS = ("vehicle", "cyclist")  # classes that move along roads; others move in any direction
 
 
 def classes_of(config: object) -> tuple[ObjectClass, ...]:
-    """That a network with this Config tells apart; most know vehicles alone."""
+    """Returns the classes that a network with this Config distinguishes; by default vehicles."""
     classes: tuple[ObjectClass, ...] = getattr(config, "classes", VEHICLES)
     return classes
 
 
 def numbers_of(types: NameArray, classes: Sequence[ObjectClass]) -> IntArray:
-    """(n,) the place of the class of each type (n,) among the classes; -1: none of them."""
+    """Returns the index in `classes` of each type's class: (n,), -1 for other types."""
     numbers = np.full(len(types), -1)
     for number, name in enumerate(classes):
         numbers[np.isin(types, OBJECT_CLASSES[name])] = number

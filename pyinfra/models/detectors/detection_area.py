@@ -1,4 +1,4 @@
-"""What a network looks at around a sensor."""
+"""The area around a sensor that a network uses."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors.batch import Area
 
 MARGIN_M = 1.0
-REGION_MARGIN_M = 8.0  # half a long vehicle, so that one whose centre is at the end is whole
+REGION_MARGIN_M = 8.0  # half a long vehicle, so that vehicles centred at the border are included
 
 
 @dataclass(frozen=True)
 class Site:
-    """x and y of the levelled LiDAR frame, z from the local road; metres."""
+    """An area with x, y of the levelled LiDAR frame and z measured from the local road; metres."""
 
     area: Area
     floor_z: float = 0.0
 
 
 def site_of(boxes: Iterable[FloatArray], regions: Sequence[Region] = ()) -> Site:
-    """The area that holds the regions with a margin of 8 m, as high as the boxes (k, 7) with 1 m.
+    """Returns the area of some regions and boxes.
 
-    boxes: above the road. The area is the same for every LiDAR of a site, however far each of them
-    sees. Without a region: that of the boxes with a margin of 1 m. Raises Error if there is no
-    box.
+    x and y include the regions with a margin of 8 m; z includes the boxes (k, 7), which are above
+    the road, with a margin of 1 m. So the area is the same for all LiDARs of a site. Without a
+    region, x and y include the boxes with a margin of 1 m. Raises Error if there is no box.
     """
     every = np.concatenate([np.empty((0, 7)), *boxes])
     if len(every) == 0:
@@ -52,14 +52,14 @@ def site_of(boxes: Iterable[FloatArray], regions: Sequence[Region] = ()) -> Site
 
 
 def around(region: Region, site: Site) -> Site:
-    """The site as high as it is, with a region's area."""
+    """Returns the site with x and y of a region; z is unchanged."""
     low, high = _ends([region])
     area = Area((*low, site.area.low[2]), (*high, site.area.high[2]))
     return Site(area, site.floor_z)
 
 
 def _ends(regions: Sequence[Region]) -> tuple[tuple[float, float], tuple[float, float]]:
-    """x y, lowest and highest, of regions with the margin."""
+    """Returns the lowest and the highest x, y of regions with the margin."""
     corners = np.concatenate([region.corners for region in regions])
     (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
     margin = REGION_MARGIN_M

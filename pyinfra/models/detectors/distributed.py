@@ -1,9 +1,9 @@
-"""Processes that learn one network together, each from its share of every batch.
+"""Training of one network in several processes, each with its share of every batch.
 
-Plain torch.distributed in place of DistributedDataParallel: networks have losses and no `forward`,
-and some parameters have no part in some batches. So that the weights become those of one process
-with the whole batch, up to rounding, batch norms see the whole batch (torch's own SyncBatchNorm
-needs a GPU) and losses are over the vehicles of the whole batch.
+torch.distributed is used directly instead of DistributedDataParallel, because networks have
+`losses` and no `forward`, and some parameters are not used in some batches. Apart from rounding,
+the weights are the same as with one process. For this, batch norms use the whole batch (PyTorch's
+SyncBatchNorm needs a GPU), and losses are normalised by the objects of the whole batch.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from pyinfra.core.errors import Error
 
 @contextmanager
 def joined(device: torch.device) -> Iterator[torch.device]:
-    """Meets the processes that torchrun started, if any; gives this one's device.
+    """Joins the processes that torchrun started, if any; yields the device of this process.
 
-    Raises Error for a device by number: each process takes its own.
+    Raises Error if the device has a number, because each process has its own.
     """
     if int(os.environ.get("WORLD_SIZE", "1")) == 1:
         yield device
@@ -44,7 +44,7 @@ def joined(device: torch.device) -> Iterator[torch.device]:
 
 
 def check_batch(size: int) -> None:
-    """Raises Error unless each process has as many frames of it."""
+    """Raises Error if a batch of this size cannot be divided equally among the processes."""
     if size % count() != 0:
         raise Error(f"learning.batch: found {size}, allowed multiples of {count()}, the processes")
 
@@ -58,9 +58,10 @@ def count() -> int:
 
 
 def of_all(number: Tensor) -> Tensor:
-    """What a loss over a batch is divided by: how many it counts, 1 or more.
+    """Returns the number by which the loss of a batch is divided, 1 or more.
 
-    With several processes such that the mean of their losses is the loss of the whole batch.
+    number: objects of this process. With several processes the result is such that the mean of
+    their losses is the loss of the whole batch.
     """
     if count() == 1:
         return number.clamp(min=1)
@@ -70,7 +71,7 @@ def of_all(number: Tensor) -> Tensor:
 
 
 def mean(values: Tensor) -> Tensor:
-    """The mean over the processes, without gradient."""
+    """Returns the mean over the processes, without gradient."""
     values = values.detach()
     if count() > 1:
         values = values.clone()
@@ -80,7 +81,10 @@ def mean(values: Tensor) -> Tensor:
 
 
 def average_gradients(network: nn.Module) -> None:
-    """A parameter that no process used keeps no gradient, and so its value."""
+    """Averages the gradients over the processes.
+
+    A parameter that no process used gets no gradient, so that its value does not change.
+    """
     if count() == 1:
         return
     parameters = [p for p in network.parameters() if p.requires_grad]
@@ -94,11 +98,11 @@ def average_gradients(network: nn.Module) -> None:
 
 
 class LocalNorm(nn.BatchNorm1d):
-    """Of what is the same in every process."""
+    """Batch norm of values that are the same in all processes, which `share_norms` leaves as is."""
 
 
 class _SharedNorm(_BatchNorm):
-    """Batch norm over the batches of all processes, of which some may be empty."""
+    """Batch norm over the batches of all processes, some of which may be empty."""
 
     def _check_input_dim(self, _: Tensor) -> None:
         pass
@@ -111,7 +115,7 @@ class _SharedNorm(_BatchNorm):
         number = torch.tensor([x.numel() / x.shape[1]], device=x.device)
         sums = _summed(torch.cat([wide.sum(around), number]))
         n = sums[-1].item()
-        if n < 2:  # nothing to normalise by
+        if n < 2:  # the variance is undefined
             mean, variance = self.running_mean, self.running_var
             return functional.batch_norm(x, mean, variance, self.weight, self.bias, eps=self.eps)
         shape = (1, -1, *[1] * (x.dim() - 2))
@@ -131,7 +135,7 @@ class _SharedNorm(_BatchNorm):
 
 
 class _Sum(torch.autograd.Function):
-    # Each process's sum depends on the inputs of all, so gradients are sums as well.
+    # The sum in each process depends on the inputs of all, so gradients are summed too.
     @staticmethod
     def forward(_: Any, x: Tensor) -> Tensor:
         total = x.clone()
@@ -146,12 +150,12 @@ class _Sum(torch.autograd.Function):
 
 
 def _summed(x: Tensor) -> Tensor:
-    """Over the processes; the gradient is that of the sum of their losses."""
+    """Returns the sum over the processes; its gradient is that of the sum of their losses."""
     return cast(Tensor, _Sum.apply(x))  # type: ignore[no-untyped-call]
 
 
 def share_norms(network: nn.Module) -> None:
-    """With several processes, lets batch norms see the whole batch; names and weights stay."""
+    """With several processes, makes batch norms use the whole batch; weights do not change."""
     for module in network.modules():
         if count() > 1 and isinstance(module, _BatchNorm) and not isinstance(module, LocalNorm):
             module.__class__ = _SharedNorm

@@ -1,11 +1,15 @@
 """DSVT: Dynamic Sparse Voxel Transformer with Rotated Sets, Wang et al., CVPR 2023, on pillars.
 
-Deviations: one class; the area is that of the training vehicles; the embedding of a place belongs
-to the window that its layer attends in (the published code takes it of the other window in every
-second layer) and is normalised over the places of a window, not over the voxels; one branch of the
-head for the box, which weighs 0.5 in place of 2; Gaussians along the vehicles (centre_head.py); the
-loss of overlap is that of turned boxes alone, without the distance of their centres; the rate's
-cycle is that of all detectors here; detections are suppressed from an overlap of 0.1 on, likewise.
+Deviations from the paper:
+
+- one class; the area is that of the training vehicles
+- the position embedding belongs to the window in which its layer attends (in the published code
+  every second layer uses that of the other window), and is normalised over the cells of a window,
+  not over the voxels
+- one branch of the head for the whole box, whose loss has the weight 0.5 instead of 2
+- Gaussians aligned with the vehicles (centre_head.py)
+- the overlap loss is the IoU of rotated boxes only, without the distance of their centres
+- learning rate cycle and non-maximum suppression (IoU 0.1) as for all detectors here
 """
 
 from __future__ import annotations
@@ -39,20 +43,20 @@ def _bev() -> BevConfig:
 
 @dataclass(frozen=True)
 class Config:
-    """Widths and depths; the defaults are the published ones."""
+    """Sizes of the network; the defaults are the published ones."""
 
     pillar_m: float = ruled(0.32, 0.05, 2)  # side of a pillar
-    point_layers: int = ruled(2, 1, 4)  # of the pillar encoder
+    point_layers: int = ruled(2, 1, 4)  # layers of the pillar encoder
     width: int = ruled(192, 2, 1024)  # channels of a pillar
-    blocks: int = ruled(4, 1, 16)  # of attention
-    heads: int = ruled(8, 1, 64)  # of each attention
+    blocks: int = ruled(4, 1, 16)  # attention blocks
+    heads: int = ruled(8, 1, 64)  # heads of each attention
     feed_width: int = ruled(384, 1, 4096)  # channels between the two layers after an attention
-    set_size: int = ruled(36, 1, 1024)  # pillars that attend to each other
-    windows: tuple[int, ...] = ruled((12, 24), 1, 1024)  # cells; blocks take turns
-    shifts: tuple[int, ...] = ruled((0, 6), 0, 1024)  # of the windows, in cells
+    set_size: int = ruled(36, 1, 1024)  # pillars in a set, which attend to each other
+    windows: tuple[int, ...] = ruled((12, 24), 1, 1024)  # window sides in cells; blocks alternate
+    shifts: tuple[int, ...] = ruled((0, 6), 0, 1024)  # shifts of the windows, in cells
     bev: BevConfig = field(default_factory=_bev)
     head_width: int = ruled(64, 1, 512)  # channels of each branch of the head
-    iou_share: float = ruled(0.68, 0, 1)  # of the score
+    iou_share: float = ruled(0.68, 0, 1)  # exponent of the predicted IoU in the score
 
     def __post_init__(self) -> None:
         if self.width % self.heads != 0 or self.width % 2 != 0:
@@ -62,7 +66,7 @@ class Config:
 
 
 class Embedding(nn.Module):
-    """What is learnt of each place in a window: (side * side, width), row after row."""
+    """A learnt embedding of each cell in a window: (side * side, width), row by row."""
 
     def __init__(self, side: int, width: int) -> None:
         super().__init__()
@@ -78,7 +82,7 @@ class Embedding(nn.Module):
 
 
 class SetAttention(nn.Module):
-    """Voxels (n, width) look at those of their own set."""
+    """Attention of voxels (n, width) to the voxels of their own set."""
 
     def __init__(self, width: int, heads: int) -> None:
         super().__init__()
@@ -88,12 +92,17 @@ class SetAttention(nn.Module):
         self.out = nn.Linear(width, width)
 
     def forward(self, x: Tensor, position: Tensor, sets: Sets) -> Tensor:
-        """x, place: (n, width). Projected voxel by voxel, then gathered: a repeat costs little."""
+        """x, position: (n, width); returns (n, width).
+
+        Voxels are projected before they are gathered into sets, so that repeated voxels cost
+        little.
+        """
         projected = torch.cat([self.query_key(x + position), self.value(x)], dim=1)
         gathered = projected.index_select(0, sets.voxel.flatten())
         shape = (*sets.voxel.shape, 3, self.heads, x.shape[1] // self.heads)
         query, key, value = gathered.view(shape).permute(2, 0, 3, 1, 4)  # (s, heads, size, C)
-        # Added, not boolean, which is slower; never all of a set, as its first slot is no repeat.
+        # An additive mask is faster than a boolean one. It never hides a whole set, because the
+        # first slot of a set is not a repeat.
         hidden = query.new_zeros(sets.repeats.shape).masked_fill(sets.repeats, -torch.inf)
         attention_out = functional.scaled_dot_product_attention(
             query, key, value, attn_mask=hidden[:, None, None, :]
@@ -104,7 +113,7 @@ class SetAttention(nn.Module):
 
 
 class Layer(nn.Module):
-    """Attention in sets and two linear layers, each with its way around."""
+    """Attention in sets and two linear layers, each with a residual connection."""
 
     def __init__(self, config: Config) -> None:
         super().__init__()
@@ -123,7 +132,7 @@ class Layer(nn.Module):
 
 
 class DsvtBlock(nn.Module):
-    """Two layers in the same windows: sets along x first, then along y."""
+    """Two layers in the same windows, the first with sets along x, the second along y."""
 
     def __init__(self, config: Config, side: int) -> None:
         super().__init__()
@@ -132,7 +141,7 @@ class DsvtBlock(nn.Module):
         self.norm = nn.LayerNorm(config.width)
 
     def forward(self, x: Tensor, by_row: Tensor, rotated: tuple[Sets, Sets]) -> Tensor:
-        """by_row: (n,) place of the voxels in their window."""
+        """by_row: (n,) index of each voxel's cell in its window."""
         y = x
         for layer, embedding, sets in zip(self.layers, self.embeddings, rotated, strict=True):
             y = layer(y, embedding().index_select(0, by_row), sets)
@@ -141,7 +150,7 @@ class DsvtBlock(nn.Module):
 
 
 class Transformer(nn.Module):
-    """Voxels (n, width) to as many, blocks taking turns in small and in large shifted windows."""
+    """Maps voxels (n, width) to (n, width); blocks alternate between the sizes of windows."""
 
     def __init__(self, config: Config) -> None:
         super().__init__()
@@ -153,7 +162,7 @@ class Transformer(nn.Module):
                 nn.init.xavier_uniform_(parameter)
 
     def forward(self, x: Tensor, frame: Tensor, row: Tensor, column: Tensor) -> Tensor:
-        """frame, row, column: (n,) of each voxel; n is 1 or more."""
+        """frame, row, column: (n,) position of each voxel; n is 1 or more."""
         kinds = []
         for side, shift in zip(self.config.windows, self.config.shifts, strict=True):
             windows = windows_of(frame, row, column, side, shift)
@@ -166,7 +175,7 @@ class Transformer(nn.Module):
 
 
 class IouHead(CentreHead):
-    """Boxes carry a ninth number: how well they fit, from -1 (not at all) to 1."""
+    """A centre head with a ninth number per box, which predicts its IoU, scaled to -1 to 1."""
 
     def __init__(
         self, channels: int, width: int, site: Site, cell_m: float, iou_share: float
@@ -179,7 +188,7 @@ class IouHead(CentreHead):
         self.iou = nn.Sequential(conv(width, width), iou)
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Heat as logits (B, 1, H, W), and boxes (B, H, W, 9)."""
+        """Returns heat as logits (B, 1, H, W) and boxes (B, H, W, 9)."""
         x = self.shared(x)
         residuals = torch.cat([self.box(x), self.iou(x)], dim=1)
         return self.heat(x).float(), residuals.permute(0, 2, 3, 1).float()
@@ -196,9 +205,10 @@ class IouHead(CentreHead):
         }
 
     def score(self, heat: Tensor, at: Tensor) -> Tensor:
-        """A box that fits badly scores less (AFDetV2, Hu et al., AAAI 2022).
+        """Returns the scores (k,), which a low predicted IoU reduces (AFDetV2, Hu et al., AAAI
+        2022).
 
-        The fit is learnt at vehicles only, so it can't raise what the heat map leaves out.
+        The predicted IoU is trained at vehicles only, so it is not used below MIN_SCORE of heat.
         """
         fit = ((at[:, BOX] + 1) / 2).clamp(0, 1)
         score = heat ** (1 - self.iou_share) * fit**self.iou_share
@@ -206,7 +216,7 @@ class IouHead(CentreHead):
 
 
 class Dsvt(Network):
-    """Occupied pillars, attention among them, a two-dimensional network, a heat map."""
+    """Pillars, attention between them, a two-dimensional network and a heat map of centres."""
 
     learns_in_windows = True
     balances_frames = True
@@ -223,7 +233,7 @@ class Dsvt(Network):
         self.head = IouHead(channels, config.head_width, self.site, cell_m, share)
 
     def canvas(self, batch: Batch, view: CanvasPart | None = None) -> Tensor:
-        """(B, width, H, W)."""
+        """Returns the canvas (B, width, H, W), or the part of it in `view`."""
         features, pillar = self.encoder.occupied(batch)  # (n, width), (n,)
         if view is not None:
             seen = self.encoder.seen(pillar, view)

@@ -1,4 +1,4 @@
-"""A network where it stands: it is given points above the local road."""
+"""Adapts a network, whose z is measured from the road, to the levelled LiDAR frame of a site."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pyinfra.models.detectors import Detections, Detector
 
 @dataclass(frozen=True, eq=False)
 class OnRoad:
-    """A detector (`pyinfra.models.detectors.Detector`) out of one whose z is from the road."""
+    """A `Detector` in the levelled LiDAR frame, made from one whose z is measured from the road."""
 
     detector: Detector
     ground: Ground

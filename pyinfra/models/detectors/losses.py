@@ -1,4 +1,4 @@
-"""Losses of detectors, each summed over its elements: the caller divides by what it counts."""
+"""Losses of detectors. They are not normalised; the caller divides by the number of objects."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-RARE = 0.01  # of all places, those with a vehicle, at the start
+RARE = 0.01  # initial probability of an object at each position
 
 
 def start_rare(layer: nn.Conv2d) -> nn.Conv2d:
-    """Sets the bias of a layer of logits so that it starts with few vehicles everywhere."""
+    """Sets the bias of a layer of logits so that all initial probabilities are RARE."""
     if layer.bias is not None:
         nn.init.constant_(layer.bias, -math.log((1 - RARE) / RARE))
     return layer
 
 
 def focal(logits: Tensor, targets: Tensor, alpha: float = 0.25, gamma: float = 2.0) -> Tensor:
-    """Focal loss (Lin et al., ICCV 2017) of targets 0 or 1, element by element."""
+    """Returns the focal loss (Lin et al., ICCV 2017) of each element; targets are 0 or 1."""
     p = torch.sigmoid(logits)
     wrong = torch.where(targets > 0.5, 1 - p, p)
     weight = torch.where(targets > 0.5, alpha, 1 - alpha)
@@ -28,9 +28,9 @@ def focal(logits: Tensor, targets: Tensor, alpha: float = 0.25, gamma: float = 2
 
 
 def heat_map_focal(logits: Tensor, heat: Tensor) -> Tensor:
-    """Penalty-reduced focal loss (CornerNet, Law and Deng, ECCV 2018), summed over each frame.
+    """Returns the penalty-reduced focal loss (CornerNet, Law and Deng, ECCV 2018): (B,).
 
-    logits, heat: (B, H, W); heat in [0, 1], 1 at the peaks. Returns (B,).
+    It is summed over each frame. logits, heat: (B, H, W); heat is in [0, 1], and 1 at the peaks.
     """
     p = torch.sigmoid(logits).clamp(1e-4, 1 - 1e-4)
     peak = heat == 1
@@ -40,5 +40,5 @@ def heat_map_focal(logits: Tensor, heat: Tensor) -> Tensor:
 
 
 def smooth_l1(predicted: Tensor, wanted: Tensor, beta: float = 1 / 9) -> Tensor:
-    """Element by element."""
+    """Returns the smooth L1 loss of each element."""
     return functional.smooth_l1_loss(predicted, wanted, reduction="none", beta=beta)

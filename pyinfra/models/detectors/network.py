@@ -1,4 +1,4 @@
-"""What the learnt detectors have in common: losses from a batch, boxes from a cloud."""
+"""Base class of the networks: losses of a batch, and boxes of a cloud."""
 
 from __future__ import annotations
 
@@ -24,17 +24,20 @@ from pyinfra.models.detectors.classes import TYPES
 from pyinfra.models.detectors.detection_area import Site
 from pyinfra.models.ops.boxes import nms
 
-MIN_SCORE = 0.1  # of boxes that are given, before calibration, which changes no box
-NMS_IOU = 0.1  # of footprints: vehicles never overlap
-CANDIDATES = 4096  # best ones at most that enter the suppression
-MOST_BOXES = 200  # of a frame and class
+MIN_SCORE = 0.1  # least score of returned boxes, before calibration
+NMS_IOU = 0.1  # largest IoU of footprints that is kept, as vehicles do not overlap
+CANDIDATES = 4096  # most boxes that enter the suppression, best first
+MOST_BOXES = 200  # most boxes of a frame and class
 
-Losses = dict[str, Tensor]  # of one element; their sum is minimised
+Losses = dict[str, Tensor]  # tensors of one element, whose sum is minimised
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Small operations get slower with a second thread, and sums depend on the number of them."""
+    """Context in which PyTorch uses one thread.
+
+    Small operations are slower with more threads, and sums depend on the number of threads.
+    """
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -44,7 +47,7 @@ def one_thread() -> Iterator[None]:
 
 
 def device_of(name: str) -> torch.device:
-    """Raises Error if there is no such device here."""
+    """Returns a device by its name. Raises Error if it does not exist."""
     kind, _, number = name.partition(":")
     gpus = torch.cuda.device_count()
     if kind == "cuda" and gpus > 0 and (not number or (number.isdigit() and int(number) < gpus)):
@@ -55,56 +58,56 @@ def device_of(name: str) -> torch.device:
     return torch.device(name)
 
 
-MMAP_THRESHOLD, TRIM_THRESHOLD = -3, -1  # of mallopt, <malloc.h> of glibc
+MMAP_THRESHOLD, TRIM_THRESHOLD = -3, -1  # parameters of mallopt, from <malloc.h> of glibc
 
 
 @cache
 def keep_memory() -> None:
-    """Lets the C library keep what tensors give back, where it is glibc.
+    """Makes glibc keep the memory of freed tensors.
 
-    Else it returns each large tensor to the system and gets it anew, page by page: a quarter of
-    the time of a frame. Sums stay the same.
+    By default glibc returns the memory of each large tensor to the system and requests it again,
+    page by page, which takes a quarter of the time of a frame. Results do not change.
     """
     try:
         mallopt = ctypes.CDLL(None).mallopt
-    except (OSError, TypeError, AttributeError):  # another system, another library
+    except (OSError, TypeError, AttributeError):  # another system or C library
         return
     for what, size in ((MMAP_THRESHOLD, 1 << 30), (TRIM_THRESHOLD, (1 << 31) - 1)):
         mallopt(what, size)
 
 
 class Network(nn.Module, abc.ABC):
-    """A detector whose weights are learnt. Subclasses say what is lost and what is found."""
+    """A detector whose weights are learnt. Subclasses define the losses and the candidates."""
 
-    learns_in_windows = False  # of a wide site (windows.py)
-    balances_frames = False  # whether its losses know `Batch.balance`
-    columns = 4  # of a cloud that it looks at: x y z intensity, and with 5 the age
-    classes: tuple[ObjectClass, ...] = VEHICLES  # that it tells apart
+    learns_in_windows = False  # whether it can be trained on windows (windows.py)
+    balances_frames = False  # whether its losses use `Batch.balance`
+    columns = 4  # number of columns of a cloud that it uses: x y z intensity, and with 5 the age
+    classes: tuple[ObjectClass, ...] = VEHICLES  # classes that it distinguishes
 
     def __init__(self, site: Site) -> None:
         super().__init__()
         self.site = site
-        self.calibration: tuple[float, ...] | None = None  # of scores: a line a class (calibrated)
+        self.calibration: tuple[float, ...] | None = None  # a, b of each class (see `calibrated`)
         self.min_score = MIN_SCORE
 
     @abc.abstractmethod
     def losses(self, batch: Batch) -> Losses:
-        """The parts of the loss, by name."""
+        """Returns the parts of the loss, by name."""
 
     @abc.abstractmethod
     def candidates(self, batch: Batch) -> Sequence[tuple[Tensor, ...]]:
-        """Of each frame: boxes (k, 7) and scores (k,), before suppression.
+        """Returns boxes (k, 7) and scores (k,) of each frame, before suppression.
 
-        Of more than one class also their numbers (k,).
+        With more than one class, class numbers (k,) follow.
         """
 
     def know(self, region: Region) -> None:
-        """Takes what helps it of a region whose frames it will see; most need nothing."""
+        """Prepares the network for a region, whose frames it will get; by default does nothing."""
 
     @torch.inference_mode()
     @one_thread()
     def find(self, clouds: Sequence[Points]) -> list[Detections]:
-        """The vehicles of some frames, or whatever its classes are. It must be in eval mode."""
+        """Returns the objects in some frames. The network must be in eval mode."""
         keep_memory()
         samples = [Sample(cloud, np.empty((0, 7))) for cloud in clouds]
         batch = make_batch(samples, self.site.area, self.columns)
@@ -114,7 +117,7 @@ class Network(nn.Module, abc.ABC):
         return [self.best(*candidates) for candidates in self.candidates(batch.to(device))]
 
     def best(self, boxes: Tensor, scores: Tensor, numbers: Tensor | None = None) -> Detections:
-        """Of candidates; those of a class suppress each other alone."""
+        """Returns the detections of candidates; each class is suppressed separately."""
         parts = []
         for i, name in enumerate(self.classes):
             mask = slice(None) if numbers is None else numbers == i
@@ -131,7 +134,7 @@ class Network(nn.Module, abc.ABC):
 
 
 def best_first(parts: Sequence[Detections]) -> Detections:
-    """Several detections as one; of equal scores those of the first part come first."""
+    """Merges detections, best first; of equal scores those of the first part come first."""
     order = np.argsort(np.concatenate([-part.scores for part in parts]), kind="stable")
     return Detections(
         boxes=np.concatenate([part.boxes for part in parts])[order],
@@ -143,7 +146,10 @@ def best_first(parts: Sequence[Detections]) -> Detections:
 def suppressed(
     boxes: Tensor, scores: Tensor, name: str = TYPES["vehicle"], min_score: float = MIN_SCORE
 ) -> Detections:
-    """The best boxes (n, 7) with at least the least score, overlapping by NMS_IOU at most."""
+    """Returns the best of boxes (n, 7) after non-maximum suppression with NMS_IOU.
+
+    Boxes with a score below `min_score` are left out.
+    """
     good = torch.isfinite(boxes).all(dim=1) & (scores >= min_score)
     boxes, scores = boxes[good], scores[good]
     best = scores.topk(min(CANDIDATES, len(scores))).indices

@@ -1,7 +1,8 @@
-"""Pillars: the points of a vertical column as one feature vector, and a picture of them.
+"""Pillars: one feature vector for the points of each vertical column, arranged as a canvas.
 
 PointPillars, Lang et al., CVPR 2019, section 2.1, with the dynamic voxels of MVF, Zhou et al.,
-CoRL 2019: every point counts, so there is no cap on pillars nor on points in one.
+CoRL 2019: all points are used, so neither the number of pillars nor that of points in one is
+limited.
 """
 
 from __future__ import annotations
@@ -14,15 +15,15 @@ from pyinfra.models.detectors.batch import Area, Batch, CanvasPart
 
 
 class PillarEncoder(nn.Module):
-    """Points (n, 4 or 5) -> canvas (B, width, H, W); row = y, column = x.
+    """Encodes points (n, 4 or 5) as a canvas (B, width, H, W); row = y, column = x.
 
-    Of each point: x y z, offset to the mean of its pillar (3), offset to the middle of the pillar
-    (3), age, intensity; a linear layer, batch norm, ReLU, the maximum over the pillar. With more
-    than one layer, each but the last is half as wide and hands on a point's features and the
-    pillar's.
+    The inputs of each point are x y z, offset to the mean of its pillar (3), offset to the middle
+    of the pillar (3), age, intensity. They pass a linear layer, batch norm and ReLU, followed by
+    the maximum over the pillar. With more layers, each but the last is half as wide and returns the
+    features of the point together with those of its pillar.
 
-    intensity, age: whether it is looked at. place: whether x and y are; without them a vehicle
-    looks the same wherever it stands.
+    intensity, age, with_xy: whether these inputs are used. Without x and y, the features of a
+    vehicle do not depend on its position.
     """
 
     def __init__(
@@ -49,10 +50,10 @@ class PillarEncoder(nn.Module):
         return self.canvas(*self.occupied(batch), batch.size, view)
 
     def occupied(self, batch: Batch) -> tuple[Tensor, Tensor]:
-        """Of the p pillars with a point: features (p, width) and ascending number (p,)."""
+        """Returns features (p, width) and ascending numbers (p,) of the p pillars with points."""
         pillar, member = torch.unique(self.pillar_of(batch), return_inverse=True)
-        # Nothing to see, or in training one point, which has no spread to normalise by. With
-        # several processes the norm waits for all of them, and knows what to do.
+        # No point, or in training a single one, for which a batch norm is undefined. With several
+        # processes the shared batch norm must run in all of them, and handles this case.
         if len(batch.points) < (2 if self.training else 1) and distributed.count() == 1:
             return batch.points.new_zeros(0, self.width), pillar[:0]
         features = self.point_features(batch, pillar, member)  # (n, 7 to 11)
@@ -66,9 +67,9 @@ class PillarEncoder(nn.Module):
     def canvas(
         self, features: Tensor, pillar: Tensor, frames: int, view: CanvasPart | None = None
     ) -> Tensor:
-        """(B, width, H, W): the features (p, width) in their places, 0 elsewhere.
+        """Returns the canvas (B, width, H, W) with the features (p, width) of the pillars.
 
-        view: the part to fill, if not the whole area.
+        Other cells are 0. view: the part to fill; by default the whole area.
         """
         rows, columns = (self.rows, self.columns) if view is None else view.sides
         if view is not None and view.first is not None:
@@ -78,11 +79,11 @@ class PillarEncoder(nn.Module):
             pillar = (frame * rows + row) * columns + column
         canvas = features.new_zeros(frames * rows * columns, self.width)
         canvas = canvas.index_put((pillar,), features)
-        # Channels last in memory.
+        # The memory layout is channels last.
         return canvas.view(frames, rows, columns, self.width).permute(0, 3, 1, 2)
 
     def seen(self, pillar: Tensor, view: CanvasPart) -> Tensor:
-        """(p,) bool: which pillars by number are in the part of the canvas that is filled."""
+        """Returns which pillars, by number, are in the part of the canvas to fill: (p,) bool."""
         if view.first is None:
             return torch.ones_like(pillar, dtype=torch.bool)
         frame, row, column = self.cells_of(pillar)
@@ -91,12 +92,12 @@ class PillarEncoder(nn.Module):
         return (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
 
     def cells_of(self, pillar: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Frame, row and column (p,) of pillars by number."""
+        """Returns frame, row and column of pillars by number, (p,) each."""
         row = pillar // self.columns
         return row // self.rows, row % self.rows, pillar % self.columns
 
     def pillar_of(self, batch: Batch) -> Tensor:
-        """(n,) number of each point's pillar on the canvas."""
+        """Returns the number of each point's pillar on the canvas: (n,)."""
         low = batch.points.new_tensor(self.area.low[:2])
         cell = ((batch.points[:, :2] - low) / self.pillar_m).long()
         column = cell[:, 0].clamp(max=self.columns - 1)
@@ -104,7 +105,10 @@ class PillarEncoder(nn.Module):
         return (batch.frame * self.rows + row) * self.columns + column
 
     def point_features(self, batch: Batch, pillar: Tensor, member: Tensor) -> Tensor:
-        """(n, 7 to 11); pillar: (p,) numbers on the canvas, member: (n,) index into them."""
+        """Returns the inputs of each point: (n, 7 to 11).
+
+        pillar: (p,) numbers of pillars on the canvas. member: (n,) index of each point's pillar.
+        """
         xyz = batch.points[:, :3]
         count = xyz.new_zeros(len(pillar)).index_add(0, member, torch.ones_like(xyz[:, 0]))
         mean = xyz.new_zeros(len(pillar), 3).index_add(0, member, xyz) / count.clamp(min=1)[:, None]
@@ -120,10 +124,11 @@ class PillarEncoder(nn.Module):
         coordinates = torch.stack([xyz, xyz - mean[member], xyz - middle[member]], dim=1).flatten(1)
         intensity, age = batch.points[:, 3:4], batch.points[:, 4:5]
         parts = [coordinates, age, intensity] if self.age else [coordinates, intensity]
-        return torch.cat(parts, dim=1)[:, self.first : self.last]  # either end may be left out
+        # x, y and the intensity are cut off if they are not used.
+        return torch.cat(parts, dim=1)[:, self.first : self.last]
 
     def pooled(self, features: Tensor, member: Tensor, pillars: int) -> Tensor:
-        """(p, width): the largest of each feature over the points of a pillar."""
+        """Applies the last layer and returns the maximum over each pillar's points: (p, width)."""
         return _most(torch.relu(self.norm(self.linear(features))), member, pillars)
 
 
@@ -132,6 +137,9 @@ def _layer(inputs: int, width: int) -> nn.Sequential:
 
 
 def _most(features: Tensor, member: Tensor, pillars: int) -> Tensor:
-    """(p, C): the largest of each feature (n, C), 0 or more, over the points of a pillar."""
+    """Returns the maximum of each feature over the points of a pillar: (p, C).
+
+    features: (n, C), not negative.
+    """
     index = member[:, None].expand_as(features)
     return features.new_zeros(pillars, features.shape[1]).scatter_reduce(0, index, features, "amax")

@@ -1,13 +1,14 @@
-"""Layers on points: set abstraction at several scales, and propagation of features back.
+"""Layers on points: set abstraction at several scales, and feature propagation.
 
-PointNet++, Qi et al., NeurIPS 2017. Clouds of any size lie under one another, so the same layers
-serve the frames of a batch and the regions of a frame. Deviations: a cloud with fewer points than
-are sampled keeps each of them once, and a ball with fewer points than its cap is not filled up with
-copies of its first one; the maxima are the same, the means of the batch norm are those of points
-that exist. A centre with no point around it has features of zeros.
+They follow PointNet++, Qi et al., NeurIPS 2017. Clouds of any size are concatenated, so the same
+layers work on the frames of a batch and on the proposals of a frame.
 
-Searches run on the CPU also for tensors of a GPU: their loops over points and clouds are many small
-steps there.
+Deviations from the paper: a cloud with fewer points than are sampled keeps each of them once, and a
+ball with fewer points than its limit is not filled with copies of its first one. The maxima are the
+same, but batch norms use existing points only. A centre without points around it has features of 0.
+
+Searches run on the CPU, also for tensors on a GPU, where their loops over points and clouds would
+be many small steps.
 """
 
 from __future__ import annotations
@@ -24,18 +25,18 @@ from pyinfra.models.ops.points import ball_query, farthest_points, interpolate, 
 
 @dataclass(frozen=True, eq=False)
 class Clouds:
-    """Points of some clouds under one another, with features."""
+    """The concatenated points of some clouds, with features."""
 
     xyz: Tensor  # (n, 3) float32
     features: Tensor  # (n, c)
-    counts: list[int]  # points of each cloud; some may be 0
+    counts: list[int]  # number of points in each cloud; may be 0
 
     def with_features(self, features: Tensor) -> Clouds:
         return Clouds(self.xyz, features, self.counts)
 
 
 class Norm(nn.BatchNorm1d):
-    """Batch norm that takes what it has learnt where one row is no batch."""
+    """Batch norm that uses its running statistics for a single row."""
 
     def forward(self, x: Tensor) -> Tensor:
         if not self.training or len(x) > 1:
@@ -45,7 +46,7 @@ class Norm(nn.BatchNorm1d):
 
 
 def mlp(channels: int, widths: Sequence[int]) -> nn.Sequential:
-    """Layers of (n, channels) to (n, widths[-1]), the same for each point; never negative."""
+    """Returns layers that map each point of (n, channels) to (n, widths[-1]), not negative."""
     layers: list[nn.Module] = []
     for width in widths:
         linear = nn.Linear(channels, width, bias=False)
@@ -56,7 +57,10 @@ def mlp(channels: int, widths: Sequence[int]) -> nn.Sequential:
 
 
 def sampled(clouds: Clouds, most: int) -> tuple[Tensor, list[int]]:
-    """Rows (m,) of points far from each other, at most so many of each cloud, and the counts."""
+    """Samples at most `most` points of each cloud by farthest point sampling.
+
+    Returns their rows (m,) and the number of each cloud.
+    """
     xyz = clouds.xyz.detach().cpu()
     indices, start = [torch.zeros(0, dtype=torch.int64)], 0
     for count in clouds.counts:
@@ -69,9 +73,10 @@ def sampled(clouds: Clouds, most: int) -> tuple[Tensor, list[int]]:
 
 
 def shuffled(clouds: Clouds) -> Clouds:
-    """The points of each cloud in an order that says nothing of their place, always the same one.
+    """Returns the points of each cloud in a random order, which is always the same.
 
-    For the balls of voxels, which lie in order of height: by row they would see the lowest alone.
+    A ball takes its first points by row. Voxels are ordered by height, so without this, balls would
+    take only the lowest ones.
     """
     orders, start = [torch.zeros(0, dtype=torch.int64)], 0
     for count in clouds.counts:
@@ -85,9 +90,10 @@ def shuffled(clouds: Clouds) -> Clouds:
 def neighbours(
     clouds: Clouds, centres: Tensor, counts: Sequence[int], radius: float, most: int
 ) -> tuple[Tensor, Tensor]:
-    """Pairs (p,) of a point's row and of the row of a centre it is around, by centre.
+    """Returns pairs of points and centres within a radius: rows (p,) of both, ordered by centre.
 
-    centres: (m, 3), counts: of each cloud; at most so many points of each centre, by row.
+    centres: (m, 3). counts: number of centres in each cloud. most: largest number of points of a
+    centre; the first ones by row are taken.
     """
     xyz, middles = clouds.xyz.detach().cpu(), centres.detach().cpu()
     points, owners = [torch.zeros(0, dtype=torch.int64)], [torch.zeros(0, dtype=torch.int64)]
@@ -97,7 +103,7 @@ def neighbours(
             rows, empty = ball_query(
                 xyz[start : start + n], middles[first : first + m], radius, most
             )
-            new = rows != rows[:, :1]  # what fills a ball up is its first point
+            new = rows != rows[:, :1]  # a ball is filled with copies of its first point
             new[:, 0] = ~empty
             points.append(rows[new] + start)
             owners.append(new.nonzero()[:, 0] + first)
@@ -107,11 +113,11 @@ def neighbours(
 
 
 class LocalMax(nn.Module):
-    """Points around centres, as offsets and features, through layers; the maximum of each."""
+    """Layers on the offsets and features of points around centres, then the maximum."""
 
     def __init__(self, channels: int, widths: Sequence[int]) -> None:
         super().__init__()
-        # One linear layer of offset and features, so that features pass it once per point.
+        # One linear layer, divided so that the features of a point are multiplied only once.
         self.offset = nn.Linear(3, widths[0], bias=False)
         self.feature = nn.Linear(channels, widths[0], bias=False)
         nn.init.normal_(self.offset.weight, std=(2 / (3 + channels)) ** 0.5)
@@ -119,11 +125,11 @@ class LocalMax(nn.Module):
         self.rest = nn.Sequential(Norm(widths[0]), nn.ReLU(), *mlp(widths[0], widths[1:]))
 
     def forward(self, clouds: Clouds, centres: Tensor, points: Tensor, owners: Tensor) -> Tensor:
-        """centres: (m, 3), pairs (p,) of rows -> (m, widths[-1])."""
+        """Returns features (m, widths[-1]) of centres (m, 3), from pairs of rows (p,)."""
         offset = clouds.xyz[points] - centres[owners]
         first = self.offset(offset) + self.feature(clouds.features)[points]
         x: Tensor = self.rest(first)
-        # Never negative, so the zeros are only seen where there is no point.
+        # Features are not negative, so the zeros matter only for centres without points.
         index = owners[:, None].expand_as(x)
         return x.new_zeros(len(centres), x.shape[1]).scatter_reduce(0, index, x, "amax")
 
@@ -133,12 +139,12 @@ class Ball:
     """One scale of a set abstraction."""
 
     radius_m: float
-    most: int  # points
+    most: int  # largest number of points
     widths: tuple[int, ...]
 
 
 class SetAbstraction(nn.Module):
-    """What lies around some centres, at several scales, the results side by side."""
+    """Features of the points around some centres at several scales, concatenated."""
 
     def __init__(self, channels: int, balls: Sequence[Ball]) -> None:
         super().__init__()
@@ -147,7 +153,7 @@ class SetAbstraction(nn.Module):
         self.channels = sum(b.widths[-1] for b in balls)
 
     def forward(self, clouds: Clouds, centres: Tensor, counts: list[int]) -> Clouds:
-        """centres: (m, 3), counts: of each cloud -> features (m, channels)."""
+        """Returns features (m, channels) of centres (m, 3); counts: centres of each cloud."""
         features = [
             scale(clouds, centres, *neighbours(clouds, centres, counts, b.radius_m, b.most))
             for b, scale in zip(self.balls, self.scales, strict=True)
@@ -156,14 +162,14 @@ class SetAbstraction(nn.Module):
 
 
 class WholeAbstraction(nn.Module):
-    """One row of features for each cloud; of zeros for a cloud without points."""
+    """One feature vector for each whole cloud; zeros for a cloud without points."""
 
     def __init__(self, channels: int, widths: Sequence[int]) -> None:
         super().__init__()
         self.all = LocalMax(channels, widths)
 
     def forward(self, clouds: Clouds) -> Tensor:
-        """-> (clouds, widths[-1])."""
+        """Returns features (clouds, widths[-1])."""
         device = clouds.xyz.device
         counts = torch.tensor(clouds.counts, dtype=torch.int64, device=device)
         owners = torch.repeat_interleave(torch.arange(len(counts), device=device), counts)
@@ -173,20 +179,23 @@ class WholeAbstraction(nn.Module):
 
 
 class FeaturePropagation(nn.Module):
-    """Features of few points to the many they were sampled from."""
+    """Interpolates features of sampled points at the points that they were sampled from."""
 
     def __init__(self, fine: int, coarse: int, widths: Sequence[int]) -> None:
         super().__init__()
         self.layers = mlp(fine + coarse, widths)
 
     def forward(self, fine: Clouds, coarse: Clouds) -> Clouds:
-        """Both with the same clouds, a cloud with points has some in both -> the fine ones."""
+        """Returns the fine clouds with new features.
+
+        Both have the same clouds; a cloud with fine points must also have coarse ones.
+        """
         brought = propagated(fine, coarse)
         return fine.with_features(self.layers(torch.cat([brought, fine.features], dim=1)))
 
 
 def propagated(fine: Clouds, coarse: Clouds) -> Tensor:
-    """(n, c): of the three nearest points of the coarse clouds, weighted by nearness."""
+    """Returns features (n, c) from the three nearest coarse points, weighted by 1 / distance."""
     xyz, known = fine.xyz.detach().cpu(), coarse.xyz.detach().cpu()
     distances, rows = [xyz.new_zeros(0, 3)], [torch.zeros(0, 3, dtype=torch.int64)]
     start = first = 0

@@ -1,8 +1,10 @@
 """PointPillars: Fast Encoders for Object Detection from Point Clouds, Lang et al., CVPR 2019.
 
-Deviations: dynamic pillars, without a cap on pillars and on points in one (pillars.py); anchors of
-two sizes and one class (anchors.py); the area is that of the training vehicles, and the anchors
-stand on its floor.
+Deviations from the paper:
+
+- dynamic pillars, without a limit on pillars and on points in one (pillars.py)
+- anchors of two sizes and one class (anchors.py)
+- the area is that of the training vehicles, and the anchors stand on its floor
 """
 
 from __future__ import annotations
@@ -27,19 +29,19 @@ BOX_WEIGHT, DIRECTION_WEIGHT = 2.0, 0.2
 
 @dataclass(frozen=True)
 class Config:
-    """Widths and depths; the defaults are the published ones."""
+    """Sizes of the network; the defaults are the published ones."""
 
     pillar_m: float = ruled(0.16, 0.05, 2)  # side of a pillar
     pillar_width: int = ruled(64, 1, 512)  # channels of a pillar
-    intensity: bool = True  # whether a point's is looked at; each LiDAR has its own scale
-    place: bool = True  # whether x and y themselves are; a network of many sites does without
-    age: bool = False  # whether a point's is looked at, of stacked frames (--accumulate)
+    intensity: bool = True  # whether intensity is an input; each LiDAR has its own scale
+    place: bool = True  # whether x and y are inputs; networks for many sites do without them
+    age: bool = False  # whether the age of points in stacked frames is an input (--accumulate)
     bev: BevConfig = field(default_factory=BevConfig)
     anchors: AnchorConfig = field(default_factory=AnchorConfig)
 
 
 class AnchorHead(nn.Module):
-    """Scores, residuals and directions of the anchors of each cell."""
+    """Predicts scores, residuals and directions of the anchors in each cell."""
 
     def __init__(self, channels: int, anchors: Anchors) -> None:
         super().__init__()
@@ -51,7 +53,7 @@ class AnchorHead(nn.Module):
         nn.init.normal_(self.box.weight, std=0.001)
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """(B, C, H, W) -> (B, n), (B, n, 7), (B, n, 2), n = H * W * per_cell."""
+        """Maps (B, C, H, W) to (B, n), (B, n, 7) and (B, n, 2), where n = H * W * per_cell."""
 
         def flat(y: Tensor, width: int) -> Tensor:
             return y.permute(0, 2, 3, 1).reshape(len(y), -1, width).float()
@@ -59,7 +61,7 @@ class AnchorHead(nn.Module):
         return flat(self.score(x), 1)[..., 0], flat(self.box(x), 7), flat(self.direction(x), 2)
 
     def losses(self, x: Tensor, boxes: tuple[Tensor, ...]) -> Losses:
-        """Of a canvas (B, C, H, W), or of windows that were moved to its corner."""
+        """Returns the losses of a canvas (B, C, H, W), or of windows shifted to its first cell."""
         scores, residuals, directions = self(x)
         grid = (x.shape[2], x.shape[3])
         anchors = self.anchors.boxes[: grid[0], : grid[1]].flatten(0, 2)
@@ -108,7 +110,7 @@ class AnchorHead(nn.Module):
 
 
 def _box_loss(predicted: Tensor, wanted: Tensor) -> Tensor:
-    """(n, 7) smooth L1, headings through the sine of their difference."""
+    """Returns the smooth L1 loss of residuals, (n, 7); headings use the sine of the difference."""
     a, b = predicted[:, 6:], wanted[:, 6:]
     left = torch.cat([predicted[:, :6], a.sin() * b.cos()], dim=1)
     right = torch.cat([wanted[:, :6], a.cos() * b.sin()], dim=1)
@@ -116,7 +118,7 @@ def _box_loss(predicted: Tensor, wanted: Tensor) -> Tensor:
 
 
 class PointPillars(Network):
-    """Pillars, a two-dimensional network, anchors."""
+    """Pillars, a two-dimensional network and anchors."""
 
     learns_in_windows = True
 

@@ -1,25 +1,30 @@
 """PointRCNN: 3D Object Proposal Generation and Detection from Point Cloud, Shi et al., CVPR 2019.
 
-Stage 1 tells points of vehicles from others and proposes a box at each; stage 2 takes the points
-around a proposal, turned into its frame, and refines and scores it.
+Stage 1 classifies points as vehicle or other, and proposes a box at each vehicle point. Stage 2
+transforms the points around a proposal into its frame, refines the proposal and scores it.
 
-Deviations: boxes as residuals from the point, or from the proposal, in place of bins, both stages
-learn at once, and the second one is given scores in place of a mask: as OpenPCDet has it. Offsets
-are in metres, because in diagonals of a box half a metre is next to no loss. The second stage has
-batch norm as the first one has. A point's features are its intensity, its height over the site's
-floor and its place in the area, because a roadside sensor looks at vehicles from all sides, and one
-or two points do not say which side they are on. Points up to 5 cm outside a box are its vehicle's.
-Proposals to learn from are drawn without repetition, from what was proposed and from the labels,
-which are moved a little. See also pointnet.py.
+Deviations from the paper:
 
-`sampling: faithful` draws a fixed number of points of the whole frame, each as likely as another,
-as the paper has it. Where the ground has most of the points, far vehicles lose the few they have;
-then the farthest-point sampling of the set abstractions spreads over the ground. OpenPCDet keeps
-what is beyond 40 m, which helps at the 70 m of its data; here that is most of the area.
+- as in OpenPCDet, boxes are residuals from the point or the proposal instead of bins, both stages
+  are trained together, and the second stage gets scores instead of a mask
+- offsets are in metres, because relative to the diagonal of a box half a metre gives almost no loss
+- the second stage has batch norm, as the first one has
+- the features of a point are its intensity, its height above the site's floor and its position in
+  the area. A roadside sensor sees vehicles from all sides, and one or two points do not show which
+  side they are on.
+- points up to 5 cm outside a box belong to its vehicle
+- training proposals are sampled without repetition, from the proposals and from slightly shifted
+  labels
+- see also pointnet.py
 
-`sampling: remedied` is the same network on other points: those within `clearance_m` over the
-site's floor are left out, so the road must be level, and the budget goes by area: each square of
-`cell_m` gives one point before one gives two.
+`sampling: faithful` samples a fixed number of points of the whole frame with equal probability, as
+in the paper. If most points are on the ground, distant vehicles lose their few points, and the
+farthest point sampling of the set abstractions covers the ground. OpenPCDet keeps all points
+beyond 40 m, which helps with its 70 m of range; here most of the area is beyond 40 m.
+
+`sampling: remedied` is the same network with other points. Points lower than `clearance_m` above
+the site's floor are left out, so the road must be level. The others are sampled evenly by area:
+each square of `cell_m` gives one point before any square gives a second one.
 """
 
 from __future__ import annotations
@@ -52,7 +57,7 @@ from pyinfra.models.detectors.pointnet import (
 from pyinfra.models.ops.boxes import best_overlap, nms
 from pyinfra.models.ops.points import box_of_points, points_in_boxes
 
-POINT_FEATURES = 4  # intensity, height, place (2)
+POINT_FEATURES = 4  # intensity, height, position (2)
 RADII_M = ((0.1, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 4.0))
 NEIGHBOURS = (16, 32)
 DOWN = (
@@ -70,57 +75,59 @@ MERGED = (128,)
 ROI_LEVELS = ((128, Ball(0.2, 16, (128, 128, 128))), (32, Ball(0.4, 16, (128, 128, 256))))
 ROI_WHOLE = (256, 256, 512)
 
-BEFORE_NMS = 9000  # points whose boxes are compared
-DOUBT_M = 0.2  # and one as far outside is of nothing certain
-CONTEXT_M = 1.0  # a proposal is longer, wider and higher by this when points are looked for
+BEFORE_NMS = 9000  # most boxes that enter the suppression
+DOUBT_M = 0.2  # points between AROUND_M and this distance outside a box do not count
+CONTEXT_M = 1.0  # proposals are enlarged by this in all dimensions when points are collected
 DEPTH_M = 100.0
 
-# Overlap (3-D) of a proposal and a vehicle.
-REFINED = 0.55  # from here on it is refined
-GOOD, BAD = 0.6, 0.45  # from here on it counts as a vehicle, and below as none
-HARD, HARD_SHARE = 0.05, 0.8  # of the proposals that are not refined
+# 3-D IoU of a proposal and a vehicle.
+REFINED = 0.55  # least IoU of proposals whose refinement is trained
+GOOD, BAD = 0.6, 0.45  # proposals count as a vehicle from GOOD on, and as background below BAD
+HARD, HARD_SHARE = 0.05, 0.8  # least IoU of hard background, and its share of the background
 
 
 @dataclass(frozen=True)
 class Config:
-    """The defaults are the published ones, except for the anchor's size."""
+    """Sizes of the network; the defaults are the published ones, except for `size_m`."""
 
-    sampling: Literal["faithful", "remedied"] = "faithful"  # remedied: by area, above the ground
-    points: int = ruled(16384, 64, 1_000_000)  # of a frame
-    clearance_m: float = ruled(0.2, 0, 5)  # remedied: what is lower is ground
+    # faithful: all points are equally likely; remedied: evenly by area, without the ground
+    sampling: Literal["faithful", "remedied"] = "faithful"
+    points: int = ruled(16384, 64, 1_000_000)  # points sampled from a frame
+    clearance_m: float = ruled(0.2, 0, 5)  # remedied: lower points are ground
     cell_m: float = ruled(1.0, 0.1, 20)  # remedied: side of a square
-    levels: tuple[int, int, int, int] = ruled((4096, 1024, 256, 64), 4, 65536)  # points each
-    width: float = ruled(1.0, 0.05, 4)  # share of the published layers' widths
-    size_m: tuple[float, float, float] = ruled(CAR_M, 0.1, 30)  # boxes start as this
-    proposal_iou: float = ruled(0.85, 0.05, 1)  # that overlap more (footprints) are one
-    proposals: int = ruled(512, 1, 4096)  # of a frame, to draw from in training
-    rois: int = ruled(128, 2, 1024)  # of a frame, drawn in training
-    rois_found: int = ruled(100, 1, 1024)  # of a frame, refined in use
-    roi_points: int = ruled(512, 16, 4096)  # drawn in each proposal
+    levels: tuple[int, int, int, int] = ruled((4096, 1024, 256, 64), 4, 65536)  # points per level
+    width: float = ruled(1.0, 0.05, 4)  # factor on the published widths of layers
+    size_m: tuple[float, float, float] = ruled(CAR_M, 0.1, 30)  # size that residuals refer to
+    # proposals whose footprints have a higher IoU with a better one are removed
+    proposal_iou: float = ruled(0.85, 0.05, 1)
+    proposals: int = ruled(512, 1, 4096)  # proposals of a training frame, to sample from
+    rois: int = ruled(128, 2, 1024)  # sampled proposals of a training frame
+    rois_found: int = ruled(100, 1, 1024)  # proposals of a frame that are refined in detection
+    roi_points: int = ruled(512, 16, 4096)  # most points of a proposal
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What the first stage makes of a batch."""
+    """The output of the first stage for a batch."""
 
-    clouds: Clouds  # of the frames, with semantic features
+    clouds: Clouds  # points of the frames, with semantic features
     intensity: Tensor  # (n,)
-    logits: Tensor  # (n,) of points of vehicles
-    residuals: Tensor  # (n, 8)
+    logits: Tensor  # (n,) whether a point belongs to a vehicle
+    residuals: Tensor  # (n, 8) of the box at each point
 
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """Proposals to learn from, of all frames."""
+    """The sampled training proposals of all frames."""
 
     rois: Tensor  # (r, 7)
-    counts: list[int]  # of each frame
-    overlap: Tensor  # (r,) with the vehicle they are nearest to
-    boxes: Tensor  # (r, 7) that vehicle; of no meaning where the overlap is 0
+    counts: list[int]  # number in each frame
+    overlap: Tensor  # (r,) highest 3-D IoU with a vehicle
+    boxes: Tensor  # (r, 7) this vehicle; meaningless where the overlap is 0
 
 
 class Backbone(nn.Module):
-    """Clouds to clouds of the same points with semantic features."""
+    """Computes semantic features of all points."""
 
     def __init__(self, config: Config) -> None:
         super().__init__()
@@ -142,7 +149,7 @@ class Backbone(nn.Module):
         self.channels = coarse
 
     def forward(self, clouds: Clouds) -> Clouds:
-        """(n, 4) -> (n, channels)."""
+        """Maps features (n, 4) to (n, channels)."""
         steps = [clouds]
         for most, layer in zip(self.levels, self.down, strict=True):
             rows, counts = sampled(steps[-1], most)
@@ -154,7 +161,7 @@ class Backbone(nn.Module):
 
 
 class Refiner(nn.Module):
-    """The second stage: points of each proposal to its confidence and the residuals of its box."""
+    """The second stage: confidence and box residuals of each proposal, from the points in it."""
 
     def __init__(self, config: Config, channels: int) -> None:
         super().__init__()
@@ -177,7 +184,10 @@ class Refiner(nn.Module):
     def forward(
         self, seen: Seen, rois: Tensor, counts: Sequence[int]
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """rois: (r, 7), counts: of each frame -> logits (r,), residuals (r, 7), points (r,)."""
+        """Returns logits (r,), residuals (r, 7) and the number of points (r,) of proposals.
+
+        rois: (r, 7). counts: number of proposals in each frame.
+        """
         rows, owners = pooled(seen.clouds, rois, counts, self.most)
         xyz = seen.clouds.xyz[rows]
         canonical = turned_into(xyz, rois[owners])
@@ -196,7 +206,7 @@ class Refiner(nn.Module):
 
 
 class PointRCNN(Network):
-    """Points, proposals at points, refined proposals."""
+    """Features of points, proposals at points, and their refinement."""
 
     draws: Tensor
 
@@ -207,7 +217,7 @@ class PointRCNN(Network):
         self.score = head(self.backbone.channels, 1, config.width)
         self.box = head(self.backbone.channels, 8, config.width)
         self.refiner = Refiner(config, self.backbone.channels)
-        # Draws so far: the next ones follow from it, also when training goes on.
+        # Number of random samplings so far. It seeds the next one, also in a resumed training.
         self.register_buffer("draws", torch.zeros((), dtype=torch.int64))
 
     def losses(self, batch: Batch) -> Losses:
@@ -221,7 +231,7 @@ class PointRCNN(Network):
         counts = [len(r) for r in rois]
         every = torch.cat(rois)
         logits, residuals, held = self.refiner(detached(seen), every, counts)
-        # Where there is no point there is nothing to be seen.
+        # A proposal without points gets the score 0.
         scores = torch.sigmoid(logits) * (held > 0)
         boxes = refined(residuals, every)
         return list(
@@ -229,7 +239,7 @@ class PointRCNN(Network):
         )
 
     def seen(self, batch: Batch) -> Seen:
-        """The first stage."""
+        """Runs the first stage."""
         draw = self.draw()
         parts = [
             points[self.chosen(points, draw)]
@@ -244,7 +254,7 @@ class PointRCNN(Network):
         return Seen(clouds, points[:, 3], logits.float(), residuals.float())
 
     def draw(self) -> torch.Generator:
-        """What is random: the same for each frame in use, new for each batch in training."""
+        """Returns a random generator: the same one in detection, a new one per training batch."""
         generator = torch.Generator()
         if self.training:
             self.draws += 1
@@ -252,9 +262,9 @@ class PointRCNN(Network):
         return generator.manual_seed(0)
 
     def chosen(self, points: Tensor, draw: torch.Generator) -> Tensor:
-        """Rows of a frame's points (n, 4) that the network is given, in random order."""
+        """Returns the rows of a frame's points (n, 4) that are used, in random order."""
         if not self.training:
-            draw.manual_seed(0)  # frames do not depend on those before them
+            draw.manual_seed(0)  # so that a frame's result does not depend on earlier frames
         rows = torch.randperm(len(points), generator=draw).to(points.device)
         if self.config.sampling == "remedied":
             rows = rows[points[rows, 2] > self.site.floor_z + self.config.clearance_m]
@@ -262,7 +272,7 @@ class PointRCNN(Network):
         return rows[: self.config.points]
 
     def described(self, points: Tensor) -> Tensor:
-        """(n, 4) features of points (n, 4)."""
+        """Returns the input features (n, 4) of points (n, 4)."""
         area = self.site.area
         low, size = points.new_tensor(area.low[:2]), points.new_tensor(area.size[:2])
         normalised_xy = (points[:, :2] - low) / size * 2 - 1
@@ -271,7 +281,7 @@ class PointRCNN(Network):
 
     @torch.no_grad()
     def proposals(self, seen: Seen, most: int) -> list[Tensor]:
-        """(k, 7) of each frame, best first."""
+        """Returns at most `most` proposals (k, 7) of each frame, best first."""
         counts = seen.clouds.counts
         size = seen.logits.new_tensor(self.config.size_m)
         parts = (seen.clouds.xyz, seen.residuals, seen.logits)
@@ -302,7 +312,7 @@ class PointRCNN(Network):
         return {"score": score, "box": box_loss}
 
     def drawn(self, seen: Seen, boxes: tuple[Tensor, ...]) -> Drawn:
-        """Proposals of each frame, at most half of them good enough to be refined."""
+        """Samples training proposals of each frame; at most half of them have an IoU >= REFINED."""
         draw = self.draw()
         parts = []
         for proposed, b in zip(self.proposals(seen, self.config.proposals), boxes, strict=True):
@@ -335,7 +345,7 @@ def scaled(widths: Sequence[int], share: float) -> tuple[int, ...]:
 
 
 def head(channels: int, out: int, share: float) -> nn.Sequential:
-    """(n, channels) -> (n, out)."""
+    """Returns layers that map (n, channels) to (n, out)."""
     widths = scaled(HEAD, share)
     last = nn.Linear(widths[-1], out)
     nn.init.normal_(last.weight, std=0.001)
@@ -344,20 +354,23 @@ def head(channels: int, out: int, share: float) -> nn.Sequential:
 
 
 def detached(seen: Seen) -> Seen:
-    """For the second stage, from which nothing flows back to the first."""
+    """Returns the input of the second stage, without gradients to the first stage."""
     clouds = seen.clouds.with_features(seen.clouds.features.detach())
     return Seen(clouds, seen.intensity, seen.logits.detach(), seen.residuals.detach())
 
 
 def by_area(xy: Tensor, cell_m: float) -> Tensor:
-    """(n,) an order of places xy (n, 2): one of each square, then a second one of each, ..."""
+    """Returns an order of positions (n, 2): one of each square, then a second of each, ..."""
     cell = torch.floor(xy / cell_m).long()
     _, square = torch.unique(cell, dim=0, return_inverse=True)
     return torch.argsort(rank_in(square), stable=True)
 
 
 def rank_in(group: Tensor) -> Tensor:
-    """(n,) how many rows before have the same number; group: (n,) int64, none negative."""
+    """Returns for each row how many rows before it have the same number: (n,).
+
+    group: (n,) int64, not negative.
+    """
     order = torch.argsort(group, stable=True)
     sizes = torch.bincount(group)
     start = torch.repeat_interleave(sizes.cumsum(0) - sizes, sizes)
@@ -367,14 +380,15 @@ def rank_in(group: Tensor) -> Tensor:
 
 
 def grown(boxes: Tensor, by_m: float) -> Tensor:
-    """Longer, wider and higher, around the same centre."""
+    """Returns boxes that are longer, wider and higher by `by_m`, with the same centres."""
     return torch.cat([boxes[:, :3], boxes[:, 3:6] + by_m, boxes[:, 6:]], dim=1)
 
 
 def pooled(clouds: Clouds, rois: Tensor, counts: Sequence[int], most: int) -> tuple[Tensor, Tensor]:
-    """Rows (p,) of the points in and around proposals, and the proposal (p,) of each, ascending.
+    """Returns the rows (p,) of the points in and around proposals, and their proposals (p,).
 
-    rois: (r, 7), counts: of each frame; the first `most` points of a proposal.
+    They are ordered by proposal. rois: (r, 7). counts: number of proposals in each frame. most: a
+    proposal gets its first `most` points.
     """
     rows, owners = [], []
     start = first = 0
@@ -390,70 +404,76 @@ def pooled(clouds: Clouds, rois: Tensor, counts: Sequence[int], most: int) -> tu
 
 
 def turned_into(xyz: Tensor, boxes: Tensor) -> Tensor:
-    """(n, 3) seen from boxes (n, 7): from their centres, along their headings."""
+    """Returns points (n, 3) in the frames of boxes (n, 7)."""
     dx, dy, dz = (xyz - boxes[:, :3]).unbind(1)
     cos, sin = boxes[:, 6].cos(), boxes[:, 6].sin()
     return torch.stack([cos * dx + sin * dy, cos * dy - sin * dx, dz], dim=1)
 
 
 def turned_out_of(xyz: Tensor, boxes: Tensor) -> Tensor:
-    """The inverse of turned_into."""
+    """Returns points (n, 3) given in the frames of boxes (n, 7), the inverse of turned_into."""
     x, y, z = xyz.unbind(1)
     cos, sin = boxes[:, 6].cos(), boxes[:, 6].sin()
     return torch.stack([cos * x - sin * y, sin * x + cos * y, z], dim=1) + boxes[:, :3]
 
 
 def wrapped(angle: Tensor) -> Tensor:
-    """In [-pi, pi)."""
+    """Returns angles in [-pi, pi)."""
     return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
 def encode(boxes: Tensor, xyz: Tensor, size: Tensor) -> Tensor:
-    """Residuals (n, 8) of boxes (n, 7) from boxes of the size (3,) around points (n, 3)."""
+    """Returns the residuals (n, 8) of boxes (n, 7) relative to points (n, 3) and `size` (3,)."""
     sizes, heading = (boxes[:, 3:6] / size).log(), boxes[:, 6:]
     return torch.cat([boxes[:, :3] - xyz, sizes, heading.cos(), heading.sin()], dim=1)
 
 
 def decode(residuals: Tensor, xyz: Tensor, size: Tensor) -> Tensor:
-    """The inverse of encode."""
+    """Returns boxes (n, 7), the inverse of encode."""
     sizes = residuals[:, 3:6].clamp(-5, 5).exp() * size
     heading = torch.atan2(residuals[:, 7:8], residuals[:, 6:7])
     return torch.cat([residuals[:, :3] + xyz, sizes, heading], dim=1)
 
 
 def refinements(boxes: Tensor, rois: Tensor) -> Tensor:
-    """Residuals (n, 7) of boxes from proposals (n, 7), up to half a turn of the heading."""
+    """Returns the residuals (n, 7) of boxes relative to proposals (n, 7).
+
+    Headings are modulo half a turn.
+    """
     sizes = (boxes[:, 3:6] / rois[:, 3:6]).log()
     turn = (boxes[:, 6:] - rois[:, 6:] + math.pi / 2) % math.pi - math.pi / 2
     return torch.cat([turned_into(boxes[:, :3], rois), sizes, turn], dim=1)
 
 
 def refined(residuals: Tensor, rois: Tensor) -> Tensor:
-    """The inverse of refinements."""
+    """Returns boxes (n, 7), the inverse of refinements."""
     centre = turned_out_of(residuals[:, :3], rois)
     sizes = residuals[:, 3:6].clamp(-5, 5).exp() * rois[:, 3:6]
     return torch.cat([centre, sizes, wrapped(residuals[:, 6:] + rois[:, 6:])], dim=1)
 
 
 def corner_distances(a: Tensor, b: Tensor) -> Tensor:
-    """(n, 8) metres between the corners of boxes (n, 7), b turned by half a turn if nearer."""
+    """Returns the distances of the corners of boxes (n, 7) in metres: (n, 8).
+
+    b is turned by half a turn where this gives a smaller sum.
+    """
     there = corners(b)
     back = corners(torch.cat([b[:, :6], b[:, 6:] + math.pi], dim=1))
     here = corners(a)
-    # With a floor below the root, which has no slope at 0.
+    # A small constant is added, because the root has no gradient at 0.
     straight, turned = (((here - c) ** 2).sum(2).add(1e-12).sqrt() for c in (there, back))
     return torch.where((straight.sum(1) <= turned.sum(1))[:, None], straight, turned)
 
 
 def corners(boxes: Tensor) -> Tensor:
-    """(n, 8, 3)."""
+    """Returns the corners of boxes: (n, 8, 3)."""
     signs = torch.cartesian_prod(*(boxes.new_tensor([-0.5, 0.5]) for _ in range(3)))  # (8, 3)
     local = (boxes[:, None, 3:6] * signs).reshape(-1, 3)
     return turned_out_of(local, boxes.repeat_interleave(8, dim=0)).reshape(-1, 8, 3)
 
 
 def moved(boxes: Tensor, draw: torch.Generator) -> Tensor:
-    """Boxes (n, 7) a little beside themselves, larger or smaller, and turned."""
+    """Returns boxes (n, 7) with small random changes of position, size and heading."""
     noise = (torch.rand(len(boxes), 7, generator=draw) * 2 - 1).to(boxes)
     centre = boxes[:, :3] + 0.1 * noise[:, :3] * boxes[:, 3:6]
     sizes = boxes[:, 3:6] * (1 + 0.1 * noise[:, 3:6])
@@ -461,7 +481,11 @@ def moved(boxes: Tensor, draw: torch.Generator) -> Tensor:
 
 
 def balanced(overlap: Tensor, most: int, draw: torch.Generator) -> Tensor:
-    """Rows (k,) of at most so many proposals (n,): half to be refined, of the rest most hard."""
+    """Samples at most `most` proposals by their overlap (n,); returns their rows (k,).
+
+    At most half of them have an overlap of REFINED or more. Of the others, HARD_SHARE are hard if
+    there are enough.
+    """
     order = torch.randperm(len(overlap), generator=draw)
     at = overlap[order]
     near, hard = order[at >= REFINED], order[(at < REFINED) & (at >= HARD)]

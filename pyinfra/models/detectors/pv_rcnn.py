@@ -1,17 +1,22 @@
 """PV-RCNN: Point-Voxel Feature Set Abstraction for 3D Object Detection, Shi et al., CVPR 2020.
 
-Anchors over sparse voxels propose boxes. Key points gather what the raw points, the voxels of each
-level and the canvas say around them; a grid in each proposal gathers from the key points, and a
-second stage refines the box and says how well it fits.
+Anchors on sparse voxels propose boxes. Key points collect features of the raw points, the voxels of
+each level and the canvas around them. A grid in each proposal collects features from the key
+points. A second stage refines the box and predicts how well it fits.
 
-Deviations: all points of a voxel count; x y z enter the first layer as -1 to 1 over the area
-(voxel_backbone.py); padding along the height in every strided layer, as areas differ in height;
-anchors of two sizes and one class that stand on the site's floor (anchors.py); second-stage boxes
-are chosen evenly instead of at random and there is no dropout, so that a run repeats; nor are the
-points of a full ball drawn anew each time, 16 at every level; as many proposals are refined when
-detecting as when learning; balls and frames with few points are not filled up (pointnet.py). With
-`around_m`, key points are taken only around proposals, as in PV-RCNN++ (Shi et al., IJCV 2023):
-over a road of 200 m farthest points spread so thinly that a car has one.
+Deviations from the paper:
+
+- all points of a voxel are used; x y z enter the first layer scaled to -1 to 1 over the area
+  (voxel_backbone.py)
+- every strided layer has padding along the height, because areas differ in height
+- anchors of two sizes and one class, which stand on the site's floor (anchors.py)
+- proposals for the second stage are chosen evenly instead of at random, and there is no dropout, so
+  that a training is reproducible; for the same reason the points of a full ball (16 at every level)
+  are not sampled again each time
+- the same number of proposals is refined in detection as in training
+- balls and frames with few points are not filled up (pointnet.py)
+- with `around_m`, key points are taken only around proposals, as in PV-RCNN++ (Shi et al., IJCV
+  2023); on a road of 200 m, farthest point sampling would leave one key point per car
 """
 
 from __future__ import annotations
@@ -38,18 +43,19 @@ from pyinfra.models.detectors.windows import cut, view_of
 from pyinfra.models.ops.boxes import best_overlap, nms
 from pyinfra.models.ops.points import box_of_points
 
-# Metres around a key point: raw points, then the levels of voxels; and around a grid point.
+# Radii in metres around a key point, for raw points and each level of voxels, and around a grid
+# point.
 RADII = ((0.4, 0.8), (0.4, 0.8), (0.8, 1.2), (1.2, 2.4), (2.4, 4.8))
 GRID_RADII = (0.8, 1.6)
 
-LEARNT_NMS_IOU, INFERENCE_NMS_IOU = 0.8, 0.7  # of proposals, in training and after it
-FOREGROUND_IOU = 0.55  # of proposals that are refined
-FOREGROUND_SHARE = 0.5  # at most, of the proposals that are learnt from
-BACKGROUND_IOU = 0.1  # those above are hard
-HARD_SHARE = 0.8  # of the background
-POOR_IOU, GOOD_IOU = 0.25, 0.75  # confidences 0 and 1
-UNSURE_M = 0.1  # key points this far outside a vehicle do not count
-LARGEST = 5.0  # logarithm of a size over the proposal's
+LEARNT_NMS_IOU, INFERENCE_NMS_IOU = 0.8, 0.7  # suppression of proposals in training and detection
+FOREGROUND_IOU = 0.55  # least IoU of proposals whose refinement is trained
+FOREGROUND_SHARE = 0.5  # largest share of these among the proposals of a training frame
+BACKGROUND_IOU = 0.1  # background proposals with a higher IoU are hard
+HARD_SHARE = 0.8  # share of hard ones among the background proposals
+POOR_IOU, GOOD_IOU = 0.25, 0.75  # IoU for which the confidence should be 0 and 1
+UNSURE_M = 0.1  # key points up to this far outside a vehicle do not count
+LARGEST = 5.0  # largest logarithm of a size relative to that of the proposal
 
 
 def _published_bev() -> BevConfig:
@@ -58,32 +64,32 @@ def _published_bev() -> BevConfig:
 
 @dataclass(frozen=True)
 class Config:
-    """Widths and depths; the defaults are the published ones."""
+    """Sizes of the network; the defaults are the published ones."""
 
     voxel_m: float = ruled(0.05, 0.02, 1)  # side of a voxel
-    voxel_height_m: float = ruled(0.1, 0.02, 2)  # and its height
-    widths: tuple[int, int, int, int] = ruled((16, 32, 64, 64), 1, 512)  # of the levels
-    strides: tuple[int, int, int] = ruled((2, 2, 2), 1, 4)  # along x and y, to the next level
-    canvas_width: int = ruled(128, 1, 512)  # channels of the image from above
+    voxel_height_m: float = ruled(0.1, 0.02, 2)  # height of a voxel
+    widths: tuple[int, int, int, int] = ruled((16, 32, 64, 64), 1, 512)  # channels of each level
+    strides: tuple[int, int, int] = ruled((2, 2, 2), 1, 4)  # strides between levels along x and y
+    canvas_width: int = ruled(128, 1, 512)  # channels of each height layer of the canvas
     bev: BevConfig = field(default_factory=_published_bev)
     anchors: AnchorConfig = field(default_factory=AnchorConfig)
-    key_points: int = ruled(2048, 1, 65536)  # of a frame
+    key_points: int = ruled(2048, 1, 65536)  # key points of a frame
     around_m: float = ruled(0.0, 0, 100)  # key points only this far around proposals; 0: anywhere
-    neighbours: int = ruled(16, 1, 256)  # in each ball
+    neighbours: int = ruled(16, 1, 256)  # most points in each ball
     key_width: int = ruled(128, 1, 1024)  # channels of a key point
-    proposals: int = ruled(128, 1, 1024)  # of a frame
-    grid: int = ruled(6, 1, 16)  # points along each side of a proposal
-    grid_width: int = ruled(64, 1, 512)  # for each radius
-    head_width: int = ruled(256, 1, 2048)  # channels of the layers that refine
+    proposals: int = ruled(128, 1, 1024)  # proposals of a frame that are refined
+    grid: int = ruled(6, 1, 16)  # grid points along each side of a proposal
+    grid_width: int = ruled(64, 1, 512)  # channels of a grid point for each radius
+    head_width: int = ruled(256, 1, 2048)  # channels of the layers of the second stage
 
 
 class KeyPoints(nn.Module):
-    """Key points -> features (m, key_width), weighted by how much they belong to a vehicle."""
+    """Computes features (m, key_width) of key points, weighted by a foreground probability."""
 
     def __init__(self, config: Config, area: Area, cell_m: float, canvas_channels: int) -> None:
         super().__init__()
         self.area, self.cell_m = area, cell_m
-        widths = (config.widths[0], *config.widths)  # of raw points and the levels
+        widths = (config.widths[0], *config.widths)  # for raw points and each level
         sources = [
             SetAbstraction(channels, _balls(radii, config.neighbours, width))
             for channels, radii, width in zip((1, *config.widths), RADII, widths, strict=True)
@@ -97,7 +103,10 @@ class KeyPoints(nn.Module):
     def forward(
         self, clouds: list[Clouds], canvas: Tensor, xyz: Tensor, counts: list[int]
     ) -> tuple[Clouds, Tensor]:
-        """clouds: raw points and the levels; returns the key points (m,) and logits (m,)."""
+        """Returns the key points with features, and their foreground logits (m,).
+
+        clouds: raw points and the voxels of each level.
+        """
         gathered_levels = [
             source(shuffled(cloud), xyz, counts).features
             for source, cloud in zip(self.sources, clouds, strict=True)
@@ -108,7 +117,7 @@ class KeyPoints(nn.Module):
         return Clouds(xyz, features, counts), logits
 
     def seen_from_above(self, canvas: Tensor, xyz: Tensor, counts: list[int]) -> Tensor:
-        """(m, C): the canvas (B, C, H, W) at the key points, between the middles of its cells."""
+        """Returns the canvas (B, C, H, W), interpolated at the key points: (m, C)."""
         low = xyz.new_tensor(self.area.low[:2])
         size = xyz.new_tensor([canvas.shape[3] * self.cell_m, canvas.shape[2] * self.cell_m])
         at = 2 * (xyz[:, :2] - low) / size - 1  # (m, 2)
@@ -123,7 +132,7 @@ class KeyPoints(nn.Module):
 
 
 class Refinement(nn.Module):
-    """Proposals -> confidences (r,) as logits and residuals (r, 7), from the key points in them."""
+    """Computes confidences (r,) as logits and residuals (r, 7) of proposals from key points."""
 
     def __init__(self, config: Config) -> None:
         super().__init__()
@@ -139,17 +148,17 @@ class Refinement(nn.Module):
         self.box = nn.Sequential(mlp(width, [width, width]), last)
 
     def forward(self, key: Clouds, boxes: Tensor, counts: list[int]) -> tuple[Tensor, Tensor]:
-        """boxes: (r, 7) of the proposals, counts: of each frame."""
+        """boxes: (r, 7) proposals. counts: number of proposals in each frame."""
         grid = grid_points(boxes, self.grid)  # (r, g, 3)
         each = grid.shape[1]
         features = self.pool(key, grid.flatten(0, 1), [each * n for n in counts]).features
-        # Not -1: its size is unknown where there is no proposal.
+        # The size is explicit, because -1 is ambiguous without proposals.
         x = self.shared(features.reshape(len(grid), each * features.shape[1]))
         return self.score(x)[:, 0].float(), self.box(x).float()
 
 
 class PvRcnn(Network):
-    """Sparse voxels, anchors, key points, a second stage."""
+    """Sparse voxels, anchors, key points and a second stage."""
 
     learns_in_windows = True
 
@@ -203,7 +212,7 @@ class PvRcnn(Network):
 
     @torch.no_grad()
     def proposals(self, x: Tensor, iou: float) -> list[Tensor]:
-        """Of each frame the boxes (r, 7) of the anchors that do not overlap more, best first."""
+        """Returns the proposals (r, 7) of each frame after suppression with `iou`, best first."""
         kept = []
         for boxes, scores in self.head.candidates(x):
             good = torch.isfinite(boxes).all(dim=1) & torch.isfinite(scores)
@@ -214,7 +223,7 @@ class PvRcnn(Network):
     def gather(
         self, batch: Batch, levels: list[Clouds], canvas: Tensor, proposals: list[Tensor]
     ) -> tuple[Clouds, Tensor]:
-        """The key points with their features, and logits (m,) of being on a vehicle."""
+        """Returns the key points with features, and their foreground logits (m,)."""
         raw = raw_points(batch)
         rows, counts = self.rows_of_key_points(raw, proposals)
         key: tuple[Clouds, Tensor] = self.key_points([raw, *levels], canvas, raw.xyz[rows], counts)
@@ -222,7 +231,7 @@ class PvRcnn(Network):
 
     @torch.no_grad()
     def rows_of_key_points(self, raw: Clouds, proposals: list[Tensor]) -> tuple[Tensor, list[int]]:
-        """(m,): of each frame as many far points as wanted, or all that there are; the counts."""
+        """Returns the rows (m,) of the key points, by farthest point sampling, and their counts."""
         kept, counts = torch.arange(len(raw.xyz), device=raw.xyz.device), raw.counts
         if self.config.around_m > 0:
             near = [
@@ -237,13 +246,16 @@ class PvRcnn(Network):
 
 
 def raw_points(batch: Batch) -> Clouds:
-    """With the intensity as feature."""
+    """Returns the points of a batch as clouds, with the other columns as features."""
     counts = torch.bincount(batch.frame, minlength=batch.size).tolist()
     return Clouds(batch.points[:, :3].contiguous(), batch.points[:, 3:], counts)
 
 
 def is_around(xyz: Tensor, boxes: Tensor, margin_m: float) -> Tensor:
-    """(n,) bool: is a point in the upright cylinder around a box (r, 7), wider by the margin?"""
+    """Returns which points are in the upright cylinder around a box (r, 7): (n,) bool.
+
+    The cylinder circumscribes the box and is enlarged by the margin.
+    """
     if not len(boxes):
         return torch.zeros(len(xyz), dtype=torch.bool, device=xyz.device)
     reach = boxes[:, 3:5].norm(dim=1) / 2 + margin_m
@@ -254,14 +266,14 @@ def is_around(xyz: Tensor, boxes: Tensor, margin_m: float) -> Tensor:
 
 
 def grid_points(boxes: Tensor, grid: int) -> Tensor:
-    """(r, grid^3, 3): the middles of the cells of each box (r, 7)."""
+    """Returns the middles of the grid cells in each box (r, 7): (r, grid^3, 3)."""
     share = (torch.arange(grid, device=boxes.device) + 0.5) / grid - 0.5
     local = torch.cartesian_prod(share, share, share) * boxes[:, None, 3:6]
     return boxes[:, None, :3] + _turned(local, boxes[:, 6, None])
 
 
 def refined(boxes: Tensor, residuals: Tensor) -> Tensor:
-    """Boxes (r, 7) changed by residuals (r, 7) in their own frames; none changes nothing."""
+    """Returns boxes (r, 7) changed by residuals (r, 7) in the frames of the boxes."""
     diagonal = boxes[:, 3:5].norm(dim=1, keepdim=True)
     scale = torch.cat([diagonal, diagonal, boxes[:, 5:6]], dim=1)
     xyz = boxes[:, :3] + _turned(residuals[:, :3] * scale, boxes[:, 6])
@@ -271,9 +283,9 @@ def refined(boxes: Tensor, residuals: Tensor) -> Tensor:
 
 
 def wanted_residuals(boxes: Tensor, truth: Tensor) -> Tensor:
-    """The inverse of `refined`: (r, 7) from boxes to vehicles (r, 7), headings modulo half a turn.
+    """Returns the residuals (r, 7) from boxes to vehicles (r, 7), the inverse of `refined`.
 
-    What is forward was said by the first stage.
+    Headings are modulo half a turn, because the first stage predicts which end is the front.
     """
     here = torch.cat([torch.zeros_like(boxes[:, :3]), boxes[:, 3:6], boxes[:, :1] * 0], dim=1)
     offset = _turned(truth[:, :3] - boxes[:, :3], -boxes[:, 6])
@@ -282,7 +294,7 @@ def wanted_residuals(boxes: Tensor, truth: Tensor) -> Tensor:
 
 
 def spread_by_overlap(overlap: Tensor, most: int) -> Tensor:
-    """Rows of at most so many boxes to learn from: on vehicles, near them, and elsewhere."""
+    """Returns at most `most` rows of proposals for training: on, near and off vehicles."""
     rows = torch.arange(len(overlap), device=overlap.device)
     on = rows[overlap >= FOREGROUND_IOU]
     near = rows[(overlap < FOREGROUND_IOU) & (overlap >= BACKGROUND_IOU)]
@@ -296,7 +308,10 @@ def spread_by_overlap(overlap: Tensor, most: int) -> Tensor:
 def refinement_losses(
     scores: Tensor, residuals: Tensor, proposals: list[Tensor], boxes: tuple[Tensor, ...]
 ) -> Losses:
-    """scores: (r,), residuals: (r, 7) of the proposals of all frames; boxes: of the vehicles."""
+    """Returns the losses of the second stage.
+
+    scores: (r,), residuals: (r, 7) of the proposals of all frames. boxes: vehicles of each frame.
+    """
     overlaps, targets = [scores.new_zeros(0)], [residuals.new_zeros(0, 7)]
     for proposed, truth in zip(proposals, boxes, strict=True):
         overlap, row = best_overlap(proposed, truth)
@@ -317,7 +332,11 @@ def refinement_losses(
 
 
 def corner_loss(predicted: Tensor, truth: Tensor) -> Tensor:
-    """(r,): mean distance of corners of boxes (r, 7), whichever end is the front."""
+    """Returns the mean loss of the corner distances of boxes (r, 7): (r,).
+
+    The distance of a corner is the smaller of those to the box and to the box turned by half a
+    turn.
+    """
     half_turn = truth + truth.new_tensor([0, 0, 0, 0, 0, 0, math.pi])
     corners = grid_corners(predicted)
     apart = torch.minimum(
@@ -327,13 +346,16 @@ def corner_loss(predicted: Tensor, truth: Tensor) -> Tensor:
 
 
 def grid_corners(boxes: Tensor) -> Tensor:
-    """(r, 8, 3): those of two cells along each side lie in the middle between centre and corner."""
+    """Returns the corners of boxes: (r, 8, 3).
+
+    The middles of a 2 x 2 x 2 grid lie halfway between the centre and the corners.
+    """
     middle = boxes[:, None, :3]
     return middle + 2 * (grid_points(boxes, 2) - middle)
 
 
 def foreground_loss(key: Clouds, logits: Tensor, boxes: tuple[Tensor, ...]) -> Tensor:
-    """Focal loss of the key points on vehicles; those just outside do not count."""
+    """Returns the focal loss of key points; points just outside vehicles do not count."""
     on, near = [logits.new_zeros(0, dtype=torch.bool)], [logits.new_zeros(0, dtype=torch.bool)]
     for xyz, frame_boxes in zip(key.xyz.split_with_sizes(key.counts), boxes, strict=True):
         wider = frame_boxes + frame_boxes.new_tensor([0, 0, 0, *[2 * UNSURE_M] * 3, 0])
@@ -350,7 +372,7 @@ def _balls(radii: tuple[float, ...], most: int, width: int) -> list[Ball]:
 
 
 def _turned(xyz: Tensor, heading: Tensor) -> Tensor:
-    """(..., 3) turned about z by (...)."""
+    """Returns points (..., 3), turned about z by headings (...)."""
     cos, sin = heading.cos(), heading.sin()
     x, y, z = xyz.unbind(-1)
     return torch.stack([cos * x - sin * y, sin * x + cos * y, z], dim=-1)

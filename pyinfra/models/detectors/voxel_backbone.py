@@ -1,8 +1,8 @@
-"""Voxels and the sparse three-dimensional network over them.
+"""Voxels and the sparse three-dimensional network on them.
 
-SECOND, Yan et al., Sensors 2018, with the widths and strides of PV-RCNN, Shi et al., CVPR 2020:
-levels, each at half the resolution of the one before, then one layer that only halves the height,
-seen from above.
+It follows SECOND, Yan et al., Sensors 2018, with the widths and strides of PV-RCNN, Shi et al.,
+CVPR 2020. There are several levels, each at half the resolution of the previous one, and a last
+layer that halves only the height and gives a bird's-eye canvas.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pyinfra.models.ops.sparse import SparseConv3d, SparseTensor, SubmanifoldCon
 
 
 class SparseBlock(nn.Module):
-    """A sparse convolution, batch norm, ReLU."""
+    """A sparse convolution with batch norm and ReLU."""
 
     def __init__(self, convolution: SubmanifoldConv3d | SparseConv3d, width: int) -> None:
         super().__init__()
@@ -33,9 +33,9 @@ class SparseBlock(nn.Module):
 
 
 class VoxelBackbone(nn.Module):
-    """Points (n, 4) -> voxels of each level, and a canvas (B, channels, H / s, W / s).
+    """Maps points (n, 4) to the voxels of each level and a canvas (B, channels, H / s, W / s).
 
-    s is the product of the strides along x and y; along z every level halves.
+    s is the product of the strides along x and y. Along z, each level has a stride of 2.
     """
 
     def __init__(
@@ -47,13 +47,13 @@ class VoxelBackbone(nn.Module):
         strides: tuple[int, ...],
         canvas_width: int,
     ) -> None:
-        """area: along x and y whole multiples of s voxels; strides: one less than widths."""
+        """area: its sides must be multiples of s voxels. strides: one value less than widths."""
         super().__init__()
         self.area, self.size = area, (voxel_m, voxel_m, height_m)
         columns, rows = (round(area.size[axis] / voxel_m) for axis in (0, 1))
         self.shape = math.ceil(area.size[2] / height_m - 1e-6), rows, columns
         along = list(itertools.accumulate(strides, operator.mul, initial=1))
-        self.strides = [(s, s, 2**i) for i, s in enumerate(along)]  # of each level, in voxels
+        self.strides = [(s, s, 2**i) for i, s in enumerate(along)]  # voxel sizes of each level
         self.levels = nn.ModuleList()
         channels = 4
         for i, width in enumerate(widths):
@@ -71,10 +71,10 @@ class VoxelBackbone(nn.Module):
         for _ in range(len(widths)):
             depth = (depth + 1) // 2
         self.channels = canvas_width * depth
-        self.grid = rows // along[-1], columns // along[-1]  # of the canvas
+        self.grid = rows // along[-1], columns // along[-1]  # size of the canvas
 
     def forward(self, batch: Batch, view: CanvasPart | None = None) -> tuple[list[Clouds], Tensor]:
-        """view: the part of the area that the batch was cut to (windows.py), if not all of it."""
+        """view: the part of the area that the batch was cropped to (windows.py)."""
         x, levels = self.voxels(batch, view), []
         for level, stride in zip(self.levels, self.strides, strict=True):
             x = level(x)
@@ -82,7 +82,7 @@ class VoxelBackbone(nn.Module):
         return levels, self.flat(x).to_dense()
 
     def voxels(self, batch: Batch, view: CanvasPart | None = None) -> SparseTensor:
-        """The mean x y z intensity of the points in each voxel, x y z as -1 to 1 over the area."""
+        """Returns the mean x y z intensity of the points in each voxel; x y z are -1 to 1."""
         depth, rows, columns = self.shape
         if view is not None:
             rows, columns = view.sides
@@ -105,7 +105,7 @@ class VoxelBackbone(nn.Module):
         return SparseTensor(mean, coordinates, (depth, rows, columns), batch.size)
 
     def middles(self, x: SparseTensor, stride: tuple[int, int, int]) -> Clouds:
-        """The voxels as points in their middles; stride: along x, y, z."""
+        """Returns the voxels as points at their middles; stride: along x, y, z."""
         low, size = x.features.new_tensor(self.area.low), x.features.new_tensor(self.size)
         at = (x.coordinates[:, [3, 2, 1]] + 0.5) * size.new_tensor(stride)
         counts = torch.bincount(x.coordinates[:, 0], minlength=x.batch_size).tolist()
@@ -113,7 +113,10 @@ class VoxelBackbone(nn.Module):
 
 
 def _halving(channels: int, width: int, key: str, stride: int) -> SparseConv3d:
-    """Half as high. A stride of 1 along x and y looks at no neighbours, so that none are added."""
+    """Returns a convolution with stride 2 along z, and `stride` along x and y.
+
+    With stride 1 the kernel has size 1 along x and y, so that no voxels are added there.
+    """
     side = 3 if stride > 1 else 1
     return SparseConv3d(
         channels,

@@ -1,7 +1,7 @@
-"""Windows of the canvas to learn from, so that a step costs the same over a wide site.
+"""Training on windows of the canvas, so that a step costs the same for a large site.
 
-Convolutions look no further than some 30 m around a cell, so a vehicle is learnt as in the whole
-canvas but for what stands beyond the rim; detection looks at the whole canvas.
+The receptive field of the convolutions is about 30 m around a cell. So training on a window differs
+from training on the whole canvas only near its border. Detection uses the whole canvas.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def check(network: Network, most_m2: float) -> None:
-    """Raises Error if windows are asked of a network that has no canvas to cut."""
+    """Raises Error if windows are requested for a network that does not support them."""
     if most_m2 > 0 and not network.learns_in_windows:
         name = type(network).__name__
         raise Error(f"learning.window_m2: found {most_m2:g} for {name}, allowed 0")
@@ -29,9 +29,9 @@ def check(network: Network, most_m2: float) -> None:
 def centre_of(
     sample: Sample, area: Area, draw: np.random.Generator, rare: float = 0.0
 ) -> FloatArray:
-    """(2,) where to look: at one of the objects, or anywhere in the area if there is none.
+    """Returns the centre of a window, (2,): a random object, or a random position without objects.
 
-    rare: share of the samples whose class is drawn first, each class alike.
+    rare: share of the samples for which a class is chosen first, each class equally often.
     """
     if rare > 0 and len(sample.boxes) > 0 and draw.random() < rare:
         of_class = np.flatnonzero(sample.numbers == draw.choice(np.unique(sample.numbers)))
@@ -42,7 +42,7 @@ def centre_of(
 
 
 def view_of(batch: Batch, area: Area, cell_m: float, step: int) -> CanvasPart:
-    """What the batch's windows show of an area; they begin at multiples of `step` cells."""
+    """Returns the part of the canvas in the batch's windows, which begin at multiples of `step`."""
     columns, rows = (round(area.size[axis] / cell_m) for axis in (0, 1))
     whole = (rows, columns)
     if batch.windows is None:
@@ -70,7 +70,7 @@ def view_of(batch: Batch, area: Area, cell_m: float, step: int) -> CanvasPart:
 
 
 def cut(batch: Batch, view: CanvasPart, area: Area, cell_m: float) -> Batch:
-    """The points and boxes of the view, moved as it is to the area's low corner."""
+    """Returns the points and boxes in the view, shifted to the low corner of the area."""
     if view.first is None:
         return batch
     points = batch.points.clone()
@@ -81,9 +81,9 @@ def cut(batch: Batch, view: CanvasPart, area: Area, cell_m: float) -> Batch:
 
 
 def sides_of(whole: tuple[int, int], cells: float, step: int) -> tuple[int, int]:
-    """Rows and columns of a window of at most so many cells, but a step each way at least.
+    """Returns rows and columns of a window of at most `cells` cells, as square as possible.
 
-    It is as square as the whole allows.
+    Each side is a multiple of `step`, and at least one step.
     """
     rows, columns = whole
     if rows * columns <= cells:
@@ -94,5 +94,8 @@ def sides_of(whole: tuple[int, int], cells: float, step: int) -> tuple[int, int]
 
 
 def _start(middle: float, side: int, whole: int, step: int) -> int:
-    """The first cell of a window around a place, within the canvas, a multiple of `step`."""
+    """Returns the first cell of a window around `middle`, inside the canvas.
+
+    It is a multiple of `step`.
+    """
     return min(max(0, round((middle - side / 2) / step) * step), whole - side)

@@ -1,6 +1,6 @@
-"""What learnt detectors share: overlap of boxes, sampling and search of points, sparse convolution.
+"""Operations of the networks: overlap of boxes, point sampling and search, sparse convolution.
 
-Every operation is written in torch and runs where its tensors are; on a CPU some go through scipy
-or the compiled extension instead, where benchmarks/ops.py shows that this is at least twice as
-fast. Without the extension the torch code runs everywhere.
+All operations are written in PyTorch and run on the device of their tensors. On a CPU some use
+SciPy or the compiled extension instead, where benchmarks/ops.py shows that this is at least twice
+as fast. Without the extension the PyTorch code is used.
 """

@@ -1,8 +1,8 @@
-"""Overlap of rotated boxes and non-maximum suppression, in torch.
+"""Overlap of rotated boxes and non-maximum suppression, in PyTorch.
 
-A box is `x y z dx dy dz heading` as in `pyinfra.core.boxes`, the exact counterpart in NumPy.
-The overlaps are differentiable in all seven numbers of both boxes; where an overlap has a kink
-(equal or touching boxes) the gradient is finite and one of those beside the kink.
+A box is `x y z dx dy dz heading` as in `pyinfra.core.boxes`, the exact counterpart for NumPy. The
+overlaps are differentiable in all seven numbers of both boxes. Where an overlap is not
+differentiable (equal or touching boxes), the gradient is finite and one of the one-sided ones.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from torch import Tensor
 
 from pyinfra.models.ops.kernels import kernels
 
-# Of an overlap, in units of rounding of the larger box's square: what is below counts as nothing.
+# Overlaps below this many rounding errors of the larger box's squared size count as 0.
 _ROUNDING = 4
-_CHUNK = 1 << 22  # pairs whose distance is compared at a time
+_CHUNK = 1 << 22  # pairs whose distances are computed together
 
 # Corners of the unit box, counter-clockwise from front right.
 _AHEAD = (0.5, 0.5, -0.5, -0.5)
@@ -23,10 +23,10 @@ _LEFT = (-0.5, 0.5, 0.5, -0.5)
 
 @torch.no_grad()
 def best_overlap(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
-    """Overlap of volumes of each box of a with the one of b that it overlaps most, and its row.
+    """Returns the highest 3-D IoU of each box of a with a box of b, and the row of that box.
 
     a: (n, 7), b: (m, 7), in the same frame; returns (n,) in [0, 1] and (n,) int64. A box that
-    overlaps none, or with none to overlap, has exactly 0 and row 0.
+    overlaps none has exactly 0 and row 0; so have all boxes if b is empty.
     """
     if not len(b):
         return a.new_zeros(len(a)), torch.zeros_like(a[:, 0], dtype=torch.int64)
@@ -37,9 +37,9 @@ def best_overlap(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def bev_iou_pairs(a: Tensor, b: Tensor) -> Tensor:
-    """Intersection over union of the footprints, row by row: (n, 7) and (n, 7) to (n,) in [0, 1].
+    """Returns the IoU of the footprints, row by row: (n, 7) and (n, 7) to (n,) in [0, 1].
 
-    A pair with no overlap gives exactly 0.
+    A pair without overlap gives exactly 0.
     """
     a, b = _at_least_float32(a), _at_least_float32(b)
     overlap = bev_overlap_pairs(a, b)
@@ -47,9 +47,9 @@ def bev_iou_pairs(a: Tensor, b: Tensor) -> Tensor:
 
 
 def iou_3d_pairs(a: Tensor, b: Tensor) -> Tensor:
-    """Intersection over union of the volumes, row by row: (n, 7) and (n, 7) to (n,) in [0, 1]."""
+    """Returns the IoU of the volumes, row by row: (n, 7) and (n, 7) to (n,) in [0, 1]."""
     a, b = _at_least_float32(a), _at_least_float32(b)
-    between = b[:, 2] - a[:, 2]  # heights around a's centre, where sums lose nothing
+    between = b[:, 2] - a[:, 2]  # relative to a's centre, to avoid rounding errors
     top = torch.minimum(a[:, 5] / 2, between + b[:, 5] / 2)
     bottom = torch.maximum(-a[:, 5] / 2, between - b[:, 5] / 2)
     shared = bev_overlap_pairs(a, b) * (top - bottom).clamp(min=0)
@@ -57,17 +57,18 @@ def iou_3d_pairs(a: Tensor, b: Tensor) -> Tensor:
 
 
 def bev_overlap_pairs(a: Tensor, b: Tensor) -> Tensor:
-    """Area that the footprints of row i of a and of b share: (n, 7) and (n, 7) to (n,).
+    """Returns the area that the footprints of a and b share, row by row: (n, 7), (n, 7) to (n,).
 
-    Green's theorem along the edges of b, in the frame of a, as in `pyinfra.core.boxes`: the sum
-    over the edges of (mean of x, clipped to a's length) * (change of y, clipped to a's width).
+    As in `pyinfra.core.boxes`, Green's theorem is applied along the edges of b in the frame of a:
+    the sum over the edges of (mean of x, clipped to a's length) * (change of y, clipped to a's
+    width).
     """
     length, width = a[:, 3, None] / 2, a[:, 4, None] / 2
     x, y = _corners_seen_from(a, b)  # (n, 4) each
     x_step, y_step = x.roll(-1, 1) - x, y.roll(-1, 1) - y
     from_y = y.clamp(-width, width)
     to_y = from_y.roll(-1, 1)
-    # An edge enters and leaves a's band of y at these shares of its way.
+    # An edge enters and leaves a's range of y at these shares of its length.
     size = torch.maximum(a[:, 3:5], b[:, 3:5]).amax(1).detach()
     level = y_step.abs() <= torch.finfo(y.dtype).eps * size[:, None]
     rise = torch.where(level, 1, y_step)
@@ -81,10 +82,11 @@ def bev_overlap_pairs(a: Tensor, b: Tensor) -> Tensor:
 
 
 def nms(boxes: Tensor, scores: Tensor, iou: float, limit: int) -> Tensor:
-    """Greedy suppression: a box goes if one with a higher score overlaps it by more than `iou`.
+    """Returns the rows of boxes that remain after greedy non-maximum suppression.
 
-    boxes: (n, 7), scores: (n,), all finite; returns (k,) int64, k <= limit, rows of boxes by
-    descending score. Of equal scores the row that comes first wins.
+    A box is removed if a remaining box with a higher score overlaps it by more than `iou`. boxes:
+    (n, 7), scores: (n,), all finite; returns (k,) int64, k <= limit, by descending score. Of equal
+    scores the first row counts as higher.
     """
     order = torch.argsort(scores, descending=True, stable=True)
     best_first = boxes.detach()[order].double()
@@ -95,7 +97,7 @@ def nms(boxes: Tensor, scores: Tensor, iou: float, limit: int) -> Tensor:
 
 
 def _suppress(boxes: Tensor, iou: float, limit: int) -> list[int]:
-    """Rows of boxes (n, 7), best first, that no row before them suppresses."""
+    """Returns the rows of boxes (n, 7), sorted best first, that remain after suppression."""
     i, j = _near_pairs(boxes, boxes)
     i, j = i[i < j], j[i < j]
     above = bev_iou_pairs(boxes[i], boxes[j]) > iou
@@ -114,7 +116,7 @@ def _suppress(boxes: Tensor, iou: float, limit: int) -> list[int]:
 
 
 def _near_pairs(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
-    """Rows (i, j) whose footprints may touch, by the circles around them; sorted."""
+    """Returns the pairs of rows (i, j), sorted, whose circumscribed circles touch."""
     a, b = a.detach(), b.detach()
     reach_a, reach_b = a[:, 3:5].norm(dim=1) / 2, b[:, 3:5].norm(dim=1) / 2
     rows = max(1, _CHUNK // max(1, len(b)))
@@ -130,7 +132,7 @@ def _near_pairs(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _corners_seen_from(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
-    """x and y (n, 4) of b's corners in a's frame."""
+    """Returns x and y of b's corners in a's frame, (n, 4) each."""
     cos, sin = a[:, 6].cos(), a[:, 6].sin()
     dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
     x, y = (cos * dx + sin * dy)[:, None], (cos * dy - sin * dx)[:, None]
@@ -141,10 +143,10 @@ def _corners_seen_from(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _mean_clipped(start: Tensor, end: Tensor, limit: Tensor) -> Tensor:
-    """Mean of clip(x, -limit, limit) for x from start to end.
+    """Returns the mean of clip(x, -limit, limit) for x from start to end.
 
-    As the middle of the clipped part and the shares of the way above and below it: neither the
-    value nor the gradient has a difference of large numbers over a small one.
+    It is computed from the middle of the clipped part and the shares above and below it. So neither
+    the value nor the gradient divides a difference of large numbers by a small one.
     """
     first, last = torch.minimum(start, end), torch.maximum(start, end)
     middle = (first.clamp(-limit, limit) + last.clamp(-limit, limit)) / 2
@@ -155,7 +157,7 @@ def _mean_clipped(start: Tensor, end: Tensor, limit: Tensor) -> Tensor:
 
 
 def _ratio(part: Tensor, whole: Tensor) -> Tensor:
-    """part / whole, and 0 where the whole is nothing."""
+    """Returns part / whole, and 0 where whole is 0."""
     return torch.where(whole > 0, part / torch.where(whole > 0, whole, 1), 0)
 
 

@@ -1,4 +1,4 @@
-"""The compiled extension, or None where it is not built; then torch does its work."""
+"""The compiled extension, or None if it is not built; PyTorch code is then used instead."""
 
 from __future__ import annotations
 

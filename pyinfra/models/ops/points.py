@@ -1,7 +1,7 @@
-"""Sampling and search of points, as the networks on points need them (Qi et al., PointNet++, 2017).
+"""Sampling and search of points for networks on points (Qi et al., PointNet++, 2017).
 
-Coordinates are (n, 3) float32, metres; those of one cloud, as clouds of a batch differ in
-size. Searches have no gradient and raise ValueError for what is not finite; rows are int64.
+Coordinates are those of one cloud, (n, 3) float32, metres, because the clouds of a batch differ in
+size. Searches have no gradient and raise ValueError for values that are not finite. Rows are int64.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from torch import Tensor
 
 from pyinfra.models.ops.kernels import kernels
 
-_CHUNK = 1 << 22  # distances at a time
+_CHUNK = 1 << 22  # distances that are computed together
 
 
 @torch.no_grad()
 def farthest_points(xyz: Tensor, k: int) -> Tensor:
-    """Rows (k,) of xyz (n, 3) that are far from each other.
+    """Returns k rows of xyz (n, 3) by farthest point sampling.
 
-    The first is row 0, each next one the farthest from all before; of equally far ones the lowest
-    row. When all are taken, row 0 repeats. Raises ValueError for n = 0.
+    The first is row 0. Each next one is the farthest from all before it; of equally far points the
+    lowest row. If k > n, row 0 is repeated. Raises ValueError for n = 0.
     """
     _check(xyz)
     if not len(xyz):
@@ -31,7 +31,7 @@ def farthest_points(xyz: Tensor, k: int) -> Tensor:
     chosen = torch.zeros(k, dtype=torch.int64, device=xyz.device)
     apart = torch.full_like(columns[0], torch.inf)
     for count in range(1, k):
-        # By a slice and not a number, which a GPU would have to wait for.
+        # Indexed with a slice, because reading a number would make the GPU wait.
         last = columns.index_select(1, chosen[count - 1 : count])  # (3, 1)
         torch.minimum(apart, _squared(*(columns - last)), out=apart)
         chosen[count] = apart.argmax()
@@ -40,10 +40,10 @@ def farthest_points(xyz: Tensor, k: int) -> Tensor:
 
 @torch.no_grad()
 def ball_query(points: Tensor, centres: Tensor, radius: float, k: int) -> tuple[Tensor, Tensor]:
-    """The first k points, by row, that are closer than the radius (metres) to each centre.
+    """Returns the first k points, by row, that are closer to each centre than the radius (metres).
 
     points: (n, 3), centres: (m, 3); returns rows (m, k) and (m,) bool, true for an empty ball. A
-    ball with fewer points is filled up with its first one, an empty one with row 0.
+    ball with fewer points repeats its first one; an empty ball has row 0 only.
     """
     _check(points)
     _check(centres)
@@ -70,10 +70,11 @@ def ball_query(points: Tensor, centres: Tensor, radius: float, k: int) -> tuple[
 
 @torch.no_grad()
 def three_nearest(points: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
-    """Distances (n, 3), metres, and rows (n, 3) of the nearest known points, nearest first.
+    """Returns the distances (n, 3), metres, and rows (n, 3) of the three nearest known points.
 
-    points: (n, 3), known: (m, 3). With m < 3, what is missing is row 0 at an infinite distance.
-    Raises ValueError for m = 0. Of equally near ones any comes first.
+    points: (n, 3), known: (m, 3). The nearest comes first; the order of equally near points is
+    undefined. With m < 3, missing points are row 0 at infinite distance. Raises ValueError for
+    m = 0.
     """
     _check(points)
     _check(known)
@@ -87,9 +88,9 @@ def three_nearest(points: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def interpolate(features: Tensor, distances: Tensor, rows: Tensor) -> Tensor:
-    """Features (m, c) of known points to (n, c), weighted by 1 / distance.
+    """Interpolates features (m, c) of known points to (n, c), weighted by 1 / distance.
 
-    distances, rows: (n, 3), of `three_nearest`.
+    distances, rows: (n, 3), as `three_nearest` returns.
     """
     weights = 1 / (distances + 1e-8)
     weights = weights / weights.sum(1, keepdim=True)
@@ -98,9 +99,9 @@ def interpolate(features: Tensor, distances: Tensor, rows: Tensor) -> Tensor:
 
 @torch.no_grad()
 def points_in_boxes(points: Tensor, boxes: Tensor) -> Tensor:
-    """Whether each point is in each box, its surface included.
+    """Returns whether each point is in each box or on its surface: (n, m) bool.
 
-    points: (n, 3) or more columns, boxes: (m, 7) x y z dx dy dz heading; returns (n, m) bool.
+    points: (n, 3) or more columns. boxes: (m, 7) x y z dx dy dz heading.
     """
     result = torch.zeros(len(points), len(boxes), dtype=torch.bool, device=points.device)
     cos, sin = boxes[:, 6].cos(), boxes[:, 6].sin()
@@ -115,7 +116,7 @@ def points_in_boxes(points: Tensor, boxes: Tensor) -> Tensor:
 
 
 def box_of_points(points: Tensor, boxes: Tensor) -> Tensor:
-    """Row (n,) of the first box that each point is in, -1 where there is none."""
+    """Returns the row of the first box that each point is in: (n,), -1 for none."""
     if not len(boxes):
         return torch.full((len(points),), -1, device=points.device)
     inside = points_in_boxes(points, boxes)
@@ -123,7 +124,7 @@ def box_of_points(points: Tensor, boxes: Tensor) -> Tensor:
 
 
 def _nearest_of_all(points: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
-    """`three_nearest` without a tree."""
+    """Computes `three_nearest` from all distances, without a tree."""
     some = min(3, len(known))
     squared, indices = [points.new_zeros(0, some)], [points.new_zeros(0, some).long()]
     for part in _parts(points, len(known)):
@@ -136,18 +137,21 @@ def _nearest_of_all(points: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _parts(xyz: Tensor, others: int) -> list[Tensor]:
-    """Rows of xyz in parts whose distances to that many others fit into memory."""
+    """Divides xyz into parts whose distances to `others` points fit into memory."""
     rows = max(1, _CHUNK // max(1, others))
     return [xyz[start : start + rows] for start in range(0, len(xyz), rows)]
 
 
 def _squared_distances(a: Tensor, b: Tensor) -> Tensor:
-    """(n, 3) and (m, 3) to (n, m), each as exact as its differences: no sum of large squares."""
+    """Returns the squared distances of (n, 3) and (m, 3): (n, m).
+
+    They are sums of squared differences, which are more exact than a difference of large squares.
+    """
     return _squared(*(a[:, None, axis] - b[:, axis] for axis in range(3)))
 
 
 def _squared(dx: Tensor, dy: Tensor, dz: Tensor) -> Tensor:
-    # The order of operations of the compiled kernels, so that both choose the same points.
+    # The same order of operations as in the compiled kernels, so that both select the same points.
     return dx * dx + dy * dy + dz * dz
 
 

@@ -1,7 +1,7 @@
-"""Windows of a sparse grid, and sets of equal size of the voxels in each.
+"""Divides a sparse grid into windows, and the voxels of each window into sets of equal size.
 
-DSVT, Wang et al., CVPR 2023, section 3.2: a window with many voxels gets many sets, so attention
-costs the same for each set and every voxel is in one.
+DSVT, Wang et al., CVPR 2023, section 3.2: a window with more voxels gets more sets. Each voxel is
+in one set, and attention costs the same for each set.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from torch import Tensor
 
 @dataclass(frozen=True, eq=False)
 class VoxelWindows:
-    """Where n voxels lie in square windows of `side` cells."""
+    """The positions of n voxels in square windows of `side` cells."""
 
-    window: Tensor  # (n,) int64, the same number for the voxels of one window of one frame
-    row: Tensor  # (n,) int64, in the window
+    window: Tensor  # (n,) int64, number of the window; windows of different frames differ
+    row: Tensor  # (n,) int64, row in the window
     column: Tensor
     side: int
 
     @property
     def by_row(self) -> Tensor:
-        """(n,) place of each voxel in its window, row after row."""
+        """(n,) index of each voxel's cell in its window, row by row."""
         return self.row * self.side + self.column
 
     @property
@@ -33,15 +33,15 @@ class VoxelWindows:
 
 @dataclass(frozen=True, eq=False)
 class Sets:
-    """Which voxels of n are in which of s sets."""
+    """The assignment of n voxels to s sets."""
 
-    voxel: Tensor  # (s, size) int64; a set with fewer voxels repeats some, next to each other
-    repeats: Tensor  # (s, size) bool: holds the same voxel as the slot before
-    slot: Tensor  # (n,) int64: the one of the s * size slots that holds the voxel first
+    voxel: Tensor  # (s, size) int64; a set with fewer voxels repeats some in adjacent slots
+    repeats: Tensor  # (s, size) bool: whether the slot has the same voxel as the one before
+    slot: Tensor  # (n,) int64: the first of the s * size slots that has the voxel
 
 
 def windows_of(frame: Tensor, row: Tensor, column: Tensor, side: int, shift: int) -> VoxelWindows:
-    """The windows of voxels (n,) at cells of a grid that starts `shift` cells inside a window."""
+    """Returns the windows of voxels (n,). The grid starts `shift` cells inside a window."""
     row, column = row + shift, column + shift
     down, across = row // side, column // side
     rows, columns = (int(v.max()) + 1 if len(v) else 1 for v in (down, across))
@@ -50,10 +50,10 @@ def windows_of(frame: Tensor, row: Tensor, column: Tensor, side: int, shift: int
 
 
 def partition(windows: VoxelWindows, position: Tensor, size: int) -> Sets:
-    """Sets of the voxels of each window in ascending order of their place (n,) in it.
+    """Divides the voxels of each window into sets, in ascending order of `position` (n,).
 
-    The paper's equation 3: of n voxels in s = ceil(n / size) sets, slot i holds the voxel
-    floor(i n / (s size)). No voxel is in two sets, as s - 1 < n / size.
+    Equation 3 of the paper: of n voxels in s = ceil(n / size) sets, slot i has the voxel
+    floor(i n / (s size)). No voxel is in two sets, because s - 1 < n / size.
     """
     order = torch.argsort(windows.window * windows.side**2 + position)
     _, count = torch.unique_consecutive(windows.window[order], return_counts=True)

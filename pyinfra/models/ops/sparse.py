@@ -1,8 +1,8 @@
 """Sparse 3-D convolution as in SECOND (Yan et al., Sensors 2018), by gather, product and scatter.
 
-A rulebook lists, for every offset of the kernel, which input voxel meets which output voxel. It is
-made once for a key and shared by all layers with that key, as their geometry is the same.
-`benchmarks/ops.py` compares it with spconv, whose CPU version has no gradient.
+A rulebook lists for every offset of the kernel which input voxel contributes to which output voxel.
+It is made once for a key and shared by all layers with this key, because their geometry is the
+same. `benchmarks/ops.py` compares this code with spconv, whose CPU version has no gradient.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ Triple = tuple[int, int, int]  # along z, y, x
 
 @dataclass(frozen=True, eq=False)
 class Rulebook:
-    """Which rows of the input meet which rows of the output, offset by offset of the kernel.
+    """Pairs of input rows and output rows for each offset of the kernel.
 
     Within one offset a row occurs at most once as input and at most once as output.
     """
 
     inputs: Tensor  # (p,) int64, grouped by offset
     outputs: Tensor  # (p,) int64
-    counts: list[int]  # pairs of each offset, z slowest
-    centre: int | None  # offset at which each row meets itself; those pairs are not listed
+    counts: list[int]  # number of pairs of each offset; offsets are ordered with z slowest
+    centre: int | None  # offset at which each row is paired with itself; it is not listed
     source: Tensor  # (n, 4) int64, coordinates of the input
     target: Tensor  # (m, 4) int64, coordinates of the output
     source_shape: Triple
     target_shape: Triple
 
     def inverse(self) -> Rulebook:
-        """From the output back to the input."""
+        """Returns the rulebook with input and output exchanged."""
         return replace(
             self,
             inputs=self.outputs,
@@ -51,20 +51,20 @@ class Rulebook:
 
 @dataclass(frozen=True, eq=False)
 class SparseTensor:
-    """Features of the occupied voxels of a batch of grids; elsewhere they are 0."""
+    """Features of the occupied voxels in a batch of grids; those of other voxels are 0."""
 
     features: Tensor  # (n, c)
     coordinates: Tensor  # (n, 4) int64: batch, z, y, x; no two rows are equal
     shape: Triple  # voxels along z, y, x
     batch_size: int
-    rulebooks: dict[str, Rulebook] = field(default_factory=dict)  # by key, of all levels
+    rulebooks: dict[str, Rulebook] = field(default_factory=dict)  # rulebooks of all levels by key
 
     def with_features(self, features: Tensor) -> SparseTensor:
-        """The same voxels with other features (n, any)."""
+        """Returns the same voxels with other features (n, any)."""
         return replace(self, features=features)
 
     def to_dense(self) -> Tensor:
-        """(B, C * D, H, W): seen from above, the levels of height as channels."""
+        """Returns the dense grid from above, with heights as channels: (B, C * D, H, W)."""
         depth, height, width = self.shape
         channels = self.features.shape[1]
         dense = self.features.new_zeros(self.batch_size, depth, height, width, channels)
@@ -84,7 +84,7 @@ class _Layer(nn.Module):
     ) -> None:
         super().__init__()
         self.key, self.kernel = key, _triple(kernel)
-        # Drawn as torch draws those of a dense convolution.
+        # Initialised as PyTorch initialises a dense convolution.
         bound = 1 / math.sqrt(channels_in * math.prod(self.kernel))
         weight = torch.empty(math.prod(self.kernel), channels_in, channels_out)
         self.weight = nn.Parameter(weight.uniform_(-bound, bound))
@@ -101,9 +101,10 @@ class _Layer(nn.Module):
 
 
 class SubmanifoldConv3d(_Layer):
-    """Convolution whose output has the voxels of the input, so that they do not spread.
+    """Convolution whose output has the same voxels as its input.
 
-    key: of the layers that see the same voxels with the same kernel; its sizes are odd.
+    key: name that layers with the same voxels and kernel share. The sizes of the kernel must be
+    odd.
     """
 
     def forward(self, x: SparseTensor) -> SparseTensor:
@@ -114,7 +115,7 @@ class SubmanifoldConv3d(_Layer):
 
 
 class SparseConv3d(_Layer):
-    """Convolution whose output has every voxel that the kernel reaches, mostly with a stride."""
+    """Convolution, usually with a stride, whose output has all voxels that the kernel reaches."""
 
     def __init__(
         self,
@@ -141,7 +142,10 @@ class SparseConv3d(_Layer):
 def convolve(
     features: Tensor, weight: Tensor, rulebook: Rulebook, bias: Tensor | None = None
 ) -> Tensor:
-    """(n, c_in) to (m, c_out) with weight (offsets, c_in, c_out); repeatable on every device."""
+    """Convolves features (n, c_in) to (m, c_out) with weight (offsets, c_in, c_out).
+
+    The result is reproducible on every device.
+    """
     if len(weight) != len(rulebook.counts):
         raise ValueError(f"rulebook: found {len(rulebook.counts)} offsets, allowed {len(weight)}")
     kind = features.device.type
@@ -152,8 +156,8 @@ def convolve(
 
 
 class _Convolution(torch.autograd.Function):
-    # One product for each offset. Rows are unique within an offset, so that nothing is added by
-    # two writers at once and sums have one order.
+    # One product for each offset. Rows are unique within an offset, so that sums have a fixed order
+    # and no two threads write to the same row.
     @staticmethod
     def forward(ctx: Any, features: Tensor, weight: Tensor, rulebook: Rulebook) -> Tensor:
         ctx.save_for_backward(features, weight)
@@ -190,14 +194,17 @@ def _scatter(features: Tensor, weight: Tensor, rulebook: Rulebook) -> Tensor:
 
 
 def _offsets(rulebook: Rulebook) -> list[tuple[int, Tensor, Tensor]]:
-    """Offset, rows of the input and rows of the output, of the offsets that have pairs."""
+    """Returns offset, input rows and output rows of the offsets that have pairs."""
     inputs = rulebook.inputs.split_with_sizes(rulebook.counts)
     outputs = rulebook.outputs.split_with_sizes(rulebook.counts)
     return [(k, inputs[k], outputs[k]) for k, n in enumerate(rulebook.counts) if n]
 
 
 def submanifold_rulebook(coordinates: Tensor, shape: Triple, kernel: Triple) -> Rulebook:
-    """Pairs of voxels (n, 4) that are neighbours within the kernel, whose sizes are odd."""
+    """Returns the pairs of voxels (n, 4) that are neighbours within the kernel.
+
+    Raises ValueError for a kernel of even size.
+    """
     if any(size % 2 == 0 for size in kernel):
         raise ValueError(f"kernel: found {kernel}, allowed odd sizes")
     pad = kernel[0] // 2, kernel[1] // 2, kernel[2] // 2
@@ -209,7 +216,7 @@ def submanifold_rulebook(coordinates: Tensor, shape: Triple, kernel: Triple) -> 
         for dz, dy, dx in itertools.product(*map(range, kernel))
     ]
     neighbours, here, counts = _shifted_pairs(keys, steps[:centre])
-    # The offset opposite of the centre has the same pairs the other way round.
+    # The opposite offset has the same pairs with input and output exchanged.
     low, high = order[neighbours].split_with_sizes(counts), order[here].split_with_sizes(counts)
     none = order[:0]
     inputs, outputs = [*low, none, *high[::-1]], [*high, none, *low[::-1]]
@@ -228,7 +235,7 @@ def submanifold_rulebook(coordinates: Tensor, shape: Triple, kernel: Triple) -> 
 def strided_rulebook(
     coordinates: Tensor, shape: Triple, kernel: Triple, stride: Triple, padding: Triple
 ) -> Rulebook:
-    """Pairs of voxels (n, 4) and all voxels that the kernel reaches from them."""
+    """Returns the pairs of voxels (n, 4) and the output voxels that the kernel reaches."""
     target_shape = _convolved_shape(shape, kernel, stride, padding)
     _sorted_keys(coordinates, shape, (0, 0, 0))
     inputs, outputs, counts, keys = _reached_voxels(
@@ -239,7 +246,10 @@ def strided_rulebook(
 
 
 def _shifted_pairs(keys: Tensor, steps: list[int]) -> tuple[Tensor, Tensor, list[int]]:
-    """Rows with keys[first] == keys[second] + step, of increasing keys; their number by step."""
+    """Returns the rows with keys[first] == keys[second] + step, and their number for each step.
+
+    keys: ascending.
+    """
     if kernels is not None and keys.device.type == "cpu":
         first, second, counts = kernels.shifted_pairs(keys.numpy(), steps)
         return torch.from_numpy(first), torch.from_numpy(second), counts
@@ -259,14 +269,14 @@ def _reached_voxels(
     padding: Triple,
     target_shape: Triple,
 ) -> tuple[Tensor, Tensor, list[int], Tensor]:
-    """Inputs, outputs and counts of a rulebook, and the increasing keys of the outputs."""
+    """Returns inputs, outputs and counts of a rulebook, and the ascending keys of the outputs."""
     if kernels is not None and coordinates.device.type == "cpu":
         (inputs, outputs, counts), keys = kernels.reached_voxels(
             coordinates.contiguous().numpy(), shape, kernel, stride, padding, target_shape
         )
         inputs, outputs = torch.from_numpy(inputs), torch.from_numpy(outputs)
         return inputs, outputs, counts, torch.from_numpy(keys)
-    # Along each axis and for each offset: where a voxel arrives, and whether it does.
+    # For each axis and offset: the output cell of a voxel, and whether there is one.
     arrivals = []
     for axis, size in enumerate(target_shape):
         moved = coordinates[:, 1 + axis] + padding[axis]
@@ -284,9 +294,9 @@ def _reached_voxels(
 
 
 def _sorted_keys(coordinates: Tensor, shape: Triple, pad: Triple) -> tuple[Tensor, Tensor]:
-    """One number (n,) for each voxel of a grid that is padded at both ends, sorted, and the rows.
+    """Returns the sorted keys (n,) of voxels in a padded grid, and the rows in this order.
 
-    Raises ValueError where a voxel is out of the grid or there twice.
+    Raises ValueError for a voxel outside the grid, and for a duplicate.
     """
     beyond = coordinates[:, 1:] >= coordinates.new_tensor(shape)
     if (coordinates < 0).any() or beyond.any():
@@ -307,7 +317,7 @@ def _keys(batch: Tensor, z: Tensor, y: Tensor, x: Tensor, shape: Triple) -> Tens
 
 
 def _coordinates(keys: Tensor, shape: Triple) -> Tensor:
-    """(n,) to (n, 4): undoes `_keys`."""
+    """Returns the coordinates (n, 4) of keys (n,), the inverse of `_keys`."""
     parts = []
     for size in reversed(shape):
         parts.append(keys % size)
