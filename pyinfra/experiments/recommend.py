@@ -160,7 +160,7 @@ def too_slow(options: Sequence[Option], slow: pd.DataFrame, wish: Wish) -> Itera
 
 
 def cost_notes(option: Option) -> Iterator[str]:
-    """Yields a remark on which costs beside the LiDAR the prices include, and which they do not."""
+    """Yields a remark on which costs besides LiDARs the prices include, and which they do not."""
     if not option.site_usd:
         items = ", ".join(map(item_name, SITE_ITEMS))
         lidars = f"{option.mounts} LiDARs, a mount each," if option.mounts > 1 else "LiDARs alone"

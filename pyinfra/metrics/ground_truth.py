@@ -76,7 +76,8 @@ class GroundTruth:
     ) -> BoolArray:
         """Returns which vehicles count in a ground-truth subset: (n,) bool.
 
-        places: of the vehicles. Raises Error for a subset that needs objects if there are none.
+        places: positions of the vehicles. Raises Error for a subset that needs objects if the
+        folder has none.
         """
         if which == "captured":
             return places.inside & (vehicles.points >= min_points)

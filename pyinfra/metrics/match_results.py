@@ -177,7 +177,7 @@ class Part(typing.Protocol):
     """A part of the region: a window of a road, a grid cell, a ring around the sensor."""
 
     def holds(self, places: Places) -> BoolArray:
-        """Returns which of the places lie in the part: (n,) bool."""
+        """Returns which of n positions lie in the part: (n,) bool."""
         ...
 
 

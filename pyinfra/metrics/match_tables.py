@@ -21,13 +21,13 @@ RING_M = 20.0
 class Ring:
     """The area whose horizontal distance from the sensor is from `low_m` to below `high_m`."""
 
-    x: float  # position of the sensor, in the frame of the places
+    x: float  # position of the sensor, in the frame of `Places.xy`
     y: float
     low_m: float
     high_m: float
 
     def holds(self, places: Places) -> BoolArray:
-        """Returns which of the places lie in the ring and in the region: (n,) bool."""
+        """Returns which of n positions lie in the ring and in the region: (n,) bool."""
         distance = np.hypot(places.xy[:, 0] - self.x, places.xy[:, 1] - self.y)
         return np.asarray(places.inside & (distance >= self.low_m) & (distance < self.high_m))
 

@@ -128,10 +128,10 @@ def data_set_tables(
 def aggregation_table(
     data_sets: Sequence[DataSet], vehicles: Sequence[Sightings], *, above_road: bool = False
 ) -> pd.DataFrame:
-    """What the aggregation mode changes, from each other mode to `exact`, on `common`.
+    """Returns the change of points from other aggregation modes to `exact`, for set `common`.
 
-    Data sets of one scene, preset and seed are compared on the frames that both have; no rows
-    without such a pair.
+    Pairs of data sets with the same scene, preset, seed and LiDARs are compared on the frames that
+    both have. The table is empty if there is no such pair.
     """
     rows = []
     pairs = itertools.permutations(zip(data_sets, vehicles, strict=True), 2)

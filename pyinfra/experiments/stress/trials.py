@@ -147,7 +147,7 @@ def key_of(trial: Trial, base: Base, seed: int) -> dict[str, str]:
 
 
 def inputs_of(trial: Trial, base: Base) -> str:
-    """Returns a digest of a row's inputs beside its key: models, frames, scene and LiDAR."""
+    """Returns a digest of the inputs that are not in a row's key: models, frames, scene, LiDAR."""
     parts = [trial.reference.digest, trial.run.digest, str(base.frames), base.identity]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
 

@@ -108,7 +108,7 @@ class SubmanifoldConv3d(_Layer):
     """
 
     def forward(self, x: SparseTensor) -> SparseTensor:
-        """(n, c_in) to (n, c_out)."""
+        """Maps features (n, c_in) to (n, c_out)."""
         if self.key not in x.rulebooks:
             x.rulebooks[self.key] = submanifold_rulebook(x.coordinates, x.shape, self.kernel)
         return self._convolved(x, x.rulebooks[self.key])
@@ -131,7 +131,7 @@ class SparseConv3d(_Layer):
         self.stride, self.padding = _triple(stride), _triple(padding)
 
     def forward(self, x: SparseTensor) -> SparseTensor:
-        """(n, c_in) to (m, c_out), sorted by batch, z, y, x."""
+        """Maps features (n, c_in) to (m, c_out); output voxels are sorted by batch, z, y, x."""
         if self.key not in x.rulebooks:
             x.rulebooks[self.key] = strided_rulebook(
                 x.coordinates, x.shape, self.kernel, self.stride, self.padding

@@ -33,7 +33,7 @@ from pyinfra.scenes.generator.random_stream import KEY, VERSION
 from pyinfra.scenes.generator.ranges import RANGES
 
 # The area around a sensor that networks see, in metres: x and y include the regions and parking
-# lots, z reaches from below the local road to above a truck.
+# lots, z extends from below the local road to above a truck.
 AREA = Area((-110.0, -110.0, -1.0), (110.0, 110.0, 4.5))
 # Ranges of the sites of narrow visits, in which the sensor is aimed along a road.
 ALONG = replace(RANGES, mount=replace(RANGES.mount, aims={"along": 1.0}, off_aim_deg=(-8, 8)))
