@@ -28,7 +28,7 @@ std::vector<float> xyz_of(const py::array& points) {
   if (!py::isinstance<py::array_t<float>>(points) || points.ndim() != 2 || points.shape(1) < 3) {
     const auto shape = py::str(points.attr("shape")).cast<std::string>();
     const auto type = py::str(points.dtype()).cast<std::string>();
-    throw ConfigError("points: found " + shape + " " + type + ", allowed (n, 3) or (n, 4) float32");
+    throw ConfigError("points: expected (n, 3) or (n, 4) float32, got " + shape + " " + type);
   }
   if (points.shape(0) > kMostPoints)
     throw ConfigError("points: expected up to " + std::to_string(kMostPoints) + " rows, got " +

@@ -19,9 +19,9 @@ namespace {
 /// @throws ConfigError if the numbers are not a range of frames
 void check_frames(int first_frame, int last_frame, int step) {
   if (first_frame < 0 || last_frame <= first_frame || step < 1)
-    throw ConfigError("frames: found " + std::to_string(first_frame) + ":" +
-                      std::to_string(last_frame) + ":" + std::to_string(step) +
-                      ", allowed A:B:STEP with 0 <= A < B and STEP from 1");
+    throw ConfigError("frames: expected A:B:STEP with 0 <= A < B and STEP from 1, got " +
+                      std::to_string(first_frame) + ":" + std::to_string(last_frame) + ":" +
+                      std::to_string(step));
 }
 
 py::array_t<double> pattern_rays(const LidarConfig& lidar, int first_frame, int last_frame,

@@ -29,7 +29,7 @@ def spread(count: int) -> range:
     Raises Error if count is less than 2 or more than FRAMES.
     """
     if not 2 <= count <= FRAMES:
-        raise Error(f"frames: found {count}, allowed 2 to {FRAMES}")
+        raise Error(f"frames: expected 2 to {FRAMES}, got {count}")
     last = FRAMES - 1
     gaps = last // (last // count + 1)
     return range(0, FRAMES, last // gaps)
@@ -41,8 +41,8 @@ def check_folder(folder: Path, frames: range) -> None:
         lidar = velodyne.parents[1]
         if others := set(kitti.frames(lidar)) - set(frames):
             raise Error(
-                f"{lidar}: found frame {min(others)} that `frames` does not have, "
-                f"allowed every {frames.step}th; choose another `out`"
+                f"{lidar}: expected every {frames.step}th, got frame {min(others)} that `frames` "
+                "does not have; choose another `out`"
             )
 
 

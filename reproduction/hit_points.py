@@ -95,9 +95,9 @@ def read_hits(summary: Path) -> pd.Series:
     table = read_csv(summary)
     missing = [column for column in SUMMARY_COLUMNS if column not in table.columns]
     if missing:
-        raise Error(f"{summary}:1: found no column {missing[0]}, needed {SUMMARY_COLUMNS}")
+        raise Error(f"{summary}:1: expected {SUMMARY_COLUMNS}, got no column {missing[0]}")
     if len(table) == 0 or (table["frames"] < 1).any():
-        raise Error(f"{summary}: found a summary without frames")
+        raise Error(f"{summary}: expected frames, got none")
     hits = table.set_index("lidar")["hits_per_frame"].astype(float)
     return hits.rename("hits")
 

@@ -83,7 +83,7 @@ Balls ball_query(std::span<const float> points, std::span<const float> centres, 
   const auto finite = [](float v) { return std::isfinite(v); };
   if (!std::all_of(points.begin(), points.end(), finite) ||
       !std::all_of(centres.begin(), centres.end(), finite))
-    throw std::invalid_argument("points, centres: found a value that is not finite");
+    throw std::invalid_argument("points, centres: expected finite values, got another");
   const std::size_t balls = centres.size() / 3, most = static_cast<std::size_t>(limit);
   checked_product("centres x limit", {static_cast<std::int64_t>(balls), limit}, kMostResults);
   Balls result;

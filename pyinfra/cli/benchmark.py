@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if args.jobs < 1:
-        raise Error(f"--jobs: found {args.jobs}, allowed 1 or more")
+        raise Error(f"--jobs: expected 1 or more, got {args.jobs}")
     plan = read_plan(args.config, args.tier, args.scene)
     workspace = Workspace(args.work, args.out, args.tier)
     if args.dry_run:

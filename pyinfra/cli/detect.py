@@ -140,11 +140,11 @@ def _check(args: argparse.Namespace) -> None:
     if args.model is not None and args.trained is not None:
         args.trained, args.cloud = None, [args.trained, *args.cloud]
     if args.model is None and args.trained is None:
-        raise Error("detect: found no detector, allowed RUN or --model")
+        raise Error("detect: expected RUN or --model, got no detector")
     if (args.data is None) == (not args.cloud) or (args.data is not None and args.out is None):
-        raise Error("detect: found no or two inputs, allowed --data with --out, or clouds")
+        raise Error("detect: expected --data with --out, or clouds, got no or two inputs")
     if args.drop_standing and args.data is None:
-        raise Error("--drop-standing: found clouds alone, allowed with --data")
+        raise Error("--drop-standing: expected --data, got clouds alone")
 
 
 def _in_folder(args: argparse.Namespace, model: Path) -> Found:

@@ -185,6 +185,6 @@ def class_types(words: Sequence[str]) -> dict[str, tuple[str, ...]]:
         if not equals:
             listed = OBJECT_CLASSES.get(name, listed)
         if not name or not all(listed):
-            raise Error(f"--class: found '{word}', allowed NAME or NAME=TYPE,TYPE")
+            raise Error(f"--class: expected NAME or NAME=TYPE,TYPE, got '{word}'")
         classes[name] = listed
     return classes

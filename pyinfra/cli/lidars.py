@@ -60,7 +60,7 @@ def file_of(word: str) -> Path:
     file = Path(word) if word.endswith(".yaml") else lidar_file(word)
     if not file.is_file():
         names = ", ".join(file.stem for file in catalogue_files())
-        raise Error(f"LIDAR: found '{word}', allowed a file or {names}")
+        raise Error(f"LIDAR: expected a file or {names}, got '{word}'")
     return file
 
 

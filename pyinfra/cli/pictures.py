@@ -26,8 +26,8 @@ def run(args: argparse.Namespace) -> int:
     for folders in data_sets:
         there = kitti.frames(folders[0])
         if args.frame not in there:
-            problem = f"{folders[0]}: --frame: found {args.frame}"
-            raise Error(f"{problem}, allowed {kitti.extent(there)}")
+            problem = f"{folders[0]}: --frame: expected {kitti.extent(there)}"
+            raise Error(f"{problem}, got {args.frame}")
     files = clouds.draw_frames(data_sets, args.frame, args.out)
     files += draw_scenes(data_sets, args.frame, args.out)
     for file in files:

@@ -22,7 +22,7 @@ def run(args: argparse.Namespace) -> int:
     from pyinfra.viz.site_plan import save_plan
 
     if args.radius_m is not None and not 10 <= args.radius_m <= 100_000:
-        raise Error(f"radius_m: found {args.radius_m:g}, allowed 10 to 100000")
+        raise Error(f"radius_m: expected 10 to 100000, got {args.radius_m:g}")
     save_plan(args.site, args.out, args.radius_m)
     print(args.out)
     return 0

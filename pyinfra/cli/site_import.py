@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if not 10 <= args.radius_m <= 100_000:
-        raise Error(f"radius_m: found {args.radius_m:g}, allowed 10 to 100000")
+        raise Error(f"radius_m: expected 10 to 100000, got {args.radius_m:g}")
     options = ImportOptions(centre=args.centre, radius_m=args.radius_m, mount=args.mount)
     made = import_map(args.file, args.out, options)
     pole = made.pole

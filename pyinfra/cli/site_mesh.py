@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if not 1e-6 <= args.scale <= 1e6:
-        raise Error(f"--scale: found {args.scale:g}, allowed 1e-6 to 1e6")
+        raise Error(f"--scale: expected 1e-6 to 1e6, got {args.scale:g}")
     placement = MeshPlacement(args.scale, args.up, args.offset)
     mesh = import_mesh(args.file, args.out, args.material, placement)
     low, high = mesh.vertices.min(0), mesh.vertices.max(0)

@@ -59,9 +59,9 @@ def run(args: argparse.Namespace) -> int:
     from pyinfra.scenes.maps.trajectory_import import import_boxes, import_fcd
 
     if args.rate_hz is not None and not 0.1 <= args.rate_hz <= 10_000:
-        raise Error(f"--rate-hz: found {args.rate_hz:g}, allowed 0.1 to 10000")
+        raise Error(f"--rate-hz: expected 0.1 to 10000, got {args.rate_hz:g}")
     if not args.out.is_dir():
-        raise FileNotFoundError(f"{args.out}: found no folder, allowed that of a site")
+        raise FileNotFoundError(f"{args.out}: expected a site folder, got no such folder")
     offset = np.zeros(3) if args.world else site_folder.offset(args.out)
     has_scene = (args.out / site_folder.SCENE).exists()
     try:
@@ -107,5 +107,5 @@ def _pairs(text: str) -> dict[str, str]:
     """Returns `a=b,c=d` as a mapping."""
     pairs = [part.split("=") for part in text.split(",")]
     if any(len(pair) != 2 or not all(pair) for pair in pairs):
-        raise argparse.ArgumentTypeError(f"found '{text[:60]}', allowed NAME=OTHER,...")
+        raise argparse.ArgumentTypeError(f"expected NAME=OTHER,.., got '{text[:60]}'.")
     return {pair[0]: pair[1] for pair in pairs}

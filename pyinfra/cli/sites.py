@@ -32,9 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if args.count < 1:
-        raise Error(f"--count: found {args.count}, allowed 1 or more")
+        raise Error(f"--count: expected 1 or more, got {args.count}")
     if args.seed < 0:
-        raise Error(f"--seed: found {args.seed}, allowed 0 or more")
+        raise Error(f"--seed: expected 0 or more, got {args.seed}")
     from pyinfra.viz.site_sheet import sheet
 
     args.out.mkdir(parents=True, exist_ok=True)

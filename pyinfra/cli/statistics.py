@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if not 1 <= args.accumulate <= MOST_FRAMES:
-        raise Error(f"--accumulate: found {args.accumulate}, allowed 1 to {MOST_FRAMES}")
+        raise Error(f"--accumulate: expected 1 to {MOST_FRAMES}, got {args.accumulate}")
     patterns = _extension_is_there()
     if not patterns:
         print("the extension is not built: no lit_share, no angular_density", file=sys.stderr)

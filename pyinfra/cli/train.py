@@ -109,9 +109,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if not 0 < args.budget <= 100:
-        raise Error(f"--budget: found {args.budget:g}, allowed above 0 to 100")
+        raise Error(f"--budget: expected above 0 to 100, got {args.budget:g}")
     if args.seed < 0:
-        raise Error(f"--seed: found {args.seed}, allowed 0 or more")
+        raise Error(f"--seed: expected 0 or more, got {args.seed}")
     recipe = read_recipe(args.config, args.tier)
     if DETECTORS[recipe.detector].learnt:
         recipe = recipe.for_budget(args.budget)
@@ -138,7 +138,7 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
     """
     if DETECTORS[recipe.detector].learnt or not recipe.network.within_region:
         if args.region is not None:
-            raise Error("--region: found a file, allowed for background with network.within_region")
+            raise Error("--region: expected for background with network.within_region, got a file")
         return sources
     if args.region is not None:
         region = outline_region(args.region)
@@ -146,7 +146,7 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
     for source in sources:
         if source.region is None:
             note(
-                f"{recipe.detector}: {source.lidar}: found no roads.csv and no `region`, so what "
+                f"{recipe.detector}: {source.lidar}: no roads.csv and no `region`, so what "
                 "moves is a vehicle anywhere",
                 args,
             )
@@ -156,24 +156,24 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
 def check_mount(mount: str, scene: Path | None) -> None:
     """Raises Error for a mount without a scene, or for fused frames, which are not simulated."""
     if mount and scene is None:
-        raise Error(f"--mount: found '{mount}' without --scene, allowed with it")
+        raise Error(f"--mount: expected --scene, got '{mount}' without it")
     if mount == "fused":
         raise Error(
-            "--mount: found 'fused', allowed one mount's name: fused frames are learnt from disk, "
-            "`infrasim run SCENE --fuse --out OUT` and --data OUT/fused/LIDAR"
+            "--mount: expected one mount's name, got 'fused': fused frames are learnt from "
+            "disk, `infrasim run SCENE --fuse --out OUT` and --data OUT/fused/LIDAR"
         )
 
 
 def _sources(args: argparse.Namespace, recipe: Recipe) -> list[Source] | Stream:
     kinds = [bool(args.data), args.scene is not None, args.sites is not None]
     if sum(kinds) != 1 or (args.scene is None) != (args.lidar is None):
-        raise Error("found no or two sources, allowed --data, or --scene with --lidar, or --sites")
+        raise Error("expected --data, or --scene with --lidar, or --sites, got no or two sources")
     check_mount(args.mount, args.scene)
     accumulation = Accumulation(args.accumulate, args.label_at)
     if args.sites is not None:
         if accumulation.frames > 1:
             raise Error(
-                f"--accumulate: found {accumulation.frames} with --sites, allowed 1: streams give "
+                f"--accumulate: expected 1, got {accumulation.frames} with --sites: streams give "
                 "single frames"
             )
         from pyinfra.models.training.generated_sites import read_stream

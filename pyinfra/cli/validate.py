@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     folders = folders_with_frames(args.data)
     if args.pred is not None and len(folders) > 1:
         names = ", ".join(folder.name for folder in folders)
-        raise Error(f"{args.data}: found several LiDARs with --pred, allowed one of {names}")
+        raise Error(f"{args.data}: expected one of {names}, got several LiDARs with --pred")
     findings = [
         finding
         for folder in folders
@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     if args.pred is not None and (args.unlabelled or not has_labels(folders[0])):
         _trust(folders[0], args)
     elif args.unlabelled or args.out is not None:
-        raise Error("--unlabelled, --out: found no --pred or labels, allowed with --pred alone")
+        raise Error("--unlabelled, --out: expected --pred and no labels")
     errors = sum(finding.level == "error" for finding in findings)
     warnings = sum(finding.level == "warning" for finding in findings)
     print(f"{args.data}: {errors} errors, {warnings} warnings")

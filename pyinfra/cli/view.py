@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if args.most_points is not None and args.most_points < 1:
-        raise Error(f"--most-points: found {args.most_points}, allowed 1 or more")
+        raise Error(f"--most-points: expected 1 or more, got {args.most_points}")
     check_file(args.out)
     folders = chosen_folders(args.data, args.lidar)
     predictions = prediction_folders(args.pred, folders)

@@ -185,6 +185,6 @@ def _all_pairs(
 
 def _check(boxes: FloatArray) -> None:
     if boxes.ndim != 2 or boxes.shape[1] != 7:
-        raise Error(f"boxes: found shape {boxes.shape}, allowed (n, 7)")
+        raise Error(f"boxes: expected (n, 7), got shape {boxes.shape}")
     if not np.isfinite(boxes).all() or (boxes[:, 3:6] < 0).any():
-        raise Error("boxes: found a value that is not finite or a negative size")
+        raise Error("boxes: expected finite values and sizes from 0, got others")

@@ -87,7 +87,7 @@ def read_config(file: Path, kind: type[T]) -> T:
     except yaml.YAMLError as error:  # a character that YAML does not allow
         raise ConfigError(f"{file}: is not YAML: {' '.join(str(error).split())}") from None
     except UnicodeDecodeError as error:
-        raise ConfigError(f"{file}: found byte {error.start} that is not UTF-8") from None
+        raise ConfigError(f"{file}: expected UTF-8, got another byte at {error.start}") from None
     return _struct(_Location(str(file), node, ""), kind)
 
 
@@ -98,7 +98,7 @@ def compose(text: str) -> Any:
         level += isinstance(event, yaml.CollectionStartEvent)
         level -= isinstance(event, yaml.CollectionEndEvent)
         if level > _MOST_LEVELS:
-            what = f"found more than {_MOST_LEVELS} levels"
+            what = f"expected at most {_MOST_LEVELS} levels, got more"
             raise yaml.MarkedYAMLError(problem=what, problem_mark=event.start_mark)
     return yaml.compose(text, Loader=_LOADER)
 
@@ -170,7 +170,7 @@ class Part:
 
 def _struct(location: _Location, kind: type[T]) -> T:
     if not isinstance(location.node, yaml.MappingNode):
-        location.fail("found no mapping, allowed a mapping")
+        location.fail("expected a mapping, got something else")
     fields = {f.name: f for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
     hints = typing.get_type_hints(kind)
     locations: dict[str, _Location] = {}
@@ -180,14 +180,14 @@ def _struct(location: _Location, kind: type[T]) -> T:
         key = now.get(key, key)
         here = location.at(key, node)
         if key not in fields:
-            here.fail(f"found an unknown key, allowed {', '.join(fields)}")
+            here.fail(f"expected {', '.join(fields)}, got an unknown key")
         if key in locations:
-            here.fail("found twice, allowed once")
+            here.fail("expected it once, got it twice")
         locations[key] = here
     for name, f in fields.items():
         required = f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
         if required and name not in locations:
-            location.at(name, location.node).fail("found nothing, required")
+            location.at(name, location.node).fail("expected a value, got none")
     rules = {name: f.metadata.get("rule", Rule()) for name, f in fields.items()}
     values = {key: _value(here, hints[key], rules[key]) for key, here in locations.items()}
     try:
@@ -217,23 +217,23 @@ def _value(location: _Location, hint: Any, rule: Rule) -> Any:
 
 def _items(location: _Location, arguments: tuple[Any, ...], rule: Rule) -> tuple[Any, ...]:
     if not isinstance(location.node, yaml.SequenceNode):
-        location.fail("found no list, allowed a list")
+        location.fail("expected a list, got something else")
     nodes = location.node.value
     if arguments[-1] is not Ellipsis and len(nodes) != len(arguments):
-        location.fail(f"found {len(nodes)} values, allowed {len(arguments)}")
+        location.fail(f"expected {len(arguments)} values, got {len(nodes)}")
     locations = [location.at(str(i), node) for i, node in enumerate(nodes)]
     values = [_value(here, arguments[0], rule) for here in locations]
     if rule.once:
         first: dict[Any, int] = {}
         for i, value in enumerate(values):
             if first.setdefault(value, i) != i:
-                locations[i].fail(f"found {_shown(nodes[i])} twice, allowed once")
+                locations[i].fail(f"expected each once, got {_shown(nodes[i])} twice")
     return tuple(values)
 
 
 def _word(location: _Location, allowed: tuple[Any, ...]) -> Any:
     if not isinstance(location.node, yaml.ScalarNode) or location.node.value not in allowed:
-        location.fail(f"found {_shown(location.node)}, allowed {', '.join(map(str, allowed))}")
+        location.fail(f"expected {', '.join(map(str, allowed))}, got {_shown(location.node)}")
     return location.node.value
 
 
@@ -242,10 +242,10 @@ def _scalar(location: _Location, kind: type[Any], rule: Rule) -> Any:
     value: Any = _loaded(location, names[kind])
     is_whole = isinstance(value, int) and not isinstance(value, bool)
     if type(value) is not kind and not (kind is float and is_whole):
-        location.fail(f"found {_shown(location.node)}, allowed {names[kind]}")
+        location.fail(f"expected {names[kind]}, got {_shown(location.node)}")
     if kind in (int, float) and not rule.low <= value <= rule.high:
         text = _shown(location.node).strip("'").lstrip(".")
-        location.fail(f"found {text}, allowed {rule.low:g} to {rule.high:g}")
+        location.fail(f"expected {rule.low:g} to {rule.high:g}, got {text}")
     if kind is str and rule.check is not None:
         try:
             rule.check(Path(location.file), value)
@@ -254,7 +254,7 @@ def _scalar(location: _Location, kind: type[Any], rule: Rule) -> Any:
     try:
         return float(value) if kind is float else value
     except OverflowError:
-        location.fail(f"found {_shown(location.node)}, allowed {names[kind]}")
+        location.fail(f"expected {names[kind]}, got {_shown(location.node)}")
 
 
 def _loaded(location: _Location, allowed: str) -> Any:
@@ -262,7 +262,7 @@ def _loaded(location: _Location, allowed: str) -> Any:
     try:
         return SafeConstructor().construct_document(location.node)
     except (yaml.YAMLError, *NO_VALUE):  # such as 2001-02-30, `!!int x`, `!!int` or `!!bool x`
-        location.fail(f"found {_shown(location.node)}, allowed {allowed}")
+        location.fail(f"expected {allowed}, got {_shown(location.node)}")
 
 
 def _shown(node: Any) -> str:

@@ -14,11 +14,11 @@ class Error(ValueError):
 
 
 class FormatError(Error):
-    """A file violates its format: `file:line: found, allowed`."""
+    """A file violates its format: `file:line: expected, got`."""
 
 
 class ConfigError(Error):
-    """A wrong configuration: `file:line: key: found, allowed`."""
+    """A wrong configuration: `file:line: key: expected, got`."""
 
 
 class MissingPackage(Error, ImportError):
@@ -28,7 +28,8 @@ class MissingPackage(Error, ImportError):
 def missing(package: str | None, extra: str) -> MissingPackage:
     """Returns the error for a package that is not installed."""
     return MissingPackage(
-        f"found no package '{package}', it comes with: pip install 'infrasim[{extra}]'"
+        f"expected the package '{package}', got none; "
+        f"install it with: pip install 'infrasim[{extra}]'"
     )
 
 

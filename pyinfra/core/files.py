@@ -65,7 +65,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
     Raises FileExistsError if `folder` exists and is not an empty folder, at the start or at the
     end of the block.
     """
-    there = FileExistsError(f"{folder}: is there already, allowed a new or an empty folder")
+    there = FileExistsError(f"{folder}: expected a new or an empty folder, got one with files")
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
         raise there
     folder.parent.mkdir(parents=True, exist_ok=True)

@@ -60,23 +60,23 @@ def read_data_set(folder: Path) -> DataSet:
     top = kitti.read_yaml(folder / "dataset.yaml")
     folders = lidars_in(folder)
     if not folders:
-        raise Error(f"{folder}: found no LiDAR, allowed a folder with a lidar.yaml or more")
+        raise Error(f"{folder}: expected folders with a lidar.yaml, got none")
     lidars, tilts = zip(*read_lidars(folder), strict=True)
     frames = [tuple(kitti.frames(path)) for path in folders]
     for lidar, numbers in zip(folders, frames, strict=True):
         if numbers != frames[0]:
             raise Error(
                 f"{folder}: {lidar.name} has {len(numbers)} frames and {folders[0].name} "
-                f"has {len(frames[0])}, or others; allowed the same frames for every LiDAR"
+                f"has {len(frames[0])}, or others; expected the same frames for every LiDAR"
             )
     if not frames[0]:
-        raise Error(f"{folder}: found no frame, allowed one or more")
+        raise Error(f"{folder}: expected a frame, got none")
     preset = top.at("preset")
     if preset.text() != lidars[0].preset:
-        preset.fail(f"found '{preset.text()}', allowed '{lidars[0].preset}' of the LiDARs")
+        preset.fail(f"expected '{lidars[0].preset}' of the LiDARs, got '{preset.text()}'")
     declared, label_time = top.maybe("label_time"), lidars[0].label_time  # imports declare none
     if declared is not None and declared.text() != label_time:
-        declared.fail(f"found '{declared.text()}', allowed '{label_time}' of the LiDARs")
+        declared.fail(f"expected '{label_time}' of the LiDARs, got '{declared.text()}'")
     return DataSet(
         folder=folder,
         scene=top.at("name").text(),
@@ -99,7 +99,7 @@ def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
     """
     for frames in sorted(folder.glob("[!.]*/training/velodyne")):
         if not (file := frames.parents[1] / "lidar.yaml").is_file():
-            raise FormatError(f"{file}: missing, needed of each LiDAR of a data set")
+            raise FormatError(f"{file}: expected this file of each LiDAR of a data set, got none")
     folders = lidars_in(folder)
     lidars = tuple((kitti.read_lidar(path), kitti.read_tilt(path)) for path in folders)
     for path, (lidar, _) in zip(folders, lidars, strict=True):
@@ -113,7 +113,7 @@ def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
         for key, value in allowed.items():
             if getattr(lidar, key) != value:
                 why = "that of the folder" if key == "name" else f"as in {folders[0]}"
-                top.at(key).fail(f"found {getattr(lidar, key)}, allowed {value}, {why}")
+                top.at(key).fail(f"expected {value}, {why}, got {getattr(lidar, key)}")
     return lidars
 
 
@@ -141,7 +141,7 @@ def without_region(lidar_folder: Path) -> str | None:
     if preset.text() == kitti.RECORDED:
         return None
     return (
-        f"{preset.location()}: found '{preset.text()}', of a simulation, but no {roads}: every "
+        f"{preset.location()}: got '{preset.text()}', of a simulation, but no {roads}: every "
         "vehicle in reach counts, also beyond the region, and AP is another; copy the file too"
     )
 
@@ -152,7 +152,7 @@ def _without_outlines(data_set: Path) -> str | None:
     named = kitti.read_yaml(description).maybe("regions") if description.is_file() else None
     if named is None or file.is_file():
         return None
-    return f"{named.location()}: found outlines of the region, but no {file}: copy the file too"
+    return f"{named.location()}: got outlines of the region, but no {file}: copy the file too"
 
 
 def field_of_view_mask(
@@ -190,7 +190,7 @@ def road_level(data: DataSet, lidar: kitti.Lidar) -> float:
     file = data.folder / "roads.csv"
     z = np.concatenate([road.z for road in read_roads(file)])
     if np.ptp(z) > 0.01:
-        raise Error(f"{file}: found roads from z = {z.min():g} to {z.max():g}, allowed level")
+        raise Error(f"{file}: expected level roads, got roads from z = {z.min():g} to {z.max():g}")
     return float(z.mean()) - lidar.T_world_levelled.z
 
 
@@ -203,9 +203,7 @@ def read_owners(folder: Path, frame: int, count: int) -> IntArray:
     file = kitti.frame_file(folder, "fields", frame)
     owner = kitti.read_fields(file)["object_id"].astype(np.int64)
     if len(owner) != count:
-        raise FormatError(
-            f"{file}: found {len(owner)} records, allowed one for each of {count} points"
-        )
+        raise FormatError(f"{file}: expected {count} records, one for each point, got {len(owner)}")
     return owner
 
 

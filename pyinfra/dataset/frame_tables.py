@@ -127,7 +127,7 @@ def other_types(
     name = str(vehicles.names[first])
     words = (line.replace(",", " ").split() for line in lines_of(file))
     line = next((i for i, row in enumerate(words, start=1) if name in row), 1)
-    return f"{file}:{line}: counted nowhere: {listed}; allowed {', '.join(types)}"
+    return f"{file}:{line}: counted nowhere: {listed}; expected {', '.join(types)}"
 
 
 def read_predictions(files: Sequence[Path | None], cameras: Cameras) -> Predictions:
@@ -291,13 +291,13 @@ def _csv_rows(file: Path) -> list[list[str]]:
     header = [name.strip() for name in lines[0].split(",")] if lines else []
     missing = [name for name in CSV_COLUMNS if name not in header]
     if missing:
-        raise FormatError(f"{file}:1: found no column {', '.join(missing)}, it is needed")
+        raise FormatError(f"{file}:1: expected the columns {', '.join(missing)}, got none")
     order = [header.index(name) for name in CSV_COLUMNS]
     rows = []
     for number, line in enumerate(lines[1:], start=2):
         cells = line.split(",")
         if len(cells) != len(header):
-            raise FormatError(f"{file}:{number}: found {len(cells)} columns, allowed {len(header)}")
+            raise FormatError(f"{file}:{number}: expected {len(header)} columns, got {len(cells)}")
         rows.append([cells[at].strip() for at in order])
     return rows
 
@@ -308,7 +308,7 @@ def _check_csv(file: Path) -> None:
             rule = "more than 0" if name in ("dx", "dy", "dz") else "a finite number"
             value = _number(cell)
             if not math.isfinite(value) or (rule == "more than 0" and value <= 0):
-                raise FormatError(f"{file}:{number}: {name}: found '{cell}', allowed {rule}")
+                raise FormatError(f"{file}:{number}: {name}: expected {rule}, got '{cell}'")
 
 
 def _number(cell: str) -> float:

@@ -23,11 +23,11 @@ def frame_range(word: str, gt: Path) -> list[int]:
     """Returns the frames of a folder in a range A:B[:STEP]. Raises Error if there is none."""
     parts = word.split(":")
     if len(parts) not in (2, 3) or not all(part.isdecimal() for part in parts):
-        raise Error(f"frames: found '{word}', allowed A:B[:STEP]")
+        raise Error(f"frames: expected A:B[:STEP], got '{word}'")
     wanted = range(*(int(part) for part in parts)) if "0" not in parts[2:] else range(0)
     frames = [frame for frame in frame_numbers(gt, "all") if frame in wanted]
     if not frames:
-        raise Error(f"frames: found '{word}', allowed a range with frames of {gt}")
+        raise Error(f"frames: expected a range with frames of {gt}, got '{word}'")
     return frames
 
 
@@ -55,9 +55,9 @@ def _split(file: Path, present: set[int]) -> list[int]:
     for line, word in enumerate(lines_of(file), start=1):
         digits = word.strip()
         if not re.fullmatch(r"[0-9]{1,9}", digits) or int(digits) not in present:
-            raise FormatError(f"{file}:{line}: found '{word[:40]}', allowed a frame of the folder")
+            raise FormatError(f"{file}:{line}: expected a frame of the folder, got '{word[:40]}'")
         if int(digits) in frames:
-            raise FormatError(f"{file}:{line}: found {digits} twice, allowed once")
+            raise FormatError(f"{file}:{line}: expected each once, got {digits} twice")
         frames.add(int(digits))
     return sorted(frames)
 
@@ -70,7 +70,7 @@ def lidar_folders(data_set: Path) -> list[Path]:
     folders = lidars_in(data_set)
     if not folders:
         raise FileNotFoundError(
-            errno.ENOENT, "found no LiDAR folder with a lidar.yaml", str(data_set)
+            errno.ENOENT, "expected a LiDAR folder with a lidar.yaml, got none", str(data_set)
         )
     return folders
 
@@ -99,4 +99,4 @@ def has_labels(lidar_folder: Path) -> bool:
 def check_no_data_set(folder: Path) -> None:
     """Raises Error if the folder is a data set instead of the folder of one LiDAR."""
     if inside := ", ".join(lidar.name for lidar in lidars_in(folder)):
-        raise Error(f"{folder}: found a data set, allowed a LiDAR of it: {inside}")
+        raise Error(f"{folder}: expected the folder of a LiDAR, got a data set: {inside}")

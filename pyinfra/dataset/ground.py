@@ -147,7 +147,7 @@ def ground_of_boxes(boxes: Iterable[FloatArray]) -> Ground:
     """
     every = np.concatenate([np.empty((0, 7)), *boxes])
     if len(every) == 0:
-        raise Error("found no vehicle in the training frames, allowed one or more")
+        raise Error("expected a vehicle in the training frames, got none")
     xy, z = every[:, :2], every[:, 2] - every[:, 5] / 2
     off = np.abs(z - np.median(z))
     for _ in range(3):

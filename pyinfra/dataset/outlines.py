@@ -37,17 +37,17 @@ def read_outlines(data_set: Path) -> tuple[FloatArray, ...]:
         raise FormatError(f"{file}: {error}") from None
     if not rows or rows[0] != OUTLINE_COLUMNS:
         actual = ",".join(rows[0]) if rows else ""
-        raise FormatError(f"{file}:1: found '{actual}', allowed '{','.join(OUTLINE_COLUMNS)}'")
+        raise FormatError(f"{file}:1: expected '{','.join(OUTLINE_COLUMNS)}', got '{actual}'")
     table = NamedRows(file, range(2, 1 + len(rows)), rows[1:], OUTLINE_COLUMNS, "region")
     table.check(_RULES)
     if len(rows) == 1:
-        raise FormatError(f"{file}:1: found no region, allowed one or more")
+        raise FormatError(f"{file}:1: expected a region, got none")
     names = dict.fromkeys(table.names.tolist())
     outlines = {name: table.values[table.names == name] for name in names}
     for name, corners in outlines.items():
         if len(corners) < 3:
-            actual = f"found {len(corners)} corners"
-            raise FormatError(f"{file}: region {name}: {actual}, allowed 3 or more")
+            actual = f"{len(corners)}"
+            raise FormatError(f"{file}: region {name}: expected 3 or more corners, got {actual}")
     return tuple(outlines.values())
 
 

@@ -91,13 +91,15 @@ class Outline:
 
     def __post_init__(self) -> None:
         if len(self.outline_m) < 3:
-            raise Error(f"outline_m: found {len(self.outline_m)} corners, allowed 3 or more")
+            raise Error(f"outline_m: expected 3 or more corners, got {len(self.outline_m)}")
         x, y = np.transpose(self.outline_m)
         if abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) == 0:
-            raise Error("outline_m: found no area, allowed an outline with one")
+            raise Error("outline_m: expected an outline with an area, got none")
         if (crossing := first_crossing(np.array(self.outline_m))) is not None:
             a, b = crossing
-            raise Error(f"outline_m: found side {a + 1} across side {b + 1}, allowed none")
+            raise Error(
+                f"outline_m: expected sides that do not cross, got side {a + 1} across side {b + 1}"
+            )
 
 
 @dataclass(frozen=True)
@@ -162,18 +164,18 @@ def roads_of(lines: Sequence[str], file: Path) -> list[Road]:
         raise FormatError(f"{file}: {error}") from None
     if not rows or rows[0] != ROAD_COLUMNS:
         header = ",".join(rows[0]) if rows else ""
-        raise FormatError(f"{file}:1: found '{header}', allowed '{','.join(ROAD_COLUMNS)}'")
+        raise FormatError(f"{file}:1: expected '{','.join(ROAD_COLUMNS)}', got '{header}'")
     table = NamedRows(file, range(2, 1 + len(rows)), rows[1:], ROAD_COLUMNS, "road")
     table.check(_RULES)
     if len(rows) == 1:
-        raise FormatError(f"{file}:1: found no road, allowed one or more")
+        raise FormatError(f"{file}:1: expected a road, got none")
     names = dict.fromkeys(table.names.tolist())
     return [_road(name, table.values[table.names == name], file) for name in names]
 
 
 def _road(name: str, values: FloatArray, file: Path) -> Road:
     if len(values) < 2 or not (np.diff(values[:, 0]) > 0).all():
-        raise FormatError(f"{file}: road {name}: found s that does not rise, allowed rising s")
+        raise FormatError(f"{file}: road {name}: s: expected ascending values, got others")
     s, x, y, z, heading, half_width = values.T
     return Road(name, s, np.column_stack([x, y]), z, heading, half_width)
 

@@ -92,7 +92,7 @@ def load_scene(
     preset: of the LiDARs; a scene may have a block of keys for it.
     set: overrides of keys, such as `{"traffic.vehicles_per_km_lane": 20}`.
     mount: name of the mount; only needed if the scene has several.
-    Raises ConfigError with `file:line:col: key: found, allowed`, and IoError.
+    Raises ConfigError with `file:line:col: key: expected, got`, and IoError.
     """
     assignments = [f"{key}={_yaml(value)}" for key, value in (set or {}).items()]
     if seed is not None:
@@ -158,7 +158,7 @@ def simulate(
     numbers = []
     for k in frames:  # checked one by one, since an iterable may be larger than the memory
         if not 0 <= k < world.frames:
-            raise ConfigError(f"frames: found {k}, allowed 0 to {world.frames - 1}")
+            raise ConfigError(f"frames: expected 0 to {world.frames - 1}, got {k}")
         numbers.append(k)
     return FrameStream(world, units, numbers, count)
 

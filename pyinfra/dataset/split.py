@@ -41,7 +41,7 @@ def by_time(
     Raises Error if both parts overlap or one is empty.
     """
     if val_from_s < train_until_s:
-        raise Error(f"found val from {val_from_s:g} s, allowed {train_until_s:g} s or later")
+        raise Error(f"val: expected {train_until_s:g} s or later, got {val_from_s:g} s")
     starts = [round(frame * period_s, 6) for frame in frames]
     pairs = list(zip(frames, starts, strict=True))
     split = Split(
@@ -50,9 +50,9 @@ def by_time(
     )
     if not split.train or not split.val:
         raise Error(
-            f"found frames from {min(starts, default=0):g} to {max(starts, default=0):g} s, "
-            f"allowed some before {train_until_s:g} s and some from {val_from_s:g} s on "
-            "(`pyinfra split` sets both)"
+            f"expected some before {train_until_s:g} s and some from {val_from_s:g} s on "
+            f"(`pyinfra split` sets both), got frames from {min(starts, default=0):g} to "
+            f"{max(starts, default=0):g} s"
         )
     return split
 
@@ -63,7 +63,7 @@ def by_random(frames: Sequence[int], seed: int, val_share: float = VAL_SHARE) ->
     Raises Error for fewer than two frames or a share outside (0, 1).
     """
     if len(frames) < 2 or not 0 < val_share < 1:
-        raise Error(f"found {len(frames)} frames and a share of {val_share:g}, allowed 2, 0-1")
+        raise Error(f"expected 2, 0-1, got {len(frames)} frames and a share of {val_share:g}")
     count = min(max(round(val_share * len(frames)), 1), len(frames) - 1)
     val = np.random.default_rng(seed).choice(np.array(frames), count, replace=False)
     chosen = set(val.tolist())
@@ -82,9 +82,9 @@ def by_seed(train: DataSet, val: DataSet) -> tuple[Split, Split]:
     for key in ("scene", "preset", "label_time", "names"):
         a, b = getattr(train, key), getattr(val, key)
         if a != b:
-            raise Error(f"{val.folder}: {key}: found {b}, allowed {a} as in {train.folder}")
+            raise Error(f"{val.folder}: {key}: expected {a} as in {train.folder}, got {b}")
     if train.seed == val.seed:
-        raise Error(f"{val.folder}: found seed {val.seed} in both, allowed another seed")
+        raise Error(f"{val.folder}: expected another seed, got seed {val.seed} in both")
     return Split(train.frames, ()), Split((), val.frames)
 
 
@@ -103,7 +103,7 @@ def write(data: DataSet, split: Split, *, force: bool = False, grown: bool = Fal
     for file, text in files.items():
         old = file.read_text(encoding="utf-8") if file.exists() and not force else text
         if old != text and not (grown and set(old.splitlines()) <= set(text.splitlines())):
-            raise FileExistsError(f"{file}: found another split, allowed none without `force`")
+            raise FileExistsError(f"{file}: expected none without `force`, got another split")
     for file, text in files.items():
         file.parent.mkdir(exist_ok=True)
         with replacing(file) as beside:

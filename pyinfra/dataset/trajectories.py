@@ -65,7 +65,9 @@ def read_rows(file: Path, columns: Sequence[str]) -> pd.DataFrame:
 def _check_lines(file: Path, data: bytes) -> None:
     """Raises FormatError unless all lines are complete and have as many columns as the first."""
     if not is_whole(data[-1:]):
-        raise FormatError(f"{file}: found no end of the last line: is it cut short?")
+        raise FormatError(
+            f"{file}: expected the end of the last line, got that of the file: is it cut short?"
+        )
     signs = np.frombuffer(data, np.uint8)
     ends = np.flatnonzero(signs == ord("\n"))
     commas = np.diff(np.searchsorted(np.flatnonzero(signs == ord(",")), ends), prepend=0)

@@ -40,7 +40,7 @@ class Coverage:
         """Returns the estimated field of view. Raises Error if there was no return."""
         rows = np.flatnonzero(self.elevation)
         if len(rows) == 0:
-            raise Error("found no return in any frame, allowed one or more")
+            raise Error("expected a return in any frame, got none")
         low, high = float(rows[0] - 90), float(rows[-1] + 1 - 90)
         return FieldOfView(
             yaw=0.0,

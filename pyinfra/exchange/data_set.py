@@ -80,7 +80,7 @@ def write_lidar(
     the frames, and Error if the tilt is given twice or there is no return at all.
     """
     if facts.tilt and recording.tilt:
-        raise Error("found a tilt in the recording and in the options, allowed one of them")
+        raise Error("expected one tilt, got one in the recording and one in the options")
     tilt = recording.tilt or facts.tilt or (0.0, 0.0)
     T_levelled_sensor = Rotation.from_euler("ZYX", [0, *tilt]).as_matrix()
     numbers = recording.numbers()
@@ -119,8 +119,8 @@ def write_description(data: Path, scene: str, *, ids_are_tracks: bool) -> None:
         joined = top.at("preset").text() == RECORDED and top.at("ids").text() == ids == "tracks"
         if not joined:
             raise Error(
-                f"{data}: found a data set, allowed a new folder: its vehicles and those of "
-                "this recording have no numbers in common"
+                f"{data}: expected a new folder, got a data set: its vehicles and those of this "
+                "recording have no numbers in common"
             )
         return
     lines = {

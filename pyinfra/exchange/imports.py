@@ -49,7 +49,7 @@ def import_recording(
     read, format = reader(name), FORMATS[name]
     if source.exists() and not source.is_dir():
         raise Error(
-            f"{source}: found a file, allowed a folder: archives are not unpacked, and pickles "
+            f"{source}: expected a folder, got a file: archives are not unpacked, and pickles "
             "never read because reading one can run what is in it"
         )
     if options.intensity_max is None:
@@ -79,12 +79,12 @@ def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = No
     out = []
     if not labelled:
         out.append(
-            "found no labels: statistics of vehicles, evaluation and networks that are to learn "
+            "no labels: statistics of vehicles, evaluation and networks that are to learn "
             "here need them"
         )
     elif not set(summary.types) & set(VEHICLE_TYPES):
         names = ", ".join(summary.types) or "none"
-        out.append(f"found no vehicle among {names}; `types` (NAME=Car) says what is one")
+        out.append(f"no vehicle among {names}; `types` (NAME=Car) says what is one")
     elif unknown := sorted(set(summary.types) - set(VEHICLE_TYPES) - set(OTHER_TYPES)):
         names = ", ".join(f"{name} ({summary.types[name]})" for name in unknown)
         out.append(f"not understood, and no vehicle: {names}; `types` (NAME=TYPE) says what it is")

@@ -41,7 +41,7 @@ def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:
     """
     objects = read_json(file)
     if not isinstance(objects, list) or not all(isinstance(entry, dict) for entry in objects):
-        raise FormatError(f"{file}: found something else, allowed a list of objects")
+        raise FormatError(f"{file}: expected a list of objects, got something else")
     rows = [_box(file, i, entry) for i, entry in enumerate(objects)]
     names = [str(entry.get("type", "unknown")) or "unknown" for entry in objects]
     seen = [VISIBILITY.get(_state(entry), 1.0) for entry in objects]
@@ -50,7 +50,7 @@ def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:
         words = [_key(file, i, entry, "track_id") for i, entry in enumerate(objects)]
         tracks = np.array([ids.setdefault(str(word), len(ids)) for word in words], dtype=np.int64)
         if len(set(tracks.tolist())) < len(tracks):
-            raise FormatError(f"{file}: track_id: found one twice, allowed once a file")
+            raise FormatError(f"{file}: track_id: expected each once in a file, got one twice")
     boxes = np.array(rows, dtype=np.float64).reshape(-1, 7)
     return Boxes(np.array(names, dtype=np.str_), boxes, tracks, np.array(seen, dtype=np.float64))
 
@@ -60,11 +60,11 @@ def checked_box(location: str, values: FloatArray) -> FloatArray:
     xyz, sizes = values[:3], values[3:6]
     finite = np.isfinite(values).all() and np.abs(xyz).max() <= FARTHEST_M
     if not finite or sizes.min() <= LEAST_M or sizes.max() > MOST_M:
-        allowed = f"allowed sizes of more than {LEAST_M:g} to {MOST_M:g} m within 10 km"
-        raise FormatError(f"{location}: found sizes {sizes} at {xyz}, {allowed}")
+        allowed = f"sizes of more than {LEAST_M:g} to {MOST_M:g} m within 10 km"
+        raise FormatError(f"{location}: expected {allowed}, got sizes {sizes} at {xyz}")
     if abs(values[6]) > 2 * math.pi + 0.01:
         raise FormatError(
-            f"{location}: rotation: found {values[6]:g}, allowed -2 pi to 2 pi, radians"
+            f"{location}: rotation: expected -2 pi to 2 pi, radians, got {values[6]:g}"
         )
     return values
 
@@ -87,13 +87,13 @@ def number(location: str, raw: object) -> float:
     except (TypeError, ValueError, OverflowError):
         value = math.nan
     if not math.isfinite(value):
-        raise FormatError(f"{location}: found {str(raw)[:40]!r}, allowed a finite number")
+        raise FormatError(f"{location}: expected a finite number, got {str(raw)[:40]!r}")
     return value
 
 
 def _key(file: Path, i: int, entry: Mapping[str, Any], key: str) -> Any:
     if key not in entry:
-        raise FormatError(f"{file}: object {i}: found no '{key}', needed")
+        raise FormatError(f"{file}: object {i}: expected a '{key}', got none")
     return entry[key]
 
 

@@ -124,7 +124,9 @@ def _tracks(file: Path, calib: Path) -> dict[int, Boxes]:
 def _fields(file: Path, count: int) -> Records | None:
     records = kitti.read_fields(file) if file.is_file() else None
     if records is not None and len(records) != count:
-        raise FormatError(f"{file}: found {len(records)} records, allowed {count}, as points")
+        raise FormatError(
+            f"{file}: expected {count} records, as many as points, got {len(records)}"
+        )
     return records
 
 

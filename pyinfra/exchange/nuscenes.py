@@ -81,7 +81,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     Raises FileNotFoundError for an incomplete frame, FormatError, and Error without a frame.
     """
     if not frames:
-        raise Error(f"{lidar_folder}: found no frame to export, allowed one or more")
+        raise Error(f"{lidar_folder}: expected a frame to export, got none")
     series = read_series(lidar_folder)
     for folder in (VERSION, f"samples/{CHANNEL}", "maps"):
         (out / folder).mkdir(parents=True)
@@ -118,9 +118,7 @@ def parts_of(lidar_folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
     numbers = {part: frame_numbers(lidar_folder, part) for part in there}
     both = set(numbers.get("train", ())) & set(numbers.get("val", ()))
     if both:
-        raise FormatError(
-            f"{listed['val']}: found frame {min(both)}, which train.txt has too, allowed in one"
-        )
+        raise FormatError(f"{listed['val']}: expected no frame of train.txt, got frame {min(both)}")
     parts = {part: sorted(set(frames) & set(members)) for part, members in numbers.items()}
     parts["all"] = sorted(set(frames).difference(*numbers.values()))
     return {part: members for part, members in parts.items() if members}

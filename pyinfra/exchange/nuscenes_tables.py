@@ -83,13 +83,13 @@ class Tables:
     def row(self, table: str, token: object) -> Row:
         record = self.tables[table].get(str(token))
         if record is None:
-            raise FormatError(f"{self._file(table)}: found no row with token '{token}', needed")
+            raise FormatError(f"{self._file(table)}: expected a row with token '{token}', got none")
         return record
 
     def cell(self, table: str, row: Row, key: str) -> str:
         if key not in row:
             token = row.get("token")
-            raise FormatError(f"{self._file(table)}: row '{token}': found no '{key}', needed")
+            raise FormatError(f"{self._file(table)}: row '{token}': expected a '{key}', got none")
         return str(row[key])
 
     def numbers(self, table: str, row: Row, key: str, shape: int | tuple[()]) -> FloatArray:
@@ -102,7 +102,7 @@ class Tables:
             values = np.empty(0)
         if values.shape != want or not np.isfinite(values).all():
             location = f"{self._file(table)}: row '{row.get('token')}': {key}"
-            raise FormatError(f"{location}: found {raw}, allowed {shape or 'one'} finite number(s)")
+            raise FormatError(f"{location}: expected {shape or 'one'} finite number(s), got {raw}")
         return values
 
     def _file(self, table: str) -> Path:
@@ -117,11 +117,13 @@ class Tables:
         if not isinstance(rows, list) or not all(
             isinstance(row, dict) and "token" in row for row in rows
         ):
-            raise FormatError(f"{file}: found something else, allowed a list of rows with a token")
+            raise FormatError(f"{file}: expected a list of rows with a token, got something else")
         by_token = {str(row["token"]): row for row in rows}
         if len(by_token) < len(rows):
             counts = Counter(str(row["token"]) for row in rows)
-            raise FormatError(f"{file}: token: found {counts.most_common(1)[0][0]} twice")
+            raise FormatError(
+                f"{file}: token: expected each once, got {counts.most_common(1)[0][0]} twice"
+            )
         return by_token
 
 
@@ -141,7 +143,7 @@ def _table_folder(source: Path) -> Path:
     ]
     if len(folders) != 1:
         names = ", ".join(folder.name for folder in folders) or "none"
-        raise Error(f"{source}: found {names} with a sample.json, allowed one folder of tables")
+        raise Error(f"{source}: expected one folder of tables, got {names} with a sample.json")
     return folders[0]
 
 
@@ -151,7 +153,7 @@ def _sensor(tables: Tables, channel: str | None) -> str:
     chosen = [row for row in lidars if channel in (None, row.get("channel"))]
     if len(chosen) != 1:
         names = ", ".join(str(row.get("channel")) for row in lidars) or "none"
-        raise Error(f"{tables.folder}: found LiDARs {names}, allowed one of them: `channel`")
+        raise Error(f"{tables.folder}: expected one of them, got LiDARs {names}: `channel`")
     return str(chosen[0]["token"])
 
 
@@ -164,12 +166,12 @@ def _key_frames(tables: Tables, sensor: str) -> list[Row]:
         if row.get("is_key_frame") and mount.get("sensor_token") == sensor:
             rows.append(row)
     if not rows:
-        raise Error(f"{tables.folder}: found no key frame of the LiDAR, allowed one or more")
+        raise Error(f"{tables.folder}: expected a key frame of the LiDAR, got none")
     for row in rows:
         name = Path(tables.cell("sample_data", row, "filename"))
         if name.is_absolute() or ".." in name.parts or "\0" in str(name):
             raise FormatError(
-                f"{tables.folder}/sample_data.json: found '{name}', allowed a file inside"
+                f"{tables.folder}/sample_data.json: expected a file inside, got '{name}'"
             )
     return sorted(rows, key=lambda row: float(tables.numbers("sample_data", row, "timestamp", ())))
 
@@ -200,7 +202,7 @@ def _rotation(tables: Tables, table: str, row: Row) -> FloatArray:
     w, x, y, z = tables.numbers(table, row, "rotation", 4)
     if not 0.9 <= math.hypot(w, x, y, z) <= 1.1:
         location = f"{tables.folder / table}.json: row '{row['token']}': rotation"
-        raise FormatError(f"{location}: found {row['rotation']}, allowed a quaternion of length 1")
+        raise FormatError(f"{location}: expected a quaternion of length 1, got {row['rotation']}")
     return np.asarray(Rotation.from_quat([x, y, z, w]).as_matrix(), dtype=np.float64)
 
 
@@ -216,14 +218,16 @@ def _boxes(tables: Tables, rows: list[Row], pose: Pose) -> Boxes:
         names.append(tables.cell("category", category, "name"))
         location = f"{tables.folder / table}.json: row '{row['token']}'"
         if str(instance["token"]) in seen:
-            raise FormatError(f"{location}: instance_token: found twice in a sample, allowed once")
+            raise FormatError(
+                f"{location}: instance_token: expected it once in a sample, got it twice"
+            )
         seen.add(str(instance["token"]))
         centre = back @ (tables.numbers(table, row, "translation", 3) - pose.origin)
         width, length, height = tables.numbers(table, row, "size", 3)
         sizes = np.array([width, length, height])
         if np.abs(centre).max() > FARTHEST_M or sizes.min() <= 0.001 or sizes.max() > 1000:
-            allowed = "allowed sizes of more than 0.001 to 1000 m within 10 km"
-            raise FormatError(f"{location}: found sizes {sizes} at {centre}, {allowed}")
+            allowed = "sizes of more than 0.001 to 1000 m within 10 km"
+            raise FormatError(f"{location}: expected {allowed}, got sizes {sizes} at {centre}")
         ahead = back @ _rotation(tables, table, row)[:, 0]
         boxes.append([*centre, length, width, height, np.arctan2(ahead[1], ahead[0])])
         ids.append(tables.instances[str(instance["token"])])

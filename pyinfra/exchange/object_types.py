@@ -64,7 +64,7 @@ def parse_types(words: Sequence[str]) -> dict[str, str]:
     for word in words:
         name, equals, kind = word.rpartition("=")
         if not equals or not name or not kind or len(kind.split()) != 1:
-            raise Error(f"types: found '{word}', allowed NAME=TYPE")
+            raise Error(f"types: expected NAME=TYPE, got '{word}'")
         types[name] = kind
     return types
 

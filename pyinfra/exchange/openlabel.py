@@ -47,7 +47,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     Raises FileNotFoundError for an incomplete frame, FormatError, and Error without a frame.
     """
     if not frames:
-        raise Error(f"{lidar_folder}: found no frame to export, allowed one or more")
+        raise Error(f"{lidar_folder}: expected a frame to export, got none")
     series, presence = read_series(lidar_folder), Presence()
     (out / "points").mkdir()
     parts: dict[str, Json | Iterable[Item]] = {

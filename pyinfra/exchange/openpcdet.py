@@ -126,7 +126,7 @@ def _read_cloud(file: Path, columns: int, options: Options) -> Points:
         raise FormatError(f"{file}: is no whole array of numbers: {error}") from None
     if points.ndim != 2 or points.shape[1] < 4 or points.dtype.kind != "f":
         raise FormatError(
-            f"{file}: found {points.shape} {points.dtype}, allowed (n, 4 or more) floats: x y z "
+            f"{file}: expected (n, 4 or more) floats, got {points.shape} {points.dtype}: x y z "
             "intensity"
         )
     return as_points(file, list(points.T[:4]), options)

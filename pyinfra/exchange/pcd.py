@@ -55,7 +55,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
         file = kitti.frame_file(lidar_folder, "fields", frame)
         fields = kitti.read_fields(file) if has_fields else None
         if fields is not None and len(fields) != len(points):
-            raise FormatError(f"{file}: found {len(fields)} records, allowed {len(points)}")
+            raise FormatError(f"{file}: expected {len(points)} records, got {len(fields)}")
         write_pcd(out / f"points/{frame:06d}.pcd", _records(points, fields))
         file = kitti.frame_file(lidar_folder, "label_2", frame)
         labels = kitti.read_labels(file, calibration=cameras.different[camera])
@@ -181,7 +181,7 @@ def points_of(file: Path, records: Records, options: Options, *, shifted: bool =
     """
     names = records.dtype.names or ()
     if not {"x", "y", "z"} <= set(names):
-        raise FormatError(f"{file}: FIELDS: found {' '.join(names)}, allowed x y z and others")
+        raise FormatError(f"{file}: FIELDS: expected x y z and others, got {' '.join(names)}")
     intensity = next((name for name in INTENSITIES if name in names), None)
     columns = [_column(file, records, name) for name in ("x", "y", "z", intensity) if name]
     if intensity is None:
@@ -195,7 +195,7 @@ def points_of(file: Path, records: Records, options: Options, *, shifted: bool =
 def _column(file: Path, records: Records, name: str) -> AnyArray:
     column = records[name]
     if column.ndim > 1:
-        raise FormatError(f"{file}: {name}: found COUNT {column.shape[1]}, allowed 1")
+        raise FormatError(f"{file}: {name}: expected 1, got COUNT {column.shape[1]}")
     return column
 
 
@@ -215,7 +215,7 @@ def _fields(file: Path, records: Records) -> Records | None:
             ends = np.iinfo(kitti.FIELDS[field_name])
             bad = np.flatnonzero(~((column >= ends.min) & (column <= ends.max)))
             if len(bad) > 0:
-                problem = f"{file}: point {bad[0]}: {name}: found {column[bad[0]]:g}"
-                raise FormatError(f"{problem}, allowed {ends.min} to {ends.max}")
+                problem = f"{file}: point {bad[0]}: {name}: expected {ends.min} to {ends.max}"
+                raise FormatError(f"{problem}, got {column[bad[0]]:g}")
         out[field_name] = column
     return out

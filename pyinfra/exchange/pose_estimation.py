@@ -134,8 +134,8 @@ def check_region(file: Path, region: Region, recording: Recording, estimate: Sur
             return
         reach = max(reach, float(np.abs(xyz[:, :2]).max(initial=0)))
     raise Error(
-        f"{file}: outline_m: found no return inside in {len(chosen)} frames, allowed a place that "
-        f"the sensor sees: metres from the sensor, x and y within {reach:.0f}"
+        f"{file}: outline_m: expected a place that the sensor sees, got no return inside in "
+        f"{len(chosen)} frames: metres from the sensor, x and y within {reach:.0f}"
     )
 
 
@@ -174,9 +174,9 @@ def _unit(source: Path, clouds: Sequence[Floats], options: Options) -> float:
     if middle >= NEAREST_MEDIAN_MM:
         return 1e-3
     raise Error(
-        f"{source}: found returns {middle:.0f} from the sensor (median), allowed up to "
-        f"{FARTHEST_MEDIAN_M:g} (metres) or from {NEAREST_MEDIAN_MM:g} on (millimetres): `unit_m` "
-        "says what one is"
+        f"{source}: expected up to {FARTHEST_MEDIAN_M:g} (metres) or from {NEAREST_MEDIAN_MM:g} "
+        f"on (millimetres), got returns {middle:.0f} from the sensor (median): `unit_m` says "
+        "what one is"
     )
 
 
@@ -280,9 +280,9 @@ def _from_road_level(source: Path, estimate: Survey, plane: RoadPlane) -> Survey
     _check_millimetres(source, estimate, below)
     if height is None or height < LOWEST_M:
         raise Error(
-            f"{source}: found the road {plane.height_m:.2f} m below the origin, allowed "
-            f"{LOWEST_M:g} m or more: are points in the road's frame? `height_m` says how high "
-            "above it the sensor stands, and moves them down"
+            f"{source}: expected {LOWEST_M:g} m or more, got the road {plane.height_m:.2f} m "
+            "below the origin: are points in the road's frame? `height_m` says how high above "
+            "it the sensor stands, and moves them down"
         )
     text = (
         f"{below}, points are in the road's frame: "
@@ -297,8 +297,8 @@ def _check_millimetres(source: Path, estimate: Survey, why: str) -> None:
     """Raises Error if millimetres were assumed, because the result is no sensor above a road."""
     if MILLIMETRES in estimate.assumed:
         raise Error(
-            f"{source}: found coordinates that as millimetres make no sense ({why}), allowed those "
-            "around the sensor: `unit_m` says what one is"
+            f"{source}: expected coordinates around the sensor, got some that as millimetres "
+            f"make no sense ({why}): `unit_m` says what one is"
         )
 
 
@@ -315,8 +315,8 @@ def _as_given(
     other = find_plane(clouds, near) if not facts.tilt else None
     if other is None or other.share < LEAST_SHARE or other.score < plane.score / 3:
         raise Error(
-            f"{source}: height_m: found {facts.height_m:g}, allowed {plane.height_m:.2f} within "
-            f"{off:.2g} m: there the road lies; leave the option out to take it"
+            f"{source}: height_m: expected {plane.height_m:.2f} within {off:.2g} m, got "
+            f"{facts.height_m:g}: there the road lies; leave the option out to take it"
         )
     return other
 

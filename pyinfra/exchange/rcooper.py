@@ -77,9 +77,9 @@ def _pose(file: Path) -> tuple[WorldPose | None, tuple[float, float] | None]:
         x, y, z = (float(v) for v in np.array(content["translation"], dtype=np.float64).ravel())
     except (KeyError, TypeError, ValueError):
         raise FormatError(
-            f"{file}: found no rotation (3 x 3) and translation (3), needed"
+            f"{file}: expected a rotation (3 x 3) and a translation (3), got none"
         ) from None
     if not np.allclose(turn @ turn.T, np.eye(3), atol=0.01) or np.linalg.det(turn) < 0:
-        raise FormatError(f"{file}: rotation: found {turn.tolist()}, allowed a turn")
+        raise FormatError(f"{file}: rotation: expected a rotation matrix, got {turn.tolist()}")
     yaw, pitch, roll = angles_of(turn)
     return WorldPose(x, y, z, yaw), (pitch, roll)

@@ -94,7 +94,7 @@ def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
     candidates = (file for file in folder.iterdir() if not file.name.startswith("."))
     files = [file for file in candidates if file.name.lower().endswith(tuple(suffixes))]
     if not files:
-        raise Error(f"{folder}: found no {' or '.join(suffixes)} file, allowed one or more")
+        raise Error(f"{folder}: expected one or more, got no {' or '.join(suffixes)} file")
     return sorted(files, key=lambda file: (_digits(file.name), file.name))
 
 
@@ -125,9 +125,7 @@ def as_points(
         bad = np.flatnonzero(np.isfinite(column) & (np.abs(column) > most))
         if len(bad) > 0:
             location = f"{file}: point {bad[0]}: {name}"
-            raise FormatError(
-                f"{location}: found {column[bad[0]]:g}, allowed {-most:g} to {most:g}"
-            )
+            raise FormatError(f"{location}: expected {-most:g} to {most:g}, got {column[bad[0]]:g}")
     points = np.stack([column.astype(np.float32) for column in columns], axis=1)
     if highest != 1:
         points[:, 3] /= highest
@@ -145,8 +143,8 @@ def read_bin(file: Path, columns: int, options: Options, usual: float = 1.0) -> 
     columns, size = options.columns or columns, file.stat().st_size
     if size % (4 * columns) != 0:
         raise FormatError(
-            f"{file}: found {size} bytes, allowed a multiple of {4 * columns} ({columns} float32 "
-            "a point)"
+            f"{file}: expected a multiple of {4 * columns} ({columns} float32 a point), got "
+            f"{size} bytes"
         )
     values = np.fromfile(file, dtype="<f4").reshape(-1, columns)
     if columns == 3:
@@ -159,11 +157,12 @@ def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
     have, want = {stem(file) for file in clouds}, {stem(file) for file in labels}
     for file in labels:
         if stem(file) not in have:
-            raise Error(f"{file}: found no cloud of this label, allowed one for each")
+            raise Error(f"{file}: expected a cloud for each label, got none for this one")
     for file in clouds:
         if stem(file) not in want:
             raise Error(
-                f"{file}: found no label of this cloud, allowed one for each (empty: nothing there)"
+                f"{file}: expected a label for each cloud (an empty file: no object), got none "
+                "of this cloud"
             )
 
 

@@ -63,8 +63,8 @@ def site_of(folder: Path, labels: Sequence[Labels]) -> RoadSite:
     boxes = np.concatenate([np.empty((0, 7)), *(k.boxes[k.names == "Vehicle"] for k in labels)])
     if len(boxes) == 0:
         raise Error(
-            f"{folder}: found no vehicle in the labels of these frames, allowed one or more: the "
-            "road's level, ranges and anchors are theirs"
+            f"{folder}: expected a vehicle in the labels of these frames, got none: the road's "
+            "level, ranges and anchors are theirs"
         )
     floor = round(float(np.median(boxes[:, 2] - boxes[:, 5] / 2)), 4)
     boxes[:, 2] -= floor

@@ -61,7 +61,7 @@ def read_series(lidar_folder: Path) -> FrameSeries:
     scene = provenance.get("name", folder.parent.name)
     for file, part in ((folder / "lidar.yaml", name), (folder.parent / "dataset.yaml", scene)):
         if "/" in part:  # the name becomes part of file names
-            raise FormatError(f"{file}: name: found '{part}', allowed a name without '/'")
+            raise FormatError(f"{file}: name: expected a name without '/', got '{part}'")
     has_objects = (folder / "training/objects").is_dir()
     return FrameSeries(
         lidar_folder=lidar_folder,
@@ -87,7 +87,7 @@ def read_frames(series: FrameSeries, numbers: Sequence[int]) -> Iterator[StoredF
     folder, before, named = series.lidar_folder, -1, 0
     for number in numbers:
         if number <= before:
-            raise Error(f"found frame {number} after {before}, allowed ascending ones")
+            raise Error(f"expected ascending frame numbers, got {number} after {before}")
         points = kitti.read_points(kitti.frame_file(folder, "velodyne", number))
         objects = _boxes(series, number, points)
         if not series.ids_are_tracks:
@@ -124,7 +124,7 @@ def _provenance(file: Path) -> dict[str, str]:
         return {}
     top = kitti.read_yaml(file).node
     if not isinstance(top, yaml.MappingNode):
-        raise FormatError(f"{file}:1: found no mapping, allowed keys and values")
+        raise FormatError(f"{file}:1: expected keys and values, got something else")
     return {k.value: v.value for k, v in top.value if isinstance(v, yaml.ScalarNode)}
 
 
@@ -135,7 +135,7 @@ def _fields(folder: Path, number: int, count: int) -> Records | None:
     fields = kitti.read_fields(file)
     if len(fields) != count:
         raise FormatError(
-            f"{file}: found {len(fields)} records, allowed one for each of {count} points"
+            f"{file}: expected {count} records, one for each point, got {len(fields)}"
         )
     return fields
 

@@ -73,10 +73,10 @@ def read_cuboids(file: Path, ids: dict[str, int]) -> Boxes:
         values = cuboid.get("val")
         location = f"{file}: object {key}"
         if not isinstance(values, list) or len(values) != 10:
-            raise FormatError(f"{location}: found no cuboid of ten numbers, needed")
+            raise FormatError(f"{location}: expected a cuboid of ten numbers, got none")
         x, y, z, *turn, length, width, height = (number(location, value) for value in values)
         if not 0.9 <= np.linalg.norm(turn) <= 1.1:
-            raise FormatError(f"{location}: found {turn}, allowed a quaternion of length 1")
+            raise FormatError(f"{location}: expected a quaternion of length 1, got {turn}")
         ahead = Rotation.from_quat(turn).as_matrix()[:, 0]
         heading = float(np.arctan2(ahead[1], ahead[0]))
         rows.append(checked_box(location, np.array([x, y, z, length, width, height, heading])))
@@ -100,12 +100,12 @@ def _objects(file: Path) -> Iterator[tuple[str, dict[str, Any]]]:
         objects = [item for frame in frames for item in frame.get("objects", {}).items()]
         object_data = [(key, item["object_data"]) for key, item in objects]
     except (AttributeError, KeyError, TypeError):
-        raise FormatError(f"{file}: found no openlabel.frames with objects, needed") from None
+        raise FormatError(f"{file}: expected openlabel.frames with objects, got none") from None
     if len(frames) > 1:
-        raise FormatError(f"{file}: found {len(frames)} frames, allowed one a cloud")
+        raise FormatError(f"{file}: expected one frame for each cloud, got {len(frames)}")
     for key, data in object_data:
         if not isinstance(data, dict):
-            raise FormatError(f"{file}: object {key}: found no object_data, needed")
+            raise FormatError(f"{file}: object {key}: expected object_data, got none")
         yield key, data
 
 
@@ -128,7 +128,7 @@ def _cloud_folder(source: Path, channel: str | None) -> Path:
         return inside
     if len(chosen) != 1:
         names = ", ".join(folder.name for folder in lidars)
-        raise Error(f"{inside}: found LiDARs {names}, allowed one of them: `channel`")
+        raise Error(f"{inside}: expected one of them, got LiDARs {names}: `channel`")
     return chosen[0]
 
 

@@ -54,7 +54,7 @@ def checked_wish(budget_usd: float, min_ap: float, range_m: float, latency_ms: f
         ("latency_ms", latency_ms, 0, math.inf),
     ):
         if not least < value <= top:
-            text = f"{key}: found {value:g}, allowed above {least} to {top:g}"
+            text = f"{key}: expected above {least} to {top:g}, got {value:g}"
             share = key == "min_ap" and 0 < value <= 1
             raise Error(f"{text}; AP is 0 to 100, not a share" if share else text)
     return Wish(budget_usd, min_ap, range_m, latency_ms)
@@ -131,7 +131,7 @@ def options_of(results: Results, scene: str, preset: str, wish: Wish) -> list[Op
     """
     done = results.done()
     if done.empty:
-        raise Error(f"{file_of(results, 'cells')}: found no finished cell, allowed one or more")
+        raise Error(f"{file_of(results, 'cells')}: expected a finished cell, got none")
     scene, preset = chosen(done, scene, preset)
     cells = done[(done.scene == scene) & (done.preset == preset)]
     cells = cells.assign(hardly_learnt=hardly_learnt(cells))
@@ -164,8 +164,8 @@ def read_tables(folder: Path, tier: str) -> Results:
     lidars = results.table("lidars")
     if len(lidars) and "preset" not in lidars:
         raise Error(
-            f"{file_of(results, 'lidars')}: found no column preset, "
-            "allowed a table of `pyinfra benchmark`"
+            f"{file_of(results, 'lidars')}: expected a table of `pyinfra benchmark`, got no "
+            "column preset"
         )
     return results
 
@@ -179,13 +179,13 @@ def chosen(done: pd.DataFrame, scene: str, preset: str) -> tuple[str, str]:
     scenes = sorted(set(done.scene))
     if scene not in scenes:
         if scene or len(scenes) != 1:
-            text = f"found '{scene}', allowed" if scene else "found none, allowed one of"
-            raise Error(f"scene: {text} {', '.join(scenes)}")
+            got = f"'{scene}'" if scene else "none"
+            raise Error(f"scene: expected {', '.join(scenes)}, got {got}")
         (scene,) = scenes
     here = done[done.scene == scene]
     presets = sorted(set(here.preset))
     if preset and preset not in presets:
-        raise Error(f"preset: found '{preset}', allowed {', '.join(presets)}")
+        raise Error(f"preset: expected {', '.join(presets)}, got '{preset}'")
     return scene, preset or preset_of_answers(here)
 
 
@@ -197,8 +197,8 @@ def joined(cells: pd.DataFrame, more: pd.DataFrame, file: Path) -> pd.DataFrame:
     table = cells.merge(more, on=KEY)
     if len(table) < len(cells):
         raise Error(
-            f"{file}: found {len(table)} of {len(cells)} cells, allowed all; "
-            "`pyinfra benchmark` once more writes it"
+            f"{file}: expected all cells, got {len(table)} of {len(cells)}; `pyinfra benchmark` "
+            "once more writes it"
         )
     return table
 

@@ -119,7 +119,7 @@ def _share(pool: Pool) -> float:
 
     gpus = float(ray.cluster_resources().get("GPU", 0))
     if gpus == 0:
-        raise NoGpu("device: found cuda, allowed cpu: the cluster has no GPU")
+        raise NoGpu("device: expected cpu, got cuda: the cluster has no GPU")
     return min(1.0, gpus / pool.jobs)
 
 

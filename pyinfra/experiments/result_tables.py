@@ -209,14 +209,14 @@ def read_results(
     experiments and a folder without any table.
     """
     if not folder.is_dir():
-        raise FileNotFoundError(2, "found no folder of results", str(folder))
+        raise FileNotFoundError(2, "expected a folder of results, got none", str(folder))
     chosen = tier if tier is not None else _richest(folder)
     kinds = {**KINDS, **(more or {})}
     tables = {name: _read(folder / k.file.format(tier=chosen), k) for name, k in kinds.items()}
     if tier is not None and tables["cells"].empty:
-        raise Error(f"{folder / f'{tier}.csv'}: found no cells, allowed a tier with cells")
+        raise Error(f"{folder / f'{tier}.csv'}: expected a finished tier, got none")
     if all(table.empty for table in tables.values()):
-        raise Error(f"{folder}: found no table of results, allowed one or more")
+        raise Error(f"{folder}: expected a table of results, got none")
     tables["cells"] = _with_reasons(with_whole(with_fine(tables["cells"])))
     tables |= {name: with_fine(tables[name]) for name in ("stress", "distance")}
     return Results(folder, chosen, tables, kinds)
@@ -252,7 +252,7 @@ def _checked(file: Path, kind: Kind) -> pd.DataFrame:
     table = read_words(file)
     missing = [column for column in columns if column not in table]
     if missing:
-        raise Error(f"{file}:1: found no column {missing[0]}, needed {', '.join(columns)}")
+        raise Error(f"{file}:1: expected {', '.join(columns)}, got no column {missing[0]}")
     origin = [f"{file.name}, row {row}" for row in range(1, len(table) + 1)]
     there = [*kind.numbers, *(name for name in kind.later if name in table)]
     values = {name: _in_range(file, table[name], kind.ranges) for name in there}
@@ -276,7 +276,7 @@ def _in_range(file: Path, column: pd.Series, ranges: Mapping[str, Ends]) -> pd.S
         row = wrong.idxmax()
         allowed = f"{low:g} to {high:g}" if high < _FROM_ZERO[1] else "a finite number"
         allowed = "0 or more" if (low, high) == _FROM_ZERO else allowed
-        raise Error(f"{file}:{row + 2}: {column.name}: found {column[row]}, allowed {allowed}")
+        raise Error(f"{file}:{row + 2}: {column.name}: expected {allowed}, got {column[row]}")
     return values
 
 
@@ -288,8 +288,8 @@ def _check_order(file: Path, values: dict[str, pd.Series]) -> None:
         if wrong.any():
             row = wrong.idxmax()
             raise Error(
-                f"{file}:{row + 2}: {low}: found {values[low][row]:g} above {high}, "
-                f"{values[high][row]:g}; allowed up to it"
+                f"{file}:{row + 2}: {low}: expected up to {high}, got {values[low][row]:g} above "
+                f"{values[high][row]:g}"
             )
 
 
@@ -299,12 +299,12 @@ def _check_key(file: Path, table: pd.DataFrame, key: tuple[str, ...]) -> None:
     for name in here:
         empty = table[name] == ""
         if empty.any():
-            raise Error(f"{file}:{empty.idxmax() + 2}: {name}: found nothing, allowed a name")
+            raise Error(f"{file}:{empty.idxmax() + 2}: {name}: expected a name, got nothing")
     twice = table.duplicated(here) if here else table.index < 0
     if twice.any():
         row = int(np.flatnonzero(twice)[0])
         first = int(np.flatnonzero((table[here] == table.loc[row, here]).all(axis=1))[0])
         raise Error(
-            f"{file}:{row + 2}: {' '.join(table.loc[row, here])}: found in row {first + 2} too, "
-            "allowed once"
+            f"{file}:{row + 2}: {' '.join(table.loc[row, here])}: expected once, got in row "
+            f"{first + 2} too"
         )

@@ -47,11 +47,11 @@ def read_words(file: Path) -> pd.DataFrame:
     header = rows[0] if rows else []
     for line, row in enumerate(rows, start=1):
         if len(row) != len(header) or not row:
-            raise FormatError(f"{file}:{line}: found {len(row)} columns, allowed {len(header)}")
+            raise FormatError(f"{file}:{line}: expected {len(header)} columns, got {len(row)}")
     twice = [name for i, name in enumerate(header) if name in header[:i]]
     if twice or not rows:
-        what = f"column {twice[0]} twice, allowed once" if twice else "no columns, allowed some"
-        raise FormatError(f"{file}:1: found {what}")
+        got = f"column {twice[0]} twice" if twice else "none"
+        raise FormatError(f"{file}:1: expected columns, each once, got {got}")
     return pd.DataFrame(rows[1:], columns=header, dtype=str)
 
 
@@ -63,6 +63,6 @@ def numbers(file: Path, column: pd.Series) -> pd.Series:
     if wrong.any():
         row = wrong.idxmax()
         raise FormatError(
-            f"{file}:{row + 2}: {column.name}: found '{column[row]}', allowed a number or nothing"
+            f"{file}:{row + 2}: {column.name}: expected a number or nothing, got '{column[row]}'"
         )
     return values

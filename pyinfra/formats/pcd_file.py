@@ -110,7 +110,7 @@ def read_pcd(file: Path) -> Records:
         header = _read_header(file, stream)
         ways = {"ascii": _ascii, "binary": _binary, "binary_compressed": _compressed}
         if header.data not in ways:
-            _fail(file, f"DATA: found '{header.data}', allowed {', '.join(ways)}")
+            _fail(file, f"DATA: expected {', '.join(ways)}, got '{header.data}'")
         return ways[header.data](header, stream)
 
 
@@ -129,13 +129,13 @@ def _read_header(file: Path, stream: BinaryIO) -> Header:
         if line and (not key or key.startswith("#")):
             continue
         if key not in KEYS or not rest:
-            _fail(file, f"found '{key[:20]}', allowed {', '.join(KEYS)} and a value", number)
+            _fail(file, f"expected {', '.join(KEYS)} and a value, got '{key[:20]}'", number)
         words[key], lines[key] = rest, number
         if key == "DATA":
             break
     absent = [key for key in NEEDED if key not in words]
     if absent:
-        _fail(file, f"found no {', '.join(absent)} in the header, needed")
+        _fail(file, f"expected {', '.join(absent)} in the header, got none")
     words.setdefault("COUNT", ["1"] * len(words["FIELDS"]))
     return Header(
         file,
@@ -169,7 +169,7 @@ def _viewpoint(file: Path, words: list[str], line: int | None) -> Viewpoint:
 def _record(file: Path, words: dict[str, list[str]]) -> np.dtype[np.void]:
     names, sizes, letters, counts = (words[key] for key in ("FIELDS", "SIZE", "TYPE", "COUNT"))
     if not len(names) == len(sizes) == len(letters) == len(counts):
-        _fail(file, "FIELDS, SIZE, TYPE, COUNT: found different lengths, allowed the same")
+        _fail(file, "FIELDS, SIZE, TYPE, COUNT: expected equal lengths, got different ones")
     small = Counter(name.lower() for name in names)
     names = [name.lower() if small[name.lower()] == 1 else name for name in names]
     fields = []
@@ -177,9 +177,9 @@ def _record(file: Path, words: dict[str, list[str]]) -> np.dtype[np.void]:
         zip(names, sizes, letters, counts, strict=True)
     ):
         if letter + size not in TYPES:
-            _fail(file, f"{name}: found TYPE {letter} SIZE {size}, allowed {', '.join(TYPES)}")
+            _fail(file, f"{name}: expected {', '.join(TYPES)}, got TYPE {letter} SIZE {size}")
         if not count.isdecimal() or len(count) > 5 or not 1 <= int(count) <= 10_000:
-            _fail(file, f"{name}: found COUNT {count[:20]}, allowed 1 to 10000")
+            _fail(file, f"{name}: expected 1 to 10000, got COUNT {count[:20]}")
         shape = () if count == "1" else (int(count),)
         fields.append((f"_{i}" if name == "_" else name, TYPES[letter + size], shape))
     try:
@@ -191,7 +191,7 @@ def _record(file: Path, words: dict[str, list[str]]) -> np.dtype[np.void]:
 def _count(file: Path, key: str, words: dict[str, list[str]]) -> int:
     if not words[key][0].isdecimal() or len(words[key][0]) > len(str(MOST_POINTS)):
         text = words[key][0][:20]
-        _fail(file, f"{key}: found '{text}', allowed a whole number from 0 to {MOST_POINTS}")
+        _fail(file, f"{key}: expected a whole number from 0 to {MOST_POINTS}, got '{text}'")
     return int(words[key][0])
 
 
@@ -199,7 +199,7 @@ def _ascii(header: Header, stream: BinaryIO) -> Records:
     lines = stream.read().decode("ascii", "replace").splitlines()
     lines = [line for line in lines if line.strip()]
     if len(lines) != header.points:
-        _fail(header.file, f"found {len(lines)} points, allowed {header.points}")
+        _fail(header.file, f"expected {header.points} points, got {len(lines)}")
     if not lines:
         return np.empty(0, dtype=header.record)
     try:
@@ -212,7 +212,7 @@ def _binary(header: Header, stream: BinaryIO) -> Records:
     size = header.points * header.record.itemsize
     data = stream.read()
     if len(data) < size:
-        _fail(header.file, f"found {len(data)} bytes of points, allowed {size}: is it cut short?")
+        _fail(header.file, f"expected {size} bytes of points, got {len(data)}: is it cut short?")
     _check_end(header, len(data), size)
     return np.frombuffer(data, dtype=header.record, count=header.points)
 
@@ -238,14 +238,17 @@ def _compressed(header: Header, stream: BinaryIO) -> Records:
     packed, unpacked = struct.unpack("<II", lengths) if len(lengths) == 8 else (0, 0)
     if unpacked != size or len(data) < packed or len(lengths) < 8 or size > MOST_LZF * packed:
         amount = f"{len(data)} of {packed} packed bytes for {unpacked}"
-        _fail(header.file, f"found {amount}, allowed all of them for {size}: is it cut short?")
+        _fail(header.file, f"expected all points for {size}, got {amount}: is it cut short?")
     _check_end(header, len(data), packed)
     try:
         plain = lzf.decompress(data[:packed], size)
     except ValueError:
         plain = None
     if plain is None or len(plain) != size:
-        _fail(header.file, "points: found no LZF data, allowed what DATA binary_compressed says")
+        _fail(
+            header.file,
+            ("points: expected LZF data, as DATA binary_compressed says, got something else"),
+        )
     out = np.empty(header.points, dtype=header.record)
     start = 0
     for name in header.record.names or ():

@@ -56,9 +56,12 @@ def lines_of(file: Path, *, whole: bool = False) -> list[str]:
     try:
         lines = data.decode().removeprefix("\ufeff").splitlines()
     except UnicodeDecodeError as error:
-        raise FormatError(f"{file}: found byte {error.start} that is not UTF-8") from None
+        raise FormatError(f"{file}: expected UTF-8, got another byte at {error.start}") from None
     if whole and not is_whole(data):
-        raise FormatError(f"{file}:{len(lines)}: found no end of the line: is it cut short?")
+        raise FormatError(
+            f"{file}:{len(lines)}: expected the end of a line, got the end of the file: "
+            "is it cut short?"
+        )
     return lines
 
 
@@ -86,9 +89,9 @@ class NamedRows:
         at = columns.index(name_column)
         for i, row in enumerate(rows):
             if len(row) != len(columns):
-                self.fail(i, f"found {len(row)} columns", f"{len(columns)}: {' '.join(columns)}")
+                self.fail(i, f"{len(row)}", f"{len(columns)} columns ({' '.join(columns)})")
             if not row[at]:
-                self.fail(i, f"{name_column}: found nothing", "a name")
+                self.fail(i, "nothing", "a name", name_column)
         self.names: NameArray = np.array([row[at] for row in rows], dtype=np.str_)
         cells = [[*row[:at], *row[at + 1 :]] for row in rows]
         try:
@@ -111,11 +114,11 @@ class NamedRows:
                 holds = rule.holds(self[column], *(self[name] for name in rule.beside))
                 bad = np.flatnonzero(~holds if rows is None else ~holds & rows)
                 if len(bad) > 0:
-                    problem = f"{column}: found {self[column][bad[0]]:g}"
-                    self.fail(int(bad[0]), problem, rule.allowed)
+                    self.fail(int(bad[0]), f"{self[column][bad[0]]:g}", rule.allowed, column)
 
-    def fail(self, row: int, problem: str, allowed: str) -> NoReturn:
-        raise FormatError(f"{self.file}:{self.lines[row]}: {problem}, allowed {allowed}")
+    def fail(self, row: int, got: str, allowed: str, column: str = "") -> NoReturn:
+        at = f"{self.file}:{self.lines[row]}: {column}{': ' * bool(column)}"
+        raise FormatError(f"{at}expected {allowed}, got {got}")
 
     def _fail_at_word(self, cells: Sequence[Sequence[str]]) -> NoReturn:
         for i, row in enumerate(cells):
@@ -123,5 +126,5 @@ class NamedRows:
                 try:
                     float(cell)
                 except ValueError:
-                    self.fail(i, f"{column}: found '{cell}'", "a number")
+                    self.fail(i, f"'{cell}'", "a number", column)
         raise AssertionError(cells)

@@ -31,7 +31,7 @@ def read_keys(file: Path) -> dict[str, Any]:
     _parsed(file, compose)  # its error messages are more precise than those of safe_load
     parsed = _parsed(file, yaml.safe_load)
     if not isinstance(parsed, dict):
-        raise FormatError(f"{file}:1: found no mapping, allowed keys and values")
+        raise FormatError(f"{file}:1: expected keys and values, got something else")
     return parsed
 
 
@@ -57,17 +57,17 @@ class YamlNode:
     def at(self, key: str) -> "YamlNode":
         path = f"{self.key}.{key}" if self.key else key
         if not isinstance(self.node, yaml.MappingNode):
-            self.fail(f"found no mapping, allowed one with {key}")
+            self.fail(f"expected a mapping with {key}, got something else")
         nodes = [node for name, node in self.node.value if name.value == key]
         if not nodes:
-            self.fail(f"found no key '{key}', it is needed")
+            self.fail(f"expected a key '{key}', got none")
         if len(nodes) > 1:
-            YamlNode(self.file, nodes[1], path).fail("found twice, allowed once")
+            YamlNode(self.file, nodes[1], path).fail("expected it once, got it twice")
         return YamlNode(self.file, nodes[0], path)
 
     def items(self) -> "list[YamlNode]":
         if not isinstance(self.node, yaml.SequenceNode) or not self.node.value:
-            self.fail("found no list, allowed one with an entry or more")
+            self.fail("expected a list with an entry or more, got something else")
         return [YamlNode(self.file, n, f"{self.key}[{i}]") for i, n in enumerate(self.node.value)]
 
     def maybe(self, key: str) -> "YamlNode | None":
@@ -87,14 +87,14 @@ class YamlNode:
         if mapping is None:
             return []
         if not isinstance(mapping.node, yaml.MappingNode):
-            mapping.fail("found no mapping, allowed one")
+            mapping.fail("expected a mapping, got none")
         return [
             YamlNode(self.file, node, f"{mapping.key}.{k.value}") for k, node in mapping.node.value
         ]
 
     def text(self) -> str:
         if not isinstance(self.node, yaml.ScalarNode):
-            self.fail("found a collection, allowed one value")
+            self.fail("expected one value, got a collection")
         return str(self.node.value)
 
     def number(
@@ -105,24 +105,24 @@ class YamlNode:
         try:
             value = float(text.replace(".inf", "inf").replace(".nan", "nan"))
         except ValueError:
-            self.fail(f"found '{text}', allowed a number")
+            self.fail(f"expected a number, got '{text}'")
         if or_nan and math.isnan(value):
             return value
         if not (math.isfinite(value) and low <= value <= high):
-            self.fail(f"found {text}, allowed {low:g} to {high:g}")
+            self.fail(f"expected {low:g} to {high:g}, got {text}")
         return value
 
     def whole(self, high: int) -> int:
         """Returns a whole number from 0 to high."""
         text = self.text()
         if not re.fullmatch(r"[0-9]{1,20}", text) or int(text) > high:
-            self.fail(f"found '{text[:40]}', allowed a whole number from 0 to {high}")
+            self.fail(f"expected a whole number from 0 to {high}, got '{text[:40]}'")
         return int(text)
 
     def interval(self, low: float, high: float) -> tuple[float, float]:
         values = [item.number(low, high) for item in self.items()]
         if len(values) != 2 or values[0] > values[1]:
-            self.fail(f"found {values}, allowed two numbers in ascending order")
+            self.fail(f"expected two numbers in ascending order, got {values}")
         return values[0], values[1]
 
     def fail(self, what: str) -> NoReturn:

@@ -234,8 +234,8 @@ def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> li
     blocks = max(every, key=lambda one: one.block_s)
     if len(blocks.draws) == 0:
         text = (
-            f"found {blocks.count:.1f} blocks of {blocks.block_s:g} s, as long as a vehicle stays, "
-            f"allowed {MIN_BLOCKS:g} or more: no intervals"
+            f"expected {MIN_BLOCKS:g} or more, got {blocks.count:.1f} blocks of "
+            f"{blocks.block_s:g} s, as long as a vehicle stays: no intervals"
         )
         warnings.append(("few-blocks", text))
     for name, row in zip(table["class"], table.itertuples(), strict=True):

@@ -57,7 +57,7 @@ def validate(
     """
     frames = frame_numbers(folder, "all")
     if not frames:
-        return [Finding("error", "no-frames", f"{folder}: found no frame, allowed one or more")]
+        return [Finding("error", "no-frames", f"{folder}: expected a frame, got none")]
     findings = [*_unreadable(folder, frames), *_unreadable_data_set(folder)]
     if findings:
         return findings

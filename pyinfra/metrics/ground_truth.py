@@ -82,7 +82,10 @@ class GroundTruth:
         if which == "captured":
             return places.inside & (vehicles.points >= min_points)
         if not self.has_objects:
-            raise Error(f"{self.folder}: found no objects, allowed ground truth: captured")
+            raise Error(
+                f"{self.folder}: objects: expected the folder, got none; only ground "
+                "truth captured needs none"
+            )
         if which == "present":
             return places.inside
         visible = places.inside & (vehicles.visibility >= MIN_VISIBILITY)
@@ -108,7 +111,7 @@ def read_ground_truth(
     """
     frames = sorted(frame_numbers(folder) if frames is None else frames)
     if not frames:
-        raise Error(f"{folder}: found no frame to evaluate, allowed one or more")
+        raise Error(f"{folder}: expected a frame to evaluate, got none")
     has_lidar = (folder / "lidar.yaml").is_file()
     lidar = kitti.read_lidar(folder) if has_lidar else None
     data_set = data_set_of(folder)

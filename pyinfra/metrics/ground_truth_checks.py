@@ -18,7 +18,7 @@ def ground_truth_findings(
     frames: frame numbers; `vehicles.frame` are indices of it. types: names that are evaluated.
     """
     if len(vehicles) == 0:
-        text = f"{lidar_folder}: found no label in {len(frames)} frames, so there is no AP; "
+        text = f"{lidar_folder}: no label in {len(frames)} frames, so there is no AP; "
         text += "`pyinfra validate` of the predictions asks what moves"
         yield Finding("warning", "no-labels", text)
     if other := other_types(lidar_folder, frames, vehicles, types):

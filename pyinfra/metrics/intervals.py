@@ -94,7 +94,7 @@ def time_blocks(
     are not in ascending order.
     """
     if np.any(np.diff(frames) <= 0):
-        raise Error("frames: found a frame that is not after the one before it")
+        raise Error("frames: expected ascending numbers, got others")
     # A frame that starts on the border of two slots belongs to the later one.
     numbers = np.floor(frames * period_s / SLOT_S + 1e-9)
     _, first, slot = np.unique(numbers, return_index=True, return_inverse=True)

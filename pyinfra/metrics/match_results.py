@@ -80,21 +80,21 @@ class Settings:
     def __post_init__(self) -> None:
         for name in ("classes", "ground_truths", "ious", "protocols", "metrics"):
             if not getattr(self, name):
-                raise Error(f"{name}: found none, allowed one or more")
+                raise Error(f"{name}: expected one or more, got none")
         for which in self.ground_truths:
             if which not in SUBSETS:
                 near = suggestion(which, SUBSETS)
                 raise Error(f"ground_truths: expected names of them, got '{which}'{near}")
         for iou in self.ious:
             if not 0.1 <= iou < 1:
-                raise Error(f"iou: found {iou:g}, allowed 0.1 to below 1")
+                raise Error(f"iou: expected 0.1 to below 1, got {iou:g}")
         if self.block_s is not None and not 0 < self.block_s <= 1e6:
-            raise Error(f"block_s: found {self.block_s:g}, allowed above 0 to 1e6")
+            raise Error(f"block_s: expected above 0 to 1e6, got {self.block_s:g}")
         if not 0 <= self.min_score <= 1:
-            raise Error(f"min_score: found {self.min_score:g}, allowed 0 to 1")
+            raise Error(f"min_score: expected 0 to 1, got {self.min_score:g}")
         for name, least in (("min_points", 1), ("min_objects", 1), ("draws", 1), ("seed", 0)):
             if (value := getattr(self, name)) < least:
-                raise Error(f"{name}: found {value}, allowed {least} or more")
+                raise Error(f"{name}: expected {least} or more, got {value}")
 
     def ious_of(self, metric: Metric) -> tuple[float, ...]:
         """Returns the IoU thresholds of a metric; one NaN for metric `centre`."""

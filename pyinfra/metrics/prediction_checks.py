@@ -78,14 +78,14 @@ def find_files(
     by_frame = {int(file.stem): file for file in present if _of_frame(file)}
     suffixes = {file.suffix for file in present if _of_frame(file)}
     if not by_frame:
-        raise FormatError(f"{folder}: found no prediction, allowed NNNNNN.txt or NNNNNN.csv")
+        raise FormatError(f"{folder}: expected predictions NNNNNN.txt or NNNNNN.csv, got none")
     if len(suffixes) > 1:
-        raise FormatError(f"{folder}: found .txt and .csv files, allowed one of them")
+        raise FormatError(f"{folder}: expected either .txt or .csv files, got both")
     unknown = sorted(by_frame.keys() - set(known))
     if unknown:
         raise FormatError(
-            f"{by_frame[unknown[0]]}: found a frame that the ground truth has not"
-            f"{_and_more(unknown)}, allowed one of its {len(known)}, {min(known)} to {max(known)}"
+            f"{by_frame[unknown[0]]}: expected one of its {len(known)}, {min(known)} to "
+            f"{max(known)}, got a frame that the ground truth has not{_and_more(unknown)}"
         )
     findings = []
     if lidar_folder is not None and not check_origin(folder, lidar_folder):
@@ -156,7 +156,7 @@ def _names(
     names, counts = np.unique(predictions.names[other], return_counts=True)
     listed = ", ".join(f"{name} ({count})" for name, count in zip(names, counts, strict=True))
     text = (
-        f"{_first(predictions, files, other)}: not evaluated: {listed}; allowed {', '.join(types)}"
+        f"{_first(predictions, files, other)}: not evaluated: {listed}; expected {', '.join(types)}"
     )
     if other.all():
         raise FormatError(text)

@@ -189,8 +189,9 @@ def check_pair(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> None:
             origins = [str(row["origin"]) for row in (a, b) if "origin" in row]
             where = f"{' and '.join(origins)}: " if origins else ""
             raise Error(
-                f"{where}{name}: found {_same(a, name)} and {_same(b, name)}, allowed the same: "
-                "draws of blocks are pairs within one world, number of frames and label time alone"
+                f"{where}{name}: expected the same, got {_same(a, name)} and {_same(b, name)}: "
+                "draws of blocks are pairs within one world, number of frames and label time "
+                "alone"
             )
 
 

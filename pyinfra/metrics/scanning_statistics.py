@@ -74,8 +74,8 @@ def _speeds(file: Path) -> pd.DataFrame:
     for name, most in (("t", 1e6), ("id", 2**31 - 1), ("speed", 1000)):
         bad = np.flatnonzero(~rows[name].between(0, most))
         if len(bad) > 0:
-            problem = f"{file}:{rows.index[bad[0]] + 2}: {name}: found {rows[name].iloc[bad[0]]:g}"
-            raise FormatError(f"{problem}, allowed 0 to {most:g}")
+            problem = f"{file}:{rows.index[bad[0]] + 2}: {name}: expected 0 to {most:g}"
+            raise FormatError(f"{problem}, got {rows[name].iloc[bad[0]]:g}")
     return rows
 
 

@@ -272,7 +272,7 @@ def aggregation_change(before: Sightings, after: Sightings, blocks: Blocks) -> p
     Raises Error if the LiDARs differ.
     """
     if before.lidars != after.lidars:
-        raise Error(f"found LiDARs {before.lidars} and {after.lidars}, allowed the same")
+        raise Error(f"expected the same LiDARs, got {before.lidars} and {after.lidars}")
     a, b = (t.select(m) for t, m in zip((before, after), same_rows(before, after), strict=True))
     a, b = a.select(moving(a)), b.select(moving(a))
     rows = []

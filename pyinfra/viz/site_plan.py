@@ -53,15 +53,13 @@ def read_lanes(file: Path) -> dict[str, FloatArray]:
     with file.open(newline="") as stream:
         rows = csv.reader(stream)
         if next(rows, None) != ["lane", "x", "y", "z", "width"]:
-            raise MapError(f"{file}:1: allowed the columns lane,x,y,z,width")
+            raise MapError(f"{file}:1: expected the columns lane,x,y,z,width, got others")
         for number, row in enumerate(rows, start=2):
             try:
                 name, x, y, z, width = row
                 lanes[name].append([float(v) for v in (x, y, z, width)])
             except ValueError as error:
-                raise MapError(
-                    f"{file}:{number}: found {row}, allowed a name, 4 numbers"
-                ) from error
+                raise MapError(f"{file}:{number}: expected a name, 4 numbers, got {row}") from error
     return {name: np.array(rows_) for name, rows_ in lanes.items()}
 
 
@@ -73,7 +71,7 @@ def read_scene(folder: Path) -> dict[str, Any]:
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise MapError(f"{file}: {' '.join(str(error).split())}") from error
     if not isinstance(scene, dict) or "lanes" not in scene:
-        raise MapError(f"{file}: lanes: not there; allowed is a site of `pyinfra site import`")
+        raise MapError(f"{file}: lanes: expected a site of `pyinfra site import`, got none")
     return scene
 
 

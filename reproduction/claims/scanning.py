@@ -75,7 +75,7 @@ def claims(exact: Sightings, blocks: Blocks, instant: Sightings | None = None) -
     LiDARs are not the four of the paper.
     """
     if sorted(exact.lidars) != sorted((AVIA, *SPINNING)):
-        raise Error(f"found LiDARs {', '.join(exact.lidars)}, allowed {AVIA} {SPINNING}")
+        raise Error(f"expected {AVIA} {SPINNING}, got LiDARs {', '.join(exact.lidars)}")
     common, view = exact.select(exact.common()), exact.select(exact.view())
     rows = [
         far_range(common, blocks, "common"),
@@ -141,7 +141,7 @@ def gentle(vehicles: Sightings, blocks: Blocks) -> Row:
 def deskew(instant: Sightings, exact: Sightings, blocks: Blocks) -> list[Row]:
     """Compares points inside the boxes of moving vehicles, instant against exact, per LiDAR."""
     if not np.array_equal(np.unique(instant.frame), np.unique(exact.frame)):
-        raise Error("instant and exact: found other frames, allowed the same")
+        raise Error("instant and exact: expected the same frames, got others")
     change = aggregation_change(_within(instant, WHOLE_M), _within(exact, WHOLE_M), blocks)
     rows = []
     for row in change[change.counted == "points_in_box"].itertuples():
@@ -187,12 +187,14 @@ def claims_table(folders: Sequence[Path]) -> pd.DataFrame:
         if data.aggregation == "instant":
             continue
         if data.aggregation != "exact":
-            raise Error(f"{data.folder}: found {data.aggregation}, allowed exact or instant")
+            raise Error(f"{data.folder}: expected exact or instant, got {data.aggregation}")
         for row in _claims_of(data, instants.pop(_key(data), None)):
             cells = {"command": command, "seed": data.seed, "version": data.version}
             rows.append({**vars(row), "preset": data.preset, **cells})
     for data in instants.values():
-        raise Error(f"{data.folder}: found no exact data set of the same scene and preset")
+        raise Error(
+            f"{data.folder}: expected an exact data set of the same scene and preset, got none"
+        )
     return pd.DataFrame(rows, columns=COLUMNS)
 
 

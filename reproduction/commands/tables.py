@@ -63,7 +63,7 @@ def rewritten(page: Path) -> str:
     def table(match: re.Match[str]) -> str:
         begin, name, _, end = match.groups()
         if name not in TABLES:
-            raise Error(f"{page}: found table '{name}', allowed {', '.join(TABLES)}")
+            raise Error(f"{page}: expected {', '.join(TABLES)}, got table '{name}'")
         return begin + TABLES[name]() + end
 
     return BLOCK.sub(table, page.read_text(encoding="utf-8"))

@@ -237,7 +237,8 @@ TEST(pcd, select_takes_whole_records_in_order) {
 
 TEST(pcd, error_names_file_line_and_key) {
   EXPECT_EQ(error_of(with(xyz_header(1, "ascii"), "HEIGHT 1", "HEIGHT one")),
-            "cloud.pcd:7:1: HEIGHT: found 'one', allowed a whole number up to 1099511627776");
+            "cloud.pcd:7:1: HEIGHT: expected a whole number up to 1099511627776, "
+            "got 'one'");
 }
 
 TEST(pcd, wrong_headers_are_errors) {

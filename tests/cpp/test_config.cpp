@@ -123,30 +123,31 @@ TEST(scene_file, a_key_twice_is_an_error) {
 }
 
 TEST(scene_file, a_missing_key_is_an_error) {
-  expect_scene_error("seed: 1\nname: crossing", "seed: 1 #!", "name", "required");
+  expect_scene_error("seed: 1\nname: crossing", "seed: 1 #!", "name", "expected a value");
   expect_scene_error("{x_m: 5, y_m: -9, z_m: 6}", "{x_m: 5, y_m: -9} #!", "mounts.pole.z_m",
-                     "required");
-  expect_scene_error("- {road: main, s_m: 30}", "- {s_m: 30} #!", "gantries.0.road", "required");
+                     "expected a value");
+  expect_scene_error("- {road: main, s_m: 30}", "- {s_m: 30} #!", "gantries.0.road",
+                     "expected a value");
 }
 
 TEST(scene_file, a_wrong_type_is_an_error) {
-  expect_scene_error("duration_s: 1", "duration_s: long #!", "duration_s", "allowed a number");
-  expect_scene_error("duration_s: 1", "duration_s: [1] #!", "duration_s", "found a list");
-  expect_scene_error("duration_s: 1", "duration_s: -+1 #!", "duration_s", "allowed a number");
-  expect_scene_error("x_m: 5,", "x_m: +-5, #!\n", "mounts.pole.x_m", "allowed a number");
+  expect_scene_error("duration_s: 1", "duration_s: long #!", "duration_s", "expected a number");
+  expect_scene_error("duration_s: 1", "duration_s: [1] #!", "duration_s", "got a list");
+  expect_scene_error("duration_s: 1", "duration_s: -+1 #!", "duration_s", "expected a number");
+  expect_scene_error("x_m: 5,", "x_m: +-5, #!\n", "mounts.pole.x_m", "expected a number");
   expect_scene_error("each_way: 1", "each_way: 1.5 #!\n", "roads.0.lanes.each_way", "whole number");
-  expect_scene_error("fields: false", "fields: no #!", "fields", "allowed true or false");
-  expect_scene_error("detail: mid", "detail: medium #!", "detail", "allowed box, low, mid, fine");
+  expect_scene_error("fields: false", "fields: no #!", "fields", "expected true or false");
+  expect_scene_error("detail: mid", "detail: medium #!", "detail", "expected box, low, mid, fine");
   expect_scene_error("seed: 1", "seed: -1 #!", "seed", "whole number");
-  expect_scene_error("name: crossing", "name: {a: b} #!", "name", "allowed a text");
+  expect_scene_error("name: crossing", "name: {a: b} #!", "name", "expected a text");
   expect_scene_error("roads: [main, side]", "roads: main #!", "junctions.0.roads", "a list");
-  expect_scene_error("[[-200, -200],", "[[-200], #!\n", "ground.0.outline_m.0", "allowed 2");
+  expect_scene_error("[[-200, -200],", "[[-200], #!\n", "ground.0.outline_m.0", "expected 2");
   expect_scene_error("aggregation: slices:10", "aggregation: slices:0 #!", "aggregation",
                      "slices:N");
 }
 
 TEST(scene_file, a_number_out_of_range_is_an_error) {
-  expect_scene_error("duration_s: 1", "duration_s: 0 #!", "duration_s", "allowed 0.1 to 36000");
+  expect_scene_error("duration_s: 1", "duration_s: 0 #!", "duration_s", "expected 0.1 to 36000");
   expect_scene_error("height_m: 5}", "height_m: 0} #!", "buildings.0.height_m", "above 0 to 1000");
   expect_scene_error("{Car: 0.8,", "{Car: -0.8, #!\n", "traffic.class_shares.Car", "0 to 1");
 }
@@ -158,14 +159,14 @@ TEST(scene_file, a_lane_of_no_width_is_an_error) {
 TEST(scene_file, not_a_number_is_not_a_number) {
   for (const char* nan : {".nan", "nan", ".NaN", "1e999"})
     expect_scene_error("duration_s: 1", "duration_s: " + std::string(nan) + " #!", "duration_s",
-                       "allowed");
+                       "expected");
 }
 
 TEST(scene_file, infinity_is_allowed_only_for_the_visibility) {
   expect_scene_error("duration_s: 1", "duration_s: .inf #!", "duration_s", "0.1 to 36000");
-  expect_scene_error("{x_m: 5,", "{x_m: .inf, #!\n", "mounts.pole.x_m", "allowed");
+  expect_scene_error("{x_m: 5,", "{x_m: .inf, #!\n", "mounts.pole.x_m", "expected");
   expect_scene_error("visibility_m: 500", "visibility_m: -.inf #!\n", "weather.visibility_m",
-                     "allowed");
+                     "expected");
   const TestFolder folder;
   const auto file = folder.write("scene.yaml", replaced(kScene, "500}", ".inf}"));
   EXPECT_EQ(read_scene(file).weather.visibility_m, kInf);
@@ -288,7 +289,7 @@ TEST(scene_file, a_roads_name_is_refused_or_keeps_the_seven_columns_of_roads_csv
 
 TEST(scene_file, a_junction_needs_two_roads_that_meet) {
   expect_scene_error("roads: [main, side]", "roads: [main, main] #!", "roads", "do not meet");
-  expect_scene_error("roads: [main, side]", "roads: [main] #!", "junctions.0.roads", "allowed 2");
+  expect_scene_error("roads: [main, side]", "roads: [main] #!", "junctions.0.roads", "expected 2");
   const TestFolder folder;
   const auto file =
       folder.write("scene.yaml", replaced(kScene, "x_m: 0, y_m: -100", "x_m: 150, y_m: -100"));
@@ -297,13 +298,13 @@ TEST(scene_file, a_junction_needs_two_roads_that_meet) {
 }
 
 TEST(scene_file, an_unknown_class_is_an_error_that_names_the_known_ones) {
-  expect_scene_error("{Car: 0.8,", "{Tram: 0.8, #!\n", "traffic.class_shares", "allowed Car, Van");
+  expect_scene_error("{Car: 0.8,", "{Tram: 0.8, #!\n", "traffic.class_shares", "expected Car, Van");
 }
 
 TEST(scene_file, shares_of_no_class_are_an_error) {
   expect_scene_error("{Car: 0.8, Bus: 0.2}", "{Car: 0, Bus: 0} #!", "traffic.class_shares",
                      "above 0");
-  expect_scene_error("{Car: 0.8, Bus: 0.2}", "{} #!", "traffic.class_shares", "at least one");
+  expect_scene_error("{Car: 0.8, Bus: 0.2}", "{} #!", "traffic.class_shares", "expected entries");
 }
 
 TEST(scene_file, has_either_traffic_or_trajectories) {
@@ -317,7 +318,7 @@ TEST(scene_file, has_either_traffic_or_trajectories) {
 
 TEST(scene_file, has_a_mount_at_least) {
   expect_scene_error("mounts:\n  pole: {x_m: 5, y_m: -9, z_m: 6}", "mounts: {} #!", "mounts",
-                     "at least one");
+                     "expected entries");
 }
 
 // --- dump and load ----------------------------------------------------------------------------
@@ -407,10 +408,9 @@ TEST(scene_at_mount, leaves_one_mount_with_draws_of_its_own) {
   ASSERT_EQ(view.mounts.size(), 1U);
   EXPECT_EQ(view.mounts.at("north").y_m, 20);
   EXPECT_EQ(view.mounts.at("north").own_draws, true);
-  EXPECT_EQ(error_of([&] { scene_at_mount(scene, ""); }),
-            "mount: found none, allowed south, north");
+  EXPECT_EQ(error_of([&] { scene_at_mount(scene, ""); }), "mount: expected south, north, got none");
   EXPECT_EQ(error_of([&] { scene_at_mount(scene, "west"); }),
-            "mount: found 'west', allowed south, north");
+            "mount: expected south, north, got 'west'");
 }
 
 TEST(scene_at_mount, leaves_a_lone_mount_as_it_is) {
@@ -518,7 +518,7 @@ TEST(lidar_file, an_unknown_preset_is_an_error_that_names_the_known_ones) {
   const TestFolder folder;
   const auto file = folder.write("lidar.yaml", kLidar);
   expect_message(error_of([&] { read_lidar(file, "paper"); }), file, 7, "presets",
-                 "'paper', allowed even, table");
+                 "expected even, table, got unknown preset 'paper'");
 }
 
 TEST(lidar_file, preset_names_come_in_the_order_of_the_file) {
@@ -548,10 +548,9 @@ TEST(lidar_file, keys_are_checked) {
 }
 
 TEST(lidar_file, presets_are_maps) {
-  expect_lidar_error("presets:\n", "presets: 5 #!\nother:\n", "presets",
-                     "found '5', allowed a map");
-  expect_lidar_error("  even:\n", "  even: 5 #!\n  odd:\n", "presets.even", "found '5'");
-  expect_lidar_error("  even:\n", "  even: ~ #!\n  odd:\n", "presets.even", "found nothing");
+  expect_lidar_error("presets:\n", "presets: 5 #!\nother:\n", "presets", "expected a map, got '5'");
+  expect_lidar_error("  even:\n", "  even: 5 #!\n  odd:\n", "presets.even", "got '5'");
+  expect_lidar_error("  even:\n", "  even: ~ #!\n  odd:\n", "presets.even", "got nothing");
   expect_lidar_error("  even:\n", "  even:\n    presets: {a: 1} #!\n", "presets", "unknown key");
 }
 
@@ -560,8 +559,8 @@ TEST(lidar_file, a_frame_has_at_least_one_ray_and_no_more_than_memory_holds) {
     expect_lidar_error("rate_hz: 10, azimuth_step_deg: 0.2}", by + "} #!", "pattern." + key, what);
   };
   expect("rate_hz: 10, azimuth_step_deg: 1e-9", "spinning.azimuth_step_deg",
-         "found 3600000000000 columns a second, allowed 10 to 100000000");
-  expect("rate_hz: 10, azimuth_step_deg: 1e-300", "spinning.azimuth_step_deg", "allowed 10 to");
+         "expected 10 to 100000000 columns a second, got 3600000000000");
+  expect("rate_hz: 10, azimuth_step_deg: 1e-300", "spinning.azimuth_step_deg", "expected 10 to");
   expect("rate_hz: 1e-9, azimuth_step_deg: 0.2", "spinning.rate_hz", "columns a second");
   expect("rate_hz: 1000, columns_per_turn: 1000000", "spinning.columns_per_turn", "1000000000");
 }
@@ -580,7 +579,8 @@ TEST(lidar_file, rays_of_all_lasers_and_units_are_counted) {
       }() + "]\n");
   const std::string message = error_of([&] { read_lidar(many, "even"); });
   EXPECT_NE(
-      message.find("many.yaml: (rays per second): found 108000000, allowed at most 100000000"),
+      message.find("many.yaml: (rays per second): expected at most 100000000 in one LiDAR, got "
+                   "108000000"),
       std::string::npos)
       << message;
 }
@@ -607,11 +607,11 @@ TEST(lidar_file, columns_per_turn_are_a_whole_number_or_a_fraction) {
                        "pattern.spinning.columns_per_turn", "a fraction such as 8125/4");
   }
   expect_lidar_error("azimuth_step_deg: 0.2}", "columns_per_turn: 15/4} #!",
-                     "pattern.spinning.columns_per_turn", "found '15/4', allowed 4 to 1000000000");
+                     "pattern.spinning.columns_per_turn", "expected 4 to 1000000000, got '15/4'");
   expect_lidar_error("azimuth_step_deg: 0.2}", "azimuth_step_deg: 0.2, columns_per_turn: 1800} #!",
-                     "pattern.spinning.columns_per_turn", "found both or neither");
+                     "pattern.spinning.columns_per_turn", "got both or neither");
   expect_lidar_error("rate_hz: 10, azimuth_step_deg: 0.2}", "rate_hz: 10} #!",
-                     "pattern.spinning.azimuth_step_deg", "found both or neither");
+                     "pattern.spinning.azimuth_step_deg", "got both or neither");
 }
 
 /// What reading channels from a file with this text says.
@@ -636,9 +636,10 @@ TEST(channel_table, blank_offsets_and_times_are_unpublished_and_read_as_0) {
 }
 
 TEST(channel_table, errors_name_the_line_and_the_column) {
-  expect_channels_error("id,elevation_deg\n1,0\n", 1, "(header)", "allowed 'channel,elevation_deg");
-  expect_channels_error("", 1, "(header)", "allowed 'channel,elevation_deg");
-  expect_channels_error(kHeader, 1, "(rows)", "found none");
+  expect_channels_error("id,elevation_deg\n1,0\n", 1, "(header)",
+                        "expected 'channel,elevation_deg");
+  expect_channels_error("", 1, "(header)", "expected 'channel,elevation_deg");
+  expect_channels_error(kHeader, 1, "(rows)", "got none");
   expect_channels_error(kHeader + "1,0,,\n2,nan,,\n", 3, "elevation_deg", "'nan'");
   expect_channels_error(kHeader + "1,,0,0\n", 2, "elevation_deg", "''");
   expect_channels_error(kHeader + "1,91,,\n", 2, "elevation_deg", "-90");
@@ -659,8 +660,7 @@ TEST(channel_table, a_fire_time_beyond_its_column_is_an_error) {
   EXPECT_NO_THROW(read_lidar(file, "table"));
   folder.write("two.csv", kHeader + "1,0,0,0\n2,1,0,55.6\n");  // a column takes 55.56 us
   const std::string message = error_of([&] { read_lidar(file, "table"); });
-  EXPECT_NE(message.find("fire_time_us: found 55.6, allowed below 55.5"), std::string::npos)
-      << message;
+  EXPECT_NE(message.find("fire_time_us: expected below 55.55"), std::string::npos) << message;
 }
 
 // --- tables of directions ---------------------------------------------------------------------
@@ -707,11 +707,11 @@ TEST(direction_table, in_another_layout_is_an_error) {
     EXPECT_TRUE(message.starts_with(file.string() + ":")) << message;
     EXPECT_NE(message.find(what), std::string::npos) << message;
   };
-  expect(npy("<i8", "(2, 2)", "False", two_rows), "found type '<i8'");
-  expect(npy(">f8", "(2, 2)", "False", two_rows), "found type '>f8'");
-  expect(npy("<f8", "(4,)", "False", two_rows), "found shape (4,)");
-  expect(npy("<f8", "(1, 4)", "False", two_rows), "found shape (1, 4)");
-  expect(npy("<f8", "(1, 2, 2)", "False", two_rows), "found shape (1, 2, 2)");
+  expect(npy("<i8", "(2, 2)", "False", two_rows), "got type '<i8'");
+  expect(npy(">f8", "(2, 2)", "False", two_rows), "got type '>f8'");
+  expect(npy("<f8", "(4,)", "False", two_rows), "got shape (4,)");
+  expect(npy("<f8", "(1, 4)", "False", two_rows), "got shape (1, 4)");
+  expect(npy("<f8", "(1, 2, 2)", "False", two_rows), "got shape (1, 2, 2)");
   expect(npy("<f8", "(2, 2)", "True", two_rows), "Fortran");
   expect(npy("<f8", "(2, 2)", "False", two_rows.substr(1)), "size");
   expect(npy("<f8", "(2, 2)", "False", two_rows + "x"), "size");
@@ -721,7 +721,7 @@ TEST(direction_table, in_another_layout_is_an_error) {
   expect(npy("<f8", "(2, 2", "False", two_rows), "shape (2, 2");
   expect(npy("<f8", "(2, 2)", "False", two_rows).substr(0, 40), "a part of one");
   std::string without_shape = npy("<f8", "(2, 2)", "False", two_rows);
-  expect(without_shape.replace(without_shape.find("shape"), 5, "forms"), "found shape ,");
+  expect(without_shape.replace(without_shape.find("shape"), 5, "forms"), "got shape ");
   std::string other_version = npy("<f8", "(2, 2)", "False", two_rows);
   other_version[6] = '\x09';
   expect(other_version, "version 1 to 3");
@@ -853,9 +853,9 @@ TEST(lidar_file, says_how_its_motors_start) {
   EXPECT_EQ(plain.phase, MotorPhase::kLocked);
   EXPECT_EQ(plain.cut_angle_deg, 180);
   expect_lidar_error("rate_hz: 10,", "rate_hz: 10, phase: random, #!\n   ",
-                     "pattern.spinning.phase", "found 'random', allowed locked, free");
+                     "pattern.spinning.phase", "expected locked, free, got 'random'");
   expect_lidar_error("rate_hz: 10,", "rate_hz: 10, seam_deg: 400, #!\n   ",
-                     "pattern.spinning.seam_deg", "allowed -360 to 360");
+                     "pattern.spinning.seam_deg", "expected -360 to 360");
 }
 
 TEST(scene, labels_as_the_preset_does_unless_it_says_otherwise) {
@@ -902,7 +902,7 @@ TEST(bundle, entry_is_a_file_or_a_whole_unit) {
     SCOPED_TRACE(entry);
     const auto file = folder.write("bundle.yaml", "name: pair\nbundle:\n  - {" + entry + "}\n");
     expect_message(error_of([&] { read_lidar(file, ""); }), file, 3, "bundle.0.lidar",
-                   "allowed a LiDAR file, or pattern and returns");
+                   "expected a LiDAR file, or pattern and returns");
   }
 }
 

@@ -83,8 +83,7 @@ TEST(parked, rows_in_one_place_are_refused) {
         with_parked("[{road: bend, offset_m: -9, class_shares: {Car: 1}}, "
                     "{road: bend, offset_m: -9.5, class_shares: {Car: 1}}]"));
   });
-  EXPECT_NE(message.find("offset_m: found a parked vehicle in another"), std::string::npos)
-      << message;
+  EXPECT_NE(message.find("got a parked vehicle in another"), std::string::npos) << message;
 }
 
 TEST(parked, more_vehicles_than_are_looked_at_are_refused) {
@@ -93,7 +92,7 @@ TEST(parked, more_vehicles_than_are_looked_at_are_refused) {
     scene.roads[0].centreline[0].line_m = 9000;
     build_site(scene);
   });
-  EXPECT_NE(message.find("allowed 2000"), std::string::npos) << message;
+  EXPECT_NE(message.find("expected at most 2000"), std::string::npos) << message;
 }
 
 TEST(parked, vehicles_stand_beside_recorded_ones_with_other_ids) {
@@ -112,7 +111,8 @@ TEST(parked, vehicles_stand_beside_recorded_ones_with_other_ids) {
   };
   EXPECT_GT(recorded(7), 20U);
   const std::string message = error_of([&] { recorded(kFirstParkedId); });
-  EXPECT_NE(message.find("id: found 1000000000, allowed below"), std::string::npos) << message;
+  EXPECT_NE(message.find("id: expected below 1000000000, where those of parked"), std::string::npos)
+      << message;
 }
 
 }  // namespace

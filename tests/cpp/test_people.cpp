@@ -227,18 +227,18 @@ std::string refused(const std::string& row) {
 TEST(people, in_lanes_or_in_what_stands_there_are_refused) {
   constexpr char kRest[] = ", per_km: 10, class: Pedestrian, speed: {mean_km_h: 5, std_km_h: 1}}";
   const std::string lane = refused(std::string("{road: bend, offset_m: 3") + kRest);
-  EXPECT_NE(lane.find("offset_m: found people on a lane"), std::string::npos) << lane;
+  EXPECT_NE(lane.find("got people on a lane"), std::string::npos) << lane;
   const std::string row = std::string("{road: bend, offset_m: 11") + kRest;
   const std::string twice = refused(row + ", " + row);
-  EXPECT_NE(twice.find("found something in the way of people"), std::string::npos) << twice;
+  EXPECT_NE(twice.find("got something in the way of people"), std::string::npos) << twice;
   const std::string unknown = refused(std::string("{road: lane, offset_m: 11") + kRest);
-  EXPECT_NE(unknown.find("found unknown road 'lane'"), std::string::npos) << unknown;
+  EXPECT_NE(unknown.find("got unknown road 'lane'"), std::string::npos) << unknown;
 }
 
 TEST(people, with_speeds_that_some_would_stand_still_at_are_refused) {
   const std::string message = refused(
       "{road: bend, offset_m: 11, per_km: 10, class: Cyclist, speed: {mean_km_h: 6, std_km_h: 3}}");
-  EXPECT_NE(message.find("std_km_h: found 3, allowed up to a third"), std::string::npos) << message;
+  EXPECT_NE(message.find("std_km_h: expected up to a third"), std::string::npos) << message;
 }
 
 TEST(people, of_other_classes_are_refused) {

@@ -128,7 +128,7 @@ TEST(pitch, is_the_last_column_of_trajectories_that_have_one) {
                                   "t,id,class,x,y,z,heading,dx,dy,dz,speed,pitch\n"
                                   "0,1,Car,0,0,0,0,4,2,1.5,0,0.6\n");
   testing::expect_message(testing::error_of([&] { read_trajectories(steep); }), steep, 2, "pitch",
-                          "found '0.6'");
+                          "got '0.6'");
 }
 
 }  // namespace

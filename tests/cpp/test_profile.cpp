@@ -278,7 +278,7 @@ TEST(profile, a_sensor_on_a_slope_is_judged_by_the_slope_under_it) {
     build_world(scene);
   };
   EXPECT_NO_THROW(build_at(-110, -1));
-  EXPECT_NE(testing::error_of([&] { build_at(0, -0.9); }).find("found -0.9 below"),
+  EXPECT_NE(testing::error_of([&] { build_at(0, -0.9); }).find("got -0.9 below"),
             std::string::npos);
 }
 

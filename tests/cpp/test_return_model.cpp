@@ -308,8 +308,8 @@ TEST(weather_warnings, name_a_lidar_that_no_weather_changes_and_its_preset) {
     const std::vector<std::string> lines = warnings_of(weather, {false});
     ASSERT_EQ(lines.size(), 1U);
     EXPECT_EQ(lines.front(),
-              "lidar, preset paper: weather: no effect, found no returns.detection, allowed a "
-              "preset that has it");
+              "lidar, preset paper: weather: no effect, expected a preset that has "
+              "it, got no returns.detection");
     EXPECT_TRUE(warnings_of(weather, {true, true}).empty());
   }
 }

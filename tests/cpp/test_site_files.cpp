@@ -96,33 +96,45 @@ TEST_F(SiteFiles, ABinaryFileHoldsTheSame) {
   const std::string whole = bytes.str();
   expect_within(ply_error(whole.substr(0, whole.size() - 3)), ": byte ");
   expect_within(ply_error(whole.substr(0, whole.size() - 3)), "is it cut short?");
-  expect_within(ply_error(whole + "x"), "found bytes after the last element");
+  expect_within(ply_error(whole + "x"), "got bytes after the last element");
 }
 
 TEST_F(SiteFiles, WrongSurfacesAreNamedWithTheirLine) {
   const std::vector<std::pair<std::string, std::string>> wrong{
-      {"", ":1: found the end of the file"},
-      {"solid\n", ":1: found no 'ply'"},
-      {with("ascii", "binary_big_endian"), ":2: found format binary_big_endian"},
-      {with("format ascii 1.0\n", ""), "found no format"},
-      {with("vertex 4", "vertex 4000000000"), "found 4000000000 of 'vertex' in"},
-      {with("vertex 4", "vertex -4"), ":4: found a count that is no number"},
-      {with("uchar red", "colour red"), ":8: found type 'colour'"},
-      {with("2 2 1 255", "2 nan 1 255"), ":14: found a vertex whose x, y or z is missing"},
-      {with("2 2 1 255", "2e6 2 1 255"), ":14: found a vertex whose x, y or z is missing"},
-      {with("2 2 1 255", "2 two 1 255"), ":14: found 'two', allowed a number"},
-      {with("4 0 1 2 3\n", "4 0 1 2 9\n"), ":16: found a corner that is none of the 4"},
-      {with("4 0 1 2 3\n", "2 0 1\n"), "found a face of 2 corners"},
+      {"", ":1: expected a .ply, got the end of the file in its header"},
+      {"solid\n", ":1: expected a .ply, got no 'ply'"},
+      {with("ascii", "binary_big_endian"),
+       ":2: expected ascii, binary_little_endian, got format binary_big_endian"},
+      {with("format ascii 1.0\n", ""), "got no format"},
+      {with("vertex 4", "vertex 4000000000"), "got 4000000000 of 'vertex' in"},
+      {with("vertex 4", "vertex -4"), ":4: expected a number as the count, got a word"},
+      {with("uchar red", "colour red"),
+       ":8: expected char to double, int8 to float64, got type 'colour'"},
+      {with("2 2 1 255", "2 nan 1 255"),
+       ":14: expected metres from the site's origin, got a vertex whose x, y or z is missing or no "
+       "number up to 1000000 either way"},
+      {with("2 2 1 255", "2e6 2 1 255"),
+       ":14: expected metres from the site's origin, got a vertex whose x, y or z is missing or no "
+       "number up to 1000000 either way"},
+      {with("2 2 1 255", "2 two 1 255"), ":14: expected a number, got 'two'"},
+      {with("4 0 1 2 3\n", "4 0 1 2 9\n"),
+       ":16: expected corners by their number, got one that is none of the 4 vertices before it"},
+      {with("4 0 1 2 3\n", "2 0 1\n"), "got a face of 2 corners"},
       {with("4 0 1 2 3\n", "4 0 1\n"), "is it cut short?"},
-      {with("4 0 1 2 3\n", "4 0 1 2 3 7\n"), "found bytes after the last element"},
-      {with("vertex_indices", "corners"), "found faces without vertex_indices"},
-      {with("property double x\n", ""), ":11: found a vertex whose x, y or z is missing"},
-      {with("property float y", "property double x"), ":6: found property 'x' twice"},
-      {with("property float y", "property int y"), ":6: found y of another type"},
-      {with("uchar int vertex", "uchar float vertex"), ":10: found corners of type float"},
-      {with("uchar int vertex", "float int vertex"), ":10: found a list whose length is of type"},
-      {with("element face 1", "element vertex 1"), ":9: found element 'vertex' twice"},
-      {with("vertex 4", "vertex 0"), ":12: found a face of 0 corners"},
+      {with("4 0 1 2 3\n", "4 0 1 2 3 7\n"), "got bytes after the last element"},
+      {with("vertex_indices", "corners"), "expected faces with vertex_indices, got others"},
+      {with("property double x\n", ""),
+       ":11: expected metres from the site's origin, got a vertex whose x, y or z is missing or no "
+       "number up to 1000000 either way"},
+      {with("property float y", "property double x"), ":6: expected once, got property 'x' twice"},
+      {with("property float y", "property int y"),
+       ":6: expected float or double, got y of another type"},
+      {with("uchar int vertex", "uchar float vertex"),
+       ":10: expected whole numbers, got corners of type float"},
+      {with("uchar int vertex", "float int vertex"),
+       ":10: expected whole numbers, got a list whose length is of type float"},
+      {with("element face 1", "element vertex 1"), ":9: expected once, got element 'vertex' twice"},
+      {with("vertex 4", "vertex 0"), ":12: expected 3 or more, got a face of 0 corners"},
   };
   for (const auto& [text, expected] : wrong) expect_within(ply_error(text), expected);
 }
@@ -196,29 +208,34 @@ TEST_F(SiteFiles, RegionsNarrowIt) {
     return error_of([&] { testing::region_of(site(folder_, more)); });
   };
   expect_within(error("regions: [{name: far, outline_m: [[0, 50], [9, 50], [9, 60]]}]\n"),
-                "site.yaml:7:11: regions.0.outline_m: found no middle of a road or lane");
-  expect_within(error("regions: []\n"), "regions: found no entries");
-  expect_within(error("regions: [{name: a, outline_m: [[0, 0], [9, 9]]}]\n"), "fewer than 3");
+                "site.yaml:7:11: regions.0.outline_m: expected the middle of a road or lane");
+  expect_within(error("regions: []\n"), "regions: expected entries, got none");
+  expect_within(error("regions: [{name: a, outline_m: [[0, 0], [9, 9]]}]\n"),
+                "expected an outline of 3 or more corners");
   expect_within(error("regions: [{name: a, outline_m: [[0, 0], [9, 9], [5, 5]]}]\n"), "no area");
   expect_within(error("regions: [{name: \"a,b\", outline_m: [[0, 0], [9, 9], [5, 0]]}]\n"),
-                "found a comma");
+                "got a comma");
 }
 
 TEST_F(SiteFiles, WrongLanesAreNamedWithTheirLine) {
   const std::string head = "lane,x,y,z,width\n";
   const std::vector<std::pair<std::string, std::string>> wrong{
       {"lane,x,y\n", ":1:1: (header)"},
-      {head, "found no lane"},
-      {head + "a,0,0,0,3\n", "found one row of lane 'a'"},
+      {head, "expected a lane, got none"},
+      {head + "a,0,0,0,3\n", "got one row of lane 'a'"},
       {head + "a,0,0,0,3\nb,0,0,0,3\nb,9,0,0,3\n", ":3:"},
-      {head + "a,0,0,0,3\na,0,0,0,3\n", ":3:1: x: found the place of the row above"},
-      {head + "a,0,0,0,-3\n", ":2:9: width: found '-3'"},
-      {head + "a,0,nan,0,3\n", ":2:5: y: found 'nan'"},
-      {head + "=a,0,0,0,3\n", ":2:1: lane: found '=a'"},
-      {head + "a,0,0,0,3\na,9,0,0,3\nb,0,0,0,3\nb,9,0,0,3\na,0,5,0,3\n", "found lane 'a' again"},
-      {head + "a,900,0,0,3\na,990,0,0,3\n", "found no lane within 100 m of the mount"},
+      {head + "a,0,0,0,3\na,0,0,0,3\n",
+       ":3:1: x: expected 0.0001 m from it or more, got the place of the row above"},
+      {head + "a,0,0,0,-3\n",
+       ":2:9: width: expected a number from 0.500000 to 100.000000, got '-3'"},
+      {head + "a,0,nan,0,3\n",
+       ":2:5: y: expected a number from -1000000.000000 to 1000000.000000, got 'nan'"},
+      {head + "=a,0,0,0,3\n",
+       ":2:1: lane: expected a short name that begins with a letter, a digit or _, got '=a'"},
+      {head + "a,0,0,0,3\na,9,0,0,3\nb,0,0,0,3\nb,9,0,0,3\na,0,5,0,3\n", "got lane 'a' again"},
+      {head + "a,900,0,0,3\na,990,0,0,3\n", "expected a lane within 100 m of the mount, got none"},
       {head + "a,0,0,0,3\na,200,0,0,3\na,200,9,0,3\na,0,9,0,3\na_2,0,3,0,3\na_2,9,3,0,3\n",
-       "found a second 'a_2' in the region"},
+       "got a second 'a_2' in the region"},
   };
   for (const auto& [text, expected] : wrong) {
     write("lanes.csv", text);
@@ -279,14 +296,14 @@ TEST_F(SiteFiles, ASensorBelowASurfaceOrInALanesWayIsRefused) {
   };
   roof_at(7);
   expect_within(error_of([&] { build_world(site(folder_)); }),
-                "mounts.pole.z_m: found 6 below a surface of the meshes at 7 m");
+                "got 6 below a surface of the meshes at 7 m");
   roof_at(5);
   build_world(site(folder_));
   SceneConfig scene = site(folder_);
   scene.mounts.begin()->second.y_m = -2;
   scene.mounts.begin()->second.z_m = 3;
   expect_within(error_of([&] { checked_site(scene); }),
-                "found 3 in the way of the vehicles of a lane at 0, allowed from 4.5 on");
+                "expected 4.5 or more, or beside the lanes, got 3 in the way");
 }
 
 TEST_F(SiteFiles, NothingStandsOnALaneOfAFile) {
@@ -297,14 +314,14 @@ TEST_F(SiteFiles, NothingStandsOnALaneOfAFile) {
   EXPECT_NO_THROW(checked_site(site(folder_, house + "7.8}]\n")));  // 4.5 m over the lane
   expect_within(
       error_of([&] { checked_site(site(folder_, "barriers: [{road: up, offset_m: 3}]\n")); }),
-      "found unknown road 'up', allowed none: the scene has no roads");
+      "expected no name, as the scene has no roads, got unknown road 'up'");
 }
 
 TEST_F(SiteFiles, TrianglesWithoutAnAreaAreCounted) {
   write("road.ply", square("0 0 1 0\n2 0 1 0\n2 2 1 0\n2 2 1 0\n"));
   const std::vector<std::string> lines = flat_triangles(site(folder_));
   ASSERT_EQ(lines.size(), 1U);
-  expect_within(lines[0], "road.ply: found 1 of 2 triangles without an area");
+  expect_within(lines[0], "road.ply: 1 of 2 triangles without an area");
   write("road.ply", kSquare);
   EXPECT_TRUE(flat_triangles(site(folder_)).empty());
 }
@@ -317,12 +334,12 @@ TEST(SiteKeys, LanesAndRoadsOrTrafficAreRefusedTogether) {
   };
   expect_within(error("traffic: {vehicles_per_km_lane: 5, speed: {mean_km_h: 50}, "
                       "class_shares: {Car: 1}}\n"),
-                "found it with lanes of a file, allowed trajectories");
+                "expected trajectories with lanes of a file");
   expect_within(error("trajectories: t.csv\nroads: [{name: r, start: {x_m: 0, y_m: 0}, "
                       "centreline: [{line_m: 100}], lanes: {each_way: 1}}]\n"),
-                "found them beside lanes");
+                "expected roads or lanes, got both");
   expect_within(error("trajectories: t.csv\nmeshes: [{file: a.ply, material: glass}]\n"),
-                "meshes.0.material: found 'glass', allowed road, sidewalk, terrain, structure");
+                "meshes.0.material: expected road, sidewalk, terrain, structure");
 }
 
 TEST(SiteKeys, ASceneOfFilesReadsBackAsItIsDumped) {

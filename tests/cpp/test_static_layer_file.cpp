@@ -84,18 +84,18 @@ TEST(static_layer_file, is_refused_for_lidars_that_it_is_not_of) {
     return error_of([&] { make_static_layers(given, std::array{lidar}); });
   };
   const auto says = [](const std::string& message, const char* what) {
-    EXPECT_TRUE(message.starts_with("given.layer: found ")) << message;
+    EXPECT_TRUE(message.starts_with("given.layer: unit")) << message;
     EXPECT_NE(message.find(what), std::string::npos) << message;
   };
-  says(refused(shipped("pandar_64")), "128 rays, allowed 1800 groups of 64 rays");
-  says(refused(shipped("ruby_plus", "equal")), "max_range_m of 250, allowed 260");
+  says(refused(shipped("pandar_64")), "expected 1800 groups of 64 rays, as ruby_plus, preset");
+  says(refused(shipped("ruby_plus", "equal")), "unit 0: max_range_m: expected 260, as");
   LidarConfig recut = ruby;
   recut.units[0].pattern.spinning->cut_angle_deg = 90;
   says(refused(recut), "unit 0: directions");
   says(refused(ruby, {"mounts.pole.pitch_deg=1"}), "unit 0: directions");
   LidarConfig twice = ruby;
   twice.units.push_back(ruby.units[0]);
-  says(refused(twice), "1 units, allowed 2");
+  says(refused(twice), "units: expected 2, as");
 }
 
 /// A scene with a layer of it, or of a recording, on disk.
@@ -161,7 +161,7 @@ TEST(static_layer_file, is_refused_for_lidars_without_a_layer) {
   const World world = crossroad({}, "datasheet");
   EXPECT_NE(error_of([&] {
               cast_static_layer(world, shipped("livox_avia", "equal"));
-            }).find("livox_avia, preset equal: unit 0: found a pattern that never repeats"),
+            }).find("livox_avia, preset equal: unit 0: expected single rays that repeat"),
             std::string::npos);
   LidarConfig wide = shipped("ruby_plus");
   wide.units[0].returns.beam.emplace();
@@ -207,29 +207,30 @@ TEST(static_layer_file, that_is_damaged_is_an_error_with_its_place) {
   };
   for (std::size_t size = 0; size < whole.size(); ++size)
     EXPECT_TRUE(message(whole.substr(0, size)).starts_with("a.layer: byte "));
-  EXPECT_NE(message(whole + "x").find("found 1 bytes more, allowed none"), std::string::npos);
+  EXPECT_NE(message(whole + "x").find("expected the end of the file, got 1 bytes more"),
+            std::string::npos);
   const auto with = [&](std::size_t at, auto value) {
     std::string bytes = whole;
     std::memcpy(&bytes[at], &value, sizeof value);
     return message(bytes);
   };
-  EXPECT_EQ(with(data + 4, std::numeric_limits<float>::quiet_NaN()),
-            "a.layer: byte " + std::to_string(data + 4) +
-                ": range_m: found nan, allowed 0 to 50, or inf");
-  EXPECT_NE(with(data, -3.0F).find("range_m: found -3, allowed 0 to 50"), std::string::npos);
-  EXPECT_NE(with(data, 51.0F).find("range_m: found 51"), std::string::npos);
-  EXPECT_NE(with(data + 24, 1.5F).find("cos_incidence: found 1.5, allowed 0 to 1"),
+  EXPECT_EQ(
+      with(data + 4, std::numeric_limits<float>::quiet_NaN()),
+      "a.layer: byte " + std::to_string(data + 4) + ": range_m: expected 0 to 50, or inf, got nan");
+  EXPECT_NE(with(data, -3.0F).find("range_m: expected 0 to 50, or inf, got -3"), std::string::npos);
+  EXPECT_NE(with(data, 51.0F).find("range_m: expected 0 to 50, or inf, got 51"), std::string::npos);
+  EXPECT_NE(with(data + 24, 1.5F).find("cos_incidence: expected 0 to 1, got 1.5"),
             std::string::npos);
-  EXPECT_NE(with(data + 48, std::uint16_t{10}).find("class: found 10, allowed 0 to 5"),
+  EXPECT_NE(with(data + 48, std::uint16_t{10}).find("class: expected 0 to 5, got 10"),
             std::string::npos);
   EXPECT_NE(
       with(kHeader + 16, std::numeric_limits<double>::quiet_NaN()).find("z_m: expected a fin"),
       std::string::npos);
-  EXPECT_NE(with(kUnits, 0).find("units: found 0, allowed 1 to 1024"), std::string::npos);
-  EXPECT_NE(with(kUnits + 12, -1).find("groups: found -1"), std::string::npos);
-  EXPECT_NE(with(kUnits + 12, 1 << 30).find("allowed"), std::string::npos);
-  EXPECT_NE(with(kUnits + 16, 70000).find("rays of a group: found 70000"), std::string::npos);
-  EXPECT_NE(with(kUnits + 20, -1.0F).find("max_range_m: found -1"), std::string::npos);
+  EXPECT_NE(with(kUnits, 0).find("units: expected 1 to 1024, got 0"), std::string::npos);
+  EXPECT_NE(with(kUnits + 12, -1).find("groups: expected 1 to"), std::string::npos);
+  EXPECT_NE(with(kUnits + 12, 1 << 30).find("expected"), std::string::npos);
+  EXPECT_NE(with(kUnits + 16, 70000).find("rays of a group: expected 1 to"), std::string::npos);
+  EXPECT_NE(with(kUnits + 20, -1.0F).find("max_range_m: expected above 0"), std::string::npos);
 }
 
 /// A road without vehicles, a house beside it, level ground.
@@ -382,14 +383,15 @@ TEST(recorded_layer, is_refused_where_it_does_not_fit) {
   };
   SceneConfig leaning = world.scene;
   leaning.mounts["pole"].roll_deg = 2;
-  EXPECT_NE(message(leaning, lidar).find("found elevations that miss those of noisy"),
+  EXPECT_NE(message(leaning, lidar).find("got elevations that miss those of noisy"),
             std::string::npos);
   LidarConfig fewer = lidar;
   fewer.units[0].pattern.spinning->channels.table.pop_back();
-  EXPECT_NE(message(world.scene, fewer).find("ring: found 15, allowed"), std::string::npos);
-  EXPECT_NE(message(world.scene, shipped("livox_avia")).find("found a"), std::string::npos);
+  EXPECT_NE(message(world.scene, fewer).find("ring: expected those of the LiDAR's lasers"),
+            std::string::npos);
+  EXPECT_NE(message(world.scene, shipped("livox_avia")).find("got a"), std::string::npos);
   std::filesystem::remove(velodyne_file(folder.path(), 7));
-  EXPECT_NE(message(world.scene, lidar).find("found 19 frames, allowed 20 or more"),
+  EXPECT_NE(message(world.scene, lidar).find("expected 20 or more frames, got 19"),
             std::string::npos);
 }
 

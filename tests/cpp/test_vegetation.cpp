@@ -287,7 +287,7 @@ TEST(vegetation, of_a_row_stands_along_its_road) {
   EXPECT_NEAR(volumes[1].box.dx, 5, 1e-9);
   EXPECT_NEAR(volumes[1].box.z, 1, 1e-9);
   scene.vegetation[0].hedge_along->road = "none";
-  EXPECT_NE(error_of([&] { build_world(scene); }).find("found unknown road 'none'"),
+  EXPECT_NE(error_of([&] { build_world(scene); }).find("got unknown road 'none'"),
             std::string::npos);
 }
 
@@ -361,9 +361,9 @@ TEST(vegetation, on_a_lane_is_refused) {
   };
   VegetationConfig hedge = hedge_across(0);
   hedge.hedge->y_m = 4;
-  EXPECT_NE(error(hedge).find("x_m: found a hedge on a lane, allowed beside"), std::string::npos);
-  EXPECT_NE(error(tree_at(50, 2)).find("x_m: found it on a lane"), std::string::npos);
-  EXPECT_NE(error(tree_at(50, 5)).find("x_m: found a crown on a lane"), std::string::npos);
+  EXPECT_NE(error(hedge).find("got a hedge on a lane"), std::string::npos);
+  EXPECT_NE(error(tree_at(50, 2)).find("got it on a lane"), std::string::npos);
+  EXPECT_NE(error(tree_at(50, 5)).find("got a crown on a lane"), std::string::npos);
   VegetationConfig high = tree_at(50, 5);
   high.tree->shape.trunk_m = 4.5;
   SceneConfig scene = empty_road();
@@ -441,10 +441,10 @@ TEST(scene_presets, are_wrong_at_file_line_and_key) {
   };
   error("rain_mm_per_h: 3", "rain: 3", 13, "weather.rain", "unknown key");
   error("- tree: {", "- tree: {height_m: 2, ", 16, "vegetation.1.tree.height_m", "above trunk_m");
-  error("x_m: 20, y_m: 20", "x_m: 20, y_m: 1", 16, "x_m", "found it on a lane");
+  error("x_m: 20, y_m: 20", "x_m: 20, y_m: 1", 16, "x_m", "got it on a lane");
   error("- tree: {x_m: 20, y_m: 20}", "- {}", 16, "vegetation.1.hedge", "one of hedge");
-  error("night: {weather: {sunlight_klux: 0}}", "night: 5", 17, "presets.night", "allowed a map");
-  error("night: {weather: {sunlight_klux: 0}}", "datasheet: {}", 17, "datasheet", "found twice");
+  error("night: {weather: {sunlight_klux: 0}}", "night: 5", 17, "presets.night", "expected a map");
+  error("night: {weather: {sunlight_klux: 0}}", "datasheet: {}", 17, "datasheet", "got it twice");
 }
 
 TEST(scene_presets, refuse_lidars_of_another_preset) {
@@ -453,7 +453,7 @@ TEST(scene_presets, refuse_lidars_of_another_preset) {
   const World world = build_world(read_scene(file, {}, "datasheet"));
   LidarConfig lidar = seeing_lidar();
   lidar.preset = "paper";
-  EXPECT_NE(error_of([&] { FrameStream(world, {lidar}, {0}, 1); }).find("seeing: preset: found"),
+  EXPECT_NE(error_of([&] { FrameStream(world, {lidar}, {0}, 1); }).find("seeing: preset: expected"),
             std::string::npos);
   lidar.preset = "datasheet";
   EXPECT_TRUE(FrameStream(world, {lidar}, {0}, 1).next().has_value());

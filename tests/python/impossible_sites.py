@@ -83,7 +83,7 @@ class Site:
         text = TOWN
         for old, new in self.edits:
             if text.count(old) != 1:
-                raise ValueError(f"{self.name}: found '{old}' {text.count(old)} times, allowed 1")
+                raise ValueError(f"{self.name}: expected 1, got '{old}' {text.count(old)} times")
             text = text.replace(old, new)
         return text
 
@@ -91,7 +91,7 @@ class Site:
     def line(self) -> int:
         lines = [i for i, line in enumerate(self.text.splitlines(), 1) if self.at in line]
         if len(lines) != 1:
-            raise ValueError(f"{self.name}: found '{self.at}' on {len(lines)} lines, allowed 1")
+            raise ValueError(f"{self.name}: expected 1, got '{self.at}' on {len(lines)} lines")
         return lines[0]
 
 
@@ -222,7 +222,7 @@ JUNCTIONS = (
     Site("a roundabout of roads with two lanes", (RING,), "roundabout",
          ("'main' of several", "one lane each way"), "roads: [main"),
     Site("a roundabout of 8 m", (*ONE_LANE, (RING[0], RING[1].replace("20", "8"))),
-         "junctions.0.roundabout.radius_m", ("found '8'", "12"), "roundabout:"),
+         "junctions.0.roundabout.radius_m", ("got '8'", "12"), "roundabout:"),
     Site("a roundabout with signals",
          (*ONE_LANE, (RING[0], RING[1] + "    signal: {green_s: 8}\n")), "junctions.0.signal",
          ("beside a roundabout", "one of both"), "signal:"),
@@ -238,7 +238,7 @@ PROFILES = (
     Site("a profile of one point", (profile("[[0, 0]]"),), "profile.points_m",
          ("fewer than 2",), "points_m"),
     Site("a profile of 16 %", (profile("[[0, 0], [100, 16]]"),), "profile.points_m",
-         ("found a grade of 16 %", "up to 15"), "points_m"),
+         ("got a grade of 16 %", "up to 15"), "points_m"),
     Site("a profile with points 39 m apart", (profile("[[0, 0], [39, 1]]"),), "profile.points_m",
          ("39 m after the one before", "40"), "points_m"),
     Site("a profile that goes back", (profile("[[0, 0], [-50, 1]]"),), "profile.points_m",
@@ -248,13 +248,13 @@ PROFILES = (
 )  # fmt: skip
 GROUNDS = (
     Site("ground at the roads' height", ((GROUND, "elevation_m: 0"),), "elevation_m",
-         ("found 0 on 'main'", "-0.011"), "outline_m"),
+         ("got 0 on 'main'", "-0.011"), "outline_m"),
     Site("ground at the footways' height", ((GROUND, "elevation_m: -0.01"),), "elevation_m",
-         ("found -0.01 on 'main'", "-0.011"), "outline_m"),
+         ("got -0.01 on 'main'", "-0.011"), "outline_m"),
     Site("ground over the roads", ((GROUND, "elevation_m: 1"), pole(-25, -12, 7)), "elevation_m",
-         ("found 1 on 'main'",), "outline_m"),
+         ("got 1 on 'main'",), "outline_m"),
     Site("a deck 4.4 m over a road", (more_ground(4.4),), "elevation_m",
-         ("found 4.4 on 'main'", "4.5"), "elevation_m: 4.4"),
+         ("got 4.4 on 'main'", "4.5"), "elevation_m: 4.4"),
     Site("a bridge's embankment on the road below", (NO_JUNCTION, side_keys(EMBANKED)),
          "embankment", ("slope on 'main'",), "name: side"),
     Site("a cutting's slope over a crossing road",
@@ -286,29 +286,29 @@ STANDING = (
          ("beyond",), "from_m: 400"),
     Site("pedestrians parked",
          (("traffic:\n", parked("offset_m: -9")[1].replace("Car: 1", "Pedestrian: 1")),),
-         "parked.0.class_shares", ("found Pedestrian", "no vehicle"), "Pedestrian"),
+         "parked.0.class_shares", ("got Pedestrian", "no vehicle"), "Pedestrian"),
     Site("people on a lane", (people("offset_m: -6, to_m: 150"),), "offset_m",
          ("people on a lane",), "offset_m: -6"),
     Site("people across a road", (people("offset_m: -9, from_m: 70"),), "offset_m",
          ("people on a lane",), "offset_m: -9"),
     Site("people in a barrier", (people("offset_m: 11, to_m: 140"),), "offset_m",
-         ("found something in the way",), "offset_m: 11, to_m: 140"),
+         ("got something in the way",), "offset_m: 11, to_m: 140"),
 )  # fmt: skip
 SENSORS = (
     Site("a sensor in the ground", (pole(-25, -12, -1),), "mounts.pole.z_m",
-         ("found -1 below the ground", "-0.05"), "pole:"),
+         ("got -1 below the ground", "-0.05"), "pole:"),
     Site("a sensor on the ground", (pole(-25, -12, -0.05),), "mounts.pole.z_m",
-         ("found -0.05 below",), "pole:"),
+         ("got -0.05 below",), "pole:"),
     Site("a sensor between road and ground", (pole(-100, 0, -0.02),), "mounts.pole.z_m",
          ("below the ground or a road at 0 m",), "pole:"),
     Site("a sensor beside all ground, and below it", (pole(-400, 0, -3),), "mounts.pole.z_m",
-         ("found -3 below",), "pole:"),
+         ("got -3 below",), "pole:"),
     Site("a sensor in an embankment", (NO_JUNCTION, NORTH,
          side_line(NORTH_LINE, f"    {EMBANKED}\n"), pole(12, 160, 3)),
-         "mounts.pole.z_m", ("found 3 below", "4.6"), "pole:"),
+         "mounts.pole.z_m", ("got 3 below", "4.6"), "pole:"),
     Site("a sensor in a bridge of 4 m", (NO_JUNCTION, NORTH,
          side_line(NORTH_LINE, "    elevation_m: 4\n"), pole(0, 160, 2)), "mounts.pole.z_m",
-         ("found 2 below", "bridge of 4.5"), "pole:"),
+         ("got 2 below", "bridge of 4.5"), "pole:"),
     Site("a sensor in a house", (pole(60, 40, 6),), "mounts.pole.x_m", ("inside a building",),
          "pole:"),
     Site("a sensor on the wall of a house", (pole(45, 40, 6),), "mounts.pole.x_m",
@@ -332,17 +332,17 @@ SENSORS = (
 )  # fmt: skip
 TRAFFIC = (
     Site("pedestrians in lanes", ((SHARES, "{Car: 0.9, Pedestrian: 0.1}"),),
-         "traffic.class_shares", ("found Pedestrian", "no speed and way of its own"), "Pedestrian"),
+         "traffic.class_shares", ("got Pedestrian", "no speed and way of its own"), "Pedestrian"),
     Site("cyclists in lanes", ((SHARES, "{Cyclist: 1}"),), "traffic.class_shares",
-         ("found Cyclist", "allowed Car"), "Cyclist"),
+         ("got Cyclist", "expected Car"), "Cyclist"),
     Site("buses wider than a lane", ((SHARES, "{Bus: 1}"), road(50, 150, 0, "line_m: 50"),
          ("lanes: {each_way: 1}", "lanes: {each_way: 1, width_m: 2.9}")),
-         "class_shares", ("found Bus", "2.9 m"), "vehicles_per_km_lane"),
+         "class_shares", ("got Bus", "2.9 m"), "vehicles_per_km_lane"),
     Site("buses in a bend that they can't drive", (road(50, 150, 0, "radius_m: 8, turn_deg: 90"),),
-         "class_shares", ("found Bus", "6.25 m"), "vehicles_per_km_lane"),
+         "class_shares", ("got Bus", "6.25 m"), "vehicles_per_km_lane"),
     Site("more buses than fit", ((SHARES, "{Bus: 1}"),
          ("vehicles_per_km_lane: 15", "vehicles_per_km_lane: 81")),
-         "traffic.vehicles_per_km_lane", ("found 81, allowed up to 80",), "vehicles_per_km_lane"),
+         "traffic.vehicles_per_km_lane", ("expected up to 80, got 81",), "vehicles_per_km_lane"),
 )  # fmt: skip
 IMPOSSIBLE = (*ROADS, *JUNCTIONS, *PROFILES, *GROUNDS, *STANDING, *SENSORS, *TRAFFIC)
 

@@ -104,13 +104,13 @@ def test_the_labelled_frame_is_the_newest_or_the_middle_one(
 
 def test_gaps_stay_gaps_and_frames_far_apart_are_an_error() -> None:
     assert THREE.stacks([0, 4, 6], [0, 1, 2, 4, 5, 6]) == ([0], [2, 4], [4, 5, 6])
-    with pytest.raises(ValueError, match="found no two frames within 3 numbers"):
+    with pytest.raises(ValueError, match="got no two frames within 3 numbers"):
         THREE.stacks([0, 5, 10], [0, 5, 10])
 
 
 @pytest.mark.parametrize(("frames", "label_at"), [(0, "newest"), (101, "newest"), (1, "middle")])
 def test_a_wrong_accumulation_says_what_is_allowed(frames: int, label_at: LabelAt) -> None:
-    with pytest.raises(ValueError, match=r"found .*, allowed"):
+    with pytest.raises(ValueError, match=r"got .*, allowed"):
         Accumulation(frames, label_at)
 
 
@@ -216,12 +216,12 @@ def test_with_age_a_network_tells_ages_apart(name: str, intensity: bool) -> None
     points[:, 3] += 0.1
     brighter = network.predict(stacked([points], [0.0]))
     assert np.array_equal(now.scores, brighter.scores) == (not intensity)
-    with pytest.raises(ValueError, match="found 4 columns, allowed 5"):
+    with pytest.raises(ValueError, match="expected 5 columns, got 4"):
         network.predict(points)
 
 
 def test_age_of_single_frames_is_an_error(folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"network\.age: found true of single frames"):
+    with pytest.raises(ValueError, match=r"network\.age: got true of single frames"):
         train(recipe(age=True), [read_source(folder, "smoke")], tmp_path, quiet=True)
 
 
@@ -233,7 +233,7 @@ def test_a_model_says_what_it_learnt_and_goes_on_with_that_alone(
     assert detect.accumulation_of(trained / "last.safetensors") == MIDDLE
     assert "accumulate: 3\nlabel_at: middle\n" in (trained / "run.yaml").read_text()
     other = read_source(folder, "smoke", THREE)
-    with pytest.raises(ConfigError, match="found another run: label_at differ"):
+    with pytest.raises(ConfigError, match="got another run: label_at differ"):
         train(recipe(age=True), [other], trained, quiet=True)
 
 
@@ -247,7 +247,7 @@ def test_a_run_of_a_version_without_the_keys_goes_on(folder: Path, tmp_path: Pat
     before = file.read_bytes()
     train(recipe(), [read_source(folder, "smoke")], tmp_path, quiet=True)
     assert file.read_bytes() == before  # it was finished
-    with pytest.raises(ConfigError, match="found another run: accumulate differ"):
+    with pytest.raises(ConfigError, match="got another run: accumulate differ"):
         train(recipe(), [read_source(folder, "smoke", THREE)], tmp_path, quiet=True)
 
 
@@ -262,7 +262,7 @@ def test_sources_are_stacked_alike() -> None:
         for how in (THREE, MIDDLE)
     )
     assert common_accumulation([one, one]) == THREE
-    with pytest.raises(ValueError, match="found 3 frames, middle, allowed 3, newest as of"):
+    with pytest.raises(ValueError, match="expected 3, newest as of, got 3 frames, middle"):
         common_accumulation([one, other])
 
 
@@ -273,7 +273,7 @@ def test_detect_stacks_data_and_refuses_lone_clouds(
     assert len(list(tmp_path.glob("*.txt"))) == 4
     cloud = kitti.frame_file(folder, "velodyne", 9)
     assert main.main(["detect", str(trained), str(cloud)]) != 0
-    assert "found a model of 3 stacked frames, allowed one of single" in capsys.readouterr().err
+    assert "expected one of single, got a model of 3 stacked frames" in capsys.readouterr().err
 
 
 def test_single_frames_are_not_given_to_a_model_of_stacked_ones(
@@ -283,17 +283,17 @@ def test_single_frames_are_not_given_to_a_model_of_stacked_ones(
         lambda: detect.detector_at(trained, folder),
         lambda: onnx.export(trained, tmp_path / "model.onnx"),
     ):
-        with pytest.raises(ValueError, match="found a model of 3 stacked frames"):
+        with pytest.raises(ValueError, match="got a model of 3 stacked frames"):
             use()
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--accumulate", "0"], "accumulate: found 0, allowed 1 to 100"),
-        (["--label-at", "middle"], "label-at: found middle of one frame, allowed newest"),
-        (["--sites", "f.yaml", "--accumulate", "2"], "--accumulate: found 2 with --sites"),
-        (["background", "--accumulate", "2"], "--accumulate: found 2 for background, allowed 1"),
+        (["--accumulate", "0"], "accumulate: expected 1 to 100, got 0"),
+        (["--label-at", "middle"], "label-at: expected newest, got middle of one frame"),
+        (["--sites", "f.yaml", "--accumulate", "2"], "--accumulate: got 2 with --sites"),
+        (["background", "--accumulate", "2"], "--accumulate: expected 1, got 2 for background"),
     ],
 )
 def test_wrong_words_say_what_is_allowed(

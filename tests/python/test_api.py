@@ -148,7 +148,7 @@ def test_what_stands_goes(frames: FrameSequence) -> None:
         return pd.DataFrame([[25.0, 19.5, -7.0, 4.5, 1.9, 1.6, 0.0]], columns=BOX)
 
     assert len(pi.detect(rail, frames)) == len(frames)
-    with pytest.warns(UserWarning, match="drop_standing: found 5.4 s"):
+    with pytest.warns(UserWarning, match="drop_standing: got 5.4 s"):
         assert len(pi.detect(rail, frames, drop_standing=True)) == 0
 
 

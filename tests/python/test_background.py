@@ -315,11 +315,11 @@ def test_an_outline_may_have_a_bay_and_a_margin_makes_it_wider(
 @pytest.mark.parametrize(
     ("corners", "message"),
     [
-        ("[[0, 0], [1, 0]]", "outline_m: found 2 corners, allowed 3 or more"),
-        ("[[0, 0], [1, 1], [2, 2]]", "outline_m: found no area"),
-        ("[[-5, -2], [5, 2], [5, -2], [-6, 3]]", "outline_m: found side 1 across side 3"),
-        ("[[0, 0], [1, 0], [1]]", r"region.yaml:1: outline_m.2: found 1 values, allowed 2"),
-        ("[[0, 0], [1, 0], [.nan, 1]]", r"region.yaml:1: outline_m.2.0: found nan"),
+        ("[[0, 0], [1, 0]]", "outline_m: expected 3 or more corners, got 2"),
+        ("[[0, 0], [1, 1], [2, 2]]", "outline_m: got no area"),
+        ("[[-5, -2], [5, 2], [5, -2], [-6, 3]]", "outline_m: got side 1 across side 3"),
+        ("[[0, 0], [1, 0], [1]]", r"region.yaml:1: outline_m.2: expected 2 values, got 1"),
+        ("[[0, 0], [1, 0], [.nan, 1]]", r"region.yaml:1: outline_m.2.0: got nan"),
     ],
 )
 def test_a_wrong_outline_is_an_error(tmp_path: Path, corners: str, message: str) -> None:
@@ -382,13 +382,13 @@ def test_noise_everywhere_ends(empty_road: Background) -> None:
 
 
 def test_points_of_another_shape_are_an_error(empty_road: Background) -> None:
-    with pytest.raises(ValueError, match=r"points: found \(5, 3\), allowed \(n, 4\)"):
+    with pytest.raises(ValueError, match=r"points: expected \(n, 4\), got \(5, 3\)"):
         empty_road.predict(np.zeros((5, 3), np.float32))
 
 
 @pytest.mark.parametrize("frames", [[], [np.empty((0, 4), np.float32)]])
 def test_learning_from_nothing_is_an_error(frames: list[Points]) -> None:
-    with pytest.raises(ValueError, match=r"frames: found \d without a point in range"):
+    with pytest.raises(ValueError, match=r"frames: got \d without a point in range"):
         Background.learn(frames)
 
 
@@ -442,7 +442,7 @@ def test_a_wrong_file_is_an_error_that_names_it(
             "0": {"settings": good["settings"] * 0},
         }
         np.savez(file, **(good | bad[wrong]))
-    with pytest.raises(ValueError, match=r"wrong\.npz: found no background"):
+    with pytest.raises(ValueError, match=r"wrong\.npz: got no background"):
         Background.load(file)
 
 
@@ -490,7 +490,7 @@ def test_train_takes_the_region_from_the_roads_or_a_file_or_says_that_there_is_n
         outline(tmp_path)
         words = ["--region", str(tmp_path / "region.yaml")]
     y = centres_y(recording, tmp_path / "run", *words)
-    refused = "background: pole: found no roads.csv and no --region, so" in capsys.readouterr().err
+    refused = "background: pole: got no roads.csv and no --region, so" in capsys.readouterr().err
     assert refused == (known_by == "nothing")
     assert (np.abs(y - 3) < 1).sum() >= 10
     assert (y > HEDGE_Y_M - 2).any() == (known_by == "nothing")
@@ -511,4 +511,4 @@ def test_a_region_for_another_detector_is_an_error(
     recipe, file = ROOT / "configs/detectors/pointpillars.yaml", tmp_path / "region.yaml"
     words = ["--data", str(recording), "--out", str(tmp_path / "run"), "--region", str(file)]
     assert main.main(["train", str(recipe), *words]) == 2
-    assert "--region: found a file, allowed for background" in capsys.readouterr().err
+    assert "--region: expected for background, got a file" in capsys.readouterr().err

@@ -210,7 +210,7 @@ def test_a_failed_cell_is_a_row_with_its_reason_and_is_tried_again(
     assert main.main(words(config, tmp_path / "out", "--jobs", 1)) == 1
     table = pd.read_csv(tmp_path / "out/smoke.csv").set_index("detector")
     assert pd.isna(table.reason["background"])
-    assert "steps: found 0" in table.reason["tiny"]
+    assert "steps: got 0" in table.reason["tiny"]
     (tmp_path / "tiny.yaml").write_text(good)
     assert main.main(words(config, tmp_path / "out", "--jobs", 1)) == 0
     assert cells_of(tmp_path / "out").get("reason", pd.Series()).isna().all()
@@ -333,7 +333,7 @@ def test_dask_runs_tasks_where_gpus_are_and_listens_to_this_machine_alone() -> N
 def test_a_cluster_without_gpus_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     ray_init = ray.init
     monkeypatch.setattr(ray, "init", lambda **size: ray_init(**size, num_gpus=0))
-    with pytest.raises(pool.NoGpu, match="device: found cuda, allowed cpu"):
+    with pytest.raises(pool.NoGpu, match="device: expected cpu, got cuda"):
         pool.call_all(abs, [1], pool.Pool("ray", 1, gpu=True))
 
 
@@ -373,29 +373,29 @@ def test_a_dry_run_refuses_a_preset_that_a_lidar_lacks(
 ) -> None:
     config.write_text(config.read_text().replace("helios_16", "hesai_xt32"))
     assert main.main(words(config, tmp_path / "out", "--dry-run")) != 0
-    assert "hesai_xt32.yaml:12:3: presets: found no preset 'paper'" in capsys.readouterr().err
+    assert "hesai_xt32.yaml:12:3: presets: got no preset 'paper'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("highway", "motorway"), r"small.yaml:4: matrix.0.scenes.0: found 'motorway', allowed a"),
-        (("[paper]", "[other]"), r"small.yaml:6: matrix.0.presets.0: found 'other', allowed paper"),
-        (("helios_16", "helios"), r"small.yaml:5: matrix.0.lidars.0: found 'helios', .*helios_16"),
+        (("highway", "motorway"), r"small.yaml:4: matrix.0.scenes.0: expected a, got 'motorway'"),
+        (("[paper]", "[other]"), r"small.yaml:6: matrix.0.presets.0: expected paper, got 'other'"),
+        (("helios_16", "helios"), r"small.yaml:5: matrix.0.lidars.0: got 'helios', .*helios_16"),
         (
             ("tiny.yaml", "none.yaml"),
-            r"small.yaml:7: matrix.0.detectors.1: found .none.yaml., ",
+            r"small.yaml:7: matrix.0.detectors.1: got .none.yaml., ",
         ),
-        (("0:5000:250", "'5:5'"), r"frames: found '5:5', allowed a range with frames"),
-        (("0:5000:250", "0:68719476736"), r"frames: found '0:68719476736', allowed A:B"),
-        (("0:5000:250", "0:500000000"), r"frames: found '0:500000000', .* up to 360000"),
-        (("[highway]", "[]"), r"matrix: found no cells, allowed 1 to 100000"),
-        (("[paper]", "[paper, paper]"), r":6: matrix.0.presets.1: found 'paper' twice, allowed on"),
-        (("[paper]", "[paper]\n    seeds: [1, 1]"), r":7: matrix.0.seeds.1: found '1' twice"),
-        (("[paper]", "[paper]\n    seeds: [-1]"), r":7: matrix.0.seeds.0: found -1, allowed 0 to"),
-        (("[paper]", "[paper]\n    seeds: [1e400]"), r":7: matrix.0.seeds.0: found '1e400', allow"),
-        (("frames:", "costs: {years: .nan}\nframes:"), r":2: costs.years: found nan, allowed 0 to"),
-        (("frames:", "costs: {years: -1}\nframes:"), r":2: costs.years: found -1, allowed 0 to"),
+        (("0:5000:250", "'5:5'"), r"frames: expected a range with frames, got '5:5'"),
+        (("0:5000:250", "0:68719476736"), r"frames: expected A:B, got '0:68719476736'"),
+        (("0:5000:250", "0:500000000"), r"frames: got '0:500000000', .* up to 360000"),
+        (("[highway]", "[]"), r"matrix: expected 1 to 100000, got no cells"),
+        (("[paper]", "[paper, paper]"), r":6: matrix.0.presets.1: expected on, got 'paper' twice"),
+        (("[paper]", "[paper]\n    seeds: [1, 1]"), r":7: matrix.0.seeds.1: got '1' twice"),
+        (("[paper]", "[paper]\n    seeds: [-1]"), r":7: matrix.0.seeds.0: expected 0 to, got -1"),
+        (("[paper]", "[paper]\n    seeds: [1e400]"), r":7: matrix.0.seeds.0: got '1e400', allow"),
+        (("frames:", "costs: {years: .nan}\nframes:"), r":2: costs.years: expected 0 to, got nan"),
+        (("frames:", "costs: {years: -1}\nframes:"), r":2: costs.years: expected 0 to, got -1"),
     ],
 )
 def test_a_wrong_benchmark_says_where(
@@ -409,7 +409,7 @@ def test_a_wrong_benchmark_says_where(
 def test_a_benchmark_of_absurd_size_is_refused_at_once(config: Path) -> None:
     seeds = ", ".join(map(str, range(100_001)))
     config.write_text(MATRIX.replace("[paper]", f"[paper]\n    seeds: [{seeds}]"))
-    with pytest.raises(ConfigError, match="matrix: found 400004 cells, allowed 1 to 100000"):
+    with pytest.raises(ConfigError, match="matrix: expected 1 to 100000 cells, got 400004"):
         read_plan(config, "smoke")
 
 

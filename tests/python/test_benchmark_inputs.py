@@ -62,7 +62,7 @@ def test_an_imported_site_has_its_folder_as_its_name(config: Path) -> None:
     changed(config, "[site.yaml]", "[sites/corner/site.yaml]")
     plan = read_plan(config, "smoke")
     assert [cell.scene for cell in plan.cells] == ["corner"]
-    with pytest.raises(ConfigError, match="found 'site', allowed 'corner', as the folder"):
+    with pytest.raises(ConfigError, match="expected 'corner', as the folder, got 'site'"):
         inputs.check_names(plan)
     inputs.check_name(site / "site.yaml", "name: corner")
 
@@ -86,7 +86,7 @@ def test_a_changed_price_counts_at_once_and_a_changed_pole_is_refused(
     capsys.readouterr()
     changed(config.parent / "site.yaml", "z_m: 6", "z_m: 12")
     assert run(config) == 2
-    assert "site paper own: found rows of another scene" in capsys.readouterr().err
+    assert "site paper own: got rows of another scene" in capsys.readouterr().err
 
 
 def test_other_costs_of_the_site_do_not_change_prices_in_silence(
@@ -95,7 +95,7 @@ def test_other_costs_of_the_site_do_not_change_prices_in_silence(
     assert run(config) == 0
     config.write_text(f"{MATRIX}costs: {{pole_usd: 1500}}\n")
     assert run(config) == 2
-    assert "found costs of the site of 0 USD, allowed 1500" in capsys.readouterr().err
+    assert "expected 1500, got costs of the site of 0 USD" in capsys.readouterr().err
 
 
 def test_a_changed_price_counts_in_a_bundle(config: Path) -> None:
@@ -124,7 +124,7 @@ def test_another_lidar_changes_what_all_see(
     changed(config, "[own.yaml]", "[avia.yaml]")
     assert run(config) == 2
     error = capsys.readouterr().err
-    assert "site paper: found rows measured among the LiDARs own, allowed avia, own, or" in error
+    assert "site paper: expected avia, own, or, got rows measured among the LiDARs own" in error
     assert run(config, "--out", str(config.parent / "other")) == 0
     changed(config, "[avia.yaml]", "[own.yaml]")  # a part of the matrix, measured among both
     assert run(config, "--out", str(config.parent / "other")) == 0
@@ -189,7 +189,7 @@ def test_rows_of_an_edited_recipe_are_named_and_not_kept(
     assert "site own paper mine smoke 1: stale" in capsys.readouterr().out
     assert run(config) == 2
     error = capsys.readouterr().err
-    assert "smoke.csv: site own paper mine smoke 1: found rows of another recipe" in error
+    assert "smoke.csv: site own paper mine smoke 1: got rows of another recipe" in error
     assert table.read_bytes() == before
     assert run(config, "--out", str(config.parent / "other")) == 0
 
@@ -213,7 +213,7 @@ def test_a_training_of_another_recipe_does_not_go_on(tmp_path: Path) -> None:
     claim_run(tmp_path / "run", {"inputs": "a", "recipe": "c"})  # nothing was learnt yet
     (tmp_path / "run/last.safetensors").touch()
     claim_run(tmp_path / "run", {"inputs": "a", "recipe": "c"})
-    with pytest.raises(ConfigError, match="run: found a training of another recipe"):
+    with pytest.raises(ConfigError, match="run: got a training of another recipe"):
         claim_run(tmp_path / "run", {"inputs": "a", "recipe": "b"})
 
 
@@ -278,17 +278,17 @@ def test_a_cell_without_a_counted_vehicle_says_so_and_others_go_on(
 def test_a_lidar_is_named_as_its_file(config: Path, capsys: pytest.CaptureFixture[str]) -> None:
     changed(config.parent / "own.yaml", "name: own", "name: mine")
     assert run(config) == 2
-    assert "own.yaml: name: found 'mine', allowed 'own'" in capsys.readouterr().err
+    assert "own.yaml: name: expected 'own', got 'mine'" in capsys.readouterr().err
     assert not (config.parent / "work").exists()
 
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("[background]", "[background, background.yaml]", "detectors: found 'background' of two"),
-        ("0:20:5", "0:10:5", "frames, split: found frames from 0 to 0.5 s, allowed some before 1"),
-        ("val_from_s: 1.5", "val_from_s: 0.5", "frames, split: found val from 0.5 s, allowed 1 s"),
-        ("0:20:5", "'20:0'", "frames: found '20:0', allowed a range"),
+        ("[background]", "[background, background.yaml]", "detectors: got 'background' of two"),
+        ("0:20:5", "0:10:5", "frames, split: expected some before 1, got frames from 0 to 0.5 s"),
+        ("val_from_s: 1.5", "val_from_s: 0.5", "frames, split: expected 1 s, got val from 0.5 s"),
+        ("0:20:5", "'20:0'", "frames: expected a range, got '20:0'"),
     ],
 )
 def test_what_can_not_be_is_said_before_anything_runs(
@@ -305,6 +305,6 @@ def test_a_scene_that_is_not_named_as_its_file_is_refused_before_anything_runs(
 ) -> None:
     changed(config.parent / "site.yaml", "name: site", "name: main street")
     assert run(config) == 2
-    message = "site.yaml: name: found 'main street', allowed 'site', as the file"
+    message = "site.yaml: name: expected 'site', as the file, got 'main street'"
     assert message in capsys.readouterr().err
     assert not (config.parent / "work").exists()

@@ -104,7 +104,7 @@ def test_the_site_itself_is_right(site: Site) -> None:
 # What is replaced in the scene, by what, at which column, the key, words of the message.
 WRONG_SCENES = {
     "unknown key": ("each_way: 2", "each_way: 2, colour: 3",
-        "roads.0.lanes.colour", ["unknown key", "allowed each_way"]),
+        "roads.0.lanes.colour", ["unknown key", "expected each_way"]),
     "name that a spreadsheet runs": ("name: small", "name: =1+1",
         "name", ["'=1+1'", "begins with a letter, a digit or _"]),
     "road that is a formula": ("name: main", "name: '@main'",
@@ -112,27 +112,27 @@ WRONG_SCENES = {
     "unknown key at the top": ("duration_s: 2", "duration: 2",
         "duration", ["unknown key", "duration_s"]),
     "key twice": ("duration_s: 2", "duration_s: 2\nduration_s: 3",
-        "duration_s", ["twice", "allowed once"]),
+        "duration_s", ["twice", "expected once"]),
     "key missing": (", z_m: 6", "",
-        "mounts.pole.z_m", ["found nothing", "required"]),
+        "mounts.pole.z_m", ["got nothing", "required"]),
     "word for a number": ("line_m: 200", "line_m: long",
-        "roads.0.centreline.0.line_m", ["'long'", "allowed a number"]),
+        "roads.0.centreline.0.line_m", ["'long'", "expected a number"]),
     "unit after a number": ("line_m: 200", "line_m: 200 m",
-        "roads.0.centreline.0.line_m", ["'200 m'", "allowed a number"]),
+        "roads.0.centreline.0.line_m", ["'200 m'", "expected a number"]),
     "list for a number": ("line_m: 200", "line_m: [200]",
-        "roads.0.centreline.0.line_m", ["a list", "allowed a number"]),
+        "roads.0.centreline.0.line_m", ["a list", "expected a number"]),
     "nothing for a number": ("line_m: 200", "line_m:",
-        "roads.0.centreline.0.line_m", ["found nothing", "allowed a number"]),
+        "roads.0.centreline.0.line_m", ["got nothing", "expected a number"]),
     "map for a list": ("      - {line_m: 200}", "      {line_m: 200}",
-        "roads.0.centreline", ["a map", "allowed a list"]),
+        "roads.0.centreline", ["a map", "expected a list"]),
     "number for a map": ("{Car: 1}", "1",
-        "traffic.class_shares", ["'1'", "allowed a map"]),
+        "traffic.class_shares", ["'1'", "expected a map"]),
     "number for a map of keys": ("{mean_km_h: 50, std_km_h: 2}", "50",
-        "traffic.speed", ["'50'", "allowed a map"]),
+        "traffic.speed", ["'50'", "expected a map"]),
     "NaN": ("line_m: 200", "line_m: .nan",
-        "roads.0.centreline.0.line_m", ["'.nan'", "allowed a number"]),
+        "roads.0.centreline.0.line_m", ["'.nan'", "expected a number"]),
     "nan": ("x_m: -100", "x_m: nan",
-        "roads.0.start.x_m", ["'nan'", "allowed a number"]),
+        "roads.0.start.x_m", ["'nan'", "expected a number"]),
     "infinity": ("x_m: -100", "x_m: .inf",
         "roads.0.start.x_m", [".inf", "allowed"]),
     "huge number": ("x_m: -100", "x_m: 1e400",
@@ -140,48 +140,48 @@ WRONG_SCENES = {
     "fraction of a lane": ("each_way: 2", "each_way: 1.5",
         "roads.0.lanes.each_way", ["'1.5'", "whole number"]),
     "lane of no width": ("width_m: 3.5", "width_m: 0",
-        "roads.0.lanes.width_m", ["'0'", "allowed 2.5 to 6"]),
+        "roads.0.lanes.width_m", ["'0'", "expected 2.5 to 6"]),
     "lane of negative width": ("width_m: 3.5", "width_m: -3.5",
-        "roads.0.lanes.width_m", ["'-3.5'", "allowed 2.5 to 6"]),
+        "roads.0.lanes.width_m", ["'-3.5'", "expected 2.5 to 6"]),
     "no lanes": ("each_way: 2", "each_way: 0",
-        "roads.0.lanes.each_way", ["'0'", "allowed 1 to 8"]),
+        "roads.0.lanes.each_way", ["'0'", "expected 1 to 8"]),
     "empty centreline": ("      - {line_m: 200}", "      []",
         "roads.0.centreline", ["no entries", "at least one"]),
     "piece that is no line and no arc": ("line_m: 200", "radius_m: 20",
-        "roads.0.centreline.0.line_m", ["allowed line_m, or"]),
+        "roads.0.centreline.0.line_m", ["expected line_m, or"]),
     "no duration": ("duration_s: 2", "duration_s: 0",
-        "duration_s", ["'0'", "allowed 0.1 to 36000"]),
+        "duration_s", ["'0'", "expected 0.1 to 36000"]),
     "duration of half a frame": ("duration_s: 2", "duration_s: 0.14",
-        "duration_s", ["0.14", "allowed whole tenths"]),
+        "duration_s", ["0.14", "expected whole tenths"]),
     "check beside an unknown key": ("duration_s: 2", "junctions: [{roads: [main], left: 1}]",
         "junctions.0.left", ["unknown key", "left_share"]),
     "negative seed": ("duration_s: 2", "seed: -1",
         "seed", ["'-1'", "whole number"]),
     "unknown class": ("{Car: 1}", "{Car: 1, Ship: 1}",
-        "traffic.class_shares", ["'Ship'", "allowed Car"]),
+        "traffic.class_shares", ["'Ship'", "expected Car"]),
     "shares that are all 0": ("{Car: 1}", "{Car: 0}",
         "traffic.class_shares", ["a sum of 0"]),
     "share above 1": ("{Car: 1}", "{Car: 2}",
-        "traffic.class_shares.Car", ["'2'", "allowed 0 to 1"]),
+        "traffic.class_shares.Car", ["'2'", "expected 0 to 1"]),
     "density below 0": ("vehicles_per_km_lane: 10", "vehicles_per_km_lane: -1",
-        "traffic.vehicles_per_km_lane", ["'-1'", "allowed 0 to 100"]),
+        "traffic.vehicles_per_km_lane", ["'-1'", "expected 0 to 100"]),
     "a mount named as what is fused": ("z_m: 6}", "z_m: 6}\n  fused: {x_m: 1, y_m: 1, z_m: 6}",
         "mounts", ["'fused'", "letters, digits, _ and -"]),
     "unknown aggregation": ("duration_s: 2", "aggregation: slices:0",
         "aggregation", ["'slices:0'", "exact"]),
     "unknown detail": ("duration_s: 2", "detail: high",
-        "detail", ["'high'", "allowed box, low, mid, fine"]),
+        "detail", ["'high'", "expected box, low, mid, fine"]),
     "labels": ("duration_s: 2", "labels: some",
-        "labels", ["'some'", "allowed hit, all"]),
+        "labels", ["'some'", "expected hit, all"]),
     "yes for true": ("duration_s: 2", "fields: yes",
         "fields", ["'yes'", "true or false"]),
     "fog that is black": ("duration_s: 2", "weather: {visibility_m: 0}",
         "weather.visibility_m", ["'0'", "above 0"]),
     "rain that falls up": ("duration_s: 2", "weather: {rain_mm_per_h: -1}",
-        "weather.rain_mm_per_h", ["'-1'", "allowed 0 to 300"]),
+        "weather.rain_mm_per_h", ["'-1'", "expected 0 to 300"]),
     "building on a lane": ("duration_s: 2",
         "buildings:\n  - {x_m: 0, y_m: 4, length_m: 5, width_m: 5, height_m: 9}",
-        "x_m", ["on a lane", "allowed beside"]),
+        "x_m", ["on a lane", "expected beside"]),
     "flat building": ("duration_s: 2",
         "buildings: [{x_m: 0, y_m: 40, length_m: 5, width_m: 5, height_m: 0}]",
         "buildings.0.height_m", ["'0'", "above 0"]),
@@ -195,11 +195,11 @@ WRONG_SCENES = {
         "ground: [{elevation_m: 0, outline_m: [[0, 0], [0, 9], [9, 9], [9, 0]]}]",
         "ground.0.outline_m", ["do not turn left", "counter-clockwise"]),
     "junction of one road": ("duration_s: 2", "junctions: [{roads: [main]}]",
-        "junctions.0.roads", ["1 names", "allowed 2"]),
+        "junctions.0.roads", ["1 names", "expected 2"]),
     "traffic and trajectories": ("duration_s: 2", "trajectories: t.csv",
-        "traffic", ["both or neither", "allowed either"]),
+        "traffic", ["both or neither", "expected either"]),
     "plane that stands upright": ("duration_s: 2", "filters: [{ground_plane: {max_tilt_deg: 90}}]",
-        "filters.0.ground_plane.max_tilt_deg", ["'90'", "allowed above 0 to 89.9"]),
+        "filters.0.ground_plane.max_tilt_deg", ["'90'", "expected above 0 to 89.9"]),
     "window below a cell": ("duration_s: 2",
         "filters: [{ground_morphological: {window_m: 1, cell_m: 2}}]",
         "filters.0.ground_morphological.window_m", ["below cell_m"]),
@@ -207,7 +207,7 @@ WRONG_SCENES = {
         "filters.0.ground_morphological.max_range_m", ["more than 2000 cells"]),
     "outline without area": ("duration_s: 2",
         "filters: [{crop_polygon: {outline_m: [[0, 0], [1, 1], [2, 2]]}}]",
-        "filters.0.crop_polygon.outline_m", ["found no area"]),
+        "filters.0.crop_polygon.outline_m", ["got no area"]),
     "name of two lines": ("name: small", "name: \"a\\nb\"",
         "name", ["control character", "one line"]),
 }  # fmt: skip
@@ -234,19 +234,19 @@ def test_wrong_scene_is_named_at_line_and_column(site: Site) -> None:
     text, line = replaced(SCENE, "width_m: 3.5", "width_m: 0")
     site.scene.write_text(text)
     column = text.splitlines()[line - 1].index("width_m: 0") + len("width_m: ") + 1
-    expected = f"{site.scene}:{line}:{column}: roads.0.lanes.width_m: found '0', allowed 2.5 to 6\n"
+    expected = f"{site.scene}:{line}:{column}: roads.0.lanes.width_m: expected 2.5 to 6\n, got '0'"
     assert site.run().stderr == expected
 
 
 WRONG_LIDARS = {
     "unknown key": ("rate_hz: 10", "rate_hz: 10, colour: red",
-        "pattern.spinning.colour", ["unknown key", "allowed rate_hz"]),
+        "pattern.spinning.colour", ["unknown key", "expected rate_hz"]),
     "key twice": ("model: Tiny", "model: Tiny\nmodel: Small",
         "model", ["twice"]),
     "key missing": ("rate_hz: 10, ", "",
-        "pattern.spinning.rate_hz", ["found nothing", "required"]),
+        "pattern.spinning.rate_hz", ["got nothing", "required"]),
     "no name": ("name: tiny", "name:",
-        "name", ["found nothing", "allowed a text"]),
+        "name", ["got nothing", "expected a text"]),
     "name that is a path": ("name: tiny", "name: ../tiny",
         "name", ["'../tiny'", "can be a folder"]),
     "name of two columns": ("name: tiny", "name: a,b",
@@ -258,7 +258,7 @@ WRONG_LIDARS = {
     "price that falls": ("low: 1, high: 2", "low: 3, high: 2",
         "price_usd.high", ["below low"]),
     "price without a source": ("source: test, ", "",
-        "price_usd.source", ["found nothing", "required"]),
+        "price_usd.source", ["got nothing", "required"]),
     "step of 0": ("azimuth_step_deg: 2", "azimuth_step_deg: 0",
         "pattern.spinning.azimuth_step_deg", ["'0'", "above 0"]),
     "rate NaN": ("rate_hz: 10", "rate_hz: .nan",
@@ -274,25 +274,25 @@ WRONG_LIDARS = {
     "no range": ("max_range_m: 80", "max_range_m: 0",
         "returns.max_range_m", ["'0'", "above 0"]),
     "sigma below 0": ("range_accuracy_m: 0.02", "range_accuracy_m: -0.02",
-        "returns.range_accuracy_m", ["'-0.02'", "allowed 0 to 10"]),
+        "returns.range_accuracy_m", ["'-0.02'", "expected 0 to 10"]),
     "step of nothing": ("azimuth_step_deg: 2", "azimuth_step_deg: 1e-9",
-        "pattern.spinning.azimuth_step_deg", ["columns a second", "allowed 10 to 100000000"]),
+        "pattern.spinning.azimuth_step_deg", ["columns a second", "expected 10 to 100000000"]),
     "step below every number": ("azimuth_step_deg: 2", "azimuth_step_deg: 1e-300",
-        "pattern.spinning.azimuth_step_deg", ["columns a second", "allowed 10 to 100000000"]),
+        "pattern.spinning.azimuth_step_deg", ["columns a second", "expected 10 to 100000000"]),
     "turn of years": ("rate_hz: 10", "rate_hz: 1e-9",
-        "pattern.spinning.rate_hz", ["columns a second", "allowed 10 to 100000000"]),
+        "pattern.spinning.rate_hz", ["columns a second", "expected 10 to 100000000"]),
     "step and columns": ("azimuth_step_deg: 2", "azimuth_step_deg: 2, columns_per_turn: 180",
         "pattern.spinning.columns_per_turn", ["both or neither"]),
     "columns by zero": ("azimuth_step_deg: 2", "columns_per_turn: 180/0",
         "pattern.spinning.columns_per_turn", ["'180/0'", "a fraction such as 8125/4"]),
     "rays too few": ("  spinning: ", "  table: {file: a.csv, rays_per_s: 9}\n  #",
-        "pattern.table.rays_per_s", ["'9'", "allowed 10 to 100000000"]),
+        "pattern.table.rays_per_s", ["'9'", "expected 10 to 100000000"]),
     "preset that is a number": ("  equal:\n    returns: {max_range_m: 100}", "  equal: 5\n",
-        "presets.equal", ["'5'", "allowed a map"]),
+        "presets.equal", ["'5'", "expected a map"]),
     "presets within a preset": ("  equal:\n", "  equal:\n    presets: {a: 1}\n",
         "presets", ["unknown key"]),
     "phase that is no choice": ("rate_hz: 10", "rate_hz: 10, phase: random",
-        "pattern.spinning.phase", ["'random'", "allowed locked, free"]),
+        "pattern.spinning.phase", ["'random'", "expected locked, free"]),
     "range that falls with reflectance": ("range_at_10_percent_m: 40",
         "range_at_10_percent_m: 40, further_ranges: [{range_m: 30, reflectance: 0.5}]",
         "returns.detection.further_ranges",
@@ -324,13 +324,13 @@ def test_wrong_lidar(case: str, site: Site) -> None:
 
 def test_presets_that_are_no_map(site: Site) -> None:
     site.lidar.write_text(LIDAR[: LIDAR.index("presets:")] + "presets: 5\n")
-    assert_one_line(site.run(), site, f"{site.lidar}:6:10: presets: found '5', allowed a map")
+    assert_one_line(site.run(), site, f"{site.lidar}:6:10: presets: expected a map, got '5'")
 
 
 def test_check_reads_the_presets_that_were_not_asked_for_too(site: Site) -> None:
     site.lidar.write_text(LIDAR.replace("{max_range_m: 100}", "{max_range_m: 0}"))
     result = site.infrasim("check", site.lidar)
-    assert_one_line(result, site, f"{site.lidar}:8:", "returns.max_range_m: found '0'")
+    assert_one_line(result, site, f"{site.lidar}:8:", "returns.max_range_m: got '0'")
     assert site.infrasim("check", site.lidar, "--preset", "datasheet").returncode == 0
     site.lidar.write_text(LIDAR.replace("{max_range_m: 100}", "{max_range_m: 100, reach: 1}"))
     result = site.infrasim("check", site.lidar)
@@ -413,12 +413,12 @@ def test_bundle_of_a_bundle(site: Site) -> None:
     site.lidar.rename(site.folder / "single.yaml")
     inner.write_text("name: inner\nbundle: [{lidar: single.yaml}]\n")
     site.lidar.write_text("name: outer\nbundle: [{lidar: inner.yaml}, {lidar: single.yaml}]\n")
-    assert_one_line(site.run(), site, "bundle: ", "found a bundle in it")
+    assert_one_line(site.run(), site, "bundle: ", "got a bundle in it")
 
 
 def test_bundle_of_itself_ends(site: Site) -> None:
     site.lidar.write_text("name: outer\nbundle: [{lidar: lidar.yaml}]\n")
-    assert_one_line(site.run(), site, "bundle: ", "found a bundle in it")
+    assert_one_line(site.run(), site, "bundle: ", "got a bundle in it")
 
 
 # Tables
@@ -448,7 +448,7 @@ def test_the_channel_table_itself_is_right(site: Site) -> None:
         ("1,0,0,1", "1,0,0", 3, "(row)", ["'1,0,0'", "4 columns"]),
         ("1,0,0,1", "1,0,0,1,5", 3, "(row)", ["4 columns"]),
         ("1,0,0,1", "1,x,0,1", 3, "elevation_deg", ["'x'"]),
-        ("channel,elevation", "channel,angle", 1, "(header)", ["allowed 'channel,elevation_deg"]),
+        ("channel,elevation", "channel,angle", 1, "(header)", ["expected 'channel,elevation_deg"]),
     ],
 )
 def test_wrong_channel_table(
@@ -460,12 +460,12 @@ def test_wrong_channel_table(
 
 def test_channel_table_without_rows(site: Site) -> None:
     file = with_channels(site, CHANNELS.splitlines()[0] + "\n")
-    assert_one_line(site.run(), site, f"{file}:", "found none")
+    assert_one_line(site.run(), site, f"{file}:", "got none")
 
 
 def test_fire_time_longer_than_its_column(site: Site) -> None:
     with_channels(site, CHANNELS.replace("1,0,0,1", "1,0,0,600"))  # a column takes 555.6 us
-    assert_one_line(site.run(), site, "fire_time_us: ", "600", "allowed below 555.5")
+    assert_one_line(site.run(), site, "fire_time_us: ", "600", "expected below 555.5")
 
 
 @pytest.mark.parametrize(
@@ -525,12 +525,12 @@ def test_the_trajectory_file_itself_is_right(site: Site) -> None:
         ("0.1,1,Car,11,2,0.8,0", "0.1,1,Car,11,2,0.8,2", 4, "heading", ["60 degrees"]),
         ("0.1,1,Car,11,2,0.8,0,4", "0.1,1,Car,11,2,0.8,0,5", 4, "dx", ["changes its size"]),
         ("0.1,1,Car,11", "0.1,1,Van,11", 4, "dx", ["changes its size or class"]),
-        ("0.1,1,Car,11", "0.1,1,Ship,11", 4, "class", ["'Ship'", "allowed Car"]),
-        ("0.1,1,Car,11", "0.1,1,Car,nan", 4, "x", ["'nan'", "allowed a number"]),
+        ("0.1,1,Car,11", "0.1,1,Ship,11", 4, "class", ["'Ship'", "expected Car"]),
+        ("0.1,1,Car,11", "0.1,1,Car,nan", 4, "x", ["'nan'", "expected a number"]),
         ("0.1,1,Car,11", "0.1,1.5,Car,11", 4, "id", ["1.5", "whole"]),
-        ("0.1,1,Car,11,", "0.1,1,Car,", 4, "(row)", ["allowed 11 columns"]),
-        ("12,2,0.8,0,4,2,1.6,10", "12,2,0.8,0,4,2,1.6,10,5", 6, "(row)", ["allowed 11 columns"]),
-        ("t,id,class", "t,name,class", 1, "(header)", ["allowed 't,id,class"]),
+        ("0.1,1,Car,11,", "0.1,1,Car,", 4, "(row)", ["expected 11 columns"]),
+        ("12,2,0.8,0,4,2,1.6,10", "12,2,0.8,0,4,2,1.6,10,5", 6, "(row)", ["expected 11 columns"]),
+        ("t,id,class", "t,name,class", 1, "(header)", ["expected 't,id,class"]),
     ],
 )
 def test_wrong_trajectory_file(
@@ -544,7 +544,7 @@ def test_wrong_trajectory_file(
 def test_trajectory_file_that_is_too_short(site: Site) -> None:
     with_trajectories(site, TRAJECTORIES)
     site.scene.write_text(site.scene.read_text().replace("0.2", "3"))
-    assert_one_line(site.run(), site, "recorded.csv", "found 0.2", "at least", "3")
+    assert_one_line(site.run(), site, "recorded.csv", "got 0.2", "at least", "3")
 
 
 def test_vehicle_that_comes_again_after_a_gap(site: Site) -> None:
@@ -561,7 +561,7 @@ def test_vehicle_that_comes_again_after_a_gap(site: Site) -> None:
      "0:21", "0:99999999999", "0:68719476736", "0:2\n"],
 )  # fmt: skip
 def test_wrong_frames(frames: str, site: Site) -> None:
-    assert_one_line(site.run(frames=frames), site, "--frames: found ", "allowed A:B", "B <= 20")
+    assert_one_line(site.run(frames=frames), site, "--frames: found ", "expected A:B", "B <= 20")
 
 
 def test_step_of_frames_beyond_the_scene(site: Site) -> None:
@@ -584,9 +584,9 @@ def test_pattern_larger_than_memory(site: Site) -> None:
         ("=3", ["KEY=VALUE"]),
         ("nonsense=3", ["nonsense: ", "unknown key"]),
         ("traffic.nonsense=3", ["traffic.nonsense: ", "unknown key"]),
-        ("duration_s=long", ["duration_s: ", "'long'", "allowed a number"]),
-        ("duration_s=-1", ["duration_s: ", "'-1'", "allowed 0.1"]),
-        ("duration_s=", ["duration_s: ", "found nothing", "allowed a number"]),
+        ("duration_s=long", ["duration_s: ", "'long'", "expected a number"]),
+        ("duration_s=-1", ["duration_s: ", "'-1'", "expected 0.1"]),
+        ("duration_s=", ["duration_s: ", "got nothing", "expected a number"]),
         ("roads.7.name=x", ["7: ", "no such list entry"]),
         ("roads.x.name=x", ["x: ", "no such list entry"]),
         ("duration_s.x=1", ["x: ", "plain value"]),
@@ -613,8 +613,8 @@ def test_wrong_assignment(assignment: str, words: list[str], site: Site) -> None
         (["--aggregation", "slices"], ["aggregation", "'slices'", "exact"]),
         (["--aggregation", "slices:0"], ["aggregation", "'slices:0'"]),
         (["--aggregation", "slices:-3"], ["aggregation", "'slices:-3'"]),
-        (["--detail", "high"], ["detail", "'high'", "allowed box, low, mid, fine"]),
-        (["--labels", "none"], ["labels", "'none'", "allowed hit, all"]),
+        (["--detail", "high"], ["detail", "'high'", "expected box, low, mid, fine"]),
+        (["--labels", "none"], ["labels", "'none'", "expected hit, all"]),
         (["--preset"], ["--preset"]),
     ],
 )
@@ -651,10 +651,10 @@ def test_options_that_do_not_apply_are_not_ignored(site: Site) -> None:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"", ["(document): ", "found nothing", "allowed a map"]),
-        (b"# only a comment\n", ["(document): ", "found nothing"]),
-        (b"just words", ["(document): ", "allowed a map"]),
-        (b"- a\n- b\n", ["(document): ", "a list", "allowed a map"]),
+        (b"", ["(document): ", "got nothing", "expected a map"]),
+        (b"# only a comment\n", ["(document): ", "got nothing"]),
+        (b"just words", ["(document): ", "expected a map"]),
+        (b"- a\n- b\n", ["(document): ", "a list", "expected a map"]),
         (b"name: [1, 2\nroads: {", ["malformed YAML"]),
         (b"name: 'a\n", []),
         (b"a:\n\tb: 1\n", ["malformed YAML"]),
@@ -690,7 +690,7 @@ def test_byte_that_is_no_text(byte: bytes, kind: str, site: Site) -> None:
         file.write_bytes(before + mark + byte + after)
         lines = (before + mark).split(b"\n")
         line, column = len(lines), len(lines[-1]) + 1
-        escaped = f"found the byte \\x{byte.hex()}, allowed text in UTF-8"
+        escaped = f"expected text in UTF-8, got the byte \\x{byte.hex()}"
         assert_one_line(site.run(), site, f"{file}:{line}:{column}: (document): {escaped}")
         file.write_bytes(old)
 
@@ -702,13 +702,13 @@ def test_hundred_thousand_keys(kind: str, site: Site) -> None:
     keys = "".join(f"key{i}: {i}\n" for i in range(100_000))
     file.write_text(text + keys)
     line = text.count("\n") + 1
-    assert_one_line(site.run(), site, f"{file}:{line}:", "key0: found an unknown key")
+    assert_one_line(site.run(), site, f"{file}:{line}:", "key0: got an unknown key")
     file.write_text(text + keys + "key77: 1\n")
-    assert_one_line(site.run(), site, f"{file}:{line + 100_000}:1: key77: found twice")
+    assert_one_line(site.run(), site, f"{file}:{line + 100_000}:1: key77: got twice")
     if kind == "lidar":
         nested = "".join(f"    key{i}: {i}\n" for i in range(100_000))
         file.write_text(text.replace("  equal:\n", "  equal:\n" + nested) + keys)
-        assert_one_line(site.run("--preset", "equal"), site, "key0: found an unknown key")
+        assert_one_line(site.run("--preset", "equal"), site, "key0: got an unknown key")
 
 
 @pytest.mark.parametrize("option", ["scene", "lidar"])
@@ -732,7 +732,7 @@ def test_message_is_printable_whatever_was_found(value: str, site: Site) -> None
     assert result.stderr.rstrip("\n").isprintable()
     assert "?" not in result.stderr
     if value.startswith("\x1b"):
-        assert r"found '\x1b[31mred'" in result.stderr
+        assert r"got '\x1b[31mred'" in result.stderr
 
 
 def test_aliases_that_grow_without_end(site: Site) -> None:
@@ -768,25 +768,25 @@ def test_directory_for_a_table(kind: str, site: Site) -> None:
 def test_lidar_for_a_scene_and_scene_for_a_lidar(site: Site) -> None:
     site.scene.write_text(LIDAR)
     site.lidar.write_text(SCENE)
-    assert_one_line(site.run(), site, str(site.scene), "found an unknown key, allowed name")
+    assert_one_line(site.run(), site, str(site.scene), "expected name, got an unknown key")
     site.scene.write_text(SCENE)
-    assert_one_line(site.run(), site, str(site.lidar), "found an unknown key, allowed name, model")
+    assert_one_line(site.run(), site, str(site.lidar), "expected name, model, got an unknown key")
 
 
 def test_a_misspelt_required_key_is_named_where_it_stands(site: Site) -> None:
     site.scene.write_text(SCENE.replace("mounts:", "mount:"))
-    assert_one_line(site.run(), site, str(site.scene), "mount: found an unknown key, allowed name")
+    assert_one_line(site.run(), site, str(site.scene), "mount: expected name, got an unknown key")
 
 
 def test_messages_of_pattern_and_trajectories_are_one_line_too(site: Site) -> None:
     out = ["--out", site.out]
     site.scene.write_text(SCENE.replace("width_m: 3.5", "width_m: 0"))
     site.lidar.write_text(LIDAR.replace("rate_hz: 10", "rate_hz: 0"))
-    assert_one_line(site.infrasim("trajectories", site.scene, *out), site, "width_m: found '0'")
-    assert_one_line(site.infrasim("pattern", site.lidar, *out), site, "rate_hz: found '0'")
+    assert_one_line(site.infrasim("trajectories", site.scene, *out), site, "width_m: got '0'")
+    assert_one_line(site.infrasim("pattern", site.lidar, *out), site, "rate_hz: got '0'")
     site.lidar.write_text(LIDAR)
     result = site.infrasim("pattern", site.lidar, "--frames", "9", *out)
-    assert_one_line(result, site, "--frames: found '9'")
+    assert_one_line(result, site, "--frames: got '9'")
 
 
 # Names of the catalogue
@@ -809,14 +809,14 @@ def test_names_stand_for_the_files_of_the_catalogue(site: Site) -> None:
 
 def test_unknown_name_lists_the_catalogue(site: Site) -> None:
     run = ["run", site.scene, "--lidar"]
-    assert_one_line(site.infrasim(*run, "avia"), site, "found 'avia'", "livox_avia", "ruby_plus")
+    assert_one_line(site.infrasim(*run, "avia"), site, "got 'avia'", "livox_avia", "ruby_plus")
     result = site.infrasim("run", "motorway", "--lidar", site.lidar)
     assert_one_line(
-        result, site, "found 'motorway'", "crest, crossroad, crossroad_poles, curve, flat, highway"
+        result, site, "got 'motorway'", "crest, crossroad, crossroad_poles, curve, flat, highway"
     )
     assert "livox" not in result.stderr
     result = site.infrasim("check", "motorway")
-    assert_one_line(result, site, "found 'motorway'", "livox_avia", "highway", "a path")
+    assert_one_line(result, site, "got 'motorway'", "livox_avia", "highway", "a path")
 
 
 def test_a_file_is_named_with_a_slash_or_an_ending(site: Site) -> None:

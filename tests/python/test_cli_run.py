@@ -233,7 +233,7 @@ def test_a_folder_holds_labels_of_one_time(
     infrasim(*words, check=True)
     other = infrasim(*words, "--label-time", "scan")
     assert other.returncode == 1
-    assert "found 'label_time: frame', this run has 'label_time: scan'" in other.stderr
+    assert "got 'label_time: frame', this run has 'label_time: scan'" in other.stderr
 
 
 def test_the_seed_moves_a_free_motor_alone(
@@ -491,8 +491,8 @@ def test_weather_that_a_preset_does_not_feel_is_a_warning(
     result = infrasim(*run_command(frames="0:1"), *fog, "--out", tmp_path / "a")
     assert result.returncode == 0, result.stderr
     assert result.stderr == (
-        "infrasim: warning: helios_16, preset paper: weather: no effect, found no "
-        "returns.detection, allowed a preset that has it\n"
+        "infrasim: warning: helios_16, preset paper: weather: no effect, expected a preset that "
+        "has it\n, got no returns.detection"
     )
 
 

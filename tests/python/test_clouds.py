@@ -28,10 +28,10 @@ def test_pictures_of_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[s
         assert (0, 32, 91) in seen, "no box of a vehicle with many points"  # 00205B
         assert (213, 94, 0) in seen, "no crossed-out box of a missed vehicle"  # D55E00
     assert main.main(["pictures", str(data), "--frame", "-1", "--out", str(tmp_path / "out")]) == 2
-    assert "--frame: found -1, allowed 2 to 2" in capsys.readouterr().err
+    assert "--frame: expected 2 to 2, got -1" in capsys.readouterr().err
     (data / "helios_16/training/velodyne/000002.bin").unlink()
     assert main.main(["pictures", str(data), "--frame", "2", "--out", str(tmp_path / "out")]) == 2
-    assert "found 2, allowed none, as the folder has no frame" in capsys.readouterr().err
+    assert "expected none, as the folder has no frame, got 2" in capsys.readouterr().err
 
 
 def test_rays_on_a_car_are_counted_per_frame() -> None:

@@ -75,7 +75,7 @@ def test_a_lidar_copied_without_its_roads_is_named(data_set: Path, tmp_path: Pat
     assert ap < 95
     assert names == {"no-roads"}
     (warning,) = [f for f in evaluate(copy, pred).findings if f.name == "no-roads"]
-    assert warning.text.startswith(f"{copy / 'lidar.yaml'}:3: preset: found 'paper', of a simul")
+    assert warning.text.startswith(f"{copy / 'lidar.yaml'}:3: preset: got 'paper', of a simul")
 
 
 def test_a_lidar_without_its_description_is_named(data_set: Path, tmp_path: Path) -> None:
@@ -104,10 +104,10 @@ def test_a_folder_named_by_a_dot_has_its_roads(
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("main,-100,", "main,", ":2: found 6 columns"),
-        ("main,-100,", "main,-99,", "road main: found s that does not rise"),
-        (",10.0\nmain,-99", ",0\nmain,-99", ":2: half_width: found 0, allowed more than 0"),
-        (",10.0\nmain,-99", ",nan\nmain,-99", ":2: half_width: found nan, allowed a finite"),
+        ("main,-100,", "main,", ":2: got 6 columns"),
+        ("main,-100,", "main,-99,", "road main: got s that does not rise"),
+        (",10.0\nmain,-99", ",0\nmain,-99", ":2: half_width: expected more than 0, got 0"),
+        (",10.0\nmain,-99", ",nan\nmain,-99", ":2: half_width: expected a finite, got nan"),
     ],
 )
 def test_wrong_roads_are_errors(data_set: Path, old: str, new: str, message: str) -> None:
@@ -208,14 +208,14 @@ def test_a_killed_import_leaves_nothing_that_is_read(
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('preset: "paper"', 'preset: "equal"', "3: preset: found equal, allowed paper, as in "),
-        ("period_s: 0.1", "period_s: 0.2", "5: period_s: found 0.2, allowed 0.1, as in "),
+        ('preset: "paper"', 'preset: "equal"', "3: preset: expected paper, as in , got equal"),
+        ("period_s: 0.1", "period_s: 0.2", "5: period_s: expected 0.1, as in , got 0.2"),
         (
             "label_time: frame",
             "label_time: scan",
-            "8: label_time: found scan, allowed frame, as in ",
+            "8: label_time: expected frame, as in , got scan",
         ),
-        ('name: "near"', 'name: "other"', "1: name: found other, allowed near, that of the"),
+        ('name: "near"', 'name: "other"', "1: name: expected near, that of the, got other"),
     ],
 )
 def test_lidars_of_one_data_set_are_of_one_run(
@@ -235,11 +235,15 @@ def test_lidars_of_one_data_set_are_of_one_run(
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("seed: 1", "seed: one", "2: seed: found 'one', allowed a whole number"),
-        ("seed: 1", "seed: -1", "2: seed: found '-1', allowed a whole number"),
-        ("preset: paper", "preset: equal", "4: preset: found 'equal', allowed 'paper' of the LiD"),
-        ("seed: 1", "seed: 1\nseed: 2", "3: seed: found twice"),
-        ("seed: 1", "seed: 1\nlabel_time: scan", "3: label_time: found 'scan', allowed 'frame' of"),
+        ("seed: 1", "seed: one", "2: seed: expected a whole number, got 'one'"),
+        ("seed: 1", "seed: -1", "2: seed: expected a whole number, got '-1'"),
+        ("preset: paper", "preset: equal", "4: preset: expected 'paper' of the LiD, got 'equal'"),
+        ("seed: 1", "seed: 1\nseed: 2", "3: seed: got twice"),
+        (
+            "seed: 1",
+            "seed: 1\nlabel_time: scan",
+            ("3: label_time: expected 'frame' of, got 'scan'"),
+        ),
         ("name: a", "name: a\0", " is not YAML"),
     ],
 )
@@ -300,17 +304,17 @@ def test_objects_cut_within_their_last_number_are_an_error(tmp_path: Path) -> No
     folder = write_lidar(tmp_path / "data/pole", traffic(12))
     file = kitti.frame_file(folder, "objects", 7)
     file.write_text(file.read_text()[:-2])
-    with pytest.raises(FormatError, match=r"000007\.csv:9: found no end of the line"):
+    with pytest.raises(FormatError, match=r"000007\.csv:9: got no end of the line"):
         read_vehicles(folder, range(12))
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (b"000001\n000001\n", ":2: found 000001 twice"),
-        (b"000001\n" + b"9" * 5000, ":2: found '999"),
-        (b"000001\n\xff", ": found byte 7 that is not UTF-8"),
-        ("000001\n²\n".encode(), ":2: found '²'"),
+        (b"000001\n000001\n", ":2: got 000001 twice"),
+        (b"000001\n" + b"9" * 5000, ":2: got '999"),
+        (b"000001\n\xff", ": got byte 7 that is not UTF-8"),
+        ("000001\n²\n".encode(), ":2: got '²'"),
     ],
 )
 def test_wrong_lists_of_frames_are_errors(text: bytes, message: str, tmp_path: Path) -> None:
@@ -324,5 +328,5 @@ def test_wrong_lists_of_frames_are_errors(text: bytes, message: str, tmp_path: P
 def test_a_point_beyond_any_range_is_an_error(tmp_path: Path) -> None:
     file = tmp_path / "000000.bin"
     np.array([[1, 2, 3, 0.5], [3e38, 0, 0, 0.5]], dtype="<f4").tofile(file)
-    with pytest.raises(FormatError, match=r"000000\.bin: point 1: found \["):
+    with pytest.raises(FormatError, match=r"000000\.bin: point 1: got \["):
         kitti.read_points(file)

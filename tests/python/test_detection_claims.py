@@ -70,7 +70,7 @@ def test_draws_of_other_blocks_are_not_compared(column: str) -> None:
     rows = draws_of(cells(), "ap", 1)
     other = rows.iloc[1].copy()
     other[column] = "another"
-    with pytest.raises(ValueError, match=f"{column}: found .* and another, allowed the same"):
+    with pytest.raises(ValueError, match=f"{column}: expected the same, got .* and another"):
         difference(rows.iloc[0], other)
 
 

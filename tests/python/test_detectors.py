@@ -382,7 +382,7 @@ def test_the_site_holds_every_vehicle() -> None:
     site = site_of([sample.boxes for sample in samples])
     for sample in samples:
         assert site.area.holds(sample.boxes[:, :3]).all()
-    with pytest.raises(ValueError, match="found no vehicle"):
+    with pytest.raises(ValueError, match="got no vehicle"):
         site_of([np.empty((0, 7))])
 
 

@@ -135,7 +135,7 @@ def test_a_drawn_region_stands_for_roads(tmp_path: Path) -> None:
         counted = row(evaluate(gt, predicted, settings))
         assert counted[["objects", "predictions", "ap"]].tolist() == [1, 1, 100]
     (gt / "region.yaml").write_text("outline_m: [[0, 0], [9, 9]]\n")
-    with pytest.raises(ConfigError, match=r"region.yaml.*outline_m: found 2 corners"):
+    with pytest.raises(ConfigError, match=r"region.yaml.*outline_m: got 2 corners"):
         evaluate(gt, pred, settings)
     write_roads(tmp_path)
     assert row(evaluate(gt, pred, settings)).objects == 2
@@ -320,7 +320,7 @@ def test_only_the_split_is_evaluated(tmp_path: Path) -> None:
     ]
     assert evaluate(gt, pred, split="all").ap.frames[0] == 6
     (gt / "ImageSets/val.txt").write_text("000004\n000007\n")
-    with pytest.raises(FormatError, match=r"val\.txt:2: found '000007'"):
+    with pytest.raises(FormatError, match=r"val\.txt:2: got '000007'"):
         evaluate(gt, pred)
 
 
@@ -529,13 +529,13 @@ def spoiled(text: str, change: Callable[[list[str]], list[str]]) -> str:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda words: [*words[:11], "nan", *words[12:]], "pred/000001.txt:2: x: found nan"),
-        (lambda words: [*words[:8], "-1.5", *words[9:]], "pred/000001.txt:2: h: found -1.5"),
-        (lambda words: [*words[:8], "0", *words[9:]], "pred/000001.txt:2: h: found 0"),
-        (lambda words: words[:15], "pred/000001.txt:2: found 15 columns"),
-        (lambda words: [*words, "1"], "pred/000001.txt:2: found 17 columns"),
-        (lambda words: [*words[:12], "north", *words[13:]], "found 'north'"),
-        (lambda words: [*words[:15], "inf"], "pred/000001.txt:2: score: found inf"),
+        (lambda words: [*words[:11], "nan", *words[12:]], "pred/000001.txt:2: x: got nan"),
+        (lambda words: [*words[:8], "-1.5", *words[9:]], "pred/000001.txt:2: h: got -1.5"),
+        (lambda words: [*words[:8], "0", *words[9:]], "pred/000001.txt:2: h: got 0"),
+        (lambda words: words[:15], "pred/000001.txt:2: got 15 columns"),
+        (lambda words: [*words, "1"], "pred/000001.txt:2: got 17 columns"),
+        (lambda words: [*words[:12], "north", *words[13:]], "got 'north'"),
+        (lambda words: [*words[:15], "inf"], "pred/000001.txt:2: score: got inf"),
     ],
 )
 def test_a_wrong_line_is_named(
@@ -560,10 +560,10 @@ def test_a_wrong_line_is_named(
 @pytest.mark.parametrize(
     ("row_", "message"),
     [
-        ("Car,20,3,-5,4,2,1.5,0", "000000.csv:2: found 8 columns, allowed 9"),
-        ("Car,20,3,-5,4,-2,1.5,0,0.9", "000000.csv:2: dy: found '-2', allowed more than 0"),
-        ("Car,20,3,-5,4,2,1.5,nan,0.9", "000000.csv:2: heading: found 'nan'"),
-        ("Car,20,3,-5,4,2,1.5,0,", "000000.csv:2: score: found ''"),
+        ("Car,20,3,-5,4,2,1.5,0", "000000.csv:2: expected 9 columns, got 8"),
+        ("Car,20,3,-5,4,-2,1.5,0,0.9", "000000.csv:2: dy: expected more than 0, got '-2'"),
+        ("Car,20,3,-5,4,2,1.5,nan,0.9", "000000.csv:2: heading: got 'nan'"),
+        ("Car,20,3,-5,4,2,1.5,0,", "000000.csv:2: score: got ''"),
     ],
 )
 def test_a_wrong_line_of_a_csv_is_named(tmp_path: Path, row_: str, message: str) -> None:
@@ -574,7 +574,7 @@ def test_a_wrong_line_of_a_csv_is_named(tmp_path: Path, row_: str, message: str)
     with pytest.raises(FormatError, match=message):
         evaluate(gt, tmp_path / "pred")
     file.write_text("class,x,y,z,dx,dy,dz,heading\nCar,20,3,-5,4,2,1.5,0\n")
-    with pytest.raises(FormatError, match=r"000000\.csv:1: found no column score"):
+    with pytest.raises(FormatError, match=r"000000\.csv:1: got no column score"):
         evaluate(gt, tmp_path / "pred")
 
 
@@ -592,11 +592,11 @@ def test_missing_unknown_and_no_files(tmp_path: Path) -> None:
     assert evaluate(gt, pred).ap.ap[0] == pytest.approx(100 * 26 / 40)
     (pred / "000003.txt").write_text("")
     with pytest.raises(
-        FormatError, match=r"000003\.txt: found a frame that the ground truth has not"
+        FormatError, match=r"000003\.txt: got a frame that the ground truth has not"
     ):
         evaluate(gt, pred)
     (tmp_path / "empty").mkdir()
-    with pytest.raises(FormatError, match="empty: found no prediction"):
+    with pytest.raises(FormatError, match="empty: got no prediction"):
         evaluate(gt, tmp_path / "empty")
 
 
@@ -639,10 +639,10 @@ def test_the_devkits_cap_is_told(run: Callable[..., Evaluation]) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--iou", "1.5"], "iou: found 1.5, allowed 0.1 to below 1"),
-        (["--class", "large="], "--class: found 'large='"),
-        (["--frames", "2-4"], "--frames: found '2-4', allowed A:B"),
-        (["--frames", "7:9"], "--frames: found '7:9'"),
+        (["--iou", "1.5"], "iou: expected 0.1 to below 1, got 1.5"),
+        (["--class", "large="], "--class: got 'large='"),
+        (["--frames", "2-4"], "--frames: expected A:B, got '2-4'"),
+        (["--frames", "7:9"], "--frames: got '7:9'"),
         (["--ground-truth", "seen"], "invalid choice: 'seen'"),
         (["--split", "all", "--frames", "0:2"], "not allowed with"),
     ],

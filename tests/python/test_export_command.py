@@ -70,8 +70,8 @@ def test_frames_and_splits_are_chosen(pole: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "code", "part"),
     [
-        (["--frames", "0:3"], 2, "--frames: found '0:3'"),
-        (["--frames", "5"], 2, "--frames: found '5', allowed A:B[:STEP]"),
+        (["--frames", "0:3"], 2, "--frames: got '0:3'"),
+        (["--frames", "5"], 2, "--frames: expected A:B[:STEP], got '5'"),
         (["--split", "train"], 1, "ImageSets/train.txt: No such file"),
     ],
 )
@@ -125,7 +125,7 @@ def test_a_folder_that_is_there_stays_unless_empty(
     assert main.main(words(pole, out)) == 0
     capsys.readouterr()
     assert main.main(words(pole, out)) == 1
-    assert "out: is there already, allowed a new or an empty folder" in capsys.readouterr().err
+    assert "out: is there already, expected a new or an empty folder" in capsys.readouterr().err
     (tmp_path / "file").touch()
     assert main.main(words(pole, tmp_path / "file")) == 1
 

@@ -46,6 +46,6 @@ def test_a_lone_cloud_needs_the_height_of_the_sensor(
 ) -> None:
     cloud = str(next((frames / "training/velodyne").glob("*.bin")))
     assert main.main(["detect", "--model", "generalist", cloud]) == 2
-    assert "found no height of the road, allowed one: --height-m" in capsys.readouterr().err
+    assert "expected a height of the road, got none: --height-m" in capsys.readouterr().err
     assert main.main(["detect", "--model", "generalist", cloud, "--height-m", "6"]) == 0
     assert len(capsys.readouterr().out.splitlines()) > 30  # it has some 70 boxes of 45 vehicles

@@ -50,7 +50,7 @@ def test_a_site_is_plain_data_that_a_scene_file_holds() -> None:
 
 
 def test_a_seed_below_zero_is_refused() -> None:
-    with pytest.raises(ValueError, match="seed: found -1"):
+    with pytest.raises(ValueError, match="seed: got -1"):
         make_site(-1)
 
 
@@ -313,7 +313,7 @@ def test_a_stream_says_what_it_is_of() -> None:
 
 
 def test_more_lidars_than_there_are_is_refused() -> None:
-    with pytest.raises(ValueError, match="lidars: found 4, allowed up to 2"):
+    with pytest.raises(ValueError, match="lidars: expected up to 2, got 4"):
         site_stream(StreamPlan(), FEW)
 
 
@@ -364,7 +364,7 @@ def test_lidars_can_be_held_out_by_name() -> None:
     names = [file.stem for file in sensors(without=["ruby_plus", "helios_16"]).files]
     assert "ruby_plus" not in names
     assert {"livox_avia", "bundle_5_livox_avia"} <= set(names)
-    with pytest.raises(ValueError, match="without: found 'no_such'"):
+    with pytest.raises(ValueError, match="without: got 'no_such'"):
         sensors(without=["no_such"])
 
 
@@ -385,9 +385,9 @@ def test_a_file_says_what_is_streamed(tmp_path: Path) -> None:
     assert (stream.label_time, stream.preset) == ("scan", "datasheet equal paper")
     assert len(stream.samples) == 7 * 4 * 2
     for text, expected in (
-        ("plan: {lidars: 0}\n", r"stream.yaml:1: plan.lidars: found 0, allowed 1 to 100"),
-        ("without: [none]\n", r"stream.yaml: without: found 'none', allowed bundle"),
-        ("plan: {lidars: 99}\n", r"stream.yaml: lidars: found 99, allowed up to"),
+        ("plan: {lidars: 0}\n", r"stream.yaml:1: plan.lidars: expected 1 to 100, got 0"),
+        ("without: [none]\n", r"stream.yaml: without: expected bundle, got 'none'"),
+        ("plan: {lidars: 99}\n", r"stream.yaml: lidars: expected up to, got 99"),
     ):
         file.write_text(text)
         with pytest.raises(ConfigError, match=expected):
@@ -410,7 +410,7 @@ def test_the_command_says_what_is_allowed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["sites", "--count", "0", "--out", str(tmp_path)]) == 2
-    assert "--count: found 0, allowed 1 or more" in capsys.readouterr().err
+    assert "--count: expected 1 or more, got 0" in capsys.readouterr().err
 
 
 def test_every_range_rises() -> None:
@@ -466,18 +466,18 @@ def test_a_run_on_a_stream_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     assert described["lidar"] == "livox_mid_70 velodyne_vlp_16"
     assert described["label_time"] == "frame scan"
     other = site_stream(replace(PLAN, mixed=PLAN.mixed + 1), FEW)
-    with pytest.raises(ConfigError, match=r"run.yaml: drawn: found .*, allowed .* to go on"):
+    with pytest.raises(ConfigError, match=r"run.yaml: drawn: expected .* to go on, got .*"):
         train(small(6), other, tmp_path / "whole", quiet=True)
 
 
 def test_background_learns_from_no_stream(tmp_path: Path) -> None:
     recipe = read_recipe(configs() / "detectors/background.yaml", "smoke")
-    with pytest.raises(ValueError, match="background: found a stream of sites"):
+    with pytest.raises(ValueError, match="background: got a stream of sites"):
         train(recipe, site_stream(PLAN, FEW), tmp_path / "run")
 
 
 def test_nothing_is_kept_of_a_stream_to_validate_by(tmp_path: Path) -> None:
     recipe = read_recipe(configs() / "detectors/pointpillars.yaml", "smoke")
     recipe = replace(recipe, learning=replace(recipe.learning, validate_frames=3))
-    with pytest.raises(ValueError, match="validate_frames: found 3 of a stream"):
+    with pytest.raises(ValueError, match="validate_frames: got 3 of a stream"):
         train(recipe, site_stream(PLAN, FEW), tmp_path / "run")

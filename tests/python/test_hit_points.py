@@ -121,7 +121,7 @@ def test_hits_are_read_from_a_summary(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("hits_per_frame", "hits", "found no column hits_per_frame"),
+        ("hits_per_frame", "hits", "got no column hits_per_frame"),
         ("paper,2", "paper,0", "without frames"),
         (SUMMARY[SUMMARY.index("livox") :], "", "without frames"),
     ],

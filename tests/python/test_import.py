@@ -211,8 +211,8 @@ def test_tables_by_hand(tmp_path: Path) -> None:
 
 WRONG_TABLES: dict[str, tuple[str, Callable[[Any], Any], str]] = {
     "no JSON": ("sample", lambda rows: None, "is not JSON"),
-    "no list": ("sample", lambda rows: {"token": 1}, "allowed a list of rows"),
-    "no pose": ("ego_pose", lambda rows: [], "found no row with token 'e'"),
+    "no list": ("sample", lambda rows: {"token": 1}, "expected a list of rows"),
+    "no pose": ("ego_pose", lambda rows: [], "got no row with token 'e'"),
     "no number": (
         "ego_pose",
         lambda rows: [rows[0] | {"translation": "far"}],
@@ -221,28 +221,28 @@ WRONG_TABLES: dict[str, tuple[str, Callable[[Any], Any], str]] = {
     "turn of 0": (
         "ego_pose",
         lambda rows: [rows[0] | {"rotation": [0] * 4}],
-        r"rotation: found \[0",
+        r"rotation: got \[0",
     ),
-    "token twice": ("sample_annotation", lambda rows: [*rows, rows[0]], r"token: found \w+ twice"),
+    "token twice": ("sample_annotation", lambda rows: [*rows, rows[0]], r"token: got \w+ twice"),
     "vehicle twice": (
         "sample_annotation",
         lambda rows: [*rows, rows[0] | {"token": "new"}],
-        "row 'new': instance_token: found twice in a sample",
+        "row 'new': instance_token: got twice in a sample",
     ),
     "endless digits": ("ego_pose", lambda rows: f"[{'9' * 5000}]", "is not JSON"),
     "no width": (
         "sample_annotation",
         lambda rows: [rows[0] | {"size": [0, 1, 1]}],
-        r"found sizes \[0\. 1\. 1\.\] at .*, allowed sizes of",
+        r"expected sizes of, got sizes \[0\. 1\. 1\.\] at .*",
     ),
-    "NUL": ("sample_data", lambda rows: [rows[0] | {"filename": "a\0b"}], "allowed a file inside"),
-    "no category": ("category", lambda rows: [{"token": "c"}], "found no 'name'"),
-    "no LiDAR": ("sensor", lambda rows: [], "found LiDARs none, allowed one of them"),
-    "no frame": ("sample_data", lambda rows: rows[1:], "found no key frame"),
+    "NUL": ("sample_data", lambda rows: [rows[0] | {"filename": "a\0b"}], "expected a file inside"),
+    "no category": ("category", lambda rows: [{"token": "c"}], "got no 'name'"),
+    "no LiDAR": ("sensor", lambda rows: [], "expected one of them, got LiDARs none"),
+    "no frame": ("sample_data", lambda rows: rows[1:], "got no key frame"),
     "outside": (
         "sample_data",
         lambda rows: [rows[0] | {"filename": "../../secret"}],
-        "allowed a file inside",
+        "expected a file inside",
     ),
     "no time": ("sample_data", lambda rows: [rows[0] | {"timestamp": None}], "timestamp: found"),
 }
@@ -322,7 +322,7 @@ def archive(folder: Path) -> None:
 def test_fields_that_are_not_those_of_the_points_are_named(tmp_path: Path) -> None:
     folder = write_recording(tmp_path / "made_up")
     kitti.frame_file(folder, "fields", 6).write_bytes(b"")
-    with pytest.raises(FormatError, match=r"fields/000006\.bin: found 0 records, allowed 10"):
+    with pytest.raises(FormatError, match=r"fields/000006\.bin: expected 10 records, got 0"):
         import_recording(folder, "kitti", tmp_path / "in/pole", FACTS, Options())
 
 
@@ -343,37 +343,37 @@ WRONG_FILES: dict[str, tuple[Callable[[Path], object], int, list[str]]] = {
     ),
     "keys of two kinds": (header(b"'shape'", b"1234567"), 2, ["points/000005.npy", "is no whole"]),
     "open bracket": (header(b"'shape'", b"((((((("), 2, ["points/000005.npy", "is no whole"]),
-    "columns": (narrow, 2, ["found (9, 3) float32, allowed (n, 4 or more)"]),
-    "far": (far, 2, ["000005.npy: point 2: y: found 3e+38, allowed -10000 to 10000"]),
-    "bytes": (odd_bin, 2, ["000005.bin", "found 28 bytes, allowed a multiple of 16"]),
+    "columns": (narrow, 2, ["expected (n, 4 or more), got (9, 3) float32"]),
+    "far": (far, 2, ["000005.npy: point 2: y: expected -10000 to 10000, got 3e+38"]),
+    "bytes": (odd_bin, 2, ["000005.bin", "expected a multiple of 16, got 28 bytes"]),
     "archive": (archive, 2, ["points/000005.npy", "is no whole array"]),
     "label": (
         lambda f: (f / "labels/000005.txt").write_text("1 2 3 Car\n"),
         2,
-        ["labels/000005.txt:1: found 4 columns"],
+        ["labels/000005.txt:1: got 4 columns"],
     ),
     "degrees": (
         lambda f: (f / "labels/000005.txt").write_text(
             "9 1 2 4 2 2 6.28 Car\n\n9 1 2 4 2 2 -90 Car\n"
         ),
         2,
-        ["labels/000005.txt:3: heading: found -90, allowed -2 pi to 2 pi, in radians"],
+        ["labels/000005.txt:3: heading: expected -2 pi to 2 pi, in radians, got -90"],
     ),
     "label alone": (
         lambda f: (f / "labels/000009.txt").write_text(""),
         2,
-        ["labels/000009.txt: found no cloud of this label"],
+        ["labels/000009.txt: got no cloud of this label"],
     ),
     "cloud alone": (
         lambda f: (f / "labels/000006.txt").unlink(),
         2,
-        ["points/000006.npy: found no label of this cloud"],
+        ["points/000006.npy: got no label of this cloud"],
     ),
     "no clouds": (lambda f: shutil.rmtree(f / "points"), 1, ["points: No such file or directory"]),
     "height": (
         lambda f: (f / "sensor.yaml").write_text("T_road_lidar: {z_m: high}\n"),
         2,
-        ["sensor.yaml:1: T_road_lidar.z_m: found 'high', allowed a number"],
+        ["sensor.yaml:1: T_road_lidar.z_m: expected a number, got 'high'"],
     ),
 }
 
@@ -398,7 +398,7 @@ def test_degrees_in_labels_of_kitti_are_named(
     ignored = "DontCare -1 -1 -10 1 1 9 9 -1 -1 -1 -1000 -1000 -1000 -10"
     file.write_text(f"{ignored}\n{' '.join([*words[:14], '85'])}\n")
     command = ["import", source, "--from", "kitti", "--out", tmp_path / "in/pole"]
-    fails(command, capsys, 2, f"{file}:2: rotation_y: found 85, allowed -2 pi to 2 pi, in radians")
+    fails(command, capsys, 2, f"{file}:2: rotation_y: expected -2 pi to 2 pi, in radians, got 85")
     assert not (tmp_path / "in/pole").exists()
 
 
@@ -463,7 +463,7 @@ def test_a_file_is_refused_with_the_reason(
 ) -> None:
     (tmp_path / "infos.pkl").write_bytes(b"cos\nsystem\n(S'false'\ntR.")
     words = ["import", tmp_path / "infos.pkl", "--from", "kitti", "--out", tmp_path / "in/pole"]
-    fails(words, capsys, 2, "found a file, allowed a folder", "pickles never read")
+    fails(words, capsys, 2, "expected a folder, got a file", "pickles never read")
     assert not (tmp_path / "in/pole").exists()
 
 
@@ -475,7 +475,7 @@ def test_a_file_is_refused_with_the_reason(
         (["--tilt-deg", "100", "0"], "--tilt-deg: expected -90 to 90"),
         (["--columns", "2"], "--columns: expected 3 to 64, got 2"),
         (["--intensity-max", "-1"], "--intensity-max: expected above 0, got -1"),
-        (["--type", "Lkw"], "--type: found 'Lkw', allowed NAME=TYPE"),
+        (["--type", "Lkw"], "--type: expected NAME=TYPE, got 'Lkw'"),
     ],
 )
 def test_wrong_options(
@@ -503,7 +503,7 @@ def test_a_folder_that_is_there_stays(
     capsys.readouterr()
     fails(words, capsys, 1, "in/pole: is there already")
     words[-1] = tmp_path / "in/second"
-    fails(words, capsys, 2, "allowed a new folder", "no numbers in common")
+    fails(words, capsys, 2, "expected a new folder", "no numbers in common")
     assert sorted(path.name for path in (tmp_path / "in").iterdir()) == ["dataset.yaml", "pole"]
 
 
@@ -522,5 +522,5 @@ def test_without_labels_there_is_a_warning(
     words = ["import", source, "--from", "openpcdet", "--out", tmp_path / "in/pole"]
     words += ["--upright", "as-is"]  # made-up points have no road
     assert main.main([str(word) for word in words]) == 0
-    assert "found no labels" in capsys.readouterr().err
+    assert "got no labels" in capsys.readouterr().err
     assert len(objects(tmp_path / "in/pole", 5)) == 0

@@ -184,15 +184,15 @@ def with_first(change: Callable[[dict[str, Any]], object]) -> Callable[[Any], An
 
 
 WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
-    "no list": (lambda c: {"a": 1}, "allowed a list of objects"),
-    "no size": (with_first(lambda o: o.pop("3d_dimensions")), "object 0: found no '3d_dimensions'"),
+    "no list": (lambda c: {"a": 1}, "expected a list of objects"),
+    "no size": (with_first(lambda o: o.pop("3d_dimensions")), "object 0: got no '3d_dimensions'"),
     "no number": (
         with_first(lambda o: o["3d_location"].update(x="far")),
-        r"object 0: 3d_location\.x: found 'far', allowed a finite number",
+        r"object 0: 3d_location\.x: expected a finite number, got 'far'",
     ),
-    "flat": (with_first(lambda o: o["3d_dimensions"].update(h=0)), "allowed sizes of more than"),
-    "degrees": (with_first(lambda o: o.update(rotation=90)), "rotation: found 90, allowed -2 pi"),
-    "no rotation": (with_first(lambda o: o.update(rotation=None)), "rotation: found 'None'"),
+    "flat": (with_first(lambda o: o["3d_dimensions"].update(h=0)), "expected sizes of more than"),
+    "degrees": (with_first(lambda o: o.update(rotation=90)), "rotation: expected -2 pi, got 90"),
+    "no rotation": (with_first(lambda o: o.update(rotation=None)), "rotation: got 'None'"),
 }
 
 
@@ -211,16 +211,16 @@ def test_wrong_objects_are_named(case: str, motorway: Path, tmp_path: Path) -> N
     ("content", "message"),
     [
         ("[", "is not JSON"),
-        ("{}", "found no openlabel.frames"),
-        ('{"openlabel": {"frames": {"0": {}, "1": {}}}}', "found 2 frames, allowed one a cloud"),
+        ("{}", "got no openlabel.frames"),
+        ('{"openlabel": {"frames": {"0": {}, "1": {}}}}', "expected one a cloud, got 2 frames"),
         (
             '{"openlabel": {"frames": {"0": {"objects": {"a": {"object_data": {}}}}}}}',
-            "object a: found no cuboid of ten numbers",
+            "object a: got no cuboid of ten numbers",
         ),
         (
             '{"openlabel": {"frames": {"0": {"objects": {"a": {"object_data": {"cuboid": {"val": '
             "[1, 2, 3, 0, 0, 0, 0, 4, 2, 2]}}}}}}}}",
-            "allowed a quaternion of length 1",
+            "expected a quaternion of length 1",
         ),
     ],
 )
@@ -237,7 +237,7 @@ def test_wrong_cuboids_are_named(
 def test_one_of_several_lidars_is_chosen(motorway: Path, tmp_path: Path) -> None:
     source = tumtraf(motorway, tmp_path / "set")
     write_cloud(source / "point_clouds/north/1651673050_454284855_north.pcd", motorway, 0)
-    with pytest.raises(ValueError, match=f"found LiDARs north, {LIDAR}, allowed one of them"):
+    with pytest.raises(ValueError, match=f"expected one of them, got LiDARs north, {LIDAR}"):
         import_recording(source, "tumtraf", tmp_path / "in/p", FACTS, Options())
     chosen = Options(channel=LIDAR)
     assert import_recording(source, "tumtraf", tmp_path / "in/p", FACTS, chosen)[0].frames == 3

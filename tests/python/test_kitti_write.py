@@ -218,15 +218,15 @@ def refusal(read: Callable[[Path], object], file: Path) -> str | None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("P0:", "P9:", ":1: found 'P9:"),
-        ("P1:", "P0:", ":2: P0: found twice"),
-        ("R0_rect: 9.999239e-01", "R0_rect: ", ":5: R0_rect: found 8 numbers, allowed 9"),
-        ("R0_rect: 9.999239e-01", "R0_rect: nan", ":5: R0_rect: found 9 numbers, allowed 9 fin"),
-        ("R0_rect: 9.999239e-01", "R0_rect: one", ":5: R0_rect: found a word"),
-        ("R0_rect: 9.999239e-01", "R0_rect: 2", ": R0_rect Tr_velo_to_cam: found no rotation"),
-        (CALIB[CALIB.index("Tr_velo") :], "", ": found no Tr_velo_to_cam, needed"),
-        (CALIB[: CALIB.index("R0_rect")], "", ": found no P2, needed"),
-        ("R0_rect: ", "R_rect_01 ", ":5: found 'R_rect_01"),
+        ("P0:", "P9:", ":1: got 'P9:"),
+        ("P1:", "P0:", ":2: P0: got twice"),
+        ("R0_rect: 9.999239e-01", "R0_rect: ", ":5: R0_rect: expected 9 numbers, got 8"),
+        ("R0_rect: 9.999239e-01", "R0_rect: nan", ":5: R0_rect: expected 9 fin, got 9 numbers"),
+        ("R0_rect: 9.999239e-01", "R0_rect: one", ":5: R0_rect: got a word"),
+        ("R0_rect: 9.999239e-01", "R0_rect: 2", ": R0_rect Tr_velo_to_cam: got no rotation"),
+        (CALIB[CALIB.index("Tr_velo") :], "", ": got no Tr_velo_to_cam, needed"),
+        (CALIB[: CALIB.index("R0_rect")], "", ": got no P2, needed"),
+        ("R0_rect: ", "R_rect_01 ", ":5: got 'R_rect_01"),
     ],
 )
 def test_wrong_calib_file_is_named_by_line_and_key(
@@ -285,6 +285,6 @@ def test_wrong_arrays_are_refused_and_nothing_is_written(tmp_path: Path) -> None
         with pytest.raises(ValueError, match="points: found"):
             kitti.write_points(file, points)
     flat = kitti.Labels(np.array(["Car"]), np.array([[0, 0, 0, 4, 2, 0, 0.0]]), None)
-    with pytest.raises(ValueError, match="found a size of 0"):
+    with pytest.raises(ValueError, match="got a size of 0"):
         kitti.write_labels(file, flat)
     assert list(tmp_path.iterdir()) == []

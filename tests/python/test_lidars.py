@@ -92,16 +92,16 @@ def test_json_has_every_figure_and_null_for_what_is_not_known(
 def test_a_preset_that_most_lack_is_said_of_each() -> None:
     problems = {sheet.name: sheet.problem for sheet in read_catalogue("paper")}
     assert problems["ruby_plus"] == ""
-    assert "found no preset 'paper', allowed equal, datasheet" in problems["hesai_xt32"]
+    assert "expected equal, datasheet, got no preset 'paper'" in problems["hesai_xt32"]
 
 
 @pytest.mark.parametrize(
     ("text", "code", "message"),
     [
-        (None, 2, "mine', allowed a file or bundle_5_livox_avia"),
-        ("name: [a\n", 2, "mine.yaml:2:1: (document): found malformed YAML"),
+        (None, 2, "mine', expected a file or bundle_5_livox_avia"),
+        ("name: [a\n", 2, "mine.yaml:2:1: (document): got malformed YAML"),
         ("name: b\nprice_usd: 3\n", 2, "mine.yaml:2:12: price_usd: found"),
-        ("name: b\nbundle: [{yaw_deg: 3}]\n", 2, "mine.yaml:2:10: bundle.0.lidar: found neither"),
+        ("name: b\nbundle: [{yaw_deg: 3}]\n", 2, "mine.yaml:2:10: bundle.0.lidar: got neither"),
     ],
 )
 def test_a_wrong_lidar_is_told_in_one_line(

@@ -301,9 +301,9 @@ def test_a_key_of_other_voxels_or_another_kernel_is_an_error() -> None:
     layer = SubmanifoldConv3d(4, 4, "a").double()
     layer(x)
     coarse = SparseConv3d(4, 4, "b").double()(x)
-    with pytest.raises(ValueError, match="key a: found other voxels"):
+    with pytest.raises(ValueError, match="key a: got other voxels"):
         layer(coarse)
-    with pytest.raises(ValueError, match="found 27 offsets, allowed 5"):
+    with pytest.raises(ValueError, match="expected 5, got 27 offsets"):
         SubmanifoldConv3d(4, 4, "a", (1, 1, 5)).double()(x)
 
 
@@ -319,9 +319,9 @@ def test_voxels_that_are_out_of_the_grid_or_there_twice_are_errors() -> None:
             sparse.submanifold_rulebook(torch.tensor(at), SHAPE, kernel)
         with pytest.raises(ValueError, match=message):
             sparse.strided_rulebook(torch.tensor(at), SHAPE, kernel, stride, padding)
-    with pytest.raises(ValueError, match="allowed odd sizes"):
+    with pytest.raises(ValueError, match="expected odd sizes"):
         sparse.submanifold_rulebook(torch.tensor([[0, 1, 2, 3]]), SHAPE, (2, 3, 3))
-    with pytest.raises(ValueError, match="allowed at least the kernel"):
+    with pytest.raises(ValueError, match="expected at least the kernel"):
         sparse.strided_rulebook(torch.tensor([[0, 0, 0, 0]]), (1, 9, 9), kernel, stride, (0, 0, 0))
 
 
@@ -398,7 +398,7 @@ def test_farthest_points_of_fewer_points_than_asked_for_repeat_the_first() -> No
     assert points.farthest_points(xyz, 6).tolist() == [0, 2, 1, 0, 0, 0]
     assert points.farthest_points(xyz[:1], 3).tolist() == [0, 0, 0]
     assert points.farthest_points(xyz, 0).tolist() == []
-    with pytest.raises(ValueError, match="found no points"):
+    with pytest.raises(ValueError, match="got no points"):
         points.farthest_points(xyz[:0], 3)
 
 
@@ -486,7 +486,7 @@ def test_three_nearest_of_fewer_lack_the_others() -> None:
     between = points.interpolate(features, distances, rows)
     assert between[:2].allclose(features, atol=1e-6)
     assert between.sum(1).allclose(torch.ones(4))
-    with pytest.raises(ValueError, match="found no points"):
+    with pytest.raises(ValueError, match="got no points"):
         points.three_nearest(xyz, xyz[:0])
 
 
@@ -516,7 +516,7 @@ def test_points_in_a_turned_box_are_those_in_it_when_all_is_turned_back() -> Non
 
 def test_points_of_another_shape_or_type_are_errors() -> None:
     for wrong in (torch.zeros(5, 4), torch.zeros(5, 3, dtype=torch.float64), torch.zeros(3)):
-        with pytest.raises(ValueError, match=r"allowed \(n, 3\) torch.float32"):
+        with pytest.raises(ValueError, match=r"expected \(n, 3\) torch.float32"):
             points.farthest_points(wrong, 2)
     unknown = torch.tensor([[0.0, 1, 2], [0, torch.nan, 0]])
     with pytest.raises(ValueError, match="not finite"):

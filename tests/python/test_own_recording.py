@@ -251,7 +251,7 @@ def test_the_plane_near_the_height_that_is_given(site: Path, tmp_path: Path) -> 
 def test_a_wrong_height_is_refused(site: Path, tmp_path: Path) -> None:
     source = write(tmp_path / "source", clouds_of(site, "helios_16"))
     facts = LidarFacts("pole", "junction", height_m=9)
-    with pytest.raises(ValueError, match=r"source: height_m: found 9, allowed (6\.0|5\.9)"):
+    with pytest.raises(ValueError, match=r"source: height_m: expected (6\.0|5\.9), got 9"):
         import_recording(source, "bin", tmp_path / "in/pole", facts, Options())
     assert not (tmp_path / "in/pole").exists()
 
@@ -285,7 +285,7 @@ def test_clouds_at_road_level_need_the_height(site: Path, up: str, tmp_path: Pat
         clouds_of(site, "helios_16"), lambda p: np.add(p, (0, 0, HEIGHT_M)) @ turn
     )
     source = write(tmp_path / "source", clouds)
-    with pytest.raises(ValueError, match=r"found the road -?0\.0\d m below the origin"):
+    with pytest.raises(ValueError, match=r"got the road -?0\.0\d m below the origin"):
         taken(source)
     facts = LidarFacts("pole", "junction", height_m=HEIGHT_M)
     summary, _ = import_recording(source, "bin", tmp_path / "in/pole", facts, Options())
@@ -370,7 +370,7 @@ def test_an_outline_goes_with_the_frames(site: Path, tmp_path: Path) -> None:
 def test_an_empty_region_is_refused(site: Path, tmp_path: Path) -> None:
     source = write(tmp_path / "source", clouds_of(site, "helios_16"))
     far = outline(tmp_path, "[[900, 900], [960, 900], [960, 960]]")
-    with pytest.raises(ValueError, match=r"outline\.yaml: outline_m: found no return inside"):
+    with pytest.raises(ValueError, match=r"outline\.yaml: outline_m: got no return inside"):
         taken(source, region=far)
     assert not (tmp_path / "in_source/pole").exists()
 
@@ -476,7 +476,7 @@ def test_what_is_no_millimetre_either_is_refused(
     )
     source = write(tmp_path / "source", clouds)
     facts = LidarFacts("pole", "junction", height_m=HEIGHT_M)
-    with pytest.raises(ValueError, match=r"source: found coordinates that as mill.* `unit_m` says"):
+    with pytest.raises(ValueError, match=r"source: got coordinates that as mill.* `unit_m` says"):
         import_recording(source, "bin", tmp_path / "in/pole", facts, Options())
     if unit_m != 1:
         summary, _ = import_recording(

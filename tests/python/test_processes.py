@@ -90,11 +90,11 @@ def test_a_batch_is_shared_evenly_and_a_device_is_not_given_by_number(
 ) -> None:
     monkeypatch.setattr(distributed, "count", lambda: 3)
     distributed.check_batch(6)
-    with pytest.raises(ValueError, match="batch: found 4, allowed multiples of 3, the processes"):
+    with pytest.raises(ValueError, match="batch: expected multiples of 3, the processes, got 4"):
         distributed.check_batch(4)
     monkeypatch.setenv("WORLD_SIZE", "3")
     with (
-        pytest.raises(ValueError, match="found cuda:1, allowed cuda with several processes"),
+        pytest.raises(ValueError, match="expected cuda with several processes, got cuda:1"),
         distributed.joined(torch.device("cuda:1")),
     ):
         pass

@@ -357,7 +357,7 @@ def test_draws_of_another_world_are_an_error(
     change(results / "quick_draws.csv", "detector == 'pv-rcnn'", world="another")
     assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
     rows = "quick_draws.csv, row 2 and quick_draws.csv, row 6"
-    assert f"{rows}: world: found w and another, allowed the same" in capsys.readouterr().err
+    assert f"{rows}: world: expected the same, got w and another" in capsys.readouterr().err
 
 
 def test_tables_of_earlier_versions_have_no_interval_of_all_vehicles(
@@ -479,11 +479,11 @@ def test_recipes_say_how_many_steps_they_learn() -> None:
 @pytest.mark.parametrize(
     ("file", "text", "message"),
     [
-        ("quick.csv", "", "quick.csv:1: found no columns"),
-        ("quick.csv", "1,2,3\n4,5,6\n", "quick.csv:1: found no column scene"),
-        ("quick_value.csv", "scene,lidar\n", "quick_value.csv:1: found no column preset"),
-        ("quick_distance.csv", "", "quick_distance.csv:1: found no columns"),
-        ("lidars.csv", "lidar\nruby_plus\n", "lidars.csv:1: found no column price_source"),
+        ("quick.csv", "", "quick.csv:1: got no columns"),
+        ("quick.csv", "1,2,3\n4,5,6\n", "quick.csv:1: got no column scene"),
+        ("quick_value.csv", "scene,lidar\n", "quick_value.csv:1: got no column preset"),
+        ("quick_distance.csv", "", "quick_distance.csv:1: got no columns"),
+        ("lidars.csv", "lidar\nruby_plus\n", "lidars.csv:1: got no column price_source"),
     ],
 )
 def test_a_damaged_table_is_named(
@@ -502,7 +502,7 @@ def test_a_table_without_its_rows_is_named(
     (results / f"{file}.csv").write_text(f"{header}\n")
     assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
     count = "no cells" if file == "quick" else "0 of 16 cells"
-    assert f"{results}/{file}.csv: found {count}, allowed" in capsys.readouterr().err
+    assert f"{results}/{file}.csv: got {count}, allowed" in capsys.readouterr().err
 
 
 def test_cells_that_all_failed_and_prices_without_a_preset_are_told(
@@ -510,11 +510,11 @@ def test_cells_that_all_failed_and_prices_without_a_preset_are_told(
 ) -> None:
     prices_of_lidars().drop(columns="preset").to_csv(results / "lidars.csv", index=False)
     assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
-    assert "lidars.csv: found no column preset, allowed a table" in capsys.readouterr().err
+    assert "lidars.csv: expected a table, got no column preset" in capsys.readouterr().err
     (results / "lidars.csv").unlink()
     change(results / "quick.csv", "seed == 1", ap=None)
     assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
-    assert "quick.csv: found no finished cell, allowed one or more" in capsys.readouterr().err
+    assert "quick.csv: expected a finished cell, got none" in capsys.readouterr().err
 
 
 def test_help_says_of_which_vehicles_the_ap_is(capsys: pytest.CaptureFixture[str]) -> None:
@@ -535,14 +535,14 @@ def test_an_answer_needs_neither_plots_nor_networks() -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--budget", "0"], "--budget: found 0, allowed above 0"),
-        (["--budget", "9", "--range", "200"], "--range: found 200, allowed above 0 to 100"),
-        (["--budget", "9", "--scene", "moon"], "--scene: found 'moon', allowed road"),
-        (["--budget", "9", "--min-ap", "0.85"], "found 0.85, allowed above 1 to 100; AP is 0 to"),
-        (["--budget", "9", "--min-ap", "101"], "--min-ap: found 101, allowed above 1 to 100"),
-        (["--budget", "nan"], "--budget: found nan, allowed above 0"),
-        (["--budget", "9", "--latency", "-1"], "--latency: found -1, allowed above 0 to inf"),
-        (["--budget", "9", "--preset", "x"], "--preset: found 'x', allowed paper"),
+        (["--budget", "0"], "--budget: expected above 0, got 0"),
+        (["--budget", "9", "--range", "200"], "--range: expected above 0 to 100, got 200"),
+        (["--budget", "9", "--scene", "moon"], "--scene: expected road, got 'moon'"),
+        (["--budget", "9", "--min-ap", "0.85"], "expected above 1 to 100, got 0.85; AP is 0 to"),
+        (["--budget", "9", "--min-ap", "101"], "--min-ap: expected above 1 to 100, got 101"),
+        (["--budget", "nan"], "--budget: expected above 0, got nan"),
+        (["--budget", "9", "--latency", "-1"], "--latency: expected above 0 to inf, got -1"),
+        (["--budget", "9", "--preset", "x"], "--preset: expected paper, got 'x'"),
         (["--budget", "9", "--tier", "full"], "full.csv: No such table"),
     ],
 )
@@ -561,7 +561,7 @@ def test_a_folder_of_several_scenes_asks_for_one(
         both = pd.concat([table, table.assign(scene="bridge")])
         both.to_csv(results / f"{file}.csv", index=False)
     assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
-    assert "--scene: found none, allowed one of bridge, road" in capsys.readouterr().err
+    assert "--scene: expected one of bridge, road, got none" in capsys.readouterr().err
     assert output_lines(capsys, results, "--budget", 8000, "--scene", "bridge")[0].startswith(
         "bridge,"
     )

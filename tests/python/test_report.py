@@ -144,11 +144,11 @@ def test_a_name_is_text_and_never_markup(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("file", "text", "expected"),
     [
-        ("stress.csv", "detector\na\n", "stress.csv:1: found no column run"),
+        ("stress.csv", "detector\na\n", "stress.csv:1: got no column run"),
         (
             "quick_hits.csv",
             "scene,lidar,preset,frames,hits_per_frame\nh,a,paper,1,2\nh,a,paper,1,many\n",
-            "quick_hits.csv:3: hits_per_frame: found 'many', allowed a number",
+            "quick_hits.csv:3: hits_per_frame: expected a number, got 'many'",
         ),
         ("lidars.csv", 'lidar\n"open\n', "lidars.csv: is no table"),
     ],
@@ -168,10 +168,10 @@ def test_a_wrong_table_is_told_in_one_line(
 @pytest.mark.parametrize(
     ("words", "code", "expected"),
     [
-        ([], 2, "found no table of results"),
-        (["--tier", "full"], 2, "full.csv: found no cells"),
+        ([], 2, "got no table of results"),
+        (["--tier", "full"], 2, "full.csv: got no cells"),
         (["--data", "nowhere"], 1, "nowhere: No dataset.yaml in it"),
-        (["--runs", "nowhere"], 1, "nowhere: found no folder predictions"),
+        (["--runs", "nowhere"], 1, "nowhere: got no folder predictions"),
     ],
 )
 def test_wrong_arguments_are_told(
@@ -265,7 +265,7 @@ def test_the_report_of_an_own_site_takes_the_limits_of_recommend(
     )
     assert "Left out: RoboSense Ruby Plus with PointPillars: costs 24,000 USD." in text
     assert main.main(["report", str(results), "--min-ap", "0.85"]) == 2
-    assert "--min-ap: found 0.85, allowed above 1 to 100" in capsys.readouterr().err
+    assert "--min-ap: expected above 1 to 100, got 0.85" in capsys.readouterr().err
 
 
 def test_a_shipped_scene_is_answered_by_the_limits_that_are_asked(tmp_path: Path) -> None:

@@ -154,13 +154,13 @@ def test_deskew_is_the_change_of_the_points_in_the_box() -> None:
     rows = scanning.claims(exact, blocks(), instant)[6:10]
     assert [row.value for row in rows] == pytest.approx([-2, -20, -6, 20])
     assert [row.verdict for row in rows] == ["fails", "holds", "holds", "holds"]
-    with pytest.raises(ValueError, match="found other frames"):
+    with pytest.raises(ValueError, match="got other frames"):
         scanning.deskew(instant.select(instant.frame > 0), exact, blocks())
 
 
 def test_other_lidars_are_an_error() -> None:
     vehicles = scene(as_in_the_paper, lidars=("a", "b", "c", "d"))
-    with pytest.raises(ValueError, match="found LiDARs a, b, c, d"):
+    with pytest.raises(ValueError, match="got LiDARs a, b, c, d"):
         scanning.claims(vehicles, blocks())
 
 
@@ -183,5 +183,5 @@ def test_a_real_run_gives_the_table(infrasim: Callable[..., Any], tmp_path: Path
     assert set(table.preset) == {"paper"}
     assert set(table.verdict) <= {"holds", "fails", "undecided"}
     assert table[table.claim == "near-range"].value.item() > 1
-    with pytest.raises(ValueError, match="found no exact data set"):
+    with pytest.raises(ValueError, match="got no exact data set"):
         scanning.claims_table(folders[1:])

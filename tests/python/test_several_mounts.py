@@ -314,29 +314,33 @@ def test_a_stream_takes_a_mount_s_name(runs: Runs, tmp_path: Path) -> None:
     scene = tmp_path / "out.yaml"
     for k, (frame,) in sim.simulate(scene, [LIDAR], range(2), preset="paper", mount="left"):
         assert sim.points(frame).tobytes() == frame_of(left, k)[0].tobytes()
-    with pytest.raises(sim.ConfigError, match="mount: found none, allowed right, left"):
+    with pytest.raises(sim.ConfigError, match="mount: expected right, left, got none"):
         sim.load_scene(scene)
 
 
 @pytest.mark.parametrize(
     ("words", "changes", "message"),
     [
-        (["--mount", "middle"], {}, "mount: found 'middle', allowed right, left"),
-        (["--fuse", "--mount", "left"], {}, "--fuse: found --mount left, allowed several mounts"),
-        (["--fuse"], {"left": None}, "--fuse: found a scene with one mount, allowed with several"),
-        ([], {"fused": MOUNTS["left"]}, "mounts: found 'fused' of several, allowed letters"),
-        ([], {"a/b": MOUNTS["left"]}, "mounts: found 'a/b' of several, allowed letters"),
-        ([], {"left": {"y_m": 2, "z_m": 3}}, "mounts.left.z_m: found 3 in the way of the vehicles"),
-        ([], {"left": {"clock_offset_s": 0.2}}, "clock_offset_s: found '0.2', allowed -0.1 to 0.1"),
+        (["--mount", "middle"], {}, "mount: expected right, left, got 'middle'"),
+        (["--fuse", "--mount", "left"], {}, "--fuse: expected several mounts, got --mount left"),
+        (["--fuse"], {"left": None}, "--fuse: expected several mounts, got a scene with one"),
+        ([], {"fused": MOUNTS["left"]}, "mounts: expected letters, got 'fused' of several"),
+        ([], {"a/b": MOUNTS["left"]}, "mounts: expected letters, got 'a/b' of several"),
+        ([], {"left": {"y_m": 2, "z_m": 3}}, "mounts.left.z_m: got 3 in the way of the vehicles"),
+        (
+            [],
+            {"left": {"clock_offset_s": 0.2}},
+            ("clock_offset_s: expected -0.1 to 0.1, got '0.2'"),
+        ),
         (
             [],
             {"left": None, "right": {"calibration_error": {"x_m": 1}}},
-            "mounts: found calibration_error of the only one, allowed with several",
+            "mounts: expected no calibration_error with a single mount, got one",
         ),
         (
             ["--set", "static_layers={helios_16: a.layer}"],
             {},
-            "static_layers: found them with several mounts, allowed with one",
+            "static_layers: expected with one, got them with several mounts",
         ),
     ],
 )
@@ -365,5 +369,11 @@ def test_a_mount_twice_is_refused(infrasim: Infrasim, tmp_path: Path) -> None:
 
 def test_a_folder_of_one_mount_takes_no_others(runs: Runs) -> None:
     runs("out", mounts={"right": MOUNTS["right"]})
-    with pytest.raises(RuntimeError, match=r"the folder holds a run of one mount, allowed another"):
+    with pytest.raises(
+        RuntimeError,
+        match=(
+            r"the folder holds a run of one mount, expected "
+            r"another"
+        ),
+    ):
         runs("out")

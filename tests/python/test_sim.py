@@ -100,21 +100,21 @@ def test_a_stream_can_be_left_early(world: simulation.World) -> None:
 
 
 def test_errors_are_those_of_the_binary() -> None:
-    with pytest.raises(simulation.ConfigError, match=r"--set lane=3: lane: found an unknown key"):
+    with pytest.raises(simulation.ConfigError, match=r"--set lane=3: lane: got an unknown key"):
         simulation.load_scene(SCENE, set={"lane": 3})
-    with pytest.raises(ValueError, match="no preset 'nice', allowed paper, equal, datasheet"):
+    with pytest.raises(ValueError, match="no preset 'nice', expected paper, equal, datasheet"):
         simulation.load_lidar(LIDARS[0], "nice")
     with pytest.raises(OSError, match=r"missing\.yaml: can't be read"):
         simulation.load_scene("missing.yaml")
 
 
 def test_a_frame_beyond_the_scene_is_an_error(world: simulation.World) -> None:
-    with pytest.raises(simulation.ConfigError, match="found 20, allowed 0 to 19"):
+    with pytest.raises(simulation.ConfigError, match="expected 0 to 19, got 20"):
         frames(world, range(20, 21))
 
 
 def test_frames_beyond_every_scene_are_refused_at_once(world: simulation.World) -> None:
-    with pytest.raises(simulation.ConfigError, match=f"frames: found {world.frames}, allowed 0 to"):
+    with pytest.raises(simulation.ConfigError, match=f"frames: expected 0 to, got {world.frames}"):
         simulation.simulate(world, LIDARS[:1], range(2**36))
 
 
@@ -140,7 +140,7 @@ def test_a_scene_holds_the_keys_of_its_preset(world: simulation.World) -> None:
     assert "vegetation: []" in plain.dump()
     lidar = simulation.load_lidar(LIDARS[1], "equal")
     with pytest.raises(
-        simulation.ConfigError, match="found 'equal' in a scene that was read for 'data"
+        simulation.ConfigError, match="got 'equal' in a scene that was read for 'data"
     ):
         simulation.simulate(world, [lidar], range(1))
     assert (
@@ -152,9 +152,7 @@ def test_a_scene_holds_the_keys_of_its_preset(world: simulation.World) -> None:
 
 @pytest.mark.parametrize("threads", [-1, 1025])
 def test_threads_that_can_not_be(world: simulation.World, threads: int) -> None:
-    with pytest.raises(
-        simulation.ConfigError, match=f"threads: found {threads}, allowed 1 to 1024"
-    ):
+    with pytest.raises(simulation.ConfigError, match=f"threads: expected 1 to 1024, got {threads}"):
         simulation.simulate(world, LIDARS, range(1), threads=threads)
 
 
@@ -216,7 +214,7 @@ def test_each_filter_keeps_its_rows(step: simulation.Filter, rows: list[int]) ->
 
 def test_wrong_points_and_parameters_are_refused() -> None:
     for points in (np.zeros((3, 3)), np.zeros(3, np.float32), np.zeros((3, 2), np.float32)):
-        with pytest.raises(ValueError, match=r"points: found \(3.*allowed \(n, 3\) or \(n, 4\)"):
+        with pytest.raises(ValueError, match=r"points: got \(3.*allowed \(n, 3\) or \(n, 4\)"):
             simulation.filtered(points, simulation.CropRange(0, 1))
     cloud = np.zeros((3, 3), np.float32)
     with pytest.raises(ValueError, match="ground_plane: the distance must be positive"):

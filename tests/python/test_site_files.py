@@ -130,12 +130,12 @@ def test_outlines_that_were_not_copied_are_named(tmp_path: Path, infrasim: Infra
 @pytest.mark.parametrize(
     ("text", "error"),
     [
-        ("region,x\n", ":1: found 'region,x', allowed 'region,x,y'"),
-        ("region,x,y\n", ":1: found no region"),
-        ("region,x,y\na,0,0\na,1,1\n", "region a: found 2 corners, allowed 3 or more"),
-        ("region,x,y\na,0,0\na,1,nan\na,1,0\n", ":3: y: found nan"),
-        ("region,x,y\na,0,0\na,1,b\na,1,0\n", ":3: y: found 'b'"),
-        ("region,x,y\na,0,0\na,1,0\na,0,1", ":4: found no end of the line"),
+        ("region,x\n", ":1: expected 'region,x,y', got 'region,x'"),
+        ("region,x,y\n", ":1: got no region"),
+        ("region,x,y\na,0,0\na,1,1\n", "region a: expected 3 or more corners, got 2"),
+        ("region,x,y\na,0,0\na,1,nan\na,1,0\n", ":3: y: got nan"),
+        ("region,x,y\na,0,0\na,1,b\na,1,0\n", ":3: y: got 'b'"),
+        ("region,x,y\na,0,0\na,1,0\na,0,1", ":4: got no end of the line"),
     ],
 )
 def test_a_wrong_table_of_outlines_is_named_with_its_line(
@@ -195,7 +195,7 @@ def test_a_changed_surface_is_another_data_set(tmp_path: Path, infrasim: Infrasi
     words = ["--lidar", f"configs/lidars/{LIDAR}.yaml", "--frames", "0:2", "--fields"]
     result = infrasim("run", tmp_path / "site/site.yaml", *words, "--out", tmp_path / "data")
     assert result.returncode == 1
-    assert "the folder holds another run: found 'surfaces: " in result.stderr
+    assert "the folder holds another run: got 'surfaces: " in result.stderr
 
 
 def test_worlds_are_not_simulated_again_without_the_files(
@@ -203,7 +203,7 @@ def test_worlds_are_not_simulated_again_without_the_files(
 ) -> None:
     folder = simulated(infrasim, tmp_path)
     base = read_base(folder, 5)
-    assert "lanes: found files that a run does not copy" in limits.scene(base)
+    assert "lanes: got files that a run does not copy" in limits.scene(base)
     assert named_files(base.scene)[1:] == ["lanes.csv", "meshes/road.ply", "meshes/verge.ply"]
 
 
@@ -215,7 +215,7 @@ def test_check_counts_triangles_without_an_area(tmp_path: Path, infrasim: Infras
     result = infrasim("check", scene)
     assert result.returncode == 0
     assert "warning: flat-triangles: " in result.stderr
-    assert "verge.ply: found 1 of 2 triangles without an area" in result.stderr
+    assert "verge.ply: got 1 of 2 triangles without an area" in result.stderr
 
 
 def test_it_is_checked_from_the_root(infrasim: Infrasim, tmp_path: Path) -> None:

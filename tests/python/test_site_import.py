@@ -450,7 +450,7 @@ def test_roads_that_contradict_each_other_are_named(tmp_path: Path) -> None:
 
 
 def test_errors_are_map_errors(tmp_path: Path) -> None:
-    with pytest.raises(MapError, match=r"a\.xodr: found 0 bytes"):
+    with pytest.raises(MapError, match=r"a\.xodr: got 0 bytes"):
         import_map(write_map(tmp_path, "a.xodr", ""), tmp_path / "s")
 
 

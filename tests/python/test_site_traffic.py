@@ -174,11 +174,11 @@ def test_a_small_map_is_refused_with_its_reach(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["--vehicles-per-hour", "1000000"], "allowed 0 to 20000"),
-        (["--vehicles-per-hour", "nan"], "allowed 0 to 20000"),
-        (["--vehicles-per-hour", "0"], "allowed more than 0"),
-        (["--seconds", "-5"], "allowed 1 to 3600 s"),
-        (["--seed", "-1"], "allowed 1 to 3600 s, 0 to 2"),
+        (["--vehicles-per-hour", "1000000"], "expected 0 to 20000"),
+        (["--vehicles-per-hour", "nan"], "expected 0 to 20000"),
+        (["--vehicles-per-hour", "0"], "expected more than 0"),
+        (["--seconds", "-5"], "expected 1 to 3600 s"),
+        (["--seed", "-1"], "expected 1 to 3600 s, 0 to 2"),
     ],
 )
 def test_impossible_demand_gives_one_line(

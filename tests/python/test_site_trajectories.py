@@ -254,22 +254,22 @@ def test_links_bridge_a_lost_frame_and_never_join_two_classes() -> None:
 
 
 BROKEN = {
-    "empty": ("", "found no columns"),
-    "no rows": (data.HEADER, "found no row"),
-    "no column": ("t,id,class,x,y\n0,1,Car,1,1\n", "allowed with 'z'"),
+    "empty": ("", "got no columns"),
+    "no rows": (data.HEADER, "got no row"),
+    "no column": ("t,id,class,x,y\n0,1,Car,1,1\n", "expected with 'z'"),
     "cut line": (data.HEADER + GOOD[:-20], "found"),
     "not finite": (data.HEADER + GOOD.replace("0.1000,a,Car,1.0000", "0.1000,a,Car,nan"), ":3: x"),
-    "infinite": (data.HEADER + GOOD.replace("Car,1.0000", "Car,inf"), ":3: x: found 'inf'"),
-    "no number": (data.HEADER + GOOD.replace("Car,1.0000", "Car,far"), ":3: x: found 'far'"),
-    "negative size": (data.HEADER + GOOD.replace(",4.5,1.9", ",-4.5,1.9"), ":2: dx: found '-4.5'"),
-    "no size": (data.HEADER + GOOD.replace(",1.9,", ",0,"), ":2: dy: found '0'"),
-    "huge": (data.HEADER + GOOD.replace("4.5", "4500"), ":2: dx: found '4500'"),
-    "class": (data.HEADER + GOOD.replace("Car", "Tram"), ":2: class: found 'Tram'"),
-    "order": (data.HEADER + "".join(reversed(GOOD.splitlines(True))), "allowed times that rise"),
-    "twice": (data.HEADER + GOOD + GOOD, "allowed times that rise"),
+    "infinite": (data.HEADER + GOOD.replace("Car,1.0000", "Car,inf"), ":3: x: got 'inf'"),
+    "no number": (data.HEADER + GOOD.replace("Car,1.0000", "Car,far"), ":3: x: got 'far'"),
+    "negative size": (data.HEADER + GOOD.replace(",4.5,1.9", ",-4.5,1.9"), ":2: dx: got '-4.5'"),
+    "no size": (data.HEADER + GOOD.replace(",1.9,", ",0,"), ":2: dy: got '0'"),
+    "huge": (data.HEADER + GOOD.replace("4.5", "4500"), ":2: dx: got '4500'"),
+    "class": (data.HEADER + GOOD.replace("Car", "Tram"), ":2: class: got 'Tram'"),
+    "order": (data.HEADER + "".join(reversed(GOOD.splitlines(True))), "expected times that rise"),
+    "twice": (data.HEADER + GOOD + GOOD, "expected times that rise"),
     "degrees": (
         data.HEADER + data.csv(data.drive() + np.array([0, 0, 0, 45])),
-        "allowed --degrees",
+        "expected --degrees",
     ),
     "clock": (
         data.HEADER + GOOD + data.csv(data.drive() + np.array([99999, 0, 0, 0])),
@@ -277,17 +277,17 @@ BROKEN = {
     ),
     "two classes": (data.HEADER + GOOD.replace("Car", "Bus", 9), "of two classes"),
     "too short": (data.HEADER + data.csv(data.drive(0.5)), "no track that can be used"),
-    "bytes": ("\0\1\2\n", "found columns"),
+    "bytes": ("\0\1\2\n", "got columns"),
 }
 BROKEN_XML = {
-    "cut": (FCD[:900], "found broken XML"),
-    "other": ("<routes/>", "allowed <fcd-export>"),
-    "nobody": ("<fcd-export/>", "found no vehicle"),
-    "type": (data.fcd(data.drive(), "tram"), "found type 'tram'"),
-    "time": (FCD.replace('"0.20"', '"0.05"'), "allowed times that rise"),
-    "clock": (FCD.replace('"0.20"', '"nan"'), "allowed seconds"),
-    "place": (FCD.replace('x="2.0000"', 'x="nan"'), "time 0.2: a: x: found 'nan'"),
-    "wrong angle": (FCD.replace('angle="90.00"', 'angle="east"', 1), "angle: found 'east'"),
+    "cut": (FCD[:900], "got broken XML"),
+    "other": ("<routes/>", "expected <fcd-export>"),
+    "nobody": ("<fcd-export/>", "got no vehicle"),
+    "type": (data.fcd(data.drive(), "tram"), "got type 'tram'"),
+    "time": (FCD.replace('"0.20"', '"0.05"'), "expected times that rise"),
+    "clock": (FCD.replace('"0.20"', '"nan"'), "expected seconds"),
+    "place": (FCD.replace('x="2.0000"', 'x="nan"'), "time 0.2: a: x: got 'nan'"),
+    "wrong angle": (FCD.replace('angle="90.00"', 'angle="east"', 1), "angle: got 'east'"),
     "type in words": (data.fcd(data.drive(), "my tram"), "--class-of 'my tram=Car'"),
     "a long type": (data.fcd(data.drive(), 60 * "a"), f"--class-of {60 * 'a'}=Car"),
     "no id": (FCD.replace('id="a"', ""), "without id"),
@@ -298,7 +298,7 @@ BROKEN_XML = {
     ("name", "text", "expected"),
     [(f"{name}.csv", *row) for name, row in BROKEN.items()]
     + [(f"{name}.xml", *row) for name, row in BROKEN_XML.items()]
-    + [("plain.gz", FCD, "found a broken .gz")],
+    + [("plain.gz", FCD, "got a broken .gz")],
 )
 def test_a_broken_file_gives_one_line_and_leaves_the_site(
     site: Path, capsys: pytest.CaptureFixture[str], name: str, text: str, expected: str

@@ -49,8 +49,8 @@ def test_recorded_vehicles_in_one_place_are_named(tmp_path: Path, infrasim: Infr
     result = infrasim("check", file, "--traffic")
     assert result.returncode == 2
     assert result.stderr == (
-        f"{tmp_path / 'recorded.csv'}: (vehicles): found 3 and 8 in one place at 0 s, x 42, "
-        "y -5.25, allowed vehicles apart\n"
+        f"{tmp_path / 'recorded.csv'}: (vehicles): expected vehicles apart\n, got 3 and 8 in one "
+        "place at 0 s, x 42, y -5.25"
     )
 
 
@@ -67,9 +67,7 @@ def test_a_sensor_in_a_vehicles_way_is_refused(tmp_path: Path, infrasim: Infrasi
     file = recorded(tmp_path, ["5,Car,-61,-12,0.8,0,4.5,2,1.6,0"], text)
     result = infrasim("check", file)
     assert result.returncode == 2
-    assert (
-        f"{file}:4:9: mounts.pole.x_m: found it inside vehicle 5 at 0 s, allowed" in result.stderr
-    )
+    assert f"{file}:4:9: mounts.pole.x_m: got it inside vehicle 5 at 0 s, allowed" in result.stderr
 
 
 def test_traffic_is_of_a_scene(infrasim: Infrasim) -> None:
@@ -85,7 +83,7 @@ def test_a_run_that_sees_no_vehicle_says_so(
     file = recorded(tmp_path, [standing(3, 10)], text)
     result = infrasim("run", file, "--lidar", "livox_avia", "--preset", "equal", "--frames", "0:10")
     assert result.returncode == 0, result.stderr
-    assert result.stderr.count("warning: no-vehicle-points: livox_avia: found no point") == lines
+    assert result.stderr.count("warning: no-vehicle-points: livox_avia: got no point") == lines
     assert len(result.stderr.splitlines()) == lines
 
 
@@ -96,7 +94,7 @@ def test_a_run_whose_filter_finds_no_plane_says_so(
     words = ["--preset", "paper", "--frames", "0:2"]
     words += ["--set", f"filters=[{{ground_plane: {{sensor_height_m: {height_m}}}}}]"]
     result = infrasim("run", "flat", "--lidar", "helios_16", *words)
-    message = "warning: no-ground-plane: helios_16: found no plane in 2 of 2 frames"
+    message = "warning: no-ground-plane: helios_16: got no plane in 2 of 2 frames"
     assert (result.returncode, result.stderr.count(message)) == (0, warned), result.stderr
 
 
@@ -118,4 +116,4 @@ def test_light_through_more_wedges_than_can_be_traced_is_refused(
     file.write_text(avia[:start] + offsets + avia[end:])
     result = infrasim("check", file, timeout=20)
     assert result.returncode == 2
-    assert "steps_per_s: found 4800000000 passages of light through wedges" in result.stderr
+    assert "steps_per_s: got 4800000000 passages of light through wedges" in result.stderr

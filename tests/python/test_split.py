@@ -34,9 +34,9 @@ def test_by_time_gives_the_tiers(step: int, train: int, val: int) -> None:
 
 
 def test_by_time_of_a_short_run_is_an_error_that_names_its_span() -> None:
-    with pytest.raises(ValueError, match=r"found frames from 0 to 9\.9 s"):
+    with pytest.raises(ValueError, match=r"got frames from 0 to 9\.9 s"):
         split.by_time(range(100), 0.1)
-    with pytest.raises(ValueError, match="allowed 400 s or later"):
+    with pytest.raises(ValueError, match="expected 400 s or later"):
         split.by_time(range(5000), 0.1, 400, 390)
 
 
@@ -47,7 +47,7 @@ def test_by_random_is_seeded_and_takes_a_fifth() -> None:
     assert list(parts.val) == sorted(parts.val)
     assert parts == split.by_random(range(0, 1000, 10), seed=3)
     assert parts != split.by_random(range(0, 1000, 10), seed=4)
-    with pytest.raises(ValueError, match="found 1 frames"):
+    with pytest.raises(ValueError, match="got 1 frames"):
         split.by_random([0], seed=1)
 
 
@@ -57,12 +57,12 @@ def test_by_seed_takes_all_of_both_and_refuses_the_same_seed(tmp_path: Path) -> 
     first, second = split.by_seed(train, val)
     assert first == split.Split(train.frames, ())
     assert second == split.Split((), tuple(range(10)))
-    with pytest.raises(ValueError, match="found seed 1 in both"):
+    with pytest.raises(ValueError, match="got seed 1 in both"):
         split.by_seed(train, train)
-    with pytest.raises(ValueError, match="preset: found equal, allowed paper"):
+    with pytest.raises(ValueError, match="preset: expected paper, got equal"):
         split.by_seed(train, replace(val, preset="equal"))
     lidars = tuple(replace(lidar, label_time="scan") for lidar in val.lidars)
-    with pytest.raises(ValueError, match="label_time: found scan, allowed frame"):
+    with pytest.raises(ValueError, match="label_time: expected frame, got scan"):
         split.by_seed(train, replace(val, lidars=lidars))
 
 
@@ -81,7 +81,7 @@ def test_write_replaces_another_split_only_when_forced(tmp_path: Path) -> None:
     data = data_set(tmp_path / "data")
     split.write(data, split.Split((0,), (1,)))
     split.write(data, split.Split((0,), (1,)))
-    with pytest.raises(FileExistsError, match="found another split"):
+    with pytest.raises(FileExistsError, match="got another split"):
         split.write(data, split.Split((0,), (2,)))
     val = tmp_path / "data/a/ImageSets/val.txt"
     assert val.read_text() == "000001\n"
@@ -118,6 +118,6 @@ def test_a_split_that_grew_takes_the_place_of_its_part_and_of_no_other(tmp_path:
     files = split.write(data, whole, grown=True)
     assert len(files[0].read_text().splitlines()) == len(whole.train)
     before = [file.read_text() for file in files]
-    with pytest.raises(FileExistsError, match="found another split"):
+    with pytest.raises(FileExistsError, match="got another split"):
         split.write(data, split.by_random(data.frames, seed=1), grown=True)
     assert [file.read_text() for file in files] == before

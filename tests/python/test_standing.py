@@ -39,7 +39,7 @@ def test_few_seconds_are_a_warning(
     printed = capsys.readouterr()
     assert "boxes left out, as they stand where nothing moves" in printed.out
     assert "is not split" not in printed.err  # it learnt from none of them
-    assert "warning: --drop-standing: found 14.8 s, meant for 60 s or more" in printed.err
+    assert "warning: --drop-standing: got 14.8 s, meant for 60 s or more" in printed.err
 
 
 def test_what_stands_goes_without_a_description_of_the_lidar(lidar: Path, tmp_path: Path) -> None:
@@ -93,7 +93,7 @@ def test_clouds_alone_say_nothing_of_what_stands(
 ) -> None:
     cloud = kitti.frame_file(lidar, "velodyne", 0)
     assert main.main(["detect", "run", str(cloud), "--drop-standing"]) != 0
-    assert "--drop-standing: found clouds alone, allowed with --data" in capsys.readouterr().err
+    assert "--drop-standing: expected --data, got clouds alone" in capsys.readouterr().err
 
 
 def test_people_who_wait_stay(lidar: Path) -> None:

@@ -205,7 +205,7 @@ def test_points_add_up_over_frames_one_after_another() -> None:
     assert list(got) == [(1, 1, 11), (1, 2, 50), (2, 2, 110), (6, 1, 15), (7, 1, 17)]
     assert ends_of_runs(frames, 3).tolist() == [2, 7]
     assert accumulated(every, frames, 1).points.tolist() == every.points.tolist()
-    with pytest.raises(ValueError, match="found no 4 frames one after another"):
+    with pytest.raises(ValueError, match="got no 4 frames one after another"):
         ends_of_runs(frames, 4)
 
 
@@ -379,7 +379,7 @@ def test_points_at_road_level_can_be_left_out(tmp_path: Path) -> None:
         assert tables["hit_points"].hit_points.tolist() == [count]
     roads = folder / "roads.csv"
     roads.write_text(roads.read_text() + "m,2,2,0,0.5,0,21\n")
-    with pytest.raises(ValueError, match=r"roads\.csv: found roads from z = 0 to 0\.5"):
+    with pytest.raises(ValueError, match=r"roads\.csv: got roads from z = 0 to 0\.5"):
         read_sightings(data, above_road=True)
 
 
@@ -387,9 +387,9 @@ def test_points_at_road_level_can_be_left_out(tmp_path: Path) -> None:
     ("old", "new", "message"),
     [
         ("2,1,15", "2,1,fast", ": "),
-        ("2,1,15", "2,1,nan", ":2: speed: found nan, allowed 0 to 1000"),
-        ("2,1,15", "2,1,1e30", r":2: speed: found 1e\+30, allowed 0 to 1000"),
-        ("2,1,1\n", "2,1,1", ": found no end of the last line"),
+        ("2,1,15", "2,1,nan", ":2: speed: expected 0 to 1000, got nan"),
+        ("2,1,15", "2,1,1e30", r":2: speed: expected 0 to 1000, got 1e\+30"),
+        ("2,1,1\n", "2,1,1", ": got no end of the last line"),
         ("t,id", "T,id", ": "),
         ("2,1,15", "2,1,15,7,7,7,7,7,7,7", ":2: expected 11 columns, got 18"),
     ],
@@ -414,7 +414,7 @@ def test_a_time_at_which_nobody_is_there_has_no_speed(tmp_path: Path) -> None:
     file.write_text(file.read_text() + f"9.1{',' * 10}\n")
     assert scanning_statistics.speed_table(read_data_set(folder)).samples.sum() == 1
     file.write_text(file.read_text() + f"9.2,1{',' * 9}-3\n")
-    with pytest.raises(FormatError, match=":5: speed: found -3"):
+    with pytest.raises(FormatError, match=":5: speed: got -3"):
         scanning_statistics.speed_table(read_data_set(folder))
 
 
@@ -435,7 +435,7 @@ def test_an_empty_folder_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         read_data_set(tmp_path)
     folder = write_folder(tmp_path / "data", {})
-    with pytest.raises(ValueError, match="found no LiDAR"):
+    with pytest.raises(ValueError, match="got no LiDAR"):
         read_data_set(folder)
 
 

@@ -285,7 +285,7 @@ def test_an_own_lidar_goes_through_all_but_its_unknown_presets(
     assert main.main(command(background, folder, out, "--stressors", *names)) == 0
     error = capsys.readouterr().err
     assert error.startswith("pyinfra: note: left out unseen_preset: ")
-    assert "lidar.yaml: name: found 'mine', allowed a LiDAR of the catalogue" in error
+    assert "lidar.yaml: name: expected a LiDAR of the catalogue, got 'mine'" in error
     assert rows(out).stressor.value_counts().to_dict() == {
         "none": 1,
         "fog": 4,
@@ -305,14 +305,14 @@ def test_a_lidar_without_a_seam_is_left_out_of_seam_and_phase(made: Made, tmp_pa
     (tmp_path / "lidars/table.npy").rename(base.folder / "table.npy")
     ((why, names),) = reasons(["seam", "phase", "tilt"], base).items()
     assert names == ["seam", "phase"]
-    assert why.endswith("lidar.yaml: pattern: found none that spins, needed for a seam")
+    assert why.endswith("lidar.yaml: pattern: expected a spinning unit for a cut angle, got none")
 
 
 def test_the_presets_of_a_changed_lidar_are_unknown(made: Made, tmp_path: Path) -> None:
     base = altered_scenes.read_base(made(custom_lidar(tmp_path, "helios_16")), 60)
     ((why, names),) = reasons(["tilt", "unseen_preset", "unseen_lidar"], base).items()
     assert names == ["unseen_preset"]
-    assert "lidar.yaml: pattern: found another than in " in why
+    assert "lidar.yaml: pattern: got another than in " in why
 
 
 def test_a_shipped_lidar_can_take_every_stressor_but_those_between_poles(
@@ -325,7 +325,7 @@ def test_other_lidars_need_a_preset_of_the_catalogue(made: Made, tmp_path: Path)
     base = altered_scenes.read_base(made(custom_lidar(tmp_path, "mine"), preset="rainy"), 60)
     ((why, names),) = reasons(["tilt", "unseen_lidar"], base).items()
     assert names == ["unseen_lidar"]
-    assert "preset: found 'rainy', allowed paper, equal, datasheet" in why
+    assert "preset: expected paper, equal, datasheet, got 'rainy'" in why
 
 
 def test_a_list_of_directions_must_lie_beside_the_frames(made: Made, tmp_path: Path) -> None:
@@ -335,7 +335,7 @@ def test_a_list_of_directions_must_lie_beside_the_frames(made: Made, tmp_path: P
     (folder / "table.npy").unlink()
     ((why, names),) = reasons(["tilt", "unseen_lidar", "unseen_scene"], base).items()
     assert names == ["tilt", "unseen_scene"]
-    assert f"pattern.table.file: found no file {folder / 'table.npy'}, allowed a copy" in why
+    assert f"pattern.table.file: expected a copy, got no file {folder / 'table.npy'}" in why
 
 
 def test_the_first_difference_of_two_lidars_is_named(base: altered_scenes.Base) -> None:
@@ -397,11 +397,11 @@ def test_recorded_trajectories_have_no_density_and_no_speed(
     assert main.main(command(background, recorded, out, "--stressors", *names)) == 0
     error = capsys.readouterr().err
     assert error.startswith("pyinfra: note: left out density, speed, vehicle_class: ")
-    assert "dataset.yaml: traffic: found recorded trajectories, allowed simulated" in error
+    assert "dataset.yaml: traffic: expected simulated, got recorded trajectories" in error
     assert set(rows(out).stressor) == {"none", "tilt"}
     (recorded.parent / "trajectories.csv").unlink()
     assert main.main(command(background, recorded, tmp_path / "2", "--stressors", "tilt")) == 2
-    assert "trajectories.csv: found no such file, needed to" in capsys.readouterr().err
+    assert "trajectories.csv: expected to, got no such file" in capsys.readouterr().err
 
 
 # Worlds that fail.
@@ -417,7 +417,7 @@ def test_a_wrong_world_is_named_before_the_first_cell_and_the_rest_is_measured(
     assert main.main(command(background, data, tmp_path, *words)) == 1
     first, last = capsys.readouterr().err.splitlines()
     assert first.startswith("pyinfra: speed 100.0 failed: infrasim check: --set traffic.speed")
-    assert "mean_km_h: found '6200', allowed above 0 to 200" in first
+    assert "mean_km_h: expected above 0 to 200, got '6200'" in first
     assert last == "pyinfra: 1 of 3 trials failed; the same command tries them again"
     assert rows(tmp_path).dial.tolist() == [0, 1.5]
     assert pd.read_csv(tmp_path / "stress_summary.csv").dials.tolist() == [2]
@@ -519,7 +519,7 @@ def test_a_detector_that_fails_without_stress_ends_the_test(
 def test_a_scene_of_the_catalogue_must_be_as_long_as_the_frames(base: altered_scenes.Base) -> None:
     late = replace(base, frames=(0, 5000))
     altered_scenes.check(base, altered_scenes.World(scene="curve"))
-    with pytest.raises(ValueError, match=r"curve.yaml: duration_s: found 500, allowed 500.1 or m"):
+    with pytest.raises(ValueError, match=r"curve.yaml: duration_s: expected 500.1 or m, got 500"):
         altered_scenes.check(late, altered_scenes.World(scene="curve"))
 
 
@@ -602,7 +602,7 @@ def test_another_model_of_the_same_name_is_no_finished_cell(
     )
     assert main.main(old) == 0
     assert main.main(new) == 2
-    assert "none 0 1 3: found a row of another model, other frames" in capsys.readouterr().err
+    assert "none 0 1 3: got a row of another model, other frames" in capsys.readouterr().err
     table = pd.read_csv(tmp_path / "out/stress.csv")
     table.drop(columns="inputs").to_csv(tmp_path / "out/stress.csv", index=False)
     assert main.main(new) == 0  # rows of an earlier version are taken for the same
@@ -654,7 +654,7 @@ def test_runs_of_one_detector_are_dials_of_the_training(base: altered_scenes.Bas
     assert named == [(fewer, "training_frames", 200.0), (seed, "training_seed", "2")]
     assert all(c.reference is first for c in planned)
     assert sum(c.stressor.name == "fog" for c in planned) == 4
-    with pytest.raises(ValueError, match="found 200 frames and seed 2, allowed another number"):
+    with pytest.raises(ValueError, match="expected another number, got 200 frames and seed 2"):
         trials.plan([first, trials.TrainedRun(Path("d"), "pointpillars", 200, 2)], stressors, base)
 
 
@@ -696,7 +696,7 @@ def test_a_run_of_another_lidar_is_one_line(
 ) -> None:
     run = untrained(tmp_path / "run", 800, "ruby_plus")
     assert main.main(["stress", str(run), "--data", str(data), "--out", str(tmp_path)]) == 2
-    assert capsys.readouterr().err.endswith("lidar: found ruby_plus, allowed helios_16\n")
+    assert capsys.readouterr().err.endswith("lidar: expected helios_16\n, got ruby_plus")
 
 
 def test_the_own_lidar_scene_and_preset_are_no_stress(base: altered_scenes.Base) -> None:
@@ -711,11 +711,11 @@ def test_the_own_lidar_scene_and_preset_are_no_stress(base: altered_scenes.Base)
     ("words", "message"),
     [
         (["--stressors", "snow"], "--stressors: expected names of stressors, got 'snow'; names: "),
-        (["--dials", "1"], "--dials: found it without one stressor of clouds or worlds"),
-        (["--stressors", "training_seed", "--dials", "1"], "--dials: found it without one"),
-        (["--stressors", "fog", "--dials", "much"], "--dials: found 'much', allowed a number"),
-        (["--stressors", "fog", "--dials", "-3"], "--dials: found '-3', allowed a number from 0"),
-        (["--stressors", "unseen_scene", "--dials", "moon"], "--dials: found 'moon', allowed"),
+        (["--dials", "1"], "--dials: got it without one stressor of clouds or worlds"),
+        (["--stressors", "training_seed", "--dials", "1"], "--dials: got it without one"),
+        (["--stressors", "fog", "--dials", "much"], "--dials: expected a number, got 'much'"),
+        (["--stressors", "fog", "--dials", "-3"], "--dials: expected a number from 0, got '-3'"),
+        (["--stressors", "unseen_scene", "--dials", "moon"], "--dials: got 'moon', allowed"),
         (["--frames", "0"], "--frames: expected 1 or more, got 0"),
     ],
 )
@@ -738,12 +738,12 @@ def test_wrong_folders_are_one_line(
     background: Path, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main.main(command(background, data.parent, tmp_path)) == 2
-    assert "found a data set, allowed a LiDAR of it: helios_16" in capsys.readouterr().err
+    assert "expected the folder of a LiDAR, got a data set: helios_16" in capsys.readouterr().err
     assert main.main(command(tmp_path, data, tmp_path)) == 1
     assert "No last.safetensors or background.npz in it" in capsys.readouterr().err
     (tmp_path / "stress.csv").write_text("a,b\n1,2\n")
     assert main.main(command(background, data, tmp_path)) == 2
-    assert "stress.csv:1: found no column detector" in capsys.readouterr().err
+    assert "stress.csv:1: got no column detector" in capsys.readouterr().err
 
 
 def test_a_recorded_folder_takes_stress_on_clouds_but_not_on_worlds(
@@ -756,9 +756,9 @@ def test_a_recorded_folder_takes_stress_on_clouds_but_not_on_worlds(
     out = tmp_path / "out"
     assert main.main(command(background, recorded, out, "--stressors", "fog")) == 0
     assert main.main(command(background, recorded, out, "--stressors", "tilt")) == 2
-    assert "found no dataset.yaml, allowed stressors of clouds" in capsys.readouterr().err
+    assert "expected stressors of clouds, got no dataset.yaml" in capsys.readouterr().err
     (recorded.parent / "dataset.yaml").write_text("name: site\npreset: recorded\n")
     assert main.main(command(background, recorded, out, "--stressors", "tilt", "rain")) == 0
     message = capsys.readouterr().err
     assert message.startswith("pyinfra: note: left out tilt: ")
-    assert "dataset.yaml: found no roads, as of a recording, allowed stressors of" in message
+    assert "dataset.yaml: expected stressors of, got no roads, as of a recording" in message

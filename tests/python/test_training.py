@@ -267,11 +267,11 @@ def test_held_out_frames_leave_some_to_learn_from_and_show_vehicles(
     source = read_source(lidar_folder, "smoke")
     learning = dataclasses.replace(recipe().learning, validate_frames=8)
     every = dataclasses.replace(recipe(), learning=learning)
-    with pytest.raises(ValueError, match="validate_frames: found 8, allowed below 8"):
+    with pytest.raises(ValueError, match="validate_frames: expected below 8, got 8"):
         train.train(every, [source], tmp_path, quiet=True)
     boxes = source.read_boxes()[:6]
     none = dataclasses.replace(source, read_boxes=lambda: (*boxes, np.empty((0, 7)), boxes[0][:0]))
-    with pytest.raises(ValueError, match="found no vehicle in the last 2 frames"):
+    with pytest.raises(ValueError, match="got no vehicle in the last 2 frames"):
         train.train(best_recipe(), [none], tmp_path, quiet=True)
     assert list(tmp_path.iterdir()) == []
 
@@ -284,7 +284,7 @@ def test_a_finished_run_stays_as_it_is(lidar_folder: Path, trained: Path) -> Non
 
 def test_a_run_of_other_steps_does_not_go_on(lidar_folder: Path, trained: Path) -> None:
     before = files_of(trained)
-    with pytest.raises(ConfigError, match="found another run: steps differ"):
+    with pytest.raises(ConfigError, match="got another run: steps differ"):
         run(lidar_folder, trained, steps=7)
     assert files_of(trained) == before
 
@@ -296,10 +296,10 @@ def files_of(folder: Path) -> dict[Path, bytes]:
 @pytest.mark.parametrize(
     ("part", "change", "message"),
     [
-        ("learning", {"rate": 0.01}, "learning.rate: found 0.003, allowed 0.01 to go on"),
-        ("learning", {"batch": 3}, "learning.batch: found 2, allowed 3 to go on"),
-        ("augmentation", {"flip": False}, "augmentation.flip: found True, allowed False to go on"),
-        ("augmentation", {"pasted": 0}, "augmentation.pasted: found 3, allowed 0 to go on"),
+        ("learning", {"rate": 0.01}, "learning.rate: expected 0.01 to go on, got 0.003"),
+        ("learning", {"batch": 3}, "learning.batch: expected 3 to go on, got 2"),
+        ("augmentation", {"flip": False}, "augmentation.flip: expected False to go on, got True"),
+        ("augmentation", {"pasted": 0}, "augmentation.pasted: expected 0 to go on, got 3"),
     ],
 )
 def test_a_run_that_learns_otherwise_does_not_go_on(
@@ -325,7 +325,7 @@ def test_a_run_of_other_frames_does_not_go_on(lidar_folder: Path, trained: Path)
         clouds=source.clouds[:7],
         read_boxes=lambda: (*boxes[:6], np.concatenate(boxes[6:])),
     )
-    with pytest.raises(ConfigError, match=r"run.yaml: frames: found 8, allowed 7 to go on"):
+    with pytest.raises(ConfigError, match=r"run.yaml: frames: expected 7 to go on, got 8"):
         train.train(recipe(), [fewer], trained, quiet=True)
     assert files_of(trained) == before
 
@@ -340,7 +340,7 @@ def test_a_run_in_half_the_bits_goes_on_in_half_the_bits(
     tensors = load_file(tmp_path / "last.safetensors").values()
     assert {t.dtype for t in tensors} <= {torch.float32, torch.int64}
     assert main.main([*words, "float32"]) == 2
-    message = "run.yaml: precision: found bfloat16, allowed float32 to go on"
+    message = "run.yaml: precision: expected float32 to go on, got bfloat16"
     assert message in capsys.readouterr().err
     assert files_of(tmp_path) == before
     assert main.main([*words, "bfloat16"]) == 0
@@ -351,20 +351,20 @@ def test_a_run_in_half_the_bits_goes_on_in_half_the_bits(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("detector: pointpilars\ntiers: {}\n", "1: detector: found 'pointpilars', allowed backgr"),
-        ("tiers: {}\n", "1: detector: found nothing, required"),
+        ("detector: pointpilars\ntiers: {}\n", "1: detector: expected backgr, got 'pointpilars'"),
+        ("tiers: {}\n", "1: detector: got nothing, required"),
         (
             "detector: dsvt\ntiers:\n  smoke: {}\n  huge: {}\n",
-            "4: tiers.huge: found an unknown key, allowed smoke, quick, full",
+            "4: tiers.huge: expected smoke, quick, full, got an unknown key",
         ),
-        ("detector: dsvt\ntiers: {smoke: {}}\n", "2: tiers.quick: found nothing, required"),
+        ("detector: dsvt\ntiers: {smoke: {}}\n", "2: tiers.quick: got nothing, required"),
         (
             "detector: dsvt\ntiers:\n  smoke: {}\n  quick: {learning: {steps: 0}}\n  full: {}\n",
-            "4: tiers.quick.learning: steps: found 0 without start, allowed 1 or more",
+            "4: tiers.quick.learning: steps: expected 1 or more, got 0 without start",
         ),
         (
             "detector: dsvt\ntiers: {smoke: {learning: {start: me}}, quick: {}, full: {}}\n",
-            "2: tiers.smoke.learning.start: found 'me', allowed a run, a file, or generalist",
+            "2: tiers.smoke.learning.start: expected a run, a file, or generalist, got 'me'",
         ),
     ],
 )
@@ -448,11 +448,11 @@ def changed(file: Path, out: Path, **keys: object) -> Path:
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        ({"format": 2}, "format: found '2', allowed '1'"),
-        ({"convention": "y up"}, "convention: found 'y up', allowed 'levelled LiDAR"),
-        ({"above_road": False}, "above_road: found 'False', allowed 'True'"),
-        ({"detector": "unknown"}, "detector: found 'unknown', allowed pointpillars"),
-        ({"step": "many"}, "step: found 'many', allowed a whole number"),
+        ({"format": 2}, "format: expected '1', got '2'"),
+        ({"convention": "y up"}, "convention: expected 'levelled LiDAR, got 'y up'"),
+        ({"above_road": False}, "above_road: expected 'True', got 'False'"),
+        ({"detector": "unknown"}, "detector: expected pointpillars, got 'unknown'"),
+        ({"step": "many"}, "step: expected a whole number, got 'many'"),
         ({"network": {"pillar_m": 0.4, "pillar_width": 8}}, "size mismatch"),
     ],
 )
@@ -471,10 +471,10 @@ def test_what_is_no_checkpoint_is_named_and_never_run(tmp_path: Path) -> None:
 
     for text in (pickle.dumps(Bomb()), b"", b"text", bytes(100)):
         (tmp_path / "bad.safetensors").write_bytes(text)
-        with pytest.raises(ConfigError, match=r"bad.safetensors: found no"):
+        with pytest.raises(ConfigError, match=r"bad.safetensors: got no"):
             checkpoint.load(tmp_path / "bad.safetensors")
     save_file({}, tmp_path / "bad.safetensors", metadata={"about": "{a: [1"})
-    with pytest.raises(ConfigError, match="found no description in its header"):
+    with pytest.raises(ConfigError, match="got no description in its header"):
         checkpoint.load(tmp_path / "bad.safetensors")
     assert not (tmp_path / "ran").exists()
     with pytest.raises(FileNotFoundError):
@@ -490,7 +490,7 @@ def test_no_vehicle_in_the_whole_training_set_is_an_error(tmp_path: Path) -> Non
         kitti.write_frame(folder, frame, road_sample(frame).points, none)
     (folder / "ImageSets").mkdir()
     (folder / "ImageSets/train.txt").write_text("000000\n000001\n")
-    with pytest.raises(ValueError, match="found no vehicle in the training frames"):
+    with pytest.raises(ValueError, match="got no vehicle in the training frames"):
         run(folder, tmp_path / "out")
 
 
@@ -538,7 +538,7 @@ def test_two_clouds_of_one_name_are_not_written_over_one_another(
     other = shutil.copy(cloud, tmp_path)
     words = ["detect", str(trained), str(cloud), other, "--out", str(tmp_path / "pred")]
     assert main.main(words) == 2
-    assert f"{other}: found the name of {cloud}" in capsys.readouterr().err
+    assert f"{other}: got the name of {cloud}" in capsys.readouterr().err
     assert not (tmp_path / "pred").exists()
 
 
@@ -563,7 +563,7 @@ def test_background_says_what_it_has_no_use_for(
     assert main.main([*words, "--seed", "2", "--budget", "0.5"]) == 0
     unused = "pyinfra: note: background: no use for --seed, --budget\n"
     anywhere = (
-        f"pyinfra: note: background: {lidar_folder.name}: found no roads.csv and no --region, so "
+        f"pyinfra: note: background: {lidar_folder.name}: got no roads.csv and no --region, so "
         "what moves is a vehicle anywhere\n"
     )
     assert capsys.readouterr().err == unused + anywhere
@@ -629,7 +629,7 @@ def test_a_model_of_anywhere_needs_the_height_of_the_road(
 ) -> None:
     cloud = kitti.frame_file(lidar_folder, "velodyne", 9)
     assert main.main(["detect", "--model", str(sure), str(cloud)]) == 2
-    assert "found no height of the road, allowed one: --height-m" in capsys.readouterr().err
+    assert "expected a height of the road, got none: --height-m" in capsys.readouterr().err
     rows = rows_of(capsys, "--model", sure, cloud, "--height-m", 6)
     assert len(rows) > 1
     lower = rows_of(capsys, "--model", sure, cloud, "--height-m", 5.5)
@@ -656,7 +656,7 @@ def test_weights_that_are_no_numbers_are_refused(sure: Path, tmp_path: Path) -> 
     loaded = checkpoint.load(sure)
     loaded.tensors["network.head.heat.bias"] *= float("nan")
     checkpoint.write(tmp_path / "nan.safetensors", loaded.tensors, loaded.provenance)
-    with pytest.raises(ConfigError, match=r"head\.heat\.bias: found a number that is not finite"):
+    with pytest.raises(ConfigError, match=r"head\.heat\.bias: got a number that is not finite"):
         detect.load_detector(tmp_path / "nan.safetensors", ground=level_ground(-6.0))
 
 
@@ -705,7 +705,7 @@ def test_a_training_begins_with_the_weights_of_another(
         if "running" not in name and "num_batches" not in name:
             torch.testing.assert_close(loaded.weights()[name], weights, atol=1e-5, rtol=1e-4)
     other = read_recipe(ROOT / "configs/detectors/pointpillars.yaml", "smoke")
-    with pytest.raises(ConfigError, match="found weights of another network"):
+    with pytest.raises(ConfigError, match="got weights of another network"):
         train.train(other.begun_with(trained), [source], tmp_path / "other", quiet=True)
 
 
@@ -757,13 +757,13 @@ def test_another_lidar_or_preset_is_a_warning_unless_it_is_meant(
     ("words", "message"),
     [
         (["--tier", "huge"], "invalid choice"),
-        (["--seed", "-1"], "--seed: found -1, allowed 0 or more"),
-        (["--budget", "0"], "--budget: found 0, allowed above 0"),
-        (["--device", "tpu"], "--device: found 'tpu', allowed cpu"),
-        (["--device", "cuda:99"], "--device: found 'cuda:99', allowed cpu"),
+        (["--seed", "-1"], "--seed: expected 0 or more, got -1"),
+        (["--budget", "0"], "--budget: expected above 0, got 0"),
+        (["--device", "tpu"], "--device: expected cpu, got 'tpu'"),
+        (["--device", "cuda:99"], "--device: expected cpu, got 'cuda:99'"),
         (["--precision", "float16"], "invalid choice"),
         (["--data", "nowhere"], "nowhere/lidar.yaml: No such file"),
-        (["--data", "."], "found a data set, allowed a LiDAR of it: ring"),
+        (["--data", "."], "expected the folder of a LiDAR, got a data set: ring"),
     ],
 )
 def test_wrong_words_are_one_line(
@@ -974,15 +974,15 @@ def test_a_training_needs_one_kind_of_source(
     both = ["--data", str(lidar_folder), "--scene", "s.yaml", "--lidar", "l.yaml"]
     for words in ([], both, ["--scene", "s.yaml"]):
         assert main.main(["train", str(CONFIG), "--out", str(tmp_path / "o"), *words]) == 2
-        assert "allowed --data, or --scene with --lidar" in capsys.readouterr().err
+        assert "expected --data, or --scene with --lidar" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("mount", "message"),
     [
-        ("", "mount: found none, allowed west, east, south, north"),
-        ("middle", "mount: found 'middle', allowed west, east, south, north"),
-        ("fused", "allowed one mount's name: fused frames are learnt from disk"),
+        ("", "mount: expected west, east, south, north, got none"),
+        ("middle", "mount: expected west, east, south, north, got 'middle'"),
+        ("fused", "expected one mount's name: fused frames are learnt from disk"),
     ],
 )
 def test_a_scene_with_several_mounts_is_learnt_at_one(
@@ -1011,9 +1011,7 @@ def test_labels_of_two_times_are_not_learnt_together() -> None:
         for scene, time in (("highway", "scan"), ("curve", "frame"))
     )
     assert common_label_time([one, one]) == "scan"
-    with pytest.raises(
-        ValueError, match=r"helios_16 in curve: label_time: found frame, allowed sc"
-    ):
+    with pytest.raises(ValueError, match=r"helios_16 in curve: label_time: expected sc, got frame"):
         common_label_time([one, other])
 
 

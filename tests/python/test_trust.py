@@ -137,7 +137,7 @@ def test_labelled_frames_are_asked_for_it(
     assert main.main(["validate", str(lidar), "--pred", str(pred)]) == 0
     assert "confirmed_share" not in capsys.readouterr().out
     assert main.main(["validate", str(lidar), "--unlabelled"]) == 2
-    assert "allowed with --pred alone" in capsys.readouterr().err
+    assert "expected with --pred alone" in capsys.readouterr().err
 
 
 # --- tracks by hand

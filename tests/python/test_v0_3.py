@@ -262,7 +262,7 @@ def test_a_key_with_another_name_keeps_what_a_row_is_told_by(
     assert from_plain(as_plain(then), OfNow, "run.yaml") == now
     assert from_plain(as_plain(now), OfNow, "run.yaml") == now
     assert canonical(dataclasses.replace(now, late=True)) != canonical(then)
-    with pytest.raises(config.ConfigError, match="found twice"):
+    with pytest.raises(config.ConfigError, match="got twice"):
         from_plain({"step": 1, "steps": 1}, OfNow, "run.yaml")
 
 

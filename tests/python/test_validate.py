@@ -159,8 +159,8 @@ def test_every_wrong_file_of_the_ground_truth_is_named(lidar: Path) -> None:
     kitti.frame_file(lidar, "objects", 5).unlink()
     texts = [str(f) for f in validate(lidar) if f.level == "error"]
     assert len(texts) == 3
-    assert "label_2/000002.txt:1: found 3 columns" in texts[0]
-    assert "objects/000004.csv:1: found 'id,class'" in texts[1]
+    assert "label_2/000002.txt:1: got 3 columns" in texts[0]
+    assert "objects/000004.csv:1: got 'id,class'" in texts[1]
     assert "objects/000005.csv: missing" in texts[2]
 
 
@@ -175,10 +175,10 @@ def test_degrees_in_objects_and_labels_are_errors(lidar: Path) -> None:
     lines[1:2] = [ignored, " ".join([*lines[1].split()[:14], "-179.5"])]
     label.write_text("\n".join(lines) + "\n")
     texts = [str(f) for f in validate(lidar) if f.level == "error"]
-    allowed = "allowed -2 pi to 2 pi, in radians"
+    allowed = "expected -2 pi to 2 pi, in radians"
     assert texts == [
-        f"error: wrong-file: {label}:3: rotation_y: found -179.5, {allowed}",
-        f"error: wrong-file: {objects}:3: heading: found 90, {allowed}",
+        f"error: wrong-file: {label}:3: rotation_y: got -179.5, {allowed}",
+        f"error: wrong-file: {objects}:3: heading: got 90, {allowed}",
     ]
 
 
@@ -244,7 +244,7 @@ def test_command_checks_every_lidar_of_a_data_set(
     assert f"{lidar}: " in out
     assert f"{tmp_path / 'other'}: " in out
     assert main.main(["validate", str(tmp_path), "--pred", str(tmp_path / "pred")]) == 2
-    assert "allowed one of lidar, other" in capsys.readouterr().err
+    assert "expected one of lidar, other" in capsys.readouterr().err
 
 
 @pytest.fixture

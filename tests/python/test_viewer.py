@@ -174,7 +174,7 @@ def test_fields_of_another_cloud_are_refused(tmp_path: Path) -> None:
     file = kitti.frame_file(folder, "fields", 0)
     file.parent.mkdir()
     kitti.write_fields(file, np.zeros(2, kitti.FIELDS))
-    with pytest.raises(FormatError, match=r"fields/000000.bin: found 2 records, allowed 3"):
+    with pytest.raises(FormatError, match=r"fields/000000.bin: expected 3 records, got 2"):
         read_view_frames(folder, [0])
 
 
@@ -192,13 +192,13 @@ def test_names_are_text_and_never_markup() -> None:
 @pytest.mark.parametrize(
     ("views", "element_id", "words"),
     [
-        ({"a": [view_frame([])]}, "1 2", "element_id: found '1 2', allowed"),
-        ({}, "v", "found no frame"),
-        ({"a": []}, "v", "found no frame"),
+        ({"a": [view_frame([])]}, "1 2", "element_id: got '1 2', allowed"),
+        ({}, "v", "got no frame"),
+        ({"a": []}, "v", "got no frame"),
         (
             {"a": [view_frame([])], "b": [view_frame([], frame=7)]},
             "v",
-            r"b: found frames \[7\], allowed \[0\]",
+            r"b: expected \[0\], got frames \[7\]",
         ),
     ],
 )
@@ -258,16 +258,16 @@ def test_a_run_of_the_simulator_has_time_and_objects(
 @pytest.mark.parametrize(
     ("words", "error"),
     [
-        ("--frames 5:9", "found no frame of 5:9, allowed 0 to 1"),
-        ("--frame 5", "found no frame of 5, allowed 0 to 1"),
-        ("--frames 0-4", "--frames: found '0-4', allowed A:B or A:B:STEP"),
-        ("--frames 0:4:0", "--frames: found '0:4:0', allowed A:B or A:B:STEP"),
-        ("--lidar three", "--lidar: found 'three', allowed one, two"),
-        ("--pred there", "--pred: found 'there', allowed LIDAR=DIR with LIDAR one, two"),
-        ("--pred one=there one=here", "--pred: found 'one=here' beside another of one"),
-        ("--pred three=there", "--pred: found 'three=there', allowed LIDAR=DIR"),
-        ("DATA/one", "found DATA/one, DATA/two, DATA/one, allowed each LiDAR once"),
-        ("--most-points 0", "--most-points: found 0, allowed 1 or more"),
+        ("--frames 5:9", "expected 0 to 1, got no frame of 5:9"),
+        ("--frame 5", "expected 0 to 1, got no frame of 5"),
+        ("--frames 0-4", "--frames: expected A:B or A:B:STEP, got '0-4'"),
+        ("--frames 0:4:0", "--frames: expected A:B or A:B:STEP, got '0:4:0'"),
+        ("--lidar three", "--lidar: expected one, two, got 'three'"),
+        ("--pred there", "--pred: expected LIDAR=DIR with LIDAR one, two, got 'there'"),
+        ("--pred one=there one=here", "--pred: got 'one=here' beside another of one"),
+        ("--pred three=there", "--pred: expected LIDAR=DIR, got 'three=there'"),
+        ("DATA/one", "expected each LiDAR once, got DATA/one, DATA/two, DATA/one"),
+        ("--most-points 0", "--most-points: expected 1 or more, got 0"),
     ],
 )
 def test_wrong_words_end_in_one_line_and_no_page(
@@ -290,10 +290,10 @@ def test_a_folder_in_place_of_the_page_is_named(
 ) -> None:
     folder, out = lidar_folder(tmp_path / "data/one"), tmp_path / "pages"
     out.mkdir()
-    allowed = f"--out: found the folder {out}, allowed the name of a file"
+    allowed = f"--out: expected the name of a file, got the folder {out}"
     assert main.main(["view", str(folder), *more, "--out", str(out)]) == 2
     assert capsys.readouterr().err == f"pyinfra: {allowed}\n"
-    with pytest.raises(ValueError, match="found the folder"):
+    with pytest.raises(ValueError, match="got the folder"):
         write_page({}, "title", out)
     assert list(out.iterdir()) == []
 
@@ -306,14 +306,14 @@ def test_a_page_above_the_limit_is_refused_and_the_old_one_stays(
     out.write_text("old")
     monkeypatch.setattr("pyinfra.viz.viewer.page.LARGEST_MB", 0.5)
     assert main.main(["view", str(folder), "--out", str(out)]) == 2
-    assert "MB, allowed 0.5 MB: fewer --frames, one --lidar, or --most" in capsys.readouterr().err
+    assert "MB, expected 0.5 MB: fewer --frames, one --lidar, or --most" in capsys.readouterr().err
     assert out.read_text() == "old"
     assert set(tmp_path.iterdir()) == {tmp_path / "data", out}
 
 
 def test_a_folder_that_is_none_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main.main(["view", str(tmp_path), "--out", str(tmp_path / "view.html")]) == 1
-    assert "found no LiDAR folder" in capsys.readouterr().err
+    assert "got no LiDAR folder" in capsys.readouterr().err
 
 
 def test_without_the_extra_a_recording_is_refused_with_its_name(

@@ -43,7 +43,7 @@ fs::path config_file(const std::string& word, const std::vector<std::string>& ki
       if (name == word) return folder / kind / (name + ".yaml");
       known += ", " + name;
     }
-  throw ConfigError("(name): found '" + word + "', allowed a path with a '/' or '.'" + known);
+  throw ConfigError("(name): expected a path with a '/' or '.'" + known + ", got '" + word + "'");
 }
 
 }  // namespace infrasim::cli

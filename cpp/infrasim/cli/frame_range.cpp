@@ -36,15 +36,14 @@ FrameRange parse_frames(const std::string& text, double duration_s) {
   const auto frames = frame_count(duration_s);
   if (!valid || range.first < 0 || range.last <= range.first || range.step < 1 ||
       range.last > frames)
-    throw ConfigError("--frames: found '" + text +
-                      "', allowed A:B or A:B:STEP with 0 <= A < B <= " + std::to_string(frames) +
-                      " and STEP from 1");
+    throw ConfigError("--frames: expected A:B or A:B:STEP with 0 <= A < B <= " +
+                      std::to_string(frames) + " and STEP from 1, got '" + text + "'");
   return range;
 }
 
 std::uint64_t parse_seed(const std::string& text) {
   const auto seed = parse_number<std::uint64_t>(text);
-  if (!seed) throw ConfigError("--seed: found '" + text + "', allowed a whole number from 0");
+  if (!seed) throw ConfigError("--seed: expected a whole number from 0, got '" + text + "'");
   return *seed;
 }
 

@@ -88,10 +88,10 @@ void check_traffic(const std::filesystem::path& file, const SceneConfig& scene) 
   const std::string others =
       overlaps.size() == 1 ? "" : " (" + std::to_string(overlaps.size()) + " pairs in all)";
   throw ConfigError((scene.traffic ? file : scene.folder / scene.trajectories).string() +
-                    ": (vehicles): found " + std::to_string(first.first_id) + " and " +
-                    std::to_string(first.second_id) + " in one place at " + n(first.time_s) +
-                    " s, x " + n(first.place.x) + ", y " + n(first.place.y) + others +
-                    ", allowed vehicles apart");
+                    ": (vehicles): expected vehicles apart, got " + std::to_string(first.first_id) +
+                    " and " + std::to_string(first.second_id) + " in one place at " +
+                    n(first.time_s) + " s, x " + n(first.place.x) + ", y " + n(first.place.y) +
+                    others);
 }
 
 /// Builds the scene under the given preset; if none is given, under every preset of the file and
@@ -152,9 +152,8 @@ void check_command(const CheckOptions& o) {
     return;
   }
   if (lidar) {
-    if (!o.assignments.empty())
-      throw ConfigError("--set: found a LiDAR file, allowed for scenes only");
-    if (o.traffic) throw ConfigError("--traffic: found a LiDAR file, allowed for scenes only");
+    if (!o.assignments.empty()) throw ConfigError("--set: expected a scene, got a LiDAR file");
+    if (o.traffic) throw ConfigError("--traffic: expected a scene, got a LiDAR file");
     std::fputs(dump_lidar(checked_lidar(file, o.preset)).c_str(), stdout);
     return;
   }

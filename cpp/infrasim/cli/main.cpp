@@ -33,8 +33,8 @@ void check_command(const CLI::App& app, int argc, char** argv) {
     if (command->get_name() == argv[1]) return;
     names += (names.empty() ? "" : ", ") + command->get_name();
   }
-  throw infrasim::ConfigError("infrasim: found unknown command '" + std::string(argv[1]) +
-                              "', allowed " + names + " (see --help)");
+  throw infrasim::ConfigError("infrasim: expected " + names +
+                              " (see --help), got unknown command '" + std::string(argv[1]) + "'");
 }
 
 int parse(CLI::App& app, int argc, char** argv) {
@@ -85,7 +85,7 @@ int main(int argc, char** argv) {
   } catch (const infrasim::ConfigError& e) {
     return complain(e.what(), kWrong);
   } catch (const std::bad_alloc&) {
-    return complain("infrasim: found not enough memory, allowed fewer frames or rays", kFailed);
+    return complain("infrasim: not enough memory: expected fewer frames or rays", kFailed);
   } catch (const std::exception& e) {
     return complain(e.what(), kFailed);
   }

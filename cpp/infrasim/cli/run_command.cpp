@@ -55,7 +55,7 @@ std::vector<std::string> assignments(const RunOptions& o) {
 /// The path of an option; empty if it was not given. An empty argument is an error.
 std::string path_of(const char* option, const std::optional<std::string>& value) {
   if (value && value->empty())
-    throw ConfigError(std::string(option) + ": found an empty path, allowed a file or folder");
+    throw ConfigError(std::string(option) + ": expected a file or folder, got an empty path");
   return value.value_or("");
 }
 

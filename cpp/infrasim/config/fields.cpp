@@ -19,21 +19,24 @@ std::string join(std::span<const char* const> names) {
 std::string value_text(const Tree& tree) {
   switch (tree.kind) {
     case Tree::Kind::kNull:
-      return "found nothing";
+      return "nothing";
     case Tree::Kind::kSequence:
-      return "found a list";
+      return "a list";
     case Tree::Kind::kMap:
-      return "found a map";
+      return "a map";
     case Tree::Kind::kScalar:
       break;
   }
-  return "found '" + tree.scalar.substr(0, 60) + "'";
+  return "'" + tree.scalar.substr(0, 60) + "'";
+}
+
+std::string expected(const std::string& allowed, const Tree& tree) {
+  return "expected " + allowed + ", got " + value_text(tree);
 }
 
 std::string allowed(const Rule& rule) {
   const std::string low = number_text(rule.min);
-  return ", allowed " + std::string(rule.above_min ? "above " + low : low) + " to " +
-         number_text(rule.max);
+  return std::string(rule.above_min ? "above " + low : low) + " to " + number_text(rule.max);
 }
 
 bool parse_double(const std::string& text, double& value) {
@@ -73,7 +76,7 @@ bool begins_as_name(const std::string& text) {
 }
 
 void expect_map(const Tree& tree, const std::string& key) {
-  if (tree.kind != Tree::Kind::kMap) fail(tree.place, key, value_text(tree) + ", allowed a map");
+  if (tree.kind != Tree::Kind::kMap) fail(tree.place, key, expected("a map", tree));
 }
 
 std::optional<Tree> take_presets(Tree& tree) {
@@ -89,7 +92,7 @@ FieldReader::FieldReader(const Tree& map, std::string path) : map_(map), path_(s
 const Tree* FieldReader::take(const char* key, const Rule& rule) {
   taken_.emplace_back(key);
   const Tree* tree = map_.find(key);
-  if (tree == nullptr && rule.required) check(false, key, "found nothing, required");
+  if (tree == nullptr && rule.required) check(false, key, "expected a value, got none");
   return tree;
 }
 
@@ -99,7 +102,7 @@ void FieldReader::finish() const {
     std::vector<const char*> names;
     for (const std::string& name : taken_) names.push_back(name.c_str());
     fail(map_.items[i].place, full(map_.keys[i].c_str()),
-         "found an unknown key, allowed " + join(names));
+         "expected " + join(names) + ", got an unknown key");
   }
   if (!failed_check_) return;
   const auto& [key, what] = *failed_check_;
@@ -113,28 +116,26 @@ void FieldReader::check(bool holds, const char* key, const std::string& what) {
 
 void FieldReader::expect(const Tree& tree, Tree::Kind kind, const std::string& key,
                          const char* what) {
-  if (tree.kind != kind) fail(tree.place, key, value_text(tree) + ", allowed " + what);
+  if (tree.kind != kind) fail(tree.place, key, expected(what, tree));
 }
 
 void FieldReader::expect_items(const Tree& tree, const std::string& key, const Rule& rule) {
-  if (tree.items.size() < rule.min_items)
-    fail(tree.place, key, "found no entries, allowed at least one");
+  if (tree.items.size() < rule.min_items) fail(tree.place, key, "expected entries, got none");
 }
 
 void FieldReader::read(const Tree& tree, const std::string& key, double& value, const Rule& rule) {
   double number = 0;
   if (tree.kind != Tree::Kind::kScalar || !parse_double(tree.scalar, number))
-    fail(tree.place, key, value_text(tree) + ", allowed a number");
+    fail(tree.place, key, expected("a number", tree));
   if (number < rule.min || number > rule.max || (rule.above_min && number == rule.min))
-    fail(tree.place, key, value_text(tree) + allowed(rule));
+    fail(tree.place, key, expected(allowed(rule), tree));
   value = number;
 }
 
 void FieldReader::read(const Tree& tree, const std::string& key, int& value, const Rule& rule) {
   double number = 0;
   read(tree, key, number, rule);
-  if (number != std::floor(number))
-    fail(tree.place, key, value_text(tree) + ", allowed a whole number");
+  if (number != std::floor(number)) fail(tree.place, key, expected("a whole number", tree));
   value = static_cast<int>(number);
 }
 
@@ -142,14 +143,14 @@ void FieldReader::read(const Tree& tree, const std::string& key, std::uint64_t& 
                        const Rule& /*rule*/) {
   const auto number = parse_number<std::uint64_t>(tree.scalar);
   if (tree.kind != Tree::Kind::kScalar || !number)
-    fail(tree.place, key, value_text(tree) + ", allowed a whole number from 0");
+    fail(tree.place, key, expected("a whole number from 0", tree));
   value = *number;
 }
 
 void FieldReader::read(const Tree& tree, const std::string& key, bool& value,
                        const Rule& /*rule*/) {
   if (tree.scalar != "true" && tree.scalar != "false")
-    fail(tree.place, key, value_text(tree) + ", allowed true or false");
+    fail(tree.place, key, expected("true or false", tree));
   value = tree.scalar == "true";
 }
 
@@ -157,15 +158,16 @@ void FieldReader::read(const Tree& tree, const std::string& key, std::string& va
                        const Rule& rule) {
   expect(tree, Tree::Kind::kScalar, key, "a text");
   if (find_unprintable(tree.scalar) != std::string::npos)
-    fail(tree.place, key, "found a control character, allowed a text in one line");
-  if (rule.required && tree.scalar.empty()) fail(tree.place, key, "found an empty text");
+    fail(tree.place, key, "expected a text in one line, got a control character");
+  if (rule.required && tree.scalar.empty())
+    fail(tree.place, key, "expected a text, got an empty one");
   value = tree.scalar;
 }
 
 void FieldReader::read(const Tree& tree, const std::string& key, Vec2& value, const Rule& rule) {
   expect(tree, Tree::Kind::kSequence, key, "a pair [a, b]");
   if (tree.items.size() != 2)
-    fail(tree.place, key, "found " + std::to_string(tree.items.size()) + " values, allowed 2");
+    fail(tree.place, key, "expected 2 values, got " + std::to_string(tree.items.size()));
   read(tree.items[0], key + ".0", value.x, rule);
   read(tree.items[1], key + ".1", value.y, rule);
 }
@@ -182,10 +184,9 @@ void FieldReader::read(const Tree& tree, const std::string& key, Fraction& value
   Fraction read;
   if (tree.kind != Tree::Kind::kScalar || !whole(text.substr(0, line), read.numerator) ||
       (line < text.size() && !whole(text.substr(line + 1), read.denominator)))
-    fail(tree.place, key,
-         value_text(tree) + ", allowed a whole number or a fraction such as 8125/4");
+    fail(tree.place, key, expected("a whole number or a fraction such as 8125/4", tree));
   if (read.value() < rule.min || read.value() > rule.max)
-    fail(tree.place, key, value_text(tree) + allowed(rule));
+    fail(tree.place, key, expected(allowed(rule), tree));
   const std::int64_t divisor = std::gcd(read.numerator, read.denominator);
   value = {read.numerator / divisor, read.denominator / divisor};
 }
@@ -194,7 +195,7 @@ std::size_t FieldReader::read_name(const Tree& tree, const std::string& key,
                                    std::span<const char* const> names) {
   for (std::size_t i = 0; i < names.size(); ++i)
     if (tree.kind == Tree::Kind::kScalar && tree.scalar == names[i]) return i;
-  fail(tree.place, key, value_text(tree) + ", allowed " + join(names));
+  fail(tree.place, key, expected(join(names), tree));
 }
 
 bool ends_as(std::string_view path, std::string_view pattern) {
@@ -226,7 +227,7 @@ Tree with_names_of_now(Tree tree, const CanonicalKeys& canonical, const std::str
           continue;
         if (tree.find(now) != nullptr)
           fail(tree.items[i].place, tree.keys[i],
-               "found beside " + std::string(now) + ", which is its name now, allowed one of them");
+               "expected " + std::string(now) + " alone, which is its name now, got both");
         tree.keys[i] = now;
       }
     tree.items[i] = with_names_of_now(std::move(tree.items[i]), canonical,

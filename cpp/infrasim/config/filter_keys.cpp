@@ -15,32 +15,33 @@ void visit(Fields& f, CropBox& c) {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     f.field(kMin[axis], c.min_m[axis], min.doc, min.rule);
     f.field(kMax[axis], c.max_m[axis], max.doc, max.rule);
-    f.check(c.max_m[axis] > c.min_m[axis], kMax[axis], "found it not above its minimum");
+    f.check(c.max_m[axis] > c.min_m[axis], kMax[axis],
+            "expected above its minimum, got at most that");
   }
 }
 
 template <class Fields>
 void check(Fields& f, const CropPolygon& c) {
-  f.check(c.outline_m.size() >= 3, "outline_m", "found fewer than 3 corners");
-  f.check(signed_area(c.outline_m) != 0, "outline_m", "found no area, allowed an outline with one");
+  f.check(c.outline_m.size() >= 3, "outline_m", "expected 3 or more corners, got fewer");
+  f.check(signed_area(c.outline_m) != 0, "outline_m", "expected an outline with an area, got none");
 }
 
 template <class Fields>
 void check(Fields& f, const CropRange& c) {
-  f.check(c.max_m > c.min_m, "max_m", "found it not above min_m, allowed above");
+  f.check(c.max_m > c.min_m, "max_m", "expected above min_m, got at most that");
 }
 
 template <class Fields>
 void check(Fields& f, const CropFieldOfView& c) {
   f.check(c.elevation_max_deg > c.elevation_min_deg, "elevation_max_deg",
-          "found it not above elevation_min_deg, allowed above");
+          "expected above elevation_min_deg, got at most that");
 }
 
 template <class Fields>
 void check(Fields& f, const GroundMorphological& c) {
-  f.check(c.window_m >= c.cell_m, "window_m", "found it below cell_m, allowed cell_m or more");
+  f.check(c.window_m >= c.cell_m, "window_m", "expected cell_m or more, got less");
   f.check(c.max_range_m <= 2000 * c.cell_m, "max_range_m",
-          "found more than 2000 cells of cell_m, allowed 2000");
+          "expected at most 2000 cells of cell_m, got more");
 }
 
 template <class Fields, class Filter>
@@ -65,7 +66,7 @@ void visit(Fields& f, FilterConfig& c) {
                             c.step = *step;
                             ++steps;
                           });
-  f.check(steps == 1, "crop_box", "found none or several steps, allowed one per entry");
+  f.check(steps == 1, "crop_box", "expected one step per entry, got none or several");
 }
 
 template void visit(config::FieldReader&, FilterConfig&);

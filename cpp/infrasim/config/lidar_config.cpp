@@ -20,7 +20,7 @@ void visit(Fields& f, PriceConfig& c) {
   f.field("high", c.high, "US dollars", required(between(0, 1e7)));
   f.field("source", c.source, "who says so", required());
   f.field("date", c.date, "when", required());
-  f.check(c.high >= c.low, "high", "found it below low, allowed low or more");
+  f.check(c.high >= c.low, "high", "expected low or more, got less");
 }
 
 namespace {
@@ -56,7 +56,8 @@ void visit(Fields& f, BundleEntry& c) {
   const bool file = c.lidar && !c.lidar->empty() && !c.pattern && !c.returns;
   const bool whole = !c.lidar && c.pattern && c.returns;
   f.check(file || whole, "lidar",
-          "found neither or both, allowed a LiDAR file, or pattern and returns in its place");
+          "expected a LiDAR file, or pattern and returns in its place, got "
+          "neither or both");
 }
 
 /// Whether the keys form a valid bundle. The price of a bundle of files is the sum of their prices;
@@ -74,9 +75,9 @@ void visit(Fields& f, LidarFile& c) {
   f.field("name", c.name, "name, and folder of its frames", required());
   f.check(c.name.find_first_of("/\\,\"\n") == std::string::npos && config::begins_as_name(c.name),
           "name",
-          "found '" + c.name +
-              "', allowed a name that can be a folder and a word of a table, and " +
-              "begins with a letter, a digit or _");
+          "expected a name that can be a folder and a word of a table, and begins "
+          "with a letter, a digit or _, got '" +
+              c.name + "'");
   f.field("model", c.model, "vendor and product");
   f.field("price_usd", c.price_usd, "price of one unit");
   f.field("pattern", c.pattern, "directions and times of its rays");
@@ -85,8 +86,8 @@ void visit(Fields& f, LidarFile& c) {
           "several LiDARs cast as one; resolved, with pattern and returns in place of lidar");
   const bool single = c.pattern && c.returns && c.price_usd && c.bundle.empty();
   f.check(single || is_bundle(c), "bundle",
-          "found an incomplete LiDAR, allowed pattern, returns and price_usd, or bundle alone, or "
-          "price_usd and a bundle without files");
+          "expected pattern, returns and price_usd, or bundle alone, or price_usd "
+          "and a bundle without files, got an incomplete LiDAR");
 }
 
 /// The file's tree, merged with the named preset.
@@ -95,14 +96,15 @@ config::Tree preset_tree(const std::filesystem::path& file, const std::string& p
   const auto presets = config::take_presets(tree);
   if (!presets) {
     if (preset.find_first_of(",\"\n") != std::string::npos)
-      config::fail(tree.place, "preset", "found '" + preset + "', allowed a word of a table");
+      config::fail(tree.place, "preset", "expected a word of a table, got '" + preset + "'");
     return tree;
   }
   const config::Tree* chosen = presets->find(preset);
   if (chosen == nullptr) {
     std::string names;
     for (const std::string& name : presets->keys) names += (names.empty() ? "" : ", ") + name;
-    config::fail(presets->place, "presets", "found no preset '" + preset + "', allowed " + names);
+    config::fail(presets->place, "presets",
+                 "expected " + names + ", got unknown preset '" + preset + "'");
   }
   config::expect_map(*chosen, "presets." + preset);
   return config::merged(tree, *chosen);
@@ -147,7 +149,7 @@ void resolve_table(const std::filesystem::path& file, TableConfig& c) {
   for (const double t : c.times_s) hash = mix64(hash ^ std::bit_cast<std::uint64_t>(t));
   const std::string digest = std::to_string(hash);
   if (!c.digest.empty() && c.digest != digest)
-    config::fail({file.string()}, "digest", "found " + c.digest + ", allowed " + digest);
+    config::fail({file.string()}, "digest", "expected " + digest + ", got " + c.digest);
   c.digest = digest;
 }
 
@@ -159,8 +161,8 @@ void resolve_files(const std::filesystem::path& file, PatternConfig& pattern) {
     for (const Channel& c : spinning.channels.table)
       if (c.fire_time_us >= column_us)
         config::fail({file.string()}, "fire_time_us",
-                     "found " + config::number_text(c.fire_time_us) + ", allowed below " +
-                         config::number_text(column_us) + ", the time of a column");
+                     "expected below " + config::number_text(column_us) +
+                         ", the time of a column, got " + config::number_text(c.fire_time_us));
   }
   if (pattern.table) resolve_table(file, *pattern.table);
 }
@@ -182,8 +184,8 @@ void check_size(const std::filesystem::path& file, const LidarConfig& lidar) {
   const auto limit = [&](const char* key, double value, double most) {
     if (value > most)
       config::fail({file.string()}, key,
-                   "found " + config::number_text(value) + ", allowed at most " +
-                       config::number_text(most) + " in one LiDAR");
+                   "expected at most " + config::number_text(most) + " in one LiDAR, got " +
+                       config::number_text(value));
   };
   limit("(lasers)", static_cast<double>(lasers), kMaxLasers);
   limit("(rays per second)", rays, kMostRaysPerSecond);
@@ -210,7 +212,7 @@ LidarUnit unit_of_file(const std::filesystem::path& file, const std::string& par
   const std::filesystem::path part_file = file.parent_path() / part;
   const auto keys = config::read_struct<LidarFile>(preset_tree(part_file, preset));
   if (!keys.bundle.empty())
-    config::fail({file.string()}, "bundle", "found a bundle in it, allowed single LiDARs");
+    config::fail({file.string()}, "bundle", "expected single LiDARs, got a bundle in it");
   add_price(*keys.price_usd, sum);
   LidarUnit unit = unit_of(part_file, keys);
   // The path becomes relative to the bundle.

@@ -46,7 +46,7 @@ FiringTable read_npy_table(const std::filesystem::path& file) {
     const double x = npy.values[i], y = npy.values[i + 1];
     table.directions.push_back({x, y});
     check(std::abs(x) <= kTurn && std::abs(y) <= kPi / 2,
-          "found a direction that is not finite or out of range, allowed radians");
+          "expected radians, got a direction that is not finite or out of range");
     if (npy.columns < 3) continue;
     const double time = npy.values[i + 2];
     const double least = table.times_s.empty() ? 0 : table.times_s.back();
@@ -70,14 +70,14 @@ std::vector<Channel> read_channels(const std::filesystem::path& file) {
     channel.azimuth_offset_deg = csv.number_or(0, "azimuth_offset_deg", -180, 180);
     channel.fire_time_us = csv.number_or(0, "fire_time_us", 0, 1e6);
   }
-  if (channels.empty()) fail({file.string(), 1, 1}, "(rows)", "found none, allowed at least one");
+  if (channels.empty()) fail({file.string(), 1, 1}, "(rows)", "expected at least one, got none");
   return channels;
 }
 
 FiringTable read_firing_table(const std::filesystem::path& file) {
   FiringTable table = file.extension() == ".npy" ? read_npy_table(file) : read_csv_table(file);
   if (table.directions.empty())
-    fail({file.string(), 1, 1}, "(rows)", "found none, allowed at least one");
+    fail({file.string(), 1, 1}, "(rows)", "expected at least one, got none");
   if (!table.times_s.empty()) {
     const double first = table.times_s.front();
     for (double& time : table.times_s) time -= first;

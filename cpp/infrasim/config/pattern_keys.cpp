@@ -44,9 +44,9 @@ void visit(Fields& f, ChannelsConfig& c) {
   f.field("file", c.file, "table of channels, relative to this file");
   f.field("table", c.table, "channels, in the order of their points in a column");
   const int ways = (c.count > 0) + !c.file.empty() + !c.table.empty();
-  f.check(ways == 1, "count", "found none or several, allowed one of count, file, table");
+  f.check(ways == 1, "count", "expected one of count, file, table, got none or several");
   f.check(c.count == 0 || c.upper_deg > c.lower_deg, "upper_deg",
-          "found it not above lower_deg, allowed above");
+          "expected above lower_deg, got at most that");
 }
 
 double columns_per_s(const SpinningConfig& spinning) {
@@ -80,13 +80,13 @@ void visit(Fields& f, SpinningConfig& c) {
   f.field("channels", c.channels, "lasers", required());
   const char* step = c.columns_per_turn ? "columns_per_turn" : "azimuth_step_deg";
   const bool one = c.azimuth_step_deg.has_value() != c.columns_per_turn.has_value();
-  f.check(one, step, "found both or neither, allowed azimuth_step_deg or columns_per_turn");
+  f.check(one, step, "expected azimuth_step_deg or columns_per_turn, got both or neither");
   const double columns = one ? columns_per_s(c) : kFewestPerSecond;
   f.check(columns >= kFewestPerSecond && columns <= kMostRaysPerSecond,
           columns < kFewestPerSecond ? "rate_hz" : step,
-          "found " + config::number_text(columns) + " columns a second, allowed " +
-              config::number_text(kFewestPerSecond) + " to " +
-              config::number_text(kMostRaysPerSecond));
+          "expected " + config::number_text(kFewestPerSecond) + " to " +
+              config::number_text(kMostRaysPerSecond) + " columns a second, got " +
+              config::number_text(columns));
 }
 
 template <class Fields>
@@ -110,9 +110,9 @@ void visit(Fields& f, PrismsConfig& c) {
   const double passages = c.steps_per_s * static_cast<double>(c.laser_offsets.size()) *
                           static_cast<double>(c.prisms.size());
   f.check(passages <= kMostPassagesPerSecond, "steps_per_s",
-          "found " + config::number_text(passages) +
-              " passages of light through wedges a second (steps, lasers and wedges), allowed " +
-              config::number_text(kMostPassagesPerSecond));
+          "expected " + config::number_text(kMostPassagesPerSecond) + ", got " +
+              config::number_text(passages) +
+              " passages of light through wedges a second (steps, lasers and wedges)");
 }
 
 template <class Fields>
@@ -130,7 +130,7 @@ void visit(Fields& f, PatternConfig& c) {
   f.field("wedges", c.prisms, "rotating prisms (Livox)");
   f.field("table", c.table, "a list of directions");
   f.check(c.spinning.has_value() + c.prisms.has_value() + c.table.has_value() == 1, "spinning",
-          "found none or several, allowed one of spinning, wedges, table");
+          "expected one of spinning, wedges, table, got none or several");
 }
 
 template void visit(config::FieldReader&, PatternConfig&);

@@ -80,7 +80,7 @@ void visit(Fields& f, ReturnsConfig& c) {
   f.field("detection", c.detection, "detection by received power");
   f.field("beam", c.beam, "beam wider than a ray");
   f.check(c.max_range_m > c.min_range_m, "max_range_m",
-          "found it not above min_range_m, allowed above");
+          "expected above min_range_m, got at most that");
 }
 
 template void visit(config::FieldReader&, ReturnsConfig&);

@@ -17,7 +17,7 @@ void visit(Fields& f, CentrelinePiece& c) {
   f.field("turn_deg", c.turn_deg, "angle of an arc, positive to the left", between(-360, 360));
   const bool line = c.line_m > 0 && c.radius_m == 0 && c.turn_deg == 0;
   const bool arc = c.line_m == 0 && c.radius_m > 0 && c.turn_deg != 0;
-  f.check(line || arc, "line_m", "found neither, allowed line_m, or radius_m with turn_deg");
+  f.check(line || arc, "line_m", "expected line_m, or radius_m with turn_deg, got neither");
 }
 
 template <class Fields>
@@ -37,7 +37,7 @@ void visit(Fields& f, LanesConfig& c) {
   f.field("shoulder_m", c.shoulder_m, "strip outside the lanes", between(0, 20));
   f.field("sidewalk_m", c.sidewalk_m, "footway outside the shoulder", between(0, 20));
   f.check(!c.one_way.value_or(false) || c.median_m == 0, "median_m",
-          "found a median of a one-way road, allowed 0");
+          "expected 0 on a one-way road, got a median");
 }
 
 template <class Fields>
@@ -61,8 +61,8 @@ void visit(Fields& f, RoadConfig& c) {
   const double half = lanes_half_width(l) + l.shoulder_m + l.sidewalk_m;
   for (const CentrelinePiece& piece : c.centreline)
     f.check(piece.radius_m == 0 || piece.radius_m > half, "centreline",
-            "found a radius_m of " + config::number_text(piece.radius_m) +
-                ", allowed above half the road's width, " + config::number_text(half));
+            "expected above half the road's width, " + config::number_text(half) +
+                ", got a radius_m of " + config::number_text(piece.radius_m));
 }
 
 template <class Fields>
@@ -74,16 +74,15 @@ void visit(Fields& f, ProfileConfig& c) {
           required(between(-1e5, 1e5)));
   f.field("vertical_curve_m", c.vertical_curve_m,
           "length of the parabola that rounds each change of grade", between(1, 1e3));
-  f.check(c.points_m.size() >= 2, "points_m", "found fewer than 2 points, allowed 2 or more");
+  f.check(c.points_m.size() >= 2, "points_m", "expected 2 or more points, got fewer");
   for (std::size_t i = 1; i < c.points_m.size(); ++i) {
     const Vec2 step = c.points_m[i] - c.points_m[i - 1];
     f.check(step.x >= c.vertical_curve_m, "points_m",
-            "found a point " + config::number_text(step.x) +
-                " m after the one before, allowed from vertical_curve_m, " +
-                config::number_text(c.vertical_curve_m) + ", on");
+            "expected from vertical_curve_m, " + config::number_text(c.vertical_curve_m) +
+                ", on, got a point " + config::number_text(step.x) + " m after the one before");
     f.check(std::abs(step.y) <= kSteepest * step.x + 1e-9, "points_m",
-            "found a grade of " + config::number_text(std::round(1e6 * step.y / step.x) / 1e4) +
-                " %, allowed up to " + config::number_text(100 * kSteepest));
+            "expected up to " + config::number_text(100 * kSteepest) + ", got a grade of " +
+                config::number_text(std::round(1e6 * step.y / step.x) / 1e4) + " %");
   }
 }
 
@@ -108,10 +107,9 @@ void visit(Fields& f, JunctionConfig& c) {
   f.field("roundabout", c.roundabout, "ring in place of the crossing and its signals");
   f.field("left_share", c.left_share, "share that turns left", between(0, 0.5));
   f.field("right_share", c.right_share, "share that turns right", between(0, 0.5));
-  f.check(c.roads.size() == 2, "roads",
-          "found " + std::to_string(c.roads.size()) + " names, allowed 2");
+  f.check(c.roads.size() == 2, "roads", "expected 2 names, got " + std::to_string(c.roads.size()));
   f.check(!(c.signal && c.roundabout), "signal",
-          "found it beside a roundabout, allowed one of both");
+          "expected one of the two, got both a junction and a roundabout");
 }
 
 template <class Fields>
@@ -119,7 +117,7 @@ void visit_ways(Fields& f, SceneConfig& c) {
   f.field("lanes", c.lanes, "file of lanes with elevation, in place of roads; they are not drawn");
   f.field("roads", c.roads, "roads; left out with lanes",
           c.lanes ? config::Rule{} : at_least_one());
-  f.check(!c.lanes || c.roads.empty(), "roads", "found them beside lanes, allowed one of the two");
+  f.check(!c.lanes || c.roads.empty(), "roads", "expected roads or lanes, got both");
   f.field("profile", c.profile, "rise along one direction, by which all that is level is lifted");
 }
 

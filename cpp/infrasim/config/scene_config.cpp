@@ -104,11 +104,11 @@ template <class Fields>
 void check_mounts(Fields& f, const SceneConfig& c) {
   for (const auto& [name, mount] : c.mounts) {
     const bool several = c.mounts.size() > 1;
-    f.check(
-        !several || (is_folder_name(name) && name != kFusedName), "mounts",
-        "found '" + name + "' of several, allowed letters, digits, _ and -, and not " + kFusedName);
+    f.check(!several || (is_folder_name(name) && name != kFusedName), "mounts",
+            std::string("expected letters, digits, _ and -, and not ") + kFusedName + ", got '" +
+                name + "' of several");
     f.check(several || !mount.calibration_error, "mounts",
-            "found calibration_error of the only one, allowed with several");
+            "expected no calibration_error with a single mount, got one");
   }
 }
 
@@ -119,7 +119,9 @@ void visit(Fields& f, RegionConfig& c) {
   check_name(f, c.name);
   f.field("outline_m", c.outline_m, "corners x y in order, world", required(between(-1e6, 1e6)));
   const bool area = c.outline_m.size() >= 3 && signed_area(c.outline_m) != 0;
-  f.check(area, "outline_m", "found fewer than 3 corners or no area, allowed an outline with one");
+  f.check(area, "outline_m",
+          "expected an outline of 3 or more corners with an area, got fewer or no "
+          "area");
 }
 
 template <class Fields>
@@ -128,23 +130,23 @@ void check_regions(Fields& f, const std::optional<std::vector<RegionConfig>>& re
   if (!regions) return;
   for (const RegionConfig& region : *regions)
     f.check(names.insert(region.name).second, "regions",
-            "found '" + region.name + "' twice, allowed a name for each");
+            "expected a name for each, got '" + region.name + "' twice");
 }
 
 template <class Fields>
 void visit(Fields& f, SceneConfig& c) {
   f.field("name", c.name, "name of the scene", required());
   f.check(config::begins_as_name(c.name), "name",
-          "found '" + c.name + "', allowed a name that begins with a letter, a digit or _");
+          "expected a name that begins with a letter, a digit or _, got '" + c.name + "'");
   f.field("seed", c.seed, "seed of traffic, phases and returns");
   f.field("duration_s", c.duration_s, "length of the run; a frame is 0.1 s",
           between(0.1, kLongestScene_s));
   f.check(std::abs(10 * c.duration_s - std::round(10 * c.duration_s)) < 1e-6, "duration_s",
-          "found " + config::number_text(c.duration_s) + ", allowed whole tenths of a second");
+          "expected whole tenths of a second, got " + config::number_text(c.duration_s));
   f.field("aggregation", c.aggregation.word, "exact, instant or slices:N");
   const auto aggregation = parse_aggregation(c.aggregation.word);
   f.check(aggregation.has_value(), "aggregation",
-          "found '" + c.aggregation.word + "', allowed " + kAggregationWords);
+          std::string("expected ") + kAggregationWords + ", got '" + c.aggregation.word + "'");
   c.aggregation = aggregation.value_or(Aggregation{});
   f.field("detail", c.detail, "level of detail of the vehicles: box, low, mid, fine");
   f.field("vehicle_parts", c.vehicle_parts, "what returns.detection sees apart from paint");
@@ -173,11 +175,12 @@ void visit(Fields& f, SceneConfig& c) {
   f.field("static_layers", c.static_layers,
           "by LiDAR, a file of `infrasim static` in place of casting what stands still");
   f.check(!c.lanes || !c.traffic, "traffic",
-          "found it with lanes of a file, allowed trajectories: own traffic needs roads");
+          "expected trajectories with lanes of a file, got traffic, which needs "
+          "roads");
   f.check(!c.static_layers || c.mounts.size() <= 1, "static_layers",
-          "found them with several mounts, allowed with one, as a file is of one place");
+          "expected one mount, as the file was made at one place, got several");
   f.check(c.traffic.has_value() == c.trajectories.empty(), "traffic",
-          "found both or neither, allowed either traffic or trajectories");
+          "expected either traffic or trajectories, got both or neither");
 }
 
 namespace {
@@ -218,8 +221,8 @@ std::size_t road_index(const SceneConfig& scene, const std::string& name,
     if (scene.roads[i].name == name) return i;
     names += (names.empty() ? "" : ", ") + scene.roads[i].name;
   }
-  const std::string allowed = names.empty() ? "none: the scene has no roads" : names;
-  config::fail(place, key, "found unknown road '" + name + "', allowed " + allowed);
+  const std::string allowed = names.empty() ? "no name, as the scene has no roads" : names;
+  config::fail(place, key, "expected " + allowed + ", got unknown road '" + name + "'");
 }
 
 SceneConfig scene_at_mount(const SceneConfig& scene, const std::string& mount) {
@@ -228,8 +231,8 @@ SceneConfig scene_at_mount(const SceneConfig& scene, const std::string& mount) {
   if (entry == scene.mounts.end()) {
     std::string names;
     for (const auto& [name, pose] : scene.mounts) names += (names.empty() ? "" : ", ") + name;
-    throw ConfigError("mount: found " + (mount.empty() ? "none" : "'" + mount + "'") +
-                      ", allowed " + names);
+    throw ConfigError("mount: expected " + names + ", got " +
+                      (mount.empty() ? "none" : "'" + mount + "'"));
   }
   SceneConfig view = scene;
   view.mounts = {*entry};

@@ -12,9 +12,9 @@ namespace infrasim {
 template <class Fields>
 void check_name(Fields& f, const std::string& name) {
   f.check(name.find(',') == std::string::npos && name.size() <= 100, "name",
-          "found a comma or more than 100 letters, allowed a short name");
+          "expected a short name, got a comma or more than 100 letters");
   f.check(config::begins_as_name(name), "name",
-          "found '" + name + "', allowed a name that begins with a letter, a digit or _");
+          "expected a name that begins with a letter, a digit or _, got '" + name + "'");
 }
 
 /// Keys that place an object beside a road.

@@ -15,7 +15,7 @@ void visit(Fields& f, GroundConfig& c) {
   f.here(c.place);
   f.field("elevation_m", c.elevation_m, "world z of the terrain", required(between(-1e3, 1e4)));
   f.field("outline_m", c.outline_m, "convex outline, counter-clockwise", required());
-  f.check(c.outline_m.size() >= 3, "outline_m", "found fewer than 3 corners");
+  f.check(c.outline_m.size() >= 3, "outline_m", "expected 3 or more corners, got fewer");
   double turned = 0;
   bool left = true;
   for (std::size_t i = 0, n = c.outline_m.size(); i < n; ++i) {
@@ -24,8 +24,8 @@ void visit(Fields& f, GroundConfig& c) {
     turned += std::atan2(cross(b - a, d - b), dot(b - a, d - b));
   }
   f.check(left && turned < 3 * kPi, "outline_m",
-          "found corners that do not turn left once round, allowed a convex outline, "
-          "counter-clockwise");
+          "expected a convex outline, counter-clockwise, got corners that do not "
+          "turn left once round");
 }
 
 template <class Fields>
@@ -101,7 +101,7 @@ void visit_shape(Fields& f, TreeShape& c, const char* base) {
   f.field("trunk_width_m", c.trunk_width_m, "thickness of the trunk", positive(5));
   f.field("base_m", c.base_m, base, between(-1e3, 1e4));
   visit_density(f, c.density_per_m);
-  f.check(c.height_m > c.trunk_m, "height_m", "found it not above trunk_m, allowed above");
+  f.check(c.height_m > c.trunk_m, "height_m", "expected above trunk_m, got at most that");
 }
 
 template <class Fields>
@@ -130,14 +130,16 @@ void visit(Fields& f, VegetationConfig& c) {
   const int kinds = c.hedge.has_value() + c.hedge_along.has_value() + c.tree.has_value() +
                     c.trees_along.has_value();
   f.check(kinds == 1, "hedge",
-          "found none or several, allowed one of hedge, hedge_along, tree, trees_along");
+          "expected one of hedge, hedge_along, tree, trees_along, got none or "
+          "several");
 }
 
 template <class Fields>
 void visit_static_objects(Fields& f, SceneConfig& c) {
   f.field("meshes", c.meshes, "surfaces from files", config::Rule{.min_items = 1});
   f.check(!c.profile || !(c.lanes || c.meshes), "profile",
-          "found it with lanes or meshes, allowed without: they have their own heights");
+          "expected none with lanes or meshes, which have their own heights, got "
+          "one");
   f.field("ground", c.ground, "pieces of terrain");
   f.field("buildings", c.buildings, "upright boxes");
   f.field("barriers", c.barriers, "walls along roads");

@@ -31,16 +31,16 @@ void visit_shares(Fields& f, std::map<std::string, double>& shares, const std::s
   for (const auto& [name, share] : shares) {
     const ObjectClass* object_class = find_class(name);
     f.check(object_class != nullptr, "class_shares",
-            "found unknown class '" + name + "', allowed Car, Van, Truck, Bus, Motorcycle");
+            "expected Car, Van, Truck, Bus, Motorcycle, got unknown class '" + name + "'");
     f.check(object_class == nullptr || object_class->vehicle || share == 0, "class_shares",
-            std::string("found ")
+            std::string("expected Car, Van, Truck, Bus, Motorcycle, got ")
                 .append(name)
                 .append(", which ")
                 .append(why_not)
-                .append(", allowed Car, Van, Truck, Bus, Motorcycle; trajectories may have all"));
+                .append("; trajectories may have all"));
     sum += share;
   }
-  f.check(sum > 0, "class_shares", "found a sum of 0, allowed above 0");
+  f.check(sum > 0, "class_shares", "expected above 0, got a sum of 0");
 }
 
 template <class Fields>
@@ -58,9 +58,9 @@ void visit(Fields& f, TrafficConfig& c) {
   }
   const double most = std::floor(1000 / (sum_of_lengths / sum + kStandstillGap_m));
   f.check(!(c.vehicles_per_km_lane > most), "vehicles_per_km_lane",
-          "found " + config::number_text(c.vehicles_per_km_lane) + ", allowed up to " +
-              config::number_text(most) + ", vehicles of these classes with " +
-              config::number_text(kStandstillGap_m) + " m between them");
+          "expected up to " + config::number_text(most) + ", vehicles of these classes with " +
+              config::number_text(kStandstillGap_m) + " m between them, got " +
+              config::number_text(c.vehicles_per_km_lane));
 }
 
 template <class Fields>
@@ -81,8 +81,8 @@ void visit(Fields& f, PersonSpeedConfig& c) {
   f.field("std_km_h", c.std_km_h, "its standard deviation, at most a third of the mean",
           required(between(0, 20)));
   f.check(!(3 * c.std_km_h > c.mean_km_h), "std_km_h",
-          "found " + config::number_text(c.std_km_h) +
-              ", allowed up to a third of mean_km_h, so that everybody moves");
+          "expected up to a third of mean_km_h, so that everybody moves, got " +
+              config::number_text(c.std_km_h));
 }
 
 template <class Fields>

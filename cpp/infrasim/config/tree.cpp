@@ -32,8 +32,9 @@ struct Converter {
   Tree convert(const YAML::Node& node) {
     Tree tree;
     tree.place = place_of(node.Mark(), name);
-    if (++nodes > kMaxNodes) fail(tree.place, "(document)", "found more than 1000000 values");
-    if (++depth > kMaxDepth) fail(tree.place, "(document)", "found more than 64 levels");
+    if (++nodes > kMaxNodes)
+      fail(tree.place, "(document)", "expected at most 1000000 values, got more");
+    if (++depth > kMaxDepth) fail(tree.place, "(document)", "expected at most 64 levels, got more");
     switch (node.Type()) {
       case YAML::NodeType::Undefined:
       case YAML::NodeType::Null:
@@ -59,9 +60,10 @@ struct Converter {
     std::set<std::string> seen;
     for (const auto& entry : node) {
       const Place key_place = place_of(entry.first.Mark(), name);
-      if (!entry.first.IsScalar()) fail(key_place, "(key)", "found a key that is not a word");
+      if (!entry.first.IsScalar())
+        fail(key_place, "(key)", "expected a word, got another kind of key");
       const std::string& key = entry.first.Scalar();
-      if (!seen.insert(key).second) fail(key_place, key, "found twice, allowed once");
+      if (!seen.insert(key).second) fail(key_place, key, "expected it once, got it twice");
       Tree value = convert(entry.second);
       if (value.place.line == 0) value.place = key_place;
       tree.keys.push_back(key);
@@ -110,10 +112,11 @@ Tree& child(Tree& tree, const std::string& step, const std::string& option) {
     const auto index = parse_number<std::size_t>(step);
     if (!index || *index >= tree.items.size())
       fail({option}, step,
-           "found no such list entry, allowed 0 to " + std::to_string(tree.items.size()) + " - 1");
+           "expected 0 to " + std::to_string(tree.items.size()) + " - 1, got no such list entry");
     return tree.items[*index];
   }
-  if (tree.kind == Tree::Kind::kScalar) fail({option}, step, "found a plain value on the way");
+  if (tree.kind == Tree::Kind::kScalar)
+    fail({option}, step, "expected a map or a list, got a plain value");
   tree.kind = Tree::Kind::kMap;
   if (Tree* child = find_mutable(tree, step)) return *child;
   tree.keys.push_back(step);
@@ -160,7 +163,7 @@ void check_characters(const std::string& text, const std::string& name) {
     const auto line_start = text.rfind('\n', at) + 1;  // 0 in the first line
     const auto line = std::count(text.begin(), text.begin() + static_cast<long>(at), '\n') + 1;
     fail({name, static_cast<int>(line), static_cast<int>(at - line_start) + 1}, "(document)",
-         "found the byte " + std::string(1, byte) + ", allowed text in UTF-8");
+         "expected text in UTF-8, got the byte " + std::string(1, byte));
   }
 }
 
@@ -168,10 +171,10 @@ Tree parse_tree(const std::string& text, const std::string& name) {
   check_characters(text, name);
   try {
     if (const auto second = second_document(text))
-      fail(place_of(*second, name), "(document)", "found a second document, allowed one");
+      fail(place_of(*second, name), "(document)", "expected one, got a second document");
     return Converter{name}.convert(YAML::Load(text));
   } catch (const YAML::Exception& e) {
-    fail(place_of(e.mark, name), "(document)", "found malformed YAML (" + e.msg + ")");
+    fail(place_of(e.mark, name), "(document)", "expected YAML, got malformed text (" + e.msg + ")");
   }
 }
 
@@ -201,7 +204,7 @@ void override_value(Tree& root, const std::string& assignment) {
   const std::string key = assignment.substr(0, equals);
   if (equals == std::string::npos || key.empty() || key.starts_with('.') || key.ends_with('.') ||
       key.find("..") != std::string::npos)
-    fail({option}, "(option)", "found '" + assignment + "', allowed KEY=VALUE with a dotted KEY");
+    fail({option}, "(option)", "expected KEY=VALUE with a dotted KEY, got '" + assignment + "'");
   Tree* at = &root;
   std::istringstream path(key);
   for (std::string step; std::getline(path, step, '.');) at = &child(*at, step, option);

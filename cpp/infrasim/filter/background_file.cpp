@@ -37,23 +37,22 @@ Header header_of(const BackgroundModel& model) {
 }
 
 Header read_header(std::string_view bytes, const std::string& name) {
-  if (!is_background(bytes))
-    fail(name, 0, "found another kind of file, allowed a background model");
-  if (bytes.size() < kData) fail(name, bytes.size(), "found the end of the file, allowed a header");
+  if (!is_background(bytes)) fail(name, 0, "expected a background model, got another kind of file");
+  if (bytes.size() < kData) fail(name, bytes.size(), "expected a header, got the end of the file");
   Header h;
   std::memcpy(&h, bytes.data() + kMagic.size(), sizeof h);
   const auto is_count = [](std::int32_t n) { return n >= 1 && n <= 7200; };
   if (!is_count(h.azimuth_cells) || !is_count(h.elevation_cells))
     fail(name, kMagic.size(),
-         "found " + std::to_string(h.azimuth_cells) + " x " + std::to_string(h.elevation_cells) +
-             " cells, allowed 1 to 7200 each way");
+         "expected 1 to 7200 each way, got " + std::to_string(h.azimuth_cells) + " x " +
+             std::to_string(h.elevation_cells) + " cells");
   if (h.first_row < 0 || h.rows < 0 || h.first_row > h.elevation_cells - h.rows)
-    fail(name, kMagic.size() + 8, "found rows outside the cells");
+    fail(name, kMagic.size() + 8, "expected rows within the cells, got others");
   const std::size_t expected = std::size_t{2} * h.rows * h.azimuth_cells * sizeof(float);
   if (bytes.size() - kData != expected)
     fail(name, kData,
-         "found " + std::to_string(bytes.size() - kData) + " bytes of cells, allowed " +
-             std::to_string(expected));
+         "expected " + std::to_string(expected) + ", got " + std::to_string(bytes.size() - kData) +
+             " bytes of cells");
   return h;
 }
 
@@ -81,7 +80,7 @@ BackgroundModel background_from_bytes(std::string_view bytes, const std::string&
   for (auto* values : {&model.range_m, &model.height_m}) {
     std::memcpy(values->data() + h.first_row * h.azimuth_cells, bytes.data() + from, size);
     if (std::ranges::any_of(*values, [](float v) { return std::isnan(v); }))
-      fail(name, from, "found a NaN, allowed are numbers");
+      fail(name, from, "expected numbers, got a NaN");
     from += size;
   }
   return model;

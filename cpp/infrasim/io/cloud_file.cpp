@@ -158,8 +158,9 @@ CloudFile CloudFile::select(std::span<const int> keep) const {
 CloudFile parse_bin(std::string_view bytes, const std::string& name) {
   constexpr std::size_t kRecord = 16;
   if (bytes.size() % kRecord != 0)
-    throw ConfigError(name + ":1:1: (size): found " + std::to_string(bytes.size()) +
-                      " bytes, allowed a multiple of 16 (float32 x y z intensity)");
+    throw ConfigError(name +
+                      ":1:1: (size): expected a multiple of 16 (float32 x y z intensity), got " +
+                      std::to_string(bytes.size()) + " bytes");
   CloudFile cloud;
   for (const char* field : {"x", "y", "z", "intensity"}) cloud.fields.push_back({field});
   cloud.points = bytes.size() / kRecord;
@@ -183,7 +184,7 @@ namespace {
 
 bool is_pcd(const std::filesystem::path& file) {
   if (file.extension() == ".pcd" || file.extension() == ".bin") return file.extension() == ".pcd";
-  throw ConfigError("found '" + file.string() + "', allowed a name that ends in .bin or .pcd");
+  throw ConfigError("expected a name that ends in .bin or .pcd, got '" + file.string() + "'");
 }
 
 }  // namespace

@@ -61,7 +61,7 @@ struct CloudFile {
 };
 
 /// Reads .pcd (version 0.7: ascii, binary, binary_compressed) or KITTI's .bin.
-/// @throws ConfigError if the content is malformed: `file:line:1: key: found, allowed`
+/// @throws ConfigError if the content is malformed: `file:line:1: key: expected, got`
 /// @throws IoError if it can't be read
 CloudFile read_cloud(const std::filesystem::path& file);
 

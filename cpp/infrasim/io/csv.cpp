@@ -19,8 +19,8 @@ CsvReader::CsvReader(const std::filesystem::path& file, std::string_view header,
   has_last_ = !last.empty() && row_ == std::string(header) + "," + std::string(last);
   columns_ += has_last_ ? 1 : 0;
   if (row_ != header && !has_last_)
-    fail_row("(header)", "found '" + std::string(row_.substr(0, 80)) + "', allowed '" +
-                             std::string(header) + "'");
+    fail_row("(header)", "expected '" + std::string(header) + "', got '" +
+                             std::string(row_.substr(0, 80)) + "'");
 }
 
 void CsvReader::next_line() {
@@ -36,8 +36,8 @@ bool CsvReader::next_row() {
   if (rest_.empty()) return false;
   next_line();
   if (const auto columns = std::ranges::count(row_, ',') + 1; columns != columns_)
-    fail_row("(row)", "found '" + std::string(row_.substr(0, 80)) + "', allowed " +
-                          std::to_string(columns_) + " columns");
+    fail_row("(row)", "expected " + std::to_string(columns_) + " columns, got '" +
+                          std::string(row_.substr(0, 80)) + "'");
   return true;
 }
 
@@ -53,8 +53,8 @@ double CsvReader::number(std::string_view key, double low, double high) {
   const std::string_view text = cell();
   const auto value = parse_number<double>(text);
   if (!value || !(*value >= low && *value <= high))
-    fail(key, "found '" + std::string(text.substr(0, 40)) + "', allowed a number from " +
-                  fixed_text(low, 6) + " to " + fixed_text(high, 6));
+    fail(key, "expected a number from " + fixed_text(low, 6) + " to " + fixed_text(high, 6) +
+                  ", got '" + std::string(text.substr(0, 40)) + "'");
   return *value;
 }
 

@@ -40,7 +40,7 @@ std::vector<std::string> lines_of(const std::string& text) {
   // A line of an identity that is not a line of the file has no line number.
   const bool in_file = line_of(old_lines, i) == line_of(in_folder, i);
   throw IoError(file.string() + ":" + (in_file ? std::to_string(i + 1) + ":" : "") +
-                " the folder holds another run: found '" + line_of(in_folder, i) +
+                " the folder holds another run: it has '" + line_of(in_folder, i) +
                 "', this run has '" + line_of(in_run, i) + "'");
 }
 
@@ -106,7 +106,7 @@ class Comparison {
       const std::string text = begun_ + rest.substr(0, rest.find('\n'));
       return text.empty() && rest.empty() ? std::string("(end)") : text.substr(0, 100);
     };
-    throw IoError(name_ + ":" + std::to_string(line_) + ": the folder holds another run: found '" +
+    throw IoError(name_ + ":" + std::to_string(line_) + ": the folder holds another run: it has '" +
                   line(there) + "', this run has '" + line(in_run) + "'");
   }
 

@@ -179,9 +179,9 @@ RecordedPoints read_points(const std::filesystem::path& lidar_folder, int frame)
   const auto file = lidar_folder / "training" / "fields" / (frame_name(frame) + ".bin");
   const std::string bytes = read_file(file);
   if (bytes.size() != kFieldsRecord * cloud.points)
-    throw ConfigError(file.string() + ": found " + std::to_string(bytes.size()) +
-                      " bytes, allowed " + std::to_string(kFieldsRecord) + " for each of " +
-                      std::to_string(cloud.points) + " points");
+    throw ConfigError(file.string() + ": expected " + std::to_string(kFieldsRecord) +
+                      " for each of " + std::to_string(cloud.points) + " points, got " +
+                      std::to_string(bytes.size()) + " bytes");
   RecordedPoints points{cloud.xyz(), cloud.column("intensity"), {}};
   points.ring.resize(cloud.points);
   for (std::size_t i = 0; i < cloud.points; ++i)

@@ -90,10 +90,9 @@ void write_npy(const std::filesystem::path& file, std::span<const double> values
 NpyTable read_npy(const std::filesystem::path& file, std::size_t least, std::size_t most) {
   const std::string bytes = read_file(file);
   const auto reject = [&](const std::string& problem) {
-    throw ConfigError(file.string() + ":1:1: (npy): found " + problem +
-                      ", allowed a C-ordered (n, " + std::to_string(least) +
-                      (most > least ? " to " + std::to_string(most) : "") +
-                      ") array of <f4 or <f8");
+    throw ConfigError(file.string() + ":1:1: (npy): expected a C-ordered (n, " +
+                      std::to_string(least) + (most > least ? " to " + std::to_string(most) : "") +
+                      ") array of <f4 or <f8, got " + problem);
   };
   const auto npy = split_npy(bytes);
   if (!npy) reject("no NumPy header of version 1 to 3, or a part of one");

@@ -42,7 +42,7 @@ class PcdReader {
   }
 
   std::string_view next_line() {
-    if (rest_.empty()) fail("(end)", "found the end of the file, allowed a PCD header and data");
+    if (rest_.empty()) fail("(end)", "expected a PCD header and data, got the end of the file");
     const auto end = std::min(rest_.find('\n'), rest_.size());
     std::string_view text = rest_.substr(0, end);
     rest_.remove_prefix(std::min(end + 1, rest_.size()));
@@ -61,8 +61,8 @@ class PcdReader {
   std::size_t whole(const std::string& key, const std::string& word, std::size_t max) const {
     const auto value = parse_number<std::size_t>(word);
     if (!value || *value > max)
-      fail(key, "found '" + word.substr(0, 40) + "', allowed a whole number up to " +
-                    std::to_string(max));
+      fail(key, "expected a whole number up to " + std::to_string(max) + ", got '" +
+                    word.substr(0, 40) + "'");
     return *value;
   }
 
@@ -73,14 +73,15 @@ class PcdReader {
     if (w.empty()) return;
     const std::string key = w.front();
     w.erase(w.begin());
-    if (std::ranges::count(keys_, key) > 0) fail(key.substr(0, 40), "found twice, allowed once");
+    if (std::ranges::count(keys_, key) > 0)
+      fail(key.substr(0, 40), "expected it once, got it twice");
     keys_.push_back(key);
     if (key == "FIELDS") return read_fields(w);
     if (key == "SIZE" || key == "TYPE" || key == "COUNT") return read_columns(key, w);
     if (key == "VIEWPOINT") return read_viewpoint(w);
-    if (w.size() != 1) fail(key, "found " + std::to_string(w.size()) + " values, allowed 1");
+    if (w.size() != 1) fail(key, "expected 1 values, got " + std::to_string(w.size()));
     if (key == "VERSION") {
-      if (w[0] != "0.7" && w[0] != ".7") fail(key, "found '" + w[0] + "', allowed 0.7");
+      if (w[0] != "0.7" && w[0] != ".7") fail(key, "expected 0.7, got '" + w[0] + "'");
     } else if (key == "WIDTH") {
       width_ = whole(key, w[0], kMaxPoints);
     } else if (key == "HEIGHT") {
@@ -92,15 +93,14 @@ class PcdReader {
       read_data_kind(w[0]);
     } else {
       fail(key.substr(0, 40),
-           "found an unknown key, allowed VERSION, FIELDS, SIZE, TYPE, COUNT, "
-           "WIDTH, HEIGHT, VIEWPOINT, POINTS, DATA");
+           "expected VERSION, FIELDS, SIZE, TYPE, COUNT, WIDTH, HEIGHT, VIEWPOINT, "
+           "POINTS, DATA, got an unknown key");
     }
   }
 
   void read_viewpoint(const std::vector<std::string>& values) {
     const std::string key = "VIEWPOINT";
-    if (values.size() != 7)
-      fail(key, "found " + std::to_string(values.size()) + " values, allowed 7");
+    if (values.size() != 7) fail(key, "expected 7 values, got " + std::to_string(values.size()));
     cloud_.viewpoint.clear();
     double length = 0;
     for (std::size_t i = 0; i < values.size(); ++i) {
@@ -116,7 +116,7 @@ class PcdReader {
 
   void read_data_kind(const std::string& kind) {
     if (kind != "ascii" && kind != "binary" && kind != "binary_compressed")
-      fail("DATA", "found '" + kind.substr(0, 40) + "', allowed ascii, binary, binary_compressed");
+      fail("DATA", "expected ascii, binary, binary_compressed, got '" + kind.substr(0, 40) + "'");
     data_ = kind;
     data_seen_ = true;
     cloud_.encoding = kind == "ascii"    ? PcdEncoding::kAscii
@@ -126,19 +126,19 @@ class PcdReader {
 
   void read_fields(const std::vector<std::string>& names) {
     if (names.empty() || names.size() > kMaxFields || !cloud_.fields.empty())
-      fail("FIELDS", "found " + std::to_string(names.size()) + " names, allowed 1 to 256, once");
+      fail("FIELDS", "expected 1 to 256, once, got " + std::to_string(names.size()) + " names");
     for (const std::string& name : names) cloud_.fields.push_back({name});
   }
 
   void read_columns(const std::string& key, const std::vector<std::string>& values) {
     if (values.size() != cloud_.fields.size())
-      fail(key, "found " + std::to_string(values.size()) + " values, allowed one per field (" +
-                    std::to_string(cloud_.fields.size()) + ")");
+      fail(key, "expected one per field (" + std::to_string(cloud_.fields.size()) + "), got " +
+                    std::to_string(values.size()) + " values");
     for (std::size_t i = 0; i < values.size(); ++i) {
       CloudField& f = cloud_.fields[i];
       if (key == "TYPE") {
         if (values[i] != "F" && values[i] != "I" && values[i] != "U")
-          fail(key, "found '" + values[i].substr(0, 40) + "', allowed F, I, U");
+          fail(key, "expected F, I, U, got '" + values[i].substr(0, 40) + "'");
         f.type = values[i][0];
       } else if (key == "SIZE") {
         f.size = static_cast<int>(whole(key, values[i], 8));
@@ -152,22 +152,22 @@ class PcdReader {
     for (const CloudField& f : cloud_.fields) {
       const bool valid =
           f.size == 8 || f.size == 4 || (f.type != 'F' && (f.size == 1 || f.size == 2));
-      if (f.count < 1) fail("COUNT", "found 0 of field '" + f.name + "', allowed 1 or more");
+      if (f.count < 1) fail("COUNT", "expected 1 or more, got 0 of field '" + f.name + "'");
       if (!valid)
-        fail("SIZE", "found field '" + f.name + "' of type " + f.type + " and size " +
-                         std::to_string(f.size) + ", allowed F4 F8 I1 I2 I4 I8 U1 U2 U4 U8");
+        fail("SIZE", "expected F4 F8 I1 I2 I4 I8 U1 U2 U4 U8, got field '" + f.name + "' of type " +
+                         f.type + " and size " + std::to_string(f.size));
     }
     for (const char* key : {"SIZE", "TYPE"})
-      if (std::ranges::count(keys_, key) == 0) fail(key, "found nothing, required");
+      if (std::ranges::count(keys_, key) == 0) fail(key, "expected a value, got none");
     for (const char* name : {"x", "y", "z"})
       if (cloud_.field(name) == nullptr ||
           std::ranges::count(cloud_.fields, name, &CloudField::name) > 1)
-        fail("FIELDS", std::string("found no field ") + name + " or several, allowed one");
-    if (!points_seen_) fail("POINTS", "found nothing, required");
+        fail("FIELDS", std::string("expected one field ") + name + ", got none or several");
+    if (!points_seen_) fail("POINTS", "expected a value, got none");
     const bool overflow = height_ != 0 && width_ > kMaxPoints / height_;
     if (overflow || width_ * height_ != cloud_.points)
-      fail("POINTS", "found " + std::to_string(cloud_.points) + ", allowed WIDTH x HEIGHT = " +
-                         std::to_string(width_) + " x " + std::to_string(height_));
+      fail("POINTS", "expected WIDTH x HEIGHT = " + std::to_string(width_) + " x " +
+                         std::to_string(height_) + ", got " + std::to_string(cloud_.points));
   }
 
   /// Number of bytes that the header promises. It is checked against the file's size before memory
@@ -175,16 +175,16 @@ class PcdReader {
   std::size_t promised(std::size_t most) const {
     const std::size_t record = cloud_.record_size();
     if (cloud_.points > most / record)
-      fail("POINTS", "found " + std::to_string(cloud_.points) + " points of " +
-                         std::to_string(record) + " bytes, more than the file holds");
+      fail("POINTS", "expected what the file holds, got " + std::to_string(cloud_.points) +
+                         " points of " + std::to_string(record) + " bytes");
     return cloud_.points * record;
   }
 
   /// Rejects data beyond the size that the header promises, which would be lost silently.
   void require_end(std::size_t size) const {
     if (rest_.size() > size)
-      fail("POINTS", "found " + std::to_string(rest_.size() - size) +
-                         " bytes more than the header promises, allowed none");
+      fail("POINTS", "expected the size in the header, got " + std::to_string(rest_.size() - size) +
+                         " bytes more");
   }
 
   void read_binary() {
@@ -195,19 +195,20 @@ class PcdReader {
 
   void read_compressed() {
     std::uint32_t sizes[2] = {};
-    if (rest_.size() < sizeof(sizes)) fail("DATA", "found no sizes, allowed two uint32");
+    if (rest_.size() < sizeof(sizes)) fail("DATA", "expected two uint32, got no sizes");
     std::memcpy(sizes, rest_.data(), sizeof(sizes));
     rest_.remove_prefix(sizeof(sizes));
     constexpr std::size_t kBestRatio = 264;
     if (sizes[0] > rest_.size() || sizes[1] > sizes[0] * kBestRatio)
-      fail("DATA", "found sizes " + std::to_string(sizes[0]) + " and " + std::to_string(sizes[1]) +
-                       ", more than the file holds");
+      fail("DATA", "expected what the file holds, got sizes " + std::to_string(sizes[0]) + " and " +
+                       std::to_string(sizes[1]));
     const std::size_t size = promised(sizes[1]);
     if (size != sizes[1])
-      fail("DATA", "found " + std::to_string(sizes[1]) + " bytes, allowed " + std::to_string(size));
+      fail("DATA",
+           "expected " + std::to_string(size) + ", got " + std::to_string(sizes[1]) + " bytes");
     require_end(sizes[0]);
     const auto columns = lzf_decompress(rest_, size);
-    if (!columns) fail("DATA", "found bytes that are not LZF of the stated size");
+    if (!columns) fail("DATA", "expected LZF of the stated size, got other bytes");
     cloud_.records.resize(size);
     transpose(*columns, cloud_.records);
   }
@@ -232,10 +233,12 @@ class PcdReader {
       std::size_t k = 0;
       for (const CloudField& f : cloud_.fields)
         for (int j = 0; j < f.count; ++j, ++k) {
-          if (k >= values.size()) fail(f.name, "found too few values in a row");
+          if (k >= values.size())
+            fail(f.name, "expected a value for each field of a row, got too few");
           append_value(f, values[k]);
         }
-      if (k != values.size()) fail("(row)", "found too many values in a row");
+      if (k != values.size())
+        fail("(row)", "expected a value for each field of a row, got too many");
     }
     if (rest_.find_first_not_of(" \t\r\n") != rest_.npos) require_end(0);
   }
@@ -243,7 +246,7 @@ class PcdReader {
   template <class T>
   T number(const std::string& key, const std::string& word, const std::string& allowed) const {
     const auto value = parse_number<T>(word);
-    if (!value) fail(key, "found '" + word.substr(0, 40) + "', allowed " + allowed);
+    if (!value) fail(key, "expected " + allowed + ", got '" + word.substr(0, 40) + "'");
     return *value;
   }
 

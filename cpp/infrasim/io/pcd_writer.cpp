@@ -66,8 +66,8 @@ std::string compressed_columns(const CloudFile& cloud) {
     offset += width;
   }
   if (columns.size() > std::numeric_limits<std::uint32_t>::max() / 2)
-    throw ConfigError("binary_compressed: found " + std::to_string(columns.size()) +
-                      " bytes of points, allowed up to 2 GiB");
+    throw ConfigError("binary_compressed: expected up to 2 GiB, got " +
+                      std::to_string(columns.size()) + " bytes of points");
   const std::string packed = lzf_compress(columns);
   const std::uint32_t sizes[2] = {static_cast<std::uint32_t>(packed.size()),
                                   static_cast<std::uint32_t>(columns.size())};

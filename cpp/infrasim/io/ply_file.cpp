@@ -70,9 +70,9 @@ class PlyReader {
       for (std::size_t i = 0; i < element.count; ++i) read_row(element);
     }
     if (ascii_) skip_blanks();
-    if (at_ != text_.size()) fail("found bytes after the last element, allowed none");
+    if (at_ != text_.size()) fail("expected the end of the file, got bytes after the last element");
     if (out_.vertices.empty() || out_.triangles.empty())
-      fail("found no vertex or no face, allowed some of both");
+      fail("expected vertices and faces, got none of one of them");
     return std::move(out_);
   }
 
@@ -90,7 +90,7 @@ class PlyReader {
   /// The words of the next line.
   std::vector<std::string_view> words() {
     const std::size_t end = text_.find('\n', at_);
-    if (end == std::string::npos) fail("found the end of the file in its header, allowed a .ply");
+    if (end == std::string::npos) fail("expected a .ply, got the end of the file in its header");
     std::string_view line = std::string_view(text_).substr(at_, end - at_);
     std::vector<std::string_view> out;
     while (!line.empty()) {
@@ -103,7 +103,7 @@ class PlyReader {
   }
 
   void read_header() {
-    if (words() != std::vector<std::string_view>{"ply"}) fail("found no 'ply', allowed a .ply");
+    if (words() != std::vector<std::string_view>{"ply"}) fail("expected a .ply, got no 'ply'");
     bool format = false;
     for (at_ = next_;; at_ = next_) {
       const auto line = words();
@@ -113,21 +113,21 @@ class PlyReader {
         format = true;
         ascii_ = line[1] == "ascii";
         if (!ascii_ && line[1] != "binary_little_endian")
-          fail("found format " + std::string(line[1]) + ", allowed ascii, binary_little_endian");
+          fail("expected ascii, binary_little_endian, got format " + std::string(line[1]));
       } else if (line[0] == "element" && line.size() == 3) {
         const auto count = parse_number<std::uint64_t>(line[2]);
-        if (!count) fail("found a count that is no number");
+        if (!count) fail("expected a number as the count, got a word");
         if (std::ranges::count(elements_, line[1], &PlyElement::name) > 0)
-          fail("found element '" + std::string(line[1].substr(0, 40)) + "' twice, allowed once");
+          fail("expected once, got element '" + std::string(line[1].substr(0, 40)) + "' twice");
         elements_.push_back({std::string(line[1]), *count, {}});
       } else if (line[0] == "property" && !elements_.empty()) {
         add_property(elements_.back(), line);
       } else {
-        fail("found '" + std::string(line[0].substr(0, 40)) +
-             "', allowed format, element, property, comment, end_header");
+        fail("expected format, element, property, comment, end_header, got '" +
+             std::string(line[0].substr(0, 40)) + "'");
       }
     }
-    if (!format) fail("found no format, allowed ascii, binary_little_endian");
+    if (!format) fail("expected ascii, binary_little_endian, got no format");
     at_ = next_;
     in_header_ = false;
   }
@@ -136,14 +136,14 @@ class PlyReader {
     PlyProperty added = property(line);
     const bool place = added.name == "x" || added.name == "y" || added.name == "z";
     if (element.find(added.name) != nullptr)
-      fail("found property '" + added.name.substr(0, 40) + "' twice, allowed once");
+      fail("expected once, got property '" + added.name.substr(0, 40) + "' twice");
     if (element.name == "vertex" && place && (added.type->whole || added.count != nullptr))
-      fail("found " + added.name + " of another type, allowed float or double");
+      fail("expected float or double, got " + added.name + " of another type");
     if (added.count != nullptr && !added.count->whole)
-      fail("found a list whose length is of type " + std::string(added.count->name) +
-           ", allowed whole numbers");
+      fail("expected whole numbers, got a list whose length is of type " +
+           std::string(added.count->name));
     if (element.name == "face" && is_corners(added) && !added.type->whole)
-      fail("found corners of type " + std::string(added.type->name) + ", allowed whole numbers");
+      fail("expected whole numbers, got corners of type " + std::string(added.type->name));
     element.properties.push_back(std::move(added));
   }
 
@@ -155,16 +155,18 @@ class PlyReader {
     if (line.size() == 3) return {std::string(line[2]), type(line[1]), nullptr};
     if (line.size() == 5 && line[1] == "list")
       return {std::string(line[4]), type(line[3]), type(line[2])};
-    fail("found a property of " + std::to_string(line.size()) +
-         " words, allowed 'property TYPE NAME', 'property list TYPE TYPE NAME'");
+    fail(
+        "expected 'property TYPE NAME', 'property list TYPE TYPE NAME', got a "
+        "property of " +
+        std::to_string(line.size()) + " words");
   }
 
   const PlyType* type(std::string_view name) const {
     const auto* entry = std::ranges::find_if(
         kPlyTypes, [&](const PlyType& t) { return t.name == name || t.other_name == name; });
     if (entry == kPlyTypes.end())
-      fail("found type '" + std::string(name.substr(0, 40)) +
-           "', allowed char to double, int8 to float64");
+      fail("expected char to double, int8 to float64, got type '" +
+           std::string(name.substr(0, 40)) + "'");
     return entry;
   }
 
@@ -173,14 +175,14 @@ class PlyReader {
     std::size_t least = 0;
     for (const PlyProperty& p : element.properties)
       least += ascii_ ? 2 : (p.count != nullptr ? p.count->bytes : p.type->bytes);
-    if (least == 0) fail("found element '" + element.name + "' without a property");
+    if (least == 0) fail("expected properties of element '" + element.name + "', got none");
     const std::size_t left = text_.size() - at_ + (ascii_ ? 1 : 0);
     if (element.count > left / least)
-      fail("found " + std::to_string(element.count) + " of '" + element.name + "' in " +
-           std::to_string(left) + " bytes: is it cut short?");
+      fail("expected as many as the file can hold, got " + std::to_string(element.count) + " of '" +
+           element.name + "' in " + std::to_string(left) + " bytes: is it cut short?");
     if (element.count > kMostTriangles)
-      fail("found " + std::to_string(element.count) + " of '" + element.name + "', allowed up to " +
-           std::to_string(kMostTriangles));
+      fail("expected up to " + std::to_string(kMostTriangles) + ", got " +
+           std::to_string(element.count) + " of '" + element.name + "'");
     if (element.name == "vertex") out_.vertices.reserve(element.count);
     if (element.name == "face") out_.triangles.reserve(element.count);
   }
@@ -205,20 +207,21 @@ class PlyReader {
       }
     }
     if (element.name == "vertex") add_vertex(vertex);
-    if (element.name == "face" && !corners) fail("found faces without vertex_indices");
+    if (element.name == "face" && !corners) fail("expected faces with vertex_indices, got others");
   }
 
   void add_vertex(Vec3 v) {
     const double largest = std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
     if (!(largest <= kFarthestVertex_m) || std::isnan(v.x + v.y + v.z))
-      fail("found a vertex whose x, y or z is missing or no number up to " +
-           std::to_string(static_cast<int>(kFarthestVertex_m)) +
-           " either way, allowed metres from the site's origin");
+      fail(
+          "expected metres from the site's origin, got a vertex whose x, y or z "
+          "is missing or no number up to " +
+          std::to_string(static_cast<int>(kFarthestVertex_m)) + " either way");
     out_.vertices.push_back(v);
   }
 
   void add_face(std::size_t n, const PlyType& type) {
-    if (n < 3) fail("found a face of " + std::to_string(n) + " corners, allowed 3 or more");
+    if (n < 3) fail("expected 3 or more, got a face of " + std::to_string(n) + " corners");
     const std::uint32_t first = corner(type);
     std::uint32_t before = corner(type);
     for (std::size_t i = 2; i < n; ++i) {
@@ -227,26 +230,27 @@ class PlyReader {
       before = here;
     }
     if (out_.triangles.size() > kMostTriangles)
-      fail("found more than " + std::to_string(kMostTriangles) + " triangles, allowed that many");
+      fail("expected at most " + std::to_string(kMostTriangles) + " triangles, got more");
   }
 
   std::uint32_t corner(const PlyType& type) {
     const double v = value(type);
     if (!(v >= 0 && v < static_cast<double>(out_.vertices.size())) || v != std::floor(v))
-      fail("found a corner that is none of the " + std::to_string(out_.vertices.size()) +
-           " vertices before it");
+      fail("expected corners by their number, got one that is none of the " +
+           std::to_string(out_.vertices.size()) + " vertices before it");
     return static_cast<std::uint32_t>(v);
   }
 
   std::size_t items(double count) const {
     if (!(count >= 0 && count <= 1e6) || count != std::floor(count))
-      fail("found a list of a length that is none, allowed 0 to a million");
+      fail("expected 0 to a million, got a list of a length that is none");
     return static_cast<std::size_t>(count);
   }
 
   double value(const PlyType& type) {
     if (ascii_) return ascii_value();
-    if (text_.size() - at_ < type.bytes) fail("found the end of the file: is it cut short?");
+    if (text_.size() - at_ < type.bytes)
+      fail("expected more data, got the end of the file: is it cut short?");
     const double v = type.read(text_.data() + at_);
     at_ += type.bytes;
     return v;
@@ -255,11 +259,11 @@ class PlyReader {
   double ascii_value() {
     skip_blanks();
     const std::size_t end = std::min(text_.find_first_of(" \t\r\n", at_), text_.size());
-    if (end == at_) fail("found the end of the file: is it cut short?");
+    if (end == at_) fail("expected more data, got the end of the file: is it cut short?");
     const auto v = parse_number<double>(std::string_view(text_).substr(at_, end - at_));
     if (!v)
-      fail("found '" + text_.substr(at_, std::min<std::size_t>(end - at_, 40)) +
-           "', allowed a number");
+      fail("expected a number, got '" + text_.substr(at_, std::min<std::size_t>(end - at_, 40)) +
+           "'");
     at_ = end;
     return *v;
   }

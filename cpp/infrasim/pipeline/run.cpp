@@ -22,18 +22,18 @@ void check(const RunRequest& request) {
   const auto frames = frame_count(request.scene.duration_s);
   const FrameRange& f = request.frames;
   if (f.first < 0 || f.step < 1 || f.last <= f.first || f.last > frames)
-    throw ConfigError("--frames: found " + std::to_string(f.first) + ":" + std::to_string(f.last) +
-                      ":" + std::to_string(f.step) +
-                      ", allowed A:B[:STEP] within 0:" + std::to_string(frames));
+    throw ConfigError("--frames: expected A:B[:STEP] within 0:" + std::to_string(frames) +
+                      ", got " + std::to_string(f.first) + ":" + std::to_string(f.last) + ":" +
+                      std::to_string(f.step));
   for (const LidarConfig& lidar : request.lidars)
     if (request.cast_all && request.scene.static_layers &&
         request.scene.static_layers->contains(lidar.name))
-      throw ConfigError("--cast-all: found static_layers." + lidar.name +
-                        ", allowed a scene without it: what a file holds can't be cast");
+      throw ConfigError("--cast-all: expected a scene without it, got static_layers." + lidar.name +
+                        ": what a file holds can't be cast");
   std::set<std::string> names;
   for (const LidarConfig& lidar : request.lidars)
     if (!names.insert(lidar.name).second)
-      throw ConfigError("--lidar: found '" + lidar.name + "' twice, allowed once");
+      throw ConfigError("--lidar: expected each once, got '" + lidar.name + "' twice");
 }
 
 std::vector<int> numbers(const FrameRange& range) {
@@ -47,10 +47,10 @@ std::vector<int> numbers(const FrameRange& range) {
 void check_fuse(const RunRequest& request) {
   if (!request.fuse) return;
   if (request.scene.mounts.size() < 2)
-    throw ConfigError("--fuse: found a scene with one mount, allowed with several");
+    throw ConfigError("--fuse: expected several mounts, got a scene with one");
   if (!request.mount.empty())
-    throw ConfigError("--fuse: found --mount " + request.mount + ", allowed several mounts");
-  if (request.out.empty()) throw ConfigError("--fuse: found no --out, allowed with it");
+    throw ConfigError("--fuse: expected several mounts, got --mount " + request.mount);
+  if (request.out.empty()) throw ConfigError("--fuse: expected --out, got none");
 }
 
 /// The folders of a run: one per mount, and one for the fused frames.
@@ -203,14 +203,16 @@ void warn_of_no_vehicles(const SceneConfig& scene, const std::vector<SummaryRow>
   if (scene.traffic && scene.traffic->vehicles_per_km_lane == 0) return;
   for (const SummaryRow& row : rows)
     if (row.vehicle_points_per_frame == 0)
-      warn("no-vehicle-points: " + row.lidar + ": found no point on a vehicle in the first " +
-           std::to_string(row.frames) + " frames, allowed a mount that looks at the traffic");
+      warn("no-vehicle-points: " + row.lidar +
+           ": expected a mount that looks at the traffic, got no point on a "
+           "vehicle in the first " +
+           std::to_string(row.frames) + " frames");
 }
 
 void warn_without_plane(const std::vector<SummaryRow>& rows, const Warn& warn) {
   for (const SummaryRow& row : rows)
     if (row.frames_without_plane > 0)
-      warn("no-ground-plane: " + row.lidar + ": found no plane in " +
+      warn("no-ground-plane: " + row.lidar + ": no plane in " +
            std::to_string(row.frames_without_plane) + " of " + std::to_string(row.frames) +
            " frames, kept all their points; allowed a road at sensor_height_m below the sensor");
 }

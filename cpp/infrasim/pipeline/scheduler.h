@@ -63,8 +63,8 @@ class Scheduler {
       filters_.push_back(FrameSimulator::learn_filters(worlds[i], lidars_, layers_[i]));
     const int threads = schedule_.threads;
     if (threads < 1 || threads > kMostThreads)
-      throw ConfigError("threads: found " + std::to_string(threads) + ", allowed 1 to " +
-                        std::to_string(kMostThreads));
+      throw ConfigError("threads: expected 1 to " + std::to_string(kMostThreads) + ", got " +
+                        std::to_string(threads));
     start(std::min(static_cast<std::size_t>(threads), schedule_.frames.size()));
   }
   /// Waits for the frames being computed; drops results that were not taken.

@@ -66,8 +66,8 @@ class Reader {
   std::int32_t take_count(const char* what, std::int32_t most) {
     const auto n = take<std::int32_t>();
     if (n < 1 || n > most)
-      fail(at_ - sizeof n, std::string(what) + ": found " + std::to_string(n) + ", allowed 1 to " +
-                               std::to_string(most));
+      fail(at_ - sizeof n, std::string(what) + ": expected 1 to " + std::to_string(most) +
+                               ", got " + std::to_string(n));
     return n;
   }
   /// Reads a column of n values, which must satisfy `allowed`.
@@ -80,14 +80,14 @@ class Reader {
     for (std::size_t i = 0; i < n; ++i)
       if (!allowed(column[i]))
         fail(at_ + i * sizeof(T),
-             std::string(what) + ": found " + config::number_text(column[i]) + words);
+             std::string(what) + ": expected " + words + ", got " + config::number_text(column[i]));
     at_ += n * sizeof(T);
     return column;
   }
   void need(std::size_t n) const {
     if (n > left())
       fail(bytes_.size(),
-           "found the end of the file, allowed " + std::to_string(n - left()) + " bytes more");
+           "expected " + std::to_string(n - left()) + " bytes more, got the end of the file");
   }
   [[noreturn]] void fail(std::size_t byte, const std::string& message) const {
     throw ConfigError(name_ + ": byte " + std::to_string(byte) + ": " + message);
@@ -123,8 +123,9 @@ StaticHits take_header(Reader& reader) {
   unit.group_size = reader.take_count("rays of a group", kMostMembers);
   unit.max_range_m = reader.take<float>();
   if (!(unit.max_range_m > 0 && unit.max_range_m <= static_cast<float>(kLongestRange_m)))
-    reader.fail_here("max_range_m: found " + config::number_text(unit.max_range_m) +
-                     ", allowed above 0, up to " + config::number_text(kLongestRange_m));
+    reader.fail_here("max_range_m: expected above 0, up to " +
+                     config::number_text(kLongestRange_m) + ", got " +
+                     config::number_text(unit.max_range_m));
   return unit;
 }
 
@@ -134,13 +135,12 @@ void take_hits(Reader& reader, StaticHits& unit) {
   const float most = unit.max_range_m;
   unit.range_m = reader.take_column<float>(
       n, "range_m", [&](float v) { return (v >= 0 && v <= most) || v == kInf; },
-      ", allowed 0 to " + config::number_text(most) + ", or inf");
+      "0 to " + config::number_text(most) + ", or inf");
   unit.gain = reader.take_column<float>(
-      n, "cos_incidence", [](float v) { return v >= 0 && v <= 1; }, ", allowed 0 to 1");
+      n, "cos_incidence", [](float v) { return v >= 0 && v <= 1; }, "0 to 1");
   constexpr auto kLast = static_cast<std::uint16_t>(Class::kRecorded);
   unit.class_id = reader.take_column<std::uint16_t>(
-      n, "class", [](std::uint16_t v) { return v <= kLast; },
-      ", allowed 0 to " + std::to_string(kLast));
+      n, "class", [](std::uint16_t v) { return v <= kLast; }, "0 to " + std::to_string(kLast));
 }
 
 std::string size_text(const StaticHits& unit) {
@@ -183,7 +183,7 @@ StaticLayerFile static_layer_from_bytes(std::string_view bytes, const std::strin
         "expected a static layer of version 2, got version 1, of infrasim 0.3, which does not say "
         "at which mount it was made: write it again with infrasim static");
   if (!bytes.starts_with(kLayerMagic))
-    reader.fail_here("found another kind of file, allowed a static layer");
+    reader.fail_here("expected a static layer, got another kind of file");
   reader.skip(kLayerMagic.size());
   const LayerOrigin origin = take_origin(reader);
   std::vector<StaticHits> units;
@@ -191,7 +191,8 @@ StaticLayerFile static_layer_from_bytes(std::string_view bytes, const std::strin
   for (std::int32_t i = 0; i < count; ++i) units.push_back(take_header(reader));
   for (StaticHits& unit : units) take_hits(reader, unit);
   if (reader.left() > 0)
-    reader.fail_here("found " + std::to_string(reader.left()) + " bytes more, allowed none");
+    reader.fail_here("expected the end of the file, got " + std::to_string(reader.left()) +
+                     " bytes more");
   return {name, hex(hash_name(bytes)), origin, std::move(units)};
 }
 
@@ -217,23 +218,24 @@ void check_is_from(const StaticLayerFile& file, const LayerOrigin& here) {
 
 void check_is_of(const StaticLayerFile& file, std::span<const StaticHits> units,
                  const std::string& lidar) {
-  const auto check = [&](bool same, const std::string& layer, const std::string& allowed) {
+  const auto check = [&](bool same, const std::string& what, const std::string& expected,
+                         const std::string& got) {
     if (same) return;
-    throw ConfigError(file.name + ": found " + layer + ", allowed " + allowed + ", as " + lidar +
-                      " has");
+    throw ConfigError(file.name + ": " + what + ": expected " + expected + ", as " + lidar +
+                      " has, got " + got);
   };
-  check(file.units.size() == units.size(), std::to_string(file.units.size()) + " units",
-        std::to_string(units.size()));
+  check(file.units.size() == units.size(), "units", std::to_string(units.size()),
+        std::to_string(file.units.size()));
   for (std::size_t i = 0; i < units.size(); ++i) {
-    const StaticHits &layer = file.units[i], &unit_hits = units[i];
-    const std::string unit = "unit " + std::to_string(i) + ": ";
-    check(layer.groups == unit_hits.groups && layer.group_size == unit_hits.group_size,
-          unit + size_text(layer), size_text(unit_hits));
-    check(layer.max_range_m == unit_hits.max_range_m,
-          unit + "a max_range_m of " + config::number_text(layer.max_range_m),
-          config::number_text(unit_hits.max_range_m));
-    check(layer.directions == unit_hits.directions, unit + "directions " + hex(layer.directions),
-          hex(unit_hits.directions) + " (channels, seam, phase, pitch and roll of the mount)");
+    const StaticHits &layer = file.units[i], &wanted = units[i];
+    const std::string unit = "unit " + std::to_string(i);
+    check(layer.groups == wanted.groups && layer.group_size == wanted.group_size, unit,
+          size_text(wanted), size_text(layer));
+    check(layer.max_range_m == wanted.max_range_m, unit + ": max_range_m",
+          config::number_text(wanted.max_range_m), config::number_text(layer.max_range_m));
+    check(layer.directions == wanted.directions, unit + ": directions",
+          hex(wanted.directions) + " (channels, cut angle, phase, pitch and roll of the mount)",
+          hex(layer.directions));
   }
 }
 

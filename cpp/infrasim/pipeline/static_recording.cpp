@@ -84,7 +84,7 @@ std::vector<Unit> units_of(const SceneConfig& scene, const LidarConfig& lidar,
     const auto& spinning = lidar.units[i].pattern.spinning;
     if (!spinning)
       throw ConfigError(words_of(lidar) + ": unit " + std::to_string(i) +
-                        ": found a table of rays, allowed a spinning LiDAR, for a recording");
+                        ": expected a spinning LiDAR, for a recording, got a table of rays");
     const double column = 2 * kPi / columns_per_turn(*spinning)->value();
     units.push_back({.from_levelled = transposed(unit_pose(scene, lidar.units[i])),
                      .reach = kColumnReach * column,
@@ -98,8 +98,8 @@ std::vector<Unit> units_of(const SceneConfig& scene, const LidarConfig& lidar,
 std::vector<int> frames_of(const std::filesystem::path& folder) {
   std::vector<int> all = frames_on_disk(folder);
   if (all.size() < kFewestFrames)
-    throw ConfigError(folder.string() + ": found " + std::to_string(all.size()) +
-                      " frames, allowed " + std::to_string(kFewestFrames) + " or more");
+    throw ConfigError(folder.string() + ": expected " + std::to_string(kFewestFrames) +
+                      " or more frames, got " + std::to_string(all.size()));
   std::vector<int> some;
   const std::size_t n = std::min(all.size(), kMostFrames);
   for (std::size_t i = 0; i < n; ++i) some.push_back(all[i * all.size() / n]);
@@ -138,8 +138,9 @@ void take_frame(const std::filesystem::path& folder, int frame, std::vector<Unit
     const auto [unit, ring] = find_ring(units, points.ring[i]);
     if (ring == nullptr)
       throw ConfigError(folder.string() + ": frame " + frame_name(frame) + ", point " +
-                        std::to_string(i) + ": ring: found " + std::to_string(points.ring[i]) +
-                        ", allowed those of the LiDAR's lasers, counted from 0");
+                        std::to_string(i) +
+                        ": ring: expected those of the LiDAR's lasers, counted from 0, got " +
+                        std::to_string(points.ring[i]));
     const float* p = &points.xyz[3 * i];
     take_point(*unit, *ring, {p[0], p[1], p[2]}, points.intensity[i]);
   }
@@ -161,11 +162,12 @@ double check_elevations(const std::filesystem::path& folder, const LidarConfig& 
       ++number;
     }
   if (worst <= kMostMiss_deg) return worst;
-  throw ConfigError(folder.string() + ": ring " + std::to_string(worst_ring) +
-                    ": found elevations that miss those of " + words_of(lidar) + " by " +
-                    config::number_text(std::round(worst * 1000) / 1000) +
-                    " degrees on average, allowed " + config::number_text(kMostMiss_deg) +
-                    " (channels of the LiDAR's file, pitch and roll of the mount)");
+  throw ConfigError(folder.string() + ": ring " + std::to_string(worst_ring) + ": expected " +
+                    config::number_text(kMostMiss_deg) +
+                    " (channels of the LiDAR's file, pitch and roll of the mount), got "
+                    "elevations that miss those of " +
+                    words_of(lidar) + " by " +
+                    config::number_text(std::round(worst * 1000) / 1000) + " degrees on average");
 }
 
 /// The return nearest to an azimuth, at most `reach` away.

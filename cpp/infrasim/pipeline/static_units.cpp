@@ -18,9 +18,10 @@ void check_can_have_layer(const LidarConfig& lidar, std::span<const ScannerUnit>
         : unit.pattern.repeats_after() == 0
             ? "a pattern that never repeats"
             : "a pattern of " + std::to_string(layer_bytes(unit.pattern)) + " bytes";
-    throw ConfigError(words_of(lidar) + ": unit " + std::to_string(i) + ": found " + problem +
-                      ", allowed single rays that repeat, of up to " +
-                      std::to_string(kMostLayerBytes) + " bytes, for a static layer");
+    throw ConfigError(words_of(lidar) + ": unit " + std::to_string(i) +
+                      ": expected single rays that repeat, of up to " +
+                      std::to_string(kMostLayerBytes) + " bytes, for a static layer, got " +
+                      problem);
   }
 }
 

@@ -183,8 +183,8 @@ std::vector<Overlap> traffic_overlaps(SceneConfig scene) {
 
 void check_frame(const World& world, int k) {
   if (k < 0 || k >= world.trajectories->frames())
-    throw ConfigError("frames: found " + std::to_string(k) + ", allowed 0 to " +
-                      std::to_string(world.trajectories->frames() - 1));
+    throw ConfigError("frames: expected 0 to " + std::to_string(world.trajectories->frames() - 1) +
+                      ", got " + std::to_string(k));
 }
 
 TriangleMesh frozen_mesh(const World& world, int k, double share) {

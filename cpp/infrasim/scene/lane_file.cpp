@@ -47,7 +47,7 @@ class LaneReader {
   std::vector<LanePath> read() {
     while (csv_.next_row()) row();
     finish();
-    if (out_.empty()) csv_.fail_row("lane", "found no lane, allowed one or more");
+    if (out_.empty()) csv_.fail_row("lane", "expected a lane, got none");
     return std::move(out_);
   }
 
@@ -55,26 +55,26 @@ class LaneReader {
   void row() {
     const std::string name(csv_.cell());
     if (!config::begins_as_name(name) || name.size() > 100)
-      csv_.fail("lane", "found '" + name.substr(0, 40) +
-                            "', allowed a short name that begins with a letter, a digit or _");
+      csv_.fail("lane", "expected a short name that begins with a letter, a digit or _, got '" +
+                            name.substr(0, 40) + "'");
     const LaneFileRow row{{csv_.number("x", -1e6, 1e6), csv_.number("y", -1e6, 1e6)},
                           csv_.number("z", -1e3, 1e4),
                           csv_.number("width", 0.5, 100)};
     if (name != name_) {
       finish();
       if (!names_.insert(name).second)
-        csv_.fail_row("lane", "found lane '" + name + "' again, allowed its rows together");
+        csv_.fail_row("lane", "expected its rows together, got lane '" + name + "' again");
       name_ = name;
     } else if (norm(row.place - rows_.back().place) < kLeastStep) {
-      csv_.fail_row("x", "found the place of the row above, allowed " +
-                             config::number_text(kLeastStep) + " m from it or more");
+      csv_.fail_row("x", "expected " + config::number_text(kLeastStep) +
+                             " m from it or more, got the place of the row above");
     }
     rows_.push_back(row);
   }
 
   void finish() {
     if (rows_.size() == 1)
-      csv_.fail_row("lane", "found one row of lane '" + name_ + "', allowed two or more");
+      csv_.fail_row("lane", "expected two or more, got one row of lane '" + name_ + "'");
     if (!rows_.empty()) out_.push_back(path_of(name_, rows_));
     rows_.clear();
   }

@@ -69,8 +69,9 @@ JunctionCut cut_at(const JunctionConfig& junction, int index, const RoadLine& ro
   if (length - s <= reach && s > half + kLeastArm) return {index, s - half, length};
   if (s < half + kLeastArm || s > length - half - kLeastArm)
     config::fail(junction.place, "roads",
-                 "found a junction within 10 m of the end of '" + road.config->name +
-                     "', allowed further in, or a road that ends on the other");
+                 "expected further in, or a road that ends on the other, got a junction "
+                 "within 10 m of the end of '" +
+                     road.config->name + "'");
   return {index, s - half, s + half};
 }
 
@@ -98,9 +99,9 @@ std::string degrees_text(double angle) {
 void check_heights(const JunctionConfig& junction, const RoadConfig& a, const RoadConfig& b) {
   if (a.elevation_m != b.elevation_m)
     config::fail(junction.place, "roads",
-                 "found '" + a.name + "' at " + config::number_text(a.elevation_m) + " m and '" +
-                     b.name + "' at " + config::number_text(b.elevation_m) +
-                     " m, allowed roads at one height");
+                 "expected roads at one height, got '" + a.name + "' at " +
+                     config::number_text(a.elevation_m) + " m and '" + b.name + "' at " +
+                     config::number_text(b.elevation_m) + " m");
 }
 
 /// Checks that the way straight on is nearly straight, and that every other exit is a left or right
@@ -111,8 +112,8 @@ void check_angles(const JunctionConfig& junction, const RoadLine& a, const RoadL
     const double bend = std::abs(wrap_angle(road->curve.at(road->cut->to).heading - in));
     if (bend > kMostBend)
       config::fail(junction.place, "roads",
-                   "found '" + road->config->name + "' to bend by " + degrees_text(bend) +
-                       " in it, allowed up to " + degrees_text(kMostBend));
+                   "expected up to " + degrees_text(kMostBend) + ", got '" + road->config->name +
+                       "' to bend by " + degrees_text(bend) + " in it");
   }
   for (const double s : {a.cut->from, a.cut->to})
     for (const double t : {b.cut->from, b.cut->to}) {
@@ -120,8 +121,8 @@ void check_angles(const JunctionConfig& junction, const RoadLine& a, const RoadL
       const double least = junction.roundabout ? kSharpestRing : kSharpestCrossing;
       if (angle < least - kAngleSlack)
         config::fail(junction.place, "roads",
-                     "found arms at " + degrees_text(angle) + " to each other, allowed " +
-                         degrees_text(least) + " or more");
+                     "expected " + degrees_text(least) + " or more, got arms at " +
+                         degrees_text(angle) + " to each other");
     }
 }
 
@@ -131,8 +132,8 @@ Ring ring_at(const JunctionConfig& junction, Vec2 centre, const RoadConfig& a,
   for (const RoadConfig* road : {&a, &b})
     if (road->lanes.each_way > 1 || is_one_way(road->lanes))
       config::fail(junction.place, "roundabout",
-                   "found it on '" + road->name +
-                       "' of several or one-way lanes, allowed roads with one lane each way");
+                   "expected roads with one lane each way, got it on '" + road->name +
+                       "' of several or one-way lanes");
   return {a.name + "_" + b.name + "_ring", centre, a.elevation_m, *junction.roundabout};
 }
 
@@ -144,8 +145,8 @@ std::optional<Ring> cut_roads(const SceneConfig& scene, int index, std::vector<R
   const auto point = meeting(a, b);
   if (&a == &b || !point)
     config::fail(junction.place, "roads",
-                 "found roads that do not meet, allowed two that cross, or one that ends on the "
-                 "other");
+                 "expected two that cross, or one that ends on the other, got roads that "
+                 "do not meet");
   check_heights(junction, *a.config, *b.config);
   const std::array stations{a.curve.project(*point), b.curve.project(*point)};
   const double angle =
@@ -160,9 +161,9 @@ std::optional<Ring> cut_roads(const SceneConfig& scene, int index, std::vector<R
   for (RoadLine* road : {&a, &b}) {
     if (road->cut)
       config::fail(junction.place, "roads",
-                   "found a second junction on '" + road->config->name +
-                       "', allowed one; a net of them is a site of lanes and trajectories "
-                       "(pyinfra site import, pyinfra site traffic)");
+                   "expected one, got a second junction on '" + road->config->name +
+                       "'; a net of them is a site of lanes and trajectories (pyinfra site "
+                       "import, pyinfra site traffic)");
     const bool first = road == &a;
     const LanesConfig& other = (first ? b : a).config->lanes;
     const double half =
@@ -172,7 +173,7 @@ std::optional<Ring> cut_roads(const SceneConfig& scene, int index, std::vector<R
   }
   if (ends_at(a) && ends_at(b))
     config::fail(junction.place, "roads",
-                 "found two roads that end there, allowed one that goes on");
+                 "expected one that goes on, got two roads that end there");
   check_angles(junction, a, b);
   return ring;
 }
@@ -270,9 +271,9 @@ void connect_arms(LaneNetwork& network, int index, const std::vector<Arm>& arms)
     const auto leads_nowhere = [&](int lane) { return network.lanes[lane].next.empty(); };
     if (const auto lanes = std::ranges::count_if(from.in, leads_nowhere))
       config::fail(network.junctions[index].place, "roads",
-                   "found " + std::to_string(lanes) +
-                       " lanes of a road that ends there without a turn of their own, allowed one "
-                       "lane to the left and one to the right");
+                   "expected one lane to the left and one to the right, got " +
+                       std::to_string(lanes) +
+                       " lanes of a road that ends there without a turn of their own");
   }
 }
 
@@ -284,7 +285,7 @@ LaneNetwork build_lane_network(const SceneConfig& scene, std::span<const Curve> 
     const RoadConfig& road = scene.roads[i];
     for (const RoadLine& other : roads)
       if (other.config->name == road.name)
-        config::fail(road.place, "name", "found a second road '" + road.name + "', allowed one");
+        config::fail(road.place, "name", "expected one, got a second road '" + road.name + "'");
     roads.push_back({&road, centrelines[i], {}});
   }
   LaneNetwork network;

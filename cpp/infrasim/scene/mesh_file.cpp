@@ -30,8 +30,8 @@ std::vector<std::string> flat_triangles(const SceneConfig& scene) {
     if (count == 0) continue;
     const auto first = std::ranges::find_if(surface.triangles, flat);
     const Vec3& at = surface.vertices[(*first)[0]];
-    lines.push_back("flat-triangles: " + file.string() + ": found " + std::to_string(count) +
-                    " of " + std::to_string(surface.triangles.size()) +
+    lines.push_back("flat-triangles: " + file.string() + ": " + std::to_string(count) + " of " +
+                    std::to_string(surface.triangles.size()) +
                     " triangles without an area, the first at x " + fixed_text(at.x, 6) + ", y " +
                     fixed_text(at.y, 6) + "; rays pass them");
   }

@@ -63,16 +63,15 @@ class ObstacleRules {
     for (const Box3d& piece : pieces)
       if (stands_on_lane(piece))
         config::fail(barrier.place, "offset_m",
-                     "found a barrier on a lane, allowed the median or outside the lanes");
+                     "expected the median or outside the lanes, got a barrier on a lane");
   }
 
   void check_beside_lanes(const Box3d& box, const config::Place& place, const char* key,
                           const std::string& kind) const {
     if (stands_on_lane(box))
       config::fail(place, key,
-                   "found " + (kind.empty() ? "it" : kind) +
-                       " on a lane, allowed beside the lanes or " + number_text(kClearance_m) +
-                       " m above them");
+                   "expected beside the lanes or " + number_text(kClearance_m) +
+                       " m above them, got " + (kind.empty() ? "it" : kind) + " on a lane");
   }
 
   /// Solid objects: boxes and barriers, including trunks but no leaves.
@@ -101,8 +100,9 @@ class ObstacleRules {
       };
       if (index.any_near(outline, shares_place))
         config::fail(place, "offset_m",
-                     "found a parked vehicle in another, or in what stands there, near " +
-                         at_text({box.x, box.y}) + ", allowed where nothing is");
+                     "expected where nothing is, got a parked vehicle in another, or in what "
+                     "stands there, near " +
+                         at_text({box.x, box.y}));
       index.add(outline, solid.size());
       solid.push_back(box);
     }
@@ -135,9 +135,10 @@ class ObstacleRules {
         if (scene.traffic) check_beside_lanes(box, row.place, "offset_m", "people");
         if (is_taken(box))
           config::fail(row.place, "offset_m",
-                       "found something in the way of people, near " + at_text({box.x, box.y}) +
-                           ", allowed " + number_text(kPeopleBeside_m) +
-                           " m free to both sides of their line");
+                       "expected " + number_text(kPeopleBeside_m) +
+                           " m free to both sides of their line, got something in the way of "
+                           "people, near " +
+                           at_text({box.x, box.y}));
       }
       for (const Box3d& box : way) take(box);
     }

@@ -20,7 +20,8 @@ constexpr unsigned kDrawsOfOthers = 7;  // after the samples of class and size
 Curve line_of(const Curve& whole, const ParkedConfig& row) {
   const double to = std::min(row.to_m, whole.length());
   if (row.from_m >= to)
-    config::fail(row.place, "from_m", "found it beyond to_m or the road's end, allowed before");
+    config::fail(row.place, "from_m",
+                 "expected a value before to_m and the road's end, got one beyond");
   return whole.part(row.from_m, to).offset(row.offset_m);
 }
 
@@ -42,8 +43,8 @@ class Row {
       if (rng.uniform(kDrawsOfOthers + 1) < config_.occupied) {
         if (out.size() == kMost)
           config::fail(config_.place, "to_m",
-                       "found more than " + std::to_string(kMost) +
-                           " parked vehicles up to this row, allowed " + std::to_string(kMost));
+                       "expected at most " + std::to_string(kMost) +
+                           " parked vehicles up to this row, got more");
         const int id = kFirstParkedId + static_cast<int>(out.size());
         out.push_back({state(id, kind, size, s + taken / 2, turn, rng), config_.place});
       }

@@ -41,7 +41,8 @@ struct PeopleRow::Walk {
 Curve people_line(const Curve& centreline, const PeopleConfig& row) {
   const double to = std::min(row.to_m, centreline.length());
   if (row.from_m >= to)
-    config::fail(row.place, "from_m", "found it beyond to_m or the road's end, allowed before");
+    config::fail(row.place, "from_m",
+                 "expected a value before to_m and the road's end, got one beyond");
   return centreline.part(row.from_m, to).offset(row.offset_m);
 }
 
@@ -182,8 +183,8 @@ People::People(const SceneConfig& scene, std::span<const Curve> centrelines) {
     step_ += static_cast<int>(rows_.back().size());
     if (step_ > kMostPeople)
       config::fail(row.place, "per_km",
-                   "found " + std::to_string(step_) + " people up to this row, allowed " +
-                       std::to_string(kMostPeople));
+                   "expected up to " + std::to_string(kMostPeople) + " people, got " +
+                       std::to_string(step_) + " up to this row");
   }
 }
 

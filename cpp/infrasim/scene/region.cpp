@@ -38,8 +38,8 @@ EvaluationRegion::EvaluationRegion(const Site& site, const MountConfig& mount)
     std::ranges::move(parts, std::back_inserter(parts_));
   }
   if (scene.lanes && parts_.empty())
-    throw ConfigError((scene.folder / *scene.lanes).string() + ": found no lane within " +
-                      config::number_text(half_length_) + " m of the mount, allowed one or more");
+    throw ConfigError((scene.folder / *scene.lanes).string() + ": expected a lane within " +
+                      config::number_text(half_length_) + " m of the mount, got none");
   check_names(scene);
   check_outlines(scene);
 }
@@ -64,8 +64,9 @@ void EvaluationRegion::check_names(const SceneConfig& scene) const {
   std::set<std::string> names;
   for (const LanePart& part : parts_)
     if (!names.insert(part.name).second)
-      throw ConfigError((scene.folder / *scene.lanes).string() + ": found a second '" + part.name +
-                        "' in the region, allowed other names: parts of a lane are NAME_2 ...");
+      throw ConfigError((scene.folder / *scene.lanes).string() +
+                        ": expected other names, got a second '" + part.name +
+                        "' in the region: parts of a lane are NAME_2 ...");
 }
 
 void EvaluationRegion::check_outlines(const SceneConfig& scene) const {
@@ -74,8 +75,8 @@ void EvaluationRegion::check_outlines(const SceneConfig& scene) const {
   for_each_row([&](const std::string&, const LaneRow& row) { meet |= in_outlines(row.place); });
   if (!meet)
     config::fail(scene.regions->front().place, "regions.0.outline_m",
-                 "found no middle of a road or lane in it or in the others, within " +
-                     config::number_text(half_length_) + " m of the mount; allowed some");
+                 "expected the middle of a road or lane in it or in the others, got none within " +
+                     config::number_text(half_length_) + " m of the mount");
 }
 
 bool EvaluationRegion::in_outlines(Vec2 point) const {

@@ -60,9 +60,9 @@ std::vector<Curve> centrelines(const SceneConfig& scene) {
       length += piece.line_m + piece.radius_m * rad(std::abs(piece.turn_deg));
     if (length > kMostRoad)
       config::fail(road.place, "centreline",
-                   "found " + config::number_text(std::round(length)) +
-                       " m of roads up to this one, allowed " + config::number_text(kMostRoad) +
-                       ", as rays end at " + config::number_text(kLongestRange_m));
+                   "expected " + config::number_text(kMostRoad) + ", as rays end at " +
+                       config::number_text(kLongestRange_m) + ", got " +
+                       config::number_text(std::round(length)) + " m of roads up to this one");
     out.push_back(centreline(road));
   }
   return out;

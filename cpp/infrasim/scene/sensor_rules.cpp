@@ -170,21 +170,19 @@ void check_sensor(const Site& site) {
     const auto fail = [&](const char* key, const std::string& what) {
       config::fail(mount.place, "mounts." + name + "." + key, what);
     };
-    const std::string got = "found " + number_text(mount.z_m);
+    const std::string got = ", got " + number_text(mount.z_m);
     if (const double away = distance_to_surfaces(site, sensor); away > kLongestRange_m)
-      fail("x_m", "found it " + number_text(std::round(away)) +
-                      " m from every road and ground, allowed up to " +
-                      number_text(kLongestRange_m) + ", where rays end");
+      fail("x_m", "expected up to " + number_text(kLongestRange_m) + ", where rays end, got it " +
+                      number_text(std::round(away)) + " m from every road and ground");
     if (const auto over = ground_over(site, sensor))
-      fail("z_m", got + " below the ground or a road at " + metres(*over + rise) +
-                      " m, allowed above, or under a bridge of " + number_text(kClearance_m) +
-                      " m");
+      fail("z_m", "expected above, or under a bridge of " + number_text(kClearance_m) + " m" + got +
+                      " below the ground or a road at " + metres(*over + rise) + " m");
     if (const std::string what = what_holds(site, sensor); !what.empty())
-      fail("x_m", "found it inside " + what + ", allowed outside");
+      fail("x_m", "expected a place outside, got one inside " + what);
     if (const auto lane = lane_around(site, sensor))
-      fail("z_m", got + " in the way of the vehicles of a lane at " + metres(*lane + rise) +
-                      ", allowed from " + metres(*lane + rise + kClearance_m) +
-                      " on, or beside the lanes");
+      fail("z_m", "expected " + metres(*lane + rise + kClearance_m) +
+                      " or more, or beside the lanes" + got +
+                      " in the way of the vehicles of a lane at " + metres(*lane + rise));
   }
 }
 
@@ -195,9 +193,9 @@ void check_sensor_above(const SceneConfig& scene, const TriangleMesh& background
   if (!std::isfinite(over) || bridge) return;
   const auto& [name, mount] = *scene.mounts.begin();
   config::fail(mount.place, "mounts." + name + ".z_m",
-               "found " + number_text(mount.z_m) + " below a surface of the meshes at " +
-                   metres(mount.z_m + over) + " m, allowed above, or under a bridge of " +
-                   number_text(kClearance_m) + " m");
+               "expected above, or under a bridge of " + number_text(kClearance_m) + " m, got " +
+                   number_text(mount.z_m) + " below a surface of the meshes at " +
+                   metres(mount.z_m + over) + " m");
 }
 
 void check_sensor_is_free(const SceneConfig& scene, const std::vector<ObjectState>& states,
@@ -206,8 +204,8 @@ void check_sensor_is_free(const SceneConfig& scene, const std::vector<ObjectStat
     for (const ObjectState& s : states)
       if (holds(s.box, {{mount.x_m, mount.y_m}, mount.z_m}))
         config::fail(mount.place, "mounts." + name + ".x_m",
-                     "found it inside vehicle " + std::to_string(s.id) + " at " +
-                         number_text(instant / 10.0) + " s, allowed outside the ways of vehicles");
+                     "expected outside the ways of vehicles, got it inside vehicle " +
+                         std::to_string(s.id) + " at " + number_text(instant / 10.0) + " s");
 }
 
 }  // namespace infrasim

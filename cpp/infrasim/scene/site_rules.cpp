@@ -45,8 +45,8 @@ class RoadRules {
     const double vehicles = site_.scene.traffic->vehicles_per_km_lane * length / 1000;
     if (vehicles > kMostVehicles)
       config::fail(site_.scene.traffic->place, "vehicles_per_km_lane",
-                   "found " + number_text(std::round(vehicles)) +
-                       " vehicles on the scene's lanes, allowed " + number_text(kMostVehicles));
+                   "expected at most " + number_text(kMostVehicles) +
+                       " vehicles on the scene's lanes, got " + number_text(std::round(vehicles)));
   }
 
   void check_road_meets_none(std::size_t i) const {
@@ -65,16 +65,16 @@ class RoadRules {
             return other.of == i && other.from > strip.to + kStripLength_m / 2;
           }) != nullptr)
         config::fail(road.place, "centreline",
-                     "found it to cross itself near " + at_text(strip.middle()) +
-                         ", allowed a road that does not");
+                     "expected a road that does not, got it to cross itself near " +
+                         at_text(strip.middle()));
     check_ends_apart(road, wide);
   }
 
   void check_ends_apart(const RoadConfig& road, const std::vector<Strip>& wide) const {
     if (wide.size() > 3 && footprints_overlap(wide.front().outline, wide.back().outline))
       config::fail(road.place, "centreline",
-                   "found it to end where it starts, near " + at_text(wide.front().middle()) +
-                       ", allowed a road with two ends");
+                   "expected a road with two ends, got it to end where it starts, near " +
+                       at_text(wide.front().middle()));
   }
 
   bool are_on_one_level(std::size_t a, std::size_t b) const {
@@ -95,14 +95,15 @@ class RoadRules {
   [[noreturn]] void fail_meeting(const RoadConfig& road, const Strip& met, Vec2 place) const {
     const RoadConfig& other = site_.scene.roads[met.of];
     const double apart = std::abs(road.elevation_m - other.elevation_m);
-    const std::string where = "found it on '" + other.name + "' near " + at_text(place);
+    const std::string where = ", got it on '" + other.name + "' near " + at_text(place);
     if (apart > 0)
       config::fail(road.place, "elevation_m",
-                   where + " with " + number_text(apart) + " m of height between, allowed " +
-                       number_text(kClearance_m) + " or more");
+                   "expected " + number_text(kClearance_m) + " m of height or more" + where +
+                       " with " + number_text(apart) + " m between");
     config::fail(road.place, "centreline",
-                 where + " without a junction of both, allowed one, " + number_text(kClearance_m) +
-                     " m of height between, or " + number_text(kApart) + " m beside it");
+                 "expected a junction of both, " + number_text(kClearance_m) +
+                     " m of height between, or " + number_text(kApart) + " m beside it" + where +
+                     " without one");
   }
 
   void check_ground(const GroundConfig& ground) const {
@@ -115,10 +116,10 @@ class RoadRules {
       for (const Strip& strip : cut_into_strips(site_.centrelines[i], half, -half, i))
         if (footprints_overlap(strip.outline, ground.outline_m))
           config::fail(ground.place, "elevation_m",
-                       "found " + number_text(ground.elevation_m) + " on '" + road.name +
-                           "' near " + at_text(strip.middle()) + ", allowed up to " +
-                           number_text(lowest - kLeastDepth) + ", or from " +
-                           number_text(road.elevation_m + kClearance_m) + " above it");
+                       "expected up to " + number_text(lowest - kLeastDepth) + ", or from " +
+                           number_text(road.elevation_m + kClearance_m) + " above it, got " +
+                           number_text(ground.elevation_m) + " on '" + road.name + "' near " +
+                           at_text(strip.middle()));
     }
   }
 
@@ -147,8 +148,8 @@ class RoadRules {
     });
     if (met != nullptr)
       config::fail(road.place, "embankment",
-                   "found its slope on '" + site_.scene.roads[met->of].name + "' near " +
-                       at_text(met->middle()) + ", allowed below roads and beside them");
+                   "expected below roads and beside them, got its slope on '" +
+                       site_.scene.roads[met->of].name + "' near " + at_text(met->middle()));
   }
 
   const Site& site_;

@@ -19,18 +19,18 @@ Trajectories load_recorded(const SceneConfig& scene) {
   Trajectories trajectories = read_trajectories(file);
   const int frames = frame_count(scene.duration_s);
   if (!trajectories.rows.empty() && trajectories.frames() < frames)
-    throw ConfigError(
-        file.string() + ": t: found " + std::to_string(trajectories.frames() * kFramePeriod) +
-        " s, allowed at least the scene's duration_s of " + std::to_string(scene.duration_s));
+    throw ConfigError(file.string() + ": t: expected at least the scene's duration_s of " +
+                      std::to_string(scene.duration_s) + ", got " +
+                      std::to_string(trajectories.frames() * kFramePeriod) + " s");
   trajectories.rows.resize(static_cast<std::size_t>(frames) + 1);
   const bool people = scene.people || scene.standing_people;
   if (!scene.parked && !people) return trajectories;
   const int first = scene.parked ? kFirstParkedId : kFirstPersonId;
   for (const auto& states : trajectories.rows)
     if (!states.empty() && states.back().id >= first)
-      throw ConfigError(file.string() + ": id: found " + std::to_string(states.back().id) +
-                        ", allowed below " + std::to_string(first) + ", where those of " +
-                        (scene.parked ? "parked vehicles" : "people") + " begin");
+      throw ConfigError(file.string() + ": id: expected below " + std::to_string(first) +
+                        ", where those of " + (scene.parked ? "parked vehicles" : "people") +
+                        " begin, got " + std::to_string(states.back().id));
   return trajectories;
 }
 

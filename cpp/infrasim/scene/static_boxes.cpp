@@ -26,7 +26,7 @@ std::vector<StaticBox> static_boxes(const SceneConfig& scene, std::span<const Cu
   for (const GantryConfig& g : scene.gantries) {
     const auto [road, curve] = road_named(scene, centrelines, g.road, g.place);
     if (g.s_m > curve.length())
-      config::fail(g.place, "s_m", "found it beyond the road's end, allowed up to it");
+      config::fail(g.place, "s_m", "expected a value up to the road's end, got one beyond");
     const CurvePoint foot = curve.at(g.s_m);
     const double leg = carriageway_half_width(road.lanes) + kLegGap;
     const double z = road.elevation_m;
@@ -50,7 +50,8 @@ std::vector<Box3d> barrier_pieces(const Road& road, const BarrierConfig& barrier
   const Curve& line = road.centreline;
   const double to = std::min(barrier.to_m, line.length());
   if (barrier.from_m >= to)
-    config::fail(barrier.place, "from_m", "found it beyond to_m or the road's end, allowed before");
+    config::fail(barrier.place, "from_m",
+                 "expected a value before to_m and the road's end, got one beyond");
   std::vector<Box3d> out;
   for (double s = barrier.from_m; s < to; s += longest_m) {
     const double length = std::min(longest_m, to - s);

@@ -92,11 +92,9 @@ void TrafficPopulation::check_fits(const ObjectClass& row) const {
   if (half_width_in_bend(v, tightest_radius_, 0) <= narrowest_m_ / 2) return;
   const auto metres = [](double m) { return config::number_text(std::round(100 * m) / 100); };
   config::fail(config_.place, "class_shares",
-               "found " + std::string(row.name) +
-                   ", allowed vehicles that stay in the narrowest "
-                   "lane, " +
-                   metres(narrowest_m_) + " m, round the tightest bend, " +
-                   metres(tightest_radius_) + " m");
+               "expected vehicles that stay in the narrowest lane, " + metres(narrowest_m_) +
+                   " m, round the tightest bend, " + metres(tightest_radius_) + " m, got " +
+                   std::string(row.name));
 }
 
 /// Makes a vehicle narrower and moves it to the lane's centre, if the scene's tightest bend would

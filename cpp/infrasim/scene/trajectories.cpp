@@ -189,8 +189,7 @@ class TrajectoryReader {
   Trajectories read() {
     out_.pitched = csv_.has_last();
     while (csv_.next_row()) row();
-    if (out_.rows.size() == 1)
-      csv_.fail_row("t", "found fewer than two instants, allowed two or more");
+    if (out_.rows.size() == 1) csv_.fail_row("t", "expected two or more instants, got fewer");
     return std::move(out_);
   }
 
@@ -208,13 +207,13 @@ class TrajectoryReader {
       return go_to(t);
     }
     if (id != std::floor(id))
-      csv_.fail("id", "found '" + config::number_text(id) + "', allowed a whole number");
+      csv_.fail("id", "expected a whole number, got '" + config::number_text(id) + "'");
     s.id = static_cast<int>(id);
     const std::string_view class_name = csv_.cell();
     const ObjectClass* class_entry = find_class(class_name);
     if (class_entry == nullptr)
-      csv_.fail("class", "found '" + std::string(class_name.substr(0, 40)) +
-                             "', allowed Car, Van, Truck, Bus, Motorcycle, Pedestrian, Cyclist");
+      csv_.fail("class", "expected Car, Van, Truck, Bus, Motorcycle, Pedestrian, Cyclist, got '" +
+                             std::string(class_name.substr(0, 40)) + "'");
     s.object_class = class_entry->id;
     s.box.x = csv_.number("x", -1e7, 1e7);
     s.box.y = csv_.number("y", -1e7, 1e7);
@@ -232,17 +231,25 @@ class TrajectoryReader {
   void go_to(double t) {
     const auto step = static_cast<std::size_t>(std::llround(t / kFramePeriod));
     if (std::abs(t - static_cast<double>(step) * kFramePeriod) > 1e-6)
+<<<<<<< /tmp/mm_o
       csv_.fail_row("t", "found a time that is not a multiple of 0.1 s");
     if (step + 1 < out_.rows.size()) csv_.fail_row("t", "found a time before the row above");
     if (out_.rows.empty() && step != 0) csv_.fail_row("t", "found a start after 0, allowed 0");
     out_.rows.resize(std::max(out_.rows.size(), step + 1));  // an instant without rows is empty
+=======
+      csv_.fail_row("t", "expected a multiple of 0.1 s, got another time");
+    if (step + 1 < out_.rows.size())
+      csv_.fail_row("t", "expected times that rise, got one before the row above");
+    if (out_.rows.empty() && step != 0) csv_.fail_row("t", "expected 0, got a start after 0");
+    out_.rows.resize(std::max(out_.rows.size(), step + 1));  // a moment without rows is empty
+>>>>>>> /tmp/mm_t
   }
 
   void add(double t, const ObjectState& s) {
     go_to(t);
     auto& row = out_.rows.back();
     if (!row.empty() && row.back().id >= s.id)
-      csv_.fail_row("id", "found ids that do not increase");
+      csv_.fail_row("id", "expected ids that rise within an instant, got others");
     const std::size_t step = out_.rows.size() - 1;
     check_motion(step, s);
     last_[s.id] = {step, s};
@@ -254,15 +261,15 @@ class TrajectoryReader {
     if (it == last_.end()) return;
     const auto& [last_step, before] = it->second;
     if (last_step + 1 != step)
-      csv_.fail_row("id", "found vehicle " + std::to_string(s.id) +
-                              " again after a gap, allowed steps of 0.1 s");
+      csv_.fail_row("id", "expected steps of 0.1 s, got vehicle " + std::to_string(s.id) +
+                              " again after a gap");
     const Box3d &a = before.box, &b = s.box;
     if (norm(Vec3{b.x - a.x, b.y - a.y, b.z - a.z}) > kMaxStep)
-      csv_.fail_row("x", "found a jump of more than 10 m in 0.1 s");
+      csv_.fail_row("x", "expected at most 10 m in 0.1 s, got a jump");
     if (std::abs(wrap_angle(b.heading - a.heading)) > kMaxTurn)
-      csv_.fail_row("heading", "found a turn of more than 60 degrees in 0.1 s");
+      csv_.fail_row("heading", "expected at most 60 degrees in 0.1 s, got a turn of more");
     if (a.dx != b.dx || a.dy != b.dy || a.dz != b.dz || before.object_class != s.object_class)
-      csv_.fail_row("dx", "found a vehicle that changes its size or class");
+      csv_.fail_row("dx", "expected one size and class of an object, got others than before");
   }
 
   CsvReader csv_;

@@ -26,7 +26,8 @@ std::vector<Tree> trees_along(const Road& road, const TreesAlongConfig& row) {
   const Curve& line = road.centreline;
   const double to = std::min(row.to_m, line.length());
   if (row.from_m > to)
-    config::fail(row.place, "from_m", "found it beyond to_m or the road's end, allowed before");
+    config::fail(row.place, "from_m",
+                 "expected a value before to_m and the road's end, got one beyond");
   std::vector<Tree> out;
   for (int i = 0; row.from_m + i * row.every_m <= to; ++i) {
     const CurvePoint p = line.at(row.from_m + i * row.every_m);

@@ -23,9 +23,9 @@ void check_rows(const LidarConfig& lidar, int frames) {
   for (const LidarUnit& unit : lidar.units)
     rows += rays_per_s(unit.pattern) * kFramePeriod * frames;
   if (rows > kMostRows)
-    throw ConfigError("frames: found " + std::to_string(frames) + " with about " +
-                      std::to_string(std::llround(rows)) + " rays in all, allowed at most " +
-                      std::to_string(std::llround(kMostRows)));
+    throw ConfigError("frames: expected at most " + std::to_string(std::llround(kMostRows)) +
+                      ", got " + std::to_string(frames) + " with about " +
+                      std::to_string(std::llround(rows)) + " rays in all");
 }
 
 }  // namespace

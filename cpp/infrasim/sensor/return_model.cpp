@@ -143,7 +143,7 @@ std::vector<std::string> weather_warnings(const WeatherConfig& weather,
                                              : " on " + std::to_string(blind) + " of its " +
                                                    std::to_string(units) + " units";
     lines.push_back(lidar.name + ", preset " + lidar.preset + ": weather: no effect" + where +
-                    ", found no returns.detection, allowed a preset that has it");
+                    ", expected a preset that has it, got no returns.detection");
   }
   return lines;
 }

@@ -77,7 +77,7 @@ def check_name(file: Path, text: str) -> None:
     given, name = yaml.safe_load(text)["name"], name_of(file)
     if given != name:
         what = "file" if name == file.stem else "folder"
-        raise ConfigError(f"{file}: name: found '{given}', allowed '{name}', as the {what}")
+        raise ConfigError(f"{file}: name: expected '{name}', as the {what}, got '{given}'")
 
 
 def digests(plan: Plan) -> pd.DataFrame:
@@ -126,9 +126,9 @@ def check_frames(hits: Path, wanted: pd.DataFrame) -> None:
     if len(other):
         row = other.iloc[0]
         raise ConfigError(
-            f"{hits}: {row.scene} {row.preset} {row.lidar}: found rows of another scene, LiDAR, "
-            "range of frames or split of these names, allowed those of this benchmark, or another "
-            "`out`"
+            f"{hits}: {row.scene} {row.preset} {row.lidar}: expected those of this benchmark, or "
+            "another `out`, got rows of another scene, LiDAR, range of frames or split of these "
+            "names"
         )
 
 
@@ -145,9 +145,9 @@ def check_lidars(hits: Path, plan: Plan, folder_of: Callable[[str], Path]) -> No
         now = there | {cell.lidar for cell in cells}
         if known and known != now:
             raise ConfigError(
-                f"{hits}: {scene} {preset}: found rows measured among the LiDARs "
-                f"{', '.join(sorted(known))}, allowed {', '.join(sorted(now))}, or another `out`; "
-                "trainings in the folder of `work` are used again"
+                f"{hits}: {scene} {preset}: expected {', '.join(sorted(now))}, or another `out`, "
+                f"got rows measured among the LiDARs {', '.join(sorted(known))}; trainings in "
+                "the folder of `work` are used again"
             )
 
 

@@ -47,12 +47,12 @@ def config_file(kind: str, benchmark: Path, word: str) -> Path:
     path = benchmark.parent / word if word.endswith(".yaml") else folder / f"{word}.yaml"
     if not NAME.fullmatch(name_of(path)):
         raise Error(
-            f"found '{word}', allowed a name of up to 100 letters that begins with a letter, a "
-            "digit or _"
+            "expected a name of up to 100 letters that begins with a letter, a digit or _, got "
+            f"'{word}'"
         )
     if not path.is_file():
         names = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
-        raise Error(f"found '{word}', allowed a file or {names}")
+        raise Error(f"expected a file or {names}, got '{word}'")
     return path
 
 
@@ -108,7 +108,7 @@ class Benchmark:
     def __post_init__(self) -> None:
         cells = sum(block.cells for block in self.matrix)
         if not 1 <= cells <= MOST_CELLS:
-            raise Error(f"matrix: found {cells or 'no'} cells, allowed 1 to {MOST_CELLS}")
+            raise Error(f"matrix: expected 1 to {MOST_CELLS} cells, got {cells or 'no'}")
 
 
 @dataclass(frozen=True)
@@ -170,8 +170,8 @@ def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
             name = name_of(path)
             if files.setdefault((kind, name), path) != path:
                 raise ConfigError(
-                    f"{file}: {kind}: found '{name}' of two files, {path} and "
-                    f"{files[kind, name]}, allowed one of a name"
+                    f"{file}: {kind}: expected one of a name, got '{name}' of two files, {path} "
+                    f"and {files[kind, name]}"
                 )
         return [name_of(path) for path in paths]
 
@@ -205,11 +205,11 @@ def range_of(frames: str) -> range:
     """Returns the frame numbers of A:B[:STEP]. Raises ConfigError for another text."""
     match = re.fullmatch(r"([0-9]{1,9}):([0-9]{1,9})(?::([0-9]{1,9}))?", frames)
     if match is None:
-        raise ConfigError(f"frames: found '{frames}', allowed A:B[:STEP]")
+        raise ConfigError(f"frames: expected A:B[:STEP], got '{frames}'")
     first, end, step = (int(word or 1) for word in match.groups())
     numbers = range(first, end, step) if step else range(0)
     if not numbers or end > MOST_FRAMES:
         raise ConfigError(
-            f"frames: found '{frames}', allowed a range with frames, up to {MOST_FRAMES}"
+            f"frames: expected a range with frames, up to {MOST_FRAMES}, got '{frames}'"
         )
     return numbers

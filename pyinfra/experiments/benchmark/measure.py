@@ -69,8 +69,8 @@ def check_counted(evaluation: Evaluation) -> None:
     rows = evaluation.ap[evaluation.ap.ground_truth == "captured"]
     if not rows.objects.sum():
         raise Error(
-            f"found no vehicle with a point in the {len(evaluation.truth.frames)} test frames, "
-            "allowed one or more: AP is undefined"
+            f"expected a vehicle with a point in the {len(evaluation.truth.frames)} test frames, "
+            "got none: AP is undefined"
         )
 
 

@@ -89,8 +89,8 @@ def check_cells(cells: Path, plan: Plan, say: Say = silent) -> None:
         names = [" ".join(map(str, row)) for row in old[KEY].head(SHOWN).to_numpy()]
         more = f" and {len(old) - SHOWN} more" if len(old) > SHOWN else ""
         raise ConfigError(
-            f"{cells}: {', '.join(names)}{more}: found rows of another recipe or other frames of "
-            "these names, allowed those of this benchmark, no such rows, or another `out`"
+            f"{cells}: {', '.join(names)}{more}: expected rows of this benchmark, no such rows, "
+            "or another `out`, got rows of another recipe or other frames of these names"
         )
     unknown = int(table.ap.notna().sum() - knows(table).sum()) if len(table) else 0
     if unknown:
@@ -110,8 +110,8 @@ def claim_run(run: Path, inputs: Mapping[str, str]) -> None:
     begun = (run / "last.safetensors").exists() and file.exists()
     if begun and file.read_text(encoding="utf-8") != text:
         raise ConfigError(
-            f"{run}: found a training of another recipe or other frames, allowed the same, no "
-            "such folder, or another `work`"
+            f"{run}: expected the same, no such folder, or another `work`, got a training of "
+            "another recipe or other frames"
         )
     run.mkdir(parents=True, exist_ok=True)
     with replacing(file) as beside:

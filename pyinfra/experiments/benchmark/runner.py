@@ -75,8 +75,8 @@ def check_costs(workspace: Workspace, plan: Plan) -> None:
         other = sorted(set(rows.site_usd) - {allowed})
         if other:
             raise ConfigError(
-                f"{workspace.table('value')}: found costs of the site of {other[0]:g} USD, allowed "
-                f"{allowed:g} as in this benchmark, or another `out`"
+                f"{workspace.table('value')}: expected {allowed:g} as in this benchmark, or "
+                f"another `out`, got costs of the site of {other[0]:g} USD"
             )
 
 

@@ -90,7 +90,7 @@ def read_base(folder: Path, most: int) -> Base:
     check_no_data_set(folder)
     frames = frame_numbers(folder)
     if not frames:
-        raise Error(f"{folder}: found no test frame, allowed one or more")
+        raise Error(f"{folder}: expected a test frame, got none")
     description = folder.parent / "dataset.yaml"
     scene = _scene(kitti.read_keys(description), folder) if description.is_file() else {}
     step = math.ceil(len(frames) / most)
@@ -230,8 +230,8 @@ def _check_length(base: Base, scene: Path, duration_s: float) -> None:
     needed = (base.frames[-1] + 1) * base.lidar.period_s
     if needed > duration_s + 1e-6:
         raise Error(
-            f"{scene}: duration_s: found {duration_s:g}, allowed {needed:g} or more, as frame "
-            f"{base.frames[-1]} is tested"
+            f"{scene}: duration_s: expected {needed:g} or more, as frame {base.frames[-1]} is "
+            f"tested, got {duration_s:g}"
         )
 
 
@@ -315,7 +315,7 @@ def frame_words(frames: Sequence[int]) -> str:
 def _times(base: Base, times: float | str, *keys: str) -> str:
     value: Any = base.scene.get("traffic")
     if not isinstance(value, dict):
-        raise Error(f"{base.folder.parent}: found no traffic, needed for density and speed")
+        raise Error(f"{base.folder.parent}: expected traffic for density and speed, got none")
     for key in keys:
         value = value[key]
     return f"{float(times) * float(value):g}"

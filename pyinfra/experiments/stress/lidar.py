@@ -65,7 +65,7 @@ def text(file: Path, turns_deg: Sequence[float] = ()) -> str:
     config = read(file)
     units = units_of(config)
     if not units:
-        raise FormatError(f"{file}: found no pattern, needed to simulate again")
+        raise FormatError(f"{file}: expected a pattern to simulate again, got none")
     if turns_deg:
         units = [turned(unit, turns_deg[i % len(turns_deg)]) for i, unit in enumerate(units)]
     total = config["price_total_usd"] | {"source": "the bundle", "date": "its own"}

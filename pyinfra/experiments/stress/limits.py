@@ -14,23 +14,23 @@ from pyinfra.dataset.runs import SimulatorError, infrasim
 from pyinfra.experiments.stress import lidar
 from pyinfra.experiments.stress.altered_scenes import Base
 
-CLOUDS_ALONE = "allowed stressors of clouds alone"
+CLOUDS_ALONE = "expected stressors of clouds alone"
 
 
 def scene(base: Base) -> str:
     """Requires a simulated scene whose files, recorded trajectories included, are available."""
     folder = base.folder.parent
     if not base.scene:
-        return f"{folder}: found no dataset.yaml, {CLOUDS_ALONE}"
+        return f"{folder}: {CLOUDS_ALONE}, got no dataset.yaml"
     if "roads" not in base.scene:
-        return f"{folder / 'dataset.yaml'}: found no roads, as of a recording, {CLOUDS_ALONE}"
+        return f"{folder / 'dataset.yaml'}: {CLOUDS_ALONE}, got no roads, as of a recording"
     for key in ("static_layers", "lanes", "meshes"):
         if base.scene.get(key):
-            problem = f"{folder / 'dataset.yaml'}: {key}: found files that a run does not copy"
-            return f"{problem}, {CLOUDS_ALONE}"
+            problem = f"{folder / 'dataset.yaml'}: {key}: {CLOUDS_ALONE}"
+            return f"{problem}, got files that a run does not copy"
     recorded = base.trajectories
     if recorded is not None and not recorded.is_file():
-        return f"{recorded}: found no such file, needed to simulate again"
+        return f"{recorded}: expected this file to simulate again, got none"
     return ""
 
 
@@ -38,13 +38,13 @@ def rays(base: Base) -> str:
     """Requires the scan pattern of the LiDAR, with its table files."""
     file = base.lidar_file
     if not file.is_file():
-        return f"{file}: found no such file, needed to simulate the fused frames again"
+        return f"{file}: expected this file to simulate the fused frames again, got none"
     config = lidar.read(file)
     if not lidar.units_of(config):
-        return f"{file}: found no pattern, as of a recording, {CLOUDS_ALONE}"
+        return f"{file}: {CLOUDS_ALONE}, got no pattern, as of a recording"
     for table in lidar.table_files(config, file.parent):
         if not table.is_file():
-            return f"{file}: pattern.table.file: found no file {table}, allowed a copy of it there"
+            return f"{file}: pattern.table.file: expected a copy of it there, got no file {table}"
     return ""
 
 
@@ -54,7 +54,7 @@ def seam(base: Base) -> str:
     return (
         ""
         if lidar.spins(lidar.read(file))
-        else f"{file}: pattern: found none that spins, needed for a seam"
+        else f"{file}: pattern: expected a spinning unit for a cut angle, got none"
     )
 
 
@@ -62,22 +62,22 @@ def traffic(base: Base) -> str:
     """Requires simulated traffic, not recorded trajectories."""
     if not base.scene.get("traffic"):
         file = base.folder.parent / "dataset.yaml"
-        return f"{file}: traffic: found recorded trajectories, allowed simulated traffic"
+        return f"{file}: traffic: expected simulated traffic, got recorded trajectories"
     return ""
 
 
 def several_mounts(base: Base) -> str:
     """Requires fused frames of several mounts."""
     if not base.is_fused:
-        return f"{base.folder.parent}: found frames of one mount, allowed fused ones"
+        return f"{base.folder.parent}: expected fused frames, got frames of one mount"
     return ""
 
 
 def one_mount(base: Base) -> str:
     """Requires frames of one mount."""
     if base.is_fused:
-        problem = f"found fused frames of {', '.join(base.mounts)}"
-        return f"{base.folder.parent}: {problem}, allowed those of one mount"
+        fused = f"got fused frames of {', '.join(base.mounts)}"
+        return f"{base.folder.parent}: expected frames of one mount, {fused}"
     return ""
 
 
@@ -86,7 +86,7 @@ def known_preset(base: Base) -> str:
     preset = base.lidar.preset
     if preset not in PRESETS:
         allowed = f"{', '.join(PRESETS)}, which the catalogue has"
-        return f"{base.folder / lidar.FILE}: preset: found '{preset}', allowed {allowed}"
+        return f"{base.folder / lidar.FILE}: preset: expected {allowed}, got '{preset}'"
     return ""
 
 
@@ -95,12 +95,12 @@ def catalogue(base: Base) -> str:
     file = base.lidar_file
     shipped = lidar_file(base.lidar.name)
     if not shipped.is_file():
-        return f"{file}: name: found '{base.lidar.name}', allowed a LiDAR of the catalogue"
+        return f"{file}: name: expected a LiDAR of the catalogue, got '{base.lidar.name}'"
     try:
         text = infrasim("check", shipped, "--preset", base.lidar.preset)
     except SimulatorError as error:
         return str(error)
     key = lidar.difference(lidar.read(file), yaml.safe_load(text))
     if key:
-        return f"{file}: {key}: found another than in {shipped}, allowed a LiDAR of the catalogue"
+        return f"{file}: {key}: expected a LiDAR of the catalogue, got another than in {shipped}"
     return ""

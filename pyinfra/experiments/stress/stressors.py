@@ -67,7 +67,7 @@ class Stressor:
             unknown = [word for word in words if word not in self.dials]
             if unknown:
                 allowed = ", ".join(map(str, self.dials[1:]))
-                raise Error(f"dials: found '{unknown[0]}', allowed {allowed}")
+                raise Error(f"dials: expected {allowed}, got '{unknown[0]}'")
             return tuple(word for word in words if word != UNSTRESSED)
         return tuple(v for v in map(_dial, words) if v != self.dials[0])
 
@@ -78,7 +78,7 @@ def _dial(word: str) -> float:
     except ValueError:
         value = -1.0
     if not 0 <= value < float("inf"):
-        raise Error(f"dials: found '{word}', allowed a number from 0 on")
+        raise Error(f"dials: expected a number from 0 on, got '{word}'")
     return value
 
 
@@ -190,10 +190,10 @@ def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Di
     """
     unknown = [name for name in names if name not in STRESSORS]
     if unknown:
-        raise Error(f"stressors: found '{unknown[0]}', allowed {', '.join(STRESSORS)}")
+        raise Error(f"stressors: expected {', '.join(STRESSORS)}, got '{unknown[0]}'")
     selected = [STRESSORS[name] for name in dict.fromkeys(names)]
     if words is None:
         return {stressor: stressor.dials[1:] for stressor in selected}
     if len(selected) != 1 or selected[0].acts_on == "training":
-        raise Error("dials: found it without one stressor of clouds or worlds, allowed one")
+        raise Error("dials: expected one, got it without one stressor of clouds or worlds")
     return {selected[0]: selected[0].parse(words)}

@@ -93,7 +93,7 @@ def read_run(folder: Path, base: Base) -> TrainedRun:
 
     provenance = checkpoint.load(model_file(folder)).provenance
     if not provenance.anywhere and base.lidar.name not in provenance.lidar.split():
-        raise Error(f"{folder}: lidar: found {provenance.lidar}, allowed {base.lidar.name}")
+        raise Error(f"{folder}: lidar: expected {base.lidar.name}, got {provenance.lidar}")
     description = folder / "run.yaml"
     keys = kitti.read_keys(description) if description.is_file() else {}
     return TrainedRun(folder, provenance.detector, int(keys.get("frames", -1)), provenance.seed)
@@ -130,8 +130,8 @@ def _difference(a: TrainedRun, b: TrainedRun) -> tuple[str, Dial]:
     """Returns the stressor of training, and the severity, by which run b differs from run a."""
     if (a.frames == b.frames) == (a.seed == b.seed):
         raise Error(
-            f"{b.folder}: found {b.frames} frames and seed {b.seed}, allowed another number of "
-            f"frames or another seed than {a.folder}, which has {a.frames} and {a.seed}"
+            f"{b.folder}: expected the frames and the seed of {a.folder}, which has {a.frames} "
+            f"and {a.seed}, got {b.frames} frames and seed {b.seed}"
         )
     return (
         ("training_frames", float(b.frames)) if a.seed == b.seed else ("training_seed", str(b.seed))
@@ -200,7 +200,7 @@ def read(file: Path) -> pd.DataFrame:
         table["inputs"] = None
     missing = [name for name in COLUMNS if name not in table and "fine" not in name]
     if missing:
-        raise Error(f"{file}:1: found no column {missing[0]}, allowed a table of stress")
+        raise Error(f"{file}:1: expected a table of stress, got no column {missing[0]}")
     return table.fillna({"unit": ""})
 
 
@@ -245,8 +245,8 @@ def missing(trials: Sequence[Trial], base: Base, out: Path, seed: int) -> Iterat
             yield trial
         elif not rows.inputs.isin([inputs_of(trial, base)]).all() and rows.inputs.notna().all():
             raise Error(
-                f"{file}: {' '.join(key.values())}: found a row of another model, other frames or "
-                "another data set of these names, allowed the same, or another `out`"
+                f"{file}: {' '.join(key.values())}: expected the same, or another `out`, got a "
+                "row of another model, other frames or another data set of these names"
             )
 
 

@@ -79,10 +79,10 @@ def read_calibration(file: Path) -> Calibration:
         name = OTHER_NAMES.get(word, word)
         if name not in SHAPES:
             raise FormatError(
-                f"{where}: found '{line[:40]}', allowed {', '.join([*SHAPES, *OTHER_NAMES])}"
+                f"{where}: expected {', '.join([*SHAPES, *OTHER_NAMES])}, got '{line[:40]}'"
             )
         if name in matrices:
-            raise FormatError(f"{where}: {name}: found twice, allowed once")
+            raise FormatError(f"{where}: {name}: expected it once, got it twice")
         matrices[name] = _matrix(where, name, rest)
         rectified = rectified or word == "Tr"
     if rectified:
@@ -92,7 +92,7 @@ def read_calibration(file: Path) -> Calibration:
     missing = [] if projections else ["P2"]
     missing += [name for name in ("R0_rect", "Tr_velo_to_cam") if name not in matrices]
     if missing:
-        raise FormatError(f"{file}: found no {', '.join(missing)}, needed")
+        raise FormatError(f"{file}: expected {', '.join(missing)}, got none")
     out = Calibration(
         np.stack([matrices.get(f"P{i}", projections[0]) for i in range(4)]),
         matrices["R0_rect"],
@@ -102,7 +102,9 @@ def read_calibration(file: Path) -> Calibration:
     rotation = out.T_camera_lidar[:3, :3]
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
     if off > _NOT_A_ROTATION or np.linalg.det(rotation) < 0:
-        raise FormatError(f"{file}: R0_rect Tr_velo_to_cam: found no rotation, allowed a rotation")
+        raise FormatError(
+            f"{file}: R0_rect Tr_velo_to_cam: expected rotation matrices, got something else"
+        )
     return out
 
 
@@ -152,10 +154,10 @@ def _matrix(where: str, name: str, text: str) -> FloatArray:
     try:
         values = np.array(text.split(), dtype=np.float64)
     except ValueError:
-        raise FormatError(f"{where}: {name}: found a word, allowed numbers") from None
+        raise FormatError(f"{where}: {name}: expected numbers, got a word") from None
     if values.size != math.prod(shape) or not (np.abs(values) <= _MOST).all():
         raise FormatError(
-            f"{where}: {name}: found {values.size} numbers, allowed {math.prod(shape)} finite ones "
-            f"to {_MOST:g}"
+            f"{where}: {name}: expected {math.prod(shape)} finite ones to {_MOST:g}, got "
+            f"{values.size} numbers"
         )
     return values.reshape(shape)

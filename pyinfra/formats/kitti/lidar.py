@@ -120,7 +120,7 @@ def _lidar(top: YamlNode) -> Lidar:
     price = top.at("price_total_usd")
     low, high = (price.at(key).number(0, or_nan=True) for key in ("low", "high"))
     if low > high:
-        price.fail(f"found low {low:g} above high {high:g}, allowed at most that")
+        price.fail(f"expected low up to high, got low {low:g} above high {high:g}")
     return Lidar(
         name=top.at("name").text(),
         model=top.at("model").text(),
@@ -171,7 +171,7 @@ def _label_time(top: YamlNode) -> LabelTime:
     words: tuple[LabelTime, ...] = get_args(LabelTime)
     text = node.text()
     return next((word for word in words if word == text), None) or node.fail(
-        f"found '{text[:40]}', allowed {' or '.join(words)}"
+        f"expected {' or '.join(words)}, got '{text[:40]}'"
     )
 
 

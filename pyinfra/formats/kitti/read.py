@@ -86,8 +86,8 @@ def read_points(file: Path) -> Float32Array:
     bad = np.flatnonzero(~(np.abs(points) <= FARTHEST_M).all(axis=1))
     if len(bad) > 0:
         raise FormatError(
-            f"{file}: point {bad[0]}: found {points[bad[0]]}, "
-            f"allowed finite values from {-FARTHEST_M:g} to {FARTHEST_M:g}"
+            f"{file}: point {bad[0]}: expected finite values from {-FARTHEST_M:g} to "
+            f"{FARTHEST_M:g}, got {points[bad[0]]}"
         )
     return points
 
@@ -125,13 +125,13 @@ def read_objects(file: Path) -> Objects:
     header = lines[0] if lines else ""
     rows = object_rows(header, lines[1:])
     if rows is None:
-        raise FormatError(f"{file}:1: found '{header}', allowed '{','.join(OBJECT_COLUMNS)}'")
+        raise FormatError(f"{file}:1: expected '{','.join(OBJECT_COLUMNS)}', got '{header}'")
     table = NamedRows(file, range(2, 2 + len(rows)), rows, OBJECT_COLUMNS, "class")
     table.check(OBJECT_RULES)
     ids, first = np.unique(table["id"], return_index=True)
     if len(ids) < len(rows):
         again = min(set(range(len(rows))) - set(first.tolist()))
-        table.fail(again, f"id: found {table['id'][again]:.0f} twice", "once a frame")
+        table.fail(again, f"{table['id'][again]:.0f} twice", "each once a frame", "id")
     pitch = _pitch(file, lines) if header == PITCHED_HEADER else None
     boxes = np.stack([table[c] for c in OBJECT_COLUMNS[2:9]], axis=1)
     scan = np.stack([table[c] for c in SCAN_COLUMNS[:4]], axis=1)
@@ -197,6 +197,6 @@ def _records(file: Path, record: np.dtype[Any], what: str) -> AnyArray:
     size = file.stat().st_size
     if size % record.itemsize != 0:
         raise FormatError(
-            f"{file}: found {size} bytes, allowed a multiple of {record.itemsize} ({what})"
+            f"{file}: expected a multiple of {record.itemsize} ({what}), got {size} bytes"
         )
     return np.fromfile(file, dtype=record)

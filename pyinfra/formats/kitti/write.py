@@ -31,16 +31,16 @@ _IMAGE_BOX = (0, 0, 50, 50)  # the devkit ignores boxes below 25 pixels in heigh
 def write_points(file: Path, points: Points) -> None:
     """Writes points (n, 4) float32, x y z intensity, within 10 km. Raises Error for others."""
     if points.dtype != np.float32 or points.ndim != 2 or points.shape[1] != 4:
-        raise Error(f"points: found {points.shape} {points.dtype}, allowed (n, 4) float32")
+        raise Error(f"points: expected (n, 4) float32, got {points.shape} {points.dtype}")
     if not (np.abs(points) <= FARTHEST_M).all():
-        raise Error("points: found values that are not finite or beyond 10 km")
+        raise Error("points: expected finite values within 10 km, got others")
     write(file, np.ascontiguousarray(points, dtype="<f4").tobytes())
 
 
 def write_fields(file: Path, fields: Records) -> None:
     """Writes the additional fields of points, (n,) records of FIELDS. Raises Error for others."""
     if fields.dtype != FIELDS or fields.ndim != 1:
-        raise Error(f"fields: found {fields.shape} {fields.dtype}, allowed (n,) {FIELDS}")
+        raise Error(f"fields: expected (n,) {FIELDS}, got {fields.shape} {fields.dtype}")
     write(file, fields.tobytes())
 
 
@@ -55,11 +55,11 @@ def write_objects(file: Path, objects: Objects) -> None:
     values = [o.boxes, o.speed, o.points, o.points_in_box, o.distance, o.visibility]
     values += [pose, o.scan_time_s, o.points_in_scan_box]
     if not rules_hold(np.column_stack([o.ids, *values]), OBJECT_NUMBERS, OBJECT_RULES):
-        raise Error("objects: found values out of range")
+        raise Error("objects: expected values in range, got others")
     if pitch is not None and not (np.abs(pitch) <= 2 * np.pi).all():
-        raise Error("objects: found a pitch beyond a whole turn, or that is no number")
+        raise Error("objects: expected a pitch within a turn, got another")
     if len(np.unique(o.ids)) < len(o):
-        raise Error("objects: found an id twice, allowed once a frame")
+        raise Error("objects: expected each id once in a frame, got one twice")
     lines = [",".join(OBJECT_COLUMNS) if pitch is None else PITCHED_HEADER]
     for i in range(len(o)):
         numbers = [f"{v:.4f}" for v in o.boxes[i, :6]]
@@ -141,9 +141,9 @@ def _image_columns(camera: FloatArray) -> FloatArray:
 
 def _check(values: FloatArray, boxes: FloatArray) -> None:
     if not np.isfinite(values).all():
-        raise Error("found values that are not finite")
+        raise Error("expected finite values, got others")
     if (boxes[:, 3:6] <= 0).any():
-        raise Error("boxes: found a size of 0 or less, allowed more than 0")
+        raise Error("boxes: expected sizes above 0, got 0 or less")
 
 
 def _replace_lines(file: Path, lines: Iterable[str]) -> None:

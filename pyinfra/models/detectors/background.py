@@ -85,7 +85,7 @@ class Config:
     def __post_init__(self) -> None:
         if self.clearance_m >= self.ceiling_m:
             clearance, top = f"{self.clearance_m:g}", f"{self.ceiling_m:g}"
-            raise Error(f"clearance_m: found {clearance}, allowed below ceiling_m, {top}")
+            raise Error(f"clearance_m: expected below ceiling_m, {top}, got {clearance}")
 
 
 DEFAULT = Config()
@@ -125,7 +125,7 @@ class Background:
         """
         clouds = [_usable(frame, settings) for frame in frames]
         if sum(map(len, clouds)) == 0:
-            raise Error(f"frames: found {len(clouds)} without a point in range, allowed more")
+            raise Error(f"frames: expected points in range, got none in {len(clouds)} frames")
         if not settings.within_region:
             region = None
         ground = _ground(clouds, settings, road, _inside_region(region, settings, 0))
@@ -178,7 +178,9 @@ class Background:
             known = cls(_settings(contents[0]), *contents[1:])
             known._check()
         except _UNREADABLE as error:
-            raise Error(f"{file}: found no background of this detector: {error}") from error
+            raise Error(
+                f"{file}: expected a background of this detector, got something else: {error}"
+            ) from error
         return known
 
     def _check(self) -> None:
@@ -196,8 +198,8 @@ class Background:
             array = getattr(self, name)
             if array.shape != shape or array.dtype != kind or not np.isfinite(array).all():
                 raise Error(
-                    f"{name}: found {array.shape} {array.dtype}, "
-                    f"allowed {shape} {np.dtype(kind)}, all finite"
+                    f"{name}: expected {shape} {np.dtype(kind)}, all finite, got {array.shape} "
+                    f"{array.dtype}"
                 )
 
     def _moving(self, cloud: Floats) -> tuple[IntArray, Floats]:
@@ -263,7 +265,7 @@ def _usable(points: Points, s: Config) -> Floats:
     Raises Error for an array of another shape.
     """
     if points.ndim != 2 or points.shape[1] != 4:
-        raise Error(f"points: found {points.shape}, allowed (n, 4)")
+        raise Error(f"points: expected (n, 4), got {points.shape}")
     x, y, z = (np.abs(points[:, axis]) < s.range_m for axis in range(3))  # False for nan
     good = x & y & z
     return points[:, :3].take(np.flatnonzero(good), axis=0).astype(np.float32, copy=False)
@@ -290,7 +292,7 @@ def _numbers(settings: Config) -> FloatArray:
 def _settings(values: FloatArray) -> Config:
     most = len(fields(Config))
     if values.shape not in ((most,), (most - 1,)):
-        raise Error(f"settings: found {values.shape}, allowed {most - 1} or {most} numbers")
+        raise Error(f"settings: expected {most - 1} or {most} numbers, got {values.shape}")
     pairs = zip(fields(Config), values, strict=False)
     return Config(**{f.name: type(getattr(DEFAULT, f.name))(value) for f, value in pairs})
 

@@ -22,7 +22,7 @@ class Area:
 
     def __post_init__(self) -> None:
         if not all(a < b for a, b in zip(self.low, self.high, strict=True)):
-            raise Error(f"area: found {self.low} to {self.high}, allowed low below high")
+            raise Error(f"area: expected low below high, got {self.low} to {self.high}")
 
     @property
     def size(self) -> tuple[float, float, float]:
@@ -118,8 +118,8 @@ def make_batch(samples: Sequence[Sample], area: Area, columns: int = 4) -> Batch
     for sample in samples:
         if sample.points.shape[1] < columns:
             raise Error(
-                f"points: found {sample.points.shape[1]} columns, allowed {columns}: "
-                "the network looks at the ages of stacked frames"
+                f"points: expected {columns} columns, got {sample.points.shape[1]}: the network "
+                "looks at the ages of stacked frames"
             )
     clouds = [area.crop(sample.points)[:, :columns] for sample in samples]
     counts = torch.tensor([len(cloud) for cloud in clouds])

@@ -28,7 +28,7 @@ class BevConfig:
 
     def __post_init__(self) -> None:
         if not 0 < len(self.layers) == len(self.widths) == len(self.strides):
-            raise Error("layers, widths, strides: found none or other lengths, allowed one length")
+            raise Error("layers, widths, strides: expected lists of one length, got others")
 
 
 class BevNetwork(nn.Module):

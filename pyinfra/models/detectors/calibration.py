@@ -29,7 +29,9 @@ def fit(scores: FloatArray, right: BoolArray) -> tuple[float, float]:
     Error unless there are both right and wrong boxes.
     """
     if right.all() or not right.any():
-        raise Error(f"found {right.sum()} right boxes of {len(right)}, allowed some and not all")
+        raise Error(
+            f"expected some but not all boxes to be right, got {right.sum()} of {len(right)}"
+        )
     logits = logit(scores)
 
     def unlikely(line: FloatArray) -> tuple[float, FloatArray]:

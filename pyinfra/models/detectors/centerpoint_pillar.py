@@ -44,7 +44,7 @@ class Config:
 
     def __post_init__(self) -> None:
         if not self.classes:
-            raise Error("classes: found none, allowed one or more")
+            raise Error("classes: expected one or more, got none")
 
 
 class CenterPointPillar(Network):

@@ -33,7 +33,7 @@ def site_of(boxes: Iterable[FloatArray], regions: Sequence[Region] = ()) -> Site
     """
     every = np.concatenate([np.empty((0, 7)), *boxes])
     if len(every) == 0:
-        raise Error("found no vehicle in the training frames, allowed one or more")
+        raise Error("expected a vehicle in the training frames, got none")
     cos, sin = np.abs(np.cos(every[:, 6])), np.abs(np.sin(every[:, 6]))
     half = (
         np.stack(

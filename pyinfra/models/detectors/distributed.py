@@ -32,7 +32,7 @@ def joined(device: torch.device) -> Iterator[torch.device]:
         yield device
         return
     if ":" in str(device):
-        raise Error(f"device: found {device}, allowed {device.type} with several processes")
+        raise Error(f"device: expected {device.type} with several processes, got {device}")
     if device.type == "cuda":
         device = torch.device("cuda", int(os.environ["LOCAL_RANK"]))
         torch.cuda.set_device(device)
@@ -46,7 +46,7 @@ def joined(device: torch.device) -> Iterator[torch.device]:
 def check_batch(size: int) -> None:
     """Raises Error if a batch of this size cannot be divided equally among the processes."""
     if size % count() != 0:
-        raise Error(f"learning.batch: found {size}, allowed multiples of {count()}, the processes")
+        raise Error(f"learning.batch: expected multiples of {count()}, the processes, got {size}")
 
 
 def rank() -> int:

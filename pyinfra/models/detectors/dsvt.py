@@ -60,9 +60,9 @@ class Config:
 
     def __post_init__(self) -> None:
         if self.width % self.heads != 0 or self.width % 2 != 0:
-            raise Error(f"width: found {self.width}, allowed an even multiple of the heads")
+            raise Error(f"width: expected an even multiple of the heads, got {self.width}")
         if not 0 < len(self.windows) == len(self.shifts):
-            raise Error("windows, shifts: found none or other lengths, allowed one length")
+            raise Error("windows, shifts: expected lists of one length, got others")
 
 
 class Embedding(nn.Module):

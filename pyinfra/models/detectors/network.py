@@ -54,7 +54,7 @@ def device_of(name: str) -> torch.device:
         return torch.device(name)
     if name != "cpu":
         allowed = f"cpu, cuda, cuda:0 to cuda:{gpus - 1}" if gpus else "cpu: there is no GPU here"
-        raise Error(f"device: found '{name}', allowed {allowed}")
+        raise Error(f"device: expected {allowed}, got '{name}'")
     return torch.device(name)
 
 

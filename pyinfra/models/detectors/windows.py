@@ -23,7 +23,7 @@ def check(network: Network, most_m2: float) -> None:
     """Raises Error if windows are requested for a network that does not support them."""
     if most_m2 > 0 and not network.learns_in_windows:
         name = type(network).__name__
-        raise Error(f"learning.window_m2: found {most_m2:g} for {name}, allowed 0")
+        raise Error(f"learning.window_m2: expected 0, got {most_m2:g} for {name}")
 
 
 def centre_of(

@@ -56,7 +56,7 @@ def load_detector(
     if ground is None and provenance.ground is not None:
         ground = Ground(provenance.ground)
     if ground is None:
-        raise Error(f"{run}: found no height of the road, allowed one: `height_m` says it")
+        raise Error(f"{run}: expected a height of the road, got none: `height_m` says it")
     return OnRoad(fused(loaded.network(region)).to(device_of(device)), ground)
 
 
@@ -64,7 +64,7 @@ def check_single(run: Path, frames: int) -> None:
     """Raises Error for a model that needs stacked frames. frames: number that it stacks."""
     if frames > 1:
         raise Error(
-            f"{run}: found a model of {frames} stacked frames, allowed one of single frames: only "
+            f"{run}: expected a model of single frames, got one of {frames} stacked frames: only "
             "frames of a LiDAR's folder are stacked"
         )
 
@@ -206,7 +206,7 @@ def once(files: Sequence[Path]) -> None:
     named: dict[str, Path] = {}
     for file in files:
         if file.stem in named:
-            raise Error(f"{file}: found the name of {named[file.stem]}, allowed once with `out`")
+            raise Error(f"{file}: expected once with `out`, got the name of {named[file.stem]}")
         named[file.stem] = file
 
 

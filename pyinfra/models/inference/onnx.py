@@ -64,7 +64,7 @@ def export(run: Path, file: Path) -> None:
     network = loaded.network()
     if not isinstance(network, DENSE) or len(network.encoder.before) > 0:
         raise Error(
-            f"{run}: found {loaded.provenance.detector}, allowed pointpillars, centerpoint-pillar"
+            f"{run}: expected pointpillars, centerpoint-pillar, got {loaded.provenance.detector}"
         )
     low, high = (torch.tensor(side) for side in (network.site.area.low, network.site.area.high))
     xyz = low + torch.rand(100, 3, generator=torch.Generator().manual_seed(1)) * (high - low)

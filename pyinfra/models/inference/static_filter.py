@@ -60,7 +60,7 @@ def length_warning(numbers: Sequence[int], period_s: float) -> str:
     if seconds >= LEAST_S:
         return ""
     return (
-        f"drop_standing: found {seconds:g} s, meant for {LEAST_S:g} s or more: who waits is left "
+        f"drop_standing: expected {LEAST_S:g} s or more, got {seconds:g} s: who waits is left "
         "out as well"
     )
 

@@ -24,7 +24,7 @@ def farthest_points(xyz: Tensor, k: int) -> Tensor:
     """
     _check(xyz)
     if not len(xyz):
-        raise ValueError("xyz: found no points, allowed at least one")
+        raise ValueError("xyz: expected points, got none")
     if kernels is not None and xyz.device.type == "cpu":
         return torch.from_numpy(kernels.farthest_points(xyz.contiguous().numpy(), k))
     columns = xyz.t().contiguous()  # (3, n)
@@ -48,7 +48,7 @@ def ball_query(points: Tensor, centres: Tensor, radius: float, k: int) -> tuple[
     _check(points)
     _check(centres)
     if radius <= 0 or k < 1:
-        raise ValueError(f"radius, k: found {radius}, {k}, allowed above 0")
+        raise ValueError(f"radius, k: expected above 0, got {radius}, {k}")
     if kernels is not None and points.device.type == "cpu":
         indices, empty = kernels.ball_query(
             points.contiguous().numpy(), centres.contiguous().numpy(), radius, k
@@ -79,7 +79,7 @@ def three_nearest(points: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
     _check(points)
     _check(known)
     if not len(known):
-        raise ValueError("known: found no points, allowed at least one")
+        raise ValueError("known: expected points, got none")
     if points.device.type == "cpu":
         distances, indices = cKDTree(known.numpy()).query(points.numpy(), k=3)
         indices[indices == len(known)] = 0
@@ -158,6 +158,6 @@ def _squared(dx: Tensor, dy: Tensor, dz: Tensor) -> Tensor:
 def _check(xyz: Tensor) -> None:
     if xyz.ndim != 2 or xyz.shape[1] != 3 or xyz.dtype != torch.float32:
         actual = f"{tuple(xyz.shape)} {xyz.dtype}"
-        raise ValueError(f"points: found {actual}, allowed (n, 3) torch.float32")
+        raise ValueError(f"points: expected (n, 3) torch.float32, got {actual}")
     if not xyz.isfinite().all():
-        raise ValueError("points: found a value that is not finite")
+        raise ValueError("points: expected finite values, got another")

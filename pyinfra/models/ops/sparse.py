@@ -93,7 +93,9 @@ class _Layer(nn.Module):
 
     def _convolved(self, x: SparseTensor, rulebook: Rulebook) -> SparseTensor:
         if rulebook.source is not x.coordinates:
-            raise ValueError(f"key {self.key}: found other voxels than those it was made for")
+            raise ValueError(
+                f"key {self.key}: expected the voxels that it was made for, got others"
+            )
         features = convolve(x.features, self.weight, rulebook, self.bias)
         return replace(
             x, features=features, coordinates=rulebook.target, shape=rulebook.target_shape
@@ -147,7 +149,7 @@ def convolve(
     The result is reproducible on every device.
     """
     if len(weight) != len(rulebook.counts):
-        raise ValueError(f"rulebook: found {len(rulebook.counts)} offsets, allowed {len(weight)}")
+        raise ValueError(f"rulebook: expected {len(weight)} offsets, got {len(rulebook.counts)}")
     kind = features.device.type
     if torch.is_autocast_enabled(kind):
         features = features.to(torch.get_autocast_dtype(kind))
@@ -206,7 +208,7 @@ def submanifold_rulebook(coordinates: Tensor, shape: Triple, kernel: Triple) -> 
     Raises ValueError for a kernel of even size.
     """
     if any(size % 2 == 0 for size in kernel):
-        raise ValueError(f"kernel: found {kernel}, allowed odd sizes")
+        raise ValueError(f"kernel: expected odd sizes, got {kernel}")
     pad = kernel[0] // 2, kernel[1] // 2, kernel[2] // 2
     keys, order = _sorted_keys(coordinates, shape, pad)
     sizes = _padded(shape, pad)
@@ -300,7 +302,7 @@ def _sorted_keys(coordinates: Tensor, shape: Triple, pad: Triple) -> tuple[Tenso
     """
     beyond = coordinates[:, 1:] >= coordinates.new_tensor(shape)
     if (coordinates < 0).any() or beyond.any():
-        raise ValueError(f"coordinates: found a voxel out of the grid {shape}")
+        raise ValueError(f"coordinates: expected voxels within the grid {shape}, got one outside")
     padded = _padded(shape, pad)
     batch, z, y, x = coordinates.unbind(1)
     keys = _keys(batch, z + pad[0], y + pad[1], x + pad[2], padded)
@@ -308,7 +310,7 @@ def _sorted_keys(coordinates: Tensor, shape: Triple, pad: Triple) -> tuple[Tenso
         return keys, torch.arange(len(keys), device=keys.device)
     keys, order = keys.sort()
     if (keys[1:] == keys[:-1]).any():
-        raise ValueError("coordinates: found a voxel twice")
+        raise ValueError("coordinates: expected each voxel once, got one twice")
     return keys, order
 
 
@@ -330,7 +332,7 @@ def _convolved_shape(shape: Triple, kernel: Triple, stride: Triple, padding: Tri
         (n + 2 * p - k) // s + 1 for n, k, s, p in zip(shape, kernel, stride, padding, strict=True)
     ]
     if min(sizes) < 1:
-        raise ValueError(f"shape: found {shape}, allowed at least the kernel {kernel}")
+        raise ValueError(f"shape: expected at least the kernel {kernel}, got {shape}")
     return sizes[0], sizes[1], sizes[2]
 
 

@@ -25,12 +25,12 @@ class Accumulation:
 
     def __post_init__(self) -> None:
         if not 1 <= self.frames <= MOST_FRAMES:
-            raise Error(f"accumulate: found {self.frames}, allowed 1 to {MOST_FRAMES}")
+            raise Error(f"accumulate: expected 1 to {MOST_FRAMES}, got {self.frames}")
         if self.label_at not in get_args(LabelAt):
             allowed = ", ".join(get_args(LabelAt))
-            raise Error(f"label_at: found '{self.label_at}', allowed {allowed}")
+            raise Error(f"label_at: expected {allowed}, got '{self.label_at}'")
         if self.frames == 1 and self.label_at != "newest":
-            raise Error(f"label_at: found {self.label_at} of one frame, allowed newest")
+            raise Error(f"label_at: expected newest, got {self.label_at} of one frame")
 
     def around(self, frame: int) -> range:
         """Returns the numbers of the frames that are stacked for a labelled frame."""
@@ -46,8 +46,8 @@ class Accumulation:
         groups = tuple([k for k in self.around(frame) if k in known] for frame in labelled)
         if self.frames > 1 and groups and max(map(len, groups)) == 1:
             raise Error(
-                f"accumulate: found no two frames within {self.frames} numbers, allowed a folder "
-                "with frames one after another"
+                "accumulate: expected a folder with frames one after another, got no two frames "
+                f"within {self.frames} numbers"
             )
         return groups
 

@@ -103,8 +103,8 @@ class Checkpoint:
         for name, tensor in weights.items():
             if not tensor.isfinite().all():
                 raise ConfigError(
-                    f"checkpoint of {self.provenance.detector}: {name}: found a number that is not "
-                    "finite, allowed weights that are"
+                    f"checkpoint of {self.provenance.detector}: {name}: expected weights that "
+                    "are, got a number that is not finite"
                 )
         network.calibration = self.provenance.calibration
         if region is not None:
@@ -117,7 +117,7 @@ def build(detector: str, config: Any, site: Site) -> Network:
     entry = DETECTORS.get(detector)
     if entry is None or not entry.learnt:
         learnt = ", ".join(name for name, row in DETECTORS.items() if row.learnt)
-        raise ConfigError(f"detector: found '{detector}', allowed {learnt}")
+        raise ConfigError(f"detector: expected {learnt}, got '{detector}'")
     module = importlib.import_module(entry.module)
     network: Network = getattr(module, entry.name)(config_of(detector, config), site)
     return network
@@ -162,15 +162,15 @@ def load(file: Path) -> Checkpoint:
             text = (opened.metadata() or {}).get("about", "")
             tensors = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118
     except SafetensorError as error:
-        raise ConfigError(f"{file}: found no checkpoint ({error})") from None
+        raise ConfigError(f"{file}: expected a checkpoint, got something else ({error})") from None
     try:
         plain = yaml.safe_load(text)
     except yaml.YAMLError:
         plain = None
     if not isinstance(plain, dict) or "format" not in plain:
-        raise ConfigError(f"{file}: found no description in its header, allowed one of pyinfra")
+        raise ConfigError(f"{file}: expected weights of pyinfra, got a file without a description")
     written = {"format": FORMAT, "convention": CONVENTION, "above_road": True}
     for key, wanted in written.items():
         if plain.get(key) != wanted:
-            raise ConfigError(f"{file}: {key}: found '{plain.get(key)}', allowed '{wanted}'")
+            raise ConfigError(f"{file}: {key}: expected '{wanted}', got '{plain.get(key)}'")
     return Checkpoint(from_plain(plain, Provenance, str(file)), tensors)

@@ -78,7 +78,7 @@ class SiteSamples:
     def __post_init__(self) -> None:
         for chosen in (self.sensors, *([self.narrow] if self.narrow else [])):
             if self.plan.lidars > len(chosen.files):
-                raise Error(f"lidars: found {self.plan.lidars}, allowed up to {len(chosen.files)}")
+                raise Error(f"lidars: expected up to {len(chosen.files)}, got {self.plan.lidars}")
         if (self.plan.narrow > 0) != (self.narrow is not None):
             raise Error(
                 "narrow: expected LiDARs with a share above 0, and none with 0, got "

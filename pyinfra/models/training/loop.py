@@ -239,12 +239,14 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
         theirs["network"] = as_plain(checkpoint.config_of(ours.detector, theirs["network"]))
     different = [key for key in theirs if key not in PASSING and theirs[key] != wanted[key]]
     if different:
-        raise ConfigError(f"{file}: found another run: {', '.join(different)} differ")
+        raise ConfigError(
+            f"{file}: expected the same run, got another: {', '.join(different)} differ"
+        )
     described = out / "run.yaml"
     before, now = (_ways(d) for d in (read_config(described, Description), ours))
     for key, value in before.items():
         if value != now[key]:
-            raise ConfigError(f"{described}: {key}: found {value}, allowed {now[key]} to go on")
+            raise ConfigError(f"{described}: {key}: expected {now[key]} to go on, got {value}")
     return loaded
 
 

@@ -26,7 +26,7 @@ def _model(_: Path, word: str) -> None:
             model_file(Path(word))
     except FileNotFoundError:
         ours = ", ".join(shipped())
-        raise Error(f"found '{word}', allowed a run, a file, or {ours}") from None
+        raise Error(f"expected a run, a file, or {ours}, got '{word}'") from None
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Learning:
 
     def __post_init__(self) -> None:
         if not self.steps and not self.start:
-            raise Error("steps: found 0 without start, allowed 1 or more")
+            raise Error("steps: expected 1 or more, got 0 without start")
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class TierParts:
 
 def _known(_: Path, detector: str) -> None:
     if detector not in DETECTORS:
-        raise Error(f"found '{detector}', allowed {', '.join(DETECTORS)}")
+        raise Error(f"expected {', '.join(DETECTORS)}, got '{detector}'")
 
 
 @dataclass(frozen=True)

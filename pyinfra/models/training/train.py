@@ -80,14 +80,14 @@ def _as_it_comes(start: Path, out: Path) -> Path:
 
 def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: Path) -> Path:
     if isinstance(sources, Stream):
-        raise Error("background: found a stream of sites, allowed one LiDAR: it stands there")
+        raise Error("background: expected one LiDAR, got a stream of sites: it stands there")
     if len(sources) != 1:
-        raise Error(f"background: found {len(sources)} LiDARs, allowed one: it stands there")
+        raise Error(f"background: expected one LiDAR, got {len(sources)}: it stays where it learnt")
     (source,) = sources
     if source.accumulation.frames > 1:
         raise Error(
-            f"accumulate: found {source.accumulation.frames} for background, allowed 1: it "
-            "knows what moves by single frames"
+            f"accumulate: expected 1, got {source.accumulation.frames} for background: it knows "
+            "what moves by single frames"
         )
     chosen = spread(range(len(source.clouds)), BACKGROUND_FRAMES)
     file = out / "background.npz"
@@ -120,11 +120,11 @@ def _train_network(
         name = type(network).__name__
         raise Error(f"learning.balance: expected 0 for {name}, got {recipe.learning.balance:g}")
     if network.columns > 4 and stream.accumulation.frames == 1:
-        raise Error("network.age: found true of single frames, allowed with `accumulate`")
+        raise Error("network.age: expected with `accumulate`, got true of single frames")
     if network.classes != stream.classes:
         raise Error(
-            f"network.classes: found {', '.join(network.classes)}, allowed "
-            f"{', '.join(stream.classes)} as the boxes that are learnt from"
+            f"network.classes: expected {', '.join(stream.classes)} as the boxes that are learnt "
+            f"from, got {', '.join(network.classes)}"
         )
     provenance = _provenance(recipe, stream, seed)
     if recipe.learning.start:
@@ -196,7 +196,9 @@ def _begun_with(network: Network, start: Path, provenance: Provenance) -> Proven
         network.load_state_dict(weights)
     except RuntimeError as error:
         first = str(error).splitlines()[-1].strip()
-        raise ConfigError(f"{start}: found weights of another network: {first}") from None
+        raise ConfigError(
+            f"{start}: expected weights of this network, got others: {first}"
+        ) from None
     line = loaded.provenance.calibration if loaded.classes == network.classes else None
     return replace(provenance, start=checkpoint.digest(file), calibration=line)
 
@@ -207,8 +209,8 @@ def common_label_time(sources: Sequence[Source]) -> LabelTime:
     for other in sources:
         if other.label_time != first.label_time:
             raise Error(
-                f"{other.lidar} in {other.scene}: label_time: found {other.label_time}, allowed "
-                f"{first.label_time} as of {first.lidar} in {first.scene}"
+                f"{other.lidar} in {other.scene}: label_time: expected {first.label_time} as of "
+                f"{first.lidar} in {first.scene}, got {other.label_time}"
             )
     return first.label_time
 
@@ -219,10 +221,10 @@ def common_accumulation(sources: Sequence[Source]) -> Accumulation:
     for other in sources:
         if other.accumulation != first.accumulation:
             raise Error(
-                f"{other.lidar} in {other.scene}: accumulation: found "
-                f"{other.accumulation.frames} frames, {other.accumulation.label_at}, allowed "
+                f"{other.lidar} in {other.scene}: accumulation: expected "
                 f"{first.accumulation.frames}, {first.accumulation.label_at} as of {first.lidar} "
-                f"in {first.scene}"
+                f"in {first.scene}, got {other.accumulation.frames} frames, "
+                f"{other.accumulation.label_at}"
             )
     return first.accumulation
 
@@ -265,7 +267,7 @@ def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Fram
 
     if isinstance(sources, Stream):
         if kept > 0:
-            raise Error(f"learning.validate_frames: found {kept} of a stream, allowed 0")
+            raise Error(f"learning.validate_frames: expected 0, got {kept} of a stream")
         return sources, None
     sources = [on_road(source) for source in sources]
     frames, held_out = _frames(sources, kept)
@@ -298,11 +300,11 @@ def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None
         whole = Frames(source.clouds, source.read_boxes(), classes=classes, heights_m=heights_m)
         if 0 < len(whole) <= kept:
             raise Error(
-                f"learning.validate_frames: found {kept}, allowed below {len(whole)}, "
-                f"the frames of {source.lidar}"
+                f"learning.validate_frames: expected below {len(whole)}, the frames of "
+                f"{source.lidar}, got {kept}"
             )
         learnt += whole.part(slice(0, len(whole) - kept))
         held_out += whole.part(slice(len(whole) - kept, None))
     if kept > 0 and not any(map(len, held_out.boxes)):
-        raise Error(f"found no vehicle in the last {kept} frames, allowed one or more")
+        raise Error(f"expected a vehicle in the last {kept} frames, got none")
     return learnt, held_out if kept > 0 else None

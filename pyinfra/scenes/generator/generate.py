@@ -33,7 +33,7 @@ MEAN_SIZE_M = {
 def make_site(seed: int, ranges: Ranges = RANGES) -> Keys:
     """Returns the keys of a scene file. Raises Error for a seed below 0."""
     if seed < 0:
-        raise Error(f"seed: found {seed}, allowed 0 or more")
+        raise Error(f"seed: expected 0 or more, got {seed}")
     draws = Draws(seed, "roads")
     habitat = HABITATS[draws.one_of(ranges.habitats)]
     layout = LAYOUTS[draws.one_of(habitat.layouts)](draws, habitat, ranges)

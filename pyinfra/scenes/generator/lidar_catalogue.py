@@ -58,11 +58,11 @@ def sensors(
     names = [file.stem for file in files]
     for name in without:
         if name not in names:
-            raise Error(f"without: found '{name}', allowed {', '.join(names)}")
+            raise Error(f"without: expected {', '.join(names)}, got '{name}'")
     weights = presets or Sensors(()).presets
     kept = [file for file in files if file.stem not in without and _can_be_cast(file, weights)]
     if not kept:
-        raise Error("without: found no LiDAR left, allowed one or more")
+        raise Error("without: expected a LiDAR left, got none")
     return Sensors(tuple(kept), weights)
 
 

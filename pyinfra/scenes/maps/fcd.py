@@ -43,15 +43,15 @@ def read_fcd(file: Path) -> list[Recorded]:
                 name = element.get("id", "")
                 key = element.tag, name
                 if key not in rows and len(rows) == MOST_OBJECTS:
-                    raise _refusal(file, f"found more than {MOST_OBJECTS} objects")
+                    raise _refusal(file, f"expected at most {MOST_OBJECTS} objects, got more")
                 types.setdefault(key, element.get("type", ""))
                 rows.setdefault(key, []).append((t, *_state(file, t, name, element)))
     except ElementTree.ParseError as error:
-        raise _refusal(file, f"found broken XML ({error}), allowed SUMO's fcd-export") from error
+        raise _refusal(file, f"expected SUMO's fcd-export, got broken XML ({error})") from error
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise _refusal(file, f"found a broken .gz ({error})") from error
+        raise _refusal(file, f"expected a whole .gz, got a broken one ({error})") from error
     if not rows:
-        raise _refusal(file, "found no vehicle and no person, allowed one or more")
+        raise _refusal(file, "expected vehicles or people, got none")
     return [
         Recorded(key[1], types[key], np.array(values)[:, :5], np.array(values)[:, 5], key[0])
         for key, values in rows.items()
@@ -72,13 +72,13 @@ def _objects(
         if root is None:
             root = element
             if element.tag != "fcd-export":
-                raise refusal(f"found <{element.tag[:40]}>, allowed <fcd-export>")
+                raise refusal(f"expected <fcd-export>, got <{element.tag[:40]}>")
         if event == "end" and element.tag == "timestep":
             t = _number(element.get("time"))
             if not np.isfinite(t) or abs(t) > 1e8:
-                raise refusal(f"found time '{element.get('time')}', allowed seconds")
+                raise refusal(f"expected seconds, got time '{element.get('time')}'")
             if t <= before:
-                raise refusal(f"found time {t:g} after {before:g}, allowed times that rise")
+                raise refusal(f"expected times that rise, got time {t:g} after {before:g}")
             before = t
             for each in element:
                 if each.tag in ("vehicle", "person"):
@@ -91,13 +91,13 @@ def _state(
 ) -> tuple[float, float, float, float, float]:
     """Returns x, y, z, heading and speed of an element; z, angle and speed are optional."""
     if not name:
-        raise _refusal(file, f"time {t:g}: found a <{element.tag}> without id")
+        raise _refusal(file, f"time {t:g}: expected an id of each <{element.tag}>, got none")
     x, y = (_number(element.get(key)) for key in ("x", "y"))
     z, angle = (_number(element.get(key, "0")) for key in ("z", "angle"))
     for key, value in (("x", x), ("y", y), ("z", z), ("angle", angle)):
         if not np.isfinite(value) or abs(value) > 1e7:
             text = element.get(key)
-            raise _refusal(file, f"time {t:g}: {name}: {key}: found {text!r}, allowed a number")
+            raise _refusal(file, f"time {t:g}: {name}: {key}: expected a number, got {text!r}")
     # SUMO's angle counts clockwise from north.
     heading = np.nan if element.get("angle") is None else np.radians(90 - angle)
     return x, y, z, heading, _number(element.get("speed"))

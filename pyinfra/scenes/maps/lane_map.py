@@ -153,21 +153,21 @@ def checked_lanes(lanes: Sequence[MapLane], source: str) -> list[MapLane]:
     for lane in lanes:
         both = np.concatenate([lane.left, lane.right])
         if not np.isfinite(both).all():
-            raise MapError(f"{source}: lane {lane.name}: found a place that is not a number")
+            raise MapError(f"{source}: lane {lane.name}: expected numbers, got another place")
         if np.abs(both).max() > FARTHEST_M:
             most = np.abs(both).max()
             raise MapError(
-                f"{source}: lane {lane.name}: found a place {most:.4g} m from the origin, "
-                f"allowed up to {FARTHEST_M:g} (a wrong projection?)"
+                f"{source}: lane {lane.name}: expected up to {FARTHEST_M:g} (a wrong "
+                f"projection?), got a place {most:.4g} m from the origin"
             )
         steps = np.diff(lane.centre, axis=0)
         rise = np.abs(steps[:, 2]) - STEEPEST * np.hypot(*steps[:, :2].T)
         if rise.max() > 0.1:
             x, y, z = lane.centre[int(rise.argmax())]
             raise MapError(
-                f"{source}: lane {lane.name}: found a step in z at {x:.1f} {y:.1f} {z:.1f}, "
-                f"allowed grades up to {STEEPEST:.0%}"
+                f"{source}: lane {lane.name}: expected grades up to {STEEPEST:.0%}, got a step "
+                f"in z at {x:.1f} {y:.1f} {z:.1f}"
             )
     if not any(lane.driveable for lane in lanes):
-        raise MapError(f"{source}: found no lane for vehicles, allowed one or more")
+        raise MapError(f"{source}: expected a lane for vehicles, got none")
     return list(lanes)

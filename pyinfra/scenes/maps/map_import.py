@@ -89,7 +89,7 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
             return Imported(
                 record["lanes"], record["triangles"], Pole(**record["pole"]), record, False
             )
-        raise FileExistsError(f"{out}: is there already, from another import; allowed a new folder")
+        raise FileExistsError(f"{out}: expected a new folder, got one of another import")
     with new_folder(out) as folder, tempfile.TemporaryDirectory() as scratch:
         plain = _unpacked(file, kind, Path(scratch))
         try:
@@ -189,7 +189,7 @@ def _options_as_keys(options: ImportOptions) -> dict[str, Any]:
 def _digest(file: Path) -> str:
     size = file.stat().st_size
     if not 0 < size <= LONGEST_BYTES:
-        raise MapError(f"{file}: found {size} bytes, allowed 1 to {LONGEST_BYTES}")
+        raise MapError(f"{file}: expected 1 to {LONGEST_BYTES}, got {size} bytes")
     with file.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
@@ -323,7 +323,9 @@ def _cut(site_map: SiteMap, radius_m: float, file: Path) -> None:
     """Removes objects outside the radius around the origin; lanes that reach into it stay whole."""
     site_map.lanes = [x for x in site_map.lanes if np.hypot(*x.centre[:, :2].T).min() <= radius_m]
     if not any(lane.driveable for lane in site_map.lanes):
-        raise MapError(f"{file}: found no lane for vehicles within {radius_m:g} m of the centre")
+        raise MapError(
+            f"{file}: expected a lane for vehicles within {radius_m:g} m of the centre, got none"
+        )
     site_map.bodies = [b for b in site_map.bodies if np.hypot(*b.outline.mean(0)) <= radius_m]
     site_map.trees = [t for t in site_map.trees if math.hypot(t.x_m, t.y_m) <= radius_m]
     site_map.features = [f for f in site_map.features if math.hypot(f.x_m, f.y_m) <= radius_m]

@@ -40,14 +40,16 @@ def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement)
     """
     name = f"meshes/{file.stem.lower()}.ply"
     if (site / name).exists():
-        raise FileExistsError(f"{site / name}: is there already, allowed another name of {file}")
+        raise FileExistsError(
+            f"{site / name}: expected a new name for {file}, got one that is there"
+        )
     mounts = feet(site)
     mesh = _placed(_read(file), file, placement)
     away = _away_m(mesh, mounts)
     if away > FARTHEST_M:
         raise FormatError(
-            f"{file}: found its nearest point {away:.0f} m from the mount, allowed up to "
-            f"{FARTHEST_M:g} m (`offset` moves it)"
+            f"{file}: expected up to {FARTHEST_M:g} m (`offset` moves it), got its nearest point "
+            f"{away:.0f} m from the mount"
         )
     scene = with_mesh(site / SCENE, {"file": name, "material": material})
     (site / "meshes").mkdir(exist_ok=True)
@@ -59,9 +61,9 @@ def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement)
 def _read(file: Path) -> Triangles:
     """Reads all triangles of a file, in its own coordinates. Raises FormatError."""
     if file.suffix.lower() not in ENDINGS:
-        raise FormatError(f"{file}: found another ending, allowed {', '.join(ENDINGS)}")
+        raise FormatError(f"{file}: expected {', '.join(ENDINGS)}, got another ending")
     if not file.stat().st_size:
-        raise FormatError(f"{file}: found 0 bytes, allowed a mesh")
+        raise FormatError(f"{file}: expected a mesh, got 0 bytes")
     try:
         import trimesh
     except ImportError as error:
@@ -74,14 +76,16 @@ def _read(file: Path) -> Triangles:
     vertices = np.asarray(loaded.vertices, dtype=np.float64)
     faces = np.asarray(loaded.faces, dtype=np.int64)
     if not len(faces):
-        raise FormatError(f"{file}: found no faces, allowed one or more")
+        raise FormatError(f"{file}: expected faces, got none")
     if len(faces) > MOST_TRIANGLES:
-        raise FormatError(f"{file}: found {len(faces)} faces, allowed up to {MOST_TRIANGLES}")
+        raise FormatError(f"{file}: expected up to {MOST_TRIANGLES} faces, got {len(faces)}")
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise FormatError(f"{file}: found a face of corner {faces.max()} of {len(vertices)}")
+        raise FormatError(
+            f"{file}: expected corners below {len(vertices)}, got a face with {faces.max()}"
+        )
     if not np.isfinite(vertices).all():
         at = int(np.flatnonzero(~np.isfinite(vertices).all(1))[0])
-        raise FormatError(f"{file}: vertex {at}: found {vertices[at].tolist()}, allowed numbers")
+        raise FormatError(f"{file}: vertex {at}: expected numbers, got {vertices[at].tolist()}")
     return Triangles(vertices, faces)
 
 
@@ -91,16 +95,16 @@ def _placed(mesh: Triangles, file: Path, placement: MeshPlacement) -> Triangles:
     widest = float(np.ptp(vertices, axis=0).max())
     if widest > WIDEST_M:
         raise FormatError(
-            f"{file}: found {widest:.4g} m from end to end, allowed up to {WIDEST_M:g} m "
-            f"(millimetres? `scale` 0.001 makes it {widest / 1000:.4g} m)"
+            f"{file}: expected up to {WIDEST_M:g} m (millimetres? `scale` 0.001 makes it "
+            f"{widest / 1000:.4g} m), got {widest:.4g} m from end to end"
         )
     if up == "y":
         vertices = vertices[:, [0, 2, 1]] * [1, -1, 1]
     made = together([Triangles(vertices + np.array(placement.offset_m), mesh.faces)])
     if not len(made.faces):
         raise FormatError(
-            f"{file}: found {len(mesh.faces)} faces without an area, allowed one or more with one "
-            f"(it is {widest:.3g} m from end to end: `scale` makes it larger)"
+            f"{file}: expected faces with an area (it is {widest:.3g} m from end to end: `scale` "
+            f"makes it larger), got {len(mesh.faces)} faces without an area"
         )
     return made
 

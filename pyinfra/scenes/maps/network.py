@@ -53,9 +53,9 @@ def shape_of(text: str, where: str) -> FloatArray:
         rows = [[float(v) for v in point.split(",")] for point in text.split()]
         shape = np.array([[*row, 0.0][:3] for row in rows]).reshape(-1, 3)
     except ValueError as error:
-        raise MapError(f"{where}: shape: found {text[:40]!r}, allowed x,y or x,y,z") from error
+        raise MapError(f"{where}: shape: expected x,y or x,y,z, got {text[:40]!r}") from error
     if not np.isfinite(shape).all():
-        raise MapError(f"{where}: shape: found a place that is not a number")
+        raise MapError(f"{where}: shape: expected numbers, got another")
     return shape
 
 
@@ -74,7 +74,7 @@ def _read_edge(edge: Element, site_map: SiteMap) -> None:
             continue
         width = number(lane, "width", DEFAULT_WIDTH_M)
         if not 0 < width < 100:
-            raise MapError(f"lane {lane.get('id')}: width: found {width:g}, allowed 0 to 100 m")
+            raise MapError(f"lane {lane.get('id')}: width: expected 0 to 100 m, got {width:g}")
         shape = _thinned(shape)
         if len(shape) < 2 or np.hypot(*np.diff(shape[:, :2], axis=0).T).sum() < SHORTEST_M:
             site_map.mended.append(f"lane {name}: shorter than {SHORTEST_M} m, left out")

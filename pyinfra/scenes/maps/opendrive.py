@@ -55,13 +55,13 @@ def read_opendrive(file: Path) -> SiteMap:
     for node in root.iter():
         node.tag = node.tag.rpartition("}")[2]  # some writers add a namespace
     if root.tag != "OpenDRIVE":
-        raise MapError(f"{file}: found <{root.tag}>, allowed <OpenDRIVE>")
+        raise MapError(f"{file}: expected <OpenDRIVE>, got <{root.tag}>")
     site_map, ids = SiteMap(), set[str | None]()
     try:
         for count, node in enumerate(root.iter("road")):
             ids.add(node.get("id"))
             if len(ids) <= count:
-                raise MapError(f"road {node.get('id')}: id: found it twice, allowed once")
+                raise MapError(f"road {node.get('id')}: id: expected it once, got it twice")
             _read_road(node, site_map)
     except MapError as error:
         raise MapError(f"{file}: {error}") from error
@@ -144,8 +144,8 @@ def _section(
             if across.min() < -1e-3:
                 at = s[int(across.argmin())]
                 raise MapError(
-                    f"road {road.id}: lane {lane.get('id')}: width: found {across.min():.3g} m at "
-                    f"s = {at:.1f}, allowed 0 or more"
+                    f"road {road.id}: lane {lane.get('id')}: width: expected 0 or more, got "
+                    f"{across.min():.3g} m at s = {at:.1f}"
                 )
             t = border.at(s) if len(border.starts) else inner + sign * across.clip(0)
             pieces.append(
@@ -165,7 +165,7 @@ def _section(
 def _lane_id(road: OpenDriveRoad, node: Element) -> int:
     value = number(node, "id")
     if value != int(value):
-        raise MapError(f"road {road.id}: lane: id: found {value:g}, allowed a whole number")
+        raise MapError(f"road {road.id}: lane: id: expected a whole number, got {value:g}")
     return int(value)
 
 

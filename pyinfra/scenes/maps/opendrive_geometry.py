@@ -24,7 +24,7 @@ def number(node: Element, name: str, default: float | None = None) -> float:
         value = math.nan
     if not math.isfinite(value):
         attributes = " ".join(f'{k}="{v[:20]}"' for k, v in list(node.attrib.items())[:3])
-        raise MapError(f"<{node.tag} {attributes}>: {name}: found {text!r}, allowed a number")
+        raise MapError(f"<{node.tag} {attributes}>: {name}: expected a number, got {text!r}")
     return value
 
 
@@ -108,12 +108,12 @@ def read_reference_line(road: Element) -> ReferenceLine:
     """Reads the reference line of a road. Raises MapError."""
     nodes = road.findall("planView/geometry")
     if not nodes:
-        raise MapError(f"road {road.get('id')}: found no planView/geometry, allowed one or more")
+        raise MapError(f"road {road.get('id')}: expected a planView/geometry, got none")
     nodes.sort(key=lambda node: number(node, "s"))
     poses = [[number(node, k) for k in ("x", "y", "hdg")] for node in nodes]
     length = number(nodes[-1], "s") + number(nodes[-1], "length")
     if not 0 < length < 1e6:
-        raise MapError(f"road {road.get('id')}: length: found {length:g}, allowed 0 to 1e6 m")
+        raise MapError(f"road {road.get('id')}: length: expected 0 to 1e6 m, got {length:g}")
     return ReferenceLine(
         np.array([number(node, "s") for node in nodes]),
         np.array(poses),
@@ -127,7 +127,7 @@ def _piece(node: Element, road: str | None) -> Line:
     shape = node[0] if len(node) else node
     length = number(node, "length")
     if length < 0:
-        raise MapError(f"road {road}: geometry: length: found {length:g}, allowed 0 or more")
+        raise MapError(f"road {road}: geometry: length: expected 0 or more, got {length:g}")
     if shape.tag == "line":
         return lambda ds: (ds, 0 * ds, 0 * ds)
     if shape.tag == "arc":
@@ -143,7 +143,7 @@ def _piece(node: Element, road: str | None) -> Line:
         sides = {f"a{k}": [number(shape, f"{c}{k}", 0.0) for c in "abcd"] for k in "UV"}
         return _along(sides, length if shape.get("pRange") == "arcLength" else 1.0, length)
     raise MapError(
-        f"road {road}: geometry: found {shape.tag!r}, allowed line, arc, spiral, poly3, paramPoly3"
+        f"road {road}: geometry: expected line, arc, spiral, poly3, paramPoly3, got {shape.tag!r}"
     )
 
 

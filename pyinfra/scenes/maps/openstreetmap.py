@@ -120,9 +120,9 @@ def read_street_map(file: Path) -> StreetMap:
     for node in all_elements(file):
         _read_element(node, street_map, file)
     if not any("highway" in way.tags for way in street_map.ways):
-        raise MapError(f"{file}: found no way with a highway, allowed one or more")
+        raise MapError(f"{file}: expected a way with a highway, got none")
     if not street_map.of_highways():
-        raise MapError(f"{file}: found no node of a highway, allowed two or more")
+        raise MapError(f"{file}: expected two or more nodes of highways, got fewer")
     return street_map
 
 
@@ -135,7 +135,7 @@ def all_elements(file: Path) -> Iterator[Element]:
                 if root is None:
                     root = node
                     if node.tag != "osm":
-                        raise MapError(f"{file}: found <{node.tag}>, allowed <osm>")
+                        raise MapError(f"{file}: expected <osm>, got <{node.tag}>")
                 elif event == "end" and node.tag in {"node", "way", "relation"}:
                     yield node
                     root.clear()
@@ -195,8 +195,8 @@ def _lon_lat(node: Element, file: Path) -> tuple[float, float]:
         lon = lat = math.nan
     if not (abs(lon) <= 180 and abs(lat) <= 85):
         raise MapError(
-            f"{file}: node {node.get('id', node.get('ref'))}: lon, lat: found {node.get('lon')!r}, "
-            f"{node.get('lat')!r}, allowed degrees to 180 and 85"
+            f"{file}: node {node.get('id', node.get('ref'))}: lon, lat: expected degrees to 180 "
+            f"and 85, got {node.get('lon')!r}, {node.get('lat')!r}"
         )
     return lon, lat
 

@@ -55,7 +55,7 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
     """
     unknown = sorted(set(how.names) - set(_COLUMNS))
     if unknown:
-        raise Error(f"columns: found '{unknown[0]}', allowed {', '.join(_COLUMNS)}")
+        raise Error(f"columns: expected {', '.join(_COLUMNS)}, got '{unknown[0]}'")
     words = read_words(file)
     ours = {theirs: our_name for our_name, theirs in how.names.items()}
     words = words.rename(columns=ours)
@@ -63,9 +63,9 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
     for name in (*_NEEDED, clock):
         if name not in words.columns:
             have = ", ".join(map(str, words.columns))[:200]
-            raise FormatError(f"{file}:1: found columns {have}, allowed with '{name}' (`columns`)")
+            raise FormatError(f"{file}:1: expected with '{name}' (`columns`), got columns {have}")
     if not len(words):
-        raise FormatError(f"{file}: found no row, allowed one or more")
+        raise FormatError(f"{file}: expected a row, got none")
     values = {name: _checked(file, words, name) for name in (*_NEEDED[:-1], clock)}
     times = values[clock] / (how.rate_hz or 1.0)
     boxes = np.column_stack([values[n] for n in ("x", "y", "z", "dx", "dy", "dz", "heading")])
@@ -73,7 +73,7 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
         boxes[:, 6] = np.radians(boxes[:, 6])
     elif (np.abs(boxes[:, 6]) > 2 * np.pi + 1e-3).any():
         row = int(np.argmax(np.abs(boxes[:, 6]) > 2 * np.pi + 1e-3))
-        raise FormatError(f"{file}:{row + 2}: heading: found degrees, allowed `degrees` or radians")
+        raise FormatError(f"{file}:{row + 2}: heading: expected `degrees` or radians, got degrees")
     classes = np.array([_class(file, i, name, how) for i, name in enumerate(words["class"])])
     ids = words["id"].to_numpy(str) if "id" in words.columns else link(times, boxes, classes)
     return _tracks(file, times, boxes, classes, ids)
@@ -93,7 +93,7 @@ def read_frames(folder: Path) -> list[BoxTrack]:
         boxes.append(labels.boxes)
         names.append(labels.names.astype(str))
     if not times:
-        raise FormatError(f"{folder}: found no label, allowed one or more")
+        raise FormatError(f"{folder}: expected a label, got none")
     all_boxes, classes = np.concatenate(boxes), np.concatenate(names)
     cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
     x, y = all_boxes[:, 0].copy(), all_boxes[:, 1].copy()
@@ -102,7 +102,7 @@ def read_frames(folder: Path) -> list[BoxTrack]:
     all_boxes[:, 6] += pose.yaw
     wrong = sorted(set(classes) - set(CLASSES))
     if wrong:
-        raise FormatError(f"{folder}: found class '{wrong[0]}', allowed {', '.join(CLASSES)}")
+        raise FormatError(f"{folder}: expected {', '.join(CLASSES)}, got class '{wrong[0]}'")
     at = np.array(times)
     return _tracks(folder, at, all_boxes, classes, link(at, all_boxes, classes))
 
@@ -115,7 +115,7 @@ def _checked(file: Path, words: pd.DataFrame, name: str) -> FloatArray:
     if wrong.any():
         row = int(wrong.argmax())
         text = words[name].iloc[row]
-        raise FormatError(f"{file}:{row + 2}: {name}: found '{text}', allowed {low:g} to {high:g}")
+        raise FormatError(f"{file}:{row + 2}: {name}: expected {low:g} to {high:g}, got '{text}'")
     return np.asarray(values)
 
 
@@ -123,7 +123,7 @@ def _class(file: Path, row: int, name: str, how: BoxColumns) -> str:
     ours = how.classes.get(name, name)
     if ours not in CLASSES:
         allowed = f"{', '.join(CLASSES)}, or `class_of` {shlex.quote(f'{name}=Car')}"
-        raise FormatError(f"{file}:{row + 2}: class: found '{name[:40]}', allowed {allowed}")
+        raise FormatError(f"{file}:{row + 2}: class: expected {allowed}, got '{name[:40]}'")
     return ours
 
 
@@ -132,7 +132,7 @@ def _tracks(
 ) -> list[BoxTrack]:
     names, first, inverse = np.unique(ids, return_index=True, return_inverse=True)
     if len(names) > MOST_OBJECTS:
-        raise FormatError(f"{file}: found {len(names)} objects, allowed {MOST_OBJECTS}")
+        raise FormatError(f"{file}: expected up to {MOST_OBJECTS} objects, got {len(names)}")
     order = np.argsort(inverse, kind="stable")
     groups = np.split(order, np.cumsum(np.bincount(inverse))[:-1])
     tracks = []
@@ -142,10 +142,12 @@ def _tracks(
         if len(back):
             line = rows[back[0] + 1] + 2
             raise FormatError(
-                f"{file}:{line}: t: found {times[rows[back[0] + 1]]:g} after "
-                f"{times[rows[back[0]]]:g} of object '{names[i]}', allowed times that rise"
+                f"{file}:{line}: t: expected times that rise, got {times[rows[back[0] + 1]]:g} "
+                f"after {times[rows[back[0]]]:g} of object '{names[i]}'"
             )
         if len(set(classes[rows])) > 1:
-            raise FormatError(f"{file}: found object '{names[i]}' of two classes, allowed one")
+            raise FormatError(
+                f"{file}: expected one class for each object, got two of object '{names[i]}'"
+            )
         tracks.append(BoxTrack(str(names[i]), str(classes[rows[0]]), times[rows], boxes[rows]))
     return tracks

@@ -102,13 +102,15 @@ def read_road_net(file: Path) -> RoadNet:
     try:
         root = ElementTree.parse(file).getroot()
     except ElementTree.ParseError as error:
-        raise FormatError(f"{file}: found broken XML ({error}), allowed a SUMO network") from error
+        raise FormatError(f"{file}: expected a SUMO network, got broken XML ({error})") from error
     if root.tag != "net":
-        raise FormatError(f"{file}: found <{root.tag[:40]}>, allowed <net>")
+        raise FormatError(f"{file}: expected <net>, got <{root.tag[:40]}>")
     try:
         return _net(root)
     except (KeyError, ValueError) as error:
-        raise FormatError(f"{file}: found an element without, or with a wrong, {error}") from error
+        raise FormatError(
+            f"{file}: expected {error} of an element, got none or a wrong one"
+        ) from error
 
 
 def _net(root: ElementTree.Element) -> RoadNet:

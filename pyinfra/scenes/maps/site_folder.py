@@ -26,7 +26,7 @@ def feet(site: Path) -> FloatArray:
         positions = []
     points = np.array(positions).reshape(-1, 2)
     if not len(points) or not np.isfinite(points).all():
-        raise FormatError(f"{file}: mounts: found none with x_m and y_m, allowed one or more")
+        raise FormatError(f"{file}: mounts: expected a mount with x_m and y_m, got none")
     return points
 
 
@@ -45,7 +45,7 @@ def offset(site: Path) -> FloatArray:
     except (TypeError, ValueError):
         vector = np.zeros(0)
     if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise FormatError(f"{file}: offset_m: found {value!r}, allowed [x, y, z] in metres")
+        raise FormatError(f"{file}: offset_m: expected [x, y, z] in metres, got {value!r}")
     return vector
 
 

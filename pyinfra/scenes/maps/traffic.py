@@ -68,7 +68,7 @@ def record(net_file: Path, feet: FloatArray, demand: Demand, seconds: float, see
     """Runs SUMO like `simulate`, but without smoothing and filtering."""
     demand.check()
     if not 1 <= seconds <= 3600 or not 0 <= seed < 2**31:
-        raise Error("found a time or a seed out of range, allowed 1 to 3600 s, 0 to 2^31 - 1")
+        raise Error("expected 1 to 3600 s and a seed from 0 to 2^31 - 1, got others")
     warm_up = _WALKING_S if demand.pedestrians_per_hour else _WARM_UP_S
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)

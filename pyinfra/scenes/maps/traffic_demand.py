@@ -39,9 +39,9 @@ class Demand:
         for name in ("vehicles_per_hour", "pedestrians_per_hour", "bicycles_per_hour"):
             rate = getattr(self, name)
             if not 0 <= rate <= 20_000:
-                raise Error(f"{name}: found {rate:g}, allowed 0 to 20000")
+                raise Error(f"{name}: expected 0 to 20000, got {rate:g}")
         if self.vehicles_per_hour + self.pedestrians_per_hour + self.bicycles_per_hour == 0:
-            raise Error("vehicles_per_hour: found 0 of all, allowed more than 0")
+            raise Error("vehicles_per_hour: expected more than 0, got 0 of all")
 
 
 @dataclass(frozen=True)
@@ -209,13 +209,14 @@ def _too_small(net: RoadNet, feet: FloatArray, sumo_class: str) -> str:
     edges = [e for e in net.edges.values() if e.lanes_for(sumo_class)]
     reach = REGION_M + MARGIN_M
     if not edges:
-        return f"the map: found no road for class '{sumo_class}', allowed maps that have one"
+        return f"the map: expected a road for class '{sumo_class}', got none"
     far = max(float(np.linalg.norm(e.shape[:, None] - feet, axis=2).min(1).max()) for e in edges)
     starts, ends = (len(some) for some in _far_edges(net, feet, sumo_class))
     counts = f"{starts} edges begin and {ends} end there"
     why = counts if far >= reach else f"it reaches {far:.0f} m"
     return (
-        f"the map: found no way for class '{sumo_class}' from {reach:.0f} m outside the mount's "
-        f"foot, through the region, to {reach:.0f} m outside ({why}), allowed maps with such ways: "
-        "nothing may appear or vanish inside; import more of the map, or move the mount"
+        f"the map: expected maps with such ways, got no way for class '{sumo_class}' from "
+        f"{reach:.0f} m outside the mount's foot, through the region, to {reach:.0f} m outside "
+        f"({why}): nothing may appear or vanish inside; import more of the map, or move the "
+        "mount"
     )

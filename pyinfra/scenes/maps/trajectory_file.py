@@ -26,7 +26,7 @@ def write_trajectories(file: Path, tracks: list[Track]) -> None:
     """
     ordered = sorted(tracks, key=lambda t: (t.first, t.name))
     if not ordered or ordered[0].first != 0:
-        raise Error(f"{file}: found no object at t = 0, allowed one or more")
+        raise Error(f"{file}: expected an object at t = 0, got none")
     for track in ordered:
         _check(track)
     files.write(file, _text(ordered))
@@ -67,4 +67,4 @@ def _check(track: Track) -> None:
 
 
 def _refuse(track: Track, actual: str, allowed: str) -> None:
-    raise Error(f"track '{track.name}': found {actual}, allowed {allowed}")
+    raise Error(f"track '{track.name}': expected {allowed}, got {actual}")

@@ -112,8 +112,8 @@ def _classes(
         hint = shlex.quote(",".join(f"{name}=Car" for name in unknown))
         first, name = next(iter(unknown.items()))
         raise FormatError(
-            f"object '{name[:40]}': found type '{first[:40]}', allowed {', '.join(_SUMO_TYPES)}, "
-            f"or `class_of` {hint}"
+            f"object '{name[:40]}': expected {', '.join(_SUMO_TYPES)}, or `class_of` {hint}, got "
+            f"type '{first[:40]}'"
         )
     return class_of
 
@@ -215,7 +215,7 @@ def _from_zero(out: ImportedTracks) -> ImportedTracks:
     """Shifts the time so that the first track starts at 0. Raises FormatError without a track."""
     if not out.tracks:
         why = out.notes[0] if out.notes else "no rows"
-        raise FormatError(f"found no track that can be used ({why}), allowed one or more")
+        raise FormatError(f"expected a track that can be used ({why}), got none")
     out.tracks = from_zero(out.tracks)
     return out
 
@@ -246,6 +246,6 @@ def _pieces(
 def _check_length(start: float, end: float) -> None:
     if end - start > _LONGEST_S:
         raise FormatError(
-            f"found times from {start:g} to {end:g} s, allowed {_LONGEST_S:g} s together: "
-            "does the clock jump, or is it in another unit?"
+            f"expected {_LONGEST_S:g} s together, got times from {start:g} to {end:g} s: does "
+            "the clock jump, or is it in another unit?"
         )

@@ -98,7 +98,7 @@ def read_run(folder: Path, data: Iterable[DataSet]) -> Run:
     predictions, and Error if neither source has the values.
     """
     if not (folder / "predictions").is_dir():
-        raise FileNotFoundError(2, "found no folder predictions", str(folder))
+        raise FileNotFoundError(2, "expected a folder predictions, got none", str(folder))
     if (folder / "run.yaml").is_file():
         top = kitti.read_yaml(folder / "run.yaml")
         fields = {key: top.at(key).text() for key in ("scene", "lidar", "preset", "detector")}
@@ -109,6 +109,6 @@ def read_run(folder: Path, data: Iterable[DataSet]) -> Run:
             if match := re.match(rf"{start}([^_]+)", folder.name):
                 return Run(folder, one.scene, lidar, one.preset, match[1])
     raise Error(
-        f"{folder}: found no run.yaml, allowed one, or a name SCENE_LIDAR_PRESET_DETECTOR of a "
-        "data set that is given"
+        f"{folder}: expected one, or a name SCENE_LIDAR_PRESET_DETECTOR of a data set that is "
+        "given, got no run.yaml"
     )

@@ -48,7 +48,7 @@ def pack_points(view: ViewFrame, most_points: int | None = None) -> dict[str, An
     if view.object_id is not None:
         ids, index = np.unique(view.object_id[keep], return_inverse=True)
         if len(ids) > _LARGEST:
-            raise Error(f"frame {view.frame}: found {len(ids)} objects, allowed {_LARGEST}")
+            raise Error(f"frame {view.frame}: expected up to {_LARGEST} objects, got {len(ids)}")
         columns.append(_split(index.astype(np.uint16)))
         packed["objects"] = ids.tolist()
     packed["data"] = base64.b64encode(zlib.compress(b"".join(columns), _LEVEL)).decode()

@@ -98,7 +98,7 @@ def _fields(lidar_folder: Path, frame: int, points: int) -> Records | None:
         return None
     fields = kitti.read_fields(file)
     if len(fields) != points:
-        raise FormatError(f"{file}: found {len(fields)} records, allowed {points} as in velodyne")
+        raise FormatError(f"{file}: expected {points} as in velodyne, got {len(fields)} records")
     return fields
 
 

@@ -90,7 +90,7 @@ def fragment(
     frame, or if the LiDARs have different frames.
     """
     if not re.fullmatch(r"[A-Za-z][\w-]*", element_id, re.ASCII):
-        raise Error(f"element_id: found '{element_id}', allowed a letter, then letters, - or _")
+        raise Error(f"element_id: expected a letter, then letters, - or _, got '{element_id}'")
     data = json.dumps(_view(views, most_points, around), separators=(",", ":"), allow_nan=False)
     safe = data.replace("<", "\\u003c")
     label = html.escape(f"Interactive 3-D view: {', '.join(views)}")
@@ -133,8 +133,8 @@ def write_page(
     text = page(views, title=title, most_points=most_points, around=around).encode()
     if len(text) > 1e6 * LARGEST_MB:
         raise Error(
-            f"{out}: found {len(text) / 1e6:.1f} MB, allowed {LARGEST_MB:g} MB: "
-            "fewer `frames`, one `lidar`, or `most_points`"
+            f"{out}: expected up to {LARGEST_MB:g} MB, got {len(text) / 1e6:.1f} MB: fewer "
+            "`frames`, one `lidar`, or `most_points`"
         )
     out.parent.mkdir(parents=True, exist_ok=True)
     with replacing(out) as beside:
@@ -145,7 +145,7 @@ def write_page(
 def check_file(out: Path) -> None:
     """Raises Error if `out` is an existing folder."""
     if out.is_dir():
-        raise Error(f"out: found the folder {out}, allowed the name of a file")
+        raise Error(f"out: expected the name of a file, got the folder {out}")
 
 
 def _view(views: Views, most_points: int | None, around: Surroundings | None) -> dict[str, Any]:
@@ -196,11 +196,11 @@ def _parts(xyz: FloatArray) -> list[FloatArray]:
 def _common_frames(views: Views) -> list[int]:
     lists = {name: [view.frame for view in frame_views] for name, frame_views in views.items()}
     if not lists or not all(lists.values()):
-        raise Error("view: found no frame, allowed one or more for each LiDAR")
+        raise Error("view: expected one or more frames for each LiDAR, got none")
     frames = next(iter(lists.values()))
     for name, numbers in lists.items():
         if numbers != frames:
-            raise Error(f"view: {name}: found frames {numbers}, allowed {frames} as for the first")
+            raise Error(f"view: {name}: expected {frames} as for the first, got frames {numbers}")
     return frames
 
 

@@ -40,7 +40,7 @@ def chosen_folders(data: Sequence[Path], lidars: Sequence[str] | None) -> list[P
     known = [folder.name for folder in folders]
     for name in lidars:
         if name not in known:
-            raise Error(f"lidar: found '{name}', allowed {', '.join(known)}")
+            raise Error(f"lidar: expected {', '.join(known)}, got '{name}'")
     return [folder for folder in folders if folder.name in lidars]
 
 
@@ -58,10 +58,10 @@ def chosen_frames(folder: Path, words: str | None, predictions: Path | None = No
         numbers = [int(word) for word in words.split(":")]
         wanted = range(numbers[0], numbers[0] + 1) if len(numbers) == 1 else range(*numbers)
     except (TypeError, ValueError):
-        raise Error(f"frames: found '{words}', allowed A:B or A:B:STEP") from None
+        raise Error(f"frames: expected A:B or A:B:STEP, got '{words}'") from None
     chosen = [frame for frame in present if frame in wanted]
     if not chosen:
-        raise Error(f"{folder}: found no frame of {words}, allowed {kitti.extent(present)}")
+        raise Error(f"{folder}: expected {kitti.extent(present)}, got no frame of {words}")
     return chosen
 
 
@@ -78,9 +78,9 @@ def prediction_folders(words: Sequence[str], folders: Sequence[Path]) -> dict[Pa
         if not equals and len(folders) == 1:
             name, folder = folders[0].name, word
         if name not in by_name or not folder:
-            raise Error(f"pred: found '{word}', allowed LIDAR=DIR with LIDAR {', '.join(by_name)}")
+            raise Error(f"pred: expected LIDAR=DIR with LIDAR {', '.join(by_name)}, got '{word}'")
         if by_name[name] in chosen:
-            raise Error(f"pred: found '{word}' beside another of {name}, allowed one of each")
+            raise Error(f"pred: expected one of each LiDAR, got '{word}' beside another of {name}")
         chosen[by_name[name]] = Path(folder)
     return chosen
 
@@ -102,5 +102,5 @@ def _names(folders: Sequence[Path]) -> list[str]:
         for model, folder in zip(models, folders, strict=True)
     ]
     if len(set(names)) < len(names):
-        raise Error(f"found {', '.join(map(str, folders))}, allowed each LiDAR once")
+        raise Error(f"expected each LiDAR once, got {', '.join(map(str, folders))}")
     return names
