@@ -155,8 +155,8 @@ def frame(random: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArr
     predicted = (
         np.concatenate([truth, truth])[:PREDICTIONS] + random.normal(size=(PREDICTIONS, 7)) * spread
     )
-    ghosts = np.arange(PREDICTIONS) >= 24
-    predicted[ghosts, :2] = random.uniform([-100, -14], [100, 14], (int(ghosts.sum()), 2))
+    background = np.arange(PREDICTIONS) >= 24
+    predicted[background, :2] = random.uniform([-100, -14], [100, 14], (int(background.sum()), 2))
     scores = np.where(
         np.arange(PREDICTIONS) < OBJECTS,
         random.uniform(0.2, 1, PREDICTIONS),

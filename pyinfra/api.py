@@ -338,11 +338,11 @@ def benchmark(
     plan = read_plan(file, tier, os.fspath(scene))
     workspace = Workspace(Path(work), Path(out), tier)
     if latency:
-        time_again(plan, workspace, device=device, say=progress or silent)
+        time_again(plan, workspace, device=device, progress=progress or silent)
     else:
         pool = Pool("local", jobs, "", gpu=device != "cpu")
-        run(plan, workspace, pool, device=device, say=progress or silent)
-    return read(workspace.table("cells"))
+        run(plan, workspace, pool, device=device, progress=progress or silent)
+    return read(workspace.table("experiments"))
 
 
 def _known(argument: str, word: str, names: Sequence[str]) -> None:

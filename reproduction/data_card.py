@@ -60,8 +60,9 @@ stand-in. Each ray was cast at its own firing time. With `label_time: {label_tim
   `people` of the scene and those of its trajectories.
 - One echo a ray; no back-scatter from rain and fog, no wet-road mirror, no interference.
 - Intensity is a model, not a calibrated reflectance.
-- One seed: one traffic. Motors of spinning LiDARs are locked to the clock, with the seam behind
-  their view; how many points leave a mid-frame box depends on where the seam is.
+- One seed: one traffic. Motors of spinning LiDARs are locked to the clock, with the cut angle
+behind
+  their view; how many points leave a mid-frame box depends on where the cut angle is.
 - A LiDAR's range and drop-off are those of its preset and decide comparisons at a distance.
 - Visibility is unknown (-1) outside the evaluation region (`region_half_length_m`).
 

@@ -69,7 +69,9 @@ def checksums(out: Path) -> Iterator[str]:
             yield f"{digest}  {file.relative_to(out).as_posix()}\n"
 
 
-def write(out: Path, frames: range, preset: str, say: Callable[[str], None] | None = None) -> None:
+def write(
+    out: Path, frames: range, preset: str, progress: Callable[[str], None] | None = None
+) -> None:
     """Writes scenes, card and checksums to `out`, which is created.
 
     say: callback that gets a message after each scene. Raises SimulatorError, and Error if `out`
@@ -81,8 +83,8 @@ def write(out: Path, frames: range, preset: str, say: Callable[[str], None] | No
     sets = []
     for scene in catalogue.SCENES:
         sets.append(write_scene(scene, frames, preset, out / scene))
-        if say:
-            say(f"{out / scene}: {len(frames)} frames")
+        if progress:
+            progress(f"{out / scene}: {len(frames)} frames")
     summaries = [read_csv(data.folder / TIMES) for data in sets]
     with replacing(out / CARD) as beside:
         beside.write_text(data_card(sets, summaries), encoding="utf-8")

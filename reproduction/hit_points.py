@@ -23,7 +23,7 @@ from reproduction.paper_tables import paper_hits
 PRESET = "paper"
 FRAMES = "0:5000:25"
 SUMMARY_COLUMNS = ("lidar", "frames", "hits_per_frame")
-Say = Callable[[str], object]
+Progress = Callable[[str], object]
 
 
 def compare(simulated: pd.DataFrame, flat: pd.Series, paper: pd.DataFrame) -> pd.DataFrame:
@@ -52,7 +52,7 @@ def hit_table(
     frames: str = FRAMES,
     *,
     cache: Path | None = None,
-    say: Say = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> pd.DataFrame:
     """Returns hit points of LiDARs in scenes, of the paper and of flat ground: see compare().
 
@@ -61,10 +61,10 @@ def hit_table(
     """
     parts = []
     for scene in scenes:
-        say(f"hit points of {scene.stem}, frames {frames}")
+        progress(f"hit points of {scene.stem}, frames {frames}")
         part = hits_per_frame(scene, lidars, frames, cache).reset_index()
         parts.append(part.assign(scene=scene.stem))
-    say(f"hit points of flat ground, frames {frames}")
+    progress(f"hit points of flat ground, frames {frames}")
     flat = hits_per_frame(scene_file(FLAT), lidars, frames, cache)
     return compare(pd.concat(parts, ignore_index=True), flat, paper_hits())
 

@@ -210,7 +210,7 @@ preset.
 {sections(simulator_keys("scene"))}
 ## LiDAR (`configs/lidars`, read by `infrasim run --lidar`)
 A file holds either `pattern`, `returns` and `price_usd`, or a `bundle`; and `pattern` holds one of
-`spinning`, `wedges` and `table`. Below `presets` stand blocks (`paper`, `equal`, `datasheet`) of
+`spinning`, `prisms` and `table`. Below `presets` stand blocks (`paper`, `equal`, `datasheet`) of
 the same keys, which are laid over the rest of the file when that preset is asked for.
 
 {sections(simulator_keys("lidar"))}

@@ -10,7 +10,7 @@ from pathlib import Path
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import TIERS
 from pyinfra.experiments import store
-from pyinfra.experiments.benchmark.dry_run import outlook
+from pyinfra.experiments.benchmark.dry_run import dry_run_lines
 from pyinfra.experiments.benchmark.latency import time_again
 from pyinfra.experiments.benchmark.matrix import read_plan
 from pyinfra.experiments.benchmark.runner import benchmark
@@ -77,22 +77,22 @@ def run(args: argparse.Namespace) -> int:
     plan = read_plan(args.config, args.tier, args.scene)
     workspace = Workspace(args.work, args.out, args.tier)
     if args.dry_run:
-        print(outlook(plan, workspace, args.jobs))
+        print(dry_run_lines(plan, workspace, args.jobs))
         return 0
     if args.latency:
-        time_again(plan, workspace, device=args.device, say=say)
+        time_again(plan, workspace, device=args.device, progress=progress)
         return 0
     where = Pool(args.backend, args.jobs, args.address, gpu=args.device != "cpu")
     if where.gpu and where.backend == "local":
         from pyinfra.models.detectors.network import device_of
 
         device_of(args.device)
-    benchmark(plan, workspace, where, device=args.device, say=say)
+    benchmark(plan, workspace, where, device=args.device, progress=progress)
     table = workspace.finished()
-    done = store.has_each(table, [vars(cell) for cell in plan.cells])
-    print(f"{sum(done)} of {len(plan.cells)} cells in {workspace.table('cells')}")
+    done = store.has_each(table, [vars(experiment) for experiment in plan.experiments])
+    print(f"{sum(done)} of {len(plan.experiments)} experiments in {workspace.table('experiments')}")
     return 0 if all(done) else 1
 
 
-def say(line: str) -> None:
+def progress(line: str) -> None:
     print(line, file=sys.stderr, flush=True)

@@ -22,7 +22,7 @@ from pyinfra.models.inference.detect import (
     model_file,
 )
 from pyinfra.models.inference.folder import (
-    Found,
+    FolderDetections,
     detect_folder,
     detector_at_place,
     frame_files,
@@ -147,21 +147,23 @@ def _check(args: argparse.Namespace) -> None:
         raise Error("--drop-standing: expected --data, got clouds alone")
 
 
-def _in_folder(args: argparse.Namespace, model: Path) -> Found:
+def _in_folder(args: argparse.Namespace, model: Path) -> FolderDetections:
     files = frame_files(args.data, args.split, args.frames)
     where = place(args.data, args.height_m, args.region)
     allowed = args.allow_transfer
     if text := learnt_warning(model, args.data, args.split, allow_transfer=allowed):
         warn(text, args)
     how = {"drop_standing": args.drop_standing, "device": args.device}
-    say = partial(warn, args=args)
-    found = detect_folder(model, args.data, args.out, files=files, where=where, warn=say, **how)
-    if found.left_out is not None:
-        print(f"{found.left_out} boxes left out, as they stand where nothing moves")
-    return found
+    progress = partial(warn, args=args)
+    result = detect_folder(
+        model, args.data, args.out, files=files, where=where, warn=progress, **how
+    )
+    if result.left_out is not None:
+        print(f"{result.left_out} boxes left out, as they stand where nothing moves")
+    return result
 
 
-def _in_clouds(args: argparse.Namespace, model: Path) -> Found:
+def _in_clouds(args: argparse.Namespace, model: Path) -> FolderDetections:
     check_single(model, accumulation_of(model).frames)
     where = place(None, args.height_m, args.region)
     detector = detector_at_place(model, where, args.device)
@@ -169,13 +171,13 @@ def _in_clouds(args: argparse.Namespace, model: Path) -> Found:
     for note in notes:
         warn(note, args)
     warn_of_height(args.cloud, read, where, partial(warn, args=args))
-    return Found(args.cloud, *detect(detector, args.cloud, args.out, read=read))
+    return FolderDetections(args.cloud, *detect(detector, args.cloud, args.out, read=read))
 
 
-def _print_summary(found: Found, load: OtherLoad, to: TextIO) -> None:
-    boxes = found.detections
+def _print_summary(result: FolderDetections, load: OtherLoad, to: TextIO) -> None:
+    boxes = result.detections
     likely = sum(int((one.scores >= LIKELY).sum()) for one in boxes)
-    low, high = np.percentile(found.times_ms, PERCENTILES)
+    low, high = np.percentile(result.times_ms, PERCENTILES)
     print(
         f"{len(boxes)} frames, {sum(map(len, boxes))} boxes ({likely} with a score of {LIKELY} or "
         f"more), {low:.1f} ms a frame (median), {high:.1f} ms (95 %); {load.text}",
@@ -183,7 +185,7 @@ def _print_summary(found: Found, load: OtherLoad, to: TextIO) -> None:
     )
 
 
-def _print_boxes(per_frame: Found) -> None:
+def _print_boxes(per_frame: FolderDetections) -> None:
     print("file,class,x,y,z,dx,dy,dz,heading,score")
     for file, own in zip(per_frame.files, per_frame.detections, strict=True):
         for name, box, score in zip(own.names, own.boxes, own.scores, strict=True):

@@ -122,7 +122,7 @@ def add_measures(parser: argparse.ArgumentParser, default: Settings) -> None:
 
 def add_bootstrap(parser: argparse.ArgumentParser, default: Settings) -> None:
     bootstrap = parser.add_argument_group("bootstrap of the intervals")
-    bootstrap.add_argument("--draws", type=int, default=default.draws)
+    bootstrap.add_argument("--replicates", type=int, default=default.replicates)
     bootstrap.add_argument(
         "--block-s",
         type=float,
@@ -147,7 +147,7 @@ def run(args: argparse.Namespace) -> int:
         min_objects=args.min_objects,
         cut_first=args.cut_first,
         block_s=args.block_s,
-        draws=args.draws,
+        replicates=args.replicates,
         seed=args.seed,
     )
     evaluation = evaluate(

@@ -25,6 +25,7 @@ from pyinfra.cli.messages import message_of, options_of, report_bug
 from pyinfra.core.errors import Error
 from pyinfra.core.version import __version__
 
+RENAMED_OPTIONS = {"--dials": "--severities", "--draws": "--replicates"}
 FAILED = 1
 WRONG = 2
 
@@ -71,6 +72,9 @@ class _Parser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def error(self, message: str) -> NoReturn:
+        for old, current in RENAMED_OPTIONS.items():
+            if f"{old} " in f"{message} ":
+                message += f": {old} is called {current} since version 0.4"
         self.exit(WRONG, f"{self.prog}: {message} (see --help)\n")
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pyinfra.cli.messages import with_options
 from pyinfra.core.vocabulary import TIERS
-from pyinfra.experiments.options import Wish, checked_wish, read_options
+from pyinfra.experiments.options import Requirements, checked_requirements, read_options
 from pyinfra.experiments.recommend import answer_lines, recommend
 from pyinfra.metrics.row_selection import COUNTED
 
@@ -31,26 +31,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--min-ap",
         type=float,
-        default=Wish.min_ap,
+        default=Requirements.min_ap,
         help="lowest AP of all vehicles, 0 to 100; road counts as covered where AP is above it; "
-        f"default: {Wish.min_ap:g}",
+        f"default: {Requirements.min_ap:g}",
     )
     parser.add_argument(
         "--range",
         dest="range_m",
         type=float,
-        default=Wish.range_m,
+        default=Requirements.range_m,
         help="10, 20 ... 100 m: AP, recall and coverage count only what lies within this distance, "
         "along the road on either side or, at a site from a map, around the sensor; "
-        f"default: {Wish.range_m:g}",
+        f"default: {Requirements.range_m:g}",
     )
     parser.add_argument(
         "--latency",
         dest="latency_ms",
         type=float,
-        default=Wish.latency_ms,
+        default=Requirements.latency_ms,
         help="longest median time per frame, in milliseconds; "
-        f"default: {Wish.latency_ms:g}, the duration of a frame",
+        f"default: {Requirements.latency_ms:g}, the duration of a frame",
     )
     parser.add_argument("--scene", default="", help="scene; required if several were measured")
     parser.add_argument(
@@ -65,17 +65,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    wish = checked_wish(args.budget_usd, args.min_ap, args.range_m, args.latency_ms)
-    options = read_options(args.results, args.tier, args.scene, args.preset, wish)
+    requirements = checked_requirements(args.budget_usd, args.min_ap, args.range_m, args.latency_ms)
+    options = read_options(args.results, args.tier, args.scene, args.preset, requirements)
     first = options[0]
     print(
         f"{first.scene}, preset {first.preset}, {args.tier} tier: at most "
-        f"{wish.budget_usd:,.0f} USD, AP {wish.min_ap:g} of {COUNTED[first.whole]}, "
-        f"{wish.range_m:g} m either way, {wish.latency_ms:g} ms a frame."
+        f"{requirements.budget_usd:,.0f} USD, AP {requirements.min_ap:g} of "
+        f"{COUNTED[first.whole]}, {requirements.range_m:g} m either way, "
+        f"{requirements.latency_ms:g} ms a frame."
     )
     if names := ", ".join(sorted({option.detector for option in options if option.hardly_learnt})):
         text = "Networks of the smoke tier have hardly learnt: nothing follows from the AP of "
         print(f"{text}{names}.")
-    for line in answer_lines(recommend(options, wish), wish):
+    for line in answer_lines(recommend(options, requirements), requirements):
         print(with_options(line, args.options))
     return 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pyinfra.experiments.options import Wish, checked_wish
+from pyinfra.experiments.options import Requirements, checked_requirements
 from pyinfra.viz.report.contents import page, read_sections
 from pyinfra.viz.report.page import write_page
 from pyinfra.viz.report.report_data import read_material
@@ -44,19 +44,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--budget",
         type=float,
-        default=Wish.budget_usd,
+        default=Requirements.budget_usd,
         help="highest price of LiDAR and site, in US dollars; default: no limit",
     )
-    group.add_argument("--min-ap", type=float, default=Wish.min_ap)
-    group.add_argument("--range", type=float, default=Wish.range_m)
-    group.add_argument("--latency", type=float, default=Wish.latency_ms)
+    group.add_argument("--min-ap", type=float, default=Requirements.min_ap)
+    group.add_argument("--range", type=float, default=Requirements.range_m)
+    group.add_argument("--latency", type=float, default=Requirements.latency_ms)
     parser.add_argument("--out", type=Path, default=Path("report.html"), help="HTML file to write")
 
 
 def run(args: argparse.Namespace) -> int:
-    wish = checked_wish(args.budget, args.min_ap, args.range, args.latency)
+    requirements = checked_requirements(args.budget, args.min_ap, args.range, args.latency)
     sections, tables = read_sections(args.sections)
-    material = read_material(args.results, args.data, args.runs, args.tier, wish, tables)
+    material = read_material(args.results, args.data, args.runs, args.tier, requirements, tables)
     args.out.parent.mkdir(parents=True, exist_ok=True)
     print(write_page(page(material, sections), args.out))
     return 0

@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"names of stressors; default: all, which are {', '.join(STRESSORS)}",
     )
     parser.add_argument(
-        "--dials",
+        "--severities",
         nargs="+",
         help="severities to test, in the unit of the stressor; only with one stressor; "
         "default: the stressor's own",
@@ -70,12 +70,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    how = (args.stressors, args.dials, args.frames, args.seed)
+    how = (args.stressors, args.severities, args.frames, args.seed)
     plan = runner.prepare(args.runs, args.data, args.out, *how)
     for why, names in plan.left_out.items():
         note(f"left out {', '.join(names)}: {why}", args)
-    for (name, dial), error in {trial.at: error for trial, error in plan.wrong.items()}.items():
-        print(f"pyinfra: {name} {dial} failed: {message_of(error)}", file=sys.stderr)
+    for (name, severity), error in {trial.at: error for trial, error in plan.wrong.items()}.items():
+        print(f"pyinfra: {name} {severity} failed: {message_of(error)}", file=sys.stderr)
     failed = len(plan.wrong)
     if args.dry_run:
         _list(plan)

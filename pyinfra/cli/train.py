@@ -138,7 +138,10 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
     """
     if DETECTORS[recipe.detector].learnt or not recipe.network.within_region:
         if args.region is not None:
-            raise Error("--region: expected for background with network.within_region, got a file")
+            raise Error(
+                "--region: expected none except for background with network.within_region, got a "
+                "file"
+            )
         return sources
     if args.region is not None:
         region = outline_region(args.region)

@@ -59,7 +59,8 @@ def run(args: argparse.Namespace) -> int:
     if args.pred is not None and (args.unlabelled or not has_labels(folders[0])):
         _trust(folders[0], args)
     elif args.unlabelled or args.out is not None:
-        raise Error("--unlabelled, --out: expected --pred and no labels")
+        got = "no --pred" if args.pred is None else "labels"
+        raise Error(f"--unlabelled, --out: expected --pred and no labels, got {got}")
     errors = sum(finding.level == "error" for finding in findings)
     warnings = sum(finding.level == "warning" for finding in findings)
     print(f"{args.data}: {errors} errors, {warnings} warnings")

@@ -30,7 +30,7 @@ _MOST_LETTERS = 60  # longest part of a value that a message shows
 # Runs and result rows are identified by their configuration, with the key names of version 0.3.
 # Renamed and added keys therefore do not change the identity of older runs and rows.
 # RENAMED maps current keys (`key` or `Class.key`) to their names in 0.3, which files may also use.
-RENAMED: dict[str, str] = {}
+RENAMED: dict[str, str] = {"rois_detected": "rois_found", "Settings.replicates": "draws"}
 # Keys added after 0.3. A key with its default value is not part of the identity of a run or row.
 LATER: frozenset[str] = frozenset(
     (

@@ -45,8 +45,8 @@ def public(function: F) -> F:
 
 def _paths(given: dict[str, Any]) -> Iterator[tuple[str, Path]]:
     """Returns name and path of all path arguments, also of those in lists, longest path first."""
-    found = []
+    paths = []
     for name, value in given.items():
         values = value if isinstance(value, (list, tuple)) else [value]
-        found += [(name, Path(v)) for v in values if isinstance(v, (str, os.PathLike)) and v]
-    return iter(sorted(found, key=lambda pair: -len(str(pair[1]))))
+        paths += [(name, Path(v)) for v in values if isinstance(v, (str, os.PathLike)) and v]
+    return iter(sorted(paths, key=lambda pair: -len(str(pair[1]))))

@@ -190,9 +190,9 @@ def _tries(
     n = len(ground.xyz)
     if n < 3:
         return np.empty((0, 4))
-    draw = np.random.default_rng(0)
+    rng = np.random.default_rng(0)
     chance = ground.near**1.5 * np.where(ground.moved, 3, 1)
-    three = draw.choice(n, (TRIES, 3), p=chance / chance.sum())
+    three = rng.choice(n, (TRIES, 3), p=chance / chance.sum())
     a, b, c = (ground.xyz[three[:, i]] for i in range(3))
     normal = np.cross(b - a, c - a)
     length = np.linalg.norm(normal, axis=1)

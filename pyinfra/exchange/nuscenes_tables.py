@@ -153,7 +153,7 @@ def _sensor(tables: Tables, channel: str | None) -> str:
     chosen = [row for row in lidars if channel in (None, row.get("channel"))]
     if len(chosen) != 1:
         names = ", ".join(str(row.get("channel")) for row in lidars) or "none"
-        raise Error(f"{tables.folder}: expected one of them, got LiDARs {names}: `channel`")
+        raise Error(f"{tables.folder}: expected one LiDAR, got {names}: `channel` selects one")
     return str(chosen[0]["token"])
 
 

@@ -315,8 +315,8 @@ def _as_given(
     other = find_plane(clouds, near) if not facts.tilt else None
     if other is None or other.share < LEAST_SHARE or other.score < plane.score / 3:
         raise Error(
-            f"{source}: height_m: expected {plane.height_m:.2f} within {off:.2g} m, got "
-            f"{facts.height_m:g}: there the road lies; leave the option out to take it"
+            f"{source}: height_m: expected {plane.height_m:.2f} within {off:.2g} m, where "
+            f"the road lies, got {facts.height_m:g}: leave the option out to take it"
         )
     return other
 

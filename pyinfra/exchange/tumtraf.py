@@ -128,7 +128,7 @@ def _cloud_folder(source: Path, channel: str | None) -> Path:
         return inside
     if len(chosen) != 1:
         names = ", ".join(folder.name for folder in lidars)
-        raise Error(f"{inside}: expected one of them, got LiDARs {names}: `channel`")
+        raise Error(f"{inside}: expected one LiDAR, got {names}: `channel` selects one")
     return chosen[0]
 
 

@@ -14,8 +14,8 @@ from pyinfra.core.errors import Error
 from pyinfra.core.names import path_of
 from pyinfra.core.public import public
 from pyinfra.core.vocabulary import TIERS, Tier
-from pyinfra.experiments.options import Option, Wish, checked_wish, read_options
-from pyinfra.metrics.comparison import Measured
+from pyinfra.experiments.options import Option, Requirements, checked_requirements, read_options
+from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.row_selection import COUNTED
 
 
@@ -34,9 +34,9 @@ def recommend(
     results: str | os.PathLike[str],
     *,
     budget_usd: float = math.inf,
-    min_ap: float = Wish.min_ap,
-    range_m: float = Wish.range_m,
-    latency_ms: float = Wish.latency_ms,
+    min_ap: float = Requirements.min_ap,
+    range_m: float = Requirements.range_m,
+    latency_ms: float = Requirements.latency_ms,
     scene: str = "",
     preset: str = "",
     tier: Tier = "quick",
@@ -91,32 +91,35 @@ def recommend(
     """
     if tier not in get_args(Tier):
         raise Error(f"tier: expected one of {', '.join(TIERS)}, got '{tier}'")
-    wish = checked_wish(budget_usd, min_ap, range_m, latency_ms)
+    requirements = checked_requirements(budget_usd, min_ap, range_m, latency_ms)
     folder = path_of(results, "results")
     try:
-        options = read_options(folder, tier, scene, preset, wish)
+        options = read_options(folder, tier, scene, preset, requirements)
     except FileNotFoundError as error:
         raise Error(f"results: {error.filename}: {error.strerror}") from None
-    table = option_table(options, wish)
+    table = option_table(options, requirements)
     order = [*table.index[table.meets], *table.index[~table.meets]]
     return table.loc[order].reset_index(drop=True)
 
 
-def option_table(options: Sequence[Option], wish: Wish) -> pd.DataFrame:
+def option_table(options: Sequence[Option], requirements: Requirements) -> pd.DataFrame:
     """Returns a row for each option, in the same order.
 
     `difference` is relative to the first option that meets the requirements, else to the first.
     """
-    broken = [shortfalls(option, wish) for option in options]
+    broken = [shortfalls(option, requirements) for option in options]
     good = [option for option, own in zip(options, broken, strict=True) if not own]
     first = good[0] if good else options[0]
     return pd.DataFrame(
-        [_row(option, own, first, wish) for option, own in zip(options, broken, strict=True)]
+        [
+            _row(option, own, first, requirements)
+            for option, own in zip(options, broken, strict=True)
+        ]
     )
 
 
 def _row(
-    option: Option, broken: Sequence[Shortfall], first: Option, wish: Wish
+    option: Option, broken: Sequence[Shortfall], first: Option, requirements: Requirements
 ) -> dict[str, object]:
     over = {one.of: one for one in broken}
     hard = [one for one in broken if one.of != "latency"]
@@ -129,13 +132,13 @@ def _row(
         "latency_ms": option.latency_ms,
         "meets": not broken,
         "reason": ", ".join(one.reason for one in broken),
-        "relax": relaxation(broken, wish),
+        "relax": relaxation(broken, requirements),
         "meets_price": "price" not in over,
         "meets_ap": "ap" not in over,
         "meets_latency": "latency" not in over,
         "share_over": first_over,
         "latency_over": over["latency"].share if "latency" in over else 0.0,
-        **_ends("difference", Measured(0, 0, 0) if option is first else first.less(option)),
+        **_ends("difference", Interval(0, 0, 0) if option is first else first.less(option)),
         **_ends("ap_visible_r1000", option.ap_visible),
         **_ends("ap_captured_r1000", option.ap),
         **_ends("recall", option.recall),
@@ -151,38 +154,38 @@ def _row(
     }
 
 
-def _ends(name: str, figure: Measured) -> dict[str, float]:
+def _ends(name: str, figure: Interval) -> dict[str, float]:
     return {name: figure.value, f"{name}_low": figure.low, f"{name}_high": figure.high}
 
 
-def shortfalls(option: Option, wish: Wish) -> list[Shortfall]:
+def shortfalls(option: Option, requirements: Requirements) -> list[Shortfall]:
     """Returns the requirements that an option does not meet; empty if it meets all."""
     missed = []
-    if option.price_usd > wish.budget_usd:
-        over = option.price_usd / wish.budget_usd - 1
+    if option.price_usd > requirements.budget_usd:
+        over = option.price_usd / requirements.budget_usd - 1
         relax = f"`budget_usd` {math.ceil(option.price_usd)}"
-        missed.append(Shortfall("price", f"costs {price(option, wish)}", relax, over))
+        missed.append(Shortfall("price", f"costs {price(option, requirements)}", relax, over))
     ap, counted = option.ap_whole.value, COUNTED[option.whole]
-    if not ap >= wish.min_ap:
+    if not ap >= requirements.min_ap:
         relax = f"`min_ap` {math.floor(10 * ap) / 10:g}" if ap >= 2 else ""
         reason = f"AP {ap:.1f} of {counted}" if math.isfinite(ap) else f"no AP of {counted}"
-        missed.append(Shortfall("ap", reason, relax, 1 - ap / wish.min_ap))
-    if not option.latency_ms <= wish.latency_ms:
+        missed.append(Shortfall("ap", reason, relax, 1 - ap / requirements.min_ap))
+    if not option.latency_ms <= requirements.latency_ms:
         known = math.isfinite(option.latency_ms)
         relax = f"`latency_ms` {math.ceil(option.latency_ms)}" if known else ""
-        share = option.latency_ms / wish.latency_ms - 1 if known else math.inf
+        share = option.latency_ms / requirements.latency_ms - 1 if known else math.inf
         missed.append(Shortfall("latency", latency(option), relax, share))
     return missed
 
 
-def relaxation(broken: Sequence[Shortfall], wish: Wish) -> str:
+def relaxation(broken: Sequence[Shortfall], requirements: Requirements) -> str:
     """Returns as text the arguments of `recommend` that an option would meet.
 
     If such an argument does not exist, the text asks for a measured latency.
     """
     words = " ".join(one.relax for one in broken if one.relax)
     unknown = any(not one.relax for one in broken)
-    measured = f"a measured latency of {wish.latency_ms:g} ms or less" if unknown else ""
+    measured = f"a measured latency of {requirements.latency_ms:g} ms or less" if unknown else ""
     return " and ".join(text for text in (words, measured) if text)
 
 
@@ -192,7 +195,7 @@ def latency(option: Option) -> str:
     return f"{option.latency_ms:.0f} ms a frame"
 
 
-def price(option: Option, wish: Wish) -> str:
+def price(option: Option, requirements: Requirements) -> str:
     """Returns the price as text, with its range and the LiDAR's part where these are known.
 
     The text also tells if the price is above the budget but the low end of its range is not.
@@ -203,7 +206,7 @@ def price(option: Option, wish: Wish) -> str:
     span, may = "", ""
     if option.price_low_usd != option.price_high_usd:
         span = price_range(option)
-        within = option.price_low_usd <= wish.budget_usd < option.price_usd
+        within = option.price_low_usd <= requirements.budget_usd < option.price_usd
         may = ": may be within the budget" if within else ""
     remark = "; ".join(word for word in (f"{span}{may}", lidar) if word)
     return f"{text} ({remark})" if remark else text

@@ -13,10 +13,10 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.regions import REGION_M, WINDOW_M
-from pyinfra.experiments.benchmark.replicates import CellDraws
+from pyinfra.experiments.benchmark.replicates import ExperimentReplicates
 from pyinfra.experiments.result_tables import Results, hardly_learnt, read_results
 from pyinfra.experiments.value import KEY, MOUNTS, SITE_ITEMS, covered, mounts_of
-from pyinfra.metrics.comparison import Measured
+from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, LANES
 from pyinfra.metrics.intervals import FEW_BLOCKS
 from pyinfra.metrics.replicates import difference, drawn, measure_of
@@ -30,12 +30,12 @@ from pyinfra.metrics.row_selection import (
 )
 
 ROAD, SQUARES = "m of road", f"squares of {WINDOW_M:g} m"
-UNKNOWN = Measured(math.nan, math.nan, math.nan)
+UNKNOWN = Interval(math.nan, math.nan, math.nan)
 FRAME_MS = 1000 * PERIOD_S  # a detector that takes longer is slower than its LiDAR
 
 
 @dataclass(frozen=True)
-class Wish:
+class Requirements:
     """Requirements of a user."""
 
     budget_usd: float = math.inf  # highest price of LiDAR and site
@@ -45,7 +45,9 @@ class Wish:
     latency_ms: float = FRAME_MS  # longest median time per frame
 
 
-def checked_wish(budget_usd: float, min_ap: float, range_m: float, latency_ms: float) -> Wish:
+def checked_requirements(
+    budget_usd: float, min_ap: float, range_m: float, latency_ms: float
+) -> Requirements:
     """Returns the requirements. Raises Error for a number out of range."""
     for key, value, least, top in (
         ("budget_usd", budget_usd, 0, math.inf),
@@ -54,10 +56,11 @@ def checked_wish(budget_usd: float, min_ap: float, range_m: float, latency_ms: f
         ("latency_ms", latency_ms, 0, math.inf),
     ):
         if not least < value <= top:
-            text = f"{key}: expected above {least} to {top:g}, got {value:g}"
+            upper = f" to {top:g}" if top < math.inf else ""
+            text = f"{key}: expected above {least}{upper}, got {value:g}"
             share = key == "min_ap" and 0 < value <= 1
             raise Error(f"{text}; AP is 0 to 100, not a share" if share else text)
-    return Wish(budget_usd, min_ap, range_m, latency_ms)
+    return Requirements(budget_usd, min_ap, range_m, latency_ms)
 
 
 @dataclass(frozen=True)
@@ -75,29 +78,31 @@ class Option:
     preset: str
     lidar: str
     detector: str
-    ap_whole: Measured  # AP (R1000) of all vehicles, 0 to 100
-    ap_visible: Measured  # AP (R1000) of the vehicles that are visible from the mount
+    ap_whole: Interval  # AP (R1000) of all vehicles, 0 to 100
+    ap_visible: Interval  # AP (R1000) of the vehicles that are visible from the mount
     hidden: float  # share of the vehicles that are hidden from the mount; NaN if unknown
-    ap: Measured  # AP (R1000) of the vehicles that the LiDAR captured
+    ap: Interval  # AP (R1000) of the vehicles that the LiDAR captured
     price_usd: float  # mean of low and high
     price_low_usd: float
     price_high_usd: float
     site_usd: float  # part of the price that is not for LiDARs
     site_items: Mapping[str, float]  # items whose sum is site_usd; empty if unknown
-    covered_m: Measured  # without an interval if `no_interval` gives a reason
+    covered_m: Interval  # without an interval if `no_interval` gives a reason
     road_m: float  # road that was evaluated within the required range; NaN if unknown
     latency_ms: float  # median time per frame on one core; NaN if it was not measured
     latency_p95_ms: float
     machine: str  # computer on which the latency was measured; empty if unknown
     other_cores: float  # cores that other processes used during that measurement; NaN if unknown
-    draws: pd.Series | None  # bootstrap replicates of ap_whole; None in tables of earlier versions
+    replicates: (
+        pd.Series | None
+    )  # bootstrap replicates of ap_whole; None in tables of earlier versions
     range_m: float = math.nan  # range within which AP was computed; NaN: the whole region
-    recall: Measured = UNKNOWN  # percent of all vehicles within range_m, predictions of any score
+    recall: Interval = UNKNOWN  # percent of all vehicles within range_m, predictions of any score
     covered_in: str = ROAD  # what covered_m and road_m count
     no_interval: str = ""  # why covered_m has no interval
     ap_name: str = AP_R1000  # which AP this is; in tables of version 0.2 it is AP (R40)
     # Percent of all vehicles of the region that boxes of any score found.
-    detected: Measured | None = None
+    detected: Interval | None = None
     whole: str = "present"  # ground truth of ap_whole (`with_whole`)
     mounts: int = 1  # number of LiDARs whose frames are fused
     hardly_learnt: bool = False  # whether it is a network that was trained in the smoke tier
@@ -106,23 +111,27 @@ class Option:
     def name(self) -> str:
         return f"{self.lidar} with {self.detector}"
 
-    def less(self, other: Option) -> Measured:
+    def less(self, other: Option) -> Interval:
         """Returns the paired difference of the AP of all vehicles, this option less the other.
 
         It has no interval if one of both has no bootstrap replicates. Raises Error for replicates
         of different blocks of time.
         """
-        if self.draws is None or other.draws is None:
-            return Measured(self.ap_whole.value - other.ap_whole.value, math.nan, math.nan)
-        return difference(self.draws, other.draws).measured()
+        if self.replicates is None or other.replicates is None:
+            return Interval(self.ap_whole.value - other.ap_whole.value, math.nan, math.nan)
+        return difference(self.replicates, other.replicates).measured()
 
 
-def read_options(folder: Path, tier: str, scene: str, preset: str, wish: Wish) -> list[Option]:
+def read_options(
+    folder: Path, tier: str, scene: str, preset: str, requirements: Requirements
+) -> list[Option]:
     """Returns `options_of` the tables of a folder. Raises FileNotFoundError without a table."""
-    return options_of(read_tables(folder, tier), scene, preset, wish)
+    return options_of(read_tables(folder, tier), scene, preset, requirements)
 
 
-def options_of(results: Results, scene: str, preset: str, wish: Wish) -> list[Option]:
+def options_of(
+    results: Results, scene: str, preset: str, requirements: Requirements
+) -> list[Option]:
     """Returns the finished experiments of a scene, ordered by AP of all vehicles, then by price.
 
     Of several seeds the lowest counts. preset: by default that of `preset_of_answers`. Raises
@@ -131,23 +140,23 @@ def options_of(results: Results, scene: str, preset: str, wish: Wish) -> list[Op
     """
     done = results.done()
     if done.empty:
-        raise Error(f"{file_of(results, 'cells')}: expected a finished cell, got none")
+        raise Error(f"{file_of(results, 'experiments')}: expected a finished experiment, got none")
     scene, preset = chosen(done, scene, preset)
-    cells = done[(done.scene == scene) & (done.preset == preset)]
-    cells = cells.assign(hardly_learnt=hardly_learnt(cells))
-    cells = within(with_whole(cells), results.table("ranges"), wish)
-    cells = cells.assign(hidden=hidden_share(cells))
-    truth = str(cells.whole.iloc[0])
-    table = joined(cells, prices(results), file_of(results, "value"))
+    experiments = done[(done.scene == scene) & (done.preset == preset)]
+    experiments = experiments.assign(hardly_learnt=hardly_learnt(experiments))
+    experiments = within(with_whole(experiments), results.table("ranges"), requirements)
+    experiments = experiments.assign(hidden=hidden_share(experiments))
+    truth = str(experiments.whole.iloc[0])
+    table = joined(experiments, prices(results), file_of(results, "value"))
     distance, squares = (
         rows[(rows.scene == scene) & (rows.preset == preset)]
         for rows in (results.table("distance"), results.table("squares"))
     )
-    covering = coverage(distance, squares, wish, truth)
+    covering = coverage(distance, squares, requirements, truth)
     table = joined(table, covering, file_of(results, "distance"))
-    draws = CellDraws(results.table("draws"))
+    replicates = ExperimentReplicates(results.table("replicates"))
     name = ap_name(table)
-    options = [replace(option(row, draws), ap_name=name) for _, row in table.iterrows()]
+    options = [replace(option(row, replicates), ap_name=name) for _, row in table.iterrows()]
     return sorted(options, key=lambda o: (-np.nan_to_num(o.ap_whole.value), o.price_usd))
 
 
@@ -189,16 +198,16 @@ def chosen(done: pd.DataFrame, scene: str, preset: str) -> tuple[str, str]:
     return scene, preset or preset_of_answers(here)
 
 
-def joined(cells: pd.DataFrame, more: pd.DataFrame, file: Path) -> pd.DataFrame:
+def joined(experiments: pd.DataFrame, more: pd.DataFrame, file: Path) -> pd.DataFrame:
     """Returns the experiments with the columns of another table, which was read from `file`.
 
     Raises Error, which names the file, if experiments are missing there.
     """
-    table = cells.merge(more, on=KEY)
-    if len(table) < len(cells):
+    table = experiments.merge(more, on=KEY)
+    if len(table) < len(experiments):
         raise Error(
-            f"{file}: expected all cells, got {len(table)} of {len(cells)}; `pyinfra benchmark` "
-            "once more writes it"
+            f"{file}: expected all experiments, got {len(table)} of {len(experiments)}; "
+            "run `pyinfra benchmark` again to write it"
         )
     return table
 
@@ -220,51 +229,59 @@ def prices(results: Results) -> pd.DataFrame:
     return value.assign(**{end: usd.fillna(value.price_usd) for end, usd in totals.items()})
 
 
-def within(cells: pd.DataFrame, ranges: pd.DataFrame, wish: Wish) -> pd.DataFrame:
+def within(
+    experiments: pd.DataFrame, ranges: pd.DataFrame, requirements: Requirements
+) -> pd.DataFrame:
     """Returns the experiments with AP, recall and counts within the required range, and range_m.
 
     If an experiment has no rows in the table of ranges, as in earlier versions, AP stays that of
     the whole region and column range_m is NaN. Raises Error for a range that was not measured.
     """
-    by_range = ranges.merge(cells[[*KEY, "whole"]], on=KEY)
-    if by_range.empty or len(by_range[KEY].drop_duplicates()) < len(cells):
-        return cells.assign(
+    by_range = ranges.merge(experiments[[*KEY, "whole"]], on=KEY)
+    if by_range.empty or len(by_range[KEY].drop_duplicates()) < len(experiments):
+        return experiments.assign(
             range_m=math.nan, recall=math.nan, recall_low=math.nan, recall_high=math.nan
         )
     there = sorted(set(by_range.range_m))
-    if wish.range_m not in there:
+    if requirements.range_m not in there:
         allowed = ", ".join(f"{range_m:g}" for range_m in there)
-        raise Error(f"range_m: expected one of {allowed} m, got {wish.range_m:g}")
-    by_range = by_range[by_range.range_m == wish.range_m]
-    merged = cells[KEY].assign(range_m=wish.range_m, recalls=1000.0)
+        raise Error(f"range_m: expected one of {allowed} m, got {requirements.range_m:g}")
+    by_range = by_range[by_range.range_m == requirements.range_m]
+    merged = experiments[KEY].assign(range_m=requirements.range_m, recalls=1000.0)
     for truth, name in (*AP_OF.items(), ("whole", "ap_whole")):
         of = by_range.ground_truth == (by_range.whole if truth == "whole" else truth)
-        columns = {f"ap_fine{end}": f"{name}_fine{end}" for end in ("", "_low", "_high")}
+        columns = {f"ap_r1000{end}": f"{name}_r1000{end}" for end in ("", "_low", "_high")}
         columns |= {"objects": f"objects_{truth}"}
         if truth == "whole":
             columns |= {name: name for name in ("recall", "recall_low", "recall_high")}
         rows = by_range[of][[*KEY, *columns]].rename(columns=columns)
         merged = merged.merge(rows, on=KEY, how="left")
-    others = [name for name in cells if name not in merged or name in KEY]
-    return cells[others].merge(merged, on=KEY)
+    others = [name for name in experiments if name not in merged or name in KEY]
+    return experiments[others].merge(merged, on=KEY)
 
 
-def coverage(distance: pd.DataFrame, squares: pd.DataFrame, wish: Wish, truth: str) -> pd.DataFrame:
+def coverage(
+    distance: pd.DataFrame, squares: pd.DataFrame, requirements: Requirements, truth: str
+) -> pd.DataFrame:
     """Returns for each experiment how much road, or how many squares, it covers.
 
     Columns: covered_m with its interval low_m, high_m; road_m, all that was evaluated; covered_in,
     what these count; no_interval, why the interval is missing.
     """
-    rows_covered = road(distance, wish, truth).assign(covered_in=ROAD)
-    near = distance[(distance.ground_truth == truth) & (distance.s.abs() <= wish.range_m)]
+    rows_covered = road(distance, requirements, truth).assign(covered_in=ROAD)
+    near = distance[(distance.ground_truth == truth) & (distance.s.abs() <= requirements.range_m)]
     parts = near[near.road != LANES]
     if len(squares) and (distance.road == LANES).any():
-        usable = squares[(squares.ground_truth == truth) & squares.ap_fine.notna()]
-        parts = usable if wish.range_m >= REGION_M else usable[usable.distance_m <= wish.range_m]
+        usable = squares[(squares.ground_truth == truth) & squares.ap_r1000.notna()]
+        parts = (
+            usable
+            if requirements.range_m >= REGION_M
+            else usable[usable.distance_m <= requirements.range_m]
+        )
         counted = parts.assign(
-            covered_m=parts.ap_fine > wish.min_ap,
-            low_m=parts.ap_fine_low > wish.min_ap,
-            high_m=parts.ap_fine_high.fillna(math.inf) > wish.min_ap,
+            covered_m=parts.ap_r1000 > requirements.min_ap,
+            low_m=parts.ap_r1000_low > requirements.min_ap,
+            high_m=parts.ap_r1000_high.fillna(math.inf) > requirements.min_ap,
             road_m=1,
         )
         ends = ["covered_m", "low_m", "high_m", "road_m"]
@@ -273,11 +290,11 @@ def coverage(distance: pd.DataFrame, squares: pd.DataFrame, wish: Wish, truth: s
             rows_covered[KEY].merge(sums, on=KEY, how="left").fillna(dict.fromkeys(ends, 0.0))
         )
         rows_covered = rows_covered.assign(covered_in=SQUARES)
-    known = parts[parts.ap_fine.notna()]
-    counts = known.assign(parts=1, unsure=known.ap_fine_low.isna())
+    known = parts[parts.ap_r1000.notna()]
+    counts = known.assign(parts=1, unsure=known.ap_r1000_low.isna())
     counts = counts.groupby(KEY)[["parts", "unsure"]].sum().reset_index()
     rows_covered = rows_covered.merge(counts, on=KEY, how="left").fillna({"parts": 0, "unsure": 0})
-    reasons = [no_interval(row, wish) for _, row in rows_covered.iterrows()]
+    reasons = [no_interval(row, requirements) for _, row in rows_covered.iterrows()]
     rows_covered = rows_covered.assign(no_interval=reasons)
     ends = ["low_m", "high_m"]
     return rows_covered.assign(
@@ -285,7 +302,7 @@ def coverage(distance: pd.DataFrame, squares: pd.DataFrame, wish: Wish, truth: s
     )
 
 
-def no_interval(row: pd.Series, wish: Wish) -> str:
+def no_interval(row: pd.Series, requirements: Requirements) -> str:
     """Returns why the interval of the coverage has no meaning; empty if it has one."""
     what = "window" if row.covered_in == ROAD else "square"
     if row.parts == 0:
@@ -293,23 +310,23 @@ def no_interval(row: pd.Series, wish: Wish) -> str:
     if row.low_m > 0 or row.high_m < row.road_m:
         return "" if row.unsure < row.parts else f"no {what} has one: {FEW_BLOCKS}"
     if row.unsure == 0:
-        return f"no {what} is decided at AP {wish.min_ap:g}"
+        return f"no {what} is decided at AP {requirements.min_ap:g}"
     return f"{row.unsure:.0f} of {row.parts:.0f} {what}s have none: {FEW_BLOCKS}"
 
 
-def road(distance: pd.DataFrame, wish: Wish, truth: str) -> pd.DataFrame:
+def road(distance: pd.DataFrame, requirements: Requirements, truth: str) -> pd.DataFrame:
     """Returns for each experiment covered_m, its interval low_m and high_m, and road_m.
 
-    distance: windows of the experiments of one scene, as `with_fine` returns them.
+    distance: windows of the experiments of one scene, as `with_r1000` returns them.
     """
     values = {
-        "covered_m": distance.ap_fine,
-        "low_m": distance.ap_fine_low,
-        "high_m": distance.ap_fine_high.fillna(math.inf),
+        "covered_m": distance.ap_r1000,
+        "low_m": distance.ap_r1000_low,
+        "high_m": distance.ap_r1000_high.fillna(math.inf),
         "road_m": math.inf,
     }
     metres = [
-        covered(distance.assign(ap_fine=ap), wish.min_ap, wish.range_m, truth)
+        covered(distance.assign(ap_r1000=ap), requirements.min_ap, requirements.range_m, truth)
         .set_index(KEY)
         .covered_m.rename(name)
         for name, ap in values.items()
@@ -317,31 +334,33 @@ def road(distance: pd.DataFrame, wish: Wish, truth: str) -> pd.DataFrame:
     return pd.concat(metres, axis=1).reset_index()
 
 
-def option(row: pd.Series, draws: CellDraws) -> Option:
-    recall = draws.row(row, row.whole, "recall")
+def option(row: pd.Series, replicates: ExperimentReplicates) -> Option:
+    recall = replicates.row(row, row.whole, "recall")
     return Option(
         scene=row.scene,
         preset=row.preset,
         lidar=row.lidar,
         detector=row.detector,
-        ap_whole=Measured(row.ap_whole_fine, row.ap_whole_fine_low, row.ap_whole_fine_high),
-        ap_visible=Measured(row.ap_all_fine, row.ap_all_fine_low, row.ap_all_fine_high),
+        ap_whole=Interval(row.ap_whole_r1000, row.ap_whole_r1000_low, row.ap_whole_r1000_high),
+        ap_visible=Interval(row.ap_all_r1000, row.ap_all_r1000_low, row.ap_all_r1000_high),
         hidden=row.hidden,
-        ap=Measured(row.ap_fine, row.ap_fine_low, row.ap_fine_high),
+        ap=Interval(row.ap_r1000, row.ap_r1000_low, row.ap_r1000_high),
         price_usd=row.price_usd,
         price_low_usd=row.price_low_usd,
         price_high_usd=row.price_high_usd,
         site_usd=row.site_usd,
         site_items={item: row[item] for item in SITE_ITEMS if math.isfinite(row[item])},
-        covered_m=Measured(row.covered_m, row.low_m, row.high_m),
+        covered_m=Interval(row.covered_m, row.low_m, row.high_m),
         road_m=row.road_m,
         latency_ms=row.latency_p50_ms,
         latency_p95_ms=row.latency_p95_ms,
         machine=str(row.get("latency_machine", "")),
         other_cores=row.latency_other_cores,
-        draws=draws.row(row, row.whole, *(measure_of(m) for m in [row.range_m] if m >= 0)),
+        replicates=replicates.row(
+            row, row.whole, *(measure_of(m) for m in [row.range_m] if m >= 0)
+        ),
         range_m=row.range_m,
-        recall=Measured(row.recall, row.recall_low, row.recall_high),
+        recall=Interval(row.recall, row.recall_low, row.recall_high),
         covered_in=row.covered_in,
         no_interval=row.no_interval,
         detected=None if recall is None else drawn(recall).measured(),

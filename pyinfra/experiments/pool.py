@@ -15,7 +15,9 @@ import joblib
 from pyinfra.core.errors import Error
 
 Task = TypeVar("Task")
-Say = Callable[[str], None]  # receives progress as single lines, also from the tasks' processes
+Progress = Callable[
+    [str], None
+]  # receives progress as single lines, also from the tasks' processes
 Backend = Literal["local", "ray", "dask"]
 BACKENDS: tuple[Backend, ...] = get_args(Backend)
 # A cluster that is started here listens on this address only: it would run code from any sender.
@@ -135,7 +137,7 @@ def run(
     pool: Pool,
     left: Callable[[Sequence[Task]], list[Task]],
     lost: Callable[[Task, Exception], None],
-    say: Say = silent,
+    progress: Progress = silent,
 ) -> None:
     """Calls `call` at least once for each task, and repeats tasks whose worker process died.
 
@@ -151,7 +153,7 @@ def run(
             raise
         except Exception as error:
             rest = left(group)
-            say(f"pyinfra: a worker died, {len(rest)} tasks left: {error!r}")
+            progress(f"pyinfra: a worker died, {len(rest)} tasks left: {error!r}")
             if len(rest) < len(group):
                 groups.append(rest)
             elif len(group) > 1:

@@ -18,9 +18,9 @@ import pandas as pd
 from pyinfra.core.machine_load import load_text
 from pyinfra.dataset.regions import REGION_M
 from pyinfra.experiments.option_table import latency, option_table, price, price_range
-from pyinfra.experiments.options import ROAD, Option, Wish
+from pyinfra.experiments.options import ROAD, Option, Requirements
 from pyinfra.experiments.value import SITE_ITEMS
-from pyinfra.metrics.comparison import Measured
+from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.intervals import FEW_BLOCKS
 from pyinfra.metrics.row_selection import COUNTED
 
@@ -38,23 +38,23 @@ class Answer:
     remarks: Sequence[str]
 
 
-def recommend(options: Sequence[Option], wish: Wish) -> Answer:
+def recommend(options: Sequence[Option], requirements: Requirements) -> Answer:
     """Returns the recommendation for some requirements.
 
     options: one or more, of one scene and preset, ordered by AP.
     """
-    table = option_table(options, wish)
+    table = option_table(options, requirements)
     good = table[table.meets]
     if good.empty:
         near = nearest(table)
         rest = table.drop(near.index)
-        remarks = [*general_notes(options, wish), *left_out(options, rest)]
+        remarks = [*general_notes(options, requirements), *left_out(options, rest)]
         return Answer(False, [options[i] for i in near.index], [*near.relax], remarks)
     named, more = good[:MOST], good[MOST:]
     before = table[: named.index[0]]  # options with a higher AP
     slow = before[before.meets_price & before.meets_ap & ~before.meets_latency]
-    remarks = [*too_slow(options, slow, wish), *general_notes(options, wish)]
-    remarks += [*doubts(options, named, wish), *left_out(options, table.drop(slow.index))]
+    remarks = [*too_slow(options, slow, requirements), *general_notes(options, requirements)]
+    remarks += [*doubts(options, named, requirements), *left_out(options, table.drop(slow.index))]
     if len(more):
         meet = "meets" if len(more) == 1 else "meet"
         others = names(options[i] for i in more.index)
@@ -62,14 +62,14 @@ def recommend(options: Sequence[Option], wish: Wish) -> Answer:
     return Answer(True, [options[i] for i in named.index], [*named.relax], remarks)
 
 
-def answer_lines(answer: Answer, wish: Wish) -> Iterator[str]:
+def answer_lines(answer: Answer, requirements: Requirements) -> Iterator[str]:
     """Yields a recommendation line by line."""
     if not answer.meets:
         near = " The nearest, and what to relax:" if answer.named else ""
         yield f"No option meets this.{near}"
     for rank, (option, relax) in enumerate(zip(answer.named, answer.relax, strict=True), 1):
         relaxed = f"; meets it with {relax}" if relax else ""
-        yield f"{rank}. {sentence(option, wish)}{relaxed}"
+        yield f"{rank}. {sentence(option, requirements)}{relaxed}"
     yield from answer.remarks
 
 
@@ -84,7 +84,7 @@ def nearest(table: pd.DataFrame) -> pd.DataFrame:
     return can.sort_values(["share_over", "latency_over"], kind="stable")[:NEAREST]
 
 
-def sentence(option: Option, wish: Wish) -> str:
+def sentence(option: Option, requirements: Requirements) -> str:
     visible, recall_text = "", ""
     if option.detected is not None and not option.recall.value >= 0:
         recall_text = f"finds {option.detected.value:.0f} % of them, "
@@ -100,11 +100,11 @@ def sentence(option: Option, wish: Wish) -> str:
         f"{option.name}: {option.ap_name} of {COUNTED[option.whole]}{near} "
         f"{with_interval(option.ap_whole)}, {recall_text}{visible}of the vehicles it captures "
         f"{with_interval(option.ap)}; {recalled if recall.value >= 0 else ''}"
-        f"{price(option, wish)}; {covered_road(option, wish)}{latency(option)}"
+        f"{price(option, requirements)}; {covered_road(option, requirements)}{latency(option)}"
     )
 
 
-def covered_road(option: Option, wish: Wish) -> str:
+def covered_road(option: Option, requirements: Requirements) -> str:
     """Returns the covered road as text; empty if the table does not have it.
 
     Tables of earlier versions lack it for sites of lanes.
@@ -115,19 +115,19 @@ def covered_road(option: Option, wish: Wish) -> str:
     span = f"[{road.low:.0f} to {road.high:.0f}] " if road.is_known else ""
     reason = "" if road.is_known else f" (no interval: {option.no_interval})"
     return (
-        f"AP above {wish.min_ap:g} of {COUNTED[option.whole]} on {road.value:.0f} "
+        f"AP above {requirements.min_ap:g} of {COUNTED[option.whole]} on {road.value:.0f} "
         f"{span}of {option.road_m:.0f} {option.covered_in}{reason}; "
     )
 
 
-def general_notes(options: Sequence[Option], wish: Wish) -> Iterator[str]:
+def general_notes(options: Sequence[Option], requirements: Requirements) -> Iterator[str]:
     """Yields remarks that hold for all options: on AP, prices and latencies."""
     if options[0].whole == "all":
         yield (
             "These results were measured without ground truth `present`: vehicles that the mount "
             "cannot see are not counted; `pyinfra benchmark` of this version counts them."
         )
-    if math.isnan(options[0].range_m) and wish.range_m < REGION_M:
+    if math.isnan(options[0].range_m) and requirements.range_m < REGION_M:
         yield (
             "These results hold no AP within ranges: AP is of the whole region; `pyinfra "
             "benchmark` of this version measures it."
@@ -151,11 +151,13 @@ def latency_note(options: Iterable[Option]) -> str:
     return f"Latency is of {where} ({load}); a benchmark with `latency` measures yours."
 
 
-def too_slow(options: Sequence[Option], slow: pd.DataFrame, wish: Wish) -> Iterator[str]:
+def too_slow(
+    options: Sequence[Option], slow: pd.DataFrame, requirements: Requirements
+) -> Iterator[str]:
     """Yields a remark for each option that meets budget and AP, but not the latency."""
     for i, row in slow.iterrows():
         what = "not timed" if math.isnan(row.latency_ms) else "too slow"
-        text = sentence(options[int(i)], wish)
+        text = sentence(options[int(i)], requirements)
         yield f"More accurate, but {what}: {text}; meets it with {row.relax}."
 
 
@@ -182,7 +184,7 @@ def item_name(column: str) -> str:
     return column.removesuffix("_usd")
 
 
-def with_interval(ap: Measured) -> str:
+def with_interval(ap: Interval) -> str:
     if not ap.is_known:
         return f"{ap.value:.1f} (no interval)"
     return f"{ap.value:.1f} [{ap.low:.1f}, {ap.high:.1f}]"
@@ -192,14 +194,16 @@ def names(options: Iterable[Option]) -> str:
     return ", ".join(option.name for option in options)
 
 
-def doubts(options: Sequence[Option], good: pd.DataFrame, wish: Wish) -> Iterator[str]:
+def doubts(
+    options: Sequence[Option], good: pd.DataFrame, requirements: Requirements
+) -> Iterator[str]:
     """Yields remarks on what is uncertain about the recommended options."""
     named = [options[i] for i in good.index]
     first = named[0]
     yield from doubts_of_order(first, named[1:], good[1:])
-    yield from doubts_of_ap(named, wish)
-    yield from doubts_of_price(named, wish)
-    yield from doubts_of_latency(named, wish)
+    yield from doubts_of_ap(named, requirements)
+    yield from doubts_of_price(named, requirements)
+    yield from doubts_of_latency(named, requirements)
     if first.covered_m.value < first.road_m:
         more = "several LiDARs, a higher budget or a lower AP might"
         what = "the road" if first.covered_in == ROAD else "the region"
@@ -209,7 +213,7 @@ def doubts(options: Sequence[Option], good: pd.DataFrame, wish: Wish) -> Iterato
 def doubts_of_order(first: Option, others: Sequence[Option], table: pd.DataFrame) -> Iterator[str]:
     """Yields remarks on which other options may be as good as the first."""
     ends = zip(table.difference_low, table.difference_high, strict=True)
-    apart = [(o, Measured(0, *pair)) for o, pair in zip(others, ends, strict=True)]
+    apart = [(o, Interval(0, *pair)) for o, pair in zip(others, ends, strict=True)]
     equal = [o for o, interval in apart if interval.is_known and not interval.is_significant]
     if equal:
         text = f"The AP of {first.name} does not differ significantly from that of {names(equal)}"
@@ -229,10 +233,10 @@ def cheapest(options: Sequence[Option]) -> str:
     return f"the cheapest of these {verb} {names(lowest)} ({least:,.0f} USD)"
 
 
-def doubts_of_ap(named: Sequence[Option], wish: Wish) -> Iterator[str]:
+def doubts_of_ap(named: Sequence[Option], requirements: Requirements) -> Iterator[str]:
     """Yields remarks on options that may miss the required AP."""
-    unsure = f"Not sure to reach AP {wish.min_ap:g} of {COUNTED[named[0].whole]}"
-    below = [o for o in named if o.ap_whole.is_known and o.ap_whole.low < wish.min_ap]
+    unsure = f"Not sure to reach AP {requirements.min_ap:g} of {COUNTED[named[0].whole]}"
+    below = [o for o in named if o.ap_whole.is_known and o.ap_whole.low < requirements.min_ap]
     if below:
         yield f"{unsure}: {names(below)}: the interval begins below it."
     unknown = [o for o in named if not o.ap_whole.is_known]
@@ -240,19 +244,19 @@ def doubts_of_ap(named: Sequence[Option], wish: Wish) -> Iterator[str]:
         yield f"{unsure}: {names(unknown)}: without an interval."
 
 
-def doubts_of_price(named: Sequence[Option], wish: Wish) -> Iterator[str]:
+def doubts_of_price(named: Sequence[Option], requirements: Requirements) -> Iterator[str]:
     """Yields a remark for each range of prices that exceeds the budget, with its options."""
-    dear = [option for option in named if option.price_high_usd > wish.budget_usd]
+    dear = [option for option in named if option.price_high_usd > requirements.budget_usd]
     for span in dict.fromkeys(map(price_range, dear)):
         listed = names(option for option in dear if price_range(option) == span)
         yield f"{listed} may cost more than the budget: {span} USD."
 
 
-def doubts_of_latency(named: Sequence[Option], wish: Wish) -> Iterator[str]:
+def doubts_of_latency(named: Sequence[Option], requirements: Requirements) -> Iterator[str]:
     """Yields a remark on options that exceed the latency in more than 5 % of the frames."""
-    late = [option for option in named if option.latency_p95_ms > wish.latency_ms]
+    late = [option for option in named if option.latency_p95_ms > requirements.latency_ms]
     if late:
-        text = f"Above {wish.latency_ms:g} ms in more than 5 % of the frames: {names(late)}"
+        text = f"Above {requirements.latency_ms:g} ms in more than 5 % of the frames: {names(late)}"
         yield f"{text}; the median is below."
 
 

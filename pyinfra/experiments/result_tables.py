@@ -18,8 +18,8 @@ import pandas as pd
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.vocabulary import TIERS
 from pyinfra.experiments.value import SITE_ITEMS
-from pyinfra.formats.csv_table import numbers, read_words
-from pyinfra.metrics.row_selection import AP_COLUMNS, CELL, first_seed, with_fine, with_whole
+from pyinfra.formats.csv_table import existing, numbers, read_words
+from pyinfra.metrics.row_selection import AP_COLUMNS, EXPERIMENT, first_seed, with_r1000, with_whole
 
 Ends = tuple[float, float]
 
@@ -81,47 +81,47 @@ ENDS = (  # columns with the low and the high end of an interval
 
 
 AS_THEY_COME = ("background", "generalist-as-is")  # detectors without training steps in any tier
-_CELL = " ".join((*CELL, "seed"))
+_EXPERIMENT = " ".join((*EXPERIMENT, "seed"))
 KINDS = {
-    "cells": kind(
+    "experiments": kind(
         "{tier}.csv",
-        f"{_CELL} command version",
+        f"{_EXPERIMENT} command version",
         "ap ap_low ap_high ap_common ap_all objects train_seconds latency_p50_ms latency_p95_ms",
-        _CELL,
+        _EXPERIMENT,
         f"{' '.join(AP_COLUMNS)} objects_all objects_present train_steps latency_other_cores "
         "latency_frames",
     ),
-    "draws": kind(
-        "{tier}_draws.csv",
-        f"{_CELL} ground_truth measure world version label_time",
-        "value blocks frames block_s draws draws_seed",
-        f"{_CELL} ground_truth measure",
+    "replicates": kind(
+        "{tier}_replicates.csv",
+        f"{_EXPERIMENT} ground_truth measure vehicles_digest version label_time",
+        "value blocks frames block_s replicates replicates_seed",
+        f"{_EXPERIMENT} ground_truth measure",
     ),
     "areas": kind(
         "{tier}_areas.csv",
-        f"{_CELL} ground_truth road",
+        f"{_EXPERIMENT} ground_truth road",
         "n_tda n_hqda p_hqda p_low p_high undecided objects",
-        f"{_CELL} ground_truth road",
+        f"{_EXPERIMENT} ground_truth road",
     ),
     "distance": kind(
         "{tier}_distance.csv",
-        f"{_CELL} ground_truth road quality",
+        f"{_EXPERIMENT} ground_truth road quality",
         "s ap ap_low ap_high objects predictions",
-        f"{_CELL} ground_truth road s",
-        "ap_fine ap_fine_low ap_fine_high",
+        f"{_EXPERIMENT} ground_truth road s",
+        "ap_r1000 ap_r1000_low ap_r1000_high",
     ),
     "ranges": kind(
         "{tier}_ranges.csv",
-        f"{_CELL} ground_truth",
-        "range_m ap_fine ap_fine_low ap_fine_high recall recall_low recall_high objects "
+        f"{_EXPERIMENT} ground_truth",
+        "range_m ap_r1000 ap_r1000_low ap_r1000_high recall recall_low recall_high objects "
         "predictions",
-        f"{_CELL} ground_truth range_m",
+        f"{_EXPERIMENT} ground_truth range_m",
     ),
     "squares": kind(
         "{tier}_squares.csv",
-        f"{_CELL} ground_truth quality",
-        "x y distance_m ap_fine ap_fine_low ap_fine_high objects predictions",
-        f"{_CELL} ground_truth x y",
+        f"{_EXPERIMENT} ground_truth quality",
+        "x y distance_m ap_r1000 ap_r1000_low ap_r1000_high objects predictions",
+        f"{_EXPERIMENT} ground_truth x y",
     ),
     "hits": kind(
         "{tier}_hits.csv", "scene lidar preset", "frames hits_per_frame", "scene lidar preset"
@@ -134,11 +134,11 @@ KINDS = {
     ),
     "value": kind(
         "{tier}_value.csv",
-        f"{_CELL} pareto dominated_by",
+        f"{_EXPERIMENT} pareto dominated_by",
         "price_usd site_usd ap ap_all "
         "ap_per_1000_usd usd_per_hq_area usd_per_m_road points_per_1000_usd",
-        _CELL,
-        f"{' '.join(SITE_ITEMS)} ap_fine ap_all_fine ap_whole ap_whole_fine",
+        _EXPERIMENT,
+        f"{' '.join(SITE_ITEMS)} ap_r1000 ap_all_r1000 ap_whole ap_whole_r1000",
     ),
     "lidars": kind(
         "lidars.csv",
@@ -148,10 +148,10 @@ KINDS = {
     ),
     "stress": kind(
         "stress.csv",
-        "detector run lidar preset scene stressor dial unit seed frames",
+        "detector run lidar preset scene stressor severity unit seed frames",
         "ap ap_low ap_high",
-        "detector run lidar preset scene stressor dial seed frames",
-        "ap_fine ap_fine_low ap_fine_high",
+        "detector run lidar preset scene stressor severity seed frames",
+        "ap_r1000 ap_r1000_low ap_r1000_high",
     ),
     "stress_ranking": kind("stress_ranking.csv", "", ""),
     "stress_summary": kind("stress_summary.csv", "", ""),
@@ -173,8 +173,8 @@ class Results:
 
     def done(self) -> pd.DataFrame:
         """Returns the experiments that have an AP; of several seeds, the lowest."""
-        cells = self.tables["cells"]
-        return first_seed(cells[cells.ap.notna()])
+        experiments = self.tables["experiments"]
+        return first_seed(experiments[experiments.ap.notna()])
 
     def file(self, name: str) -> str:
         return self.kinds[name].file.format(tier=self.tier)
@@ -187,15 +187,15 @@ class Results:
         return TableFile(self.file(name), self.folder / self.file(name))
 
 
-def hardly_learnt(cells: pd.DataFrame) -> pd.Series:
+def hardly_learnt(experiments: pd.DataFrame) -> pd.Series:
     """Returns which rows are networks trained in the smoke tier, whose AP means nothing.
 
     Rows of earlier versions have no `train_steps`; there all detectors but those of AS_THEY_COME
     count as trained.
     """
-    guessed = (~cells.detector.isin(AS_THEY_COME)).astype(float)
-    steps = cells.train_steps.fillna(guessed) if "train_steps" in cells else guessed
-    return (cells.tier == "smoke") & (steps > 0)
+    guessed = (~experiments.detector.isin(AS_THEY_COME)).astype(float)
+    steps = experiments.train_steps.fillna(guessed) if "train_steps" in experiments else guessed
+    return (experiments.tier == "smoke") & (steps > 0)
 
 
 def read_results(
@@ -213,32 +213,38 @@ def read_results(
     chosen = tier if tier is not None else _richest(folder)
     kinds = {**KINDS, **(more or {})}
     tables = {name: _read(folder / k.file.format(tier=chosen), k) for name, k in kinds.items()}
-    if tier is not None and tables["cells"].empty:
+    if tier is not None and tables["experiments"].empty:
         raise Error(f"{folder / f'{tier}.csv'}: expected a finished tier, got none")
     if all(table.empty for table in tables.values()):
         raise Error(f"{folder}: expected a table of results, got none")
-    tables["cells"] = _with_reasons(with_whole(with_fine(tables["cells"])))
-    tables |= {name: with_fine(tables[name]) for name in ("stress", "distance")}
+    tables["experiments"] = _with_reasons(with_whole(with_r1000(tables["experiments"])))
+    tables |= {name: with_r1000(tables[name]) for name in ("stress", "distance")}
     return Results(folder, chosen, tables, kinds)
 
 
 def _richest(folder: Path) -> str:
     """Returns the tier with most finished experiments; `quick` if there are none."""
     counts = {
-        tier: int(_read(folder / f"{tier}.csv", KINDS["cells"]).ap.notna().sum()) for tier in TIERS
+        tier: int(_read(folder / f"{tier}.csv", KINDS["experiments"]).ap.notna().sum())
+        for tier in TIERS
     }
     best = max(reversed(TIERS), key=lambda tier: counts[tier])
     return best if counts[best] > 0 else "quick"
 
 
-def _with_reasons(cells: pd.DataFrame) -> pd.DataFrame:
+def _with_reasons(experiments: pd.DataFrame) -> pd.DataFrame:
     """Returns the table with a column `reason`, which is filled for experiments without an AP."""
-    given = cells["reason"] if "reason" in cells else pd.Series("", index=cells.index, dtype=str)
-    silent = cells.ap.isna() & (given == "")
-    return cells.assign(reason=given.mask(silent, "no AP was measured, no reason was given"))
+    given = (
+        experiments["reason"]
+        if "reason" in experiments
+        else pd.Series("", index=experiments.index, dtype=str)
+    )
+    silent = experiments.ap.isna() & (given == "")
+    return experiments.assign(reason=given.mask(silent, "no AP was measured, no reason was given"))
 
 
 def _read(file: Path, kind: Kind) -> pd.DataFrame:
+    file = existing(file)
     if not file.is_file():
         return _empty(kind)
     try:

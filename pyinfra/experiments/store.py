@@ -13,7 +13,7 @@ import pandas as pd
 from pandas.api.types import is_string_dtype
 
 from pyinfra.core.files import held, replacing
-from pyinfra.formats.csv_table import WORDS, read_csv
+from pyinfra.formats.csv_table import WORDS, existing, read_csv
 
 
 def read(file: Path, words: Sequence[str] = ()) -> pd.DataFrame:
@@ -21,6 +21,7 @@ def read(file: Path, words: Sequence[str] = ()) -> pd.DataFrame:
 
     words: text columns in addition to those of WORDS.
     """
+    file = existing(file)
     return read_csv(file, WORDS.union(words)) if file.is_file() else pd.DataFrame()
 
 

@@ -10,9 +10,9 @@ import pandas as pd
 from pyinfra.core.config import ruled
 from pyinfra.dataset.regions import REGION_M, WINDOW_M, WINDOW_STEP_M
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, LANES
-from pyinfra.metrics.row_selection import CELL, each_road_once, with_fine, with_whole
+from pyinfra.metrics.row_selection import EXPERIMENT, each_road_once, with_r1000, with_whole
 
-KEY = [*CELL, "seed"]
+KEY = [*EXPERIMENT, "seed"]
 RIVALS = ["scene", "preset", "tier", "seed"]  # only options with equal values here are compared
 MOUNTS = "mounts"  # column with the number of mounts, for scenes whose frames are fused
 SITE_ITEMS = ("computer_usd", "pole_usd", "installation_usd", "energy_usd")
@@ -51,16 +51,18 @@ class Costs:
 def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
     """Returns a row for each finished experiment.
 
-    tables: `cells`, `areas`, `distance`, `lidars` and `hits` of a benchmark. The price is the mean
-    of the LiDAR's low and high price, times the number of mounts, plus the costs of the site.
+    tables: `experiments`, `areas`, `distance`, `lidars` and `hits` of a benchmark. The price is the
+    mean of the LiDAR's low and high price, times the number of mounts, plus the costs of the site.
     High-quality areas and metres of road are computed with the ground truth of `with_whole`, so
     that they count the same vehicles for every LiDAR. An option is dominated if another one of the
     same scene, preset, tier and seed has no higher price and no lower AP (R1000) with this ground
     truth, and is better in at least one of the two.
     """
-    cells = with_whole(with_fine(tables["cells"].dropna(subset=["ap"])))
-    truth = "all" if cells.empty else str(cells.whole.iloc[0])
-    cells = cells[[*KEY, "ap", "ap_fine", "ap_all", "ap_all_fine", "ap_whole", "ap_whole_fine"]]
+    experiments = with_whole(with_r1000(tables["experiments"].dropna(subset=["ap"])))
+    truth = "all" if experiments.empty else str(experiments.whole.iloc[0])
+    experiments = experiments[
+        [*KEY, "ap", "ap_r1000", "ap_all", "ap_all_r1000", "ap_whole", "ap_whole_r1000"]
+    ]
     price = tables["lidars"].assign(lidar_usd=lambda t: (t.price_low_usd + t.price_high_usd) / 2)[
         ["lidar", "preset", "lidar_usd"]
     ]
@@ -68,15 +70,15 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
     areas = areas[areas.ground_truth == truth].groupby(KEY, as_index=False)[["n_hqda"]].sum()
     of_hits = [name for name in ("vehicle_points_per_frame", MOUNTS) if name in tables["hits"]]
     hits = tables["hits"][["scene", "preset", "lidar", *of_hits]]
-    t = cells.merge(price, on=["lidar", "preset"])
+    t = experiments.merge(price, on=["lidar", "preset"])
     t = of_mounts(t, mounts_of(t.merge(hits, how="left")), costs)
-    road = covered(with_fine(tables["distance"]), truth=truth)
+    road = covered(with_r1000(tables["distance"]), truth=truth)
     t = t.merge(areas, on=KEY, how="left").merge(road, on=KEY, how="left")
     t = t.merge(hits, on=["scene", "preset", "lidar"], how="left")
     usd = t.lidar_usd + t.site_usd
     t.insert(len(KEY), "price_usd", usd)
-    t["ap_per_1000_usd"] = 1000 * t.ap_fine / usd
-    t["ap_all_per_1000_usd"] = 1000 * t.ap_all_fine / usd
+    t["ap_per_1000_usd"] = 1000 * t.ap_r1000 / usd
+    t["ap_all_per_1000_usd"] = 1000 * t.ap_all_r1000 / usd
     t["usd_per_hq_area"] = (usd / t.n_hqda).replace(np.inf, np.nan)
     t["usd_per_m_road"] = (usd / t.covered_m).replace(np.inf, np.nan)
     t["points_per_1000_usd"] = 1000 * t.vehicle_points_per_frame / usd
@@ -123,11 +125,11 @@ def covered(
     at_once = distance.road == LANES  # rows whose column s is no distance along a road
     lanes = distance[at_once][KEY].drop_duplicates().assign(covered_m=np.nan)
     distance = distance[~at_once]
-    if "ap_fine" not in distance:
-        distance = with_fine(distance)
+    if "ap_r1000" not in distance:
+        distance = with_r1000(distance)
     windows = distance[distance.ground_truth == truth]
     ends = windows.groupby([*KEY, "road"], as_index=False).s.agg(begin="min", end="max")
-    good = windows[windows.ap_fine > above]
+    good = windows[windows.ap_r1000 > above]
     steps = round(WINDOW_M / WINDOW_STEP_M)
     pieces = pd.concat(
         [
@@ -149,11 +151,11 @@ def best_rival(option: pd.Series, rivals: pd.DataFrame) -> str:
     """Returns the name of the dominating option with the highest AP; empty if there is none."""
     as_cheap, cheaper = (rivals.price_usd <= option.price_usd, rivals.price_usd < option.price_usd)
     as_good, better = (
-        rivals.ap_whole_fine >= option.ap_whole_fine,
-        rivals.ap_whole_fine > option.ap_whole_fine,
+        rivals.ap_whole_r1000 >= option.ap_whole_r1000,
+        rivals.ap_whole_r1000 > option.ap_whole_r1000,
     )
     superior = rivals[as_cheap & as_good & (cheaper | better)]
     if superior.empty:
         return ""
-    best = superior.loc[superior.ap_whole_fine.idxmax()]
+    best = superior.loc[superior.ap_whole_r1000.idxmax()]
     return f"{best.lidar} {best.detector}"

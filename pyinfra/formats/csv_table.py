@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Collection
 from pathlib import Path
 
@@ -14,14 +15,60 @@ from pyinfra.core.errors import FormatError
 # Names of text columns in the tables that this project writes; all other columns are numbers.
 WORDS = frozenset(
     (
-        "scene lidar preset detector tier run stressor dial unit ground_truth measure world "
-        "label_time road set quality aggregation detail source what claim statement verdict "
+        "scene lidar preset detector tier run stressor severity unit ground_truth measure "
+        "vehicles_digest label_time road set quality aggregation detail source what claim "
+        "statement verdict "
         "dominated_by pareto model class protocol place minus "
         "price_source price_date inputs recipe findings reason command commit version "
         "frames_version "
         "latency_version latency_machine machine"
     ).split()
 )
+
+
+# Columns with another name than in version 0.3.
+_RENAMED_COLUMNS = {
+    "cells": "experiments",
+    "dial": "severity",
+    "dial_least": "severity_least",
+    "dials": "severities",
+    "draws": "replicates",
+    "draws_seed": "replicates_seed",
+    "forgiven_ghosts": "forgiven_background",
+    "found_percent": "recall_percent",
+    "ghosts_per_frame": "background_per_frame",
+    "precision_said": "precision_predicted",
+    "recall_said": "recall_predicted",
+    "seam_turned_deg": "cut_angle_turned_deg",
+    "world": "vehicles_digest",
+}
+_RENAMED_VALUES = {  # by column; those of `measure` change as columns do
+    "arm": {"specialist": "site_trained"},
+    "fails_first": {"ghosts": "background"},
+    "largest_blame": {"ghosts": "background"},
+    "stressor": {"seam": "cut_angle"},
+}
+
+
+def current_name(column: str) -> str:
+    """Returns the current name of a column that version 0.3 wrote."""
+    column = re.sub(r"^ap_((?:all|common|present|whole)_)?fine", r"ap_\1r1000", column)
+    column = re.sub(r"^draw_(?=\d+$)", "replicate_", column)
+    return _RENAMED_COLUMNS.get(column, column)
+
+
+def with_current_names(table: pd.DataFrame) -> pd.DataFrame:
+    """Returns a table of text with the current names of columns and of the values in them."""
+    table = table.rename(columns=current_name)
+    if "measure" in table:
+        table["measure"] = table.measure.map(current_name)
+    return table.replace({c: values for c, values in _RENAMED_VALUES.items() if c in table})
+
+
+def existing(file: Path) -> Path:
+    """Returns the file, or the file with the same table and the name that version 0.3 gave it."""
+    older = file.with_name(re.sub(r"replicates\.csv$", "draws.csv", file.name))
+    return older if older.is_file() and not file.is_file() else file
 
 
 def read_csv(file: Path, words: Collection[str] = WORDS) -> pd.DataFrame:
@@ -48,11 +95,12 @@ def read_words(file: Path) -> pd.DataFrame:
     for line, row in enumerate(rows, start=1):
         if len(row) != len(header) or not row:
             raise FormatError(f"{file}:{line}: expected {len(header)} columns, got {len(row)}")
+    header = [current_name(name) for name in header]
     twice = [name for i, name in enumerate(header) if name in header[:i]]
     if twice or not rows:
         got = f"column {twice[0]} twice" if twice else "none"
         raise FormatError(f"{file}:1: expected columns, each once, got {got}")
-    return pd.DataFrame(rows[1:], columns=header, dtype=str)
+    return with_current_names(pd.DataFrame(rows[1:], columns=header, dtype=str))
 
 
 def numbers(file: Path, column: pd.Series) -> pd.Series:

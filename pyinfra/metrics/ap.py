@@ -21,7 +21,7 @@ import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 
-RECALLS, FINE_RECALLS = 40, 1000
+RECALLS, R1000_RECALLS = 40, 1000
 KITTI_SAMPLES = 41  # recalls that the devkit samples: 0, 1/40 .. 40/40
 MOST_POINTS = 2000  # operating points of weighted AP
 _CHUNK = 4_000_000  # operating points times replicates that are computed together
@@ -37,15 +37,15 @@ class Ranking:
 
     scores: FloatArray  # (k,) scores of the operating points, falling
     upto: IntArray  # (k,) number of predictions with this score or a higher one
-    hits_upto: IntArray  # (k,) number of true positives among them
+    true_positives_upto: IntArray  # (k,) number of true positives among them
     slot: IntArray  # (n,) slot of each prediction
-    hit_slot: IntArray  # (h,) slot of each true positive
+    true_positive_slot: IntArray  # (h,) slot of each true positive
     objects: IntArray  # (slots,) objects in each slot
 
 
 def rank(
     scores: FloatArray,
-    hit: BoolArray,
+    true_positive: BoolArray,
     objects: int | IntArray,
     slot: IntArray | None = None,
 ) -> Ranking:
@@ -58,16 +58,16 @@ def rank(
     per_slot = np.atleast_1d(np.asarray(objects, dtype=np.int64))
     slot = np.zeros(len(scores), dtype=np.int64) if slot is None else slot
     order = np.argsort(-scores, kind="stable")
-    scores, hit, slot = scores[order], hit[order], slot[order]
+    scores, true_positive, slot = scores[order], true_positive[order], slot[order]
     ends = np.flatnonzero(np.append(scores[1:] != scores[:-1], True)[: len(scores)])
-    hits = np.cumsum(hit)[ends]
-    useful = np.diff(hits, prepend=0) > 0
+    true_positives = np.cumsum(true_positive)[ends]
+    useful = np.diff(true_positives, prepend=0) > 0
     return Ranking(
         scores=scores[ends[useful]],
         upto=ends[useful] + 1,
-        hits_upto=hits[useful].astype(np.int64),
+        true_positives_upto=true_positives[useful].astype(np.int64),
         slot=slot,
-        hit_slot=slot[hit],
+        true_positive_slot=slot[true_positive],
         objects=per_slot,
     )
 
@@ -84,12 +84,12 @@ def average_precision(
     return np.asarray(100 * precision_at_recalls(ranking, count, first, weights).mean(axis=1))
 
 
-def coarse_and_fine(
+def r40_and_r1000(
     ranking: Ranking, weights: IntArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Returns AP (R40) and AP (R1000), (replicates,) each, as `average_precision` does."""
-    step = FINE_RECALLS // RECALLS  # every 25th of the 1,000 recalls is one of the 40
-    precision = precision_at_recalls(ranking, FINE_RECALLS, 1, weights)
+    step = R1000_RECALLS // RECALLS  # every 25th of the 1,000 recalls is one of the 40
+    precision = precision_at_recalls(ranking, R1000_RECALLS, 1, weights)
     coarse = np.ascontiguousarray(precision[:, step - 1 :: step])
     return np.asarray(100 * coarse.mean(axis=1)), np.asarray(100 * precision.mean(axis=1))
 
@@ -104,12 +104,14 @@ def precision_at_recalls(
     """
     levels = np.arange(first, count + 1)
 
-    def envelope(hits: FloatArray, precision: FloatArray, objects: IntArray) -> FloatArray:
+    def envelope(
+        true_positives: FloatArray, precision: FloatArray, objects: IntArray
+    ) -> FloatArray:
         needed = -(-levels * objects[:, None] // count)
-        at = np.stack([np.searchsorted(h, n) for h, n in zip(hits, needed, strict=True)])
+        at = np.stack([np.searchsorted(h, n) for h, n in zip(true_positives, needed, strict=True)])
         return _highest_from(precision, at)
 
-    return _over_draws(ranking, weights, len(levels), envelope)
+    return _over_replicates(ranking, weights, len(levels), envelope)
 
 
 def kitti_average_precision(ranking: Ranking, weights: IntArray | None = None) -> FloatArray:
@@ -123,19 +125,23 @@ def kitti_average_precision(ranking: Ranking, weights: IntArray | None = None) -
     strictly above the threshold.
     """
 
-    def sampled(hits: FloatArray, precision: FloatArray, objects: IntArray) -> FloatArray:
-        total = hits[:, -1].astype(np.int64) if hits.size else np.zeros(len(hits), np.int64)
-        nth = _kitti_hits(total, objects)
-        at = np.stack([np.searchsorted(h, n) for h, n in zip(hits, nth, strict=True)])
+    def sampled(true_positives: FloatArray, precision: FloatArray, objects: IntArray) -> FloatArray:
+        total = (
+            true_positives[:, -1].astype(np.int64)
+            if true_positives.size
+            else np.zeros(len(true_positives), np.int64)
+        )
+        nth = _kitti_true_positives(total, objects)
+        at = np.stack([np.searchsorted(h, n) for h, n in zip(true_positives, nth, strict=True)])
         padded = np.pad(precision, ((0, 0), (0, 1)))
         picked = np.take_along_axis(padded, at, axis=1)
         return np.maximum.accumulate(picked[:, ::-1], axis=1)[:, ::-1]
 
-    precision = _over_draws(ranking, weights, KITTI_SAMPLES, sampled)
+    precision = _over_replicates(ranking, weights, KITTI_SAMPLES, sampled)
     return np.asarray(100 * precision[:, 1:].mean(axis=1))
 
 
-def _kitti_hits(total: IntArray, objects: IntArray) -> IntArray:
+def _kitti_true_positives(total: IntArray, objects: IntArray) -> IntArray:
     """Returns which true positives the devkit samples, counted from 1: (replicates, 41).
 
     total + 1 stands for none.
@@ -152,7 +158,7 @@ def _kitti_hits(total: IntArray, objects: IntArray) -> IntArray:
     return nth
 
 
-def _over_draws(
+def _over_replicates(
     ranking: Ranking,
     weights: IntArray | None,
     width: int,
@@ -164,24 +170,26 @@ def _over_draws(
     """
     if weights is None:
         objects = ranking.objects.sum(keepdims=True)
-        hits = ranking.hits_upto[None].astype(np.float64)
-        result = measure(hits, hits / ranking.upto, objects)
+        true_positives = ranking.true_positives_upto[None].astype(np.float64)
+        result = measure(true_positives, true_positives / ranking.upto, objects)
     else:
         objects = weights @ ranking.objects
         result = np.zeros((len(weights), width))
         in_slot, counted_in_slot = _per_slot(ranking)
         for part in _chunks(len(weights), in_slot.shape[1]):
             drawn = weights[part].astype(np.float64)
-            hits, counted = drawn @ in_slot, drawn @ counted_in_slot
-            precision = np.divide(hits, counted, out=np.zeros_like(hits), where=counted > 0)
-            result[part] = measure(hits, precision, objects[part])
+            true_positives, counted = drawn @ in_slot, drawn @ counted_in_slot
+            precision = np.divide(
+                true_positives, counted, out=np.zeros_like(true_positives), where=counted > 0
+            )
+            result[part] = measure(true_positives, precision, objects[part])
     result[objects == 0] = np.nan
     return result
 
 
-def _chunks(draws: int, points: int) -> Iterator[slice]:
+def _chunks(replicates: int, points: int) -> Iterator[slice]:
     size = max(1, _CHUNK // max(1, points))
-    for start in range(0, draws, size):
+    for start in range(0, replicates, size):
         yield slice(start, start + size)
 
 
@@ -191,7 +199,7 @@ def _per_slot(ranking: Ranking) -> tuple[FloatArray, FloatArray]:
     They are cumulated up to each of the operating points of `_some_points`.
     """
     points = _some_points(ranking)
-    hits_upto, upto = ranking.hits_upto[points], ranking.upto[points]
+    true_positives_upto, upto = ranking.true_positives_upto[points], ranking.upto[points]
     slots = len(ranking.objects)
 
     def cumulated(slot: IntArray, upto: IntArray) -> FloatArray:
@@ -200,7 +208,7 @@ def _per_slot(ranking: Ranking) -> tuple[FloatArray, FloatArray]:
         counts = np.bincount(cell, minlength=slots * len(upto)).reshape(slots, len(upto))
         return np.cumsum(counts, axis=1, dtype=np.float64)
 
-    return cumulated(ranking.hit_slot, hits_upto), cumulated(ranking.slot, upto)
+    return cumulated(ranking.true_positive_slot, true_positives_upto), cumulated(ranking.slot, upto)
 
 
 def _some_points(ranking: Ranking) -> IntArray:
@@ -214,7 +222,7 @@ def _some_points(ranking: Ranking) -> IntArray:
         return np.arange(k)
     starts = np.linspace(0, k, MOST_POINTS // 2 + 1).astype(np.int64)[:-1]
     last = np.append(starts[1:], k) - 1
-    precision = ranking.hits_upto / ranking.upto
+    precision = ranking.true_positives_upto / ranking.upto
     best_precision = np.repeat(np.maximum.reduceat(precision, starts), np.diff(starts, append=k))
     best = np.flatnonzero(precision == best_precision)
     return np.union1d(last, best)

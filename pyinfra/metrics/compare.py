@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from pyinfra.core.errors import Error
 from pyinfra.core.public import public
-from pyinfra.metrics.comparison import Bootstrapped, Measured, over_seeds
+from pyinfra.metrics.comparison import Bootstrapped, Interval, over_seeds
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.replicates import difference
 
@@ -17,7 +17,7 @@ def compare(
     b: Evaluation | Sequence[Evaluation],
     *,
     ground_truth: str | None = None,
-) -> Measured:
+) -> Interval:
     """Returns the paired difference in AP (R1000), the first evaluation less the second.
 
     Parameters
@@ -70,7 +70,9 @@ def _difference(a: Evaluation, b: Evaluation, ground_truth: str | None) -> Boots
         raise Error(f"ground_truth: expected one of {', '.join(common)}, got '{which}'")
     rows = []
     for one in (a, b):
-        table = one.draws[(one.draws.ground_truth == which) & (one.draws.measure == "ap_fine")]
+        table = one.replicates[
+            (one.replicates.ground_truth == which) & (one.replicates.measure == "ap_r1000")
+        ]
         rows.append(table.iloc[0])
     try:
         return difference(*rows)

@@ -18,7 +18,7 @@ from pyinfra.metrics import intervals
 
 
 @dataclass(frozen=True)
-class Measured:
+class Interval:
     """A figure with the ends of its 95 % interval; they are NaN if there is no interval."""
 
     value: float
@@ -41,43 +41,45 @@ class Bootstrapped:
     """A figure with its bootstrap replicates."""
 
     value: float
-    draws: FloatArray  # (d,) value in each replicate; NaN where undefined
+    replicates: FloatArray  # (d,) value in each replicate; NaN where undefined
     blocks: float  # number of blocks in the whole time
 
     def less(self, other: Bootstrapped) -> Bootstrapped:
         """Returns the difference to a figure with replicates of the same blocks."""
-        return Bootstrapped(self.value - other.value, self.draws - other.draws, self.blocks)
+        return Bootstrapped(
+            self.value - other.value, self.replicates - other.replicates, self.blocks
+        )
 
     def times(self, factor: float) -> Bootstrapped:
-        return Bootstrapped(self.value * factor, self.draws * factor, self.blocks)
+        return Bootstrapped(self.value * factor, self.replicates * factor, self.blocks)
 
     def over(self, other: Bootstrapped) -> Bootstrapped:
         """Returns the ratio to a figure with replicates of the same blocks."""
-        both = np.append(self.draws, self.value), np.append(other.draws, other.value)
-        *draws, value = intervals.ratio(*both)
-        return Bootstrapped(float(value), np.array(draws), self.blocks)
+        both = np.append(self.replicates, self.value), np.append(other.replicates, other.value)
+        *replicates, value = intervals.ratio(*both)
+        return Bootstrapped(float(value), np.array(replicates), self.blocks)
 
-    def measured(self) -> Measured:
-        low, high = intervals.interval(np.array(self.value), self.draws, self.blocks)
-        return Measured(self.value, float(low), float(high))
+    def measured(self) -> Interval:
+        low, high = intervals.interval(np.array(self.value), self.replicates, self.blocks)
+        return Interval(self.value, float(low), float(high))
 
 
-def over_seeds(values: Sequence[Bootstrapped]) -> Measured:
+def over_seeds(values: Sequence[Bootstrapped]) -> Interval:
     """Returns the mean over seeds; its interval is Student's t over the seeds.
 
     For a single seed the interval is the bootstrap over blocks of time.
     """
-    return values[0].measured() if len(values) == 1 else over_worlds([v.value for v in values])
+    return values[0].measured() if len(values) == 1 else over_replicates([v.value for v in values])
 
 
-def over_worlds(per_seed: Sequence[float]) -> Measured:
+def over_replicates(per_seed: Sequence[float]) -> Interval:
     """Returns the mean of a figure over seeds, with Student's t interval.
 
     Each seed has its own traffic and training.
     """
     values = np.asarray(per_seed, dtype=np.float64)
     if len(values) < 2:
-        return Measured(float(values.mean()) if len(values) else math.nan, math.nan, math.nan)
+        return Interval(float(values.mean()) if len(values) else math.nan, math.nan, math.nan)
     error = float(values.std(ddof=1)) / math.sqrt(len(values))
     mean, half = float(values.mean()), error * intervals.student(len(values))
-    return Measured(mean, mean - half, mean + half)
+    return Interval(mean, mean - half, mean + half)

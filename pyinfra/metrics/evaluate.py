@@ -28,7 +28,13 @@ from pyinfra.formats import kitti
 from pyinfra.metrics.evaluation_result import Evaluation, evaluate_tables
 from pyinfra.metrics.ground_truth import ground_truth_of, read_ground_truth
 from pyinfra.metrics.ground_truth_checks import ground_truth_findings
-from pyinfra.metrics.match_results import Judgement, Settings, are_people, contest, judge
+from pyinfra.metrics.match_results import (
+    MatchResult,
+    Settings,
+    are_people,
+    count_matches,
+    match_input,
+)
 from pyinfra.metrics.matching import PERSON_IOU
 from pyinfra.metrics.prediction_checks import PredictionFiles, check_predictions, find_files
 from pyinfra.metrics.prediction_table import predictions_of
@@ -78,7 +84,7 @@ def evaluate(
     >>> import pyinfra as pi
     >>> frames = pi.simulate(pi.load_scene("highway"), "helios_16", range(0, 500, 100))
     >>> perfect = frames.labels.assign(score=1.0)
-    >>> float(pi.evaluate(frames, perfect).ap.ap_fine.iloc[0])
+    >>> float(pi.evaluate(frames, perfect).ap.ap_r1000.iloc[0])
     100.0
     """
     if settings and object_class:
@@ -155,14 +161,14 @@ def _predictions(
     return prediction_files, read_predictions(prediction_files.files, cameras)
 
 
-def judged(
+def match_results_of(
     gt: Path,
     pred: Path,
     settings: Settings,
     *,
     frames: Sequence[int] | None = None,
     split: str | None = None,
-) -> list[Judgement]:
+) -> list[MatchResult]:
     """Returns the match result of each ground truth in the settings.
 
     Boxes are matched by footprints, for the first class and IoU. frames, split and errors are as in
@@ -172,9 +178,11 @@ def judged(
     truth = read_ground_truth(gt, frames, beyond_range=True)
     files = find_files(pred, frames, frame_numbers(gt, "all"), lidar_folder=gt).files
     predictions = read_predictions(files, read_cameras(gt, frames))
-    one = contest(truth, predictions, next(iter(settings.classes)), settings, "bev")
+    one = match_input(truth, predictions, next(iter(settings.classes)), settings, "bev")
     matches = one.match(settings.ious[0], strict=False)
-    return [judge(one, which, matches, settings.min_points) for which in settings.ground_truths]
+    return [
+        count_matches(one, which, matches, settings.min_points) for which in settings.ground_truths
+    ]
 
 
 def default_settings(gt: Path, object_class: str = "vehicle") -> Settings:

@@ -28,19 +28,19 @@ from pyinfra.metrics.evaluation_tables import (
 from pyinfra.metrics.ground_truth import GroundTruth
 from pyinfra.metrics.intervals import MIN_BLOCKS
 from pyinfra.metrics.match_results import (
-    Contest,
-    Judgement,
+    MatchInput,
+    MatchResult,
     Settings,
     are_people,
     blocks_of,
-    contest,
-    judge,
+    count_matches,
+    match_input,
 )
 from pyinfra.metrics.match_tables import match_table, ring_rows
 from pyinfra.metrics.matching import CENTRE_M, Metric, threshold_of
 from pyinfra.metrics.prediction_checks import Finding
 from pyinfra.metrics.ranges import by_range
-from pyinfra.metrics.replicates import draw_rows, figures, measure_of, same_of
+from pyinfra.metrics.replicates import figures, measure_of, replicate_rows, same_of
 
 KITTI_LEAST = 41  # with fewer objects the AP of KITTI's devkit cannot reach 100
 
@@ -56,7 +56,7 @@ class Evaluation:
     areas: pd.DataFrame
     errors: pd.DataFrame
     false_positives: pd.DataFrame
-    draws: pd.DataFrame
+    replicates: pd.DataFrame
     off_region: pd.DataFrame
     findings: tuple[Finding, ...]
     ranges: pd.DataFrame | None = None  # AP and recall within ranges; None if not requested
@@ -86,19 +86,19 @@ class Evaluation:
         return match_table(next(iter(self._results.values())))
 
     @cached_property
-    def _results(self) -> dict[str, Judgement]:
+    def _results(self) -> dict[str, MatchResult]:
         if self.predictions is None or self.settings is None:
             raise Error("result: expected one of evaluate(), got tables without predictions")
         first, metric = next(iter(self.settings.classes)), self.settings.metrics[0]
-        one = contest(self.truth, self.predictions, first, self.settings, metric)
+        one = match_input(self.truth, self.predictions, first, self.settings, metric)
         matches = one.match(threshold_of(metric, self.settings.ious[0]), strict=False)
         return {
-            which: judge(one, which, matches, self.settings.min_points)
+            which: count_matches(one, which, matches, self.settings.min_points)
             for which in self.settings.ground_truths
         }
 
     def tables(self) -> dict[str, pd.DataFrame]:
-        names = "ap pr_curve distance_ap areas errors false_positives draws off_region".split()
+        names = "ap pr_curve distance_ap areas errors false_positives replicates off_region".split()
         tables = {name: getattr(self, name) for name in names}
         more = {"cells": self.cells, "ranges": self.ranges}
         return {**tables, **{name: rows for name, rows in more.items() if rows is not None}}
@@ -115,18 +115,18 @@ def evaluate_tables(
     """Evaluates predictions in memory.
 
     predictions.frame are indices of truth.frames. ranges: whether to evaluate within ranges of the
-    sensor too, except for ground truth `common`; their AP is added to table `draws`.
+    sensor too, except for ground truth `common`; their AP is added to table `replicates`.
     """
-    contests = {
-        (name, metric): contest(truth, predictions, name, settings, metric)
+    match_inputs = {
+        (name, metric): match_input(truth, predictions, name, settings, metric)
         for name in settings.classes
         for metric in settings.metrics
     }
-    table = pd.DataFrame(_ap_rows(contests, settings), columns=AP_COLUMNS)
-    first = next(iter(contests.values()))
+    table = pd.DataFrame(_ap_rows(match_inputs, settings), columns=AP_COLUMNS)
+    first = next(iter(match_inputs.values()))
     parts = _primary_tables(first, settings, ranges=ranges)
     parts = {name: _named(rows, truth, settings) for name, rows in parts.items()}
-    off_region = _off_region(contests, settings)
+    off_region = _off_region(match_inputs, settings)
     all_findings = (*findings, *_warnings(table, truth, settings))
     return Evaluation(
         truth=truth,
@@ -140,14 +140,14 @@ def evaluate_tables(
 
 
 def _ap_rows(
-    contests: dict[tuple[str, Metric], Contest], settings: Settings
+    match_inputs: dict[tuple[str, Metric], MatchInput], settings: Settings
 ) -> list[dict[str, object]]:
     """Returns the rows of AP, ordered by class, metric, ground truth, threshold and protocol.
 
     The first row is the primary result.
     """
     rows = []
-    for (name, metric), one in contests.items():
+    for (name, metric), one in match_inputs.items():
         ious = settings.ious_of(metric)
         matches = {
             (iou, strict): one.match(threshold_of(metric, iou), strict=strict)
@@ -158,19 +158,21 @@ def _ap_rows(
             for iou in ious:
                 for protocol in settings.protocols:
                     matched = matches[iou, protocol == "kitti"]
-                    judgement = judge(one, which, matched, settings.min_points)
-                    row = ap_row(judgement, iou, protocol)
+                    match_result = count_matches(one, which, matched, settings.min_points)
+                    row = ap_row(match_result, iou, protocol)
                     rows.append({"class": name, "ground_truth": which, **row})
     return rows
 
 
-def _off_region(contests: dict[tuple[str, Metric], Contest], settings: Settings) -> pd.DataFrame:
+def _off_region(
+    match_inputs: dict[tuple[str, Metric], MatchInput], settings: Settings
+) -> pd.DataFrame:
     """Returns table `off_region` of all classes, for the first metric and threshold."""
     metric = settings.metrics[0]
     enough = threshold_of(metric, settings.ious[0])
     parts = []
     for name in settings.classes:
-        one = contests[name, metric]
+        one = match_inputs[name, metric]
         rows = off_region_table(one, one.match(enough, strict=False))
         rows.insert(0, "lidar", one.truth.name)
         rows.insert(1, "class", name)
@@ -178,7 +180,9 @@ def _off_region(contests: dict[tuple[str, Metric], Contest], settings: Settings)
     return pd.concat(parts, ignore_index=True)
 
 
-def _primary_tables(one: Contest, settings: Settings, *, ranges: bool) -> dict[str, pd.DataFrame]:
+def _primary_tables(
+    one: MatchInput, settings: Settings, *, ranges: bool
+) -> dict[str, pd.DataFrame]:
     """Returns the other tables, for each ground truth.
 
     They use the first class, metric and threshold, and protocol `definition`.
@@ -187,35 +191,35 @@ def _primary_tables(one: Contest, settings: Settings, *, ranges: bool) -> dict[s
     matches = one.match(enough, strict=False)
     tables: dict[str, list[pd.DataFrame]] = {}
     for which in settings.ground_truths:
-        judgement = judge(one, which, matches, settings.min_points)
-        distance, draws = distance_table(judgement, settings.min_objects)
+        match_result = count_matches(one, which, matches, settings.min_points)
+        distance, replicates = distance_table(match_result, settings.min_objects)
         if settings.cut_first:
             windows = one.truth.windows()
             cut = cut_first_ap(one, which, enough, settings.min_points, windows)
             distance["ap_cut_first"] = cut
-            distance["difference"] = distance.ap_cut_first - distance.ap_fine
-        areas = (distance, draws)
-        by_table = {"pr_curve": pr_table(judgement), "distance_ap": distance}
+            distance["difference"] = distance.ap_cut_first - distance.ap_r1000
+        areas = (distance, replicates)
+        by_table = {"pr_curve": pr_table(match_result), "distance_ap": distance}
         if one.truth.of_lanes:
-            areas = cell_table(judgement, settings.min_objects)
+            areas = cell_table(match_result, settings.min_objects)
             by_table["cells"] = areas[0].copy()
             areas[0].insert(0, "road", EVERYWHERE)
-        measures = list(figures(judgement, (distance, draws), areas))
+        measures = list(figures(match_result, (distance, replicates), areas))
         if ranges and which != "common":
-            near = list(by_range(judgement))
+            near = list(by_range(match_result))
             by_table["ranges"] = pd.DataFrame([row for row, _ in near])
-            measures += [(measure_of(row["range_m"]), fine) for row, fine in near]
-        same = same_of(one.truth, judgement.blocks, settings.seed)
-        kept = draw_rows(same, which, measures)
+            measures += [(measure_of(row["range_m"]), r1000) for row, r1000 in near]
+        same = same_of(one.truth, match_result.blocks, settings.seed)
+        kept = replicate_rows(same, which, measures)
         by_table |= {
-            "areas": area_table(judgement, *areas),
-            "errors": error_table(judgement),
-            "false_positives": false_positive_table(judgement, enough, strict=False),
+            "areas": area_table(match_result, *areas),
+            "errors": error_table(match_result),
+            "false_positives": false_positive_table(match_result, enough, strict=False),
         }
         for name, rows in by_table.items():
             rows.insert(0, "ground_truth", which)
             tables.setdefault(name, []).append(rows)
-        tables.setdefault("draws", []).append(kept)
+        tables.setdefault("replicates", []).append(kept)
     return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()}
 
 
@@ -232,7 +236,7 @@ def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> li
     kinds = {which == "present" for which in settings.ground_truths}
     every = [blocks_of(truth, settings, present=kind) for kind in kinds]
     blocks = max(every, key=lambda one: one.block_s)
-    if len(blocks.draws) == 0:
+    if len(blocks.replicates) == 0:
         text = (
             f"expected {MIN_BLOCKS:g} or more, got {blocks.count:.1f} blocks of "
             f"{blocks.block_s:g} s, as long as a vehicle stays: no intervals"

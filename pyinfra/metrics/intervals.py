@@ -23,7 +23,7 @@ from pyinfra.core.errors import Error
 SLOT_S = 1.0  # unit of time that is resampled as a whole
 BLOCK_STEP_S = 5.0  # block lengths are multiples of it, so that they agree between LiDARs
 LEAST_BLOCK_S = 20.0  # false positives can last longer than vehicles stay
-DRAWS = 1000
+REPLICATES = 1000
 SEED = 1
 MIN_BLOCKS = 4.0  # a time of fewer blocks gives no interval
 FEW_BLOCKS = f"vehicles are in fewer than {MIN_BLOCKS:g} blocks of time"
@@ -47,18 +47,18 @@ class Blocks:
 
     frames: IntArray  # (f,) ascending
     slot: IntArray  # (f,) 0 to n - 1, the slot of each frame
-    draws: IntArray  # (d, n) counts; (0, n) if there are too few blocks for an interval
+    replicates: IntArray  # (d, n) counts; (0, n) if there are too few blocks for an interval
     length: int  # slots in a block
     block_s: float
 
     @property
     def count(self) -> float:
         """The number of blocks in the whole time."""
-        return int(self.draws.shape[1]) / self.length
+        return int(self.replicates.shape[1]) / self.length
 
     def sums(self, frame: IntArray, values: AnyArray) -> FloatArray:
         """Sums values (n, ...) over the slot of their frame (n,): (slots, ...) float64."""
-        out = np.zeros((self.draws.shape[1], *values.shape[1:]))
+        out = np.zeros((self.replicates.shape[1], *values.shape[1:]))
         np.add.at(out, self.slot[np.searchsorted(self.frames, frame)], values)
         return out
 
@@ -76,7 +76,9 @@ class Blocks:
         clipped. Replicates without a value are left out.
         """
         value = statistic(sums.sum(axis=0)[None])[0]
-        low, high = interval(value, statistic(np.tensordot(self.draws, sums, axes=1)), self.count)
+        low, high = interval(
+            value, statistic(np.tensordot(self.replicates, sums, axes=1)), self.count
+        )
         return Estimate(value, np.maximum(low, within[0]), np.minimum(high, within[1]))
 
 
@@ -85,7 +87,7 @@ def time_blocks(
     period_s: float,
     *,
     block_s: float,
-    draws: int = DRAWS,
+    replicates: int = REPLICATES,
     seed: int = SEED,
 ) -> Blocks:
     """Returns the time slots that contain frames, and seeded bootstrap replicates of them.
@@ -104,21 +106,21 @@ def time_blocks(
     length = max(1, round(block_s / max(SLOT_S, apart_s)))
     enough = count >= MIN_BLOCKS * length
     random = np.random.default_rng(seed)
-    taken = _runs(count, length, draws if enough else 0, random)
+    taken = _runs(count, length, replicates if enough else 0, random)
     return Blocks(frames, slot.astype(np.int64), taken, length, block_s)
 
 
-def _runs(count: int, length: int, draws: int, random: np.random.Generator) -> IntArray:
-    """Returns how often each slot is in a replicate: (draws, count).
+def _runs(count: int, length: int, replicates: int, random: np.random.Generator) -> IntArray:
+    """Returns how often each slot is in a replicate: (replicates, count).
 
     A replicate consists of random runs of `length` slots, cut to `count` slots in all.
     """
     runs = -(-count // length)
-    starts = random.integers(0, count, size=(draws, runs))
-    slots = (starts[:, :, None] + np.arange(length)).reshape(draws, runs * length)
+    starts = random.integers(0, count, size=(replicates, runs))
+    slots = (starts[:, :, None] + np.arange(length)).reshape(replicates, runs * length)
     slots = slots[:, :count] % count
-    cell = slots + count * np.arange(draws)[:, None]
-    return np.bincount(cell.ravel(), minlength=draws * count).reshape(draws, count)
+    cell = slots + count * np.arange(replicates)[:, None]
+    return np.bincount(cell.ravel(), minlength=replicates * count).reshape(replicates, count)
 
 
 def block_seconds(frame: IntArray, ids: IntArray, apart_s: float) -> float:

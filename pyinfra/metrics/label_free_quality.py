@@ -66,7 +66,7 @@ class Trust:
     frames: int
     boxes_per_frame: float
     confirmed_share: float  # share of boxes that are confirmed
-    found_share: float  # share of travelling clusters that are found
+    recall: float  # share of travelling clusters that are found
     travelling_per_frame: float  # travelling clusters per frame
     off_region_share: float  # share of boxes outside the region; NaN if no region is known
     flicker_share: float  # share of boxes that flicker, in frames with both neighbours
@@ -104,7 +104,7 @@ def trust(
                 frames=len(numbers),
                 boxes_per_frame=len(confident) / max(len(numbers), 1),
                 confirmed_share=_share(confirmed),
-                found_share=_share(_has_box(travelling, confident)),
+                recall=_share(_has_box(travelling, confident)),
                 travelling_per_frame=len(travelling) / max(len(numbers), 1),
                 off_region_share=np.nan if off_region is None else _share(off_region[keep]),
                 flicker_share=_flicker(confident, numbers, period_s),

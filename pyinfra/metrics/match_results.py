@@ -53,7 +53,7 @@ from pyinfra.metrics.matching import (
 # and the strict threshold of KITTI's devkit.
 Protocol = Literal["definition", "r11", "kitti"]
 PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
-CAUSES = ("ghost", "duplicate", "localisation")
+CAUSES = ("background", "duplicate", "localisation")
 # Block length if vehicles have no ids, so that their stay is unknown; it suits a motorway.
 LABELS_BLOCK_S = 20.0
 
@@ -74,7 +74,7 @@ class Settings:
     min_objects: int = 20  # least number of objects in an area that gets a quality
     cut_first: bool = False  # whether to compute AP with windows cut out before matching, too
     block_s: float | None = None  # block length of the bootstrap; default: the stay of a vehicle
-    draws: int = 200  # number of bootstrap replicates
+    replicates: int = 200  # number of bootstrap replicates
     seed: int = 1
 
     def __post_init__(self) -> None:
@@ -92,7 +92,7 @@ class Settings:
             raise Error(f"block_s: expected above 0 to 1e6, got {self.block_s:g}")
         if not 0 <= self.min_score <= 1:
             raise Error(f"min_score: expected 0 to 1, got {self.min_score:g}")
-        for name, least in (("min_points", 1), ("min_objects", 1), ("draws", 1), ("seed", 0)):
+        for name, least in (("min_points", 1), ("min_objects", 1), ("replicates", 1), ("seed", 0)):
             if (value := getattr(self, name)) < least:
                 raise Error(f"{name}: expected {least} or more, got {value}")
 
@@ -113,7 +113,7 @@ def are_people(types: Iterable[str]) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class Contest:
+class MatchInput:
     """The vehicles and predictions of one class, ready for matching."""
 
     truth: GroundTruth
@@ -182,17 +182,17 @@ class Part(typing.Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Judgement:
+class MatchResult:
     """The match result of all predictions and vehicles, for one ground truth and threshold.
 
     A prediction that is neither in `hit` nor in `wrong` is ignored.
     """
 
-    contest: Contest
+    match_input: MatchInput
     matches: IntArray  # (p,) matched vehicle, -1 for none
     counted: BoolArray  # (v,) vehicles that count
-    hit: BoolArray  # (p,) true positives
-    wrong: BoolArray  # (p,) false positives
+    true_positive: BoolArray  # (p,) true positives
+    false_positive: BoolArray  # (p,) false positives
     blocks: Blocks
 
     @property
@@ -205,54 +205,63 @@ class Judgement:
         A true positive belongs to the part that its vehicle is in; a false positive belongs to the
         part that its own centre is in.
         """
-        contest, hit, wrong, counted = self.contest, self.hit, self.wrong, self.counted
+        match_input, true_positive, false_positive, counted = (
+            self.match_input,
+            self.true_positive,
+            self.false_positive,
+            self.counted,
+        )
         if window is not None:
-            in_window = window.holds(contest.vehicle_places)
+            in_window = window.holds(match_input.vehicle_places)
             counted = counted & in_window
-            hit = hit.copy()
-            hit[hit] = in_window[self.matches[hit]]
-            wrong = wrong & window.holds(contest.prediction_places)
-        use = np.flatnonzero(hit | wrong)
+            true_positive = true_positive.copy()
+            true_positive[true_positive] = in_window[self.matches[true_positive]]
+            false_positive = false_positive & window.holds(match_input.prediction_places)
+        use = np.flatnonzero(true_positive | false_positive)
         return ap.rank(
-            contest.predictions.scores[use],
-            hit[use],
-            self.per_slot(contest.vehicles.frame[counted]),
-            self.blocks.slot[contest.predictions.frame[use]],
+            match_input.predictions.scores[use],
+            true_positive[use],
+            self.per_slot(match_input.vehicles.frame[counted]),
+            self.blocks.slot[match_input.predictions.frame[use]],
         )
 
     @property
     def weights(self) -> IntArray:
         """How often each replicate contains each slot: (replicates, slots)."""
-        return self.blocks.draws
+        return self.blocks.replicates
 
     def per_slot(self, frame: IntArray) -> IntArray:
         """Counts the frames (n,) in each slot: (slots,)."""
         blocks = self.blocks
-        return np.bincount(blocks.slot[frame], minlength=blocks.draws.shape[1]).astype(np.int64)
+        return np.bincount(blocks.slot[frame], minlength=blocks.replicates.shape[1]).astype(
+            np.int64
+        )
 
     def interval(
         self,
         value: FloatArray | float,
-        draws: FloatArray,
+        replicates: FloatArray,
         objects: IntArray,
         *,
         most: float = 100.0,
     ) -> tuple[FloatArray, FloatArray]:
         """Returns the ends of the 95 % intervals of figures (...), clipped to 0 to `most`.
 
-        draws: replicates (d, ...). objects: (slots,) number of objects that the figure is computed
-        from. The ends are NaN if these are in too few blocks.
+        replicates: replicates (d, ...). objects: (slots,) number of objects that the figure is
+        computed from. The ends are NaN if these are in too few blocks.
         """
         blocks = self.blocks
         held = np.count_nonzero(np.add.reduceat(objects, np.arange(0, len(objects), blocks.length)))
         few = held < intervals.MIN_BLOCKS
-        low, high = intervals.interval(np.asarray(value), draws[: 0 if few else None], blocks.count)
+        low, high = intervals.interval(
+            np.asarray(value), replicates[: 0 if few else None], blocks.count
+        )
         return np.maximum(low, 0), np.minimum(high, most)
 
 
-def contest(
+def match_input(
     truth: GroundTruth, predictions: Predictions, name: str, settings: Settings, metric: Metric
-) -> Contest:
+) -> MatchInput:
     """Returns the vehicles and predictions of a class, without predictions below `min_score`.
 
     The name of a prediction may be a type of the class or the class itself.
@@ -262,7 +271,7 @@ def contest(
     people = () if set(types) & set(PERSON_TYPES) else PERSON_TYPES
     is_person = np.isin(truth.vehicles.names, people) & (truth.vehicles.points > 0)
     named = np.isin(predictions.names, (*types, name))
-    return Contest(
+    return MatchInput(
         truth=truth,
         vehicles=truth.vehicles.select(is_vehicle),
         predictions=predictions.select(named & (predictions.scores >= settings.min_score)),
@@ -285,7 +294,7 @@ def blocks_of(truth: GroundTruth, settings: Settings, *, present: bool = False) 
     people = are_people(types)
     block_s = settings.block_s or block_seconds(truth, people=people, present=present)
     return intervals.time_blocks(
-        frames, truth.period_s, block_s=block_s, draws=settings.draws, seed=settings.seed
+        frames, truth.period_s, block_s=block_s, replicates=settings.replicates, seed=settings.seed
     )
 
 
@@ -311,23 +320,27 @@ def block_seconds(truth: GroundTruth, *, people: bool = False, present: bool = F
     return intervals.block_seconds(there.frame, there.ids, apart * truth.period_s)
 
 
-def judge(contest: Contest, which: Subset, matches: IntArray, min_points: int) -> Judgement:
+def count_matches(
+    match_input: MatchInput, which: Subset, matches: IntArray, min_points: int
+) -> MatchResult:
     """Returns the match result for a ground truth, from the matches of Contest.match()."""
-    counted = contest.truth.counted(which, contest.vehicles, contest.vehicle_places, min_points)
+    counted = match_input.truth.counted(
+        which, match_input.vehicles, match_input.vehicle_places, min_points
+    )
     matched = matches >= 0
     # An unmatched box at these positions is a false positive.
-    amiss = contest.prediction_places.inside | contest.on_people
-    if contest.of_people:
+    amiss = match_input.prediction_places.inside | match_input.on_people
+    if match_input.of_people:
         detected = np.zeros(len(counted), dtype=np.bool_)
         detected[matches[matched]] = counted[matches[matched]]
-        amiss |= contest.on_detected(detected)
-    wrong = ~matched & amiss
+        amiss |= match_input.on_detected(detected)
+    false_positive = ~matched & amiss
     if which == "common":
-        wrong &= contest.truth.in_common_view(contest.predictions.boxes)
-    hit = matched.copy()
-    hit[matched] = counted[matches[matched]]
-    blocks = contest.present_blocks if which == "present" else contest.blocks
-    return Judgement(contest, matches, counted, hit, wrong, blocks)
+        false_positive &= match_input.truth.in_common_view(match_input.predictions.boxes)
+    true_positive = matched.copy()
+    true_positive[matched] = counted[matches[matched]]
+    blocks = match_input.present_blocks if which == "present" else match_input.blocks
+    return MatchResult(match_input, matches, counted, true_positive, false_positive, blocks)
 
 
 def precision(ranking: ap.Ranking, protocol: Protocol, weights: IntArray | None) -> FloatArray:
@@ -337,15 +350,15 @@ def precision(ranking: ap.Ranking, protocol: Protocol, weights: IntArray | None)
     return ap.average_precision(ranking, 11 if protocol == "r11" else 40, weights)
 
 
-def causes(judgement: Judgement, iou: float, *, strict: bool) -> NameArray:
+def causes(match_result: MatchResult, iou: float, *, strict: bool) -> NameArray:
     """Returns the cause of each false positive: (false positives,).
 
     duplicate: it overlaps a vehicle enough, but another prediction is matched with that vehicle.
     localisation: it overlaps a vehicle by LEAST_OVERLAP or more, but not enough. ghost: it overlaps
     no vehicle.
     """
-    best = judgement.contest.best_overlap[judgement.wrong]
-    names = np.full(len(best), "ghost", dtype="<U12")
+    best = match_result.match_input.best_overlap[match_result.false_positive]
+    names = np.full(len(best), "background", dtype="<U12")
     names[best >= LEAST_OVERLAP - TIE] = "localisation"
     names[reaches(best, iou, strict=strict)] = "duplicate"
     return names

@@ -12,7 +12,7 @@ from pyinfra.core.arrays import BoolArray
 from pyinfra.dataset.frame_sequence import BOX
 from pyinfra.dataset.regions import Places
 from pyinfra.metrics import ap
-from pyinfra.metrics.match_results import Judgement
+from pyinfra.metrics.match_results import MatchResult
 
 RING_M = 20.0
 
@@ -32,21 +32,21 @@ class Ring:
         return np.asarray(places.inside & (distance >= self.low_m) & (distance < self.high_m))
 
 
-def ring_rows(result: Judgement) -> Iterator[dict[str, float]]:
+def ring_rows(result: MatchResult) -> Iterator[dict[str, float]]:
     """Yields AP (R1000) of each ring up to the farthest object that counts.
 
     AP is NaN for a ring without objects.
     """
-    truth = result.contest.truth
+    truth = result.match_input.truth
     pose = truth.lidar.T_world_levelled if truth.lidar is not None and truth.roads else None
     x, y = (pose.x, pose.y) if pose else (0.0, 0.0)
-    places = result.contest.vehicle_places
+    places = result.match_input.vehicle_places
     distance = np.hypot(places.xy[:, 0] - x, places.xy[:, 1] - y)[result.counted]
     for i in range(int(distance.max(initial=0) // RING_M) + 1):
         ring = Ring(x, y, i * RING_M, (i + 1) * RING_M)
         ranking = result.ranking(ring)
-        value = float(ap.average_precision(ranking, ap.FINE_RECALLS)[0])
-        replicates = ap.average_precision(ranking, ap.FINE_RECALLS, result.weights)
+        value = float(ap.average_precision(ranking, ap.R1000_RECALLS)[0])
+        replicates = ap.average_precision(ranking, ap.R1000_RECALLS, result.weights)
         low, high = result.interval(value, replicates, ranking.objects)
         yield {
             "distance_m": (i + 0.5) * RING_M,
@@ -58,12 +58,15 @@ def ring_rows(result: Judgement) -> Iterator[dict[str, float]]:
         }
 
 
-def match_table(result: Judgement) -> pd.DataFrame:
+def match_table(result: MatchResult) -> pd.DataFrame:
     """Returns a row for each prediction, and a row for each missed object."""
-    predictions, vehicles = result.contest.predictions, result.contest.vehicles
-    numbers = np.array(result.contest.truth.frames, dtype=np.int64)
+    predictions, vehicles = result.match_input.predictions, result.match_input.vehicles
+    numbers = np.array(result.match_input.truth.frames, dtype=np.int64)
     outcome = np.full(len(predictions), "ignored", dtype=object)
-    outcome[result.hit], outcome[result.wrong] = "true positive", "false positive"
+    outcome[result.true_positive], outcome[result.false_positive] = (
+        "true positive",
+        "false positive",
+    )
     matched = (
         np.where(result.matches >= 0, vehicles.ids[result.matches], -1) if len(vehicles) else -1
     )

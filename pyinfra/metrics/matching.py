@@ -117,7 +117,7 @@ def match(
     return np.array(taken, dtype=np.int64)
 
 
-def hits(
+def true_positives(
     prediction_frame: IntArray,
     predictions: FloatArray,
     scores: FloatArray,

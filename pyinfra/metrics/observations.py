@@ -21,7 +21,7 @@ from pyinfra.metrics.intervals import Blocks, block_seconds, time_blocks
 
 
 @dataclass(frozen=True, eq=False)
-class Sightings:
+class Observations:
     """Observations: a row for each vehicle and frame within range of at least one LiDAR.
 
     There are n rows and L LiDARs.
@@ -42,7 +42,7 @@ class Sightings:
     def __len__(self) -> int:
         return len(self.ids)
 
-    def select(self, keep: BoolArray) -> "Sightings":
+    def select(self, keep: BoolArray) -> "Observations":
         """Returns the rows of a mask (n,)."""
         return replace(self, **{name: getattr(self, name)[keep] for name in _COLUMNS})
 
@@ -72,7 +72,7 @@ _COLUMNS = (
 )
 
 
-def blocks_of(data: DataSet, vehicles: Sightings, frames: IntArray | None = None) -> Blocks:
+def blocks_of(data: DataSet, vehicles: Observations, frames: IntArray | None = None) -> Blocks:
     """Returns the bootstrap blocks of a data set's frames, or of some of them.
 
     vehicles: all vehicles of the data set. A block is as long as a visible vehicle stays.
@@ -83,7 +83,7 @@ def blocks_of(data: DataSet, vehicles: Sightings, frames: IntArray | None = None
     return time_blocks(every if frames is None else frames, data.period_s, block_s=block_s)
 
 
-def read_sightings(data: DataSet, *, above_road: bool = False) -> Sightings:
+def read_observations(data: DataSet, *, above_road: bool = False) -> Observations:
     """Reads all vehicles of all frames; rows of several LiDARs are joined by frame and id.
 
     above_road: count only points above road level. It does not change `points_in_box`. It raises
@@ -106,7 +106,7 @@ def read_sightings(data: DataSet, *, above_road: bool = False) -> Sightings:
         field_of_view_mask(lidar, tilt, centre)
         for lidar, tilt in zip(data.lidars, data.tilts, strict=True)
     ]
-    return Sightings(
+    return Observations(
         lidars=data.names,
         frame=unique[:, 0],
         ids=unique[:, 1],
@@ -134,7 +134,7 @@ def ends_of_runs(frames: Sequence[int], count: int) -> IntArray:
     return np.asarray(ends)
 
 
-def accumulated(vehicles: Sightings, frames: Sequence[int], count: int) -> Sightings:
+def accumulated(vehicles: Observations, frames: Sequence[int], count: int) -> Observations:
     """Returns the vehicles at the end of each run of `count` consecutive frames.
 
     The points on a vehicle are summed over the run; all other columns are those of its last frame.
@@ -208,18 +208,18 @@ def _rows(sorted_keys: IntArray, keys: IntArray) -> IntArray:
     ).astype(np.int64)
 
 
-def moving(vehicles: Sightings, min_speed: float = 1.0) -> BoolArray:
+def moving(vehicles: Observations, min_speed: float = 1.0) -> BoolArray:
     """Returns which vehicles are faster than `min_speed` in m/s: (n,)."""
     return vehicles.speed > min_speed
 
 
-def same_rows(a: Sightings, b: Sightings) -> tuple[BoolArray, BoolArray]:
+def same_rows(a: Observations, b: Observations) -> tuple[BoolArray, BoolArray]:
     """Returns masks of the rows in two tables that have the same frame and id in both."""
     keys = [set(zip(t.frame.tolist(), t.ids.tolist(), strict=True)) for t in (a, b)]
     both = keys[0] & keys[1]
     return _member(a, both), _member(b, both)
 
 
-def _member(table: Sightings, keys: set[tuple[int, int]]) -> BoolArray:
+def _member(table: Observations, keys: set[tuple[int, int]]) -> BoolArray:
     rows = zip(table.frame.tolist(), table.ids.tolist(), strict=True)
     return np.array([row in keys for row in rows], dtype=np.bool_)

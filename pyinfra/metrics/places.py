@@ -16,11 +16,14 @@ import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import Subset
-from pyinfra.formats.csv_table import read_csv
+from pyinfra.formats.csv_table import existing, read_csv
 from pyinfra.metrics.comparison import over_seeds
 from pyinfra.metrics.replicates import check_pair, drawn
 
-MEASURES = {"ap_r1000": "ap_fine", "found_percent": "recall"}  # names in the result: in draws.csv
+MEASURES = {
+    "ap_r1000": "ap_r1000",
+    "recall_percent": "recall",
+}  # names in the result: in replicates.csv
 COLUMNS = ["place", "minus", "measure", "value", "low", "high", "seeds", "frames"]
 
 
@@ -44,7 +47,7 @@ def compare_places(folders: Sequence[Path], which: Subset = "present") -> pd.Dat
     Returns
     -------
     DataFrame : columns COLUMNS. `minus` is empty in the rows of a place itself; otherwise the row
-        is the difference place less minus. The measures are ap_r1000, found_percent and
+        is the difference place less minus. The measures are ap_r1000, recall_percent and
         hidden_percent, 0 to 100, with the ends of the 95 % interval. For one seed the interval is
         a bootstrap over blocks of time; for several it is Student's t over the seeds.
 
@@ -72,11 +75,11 @@ def read_place(folder: Path, which: Subset) -> Place:
 
     Raises Error, which names the file, and FileNotFoundError for a folder without an evaluation.
     """
-    files = [folder / "draws.csv"]
+    files = [existing(folder / "replicates.csv")]
     if not files[0].is_file():
-        files = sorted(folder.glob("*/draws.csv"))
+        files = sorted(existing(ap.with_name("replicates.csv")) for ap in folder.glob("*/ap.csv"))
     if not files:
-        raise FileNotFoundError(2, "No draws.csv; `pyinfra evaluate` writes it", str(folder))
+        raise FileNotFoundError(2, "No replicates.csv; `pyinfra evaluate` writes it", str(folder))
     tables: dict[str, dict[str, pd.Series]] = {}
     objects = dict.fromkeys((which, "all"), 0)
     for file in files:
@@ -88,10 +91,10 @@ def read_place(folder: Path, which: Subset) -> Place:
                 f"{file}: expected ground truth {which} with recall, got {known}; "
                 f"`pyinfra evaluate` of this version writes it, by ground truth {which}"
             )
-        world = str(rows.world.iloc[0])
-        if world in tables:
+        digest = str(rows.vehicles_digest.iloc[0])
+        if digest in tables:
             raise Error(f"{file}: expected another seed, got the same vehicles and frames twice")
-        tables[world] = {r.measure: r for _, r in rows.assign(origin=str(file)).iterrows()}
+        tables[digest] = {r.measure: r for _, r in rows.assign(origin=str(file)).iterrows()}
         counts = read_csv(file.with_name("ap.csv")).groupby("ground_truth").objects.first()
         for name in objects:
             objects[name] += counts.get(name, math.nan)
@@ -106,22 +109,22 @@ def check_pairs(places: Sequence[Place]) -> None:
         alone = set(first.rows) ^ set(other.rows)
         if alone:
             one = first.rows if set(first.rows) & alone else other.rows
-            file = next(one[world]["ap_fine"]["origin"] for world in one if world in alone)
+            file = next(one[digest]["ap_r1000"]["origin"] for digest in one if digest in alone)
             raise Error(
                 f"{first.name} and {other.name}: expected the same vehicles and frames, got no "
                 f"partner of {file}: seed, frames or region differ (`regions` of the scene give "
                 "every pole the same region)"
             )
-        for world, rows in other.rows.items():
-            check_pair(first.rows[world]["ap_fine"], rows["ap_fine"])
+        for digest, rows in other.rows.items():
+            check_pair(first.rows[digest]["ap_r1000"], rows["ap_r1000"])
 
 
 def _row(place: Place, minus: Place | None, measure: str) -> dict[str, object]:
     name = MEASURES[measure]
     values = []
-    for world, rows in place.rows.items():
+    for digest, rows in place.rows.items():
         one = drawn(rows[name])
-        values.append(one.less(drawn(minus.rows[world][name])) if minus else one)
+        values.append(one.less(drawn(minus.rows[digest][name])) if minus else one)
     interval = over_seeds(values)
     least = -100.0 if minus else 0.0
     ends = (
@@ -135,4 +138,4 @@ def _row(place: Place, minus: Place | None, measure: str) -> dict[str, object]:
 
 def _frames(place: Place) -> int:
     """Returns the number of frames of all seeds together."""
-    return int(sum(rows["ap_fine"]["frames"] for rows in place.rows.values()))
+    return int(sum(rows["ap_r1000"]["frames"] for rows in place.rows.values()))

@@ -11,9 +11,9 @@ import numpy as np
 from pyinfra.dataset.regions import REGION_M, Near
 from pyinfra.metrics import ap, intervals
 from pyinfra.metrics.comparison import Bootstrapped
-from pyinfra.metrics.evaluation_tables import fine_ap, fine_columns
+from pyinfra.metrics.evaluation_tables import ap_r1000_of, r1000_columns
 from pyinfra.metrics.ground_truth import GroundTruth
-from pyinfra.metrics.match_results import Judgement
+from pyinfra.metrics.match_results import MatchResult
 
 STEP_M = 10
 RANGES_M = tuple(range(STEP_M, int(REGION_M) + 1, STEP_M))
@@ -30,34 +30,36 @@ def sensor_of(truth: GroundTruth) -> tuple[float, float] | None:
     return pose.x, pose.y
 
 
-def by_range(judgement: Judgement) -> Iterator[tuple[dict[str, Any], Bootstrapped]]:
+def by_range(match_result: MatchResult) -> Iterator[tuple[dict[str, Any], Bootstrapped]]:
     """Yields a row for each range, and the replicates of its AP.
 
     A row has AP (R1000), the recall of predictions of any score in percent, and counts.
     """
-    centre = sensor_of(judgement.contest.truth)
+    centre = sensor_of(match_result.match_input.truth)
     for range_m in RANGES_M:
         near = Near(range_m, centre)
-        ranking = judgement.ranking(near)
-        fine = fine_ap(judgement, ranking)
+        ranking = match_result.ranking(near)
+        r1000 = ap_r1000_of(match_result, ranking)
         yield (
             {
                 "range_m": range_m,
-                **fine_columns(judgement, fine, ranking),
-                **recall(judgement, ranking),
+                **r1000_columns(match_result, r1000, ranking),
+                **recall(match_result, ranking),
                 "objects": int(ranking.objects.sum()),
                 "predictions": len(ranking.slot),
             },
-            fine,
+            r1000,
         )
 
 
-def recall(judgement: Judgement, ranking: ap.Ranking) -> dict[str, float]:
+def recall(match_result: MatchResult, ranking: ap.Ranking) -> dict[str, float]:
     """Returns the percentage of objects that predictions of any score found, with interval."""
-    hits = np.bincount(ranking.hit_slot, minlength=len(ranking.objects)).astype(np.float64)
+    true_positives = np.bincount(ranking.true_positive_slot, minlength=len(ranking.objects)).astype(
+        np.float64
+    )
     objects = ranking.objects.astype(np.float64)
-    value = 100 * hits.sum() / objects.sum() if objects.sum() else math.nan
-    weights = judgement.weights
-    drawn = 100 * intervals.ratio(weights @ hits, weights @ objects)
-    low, high = judgement.interval(value, drawn, ranking.objects)
+    value = 100 * true_positives.sum() / objects.sum() if objects.sum() else math.nan
+    weights = match_result.weights
+    drawn = 100 * intervals.ratio(weights @ true_positives, weights @ objects)
+    low, high = match_result.interval(value, drawn, ranking.objects)
     return {"recall": float(value), "recall_low": float(low), "recall_high": float(high)}

@@ -1,8 +1,8 @@
 """Bootstrap replicates of an evaluation's figures, kept for paired comparisons.
 
-A row holds one figure of one detector and LiDAR; the columns `draw_1` .. are its replicates. All
-LiDARs and detectors that are evaluated on the same traffic and frames use the same blocks of time.
-Two rows can be compared if they agree in the columns SAME.
+A row holds one figure of one detector and LiDAR; the columns `replicate_1` .. are its replicates.
+All LiDARs and detectors that are evaluated on the same traffic and frames use the same blocks of
+time. Two rows can be compared if they agree in the columns SAME.
 """
 
 from __future__ import annotations
@@ -18,13 +18,21 @@ from pyinfra.core.errors import Error
 from pyinfra.dataset.frames import data_set_of
 from pyinfra.formats.kitti import read_yaml
 from pyinfra.metrics.comparison import Bootstrapped
-from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, fine_ap, high_quality_share
+from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, ap_r1000_of, high_quality_share
 from pyinfra.metrics.ground_truth import GroundTruth
 from pyinfra.metrics.intervals import Blocks, ratio
-from pyinfra.metrics.match_results import Judgement
+from pyinfra.metrics.match_results import MatchResult
 
 # Columns that must agree between two rows; otherwise their replicates cannot be compared.
-SAME = ("world", "frames_version", "label_time", "frames", "block_s", "draws", "draws_seed")
+SAME = (
+    "vehicles_digest",
+    "frames_version",
+    "label_time",
+    "frames",
+    "block_s",
+    "replicates",
+    "replicates_seed",
+)
 COLUMNS = ("ground_truth", "measure", "value", "blocks", "version", *SAME)
 DIGITS = 3
 AHEAD_M = (0.0, 100.0)  # part of the first road that is used for the slope
@@ -33,87 +41,89 @@ LEAST_WINDOWS = 5
 
 
 def measure_of(range_m: float) -> str:
-    """Returns the name of AP (R1000) within a range, such as ap_fine_60m."""
-    return f"ap_fine_{range_m:g}m"
+    """Returns the name of AP (R1000) within a range, such as ap_r1000_60m."""
+    return f"ap_r1000_{range_m:g}m"
 
 
 def figures(
-    judgement: Judgement,
+    match_result: MatchResult,
     distance: tuple[pd.DataFrame, FloatArray],
     areas: tuple[pd.DataFrame, FloatArray],
 ) -> Iterator[tuple[str, Bootstrapped]]:
     """Yields the figures of one ground truth, by name.
 
-    They are ap_fine, AP (R1000); n_hqda and p_hqda, the number and percentage of high-quality
+    They are ap_r1000, AP (R1000); n_hqda and p_hqda, the number and percentage of high-quality
     areas; ap_slope, the change of AP per 10 m ahead of the sensor, if there are enough windows; and
     recall, the percentage of objects found by boxes of any score. distance, areas: tables with
     their replicates, as `distance_table` returns.
     """
-    blocks = judgement.blocks.count
-    yield "ap_fine", fine_ap(judgement)
-    table, draws = areas
+    blocks = match_result.blocks.count
+    yield "ap_r1000", ap_r1000_of(match_result)
+    table, replicates = areas
     counts = (table.quality != "few").to_numpy()
-    high = (table.ap_fine[counts] > HIGH_QUALITY).sum()
+    high = (table.ap_r1000[counts] > HIGH_QUALITY).sum()
     yield (
         "n_hqda",
-        Bootstrapped(float(high), (draws[counts] > HIGH_QUALITY).sum(0).astype(float), blocks),
+        Bootstrapped(float(high), (replicates[counts] > HIGH_QUALITY).sum(0).astype(float), blocks),
     )
     if counts.any():
-        share = high_quality_share(table, draws)
+        share = high_quality_share(table, replicates)
         yield "p_hqda", Bootstrapped(100 * float(high) / int(counts.sum()), share, blocks)
     yield from _slope_ahead(*distance, blocks)
-    yield "recall", recall(judgement)
+    yield "recall", recall(match_result)
 
 
-def recall(judgement: Judgement) -> Bootstrapped:
+def recall(match_result: MatchResult) -> Bootstrapped:
     """Returns the percentage of objects that predictions of any score found."""
-    ranking, weights = judgement.ranking(), judgement.weights
+    ranking, weights = match_result.ranking(), match_result.weights
     objects = ranking.objects.astype(np.float64)
-    hits = np.bincount(ranking.hit_slot, minlength=len(objects)).astype(np.float64)
-    every = np.ones((1, len(objects)))
-    value, *draws = 100 * ratio(
-        np.vstack([every, weights]) @ hits, np.vstack([every, weights]) @ objects
+    true_positives = np.bincount(ranking.true_positive_slot, minlength=len(objects)).astype(
+        np.float64
     )
-    return Bootstrapped(float(value), np.array(draws), judgement.blocks.count)
+    every = np.ones((1, len(objects)))
+    value, *replicates = 100 * ratio(
+        np.vstack([every, weights]) @ true_positives, np.vstack([every, weights]) @ objects
+    )
+    return Bootstrapped(float(value), np.array(replicates), match_result.blocks.count)
 
 
 def _slope_ahead(
-    distance: pd.DataFrame, draws: FloatArray, blocks: float
+    distance: pd.DataFrame, replicates: FloatArray, blocks: float
 ) -> Iterator[tuple[str, Bootstrapped]]:
     ahead = (distance.road == distance.road.iloc[0]) & distance.s.between(*AHEAD_M)
-    ahead &= distance.ap_fine_high > distance.ap_fine_low
+    ahead &= distance.ap_r1000_high > distance.ap_r1000_low
     if ahead.sum() >= LEAST_WINDOWS:
-        yield "ap_slope", slope(distance[ahead], draws[ahead], blocks)
+        yield "ap_slope", slope(distance[ahead], replicates[ahead], blocks)
 
 
-def slope(windows: pd.DataFrame, draws: FloatArray, blocks: float) -> Bootstrapped:
+def slope(windows: pd.DataFrame, replicates: FloatArray, blocks: float) -> Bootstrapped:
     """Returns the slope of AP in AP per 10 m, from a weighted least-squares line.
 
-    The weights of the windows follow from their intervals. draws: (windows, replicates).
+    The weights of the windows follow from their intervals. replicates: (windows, replicates).
     """
-    weight = 1 / (windows.ap_fine_high - windows.ap_fine_low).to_numpy() ** 2
+    weight = 1 / (windows.ap_r1000_high - windows.ap_r1000_low).to_numpy() ** 2
     tens = windows.s.to_numpy() / 10
     away = weight * (tens - np.average(tens, weights=weight))
     gain = away / (away @ tens)
-    return Bootstrapped(float(gain @ windows.ap_fine), gain @ draws, blocks)
+    return Bootstrapped(float(gain @ windows.ap_r1000), gain @ replicates, blocks)
 
 
 def same_of(truth: GroundTruth, blocks: Blocks, seed: int) -> dict[str, object]:
     """Returns the columns SAME of an evaluation, and the version that wrote the frames."""
     frames_version, version = versions_of(truth)
     return {
-        "world": world_of(truth),
+        "vehicles_digest": vehicles_digest(truth),
         "version": version,
         "frames_version": frames_version,
         "label_time": truth.lidar.label_time if truth.lidar else "",
         "frames": len(truth.frames),
         "block_s": blocks.block_s,
-        "draws": len(blocks.draws),
-        "draws_seed": seed,
+        "replicates": len(blocks.replicates),
+        "replicates_seed": seed,
     }
 
 
-def draw_rows(
+def replicate_rows(
     same: Mapping[str, object], which: str, estimates: Iterable[tuple[str, Bootstrapped]]
 ) -> pd.DataFrame:
     """Returns the rows of one ground truth, with the columns COLUMNS and the replicates.
@@ -123,12 +133,14 @@ def draw_rows(
     rows = []
     for measure, one in estimates:
         head = {"ground_truth": which, "measure": measure, "value": one.value}
-        drawn = {f"draw_{i + 1}": round(v, DIGITS) for i, v in enumerate(one.draws.tolist())}
+        drawn = {
+            f"replicate_{i + 1}": round(v, DIGITS) for i, v in enumerate(one.replicates.tolist())
+        }
         rows.append({**head, "blocks": one.blocks, **same, **drawn})
     return pd.DataFrame(rows)
 
 
-def world_of(truth: GroundTruth) -> str:
+def vehicles_digest(truth: GroundTruth) -> str:
     """Returns a digest of the frames and the vehicles in the region.
 
     It is the same for all LiDARs that see the same traffic.
@@ -170,7 +182,7 @@ def _same(row: pd.Series, name: str) -> str:
 
 def drawn(row: pd.Series) -> Bootstrapped:
     """Returns a row of the table as a figure with its replicates."""
-    names = [f"draw_{i + 1}" for i in range(int(row.draws))]
+    names = [f"replicate_{i + 1}" for i in range(int(row.replicates))]
     return Bootstrapped(float(row.value), row[names].to_numpy(np.float64), float(row.blocks))
 
 
@@ -190,8 +202,8 @@ def check_pair(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> None:
             where = f"{' and '.join(origins)}: " if origins else ""
             raise Error(
                 f"{where}{name}: expected the same, got {_same(a, name)} and {_same(b, name)}: "
-                "draws of blocks are pairs within one world, number of frames and label time "
-                "alone"
+                "bootstrap replicates are paired only with the same vehicles, number of frames and "
+                "label time"
             )
 
 

@@ -7,36 +7,44 @@ import pandas as pd
 
 from pyinfra.core.vocabulary import PRESETS
 
-CELL = ("scene", "lidar", "preset", "detector", "tier")  # key of an experiment, without the seed
+EXPERIMENT = (
+    "scene",
+    "lidar",
+    "preset",
+    "detector",
+    "tier",
+)  # key of an experiment, without the seed
 CURVE = ("scene", "lidar", "preset", "detector")  # key of a curve of a stress test
 # Columns of AP (R40) and AP (R1000) of each ground truth, with the ends of their intervals.
 AP_OF = {"captured": "ap", "common": "ap_common", "all": "ap_all", "present": "ap_present"}
-AP_ENDS = ("", "_low", "_high", "_fine", "_fine_low", "_fine_high")
+AP_ENDS = ("", "_low", "_high", "_r1000", "_r1000_low", "_r1000_high")
 AP_COLUMNS = tuple(f"{name}{end}" for name in AP_OF.values() for end in AP_ENDS)
 AP_R1000, AP_R40 = "AP (R1000)", "AP (R40)"  # names of the measures in texts and figures
 
 
-def with_fine(cells: pd.DataFrame) -> pd.DataFrame:
+def with_r1000(experiments: pd.DataFrame) -> pd.DataFrame:
     """Fills missing AP (R1000) with AP (R40), which is all that early versions measured.
 
     Column `recalls` tells which of the two a row has (see `ap_name`).
     """
     columns = {}
     for name in AP_OF.values():
-        existing = cells.get(f"{name}_fine", pd.Series(np.nan, cells.index))
+        existing = experiments.get(f"{name}_r1000", pd.Series(np.nan, experiments.index))
         for end in ("", "_low", "_high"):
-            if f"{name}{end}" in cells:
-                fine = cells.get(f"{name}_fine{end}", np.nan)
-                columns[f"{name}_fine{end}"] = cells[f"{name}{end}"].where(existing.isna(), fine)
-    if "ap" in cells and "recalls" not in cells:
-        fine = cells.get("ap_fine", pd.Series(np.nan, cells.index))
-        recalls = pd.Series(np.where(fine.notna(), 1000.0, 40.0), cells.index)
-        columns["recalls"] = recalls.where(cells.ap.notna() | fine.notna())
-    return cells.assign(**columns)
+            if f"{name}{end}" in experiments:
+                r1000 = experiments.get(f"{name}_r1000{end}", np.nan)
+                columns[f"{name}_r1000{end}"] = experiments[f"{name}{end}"].where(
+                    existing.isna(), r1000
+                )
+    if "ap" in experiments and "recalls" not in experiments:
+        r1000 = experiments.get("ap_r1000", pd.Series(np.nan, experiments.index))
+        recalls = pd.Series(np.where(r1000.notna(), 1000.0, 40.0), experiments.index)
+        columns["recalls"] = recalls.where(experiments.ap.notna() | r1000.notna())
+    return experiments.assign(**columns)
 
 
 def ap_name(rows: pd.DataFrame) -> str:
-    """Returns the name of the measure in column ap_fine. rows: as `with_fine` returns."""
+    """Returns the name of the measure in column ap_r1000. rows: as `with_r1000` returns."""
     recalls = set(rows.recalls.dropna()) if "recalls" in rows else set()
     if recalls == {40.0}:
         return AP_R40
@@ -47,33 +55,37 @@ def ap_name(rows: pd.DataFrame) -> str:
 COUNTED = {"present": "every vehicle", "all": "all visible vehicles"}
 
 
-def with_whole(cells: pd.DataFrame) -> pd.DataFrame:
+def with_whole(experiments: pd.DataFrame) -> pd.DataFrame:
     """Adds the columns `whole`, a ground truth, and ap_whole, its AP (ends as AP_ENDS).
 
     They are used to compare LiDARs, poles and sites. The ground truth is `present`, the same
     vehicles for all. It is `all`, the vehicles that are visible from the mount, if a finished row
-    lacks AP of `present`, as in version 0.3. cells: as `with_fine` returns.
+    lacks AP of `present`, as in version 0.3. experiments: as `with_r1000` returns.
     """
-    done = cells.ap.notna()
-    fine = cells.get("ap_present_fine")
-    known = fine is not None and bool(done.any()) and bool(fine[done].notna().all())
+    done = experiments.ap.notna()
+    r1000 = experiments.get("ap_present_r1000")
+    known = r1000 is not None and bool(done.any()) and bool(r1000[done].notna().all())
     truth = "present" if known else "all"
     names = {end: f"{AP_OF[truth]}{end}" for end in AP_ENDS}
-    columns = {f"ap_whole{end}": cells[name] for end, name in names.items() if name in cells}
-    return cells.assign(whole=truth, **columns)
+    columns = {
+        f"ap_whole{end}": experiments[name] for end, name in names.items() if name in experiments
+    }
+    return experiments.assign(whole=truth, **columns)
 
 
-def hidden_share(cells: pd.DataFrame) -> pd.Series:
+def hidden_share(experiments: pd.DataFrame) -> pd.Series:
     """Returns the share of the region's vehicles that are hidden from the mount; NaN if unknown."""
-    if not {"objects_all", "objects_present"} <= set(cells):
-        return pd.Series(np.nan, index=cells.index)
-    return 1 - cells.objects_all / cells.objects_present.where(cells.objects_present > 0)
+    if not {"objects_all", "objects_present"} <= set(experiments):
+        return pd.Series(np.nan, index=experiments.index)
+    return 1 - experiments.objects_all / experiments.objects_present.where(
+        experiments.objects_present > 0
+    )
 
 
 def first_seed(rows: pd.DataFrame) -> pd.DataFrame:
     """Returns the rows of the lowest seed of each experiment."""
     seed = pd.to_numeric(rows.seed)
-    return rows[seed == seed.groupby([rows[name] for name in CELL]).transform("min")]
+    return rows[seed == seed.groupby([rows[name] for name in EXPERIMENT]).transform("min")]
 
 
 def first_stress(rows: pd.DataFrame) -> pd.DataFrame:
@@ -84,7 +96,7 @@ def first_stress(rows: pd.DataFrame) -> pd.DataFrame:
 
 def each_road_once(areas: pd.DataFrame) -> pd.DataFrame:
     """Removes the rows of road `all` from scenes with several roads, whose sum they are."""
-    truth = [areas[name] for name in (*CELL, "seed", "ground_truth")]
+    truth = [areas[name] for name in (*EXPERIMENT, "seed", "ground_truth")]
     several = areas.groupby(truth).road.transform("nunique") > 1
     return areas[~((areas.road == "all") & several)]
 

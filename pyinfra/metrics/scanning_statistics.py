@@ -22,18 +22,18 @@ from pyinfra.formats.kitti import RECORDED
 from pyinfra.metrics import scanning_tables as statistics_tables
 from pyinfra.metrics.intervals import Blocks
 from pyinfra.metrics.observations import (
-    Sightings,
+    Observations,
     accumulated,
     blocks_of,
     ends_of_runs,
     hit_counts,
-    read_sightings,
+    read_observations,
 )
 
 Tables = dict[str, pd.DataFrame]
 
 
-def sets_of(vehicles: Sightings) -> dict[str, Sightings]:
+def sets_of(vehicles: Observations) -> dict[str, Observations]:
     """Returns the sets of vehicles that statistics are computed for, by name."""
     return {
         "common": vehicles.select(vehicles.common()),
@@ -41,7 +41,7 @@ def sets_of(vehicles: Sightings) -> dict[str, Sightings]:
     }
 
 
-def vehicle_tables(vehicles: Sightings, blocks: Blocks) -> Tables:
+def vehicle_tables(vehicles: Observations, blocks: Blocks) -> Tables:
     """Returns points_per_vehicle, quality, only_one, decay and box_points, with a column `set`."""
     tables: dict[str, list[pd.DataFrame]] = {}
     for name, chosen in sets_of(vehicles).items():
@@ -100,7 +100,7 @@ def pattern_tables(data: DataSet) -> Tables:
 
 
 def data_set_tables(
-    data: DataSet, vehicles: Sightings, *, above_road: bool, accumulate: int = 1
+    data: DataSet, vehicles: Observations, *, above_road: bool, accumulate: int = 1
 ) -> Tables:
     """Returns all tables of one data set but those of its patterns, with columns that name it.
 
@@ -126,7 +126,7 @@ def data_set_tables(
 
 
 def aggregation_table(
-    data_sets: Sequence[DataSet], vehicles: Sequence[Sightings], *, above_road: bool = False
+    data_sets: Sequence[DataSet], vehicles: Sequence[Observations], *, above_road: bool = False
 ) -> pd.DataFrame:
     """Returns the change of points from other aggregation modes to `exact`, for set `common`.
 
@@ -180,7 +180,7 @@ def statistics(
     extension.
     """
     data_sets = [read_data_set(folder) for folder in folders]
-    vehicles = [read_sightings(data, above_road=above_road) for data in data_sets]
+    vehicles = [read_observations(data, above_road=above_road) for data in data_sets]
     parts = [
         data_set_tables(data, v, above_road=above_road, accumulate=accumulate)
         for data, v in zip(data_sets, vehicles, strict=True)

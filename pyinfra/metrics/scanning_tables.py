@@ -13,7 +13,7 @@ import pandas as pd
 from pyinfra.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from pyinfra.core.errors import Error
 from pyinfra.metrics.intervals import Blocks, Estimate, ratio
-from pyinfra.metrics.observations import Sightings, moving, same_rows
+from pyinfra.metrics.observations import Observations, moving, same_rows
 
 EDGES_M = np.arange(30.0, 121.0, 5.0)
 FAR_M = 90.0
@@ -42,7 +42,7 @@ def hit_points(counts: dict[str, IntArray], blocks: Blocks) -> pd.DataFrame:
 
 
 def points_per_vehicle(
-    vehicles: Sightings, blocks: Blocks, edges: FloatArray = EDGES_M
+    vehicles: Observations, blocks: Blocks, edges: FloatArray = EDGES_M
 ) -> pd.DataFrame:
     """Returns the Average Points per Vehicle (APV) in bins of distance.
 
@@ -71,7 +71,7 @@ def points_per_vehicle(
     return pd.DataFrame(rows)
 
 
-def quality(vehicles: Sightings, blocks: Blocks, edges: FloatArray = EDGES_M) -> pd.DataFrame:
+def quality(vehicles: Observations, blocks: Blocks, edges: FloatArray = EDGES_M) -> pd.DataFrame:
     """Returns the share of vehicles by number of points and by distance.
 
     Column quality: missed (no point), low (1 to 4), medium (5 to 20), high (more), hit (any).
@@ -109,7 +109,7 @@ def quality(vehicles: Sightings, blocks: Blocks, edges: FloatArray = EDGES_M) ->
     )
 
 
-def only_one(vehicles: Sightings, blocks: Blocks, from_m: float = FAR_M) -> pd.DataFrame:
+def only_one(vehicles: Observations, blocks: Blocks, from_m: float = FAR_M) -> pd.DataFrame:
     """Returns how many vehicles beyond a distance only one LiDAR hit.
 
     Columns: lidar, from_m, vehicles, hit_alone (by this LiDAR only), share_percent (hit_alone of
@@ -136,7 +136,7 @@ def only_one(vehicles: Sightings, blocks: Blocks, from_m: float = FAR_M) -> pd.D
     )
 
 
-def alone_and_another(vehicles: Sightings) -> tuple[IntArray, IntArray]:
+def alone_and_another(vehicles: Observations) -> tuple[IntArray, IntArray]:
     """Returns two arrays (n, L) of 0 and 1: whether only this LiDAR hit a vehicle, and whether
     another LiDAR hit it but this one did not."""
     hit = vehicles.points > 0
@@ -144,7 +144,7 @@ def alone_and_another(vehicles: Sightings) -> tuple[IntArray, IntArray]:
     return (hit & (hits == 1)).astype(np.int64), (~hit & (hits > 0)).astype(np.int64)
 
 
-def decay(vehicles: Sightings, blocks: Blocks, edges: FloatArray = EDGES_M) -> pd.DataFrame:
+def decay(vehicles: Observations, blocks: Blocks, edges: FloatArray = EDGES_M) -> pd.DataFrame:
     """Returns the exponent k of APV = c d^-k for each LiDAR.
 
     Columns: lidar, from_m, to_m, bins, vehicles (in the bins of the fit), exponent, ci_low,
@@ -200,7 +200,7 @@ def decay_lines(sums: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.where(enough, -slope, np.nan), np.where(enough, r_squared, np.nan)
 
 
-def vehicle_sums(vehicles: Sightings, blocks: Blocks, edges: FloatArray = EDGES_M) -> FloatArray:
+def vehicle_sums(vehicles: Observations, blocks: Blocks, edges: FloatArray = EDGES_M) -> FloatArray:
     """Returns sums by slot of time and bin of distance: (slots, bins, L, 4).
 
     The last axis is points, vehicles, hit vehicles, distances.
@@ -236,7 +236,7 @@ def speed_distribution(
     return pd.DataFrame(rows)
 
 
-def box_points(vehicles: Sightings, blocks: Blocks) -> pd.DataFrame:
+def box_points(vehicles: Observations, blocks: Blocks) -> pd.DataFrame:
     """Returns the points on moving vehicles, and how many of them lie outside the box.
 
     The box is that at the middle of the frame.
@@ -264,7 +264,7 @@ def box_points(vehicles: Sightings, blocks: Blocks) -> pd.DataFrame:
     )
 
 
-def aggregation_change(before: Sightings, after: Sightings, blocks: Blocks) -> pd.DataFrame:
+def aggregation_change(before: Observations, after: Observations, blocks: Blocks) -> pd.DataFrame:
     """Returns the change in points on moving vehicles, and in their boxes, between two tables.
 
     Replicates are paired, because both tables have the same frames. Columns: lidar, counted (points
@@ -300,7 +300,9 @@ def _fit_bins(sums: FloatArray) -> BoolArray:
     return np.asarray((sums[..., 1] >= MIN_VEHICLES_FOR_DECAY) & (sums[..., 0] > 0))
 
 
-def _binned(vehicles: Sightings, blocks: Blocks, edges: FloatArray, values: AnyArray) -> FloatArray:
+def _binned(
+    vehicles: Observations, blocks: Blocks, edges: FloatArray, values: AnyArray
+) -> FloatArray:
     """Sums values (n, ...) by slot of time and bin of distance: (slots, bins, ...)."""
     number = np.searchsorted(edges, vehicles.distance, side="right") - 1
     bins = []

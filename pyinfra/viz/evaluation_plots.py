@@ -21,10 +21,10 @@ from matplotlib.patches import Patch, Polygon
 from pyinfra.dataset.regions import WINDOW_M, WINDOW_STEP_M, Road
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
-from pyinfra.metrics.row_selection import ap_name, with_fine
+from pyinfra.metrics.row_selection import ap_name, with_r1000
 from pyinfra.viz.scanning_plots import LINES, MARKERS, STYLE, save
 
-LOOKS: dict[str, dict[str, Any]] = {
+STYLES: dict[str, dict[str, Any]] = {
     "high": {"facecolor": "#00204d", "hatch": ""},
     "undecided": {"facecolor": "#7c7b78", "hatch": "///"},
     "low": {"facecolor": "#ffe945", "hatch": ""},
@@ -76,13 +76,13 @@ def pr_curve(table: pd.DataFrame) -> Figure:
 
 def distance_ap(table: pd.DataFrame) -> Figure:
     """Draws AP with intervals in windows along each road, and the threshold of high quality."""
-    table = with_fine(table)
+    table = with_r1000(table)
     with mpl.rc_context(STYLE), sns.axes_style("whitegrid"):
         figure, panels = _panels(table, (5.2, 3.2), "road")
         for ax, rows in panels:
             for name, part, style in _lidars(rows, table):
-                ax.plot(part.s, part.ap_fine, label=name, markersize=3, **style)
-                _band(ax, part.s, part.ap_fine_low, part.ap_fine_high, style)
+                ax.plot(part.s, part.ap_r1000, label=name, markersize=3, **style)
+                _band(ax, part.s, part.ap_r1000_low, part.ap_r1000_high, style)
                 if "ap_cut_first" in part:
                     ax.plot(part.s, part.ap_cut_first, "k:", label="cut before matching")
             ax.axhline(HIGH_QUALITY, color="black", linewidth=0.8, linestyle=(0, (8, 4)))
@@ -99,7 +99,7 @@ def areas(distance: pd.DataFrame) -> Figure:
         figure, panels = _panels(distance, (1.2 * len(lidars) + 1.6, 3.4))
         for ax, rows in panels:
             bottom = np.zeros(len(lidars))
-            for quality, look in LOOKS.items():
+            for quality, look in STYLES.items():
                 selected = rows[rows.quality == quality]
                 count = np.array([(selected.lidar == name).sum() for name in lidars])
                 ax.bar(lidars, count, bottom=bottom, width=0.6, edgecolor="black", **look)
@@ -128,7 +128,7 @@ def areas_plan(
             for row in rows.itertuples():
                 is_cell = "x" in rows
                 outline = _square(row) if is_cell else _strip(by_name[str(row.road)], float(row.s))
-                ax.add_patch(Polygon(outline, edgecolor="black", lw=0.3, **LOOKS[row.quality]))
+                ax.add_patch(Polygon(outline, edgecolor="black", lw=0.3, **STYLES[row.quality]))
             if sensor is not None:
                 ax.plot(*sensor, "^", color="#d55e00", markeredgecolor="white", markersize=8)
             ax.set(xlabel="x (m)", ylabel="y (m)", aspect="equal")
@@ -208,7 +208,7 @@ def _numbers(ax: Axes, count: Any, bottom: Any, *, dark: bool) -> None:
 
 
 def _handles() -> list[Patch]:
-    return [Patch(edgecolor="black", label=LABELS[name], **look) for name, look in LOOKS.items()]
+    return [Patch(edgecolor="black", label=LABELS[name], **look) for name, look in STYLES.items()]
 
 
 def _legend(figure: Figure, handles: list[Patch] | None = None) -> Figure:

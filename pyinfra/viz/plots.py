@@ -157,9 +157,10 @@ def plot_stress(
     --------
     >>> import pandas as pd
     >>> import pyinfra as pi
-    >>> rows = pd.DataFrame({"dial": ["0", "0.5", "0.9"], "stressor": ["none", *["drop_out"] * 2]})
+    >>> stressors = ["none", "drop_out", "drop_out"]
+    >>> rows = pd.DataFrame({"severity": ["0", "0.5", "0.9"], "stressor": stressors})
     >>> rows = rows.assign(ap=[90, 80, 40], ap_low=0, ap_high=100, detector="mine", run="a")
-    >>> rows = rows.assign(ap_fine=rows.ap, ap_fine_low=0, ap_fine_high=100, recalls=1000)
+    >>> rows = rows.assign(ap_r1000=rows.ap, ap_r1000_low=0, ap_r1000_high=100, recalls=1000)
     >>> rows = rows.assign(lidar="l", preset="p", scene="s", seed="1", frames="60")
     >>> len(pi.plot_stress(rows, "drop_out").lines)
     1
@@ -176,13 +177,15 @@ def plot_stress(
     missing = [name for name in trials.KEY if name not in rows.columns]
     if missing:
         raise Error(f"rows: expected the column '{missing[0]}' of stress.csv, got none")
-    found = [(key["detector"], s, curve) for key, s, curve in curves(rows)]
-    known = [s.name for _, s, _ in found]
+    stressor_curves = [(key["detector"], s, curve) for key, s, curve in curves(rows)]
+    known = [s.name for _, s, _ in stressor_curves]
     if stressor not in known:
         near = suggestion(stressor, known)
         raise Error(f"stressor: expected one with rows, got '{stressor}'{near}")
     ax = _axes(ax, (5, 4))
-    stress_plots.panel(ax, [(name, s, curve) for name, s, curve in found if s.name == stressor])
+    stress_plots.panel(
+        ax, [(name, s, curve) for name, s, curve in stressor_curves if s.name == stressor]
+    )
     ax.set_ylabel("AP (R1000)")
     ax.legend()
     return ax

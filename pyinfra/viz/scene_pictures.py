@@ -135,7 +135,7 @@ def _is_left(road: Road, pose: kitti.WorldPose) -> bool:
     return bool(np.cos(heading) * y - np.sin(heading) * x >= 0)
 
 
-def _draw_views(axes: Axes, scene: Scene, looks: dict[str, dict[str, Any]]) -> None:
+def _draw_views(axes: Axes, scene: Scene, styles: dict[str, dict[str, Any]]) -> None:
     """Draws sensors and fields of view; adds the style of each view to `looks` by label."""
     areas: dict[tuple[Any, ...], list[kitti.Lidar]] = {}
     for lidar in scene.lidars:
@@ -147,9 +147,9 @@ def _draw_views(axes: Axes, scene: Scene, looks: dict[str, dict[str, Any]]) -> N
         reach = max(unit.range_m[1] for unit in first.field_of_view)
         models = f"{', '.join(lidar.model for lidar in lidars)}: to {reach:g} m"
         label = textwrap.fill(models, LABEL_LETTERS)
-        colour = clouds.COLOURS[len(looks) % len(clouds.COLOURS)]
-        line = LINES[len(looks) % len(LINES)]
-        style = looks.setdefault(label, {"color": colour, "linestyle": line, "linewidth": 1.2})
+        colour = clouds.COLOURS[len(styles) % len(clouds.COLOURS)]
+        line = LINES[len(styles) % len(LINES)]
+        style = styles.setdefault(label, {"color": colour, "linestyle": line, "linewidth": 1.2})
         for unit in first.field_of_view:
             axes.plot(*regions.to_world(clouds.sector(unit), pose).T, zorder=3, **style)
         for at in first.sensors:

@@ -127,8 +127,8 @@ def _draw_mesh(axes: Axes, folder: Path, mesh: dict[str, str]) -> str:
         colour = COLOURS[material]
         flat = corners[np.abs(ax * by - ay * bx) > 1e-3]
         above = {"road": 1, "sidewalk": 2}.get(material, 3)
-        looks: dict[str, Any] = {"facecolor": colour, "edgecolor": colour, "linewidth": 0.1}
-        axes.add_collection(PolyCollection(list(flat), rasterized=True, zorder=above, **looks))
+        styles: dict[str, Any] = {"facecolor": colour, "edgecolor": colour, "linewidth": 0.1}
+        axes.add_collection(PolyCollection(list(flat), rasterized=True, zorder=above, **styles))
     return material
 
 

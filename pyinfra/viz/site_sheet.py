@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Polygon
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.boxes import footprints
-from pyinfra.scenes.generator.layout import DrawnRoad, Keys
+from pyinfra.scenes.generator.layout import Keys, PlannedRoad
 from pyinfra.viz import clouds
 
 HALF_M = 110.0  # half the side of the drawn square around the sensor
@@ -42,7 +42,7 @@ def sheet(sites: Sequence[Keys]) -> Figure:
 
 
 def _draw(axes: Axes, site: Keys) -> None:
-    roads = {keys["name"]: DrawnRoad(keys) for keys in site["roads"]}
+    roads = {keys["name"]: PlannedRoad(keys) for keys in site["roads"]}
     axes.set_facecolor(GROUND)
     for half, colour in (("outer_half_m", FOOTWAY), ("carriageway_half_m", SURFACE)):
         for road in roads.values():
@@ -77,7 +77,7 @@ def _draw_ring(axes: Axes, ring: Keys) -> None:
         axes.add_patch(Circle((0, 0), ring["radius_m"] + radius_m, color=colour, zorder=2.2))
 
 
-def _draw_rows(axes: Axes, site: Keys, roads: dict[str, DrawnRoad]) -> None:
+def _draw_rows(axes: Axes, site: Keys, roads: dict[str, PlannedRoad]) -> None:
     for row in site.get("parked", []):
         half = ROW_HALF_M[row.get("turn_deg", 0) == 0]
         _strip(axes, roads[row["road"]], row["offset_m"], half, PARKED, 2.5, _stretch(row))
@@ -89,7 +89,7 @@ def _draw_rows(axes: Axes, site: Keys, roads: dict[str, DrawnRoad]) -> None:
         _strip(axes, road, row["offset_m"], WALK_HALF_M, colour, 2.8, _stretch(row))
 
 
-def _draw_plants(axes: Axes, plant: Keys, roads: dict[str, DrawnRoad]) -> None:
+def _draw_plants(axes: Axes, plant: Keys, roads: dict[str, PlannedRoad]) -> None:
     ((kind, row),) = plant.items()
     if kind == "hedge":
         box = [row["x_m"], row["y_m"], 0, row["length_m"], row["width_m"], 1]
@@ -132,7 +132,7 @@ def _stretch(row: Keys) -> tuple[float, float]:
     return row["from_m"], row["to_m"]
 
 
-def _lane_lines(road: DrawnRoad) -> list[float]:
+def _lane_lines(road: PlannedRoad) -> list[float]:
     lanes = road.keys["lanes"]
     borders = [i * lanes["width_m"] for i in range(lanes["each_way"] + 1)]
     if lanes.get("one_way"):
@@ -143,7 +143,7 @@ def _lane_lines(road: DrawnRoad) -> list[float]:
 
 def _strip(
     axes: Axes,
-    road: DrawnRoad,
+    road: PlannedRoad,
     left_m: float,
     half_m: float,
     colour: str,

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from pyinfra.experiments.stress.stressors import STRESSORS, Stressor
 from pyinfra.experiments.stress.summary import curves
-from pyinfra.metrics.row_selection import ap_name, with_fine
+from pyinfra.metrics.row_selection import ap_name, with_r1000
 from pyinfra.viz.scanning_plots import LINES, MARKERS, STYLE, save
 
 ACROSS = 4
@@ -36,7 +36,7 @@ def stress(table: pd.DataFrame) -> Figure:
     """Draws a panel per stressor with a line and its interval per detector, for one LiDAR."""
     all_curves = list(curves(table))
     names = [name for name in STRESSORS if any(s.name == name for _, s, _ in all_curves)]
-    looks = list(dict.fromkeys(key["detector"] for key, _, _ in all_curves))
+    styles = list(dict.fromkeys(key["detector"] for key, _, _ in all_curves))
     with mpl.rc_context(STYLE), sns.axes_style("whitegrid"):
         down = math.ceil(len(names) / ACROSS)
         across = min(ACROSS, len(names))
@@ -47,31 +47,31 @@ def stress(table: pd.DataFrame) -> Figure:
             selected = [
                 (key["detector"], s, curve) for key, s, curve in all_curves if s.name == name
             ]
-            panel(ax, selected, looks)
+            panel(ax, selected, styles)
         for ax in axes[:, 0]:
-            ax.set_ylabel(ap_name(with_fine(table)))
+            ax.set_ylabel(ap_name(with_r1000(table)))
         for ax in axes.flat[len(names) :]:
             ax.remove()
         drawn = [ax.get_legend_handles_labels() for ax in figure.axes]
         handles = {label: handle for pair in drawn for handle, label in zip(*pair, strict=True)}
-        shown = [handles[name] for name in looks]
-        figure.legend(shown, looks, loc="outside lower center", ncols=len(looks), frameon=False)
+        shown = [handles[name] for name in styles]
+        figure.legend(shown, styles, loc="outside lower center", ncols=len(styles), frameon=False)
     return figure
 
 
 def panel(
     ax: Axes,
-    found: Sequence[tuple[str, Stressor, pd.DataFrame]],
+    stressor_curves: Sequence[tuple[str, Stressor, pd.DataFrame]],
     detectors: Sequence[str] | None = None,
 ) -> None:
     """Draws the curves of one stressor, one per detector.
 
     detectors: all detectors in the order that sets their colours; by default those of the curves.
     """
-    names = detectors or list(dict.fromkeys(name for name, _, _ in found))
-    for name, stressor, curve in found:
+    names = detectors or list(dict.fromkeys(name for name, _, _ in stressor_curves))
+    for name, stressor, curve in stressor_curves:
         _line(ax, curve, stressor, names, name)
-    _finish(ax, found[0][1], pd.concat([curve for _, _, curve in found]))
+    _finish(ax, stressor_curves[0][1], pd.concat([curve for _, _, curve in stressor_curves]))
 
 
 def _line(
@@ -84,7 +84,7 @@ def _line(
         # Names have no order, so points side by side without a line.
         ax.errorbar(
             curve["at"] + 0.12 * (at - (len(labels) - 1) / 2),
-            curve.ap_fine,
+            curve.ap_r1000,
             yerr=_reach(curve),
             linestyle="",
             elinewidth=0.8,
@@ -92,22 +92,22 @@ def _line(
             **style,
         )
         return
-    ax.plot(curve["at"], curve.ap_fine, label=label, linestyle=LINES[at % len(LINES)], **style)
+    ax.plot(curve["at"], curve.ap_r1000, label=label, linestyle=LINES[at % len(LINES)], **style)
     ax.fill_between(
-        curve["at"], curve.ap_fine_low, curve.ap_fine_high, color=colour, alpha=0.2, linewidth=0
+        curve["at"], curve.ap_r1000_low, curve.ap_r1000_high, color=colour, alpha=0.2, linewidth=0
     )
 
 
 def _reach(curve: pd.DataFrame) -> list[pd.Series]:
     """Returns the lengths of the interval below and above AP, 0 if AP lies outside it."""
-    low, high = curve.ap_fine - curve.ap_fine_low, curve.ap_fine_high - curve.ap_fine
+    low, high = curve.ap_r1000 - curve.ap_r1000_low, curve.ap_r1000_high - curve.ap_r1000
     return [low.clip(lower=0).fillna(0), high.clip(lower=0).fillna(0)]
 
 
 def _finish(ax: Axes, stressor: Stressor, curves: pd.DataFrame) -> None:
     if stressor.named:
-        named = curves.drop_duplicates("dial")
-        ax.set_xticks(named["at"], named.dial, rotation=25, ha="right")
+        named = curves.drop_duplicates("severity")
+        ax.set_xticks(named["at"], named.severity, rotation=25, ha="right")
     ax.set(title=stressor.name.replace("_", " "), ylim=(0, 102))
     ax.set_xlabel(UNITS.get(stressor.unit, stressor.unit))
     if stressor.name == "training_frames":

@@ -12,29 +12,29 @@ from pyinfra.metrics.row_selection import first_seed
 from reproduction.paper_tables import paper_ap
 
 CASE = ["scene", "lidar", "detector"]
-LEAST_CELLS = 3
-DRAWS = 9999  # random permutations; with up to 7 experiments all permutations are used
+LEAST_EXPERIMENTS = 3
+REPLICATES = 9999  # random permutations; with up to 7 experiments all permutations are used
 
 
-def paper_table(cells: pd.DataFrame) -> pd.DataFrame:
+def paper_table(experiments: pd.DataFrame) -> pd.DataFrame:
     """Returns the rank correlation and mean difference of AP to the paper, for preset `paper`.
 
     The table has one row per scene and one for all scenes together (`all`). Only experiments that
-    both sides have are used. Columns: scene, preset, cells (number of experiments),
+    both sides have are used. Columns: scene, preset, experiments (number of experiments),
     rank_correlation (Spearman), p_value (two-sided permutation test), mean_difference (here minus
     the paper).
     """
-    ours = first_seed(cells[(cells.preset == "paper") & cells.ap.notna()])
+    ours = first_seed(experiments[(experiments.preset == "paper") & experiments.ap.notna()])
     both = ours.merge(paper_ap(), on=CASE, suffixes=("", "_paper"))
     groups = [*both.groupby("scene", sort=False), ("all", both)]
     rows = [{"scene": s, "preset": "paper", **agreement(t)} for s, t in groups]
-    return pd.DataFrame([row for row in rows if row["cells"] >= LEAST_CELLS])
+    return pd.DataFrame([row for row in rows if row["experiments"] >= LEAST_EXPERIMENTS])
 
 
 def agreement(both: pd.DataFrame) -> dict[str, float]:
-    enough = len(both) >= LEAST_CELLS
+    enough = len(both) >= LEAST_EXPERIMENTS
     return {
-        "cells": len(both),
+        "experiments": len(both),
         "rank_correlation": spearmanr(both.ap, both.ap_paper).statistic if enough else math.nan,
         "p_value": by_chance(both) if enough else math.nan,
         "mean_difference": float((both.ap - both.ap_paper).mean()),
@@ -48,7 +48,7 @@ def by_chance(both: pd.DataFrame) -> float:
         (rankdata(both.ap),),
         lambda ours, axis: (ours * (theirs - theirs.mean())).sum(axis=axis),
         permutation_type="pairings",
-        n_resamples=DRAWS,
+        n_resamples=REPLICATES,
         vectorized=True,
         rng=np.random.default_rng(1),
     )

@@ -40,32 +40,36 @@ Figures = Callable[[str, str, str, str], Bootstrapped | None]
 
 
 def claims_table(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """Returns one row per claim and case, for every scene and preset of `cells`.
+    """Returns one row per claim and case, for every scene and preset of `experiments`.
 
-    tables: `cells`, `draws` and `value` of a benchmark, and `stress_draws` if it exists. A case has
-    no row if one of its experiments is missing or has no bootstrap replicates.
+    tables: `experiments`, `replicates` and `value` of a benchmark, and `stress_replicates` if it
+    exists. A case has no row if one of its experiments is missing or has no bootstrap replicates.
     """
     kept = {name: rows for name, rows in tables.items() if len(rows)}
     # if a seed failed, the next seed replaces it
-    kept["cells"] = kept["cells"].dropna(subset=["ap"])
-    kept |= {name: first_seed(kept[name]) for name in ("cells", "draws", "value") if name in kept}
+    kept["experiments"] = kept["experiments"].dropna(subset=["ap"])
+    kept |= {
+        name: first_seed(kept[name])
+        for name in ("experiments", "replicates", "value")
+        if name in kept
+    }
     rows: list[dict[str, object]] = []
-    for (scene, preset), group in kept["cells"].groupby(["scene", "preset"], sort=False):
+    for (scene, preset), group in kept["experiments"].groupby(["scene", "preset"], sort=False):
         here = {
             name: t[(t.scene == scene) & (t.preset == preset)]
             for name, t in kept.items()
-            if name in ("draws", "value")
+            if name in ("replicates", "value")
         }
         versions = " ".join(dict.fromkeys(group.version.astype(str)))
         case = {"scene": scene, "preset": preset, "version": versions}
         rows.extend(asdict(row) | case for row in claims(here))
-    rows.extend(tilt(kept.get("stress_draws", pd.DataFrame())))
+    rows.extend(tilt(kept.get("stress_replicates", pd.DataFrame())))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def claims(tables: dict[str, pd.DataFrame]) -> Iterator[Row]:
     """Yields the claims of one scene under one preset."""
-    of = figures_of(tables.get("draws", pd.DataFrame()))
+    of = figures_of(tables.get("replicates", pd.DataFrame()))
     for detector in DETECTORS:
         for truth in TRUTHS:
             yield from across_lidars(of, detector, truth)
@@ -76,15 +80,15 @@ def claims(tables: dict[str, pd.DataFrame]) -> Iterator[Row]:
         yield from across_detectors(of, lidar)
 
 
-def figures_of(draws: pd.DataFrame) -> Figures:
+def figures_of(replicates: pd.DataFrame) -> Figures:
     """Returns a lookup function that raises Error if the rows have different blocks."""
-    if draws.empty:
+    if replicates.empty:
         return lambda *_: None
     rows = {
         (str(row.lidar), str(row.detector), str(row.ground_truth), str(row.measure)): row
-        for _, row in draws.iterrows()
+        for _, row in replicates.iterrows()
     }
-    first = draws.iloc[0]
+    first = replicates.iloc[0]
 
     def of(*key: str) -> Bootstrapped | None:
         row = rows.get((key[0], key[1], key[2], key[3]))
@@ -104,7 +108,7 @@ def tested(claim: str, text: str, bootstrapped: Bootstrapped, inside: tuple[floa
 def across_lidars(of: Figures, detector: str, truth: str) -> Iterator[Row]:
     """Tests the claims comparable and 64-below."""
     lidars = (LINES_128, AVIA, LINES_64)
-    wide, avia, narrow = (of(name, detector, truth, "ap_fine") for name in lidars)
+    wide, avia, narrow = (of(name, detector, truth, "ap_r1000") for name in lidars)
     case = f"{detector}, {truth}"
     if wide and avia:
         text = f"{case}: AP of the Avia less that of 128 lines within 3"
@@ -117,7 +121,7 @@ def across_lidars(of: Figures, detector: str, truth: str) -> Iterator[Row]:
 
 def across_detectors(of: Figures, lidar: str) -> Iterator[Row]:
     """Tests the claims algorithms and similar."""
-    every = {name: of(lidar, name, "captured", "ap_fine") for name in (*PUBLISHED, "pointrcnn")}
+    every = {name: of(lidar, name, "captured", "ap_r1000") for name in (*PUBLISHED, "pointrcnn")}
     known = {name: one for name, one in every.items() if one is not None}
     by_detector = {name: known[name] for name in PUBLISHED if name in known}
     if len(by_detector) < len(PUBLISHED):
@@ -168,7 +172,7 @@ def value(of: Figures, table: pd.DataFrame, detector: str) -> Iterator[Row]:
         if not set(rivals) <= set(usd.index):
             continue
         for what, truth, measure in (
-            ("AP", "captured", "ap_fine"),
+            ("AP", "captured", "ap_r1000"),
             ("high-quality areas", "all", "n_hqda"),
         ):
             bought = {name: of(name, detector, truth, measure) for name in rivals}
@@ -196,10 +200,10 @@ def tilt(stress: pd.DataFrame) -> list[dict[str, object]]:
     rows = []
     selected = first_stress(stress[stress.lidar == AVIA])
     selected = selected[selected.stressor.isin(["none", "tilt"]) & selected.value.notna()]
-    selected = selected.assign(dial=pd.to_numeric(selected.dial))
+    selected = selected.assign(severity=pd.to_numeric(selected.severity))
     for key, curve in selected.groupby(["scene", "preset", "detector"], sort=False):
         level = curve[curve.stressor == "none"]
-        tilted = curve[(curve.stressor == "tilt") & curve.dial.between(0, STEEPEST_DEG)]
+        tilted = curve[(curve.stressor == "tilt") & curve.severity.between(0, STEEPEST_DEG)]
         if level.empty or tilted.empty:
             continue
         best = difference(tilted.loc[tilted.value.idxmax()], level.iloc[0])

@@ -14,7 +14,7 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
 from pyinfra.dataset.data_set import DataSet, read_data_set
 from pyinfra.metrics.intervals import Blocks, Estimate, ratio
-from pyinfra.metrics.observations import Sightings, blocks_of, read_sightings
+from pyinfra.metrics.observations import Observations, blocks_of, read_observations
 from pyinfra.metrics.scanning_tables import (
     EDGES_M,
     FAR_M,
@@ -68,7 +68,7 @@ def verdict_of_change(low: float, high: float, least: float) -> str:
     return "undecided"
 
 
-def claims(exact: Sightings, blocks: Blocks, instant: Sightings | None = None) -> list[Row]:
+def claims(exact: Observations, blocks: Blocks, instant: Observations | None = None) -> list[Row]:
     """Returns all claims on the vehicles of one data set.
 
     instant: the same frames with aggregation `instant`, needed by `deskew`. Raises Error if the
@@ -92,7 +92,7 @@ def claims(exact: Sightings, blocks: Blocks, instant: Sightings | None = None) -
     return rows
 
 
-def far_range(vehicles: Sightings, blocks: Blocks, name: str) -> Row:
+def far_range(vehicles: Observations, blocks: Blocks, name: str) -> Row:
     """Compares points on far vehicles: the Avia against the best other LiDAR."""
     avia, others = vehicles.column(AVIA), [vehicles.column(x) for x in SPINNING]
 
@@ -108,21 +108,21 @@ def far_range(vehicles: Sightings, blocks: Blocks, name: str) -> Row:
     return _row("far-range", text, estimate, (1.5, 2.5))
 
 
-def near_range(vehicles: Sightings, blocks: Blocks) -> Row:
+def near_range(vehicles: Observations, blocks: Blocks) -> Row:
     """Compares points on near vehicles: 128 lines against the Avia."""
     text = f"APV of {LINES_128} over {AVIA} is above 1"
     return _apv_ratio("near-range", text, vehicles, blocks, (LINES_128, AVIA), NEAR_M, ABOVE_1)
 
 
 def lines_ratio(
-    vehicles: Sightings, blocks: Blocks, more: str, less: str, inside: tuple[float, float]
+    vehicles: Observations, blocks: Blocks, more: str, less: str, inside: tuple[float, float]
 ) -> Row:
     """Compares a LiDAR with more lines to one with fewer, over all distances."""
     text = f"APV of {more} over {less} is {inside[0]:g} to {inside[1]:g}"
     return _apv_ratio("ratio", text, vehicles, blocks, (more, less), WHOLE_M, inside)
 
 
-def gentle(vehicles: Sightings, blocks: Blocks) -> Row:
+def gentle(vehicles: Observations, blocks: Blocks) -> Row:
     """Compares decay exponents: the smallest of the spinning LiDARs against the Avia's."""
     avia, others = vehicles.column(AVIA), [vehicles.column(x) for x in SPINNING]
 
@@ -138,7 +138,7 @@ def gentle(vehicles: Sightings, blocks: Blocks) -> Row:
     return _row("gentle", f"{text}; {where}", estimate, ABOVE_0)
 
 
-def deskew(instant: Sightings, exact: Sightings, blocks: Blocks) -> list[Row]:
+def deskew(instant: Observations, exact: Observations, blocks: Blocks) -> list[Row]:
     """Compares points inside the boxes of moving vehicles, instant against exact, per LiDAR."""
     if not np.array_equal(np.unique(instant.frame), np.unique(exact.frame)):
         raise Error("instant and exact: expected the same frames, got others")
@@ -155,7 +155,7 @@ def deskew(instant: Sightings, exact: Sightings, blocks: Blocks) -> list[Row]:
     return rows
 
 
-def only_one(vehicles: Sightings, blocks: Blocks, name: str) -> Row:
+def only_one(vehicles: Observations, blocks: Blocks, name: str) -> Row:
     """Compares far vehicles hit only by the Avia with those only hit by others, per 100."""
     far = _within(vehicles, FAR_SPAN_M)
     avia = far.column(AVIA)
@@ -189,8 +189,8 @@ def claims_table(folders: Sequence[Path]) -> pd.DataFrame:
         if data.aggregation != "exact":
             raise Error(f"{data.folder}: expected exact or instant, got {data.aggregation}")
         for row in _claims_of(data, instants.pop(_key(data), None)):
-            cells = {"command": command, "seed": data.seed, "version": data.version}
-            rows.append({**vars(row), "preset": data.preset, **cells})
+            experiments = {"command": command, "seed": data.seed, "version": data.version}
+            rows.append({**vars(row), "preset": data.preset, **experiments})
     for data in instants.values():
         raise Error(
             f"{data.folder}: expected an exact data set of the same scene and preset, got none"
@@ -199,8 +199,8 @@ def claims_table(folders: Sequence[Path]) -> pd.DataFrame:
 
 
 def _claims_of(data: DataSet, instant: DataSet | None) -> list[Row]:
-    twin = read_sightings(instant) if instant is not None else None
-    vehicles = read_sightings(data)
+    twin = read_observations(instant) if instant is not None else None
+    vehicles = read_observations(data)
     return claims(vehicles, blocks_of(data, vehicles), twin)
 
 
@@ -211,7 +211,7 @@ def _key(data: DataSet) -> tuple[str, str, int]:
 def _apv_ratio(
     claim: str,
     text: str,
-    vehicles: Sightings,
+    vehicles: Observations,
     blocks: Blocks,
     pair: tuple[str, str],
     span: tuple[float, float],
@@ -226,21 +226,21 @@ def _apv_ratio(
 
 
 def _span(
-    vehicles: Sightings,
+    vehicles: Observations,
     blocks: Blocks,
     span: tuple[float, float],
     statistic: Callable[[FloatArray], FloatArray],
-) -> tuple[Sightings, Estimate]:
+) -> tuple[Observations, Estimate]:
     """Returns the vehicles in a distance span, and a statistic of their sums (..., 1, L, 4)."""
     rows = _within(vehicles, span)
     return rows, blocks.estimate(vehicle_sums(rows, blocks, np.array(span)), statistic)
 
 
-def _within(vehicles: Sightings, span: tuple[float, float]) -> Sightings:
+def _within(vehicles: Observations, span: tuple[float, float]) -> Observations:
     return vehicles.select((vehicles.distance >= span[0]) & (vehicles.distance < span[1]))
 
 
-def _where(rows: Sightings, span: tuple[float, float], name: str) -> str:
+def _where(rows: Observations, span: tuple[float, float], name: str) -> str:
     """Describes the subset, the span, and the number and distances of its vehicles."""
     if len(rows) == 0:
         return f"{name}, {span[0]:g} to {span[1]:g} m, no vehicles"

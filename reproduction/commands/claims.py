@@ -60,10 +60,16 @@ def of_results(folder: Path, tier: str | None) -> pd.DataFrame:
     chosen = read_results(folder, tier).tier
     if chosen == "smoke":
         raise Error(f"{folder}: tier: expected quick or full, got smoke, which tests no claim")
-    files = {name: folder / f"{chosen}_{name}.csv" for name in ("draws", "value")}
-    files |= {"cells": folder / f"{chosen}.csv", "stress_draws": folder / "stress_draws.csv"}
+    files = {name: folder / f"{chosen}_{name}.csv" for name in ("replicates", "value")}
+    files |= {
+        "experiments": folder / f"{chosen}.csv",
+        "stress_replicates": folder / "stress_replicates.csv",
+    }
     tables = {name: store.read(file) for name, file in files.items()}
-    outputs = {"claims": detection.claims_table(tables), "paper": paper_table(tables["cells"])}
+    outputs = {
+        "claims": detection.claims_table(tables),
+        "paper": paper_table(tables["experiments"]),
+    }
     for name, rows in outputs.items():
         if len(rows):
             store.write(folder / f"{chosen}_{name}.csv", rows)

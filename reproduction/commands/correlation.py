@@ -27,7 +27,7 @@ from pyinfra.experiments.benchmark.matrix import Parts
 from pyinfra.formats import kitti
 from pyinfra.metrics import ap
 from pyinfra.metrics.ground_truth import read_ground_truth
-from pyinfra.metrics.match_results import Settings, contest, judge
+from pyinfra.metrics.match_results import Settings, count_matches, match_input
 from pyinfra.metrics.prediction_checks import find_files
 from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
@@ -68,19 +68,22 @@ def correlation(folder: Path, pred: Path) -> Iterator[dict[str, object]]:
     truth = read_ground_truth(folder, frames, beyond_range=True)
     files = find_files(pred, frames, frames).files
     detections = read_predictions(files, read_cameras(folder, frames))
-    one = contest(truth, detections, "vehicle", Settings(), "bev")
+    one = match_input(truth, detections, "vehicle", Settings(), "bev")
     matches = one.match(Settings().ious[0], strict=False)
     for which in SUBSETS:
-        judged = judge(one, which, matches, 1)
-        use = np.flatnonzero(judged.hit | judged.wrong)
-        counts = np.bincount(one.vehicles.frame[judged.counted], minlength=len(frames))
+        match_result = count_matches(one, which, matches, 1)
+        use = np.flatnonzero(match_result.true_positive | match_result.false_positive)
+        counts = np.bincount(one.vehicles.frame[match_result.counted], minlength=len(frames))
         ranking = ap.rank(
-            one.predictions.scores[use], judged.hit[use], counts, one.predictions.frame[use]
+            one.predictions.scores[use],
+            match_result.true_positive[use],
+            counts,
+            one.predictions.frame[use],
         )
         without = np.ones((len(frames), len(frames)), np.int64) - np.eye(
             len(frames), dtype=np.int64
         )
-        influence = ap.average_precision(ranking, ap.FINE_RECALLS, without)
+        influence = ap.average_precision(ranking, ap.R1000_RECALLS, without)
         apart_s = float(np.median(np.diff(frames))) * truth.period_s
         lasts = apart_s * integrated(influence)
         figures = {"correlation_s": round(lasts, 2), "block_s": one.blocks.block_s}

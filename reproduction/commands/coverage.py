@@ -32,7 +32,7 @@ SCENES = ("highway", "curve", "crossroad")
 SPANS_S = (90, 250, 500)
 RUN_S, APART_S = 500, 0.5
 RULE = "as long as a stay"  # length rule of the time blocks
-DRAWS = 200
+REPLICATES = 200
 # correlation times of a vehicle's detection probability and of the false-positive rate
 CHANGES_S, BOUTS_S = 4.0, 5.0
 OF_THE_VEHICLE = 0.6  # share of the spread that is constant per vehicle
@@ -49,7 +49,7 @@ class Detector:
 
     logit: float
     spread: float
-    ghosts: float
+    background: float
 
 
 DETECTORS = {
@@ -74,7 +74,7 @@ class ScoredBoxes:
 
     scores: FloatArray
     frame: IntArray
-    hit: np.ndarray
+    true_positive: np.ndarray
 
 
 def traffic(scene: str, seed: int, roads: list[regions.Road], work: Path) -> Traffic:
@@ -107,15 +107,19 @@ def detected_by(
     moods[order] = autoregressive(random.normal(size=len(order)), CHANGES_S)
     bias = OF_THE_VEHICLE * liking + np.sqrt(1 - OF_THE_VEHICLE**2) * moods
     logit = detector.logit - LOSS_PER_M * t.distance + detector.spread * bias
-    hit = random.random(len(logit)) < 1 / (1 + np.exp(-logit))
+    true_positive = random.random(len(logit)) < 1 / (1 + np.exp(-logit))
     scores = 0.6 * logit + 0.8 * random.normal(size=len(logit))
     frames = round(RUN_S / APART_S)
     bouts = 0.6 * autoregressive(random.normal(size=frames), BOUTS_S)
-    ghost = np.repeat(np.arange(frames), random.poisson(detector.ghosts * np.exp(bouts - 0.18)))
+    background = np.repeat(
+        np.arange(frames), random.poisson(detector.background * np.exp(bouts - 0.18))
+    )
     return ScoredBoxes(
-        scores=np.concatenate([scores[hit], random.normal(-0.8, 1.0, len(ghost))]),
-        frame=np.concatenate([t.frame[hit], ghost]),
-        hit=np.concatenate([np.ones(hit.sum(), np.bool_), np.zeros(len(ghost), np.bool_)]),
+        scores=np.concatenate([scores[true_positive], random.normal(-0.8, 1.0, len(background))]),
+        frame=np.concatenate([t.frame[true_positive], background]),
+        true_positive=np.concatenate(
+            [np.ones(true_positive.sum(), np.bool_), np.zeros(len(background), np.bool_)]
+        ),
     )
 
 
@@ -136,10 +140,10 @@ def studies(scene: str, count: int, work: Path) -> Iterator[tuple[Traffic, dict[
 def ranking(t: Traffic, boxes: ScoredBoxes, first: int, blocks: intervals.Blocks) -> ap.Ranking:
     """Ranks the boxes of the frames from `first` on."""
     use, there = boxes.frame >= first, t.frame >= first
-    slots = blocks.draws.shape[1]
+    slots = blocks.replicates.shape[1]
     objects = np.bincount(blocks.slot[t.frame[there] - first], minlength=slots)
     at = blocks.slot[boxes.frame[use] - first]
-    return ap.rank(boxes.scores[use], boxes.hit[use], objects, at)
+    return ap.rank(boxes.scores[use], boxes.true_positive[use], objects, at)
 
 
 def block_s(t: Traffic) -> float:
@@ -152,12 +156,12 @@ def figures(
     """Returns AP of each detector and two differences, over the last `span_s` of a run."""
     first = round((RUN_S - span_s) / APART_S)
     frames = np.arange(round(span_s / APART_S))
-    blocks = intervals.time_blocks(frames, APART_S, block_s=length_s, draws=DRAWS)
+    blocks = intervals.time_blocks(frames, APART_S, block_s=length_s, replicates=REPLICATES)
     out = {}
     for name, boxes in by_detector.items():
         r = ranking(t, boxes, first, blocks)
-        value = float(ap.average_precision(r, ap.FINE_RECALLS)[0])
-        drawn = ap.average_precision(r, ap.FINE_RECALLS, blocks.draws)
+        value = float(ap.average_precision(r, ap.R1000_RECALLS)[0])
+        drawn = ap.average_precision(r, ap.R1000_RECALLS, blocks.replicates)
         out[name] = Bootstrapped(value, drawn, blocks.count)
     out["good less middling"] = out["good"].less(out["middling"])
     out["middling less poor"] = out["middling"].less(out["poor"])
@@ -170,8 +174,12 @@ def truths(every: list[tuple[Traffic, dict[str, ScoredBoxes]]]) -> dict[str, flo
     out = {}
     for name in DETECTORS:
         scores = np.concatenate([by_detector[name].scores for _, by_detector in every])
-        hit = np.concatenate([by_detector[name].hit for _, by_detector in every])
-        out[name] = float(ap.average_precision(ap.rank(scores, hit, objects), ap.FINE_RECALLS)[0])
+        true_positive = np.concatenate(
+            [by_detector[name].true_positive for _, by_detector in every]
+        )
+        out[name] = float(
+            ap.average_precision(ap.rank(scores, true_positive, objects), ap.R1000_RECALLS)[0]
+        )
     out["good less middling"] = out["good"] - out["middling"]
     out["middling less poor"] = out["middling"] - out["poor"]
     return out

@@ -35,7 +35,7 @@ def main() -> None:
     args = parser.parse_args()
     start = time.perf_counter()
 
-    def say(step: str) -> None:
+    def progress(step: str) -> None:
         print(f"[{time.perf_counter() - start:5.1f} s] {step}", file=sys.stderr, flush=True)
 
     out: Path = args.out
@@ -43,7 +43,7 @@ def main() -> None:
     scenes = [scene_file(name) for name in SCENES]
     data = [out / "data" / name for name in SCENES]
     for scene, folder in zip(scenes, data, strict=True):
-        say(f"frames {args.frames} of {scene.stem}")
+        progress(f"frames {args.frames} of {scene.stem}")
         try:
             words = ["--preset", PRESET, "--frames", args.frames, "--out", folder, "--fields"]
             infrasim("run", scene, "--lidar", *lidars, *words)
@@ -52,11 +52,11 @@ def main() -> None:
                 raise
             advice = f"remove {folder} or choose another --out"
             raise SimulatorError(f"{error}; {advice}", error.exit_code) from None
-    table = hit_table(scenes, lidars, cache=out / "summaries", say=say)
+    table = hit_table(scenes, lidars, cache=out / "summaries", progress=progress)
     write_table(table, out / "hit_points.csv")
     print(table_text(table), flush=True)
 
-    say("pictures")
+    progress("pictures")
     data_sets = [[folder / lidar for lidar in LIDARS] for folder in data]
     frame = int(args.frames.split(":")[0])
     pictures = clouds.draw_frames(data_sets, frame, out / "pictures")
@@ -65,7 +65,7 @@ def main() -> None:
         for folder in data_sets[0]
     }
     pictures.append(clouds.draw_patterns(patterns, out / "pictures/patterns.png"))
-    say("done")
+    progress("done")
     print(f"\nhit points   {out / 'hit_points.csv'}\nframes       {out / 'data'}")
     for file in pictures:
         print(f"picture      {file}")

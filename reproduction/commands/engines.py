@@ -32,8 +32,8 @@ from pyinfra.dataset.frames import frame_numbers
 from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store
 from pyinfra.formats import kitti
-from pyinfra.metrics.evaluate import judged
-from pyinfra.metrics.evaluation_tables import fine_ap
+from pyinfra.metrics.evaluate import match_results_of
+from pyinfra.metrics.evaluation_tables import ap_r1000_of
 from pyinfra.metrics.match_results import Settings
 from pyinfra.models.detectors.network import one_thread
 from pyinfra.models.inference import detect
@@ -137,13 +137,13 @@ def rows(folder: Path, work: Path) -> Iterator[dict[str, object]]:
             detect.write(work / name, file, boxes)
     frames = [int(file.stem) for file in files[QUANTISED_BY:]]
     for name, timings in times.items():
-        (judgement,) = judged(folder, work / name, SETTINGS, frames=frames)
+        (match_result,) = match_results_of(folder, work / name, SETTINGS, frames=frames)
         ratio = np.median(np.array(times["pytorch"]) / np.array(timings))
         yield {
             "engine": name,
             "latency_p50_ms": round(float(np.median(timings)), 1),
             "speed": round(float(ratio), 3),
-            "ap_fine": round(fine_ap(judgement).measured().value, 3),
+            "ap_r1000": round(ap_r1000_of(match_result).measured().value, 3),
         }
 
 

@@ -27,7 +27,7 @@ from reproduction.commands import generalist
 LIDARS = ("livox_avia", "ruby_plus", "livox_horizon", "hesai_ot128")
 ARMS = ("none", "tuned_120")
 KEY = ["site", "seed", "lidar", "preset", "arm", "start"]
-COLUMNS = [*KEY, "steps", "train_cpu_s", "ap_fine", "objects"]
+COLUMNS = [*KEY, "steps", "train_cpu_s", "ap_r1000", "objects"]
 
 
 def main() -> None:
@@ -43,17 +43,17 @@ def main() -> None:
     args = parser.parse_args()
     columns = provenance(f"fairness --scenes {' '.join(args.scenes)}")
     for seed, scene, lidar in itertools.product(args.seeds, args.scenes, args.lidars):
-        cell = generalist.Cell(scene, seed, lidar)
+        experiment = generalist.Experiment(scene, seed, lidar)
         folder = None
         for model, arm in itertools.product(args.models, ARMS):
-            wanted = {**asdict(cell), "arm": arm, "start": generalist.start_of(arm, model)}
+            wanted = {**asdict(experiment), "arm": arm, "start": generalist.start_of(arm, model)}
             if store.has(store.read(args.out, KEY), wanted):
                 continue
-            folder = folder or generalist.simulated(cell, args.work)
+            folder = folder or generalist.simulated(experiment, args.work)
             record = {**generalist.row(folder, arm, model), **wanted}
             row = {name: record[name] for name in COLUMNS}
             store.put(args.out, pd.DataFrame([{"model": model.stem, **row, **columns}]), KEY)
-            print(model.stem, *(row[name] for name in (*KEY[:5], "ap_fine")), flush=True)
+            print(model.stem, *(row[name] for name in (*KEY[:5], "ap_r1000")), flush=True)
             for made in folder.parent.glob(f"{folder.name}_*"):
                 shutil.rmtree(made)
         if folder is not None:

@@ -26,14 +26,14 @@ import matplotlib.pyplot as plt
 from matplotlib.patches import Rectangle
 
 from reproduction.commands.ladder import parts_of
-from reproduction.report.ladder import DIALS
+from reproduction.report.ladder import SEVERITIES
 
 LIDARS = ["livox_avia", "helios_16", "pandar_64", "ruby_plus"]
 PASSES = 5
 DETAILS: dict[str, dict[str, object]]
 DETAILS = {value: {"detail": value} for value in ("fine", "box", "low", "mid")}
 PART_MODELS: dict[str, dict[str, object]]
-PART_MODELS = {value: dict(parts_of(value)) for value in DIALS["parts"]}
+PART_MODELS = {value: dict(parts_of(value)) for value in SEVERITIES["parts"]}
 BINS = [10, 20, 40, 60, 80, 100]
 
 
@@ -67,11 +67,11 @@ def by_distance(table: pd.DataFrame) -> pd.Series:
 
 
 def points_ladder(
-    dial: str, models: dict[str, dict[str, object]], frames: range, preset: str
+    severity: str, models: dict[str, dict[str, object]], frames: range, preset: str
 ) -> pd.DataFrame:
     """Returns points per vehicle by distance under each model, relative to the first model.
 
-    models: the scene keys that each value of `dial` sets.
+    models: the scene keys that each value of `severity` sets.
     """
     first = next(iter(models))
     lidars = [simulation.load_lidar(lidar_file(n), preset) for n in LIDARS]
@@ -87,7 +87,7 @@ def points_ladder(
         for (lidar, interval), value in mean.items():
             rows.append(
                 {
-                    dial: model,
+                    severity: model,
                     "lidar": lidar,
                     "distance_m": f"{interval.left:.0f}-{interval.right:.0f}",
                     "points_per_vehicle": round(value, 3),

@@ -35,10 +35,10 @@ from pyinfra.experiments import store
 from pyinfra.experiments.benchmark.frames import split_by_time
 from pyinfra.experiments.benchmark.matrix import Parts
 from pyinfra.formats import kitti
-from pyinfra.metrics.evaluate import judged
-from pyinfra.metrics.evaluation_tables import fine_ap, fine_columns
-from pyinfra.metrics.match_results import Judgement, Settings
-from pyinfra.metrics.replicates import draw_rows, same_of
+from pyinfra.metrics.evaluate import match_results_of
+from pyinfra.metrics.evaluation_tables import ap_r1000_of, r1000_columns
+from pyinfra.metrics.match_results import MatchResult, Settings
+from pyinfra.metrics.replicates import replicate_rows, same_of
 from pyinfra.models.inference import detect
 from pyinfra.models.training import checkpoint
 from pyinfra.models.training.recipe import Recipe, read_recipe
@@ -59,13 +59,13 @@ TRIAL = (  # experiments of a first trial, simulated as in the study
     *((site, lidar) for site in SCENES for lidar in ("ruby_plus", "livox_avia")),
     ("highway", "helios_16"),
 )
-ARMS = ("none", "tuned_30", "tuned_120", "specialist")
+ARMS = ("none", "tuned_30", "tuned_120", "site_trained")
 SETTINGS = Settings(ground_truths=("captured",))
 KEY = ["site", "seed", "lidar", "preset", "arm"]
 
 
 @dataclass(frozen=True)
-class Cell:
+class Experiment:
     """One LiDAR at one site with one traffic seed."""
 
     site: str
@@ -78,7 +78,7 @@ class Cell:
         return "_".join(map(str, asdict(self).values()))
 
 
-def cells(sites: int, seeds: int) -> Iterator[Cell]:
+def experiments(sites: int, seeds: int) -> Iterator[Experiment]:
     """Yields every site with every seed.
 
     The LiDARs rotate over the sites and shift with the seed.
@@ -87,26 +87,33 @@ def cells(sites: int, seeds: int) -> Iterator[Cell]:
     generated = [f"site_v{VERSION}_{FIRST_SITE + i}" for i in range(sites)]
     chosen = enumerate((*SCENES, *generated))
     for seed, (turn, site) in itertools.product(range(1, seeds + 1), chosen):
-        yield Cell(site, seed, lidars[(turn + len(SCENES) * (seed - 1)) % len(lidars)])
+        yield Experiment(site, seed, lidars[(turn + len(SCENES) * (seed - 1)) % len(lidars)])
 
 
-def cells_of_trial(seeds: int) -> Iterator[Cell]:
+def experiments_of_trial(seeds: int) -> Iterator[Experiment]:
     for seed, (site, lidar) in itertools.product(range(1, seeds + 1), TRIAL):
-        yield Cell(site, seed, lidar, "paper")
+        yield Experiment(site, seed, lidar, "paper")
 
 
-def simulated(cell: Cell, work: Path) -> Path:
+def simulated(experiment: Experiment, work: Path) -> Path:
     """Simulates an experiment, splits it by time and returns the LiDAR's folder."""
-    scene = scene_file(cell.site) if cell.site in SCENES else work / f"{cell.site}.yaml"
-    if cell.site not in SCENES:
+    scene = (
+        scene_file(experiment.site)
+        if experiment.site in SCENES
+        else work / f"{experiment.site}.yaml"
+    )
+    if experiment.site not in SCENES:
         work.mkdir(parents=True, exist_ok=True)
-        keys = make_site(int(cell.site.split("_")[-1])) | {"duration_s": 500.0, "name": cell.site}
+        keys = make_site(int(experiment.site.split("_")[-1])) | {
+            "duration_s": 500.0,
+            "name": experiment.site,
+        }
         scene.write_text(yaml.safe_dump(keys))
-    words = ["--preset", cell.preset, "--seed", str(cell.seed), "--label-time", "scan"]
-    words += ["--frames", FRAMES, "--out", str(work / cell.name), "--threads", "1"]
-    infrasim("run", scene, "--lidar", lidar_file(cell.lidar), *words)
-    split_by_time(work / cell.name, Parts())
-    return work / cell.name / cell.lidar
+    words = ["--preset", experiment.preset, "--seed", str(experiment.seed), "--label-time", "scan"]
+    words += ["--frames", FRAMES, "--out", str(work / experiment.name), "--threads", "1"]
+    infrasim("run", scene, "--lidar", lidar_file(experiment.lidar), *words)
+    split_by_time(work / experiment.name, Parts())
+    return work / experiment.name / experiment.lidar
 
 
 def shows_vehicles(folder: Path) -> bool:
@@ -117,7 +124,7 @@ def shows_vehicles(folder: Path) -> bool:
 
 def recipe_of(arm: str, model: Path) -> Recipe:
     """Returns the training recipe of an arm at the site."""
-    if arm == "specialist":
+    if arm == "site_trained":
         return read_recipe(RECIPES / "centerpoint-pillar.yaml", "quick")
     tier: Tier = "smoke" if arm == "tuned_30" else "quick"
     return read_recipe(RECIPES / "generalist.yaml", tier).begun_with(model)
@@ -139,42 +146,42 @@ def row(folder: Path, arm: str, model: Path) -> dict[str, object]:
     file, steps, seconds = model_of(arm, model, folder, run)
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     _, times = detect.detect(detect.detector_at(file, folder), files, run / "predictions")
-    (judgement,) = judged(folder, run / "predictions", SETTINGS)
-    bootstrapped = fine_ap(judgement)
-    same = same_of(judgement.contest.truth, judgement.contest.blocks, SETTINGS.seed)
-    draws = draw_rows(same, "captured", [("ap_fine", bootstrapped)]).iloc[0]
+    (match_result,) = match_results_of(folder, run / "predictions", SETTINGS)
+    bootstrapped = ap_r1000_of(match_result)
+    same = same_of(match_result.match_input.truth, match_result.match_input.blocks, SETTINGS.seed)
+    replicates = replicate_rows(same, "captured", [("ap_r1000", bootstrapped)]).iloc[0]
     return {
         "steps": steps,
         "train_cpu_s": round(seconds, 1),
         "latency_p50_ms": round(float(np.median(times)), 1),
-        **{name: round(v, 3) for name, v in fine_columns(judgement, bootstrapped).items()},
-        "objects": judgement.objects,
-        **at_cut(judgement),
-        **draws.to_dict(),
+        **{name: round(v, 3) for name, v in r1000_columns(match_result, bootstrapped).items()},
+        "objects": match_result.objects,
+        **at_cut(match_result),
+        **replicates.to_dict(),
     }
 
 
-def at_cut(judgement: Judgement) -> dict[str, float]:
+def at_cut(match_result: MatchResult) -> dict[str, float]:
     """Returns precision and recall of the shown boxes, and the values that the scores predict.
 
     A site-trained detector's scores are uncalibrated. The other arms' scores use the calibration of
     the weights that they started from.
     """
-    scores, hit = judgement.contest.predictions.scores, judgement.hit
-    counted = hit | judgement.wrong
+    scores, true_positive = match_result.match_input.predictions.scores, match_result.true_positive
+    counted = true_positive | match_result.false_positive
     shown = counted & (scores >= CUT)
     figures = {
-        "precision": hit[shown].mean() if shown.any() else np.nan,
-        "precision_said": scores[shown].mean() if shown.any() else np.nan,
-        "recall": hit[shown].sum() / judgement.objects,
-        "recall_said": scores[shown].sum() / max(scores[counted].sum(), 1e-9),
+        "precision": true_positive[shown].mean() if shown.any() else np.nan,
+        "precision_predicted": scores[shown].mean() if shown.any() else np.nan,
+        "recall": true_positive[shown].sum() / match_result.objects,
+        "recall_predicted": scores[shown].sum() / max(scores[counted].sum(), 1e-9),
     }
     return {name: round(float(value), 4) for name, value in figures.items()}
 
 
 def start_of(arm: str, model: Path) -> str:
     """Identifies the weights that an arm starts from."""
-    return "drawn" if arm == "specialist" else checkpoint.digest(detect.model_file(model))
+    return "drawn" if arm == "site_trained" else checkpoint.digest(detect.model_file(model))
 
 
 def main() -> None:
@@ -195,26 +202,26 @@ def main() -> None:
         "--paper", action="store_true", help="run the experiments of the first trial"
     )
     args = parser.parse_args()
-    chosen = cells_of_trial(args.seeds) if args.paper else cells(args.sites, args.seeds)
+    chosen = experiments_of_trial(args.seeds) if args.paper else experiments(args.sites, args.seeds)
     provenance = {
         "commit": __version__,
         "machine": machine(),
         "command": "python -m reproduction generalist",
     }
-    for cell in chosen:
-        key = asdict(cell)
+    for experiment in chosen:
+        key = asdict(experiment)
         table = store.read(args.out, [*KEY, "start"])
         starts = {arm: start_of(arm, args.model) for arm in args.arms}
         wanted = {arm: {**key, "arm": arm, "start": start} for arm, start in starts.items()}
         arms = [arm for arm, values in wanted.items() if not store.has(table, values)]
         if not arms:
             continue
-        folder = simulated(cell, args.work)
+        folder = simulated(experiment, args.work)
         if not shows_vehicles(folder):
-            print(cell.name, "shows no vehicle: left out", flush=True)
+            print(experiment.name, "shows no vehicle: left out", flush=True)
             arms = []
         for arm in arms:
             record = {**wanted[arm], **row(folder, arm, args.model), **provenance}
             store.put(args.out, pd.DataFrame([record]), KEY)
-            print(*(record[name] for name in (*KEY, "ap_fine", "train_cpu_s")), flush=True)
+            print(*(record[name] for name in (*KEY, "ap_r1000", "train_cpu_s")), flush=True)
         shutil.rmtree(folder.parent)

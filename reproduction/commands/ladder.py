@@ -34,7 +34,7 @@ from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
 from reproduction import ROOT
-from reproduction.report.ladder import DIALS
+from reproduction.report.ladder import SEVERITIES
 
 LIDARS = ["ruby_plus", "livox_avia", "pandar_64", "helios_16"]
 DEFAULT = {
@@ -46,12 +46,12 @@ DEFAULT = {
     "frames": "1000",
 }
 ALL_FRAMES = 5000
-AP = ["ap", "ap_low", "ap_high", "ap_fine", "ap_fine_low", "ap_fine_high"]
+AP = ["ap", "ap_low", "ap_high", "ap_r1000", "ap_r1000_low", "ap_r1000_high"]
 PARTS = ("glass", "gap", "coat", "tyres", "reflectors")
 
 
 def models(
-    dials: Sequence[str], frames: str, wanted: Sequence[str] | None
+    severities: Sequence[str], frames: str, wanted: Sequence[str] | None
 ) -> Iterator[dict[str, str]]:
     """Yields the default model, then models with one other value of one setting.
 
@@ -59,10 +59,10 @@ def models(
     """
     default = DEFAULT | {"frames": frames}
     yield default
-    for dial in dials:
-        values = [v for v in DIALS[dial] if dial != "frames" or int(v) < int(frames)]
-        others = [v for v in values if v != default[dial] and (wanted is None or v in wanted)]
-        yield from (default | {dial: value} for value in others)
+    for severity in severities:
+        values = [v for v in SEVERITIES[severity] if severity != "frames" or int(v) < int(frames)]
+        others = [v for v in values if v != default[severity] and (wanted is None or v in wanted)]
+        yield from (default | {severity: value} for value in others)
 
 
 def parts_of(value: str) -> dict[str, bool]:
@@ -73,7 +73,7 @@ def parts_of(value: str) -> dict[str, bool]:
 
 def assignments(model: dict[str, str]) -> list[str]:
     """Returns the scene keys that a model sets, as words for `--set`."""
-    settings = {dial: model[dial] for dial in ("detail", "aggregation", "label_time")}
+    settings = {severity: model[severity] for severity in ("detail", "aggregation", "label_time")}
     settings |= {key: str(on).lower() for key, on in parts_of(model["parts"]).items()}
     settings |= {"vegetation": "[]"} if model["vegetation"] == "none" else {}
     return [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
@@ -102,7 +102,7 @@ def row(folder: Path, detector: str) -> dict[str, object]:
     detect.detect(detect.load_detector(run), files, run / "predictions")
     evaluation = evaluate(folder, run / "predictions", Settings(ground_truths=("captured",)))
     ap_row = evaluation.ap.iloc[0]
-    draws = evaluation.draws[evaluation.draws.measure == "ap_fine"].iloc[0]
+    replicates = evaluation.replicates[evaluation.replicates.measure == "ap_r1000"].iloc[0]
     frames = kitti.frames(folder)
     points = int(read_vehicles(folder, frames).points.sum())
     return {
@@ -110,7 +110,7 @@ def row(folder: Path, detector: str) -> dict[str, object]:
         **ap_row[AP].astype(float).round(4),
         "objects": int(ap_row.objects),
         "vehicle_points_per_frame": round(points / len(frames), 2),
-        **draws.drop(["lidar", "frames", "version"]).to_dict(),
+        **replicates.drop(["lidar", "frames", "version"]).to_dict(),
     }
 
 
@@ -125,11 +125,13 @@ def main() -> None:
         "--detector", default="background", help="name of a file in configs/detectors"
     )
     parser.add_argument("--lidars", nargs="+", default=LIDARS)
-    parser.add_argument("--dials", nargs="+", choices=DIALS, default=list(DIALS))
+    parser.add_argument("--severities", nargs="+", choices=SEVERITIES, default=list(SEVERITIES))
     parser.add_argument(
         "--frames", default="1000", help="frames of the default model; a divisor of 5,000"
     )
-    parser.add_argument("--values", nargs="+", help="only these values of the dials; default: all")
+    parser.add_argument(
+        "--values", nargs="+", help="only these values of the severities; default: all"
+    )
     args = parser.parse_args()
     provenance = {
         "preset": args.preset,
@@ -139,7 +141,7 @@ def main() -> None:
     }
     provenance |= {"command": command(args), "machine": machine()}
     table = pd.read_csv(args.out, dtype=str) if args.out.is_file() else pd.DataFrame()
-    for model in models(args.dials, args.frames, args.values):
+    for model in models(args.severities, args.frames, args.values):
         if len(table) and (table[list(model)] == pd.Series(model)).all(axis=1).any():
             continue
         name = "_".join([args.preset, *model.values()]).replace(":", "-")
@@ -149,12 +151,12 @@ def main() -> None:
         table = pd.concat([table, pd.DataFrame(rows).assign(**provenance)], ignore_index=True)
         with replacing(args.out) as beside:
             table.to_csv(beside, index=False)
-        print(name, *(f"{one['lidar']} {one['ap_fine']}" for one in rows), flush=True)
+        print(name, *(f"{one['lidar']} {one['ap_r1000']}" for one in rows), flush=True)
         shutil.rmtree(folder)
 
 
 def command(args: argparse.Namespace) -> str:
     given = f"--preset {args.preset} --detector {args.detector} --frames {args.frames}"
-    given += f" --lidars {' '.join(args.lidars)} --dials {' '.join(args.dials)}"
+    given += f" --lidars {' '.join(args.lidars)} --severities {' '.join(args.severities)}"
     values = f" --values {' '.join(args.values)}" if args.values else ""
     return f"python -m reproduction ladder {given}{values}"

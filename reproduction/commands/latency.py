@@ -22,8 +22,8 @@ import pandas as pd
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark import measure
 from pyinfra.experiments.benchmark.latency import put_latency
-from pyinfra.experiments.benchmark.matrix import Cell, Plan, read_plan
-from pyinfra.experiments.benchmark.runner import simulate_worlds
+from pyinfra.experiments.benchmark.matrix import Experiment, Plan, read_plan
+from pyinfra.experiments.benchmark.runner import simulate_data_sets
 from pyinfra.experiments.benchmark.workspace import Workspace
 from pyinfra.experiments.pool import Pool, call_all
 from pyinfra.experiments.value import KEY
@@ -33,7 +33,7 @@ from reproduction import ROOT
 BUDGET = 0.1
 BUDGETS = {"pointrcnn": 0.5, "pointrcnn-remedied": 0.5}
 CHECKED = tuple(
-    Cell("highway", "ruby_plus", "paper", detector, "quick", 1)
+    Experiment("highway", "ruby_plus", "paper", detector, "quick", 1)
     for detector in ("pointpillars", "pointrcnn-remedied", "pv-rcnn")
 )
 
@@ -42,45 +42,51 @@ CHECKED = tuple(
 class Task:
     """An experiment, and the share of its training steps."""
 
-    cell: Cell
+    experiment: Experiment
     budget: float
 
     @property
     def key(self) -> dict[str, object]:
-        return {**asdict(self.cell), "budget": self.budget}
+        return {**asdict(self.experiment), "budget": self.budget}
 
     def run(self, workspace: Workspace) -> Path:
-        return workspace.work / "latency" / f"{self.cell.name}_{self.budget:g}"
+        return workspace.work / "latency" / f"{self.experiment.name}_{self.budget:g}"
 
 
 def tasks_of(plan: Plan, scenes: Sequence[str], check: bool) -> list[Task]:
     """Returns the networks of the scenes; or CHECKED, each with reduced and with full training."""
     if check:
-        return [Task(cell, budget) for cell in CHECKED for budget in (budget_of(cell), 1.0)]
-    cells = [c for c in plan.cells if c.detector != "background" and c.scene in scenes]
-    return [Task(cell, budget_of(cell)) for cell in cells]
+        return [
+            Task(experiment, budget)
+            for experiment in CHECKED
+            for budget in (budget_of(experiment), 1.0)
+        ]
+    experiments = [c for c in plan.experiments if c.detector != "background" and c.scene in scenes]
+    return [Task(experiment, budget_of(experiment)) for experiment in experiments]
 
 
-def budget_of(cell: Cell) -> float:
-    return BUDGETS.get(cell.detector, BUDGET)
+def budget_of(experiment: Experiment) -> float:
+    return BUDGETS.get(experiment.detector, BUDGET)
 
 
 def learn(task: Task, plan: Plan, workspace: Workspace) -> None:
     """Trains a task's network; resumes a stopped training."""
-    recipe = read_recipe(plan.files["detectors", task.cell.detector], task.cell.tier)
-    folder = workspace.data(task.cell.world) / task.cell.lidar
-    measure.trained(task.cell, recipe.for_budget(task.budget), folder, task.run(workspace), "cpu")
+    recipe = read_recipe(plan.files["detectors", task.experiment.detector], task.experiment.tier)
+    folder = workspace.data(task.experiment.data_set) / task.experiment.lidar
+    measure.trained(
+        task.experiment, recipe.for_budget(task.budget), folder, task.run(workspace), "cpu"
+    )
 
 
 def measured(task: Task, workspace: Workspace, every: int) -> None:
     """Times a task on one thread; writes the table of latencies and the experiment's own row."""
-    folder = workspace.data(task.cell.world) / task.cell.lidar
+    folder = workspace.data(task.experiment.data_set) / task.experiment.lidar
     columns, _ = measure.timed_alone(task.run(workspace), folder, "cpu", every=every)
     provenance = {"frames": columns["latency_frames"], "command": "python -m reproduction latency"}
     row = pd.DataFrame([{**task.key, **columns, **provenance}])
     store.put(workspace.results / "latency.csv", row, [*KEY, "budget"])
-    put_latency(task.cell, workspace, columns)
-    print(task.cell.title, task.budget, columns["latency_p50_ms"], "ms", flush=True)
+    put_latency(task.experiment, workspace, columns)
+    print(task.experiment.title, task.budget, columns["latency_p50_ms"], "ms", flush=True)
 
 
 def main() -> None:
@@ -99,7 +105,7 @@ def main() -> None:
     table = store.read(args.out / "latency.csv")
     tasks = tasks_of(plan, args.scenes, args.check)
     tasks = [task for task in tasks if not store.has(table, task.key)]
-    simulate_worlds(plan, workspace, Pool(jobs=2))
+    simulate_data_sets(plan, workspace, Pool(jobs=2))
     call_all(partial(learn, plan=plan, workspace=workspace), tasks, Pool(jobs=2))
     if args.only_train:
         return

@@ -41,7 +41,7 @@ CUT = 0.5  # calibrated score from which a box is shown
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class ScoredBoxes:
     """The boxes of a class that a network finds in the frames of one LiDAR at a site."""
 
     site: str
@@ -52,7 +52,9 @@ class Judged:
     objects: int  # number of ground-truth objects
 
 
-def judged(network: Network, site: str, lidar: str, samples: list[SiteSample]) -> Iterator[Judged]:
+def scored_boxes(
+    network: Network, site: str, lidar: str, samples: list[SiteSample]
+) -> Iterator[ScoredBoxes]:
     """Yields the boxes of each class in its region."""
     detections = []
     for sample in samples:
@@ -65,7 +67,7 @@ def judged(network: Network, site: str, lidar: str, samples: list[SiteSample]) -
         ]
         scores, right, objects = zip(*parts, strict=True)
         columns = np.concatenate(scores), np.concatenate(right)
-        yield Judged(site, lidar, name, *columns, sum(objects))
+        yield ScoredBoxes(site, lidar, name, *columns, sum(objects))
 
 
 def right_of(
@@ -82,32 +84,33 @@ def right_of(
     there = (sample.numbers == number) & sample.region.holds(sample.boxes, margin_m)
     boxes, scores, truth = detections.boxes[inside], detections.scores[inside], sample.boxes[there]
     frames = np.zeros(len(boxes), np.int64), np.zeros(len(truth), np.int64)
-    right = matching.hits(frames[0], boxes, scores, frames[1], truth, metric, iou)
+    right = matching.true_positives(frames[0], boxes, scores, frames[1], truth, metric, iou)
     return scores, right, len(truth)
 
 
-def row(cell: Judged, line: tuple[float, float]) -> dict[str, object]:
+def row(experiment: ScoredBoxes, line: tuple[float, float]) -> dict[str, object]:
     """Returns precision and recall above the cut, and the values that calibrated scores predict."""
-    scores, right = calibration.calibrated(cell.scores, line), cell.right
+    scores, right = calibration.calibrated(experiment.scores, line), experiment.right
     shown = scores >= CUT
     return {
-        "site": cell.site,
-        "lidar": cell.lidar,
-        "class": cell.name,
-        "objects": cell.objects,
+        "site": experiment.site,
+        "lidar": experiment.lidar,
+        "class": experiment.name,
+        "objects": experiment.objects,
         "boxes": int(shown.sum()),
         "precision": right[shown].mean() if shown.any() else np.nan,
-        "precision_said": scores[shown].mean() if shown.any() else np.nan,
-        "recall": right[shown].sum() / cell.objects if cell.objects else np.nan,
-        "recall_said": scores[shown].sum() / scores.sum() if len(scores) else np.nan,
+        "precision_predicted": scores[shown].mean() if shown.any() else np.nan,
+        "recall": right[shown].sum() / experiment.objects if experiment.objects else np.nan,
+        "recall_predicted": scores[shown].sum() / scores.sum() if len(scores) else np.nan,
     }
 
 
-def line_of(cells: list[Judged], name: ObjectClass) -> tuple[float, float]:
+def line_of(experiments: list[ScoredBoxes], name: ObjectClass) -> tuple[float, float]:
     """Fits the line of a class. Raises ValueError if it lacks correct or incorrect boxes."""
-    selected = [cell for cell in cells if cell.name == name]
+    selected = [experiment for experiment in experiments if experiment.name == name]
     columns = (
-        np.concatenate([getattr(cell, key) for cell in selected]) for key in ("scores", "right")
+        np.concatenate([getattr(experiment, key) for experiment in selected])
+        for key in ("scores", "right")
     )
     try:
         return calibration.fit(*columns)
@@ -147,14 +150,14 @@ def main() -> None:
     network = fused(loaded.network())
     classes = network.classes
     network.calibration, network.min_score = None, MIN_SCORE
-    cells = [
-        cell
+    experiments = [
+        experiment
         for visit in frozen_sites.looked_at("plain", classes, args.sites, args.frames)
-        for cell in judged(network, *visit)
+        for experiment in scored_boxes(network, *visit)
     ]
-    lines = {name: line_of(cells, name) for name in classes}
+    lines = {name: line_of(experiments, name) for name in classes}
     line = tuple(itertools.chain.from_iterable(lines.values()))
-    rows = [row(cell, lines[cell.name]) for cell in cells]
+    rows = [row(experiment, lines[experiment.name]) for experiment in experiments]
     table = pd.DataFrame(rows).assign(
         version=__version__, command="python -m reproduction pack_generalist"
     )

@@ -65,7 +65,7 @@ def evaluate(lidar: str, run: str, seed: int, work: Path) -> None:
     for place, folder in places.items():
         gt, predictions = data / folder / lidar, work / "runs" / lidar / f"{place}_{seed}"
         out = work / "out" / lidar / place / str(seed)
-        if not (out / "draws.csv").is_file():
+        if not (out / "replicates.csv").is_file():
             if not predictions.is_dir():
                 pyinfra("detect", "--model", "generalist", "--data", gt, "--out", predictions)
             of = ("--ground-truth", "present", "all", "--no-figures")

@@ -31,11 +31,11 @@ from pyinfra.experiments import store
 from pyinfra.experiments.stress import altered_scenes
 from pyinfra.experiments.stress.score import as_predictions, box_errors
 from pyinfra.formats import kitti
-from pyinfra.metrics.evaluation_tables import fine_ap, fine_columns
+from pyinfra.metrics.evaluation_tables import ap_r1000_of, r1000_columns
 from pyinfra.metrics.ground_truth import GroundTruth, read_ground_truth, with_unreached
-from pyinfra.metrics.match_results import Judgement, Settings, causes, contest, judge
+from pyinfra.metrics.match_results import MatchResult, Settings, causes, count_matches, match_input
 from pyinfra.metrics.matching import IOU
-from pyinfra.metrics.replicates import draw_rows, same_of
+from pyinfra.metrics.replicates import replicate_rows, same_of
 from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
@@ -129,32 +129,34 @@ def model_of(arm: str, folder: Path) -> tuple[Path, float]:
     return file, float(pd.read_csv(log).cpu_seconds.sum()) if log.is_file() else 0.0
 
 
-def judged(model: Path, folder: Path, reference: Path) -> tuple[list[Judgement], float]:
+def match_results_of(model: Path, folder: Path, reference: Path) -> tuple[list[MatchResult], float]:
     """Returns the match results under each ground truth, and the median milliseconds per frame."""
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     detections, times = detect.detect(detect.detector_at(model, folder), files, None)
     truth = truth_of(folder, reference)
-    one = contest(truth, as_predictions(detections), "vehicle", SETTINGS, "bev")
+    one = match_input(truth, as_predictions(detections), "vehicle", SETTINGS, "bev")
     matches = one.match(IOU, strict=False)
-    rows = [judge(one, which, matches, SETTINGS.min_points) for which in SETTINGS.ground_truths]
+    rows = [
+        count_matches(one, which, matches, SETTINGS.min_points) for which in SETTINGS.ground_truths
+    ]
     return rows, float(np.median(times))
 
 
-def row(judgement: Judgement, which: str) -> dict[str, object]:
-    bootstrapped = fine_ap(judgement)
-    vehicles = judgement.contest.vehicles
-    same = same_of(judgement.contest.truth, judgement.contest.blocks, SETTINGS.seed)
-    wrong = causes(judgement, IOU, strict=False)
-    frames = len(judgement.contest.truth.frames)
+def row(match_result: MatchResult, which: str) -> dict[str, object]:
+    bootstrapped = ap_r1000_of(match_result)
+    vehicles = match_result.match_input.vehicles
+    same = same_of(match_result.match_input.truth, match_result.match_input.blocks, SETTINGS.seed)
+    false_positive = causes(match_result, IOU, strict=False)
+    frames = len(match_result.match_input.truth.frames)
     return {
-        **{name: round(v, 3) for name, v in fine_columns(judgement, bootstrapped).items()},
-        "objects": judgement.objects,
-        "found": int(judgement.hit.sum()),
-        "points_per_vehicle": float(np.median(vehicles.points[judgement.counted])),
-        "ghosts_per_frame": np.count_nonzero(wrong == "ghost") / frames,
-        "misplaced_per_frame": np.count_nonzero(wrong == "localisation") / frames,
-        **box_errors(judgement),
-        **draw_rows(same, which, [("ap_fine", bootstrapped)]).iloc[0].to_dict(),
+        **{name: round(v, 3) for name, v in r1000_columns(match_result, bootstrapped).items()},
+        "objects": match_result.objects,
+        "found": int(match_result.true_positive.sum()),
+        "points_per_vehicle": float(np.median(vehicles.points[match_result.counted])),
+        "background_per_frame": np.count_nonzero(false_positive == "background") / frames,
+        "misplaced_per_frame": np.count_nonzero(false_positive == "localisation") / frames,
+        **box_errors(match_result),
+        **replicate_rows(same, which, [("ap_r1000", bootstrapped)]).iloc[0].to_dict(),
     }
 
 
@@ -162,22 +164,24 @@ def filled(lidar: str, poles: int, arm: str, args: argparse.Namespace) -> Iterat
     """Yields the rows of every error that the table lacks."""
     table = store.read(args.out, KEY)
     for error in ERRORS if poles > 1 else (NONE,):
-        cell = {"lidar": lidar, "poles": poles, "arm": arm, "error": error.name}
-        if store.has(table, cell):
+        experiment = {"lidar": lidar, "poles": poles, "arm": arm, "error": error.name}
+        if store.has(table, experiment):
             continue
         reference = simulated(lidar, max(MOUNTS), args.work, NONE)
         folder = simulated(lidar, poles, args.work, error)
         learnt = folder if arm.endswith(ANEW) else simulated(lidar, poles, args.work)
         model, seconds = model_of(arm, learnt)
-        judgements, ms = judged(model, folder, reference)
-        rows = [row(j, which) for j, which in zip(judgements, SETTINGS.ground_truths, strict=True)]
+        match_results, ms = match_results_of(model, folder, reference)
+        rows = [
+            row(j, which) for j, which in zip(match_results, SETTINGS.ground_truths, strict=True)
+        ]
         points = [
             kitti.frame_file(folder, "velodyne", k).stat().st_size / 16
             for k in kitti.frames(folder)
         ]
         more = {"points_per_frame": round(float(np.mean(points))), "train_cpu_s": round(seconds, 1)}
         more |= {"latency_p50_ms": round(ms, 1)}
-        yield pd.DataFrame([{**cell, **asdict(error), **more, **one} for one in rows])
+        yield pd.DataFrame([{**experiment, **asdict(error), **more, **one} for one in rows])
 
 
 def main() -> None:
@@ -195,4 +199,4 @@ def main() -> None:
             for poles in MOUNTS:
                 for rows in filled(lidar, poles, arm, args):
                     store.put(args.out, rows.assign(**columns), KEY)
-                    print(*rows.iloc[0][[*KEY, "ap_fine", "train_cpu_s"]], flush=True)
+                    print(*rows.iloc[0][[*KEY, "ap_r1000", "train_cpu_s"]], flush=True)

@@ -98,9 +98,9 @@ def with_background(steps: Steps, data: Path, work: Path) -> dict[str, object]:
     for truth in ("captured", "all"):
         row = table.loc[truth]
         measures |= {
-            f"ap_{truth}": row.ap_fine,
-            f"ap_{truth}_low": row.ap_fine_low,
-            f"ap_{truth}_high": row.ap_fine_high,
+            f"ap_{truth}": row.ap_r1000,
+            f"ap_{truth}_low": row.ap_r1000_low,
+            f"ap_{truth}_high": row.ap_r1000_high,
             f"objects_{truth}": row.objects,
         }
     return measures

@@ -20,7 +20,7 @@ from pyinfra.dataset.catalogue import configs
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark import measure
-from pyinfra.experiments.benchmark.matrix import Cell
+from pyinfra.experiments.benchmark.matrix import Experiment
 from pyinfra.experiments.value import KEY
 from pyinfra.models.training.recipe import Recipe, read_recipe
 from reproduction import ROOT
@@ -32,8 +32,8 @@ LEAKING = ("pointpillars", "centerpoint-pillar")
 SPLIT_SEED = 1
 
 
-def cell_of(detector: str) -> Cell:
-    return Cell("highway", LIDAR, "paper", detector, "quick", 1)
+def experiment_of(detector: str) -> Experiment:
+    return Experiment("highway", LIDAR, "paper", detector, "quick", 1)
 
 
 def split_at_random(data: Path) -> Path:
@@ -55,14 +55,16 @@ def link(at: Path, to: Path) -> None:
         at.symlink_to(to.resolve())
 
 
-def add(file: Path, cell: Cell, change: dict[str, object], recipe: Recipe, folder: Path) -> None:
+def add(
+    file: Path, experiment: Experiment, change: dict[str, object], recipe: Recipe, folder: Path
+) -> None:
     """Runs an experiment with a change and adds its row, unless the row exists."""
-    key = dataclasses.asdict(cell) | change
+    key = dataclasses.asdict(experiment) | change
     if store.has(store.read(file, list(change)), key):
         return
     words = "_".join(str(value) for value in change.values())
-    run = folder.parents[2] / "runs" / f"{cell.name}_{words}"
-    rows = measure.tables(cell, recipe, folder, run)["cells"].assign(**change)
+    run = folder.parents[2] / "runs" / f"{experiment.name}_{words}"
+    rows = measure.tables(experiment, recipe, folder, run)["experiments"].assign(**change)
     rows["command"] = "python -m reproduction training"
     store.put(file, rows, list(key))
     print(*rows.iloc[0][["detector", *change, "ap", "ap_low", "ap_high"]], flush=True)
@@ -71,7 +73,7 @@ def add(file: Path, cell: Cell, change: dict[str, object], recipe: Recipe, folde
 def add_known(file: Path, detectors: tuple[str, ...], change: dict[str, object]) -> None:
     """Copies the benchmark's rows that correspond to the unchanged setting."""
     table = store.read(file.with_name("quick.csv"))
-    wanted = pd.DataFrame([dataclasses.asdict(cell_of(name)) for name in detectors])
+    wanted = pd.DataFrame([dataclasses.asdict(experiment_of(name)) for name in detectors])
     rows = table[store.among(table, wanted, KEY)].assign(**change)
     if len(rows):
         store.put(file, rows, [*KEY, *change])
@@ -88,11 +90,21 @@ def main() -> None:
         for budget in BUDGETS:
             file = args.out / "budget.csv"
             add(
-                file, cell_of(detector), {"budget": budget}, recipe.for_budget(budget), data / LIDAR
+                file,
+                experiment_of(detector),
+                {"budget": budget},
+                recipe.for_budget(budget),
+                data / LIDAR,
             )
     add_known(args.out / "budget.csv", STARVED, {"budget": 1.0})
     twin = split_at_random(data)
     for detector in LEAKING:
         recipe = read_recipe(configs() / f"detectors/{detector}.yaml", "quick")
-        add(args.out / "split.csv", cell_of(detector), {"split": "random"}, recipe, twin / LIDAR)
+        add(
+            args.out / "split.csv",
+            experiment_of(detector),
+            {"split": "random"},
+            recipe,
+            twin / LIDAR,
+        )
     add_known(args.out / "split.csv", LEAKING, {"split": "time"})

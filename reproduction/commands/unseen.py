@@ -102,9 +102,9 @@ class Boxes:
         """Returns the highest recall with a precision of at least 0.5 at the chosen sites."""
         mask = chosen[self.slot]
         right = self.right[mask][np.argsort(-self.scores[mask], kind="stable")]
-        hits = np.cumsum(right)
-        precise = hits >= 0.5 * np.arange(1, len(right) + 1)
-        return float(hits[precise].max(initial=0) / max(1, self.objects[chosen].sum()))
+        true_positives = np.cumsum(right)
+        precise = true_positives >= 0.5 * np.arange(1, len(right) + 1)
+        return float(true_positives[precise].max(initial=0) / max(1, self.objects[chosen].sum()))
 
 
 @dataclass
@@ -141,7 +141,7 @@ def scored_boxes(
     there = np.isin(sample.numbers, numbers) & sample.region.holds(sample.boxes, margin_m)
     boxes, scores, truth = detections.boxes[inside], detections.scores[inside], sample.boxes[there]
     frames = np.zeros(len(boxes), np.int64), np.zeros(len(truth), np.int64)
-    right = matching.hits(frames[0], boxes, scores, frames[1], truth, metric, limit)
+    right = matching.true_positives(frames[0], boxes, scores, frames[1], truth, metric, limit)
     return scores, right, len(truth)
 
 
@@ -195,7 +195,7 @@ def rows(
                 "sites": kind,
                 "count": count,
                 "objects": int(boxes.objects[chosen].sum()),
-                **with_ends("ap_fine", ap, count),
+                **with_ends("ap_r1000", ap, count),
                 **with_ends("difference", less, count),
                 **with_ends("cost", cost, count),
                 "recall_at_half": boxes.recall_at_half(chosen),

@@ -63,10 +63,10 @@ def _agreement(material: Material) -> list[Block]:
     if rows.empty:
         return []
     heads = ("Scene", "Cells", "Rank correlation", "Mean difference")
-    cells: list[list[TableCell]] = [
+    experiments: list[list[TableCell]] = [
         [
             TableCell(str(row.scene)),
-            number(float(row.cells), "g"),
+            number(float(row.experiments), "g"),
             number(float(row.rank_correlation), ".2f"),
             number(float(row.mean_difference), "+.1f"),
         ]
@@ -74,11 +74,11 @@ def _agreement(material: Material) -> list[Block]:
     ]
     caption = (
         "Whether LiDAR and detector stand in the paper's order, preset paper: Spearman's rank "
-        "correlation over the cells that both have, and the mean of AP (R40) here less "
+        "correlation over the experiments that both have, and the mean of AP (R40) here less "
         "the paper's."
     )
     columns = [Column(head, number=head != "Scene") for head in heads]
-    return [Table(caption, columns, cells, TableFile(material.results.file("paper"), rows))]
+    return [Table(caption, columns, experiments, TableFile(material.results.file("paper"), rows))]
 
 
 def _against_paper(material: Material, done: pd.DataFrame, paper: pd.Series) -> list[Block]:

@@ -90,9 +90,9 @@ def _table_rows(rows: pd.DataFrame, presets: list[str], names: Names) -> list[li
     lines = []
     for (claim, key), group in rows.groupby(["claim", "key"], sort=False):
         by_preset = {row.preset: row for row in group.itertuples()}
-        cells = [_verdict(by_preset.get(preset)) for preset in presets]
+        experiments = [_verdict(by_preset.get(preset)) for preset in presets]
         head = TableCell(str(claim), below=CLAIMS.get(str(claim), ""))
-        lines.append([head, TableCell(names.spelled(str(key))), *cells])
+        lines.append([head, TableCell(names.spelled(str(key))), *experiments])
     return lines
 
 

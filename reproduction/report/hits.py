@@ -51,16 +51,16 @@ def _table(
     """Adds two columns to pyinfra's table: the paper's hits and the difference."""
     first, second, *presets = table.columns
     columns = [first, second, Column("The paper", number=True), *presets]
-    cells = []
+    experiments = []
     for row, (_, group) in zip(table.rows, hits.by_lidar(material, rows), strict=True):
         change = group[group.preset == "paper"].difference_percent
         paper = number(float(group.paper_hits.iloc[0]), ",.0f", "paper_hit_points.csv")
         difference = number(float(change.iloc[0]) if len(change) else np.nan, "+.1f")
-        cells.append([*row[:2], paper, *row[2:], difference])
+        experiments.append([*row[:2], paper, *row[2:], difference])
     caption = (
         "Mean hit points of a frame. Difference: preset paper against the paper's table. " + remark
     )
-    return Table(caption, [*columns, Column("Difference, %", number=True)], cells, source)
+    return Table(caption, [*columns, Column("Difference, %", number=True)], experiments, source)
 
 
 def _lead(rows: pd.DataFrame) -> str:

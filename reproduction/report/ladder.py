@@ -10,16 +10,18 @@ import pandas as pd
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics import comparison
 from pyinfra.metrics.replicates import are_pairs, difference, drawn
-from pyinfra.metrics.row_selection import ap_name, with_fine
+from pyinfra.metrics.row_selection import ap_name, with_r1000
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Block, Column, Figure, Panel, Table, TableCell, number
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.distance import legend
 from pyinfra.viz.report.style import drawing, panel
 
-UNTOLD = "The table keeps no draws: which model leaves the conclusions as they are is not known."
+NOT_SIGNIFICANT = (
+    "The table keeps no replicates: which model leaves the conclusions as they are is not known."
+)
 # The values of each setting from cheap to expensive; the last is the reference.
-DIALS = {
+SEVERITIES = {
     "detail": ("box", "low", "mid", "fine"),
     "aggregation": ("instant", "slices:100", "exact"),
     "parts": ("none", "glass", "gap", "coat", "tyres", "reflectors", "glass+gap+coat", "all"),
@@ -33,7 +35,7 @@ DIALS = {
 class Rung:
     """One value of one setting, compared with the most expensive value."""
 
-    dial: str
+    severity: str
     value: str
     seconds: float  # CPU time of the simulation
     change: float  # largest change of AP over all LiDARs
@@ -43,12 +45,12 @@ class Rung:
 
 def blocks(material: Material) -> tuple[str, list[Block]]:
     """Returns the recommendation with its figure and table; nothing without a ladder table."""
-    table = with_fine(material.results.table("ladder"))
+    table = with_r1000(material.results.table("ladder"))
     if table.empty:
         return "", []
     table = table.assign(seconds=table.ms_per_frame_set * table.frames.astype(float) / 1000)
     all_rungs = rungs(table)
-    words = recommendation(all_rungs) if keeps_draws(table) else UNTOLD
+    words = recommendation(all_rungs) if keeps_replicates(table) else NOT_SIGNIFICANT
     return words, [_figure(material, table), _table(material, all_rungs)]
 
 
@@ -56,47 +58,47 @@ def rungs(table: pd.DataFrame) -> list[Rung]:
     """Returns every value of every setting, the other settings at their most frequent values."""
     usual = usual_of(table)
     made = []
-    for dial, values in dials_of(table).items():
-        selected = _turned(table, dial, usual)
-        selected = selected[selected.ap_fine.notna()]
-        there = [value for value in values if value in set(selected[dial])]
+    for severity, values in severities_of(table).items():
+        selected = _turned(table, severity, usual)
+        selected = selected[selected.ap_r1000.notna()]
+        there = [value for value in values if value in set(selected[severity])]
         if not there:
             continue
-        dearest = selected[selected[dial] == there[-1]].set_index("lidar")
+        dearest = selected[selected[severity] == there[-1]].set_index("lidar")
         for value in there:
-            rows = selected[selected[dial] == value].set_index("lidar")
-            change = (rows.ap_fine - dearest.ap_fine).abs().max()
+            rows = selected[selected[severity] == value].set_index("lidar")
+            change = (rows.ap_r1000 - dearest.ap_r1000).abs().max()
             seconds = float(rows.seconds.mean())
             made.append(
                 Rung(
-                    dial,
+                    severity,
                     value,
                     seconds,
                     float(change),
-                    agrees(rows, dearest, of_frames=dial == "frames"),
-                    rows.ap_fine_low.notna().all(),
+                    agrees(rows, dearest, of_frames=severity == "frames"),
+                    rows.ap_r1000_low.notna().all(),
                 )
             )
     return made
 
 
-def dials_of(table: pd.DataFrame) -> dict[str, tuple[str, ...]]:
+def severities_of(table: pd.DataFrame) -> dict[str, tuple[str, ...]]:
     """Returns the settings that a table has as columns."""
-    return {dial: values for dial, values in DIALS.items() if dial in table}
+    return {severity: values for severity, values in SEVERITIES.items() if severity in table}
 
 
 def usual_of(table: pd.DataFrame) -> dict[str, str]:
     """Returns the most frequent value of each setting."""
-    return {dial: table[dial].astype(str).mode()[0] for dial in dials_of(table)}
+    return {severity: table[severity].astype(str).mode()[0] for severity in severities_of(table)}
 
 
-def _turned(table: pd.DataFrame, dial: str, usual: dict[str, str]) -> pd.DataFrame:
-    """Returns the rows in which only `dial` differs from the most frequent values."""
+def _turned(table: pd.DataFrame, severity: str, usual: dict[str, str]) -> pd.DataFrame:
+    """Returns the rows in which only `severity` differs from the most frequent values."""
     keep = pd.Series(True, index=table.index)
     for other, value in usual.items():
-        if other != dial:
+        if other != severity:
             keep &= table[other].astype(str) == value
-    return table[keep].assign(**{dial: table[dial].astype(str)})
+    return table[keep].assign(**{severity: table[severity].astype(str)})
 
 
 def agrees(rows: pd.DataFrame, dearest: pd.DataFrame, *, of_frames: bool = False) -> bool:
@@ -107,7 +109,9 @@ def agrees(rows: pd.DataFrame, dearest: pd.DataFrame, *, of_frames: bool = False
     LiDARs stays. With of_frames only the order counts, because other frames have no paired
     replicates. Without bootstrap replicates the result is False.
     """
-    if set(rows.index) != set(dearest.index) or not (keeps_draws(rows) and keeps_draws(dearest)):
+    if set(rows.index) != set(dearest.index) or not (
+        keeps_replicates(rows) and keeps_replicates(dearest)
+    ):
         return False
     if not of_frames:
         both = [(rows.loc[name], dearest.loc[name]) for name in dearest.index]
@@ -124,8 +128,8 @@ def agrees(rows: pd.DataFrame, dearest: pd.DataFrame, *, of_frames: bool = False
     )
 
 
-def keeps_draws(rows: pd.DataFrame) -> bool:
-    return bool((rows.draws > 0).all())
+def keeps_replicates(rows: pd.DataFrame) -> bool:
+    return bool((rows.replicates > 0).all())
 
 
 def figures(rows: pd.DataFrame) -> dict[str, comparison.Bootstrapped]:
@@ -135,13 +139,13 @@ def figures(rows: pd.DataFrame) -> dict[str, comparison.Bootstrapped]:
 def recommendation(all_rungs: list[Rung]) -> str:
     """Names, for each setting, the cheapest value from which on no conclusion changes."""
     parts = []
-    for dial in dict.fromkeys(rung.dial for rung in all_rungs):
-        values = [rung for rung in all_rungs if rung.dial == dial]
+    for severity in dict.fromkeys(rung.severity for rung in all_rungs):
+        values = [rung for rung in all_rungs if rung.severity == severity]
         good = list(itertools.takewhile(lambda rung: rung.same, reversed(values)))
         if good:
             best, dearest = min(good[::-1], key=lambda rung: rung.seconds), values[-1]
             share = best.seconds / dearest.seconds
-            parts.append(f"{dial} {best.value} ({share:.2f} of the time of {dearest.value})")
+            parts.append(f"{severity} {best.value} ({share:.2f} of the time of {dearest.value})")
     if not parts:
         return "No model of the scene leaves all conclusions as the dearest one has them."
     return (
@@ -156,38 +160,40 @@ def _figure(material: Material, table: pd.DataFrame) -> Figure:
     panels = []
     lidars = material.names.sorted(table.lidar)
     usual = usual_of(table)
-    for dial, values in dials_of(table).items():
-        selected = _turned(table, dial, usual)
+    for severity, values in severities_of(table).items():
+        selected = _turned(table, severity, usual)
         with drawing():
             figure, ax = panel(3.2, 2.7, bottom=0.58)
-            shown = [value for value in values if value in set(selected[dial])]
+            shown = [value for value in values if value in set(selected[severity])]
             for i, lidar in enumerate(lidars):
-                rows = selected[selected.lidar == lidar].set_index(dial).reindex(shown)
+                rows = selected[selected.lidar == lidar].set_index(severity).reindex(shown)
                 x = [tick + 0.12 * (i - (len(lidars) - 1) / 2) for tick in range(len(shown))]
-                spread = [rows.ap_fine - rows.ap_fine_low, rows.ap_fine_high - rows.ap_fine]
+                spread = [rows.ap_r1000 - rows.ap_r1000_low, rows.ap_r1000_high - rows.ap_r1000]
                 look = material.names.look(lidar)
                 ax.errorbar(
-                    x, rows.ap_fine, spread, linewidth=0.8, **look.style() | {"linestyle": "-"}
+                    x, rows.ap_r1000, spread, linewidth=0.8, **look.style() | {"linestyle": "-"}
                 )
-            seconds = selected.groupby(dial).seconds.mean().reindex(shown)
+            seconds = selected.groupby(severity).seconds.mean().reindex(shown)
             labels = [f"{v}\n{s:.3g} s" for v, s in zip(shown, seconds, strict=True)]
             ax.set_xticks(range(len(shown)), labels)
-            ax.set(xlabel=f"{dial}, and CPU time of the run", ylabel=ap_name(selected))
-            panels.append(Panel(dial, svg.inline(figure, f"ladder-{dial}", f"AP by {dial}")))
+            ax.set(xlabel=f"{severity}, and CPU time of the run", ylabel=ap_name(selected))
+            panels.append(
+                Panel(severity, svg.inline(figure, f"ladder-{severity}", f"AP by {severity}"))
+            )
     caption = (
         "Accuracy against the cost of the simulation: AP of Background on the highway with one "
-        "dial of the model turned at a time, with 95 % intervals."
+        "severity of the model turned at a time, with 95 % intervals."
     )
     source = material.results.source("ladder")
     return Figure("figure-ladder", caption, panels, source, legend(material.names, lidars))
 
 
 def _table(material: Material, all_rungs: list[Rung]) -> Table:
-    heads = [Column("Dial"), Column("Value")]
+    heads = [Column("Severity"), Column("Value")]
     heads += [Column(c, number=True) for c in ("CPU time, s", "Largest change of AP")]
     rows = [
         [
-            TableCell(rung.dial),
+            TableCell(rung.severity),
             TableCell(rung.value),
             number(rung.seconds, ".1f"),
             number(rung.change, ".2f"),

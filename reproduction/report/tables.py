@@ -15,7 +15,7 @@ TABLES = {
     "paper": kind(
         "{tier}_paper.csv",
         "scene preset",
-        "cells rank_correlation mean_difference",
+        "experiments rank_correlation mean_difference",
         "scene preset",
         rank_correlation=(-1.0, 1.0),
         mean_difference=(-100.0, 100.0),
@@ -36,7 +36,7 @@ TABLES = {
         "ladder.csv",
         "detail aggregation frames lidar",
         "ap ap_low ap_high vehicle_points_per_frame ms_per_frame_set",
-        later="ap_fine ap_fine_low ap_fine_high value blocks block_s draws draws_seed",
+        later="ap_r1000 ap_r1000_low ap_r1000_high value blocks block_s replicates replicates_seed",
     ),
     "beam": kind("beam.csv", "lidar distance", "vehicles points_per_vehicle in_box"),
     "speed": kind("speed.csv", "what unit", "value"),

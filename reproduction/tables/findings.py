@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import pandas as pd
 
 from pyinfra.core.vocabulary import PRESETS
-from pyinfra.metrics.row_selection import ap_name, with_fine
+from pyinfra.metrics.row_selection import ap_name, with_r1000
 from reproduction.tables.common import (
     DETECTORS,
     LIDARS,
@@ -111,9 +111,9 @@ def detection_in_short() -> str:
     return _in_short(DETECTION, counted)
 
 
-def _in_short(claims: Claims, cell: Callable[[str, str, str], str]) -> str:
+def _in_short(claims: Claims, experiment: Callable[[str, str, str], str]) -> str:
     rows = [
-        [statement, named(claim, note), *(cell(claim, words, preset) for preset in PRESETS)]
+        [statement, named(claim, note), *(experiment(claim, words, preset) for preset in PRESETS)]
         for statement, claim, words, note in claims
     ]
     return markdown(["the paper says", "claim", *(f"`{p}`" for p in PRESETS)], rows)
@@ -146,8 +146,8 @@ def scanning() -> str:
     """Returns value, interval and verdict of each claim about scanning."""
     rows = []
     for claim, words, statement, where in OF_SCANNING:
-        cells = (scanned_row(claim, words, preset) for preset in PRESETS)
-        rows.append([statement, where, *cells])
+        experiments = (scanned_row(claim, words, preset) for preset in PRESETS)
+        rows.append([statement, where, *experiments])
     return markdown(["claim", "set, distance", *PRESETS], rows)
 
 
@@ -163,9 +163,9 @@ def of_a_scene(scene: str, preset: str, names: Sequence[str]) -> str:
     """Returns a table with a column per detector, without rows that are empty for all."""
     rows = []
     for claim, words, statement, shape in OF_A_SCENE:
-        cells = [verdict(scene, preset, claim, words, d, shape) for d in names]
-        if any(cells):
-            rows.append([statement, *cells])
+        experiments = [verdict(scene, preset, claim, words, d, shape) for d in names]
+        if any(experiments):
+            rows.append([statement, *experiments])
     return markdown(["claim", *(DETECTORS[d] for d in names)], rows)
 
 
@@ -173,12 +173,12 @@ def of_scenes(preset: str, scenes: Sequence[str], names: Sequence[str]) -> str:
     """Returns a table with a column per scene; a cell lists the detectors."""
     rows = []
     for claim, words, statement, shape in OF_A_SCENE:
-        cells = [
+        experiments = [
             " / ".join(filter(None, (verdict(s, preset, claim, words, d, shape) for d in names)))
             for s in scenes
         ]
-        if any(cells):
-            rows.append([statement, *cells])
+        if any(experiments):
+            rows.append([statement, *experiments])
     return markdown(["claim", *scenes], rows)
 
 
@@ -194,16 +194,16 @@ def verdict(scene: str, preset: str, claim: str, words: str, detector: str, shap
 
 def detectors(scene: str, preset: str) -> str:
     """Returns the AP of the smallest seed with its interval, and the training time."""
-    table = with_fine(results("quick"))
+    table = with_r1000(results("quick"))
     table = table[(table.scene == scene) & (table.preset == preset)].sort_values("seed")
     rows = []
     for name, words in DETECTORS.items():
         by_lidar = table[table.detector == name].drop_duplicates("lidar").set_index("lidar")
-        cells = [
-            with_interval_of_ap(*ends(by_lidar.loc[x], "ap_fine")) if x in by_lidar.index else ""
+        experiments = [
+            with_interval_of_ap(*ends(by_lidar.loc[x], "ap_r1000")) if x in by_lidar.index else ""
             for x in LIDARS
         ]
         seconds = by_lidar.train_seconds.dropna()
         span = f"{seconds.min():.0f} to {seconds.max():.0f}" if len(seconds) else ""
-        rows.append([words, *cells, span])
+        rows.append([words, *experiments, span])
     return markdown([f"{ap_name(table)} of", *LIDARS.values(), "train, CPU s"], rows)

@@ -38,9 +38,9 @@ def far_points() -> list[str]:
 def wrong_yaw() -> list[str]:
     """Returns the AP cost of a small yaw error: minimum and maximum over detectors and LiDARs."""
     table = results("stress_generalist")
-    turned = table[(table.stressor == "yaw_error") & (table.dial == f"{YAW_DEG:g}")]
-    before = table[table.stressor == "none"].set_index("run").ap_fine
-    costs = before - turned.set_index("run").ap_fine
+    turned = table[(table.stressor == "yaw_error") & (table.severity == f"{YAW_DEG:g}")]
+    before = table[table.stressor == "none"].set_index("run").ap_r1000
+    costs = before - turned.set_index("run").ap_r1000
     detectors = turned.run.str.rsplit("_", n=1).str[-1].nunique()
     finding = (
         f"An unknown yaw error of {YAW_DEG:g} degrees costs a detector {costs.min():.0f} to "
@@ -58,7 +58,7 @@ def several_poles() -> list[str]:
     table = results("poles")
     keep = (table.lidar == "helios_16") & (table.arm == "centerpoint-pillar")
     keep &= (table.error == "none") & (table.ground_truth == "all")
-    ap: pd.Series[float] = table[keep].set_index("poles").ap_fine
+    ap: pd.Series[float] = table[keep].set_index("poles").ap_r1000
     one, four = (f"{ap[count]:.0f}" for count in (1, 4))
     finding = f"With 16-line LiDARs on four poles a detector has AP {four}; on one pole, {one}."
     where = "[crossroad](docs/several_poles.md), exact clocks and poses; one seed and training"

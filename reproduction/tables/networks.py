@@ -10,7 +10,7 @@ from dataclasses import astuple
 import numpy as np
 import pandas as pd
 
-from pyinfra.metrics.comparison import over_worlds
+from pyinfra.metrics.comparison import over_replicates
 from pyinfra.metrics.row_selection import AP_R1000
 from reproduction.tables.common import (
     LEAST_BOXES,
@@ -25,11 +25,11 @@ ARMS = {
     "none": "as it comes",
     "tuned_30": "30 s",
     "tuned_120": "120 s",
-    "specialist": "a specialist",
+    "site_trained": "a site-trained detector",
 }
 STRESSED = {
     "background": "Background",
-    "centerpoint": "specialist",
+    "centerpoint": "site_trained",
     "generalist": "generalist",
 }  # keyed by the end of the run's name
 HELD_OUT = ("hesai_ot128", "hesai_xt32", "livox_horizon")  # of configs/streams/generalist.yaml
@@ -42,7 +42,7 @@ def generalist_sites() -> str:
     for lidar, group in table[table["class"] == "vehicle"].groupby("lidar", sort=True):
         totals = group[["boxes", "objects"]].sum()
         right = (group.precision * group.boxes).sum()
-        stated = (group.precision_said * group.boxes).sum() / totals.boxes
+        stated = (group.precision_predicted * group.boxes).sum() / totals.boxes
         low, high = group[group.boxes >= LEAST_BOXES].precision.quantile([0.1, 0.9])
         spread = f"{low:.2f} to {high:.2f}"
         shares = (
@@ -61,7 +61,7 @@ def generalist_classes() -> str:
     rows, table = [], results("generalist_sites")
     for name, group in table.groupby("class", sort=False):
         group = group.assign(
-            right=group.precision * group.boxes, said=group.precision_said * group.boxes
+            right=group.precision * group.boxes, said=group.precision_predicted * group.boxes
         )
         objects, boxes, right, stated = group[["objects", "boxes", "right", "said"]].sum()
         sites = group.groupby("site")[["right", "said", "boxes"]].sum()
@@ -80,15 +80,15 @@ def generalist() -> str:
     table = results("generalist").query("preset == 'datasheet'")
     for (site, lidar, world), group in table.groupby(["site", "lidar", "seed"], sort=False):
         by_arm = group.set_index("arm")
-        cells = (
-            with_interval_of_ap(*ends(by_arm.loc[arm], "ap_fine")) if arm in by_arm.index else ""
+        experiments = (
+            with_interval_of_ap(*ends(by_arm.loc[arm], "ap_r1000")) if arm in by_arm.index else ""
             for arm in ARMS
         )
-        rows.append([str(site), str(lidar), str(world), *cells])
+        rows.append([str(site), str(lidar), str(world), *experiments])
     return markdown(["site", "LiDAR", "world", *ARMS.values()], rows)
 
 
-def beside_specialists() -> str:
+def beside_site_trained() -> str:
     """Returns AP (R1000) minus that of a site-trained detector; each site is one replicate.
 
     The traffic seeds of a site are averaged first, because they are alike.
@@ -96,31 +96,31 @@ def beside_specialists() -> str:
     rows = []
     table = results("generalist").query("preset == 'datasheet'")
     key = ["site", "seed", "lidar"]
-    cells = table.pivot_table("ap_fine", key, "arm")
+    experiments = table.pivot_table("ap_r1000", key, "arm")
     objects = table.groupby(key).objects.max()
-    generated = cells.index.get_level_values("site").str.startswith("site_")
+    generated = experiments.index.get_level_values("site").str.startswith("site_")
     kinds = {
         "generated": generated,
         f"generated, {MANY_LABELS} labels or more": generated & (objects >= MANY_LABELS),
-        "generated, LiDARs held out": generated & cells.index.isin(HELD_OUT, level="lidar"),
+        "generated, LiDARs held out": generated & experiments.index.isin(HELD_OUT, level="lidar"),
         "the study's": ~generated,
     }
     for (kind, chosen), arm in itertools.product(kinds.items(), list(ARMS)[:-1]):
-        selected = cells[chosen]
-        less = (selected[arm] - selected.specialist).dropna()
+        selected = experiments[chosen]
+        less = (selected[arm] - selected.site_trained).dropna()
         of_sites = less.groupby("site").mean().to_numpy()
         least, middle, most = (f"{v:+.1f}" for v in np.percentile(less, [0, 50, 100]))
         spread = f"{least} to {most}"
-        mean = with_interval_of_ap(*astuple(over_worlds(of_sites)))
+        mean = with_interval_of_ap(*astuple(over_replicates(of_sites)))
         counts = f"{len(less)} of {len(of_sites)} sites"
         rows.append([kind, ARMS[arm], counts, mean, middle, spread])
-    heads = ["sites", "trained there", "cells", "mean of sites", "median", "all cells"]
+    heads = ["sites", "trained there", "experiments", "mean of sites", "median", "all cells"]
     return markdown(heads, rows)
 
 
-def _unseen() -> pd.DataFrame:
+def _unseen(name: str = "unseen") -> pd.DataFrame:
     """Returns the rows of unseen sites, with one measure for each class."""
-    table = results("unseen")
+    table = results(name)
     return table[table.measure.isin(["BEV IoU 0.5", "centre 0.5 m"])]
 
 
@@ -137,7 +137,7 @@ def unseen() -> str:
     kinds = (table["sites"] == "all") | (table["class"] == "vehicle")
     for (name, sites, kind), group in table[kinds].groupby(["set", "sites", "class"], sort=False):
         of = group.set_index("model")
-        ap = (with_interval_of_ap(*ends(of.loc[model], "ap_fine")) for model in models)
+        ap = (with_interval_of_ap(*ends(of.loc[model], "ap_r1000")) for model in models)
         count, objects = group[["count", "objects"]].iloc[0]
         where = f"{name}, {sites} ({count})"
         rows.append([where, kind, str(objects), *ap, _pair(ends(of.iloc[-1], "difference"))])
@@ -175,13 +175,30 @@ def unseen_shown() -> str:
     return markdown(["sites", "class", *heads], rows)
 
 
+def pilots() -> str:
+    """Returns what 2,000 steps of two pilots changed at the plain sites, by class."""
+    table, rows = _unseen("pilots"), []
+    table = table[(table["set"] == "plain") & (table["sites"] == "all")]
+    of = table.set_index(["model", "class", "condition"]).sort_index()
+    for model in dict.fromkeys(table.model):
+        for kind in ("vehicle", "vulnerable road user"):
+            at = of.loc[model, kind]
+            costs = [f"{at.loc[name].cost:+.1f}" for name in at.index if name != "as known"]
+            change = ends(at.loc["as known"], "difference")
+            difference = "" if model == "version_2" else _pair(change)
+            first = f"{at.loc['as known'].ap_r1000:.1f}"
+            rows.append([model.replace("_", " "), kind, first, difference, *costs])
+    heads = ["AP (R1000)", "difference", "cost of 0.25 m of height", "cost of 0.5 deg of pitch"]
+    return markdown(["pilot", "class", *heads], rows)
+
+
 def fairness() -> str:
     """Returns the AP gain of each LiDAR from 120 training steps at a scene."""
     rows = []
     for (site, seed, lidar), group in results("fairness").groupby(
         ["site", "seed", "lidar"], sort=False
     ):
-        before, after = group.set_index("arm").ap_fine[["none", "tuned_120"]]
+        before, after = group.set_index("arm").ap_r1000[["none", "tuned_120"]]
         rows.append(
             [site, str(seed), lidar, f"{before:.1f}", f"{after:.1f}", f"{after - before:+.1f}"]
         )
@@ -202,20 +219,20 @@ def stress_generalist() -> str:
     for (stressor, unit), group in curves[curves.unit != "name"].groupby(
         ["stressor", "unit"], sort=False
     ):
-        cells = group.set_index(["lidar", "who"])[["falls_by_10", "falls_to_half"]]
-        falls = (" / ".join(cells.loc[c]) if c in cells.index else "" for c in columns)
+        experiments = group.set_index(["lidar", "who"])[["falls_by_10", "falls_to_half"]]
+        falls = (" / ".join(experiments.loc[c]) if c in experiments.index else "" for c in columns)
         rows.append([f"{stressor}, {unit}", *falls])
     names = trials[trials.unit == "name"]
-    for (stressor, dial), group in names.groupby(["stressor", "dial"], sort=False):
-        ap = group.set_index(["lidar", "who"]).ap_fine
-        cells = (f"{ap[c]:.0f}" if c in ap.index else "" for c in columns)
-        rows.append([f"{stressor}: {dial}", *cells])
+    for (stressor, severity), group in names.groupby(["stressor", "severity"], sort=False):
+        ap = group.set_index(["lidar", "who"]).ap_r1000
+        experiments = (f"{ap[c]:.0f}" if c in ap.index else "" for c in columns)
+        rows.append([f"{stressor}: {severity}", *experiments])
     return markdown(["", *(f"{LIDARS[a]}: {STRESSED[b]}" for a, b in columns)], rows)
 
 
 def _unstressed(trials: pd.DataFrame, lidar: str, who: str) -> str:
     selected = trials[(trials.stressor == "none") & (trials.lidar == lidar) & (trials.who == who)]
-    return with_interval_of_ap(*ends(selected.iloc[0], "ap_fine"))
+    return with_interval_of_ap(*ends(selected.iloc[0], "ap_r1000"))
 
 
 def engines() -> str:
@@ -224,7 +241,7 @@ def engines() -> str:
     rows = []
     for engine, group in table.groupby("engine", sort=False):
         by_scene = group.set_index("scene")
-        both = (f"{row.speed:.2f}, {row.ap_fine:.1f}" for _, row in by_scene.iterrows())
+        both = (f"{row.speed:.2f}, {row.ap_r1000:.1f}" for _, row in by_scene.iterrows())
         rows.append([str(engine), *both])
     scenes = table.drop_duplicates("scene")
     heads = (f"{r.scene}, {LIDARS[r.lidar]}" for r in scenes.itertuples())

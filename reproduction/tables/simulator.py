@@ -23,25 +23,27 @@ def ladder(name: str = "ladder") -> str:
     times are CPU seconds of the run.
     """
     table = results(name)
-    dials = ["detail", "aggregation", "parts", "vegetation", "label_time", "frames"]
-    table = table.astype(dict.fromkeys(dials, str))
-    usual = {dial: table[dial].mode()[0] for dial in dials}
+    severities = ["detail", "aggregation", "parts", "vegetation", "label_time", "frames"]
+    table = table.astype(dict.fromkeys(severities, str))
+    usual = {severity: table[severity].mode()[0] for severity in severities}
     lidars = [lidar for lidar in LIDARS if lidar in set(table.lidar)]
     rows, default = [], None
-    for model, group in table.groupby(dials, sort=False):
-        other = [f"{d} `{v}`" for d, v in zip(dials, model, strict=True) if v != usual[d]]
+    for model, group in table.groupby(severities, sort=False):
+        other = [f"{d} `{v}`" for d, v in zip(severities, model, strict=True) if v != usual[d]]
         seconds = group.ms_per_frame_set.astype(float).iloc[0] * int(model[-1]) / 1000
         by_lidar = group.set_index("lidar")
         default = by_lidar if default is None else default
-        cells = [_step(by_lidar.loc[x], default.loc[x] if other else None) for x in lidars]
-        rows.append([", ".join(other) or "the default", f"{seconds:.0f}", *cells])
+        experiments = [_step(by_lidar.loc[x], default.loc[x] if other else None) for x in lidars]
+        rows.append([", ".join(other) or "the default", f"{seconds:.0f}", *experiments])
     return markdown(["model", "CPU, s", *(LIDARS[lidar] for lidar in lidars)], rows)
 
 
 def _step(row: pd.Series, default: pd.Series | None) -> str:
     """Formats an AP, or a paired difference, in bold if it is significant."""
     if default is None or not are_pairs(row, default):
-        return with_interval_of_ap(*row[["ap_fine", "ap_fine_low", "ap_fine_high"]].astype(float))
+        return with_interval_of_ap(
+            *row[["ap_r1000", "ap_r1000_low", "ap_r1000_high"]].astype(float)
+        )
     change = difference(row, default).measured()
     text = f"{change.value:+.1f} [{change.low:+.1f}, {change.high:+.1f}]"
     return f"**{text}**" if change.low > 0 or change.high < 0 else text

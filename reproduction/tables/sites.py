@@ -109,7 +109,7 @@ def poles() -> str:
     rows = []
     for names, by_poles in of_poles():
         ap = [
-            with_interval(*by_poles[n][["ap_fine", "ap_fine_low", "ap_fine_high"]])
+            with_interval(*by_poles[n][["ap_r1000", "ap_r1000_low", "ap_r1000_high"]])
             if n in by_poles
             else ""
             for n in (1, 2, 4)
@@ -134,12 +134,12 @@ def places() -> str:
     for lidar, group in table.groupby("lidar", sort=False):
         by_key = {tuple(row[key] for key in keys): row for _, row in group.iterrows()}
         for place, words in PLACES.items():
-            cells = [
+            experiments = [
                 with_interval_of_ap(*by_key[truth, place, "", measure][["value", "low", "high"]])
                 for truth, measure in (
                     ("all", "ap_r1000"),
                     ("present", "ap_r1000"),
-                    ("present", "found_percent"),
+                    ("present", "recall_percent"),
                 )
             ]
             hidden = by_key["present", place, "", "hidden_percent"].value
@@ -150,7 +150,7 @@ def places() -> str:
                 less = _signed(after.value, after.low, after.high)
             elif before is not None:
                 less = _signed(-before.value, -before.high, -before.low)
-            rows.append([str(lidar), words, f"{hidden:.0f} %", *cells, less])
+            rows.append([str(lidar), words, f"{hidden:.0f} %", *experiments, less])
     heads = ["LiDAR", "place", "hidden", "AP of visible vehicles", "AP of every vehicle"]
     return markdown([*heads, "found, %", "AP less that at the corner, 6 m"], rows)
 
@@ -164,8 +164,8 @@ def pole_errors() -> str:
     rows = []
     for names, by_poles in of_poles():
         for right in (by_poles[n] for n in (2, 4) if n in by_poles):
-            cells = [_less(wrong, right) for wrong in _errors(right)]
-            rows.append([*names, f"{right.poles}", *cells])
+            experiments = [_less(wrong, right) for wrong in _errors(right)]
+            rows.append([*names, f"{right.poles}", *experiments])
     return markdown(["LiDAR", "detector", "poles", *POLE_ERRORS.values()], rows)
 
 

@@ -86,7 +86,7 @@ list:
 )";
 
 Unit<LaterTurning> read_later(const std::string& text) {
-  return config::read_struct<Unit<LaterTurning>>(config::parse_tree(text, "a.yaml"), kTable);
+  return config::read_written<Unit<LaterTurning>>(config::parse_tree(text, "a.yaml"), kTable);
 }
 
 TEST(canonical_keys, a_renamed_key_keeps_the_text_that_a_folder_is_told_by) {

@@ -544,7 +544,7 @@ TEST(lidar_file, keys_are_checked) {
                      "pattern.spinning.channels.count", "one of");
   expect_lidar_error("azimuth_step_deg: 0.2}\n",
                      "azimuth_step_deg: 0.2} #!\n  table: {file: a.csv, rays_per_s: 10}\n",
-                     "pattern.spinning", "one of spinning, wedges, table");
+                     "pattern.spinning", "one of spinning, prisms, table");
 }
 
 TEST(lidar_file, presets_are_maps) {
@@ -822,7 +822,7 @@ bundle:
 TEST(bundle, of_one_turned_unit_is_dumped_with_its_turn_and_reads_back) {
   const TestFolder folder;
   folder.write("part.yaml",
-               replaced(kLidar, "rate_hz: 10,", "rate_hz: 10, phase: free, seam_deg: 35,"));
+               replaced(kLidar, "rate_hz: 10,", "rate_hz: 10, phase: free, cut_angle_deg: 35,"));
   for (const char* turn : {"pitch_deg: 10", "yaw_deg: -35", "yaw_deg: 35, pitch_deg: -5"}) {
     SCOPED_TRACE(turn);
     const auto file = folder.write(
@@ -854,8 +854,8 @@ TEST(lidar_file, says_how_its_motors_start) {
   EXPECT_EQ(plain.cut_angle_deg, 180);
   expect_lidar_error("rate_hz: 10,", "rate_hz: 10, phase: random, #!\n   ",
                      "pattern.spinning.phase", "expected locked, free, got 'random'");
-  expect_lidar_error("rate_hz: 10,", "rate_hz: 10, seam_deg: 400, #!\n   ",
-                     "pattern.spinning.seam_deg", "expected -360 to 360");
+  expect_lidar_error("rate_hz: 10,", "rate_hz: 10, cut_angle_deg: 400, #!\n   ",
+                     "pattern.spinning.cut_angle_deg", "expected -360 to 360");
 }
 
 TEST(scene, labels_as_the_preset_does_unless_it_says_otherwise) {

@@ -1,4 +1,4 @@
-"""A made-up table of cells with known answers."""
+"""A made-up table of experiments with known answers."""
 
 import numpy as np
 import pandas as pd
@@ -18,7 +18,7 @@ def key_of(lidar: str, detector: str) -> dict[str, object]:
     return dict(zip(KEY, ("road", lidar, "paper", detector, "quick", 1), strict=True))
 
 
-def cells(half: float = 1.0) -> pd.DataFrame:
+def experiments(half: float = 1.0) -> pd.DataFrame:
     """Every LiDAR with every detector; intervals of AP reach `half` to either side."""
     rows = [
         key_of(lidar, detector)
@@ -31,18 +31,24 @@ def cells(half: float = 1.0) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def draws_of(
+def replicates_of(
     rows: pd.DataFrame, value: str, half: float, ground_truth: str = "captured", **more: object
 ) -> pd.DataFrame:
-    """The draws of cells whose `value` has an interval of `half` either way, each on its own."""
-    same = {"world": "w", "version": "1", "label_time": "frame", "frames": 180, "block_s": 10.0}
-    same |= {"blocks": 1e6, "draws": 200, "draws_seed": 1, "measure": "ap_fine"}
+    """Independent replicates of experiments whose `value` has an interval of `half` either way."""
+    same = {
+        "vehicles_digest": "w",
+        "version": "1",
+        "label_time": "frame",
+        "frames": 180,
+        "block_s": 10.0,
+    }
+    same |= {"blocks": 1e6, "replicates": 200, "replicates_seed": 1, "measure": "ap_r1000"}
     records = []
     for i, row in enumerate(rows.to_dict("records")):
         wave = np.sin(2 * np.pi * (i + 1) * (np.arange(200) + 0.5) / 200)  # orthogonal
         drawn = row[value] + wave * half / 1.96 / wave.std(ddof=1)
         key = {name: row[name] for name in KEY}
-        numbers = {f"draw_{k + 1}": one for k, one in enumerate(drawn)}
+        numbers = {f"replicate_{k + 1}": one for k, one in enumerate(drawn)}
         records.append(key | same | {"ground_truth": ground_truth, "value": row[value]} | numbers)
     return pd.DataFrame(records).assign(**more)
 

@@ -34,7 +34,7 @@ KINDS = ("sh", "python", "yaml", "text")
 FEW_FRAMES = 20
 ELSEWHERE = re.compile(r"--(backend|address) |--device cuda|--precision bfloat16")
 SHELL = re.compile(r"[|&;<>`$*{}]")  # what the runner does not do
-SMALL = {"evaluate": ["--no-figures", "--draws", "20"], "benchmark": ["--jobs", "1"]}
+SMALL = {"evaluate": ["--no-figures", "--replicates", "20"], "benchmark": ["--jobs", "1"]}
 
 
 @dataclass(frozen=True)

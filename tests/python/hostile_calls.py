@@ -8,6 +8,7 @@ that starts this script sees whether it lived; LOG has the call that was the las
 import faulthandler
 import os
 import resource
+import shutil
 import sys
 import time
 from collections.abc import Callable
@@ -24,11 +25,12 @@ REFUSED = (ValueError, TypeError, OSError, MemoryError)
 MEMORY = 4 << 30  # of the process: more is refused as on a machine without it
 CALL_S = 100  # a call that takes longer hangs
 EXAMPLES = 40
-INPUTS = Path(__file__).resolve().parents[1] / "data/v0_3/inputs"
+V0_3 = Path(__file__).resolve().parents[1] / "data/v0_3/inputs"
 
 SECONDS = float(sys.argv[2])
 LOG = os.open(sys.argv[1], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
 FOLDER = Path(sys.argv[1]).parent / "files"  # that calls write
+INPUTS = FOLDER / "inputs"
 
 whole = st.sampled_from(
     (
@@ -77,8 +79,8 @@ def table(draw: st.DrawFn, columns: int | None, kind: type[np.generic], sane: An
 
 
 def unaligned(array: np.ndarray) -> np.ndarray:
-    room = np.zeros(array.nbytes + 1, np.uint8)[1:]
-    out = room.view(array.dtype).reshape(array.shape)
+    free_space = np.zeros(array.nbytes + 1, np.uint8)[1:]
+    out = free_space.view(array.dtype).reshape(array.shape)
     out[...] = array
     return out
 
@@ -224,6 +226,11 @@ def load_background(header: list[int], cells: bytes, fits: bool, points: Any) ->
         logged(_core.kept_rows, points, [model])
 
 
+# The inputs of 0.3, whose LiDARs have keys with earlier names.
+shutil.copytree(V0_3, INPUTS)
+for file in INPUTS.glob("*.yaml"):
+    text = file.read_text().replace("seam_deg", "cut_angle_deg").replace("wedges", "prisms")
+    file.write_text(text)
 LIDARS = [_core.Lidar(str(INPUTS / f"{name}.yaml"), "datasheet") for name in ("turning", "rosette")]
 SCENE = (INPUTS / "site.yaml").read_text().replace("duration_s: 150", "duration_s: 1")
 WORLD = _core.World.of_text(SCENE, "site")
@@ -303,7 +310,6 @@ OF_NO_ARGUMENTS = {"version", "frames_version", "ConfigError", "IoError"}
 
 def main() -> None:
     faulthandler.enable()
-    FOLDER.mkdir()
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     end = time.monotonic() + SECONDS
     rules = settings(

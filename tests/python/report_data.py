@@ -9,15 +9,15 @@ import numpy as np
 import pandas as pd
 
 HOSTILE = "<img src=x onerror=\"document.title='taken'\">&amp;</td></script>$x_"
-CELL = {"scene": "highway", "preset": "paper", "tier": "quick", "seed": 1}
+EXPERIMENT = {"scene": "highway", "preset": "paper", "tier": "quick", "seed": 1}
 EXTRA = {"command": "pyinfra benchmark", "version": "0.1.0", "machine": "2 x x86_64"}
 LIDARS = ("livox_avia", "ruby_plus")
 DETECTORS = ("pointpillars", "background")
 
 
-def cell(lidar: str, detector: str, ap: float | None, **more: Any) -> dict[str, Any]:
+def experiment(lidar: str, detector: str, ap: float | None, **more: Any) -> dict[str, Any]:
     """A row of a benchmark; one without an AP failed."""
-    row = {**CELL, "lidar": lidar, "detector": detector, "ap": ap}
+    row = {**EXPERIMENT, "lidar": lidar, "detector": detector, "ap": ap}
     if ap is not None:
         row |= {"ap_low": ap - 2, "ap_high": ap + 1, "ap_common": ap, "ap_all": ap / 2}
         row |= {"objects": 100, "train_seconds": 30.0 * (detector != "background")}
@@ -27,23 +27,23 @@ def cell(lidar: str, detector: str, ap: float | None, **more: Any) -> dict[str, 
     return dict.fromkeys((*names, *times)) | row | EXTRA | more
 
 
-def cells() -> pd.DataFrame:
+def experiments() -> pd.DataFrame:
     """Two LiDARs and two detectors, one of which failed."""
     return pd.DataFrame(
         [
-            cell("livox_avia", "pointpillars", 91.25, latency_p50_ms=60.0),
-            cell("ruby_plus", "pointpillars", 92.5, latency_p50_ms=70.0),
-            cell("livox_avia", "background", 84.0),
-            cell("ruby_plus", "background", None, reason="MemoryError: none <left> & gone"),
+            experiment("livox_avia", "pointpillars", 91.25, latency_p50_ms=60.0),
+            experiment("ruby_plus", "pointpillars", 92.5, latency_p50_ms=70.0),
+            experiment("livox_avia", "background", 84.0),
+            experiment("ruby_plus", "background", None, reason="MemoryError: none <left> & gone"),
         ]
     )
 
 
 def along_the_road(name: str) -> pd.DataFrame:
-    """Rows of `areas` or `distance` for the cells that are done."""
+    """Rows of `areas` or `distance` for the experiments that are done."""
     rows = []
-    for row in cells().dropna(subset="ap").itertuples():
-        key = {**CELL, "lidar": row.lidar, "detector": row.detector}
+    for row in experiments().dropna(subset="ap").itertuples():
+        key = {**EXPERIMENT, "lidar": row.lidar, "detector": row.detector}
         for truth in ("captured", "common", "all"):
             of = key | {"ground_truth": truth, "road": "motorway"}
             if name == "areas":
@@ -65,8 +65,8 @@ def along_the_road(name: str) -> pd.DataFrame:
 
 def value() -> pd.DataFrame:
     rows = []
-    for row in cells().dropna(subset="ap").itertuples():
-        key = {**CELL, "lidar": row.lidar, "detector": row.detector}
+    for row in experiments().dropna(subset="ap").itertuples():
+        key = {**EXPERIMENT, "lidar": row.lidar, "detector": row.detector}
         usd = {"livox_avia": 2079.0, "ruby_plus": 24000.0}[row.lidar]
         beaten = "livox_avia pointpillars" if row.detector == "background" else ""
         bought = {"ap_per_1000_usd": 1000 * row.ap / usd, "usd_per_hq_area": usd / 2}
@@ -117,9 +117,16 @@ def stress() -> pd.DataFrame:
     rows += [("training_frames", "200", "frames", 70.0)]
     return pd.DataFrame(
         [
-            {**key, "stressor": name, "dial": dial, "unit": unit, "ap": ap, "ap_low": ap - 2}
+            {
+                **key,
+                "stressor": name,
+                "severity": severity,
+                "unit": unit,
+                "ap": ap,
+                "ap_low": ap - 2,
+            }
             | {"ap_high": ap + 2, "trained_frames": 800}
-            for name, dial, unit, ap in rows
+            for name, severity, unit, ap in rows
         ]
     )
 
@@ -136,13 +143,19 @@ def fidelity() -> pd.DataFrame:
     )
 
 
-def draws(rows: pd.DataFrame, value: str, half: float) -> pd.DataFrame:
-    """Columns of draws beside the rows: their value has an interval of `half` either way."""
-    same = {"measure": "ap_fine", "blocks": 1e6, "block_s": 10.0, "draws": 50, "draws_seed": 1}
-    same |= {"world": "w", "ground_truth": "captured", "version": "1"}
+def replicates(rows: pd.DataFrame, value: str, half: float) -> pd.DataFrame:
+    """Columns of replicates beside the rows: their value has an interval of `half` either way."""
+    same = {
+        "measure": "ap_r1000",
+        "blocks": 1e6,
+        "block_s": 10.0,
+        "replicates": 50,
+        "replicates_seed": 1,
+    }
+    same |= {"vehicles_digest": "w", "ground_truth": "captured", "version": "1"}
     waves = [np.sin(2 * np.pi * (i + 1) * (np.arange(50) + 0.5) / 50) for i in range(len(rows))]
     records = [
-        {f"draw_{k + 1}": v + x * half / 1.96 / wave.std(ddof=1) for k, x in enumerate(wave)}
+        {f"replicate_{k + 1}": v + x * half / 1.96 / wave.std(ddof=1) for k, x in enumerate(wave)}
         for v, wave in zip(rows[value], waves, strict=True)
     ]
     return pd.concat([rows.reset_index(drop=True), pd.DataFrame(records)], axis=1).assign(
@@ -150,9 +163,9 @@ def draws(rows: pd.DataFrame, value: str, half: float) -> pd.DataFrame:
     )
 
 
-def cell_draws() -> pd.DataFrame:
-    done = cells().dropna(subset="ap")[[*CELL, "lidar", "detector", "ap"]]
-    return draws(done.assign(frames=180, label_time="frame"), "ap", 1.5).drop(columns="ap")
+def experiment_replicates() -> pd.DataFrame:
+    done = experiments().dropna(subset="ap")[[*EXPERIMENT, "lidar", "detector", "ap"]]
+    return replicates(done.assign(frames=180, label_time="frame"), "ap", 1.5).drop(columns="ap")
 
 
 def ladder() -> pd.DataFrame:
@@ -176,7 +189,7 @@ def ladder() -> pd.DataFrame:
             for lidar, ap in zip(("ruby_plus", "helios_16"), pair, strict=True)
         ]
     )
-    return draws(table.assign(label_time="frame"), "ap", 1)
+    return replicates(table.assign(label_time="frame"), "ap", 1)
 
 
 def aggregation() -> pd.DataFrame:
@@ -211,11 +224,11 @@ def points() -> pd.DataFrame:
 def tables() -> dict[str, pd.DataFrame]:
     """Every table of a folder of results, by the name of its file."""
     return {
-        "quick.csv": cells(),
+        "quick.csv": experiments(),
         "quick_areas.csv": along_the_road("areas"),
         "quick_distance.csv": along_the_road("distance"),
         "quick_hits.csv": hits(),
-        "quick_draws.csv": cell_draws(),
+        "quick_replicates.csv": experiment_replicates(),
         "quick_points_per_vehicle.csv": points(),
         "quick_value.csv": value(),
         "lidars.csv": lidars(),

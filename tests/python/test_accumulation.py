@@ -110,7 +110,7 @@ def test_gaps_stay_gaps_and_frames_far_apart_are_an_error() -> None:
 
 @pytest.mark.parametrize(("frames", "label_at"), [(0, "newest"), (101, "newest"), (1, "middle")])
 def test_a_wrong_accumulation_says_what_is_allowed(frames: int, label_at: LabelAt) -> None:
-    with pytest.raises(ValueError, match=r"got .*, allowed"):
+    with pytest.raises(ValueError, match=r"(accumulate|label_at): expected .*, got"):
         Accumulation(frames, label_at)
 
 
@@ -192,7 +192,7 @@ def network_of(name: str, **keys: object) -> Network:
     config = read_recipe(ROOT / f"configs/detectors/{name}.yaml", "smoke").network
     torch.manual_seed(1)
     network = checkpoint.build(name, dataclasses.replace(config, **keys), SITE)
-    for module in network.modules():  # so that boxes are found without any training
+    for module in network.modules():  # so that there are boxes without any training
         if isinstance(module, torch.nn.Conv2d) and module.bias is not None:
             torch.nn.init.constant_(module.bias, 0.0)
     return network.eval()
@@ -221,7 +221,7 @@ def test_with_age_a_network_tells_ages_apart(name: str, intensity: bool) -> None
 
 
 def test_age_of_single_frames_is_an_error(folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"network\.age: got true of single frames"):
+    with pytest.raises(ValueError, match=r"network\.age: expected .*got true of single frames"):
         train(recipe(age=True), [read_source(folder, "smoke")], tmp_path, quiet=True)
 
 
@@ -233,7 +233,7 @@ def test_a_model_says_what_it_learnt_and_goes_on_with_that_alone(
     assert detect.accumulation_of(trained / "last.safetensors") == MIDDLE
     assert "accumulate: 3\nlabel_at: middle\n" in (trained / "run.yaml").read_text()
     other = read_source(folder, "smoke", THREE)
-    with pytest.raises(ConfigError, match="got another run: label_at differ"):
+    with pytest.raises(ConfigError, match="expected the same run, got another: label_at differ"):
         train(recipe(age=True), [other], trained, quiet=True)
 
 
@@ -247,7 +247,7 @@ def test_a_run_of_a_version_without_the_keys_goes_on(folder: Path, tmp_path: Pat
     before = file.read_bytes()
     train(recipe(), [read_source(folder, "smoke")], tmp_path, quiet=True)
     assert file.read_bytes() == before  # it was finished
-    with pytest.raises(ConfigError, match="got another run: accumulate differ"):
+    with pytest.raises(ConfigError, match="expected the same run, got another: accumulate differ"):
         train(recipe(), [read_source(folder, "smoke", THREE)], tmp_path, quiet=True)
 
 
@@ -262,7 +262,9 @@ def test_sources_are_stacked_alike() -> None:
         for how in (THREE, MIDDLE)
     )
     assert common_accumulation([one, one]) == THREE
-    with pytest.raises(ValueError, match="expected 3, newest as of, got 3 frames, middle"):
+    with pytest.raises(
+        ValueError, match=r"accumulation: expected 3, newest as of .*, got 3 frames, middle"
+    ):
         common_accumulation([one, other])
 
 
@@ -273,7 +275,9 @@ def test_detect_stacks_data_and_refuses_lone_clouds(
     assert len(list(tmp_path.glob("*.txt"))) == 4
     cloud = kitti.frame_file(folder, "velodyne", 9)
     assert main.main(["detect", str(trained), str(cloud)]) != 0
-    assert "expected one of single, got a model of 3 stacked frames" in capsys.readouterr().err
+    assert (
+        "expected a model of single frames, got one of 3 stacked frames" in capsys.readouterr().err
+    )
 
 
 def test_single_frames_are_not_given_to_a_model_of_stacked_ones(
@@ -283,7 +287,7 @@ def test_single_frames_are_not_given_to_a_model_of_stacked_ones(
         lambda: detect.detector_at(trained, folder),
         lambda: onnx.export(trained, tmp_path / "model.onnx"),
     ):
-        with pytest.raises(ValueError, match="got a model of 3 stacked frames"):
+        with pytest.raises(ValueError, match="single frames, got one of 3 stacked frames"):
             use()
 
 
@@ -292,7 +296,10 @@ def test_single_frames_are_not_given_to_a_model_of_stacked_ones(
     [
         (["--accumulate", "0"], "accumulate: expected 1 to 100, got 0"),
         (["--label-at", "middle"], "label-at: expected newest, got middle of one frame"),
-        (["--sites", "f.yaml", "--accumulate", "2"], "--accumulate: got 2 with --sites"),
+        (
+            ["--sites", "f.yaml", "--accumulate", "2"],
+            "--accumulate: expected 1, got 2 with --sites",
+        ),
         (["background", "--accumulate", "2"], "--accumulate: expected 1, got 2 for background"),
     ],
 )

@@ -129,8 +129,8 @@ def test_an_export_from_memory_is_that_from_disk(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The same files; a build may have another version than the binary."""
-    about = yaml.safe_load((written.parent / "dataset.yaml").read_text())
-    versions = (str(about["frames_version"]), about["version"])
+    description = yaml.safe_load((written.parent / "dataset.yaml").read_text())
+    versions = (str(description["frames_version"]), description["version"])
     monkeypatch.setattr(SimulatedFrames, "versions", versions)
     ours, theirs = pi.export(frames, name, tmp_path / "ours"), tmp_path / "theirs"
     pi.export(written, name, theirs)
@@ -148,7 +148,7 @@ def test_what_stands_goes(frames: FrameSequence) -> None:
         return pd.DataFrame([[25.0, 19.5, -7.0, 4.5, 1.9, 1.6, 0.0]], columns=BOX)
 
     assert len(pi.detect(rail, frames)) == len(frames)
-    with pytest.warns(UserWarning, match="drop_standing: got 5.4 s"):
+    with pytest.warns(UserWarning, match="drop_standing: expected .*got 5.4 s"):
         assert len(pi.detect(rail, frames, drop_standing=True)) == 0
 
 
@@ -163,10 +163,10 @@ def test_a_region_is_where_vehicles_are_looked_for(frames: FrameSequence) -> Non
     pytest.importorskip("torch", reason="the extra `detectors` is not installed")
     everywhere = pi.detect("generalist", frames[:2])
     behind = [[-40.0, -30.0], [0.0, -30.0], [0.0, 30.0], [-40.0, 30.0]]
-    found = pi.detect("generalist", frames[:2], region=behind)
+    within = pi.detect("generalist", frames[:2], region=behind)
     assert everywhere.x.max() > 15
-    assert found.x.max() < 10  # but for the margin of half a long vehicle
-    assert len(found) > 0
+    assert within.x.max() < 10  # but for the margin of half a long vehicle
+    assert len(within) > 0
 
 
 def test_frames_are_stacked_as_the_model_learnt(
@@ -215,7 +215,7 @@ def test_results_of_other_frames_are_not_compared(
         pi.compare([whole], [whole])
 
 
-def test_frames_are_drawn_from_above(frames: FrameSequence, noisy: pd.DataFrame) -> None:
+def test_frames_are_plotted_from_above(frames: FrameSequence, noisy: pd.DataFrame) -> None:
     ax = pi.plot_frame(frames[0], noisy, min_score=0.0)
     assert len(ax.collections) == 3
     assert len(ax.collections[1].get_paths()) == len(frames[0].labels)

@@ -44,7 +44,7 @@ def test_simulate_detect_evaluate_plot() -> None:
 def dbscan(xy: np.ndarray, radius_m: float = 0.8, least: int = 5) -> np.ndarray:
     """(n,) cluster of each point, -1 of noise (Ester et al. 1996)."""
     near = cKDTree(xy).query_ball_point(xy, radius_m)
-    core = np.array([len(found) >= least for found in near])
+    core = np.array([len(neighbours) >= least for neighbours in near])
     labels, count = np.full(len(xy), -1), 0
     for start in np.flatnonzero(core):
         if labels[start] >= 0:
@@ -62,12 +62,12 @@ def dbscan(xy: np.ndarray, radius_m: float = 0.8, least: int = 5) -> np.ndarray:
 def clusters_as_boxes(points: np.ndarray) -> pd.DataFrame:
     """A detector in one function: what stands above the road, by DBSCAN, in boxes of cars."""
     road = np.median(points[np.abs(points[:, 1]) < 20, 2])
-    own = points[(np.abs(points[:, 1]) < 20) & (points[:, 2] > road + 0.4)].astype(float)
-    own = own[np.hypot(own[:, 0], own[:, 1]) < 60]
-    labels = dbscan(own[:, :2]) if len(own) else np.empty(0, int)
+    raised = points[(np.abs(points[:, 1]) < 20) & (points[:, 2] > road + 0.4)].astype(float)
+    raised = raised[np.hypot(raised[:, 0], raised[:, 1]) < 60]
+    labels = dbscan(raised[:, :2]) if len(raised) else np.empty(0, int)
     rows = []
     for k in range(labels.max(initial=-1) + 1):
-        part = own[labels == k]
+        part = raised[labels == k]
         size = np.maximum(np.ptp(part[:, :3], axis=0), (4.4, 1.8, 1.5))
         middle = (part[:, :3].min(axis=0) + part[:, :3].max(axis=0)) / 2
         rows.append([*middle[:2], road + size[2] / 2, *size, 0.0, 1 - math.exp(-len(part) / 50)])

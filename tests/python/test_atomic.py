@@ -51,7 +51,9 @@ def test_folder_that_came_to_be_meanwhile_is_not_replaced(tmp_path: Path) -> Non
             with new_folder(folder) as second:
                 (second / "other").write_text("2")
 
-    with pytest.raises(FileExistsError, match="is there already"):
+    with pytest.raises(
+        FileExistsError, match="expected a new or an empty folder, got one with files"
+    ):
         both()
     assert [p.name for p in folder.iterdir()] == ["other"]
     assert list(tmp_path.iterdir()) == [folder]

@@ -1,4 +1,4 @@
-"""The training-free detector in a world of flat ground and boxes, with exact rays."""
+"""The training-free detector in a scene of flat ground and boxes, with exact rays."""
 
 import subprocess
 import sys
@@ -79,7 +79,7 @@ def test_a_frame_without_objects_has_no_detection(empty_road: Background) -> Non
 
 @pytest.mark.parametrize("degrees", [0, 30, 45, 90, 120, 179.9, -179.9, -135, -60])
 @pytest.mark.parametrize("position", [(20, 3), (-15, 18), (4, -18)])
-def test_a_car_is_found_at_any_heading(
+def test_a_car_is_detected_at_any_heading(
     empty_road: Background, position: tuple[float, float], degrees: float
 ) -> None:
     car = box(*position, np.radians(degrees))
@@ -296,7 +296,7 @@ def test_a_hedge_beside_the_road_is_no_vehicle_and_a_car_on_it_is(
     assert len(known.predict(hedge(99))) == 0
 
 
-def test_a_car_is_found_up_to_the_border_of_the_region() -> None:
+def test_a_car_is_detected_up_to_the_border_of_the_region() -> None:
     known = Background.learn([cast(NO_BOXES, seed) for seed in range(10)], region=straight_road())
     for y, count in ((5.9, 1), (-5.9, 1), (9.0, 0), (-9.0, 0)):
         assert len(known.predict(cast(box(20, y, 0.0), seed=99))) == count
@@ -316,10 +316,13 @@ def test_an_outline_may_have_a_bay_and_a_margin_makes_it_wider(
     ("corners", "message"),
     [
         ("[[0, 0], [1, 0]]", "outline_m: expected 3 or more corners, got 2"),
-        ("[[0, 0], [1, 1], [2, 2]]", "outline_m: got no area"),
-        ("[[-5, -2], [5, 2], [5, -2], [-6, 3]]", "outline_m: got side 1 across side 3"),
+        ("[[0, 0], [1, 1], [2, 2]]", "outline_m: expected an outline with an area, got none"),
+        (
+            "[[-5, -2], [5, 2], [5, -2], [-6, 3]]",
+            "outline_m: expected .*, got side 1 across side 3",
+        ),
         ("[[0, 0], [1, 0], [1]]", r"region.yaml:1: outline_m.2: expected 2 values, got 1"),
-        ("[[0, 0], [1, 0], [.nan, 1]]", r"region.yaml:1: outline_m.2.0: got nan"),
+        ("[[0, 0], [1, 0], [.nan, 1]]", r"region.yaml:1: outline_m.2.0: expected .*, got nan"),
     ],
 )
 def test_a_wrong_outline_is_an_error(tmp_path: Path, corners: str, message: str) -> None:
@@ -388,7 +391,9 @@ def test_points_of_another_shape_are_an_error(empty_road: Background) -> None:
 
 @pytest.mark.parametrize("frames", [[], [np.empty((0, 4), np.float32)]])
 def test_learning_from_nothing_is_an_error(frames: list[Points]) -> None:
-    with pytest.raises(ValueError, match=r"frames: got \d without a point in range"):
+    with pytest.raises(
+        ValueError, match=r"frames: expected points in range, got none in \d frames"
+    ):
         Background.learn(frames)
 
 
@@ -442,7 +447,9 @@ def test_a_wrong_file_is_an_error_that_names_it(
             "0": {"settings": good["settings"] * 0},
         }
         np.savez(file, **(good | bad[wrong]))
-    with pytest.raises(ValueError, match=r"wrong\.npz: got no background"):
+    with pytest.raises(
+        ValueError, match=r"wrong\.npz: expected a background .*, got something else"
+    ):
         Background.load(file)
 
 
@@ -490,7 +497,7 @@ def test_train_takes_the_region_from_the_roads_or_a_file_or_says_that_there_is_n
         outline(tmp_path)
         words = ["--region", str(tmp_path / "region.yaml")]
     y = centres_y(recording, tmp_path / "run", *words)
-    refused = "background: pole: got no roads.csv and no --region, so" in capsys.readouterr().err
+    refused = "background: pole: no roads.csv and no --region, so" in capsys.readouterr().err
     assert refused == (known_by == "nothing")
     assert (np.abs(y - 3) < 1).sum() >= 10
     assert (y > HEDGE_Y_M - 2).any() == (known_by == "nothing")
@@ -511,4 +518,4 @@ def test_a_region_for_another_detector_is_an_error(
     recipe, file = ROOT / "configs/detectors/pointpillars.yaml", tmp_path / "region.yaml"
     words = ["--data", str(recording), "--out", str(tmp_path / "run"), "--region", str(file)]
     assert main.main(["train", str(recipe), *words]) == 2
-    assert "--region: expected for background, got a file" in capsys.readouterr().err
+    assert "--region: expected none except for background" in capsys.readouterr().err

@@ -61,7 +61,7 @@ def test_an_imported_site_has_its_folder_as_its_name(config: Path) -> None:
     (site / "map.yaml").write_text("source: corner.osm\n")
     changed(config, "[site.yaml]", "[sites/corner/site.yaml]")
     plan = read_plan(config, "smoke")
-    assert [cell.scene for cell in plan.cells] == ["corner"]
+    assert [experiment.scene for experiment in plan.experiments] == ["corner"]
     with pytest.raises(ConfigError, match="expected 'corner', as the folder, got 'site'"):
         inputs.check_names(plan)
     inputs.check_name(site / "site.yaml", "name: corner")
@@ -86,7 +86,9 @@ def test_a_changed_price_counts_at_once_and_a_changed_pole_is_refused(
     capsys.readouterr()
     changed(config.parent / "site.yaml", "z_m: 6", "z_m: 12")
     assert run(config) == 2
-    assert "site paper own: got rows of another scene" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "site paper own: expected those of this benchmark, " in error
+    assert ", got rows of another scene, " in error
 
 
 def test_other_costs_of_the_site_do_not_change_prices_in_silence(
@@ -95,7 +97,10 @@ def test_other_costs_of_the_site_do_not_change_prices_in_silence(
     assert run(config) == 0
     config.write_text(f"{MATRIX}costs: {{pole_usd: 1500}}\n")
     assert run(config) == 2
-    assert "expected 1500, got costs of the site of 0 USD" in capsys.readouterr().err
+    assert (
+        "site_usd: expected 1500 as in this benchmark, or another --out, got 0"
+        in capsys.readouterr().err
+    )
 
 
 def test_a_changed_price_counts_in_a_bundle(config: Path) -> None:
@@ -124,7 +129,10 @@ def test_another_lidar_changes_what_all_see(
     changed(config, "[own.yaml]", "[avia.yaml]")
     assert run(config) == 2
     error = capsys.readouterr().err
-    assert "site paper: expected avia, own, or, got rows measured among the LiDARs own" in error
+    assert (
+        "site paper: expected avia, own, or another --out, got rows measured among the LiDARs own"
+        in error
+    )
     assert run(config, "--out", str(config.parent / "other")) == 0
     changed(config, "[avia.yaml]", "[own.yaml]")  # a part of the matrix, measured among both
     assert run(config, "--out", str(config.parent / "other")) == 0
@@ -151,7 +159,7 @@ def test_a_digest_knows_the_split_and_the_recorded_vehicles(config: Path) -> Non
     assert len(set(digests)) == 4
 
 
-def test_a_step_that_shows_a_part_of_a_pattern_is_said_before_it_is_simulated(
+def test_a_step_that_shows_a_part_of_a_pattern_is_reported_before_it_is_simulated(
     config: Path,
 ) -> None:
     avia = (configs() / "lidars/livox_avia.yaml").read_text()
@@ -189,7 +197,8 @@ def test_rows_of_an_edited_recipe_are_named_and_not_kept(
     assert "site own paper mine smoke 1: stale" in capsys.readouterr().out
     assert run(config) == 2
     error = capsys.readouterr().err
-    assert "smoke.csv: site own paper mine smoke 1: got rows of another recipe" in error
+    assert "smoke.csv: site own paper mine smoke 1: expected rows of this benchmark, " in error
+    assert ", got rows of another recipe" in error
     assert table.read_bytes() == before
     assert run(config, "--out", str(config.parent / "other")) == 0
 
@@ -213,7 +222,7 @@ def test_a_training_of_another_recipe_does_not_go_on(tmp_path: Path) -> None:
     claim_run(tmp_path / "run", {"inputs": "a", "recipe": "c"})  # nothing was learnt yet
     (tmp_path / "run/last.safetensors").touch()
     claim_run(tmp_path / "run", {"inputs": "a", "recipe": "c"})
-    with pytest.raises(ConfigError, match="run: got a training of another recipe"):
+    with pytest.raises(ConfigError, match=r"run: expected .*got a training of another recipe"):
         claim_run(tmp_path / "run", {"inputs": "a", "recipe": "b"})
 
 
@@ -256,7 +265,7 @@ def test_a_name_that_is_an_order_to_a_shell_or_a_spreadsheet_is_refused(
         read_plan(config, "smoke")
 
 
-def test_a_cell_without_a_counted_vehicle_says_so_and_others_go_on(
+def test_an_experiment_without_a_counted_vehicle_is_reported_and_others_go_on(
     config: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     empty = (config.parent / "site.yaml").read_text().replace("name: site", "name: empty")
@@ -271,27 +280,39 @@ def test_a_cell_without_a_counted_vehicle_says_so_and_others_go_on(
     assert run(config) == 1
     table = pd.read_csv(config.parent / "out/smoke.csv").set_index("scene")
     assert table.ap.notna()["site"]
-    assert "no vehicle" in table.reason["empty"]
+    assert "expected a vehicle with a point in the 1 test frames, got none" in table.reason["empty"]
     assert "empty own paper background smoke 1: failed: " in capsys.readouterr().err
 
 
 def test_a_lidar_is_named_as_its_file(config: Path, capsys: pytest.CaptureFixture[str]) -> None:
     changed(config.parent / "own.yaml", "name: own", "name: mine")
     assert run(config) == 2
-    assert "own.yaml: name: expected 'own', got 'mine'" in capsys.readouterr().err
+    assert "own.yaml: name: expected 'own', as the file, got 'mine'" in capsys.readouterr().err
     assert not (config.parent / "work").exists()
 
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("[background]", "[background, background.yaml]", "detectors: got 'background' of two"),
-        ("0:20:5", "0:10:5", "frames, split: expected some before 1, got frames from 0 to 0.5 s"),
-        ("val_from_s: 1.5", "val_from_s: 0.5", "frames, split: expected 1 s, got val from 0.5 s"),
-        ("0:20:5", "'20:0'", "frames: expected a range, got '20:0'"),
+        (
+            "[background]",
+            "[background, background.yaml]",
+            "detectors: expected .*, got two of 'background'",
+        ),
+        (
+            "0:20:5",
+            "0:10:5",
+            "frames, split: expected some before 1 s .*, got frames from 0 to 0.5 s",
+        ),
+        (
+            "val_from_s: 1.5",
+            "val_from_s: 0.5",
+            "frames, split: val: expected 1 s or later, got 0.5 s",
+        ),
+        ("0:20:5", "'20:0'", "frames: expected a range .*, got '20:0'"),
     ],
 )
-def test_what_can_not_be_is_said_before_anything_runs(
+def test_what_can_not_be_is_reported_before_anything_runs(
     old: str, new: str, message: str, config: Path
 ) -> None:
     shutil.copy(configs() / "detectors/background.yaml", config.parent / "background.yaml")

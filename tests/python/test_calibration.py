@@ -7,7 +7,7 @@ from pyinfra.models.detectors.calibration import calibrated, fit, logit
 
 
 @pytest.mark.parametrize("line", [(1.0, 0.0), (2.0, -1.5), (0.5, 1.0)])
-def test_the_line_that_the_boxes_were_drawn_with_is_found(line: tuple[float, float]) -> None:
+def test_the_line_of_the_random_boxes_is_fitted(line: tuple[float, float]) -> None:
     draw = np.random.default_rng(3)
     scores = draw.uniform(0.02, 0.98, 40_000)
     right = draw.random(len(scores)) < calibrated(scores, line)
@@ -26,11 +26,11 @@ def test_scores_are_then_shares_of_right_boxes() -> None:
 
 def test_sure_scores_stay_finite() -> None:
     assert np.isfinite(logit(np.array([0.0, 1.0]))).all()
-    with pytest.raises(ValueError, match="got 2 right boxes of 2"):
+    with pytest.raises(ValueError, match="expected some but not all boxes to be right, got 2 of 2"):
         fit(np.array([0.2, 0.9]), np.array([True, True]))
 
 
-def test_a_line_far_from_the_scores_as_they_are_is_found() -> None:
+def test_a_line_far_from_the_scores_as_they_are_is_fitted() -> None:
     draw = np.random.default_rng(3)
     true = draw.normal(-4, 2, 4000)
     right = draw.random(4000) < 1 / (1 + np.exp(-true))

@@ -161,8 +161,8 @@ def test_rate_times_columns_times_channels_is_the_points_per_second(
             s = pattern["spinning"]
             columns = float(Fraction(s["columns_per_turn"]))
             total += len(s["channels"]["table"]) * s["rate_hz"] * columns
-        elif "wedges" in pattern:
-            total += len(pattern["wedges"]["laser_offsets"]) * pattern["wedges"]["steps_per_s"]
+        elif "prisms" in pattern:
+            total += len(pattern["prisms"]["laser_offsets"]) * pattern["prisms"]["steps_per_s"]
         else:
             total += pattern["table"]["rays_per_s"]
     assert total == pytest.approx(points_per_s, rel=1e-3)

@@ -182,17 +182,21 @@ def test_a_network_begins_with_what_one_of_fewer_classes_learnt(tmp_path: Path) 
 
 
 def test_classes_of_network_and_boxes_are_the_same(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"network.classes: got vehicle, pedestrian, cyc"):
+    with pytest.raises(
+        ValueError, match=r"network.classes: expected .*got vehicle, pedestrian, cyc"
+    ):
         train.train(recipe(ALL), [source(("vehicle",))], tmp_path / "run", quiet=True)
 
 
 def test_classes_are_known_and_each_is_there_once() -> None:
     plain = {"classes": ["vehicle", "tram"]}
-    with pytest.raises(ConfigError, match=r"classes.1: expected vehicle, ped, got 'tram'"):
+    with pytest.raises(
+        ConfigError, match=r"classes.1: expected vehicle, pedestrian, .*, got 'tram'"
+    ):
         config_of("centerpoint-pillar", plain)
     with pytest.raises(ConfigError, match="twice"):
         config_of("centerpoint-pillar", {"classes": ["cyclist", "cyclist"]})
-    with pytest.raises(ConfigError, match="classes: got none"):
+    with pytest.raises(ConfigError, match="classes: expected one or more, got none"):
         config_of("centerpoint-pillar", {"classes": []})
     assert config_of("centerpoint-pillar", {}).classes == ("vehicle",)
     provenance = Provenance("pointpillars", {}, SITE, "lidar", "datasheet", "scene", 1, 0, 1)

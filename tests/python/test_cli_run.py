@@ -233,7 +233,7 @@ def test_a_folder_holds_labels_of_one_time(
     infrasim(*words, check=True)
     other = infrasim(*words, "--label-time", "scan")
     assert other.returncode == 1
-    assert "got 'label_time: frame', this run has 'label_time: scan'" in other.stderr
+    assert "it has 'label_time: frame', this run has 'label_time: scan'" in other.stderr
 
 
 def test_the_seed_moves_a_free_motor_alone(
@@ -322,7 +322,7 @@ def test_ring_0_is_the_lowest_elevation(data_set: Path) -> None:
         assert mean.is_monotonic_increasing
 
 
-def test_points_of_an_object_lie_in_its_box_when_the_world_stands_still(
+def test_points_of_an_object_lie_in_its_box_when_the_traffic_stands_still(
     infrasim: Infrasim, run_command: Words, tmp_path: Path
 ) -> None:
     command = run_command("livox_avia", "ruby_plus", frames="0:2", aggregation="instant")
@@ -492,7 +492,7 @@ def test_weather_that_a_preset_does_not_feel_is_a_warning(
     assert result.returncode == 0, result.stderr
     assert result.stderr == (
         "infrasim: warning: helios_16, preset paper: weather: no effect, expected a preset that "
-        "has it\n, got no returns.detection"
+        "has it, got no returns.detection\n"
     )
 
 

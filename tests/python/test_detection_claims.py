@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 import report_data
-from benchmark_data import PRICES, cells, draws_of, key_of, values
+from benchmark_data import PRICES, experiments, key_of, replicates_of, values
 
-from pyinfra.metrics.comparison import Bootstrapped, over_worlds
+from pyinfra.metrics.comparison import Bootstrapped, over_replicates
 from pyinfra.metrics.replicates import difference, slope
 from reproduction import __main__ as reproduction
 from reproduction.claims.agreement import paper_table
@@ -17,16 +17,16 @@ from reproduction.paper_tables import paper_ap
 
 
 def tables(half: float = 1.0) -> dict[str, pd.DataFrame]:
-    """Cells with the draws of their AP, `captured` and `common` alike."""
-    rows = cells(half)
-    both = [draws_of(rows, "ap", half, truth) for truth in ("captured", "common")]
-    return {"cells": rows, "draws": pd.concat(both)}
+    """Experiments with the replicates of their AP, `captured` and `common` alike."""
+    rows = experiments(half)
+    both = [replicates_of(rows, "ap", half, truth) for truth in ("captured", "common")]
+    return {"experiments": rows, "replicates": pd.concat(both)}
 
 
 def figure(measure: str, truth: str, half: float, **of: float) -> pd.DataFrame:
-    """The draws of a measure of PointPillars, by LiDAR."""
+    """The replicates of a measure of PointPillars, by LiDAR."""
     rows = pd.DataFrame([key_of(lidar, "pointpillars") | {"x": x} for lidar, x in of.items()])
-    return draws_of(rows, "x", half, truth, measure=measure)
+    return replicates_of(rows, "x", half, truth, measure=measure)
 
 
 def verdicts(tables: dict[str, pd.DataFrame], claim: str) -> dict[str, str]:
@@ -36,19 +36,21 @@ def verdicts(tables: dict[str, pd.DataFrame], claim: str) -> dict[str, str]:
     return dict(zip(rows.statement, rows.verdict, strict=True))
 
 
-def test_cells_without_draws_claim_nothing() -> None:
-    assert claims_table({"cells": cells()}).empty
+def test_experiments_without_replicates_claim_nothing() -> None:
+    assert claims_table({"experiments": experiments()}).empty
 
 
 def test_areas_are_compared_by_share_and_by_number() -> None:
     share = figure("p_hqda", "captured", 5, ruby_plus=80, livox_avia=75)
     number = figure("n_hqda", "captured", 1, ruby_plus=8, livox_avia=3)
-    outcome = verdicts({"cells": cells(), "draws": pd.concat([share, number])}, "areas")
+    outcome = verdicts(
+        {"experiments": experiments(), "replicates": pd.concat([share, number])}, "areas"
+    )
     # 5 either way makes 7 of the difference of -5: within 10 it is not sure.
     assert list(outcome.values()) == ["undecided", "holds"]
 
 
-def test_the_draws_of_a_difference_go_in_pairs() -> None:
+def test_the_replicates_of_a_difference_go_in_pairs() -> None:
     common = np.sin(np.arange(200))
     a, b = Bootstrapped(90, 90 + common, 1e6), Bootstrapped(88, 88 + common, 1e6)
     interval = a.less(b).measured()
@@ -56,29 +58,31 @@ def test_the_draws_of_a_difference_go_in_pairs() -> None:
     assert interval.is_significant
     assert a.less(Bootstrapped(90, 90 - common, 1e6)).measured().low < -2
     assert a.over(b).value == pytest.approx(90 / 88)
-    assert a.times(2).draws == pytest.approx(2 * a.draws)
+    assert a.times(2).replicates == pytest.approx(2 * a.replicates)
 
 
-def test_figures_without_draws_are_not_told_apart() -> None:
+def test_figures_without_replicates_do_not_differ() -> None:
     interval = Bootstrapped(90, np.empty(0), 2).less(Bootstrapped(10, np.empty(0), 2)).measured()
     assert not interval.is_known
     assert not interval.is_significant
 
 
-@pytest.mark.parametrize("column", ["world", "version", "label_time", "block_s", "draws_seed"])
-def test_draws_of_other_blocks_are_not_compared(column: str) -> None:
-    rows = draws_of(cells(), "ap", 1)
+@pytest.mark.parametrize(
+    "column", ["vehicles_digest", "version", "label_time", "block_s", "replicates_seed"]
+)
+def test_replicates_of_other_blocks_are_not_compared(column: str) -> None:
+    rows = replicates_of(experiments(), "ap", 1)
     other = rows.iloc[1].copy()
     other[column] = "another"
     with pytest.raises(ValueError, match=f"{column}: expected the same, got .* and another"):
         difference(rows.iloc[0], other)
 
 
-def test_a_figure_over_worlds_has_students_interval() -> None:
-    interval = over_worlds([1.0, 2.0, 3.0])
+def test_a_figure_over_seeds_has_students_interval() -> None:
+    interval = over_replicates([1.0, 2.0, 3.0])
     assert interval.value == 2
     assert interval.high - interval.value == pytest.approx(4.3027 / 3**0.5, rel=1e-3)
-    assert not over_worlds([1.0]).is_known
+    assert not over_replicates([1.0]).is_known
 
 
 def test_comparable_is_about_three_points_either_way() -> None:
@@ -90,9 +94,12 @@ def test_comparable_is_about_three_points_either_way() -> None:
 
 def test_of_a_seed_that_failed_the_next_one_stands_in() -> None:
     data = tables()
-    failed = data["cells"].assign(ap=float("nan"))
+    failed = data["experiments"].assign(ap=float("nan"))
     second = {name: rows.assign(seed=2) for name, rows in data.items()}
-    both = {"cells": pd.concat([failed, second["cells"]]), "draws": second["draws"]}
+    both = {
+        "experiments": pd.concat([failed, second["experiments"]]),
+        "replicates": second["replicates"],
+    }
     assert verdicts(both, "comparable") == verdicts(data, "comparable")
 
 
@@ -110,20 +117,20 @@ def test_algorithms_are_compared_with_the_best() -> None:
     assert len(outcome) == 2 * 4
 
 
-def test_a_straight_line_has_its_slope_in_every_draw() -> None:
-    windows = pd.DataFrame({"s": range(0, 50, 10), "ap_fine": [90.0, 88, 86, 84, 82]})
-    windows = windows.assign(ap_fine_low=windows.ap_fine - 2, ap_fine_high=windows.ap_fine + 2)
-    draws = np.outer(np.arange(5), [-1.0, -3.0]) + 90
-    bootstrapped = slope(windows, draws, 10)
+def test_a_straight_line_has_its_slope_in_every_replicate() -> None:
+    windows = pd.DataFrame({"s": range(0, 50, 10), "ap_r1000": [90.0, 88, 86, 84, 82]})
+    windows = windows.assign(ap_r1000_low=windows.ap_r1000 - 2, ap_r1000_high=windows.ap_r1000 + 2)
+    replicates = np.outer(np.arange(5), [-1.0, -3.0]) + 90
+    bootstrapped = slope(windows, replicates, 10)
     assert bootstrapped.value == pytest.approx(-2)
-    assert bootstrapped.draws == pytest.approx([-1, -3])
+    assert bootstrapped.replicates == pytest.approx([-1, -3])
 
 
 def test_gentle_is_the_avia_against_the_gentlest_of_the_others() -> None:
     slopes = figure(
         "ap_slope", "captured", 0.2, ruby_plus=-2, livox_avia=-1, pandar_64=-3, helios_16=-4
     )
-    rows = claims_table({"cells": cells(), "draws": slopes})
+    rows = claims_table({"experiments": experiments(), "replicates": slopes})
     selected = rows[rows.claim == "gentle"]
     assert selected.value.to_list() == pytest.approx([1.0])
     assert selected.verdict.to_list() == ["holds"]
@@ -132,35 +139,37 @@ def test_gentle_is_the_avia_against_the_gentlest_of_the_others() -> None:
 def test_value_is_per_dollar_against_the_best_of_the_others() -> None:
     areas = figure("n_hqda", "all", 1, **dict.fromkeys(PRICES, 10.0))
     data = tables()
-    data = data | {"value": values(), "draws": pd.concat([data["draws"], areas])}
+    data = data | {"value": values(), "replicates": pd.concat([data["replicates"], areas])}
     outcome = verdicts(data, "value")
     # 94 AP for 2,000 against 60 for 1,000; 10 areas for 2,000 against as many for 1,000.
     text = "pointpillars: {} per dollar of the Avia over the best of the others (helios_16) above 1"
     assert outcome[text.format("AP")] == "fails"
     assert outcome[text.format("high-quality areas")] == "fails"
     unsure = figure("n_hqda", "all", 9, **dict.fromkeys(PRICES, 10.0))
-    outcome = verdicts(data | {"draws": pd.concat([tables()["draws"], unsure])}, "value")
+    outcome = verdicts(data | {"replicates": pd.concat([tables()["replicates"], unsure])}, "value")
     assert outcome[text.format("high-quality areas")] == "undecided"
 
 
 def test_tilt_takes_the_best_angle_against_none() -> None:
-    dials = {"none": ["0"], "tilt": ["5", "10", "20", "30"], "unseen_lidar": ["pandar_64"]}
+    severities = {"none": ["0"], "tilt": ["5", "10", "20", "30"], "unseen_lidar": ["pandar_64"]}
     curve = pd.DataFrame(
-        [{"stressor": s, "dial": d} for s, levels in dials.items() for d in levels]
+        [{"stressor": s, "severity": d} for s, levels in severities.items() for d in levels]
     )
     curve = curve.assign(x=[80.0, 81, 84, 70, 99, 99], tier="quick", seed=1)
     curve = curve.assign(lidar="livox_avia", scene="road", preset="paper", detector="dsvt")
-    more = curve[["stressor", "dial"]].assign(run="a")
-    drawn = pd.concat([draws_of(curve, "x", 0.1).drop(columns="tier"), more], axis=1)
-    row = claims_table({"cells": cells(), "stress_draws": drawn}).iloc[-1]
+    more = curve[["stressor", "severity"]].assign(run="a")
+    stressed = pd.concat([replicates_of(curve, "x", 0.1).drop(columns="tier"), more], axis=1)
+    row = claims_table({"experiments": experiments(), "stress_replicates": stressed}).iloc[-1]
     assert (row.claim, row.value, row.verdict) == ("tilt", 4, "fails")
-    worse = drawn.assign(preset="equal", value=drawn.value - 30)
-    both = claims_table({"cells": cells(), "stress_draws": pd.concat([drawn, worse])})
+    worse = stressed.assign(preset="equal", value=stressed.value - 30)
+    both = claims_table(
+        {"experiments": experiments(), "stress_replicates": pd.concat([stressed, worse])}
+    )
     by_preset = both[both.claim == "tilt"].set_index("preset").value
     assert by_preset.to_dict() == {"paper": 4, "equal": 4}
 
 
-def test_of_four_cells_the_papers_order_comes_by_chance_in_two_of_24() -> None:
+def test_of_four_experiments_the_papers_order_comes_by_chance_in_two_of_24() -> None:
     published = paper_ap().assign(preset="paper", tier="quick", seed=1)
     four = published[(published.scene == "curve") & (published.detector == "pointpillars")]
     assert paper_table(four).p_value.to_list() == pytest.approx([2 / 24] * 2)
@@ -169,10 +178,10 @@ def test_of_four_cells_the_papers_order_comes_by_chance_in_two_of_24() -> None:
 def test_the_order_of_the_papers_ap_is_a_correlation_of_one() -> None:
     published = paper_ap().assign(preset="paper", tier="quick", seed=1)
     agreement = paper_table(published.assign(ap=published.ap / 2)).set_index("scene")
-    assert list(agreement.cells) == [16, 16, 16, 48]
+    assert list(agreement.experiments) == [16, 16, 16, 48]
     assert agreement.p_value.max() < 0.001
     assert agreement.rank_correlation.to_list() == pytest.approx([1] * 4)
-    # The paper's mean over the curve's 16 cells is 70.6.
+    # The paper's mean over the curve's 16 experiments is 70.6.
     assert agreement.mean_difference["curve"] == pytest.approx(-70.6 / 2, abs=0.05)
     turned = paper_table(published.assign(ap=100 - published.ap))
     assert turned.rank_correlation.to_list() == pytest.approx([-1] * 4)
@@ -181,10 +190,10 @@ def test_the_order_of_the_papers_ap_is_a_correlation_of_one() -> None:
 def test_the_command_writes_claims_and_agreement_beside_the_tables(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    cells = report_data.cells()
+    experiments = report_data.experiments()
     value = report_data.value()
-    report_data.write(tmp_path, {"quick.csv": cells, "quick_value.csv": value})
-    report_data.write(tmp_path, {"quick_draws.csv": report_data.cell_draws()})
+    report_data.write(tmp_path, {"quick.csv": experiments, "quick_value.csv": value})
+    report_data.write(tmp_path, {"quick_replicates.csv": report_data.experiment_replicates()})
     assert reproduction.main(["claims", str(tmp_path)]) == 0
     table = pd.read_csv(tmp_path / "quick_claims.csv")
     assert list(table.claim) == ["comparable"]
@@ -192,7 +201,7 @@ def test_the_command_writes_claims_and_agreement_beside_the_tables(
 
 
 def test_the_smoke_tier_tests_no_claim(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    report_data.write(tmp_path, {"smoke.csv": report_data.cells().assign(tier="smoke")})
+    report_data.write(tmp_path, {"smoke.csv": report_data.experiments().assign(tier="smoke")})
     assert reproduction.main(["claims", str(tmp_path)]) == 2
     assert "expected quick or full, got smoke" in capsys.readouterr().err
     assert [file.name for file in tmp_path.iterdir()] == ["smoke.csv"]

@@ -50,7 +50,7 @@ def overlaps(detections: Detections, boxes: np.ndarray) -> list[float]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LEARNT)
-def test_overfits_one_frame_without_a_miss_or_a_ghost(name: str) -> None:
+def test_overfits_one_frame_without_a_miss_or_a_false_positive(name: str) -> None:
     sample, network = road_sample(1), network_of(name)
     batch = make_batch([sample], network.site.area)
     optimizer = torch.optim.AdamW(network.parameters(), 0.003)
@@ -382,7 +382,7 @@ def test_the_site_holds_every_vehicle() -> None:
     site = site_of([sample.boxes for sample in samples])
     for sample in samples:
         assert site.area.holds(sample.boxes[:, :3]).all()
-    with pytest.raises(ValueError, match="got no vehicle"):
+    with pytest.raises(ValueError, match="expected a vehicle in the training frames, got none"):
         site_of([np.empty((0, 7))])
 
 
@@ -493,7 +493,7 @@ def test_roads_have_an_axis_where_one_is_and_none_where_two_cross_or_off_them() 
     np.testing.assert_allclose(cos, [1, 1, -1, 0, 0], atol=1e-12)
 
 
-def test_a_road_s_axis_fills_up_what_was_not_found_of_a_vehicle_s() -> None:
+def test_a_road_s_axis_fills_up_what_is_missing_of_a_vehicle_s() -> None:
     head = AxisHead(4, 4, SITE, 0.8)
     head.know(crossing(), (32, 48))
     box = torch.tensor([[20.0, 0.5, -4.5, 4.0, 2.0, 1.5, math.pi / 3]])

@@ -202,7 +202,7 @@ def test_a_score_mixes_heat_and_fit_where_there_is_heat() -> None:
     torch.testing.assert_close(head.score(heat, at), wanted)
 
 
-def test_the_fit_learns_the_overlap_of_the_box_that_was_found() -> None:
+def test_the_fit_learns_the_overlap_of_the_detected_box() -> None:
     head = IouHead(4, 4, SITE, 0.8, 0.68)
     boxes = torch.from_numpy(road_sample(9).boxes).float()
     row, column = head.cells_of(boxes, (32, 48))

@@ -22,7 +22,7 @@ def test_boxes_hold_in_the_middle_of_their_frame(tmp_path: Path) -> None:
 
 def test_frames_that_do_not_ascend_are_an_error(tmp_path: Path) -> None:
     series = read_series(write_recording(tmp_path))
-    with pytest.raises(ValueError, match="expected ascending ones, got frame 5 after 7"):
+    with pytest.raises(ValueError, match="expected ascending frame numbers, got 5 after 7"):
         list(read_frames(series, [7, 5]))
 
 
@@ -56,7 +56,9 @@ def test_an_id_twice_in_a_frame_is_named(tmp_path: Path) -> None:
     folder = write_recording(tmp_path)
     file = kitti.frame_file(folder, "objects", 5)
     file.write_text(file.read_text().replace("\n8,", "\n3,"))
-    with pytest.raises(FormatError, match=r"000005\.csv:3: id: expected once, got 3 twice"):
+    with pytest.raises(
+        FormatError, match=r"000005\.csv:3: id: expected each once a frame, got 3 twice"
+    ):
         list(read_frames(read_series(folder), [5]))
 
 
@@ -71,7 +73,9 @@ def test_objects_that_nobody_tracked_are_new_ones_in_every_frame(tmp_path: Path)
 def test_a_description_that_is_no_mapping_is_named(tmp_path: Path) -> None:
     folder = write_recording(tmp_path)
     (tmp_path / "dataset.yaml").write_text("highway\n")
-    with pytest.raises(FormatError, match=r"dataset\.yaml:1: got no mapping"):
+    with pytest.raises(
+        FormatError, match=r"dataset\.yaml:1: expected keys and values, got something else"
+    ):
         read_series(folder)
 
 
@@ -103,5 +107,5 @@ def test_a_name_that_leads_out_of_the_folder_is_an_error(
     folder = write_recording(tmp_path)
     text = (tmp_path / file).read_text()
     (tmp_path / file).write_text(text.replace(f'"{name}"', '"../x"'))
-    with pytest.raises(FormatError, match=rf"{file}: name: expected a name, got '\.\./x'"):
+    with pytest.raises(FormatError, match=rf"{file}: name: expected a name .*, got '\.\./x'"):
         read_series(folder)

@@ -1,5 +1,6 @@
 """`pyinfra export`: whole or not at all, and one line for what is wrong."""
 
+import re
 import resource
 import subprocess
 import sys
@@ -70,8 +71,8 @@ def test_frames_and_splits_are_chosen(pole: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "code", "part"),
     [
-        (["--frames", "0:3"], 2, "--frames: got '0:3'"),
-        (["--frames", "5"], 2, "--frames: expected A:B[:STEP], got '5'"),
+        (["--frames", "0:3"], 2, "--frames: expected a range with frames of .*, got '0:3'"),
+        (["--frames", "5"], 2, r"--frames: expected A:B\[:STEP\], got '5'"),
         (["--split", "train"], 1, "ImageSets/train.txt: No such file"),
     ],
 )
@@ -85,7 +86,7 @@ def test_wrong_frames(
 ) -> None:
     assert main.main([*words(pole, tmp_path / "out"), *more]) == code
     err = capsys.readouterr().err
-    assert part in err
+    assert re.search(part, err)
     assert err.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
@@ -125,7 +126,7 @@ def test_a_folder_that_is_there_stays_unless_empty(
     assert main.main(words(pole, out)) == 0
     capsys.readouterr()
     assert main.main(words(pole, out)) == 1
-    assert "out: is there already, expected a new or an empty folder" in capsys.readouterr().err
+    assert "out: expected a new or an empty folder, got one with files" in capsys.readouterr().err
     (tmp_path / "file").touch()
     assert main.main(words(pole, tmp_path / "file")) == 1
 

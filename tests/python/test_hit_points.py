@@ -78,7 +78,7 @@ def test_short_run_is_near_the_paper_and_asked_once(tmp_path: Path) -> None:
     scenes = [catalogue.scene_file("crossroad")]
     lidars = [catalogue.lidar_file(name) for name in ("livox_avia", "pandar_64")]
     steps: list[str] = []
-    table = hit_points.hit_table(scenes, lidars, "0:75:25", cache=tmp_path, say=steps.append)
+    table = hit_points.hit_table(scenes, lidars, "0:75:25", cache=tmp_path, progress=steps.append)
     assert len(steps) == 2
     assert table["lidar"].tolist() == ["livox_avia", "pandar_64"]
     assert (table["error"].abs() < 0.05).all()
@@ -122,8 +122,8 @@ def test_hits_are_read_from_a_summary(tmp_path: Path) -> None:
     ("old", "new", "message"),
     [
         ("hits_per_frame", "hits", "got no column hits_per_frame"),
-        ("paper,2", "paper,0", "without frames"),
-        (SUMMARY[SUMMARY.index("livox") :], "", "without frames"),
+        ("paper,2", "paper,0", "summary.csv: expected frames, got none"),
+        (SUMMARY[SUMMARY.index("livox") :], "", "summary.csv: expected frames, got none"),
     ],
 )
 def test_summary_without_hits_is_an_error(tmp_path: Path, old: str, new: str, message: str) -> None:

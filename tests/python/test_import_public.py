@@ -185,14 +185,23 @@ def with_first(change: Callable[[dict[str, Any]], object]) -> Callable[[Any], An
 
 WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
     "no list": (lambda c: {"a": 1}, "expected a list of objects"),
-    "no size": (with_first(lambda o: o.pop("3d_dimensions")), "object 0: got no '3d_dimensions'"),
+    "no size": (
+        with_first(lambda o: o.pop("3d_dimensions")),
+        "object 0: expected a '3d_dimensions', got none",
+    ),
     "no number": (
         with_first(lambda o: o["3d_location"].update(x="far")),
         r"object 0: 3d_location\.x: expected a finite number, got 'far'",
     ),
     "flat": (with_first(lambda o: o["3d_dimensions"].update(h=0)), "expected sizes of more than"),
-    "degrees": (with_first(lambda o: o.update(rotation=90)), "rotation: expected -2 pi, got 90"),
-    "no rotation": (with_first(lambda o: o.update(rotation=None)), "rotation: got 'None'"),
+    "degrees": (
+        with_first(lambda o: o.update(rotation=90)),
+        "rotation: expected -2 pi to 2 pi, radians, got 90",
+    ),
+    "no rotation": (
+        with_first(lambda o: o.update(rotation=None)),
+        "rotation: expected a finite number, got 'None'",
+    ),
 }
 
 
@@ -211,11 +220,14 @@ def test_wrong_objects_are_named(case: str, motorway: Path, tmp_path: Path) -> N
     ("content", "message"),
     [
         ("[", "is not JSON"),
-        ("{}", "got no openlabel.frames"),
-        ('{"openlabel": {"frames": {"0": {}, "1": {}}}}', "expected one a cloud, got 2 frames"),
+        ("{}", "expected openlabel.frames with objects, got none"),
+        (
+            '{"openlabel": {"frames": {"0": {}, "1": {}}}}',
+            "expected one frame for each cloud, got 2",
+        ),
         (
             '{"openlabel": {"frames": {"0": {"objects": {"a": {"object_data": {}}}}}}}',
-            "object a: got no cuboid of ten numbers",
+            "object a: expected a cuboid of ten numbers, got none",
         ),
         (
             '{"openlabel": {"frames": {"0": {"objects": {"a": {"object_data": {"cuboid": {"val": '
@@ -237,7 +249,7 @@ def test_wrong_cuboids_are_named(
 def test_one_of_several_lidars_is_chosen(motorway: Path, tmp_path: Path) -> None:
     source = tumtraf(motorway, tmp_path / "set")
     write_cloud(source / "point_clouds/north/1651673050_454284855_north.pcd", motorway, 0)
-    with pytest.raises(ValueError, match=f"expected one of them, got LiDARs north, {LIDAR}"):
+    with pytest.raises(ValueError, match=f"expected one LiDAR, got north, {LIDAR}: "):
         import_recording(source, "tumtraf", tmp_path / "in/p", FACTS, Options())
     chosen = Options(channel=LIDAR)
     assert import_recording(source, "tumtraf", tmp_path / "in/p", FACTS, chosen)[0].frames == 3

@@ -1,12 +1,12 @@
 """Frames on disk: what the simulator writes is what is read, and wrong files are named by line."""
 
 import math
-import re
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from message_pattern import pattern
 
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset.frame_tables import Cameras, read_predictions
@@ -117,32 +117,56 @@ def test_lidar_file_gives_radians_and_every_unit(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("z_m: 6", "z_m: high", "lidar.yaml:6: T_world_levelled.z_m: expected a num, got 'high'"),
-        ("z_m: 6, ", "", "lidar.yaml:6: T_world_levelled: got no key 'z_m'"),
-        ("[1, 2]", "[2, 1]", r"lidar.yaml:10: field_of_view[1].range_m: got [2.0, 1.0]"),
-        ("[1, 2]", "2", "lidar.yaml:10: field_of_view[1].range_m: got no list"),
-        ('name: "two"', "name: [two]", "lidar.yaml:1: name: got a collection"),
-        ("period_s: 0.1\n", "", "got no key 'period_s'"),
-        ("label_time: frame\n", "", "got no key 'label_time'"),
+        (
+            "z_m: 6",
+            "z_m: high",
+            "lidar.yaml:6: T_world_levelled.z_m: expected a number, got 'high'",
+        ),
+        ("z_m: 6, ", "", "lidar.yaml:6: T_world_levelled: expected a key 'z_m', got none"),
+        (
+            "[1, 2]",
+            "[2, 1]",
+            "lidar.yaml:10: field_of_view[1].range_m: expected ..., got [2.0, 1.0]",
+        ),
+        ("[1, 2]", "2", "lidar.yaml:10: field_of_view[1].range_m: expected a list"),
+        ('name: "two"', "name: [two]", "lidar.yaml:1: name: expected ..., got a collection"),
+        ("period_s: 0.1\n", "", "lidar.yaml:1: expected a key 'period_s', got none"),
+        ("label_time: frame\n", "", "lidar.yaml:1: expected a key 'label_time', got none"),
         ("{low: 100", "{low: 100}}", "lidar.yaml:4: is not YAML"),
-        (LIDAR, "", "lidar.yaml:1: got no mapping"),
+        (LIDAR, "", "lidar.yaml:1: expected a mapping"),
         ("period_s: 0.1", "period_s: 0", "lidar.yaml:5: period_s: expected 0.001 to 60, got 0"),
-        ("period_s: 0.1", "period_s: .nan", "lidar.yaml:5: period_s: expected 0.001, got .nan"),
-        ("period_s: 0.1", "period_s: 1000", "lidar.yaml:5: period_s: expected 0.001, got 1000"),
-        ("period_s: 0.1", "period_s: 0.1\nperiod_s: 1", "lidar.yaml:6: period_s: got twice"),
-        ("low: 100", "low: -1", "lidar.yaml:4: price_total_usd.low: expected 0, got -1"),
-        ("low: 100", "low: 300", "lidar.yaml:4: price_total_usd: got low 300 above high"),
-        ("yaw_deg: 90", "yaw_deg: 1e30", "lidar.yaml:6: T_world_levelled.yaw_deg: got 1e30"),
-        ("[1, 2]", "[1, 1e9]", "lidar.yaml:10: field_of_view[1].range_m[1]: got 1e9"),
+        (
+            "period_s: 0.1",
+            "period_s: .nan",
+            "lidar.yaml:5: period_s: expected 0.001 to 60, got .nan",
+        ),
+        (
+            "period_s: 0.1",
+            "period_s: 1000",
+            "lidar.yaml:5: period_s: expected 0.001 to 60, got 1000",
+        ),
+        ("period_s: 0.1", "period_s: 0.1\nperiod_s: 1", "lidar.yaml:6: period_s: expected it once"),
+        ("low: 100", "low: -1", "lidar.yaml:4: price_total_usd.low: expected 0 ..., got -1"),
+        ("low: 100", "low: 300", "lidar.yaml:4: price_total_usd: expected ..., got low 300"),
+        (
+            "yaw_deg: 90",
+            "yaw_deg: 1e30",
+            "lidar.yaml:6: T_world_levelled.yaw_deg: expected ..., got 1e30",
+        ),
+        ("[1, 2]", "[1, 1e9]", "lidar.yaml:10: field_of_view[1].range_m[1]: expected ..., got 1e9"),
         ('"two"', '"t\0"', "lidar.yaml: is not YAML: "),
-        (LIDAR, "[" * 10**5 + "]" * 10**5, "lidar.yaml:1: is not YAML: got more than 100 levels"),
+        (
+            LIDAR,
+            "[" * 10**5 + "]" * 10**5,
+            "lidar.yaml:1: is not YAML: expected at most 100 levels",
+        ),
     ],
 )
 def test_wrong_lidar_file_is_named_by_line_and_key(
     tmp_path: Path, old: str, new: str, message: str
 ) -> None:
     assert old in LIDAR
-    with pytest.raises(FormatError, match=re.escape(message)):
+    with pytest.raises(FormatError, match=pattern(message)):
         kitti.read_lidar(lidar_folder(tmp_path, LIDAR.replace(old, new)))
 
 
@@ -167,16 +191,16 @@ def test_points_are_little_endian_float32(tmp_path: Path) -> None:
 
 
 def test_cut_file_is_an_error_with_its_size(tmp_path: Path) -> None:
-    with pytest.raises(FormatError, match="expected a multiple of 16, got 31 bytes"):
+    with pytest.raises(FormatError, match=r"expected a multiple of 16 .*, got 31 bytes"):
         kitti.read_points(written(tmp_path, bytes(31)))
-    with pytest.raises(FormatError, match="expected a multiple of 12, got 13 bytes"):
+    with pytest.raises(FormatError, match=r"expected a multiple of 12.*, got 13 bytes"):
         kitti.read_fields(written(tmp_path, bytes(13)))
 
 
 def test_point_that_is_not_finite_is_an_error(tmp_path: Path) -> None:
     rows = np.zeros((3, 4), dtype="<f4")
     rows[1, 2] = np.nan
-    with pytest.raises(FormatError, match=r"point 1: got .*allowed finite"):
+    with pytest.raises(FormatError, match=r"point 1: expected finite .*got "):
         kitti.read_points(written(tmp_path, rows.tobytes()))
 
 
@@ -222,7 +246,9 @@ def test_labels_of_a_folder_without_a_lidar_hold_at_mid_frame(tmp_path: Path) ->
 
 def test_an_unknown_label_time_is_an_error(tmp_path: Path) -> None:
     folder = lidar_folder(tmp_path, LIDAR.replace("label_time: frame", "label_time: end"))
-    with pytest.raises(FormatError, match=r"lidar\.yaml:11: label_time: expected frame, got 'end'"):
+    with pytest.raises(
+        FormatError, match=r"lidar\.yaml:11: label_time: expected frame or scan, got 'end'"
+    ):
         kitti.read_lidar(folder)
 
 
@@ -235,42 +261,66 @@ def test_frame_without_vehicles_has_none(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", ":1: expected 'id,class, got ''"),
-        (f"{HEADER},more\n", ":1: got 'id,class"),
-        (f"{HEADER}\n{VEHICLE}\n7,Car\n", ":3: expected 20 columns, got 2"),
-        (f"{HEADER}\n{VEHICLE}\n\n", ":3: expected 20 columns, got 1"),
+        ("", ":1: expected 'id,class,...', got ''"),
+        (f"{HEADER},more\n", ":1: expected 'id,class,...', got 'id,class,..."),
+        (f"{HEADER}\n{VEHICLE}\n7,Car\n", ":3: expected 20 columns ..., got 2"),
+        (f"{HEADER}\n{VEHICLE}\n\n", ":3: expected 20 columns ..., got 1"),
         (f"{HEADER}\n{VEHICLE.replace('10.5', 'ten')}\n", ":2: x: expected a number, got 'ten'"),
-        (f"{HEADER}\n{VEHICLE.replace('10.5', 'nan')}\n", ":2: x: expected a finite, got nan"),
+        (
+            f"{HEADER}\n{VEHICLE.replace('10.5', 'nan')}\n",
+            ":2: x: expected a finite number, got nan",
+        ),
         (
             f"{HEADER}\n{VEHICLE.replace('4.5', '-4.5')}\n",
-            ":2: dx: expected more, got -4.5",
+            ":2: dx: expected more than 0.001 to 1000, got -4.5",
         ),
-        (f"{HEADER}\n{VEHICLE.replace('12', '-1')}\n", ":2: points: expected a whole num, got -1"),
-        (f"{HEADER}\n{VEHICLE.replace('12', '1.5')}\n", ":2: points: expected a whole, got 1.5"),
+        (f"{HEADER}\n{VEHICLE.replace('12', '-1')}\n", ":2: points: expected a whole ..., got -1"),
+        (
+            f"{HEADER}\n{VEHICLE.replace('12', '1.5')}\n",
+            ":2: points: expected a whole ..., got 1.5",
+        ),
         (
             f"{HEADER}\n{VEHICLE.replace('0.75', '1.5')}\n",
-            ":2: visibility: expected 0, got 1.5",
+            ":2: visibility: expected 0 to 1, or -1, got 1.5",
         ),
         (f"{HEADER}\n{VEHICLE.replace('Car', '')}\n", ":2: class: expected a name, got nothing"),
-        (f"{HEADER}\n{VEHICLE}\n{VEHICLE}\n", ":3: id: expected once a frame, got 7 twice"),
-        (f"{HEADER}\n{VEHICLE}", ":2: got no end of the line: is it cut short?"),
-        (f"{HEADER}\n{VEHICLE.replace('0.25', '90')}\n", ":2: heading: expected -2 pi, got 90"),
-        (f"{HEADER}\n{VEHICLE.replace('10.5', '1e30')}\n", ":2: x: expected -10000, got 1e+30"),
-        (f"{HEADER}\n{VEHICLE.replace(',9,', ',13,')}\n", ":2: points_in_box: got 13, allowed"),
-        (f"{HEADER}\n{VEHICLE.replace(',11', ',13')}\n", ":2: points_in_scan_box: got 13, all"),
-        (f"{HEADER}\n{VEHICLE.replace('0.06', '-1')}\n", ":2: scan_time_s: expected -0.2, got -1"),
-        (f"{WITHOUT_SCAN}\n", ":1: got 'id,class,x,y,z,dx,dy,dz,heading,speed,points"),
-        (f"{HEADER},pitch\n{VEHICLE},9\n", ":2: pitch: expected -2 pi, got 9"),
-        (f"{HEADER},pitch\n{VEHICLE}\n", ":2: expected 20 columns, got 19"),
-        (f"{HEADER},pitch\n{VEHICLE},up\n", ":2: pitch: got 'up'"),
-        (f"{HEADER}\n{VEHICLE.replace('10.7', '20')}\n", ":2: distance: got 20, allowed"),
-        (f"{HEADER}\n{VEHICLE.replace('7,', '1e99,', 1)}\n", ":2: id: got 1e+99, allowed"),
+        (f"{HEADER}\n{VEHICLE}\n{VEHICLE}\n", ":3: id: expected each once a frame, got 7 twice"),
+        (f"{HEADER}\n{VEHICLE}", ":2: expected the end of a line, got the end of the file"),
+        (
+            f"{HEADER}\n{VEHICLE.replace('0.25', '90')}\n",
+            ":2: heading: expected -2 pi to 2 pi, in radians, got 90",
+        ),
+        (
+            f"{HEADER}\n{VEHICLE.replace('10.5', '1e30')}\n",
+            ":2: x: expected -10000 to 10000, got 1e+30",
+        ),
+        (
+            f"{HEADER}\n{VEHICLE.replace(',9,', ',13,')}\n",
+            ":2: points_in_box: expected ..., got 13",
+        ),
+        (
+            f"{HEADER}\n{VEHICLE.replace(',11', ',13')}\n",
+            ":2: points_in_scan_box: expected ..., got 13",
+        ),
+        (
+            f"{HEADER}\n{VEHICLE.replace('0.06', '-1')}\n",
+            ":2: scan_time_s: expected -0.2 to 60, got -1",
+        ),
+        (
+            f"{WITHOUT_SCAN}\n",
+            ":1: expected ..., got 'id,class,x,y,z,dx,dy,dz,heading,speed,points",
+        ),
+        (f"{HEADER},pitch\n{VEHICLE},9\n", ":2: pitch: expected -2 pi to 2 pi, in radians, got 9"),
+        (f"{HEADER},pitch\n{VEHICLE}\n", ":2: expected 20 columns ..., got 19"),
+        (f"{HEADER},pitch\n{VEHICLE},up\n", ":2: pitch: expected a number, got 'up'"),
+        (f"{HEADER}\n{VEHICLE.replace('10.7', '20')}\n", ":2: distance: expected ..., got 20"),
+        (f"{HEADER}\n{VEHICLE.replace('7,', '1e99,', 1)}\n", ":2: id: expected ..., got 1e+99"),
     ],
 )
 def test_wrong_objects_file_is_named_by_line_and_column(
     tmp_path: Path, text: str, message: str
 ) -> None:
-    with pytest.raises(FormatError, match=re.escape(f"file{message}")):
+    with pytest.raises(FormatError, match=pattern(f"file{message}")):
         kitti.read_objects(written(tmp_path, text))
 
 
@@ -295,9 +345,9 @@ def test_predictions_have_a_score_and_labels_have_none(tmp_path: Path) -> None:
     scores = kitti.read_labels(file, scores=True).scores
     assert scores is not None
     assert scores.tolist() == [0.9, 0.25]
-    with pytest.raises(FormatError, match=r"file:1: expected 15 columns, got 16"):
+    with pytest.raises(FormatError, match=r"file:1: expected 15 columns .*, got 16"):
         kitti.read_labels(file)
-    with pytest.raises(FormatError, match=r"file:1: expected 16 columns, got 15"):
+    with pytest.raises(FormatError, match=r"file:1: expected 16 columns .*, got 15"):
         kitti.read_labels(written(tmp_path, LABEL), scores=True)
 
 
@@ -320,7 +370,7 @@ def test_blank_lines_are_no_boxes_and_keep_the_numbers_of_lines(
         named = file.rename(file.with_suffix(".txt"))
         assert read_predictions([named], cameras).line.tolist() == [2, 4]
     wrong = written(tmp_path, text.replace(line, line.replace(" 1.6 ", " 0 ")))
-    with pytest.raises(FormatError, match=r"file:4: h: expected more than 0, got 0"):
+    with pytest.raises(FormatError, match=r"file:4: h: expected more than 0.*, got 0"):
         kitti.read_labels(wrong, scores=scores)
 
 
@@ -335,15 +385,15 @@ def test_empty_label_file_is_a_frame_without_objects(tmp_path: Path) -> None:
     ("text", "message"),
     [
         (f"{LABEL}\n{LABEL.replace(' 10 ', ' far ')}\n", ":2: z: expected a number, got 'far'"),
-        (LABEL.replace("1.6 1.8", "1.6 0"), ":1: w: expected more than 0, got 0"),
+        (LABEL.replace("1.6 1.8", "1.6 0"), ":1: w: expected more than 0.001 to 1000, got 0"),
         (LABEL.replace(" 10 ", " inf "), ":1: z: expected a finite number, got inf"),
-        (b"Car \xff", ": got byte 4 that is not UTF-8"),
+        (b"Car \xff", ": expected UTF-8, got another byte at 4"),
     ],
 )
 def test_wrong_label_file_is_named_by_line_and_column(
     tmp_path: Path, text: str | bytes, message: str
 ) -> None:
-    with pytest.raises(FormatError, match=re.escape(f"file{message}")):
+    with pytest.raises(FormatError, match=pattern(f"file{message}")):
         kitti.read_labels(written(tmp_path, text))
 
 

@@ -248,13 +248,13 @@ PROGRAMS = {"scenes/maps/netconvert.py"}  # options of SUMO
 
 def test_no_text_of_the_library_names_an_option_of_a_command() -> None:
     """A message names the argument; the command puts its option there (cli/messages.py)."""
-    found = []
+    matches = []
     for path in sorted((ROOT / "pyinfra").rglob("*.py")):
         name = path.relative_to(ROOT / "pyinfra").as_posix()
         if not name.startswith("cli/") and name not in ANSWERS | PROGRAMS:
-            found += [(name, text) for text in texts(path) if re.search(OPTION, text)]
-    words = [text for _, text in found if re.fullmatch(r"--[a-z][\w.-]*(=\{\})?", text)]
-    assert [(name, text) for name, text in found if text not in words] == []
+            matches += [(name, text) for text in texts(path) if re.search(OPTION, text)]
+    words = [text for _, text in matches if re.fullmatch(r"--[a-z][\w.-]*(=\{\})?", text)]
+    assert [(name, text) for name, text in matches if text not in words] == []
 
 
 OPTION = r"(?<![\w(-])--[a-z]"  # but var(--ink) of a style sheet

@@ -1,9 +1,11 @@
 """`pyinfra lidars`: the catalogue, and LiDARs of files."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
+from message_pattern import pattern
 
 from pyinfra.cli import main
 from pyinfra.dataset.lidars import catalogue_files, read_catalogue, read_sheet
@@ -61,7 +63,7 @@ def test_a_bundle_adds_up_its_units_and_looks_all_ways() -> None:
     assert sheet.horizontal_fov_deg == pytest.approx(5 * 70.62, abs=0.1)
 
 
-def test_a_range_of_prices_is_told_with_its_source(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_range_of_prices_is_reported_with_its_source(capsys: pytest.CaptureFixture[str]) -> None:
     lines = listed(capsys, "hesai_xt32")
     assert " 2000-8000 [1] " in lines[1]
     assert lines[-1] == "[1] nominal, unconfirmed, 2026-11"
@@ -89,22 +91,26 @@ def test_json_has_every_figure_and_null_for_what_is_not_known(
     assert sheet["range_at_10_percent_m"] is None
 
 
-def test_a_preset_that_most_lack_is_said_of_each() -> None:
+def test_a_preset_that_most_lack_is_reported_for_each() -> None:
     problems = {sheet.name: sheet.problem for sheet in read_catalogue("paper")}
     assert problems["ruby_plus"] == ""
-    assert "expected equal, datasheet, got no preset 'paper'" in problems["hesai_xt32"]
+    assert "expected equal, datasheet, got unknown preset 'paper'" in problems["hesai_xt32"]
 
 
 @pytest.mark.parametrize(
     ("text", "code", "message"),
     [
-        (None, 2, "mine', expected a file or bundle_5_livox_avia"),
-        ("name: [a\n", 2, "mine.yaml:2:1: (document): got malformed YAML"),
-        ("name: b\nprice_usd: 3\n", 2, "mine.yaml:2:12: price_usd: found"),
-        ("name: b\nbundle: [{yaw_deg: 3}]\n", 2, "mine.yaml:2:10: bundle.0.lidar: got neither"),
+        (None, 2, "LIDAR: expected a file or bundle_5_livox_avia, ..., got '...mine'"),
+        ("name: [a\n", 2, "mine.yaml:2:1: (document): expected YAML, got malformed text"),
+        ("name: b\nprice_usd: 3\n", 2, "mine.yaml:2:12: price_usd: expected ..., got "),
+        (
+            "name: b\nbundle: [{yaw_deg: 3}]\n",
+            2,
+            "mine.yaml:2:10: bundle.0.lidar: expected ..., got neither or both",
+        ),
     ],
 )
-def test_a_wrong_lidar_is_told_in_one_line(
+def test_a_wrong_lidar_is_reported_in_one_line(
     text: str | None, code: int, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "mine.yaml"
@@ -112,5 +118,5 @@ def test_a_wrong_lidar_is_told_in_one_line(
         file.write_text(text)
     assert main.main(["lidars", str(file if text else file.with_suffix(""))]) == code
     error = capsys.readouterr().err
-    assert message in error
+    assert re.search(pattern(message), error)
     assert error.count("\n") == 1

@@ -13,11 +13,11 @@ from report_data import Read
 from pyinfra import evaluate
 from pyinfra.cli import main
 from pyinfra.experiments.benchmark import measure
-from pyinfra.experiments.benchmark.matrix import Cell
+from pyinfra.experiments.benchmark.matrix import Experiment
 from pyinfra.experiments.value import Costs, value_table
 from pyinfra.metrics import ap
 from pyinfra.metrics.evaluation_result import Evaluation
-from pyinfra.metrics.row_selection import ap_name, with_fine
+from pyinfra.metrics.row_selection import ap_name, with_r1000
 
 SPAN = r"(\d+\.\d) +\[(\d+\.\d), (\d+\.\d)\]"
 LIDAR = {"lidar": "livox_avia", "preset": "paper"}
@@ -53,14 +53,17 @@ def results(
     """The tables of a benchmark of these predictions, at a scene of the paper or an own site."""
     out = tmp_path_factory.mktemp(request.param) / "results"
     out.mkdir()
-    cell = Cell(request.param, "livox_avia", "paper", "pointpillars", "quick", 1)
-    row = measure.row(cell, evaluation, 9.0, 1) | {"latency_p50_ms": 10.0, "latency_p95_ms": 12.0}
+    experiment = Experiment(request.param, "livox_avia", "paper", "pointpillars", "quick", 1)
+    row = measure.row(experiment, evaluation, 9.0, 1) | {
+        "latency_p50_ms": 10.0,
+        "latency_p95_ms": 12.0,
+    }
     tables = {
-        "cells": pd.DataFrame([row]),
-        "areas": measure.keyed(cell, evaluation.areas),
-        "distance": measure.keyed(cell, evaluation.distance_ap),
-        "draws": measure.keyed(cell, evaluation.draws),
-        "ranges": measure.keyed(cell, evaluation.ranges),
+        "experiments": pd.DataFrame([row]),
+        "areas": measure.keyed(experiment, evaluation.areas),
+        "distance": measure.keyed(experiment, evaluation.distance_ap),
+        "replicates": measure.keyed(experiment, evaluation.replicates),
+        "ranges": measure.keyed(experiment, evaluation.ranges),
         "lidars": pd.DataFrame([LIDAR]).assign(
             price_low_usd=2000, price_high_usd=2000, units=1, price_source="x", price_date="2026"
         ),
@@ -69,7 +72,7 @@ def results(
         ),
     }
     tables["value"] = value_table(tables, Costs())
-    names = {"cells": "quick.csv", "lidars": "lidars.csv"}
+    names = {"experiments": "quick.csv", "lidars": "lidars.csv"}
     for name, table in tables.items():
         table.to_csv(out / names.get(name, f"quick_{name}.csv"), index=False, float_format="%.6g")
     return out
@@ -104,12 +107,12 @@ def test_evaluate_report_and_recommend_show_the_same_digits(
     out = results.parent / "report.html"
     assert main.main(["report", str(results), "--out", str(out)]) == 0
     text = Read(out).text
-    head, rest = text.split("cells have an AP (R1000)", 1)
+    head, rest = text.split("experiments have an AP (R1000)", 1)
     if "highway" in str(results):
         assert f"AP (R1000) {captured}" in head
     else:
         assert f"AP (R1000) of every vehicle {whole}" in head
-    # The grid of LiDARs and detectors; every cell of the benchmark.
+    # The grid of LiDARs and detectors; every experiment of the benchmark.
     assert rest.count(captured) >= 2
 
 
@@ -117,9 +120,9 @@ def test_what_is_called_ap_in_the_report_is_ap_r1000(results: Path, tmp_path: Pa
     """The AP at 40 recalls, shifted to a value that nothing else has, is nowhere."""
     for file in results.glob("*.csv"):
         table = pd.read_csv(file)
-        coarse = [n for n in table if re.fullmatch(r"ap(_common|_all|_present|_whole)?", n)]
-        ends = [f"{name}{end}" for name in coarse for end in ("_low", "_high")]
-        known = [name for name in (*coarse, *ends) if name in table]
+        r40 = [n for n in table if re.fullmatch(r"ap(_common|_all|_present|_whole)?", n)]
+        ends = [f"{name}{end}" for name in r40 for end in ("_low", "_high")]
+        known = [name for name in (*r40, *ends) if name in table]
         table.assign(**dict.fromkeys(known, 12.34)).to_csv(tmp_path / file.name, index=False)
     out = tmp_path / "report.html"
     assert main.main(["report", str(tmp_path), "--out", str(out)]) == 0
@@ -134,14 +137,14 @@ def test_what_is_called_ap_in_the_report_is_ap_r1000(results: Path, tmp_path: Pa
 
 def test_an_ap_of_an_old_table_is_called_what_it_is() -> None:
     old = pd.DataFrame({"ap": [80.0, np.nan], "ap_low": [79.0, np.nan], "ap_high": [81.0, np.nan]})
-    new = old.assign(ap_fine=81.5, ap_fine_low=np.nan, ap_fine_high=np.nan)
-    assert ap_name(with_fine(old)) == "AP (R40)"
-    assert ap_name(with_fine(new)) == "AP (R1000)"
-    both = with_fine(pd.concat([old, new], ignore_index=True))
+    new = old.assign(ap_r1000=81.5, ap_r1000_low=np.nan, ap_r1000_high=np.nan)
+    assert ap_name(with_r1000(old)) == "AP (R40)"
+    assert ap_name(with_r1000(new)) == "AP (R1000)"
+    both = with_r1000(pd.concat([old, new], ignore_index=True))
     assert "R40" in ap_name(both)
     assert "R1000" in ap_name(both)
     # An interval of the other measure never stands beside an AP that has none.
-    assert with_fine(new).ap_fine_low.isna().all()
+    assert with_r1000(new).ap_r1000_low.isna().all()
 
 
 def rankings() -> Iterator[ap.Ranking]:
@@ -159,10 +162,10 @@ def test_both_ap_of_one_pass_are_those_of_one_pass_each() -> None:
     weights = np.random.default_rng(0).integers(0, 3, (20, 9))
     for ranking in rankings():
         for drawn in (None, weights):
-            coarse, fine = ap.coarse_and_fine(ranking, drawn)
+            r40, r1000 = ap.r40_and_r1000(ranking, drawn)
             one, other = (
                 ap.average_precision(ranking, recalls, drawn)
-                for recalls in (ap.RECALLS, ap.FINE_RECALLS)
+                for recalls in (ap.RECALLS, ap.R1000_RECALLS)
             )
-            np.testing.assert_array_equal(coarse, one)
-            np.testing.assert_array_equal(fine, other)
+            np.testing.assert_array_equal(r40, one)
+            np.testing.assert_array_equal(r1000, other)

@@ -270,7 +270,7 @@ def test_signals_that_the_network_cannot_read_are_left_out_of_it(
         folder.mkdir()
         road = site_data.road(1, (0, 0, 0), 100, more=f"<signals>{text}</signals>")
         if (tag, key, i) in {("signal", "s", 1), ("signal", "t", 1)}:  # no place at all
-            with pytest.raises(MapError, match=f"<signal .*{key}: got ''"):
+            with pytest.raises(MapError, match=f"<signal .*{key}: expected .*got ''"):
                 imported(folder, site_data.open_drive(road))
             continue
         imported(folder, site_data.open_drive(road))

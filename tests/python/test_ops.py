@@ -301,9 +301,11 @@ def test_a_key_of_other_voxels_or_another_kernel_is_an_error() -> None:
     layer = SubmanifoldConv3d(4, 4, "a").double()
     layer(x)
     coarse = SparseConv3d(4, 4, "b").double()(x)
-    with pytest.raises(ValueError, match="key a: got other voxels"):
+    with pytest.raises(
+        ValueError, match="key a: expected the voxels that it was made for, got others"
+    ):
         layer(coarse)
-    with pytest.raises(ValueError, match="expected 5, got 27 offsets"):
+    with pytest.raises(ValueError, match="rulebook: expected 5 offsets, got 27"):
         SubmanifoldConv3d(4, 4, "a", (1, 1, 5)).double()(x)
 
 
@@ -311,9 +313,9 @@ def test_a_key_of_other_voxels_or_another_kernel_is_an_error() -> None:
 def test_voxels_that_are_out_of_the_grid_or_there_twice_are_errors() -> None:
     kernel, stride, padding = (3, 3, 3), (2, 2, 2), (1, 1, 1)
     for at, message in [
-        ([[0, 1, 2, 3], [0, 1, 2, 3]], "a voxel twice"),
-        ([[0, 1, 2, SHAPE[2]]], "out of the grid"),
-        ([[0, -1, 2, 3]], "out of the grid"),
+        ([[0, 1, 2, 3], [0, 1, 2, 3]], "coordinates: expected each voxel once, got one twice"),
+        ([[0, 1, 2, SHAPE[2]]], "coordinates: expected voxels within the grid .*, got one outside"),
+        ([[0, -1, 2, 3]], "coordinates: expected voxels within the grid .*, got one outside"),
     ]:
         with pytest.raises(ValueError, match=message):
             sparse.submanifold_rulebook(torch.tensor(at), SHAPE, kernel)
@@ -398,7 +400,7 @@ def test_farthest_points_of_fewer_points_than_asked_for_repeat_the_first() -> No
     assert points.farthest_points(xyz, 6).tolist() == [0, 2, 1, 0, 0, 0]
     assert points.farthest_points(xyz[:1], 3).tolist() == [0, 0, 0]
     assert points.farthest_points(xyz, 0).tolist() == []
-    with pytest.raises(ValueError, match="got no points"):
+    with pytest.raises(ValueError, match="xyz: expected points, got none"):
         points.farthest_points(xyz[:0], 3)
 
 
@@ -486,7 +488,7 @@ def test_three_nearest_of_fewer_lack_the_others() -> None:
     between = points.interpolate(features, distances, rows)
     assert between[:2].allclose(features, atol=1e-6)
     assert between.sum(1).allclose(torch.ones(4))
-    with pytest.raises(ValueError, match="got no points"):
+    with pytest.raises(ValueError, match="known: expected points, got none"):
         points.three_nearest(xyz, xyz[:0])
 
 
@@ -519,7 +521,7 @@ def test_points_of_another_shape_or_type_are_errors() -> None:
         with pytest.raises(ValueError, match=r"expected \(n, 3\) torch.float32"):
             points.farthest_points(wrong, 2)
     unknown = torch.tensor([[0.0, 1, 2], [0, torch.nan, 0]])
-    with pytest.raises(ValueError, match="not finite"):
+    with pytest.raises(ValueError, match="points: expected finite values, got another"):
         points.ball_query(unknown, unknown[:1], 1, 2)
 
 

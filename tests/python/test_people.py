@@ -28,7 +28,7 @@ from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import class_settings, evaluate
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.ground_truth import read_ground_truth
-from pyinfra.metrics.match_results import Settings, block_seconds, contest, judge
+from pyinfra.metrics.match_results import Settings, block_seconds, count_matches, match_input
 from pyinfra.metrics.matching import Metric
 from pyinfra.metrics.prediction_checks import find_files
 from pyinfra.metrics.scanning_statistics import speed_table
@@ -110,7 +110,7 @@ def test_people_count_six_metres_beside_the_carriageway(tmp_path: Path) -> None:
     assert set(result.ap.predictions) == {0}
 
 
-def test_vehicles_are_judged_as_if_nobody_was_on_the_footways(tmp_path: Path) -> None:
+def test_vehicles_are_matched_as_if_nobody_was_on_the_footways(tmp_path: Path) -> None:
     cars = [[car(20 + k, id=0)] for k in range(FRAMES)]
     predictions = [[("Car", moved(frame[0], 0.2), 0.9)] for frame in cars]
     gt, pred = scene(tmp_path / "without", cars, predictions)
@@ -130,13 +130,13 @@ def test_a_vehicle_box_on_a_person_is_wrong_wherever_it_stands(
 ) -> None:
     vehicle, person = car(40), walker(20, aside_m, name)
     predictions = [("Car", box(vehicle), 0.8), ("vehicle", box(car(20.5, aside_m)), 0.9)]
-    predictions.append((name, box(person), 0.9))  # found twice: right once and wrong once
+    predictions.append((name, box(person), 0.9))  # detected twice: right once and wrong once
     gt, pred = scene(tmp_path, [[vehicle, person]] * FRAMES, [predictions] * FRAMES)
     result = pyinfra.evaluate(gt, pred)
     assert ap(result) == ap(result, "all") == {"definition": 50}
     assert set(result.ap.predictions) == {2 * FRAMES}
-    ghosts = result.false_positives.query("cause == 'ghost'")
-    assert set(ghosts["count"]) == {FRAMES}
+    background = result.false_positives.query("cause == 'background'")
+    assert set(background["count"]) == {FRAMES}
     of_people = pyinfra.evaluate(gt, pred, object_class=name.lower())
     counts = aside_m < HALF_WIDTH_M + 6
     assert set(of_people.ap.predictions) == {FRAMES * counts}
@@ -159,7 +159,7 @@ def test_a_vehicle_box_off_the_region_is_ignored_unless_it_stands_on_a_person(
     assert ap(pyinfra.evaluate(gt, pred)) == {"definition": 100}, why
 
 
-def test_a_person_found_twice_at_the_border_counts_once_and_once_wrong(tmp_path: Path) -> None:
+def test_a_person_detected_twice_at_the_border_counts_once_and_once_wrong(tmp_path: Path) -> None:
     edge = HALF_WIDTH_M + 6 - 0.1
     person = walker(20, edge)
     outside = [float(box(person)[0]), edge + 0.2, *box(person)[2:]]
@@ -198,7 +198,7 @@ def test_boxes_off_the_region_are_reported_a_minute(
 
 
 @pytest.mark.parametrize("metric", ["bev", "3d", "centre"])
-def test_frames_without_people_are_judged_as_before_there_were_rules_for_people(
+def test_frames_without_people_are_matched_as_before_there_were_rules_for_people(
     tmp_path: Path, metric: Metric
 ) -> None:
     frames = traffic(60)
@@ -214,13 +214,14 @@ def test_frames_without_people_are_judged_as_before_there_were_rules_for_people(
     predictions = read_predictions(
         find_files(pred, range(60), range(60)).files, read_cameras(gt, range(60))
     )
-    one = contest(truth, predictions, "vehicle", Settings(), metric)
+    one = match_input(truth, predictions, "vehicle", Settings(), metric)
     matches = one.match(0.5, strict=False)
-    wrong = (matches < 0) & one.prediction_places.inside
-    assert 0 < np.count_nonzero(wrong) < np.count_nonzero(matches < 0)
+    false_positive = (matches < 0) & one.prediction_places.inside
+    assert 0 < np.count_nonzero(false_positive) < np.count_nonzero(matches < 0)
     for which in SUBSETS:
         seen = truth.in_common_view(predictions.boxes) if which == "common" else True
-        assert np.array_equal(judge(one, which, matches, 1).wrong, wrong & seen)
+        counted = count_matches(one, which, matches, 1)
+        assert np.array_equal(counted.false_positive, false_positive & seen)
 
 
 def test_the_scenes_of_the_study_have_no_people() -> None:

@@ -16,7 +16,7 @@ FRAMES = 200  # a second apart: eight blocks of 25 s
 SETTINGS = Settings(ground_truths=("present", "all"))
 
 
-def world(hidden: bool, seed: int = 0) -> list[list[Vehicle]]:
+def vehicles(hidden: bool, seed: int = 0) -> list[list[Vehicle]]:
     """A vehicle that passes every ten seconds, and one that waits for 40 s behind a house."""
     seen = {"points": 0, "visibility": 0.0} if hidden else {}
     return [
@@ -26,7 +26,7 @@ def world(hidden: bool, seed: int = 0) -> list[list[Vehicle]]:
 
 
 def evaluated(out: Path, frames: list[list[Vehicle]], missed: int = FRAMES + 1) -> Path:
-    """The folder of an evaluation; all that has points is found, but in every `missed`-th frame."""
+    """The folder of an evaluation; what has points is detected, but in every `missed`-th frame."""
     data = out.parent / f"{out.name}_data"
     data.mkdir(parents=True)
     write_roads(data)
@@ -35,7 +35,7 @@ def evaluated(out: Path, frames: list[list[Vehicle]], missed: int = FRAMES + 1) 
         [(box(v), 0.9) for v in frame if v["points"] and (k + 1) % missed]
         for k, frame in enumerate(frames)
     ]
-    write(evaluate(gt, write_predictions(data / "found", predictions), SETTINGS), out)
+    write(evaluate(gt, write_predictions(data / "predictions", predictions), SETTINGS), out)
     return out
 
 
@@ -45,10 +45,10 @@ def value(table: pd.DataFrame, place: Path, minus: Path | str, measure: str) -> 
 
 
 def test_a_place_that_hides_half_of_the_vehicles_is_worse_by_that_half(tmp_path: Path) -> None:
-    behind = evaluated(tmp_path / "behind", world(hidden=True))
-    beside = evaluated(tmp_path / "beside", world(hidden=False))
+    behind = evaluated(tmp_path / "behind", vehicles(hidden=True))
+    beside = evaluated(tmp_path / "beside", vehicles(hidden=False))
     table = compare_places([behind, beside])
-    for measure in ("ap_r1000", "found_percent"):
+    for measure in ("ap_r1000", "recall_percent"):
         assert value(table, behind, "", measure).value == pytest.approx(50)
         assert value(table, beside, "", measure).value == pytest.approx(100)
         difference = value(table, beside, behind, measure)
@@ -65,7 +65,7 @@ def test_blocks_of_present_do_not_depend_on_what_the_pole_sees(tmp_path: Path) -
     for name, hidden in (("behind", True), ("beside", False)):
         (tmp_path / name).mkdir()
         write_roads(tmp_path / name)
-        frames = world(hidden)
+        frames = vehicles(hidden)
         truths.append(read_ground_truth(write_lidar(tmp_path / name / "l", frames, period_s=1.0)))
     assert [block_seconds(t) for t in truths] == [20, 25]
     assert [block_seconds(t, present=True) for t in truths] == [25, 25]
@@ -79,11 +79,11 @@ def test_seeds_are_paired_by_their_vehicles_whatever_the_folders_are_called(
     places = [tmp_path / "low", tmp_path / "high"]
     for place, order, every in zip(places, names, missed, strict=True):
         for seed, (name, each) in enumerate(zip(order, every, strict=True)):
-            frames = world(hidden=False, seed=seed)
+            frames = vehicles(hidden=False, seed=seed)
             for frame in frames:  # another seed has other vehicles
                 frame[0] = {**frame[0], "dx": 4.0 + 0.1 * seed}
             evaluated(place / name, frames, each)
-    difference = value(compare_places(places), places[1], places[0], "found_percent")
+    difference = value(compare_places(places), places[1], places[0], "recall_percent")
     seeds = [100 / 8, 100 / 10, 100 / 20]  # a vehicle in every 4th is missed, or every 8th, ...
     assert difference.seeds == 3
     assert difference.frames == 3 * FRAMES
@@ -95,11 +95,11 @@ def test_seeds_are_paired_by_their_vehicles_whatever_the_folders_are_called(
 def test_places_with_other_vehicles_are_refused_by_their_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    one = evaluated(tmp_path / "one", world(hidden=False))
-    other = evaluated(tmp_path / "other", world(hidden=False)[:-1])
+    one = evaluated(tmp_path / "one", vehicles(hidden=False))
+    other = evaluated(tmp_path / "other", vehicles(hidden=False)[:-1])
     assert main.main(["compare", str(one), str(other)]) == 2
     error = capsys.readouterr().err
-    assert str(one / "draws.csv") in error
+    assert str(one / "replicates.csv") in error
     assert "seed, frames or region differ" in error
 
 
@@ -110,10 +110,10 @@ def test_places_with_other_vehicles_are_refused_by_their_file(
 def test_places_that_cannot_be_compared_end_in_one_line(
     tmp_path: Path, words: list[str], code: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    evaluated(tmp_path / "one", world(hidden=False))
-    visible = evaluated(tmp_path / "visible", world(hidden=True))
-    table = pd.read_csv(visible / "draws.csv")
-    table[table.ground_truth == "all"].to_csv(visible / "draws.csv", index=False)
+    evaluated(tmp_path / "one", vehicles(hidden=False))
+    visible = evaluated(tmp_path / "visible", vehicles(hidden=True))
+    table = pd.read_csv(visible / "replicates.csv")
+    table[table.ground_truth == "all"].to_csv(visible / "replicates.csv", index=False)
     assert main.main(["compare", *(str(tmp_path / word) for word in words)]) == code
     assert capsys.readouterr().err.count("\n") == 1
 
@@ -121,8 +121,8 @@ def test_places_that_cannot_be_compared_end_in_one_line(
 def test_the_command_prints_and_writes_the_differences(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    behind = evaluated(tmp_path / "behind", world(hidden=True))
-    beside = evaluated(tmp_path / "beside", world(hidden=False))
+    behind = evaluated(tmp_path / "behind", vehicles(hidden=True))
+    beside = evaluated(tmp_path / "beside", vehicles(hidden=False))
     file = tmp_path / "new" / "places.csv"
     assert main.main(["compare", str(behind), str(beside), "--out", str(file)]) == 0
     lines = capsys.readouterr().out.splitlines()

@@ -24,8 +24,8 @@ from pyinfra.models.detectors.pointnet import (  # noqa: E402
 from pyinfra.models.detectors.pointrcnn import (  # noqa: E402
     CONTEXT_M,
     Config,
-    Drawn,
     PointRCNN,
+    SampledRois,
     Seen,
     balanced,
     by_area,
@@ -41,7 +41,7 @@ from pyinfra.models.detectors.pointrcnn import (  # noqa: E402
 )
 
 SMALL = Config(
-    points=1024, levels=(256, 128, 64, 16), width=0.2, rois=16, rois_found=16, roi_points=64
+    points=1024, levels=(256, 128, 64, 16), width=0.2, rois=16, rois_detected=16, roi_points=64
 )
 
 
@@ -50,14 +50,14 @@ def network(config: Config = SMALL, site: Site = SITE) -> PointRCNN:
     return PointRCNN(config, site).eval()
 
 
-def draw(seed: int) -> torch.Generator:
+def generator(seed: int) -> torch.Generator:
     return torch.Generator().manual_seed(seed)
 
 
 def clouds_of(counts: list[int], channels: int, seed: int = 1) -> Clouds:
     n = sum(counts)
-    xyz = torch.rand(n, 3, generator=draw(seed)) * 5
-    return Clouds(xyz, torch.rand(n, channels, generator=draw(seed + 1)), counts)
+    xyz = torch.rand(n, 3, generator=generator(seed)) * 5
+    return Clouds(xyz, torch.rand(n, channels, generator=generator(seed + 1)), counts)
 
 
 def turned(boxes: torch.Tensor, angle: float) -> torch.Tensor:
@@ -72,9 +72,12 @@ def test_the_second_stage_turns_with_scene_and_proposal(angle: float) -> None:
     xyz = torch.from_numpy(sample.points[::3, :3].copy())
     n = len(xyz)
     channels = net.backbone.channels
-    features, more = torch.rand(n, channels, generator=draw(1)), torch.rand(n, 2, generator=draw(2))
+    features, more = (
+        torch.rand(n, channels, generator=generator(1)),
+        torch.rand(n, 2, generator=generator(2)),
+    )
     rois = torch.from_numpy(sample.boxes).float()
-    rois = rois + torch.randn(rois.shape, generator=draw(3)) * 0.1
+    rois = rois + torch.randn(rois.shape, generator=generator(3)) * 0.1
     pivot = torch.tensor([[0.0, 0, 0, 1, 1, 1, angle]]).expand(n, 7)
     for layer in (net.refiner.box[-1], net.refiner.confidence[-1]):
         torch.nn.init.normal_(layer.weight, std=0.05)
@@ -138,7 +141,7 @@ def test_abstraction_is_the_largest_over_the_ball_by_a_loop() -> None:
     clouds = clouds_of([40, 25], 3)
     torch.manual_seed(1)
     layer = SetAbstraction(3, [Ball(1.5, 64, (8, 6)), Ball(3.0, 64, (4,))]).eval()
-    centres = torch.rand(9, 3, generator=draw(5)) * 5
+    centres = torch.rand(9, 3, generator=generator(5)) * 5
     centres[8] = 100.0  # nothing is around it
     features = layer(clouds, centres, [4, 5]).features
     assert features.shape == (9, 10)
@@ -183,7 +186,7 @@ def test_remedied_sampling_keeps_the_far_vehicle_that_the_faithful_one_loses() -
     kept = {}
     for sampling in ("faithful", "remedied"):
         config = dataclasses.replace(SMALL, sampling=sampling, points=400)
-        chosen = points[network(config, site).chosen(points, draw(1))]
+        chosen = points[network(config, site).chosen(points, generator(1))]
         assert len(chosen) == 400
         kept[sampling] = int((chosen[:, 0] > 100).sum())
     assert kept["remedied"] == 6
@@ -193,7 +196,7 @@ def test_remedied_sampling_keeps_the_far_vehicle_that_the_faithful_one_loses() -
 def test_remedied_sampling_leaves_the_ground_out() -> None:
     points = torch.from_numpy(road_sample(5).points)
     net = network(dataclasses.replace(SMALL, sampling="remedied", points=100_000))
-    chosen = points[net.chosen(points, draw(1))]
+    chosen = points[net.chosen(points, generator(1))]
     assert chosen[:, 2].min() > FLOOR_Z + net.config.clearance_m
     assert len(chosen) == (points[:, 2] > FLOOR_Z + net.config.clearance_m).sum()
 
@@ -227,11 +230,11 @@ def test_clouds_smaller_than_any_sample(sampling: str, count: int) -> None:
 @pytest.mark.parametrize("sampling", ["faithful", "remedied"])
 def test_far_more_points_than_the_budget_are_cut_down_to_it(sampling: str) -> None:
     net = network(dataclasses.replace(SMALL, sampling=sampling))
-    draw = np.random.default_rng(1)
+    rng = np.random.default_rng(1)
     low, high = SITE.area.low, SITE.area.high
-    xyz = draw.uniform(low, high, (40_000, 3))
-    points = np.column_stack([xyz, draw.uniform(0, 1, len(xyz))]).astype(np.float32)
-    chosen = net.chosen(torch.from_numpy(points), net.draw())
+    xyz = rng.uniform(low, high, (40_000, 3))
+    points = np.column_stack([xyz, rng.uniform(0, 1, len(xyz))]).astype(np.float32)
+    chosen = net.chosen(torch.from_numpy(points), net.generator())
     assert len(chosen) == SMALL.points
     assert len(set(chosen.tolist())) == SMALL.points
     assert np.isfinite(net.predict(points).boxes).all()
@@ -256,7 +259,7 @@ def test_a_proposal_without_points_has_no_score_and_teaches_nothing(
     ((boxes, scores),) = net.candidates(batch)
     assert torch.isfinite(boxes).all()
     assert scores.tolist() == [0]
-    losses = net.roi_losses(net.seen(batch), Drawn(rois, [1], torch.ones(1), rois))
+    losses = net.roi_losses(net.seen(batch), SampledRois(rois, [1], torch.ones(1), rois))
     assert {name: loss.item() for name, loss in losses.items()} == {
         "confidence": 0,
         "refinement": 0,
@@ -266,11 +269,11 @@ def test_a_proposal_without_points_has_no_score_and_teaches_nothing(
 
 def test_residuals_round_trip() -> None:
     boxes = torch.from_numpy(np.concatenate([road_sample(s).boxes for s in range(8)])).float()
-    xyz = boxes[:, :3] + torch.randn(len(boxes), 3, generator=draw(1))
+    xyz = boxes[:, :3] + torch.randn(len(boxes), 3, generator=generator(1))
     size = torch.tensor(Config().size_m)
     decoded = decode(encode(boxes, xyz, size), xyz, size)
     torch.testing.assert_close(decoded, boxes, atol=1e-4, rtol=1e-4)
-    rois = boxes + torch.randn(boxes.shape, generator=draw(2)) * 0.1
+    rois = boxes + torch.randn(boxes.shape, generator=generator(2)) * 0.1
     decoded = refined(refinements(boxes, rois), rois)
     torch.testing.assert_close(decoded[:, :6], boxes[:, :6], atol=1e-4, rtol=1e-4)
     turn = (decoded[:, 6] - boxes[:, 6] + math.pi) % (2 * math.pi) - math.pi
@@ -287,13 +290,13 @@ def test_corners_forget_which_end_is_the_front() -> None:
 
 def test_proposals_to_learn_from_are_half_good_and_mostly_hard() -> None:
     overlap = torch.cat([torch.full((50,), 0.8), torch.full((50,), 0.3), torch.zeros(50)])
-    chosen = overlap[balanced(overlap, 20, draw(1))]
+    chosen = overlap[balanced(overlap, 20, generator(1))]
     assert (chosen == 0.8).sum() == 10
     assert (chosen == 0.3).sum() == 8
     assert (chosen == 0).sum() == 2
-    assert len(balanced(overlap[:60], 20, draw(1))) == 20
-    assert len(balanced(overlap[:3], 20, draw(1))) == 3
-    assert len(balanced(overlap[:0], 20, draw(1))) == 0
+    assert len(balanced(overlap[:60], 20, generator(1))) == 20
+    assert len(balanced(overlap[:3], 20, generator(1))) == 3
+    assert len(balanced(overlap[:0], 20, generator(1))) == 0
 
 
 def test_what_is_drawn_in_training_follows_from_the_weights_file() -> None:

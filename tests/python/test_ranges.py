@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from benchmark_data import cells, draws_of
+from benchmark_data import experiments, replicates_of
 from conftest import Infrasim
 from evaluation_data import box, car, noisy, traffic, write_lidar, write_predictions, write_roads
 from test_recommend import change, output_lines, results
@@ -48,14 +48,16 @@ def test_ap_within_a_range_is_that_of_what_lies_there_alone(tmp_path: Path, rang
     assert tables[0].ranges is not None
     within = tables[0].ranges.set_index("range_m").loc[range_m]
     whole = tables[1].ap.iloc[0]
-    for column in ("ap_fine", "ap_fine_low", "ap_fine_high", "objects", "predictions"):
+    for column in ("ap_r1000", "ap_r1000_low", "ap_r1000_high", "objects", "predictions"):
         assert within[column] == pytest.approx(whole[column]), column
-    draws = tables[0].draws.set_index("measure").filter(like="draw_")
-    alone = tables[1].draws.set_index("measure").filter(like="draw_")
-    np.testing.assert_allclose(draws.loc[f"ap_fine_{range_m}m"], alone.loc["ap_fine"])
+    bootstrapped, alone = (
+        table.replicates.set_index("measure").filter(regex=r"^replicate_\d+$") for table in tables
+    )
+    assert len(bootstrapped.columns) > 0
+    np.testing.assert_allclose(bootstrapped.loc[f"ap_r1000_{range_m}m"], alone.loc["ap_r1000"])
 
 
-def test_recall_within_a_range_is_the_share_that_is_found(tmp_path: Path) -> None:
+def test_recall_within_a_range_is_the_share_that_is_detected(tmp_path: Path) -> None:
     write_roads(tmp_path)
     frames = [[car(10), car(-15), car(50), car(95)]] * 30
     predictions = [[(box(car(10)), 0.9), (box(car(50)), 0.2)]] * 30
@@ -67,7 +69,7 @@ def test_recall_within_a_range_is_the_share_that_is_found(tmp_path: Path) -> Non
     assert tuple(rows.index) == RANGES_M
     assert rows.recall[[20, 60, 100]].to_list() == pytest.approx([50, 200 / 3, 50])
     assert rows.objects[[20, 60, 100]].to_list() == [60, 90, 120]
-    assert rows.ap_fine[100] == done.ap.ap_fine[0]
+    assert rows.ap_r1000[100] == done.ap.ap_r1000[0]
 
 
 def test_a_range_at_a_site_of_lanes_is_around_the_sensor(
@@ -81,14 +83,14 @@ def test_a_range_at_a_site_of_lanes_is_around_the_sensor(
     away = np.hypot(*(truth.places(truth.vehicles.mid_frame).xy - (pose.x, pose.y)).T)
     boxes = [(box.tolist(), 0.9) for box in truth.vehicles.boxes[away < 45]]
     predictions = write_predictions(tmp_path / "predictions", [boxes])
-    settings = Settings(ground_truths=("all",), min_objects=1, draws=5)
+    settings = Settings(ground_truths=("all",), min_objects=1, replicates=5)
     evaluation = evaluate(folder, predictions, settings, ranges=True)
     assert evaluation.ranges is not None
     rows = evaluation.ranges.set_index("range_m")
     assert rows.objects.to_list() == [int((away <= r).sum()) for r in RANGES_M]
-    assert rows.ap_fine[40] == 100
-    assert rows.ap_fine[100] < 100
-    assert rows.ap_fine[100] == evaluation.ap.ap_fine[0]
+    assert rows.ap_r1000[40] == 100
+    assert rows.ap_r1000[100] < 100
+    assert rows.ap_r1000[100] == evaluation.ap.ap_r1000[0]
     assert evaluation.cells is not None
     at = np.hypot(evaluation.cells.x - pose.x, evaluation.cells.y - pose.y)
     np.testing.assert_allclose(evaluation.cells.distance_m, at)
@@ -99,18 +101,18 @@ def test_a_range_at_a_site_of_lanes_is_around_the_sensor(
 
 def with_ranges(results: Path) -> None:
     """Within 60 m the 64 lines find 95 and the Avia 70; over all of the region as they were."""
-    rows = cells()[[*KEY, "ap_all"]].rename(columns={"ap_all": "ap_fine"})
+    rows = experiments()[[*KEY, "ap_all"]].rename(columns={"ap_all": "ap_r1000"})
     near = rows.assign(range_m=60)
-    near["ap_fine"] = near.ap_fine.where(near.lidar != NEAR, 70.0).where(near.lidar != FAR, 95.0)
+    near["ap_r1000"] = near.ap_r1000.where(near.lidar != NEAR, 70.0).where(near.lidar != FAR, 95.0)
     both = pd.concat([near, rows.assign(range_m=100)]).assign(objects=9, predictions=9)
-    both = both.assign(ap_fine_low=both.ap_fine - 1, ap_fine_high=both.ap_fine + 1)
+    both = both.assign(ap_r1000_low=both.ap_r1000 - 1, ap_r1000_high=both.ap_r1000 + 1)
     both = both.assign(recall=50.0 + both.range_m / 10, recall_low=50.0, recall_high=70.0)
     tables = [both.assign(ground_truth=truth) for truth in ("captured", "common", "all")]
     pd.concat(tables).to_csv(results / "quick_ranges.csv", index=False)
-    draws = pd.read_csv(results / "quick_draws.csv")
-    drawn = draws_of(near, "ap_fine", 1, "all").assign(measure="ap_fine_60m")
-    more = draws.assign(measure="ap_fine_100m")
-    pd.concat([draws, drawn, more]).to_csv(results / "quick_draws.csv", index=False)
+    bootstrapped = pd.read_csv(results / "quick_replicates.csv")
+    nearby = replicates_of(near, "ap_r1000", 1, "all").assign(measure="ap_r1000_60m")
+    more = bootstrapped.assign(measure="ap_r1000_100m")
+    pd.concat([bootstrapped, nearby, more]).to_csv(results / "quick_replicates.csv", index=False)
 
 
 def test_ap_recall_and_coverage_are_those_of_the_range(
@@ -156,10 +158,10 @@ def test_coverage_of_a_site_of_lanes_is_squares_within_the_range(
 ) -> None:
     with_ranges(results)
     change(results / "quick_distance.csv", "seed == 1", road="(lanes)")
-    table = pd.DataFrame({"distance_m": [10.0, 30.0, 50.0, 90.0], "ap_fine": [90, 90, 50, 99]})
-    table = table.assign(ap_fine_low=[88, 80, 40, 98], ap_fine_high=[92, 95, 60, 100])
+    table = pd.DataFrame({"distance_m": [10.0, 30.0, 50.0, 90.0], "ap_r1000": [90, 90, 50, 99]})
+    table = table.assign(ap_r1000_low=[88, 80, 40, 98], ap_r1000_high=[92, 95, 60, 100])
     table = table.assign(x=table.distance_m, y=0, objects=9, predictions=9, quality="x", ap=1)
-    table = cells()[KEY].merge(table.assign(ground_truth="all"), how="cross")
+    table = experiments()[KEY].merge(table.assign(ground_truth="all"), how="cross")
     table.to_csv(results / "quick_squares.csv", index=False)
     squares = "squares of 20 m; 50 ms a frame"
     far = output_lines(capsys, results, "--budget", 8000)

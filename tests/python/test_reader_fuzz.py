@@ -221,7 +221,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     cloud = pypcd4.PointCloud.from_xyzi_points(np.arange(40, dtype=np.float32).reshape(10, 4))
     for encoding in pypcd4.Encoding:
         cloud.save(folder / f"clouds/{encoding.value}.pcd", encoding)
-    report_data.write(folder / "results", {"quick.csv": report_data.cells()})
+    report_data.write(folder / "results", {"quick.csv": report_data.experiments()})
     Background.learn([kitti.read_points(kitti.frame_file(pole, "velodyne", FRAME))]).save(
         folder / "background.npz"
     )

@@ -155,7 +155,7 @@ def bins(draw: st.DrawFn) -> tuple[int, list[np.ndarray]]:
     return columns, files
 
 
-def test_the_columns_of_bin_files_are_found_and_what_is_found_is_said(tmp_path: Path) -> None:
+def test_the_columns_of_bin_files_are_read_off_and_reported(tmp_path: Path) -> None:
     @given(bins(), st.sampled_from(["bin", "kitti", "openpcdet"]))
     def holds(drawn: tuple[int, list[np.ndarray]], layout: str) -> None:
         columns, clouds = drawn
@@ -192,7 +192,7 @@ def test_a_size_that_no_number_of_columns_fits_is_named_with_the_usual_one(tmp_p
         (tmp_path / name).write_bytes(bytes(size))
     recording = reader("bin")(tmp_path, Options())
     assert len(recording.read(0).points) == 7
-    with pytest.raises(FormatError, match=r"1\.bin: expected a multiple of 16, got 148 bytes"):
+    with pytest.raises(FormatError, match=r"1\.bin: expected a multiple of 16 .*, got 148 bytes"):
         recording.read(1)
 
 

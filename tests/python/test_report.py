@@ -38,11 +38,14 @@ def test_the_answer_comes_first_and_names_lidar_and_detector(whole: Path) -> Non
     assert "AP (R40) 92.5 [90.5, 93.5]; cannot be told from Livox Avia with PointPillars" in first
 
 
-def test_without_draws_it_is_said_once_that_nothing_is_told_apart(tmp_path: Path) -> None:
+def test_without_replicates_it_is_reported_once_that_nothing_is_significant(tmp_path: Path) -> None:
     tables = report_data.tables()
-    del tables["quick_draws.csv"]
+    del tables["quick_replicates.csv"]
     text = Read(report(report_data.write(tmp_path / "results", tables))).text
-    assert text.count("whether the best can be told from the next is not known") == 1
+    assert (
+        text.count("it is not known whether the best option differs significantly from the next")
+        == 1
+    )
     assert "cannot be told from" not in text
 
 
@@ -50,8 +53,8 @@ def test_the_cheapest_choice_says_what_it_does_not_see(whole: Path) -> None:
     assert "US$ 2,079, AP (R40) 91.2, but 45.6 on all visible vehicles" in Read(whole).text
 
 
-def test_a_failed_cell_is_said_with_its_reason(whole: Path) -> None:
-    assert "One cell has no AP." in Read(whole).text
+def test_a_failed_experiment_is_named_with_its_reason(whole: Path) -> None:
+    assert "One experiment has no AP." in Read(whole).text
     assert "MemoryError: none <left> & gone" in Read(whole).text
 
 
@@ -64,12 +67,14 @@ def test_every_origin_is_a_row_of_a_file_beside_the_page(whole: Path) -> None:
         assert all(row <= len(written) for file, row in rows if file == name)
 
 
-def test_the_ap_of_a_cell_is_that_of_the_row_it_names(whole: Path) -> None:
+def test_the_ap_of_an_experiment_is_that_of_the_row_it_names(whole: Path) -> None:
     html = whole.read_text()
-    cells = re.findall(r'data-sort="([\d.]+)" title="quick.csv, row (\d+)">([\d.]+)<small>', html)
+    experiments = re.findall(
+        r'data-sort="([\d.]+)" title="quick.csv, row (\d+)">([\d.]+)<small>', html
+    )
     written = pd.read_csv(whole.parent / "report_data/quick.csv")
-    assert len(cells) >= 6
-    for sort, row, shown in cells:
+    assert len(experiments) >= 6
+    for sort, row, shown in experiments:
         assert written.ap[int(row) - 1] == float(sort)
         assert shown == f"{float(sort):.1f}"
 
@@ -116,17 +121,17 @@ def test_tables_without_rows_are_not_there(tmp_path: Path) -> None:
 
 
 def test_one_detector_only(tmp_path: Path) -> None:
-    cells = report_data.cells()
+    experiments = report_data.experiments()
     results = report_data.write(
-        tmp_path / "results", {"quick.csv": cells[cells.detector == "background"]}
+        tmp_path / "results", {"quick.csv": experiments[experiments.detector == "background"]}
     )
     assert "Livox Avia with Background" in Read(report(results)).text
 
 
-def test_cells_that_all_failed_have_no_answer(tmp_path: Path) -> None:
-    cells = report_data.cells().tail(1)
-    text = Read(report(report_data.write(tmp_path / "results", {"quick.csv": cells}))).text
-    assert "0 of 1 cells have an AP" in text
+def test_experiments_that_all_failed_have_no_answer(tmp_path: Path) -> None:
+    experiments = report_data.experiments().tail(1)
+    text = Read(report(report_data.write(tmp_path / "results", {"quick.csv": experiments}))).text
+    assert "0 of 1 experiments have an AP" in text
     assert "Most accurate" not in text
 
 
@@ -144,16 +149,16 @@ def test_a_name_is_text_and_never_markup(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("file", "text", "expected"),
     [
-        ("stress.csv", "detector\na\n", "stress.csv:1: got no column run"),
+        ("stress.csv", "detector\na\n", "stress.csv:1: expected detector, run, "),
         (
             "quick_hits.csv",
             "scene,lidar,preset,frames,hits_per_frame\nh,a,paper,1,2\nh,a,paper,1,many\n",
-            "quick_hits.csv:3: hits_per_frame: expected a number, got 'many'",
+            "quick_hits.csv:3: hits_per_frame: expected a number or nothing, got 'many'",
         ),
         ("lidars.csv", 'lidar\n"open\n', "lidars.csv: is no table"),
     ],
 )
-def test_a_wrong_table_is_told_in_one_line(
+def test_a_wrong_table_is_reported_in_one_line(
     file: str, text: str, expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / file).write_text(text)
@@ -168,13 +173,13 @@ def test_a_wrong_table_is_told_in_one_line(
 @pytest.mark.parametrize(
     ("words", "code", "expected"),
     [
-        ([], 2, "got no table of results"),
-        (["--tier", "full"], 2, "full.csv: got no cells"),
+        ([], 2, "expected a table of results, got none"),
+        (["--tier", "full"], 2, "full.csv: expected a finished tier, got none"),
         (["--data", "nowhere"], 1, "nowhere: No dataset.yaml in it"),
-        (["--runs", "nowhere"], 1, "nowhere: got no folder predictions"),
+        (["--runs", "nowhere"], 1, "nowhere: expected a folder predictions, got none"),
     ],
 )
-def test_wrong_arguments_are_told(
+def test_wrong_arguments_are_reported(
     words: list[str], code: int, expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     if words and words[0] != "--tier":
@@ -185,25 +190,30 @@ def test_wrong_arguments_are_told(
     assert not out.exists()
 
 
-def test_the_tier_with_the_most_finished_cells_is_taken(tmp_path: Path) -> None:
-    cells = report_data.cells()
-    tables = {"full.csv": cells.head(1), "quick.csv": cells, "smoke.csv": cells.head(2)}
+def test_the_tier_with_the_most_finished_experiments_is_chosen(tmp_path: Path) -> None:
+    experiments = report_data.experiments()
+    tables = {
+        "full.csv": experiments.head(1),
+        "quick.csv": experiments,
+        "smoke.csv": experiments.head(2),
+    }
     report_data.write(tmp_path, tables)
     assert read_results(tmp_path).tier == "quick"
     assert read_results(tmp_path, "full").tier == "full"
 
 
-def test_the_lowest_seed_stands_for_a_cell(tmp_path: Path) -> None:
-    cells = report_data.cells().head(1)
+def test_the_lowest_seed_stands_for_an_experiment(tmp_path: Path) -> None:
+    experiments = report_data.experiments().head(1)
     report_data.write(
-        tmp_path, {"quick.csv": pd.concat([cells.assign(seed=10), cells.assign(seed=2)])}
+        tmp_path,
+        {"quick.csv": pd.concat([experiments.assign(seed=10), experiments.assign(seed=2)])},
     )
     assert list(read_results(tmp_path).done().seed) == ["2"]
 
 
 def test_pareto_keeps_what_no_other_beats() -> None:
     rows = pd.DataFrame(
-        {"cost": [1.0, 2.0, 2.0, 3.0, None, 1.0], "ap_fine": [50.0, 60.0, 55.0, 60.0, 99.0, 50.0]}
+        {"cost": [1.0, 2.0, 2.0, 3.0, None, 1.0], "ap_r1000": [50.0, 60.0, 55.0, 60.0, 99.0, 50.0]}
     )
     assert list(pareto(rows, "cost")) == [True, True, False, False, False, True]
 
@@ -277,9 +287,9 @@ def test_a_shipped_scene_is_answered_by_the_limits_that_are_asked(tmp_path: Path
     assert "Most accurate where it looks" in Read(report(results)).text
 
 
-def test_what_is_slower_than_its_lidar_is_said_to_be(tmp_path: Path) -> None:
-    cells = report_data.cells().assign(latency_p50_ms=544.0)
-    text = Read(report(report_data.write(tmp_path / "results", {"quick.csv": cells}))).text
+def test_what_is_slower_than_its_lidar_is_reported_as_such(tmp_path: Path) -> None:
+    experiments = report_data.experiments().assign(latency_p50_ms=544.0)
+    text = Read(report(report_data.write(tmp_path / "results", {"quick.csv": experiments}))).text
     assert "544 ms a frame, not real time (100 ms), AP (R40)" in text
 
 

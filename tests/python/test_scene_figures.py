@@ -197,5 +197,5 @@ def test_scene_without_lanes_is_an_error_with_its_line(
     data_set = shutil.copytree(data_sets["highway"], tmp_path / "highway")
     file = data_set / "dataset.yaml"
     file.write_text(file.read_text().replace("each_way: 4", "each_way: four"))
-    with pytest.raises(FormatError, match=r"dataset\.yaml:\d+: .*each_way: got 'four'"):
+    with pytest.raises(FormatError, match=r"dataset\.yaml:\d+: .*each_way: expected .*got 'four'"):
         read(data_set)

@@ -1,5 +1,6 @@
 """Several mounts of one scene: each a data set, all fused, and clocks and poses that err."""
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import pandas as pd
 import pytest
 import yaml
 from conftest import ROOT, Infrasim
+from message_pattern import pattern
 
 from pyinfra.core.boxes import points_in_box
 from pyinfra.dataset.data_set import field_of_view_mask, read_data_set
@@ -53,7 +55,7 @@ def scene_keys(mounts: Mapping[str, Any] = MOUNTS) -> dict[str, Any]:
 
 @pytest.fixture
 def runs(infrasim: Infrasim, tmp_path: Path) -> Runs:
-    """Runs the poles, or other mounts, to a folder of the name; raises with what was said."""
+    """Runs the poles, or other mounts, to a folder of the name; raises with the message."""
     (tmp_path / "cars.csv").write_text(trajectories())
 
     def run(
@@ -160,7 +162,7 @@ def test_mounts_have_draws_of_their_own_and_a_lone_mount_the_scene_s(runs: Runs)
     assert frame_of(runs("shared", mounts=shared) / "two")[0].tobytes() == clouds[2].tobytes()
 
 
-def test_all_mounts_see_one_world(runs: Runs) -> None:
+def test_all_mounts_see_one_scene(runs: Runs) -> None:
     out = runs("out")
     texts = {(out / mount / "trajectories.csv").read_text() for mount in MOUNTS}
     assert texts == {trajectories()}
@@ -324,13 +326,17 @@ def test_a_stream_takes_a_mount_s_name(runs: Runs, tmp_path: Path) -> None:
         (["--mount", "middle"], {}, "mount: expected right, left, got 'middle'"),
         (["--fuse", "--mount", "left"], {}, "--fuse: expected several mounts, got --mount left"),
         (["--fuse"], {"left": None}, "--fuse: expected several mounts, got a scene with one"),
-        ([], {"fused": MOUNTS["left"]}, "mounts: expected letters, got 'fused' of several"),
-        ([], {"a/b": MOUNTS["left"]}, "mounts: expected letters, got 'a/b' of several"),
-        ([], {"left": {"y_m": 2, "z_m": 3}}, "mounts.left.z_m: got 3 in the way of the vehicles"),
+        ([], {"fused": MOUNTS["left"]}, "mounts: expected letters, ..., got 'fused'"),
+        ([], {"a/b": MOUNTS["left"]}, "mounts: expected letters, ..., got 'a/b'"),
+        (
+            [],
+            {"left": {"y_m": 2, "z_m": 3}},
+            "mounts.left.z_m: expected ..., got 3 in the way of the vehicles",
+        ),
         (
             [],
             {"left": {"clock_offset_s": 0.2}},
-            ("clock_offset_s: expected -0.1 to 0.1, got '0.2'"),
+            "clock_offset_s: expected -0.1 to 0.1, got '0.2'",
         ),
         (
             [],
@@ -340,7 +346,7 @@ def test_a_stream_takes_a_mount_s_name(runs: Runs, tmp_path: Path) -> None:
         (
             ["--set", "static_layers={helios_16: a.layer}"],
             {},
-            "static_layers: expected with one, got them with several mounts",
+            "static_layers: expected one mount, ..., got several",
         ),
     ],
 )
@@ -354,7 +360,7 @@ def test_what_mounts_can_not_be(
             del mounts[name]
     with pytest.raises(RuntimeError) as error:
         runs("out", *words, mounts=mounts)
-    assert message in str(error.value)
+    assert re.search(pattern(message), str(error.value))
     assert not (tmp_path / "out").exists()
 
 
@@ -369,11 +375,5 @@ def test_a_mount_twice_is_refused(infrasim: Infrasim, tmp_path: Path) -> None:
 
 def test_a_folder_of_one_mount_takes_no_others(runs: Runs) -> None:
     runs("out", mounts={"right": MOUNTS["right"]})
-    with pytest.raises(
-        RuntimeError,
-        match=(
-            r"the folder holds a run of one mount, expected "
-            r"another"
-        ),
-    ):
+    with pytest.raises(RuntimeError, match=r"dataset\.yaml: .*holds a run of one mount"):
         runs("out")

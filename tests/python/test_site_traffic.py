@@ -177,8 +177,8 @@ def test_a_small_map_is_refused_with_its_reach(folder: Path) -> None:
         (["--vehicles-per-hour", "1000000"], "expected 0 to 20000"),
         (["--vehicles-per-hour", "nan"], "expected 0 to 20000"),
         (["--vehicles-per-hour", "0"], "expected more than 0"),
-        (["--seconds", "-5"], "expected 1 to 3600 s"),
-        (["--seed", "-1"], "expected 1 to 3600 s, 0 to 2"),
+        (["--seconds", "-5"], "--seconds: expected 1 to 3600, got -5"),
+        (["--seed", "-1"], "--seed: expected 0 to 2147483647, got -1"),
     ],
 )
 def test_impossible_demand_gives_one_line(
@@ -203,7 +203,7 @@ def test_a_broken_network_is_refused_by_name(
     (site / "site.yaml").write_text(data.SITE)
     (site / "map.net.xml").write_text(text)
     assert main.main(["site", "traffic", str(site)]) == 2
-    assert "map.net.xml: found" in capsys.readouterr().err
+    assert "map.net.xml: expected" in capsys.readouterr().err
 
 
 def test_the_scene_is_as_long_as_its_traffic(folder: Path) -> None:

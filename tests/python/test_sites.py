@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from conftest import BINARY, Infrasim
-from impossible_sites import IMPOSSIBLE, POLE, POSSIBLE, TOWN, Site, judged
+from impossible_sites import IMPOSSIBLE, POLE, POSSIBLE, TOWN, Site, verdict_of
 
 RECORDED = TOWN[: TOWN.index("traffic:")] + "trajectories: recorded.csv\n"
 COLUMNS = "t,id,class,x,y,z,heading,dx,dy,dz,speed\n"
@@ -17,7 +17,7 @@ def test_there_are_many_of_both() -> None:
 
 @pytest.mark.parametrize("site", IMPOSSIBLE, ids=lambda site: site.name)
 def test_a_site_that_cannot_be_is_refused(site: Site) -> None:
-    verdict = judged(BINARY, site)
+    verdict = verdict_of(BINARY, site)
     assert verdict.is_right_for(site), (site.line, site.key, site.words, verdict)
 
 
@@ -25,7 +25,7 @@ def test_a_site_that_cannot_be_is_refused(site: Site) -> None:
 def test_the_nearest_site_that_can_be_is_allowed_and_vehicles_stay_apart(
     site: Site,
 ) -> None:
-    verdict = judged(BINARY, site)
+    verdict = verdict_of(BINARY, site)
     assert verdict.is_right_for(site), verdict
 
 
@@ -49,8 +49,8 @@ def test_recorded_vehicles_in_one_place_are_named(tmp_path: Path, infrasim: Infr
     result = infrasim("check", file, "--traffic")
     assert result.returncode == 2
     assert result.stderr == (
-        f"{tmp_path / 'recorded.csv'}: (vehicles): expected vehicles apart\n, got 3 and 8 in one "
-        "place at 0 s, x 42, y -5.25"
+        f"{tmp_path / 'recorded.csv'}: (vehicles): expected vehicles apart, got 3 and 8 in one "
+        "place at 0 s, x 42, y -5.25\n"
     )
 
 
@@ -67,7 +67,8 @@ def test_a_sensor_in_a_vehicles_way_is_refused(tmp_path: Path, infrasim: Infrasi
     file = recorded(tmp_path, ["5,Car,-61,-12,0.8,0,4.5,2,1.6,0"], text)
     result = infrasim("check", file)
     assert result.returncode == 2
-    assert f"{file}:4:9: mounts.pole.x_m: got it inside vehicle 5 at 0 s, allowed" in result.stderr
+    assert f"{file}:4:9: mounts.pole.x_m: expected" in result.stderr
+    assert ", got it inside vehicle 5 at 0 s" in result.stderr
 
 
 def test_traffic_is_of_a_scene(infrasim: Infrasim) -> None:
@@ -83,7 +84,8 @@ def test_a_run_that_sees_no_vehicle_says_so(
     file = recorded(tmp_path, [standing(3, 10)], text)
     result = infrasim("run", file, "--lidar", "livox_avia", "--preset", "equal", "--frames", "0:10")
     assert result.returncode == 0, result.stderr
-    assert result.stderr.count("warning: no-vehicle-points: livox_avia: got no point") == lines
+    assert result.stderr.count("warning: no-vehicle-points: livox_avia: expected") == lines
+    assert result.stderr.count(", got no point on a vehicle") == lines
     assert len(result.stderr.splitlines()) == lines
 
 
@@ -94,8 +96,9 @@ def test_a_run_whose_filter_finds_no_plane_says_so(
     words = ["--preset", "paper", "--frames", "0:2"]
     words += ["--set", f"filters=[{{ground_plane: {{sensor_height_m: {height_m}}}}}]"]
     result = infrasim("run", "flat", "--lidar", "helios_16", *words)
-    message = "warning: no-ground-plane: helios_16: got no plane in 2 of 2 frames"
-    assert (result.returncode, result.stderr.count(message)) == (0, warned), result.stderr
+    assert result.returncode == 0
+    for words in ("warning: no-ground-plane: helios_16: ", "no plane in 2 of 2 frames"):
+        assert result.stderr.count(words) == warned, result.stderr
 
 
 def test_a_road_without_traffic_needs_no_warning(infrasim: Infrasim) -> None:
@@ -103,7 +106,7 @@ def test_a_road_without_traffic_needs_no_warning(infrasim: Infrasim) -> None:
     assert (result.returncode, result.stderr) == (0, "")
 
 
-def test_light_through_more_wedges_than_can_be_traced_is_refused(
+def test_light_through_more_prisms_than_can_be_traced_is_refused(
     tmp_path: Path, infrasim: Infrasim
 ) -> None:
     avia = (Path(__file__).parents[2] / "configs/lidars/livox_avia.yaml").read_text()
@@ -116,4 +119,5 @@ def test_light_through_more_wedges_than_can_be_traced_is_refused(
     file.write_text(avia[:start] + offsets + avia[end:])
     result = infrasim("check", file, timeout=20)
     assert result.returncode == 2
-    assert "steps_per_s: got 4800000000 passages of light through wedges" in result.stderr
+    assert "steps_per_s: expected" in result.stderr
+    assert ", got 4800000000 passages of light through prisms" in result.stderr

@@ -35,20 +35,20 @@ def test_few_seconds_are_a_warning(
     lidar: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["detect", "--model", "generalist", "--data", str(lidar), "--frames", "4"]
-    assert main.main([*words, "--drop-standing", "--out", str(tmp_path / "found")]) == 0
+    assert main.main([*words, "--drop-standing", "--out", str(tmp_path / "detected")]) == 0
     printed = capsys.readouterr()
     assert "boxes left out, as they stand where nothing moves" in printed.out
     assert "is not split" not in printed.err  # it learnt from none of them
-    assert "warning: --drop-standing: got 14.8 s, meant for 60 s or more" in printed.err
+    assert "warning: --drop-standing: expected 60 s or more, got 14.8 s" in printed.err
 
 
 def test_what_stands_goes_without_a_description_of_the_lidar(lidar: Path, tmp_path: Path) -> None:
     copy = tmp_path / "lidar"
     shutil.copytree(lidar / "training/velodyne", copy / "training/velodyne")
     words = ["detect", "--model", "generalist", "--data", str(copy), "--height-m", "6"]
-    words += ["--frames", "3", "--drop-standing", "--out", str(tmp_path / "found")]
+    words += ["--frames", "3", "--drop-standing", "--out", str(tmp_path / "detected")]
     assert main.main(words) == 0
-    assert len(list((tmp_path / "found").glob("*.txt"))) == 3
+    assert len(list((tmp_path / "detected").glob("*.txt"))) == 3
 
 
 def vehicles_at(centres: list[list[float]]) -> FloatArray:

@@ -79,7 +79,9 @@ def test_the_stream_of_python_reads_the_layer(folder: Path) -> None:
         )
     assert streams[0] == streams[1]
     world = simulation.load_scene(folder / "equal.yaml", set=short)
-    with pytest.raises(ValueError, match=r"equal\.layer: got unit 0: .*max_range_m of 260"):
+    with pytest.raises(
+        ValueError, match=r"equal\.layer: unit 0: max_range_m: expected 180, .*, got 260"
+    ):
         list(simulation.simulate(world, [lidar], range(1)))
 
 
@@ -92,7 +94,9 @@ def test_check_shows_the_key_and_reads_the_file(folder: Path, infrasim: Infrasim
         "check", folder / "datasheet.yaml", "--set", "static_layers.helios_16=cut.layer"
     )
     assert refused.returncode == 2
-    assert "cut.layer: byte 288103: got the end of the file" in refused.stderr
+    assert (
+        "cut.layer: byte 288103: expected 1 bytes more, got the end of the file" in refused.stderr
+    )
     missing = infrasim("check", folder / "datasheet.yaml", "--set", "static_layers.helios_16=no")
     assert missing.returncode == 1
     assert f"{folder / 'no'}: can't be read" in missing.stderr
@@ -110,7 +114,7 @@ def test_a_folder_is_of_one_layer(folder: Path, infrasim: Infrasim, tmp_path: Pa
     layer.write_bytes(bytes(changed))
     refused = run(infrasim, scene, "datasheet", tmp_path / "data")
     assert refused.returncode == 1
-    assert "the folder holds another run: got 'static_layer: " in refused.stderr
+    assert "the folder holds another run: it has 'static_layer: " in refused.stderr
 
 
 def test_a_layer_is_of_one_mount_and_of_one_scene(
@@ -134,14 +138,16 @@ def test_a_layer_is_of_one_mount_and_of_one_scene(
 def test_what_a_file_holds_is_not_cast(folder: Path, infrasim: Infrasim, tmp_path: Path) -> None:
     refused = run(infrasim, folder / "equal.yaml", "equal", tmp_path / "data", "--cast-all")
     assert refused.returncode == 2
-    assert "--cast-all: got static_layers.helios_16" in refused.stderr
+    assert "--cast-all: expected" in refused.stderr
+    assert "got static_layers.helios_16" in refused.stderr
 
 
 def test_lidars_that_never_repeat_have_no_layer(infrasim: Infrasim, tmp_path: Path) -> None:
     out = tmp_path / "avia.layer"
     refused = infrasim("static", "highway", "--lidar", "livox_avia", "--out", out)
     assert refused.returncode == 2
-    assert "livox_avia, preset datasheet: unit 0: got a beam wider than a ray" in refused.stderr
+    assert "livox_avia, preset datasheet: unit 0: expected" in refused.stderr
+    assert "got a beam wider than a ray" in refused.stderr
     assert not out.exists()
 
 

@@ -17,14 +17,14 @@ from pyinfra.formats import kitti
 from pyinfra.metrics import scan_patterns, scanning_statistics
 from pyinfra.metrics import scanning_tables as statistics_tables
 from pyinfra.metrics.intervals import Blocks, block_seconds, interval, ratio, time_blocks
-from pyinfra.metrics.observations import Sightings, accumulated, ends_of_runs, read_sightings
+from pyinfra.metrics.observations import Observations, accumulated, ends_of_runs, read_observations
 
 Infrasim = Callable[..., Any]
 
 
 def table_of(
     distance: list[float], points: list[list[int]], frame: list[int] | None = None, **columns: Any
-) -> Sightings:
+) -> Observations:
     """Vehicles straight ahead, seen by all LiDARs `a`, `b`, ... unless columns say otherwise."""
     n = len(distance)
     on_vehicle = np.array(points, dtype=np.int64).reshape(n, -1)
@@ -41,11 +41,11 @@ def table_of(
         "in_angles": np.ones(on_vehicle.shape, dtype=np.bool_),
         "in_range": np.ones(on_vehicle.shape, dtype=np.bool_),
     }
-    return Sightings(**{**known, **columns})
+    return Observations(**{**known, **columns})
 
 
 def blocks(count: int = 20, block_s: float = 1) -> Blocks:
-    """`count` frames, a second each, each a block of its own."""
+    """`count` frames, a second each, each a separate block."""
     return time_blocks(np.arange(count), 1, block_s=block_s)
 
 
@@ -96,10 +96,10 @@ def test_decay_of_an_inverse_square_is_2() -> None:
 
 
 def test_a_decay_is_numpys_weighted_line_with_its_misfit() -> None:
-    draw = np.random.default_rng(1)
+    random = np.random.default_rng(1)
     middle = np.arange(32.5, 120, 5)
-    vehicles = draw.integers(20, 200, (18, 1)).astype(float)
-    points = np.round(vehicles * 1e6 / middle[:, None] ** 1.7 * draw.uniform(0.5, 2, (18, 1)))
+    vehicles = random.integers(20, 200, (18, 1)).astype(float)
+    points = np.round(vehicles * 1e6 / middle[:, None] ** 1.7 * random.uniform(0.5, 2, (18, 1)))
     sums = np.stack([points, vehicles, vehicles, vehicles * middle[:, None]], axis=-1)
     exponent, r_squared = statistics_tables.decay_lines(sums)
     x, y = np.log(middle), np.log(points / vehicles)[:, 0]
@@ -159,23 +159,23 @@ def test_interval_holds_the_value_and_shrinks_with_the_number_of_blocks() -> Non
     assert widths[1] < widths[0] / 3
 
 
-def test_frames_of_one_second_are_drawn_together_and_runs_of_them_in_a_circle() -> None:
-    together = time_blocks(np.arange(0, 1000, 5), 0.1, block_s=30, draws=50)
+def test_frames_of_one_second_are_resampled_together_and_runs_of_them_in_a_circle() -> None:
+    together = time_blocks(np.arange(0, 1000, 5), 0.1, block_s=30, replicates=50)
     assert np.unique(together.slot, return_counts=True)[1].tolist() == [2] * 100
-    assert (together.draws.sum(axis=1) == 100).all()
+    assert (together.replicates.sum(axis=1) == 100).all()
     # Frame 10 starts at 1.000 s and belongs to the second slot.
     assert together.slot[2] == 1
     assert together.slot[1] == 0
     # Runs of 30, 30, 30 and 10 slots begin and end at eight places at the most.
-    changes = np.diff(np.pad(together.draws, ((0, 0), (0, 1)), mode="wrap"), axis=1)
+    changes = np.diff(np.pad(together.replicates, ((0, 0), (0, 1)), mode="wrap"), axis=1)
     assert (np.count_nonzero(changes, axis=1) <= 8).all()
-    assert (together.draws.max(axis=1) <= 4).all()
+    assert (together.replicates.max(axis=1) <= 4).all()
     assert together.count == pytest.approx(100 / 30)
 
 
 def test_frames_far_apart_are_slots_of_their_own() -> None:
     apart = time_blocks(np.arange(0, 5000, 20), 0.1, block_s=30)
-    assert (apart.draws.shape[1], apart.length) == (250, 15)
+    assert (apart.replicates.shape[1], apart.length) == (250, 15)
 
 
 def test_too_short_a_time_gives_no_interval() -> None:
@@ -187,7 +187,7 @@ def test_too_short_a_time_gives_no_interval() -> None:
 def test_frames_between_whole_seconds_make_blocks_as_long_as_others() -> None:
     apart = time_blocks(np.arange(0, 900, 25), 0.1, block_s=20)  # 2 and 3 slots apart in turn
     assert apart.length == 8
-    assert len(apart.draws) > 0
+    assert len(apart.replicates) > 0
 
 
 def test_points_add_up_over_frames_one_after_another() -> None:
@@ -205,7 +205,9 @@ def test_points_add_up_over_frames_one_after_another() -> None:
     assert list(got) == [(1, 1, 11), (1, 2, 50), (2, 2, 110), (6, 1, 15), (7, 1, 17)]
     assert ends_of_runs(frames, 3).tolist() == [2, 7]
     assert accumulated(every, frames, 1).points.tolist() == every.points.tolist()
-    with pytest.raises(ValueError, match="got no 4 frames one after another"):
+    with pytest.raises(
+        ValueError, match="accumulate: expected 4 frames one after another, got none"
+    ):
         ends_of_runs(frames, 4)
 
 
@@ -229,8 +231,8 @@ def test_an_interval_of_few_blocks_is_wider_as_student_says() -> None:
     assert few == pytest.approx(2 * 2.776 * math.sqrt(5 / 4), rel=0.03)
 
 
-def test_same_seed_gives_the_same_draws() -> None:
-    assert np.array_equal(blocks().draws, blocks().draws)
+def test_same_seed_gives_the_same_replicates() -> None:
+    assert np.array_equal(blocks().replicates, blocks().replicates)
 
 
 def test_ratio_to_nothing_is_unknown() -> None:
@@ -363,7 +365,7 @@ def test_a_vehicle_beyond_one_lidars_reach_is_missed_by_it(tmp_path: Path) -> No
             "b": {0: [row(1, 40, 5)], 3: [row(1, 45, 1, -1), row(3, -40, 8)]},
         },
     )
-    vehicles = read_sightings(read_data_set(folder))
+    vehicles = read_observations(read_data_set(folder))
     assert list(zip(vehicles.frame, vehicles.ids, strict=True)) == [(0, 1), (0, 2), (3, 1), (3, 3)]
     assert vehicles.points.tolist() == [[9, 5], [4, 0], [2, 1], [0, 8]]
     assert vehicles.common().tolist() == [True, False, False, False]
@@ -373,14 +375,14 @@ def test_a_vehicle_beyond_one_lidars_reach_is_missed_by_it(tmp_path: Path) -> No
 def test_points_at_road_level_can_be_left_out(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "data", {"a": {0: [row(1, 40, 1), row(2, 60, 0)]}})
     data = read_data_set(folder)
-    assert read_sightings(data, above_road=True).points.tolist() == [[1], [0]]
+    assert read_observations(data, above_road=True).points.tolist() == [[1], [0]]
     for above_road, count in ((False, 2), (True, 1)):
         tables = scanning_statistics.statistics([folder], above_road=above_road, patterns=False)
         assert tables["hit_points"].hit_points.tolist() == [count]
     roads = folder / "roads.csv"
     roads.write_text(roads.read_text() + "m,2,2,0,0.5,0,21\n")
-    with pytest.raises(ValueError, match=r"roads\.csv: got roads from z = 0 to 0\.5"):
-        read_sightings(data, above_road=True)
+    with pytest.raises(ValueError, match=r"roads\.csv: expected .*got roads from z = 0 to 0\.5"):
+        read_observations(data, above_road=True)
 
 
 @pytest.mark.parametrize(
@@ -389,7 +391,7 @@ def test_points_at_road_level_can_be_left_out(tmp_path: Path) -> None:
         ("2,1,15", "2,1,fast", ": "),
         ("2,1,15", "2,1,nan", ":2: speed: expected 0 to 1000, got nan"),
         ("2,1,15", "2,1,1e30", r":2: speed: expected 0 to 1000, got 1e\+30"),
-        ("2,1,1\n", "2,1,1", ": got no end of the last line"),
+        ("2,1,1\n", "2,1,1", ": expected the end of the last line, got that of the file"),
         ("t,id", "T,id", ": "),
         ("2,1,15", "2,1,15,7,7,7,7,7,7,7", ":2: expected 11 columns, got 18"),
     ],
@@ -405,7 +407,7 @@ def test_wrong_trajectories_are_named(tmp_path: Path, old: str, new: str, messag
 
 def test_an_id_may_be_high(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "data", {"a": {0: [row(1, 40, 1), row(2**31 - 1, 60, 0)]}})
-    assert read_sightings(read_data_set(folder), above_road=True).points.tolist() == [[1], [0]]
+    assert read_observations(read_data_set(folder), above_road=True).points.tolist() == [[1], [0]]
 
 
 def test_a_time_at_which_nobody_is_there_has_no_speed(tmp_path: Path) -> None:
@@ -414,7 +416,7 @@ def test_a_time_at_which_nobody_is_there_has_no_speed(tmp_path: Path) -> None:
     file.write_text(file.read_text() + f"9.1{',' * 10}\n")
     assert scanning_statistics.speed_table(read_data_set(folder)).samples.sum() == 1
     file.write_text(file.read_text() + f"9.2,1{',' * 9}-3\n")
-    with pytest.raises(FormatError, match=":5: speed: got -3"):
+    with pytest.raises(FormatError, match=r":5: speed: expected .*got -3"):
         scanning_statistics.speed_table(read_data_set(folder))
 
 
@@ -435,7 +437,7 @@ def test_an_empty_folder_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         read_data_set(tmp_path)
     folder = write_folder(tmp_path / "data", {})
-    with pytest.raises(ValueError, match="got no LiDAR"):
+    with pytest.raises(ValueError, match=r"data: expected folders with a lidar\.yaml, got none"):
         read_data_set(folder)
 
 
@@ -457,7 +459,7 @@ def test_a_recording_has_no_speeds_and_its_pedestrians_are_no_vehicles(tmp_path:
         scanning_statistics.statistics([recording], patterns=False)
     for file in (recording / "dataset.yaml", recording / "a/lidar.yaml"):
         file.write_text(file.read_text().replace("preset: paper", "preset: recorded"))
-    assert read_sightings(read_data_set(recording)).ids.tolist() == [1]
+    assert read_observations(read_data_set(recording)).ids.tolist() == [1]
     tables = scanning_statistics.statistics([recording])
     assert tables["points_per_vehicle"].vehicles.sum() == 2  # in the sets common and view
     assert not {"speed", "lit_share", "angular_density"} & set(tables)

@@ -22,13 +22,13 @@ def cloud(*rows: tuple[float, float, float]) -> Points:
 
 
 def random_cloud(count: int = 4000) -> Points:
-    draws = np.random.default_rng(5)
-    points = draws.uniform([-80, -40, -6, 0], [80, 40, 2, 1], (count, 4))
+    random = np.random.default_rng(5)
+    points = random.uniform([-80, -40, -6, 0], [80, 40, 2, 1], (count, 4))
     points[0, 1] = -0.0
     return points.astype(np.float32)
 
 
-def draws() -> clouds.Draws:
+def rng() -> clouds.Rng:
     return np.random.default_rng(3)
 
 
@@ -40,35 +40,35 @@ def remaining(before: Points, after: Points) -> set[bytes]:
 @pytest.mark.parametrize("stressor", CLOUD_STRESSORS, ids=lambda s: s.name)
 def test_without_stress_the_bytes_are_the_same(stressor: Stressor) -> None:
     points = random_cloud()
-    assert stressor.apply(points, stressor.dials[0], 1, 7).tobytes() == points.tobytes()
+    assert stressor.apply(points, stressor.severities[0], 1, 7).tobytes() == points.tobytes()
 
 
 @pytest.mark.parametrize("stressor", CLOUD_STRESSORS, ids=lambda s: s.name)
 def test_the_same_seed_gives_the_same_bytes_and_the_input_stays(stressor: Stressor) -> None:
     points = random_cloud()
     before = points.copy()
-    first, again = (stressor.apply(points, float(stressor.dials[2]), 1, 7) for _ in range(2))
+    first, again = (stressor.apply(points, float(stressor.severities[2]), 1, 7) for _ in range(2))
     assert first.tobytes() == again.tobytes()
     assert first.dtype == np.float32
     np.testing.assert_array_equal(points, before)
 
 
 @pytest.mark.parametrize("name", ["drop_out", "rain", "fog", "lost_lines", "blocked_sector"])
-def test_a_stronger_dial_keeps_no_point_that_a_weaker_one_lost(name: str) -> None:
+def test_a_stronger_severity_keeps_no_point_that_a_weaker_one_lost(name: str) -> None:
     points = random_cloud()
     stressor = STRESSORS[name]
-    kept = [remaining(points, stressor.apply(points, float(d), 1, 7)) for d in stressor.dials]
+    kept = [remaining(points, stressor.apply(points, float(d), 1, 7)) for d in stressor.severities]
     for weaker, stronger in itertools.pairwise(kept):
         assert stronger < weaker
 
 
 @pytest.mark.parametrize("stressor", CLOUD_STRESSORS, ids=lambda s: s.name)
 def test_an_empty_cloud_stays_empty(stressor: Stressor) -> None:
-    for dial in stressor.dials:
-        assert stressor.apply(np.empty((0, 4), np.float32), float(dial), 1, 0).shape == (0, 4)
+    for severity in stressor.severities:
+        assert stressor.apply(np.empty((0, 4), np.float32), float(severity), 1, 0).shape == (0, 4)
 
 
-def test_other_frames_have_other_draws_but_the_same_lost_lines() -> None:
+def test_other_frames_have_other_random_numbers_but_the_same_lost_lines() -> None:
     points = random_cloud()
     drop, lines = STRESSORS["drop_out"], STRESSORS["lost_lines"]
     assert drop.apply(points, 0.5, 1, 0).tobytes() != drop.apply(points, 0.5, 1, 1).tobytes()
@@ -76,14 +76,14 @@ def test_other_frames_have_other_draws_but_the_same_lost_lines() -> None:
     assert lines.apply(points, 0.5, 1, 0).tobytes() == lines.apply(points, 0.5, 1, 1).tobytes()
 
 
-def test_the_share_that_drops_out_is_the_dial() -> None:
-    kept = sensor_faults.drop_out(random_cloud(40_000), 0.75, draws())
+def test_the_share_that_drops_out_is_the_severity() -> None:
+    kept = sensor_faults.drop_out(random_cloud(40_000), 0.75, rng())
     assert len(kept) == pytest.approx(10_000, abs=400)
 
 
-def test_noise_is_along_the_ray_and_as_wide_as_the_dial() -> None:
+def test_noise_is_along_the_ray_and_as_wide_as_the_severity() -> None:
     points = cloud(*[(30.0, 40.0, 0.0)] * 20_000)
-    out = sensor_faults.range_noise(points, 0.2, draws()).astype(np.float64)
+    out = sensor_faults.range_noise(points, 0.2, rng()).astype(np.float64)
     ranges = np.linalg.norm(out[:, :3], axis=1)
     assert ranges.std() == pytest.approx(0.2, rel=0.03)
     assert ranges.mean() == pytest.approx(50, abs=0.01)
@@ -93,7 +93,7 @@ def test_noise_is_along_the_ray_and_as_wide_as_the_dial() -> None:
 
 def test_noise_leaves_a_point_at_the_sensor_and_none_passes_it() -> None:
     points = cloud((0, 0, 0), *[(0.1, 0, 0)] * 100)
-    out = sensor_faults.range_noise(points, 5, draws())
+    out = sensor_faults.range_noise(points, 5, rng())
     assert np.isfinite(out).all()
     np.testing.assert_array_equal(out[0], points[0])
     assert out[:, 0].min() == 0
@@ -102,7 +102,7 @@ def test_noise_leaves_a_point_at_the_sensor_and_none_passes_it() -> None:
 def test_fog_lets_through_what_the_air_transmits() -> None:
     """At 50 m and 10 per km both ways: exp(-1) = 36.8 %; a tenth of the rest are drops."""
     points = cloud(*[(50.0, 0.0, 0.0)] * 40_000)
-    out = clouds.fog(points, 10, draws())
+    out = clouds.fog(points, 10, rng())
     through = out[out[:, 0] == 50]
     drops = out[out[:, 0] < 50]
     assert len(through) == pytest.approx(40_000 * np.exp(-1), rel=0.02)
@@ -116,7 +116,7 @@ def test_fog_lets_through_what_the_air_transmits() -> None:
 def test_rain_has_the_extinction_of_its_rate() -> None:
     """50 mm/h: 3.65e-4 50^0.63 = 4.29e-3 per m, so 42.4 % come back from 100 m."""
     points = cloud(*[(0.0, 100.0, 0.0)] * 40_000)
-    out = clouds.rain(points, 50, draws())
+    out = clouds.rain(points, 50, rng())
     assert np.count_nonzero(out[:, 1] == 100) == pytest.approx(40_000 * 0.4238, rel=0.02)
 
 
@@ -124,7 +124,7 @@ def test_a_lost_line_takes_all_of_its_points_and_no_other() -> None:
     rows = np.radians(-25 + 40 / 127 * np.arange(128))
     ring = [(20 * np.cos(a), 0, 20 * np.sin(a)) for a in rows]
     points = np.concatenate([cloud(*ring), cloud(*[(-x, y, z) for x, y, z in ring])])
-    out = sensor_faults.lost_lines(points, 0.5, draws())
+    out = sensor_faults.lost_lines(points, 0.5, rng())
     ahead, behind = out[out[:, 0] > 0], out[out[:, 0] < 0]
     np.testing.assert_array_equal(ahead[:, 2], behind[:, 2])
     assert 40 < len(ahead) < 90
@@ -133,11 +133,11 @@ def test_a_lost_line_takes_all_of_its_points_and_no_other() -> None:
 def test_a_sector_is_blocked_to_both_sides_of_the_view() -> None:
     azimuths = np.radians([-11, -9, 0, 9, 11, 180])
     points = cloud(*[(20 * np.cos(a), 20 * np.sin(a), 0) for a in azimuths])
-    np.testing.assert_array_equal(clouds.blocked_sector(points, 20, draws()), points[[0, 4, 5]])
+    np.testing.assert_array_equal(clouds.blocked_sector(points, 20, rng()), points[[0, 4, 5]])
 
 
 @pytest.mark.parametrize(
-    ("change", "dial", "point", "seen"),
+    ("change", "severity", "point", "seen"),
     [
         # 2 m too high: the road 6 m below is 8 m below.
         (clouds.height_error, 2, (10, 3, -6), (10, 3, -8)),
@@ -153,12 +153,12 @@ def test_a_sector_is_blocked_to_both_sides_of_the_view() -> None:
     ],
 )
 def test_a_pose_error_moves_points_as_worked_by_hand(
-    change: Callable[[Points, float, clouds.Draws], Points],
-    dial: float,
+    change: Callable[[Points, float, clouds.Rng], Points],
+    severity: float,
     point: tuple[float, float, float],
     seen: tuple[float, float, float],
 ) -> None:
-    out = change(cloud(point), dial, draws())
+    out = change(cloud(point), severity, rng())
     np.testing.assert_allclose(out[0, :3], seen, atol=1e-5)
     assert out[0, 3] == 0.5
 

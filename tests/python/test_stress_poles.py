@@ -1,4 +1,4 @@
-"""`pyinfra stress` on fused frames: worlds of several mounts, wrong clocks and poses of poles."""
+"""`pyinfra stress` on fused frames: altered scenes, wrong clocks and poses of poles."""
 
 from pathlib import Path
 
@@ -37,16 +37,16 @@ def cloud(folder: Path) -> np.ndarray:
     return kitti.read_points(kitti.frame_file(folder, "velodyne", 20))
 
 
-def stressed(name: str, dial: float, base: altered_scenes.Base, cache: Path) -> Path:
-    world = STRESSORS[name].world
-    assert world is not None
-    return altered_scenes.simulated(base, world(base, dial), cache, name)
+def stressed(name: str, severity: float, base: altered_scenes.Base, cache: Path) -> Path:
+    change = STRESSORS[name].scene_change
+    assert change is not None
+    return altered_scenes.simulated(base, change(base, severity), cache, name)
 
 
-def test_a_fused_world_without_a_change_has_the_same_bytes(
+def test_a_fused_scene_without_a_change_has_the_same_bytes(
     base: altered_scenes.Base, tmp_path: Path
 ) -> None:
-    folder = altered_scenes.simulated(base, altered_scenes.World(), tmp_path, "same")
+    folder = altered_scenes.simulated(base, altered_scenes.AlteredScene(), tmp_path, "same")
     assert folder.parent.name == "fused"
     assert cloud(folder).tobytes() == cloud(base.folder).tobytes()
 
@@ -78,7 +78,7 @@ def test_poses_of_poles_come_apart_and_vehicles_stay(
     np.testing.assert_array_equal(*boxes)
 
 
-def test_recorded_vehicles_are_told_by_the_clock_of_the_first(data: Path, tmp_path: Path) -> None:
+def test_recorded_vehicles_follow_the_clock_of_the_first(data: Path, tmp_path: Path) -> None:
     (fused := tmp_path / "fused").mkdir()
     (fused / "helios_16").symlink_to(data / "fused/helios_16", target_is_directory=True)
     keys = yaml.safe_load((data / "fused/dataset.yaml").read_text())
@@ -94,7 +94,7 @@ def test_recorded_vehicles_are_told_by_the_clock_of_the_first(data: Path, tmp_pa
 
 def test_poles_of_one_mount_cannot_come_apart(data: Path) -> None:
     one = altered_scenes.read_base(data / "west/helios_16", 60)
-    with pytest.raises(ValueError, match="expected fused ones, got frames of one mount"):
+    with pytest.raises(ValueError, match="expected fused frames, got frames of one mount"):
         trials.able(chosen(["pole_clock", "pole_yaw"], None), one)
 
 
@@ -102,7 +102,7 @@ def test_ranges_of_fused_frames_are_from_no_one_place(base: altered_scenes.Base)
     stressors = chosen(["rain", "drop_out", "unseen_scene", "pole_yaw"], None)
     left_out = trials.left_out(stressors, base)
     assert list(left_out.values()) == [["rain", "unseen_scene"]]
-    assert "expected those of one mount, got fused frames of west, east, north" in next(
+    assert "expected frames of one mount, got fused frames of west, east, north" in next(
         iter(left_out)
     )
 
@@ -112,5 +112,7 @@ def test_fused_frames_without_their_mounts_are_not_simulated_again(
 ) -> None:
     (tmp_path / "fused").symlink_to(data / "fused", target_is_directory=True)
     base = altered_scenes.read_base(tmp_path / "fused/helios_16", 60)
-    with pytest.raises(ValueError, match=r"west/helios_16/lidar\.yaml: got no such file, needed"):
+    with pytest.raises(
+        ValueError, match=r"west/helios_16/lidar\.yaml: expected this file .*, got none"
+    ):
         trials.able(chosen(["pole_yaw"], None), base)

@@ -52,20 +52,22 @@ def test_figures_are_those_of_evaluate(tmp_path: Path) -> None:
     first = expected.ap.iloc[0]
     for name in ("ap", "objects"):
         assert row[name] == pytest.approx(first[name], abs=1e-6)
-    ghosts = expected.false_positives.query("cause == 'ghost' and ground_truth == 'captured'")
-    assert row["ghosts_per_frame"] == ghosts["count"].iloc[0] / 60
+    background = expected.false_positives.query(
+        "cause == 'background' and ground_truth == 'captured'"
+    )
+    assert row["background_per_frame"] == background["count"].iloc[0] / 60
 
 
 def test_a_perfect_detector_has_nothing_to_forgive(tmp_path: Path) -> None:
     row = measured(tmp_path, [(box(v), 0.9) for v in (NEAR, MID, FAR)], [NEAR, MID, FAR])
     assert row["ap"] == 100
     assert [row[f"recall_{band}"] for band in score.BANDS_M] == [1, 1, 1]
-    assert row["position_error_m"] == row["heading_error_deg"] == row["ghosts_per_frame"] == 0
+    assert row["position_error_m"] == row["heading_error_deg"] == row["background_per_frame"] == 0
     assert all(row[f"forgiven_{error}"] == 0 for error in score.ERRORS)
 
 
 def test_a_missed_far_vehicle_is_forgiven_there_alone(tmp_path: Path) -> None:
-    """Half of the recalls: AP 50, and 100 when the far one need not be found."""
+    """Half of the recalls: AP 50, and 100 when the far one need not be detected."""
     row = measured(tmp_path, [(box(NEAR), 0.9)], [NEAR, FAR])
     assert row["ap"] == pytest.approx(50)
     assert row["recall_far"] == 0
@@ -75,24 +77,24 @@ def test_a_missed_far_vehicle_is_forgiven_there_alone(tmp_path: Path) -> None:
     assert set(gains.values()) == {0}
 
 
-def test_ghosts_and_duplicates_are_forgiven_as_ghosts(tmp_path: Path) -> None:
+def test_boxes_on_background_and_duplicates_are_forgiven_as_background(tmp_path: Path) -> None:
     """Two wrong boxes before the right one: precision 1/3."""
-    ghost, twice = box(car(-50)), box(NEAR | {"x": 20.5})
-    row = measured(tmp_path, [(ghost, 0.9), (box(NEAR), 0.8), (twice, 0.85)], [NEAR])
-    assert row["ghosts_per_frame"] == 1
-    assert row["ap"] == pytest.approx(50)  # the second box of the two took the vehicle
-    assert row["forgiven_ghosts"] == pytest.approx(50)
+    background, twice = box(car(-50)), box(NEAR | {"x": 20.5})
+    row = measured(tmp_path, [(background, 0.9), (box(NEAR), 0.8), (twice, 0.85)], [NEAR])
+    assert row["background_per_frame"] == 1
+    assert row["ap"] == pytest.approx(50)  # the second box of the two matches the vehicle
+    assert row["forgiven_background"] == pytest.approx(50)
     assert row["forgiven_position"] == 0
 
 
 def test_a_box_beside_its_vehicle_is_an_error_of_position(tmp_path: Path) -> None:
-    """1.8 m aside of a car 2 m wide: overlap 0.05, so a ghost and a miss by name."""
+    """1.8 m aside of a car 2 m wide: overlap 0.05, so a background error and a miss by name."""
     beside = box(NEAR | {"y": 3 + 1.8})
     row = measured(tmp_path, [(beside, 0.9)], [NEAR])
     assert row["ap"] == 0
-    assert row["ghosts_per_frame"] == 1
+    assert row["background_per_frame"] == 1
     assert row["forgiven_position"] == pytest.approx(100)
-    assert row["forgiven_ghosts"] == row["forgiven_misses_near"] == row["forgiven_heading"] == 0
+    assert row["forgiven_background"] == row["forgiven_misses_near"] == row["forgiven_heading"] == 0
 
 
 def test_a_box_that_lies_across_is_an_error_of_heading(tmp_path: Path) -> None:
@@ -119,15 +121,15 @@ def test_a_partner_is_near_free_and_the_nearest(tmp_path: Path) -> None:
         (box(MID | {"x": 57.5}), 0.7),  # 2.5 m off a car of 4 m: too far
         (box(bus | {"x": -34.5, "dx": 4.0}), 0.6),  # 5.5 m off a bus of 12 m
     ]
-    one = score.contest(
+    one = score.match_input(
         read_ground_truth(folder), score.as_predictions([detections(boxes)]), "vehicle",
         score.Settings(ground_truths=("captured",)), "bev",
     )  # fmt: skip
-    np.testing.assert_array_equal(score.partners(score._judgement(one)), [-1, -1, -1, 2])
+    np.testing.assert_array_equal(score.partners(score._match_result(one)), [-1, -1, -1, 2])
 
 
 @pytest.mark.parametrize("vehicles", [[NEAR], []])
-def test_nothing_found_and_nothing_to_find(
+def test_nothing_detected_and_nothing_to_detect(
     tmp_path: Path, vehicles: list[dict[str, object]]
 ) -> None:
     row = measured(tmp_path, [], vehicles)
@@ -135,8 +137,8 @@ def test_nothing_found_and_nothing_to_find(
     assert row["ap"] == 0 if vehicles else math.isnan(row["ap"])
 
 
-def test_a_ghost_where_nothing_drives(tmp_path: Path) -> None:
-    assert measured(tmp_path, [(box(NEAR), 0.9)], [])["ghosts_per_frame"] == 1
+def test_a_box_where_nothing_drives(tmp_path: Path) -> None:
+    assert measured(tmp_path, [(box(NEAR), 0.9)], [])["background_per_frame"] == 1
 
 
 # Made-up curves.
@@ -145,7 +147,7 @@ def test_a_ghost_where_nothing_drives(tmp_path: Path) -> None:
 def rows(
     stressor: str, points: dict[str, float], detector: str = "a", **columns: float
 ) -> pd.DataFrame:
-    """A curve from none on; AP by dial, the first of them none."""
+    """A curve from none on; AP by severity, the first of them none."""
     (none, *others) = points
     key = {"detector": detector, "run": detector, "lidar": "l", "preset": "p", "scene": "s"}
     key |= {"seed": "1", "frames": "9"}
@@ -153,13 +155,13 @@ def rows(
     standard |= {"trained_frames": 800, "ap_low": 0, "ap_high": 100} | columns
     return pd.DataFrame(
         [
-            key | {"stressor": name, "dial": dial, "ap": points[dial], **standard}
-            for name, dial in [("none", none), *((stressor, other) for other in others)]
+            key | {"stressor": name, "severity": severity, "ap": points[severity], **standard}
+            for name, severity in [("none", none), *((stressor, other) for other in others)]
         ]
     )
 
 
-def test_a_curve_falls_between_its_dials() -> None:
+def test_a_curve_falls_between_its_severities() -> None:
     """90 to 70 from 0 to 0.5: 80 at 0.25. 70 to 20 up to 0.75: 45 at half of that way."""
     table = rows("drop_out", {"0": 90, "0.75": 20, "0.5": 70})
     (row,) = summary.summary(table).to_dict("records")
@@ -183,7 +185,7 @@ def test_a_detector_that_finds_nothing_has_no_gentleness() -> None:
     assert len(summary.summary(rows("fog", {"0": math.nan, "5": 9}))) == 0
 
 
-def test_the_first_crossing_counts_and_undefined_dials_are_passed_over() -> None:
+def test_the_first_crossing_counts_and_undefined_severities_are_passed_over() -> None:
     at = np.array([0.0, 1, 2, 3])
     assert summary.crossing(at, np.array([90.0, 70, 90, 10]), 80) == 0.5
     assert summary.crossing(at, np.array([90.0, np.nan, 70, 10]), 80) == 1
@@ -199,7 +201,7 @@ def test_names_fall_without_lines_between_them() -> None:
     assert row["gentleness"] == pytest.approx((80 + 30) / 2 / 90)
 
 
-def test_fewer_training_frames_are_the_stronger_dial() -> None:
+def test_fewer_training_frames_are_the_stronger_severity() -> None:
     table = rows("training_frames", {"0": 90, "200": 60, "400": 70})
     (row,) = summary.summary(table).to_dict("records")
     assert row["falls_by_10"] == "600"
@@ -211,14 +213,14 @@ def test_the_blame_is_what_stress_added() -> None:
     table = rows("yaw_error", {"0": 90, "1": 85, "2": 70, "4": 10})
     table["forgiven_position"] = [2.0, 3, 12, 0]
     table["forgiven_heading"] = [9.0, 9, 9, 99]
-    table["forgiven_ghosts"] = [0.0, 99, 4, 0]
+    table["forgiven_background"] = [0.0, 99, 4, 0]
     (row,) = summary.summary(table).to_dict("records")
     assert row["fails_first"] == "position"
     assert row["share_of_fall"] == pytest.approx(0.5)
     table["forgiven_position"] = [9.0, 3, 12, 0]
     (row,) = summary.summary(table).to_dict("records")
-    assert row["fails_first"] == "ghosts"
-    table["forgiven_ghosts"] = 0.0
+    assert row["fails_first"] == "background"
+    table["forgiven_background"] = 0.0
     (row,) = summary.summary(table).to_dict("records")
     assert row["fails_first"] == "mixed"
     assert row["largest_blame"] == "position"
@@ -240,8 +242,8 @@ def test_ranking_takes_what_all_detectors_went_through() -> None:
     assert {row["stressors"] for row in ranks} == {1}
     apart = pd.concat([rows("fog", {"0": 90, "5": 80}, "a"), rows("rain", {"0": 9, "5": 8}, "b")])
     assert len(summary.ranking(apart)) == 0
-    other_dials = [rows("fog", {"0": 90, "5": 80}, "a"), rows("fog", {"0": 90, "10": 80}, "b")]
-    assert len(summary.ranking(pd.concat(other_dials))) == 0
+    other_severities = [rows("fog", {"0": 90, "5": 80}, "a"), rows("fog", {"0": 90, "10": 80}, "b")]
+    assert len(summary.ranking(pd.concat(other_severities))) == 0
 
 
 def test_a_detector_that_finds_nothing_has_no_rank_and_takes_none() -> None:
@@ -294,5 +296,5 @@ def test_figures_have_a_panel_for_each_stressor(tmp_path: Path) -> None:
 def test_every_stressor_starts_without_stress_and_breaks_harder() -> None:
     for row in STRESSORS.values():
         if not row.named and row.acts_on != "training":
-            assert list(row.dials) == sorted(set(row.dials)), row.name
-            assert len(row.dials) >= 3, row.name
+            assert list(row.severities) == sorted(set(row.severities)), row.name
+            assert len(row.severities) >= 3, row.name

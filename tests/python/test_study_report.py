@@ -9,7 +9,7 @@ import report_data
 from report_data import Read
 
 from pyinfra.cli import main
-from pyinfra.metrics.row_selection import with_fine
+from pyinfra.metrics.row_selection import with_r1000
 from pyinfra.viz.report.report_data import Material, read_material
 from reproduction.paper_tables import paper_ap
 from reproduction.report import TABLES, ladder
@@ -79,8 +79,8 @@ def test_hits_stand_beside_the_papers(whole: Path) -> None:
     assert "on average 10.0 % from the paper's, 10.0 % at most" in text
 
 
-def test_what_the_paper_shows_and_this_page_does_not_is_said(tmp_path: Path) -> None:
-    results = report_data.write(tmp_path / "results", {"quick.csv": report_data.cells()})
+def test_what_the_paper_shows_and_this_page_does_not_is_named(tmp_path: Path) -> None:
+    results = report_data.write(tmp_path / "results", {"quick.csv": report_data.experiments()})
     assert "Figure: scanning patterns not here: needs a data set" in Read(report(results)).text
 
 
@@ -109,40 +109,40 @@ def test_the_cheapest_model_whose_conclusions_stay_is_named(tmp_path: Path) -> N
     assert "aggregation instant (1.00 of the time of exact)" in words
     assert "frames 500 (0.50 of the time of 1000)" in words
     assert [block.kind for block in made] == ["figure", "table"]
-    same = {(r.dial, r.value): r.same for r in ladder.rungs(with_seconds(material))}
+    same = {(r.severity, r.value): r.same for r in ladder.rungs(with_seconds(material))}
     assert not same["detail", "box"]
     assert not same["frames", "50"]
 
 
-def test_a_ladder_without_draws_recommends_nothing(tmp_path: Path) -> None:
+def test_a_ladder_without_replicates_recommends_nothing(tmp_path: Path) -> None:
     table = report_data.ladder()
-    kept = table[[name for name in table if not name.startswith("draw")]]
+    kept = table[[name for name in table if not name.startswith("replicate")]]
     report_data.write(tmp_path, {"ladder.csv": kept})
     words, _ = ladder.blocks(read(tmp_path))
-    assert words == ladder.UNTOLD
+    assert words == ladder.NOT_SIGNIFICANT
 
 
-def test_the_parts_of_vehicles_are_a_dial_where_the_ladder_has_them(tmp_path: Path) -> None:
+def test_the_parts_of_vehicles_are_a_severity_where_the_ladder_has_them(tmp_path: Path) -> None:
     usual = report_data.ladder().assign(parts="glass+gap+coat")
     turned = usual[:2].assign(
         parts="none", ap=[70.0, 60.0], ap_low=[68.0, 58.0], ap_high=[72.0, 62.0]
     )
-    drawn = [name for name in turned if name.startswith("draw_")]
-    turned = report_data.draws(turned.drop(columns=drawn), "ap", 1)
+    bootstrapped = [name for name in turned if name.startswith("replicate_")]
+    turned = report_data.replicates(turned.drop(columns=bootstrapped), "ap", 1)
     every = usual[:2].assign(parts="all")
     report_data.write(tmp_path, {"ladder.csv": pd.concat([usual, turned, every])})
     material = read(tmp_path)
     words, _ = ladder.blocks(material)
     assert "parts glass+gap+coat (1.00 of the time of all)" in words
-    same = {(r.dial, r.value): r.same for r in ladder.rungs(with_seconds(material))}
+    same = {(r.severity, r.value): r.same for r in ladder.rungs(with_seconds(material))}
     assert same["parts", "glass+gap+coat"]
     assert not same["parts", "none"]
     assert not same["detail", "box"]
-    assert {value for dial, value in same if dial == "label_time"} == {"frame"}
+    assert {value for severity, value in same if severity == "label_time"} == {"frame"}
 
 
 def with_seconds(material: Material) -> pd.DataFrame:
-    return with_fine(material.results.table("ladder")).assign(seconds=1.0)
+    return with_r1000(material.results.table("ladder")).assign(seconds=1.0)
 
 
 def test_the_papers_ap_is_complete() -> None:

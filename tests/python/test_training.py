@@ -201,7 +201,7 @@ def test_the_best_checkpoint_changes_nothing_of_the_last_one_and_survives_a_kill
 
 
 class Known:
-    """Finds what it is told, whatever it is shown."""
+    """Detects the boxes it is given, whatever it is shown."""
 
     training = True
 
@@ -267,11 +267,11 @@ def test_held_out_frames_leave_some_to_learn_from_and_show_vehicles(
     source = read_source(lidar_folder, "smoke")
     learning = dataclasses.replace(recipe().learning, validate_frames=8)
     every = dataclasses.replace(recipe(), learning=learning)
-    with pytest.raises(ValueError, match="validate_frames: expected below 8, got 8"):
+    with pytest.raises(ValueError, match=r"validate_frames: expected below 8, .*, got 8"):
         train.train(every, [source], tmp_path, quiet=True)
     boxes = source.read_boxes()[:6]
     none = dataclasses.replace(source, read_boxes=lambda: (*boxes, np.empty((0, 7)), boxes[0][:0]))
-    with pytest.raises(ValueError, match="got no vehicle in the last 2 frames"):
+    with pytest.raises(ValueError, match="expected a vehicle in the last 2 frames, got none"):
         train.train(best_recipe(), [none], tmp_path, quiet=True)
     assert list(tmp_path.iterdir()) == []
 
@@ -284,7 +284,7 @@ def test_a_finished_run_stays_as_it_is(lidar_folder: Path, trained: Path) -> Non
 
 def test_a_run_of_other_steps_does_not_go_on(lidar_folder: Path, trained: Path) -> None:
     before = files_of(trained)
-    with pytest.raises(ConfigError, match="got another run: steps differ"):
+    with pytest.raises(ConfigError, match="expected the same run, got another: steps differ"):
         run(lidar_folder, trained, steps=7)
     assert files_of(trained) == before
 
@@ -351,13 +351,16 @@ def test_a_run_in_half_the_bits_goes_on_in_half_the_bits(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("detector: pointpilars\ntiers: {}\n", "1: detector: expected backgr, got 'pointpilars'"),
-        ("tiers: {}\n", "1: detector: got nothing, required"),
+        (
+            "detector: pointpilars\ntiers: {}\n",
+            "1: detector: expected background, .*, got 'pointpilars'",
+        ),
+        ("tiers: {}\n", "1: detector: expected a value, got none"),
         (
             "detector: dsvt\ntiers:\n  smoke: {}\n  huge: {}\n",
             "4: tiers.huge: expected smoke, quick, full, got an unknown key",
         ),
-        ("detector: dsvt\ntiers: {smoke: {}}\n", "2: tiers.quick: got nothing, required"),
+        ("detector: dsvt\ntiers: {smoke: {}}\n", "2: tiers.quick: expected a value, got none"),
         (
             "detector: dsvt\ntiers:\n  smoke: {}\n  quick: {learning: {steps: 0}}\n  full: {}\n",
             "4: tiers.quick.learning: steps: expected 1 or more, got 0 without start",
@@ -372,7 +375,7 @@ def test_a_wrong_recipe_is_named_by_file_line_and_key(
     tmp_path: Path, text: str, message: str
 ) -> None:
     (tmp_path / "r.yaml").write_text(text)
-    with pytest.raises(ConfigError, match=re.escape(f"{tmp_path}/r.yaml:{message}")):
+    with pytest.raises(ConfigError, match=f"{tmp_path}/r.yaml:{message}"):
         read_recipe(tmp_path / "r.yaml", "smoke")
 
 
@@ -449,9 +452,9 @@ def changed(file: Path, out: Path, **keys: object) -> Path:
     ("keys", "message"),
     [
         ({"format": 2}, "format: expected '1', got '2'"),
-        ({"convention": "y up"}, "convention: expected 'levelled LiDAR, got 'y up'"),
+        ({"convention": "y up"}, "convention: expected 'levelled LiDAR .*', got 'y up'"),
         ({"above_road": False}, "above_road: expected 'True', got 'False'"),
-        ({"detector": "unknown"}, "detector: expected pointpillars, got 'unknown'"),
+        ({"detector": "unknown"}, "detector: expected .*pointpillars, .*, got 'unknown'"),
         ({"step": "many"}, "step: expected a whole number, got 'many'"),
         ({"network": {"pillar_m": 0.4, "pillar_width": 8}}, "size mismatch"),
     ],
@@ -460,7 +463,7 @@ def test_a_checkpoint_of_something_else_is_refused(
     trained: Path, tmp_path: Path, keys: dict[str, object], message: str
 ) -> None:
     file = changed(trained / "last.safetensors", tmp_path / "c.safetensors", **keys)
-    with pytest.raises(ConfigError, match=re.escape(message)):
+    with pytest.raises(ConfigError, match=message):
         checkpoint.load(file).network()
 
 
@@ -471,10 +474,14 @@ def test_what_is_no_checkpoint_is_named_and_never_run(tmp_path: Path) -> None:
 
     for text in (pickle.dumps(Bomb()), b"", b"text", bytes(100)):
         (tmp_path / "bad.safetensors").write_bytes(text)
-        with pytest.raises(ConfigError, match=r"bad.safetensors: got no"):
+        with pytest.raises(
+            ConfigError, match=r"bad.safetensors: expected a checkpoint, got something else"
+        ):
             checkpoint.load(tmp_path / "bad.safetensors")
     save_file({}, tmp_path / "bad.safetensors", metadata={"about": "{a: [1"})
-    with pytest.raises(ConfigError, match="got no description in its header"):
+    with pytest.raises(
+        ConfigError, match=r"bad.safetensors: expected .*, got a file without a description"
+    ):
         checkpoint.load(tmp_path / "bad.safetensors")
     assert not (tmp_path / "ran").exists()
     with pytest.raises(FileNotFoundError):
@@ -490,7 +497,7 @@ def test_no_vehicle_in_the_whole_training_set_is_an_error(tmp_path: Path) -> Non
         kitti.write_frame(folder, frame, road_sample(frame).points, none)
     (folder / "ImageSets").mkdir()
     (folder / "ImageSets/train.txt").write_text("000000\n000001\n")
-    with pytest.raises(ValueError, match="got no vehicle in the training frames"):
+    with pytest.raises(ValueError, match="expected a vehicle in the training frames, got none"):
         run(folder, tmp_path / "out")
 
 
@@ -538,7 +545,9 @@ def test_two_clouds_of_one_name_are_not_written_over_one_another(
     other = shutil.copy(cloud, tmp_path)
     words = ["detect", str(trained), str(cloud), other, "--out", str(tmp_path / "pred")]
     assert main.main(words) == 2
-    assert f"{other}: got the name of {cloud}" in capsys.readouterr().err
+    assert (
+        f"{other}: expected another name with --out, got that of {cloud}" in capsys.readouterr().err
+    )
     assert not (tmp_path / "pred").exists()
 
 
@@ -563,7 +572,7 @@ def test_background_says_what_it_has_no_use_for(
     assert main.main([*words, "--seed", "2", "--budget", "0.5"]) == 0
     unused = "pyinfra: note: background: no use for --seed, --budget\n"
     anywhere = (
-        f"pyinfra: note: background: {lidar_folder.name}: got no roads.csv and no --region, so "
+        f"pyinfra: note: background: {lidar_folder.name}: no roads.csv and no --region, so "
         "what moves is a vehicle anywhere\n"
     )
     assert capsys.readouterr().err == unused + anywhere
@@ -656,11 +665,13 @@ def test_weights_that_are_no_numbers_are_refused(sure: Path, tmp_path: Path) -> 
     loaded = checkpoint.load(sure)
     loaded.tensors["network.head.heat.bias"] *= float("nan")
     checkpoint.write(tmp_path / "nan.safetensors", loaded.tensors, loaded.provenance)
-    with pytest.raises(ConfigError, match=r"head\.heat\.bias: got a number that is not finite"):
+    with pytest.raises(
+        ConfigError, match=r"head\.heat\.bias: expected finite weights, got one that is not"
+    ):
         detect.load_detector(tmp_path / "nan.safetensors", ground=level_ground(-6.0))
 
 
-def test_results_of_other_frames_and_labels_in_their_place_are_said(
+def test_results_of_other_frames_and_labels_in_their_place_are_reported(
     trained: Path, lidar_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["detect", str(trained), "--data", str(lidar_folder), "--split", "all", "--out"]
@@ -705,7 +716,7 @@ def test_a_training_begins_with_the_weights_of_another(
         if "running" not in name and "num_batches" not in name:
             torch.testing.assert_close(loaded.weights()[name], weights, atol=1e-5, rtol=1e-4)
     other = read_recipe(ROOT / "configs/detectors/pointpillars.yaml", "smoke")
-    with pytest.raises(ConfigError, match="got weights of another network"):
+    with pytest.raises(ConfigError, match="expected weights of this network, got others"):
         train.train(other.begun_with(trained), [source], tmp_path / "other", quiet=True)
 
 
@@ -758,9 +769,9 @@ def test_another_lidar_or_preset_is_a_warning_unless_it_is_meant(
     [
         (["--tier", "huge"], "invalid choice"),
         (["--seed", "-1"], "--seed: expected 0 or more, got -1"),
-        (["--budget", "0"], "--budget: expected above 0, got 0"),
-        (["--device", "tpu"], "--device: expected cpu, got 'tpu'"),
-        (["--device", "cuda:99"], "--device: expected cpu, got 'cuda:99'"),
+        (["--budget", "0"], "--budget: expected above 0 to 100, got 0"),
+        (["--device", "tpu"], "--device: expected cpu, .*, got 'tpu'"),
+        (["--device", "cuda:99"], "--device: expected cpu, .*, got 'cuda:99'"),
         (["--precision", "float16"], "invalid choice"),
         (["--data", "nowhere"], "nowhere/lidar.yaml: No such file"),
         (["--data", "."], "expected the folder of a LiDAR, got a data set: ring"),
@@ -782,7 +793,7 @@ def test_wrong_words_are_one_line(
         code = int(str(end.code))
     assert code in (1, 2)
     error = capsys.readouterr().err
-    assert message in error
+    assert re.search(message, error)
     assert len(error.splitlines()) == 1
 
 
@@ -880,7 +891,7 @@ def test_rare_windows_look_at_each_class_as_often() -> None:
     assert np.mean([windows.centre_of(sample, area, draw)[0] == 9 for _ in range(400)]) < 0.2
 
 
-def test_faults_that_no_dial_asks_for_draw_nothing() -> None:
+def test_faults_that_no_severity_asks_for_draw_nothing() -> None:
     """So that runs of recipes without them are those they were."""
     draw, other = np.random.default_rng(1), np.random.default_rng(1)
     sample = road_sample(14)
@@ -888,7 +899,7 @@ def test_faults_that_no_dial_asks_for_draw_nothing() -> None:
     assert draw.random() == other.random()
 
 
-def test_dropped_points_and_lines_are_some_up_to_the_dial() -> None:
+def test_dropped_points_and_lines_are_some_up_to_the_severity() -> None:
     sample = road_sample(15)
     for how in (Augmentation(drop_out=0.9), Augmentation(lost_lines=0.9)):
         shares = []
@@ -900,7 +911,7 @@ def test_dropped_points_and_lines_are_some_up_to_the_dial() -> None:
         assert max(shares) > 0.85
 
 
-def test_vehicles_without_a_point_left_are_no_longer_to_be_found() -> None:
+def test_vehicles_without_a_point_left_are_no_longer_to_be_detected() -> None:
     sample = road_sample(16)
     few = dataclasses.replace(sample, points=sample.points[::40])
     lost = 0
@@ -982,7 +993,7 @@ def test_a_training_needs_one_kind_of_source(
     [
         ("", "mount: expected west, east, south, north, got none"),
         ("middle", "mount: expected west, east, south, north, got 'middle'"),
-        ("fused", "expected one mount's name: fused frames are learnt from disk"),
+        ("fused", "expected one mount's name, got 'fused': fused frames are learnt from disk"),
     ],
 )
 def test_a_scene_with_several_mounts_is_learnt_at_one(
@@ -1011,7 +1022,9 @@ def test_labels_of_two_times_are_not_learnt_together() -> None:
         for scene, time in (("highway", "scan"), ("curve", "frame"))
     )
     assert common_label_time([one, one]) == "scan"
-    with pytest.raises(ValueError, match=r"helios_16 in curve: label_time: expected sc, got frame"):
+    with pytest.raises(
+        ValueError, match=r"helios_16 in curve: label_time: expected scan as of .*, got frame"
+    ):
         common_label_time([one, other])
 
 

@@ -44,10 +44,10 @@ def cars_at(positions: FloatArray) -> FloatArray:
     return np.column_stack([positions, rows])
 
 
-def and_ghosts(draw: np.random.Generator, truth: FloatArray) -> Boxes:
+def and_background(draw: np.random.Generator, truth: FloatArray) -> Boxes:
     boxes, scores = good(draw, truth)
-    ghosts = cars_at(draw.uniform(-60, 60, (8, 2)))
-    return np.concatenate([boxes, ghosts]), np.append(scores, draw.uniform(0.1, 0.45, 8))
+    background = cars_at(draw.uniform(-60, 60, (8, 2)))
+    return np.concatenate([boxes, background]), np.append(scores, draw.uniform(0.1, 0.45, 8))
 
 
 def and_hedges(draw: np.random.Generator, truth: FloatArray) -> Boxes:
@@ -77,7 +77,7 @@ def predictions(lidar: Path, made: Made, to: Path) -> Path:
 @pytest.fixture(scope="module")
 def tables(lidar: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Trust]]:
     folder = tmp_path_factory.mktemp("pred")
-    kinds = (good, and_ghosts, and_hedges, half_blind)
+    kinds = (good, and_background, and_hedges, half_blind)
     return {m.__name__: trust_of(lidar, predictions(lidar, m, folder / m.__name__)) for m in kinds}
 
 
@@ -85,17 +85,17 @@ def test_a_good_detector_looks_good(tables: dict[str, list[Trust]]) -> None:
     low = tables["good"][0]
     assert low.frames == FRAMES
     assert low.confirmed_share > 0.7
-    assert low.found_share > 0.8
+    assert low.recall > 0.8
     assert low.flicker_share < 0.05
     assert low.standing_share < 0.05
 
 
-def test_ghosts_flicker_and_nothing_moves_in_them(tables: dict[str, list[Trust]]) -> None:
-    ghosts, low = tables["and_ghosts"][0], tables["good"][0]
-    assert ghosts.flicker_share > low.flicker_share + 0.2
-    assert ghosts.confirmed_share < low.confirmed_share - 0.2
-    assert ghosts.off_region_share > low.off_region_share + 0.1
-    assert ghosts.found_share == pytest.approx(low.found_share, abs=0.05)
+def test_background_flickers_and_nothing_moves_in_it(tables: dict[str, list[Trust]]) -> None:
+    background, low = tables["and_background"][0], tables["good"][0]
+    assert background.flicker_share > low.flicker_share + 0.2
+    assert background.confirmed_share < low.confirmed_share - 0.2
+    assert background.off_region_share > low.off_region_share + 0.1
+    assert background.recall == pytest.approx(low.recall, abs=0.05)
 
 
 def test_hedges_stand(tables: dict[str, list[Trust]]) -> None:
@@ -107,12 +107,12 @@ def test_hedges_stand(tables: dict[str, list[Trust]]) -> None:
 
 def test_a_blind_detector_finds_less_of_what_travels(tables: dict[str, list[Trust]]) -> None:
     blind, low = tables["half_blind"][0], tables["good"][0]
-    assert blind.found_share < low.found_share - 0.3
+    assert blind.recall < low.recall - 0.3
     assert blind.confirmed_share == pytest.approx(low.confirmed_share, abs=0.1)
 
 
-def test_a_higher_cut_leaves_the_ghosts_out(tables: dict[str, list[Trust]]) -> None:
-    cut = next(row for row in tables["and_ghosts"] if row.score == 0.5)
+def test_a_higher_cut_leaves_the_background_out(tables: dict[str, list[Trust]]) -> None:
+    cut = next(row for row in tables["and_background"] if row.score == 0.5)
     low = tables["good"][0]
     assert cut.boxes_per_frame == pytest.approx(low.boxes_per_frame, rel=0.05)
     assert cut.confirmed_share == pytest.approx(low.confirmed_share, abs=0.05)
@@ -121,7 +121,7 @@ def test_a_higher_cut_leaves_the_ghosts_out(tables: dict[str, list[Trust]]) -> N
 def test_the_command_prints_and_writes_the_table(
     lidar: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pred = predictions(lidar, and_ghosts, tmp_path / "pred")
+    pred = predictions(lidar, and_background, tmp_path / "pred")
     words = ["validate", lidar, "--pred", pred, "--unlabelled", "--out", tmp_path / "out"]
     assert main.main([str(word) for word in words]) == 0
     table = pd.read_csv(tmp_path / "out/trust.csv")
@@ -137,7 +137,10 @@ def test_labelled_frames_are_asked_for_it(
     assert main.main(["validate", str(lidar), "--pred", str(pred)]) == 0
     assert "confirmed_share" not in capsys.readouterr().out
     assert main.main(["validate", str(lidar), "--unlabelled"]) == 2
-    assert "expected with --pred alone" in capsys.readouterr().err
+    assert (
+        "--unlabelled, --out: expected --pred and no labels, got no --pred"
+        in capsys.readouterr().err
+    )
 
 
 # --- tracks by hand
@@ -173,8 +176,8 @@ def test_what_moves_in_its_place_does_not_stand() -> None:
     assert stands(seen, confirmed, 10).tolist() == [True, False, False] * 10
 
 
-def test_nothing_found_has_no_shares() -> None:
+def test_nothing_detected_has_no_shares() -> None:
     nothing = BoxSeries(np.empty(0, np.int64), np.empty((0, 7)), np.empty(0))
     (low, *_) = trust(range(10), 0.1, nothing, np.empty(0, np.int64), None, nothing)
     assert low.boxes_per_frame == 0
-    assert np.isnan([low.confirmed_share, low.found_share, low.off_region_share]).all()
+    assert np.isnan([low.confirmed_share, low.recall, low.off_region_share]).all()

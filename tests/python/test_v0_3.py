@@ -33,12 +33,20 @@ from pyinfra.models.training.recipe import read_recipe
 Infrasim = Callable[..., object]
 V0_3 = Path(__file__).resolve().parents[1] / "data/v0_3"
 DIGESTS = json.loads((V0_3 / "digests.json").read_text())
+RENAMED_KEYS = {"seam_deg:": "cut_angle_deg:", "wedges:": "prisms:"}  # of LiDARs, since 0.3
 
 
 @pytest.fixture
 def old(tmp_path: Path) -> Path:
-    """A copy, to be changed."""
-    return Path(shutil.copytree(V0_3, tmp_path / "v0_3"))
+    """A copy, to be changed; its user has renamed the keys of the LiDARs that are inputs."""
+    copy = Path(shutil.copytree(V0_3, tmp_path / "v0_3"))
+    for name in ("turning", "rosette"):
+        file = copy / f"inputs/{name}.yaml"
+        text = file.read_text()
+        for key, current in RENAMED_KEYS.items():
+            text = text.replace(key, current)
+        file.write_text(text)
+    return copy
 
 
 def simulated(old: Path, infrasim: Infrasim, frames: str, *more: object) -> object:
@@ -50,7 +58,22 @@ def simulated(old: Path, infrasim: Infrasim, frames: str, *more: object) -> obje
 # A folder
 
 
-def test_a_folder_takes_more_frames_and_keeps_its_own(
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("turning", "pattern.spinning.seam_deg: expected cut_angle_deg, "),
+        ("rosette", "pattern.wedges: expected prisms, "),
+    ],
+)
+def test_the_current_name_of_a_key_of_an_input_is_named(
+    name: str, message: str, infrasim: Infrasim
+) -> None:
+    result = infrasim("check", V0_3 / f"inputs/{name}.yaml", "--preset", "datasheet")
+    assert result.returncode == 2
+    assert message in result.stderr
+
+
+def test_a_folder_takes_more_frames_and_keeps_those_it_has(
     old: Path, infrasim: Infrasim, digests: Callable[[Path], dict[str, str]]
 ) -> None:
     before = digests(old / "data")
@@ -109,7 +132,7 @@ def test_a_folder_is_another_by_the_number_of_its_frames_and_not_by_the_release(
 def test_it_is_validated_evaluated_and_stressed(
     old: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder, out = old / "data/turning", old / "found"
+    folder, out = old / "data/turning", old / "predictions"
     assert main.main(["validate", str(folder)]) == 0
     run = ["train", str(old / "inputs/untrained.yaml"), "--data", str(folder), "--tier", "smoke"]
     assert main.main([*run, "--out", str(old / "model")]) == 0
@@ -142,7 +165,7 @@ def test_a_row_of_results_is_a_pair_with_one_of_now(old: Path) -> None:
     out = old / "of_now"
     words = ["benchmark", str(old / "inputs/small.yaml"), "--tier", "smoke", "--jobs", "1"]
     assert main.main([*words, "--out", str(out), "--work", str(old / "work")]) == 0
-    rows = {name: store.read(old / name / "smoke_draws.csv") for name in ("results", "of_now")}
+    rows = {name: store.read(old / name / "smoke_replicates.csv") for name in ("results", "of_now")}
     of_now = rows["of_now"]
     known = of_now.measure.isin(rows["results"].measure)  # 0.3 had no others
     rows["of_now"] = of_now[known & (of_now.ground_truth != "present")]
@@ -154,7 +177,7 @@ def test_a_row_of_results_is_a_pair_with_one_of_now(old: Path) -> None:
     for a, b in rest:
         difference = replicates.difference(both.loc[a], both.loc[b], ("measure", "ground_truth"))
         assert abs(difference.value) < 5  # Background finds its ground otherwise since 0.3
-        assert np.isfinite(difference.draws).all()
+        assert np.isfinite(difference.replicates).all()
     other = both.loc[0].copy()
     other["version"] = "0.2.0"
     assert not replicates.are_pairs(both.loc[0], other)
@@ -163,10 +186,10 @@ def test_a_row_of_results_is_a_pair_with_one_of_now(old: Path) -> None:
     assert not replicates.are_pairs(both.loc[0], later)
 
 
-def test_digests_of_inputs_recipes_and_rows_of_stress_are_those_of_0_3() -> None:
+def test_digests_of_inputs_recipes_and_rows_of_stress_are_those_of_0_3(old: Path) -> None:
     inputs.resolved.cache_clear()
     row = store.read(V0_3 / "results/smoke.csv").iloc[0]
-    table = inputs.digests(read_plan(V0_3 / "inputs/small.yaml", "smoke"))
+    table = inputs.digests(read_plan(old / "inputs/small.yaml", "smoke"))
     assert table.inputs.to_list() == [row.inputs]
     recipes = {
         name: read_recipe(V0_3 / f"inputs/{name}.yaml", "smoke") for name in DIGESTS["recipes"]
@@ -174,12 +197,14 @@ def test_digests_of_inputs_recipes_and_rows_of_stress_are_those_of_0_3() -> None
     assert {name: recipe_digest(one) for name, one in recipes.items()} == DIGESTS["recipes"]
     run = trials.TrainedRun(V0_3 / "run", "pointpillars", 2, 1)
     base = altered_scenes.read_base(V0_3 / "data/turning", 10)
-    trial = trials.Trial(run, run, NONE, NONE.dials[0])
+    trial = trials.Trial(run, run, NONE, NONE.severities[0])
     assert trials.inputs_of(trial, base) == DIGESTS["stress"]
 
 
-def test_a_raised_number_of_frames_makes_rows_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    plan = read_plan(V0_3 / "inputs/small.yaml", "smoke")
+def test_a_raised_number_of_frames_makes_rows_others(
+    old: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = read_plan(old / "inputs/small.yaml", "smoke")
     real = inputs.infrasim
     monkeypatch.setattr(
         inputs,
@@ -251,7 +276,7 @@ class Then:
     width_m: float = 2.0
 
 
-def test_a_key_with_another_name_keeps_what_a_row_is_told_by(
+def test_a_key_with_another_name_keeps_the_identity_of_a_row(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(config, "RENAMED", {"OfNow.step": "steps"})
@@ -262,7 +287,7 @@ def test_a_key_with_another_name_keeps_what_a_row_is_told_by(
     assert from_plain(as_plain(then), OfNow, "run.yaml") == now
     assert from_plain(as_plain(now), OfNow, "run.yaml") == now
     assert canonical(dataclasses.replace(now, late=True)) != canonical(then)
-    with pytest.raises(config.ConfigError, match="got twice"):
+    with pytest.raises(config.ConfigError, match="step: expected it once, got it twice"):
         from_plain({"step": 1, "steps": 1}, OfNow, "run.yaml")
 
 

@@ -101,7 +101,7 @@ def test_usual_mistakes_are_named(
     assert expected in names_for(change)
 
 
-def test_a_bottom_centre_is_told_from_another_height(lidar: Path, tmp_path: Path) -> None:
+def test_a_bottom_centre_is_not_taken_for_another_height(lidar: Path, tmp_path: Path) -> None:
     boxes = [kitti.read_objects(kitti.frame_file(lidar, "objects", k)).boxes for k in range(12)]
     predictions = [
         [(edited(2, lambda z: z - 0.75)(b.tolist()), 0.9) for b in frame] for frame in boxes
@@ -141,7 +141,7 @@ def test_scores_and_names_that_do_not_fit(lidar: Path, tmp_path: Path) -> None:
     (low / "000003.txt").write_text((low / "000003.txt").read_text().replace("vehicle", "Zebra"))
     (low / "000001.txt").write_text((low / "000001.txt").read_text().replace("vehicle", "Cyclist"))
     (noted,) = (f for f in validate(lidar, low) if f.name == "other-classes")
-    assert noted.text.startswith(f"{low / '000003.txt'}:1: not evaluated: Zebra (1); allowed Car")
+    assert noted.text.startswith(f"{low / '000003.txt'}:1: not evaluated: Zebra (1); expected Car")
 
 
 def test_people_beside_vehicles_are_noted(lidar: Path, tmp_path: Path) -> None:
@@ -159,8 +159,10 @@ def test_every_wrong_file_of_the_ground_truth_is_named(lidar: Path) -> None:
     kitti.frame_file(lidar, "objects", 5).unlink()
     texts = [str(f) for f in validate(lidar) if f.level == "error"]
     assert len(texts) == 3
-    assert "label_2/000002.txt:1: got 3 columns" in texts[0]
-    assert "objects/000004.csv:1: got 'id,class'" in texts[1]
+    assert "label_2/000002.txt:1: expected 15 columns" in texts[0]
+    assert ", got 3" in texts[0]
+    assert "objects/000004.csv:1: expected" in texts[1]
+    assert ", got 'id,class'" in texts[1]
     assert "objects/000005.csv: missing" in texts[2]
 
 
@@ -175,10 +177,10 @@ def test_degrees_in_objects_and_labels_are_errors(lidar: Path) -> None:
     lines[1:2] = [ignored, " ".join([*lines[1].split()[:14], "-179.5"])]
     label.write_text("\n".join(lines) + "\n")
     texts = [str(f) for f in validate(lidar) if f.level == "error"]
-    allowed = "expected -2 pi to 2 pi, in radians"
+    expected = "expected -2 pi to 2 pi, in radians"
     assert texts == [
-        f"error: wrong-file: {label}:3: rotation_y: got -179.5, {allowed}",
-        f"error: wrong-file: {objects}:3: heading: got 90, {allowed}",
+        f"error: wrong-file: {label}:3: rotation_y: {expected}, got -179.5",
+        f"error: wrong-file: {objects}:3: heading: {expected}, got 90",
     ]
 
 

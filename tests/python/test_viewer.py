@@ -4,6 +4,7 @@ import base64
 import hashlib
 import html.parser
 import json
+import re
 import sys
 import zlib
 from collections.abc import Callable
@@ -174,7 +175,7 @@ def test_fields_of_another_cloud_are_refused(tmp_path: Path) -> None:
     file = kitti.frame_file(folder, "fields", 0)
     file.parent.mkdir()
     kitti.write_fields(file, np.zeros(2, kitti.FIELDS))
-    with pytest.raises(FormatError, match=r"fields/000000.bin: expected 3 records, got 2"):
+    with pytest.raises(FormatError, match=r"fields/000000.bin: expected 3 records, .*, got 2"):
         read_view_frames(folder, [0])
 
 
@@ -192,13 +193,13 @@ def test_names_are_text_and_never_markup() -> None:
 @pytest.mark.parametrize(
     ("views", "element_id", "words"),
     [
-        ({"a": [view_frame([])]}, "1 2", "element_id: got '1 2', allowed"),
-        ({}, "v", "got no frame"),
-        ({"a": []}, "v", "got no frame"),
+        ({"a": [view_frame([])]}, "1 2", "element_id: expected .*, got '1 2'"),
+        ({}, "v", "view: expected one or more frames for each LiDAR, got none"),
+        ({"a": []}, "v", "view: expected one or more frames for each LiDAR, got none"),
         (
             {"a": [view_frame([])], "b": [view_frame([], frame=7)]},
             "v",
-            r"b: expected \[0\], got frames \[7\]",
+            r"view: b: expected frames \[0\] .*, got \[7\]",
         ),
     ],
 )
@@ -264,8 +265,8 @@ def test_a_run_of_the_simulator_has_time_and_objects(
         ("--frames 0:4:0", "--frames: expected A:B or A:B:STEP, got '0:4:0'"),
         ("--lidar three", "--lidar: expected one, two, got 'three'"),
         ("--pred there", "--pred: expected LIDAR=DIR with LIDAR one, two, got 'there'"),
-        ("--pred one=there one=here", "--pred: got 'one=here' beside another of one"),
-        ("--pred three=there", "--pred: expected LIDAR=DIR, got 'three=there'"),
+        ("--pred one=there one=here", "--pred: expected .*, got 'one=here' beside another of one"),
+        ("--pred three=there", "--pred: expected LIDAR=DIR .*, got 'three=there'"),
         ("DATA/one", "expected each LiDAR once, got DATA/one, DATA/two, DATA/one"),
         ("--most-points 0", "--most-points: expected 1 or more, got 0"),
     ],
@@ -279,7 +280,7 @@ def test_wrong_words_end_in_one_line_and_no_page(
     words = words.replace("DATA", data)
     assert main.main(["view", data, *words.split(), "--out", str(out)]) == 2
     message = capsys.readouterr().err.replace(data, "DATA")
-    assert error in message
+    assert re.search(error, message)
     assert message.count("\n") == 1
     assert not out.exists()
 
@@ -306,14 +307,16 @@ def test_a_page_above_the_limit_is_refused_and_the_old_one_stays(
     out.write_text("old")
     monkeypatch.setattr("pyinfra.viz.viewer.page.LARGEST_MB", 0.5)
     assert main.main(["view", str(folder), "--out", str(out)]) == 2
-    assert "MB, expected 0.5 MB: fewer --frames, one --lidar, or --most" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "view.html: expected up to 0.5 MB, got" in error
+    assert "MB: fewer --frames, one --lidar, or --most" in error
     assert out.read_text() == "old"
     assert set(tmp_path.iterdir()) == {tmp_path / "data", out}
 
 
 def test_a_folder_that_is_none_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main.main(["view", str(tmp_path), "--out", str(tmp_path / "view.html")]) == 1
-    assert "got no LiDAR folder" in capsys.readouterr().err
+    assert "expected a LiDAR folder with a lidar.yaml, got none" in capsys.readouterr().err
 
 
 def test_without_the_extra_a_recording_is_refused_with_its_name(

@@ -10,7 +10,8 @@
 
 namespace infrasim::config {
 
-/// A key that was renamed since version 0.3. The reader accepts its canonical name too.
+/// A key that was renamed since version 0.3. The canonical name is accepted in the files of data
+/// folders alone.
 struct RenamedKey {
   /// The end of the key's dotted path, such as `spinning.cut_angle_deg` or `mounts.*.x_m`. A *
   /// stands for any name, and a leading dot for the top level. List indices are left out.
@@ -29,7 +30,9 @@ struct CanonicalKeys {
   std::span<const LaterKey> later;
 };
 
-inline constexpr std::array<RenamedKey, 0> kRenamedKeys{};
+inline constexpr std::array kRenamedKeys{RenamedKey{"spinning.cut_angle_deg", "seam_deg"},
+                                         RenamedKey{"pattern.prisms", "wedges"},
+                                         RenamedKey{"prisms.prisms", "wedges"}};
 inline constexpr std::array<LaterKey, 0> kLaterKeys{};
 inline constexpr CanonicalKeys kCanonicalKeys{kRenamedKeys, kLaterKeys};
 

@@ -216,22 +216,48 @@ bool ends_as(std::string_view path, std::string_view pattern) {
   return true;
 }
 
-Tree with_names_of_now(Tree tree, const CanonicalKeys& canonical, const std::string& path) {
+namespace {
+
+/// The current name of a key with a canonical name; nothing for all other keys.
+std::optional<std::string> current_name(const std::string& key, const std::string& path,
+                                        const CanonicalKeys& canonical) {
+  for (const RenamedKey& renamed : canonical.renamed) {
+    const std::string now(renamed.path.substr(renamed.path.rfind('.') + 1));
+    if (key == renamed.canonical && ends_as(path + "." + now, renamed.path)) return now;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+void check_current_names(const Tree& tree, const CanonicalKeys& canonical,
+                         const std::string& path) {
+  for (std::size_t i = 0; i < tree.items.size(); ++i) {
+    std::string inner = path;
+    if (i < tree.keys.size()) {
+      inner += "." + tree.keys[i];
+      if (const auto now = current_name(tree.keys[i], path, canonical))
+        fail(tree.items[i].place, inner.substr(1),
+             "expected " + *now + ", the name of this key since version 0.4, got " + tree.keys[i]);
+    }
+    check_current_names(tree.items[i], canonical, inner);
+  }
+}
+
+Tree with_current_names(Tree tree, const CanonicalKeys& canonical, const std::string& path) {
   if (canonical.renamed.empty()) return tree;
   for (std::size_t i = 0; i < tree.items.size(); ++i) {
-    const bool named = i < tree.keys.size();
-    if (named)
-      for (const RenamedKey& key : canonical.renamed) {
-        const std::string_view now = key.path.substr(key.path.rfind('.') + 1);
-        if (tree.keys[i] != key.canonical || !ends_as(path + "." + std::string(now), key.path))
-          continue;
-        if (tree.find(now) != nullptr)
+    std::string inner = path;
+    if (i < tree.keys.size()) {
+      if (const auto now = current_name(tree.keys[i], path, canonical)) {
+        if (tree.find(*now) != nullptr)
           fail(tree.items[i].place, tree.keys[i],
-               "expected " + std::string(now) + " alone, which is its name now, got both");
-        tree.keys[i] = now;
+               "expected " + *now + " alone, its current name, got both");
+        tree.keys[i] = *now;
       }
-    tree.items[i] = with_names_of_now(std::move(tree.items[i]), canonical,
-                                      named ? path + "." + tree.keys[i] : path);
+      inner += "." + tree.keys[i];
+    }
+    tree.items[i] = with_current_names(std::move(tree.items[i]), canonical, inner);
   }
   return tree;
 }

@@ -233,18 +233,29 @@ class FieldWriter {
   std::size_t indent_ = 0;
 };
 
+/// @throws ConfigError if a key has its canonical name in place of its current one
+void check_current_names(const Tree& tree, const CanonicalKeys& canonical,
+                         const std::string& path = "");
+
 /// Replaces canonical names of keys by their current names.
 /// @throws ConfigError if a map has a key under both names
-Tree with_names_of_now(Tree tree, const CanonicalKeys& canonical, const std::string& path = "");
+Tree with_current_names(Tree tree, const CanonicalKeys& canonical, const std::string& path = "");
 
+/// The configuration in a user's file, which has current names of keys.
 template <class T>
 T read_struct(const Tree& tree, const CanonicalKeys& canonical = kCanonicalKeys) {
+  check_current_names(tree, canonical);
   T value;
-  const Tree named = with_names_of_now(tree, canonical);
-  FieldReader reader(named, "");
+  FieldReader reader(tree, "");
   visit(reader, value);
   reader.finish();
   return value;
+}
+
+/// As read_struct, of a file that a run wrote: one of version 0.3 has canonical names.
+template <class T>
+T read_written(const Tree& tree, const CanonicalKeys& canonical = kCanonicalKeys) {
+  return read_struct<T>(with_current_names(tree, canonical), canonical);
 }
 
 /// Every key with its value, as YAML.

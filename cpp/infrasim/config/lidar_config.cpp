@@ -283,7 +283,7 @@ std::string canonical_lidar(const LidarConfig& lidar) {
 }
 
 std::string canonical_lidar(const config::Tree& resolved) {
-  return config::canonical_text(config::read_struct<LidarFile>(resolved));
+  return config::canonical_text(config::read_written<LidarFile>(resolved));
 }
 
 std::string config::list_lidar_keys() { return list_keys<LidarFile>(); }

@@ -70,9 +70,9 @@ std::optional<Fraction> columns_per_turn(const SpinningConfig& spinning) {
 template <class Fields>
 void visit(Fields& f, SpinningConfig& c) {
   f.field("rate_hz", c.rate_hz, "turns per second", required(positive(1000)));
-  f.field("phase", c.phase, "locked: at time 0 it stands at seam_deg; free: at a seeded draw");
-  f.field("seam_deg", c.cut_angle_deg, "azimuth in the unit's own frame at which a turn begins",
-          between(-360, 360));
+  f.field("phase", c.phase, "locked: at time 0 it stands at cut_angle_deg; free: at a seeded draw");
+  f.field("cut_angle_deg", c.cut_angle_deg,
+          "azimuth in the unit's own frame at which a turn begins", between(-360, 360));
   f.field("azimuth_step_deg", c.azimuth_step_deg, "between two columns; or columns_per_turn",
           positive(90));
   f.field("columns_per_turn", c.columns_per_turn, "the step's exact form, such as 1800 or 8125/4",
@@ -106,13 +106,13 @@ void visit(Fields& f, PrismsConfig& c) {
   f.field("first_step", c.first_step, "index of the firing at time 0", between(0, 1e6));
   f.field("focal_length", c.focal_length, "in the unit of laser_offsets", positive());
   f.field("laser_offsets", c.laser_offsets, "lasers fired at once, from the top", at_least_one());
-  f.field("wedges", c.prisms, "prisms, as the light goes", at_least_one());
+  f.field("prisms", c.prisms, "prisms, as the light goes", at_least_one());
   const double passages = c.steps_per_s * static_cast<double>(c.laser_offsets.size()) *
                           static_cast<double>(c.prisms.size());
   f.check(passages <= kMostPassagesPerSecond, "steps_per_s",
-          "expected " + config::number_text(kMostPassagesPerSecond) + ", got " +
+          "expected up to " + config::number_text(kMostPassagesPerSecond) + ", got " +
               config::number_text(passages) +
-              " passages of light through wedges a second (steps, lasers and wedges)");
+              " passages of light through prisms a second (steps, lasers and prisms)");
 }
 
 template <class Fields>
@@ -127,10 +127,10 @@ void visit(Fields& f, TableConfig& c) {
 template <class Fields>
 void visit(Fields& f, PatternConfig& c) {
   f.field("spinning", c.spinning, "columns of channels around the circle");
-  f.field("wedges", c.prisms, "rotating prisms (Livox)");
+  f.field("prisms", c.prisms, "rotating prisms (Livox)");
   f.field("table", c.table, "a list of directions");
   f.check(c.spinning.has_value() + c.prisms.has_value() + c.table.has_value() == 1, "spinning",
-          "expected one of spinning, wedges, table, got none or several");
+          "expected one of spinning, prisms, table, got none or several");
 }
 
 template void visit(config::FieldReader&, PatternConfig&);

@@ -108,8 +108,7 @@ void visit(Fields& f, JunctionConfig& c) {
   f.field("left_share", c.left_share, "share that turns left", between(0, 0.5));
   f.field("right_share", c.right_share, "share that turns right", between(0, 0.5));
   f.check(c.roads.size() == 2, "roads", "expected 2 names, got " + std::to_string(c.roads.size()));
-  f.check(!(c.signal && c.roundabout), "signal",
-          "expected one of the two, got both a junction and a roundabout");
+  f.check(!(c.signal && c.roundabout), "signal", "expected a signal or a roundabout, got both");
 }
 
 template <class Fields>

@@ -247,7 +247,7 @@ std::string dump_scene(const SceneConfig& scene) { return config::dump_struct(sc
 std::string canonical_scene(const SceneConfig& scene) { return config::canonical_text(scene); }
 
 std::string canonical_scene(const config::Tree& resolved) {
-  return config::canonical_text(config::read_struct<SceneConfig>(resolved));
+  return config::canonical_text(config::read_written<SceneConfig>(resolved));
 }
 
 std::string config::list_scene_keys() { return list_keys<SceneConfig>(); }

@@ -13,13 +13,8 @@ std::size_t find_unprintable(std::string_view text, std::size_t from = 0);
 /// The text as one line that is safe to print in a terminal: such bytes become \xNN.
 std::string printable(std::string_view text);
 
-<<<<<<< /tmp/mm_o
-/// An error in a configuration or input file. The message is one printable line: `file:line:col:
-/// key: found value, allowed values`.
-=======
-/// A wrong configuration or input file. The message is one printable line:
+/// An error in a configuration or input file. The message is one printable line:
 /// `file:line:col: key: what was expected, what it got`.
->>>>>>> /tmp/mm_t
 class ConfigError : public std::runtime_error {
  public:
   explicit ConfigError(std::string_view message) : std::runtime_error(printable(message)) {}

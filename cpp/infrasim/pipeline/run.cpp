@@ -88,7 +88,8 @@ void open_folders(const RunRequest& request, const Parts& parts, const std::vect
   if (request.out.empty()) return;
   const auto lone = request.out / "dataset.yaml";
   if (request.scene.mounts.size() > 1 && std::filesystem::exists(lone))
-    throw IoError(lone.string() + ": the folder holds a run of one mount, allowed another folder");
+    throw IoError(lone.string() +
+                  ": expected another folder, got one that holds a run of one mount");
   for (std::size_t m = 0; m < worlds.size(); ++m) open_run_folder(parts.mounts[m], worlds[m]);
   if (fusion) open_fused_folder(*parts.fused, worlds.front(), *fusion);
 }
@@ -212,9 +213,10 @@ void warn_of_no_vehicles(const SceneConfig& scene, const std::vector<SummaryRow>
 void warn_without_plane(const std::vector<SummaryRow>& rows, const Warn& warn) {
   for (const SummaryRow& row : rows)
     if (row.frames_without_plane > 0)
-      warn("no-ground-plane: " + row.lidar + ": no plane in " +
+      warn("no-ground-plane: " + row.lidar +
+           ": expected a road at sensor_height_m below the sensor, got no plane in " +
            std::to_string(row.frames_without_plane) + " of " + std::to_string(row.frames) +
-           " frames, kept all their points; allowed a road at sensor_height_m below the sensor");
+           " frames, whose points are all kept");
 }
 
 /// The summaries of a run's parts.

@@ -231,18 +231,11 @@ class TrajectoryReader {
   void go_to(double t) {
     const auto step = static_cast<std::size_t>(std::llround(t / kFramePeriod));
     if (std::abs(t - static_cast<double>(step) * kFramePeriod) > 1e-6)
-<<<<<<< /tmp/mm_o
-      csv_.fail_row("t", "found a time that is not a multiple of 0.1 s");
-    if (step + 1 < out_.rows.size()) csv_.fail_row("t", "found a time before the row above");
-    if (out_.rows.empty() && step != 0) csv_.fail_row("t", "found a start after 0, allowed 0");
-    out_.rows.resize(std::max(out_.rows.size(), step + 1));  // an instant without rows is empty
-=======
       csv_.fail_row("t", "expected a multiple of 0.1 s, got another time");
     if (step + 1 < out_.rows.size())
       csv_.fail_row("t", "expected times that rise, got one before the row above");
     if (out_.rows.empty() && step != 0) csv_.fail_row("t", "expected 0, got a start after 0");
-    out_.rows.resize(std::max(out_.rows.size(), step + 1));  // a moment without rows is empty
->>>>>>> /tmp/mm_t
+    out_.rows.resize(std::max(out_.rows.size(), step + 1));  // an instant without rows is empty
   }
 
   void add(double t, const ObjectState& s) {

@@ -55,8 +55,8 @@ void pass(const PrismConfig& prism, Vec3 tilted, DirectionBatch& directions) {
 void check_transmitted(const DirectionBatch& directions) {
   if (std::ranges::any_of(directions.x, [](double x) { return std::isnan(x); }))
     throw ConfigError(
-        "pattern.wedges.wedges: expected smaller angle_deg, refractive_index or "
-        "laser_offsets, got light that is reflected and does not leave a wedge");
+        "pattern.prisms.prisms: expected smaller angle_deg, refractive_index or "
+        "laser_offsets, got light that is reflected and does not leave a prism");
 }
 
 /// The directions of all lasers behind the prisms at one time.

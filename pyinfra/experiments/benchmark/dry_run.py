@@ -8,7 +8,7 @@ import pandas as pd
 
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark import inputs
-from pyinfra.experiments.benchmark.matrix import Cell, Plan
+from pyinfra.experiments.benchmark.matrix import Experiment, Plan
 from pyinfra.experiments.benchmark.provenance import stale
 from pyinfra.experiments.benchmark.workspace import Workspace
 from pyinfra.experiments.value import KEY
@@ -18,7 +18,7 @@ SECONDS = {"smoke": 60.0, "quick": 400.0, "full": 4000.0}
 BACKGROUND_S = 20.0
 
 
-def outlook(plan: Plan, workspace: Workspace, jobs: int) -> str:
+def dry_run_lines(plan: Plan, workspace: Workspace, jobs: int) -> str:
     """Returns a text with the unfinished experiments, their expected time, and the stale rows.
 
     The time is estimated from finished experiments. Raises what `benchmark` would raise for scenes
@@ -27,22 +27,24 @@ def outlook(plan: Plan, workspace: Workspace, jobs: int) -> str:
     inputs.check_names(plan)
     inputs.digests(plan)
     table = workspace.finished()
-    known = store.has_each(table, [vars(cell) for cell in plan.cells])
-    left = [cell for cell, there in zip(plan.cells, known, strict=True) if not there]
+    known = store.has_each(table, [vars(experiment) for experiment in plan.experiments])
+    left = [
+        experiment for experiment, there in zip(plan.experiments, known, strict=True) if not there
+    ]
     old = stale(plan, table)
     seconds = expected_seconds(left, table)
-    lines = [f"{cell.title}: {s:.0f} s" for cell, s in zip(left, seconds, strict=True)]
+    lines = [f"{experiment.title}: {s:.0f} s" for experiment, s in zip(left, seconds, strict=True)]
     names = old[KEY].astype(str).agg(" ".join, axis=1) if len(old) else ()
     lines += [f"{name}: stale, of another recipe or other frames" for name in names]
     total = sum(seconds)
     lines.append(
-        f"{len(left)} of {len(plan.cells)} cells to do: {total / 60:.0f} core-minutes, "
+        f"{len(left)} of {len(plan.experiments)} experiments to do: {total / 60:.0f} core-minutes, "
         f"about {total / 60 / jobs:.0f} minutes with {jobs} jobs"
     )
     return "\n".join(lines)
 
 
-def expected_seconds(cells: Sequence[Cell], table: pd.DataFrame) -> list[float]:
+def expected_seconds(experiments: Sequence[Experiment], table: pd.DataFrame) -> list[float]:
     """Returns the expected CPU seconds of each experiment.
 
     They are the median training time of the detector's rows, else a default of the tier.
@@ -50,6 +52,8 @@ def expected_seconds(cells: Sequence[Cell], table: pd.DataFrame) -> list[float]:
     known = table.groupby("detector").train_seconds.median() if len(table) else {}
     usual = {"background": BACKGROUND_S}
     return [
-        float(known.get(cell.detector, usual.get(cell.detector, SECONDS[cell.tier])))
-        for cell in cells
+        float(
+            known.get(experiment.detector, usual.get(experiment.detector, SECONDS[experiment.tier]))
+        )
+        for experiment in experiments
     ]

@@ -14,10 +14,10 @@ from pyinfra.dataset import split
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments.benchmark.inputs import has_several_mounts
-from pyinfra.experiments.benchmark.matrix import Cell, Parts, Plan, range_of
+from pyinfra.experiments.benchmark.matrix import Experiment, Parts, Plan, range_of
 from pyinfra.experiments.value import MOUNTS
 from pyinfra.formats import kitti
-from pyinfra.metrics.observations import blocks_of, read_sightings
+from pyinfra.metrics.observations import blocks_of, read_observations
 from pyinfra.metrics.scanning_statistics import vehicle_tables
 
 POINT_BYTES = 16
@@ -39,20 +39,20 @@ def shards(plan: Plan, work: Path, parts: int) -> list[Shard]:
     """Returns every data set of the plan in `parts` parts of consecutive frames."""
     return [
         Shard(
-            folder=work / "data" / world,
-            scene=plan.files["scenes", cells[0].scene],
-            lidars=tuple(plan.files["lidars", name] for name in lidars_of(cells)),
-            preset=cells[0].preset,
+            folder=work / "data" / data_set,
+            scene=plan.files["scenes", experiments[0].scene],
+            lidars=tuple(plan.files["lidars", name] for name in lidars_of(experiments)),
+            preset=experiments[0].preset,
             frames=frames,
         )
-        for world, cells in plan.worlds().items()
+        for data_set, experiments in plan.data_sets().items()
         for frames in parts_of(plan.frames, parts)
     ]
 
 
-def lidars_of(cells: Sequence[Cell]) -> list[str]:
+def lidars_of(experiments: Sequence[Experiment]) -> list[str]:
     """Returns the LiDARs of the experiments, each once."""
-    return list(dict.fromkeys(cell.lidar for cell in cells))
+    return list(dict.fromkeys(experiment.lidar for experiment in experiments))
 
 
 def parts_of(frames: str, parts: int) -> list[str]:
@@ -70,7 +70,10 @@ def warnings(plan: Plan) -> list[str]:
     except ImportError:
         return []
     chosen = range_of(plan.frames)
-    units = dict.fromkeys((plan.files["lidars", cell.lidar], cell.preset) for cell in plan.cells)
+    units = dict.fromkeys(
+        (plan.files["lidars", experiment.lidar], experiment.preset)
+        for experiment in plan.experiments
+    )
     ends = (chosen.start, chosen.stop, chosen.step)
     lines = [simulation.load_lidar(*unit).period_warnings(*ends) for unit in units]
     return list(dict.fromkeys(itertools.chain(*lines)))
@@ -90,15 +93,15 @@ def split_by_time(folder: Path, parts: Parts) -> None:
     split.write(data, time_split)
 
 
-def described(folder: Path, cells: Sequence[Cell]) -> dict[str, pd.DataFrame]:
+def described(folder: Path, experiments: Sequence[Experiment]) -> dict[str, pd.DataFrame]:
     """Returns the tables that describe a data set and all LiDARs in it.
 
     They are `lidars`, those of STATISTICS and `hits`. `hits` comes last: a row there means that the
     others are complete.
     """
-    key = {"scene": cells[0].scene, "preset": cells[0].preset}
+    key = {"scene": experiments[0].scene, "preset": experiments[0].preset}
     data = read_data_set(folder)
-    vehicles = read_sightings(data)
+    vehicles = read_observations(data)
     tables = {"lidars": pd.DataFrame([lidar_row(folder / name) for name in vehicles.lidars])}
     by_name = vehicle_tables(vehicles, blocks_of(data, vehicles))
     for name in STATISTICS:

@@ -65,9 +65,11 @@ def check_names(plan: Plan) -> None:
 
     Rows and folders use the file's name.
     """
-    for name in dict.fromkeys(cell.scene for cell in plan.cells):
+    for name in dict.fromkeys(experiment.scene for experiment in plan.experiments):
         check_name(plan.files["scenes", name], resolved(plan.files["scenes", name]))
-    for name, preset in dict.fromkeys((cell.lidar, cell.preset) for cell in plan.cells):
+    for name, preset in dict.fromkeys(
+        (experiment.lidar, experiment.preset) for experiment in plan.experiments
+    ):
         file = plan.files["lidars", name]
         check_name(file, resolved(file, preset))
 
@@ -86,7 +88,9 @@ def digests(plan: Plan) -> pd.DataFrame:
     These are the scene with the files that it names, the LiDAR without its price, the version and
     range of the frames, and their split.
     """
-    keys = dict.fromkeys((cell.scene, cell.preset, cell.lidar) for cell in plan.cells)
+    keys = dict.fromkeys(
+        (experiment.scene, experiment.preset, experiment.lidar) for experiment in plan.experiments
+    )
     return pd.DataFrame(
         [(*key, digest(plan, *key)) for key in keys], columns=[*FRAMES_OF, "inputs"]
     )
@@ -94,10 +98,10 @@ def digests(plan: Plan) -> pd.DataFrame:
 
 def digest(plan: Plan, scene: str, preset: str, lidar: str) -> str:
     file = plan.files["scenes", scene]
-    world = canonical(file, preset)
+    data_set = canonical(file, preset)
     unit = PRICE.sub("", canonical(plan.files["lidars", lidar], preset))
-    hasher = hashlib.sha256("\n".join([world, unit, plan.frames, str(plan.parts)]).encode())
-    for named in named_files(yaml.safe_load(world)):
+    hasher = hashlib.sha256("\n".join([data_set, unit, plan.frames, str(plan.parts)]).encode())
+    for named in named_files(yaml.safe_load(data_set)):
         hasher.update((file.parent / named).read_bytes())
     return hasher.hexdigest()[:16]
 
@@ -138,11 +142,11 @@ def check_lidars(hits: Path, plan: Plan, folder_of: Callable[[str], Path]) -> No
     Ground truth `common`, the vehicles in view of all LiDARs, depends on the whole set.
     """
     table = store.read(hits)
-    for world, cells in plan.worlds().items() if len(table) else ():
-        scene, preset = cells[0].scene, cells[0].preset
+    for data_set, experiments in plan.data_sets().items() if len(table) else ():
+        scene, preset = experiments[0].scene, experiments[0].preset
         known = set(table.lidar[(table.scene == scene) & (table.preset == preset)])
-        there = {lidar.name for lidar in lidars_in(folder_of(world))}
-        now = there | {cell.lidar for cell in cells}
+        there = {lidar.name for lidar in lidars_in(folder_of(data_set))}
+        now = there | {experiment.lidar for experiment in experiments}
         if known and known != now:
             raise ConfigError(
                 f"{hits}: {scene} {preset}: expected {', '.join(sorted(now))}, or another `out`, "
@@ -158,7 +162,9 @@ def with_prices(plan: Plan, lidars: pd.DataFrame) -> pd.DataFrame:
     """
     # A CSV with whole numbers only is read as integers.
     lidars = lidars.astype({"price_low_usd": float, "price_high_usd": float})
-    for name, preset in dict.fromkeys((cell.lidar, cell.preset) for cell in plan.cells):
+    for name, preset in dict.fromkeys(
+        (experiment.lidar, experiment.preset) for experiment in plan.experiments
+    ):
         price = price_of(plan.files["lidars", name], preset)
         at = (lidars.lidar == name) & (lidars.preset == preset)
         lidars.loc[at, ["price_low_usd", "price_high_usd"]] = [price["low"], price["high"]]

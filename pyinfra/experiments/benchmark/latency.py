@@ -14,11 +14,11 @@ from pyinfra.core.errors import keep_traceback
 from pyinfra.core.files import held
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark import inputs, measure
-from pyinfra.experiments.benchmark.matrix import Cell, Plan
-from pyinfra.experiments.benchmark.provenance import check_cells, claim_run, inputs_of
+from pyinfra.experiments.benchmark.matrix import Experiment, Plan
+from pyinfra.experiments.benchmark.provenance import check_experiments, claim_run, inputs_of
 from pyinfra.experiments.benchmark.workspace import Workspace
 from pyinfra.experiments.gpus import exclusive_gpu
-from pyinfra.experiments.pool import Say, silent
+from pyinfra.experiments.pool import Progress, silent
 from pyinfra.experiments.value import KEY
 from pyinfra.models.training.recipe import read_recipe
 
@@ -26,71 +26,94 @@ LOCK = "latency.lock"  # shared by all commands that use the same work folder
 
 
 def time_untimed(
-    plan: Plan, workspace: Workspace, *, device: str = "cpu", say: Say = silent
+    plan: Plan, workspace: Workspace, *, device: str = "cpu", progress: Progress = silent
 ) -> None:
     """Times the finished experiments that have no latency, once all of the plan have ended.
 
     If another command still runs some of them, that command times them all.
     """
-    if workspace.without_row(plan.cells):
-        say("pyinfra: another command still runs experiments: it measures the latencies at its end")
+    if workspace.without_row(plan.experiments):
+        progress(
+            "pyinfra: another command still runs experiments: it measures the latencies at its end"
+        )
         return
     with held(workspace.work / LOCK, wait=True):
         table = workspace.finished()
         untimed = table[table.latency_p50_ms.isna()] if len(table) else table
-        known = store.has_each(untimed, [vars(cell) for cell in plan.cells])
-        left = [cell for cell, there in zip(plan.cells, known, strict=True) if there]
+        known = store.has_each(untimed, [vars(experiment) for experiment in plan.experiments])
+        left = [
+            experiment for experiment, there in zip(plan.experiments, known, strict=True) if there
+        ]
         digests = inputs.digests(plan)
-        for cell in with_run(left, workspace):
+        for experiment in with_run(left, workspace):
             try:
-                time_cell(cell, plan, workspace, digests, device, say)
+                time_experiment(experiment, plan, workspace, digests, device, progress)
             except Exception as error:  # any error: the other experiments are still timed
-                keep_traceback(error, workspace.work / "runs" / f"{cell.name}.traceback.txt")
-                say(f"{cell.title}: no latency: {type(error).__name__}: {error}")
+                keep_traceback(error, workspace.work / "runs" / f"{experiment.name}.traceback.txt")
+                progress(f"{experiment.title}: no latency: {type(error).__name__}: {error}")
 
 
-def with_run(cells: Sequence[Cell], workspace: Workspace) -> list[Cell]:
-    return [cell for cell in cells if (workspace.work / "runs" / cell.name).is_dir()]
+def with_run(experiments: Sequence[Experiment], workspace: Workspace) -> list[Experiment]:
+    return [
+        experiment
+        for experiment in experiments
+        if (workspace.work / "runs" / experiment.name).is_dir()
+    ]
 
 
-def time_cell(
-    cell: Cell, plan: Plan, workspace: Workspace, digests: pd.DataFrame, device: str, say: Say
+def time_experiment(
+    experiment: Experiment,
+    plan: Plan,
+    workspace: Workspace,
+    digests: pd.DataFrame,
+    device: str,
+    progress: Progress,
 ) -> None:
     """Measures the latency of a finished experiment and adds it to its row.
 
     Raises what detectors and files raise.
     """
-    run = workspace.work / "runs" / cell.name
-    recipe = read_recipe(plan.files["detectors", cell.detector], cell.tier)
-    claim_run(run, inputs_of(cell, recipe, digests))
+    run = workspace.work / "runs" / experiment.name
+    recipe = read_recipe(plan.files["detectors", experiment.detector], experiment.tier)
+    claim_run(run, inputs_of(experiment, recipe, digests))
     with exclusive_gpu(device, workspace.work) as gpu:
-        folder = workspace.data(cell.world) / cell.lidar
+        folder = workspace.data(experiment.data_set) / experiment.lidar
         columns, load = measure.timed_alone(run, folder, gpu)
-    put_latency(cell, workspace, columns)
-    say(f"{cell.title}: {columns['latency_p50_ms']} ms a frame; {load.text}")
+    put_latency(experiment, workspace, columns)
+    progress(f"{experiment.title}: {columns['latency_p50_ms']} ms a frame; {load.text}")
 
 
-def put_latency(cell: Cell, workspace: Workspace, columns: dict[str, object]) -> None:
+def put_latency(experiment: Experiment, workspace: Workspace, columns: dict[str, object]) -> None:
     """Replaces the latency in the row of an experiment, if it is finished."""
     table = workspace.finished()
-    rows = table[store.among(table, pd.DataFrame([asdict(cell)]), KEY)] if len(table) else table
+    rows = (
+        table[store.among(table, pd.DataFrame([asdict(experiment)]), KEY)] if len(table) else table
+    )
     if len(rows):
-        workspace.put({"cells": rows.assign(**columns)})
+        workspace.put({"experiments": rows.assign(**columns)})
 
 
-def time_again(plan: Plan, workspace: Workspace, *, device: str = "cpu", say: Say = silent) -> None:
+def time_again(
+    plan: Plan, workspace: Workspace, *, device: str = "cpu", progress: Progress = silent
+) -> None:
     """Times every finished experiment whose trained detector is in the work folder.
 
     Raises FileNotFoundError if there is none.
     """
-    check_cells(workspace.table("cells"), plan, say)
-    known = store.has_each(workspace.finished(), [vars(cell) for cell in plan.cells])
-    finished = [cell for cell, there in zip(plan.cells, known, strict=True) if there]
+    check_experiments(workspace.table("experiments"), plan, progress)
+    known = store.has_each(
+        workspace.finished(), [vars(experiment) for experiment in plan.experiments]
+    )
+    finished = [
+        experiment for experiment, there in zip(plan.experiments, known, strict=True) if there
+    ]
     here = with_run(finished, workspace)
     if not here:
         runs = workspace.work / "runs"
-        raise FileNotFoundError(2, f"No run of the {len(finished)} finished cells is in", str(runs))
+        raise FileNotFoundError(
+            2, f"No run of the {len(finished)} finished experiments is in", str(runs)
+        )
     with held(workspace.work / LOCK, wait=True):
         digests = inputs.digests(plan)
-        for cell in here:
-            time_cell(cell, plan, workspace, digests, device, say)
+        for experiment in here:
+            time_experiment(experiment, plan, workspace, digests, device, progress)

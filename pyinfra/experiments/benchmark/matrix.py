@@ -23,7 +23,7 @@ from pyinfra.scenes.maps.site_folder import MAP, SCENE
 # Frames that are simulated, of the 5,000 frames of 500 s.
 FRAMES: dict[Tier, str] = {"smoke": "0:5000:20", "quick": "0:5000:5", "full": "0:5000"}
 MOST_FRAMES = 360_000  # of a scene: 36,000 s
-MOST_CELLS = 100_000  # experiments of a benchmark; each takes 20 s or more
+MOST_EXPERIMENTS = 100_000  # experiments of a benchmark; each takes 20 s or more
 # Names become folders and text in tables, so they must be harmless in a shell and a spreadsheet.
 NAME = re.compile(r"\w[^/\\,\"\x00-\x1f\x7f]{0,99}")
 
@@ -82,7 +82,7 @@ class Combinations:
     seeds: tuple[int, ...] = ruled((1,), 0, 1e9, once=True)  # seeds of training, not of traffic
 
     @property
-    def cells(self) -> int:
+    def experiments(self) -> int:
         return math.prod(len(values) for values in vars(self).values())
 
 
@@ -106,13 +106,15 @@ class Benchmark:
     costs: Costs = field(default_factory=Costs)
 
     def __post_init__(self) -> None:
-        cells = sum(block.cells for block in self.matrix)
-        if not 1 <= cells <= MOST_CELLS:
-            raise Error(f"matrix: expected 1 to {MOST_CELLS} cells, got {cells or 'no'}")
+        experiments = sum(block.experiments for block in self.matrix)
+        if not 1 <= experiments <= MOST_EXPERIMENTS:
+            raise Error(
+                f"matrix: expected 1 to {MOST_EXPERIMENTS} experiments, got {experiments or 'none'}"
+            )
 
 
 @dataclass(frozen=True)
-class Cell:
+class Experiment:
     """An experiment, which becomes one row of the results; its fields are the row's key."""
 
     scene: str
@@ -131,7 +133,7 @@ class Cell:
         return " ".join(str(value) for value in asdict(self).values())
 
     @property
-    def world(self) -> str:
+    def data_set(self) -> str:
         """The name of the data set that the experiment needs."""
         return f"{self.scene}_{self.preset}"
 
@@ -140,17 +142,17 @@ class Cell:
 class Plan:
     """The experiments of a benchmark in one tier, and the files that they name."""
 
-    cells: tuple[Cell, ...]
+    experiments: tuple[Experiment, ...]
     frames: str
     files: dict[tuple[str, str], Path]  # by kind and name
     costs: Costs
     parts: Parts
 
-    def worlds(self) -> dict[str, list[Cell]]:
+    def data_sets(self) -> dict[str, list[Experiment]]:
         """Returns the experiments, grouped by the data set that they need."""
-        groups: dict[str, list[Cell]] = {}
-        for cell in self.cells:
-            groups.setdefault(cell.world, []).append(cell)
+        groups: dict[str, list[Experiment]] = {}
+        for experiment in self.experiments:
+            groups.setdefault(experiment.data_set, []).append(experiment)
         return groups
 
 
@@ -170,12 +172,12 @@ def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
             name = name_of(path)
             if files.setdefault((kind, name), path) != path:
                 raise ConfigError(
-                    f"{file}: {kind}: expected one of a name, got '{name}' of two files, {path} "
+                    f"{file}: {kind}: expected one file of each name, got two of '{name}', {path} "
                     f"and {files[kind, name]}"
                 )
         return [name_of(path) for path in paths]
 
-    def cells() -> Iterator[Cell]:
+    def experiments() -> Iterator[Experiment]:
         for block in benchmark.matrix:
             # LiDARs vary faster than detectors, so that the first rows compare LiDARs.
             for scene, preset, detector, lidar, seed in itertools.product(
@@ -185,12 +187,12 @@ def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
                 known("lidars", block.lidars),
                 block.seeds,
             ):
-                yield Cell(scene, lidar, preset, detector, tier, seed)
+                yield Experiment(scene, lidar, preset, detector, tier, seed)
 
-    unique_cells = tuple(dict.fromkeys(cells()))
+    unique_experiments = tuple(dict.fromkeys(experiments()))
     frames = benchmark.frames or FRAMES[tier]
     check_parts(file, frames, benchmark.split)
-    return Plan(unique_cells, frames, files, benchmark.costs, benchmark.split)
+    return Plan(unique_experiments, frames, files, benchmark.costs, benchmark.split)
 
 
 def check_parts(file: Path, frames: str, parts: Parts) -> None:

@@ -17,7 +17,7 @@ from pyinfra.core.version import __version__, machine
 from pyinfra.core.vocabulary import SUBSETS
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.dataset.prediction_origin import origin_of, write_origin
-from pyinfra.experiments.benchmark.matrix import Cell
+from pyinfra.experiments.benchmark.matrix import Experiment
 from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import read_csv
 from pyinfra.metrics.evaluate import evaluate
@@ -40,27 +40,30 @@ MEASURED = (
 )
 
 
-def tables(cell: Cell, recipe: Recipe, folder: Path, run: Path, *, device: str = "cpu") -> Tables:
+def tables(
+    experiment: Experiment, recipe: Recipe, folder: Path, run: Path, *, device: str = "cpu"
+) -> Tables:
     """Runs an experiment and returns its rows by table.
 
-    The tables are `cells`, `areas`, `draws`, `ranges` and `distance` (without ground truth
-    `common`), and `squares` for a site of lanes. folder: the LiDAR's folder, which has a split.
+    The tables are `experiments`, `areas`, `replicates`, `ranges` and `distance` (without ground
+    truth `common`), and `squares` for a site of lanes. folder: the LiDAR's folder, which has a
+    split.
     run: folder for the trained detector. A training that was interrupted resumes. Raises what
     training, detecting and evaluating raise, and Error if no vehicle counts.
     """
-    seconds = trained(cell, recipe, folder, run, device)
+    seconds = trained(experiment, recipe, folder, run, device)
     detected(run, folder, device)
     evaluation = evaluate(folder, run / "predictions", SETTINGS, ranges=True)
     check_counted(evaluation)
     windows = evaluation.distance_ap
-    squares = {} if evaluation.cells is None else {"squares": keyed(cell, evaluation.cells)}
+    squares = {} if evaluation.cells is None else {"squares": keyed(experiment, evaluation.cells)}
     return {
         **squares,
-        "ranges": keyed(cell, evaluation.ranges),
-        "areas": keyed(cell, evaluation.areas),
-        "distance": keyed(cell, windows[windows.ground_truth != "common"]),
-        "draws": keyed(cell, evaluation.draws),
-        "cells": pd.DataFrame([row(cell, evaluation, seconds, steps_of(recipe))]),
+        "ranges": keyed(experiment, evaluation.ranges),
+        "areas": keyed(experiment, evaluation.areas),
+        "distance": keyed(experiment, windows[windows.ground_truth != "common"]),
+        "replicates": keyed(experiment, evaluation.replicates),
+        "experiments": pd.DataFrame([row(experiment, evaluation, seconds, steps_of(recipe))]),
     }
 
 
@@ -74,11 +77,11 @@ def check_counted(evaluation: Evaluation) -> None:
         )
 
 
-def trained(cell: Cell, recipe: Recipe, folder: Path, run: Path, device: str) -> float:
+def trained(experiment: Experiment, recipe: Recipe, folder: Path, run: Path, device: str) -> float:
     """Trains a detector and returns the CPU seconds of all its steps, earlier runs included."""
     before = time.process_time()
-    source = read_source(folder, cell.tier, classes=recipe.classes)
-    train(recipe, [source], run, seed=cell.seed, device=device, quiet=True)
+    source = read_source(folder, experiment.tier, classes=recipe.classes)
+    train(recipe, [source], run, seed=experiment.seed, device=device, quiet=True)
     log = run / "log.csv"
     if log.exists():
         return float(read_csv(log).cpu_seconds.sum())
@@ -128,11 +131,13 @@ def steps_of(recipe: Recipe) -> int:
     return 0 if recipe.detector == "background" else recipe.learning.steps
 
 
-def row(cell: Cell, evaluation: Evaluation, seconds: float, steps: int) -> dict[str, object]:
+def row(
+    experiment: Experiment, evaluation: Evaluation, seconds: float, steps: int
+) -> dict[str, object]:
     """Returns the row of a finished experiment; its latency is NaN until it is measured."""
     by_truth = evaluation.ap.set_index("ground_truth")
     return {
-        **asdict(cell),
+        **asdict(experiment),
         **{
             f"{name}{end}": by_truth[f"ap{end}"][which]
             for which, name in AP_OF.items()
@@ -150,12 +155,12 @@ def row(cell: Cell, evaluation: Evaluation, seconds: float, steps: int) -> dict[
     }
 
 
-def failed(cell: Cell, error: BaseException) -> Tables:
+def failed(experiment: Experiment, error: BaseException) -> Tables:
     """Returns the row of a failed experiment, with the reason in one line."""
     reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:300]
     nothing = dict.fromkeys(MEASURED, np.nan)
-    row = {**asdict(cell), **nothing, **provenance(), "reason": reason}
-    return {"cells": pd.DataFrame([row])}
+    row = {**asdict(experiment), **nothing, **provenance(), "reason": reason}
+    return {"experiments": pd.DataFrame([row])}
 
 
 def provenance() -> dict[str, object]:
@@ -166,9 +171,9 @@ def provenance() -> dict[str, object]:
     }
 
 
-def keyed(cell: Cell, rows: pd.DataFrame | None) -> pd.DataFrame:
+def keyed(experiment: Experiment, rows: pd.DataFrame | None) -> pd.DataFrame:
     """Returns the rows of an evaluation's table with the key columns of their experiment."""
     if rows is None:
         return pd.DataFrame()
     table = rows.drop(columns=["lidar", "class", "iou"]).reset_index(drop=True)
-    return pd.concat([pd.DataFrame([asdict(cell)] * len(table)), table], axis=1)
+    return pd.concat([pd.DataFrame([asdict(experiment)] * len(table)), table], axis=1)

@@ -16,9 +16,9 @@ from pyinfra.core.files import replacing
 from pyinfra.core.vocabulary import Subset
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark.inputs import FRAMES_OF, digests
-from pyinfra.experiments.benchmark.matrix import Cell, Plan
+from pyinfra.experiments.benchmark.matrix import Experiment, Plan
 from pyinfra.experiments.benchmark.measure import SETTINGS
-from pyinfra.experiments.pool import Say, silent
+from pyinfra.experiments.pool import Progress, silent
 from pyinfra.experiments.value import KEY
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.training.recipe import Recipe, read_recipe
@@ -41,12 +41,12 @@ def recipe_digest(recipe: Recipe) -> str:
     return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def inputs_of(cell: Cell, recipe: Recipe, digests: pd.DataFrame) -> dict[str, str]:
+def inputs_of(experiment: Experiment, recipe: Recipe, digests: pd.DataFrame) -> dict[str, str]:
     """Returns the columns `inputs` and `recipe` of an experiment's row.
 
     digests: digests of the frames, as `inputs.digests` returns them.
     """
-    frames = digests[store.among(digests, pd.DataFrame([vars(cell)]), FRAMES_OF)]
+    frames = digests[store.among(digests, pd.DataFrame([vars(experiment)]), FRAMES_OF)]
     return {"inputs": str(frames.inputs.item()), "recipe": recipe_digest(recipe)}
 
 
@@ -60,7 +60,7 @@ def stale(plan: Plan, table: pd.DataFrame) -> pd.DataFrame:
     rows = table[knows(table)]
     if rows.empty:
         return rows
-    ours = {(cell.detector, cell.tier) for cell in plan.cells}
+    ours = {(experiment.detector, experiment.tier) for experiment in plan.experiments}
     names = list(zip(rows.detector, rows.tier, strict=True))
     now = {
         (name, tier): recipe_digest(read_recipe(plan.files["detectors", name], tier))
@@ -81,22 +81,22 @@ def knows(table: pd.DataFrame) -> pd.Series:
     return table.ap.notna() & table.recipe.notna()
 
 
-def check_cells(cells: Path, plan: Plan, say: Say = silent) -> None:
+def check_experiments(experiments: Path, plan: Plan, progress: Progress = silent) -> None:
     """Raises ConfigError if the table has stale rows; warns about rows without digests."""
-    table = store.read(cells)
+    table = store.read(experiments)
     old = stale(plan, table)
     if len(old):
         names = [" ".join(map(str, row)) for row in old[KEY].head(SHOWN).to_numpy()]
         more = f" and {len(old) - SHOWN} more" if len(old) > SHOWN else ""
         raise ConfigError(
-            f"{cells}: {', '.join(names)}{more}: expected rows of this benchmark, no such rows, "
-            "or another `out`, got rows of another recipe or other frames of these names"
+            f"{experiments}: {', '.join(names)}{more}: expected rows of this benchmark, no such "
+            "rows, or another `out`, got rows of another recipe or other frames of these names"
         )
     unknown = int(table.ap.notna().sum() - knows(table).sum()) if len(table) else 0
     if unknown:
-        say(
-            f"pyinfra: warning: {cells}: {unknown} rows of an earlier version do not say of which "
-            "recipe they are; taken for that of now"
+        progress(
+            f"pyinfra: warning: {experiments}: {unknown} rows of an earlier version do not say of "
+            "which recipe they are; taken as rows of the current recipe"
         )
 
 

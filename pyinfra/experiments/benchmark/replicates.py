@@ -12,16 +12,16 @@ from pyinfra.experiments.value import KEY
 from pyinfra.metrics.replicates import difference
 
 Key: TypeAlias = "Mapping[str, object] | pd.Series"  # with the columns of KEY
-MEASURE = "ap_fine"
+MEASURE = "ap_r1000"
 
 
 @dataclass(frozen=True, eq=False)
-class CellDraws:
+class ExperimentReplicates:
     """A table of bootstrap replicates: one row for each experiment, ground truth and measure."""
 
     rows: pd.DataFrame
 
-    def row(self, cell: Key, ground_truth: str, measure: str = MEASURE) -> pd.Series | None:
+    def row(self, experiment: Key, ground_truth: str, measure: str = MEASURE) -> pd.Series | None:
         """Returns the row of an experiment; None if the table does not have it.
 
         `measure` is by default AP (R1000), which tables of earlier versions lack.
@@ -30,7 +30,7 @@ class CellDraws:
             return None
         here = (self.rows.ground_truth == ground_truth) & (self.rows.measure == measure)
         for name in KEY:
-            here &= self.rows[name].astype(str) == str(cell[name])
+            here &= self.rows[name].astype(str) == str(experiment[name])
         rows = self.rows[here]
         return None if rows.empty else rows.iloc[0]
 

@@ -14,17 +14,17 @@ from pyinfra.core.files import held
 from pyinfra.experiments import pool, store
 from pyinfra.experiments.benchmark import frames, inputs, measure
 from pyinfra.experiments.benchmark.latency import time_untimed
-from pyinfra.experiments.benchmark.matrix import Cell, Plan
-from pyinfra.experiments.benchmark.provenance import check_cells, claim_run, inputs_of
+from pyinfra.experiments.benchmark.matrix import Experiment, Plan
+from pyinfra.experiments.benchmark.provenance import check_experiments, claim_run, inputs_of
 from pyinfra.experiments.benchmark.workspace import KEYS, Workspace
 from pyinfra.experiments.gpus import exclusive_gpu
-from pyinfra.experiments.pool import Say, silent
+from pyinfra.experiments.pool import Progress, silent
 from pyinfra.experiments.value import KEY, mounts_of, value_table
 from pyinfra.metrics.intervals import NO_INTERVAL
 from pyinfra.metrics.row_selection import AP_R1000
 from pyinfra.models.training.recipe import read_recipe
 
-READ = ("cells", "areas", "distance", "lidars", "hits")
+READ = ("experiments", "areas", "distance", "lidars", "hits")
 
 
 def benchmark(
@@ -33,14 +33,14 @@ def benchmark(
     where: pool.Pool,
     *,
     device: str = "cpu",
-    say: Say = silent,
+    progress: Progress = silent,
 ) -> None:
     """Runs the experiments that have no row yet, and writes the tables of results.
 
     Failed experiments are tried again. Detectors are timed at the end, one at a time, when nothing
     else of the benchmark runs.
 
-    say: is called with a line for each step and experiment, also in the processes of the pool.
+    progress: is called with a line for each step and experiment, also in the processes of the pool.
     Raises SimulatorError if a data set cannot be made, and ConfigError if the tables were made from
     other inputs. An experiment that fails does not raise; it gets a row with the reason.
     """
@@ -48,23 +48,30 @@ def benchmark(
     inputs.check_names(plan)
     digests = inputs.digests(plan)
     inputs.check_frames(workspace.table("hits"), digests)
-    check_cells(workspace.table("cells"), plan, say)
+    check_experiments(workspace.table("experiments"), plan, progress)
     inputs.check_lidars(workspace.table("hits"), plan, workspace.data)
     check_costs(workspace, plan)
     forget_failed(workspace, plan)
-    left = workspace.without_row(plan.cells)
+    left = workspace.without_row(plan.experiments)
     if left:
-        simulate_worlds(plan, workspace, where, say)
+        simulate_data_sets(plan, workspace, where, progress)
         pool.run(
-            partial(fill, plan=plan, workspace=workspace, digests=digests, device=device, say=say),
+            partial(
+                fill,
+                plan=plan,
+                workspace=workspace,
+                digests=digests,
+                device=device,
+                progress=progress,
+            ),
             left,
             where,
             left=workspace.without_row,
-            lost=lambda cell, error: workspace.put(measure.failed(cell, error)),
-            say=say,
+            lost=lambda experiment, error: workspace.put(measure.failed(experiment, error)),
+            progress=progress,
         )
     conclude(workspace, plan)
-    time_untimed(plan, workspace, device=device, say=say)
+    time_untimed(plan, workspace, device=device, progress=progress)
 
 
 def check_costs(workspace: Workspace, plan: Plan) -> None:
@@ -75,39 +82,43 @@ def check_costs(workspace: Workspace, plan: Plan) -> None:
         other = sorted(set(rows.site_usd) - {allowed})
         if other:
             raise ConfigError(
-                f"{workspace.table('value')}: expected {allowed:g} as in this benchmark, or "
-                f"another `out`, got costs of the site of {other[0]:g} USD"
+                f"{workspace.table('value')}: site_usd: expected {allowed:g} as in this "
+                f"benchmark, or another `out`, got {other[0]:g}"
             )
 
 
 def forget_failed(workspace: Workspace, plan: Plan) -> None:
     """Removes the rows of the plan's failed experiments from the table."""
-    file = workspace.table("cells")
+    file = workspace.table("experiments")
     table = store.read(file)
     if "reason" not in table:
         return
-    wanted = store.among(table, pd.DataFrame([asdict(cell) for cell in plan.cells]), KEY)
+    wanted = store.among(
+        table, pd.DataFrame([asdict(experiment) for experiment in plan.experiments]), KEY
+    )
     rows = table[table.reason.notna() & wanted]
     if len(rows):
         store.drop(file, rows, KEY)
 
 
-def simulate_worlds(plan: Plan, workspace: Workspace, where: pool.Pool, say: Say = silent) -> None:
+def simulate_data_sets(
+    plan: Plan, workspace: Workspace, where: pool.Pool, progress: Progress = silent
+) -> None:
     """Simulates and splits all data sets of the plan, and writes their tables."""
-    for world, cells in plan.worlds().items():
-        for name in frames.lidars_of(cells):
-            for file in lidar_files(workspace.work / "data" / world, name):
-                inputs.renew_price(plan.files["lidars", name], cells[0].preset, file)
+    for data_set, experiments in plan.data_sets().items():
+        for name in frames.lidars_of(experiments):
+            for file in lidar_files(workspace.work / "data" / data_set, name):
+                inputs.renew_price(plan.files["lidars", name], experiments[0].preset, file)
     digests = inputs.digests(plan)
     shards = frames.shards(plan, workspace.work, where.jobs)
-    say(f"pyinfra: {len(plan.worlds())} data sets in {len(shards)} shards")
+    progress(f"pyinfra: {len(plan.data_sets())} data sets in {len(shards)} shards")
     for line in frames.warnings(plan):
-        say(f"pyinfra: warning: {line}")
+        progress(f"pyinfra: warning: {line}")
     pool.call_all(frames.simulate, shards, replace(where, gpu=False))
-    for world, cells in plan.worlds().items():
-        frames.split_by_time(workspace.data(world), plan.parts)
-        if not is_described(workspace, cells):
-            tables = frames.described(workspace.data(world), cells)
+    for data_set, experiments in plan.data_sets().items():
+        frames.split_by_time(workspace.data(data_set), plan.parts)
+        if not is_described(workspace, experiments):
+            tables = frames.described(workspace.data(data_set), experiments)
             tables["hits"] = tables["hits"].merge(digests, on=inputs.FRAMES_OF, how="left")
             workspace.put(tables)
 
@@ -118,56 +129,56 @@ def lidar_files(folder: Path, name: str) -> list[Path]:
     return [file for file in files if file.is_file()]
 
 
-def is_described(workspace: Workspace, cells: Sequence[Cell]) -> bool:
+def is_described(workspace: Workspace, experiments: Sequence[Experiment]) -> bool:
     """Returns whether every LiDAR of one data set's experiments has a row in table `hits`."""
     hits = store.read(workspace.table("hits"))
-    wanted = [{key: getattr(cell, key) for key in KEYS["hits"]} for cell in cells]
+    wanted = [{key: getattr(experiment, key) for key in KEYS["hits"]} for experiment in experiments]
     return all(store.has_each(hits, wanted))
 
 
 def fill(
-    cell: Cell,
+    experiment: Experiment,
     plan: Plan,
     workspace: Workspace,
     digests: pd.DataFrame,
     device: str,
-    say: Say = silent,
+    progress: Progress = silent,
 ) -> None:
     """Runs one experiment and adds its rows, unless another process runs it.
 
     An exception becomes the reason in its row; the traceback is saved next to its training folder.
     """
-    run = workspace.work / "runs" / cell.name
+    run = workspace.work / "runs" / experiment.name
     traceback = run.with_name(f"{run.name}.traceback.txt")
 
     def measured() -> None:
         try:
-            recipe = read_recipe(plan.files["detectors", cell.detector], cell.tier)
-            cell_inputs = inputs_of(cell, recipe, digests)
-            claim_run(run, cell_inputs)
-            folder = workspace.data(cell.world) / cell.lidar
+            recipe = read_recipe(plan.files["detectors", experiment.detector], experiment.tier)
+            experiment_inputs = inputs_of(experiment, recipe, digests)
+            claim_run(run, experiment_inputs)
+            folder = workspace.data(experiment.data_set) / experiment.lidar
             with exclusive_gpu(device, workspace.work) as gpu:
-                tables = measure.tables(cell, recipe, folder, run, device=gpu)
-            tables["cells"] = tables["cells"].assign(**cell_inputs)
+                tables = measure.tables(experiment, recipe, folder, run, device=gpu)
+            tables["experiments"] = tables["experiments"].assign(**experiment_inputs)
             traceback.unlink(missing_ok=True)
         except Exception as error:  # any error: the other experiments continue
             keep_traceback(error, traceback)
-            tables = measure.failed(cell, error)
+            tables = measure.failed(experiment, error)
         workspace.put(tables)
         conclude(workspace, plan)
-        say(progress(cell, tables["cells"].iloc[0]))
+        progress(row_line(experiment, tables["experiments"].iloc[0]))
 
     lock = run.with_name(f"{run.name}.lock")
-    store.fill(lock, lambda: not workspace.without_row([cell]), measured)
+    store.fill(lock, lambda: not workspace.without_row([experiment]), measured)
 
 
-def progress(cell: Cell, row: pd.Series) -> str:
+def row_line(experiment: Experiment, row: pd.Series) -> str:
     if pd.notna(row.get("reason")):
-        return f"{cell.title}: failed: {row.reason}"
-    span = f"[{row.ap_fine_low:.1f}, {row.ap_fine_high:.1f}]"
-    ap = f"{AP_R1000} {row.ap_fine:.1f} {span if pd.notna(row.ap_fine_low) else NO_INTERVAL}"
+        return f"{experiment.title}: failed: {row.reason}"
+    span = f"[{row.ap_r1000_low:.1f}, {row.ap_r1000_high:.1f}]"
+    ap = f"{AP_R1000} {row.ap_r1000:.1f} {span if pd.notna(row.ap_r1000_low) else NO_INTERVAL}"
     findings = f"; {row.findings}" if row.findings else ""
-    return f"{cell.title}: {ap}, {row.train_seconds} s{findings}"
+    return f"{experiment.title}: {ap}, {row.train_seconds} s{findings}"
 
 
 def conclude(workspace: Workspace, plan: Plan) -> None:

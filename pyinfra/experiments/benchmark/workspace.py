@@ -10,16 +10,16 @@ import pandas as pd
 
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark import frames
-from pyinfra.experiments.benchmark.matrix import Cell
+from pyinfra.experiments.benchmark.matrix import Experiment
 from pyinfra.experiments.value import KEY
 
 KEYS = {  # columns that identify a row of each table
-    "cells": KEY,
+    "experiments": KEY,
     "areas": KEY,
     "distance": KEY,
     "ranges": KEY,
     "squares": KEY,
-    "draws": KEY,
+    "replicates": KEY,
     "value": KEY,
     "lidars": ["lidar", "preset"],
     "hits": ["scene", "preset", "lidar"],
@@ -35,19 +35,19 @@ class Workspace:
     results: Path
     tier: str
 
-    def data(self, world: str) -> Path:
+    def data(self, data_set: str) -> Path:
         """Returns the folder of a data set; for several mounts that of the fused frames.
 
-        world: as `Cell.world`.
+        world: as `Experiment.world`.
         """
-        folder = self.work / "data" / world
+        folder = self.work / "data" / data_set
         fused = folder / "fused"
         return fused if (fused / "dataset.yaml").is_file() else folder
 
     def table(self, name: str) -> Path:
         """Returns the file of a table: TIER.csv for experiments, lidars.csv for LiDARs, else
         TIER_NAME.csv."""
-        file = {"lidars": "lidars", "cells": self.tier}.get(name, f"{self.tier}_{name}")
+        file = {"lidars": "lidars", "experiments": self.tier}.get(name, f"{self.tier}_{name}")
         return self.results / f"{file}.csv"
 
     def put(self, tables: dict[str, pd.DataFrame]) -> None:
@@ -56,10 +56,12 @@ class Workspace:
 
     def finished(self) -> pd.DataFrame:
         """Returns the rows of experiments that did not fail."""
-        table = store.read(self.table("cells"))
+        table = store.read(self.table("experiments"))
         return table[table.ap.notna()] if len(table) else table
 
-    def without_row(self, cells: Sequence[Cell]) -> list[Cell]:
-        table = store.read(self.table("cells"))
-        known = store.has_each(table, [vars(cell) for cell in cells])
-        return [cell for cell, there in zip(cells, known, strict=True) if not there]
+    def without_row(self, experiments: Sequence[Experiment]) -> list[Experiment]:
+        table = store.read(self.table("experiments"))
+        known = store.has_each(table, [vars(experiment) for experiment in experiments])
+        return [
+            experiment for experiment, there in zip(experiments, known, strict=True) if not there
+        ]

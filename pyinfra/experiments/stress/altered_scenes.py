@@ -72,7 +72,7 @@ class Base:
 
 
 @dataclass(frozen=True)
-class World:
+class AlteredScene:
     """Differences of a simulation from the base; an empty field means no difference."""
 
     set: tuple[str, ...] = ()  # KEY=VALUE
@@ -128,27 +128,29 @@ def _identity(base: Base) -> str:
     return f"{_scene(keys, base.folder)}\n{text}{later}"
 
 
-def density(base: Base, times: float | str) -> World:
-    return World((f"traffic.vehicles_per_km_lane={_times(base, times, 'vehicles_per_km_lane')}",))
+def density(base: Base, times: float | str) -> AlteredScene:
+    return AlteredScene(
+        (f"traffic.vehicles_per_km_lane={_times(base, times, 'vehicles_per_km_lane')}",)
+    )
 
 
-def speed(base: Base, times: float | str) -> World:
-    return World((f"traffic.speed.mean_km_h={_times(base, times, 'speed', 'mean_km_h')}",))
+def speed(base: Base, times: float | str) -> AlteredScene:
+    return AlteredScene((f"traffic.speed.mean_km_h={_times(base, times, 'speed', 'mean_km_h')}",))
 
 
-def tilt(base: Base, pitch_deg: float | str) -> World:
+def tilt(base: Base, pitch_deg: float | str) -> AlteredScene:
     """Pitches every mount further down by `pitch_deg`."""
     mounts = base.mounts.items()
     down = {name: mount.get("pitch_deg", 0) + float(pitch_deg) for name, mount in mounts}
-    return World(tuple(f"mounts.{name}.pitch_deg={deg:g}" for name, deg in down.items()))
+    return AlteredScene(tuple(f"mounts.{name}.pitch_deg={deg:g}" for name, deg in down.items()))
 
 
-def pole_clock(base: Base, ms: float | str) -> World:
-    return World(late_clocks(base.mounts, float(ms)))
+def pole_clock(base: Base, ms: float | str) -> AlteredScene:
+    return AlteredScene(late_clocks(base.mounts, float(ms)))
 
 
-def pole_yaw(base: Base, degrees: float | str) -> World:
-    return World(wrong_turns(base.mounts, float(degrees)))
+def pole_yaw(base: Base, degrees: float | str) -> AlteredScene:
+    return AlteredScene(wrong_turns(base.mounts, float(degrees)))
 
 
 def late_clocks(mounts: Mapping[str, Mapping[str, Any]], ms: float) -> tuple[str, ...]:
@@ -176,17 +178,17 @@ def wrong_turns(mounts: Mapping[str, Mapping[str, Any]], degrees: float) -> tupl
     return tuple(words)
 
 
-def seam(_: Base, degrees: float | str) -> World:
+def cut_angle(_: Base, degrees: float | str) -> AlteredScene:
     """Turns the cut angles of all units to the left by `degrees`."""
-    return World(turns_deg=(float(degrees),))
+    return AlteredScene(turns_deg=(float(degrees),))
 
 
-def phase(_: Base, draw: float | str) -> World:
+def phase(_: Base, draw: float | str) -> AlteredScene:
     """Gives every unit its own random cut angle, as after a power cut.
 
     draw: `draw_N`, where N seeds the angles.
     """
-    return World(turns_deg=angles_deg(int(str(draw).removeprefix("draw_"))))
+    return AlteredScene(turns_deg=angles_deg(int(str(draw).removeprefix("draw_"))))
 
 
 def angles_deg(draw: int) -> tuple[float, ...]:
@@ -195,35 +197,35 @@ def angles_deg(draw: int) -> tuple[float, ...]:
     return tuple(angles.round(3).tolist())
 
 
-def other_lidar(_: Base, name: float | str) -> World:
-    return World(lidar=str(name))
+def other_lidar(_: Base, name: float | str) -> AlteredScene:
+    return AlteredScene(lidar=str(name))
 
 
-def other_scene(_: Base, name: float | str) -> World:
-    return World(scene=str(name))
+def other_scene(_: Base, name: float | str) -> AlteredScene:
+    return AlteredScene(scene=str(name))
 
 
-def other_preset(base: Base, name: float | str) -> World:
+def other_preset(base: Base, name: float | str) -> AlteredScene:
     """Takes the LiDAR of this name from the catalogue, since a data set has one preset only."""
-    return World(lidar=base.lidar.name, preset=str(name))
+    return AlteredScene(lidar=base.lidar.name, preset=str(name))
 
 
-def one_class(_: Base, name: float | str) -> World:
-    return World((f"traffic.class_shares={{{name}: 1}}",))
+def one_class(_: Base, name: float | str) -> AlteredScene:
+    return AlteredScene((f"traffic.class_shares={{{name}: 1}}",))
 
 
-def check(base: Base, world: World) -> None:
+def check(base: Base, altered: AlteredScene) -> None:
     """Checks all inputs of a changed simulation without casting rays.
 
     Raises Error if the scene is too short for the test frames, and SimulatorError.
     """
     with tempfile.TemporaryDirectory() as folder:
-        scene, lidar_yaml = _written(_texts(base, world), world, Path(folder))
-        infrasim("check", lidar_yaml, "--preset", _preset(base, world))
-        if world.scene or world.set:  # the unchanged scene was checked by the base's run
-            text = infrasim("check", scene, *_sets(world))
-    if world.scene:
-        _check_length(base, scene_file(world.scene), yaml.safe_load(text)["duration_s"])
+        scene, lidar_yaml = _written(_texts(base, altered), altered, Path(folder))
+        infrasim("check", lidar_yaml, "--preset", _preset(base, altered))
+        if altered.scene or altered.set:  # the unchanged scene was checked by the base's run
+            text = infrasim("check", scene, *_sets(altered))
+    if altered.scene:
+        _check_length(base, scene_file(altered.scene), yaml.safe_load(text)["duration_s"])
 
 
 def _check_length(base: Base, scene: Path, duration_s: float) -> None:
@@ -235,72 +237,72 @@ def _check_length(base: Base, scene: Path, duration_s: float) -> None:
         )
 
 
-def simulated(base: Base, world: World, cache: Path, name: str) -> Path:
+def simulated(base: Base, altered: AlteredScene, cache: Path, name: str) -> Path:
     """Simulates the base's frames with changes; returns the LiDAR's folder in the cache.
 
     Existing frames are kept. name: first part of the folder's name, for readers; a digest of the
     configuration follows. Raises FormatError for a LiDAR that was not simulated, and
     SimulatorError.
     """
-    texts = _texts(base, world)
-    out = cache / f"{name}_{_digest(base, world, texts)}"
+    texts = _texts(base, altered)
+    out = cache / f"{name}_{_digest(base, altered, texts)}"
     with held(cache / f"{out.name}.lock", wait=True):
         fused = out / "fused" if base.is_fused else out
-        folder = fused / (world.lidar or base.lidar.name)
+        folder = fused / (altered.lidar or base.lidar.name)
         if all(kitti.frame_file(folder, "velodyne", k).is_file() for k in base.frames):
             return folder
-        scene, lidar_yaml = _written(texts, world, cache / f"{out.name}_inputs")
-        words = ["--preset", _preset(base, world), "--frames", frame_words(base.frames)]
-        words += ["--threads", "1", "--label-time", base.lidar.label_time, *_sets(world)]
+        scene, lidar_yaml = _written(texts, altered, cache / f"{out.name}_inputs")
+        words = ["--preset", _preset(base, altered), "--frames", frame_words(base.frames)]
+        words += ["--threads", "1", "--label-time", base.lidar.label_time, *_sets(altered)]
         words += ["--fuse"] if base.is_fused else []
         infrasim("run", scene, "--lidar", lidar_yaml, "--out", out, *words)
     return folder
 
 
-def _texts(base: Base, world: World) -> dict[str, str]:
+def _texts(base: Base, altered: AlteredScene) -> dict[str, str]:
     """Returns the texts of the scene's and LiDAR's files by file name.
 
     A LiDAR of the catalogue is not among them, as it is read from there.
     """
     text = yaml.safe_dump(base.scene, sort_keys=False)
-    if world.scene:
-        text = scene_file(world.scene).read_text("utf-8")
-    lidar_texts = {} if world.lidar else {lidar.FILE: _lidar_text(base, world)}
+    if altered.scene:
+        text = scene_file(altered.scene).read_text("utf-8")
+    lidar_texts = {} if altered.lidar else {lidar.FILE: _lidar_text(base, altered)}
     return {SCENE: text} | lidar_texts
 
 
-def _lidar_text(base: Base, world: World) -> str:
-    return lidar.text(base.lidar_file, world.turns_deg)
+def _lidar_text(base: Base, altered: AlteredScene) -> str:
+    return lidar.text(base.lidar_file, altered.turns_deg)
 
 
-def _written(texts: dict[str, str], world: World, folder: Path) -> tuple[Path, Path]:
+def _written(texts: dict[str, str], altered: AlteredScene, folder: Path) -> tuple[Path, Path]:
     """Writes the texts to a folder; returns the files of the scene and of the LiDAR."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
         with replacing(folder / name) as beside:
             beside.write_text(text, "utf-8")
-    return folder / SCENE, lidar_file(world.lidar) if world.lidar else folder / lidar.FILE
+    return folder / SCENE, lidar_file(altered.lidar) if altered.lidar else folder / lidar.FILE
 
 
-def _digest(base: Base, world: World, texts: dict[str, str]) -> str:
+def _digest(base: Base, altered: AlteredScene, texts: dict[str, str]) -> str:
     """Returns a digest of a changed simulation's inputs.
 
     It leaves out the frame numbers, the simulator's version and the files of the catalogue's
     LiDARs.
     """
-    parts = [*texts.values(), _preset(base, world), base.lidar.label_time, *world.set]
+    parts = [*texts.values(), _preset(base, altered), base.lidar.label_time, *altered.set]
     digest = hashlib.sha256("\n".join(parts).encode())
-    if base.trajectories and not world.scene:
+    if base.trajectories and not altered.scene:
         digest.update(base.trajectories.read_bytes())
     return digest.hexdigest()[:8]
 
 
-def _preset(base: Base, world: World) -> str:
-    return world.preset or base.lidar.preset
+def _preset(base: Base, altered: AlteredScene) -> str:
+    return altered.preset or base.lidar.preset
 
 
-def _sets(world: World) -> list[str]:
-    return ["--set", *world.set] if world.set else []
+def _sets(altered: AlteredScene) -> list[str]:
+    return ["--set", *altered.set] if altered.set else []
 
 
 def frame_words(frames: Sequence[int]) -> str:

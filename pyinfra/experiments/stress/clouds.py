@@ -12,43 +12,43 @@ import math
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, Points
-from pyinfra.models.training.sensor_faults import Draws, ranges_of, scaled
+from pyinfra.models.training.sensor_faults import Rng, ranges_of, scaled
 
 DROPS_SHARE = 0.1  # share of lost points that are replaced by a return from a drop (assumed)
 DROPS_FROM_M = 1.0
 DROPS_INTENSITY = 0.05
 
 
-def rain(points: Points, mm_per_h: float, draws: Draws) -> Points:
-    return _attenuated(points, 3.65e-4 * mm_per_h**0.63, draws)
+def rain(points: Points, mm_per_h: float, replicates: Rng) -> Points:
+    return _attenuated(points, 3.65e-4 * mm_per_h**0.63, replicates)
 
 
-def fog(points: Points, extinction_per_km: float, draws: Draws) -> Points:
-    return _attenuated(points, extinction_per_km / 1000, draws)
+def fog(points: Points, extinction_per_km: float, replicates: Rng) -> Points:
+    return _attenuated(points, extinction_per_km / 1000, replicates)
 
 
-def blocked_sector(points: Points, width_deg: float, _: Draws) -> Points:
+def blocked_sector(points: Points, width_deg: float, _: Rng) -> Points:
     """Removes points in a sector of azimuth of this width, centred on the x axis."""
     azimuth_deg = np.degrees(np.arctan2(points[:, 1], points[:, 0]))
     return points[np.abs(azimuth_deg) >= width_deg / 2]
 
 
-def height_error(points: Points, height_m: float, _: Draws) -> Points:
+def height_error(points: Points, height_m: float, _: Rng) -> Points:
     """The sensor is higher than assumed by `height_m`, so all points appear lower."""
     return moved(points, np.eye(3), height_m)
 
 
-def roll_error(points: Points, roll_deg: float, _: Draws) -> Points:
+def roll_error(points: Points, roll_deg: float, _: Rng) -> Points:
     """The sensor has an unknown roll to the right, so objects on its left appear lower."""
     return moved(points, rotation(roll=math.radians(roll_deg)))
 
 
-def pitch_error(points: Points, pitch_deg: float, _: Draws) -> Points:
+def pitch_error(points: Points, pitch_deg: float, _: Rng) -> Points:
     """The sensor has an unknown downward pitch, so objects ahead appear higher."""
     return moved(points, rotation(pitch=math.radians(pitch_deg)))
 
 
-def yaw_error(points: Points, yaw_deg: float, _: Draws) -> Points:
+def yaw_error(points: Points, yaw_deg: float, _: Rng) -> Points:
     """The sensor has an unknown yaw to the left, so objects ahead appear further right."""
     return moved(points, rotation(yaw=math.radians(yaw_deg)))
 
@@ -76,10 +76,10 @@ def rotation(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> FloatAr
     return np.asarray(yaw_matrix @ pitch_matrix @ roll_matrix)
 
 
-def _attenuated(points: Points, extinction_per_m: float, draws: Draws) -> Points:
+def _attenuated(points: Points, extinction_per_m: float, replicates: Rng) -> Points:
     """Returns the remaining points with lower intensity, followed by returns from drops."""
     ranges = ranges_of(points)
-    stays, drop, fraction = draws.random((3, len(points)))
+    stays, drop, fraction = replicates.random((3, len(points)))
     transmission = np.exp(-2 * extinction_per_m * ranges)
     through = stays < transmission
     kept = points[through]

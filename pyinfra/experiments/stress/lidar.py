@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from pyinfra.core.errors import FormatError
-from pyinfra.formats.kitti import read_keys
+from pyinfra.formats.kitti import read_lidar_keys
 
 Keys = dict[str, Any]
 
@@ -21,7 +21,7 @@ FILE = "lidar.yaml"
 
 def read(file: Path) -> Keys:
     """Reads all keys of a `lidar.yaml`, in which its preset is applied. Raises FormatError."""
-    return read_keys(file)
+    return read_lidar_keys(file)
 
 
 def units_of(config: Keys) -> list[Keys]:
@@ -46,8 +46,8 @@ def turned(unit: Keys, degrees: float) -> Keys:
     spinning = unit["pattern"].get("spinning")
     if not spinning:
         return unit
-    seam = (spinning["seam_deg"] + degrees) % 360
-    return unit | {"pattern": {"spinning": spinning | {"seam_deg": seam}}}
+    cut_angle = (spinning["cut_angle_deg"] + degrees) % 360
+    return unit | {"pattern": {"spinning": spinning | {"cut_angle_deg": cut_angle}}}
 
 
 def table_files(config: Keys, folder: Path) -> list[Path]:

@@ -48,7 +48,7 @@ def rays(base: Base) -> str:
     return ""
 
 
-def seam(base: Base) -> str:
+def cut_angle(base: Base) -> str:
     """Requires a spinning LiDAR, or a bundle with a spinning unit."""
     file = base.lidar_file
     return (

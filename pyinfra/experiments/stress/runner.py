@@ -42,7 +42,7 @@ def stress(
     *,
     work: str | os.PathLike[str],
     stressors: Sequence[str] | None = None,
-    dials: Sequence[float | str] | None = None,
+    severities: Sequence[float | str] | None = None,
     frames: int = FRAMES,
     seed: int = 1,
     progress: Callable[[str], None] | None = None,
@@ -60,7 +60,7 @@ def stress(
     data : a LiDAR's folder with labels; its test frames are used
     work : folder for changed simulations, rows (stress.csv), summary and ranking
     stressors : names, such as `rain` or `tilt`; by default all
-    dials : severities to test, with one stressor only; by default its own
+    severities : severities to test, with one stressor only; by default its own
     frames : largest number of frames, evenly spread
     seed : seed of the random changes
     progress : is called with a line before each trial
@@ -91,15 +91,15 @@ def stress(
     paths = [_folder(model) for model in several]
     if not paths:
         raise Error("models: expected one or more, got none")
-    out, say = path_of(work, "work"), progress or silent
-    words = None if dials is None else [str(dial) for dial in dials]
+    out, progress = path_of(work, "work"), progress or silent
+    words = None if severities is None else [str(severity) for severity in severities]
     names = list(STRESSORS) if stressors is None else list(stressors)
     plan = prepare(paths, path_of(data, "data"), out, names, words, frames, seed)
     for why, left in plan.left_out.items():
-        say(f"left out {', '.join(left)}: {why}")
+        progress(f"left out {', '.join(left)}: {why}")
     failed = dict(plan.wrong)
     for trial in plan.todo:
-        say(trial.title)
+        progress(trial.title)
         if error := trials.attempt(trial, plan.base, out, seed):
             failed[trial] = error
     if failed:
@@ -115,7 +115,7 @@ def prepare(
     data: Path,
     out: Path,
     stressors: Sequence[str],
-    dials: Sequence[str] | None,
+    severities: Sequence[str] | None,
     frames: int,
     seed: int,
 ) -> Prepared:
@@ -126,15 +126,15 @@ def prepare(
         if name not in STRESSORS:
             near = suggestion(name, STRESSORS)
             raise Error(f"stressors: expected names of stressors, got '{name}'{near}")
-    found = chosen(list(stressors), None if dials is None else list(dials))
+    with_severities = chosen(list(stressors), None if severities is None else list(severities))
     base = altered_scenes.read_base(data, frames)
     runs = [trials.read_run(folder, base) for folder in models]
-    every = trials.plan(runs, trials.able(found, base), base)
+    every = trials.plan(runs, trials.able(with_severities, base), base)
     todo = list(trials.missing(every, base, out, seed))
-    wrong_at = trials.wrong_worlds(todo, base)
+    wrong_at = trials.wrong_scenes(todo, base)
     wrong = {trial: wrong_at[trial.at] for trial in todo if trial.at in wrong_at}
     left = [trial for trial in todo if trial.at not in wrong_at]
-    return Prepared(base, every, left, wrong, trials.left_out(found, base))
+    return Prepared(base, every, left, wrong, trials.left_out(with_severities, base))
 
 
 def _folder(model: Model) -> Path:

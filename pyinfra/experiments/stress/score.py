@@ -18,26 +18,26 @@ from pyinfra.core.arrays import FloatArray, IntArray
 from pyinfra.core.vocabulary import VEHICLE_TYPES
 from pyinfra.dataset.frame_tables import Predictions
 from pyinfra.metrics import ap
-from pyinfra.metrics.evaluation_tables import ap_row, fine_ap
+from pyinfra.metrics.evaluation_tables import ap_r1000_of, ap_row
 from pyinfra.metrics.ground_truth import GroundTruth
-from pyinfra.metrics.match_results import Contest, Judgement, Settings, causes, contest
-from pyinfra.metrics.match_results import judge as judged
+from pyinfra.metrics.match_results import MatchInput, MatchResult, Settings, causes, match_input
+from pyinfra.metrics.match_results import count_matches as count_matches
 from pyinfra.metrics.matching import IOU, pairs_of_frames
-from pyinfra.metrics.replicates import draw_rows, same_of
+from pyinfra.metrics.replicates import replicate_rows, same_of
 from pyinfra.models.detectors import Detections
 
 BANDS_M = {"near": (0.0, 40.0), "mid": (40.0, 70.0), "far": (70.0, math.inf)}
-ERRORS = ("ghosts", *(f"misses_{band}" for band in BANDS_M), "position", "heading")
+ERRORS = ("background", *(f"misses_{band}" for band in BANDS_M), "position", "heading")
 PARTNER_M = 2.0  # largest distance between centres, unless half the vehicle's length is larger
 COLUMNS = (
     "ap",
     "ap_low",
     "ap_high",
-    "ap_fine",
-    "ap_fine_low",
-    "ap_fine_high",
+    "ap_r1000",
+    "ap_r1000_low",
+    "ap_r1000_high",
     "objects",
-    "ghosts_per_frame",
+    "background_per_frame",
     *(f"recall_{band}" for band in BANDS_M),
     "position_error_m",
     "heading_error_deg",
@@ -55,19 +55,20 @@ def scored(
     this kind are corrected.
     """
     settings = Settings(classes={"vehicle": tuple(types)}, ground_truths=("captured",))
-    one = contest(truth, as_predictions(detections), "vehicle", settings, "bev")
-    judgement = _judgement(one)
-    row = ap_row(judgement, IOU, "definition")
-    wrong = causes(judgement, IOU, strict=False)
-    gains = forgiven(judgement)
+    one = match_input(truth, as_predictions(detections), "vehicle", settings, "bev")
+    match_result = _match_result(one)
+    row = ap_row(match_result, IOU, "definition")
+    false_positive = causes(match_result, IOU, strict=False)
+    gains = forgiven(match_result)
     same = same_of(truth, one.blocks, settings.seed)
     return {
         **{name: row[name] for name in COLUMNS[: COLUMNS.index("objects") + 1]},
-        "ghosts_per_frame": np.count_nonzero(wrong == "ghost") / len(truth.frames),
-        **{f"recall_{band}": _recall(judgement, ends) for band, ends in BANDS_M.items()},
-        **box_errors(judgement),
+        "background_per_frame": np.count_nonzero(false_positive == "background")
+        / len(truth.frames),
+        **{f"recall_{band}": _recall(match_result, ends) for band, ends in BANDS_M.items()},
+        **box_errors(match_result),
         **{f"forgiven_{error}": gains[error] for error in ERRORS},
-    }, draw_rows(same, "captured", [("ap_fine", fine_ap(judgement))])
+    }, replicate_rows(same, "captured", [("ap_r1000", ap_r1000_of(match_result))])
 
 
 def as_predictions(detections: Sequence[Detections]) -> Predictions:
@@ -86,78 +87,80 @@ def as_predictions(detections: Sequence[Detections]) -> Predictions:
     )
 
 
-def forgiven(judgement: Judgement) -> dict[str, float]:
+def forgiven(match_result: MatchResult) -> dict[str, float]:
     """Returns for each of ERRORS the gain in AP (R1000) when errors of this kind are corrected.
 
     ghosts: false positives without a partner are removed. misses_*: missed vehicles in a band of
     distance no longer count. position, heading: false positives get this part of the box of their
     partner.
     """
-    one, partner = judgement.contest, partners(judgement)
+    one, partner = match_result.match_input, partners(match_result)
     has = partner >= 0
     reached = np.zeros(len(one.vehicles), dtype=np.bool_)
-    reached[judgement.matches[judgement.matches >= 0]] = True
+    reached[match_result.matches[match_result.matches >= 0]] = True
     reached[partner[has]] = True
     distance = _distance(one)
-    better = {"ghosts": replace(judgement, wrong=judgement.wrong & has)}
+    better = {"background": replace(match_result, false_positive=match_result.false_positive & has)}
     for band, (low, high) in BANDS_M.items():
         out = ~reached & (distance >= low) & (distance < high)
-        better[f"misses_{band}"] = replace(judgement, counted=judgement.counted & ~out)
+        better[f"misses_{band}"] = replace(match_result, counted=match_result.counted & ~out)
     for error, columns in (("position", slice(0, 2)), ("heading", slice(6, 7))):
         boxes = one.predictions.boxes.copy()
         boxes[has, columns] = one.vehicles.boxes[partner[has], columns]
-        better[error] = _judgement(replace(one, predictions=replace(one.predictions, boxes=boxes)))
-    now = _ap(judgement)
+        better[error] = _match_result(
+            replace(one, predictions=replace(one.predictions, boxes=boxes))
+        )
+    now = _ap(match_result)
     return {error: _ap(better[error]) - now for error in ERRORS}
 
 
-def partners(judgement: Judgement) -> IntArray:
+def partners(match_result: MatchResult) -> IntArray:
     """Returns the vehicle that each false positive may have been meant for: (p,), -1 for none.
 
     It is an unmatched vehicle whose centre is at most PARTNER_M, or half its length, away.
     """
-    one = judgement.contest
+    one = match_result.match_input
     v, p = one.vehicles, one.predictions
     free = np.ones(len(v), dtype=np.bool_)
-    free[judgement.matches[judgement.matches >= 0]] = False
+    free[match_result.matches[match_result.matches >= 0]] = False
     partner = np.full(len(p), -1, dtype=np.int64)
     for i, j in pairs_of_frames(p.frame, v.frame):
         apart = np.hypot(*(p.boxes[i, :2] - v.boxes[j, :2]).T)
-        near = judgement.wrong[i] & (apart <= np.maximum(PARTNER_M, v.boxes[j, 3] / 2))
+        near = match_result.false_positive[i] & (apart <= np.maximum(PARTNER_M, v.boxes[j, 3] / 2))
         # The nearest vehicle is written last, so it stays.
         order = np.flatnonzero(near)[np.argsort(-apart[near], kind="stable")]
         partner[i[order]] = j[order]
     return np.where(np.append(free, False)[partner], partner, -1)
 
 
-def _judgement(one: Contest) -> Judgement:
-    return judged(one, "captured", one.match(IOU, strict=False), 1)
+def _match_result(one: MatchInput) -> MatchResult:
+    return count_matches(one, "captured", one.match(IOU, strict=False), 1)
 
 
-def _ap(judgement: Judgement) -> float:
-    return float(ap.average_precision(judgement.ranking(), ap.FINE_RECALLS)[0])
+def _ap(match_result: MatchResult) -> float:
+    return float(ap.average_precision(match_result.ranking(), ap.R1000_RECALLS)[0])
 
 
-def _distance(one: Contest) -> FloatArray:
+def _distance(one: MatchInput) -> FloatArray:
     """Returns the horizontal distance from the sensor to the vehicles' centres, (v,) in metres."""
     return np.asarray(np.hypot(one.vehicles.mid_frame[:, 0], one.vehicles.mid_frame[:, 1]))
 
 
-def _recall(judgement: Judgement, ends: tuple[float, float]) -> float:
-    distance = _distance(judgement.contest)
-    counted = judgement.counted & (distance >= ends[0]) & (distance < ends[1])
-    hit = np.zeros(len(counted), dtype=np.bool_)
-    hit[judgement.matches[judgement.hit]] = True
-    return float(hit[counted].mean()) if counted.any() else math.nan
+def _recall(match_result: MatchResult, ends: tuple[float, float]) -> float:
+    distance = _distance(match_result.match_input)
+    counted = match_result.counted & (distance >= ends[0]) & (distance < ends[1])
+    true_positive = np.zeros(len(counted), dtype=np.bool_)
+    true_positive[match_result.matches[match_result.true_positive]] = True
+    return float(true_positive[counted].mean()) if counted.any() else math.nan
 
 
-def box_errors(judgement: Judgement) -> dict[str, float]:
+def box_errors(match_result: MatchResult) -> dict[str, float]:
     """Returns the median errors of position (m) and heading (degrees) over all true positives.
 
     Headings are compared modulo 180 degrees.
     """
-    p = judgement.contest.predictions.boxes[judgement.hit]
-    v = judgement.contest.vehicles.boxes[judgement.matches[judgement.hit]]
+    p = match_result.match_input.predictions.boxes[match_result.true_positive]
+    v = match_result.match_input.vehicles.boxes[match_result.matches[match_result.true_positive]]
     apart = np.hypot(p[:, 0] - v[:, 0], p[:, 1] - v[:, 1])
     turn = np.abs((np.degrees(p[:, 6] - v[:, 6]) + 90) % 180 - 90)
     some = len(p) > 0

@@ -13,13 +13,13 @@ from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import LIDARS, SCENES
 from pyinfra.experiments.stress import altered_scenes, clouds, limits
-from pyinfra.experiments.stress.altered_scenes import Base, World
+from pyinfra.experiments.stress.altered_scenes import AlteredScene, Base
 from pyinfra.models.training import sensor_faults
 
-Dial = float | str
+Severity = float | str
 UNSTRESSED = "own"  # severity without stress of a stressor whose severities are names
-CloudChange = Callable[[Points, float, sensor_faults.Draws], Points]
-WorldChange = Callable[[Base, Dial], World]
+CloudChange = Callable[[Points, float, sensor_faults.Rng], Points]
+SceneChange = Callable[[Base, Severity], AlteredScene]
 Need = Callable[[Base], str]  # returns why a base does not meet a requirement, empty if it does
 
 
@@ -33,9 +33,9 @@ class Stressor:
 
     name: str
     unit: str  # `name` if the severities are names
-    dials: tuple[Dial, ...]  # severities; the first one is no stress
+    severities: tuple[Severity, ...]  # severities; the first one is no stress
     cloud: CloudChange | None = None
-    world: WorldChange | None = None
+    scene_change: SceneChange | None = None
     needs: tuple[Need, ...] = ()
     each_frame: bool = True  # whether each frame has its own random numbers
 
@@ -47,45 +47,45 @@ class Stressor:
     def acts_on(self) -> str:
         if self.cloud:
             return "cloud"
-        return "world" if self.world else "training"
+        return "scene" if self.scene_change else "training"
 
     def lacks(self, base: Base) -> str:
         """Returns why the stressor cannot be applied to a base; empty if it can."""
         return next((why for need in self.needs if (why := need(base))), "")
 
-    def apply(self, points: Points, dial: float, seed: int, frame: int) -> Points:
+    def apply(self, points: Points, severity: float, seed: int, frame: int) -> Points:
         """Returns a cloud (n, 4) changed with a severity; `points` itself without stress."""
         assert self.cloud is not None
-        if dial == self.dials[0]:
+        if severity == self.severities[0]:
             return points
         key = (seed, zlib.crc32(self.name.encode()), *([frame] if self.each_frame else []))
-        return self.cloud(points, dial, np.random.default_rng(key))
+        return self.cloud(points, severity, np.random.default_rng(key))
 
-    def parse(self, words: list[str]) -> tuple[Dial, ...]:
+    def parse(self, words: list[str]) -> tuple[Severity, ...]:
         """Parses severities; the one without stress is left out. Raises Error."""
         if self.named:
-            unknown = [word for word in words if word not in self.dials]
+            unknown = [word for word in words if word not in self.severities]
             if unknown:
-                allowed = ", ".join(map(str, self.dials[1:]))
-                raise Error(f"dials: expected {allowed}, got '{unknown[0]}'")
+                allowed = ", ".join(map(str, self.severities[1:]))
+                raise Error(f"severities: expected {allowed}, got '{unknown[0]}'")
             return tuple(word for word in words if word != UNSTRESSED)
-        return tuple(v for v in map(_dial, words) if v != self.dials[0])
+        return tuple(v for v in map(_severity, words) if v != self.severities[0])
 
 
-def _dial(word: str) -> float:
+def _severity(word: str) -> float:
     try:
         value = float(word)
     except ValueError:
         value = -1.0
     if not 0 <= value < float("inf"):
-        raise Error(f"dials: expected a number from 0 on, got '{word}'")
+        raise Error(f"severities: expected a number from 0 on, got '{word}'")
     return value
 
 
-WORLD = (limits.scene, limits.rays)
-TRAFFIC = (*WORLD, limits.traffic)
-SEAM = (*WORLD, limits.seam)
-POLES = (limits.several_mounts, *WORLD)
+SCENE = (limits.scene, limits.rays)
+TRAFFIC = (*SCENE, limits.traffic)
+CUT_ANGLE = (*SCENE, limits.cut_angle)
+POLES = (limits.several_mounts, *SCENE)
 ALONE = (limits.one_mount,)  # points of a fused cloud have no common origin of ranges and angles
 NONE = Stressor("none", "", (0.0,))
 STRESSORS = {
@@ -117,64 +117,78 @@ STRESSORS = {
             needs=ALONE,
         ),
         # The catalogue's highway has no space for more than four times its vehicles.
-        Stressor("density", "times", (1.0, 2.0, 4.0), world=altered_scenes.density, needs=TRAFFIC),
         Stressor(
-            "speed", "times", (1.0, 1.25, 1.5, 2.0), world=altered_scenes.speed, needs=TRAFFIC
+            "density", "times", (1.0, 2.0, 4.0), scene_change=altered_scenes.density, needs=TRAFFIC
         ),
         Stressor(
-            "tilt", "deg", (0.0, 5.0, 10.0, 15.0, 20.0), world=altered_scenes.tilt, needs=WORLD
+            "speed",
+            "times",
+            (1.0, 1.25, 1.5, 2.0),
+            scene_change=altered_scenes.speed,
+            needs=TRAFFIC,
         ),
         Stressor(
-            "seam",
+            "tilt",
+            "deg",
+            (0.0, 5.0, 10.0, 15.0, 20.0),
+            scene_change=altered_scenes.tilt,
+            needs=SCENE,
+        ),
+        Stressor(
+            "cut_angle",
             "deg",
             (0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0),
-            world=altered_scenes.seam,
-            needs=SEAM,
+            scene_change=altered_scenes.cut_angle,
+            needs=CUT_ANGLE,
         ),
         Stressor(
             "phase",
             "name",
             (UNSTRESSED, "draw_1", "draw_2", "draw_3", "draw_4"),
-            world=altered_scenes.phase,
-            needs=SEAM,
+            scene_change=altered_scenes.phase,
+            needs=CUT_ANGLE,
         ),
         Stressor(
             "unseen_lidar",
             "name",
             (UNSTRESSED, *LIDARS),
-            world=altered_scenes.other_lidar,
+            scene_change=altered_scenes.other_lidar,
             needs=(limits.scene, limits.known_preset),
         ),
         Stressor(
             "unseen_scene",
             "name",
             (UNSTRESSED, *SCENES),
-            world=altered_scenes.other_scene,
-            needs=(*ALONE, *WORLD),
+            scene_change=altered_scenes.other_scene,
+            needs=(*ALONE, *SCENE),
         ),
         Stressor(
             "unseen_preset",
             "name",
             (UNSTRESSED, *PRESETS),
-            world=altered_scenes.other_preset,
+            scene_change=altered_scenes.other_preset,
             needs=(limits.scene, limits.catalogue),
         ),
         Stressor(
             "vehicle_class",
             "name",
             (UNSTRESSED, "Truck", "Bus", "Motorcycle"),
-            world=altered_scenes.one_class,
+            scene_change=altered_scenes.one_class,
             needs=TRAFFIC,
         ),
         Stressor(
             "pole_clock",
             "ms",
             (0.0, 10.0, 20.0, 50.0, 100.0),
-            world=altered_scenes.pole_clock,
+            scene_change=altered_scenes.pole_clock,
             needs=POLES,
         ),
         Stressor(
-            "pole_yaw", "deg", (0.0, 0.1, 0.2, 0.5, 1.0), world=altered_scenes.pole_yaw, needs=POLES
+            "pole_yaw",
+            "deg",
+            (0.0, 0.1, 0.2, 0.5, 1.0),
+            scene_change=altered_scenes.pole_yaw,
+            needs=POLES,
         ),
         # The severities of these are the frames and seeds that the runs were trained with.
         Stressor("training_frames", "frames", ()),
@@ -183,7 +197,7 @@ STRESSORS = {
 }
 
 
-def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Dial, ...]]:
+def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Severity, ...]]:
     """Returns stressors by their names, with their severities but the one without stress.
 
     words: severities of a single stressor; by default its own. Raises Error.
@@ -193,7 +207,8 @@ def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Di
         raise Error(f"stressors: expected {', '.join(STRESSORS)}, got '{unknown[0]}'")
     selected = [STRESSORS[name] for name in dict.fromkeys(names)]
     if words is None:
-        return {stressor: stressor.dials[1:] for stressor in selected}
+        return {stressor: stressor.severities[1:] for stressor in selected}
     if len(selected) != 1 or selected[0].acts_on == "training":
-        raise Error("dials: expected one, got it without one stressor of clouds or worlds")
+        text = "severities: expected with one stressor, of clouds or scenes, got with "
+        raise Error(text + (", ".join(stressor.name for stressor in selected) or "none"))
     return {selected[0]: selected[0].parse(words)}

@@ -11,7 +11,7 @@ import pandas as pd
 from pyinfra.core.arrays import FloatArray
 from pyinfra.experiments.stress.score import ERRORS
 from pyinfra.experiments.stress.stressors import NONE, STRESSORS, UNSTRESSED, Stressor
-from pyinfra.metrics.row_selection import with_fine
+from pyinfra.metrics.row_selection import with_r1000
 
 CURVE = "detector run lidar preset scene seed frames".split()  # key of a curve, with the stressor
 FALL = 10.0  # fall in AP that counts as a failure
@@ -19,7 +19,7 @@ LEAST_SHARE = 0.2  # least share of the fall that makes an error its cause
 BEYOND = "beyond"
 COLUMNS = [
     *CURVE,
-    *"stressor unit dials ap_none ap_least dial_least falls_by_10 falls_to_half".split(),
+    *"stressor unit severities ap_none ap_least severity_least falls_by_10 falls_to_half".split(),
     *"fails_first largest_blame share_of_fall gentleness".split(),
 ]
 GROUP = "lidar preset scene seed frames".split()  # detectors with equal values here are ranked
@@ -32,29 +32,31 @@ def curves(table: pd.DataFrame) -> Iterator[tuple[dict[str, str], Stressor, pd.D
     The first row is the one without stress. Column `at` is the severity, or the index of a named
     one. Curves that have no AP without stress, or no other row, are left out.
     """
-    for key, rows in with_fine(table).groupby(CURVE, sort=False):
+    for key, rows in with_r1000(table).groupby(CURVE, sort=False):
         base = rows[rows.stressor == NONE.name]
         for name, part in rows[rows.stressor != NONE.name].groupby("stressor", sort=False):
-            if base.ap_fine.notna().sum() == 1 and name in STRESSORS:
+            if base.ap_r1000.notna().sum() == 1 and name in STRESSORS:
                 stressor = STRESSORS[str(name)]
-                unstressed = base.assign(dial=_unstressed_dial(stressor, base), stressor=name)
+                unstressed = base.assign(
+                    severity=_unstressed_severity(stressor, base), stressor=name
+                )
                 curve = pd.concat([unstressed, part], ignore_index=True)
                 yield dict(zip(CURVE, key, strict=True)), stressor, _ordered(curve, stressor)
 
 
-def _unstressed_dial(stressor: Stressor, base: pd.DataFrame) -> str:
+def _unstressed_severity(stressor: Stressor, base: pd.DataFrame) -> str:
     if stressor.name == "training_frames":
         return f"{base.trained_frames.iloc[0]:g}"
-    return f"{stressor.dials[0]:g}" if not stressor.named else UNSTRESSED
+    return f"{stressor.severities[0]:g}" if not stressor.named else UNSTRESSED
 
 
 def _ordered(curve: pd.DataFrame, stressor: Stressor) -> pd.DataFrame:
     if stressor.named:
-        known = list(map(str, stressor.dials))
-        order = [*known, *(dial for dial in curve.dial if dial not in known)]
-        at = curve.dial.map(order.index).astype(np.float64)
+        known = list(map(str, stressor.severities))
+        order = [*known, *(severity for severity in curve.severity if severity not in known)]
+        at = curve.severity.map(order.index).astype(np.float64)
         return curve.assign(at=at).sort_values("at", ignore_index=True)
-    curve = curve.assign(at=curve.dial.astype(float))
+    curve = curve.assign(at=curve.severity.astype(float))
     # A training with fewer frames is the higher severity.
     return curve.sort_values("at", ascending=stressor.name != "training_frames", ignore_index=True)
 
@@ -81,8 +83,8 @@ def fallen(curve: pd.DataFrame, stressor: Stressor, level: float) -> str:
     For a stressor with named severities these are all names whose AP is not above the level.
     """
     if stressor.named:
-        return " ".join(curve.dial[curve.ap_fine <= level]) or BEYOND
-    at = crossing(curve["at"].to_numpy(), curve.ap_fine.to_numpy(float), level)
+        return " ".join(curve.severity[curve.ap_r1000 <= level]) or BEYOND
+    at = crossing(curve["at"].to_numpy(), curve.ap_r1000.to_numpy(float), level)
     return f"{at:.3g}" if math.isfinite(at) else BEYOND
 
 
@@ -93,12 +95,12 @@ def first_failure(curve: pd.DataFrame) -> tuple[str, str, float]:
     that error, `mixed` if its share is below LEAST_SHARE, and empty if AP does not fall so far.
     """
     base = curve.iloc[0]
-    down = curve[curve.ap_fine <= base.ap_fine - FALL]
+    down = curve[curve.ap_r1000 <= base.ap_r1000 - FALL]
     if len(down) == 0:
         return "", "", math.nan
     row = down.iloc[0]
     blame = {
-        e: (row[f"forgiven_{e}"] - base[f"forgiven_{e}"]) / (base.ap_fine - row.ap_fine)
+        e: (row[f"forgiven_{e}"] - base[f"forgiven_{e}"]) / (base.ap_r1000 - row.ap_r1000)
         for e in ERRORS
     }
     worst = max(blame, key=lambda error: blame[error])
@@ -110,9 +112,9 @@ def gentleness(curve: pd.DataFrame, stressor: Stressor) -> float:
 
     It is NaN if AP without stress is 0, or if an AP is undefined.
     """
-    if curve.ap_fine.iloc[0] == 0:
+    if curve.ap_r1000.iloc[0] == 0:
         return math.nan
-    ratio = curve.ap_fine.to_numpy(float) / curve.ap_fine.iloc[0]
+    ratio = curve.ap_r1000.to_numpy(float) / curve.ap_r1000.iloc[0]
     if stressor.named:
         return float(ratio[1:].mean())
     at = curve["at"].to_numpy(float)
@@ -123,17 +125,17 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
     """Returns a row for each curve."""
     rows = []
     for key, stressor, curve in curves(table):
-        base, worst = curve.ap_fine.iloc[0], curve.loc[curve.ap_fine.idxmin()]
+        base, worst = curve.ap_r1000.iloc[0], curve.loc[curve.ap_r1000.idxmin()]
         failure, worst_error, share = first_failure(curve)
         rows.append(
             {
                 **key,
                 "stressor": stressor.name,
                 "unit": stressor.unit,
-                "dials": len(curve),
+                "severities": len(curve),
                 "ap_none": base,
-                "ap_least": worst.ap_fine,
-                "dial_least": worst.dial,
+                "ap_least": worst.ap_r1000,
+                "severity_least": worst.severity,
                 "falls_by_10": fallen(curve, stressor, base - FALL),
                 "falls_to_half": fallen(curve, stressor, base / 2),
                 "fails_first": failure,
@@ -153,14 +155,14 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
     """
     training = [name for name, stressor in STRESSORS.items() if stressor.acts_on == "training"]
     rows = summary(table)
-    rows["dials"] = [" ".join(curve.dial) for _, _, curve in curves(table)]
+    rows["severities"] = [" ".join(curve.severity) for _, _, curve in curves(table)]
     rows = rows[~rows.stressor.isin(training)].dropna(subset="gentleness")
     ranks = []
     for key, part in rows.groupby(GROUP, sort=False):
         by_run = part.pivot(
-            index=["detector", "run"], columns="stressor", values=["gentleness", "dials"]
+            index=["detector", "run"], columns="stressor", values=["gentleness", "severities"]
         )
-        whole = by_run["dials"].notna().all() & (by_run["dials"].nunique() == 1)
+        whole = by_run["severities"].notna().all() & (by_run["severities"].nunique() == 1)
         common = by_run["gentleness"].loc[:, _names(whole)].astype(float)
         if common.shape[1] == 0:
             continue

@@ -18,7 +18,7 @@ from pyinfra.core.vocabulary import VEHICLE_TYPES
 from pyinfra.experiments import store
 from pyinfra.experiments.stress import altered_scenes, score, summary
 from pyinfra.experiments.stress.altered_scenes import Base
-from pyinfra.experiments.stress.stressors import NONE, UNSTRESSED, Dial, Stressor
+from pyinfra.experiments.stress.stressors import NONE, UNSTRESSED, Severity, Stressor
 from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import WORDS, read_csv
 from pyinfra.metrics.ground_truth import read_ground_truth
@@ -26,7 +26,7 @@ from pyinfra.models.detectors import Detector
 from pyinfra.models.inference.detect import detect, detector_at, model_file
 
 # Key of a row; a trial that has a row is not computed again.
-KEY = "detector run lidar preset scene stressor dial seed frames".split()
+KEY = "detector run lidar preset scene stressor severity seed frames".split()
 COLUMNS = (
     *KEY,
     "unit",
@@ -38,7 +38,7 @@ COLUMNS = (
     "version",
     "machine",
 )
-WORLD_S = 4.0  # assumed time of one simulation, used to estimate the run time
+SCENE_S = 4.0  # assumed time of one simulation, used to estimate the run time
 
 
 @dataclass(frozen=True)
@@ -74,15 +74,15 @@ class Trial:
     reference: TrainedRun
     run: TrainedRun
     stressor: Stressor
-    dial: Dial
+    severity: Severity
 
     @property
-    def at(self) -> tuple[str, Dial]:
-        return self.stressor.name, self.dial
+    def at(self) -> tuple[str, Severity]:
+        return self.stressor.name, self.severity
 
     @property
     def title(self) -> str:
-        return f"{self.run.name} {self.stressor.name} {self.dial}"
+        return f"{self.run.name} {self.stressor.name} {self.severity}"
 
 
 def read_run(folder: Path, base: Base) -> TrainedRun:
@@ -100,7 +100,7 @@ def read_run(folder: Path, base: Base) -> TrainedRun:
 
 
 def plan(
-    runs: Sequence[TrainedRun], stressors: dict[Stressor, tuple[Dial, ...]], base: Base
+    runs: Sequence[TrainedRun], stressors: dict[Stressor, tuple[Severity, ...]], base: Base
 ) -> list[Trial]:
     """Returns all trials: those without stress first, then one stressor after another.
 
@@ -111,22 +111,24 @@ def plan(
     first: dict[str, TrainedRun] = {}
     for run in runs:
         first.setdefault(run.detector, run)
-    trials = [Trial(run, run, NONE, NONE.dials[0]) for run in first.values()]
+    trials = [Trial(run, run, NONE, NONE.severities[0]) for run in first.values()]
     others = [(first[run.detector], run) for run in runs if first[run.detector] is not run]
     trained = [(a, b, *_difference(a, b)) for a, b in others]
-    for stressor, dials in stressors.items():
+    for stressor, severities in stressors.items():
         defaults = {UNSTRESSED, base.lidar.name, base.lidar.preset, base.scene_name}
         if stressor.acts_on == "training":
             trials += [
-                Trial(a, b, stressor, dial) for a, b, name, dial in trained if name == stressor.name
+                Trial(a, b, stressor, severity)
+                for a, b, name, severity in trained
+                if name == stressor.name
             ]
-        for dial in dials:
-            if not (stressor.named and dial in defaults):
-                trials += [Trial(run, run, stressor, dial) for run in first.values()]
+        for severity in severities:
+            if not (stressor.named and severity in defaults):
+                trials += [Trial(run, run, stressor, severity) for run in first.values()]
     return trials
 
 
-def _difference(a: TrainedRun, b: TrainedRun) -> tuple[str, Dial]:
+def _difference(a: TrainedRun, b: TrainedRun) -> tuple[str, Severity]:
     """Returns the stressor of training, and the severity, by which run b differs from run a."""
     if (a.frames == b.frames) == (a.seed == b.seed):
         raise Error(
@@ -141,8 +143,8 @@ def _difference(a: TrainedRun, b: TrainedRun) -> tuple[str, Dial]:
 def key_of(trial: Trial, base: Base, seed: int) -> dict[str, str]:
     run = trial.reference
     names = (run.detector, run.name, base.lidar.name, base.lidar.preset, base.scene_name)
-    dial = trial.dial if isinstance(trial.dial, str) else f"{trial.dial:g}"
-    values = (*names, trial.stressor.name, dial, str(seed), str(len(base.frames)))
+    severity = trial.severity if isinstance(trial.severity, str) else f"{trial.severity:g}"
+    values = (*names, trial.stressor.name, severity, str(seed), str(len(base.frames)))
     return dict(zip(KEY, values, strict=True))
 
 
@@ -159,21 +161,23 @@ def row_of(
 
     Raises what simulating and detecting raise.
     """
-    stressor, dial, folder = trial.stressor, trial.dial, base.folder
+    stressor, severity, folder = trial.stressor, trial.severity, base.folder
     key = key_of(trial, base, seed)
-    if stressor.world:
-        name = f"{base.scene_name}_{stressor.name}_{key['dial']}"
-        folder = altered_scenes.simulated(base, stressor.world(base, dial), cache, name)
+    if stressor.scene_change:
+        name = f"{base.scene_name}_{stressor.name}_{key['severity']}"
+        folder = altered_scenes.simulated(base, stressor.scene_change(base, severity), cache, name)
     detections, model = [], trial.run.model(folder)
     for k in base.frames:
         points = kitti.read_points(kitti.frame_file(folder, "velodyne", k))
         if stressor.cloud:
-            points = stressor.apply(points, float(dial), seed, k)
+            points = stressor.apply(points, float(severity), seed, k)
         detections.append(model.predict(points))
-    extra = [dial] if stressor.name == "vehicle_class" and dial not in VEHICLE_TYPES else []
+    extra = [severity] if stressor.name == "vehicle_class" and severity not in VEHICLE_TYPES else []
     types = (*VEHICLE_TYPES, *map(str, extra))
-    chosen = "" if stressor is NONE else f" --stressors {stressor.name} --dials {key['dial']}"
-    scores, draws = score.scored(read_ground_truth(folder, base.frames), detections, types)
+    chosen = (
+        "" if stressor is NONE else f" --stressors {stressor.name} --severities {key['severity']}"
+    )
+    scores, replicates = score.scored(read_ground_truth(folder, base.frames), detections, types)
     row = {
         **key,
         "unit": stressor.unit,
@@ -185,7 +189,9 @@ def row_of(
         "version": __version__,
         "machine": machine(),
     }
-    return row, pd.concat([pd.DataFrame([key] * len(draws)), draws.drop(columns="frames")], axis=1)
+    return row, pd.concat(
+        [pd.DataFrame([key] * len(replicates)), replicates.drop(columns="frames")], axis=1
+    )
 
 
 def read(file: Path) -> pd.DataFrame:
@@ -209,8 +215,8 @@ def fill(trial: Trial, base: Base, out: Path, seed: int) -> bool:
     file, key = out / "stress.csv", key_of(trial, base, seed)
 
     def measured() -> None:
-        row, draws = row_of(trial, base, out / "worlds", seed)
-        store.put(out / "stress_draws.csv", draws, KEY)
+        row, replicates = row_of(trial, base, out / "worlds", seed)
+        store.put(out / "stress_replicates.csv", replicates, KEY)
         store.put(file, pd.DataFrame([row], columns=list(COLUMNS)), KEY)
 
     lock = out / "locks" / "_".join(key.values())
@@ -271,26 +277,30 @@ def left_out(stressors: Iterable[Stressor], base: Base) -> dict[str, list[str]]:
 
 
 def able(
-    stressors: dict[Stressor, tuple[Dial, ...]], base: Base
-) -> dict[Stressor, tuple[Dial, ...]]:
+    stressors: dict[Stressor, tuple[Severity, ...]], base: Base
+) -> dict[Stressor, tuple[Severity, ...]]:
     """Returns the stressors that can be applied to a base. Raises Error if there are none."""
     reasons = left_out(stressors, base)
     names = {name for each in reasons.values() for name in each}
     if len(names) == len(stressors):
         raise Error("; ".join(reasons))
-    return {stressor: dials for stressor, dials in stressors.items() if stressor.name not in names}
+    return {
+        stressor: severities
+        for stressor, severities in stressors.items()
+        if stressor.name not in names
+    }
 
 
-def wrong_worlds(trials: Iterable[Trial], base: Base) -> dict[tuple[str, Dial], Exception]:
+def wrong_scenes(trials: Iterable[Trial], base: Base) -> dict[tuple[str, Severity], Exception]:
     """Checks the changed simulations of trials without running them.
 
     Returns the errors, by Trial.at.
     """
-    wrong: dict[tuple[str, Dial], Exception] = {}
-    for trial in {trial.at: trial for trial in trials if trial.stressor.world}.values():
-        assert trial.stressor.world is not None
+    wrong: dict[tuple[str, Severity], Exception] = {}
+    for trial in {trial.at: trial for trial in trials if trial.stressor.scene_change}.values():
+        assert trial.stressor.scene_change is not None
         try:
-            altered_scenes.check(base, trial.stressor.world(base, trial.dial))
+            altered_scenes.check(base, trial.stressor.scene_change(base, trial.severity))
         except (OSError, Error) as error:
             wrong[trial.at] = error
     return wrong
@@ -307,5 +317,5 @@ def seconds_of(trials: Sequence[Trial], base: Base) -> float:
         start = time.perf_counter()
         detect(run.model(base.folder), files, None)
         per_run[run.folder] = (time.perf_counter() - start) / len(files)
-    new = {(c.stressor.name, c.dial) for c in trials if c.stressor.world}
-    return len(new) * WORLD_S + len(base.frames) * sum(per_run[c.run.folder] for c in trials)
+    new = {(c.stressor.name, c.severity) for c in trials if c.stressor.scene_change}
+    return len(new) * SCENE_S + len(base.frames) * sum(per_run[c.run.folder] for c in trials)

@@ -34,6 +34,7 @@ from pyinfra.formats.kitti.lidar import (
     parse_lidar,
     read_label_time,
     read_lidar,
+    read_lidar_keys,
     read_road_shape,
     read_tilt,
 )
@@ -74,6 +75,7 @@ __all__ = [
     "read_label_time",
     "read_labels",
     "read_lidar",
+    "read_lidar_keys",
     "read_objects",
     "read_points",
     "read_road_shape",

@@ -156,8 +156,9 @@ def _matrix(where: str, name: str, text: str) -> FloatArray:
     except ValueError:
         raise FormatError(f"{where}: {name}: expected numbers, got a word") from None
     if values.size != math.prod(shape) or not (np.abs(values) <= _MOST).all():
+        count = math.prod(shape)
+        got = "others" if values.size == count else values.size
         raise FormatError(
-            f"{where}: {name}: expected {math.prod(shape)} finite ones to {_MOST:g}, got "
-            f"{values.size} numbers"
+            f"{where}: {name}: expected {count} finite numbers up to {_MOST:g}, got {got}"
         )
     return values.reshape(shape)

@@ -3,11 +3,11 @@
 import math
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from pyinfra.core.vocabulary import LabelTime
 from pyinfra.formats.kitti.layout import FARTHEST_M
-from pyinfra.formats.yaml_file import YamlNode, parse_yaml, read_yaml
+from pyinfra.formats.yaml_file import YamlNode, parse_yaml, read_keys, read_yaml
 
 RECORDED = "recorded"  # preset name of recordings, which were not simulated
 PERIOD_S = (0.001, 60.0)  # shortest and longest frame period
@@ -97,6 +97,24 @@ class Lidar:
         """
         origin = SensorPose(0, 0, 0, 0, 0, 0)
         return tuple(dict.fromkeys(unit.at or origin for unit in self.field_of_view)) or (origin,)
+
+
+# Keys with another name than in version 0.3.
+_RENAMED_KEYS = {"seam_deg": "cut_angle_deg", "wedges": "prisms"}
+
+
+def read_lidar_keys(file: Path) -> dict[str, Any]:
+    """Returns all keys of a `lidar.yaml`, those of version 0.3 under their current names.
+
+    Raises FormatError with file and line.
+    """
+    return {name: _with_current_names(value) for name, value in read_keys(file).items()}
+
+
+def _with_current_names(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {_RENAMED_KEYS.get(k, k): _with_current_names(v) for k, v in value.items()}
+    return [_with_current_names(v) for v in value] if isinstance(value, list) else value
 
 
 def read_lidar(lidar_folder: Path) -> Lidar:

@@ -53,7 +53,9 @@ def device_of(name: str) -> torch.device:
     if kind == "cuda" and gpus > 0 and (not number or (number.isdigit() and int(number) < gpus)):
         return torch.device(name)
     if name != "cpu":
-        allowed = f"cpu, cuda, cuda:0 to cuda:{gpus - 1}" if gpus else "cpu: there is no GPU here"
+        allowed = (
+            f"cpu, cuda, cuda:0 to cuda:{gpus - 1}" if gpus else "cpu, as there is no GPU here"
+        )
         raise Error(f"device: expected {allowed}, got '{name}'")
     return torch.device(name)
 

@@ -80,8 +80,8 @@ def shuffled(clouds: Clouds) -> Clouds:
     """
     orders, start = [torch.zeros(0, dtype=torch.int64)], 0
     for count in clouds.counts:
-        draw = torch.Generator().manual_seed(count)
-        orders.append(start + torch.randperm(count, generator=draw))
+        rng = torch.Generator().manual_seed(count)
+        orders.append(start + torch.randperm(count, generator=rng))
         start += count
     order = torch.cat(orders).to(clouds.xyz.device)
     return Clouds(clouds.xyz[order], clouds.features[order], clouds.counts)

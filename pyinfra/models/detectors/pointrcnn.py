@@ -102,7 +102,7 @@ class Config:
     proposal_iou: float = ruled(0.85, 0.05, 1)
     proposals: int = ruled(512, 1, 4096)  # proposals of a training frame, to sample from
     rois: int = ruled(128, 2, 1024)  # sampled proposals of a training frame
-    rois_found: int = ruled(100, 1, 1024)  # proposals of a frame that are refined in detection
+    rois_detected: int = ruled(100, 1, 1024)  # proposals of a frame that are refined in detection
     roi_points: int = ruled(512, 16, 4096)  # most points of a proposal
 
 
@@ -117,7 +117,7 @@ class Seen:
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class SampledRois:
     """The sampled training proposals of all frames."""
 
     rois: Tensor  # (r, 7)
@@ -222,12 +222,12 @@ class PointRCNN(Network):
 
     def losses(self, batch: Batch) -> Losses:
         seen = self.seen(batch)
-        drawn = self.drawn(seen, batch.boxes)
-        return self.point_losses(seen, batch.boxes) | self.roi_losses(seen, drawn)
+        sampled = self.sampled(seen, batch.boxes)
+        return self.point_losses(seen, batch.boxes) | self.roi_losses(seen, sampled)
 
     def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
         seen = self.seen(batch)
-        rois = self.proposals(seen, self.config.rois_found)
+        rois = self.proposals(seen, self.config.rois_detected)
         counts = [len(r) for r in rois]
         every = torch.cat(rois)
         logits, residuals, held = self.refiner(detached(seen), every, counts)
@@ -240,9 +240,9 @@ class PointRCNN(Network):
 
     def seen(self, batch: Batch) -> Seen:
         """Runs the first stage."""
-        draw = self.draw()
+        generator = self.generator()
         parts = [
-            points[self.chosen(points, draw)]
+            points[self.chosen(points, generator)]
             for points in batch.points.split_with_sizes(
                 torch.bincount(batch.frame, minlength=batch.size).tolist()
             )
@@ -253,7 +253,7 @@ class PointRCNN(Network):
         logits, residuals = self.score(clouds.features)[:, 0], self.box(clouds.features)
         return Seen(clouds, points[:, 3], logits.float(), residuals.float())
 
-    def draw(self) -> torch.Generator:
+    def generator(self) -> torch.Generator:
         """Returns a random generator: the same one in detection, a new one per training batch."""
         generator = torch.Generator()
         if self.training:
@@ -261,11 +261,11 @@ class PointRCNN(Network):
             return generator.manual_seed(int(self.draws))
         return generator.manual_seed(0)
 
-    def chosen(self, points: Tensor, draw: torch.Generator) -> Tensor:
+    def chosen(self, points: Tensor, generator: torch.Generator) -> Tensor:
         """Returns the rows of a frame's points (n, 4) that are used, in random order."""
         if not self.training:
-            draw.manual_seed(0)  # so that a frame's result does not depend on earlier frames
-        rows = torch.randperm(len(points), generator=draw).to(points.device)
+            generator.manual_seed(0)  # so that a frame's result does not depend on earlier frames
+        rows = torch.randperm(len(points), generator=generator).to(points.device)
         if self.config.sampling == "remedied":
             rows = rows[points[rows, 2] > self.site.floor_z + self.config.clearance_m]
             rows = rows[by_area(points[rows, :2], self.config.cell_m)]
@@ -311,29 +311,29 @@ class PointRCNN(Network):
         box_loss = smooth_l1(seen.residuals[is_vehicle], wanted).sum() / number
         return {"score": score, "box": box_loss}
 
-    def drawn(self, seen: Seen, boxes: tuple[Tensor, ...]) -> Drawn:
+    def sampled(self, seen: Seen, boxes: tuple[Tensor, ...]) -> SampledRois:
         """Samples training proposals of each frame; at most half of them have an IoU >= REFINED."""
-        draw = self.draw()
+        generator = self.generator()
         parts = []
         for proposed, b in zip(self.proposals(seen, self.config.proposals), boxes, strict=True):
-            rois = torch.cat([proposed, moved(b, draw)])
+            rois = torch.cat([proposed, moved(b, generator)])
             overlap, box = best_overlap(rois, b)
-            rows = balanced(overlap.cpu(), self.config.rois, draw).to(rois.device)
+            rows = balanced(overlap.cpu(), self.config.rois, generator).to(rois.device)
             assigned = b[box[rows]] if len(b) else rois[rows]
             parts.append((rois[rows], overlap[rows], assigned))
         rois, overlap, assigned = (torch.cat(column) for column in zip(*parts, strict=True))
-        return Drawn(rois, [len(part[0]) for part in parts], overlap, assigned)
+        return SampledRois(rois, [len(part[0]) for part in parts], overlap, assigned)
 
-    def roi_losses(self, seen: Seen, drawn: Drawn) -> Losses:
-        logits, residuals, held = self.refiner(detached(seen), drawn.rois, drawn.counts)
-        good = drawn.overlap >= GOOD
-        counts = (good | (drawn.overlap < BAD)) & (held > 0)
+    def roi_losses(self, seen: Seen, sampled: SampledRois) -> Losses:
+        logits, residuals, held = self.refiner(detached(seen), sampled.rois, sampled.counts)
+        good = sampled.overlap >= GOOD
+        counts = (good | (sampled.overlap < BAD)) & (held > 0)
         confidence = functional.binary_cross_entropy_with_logits(
             logits[counts], good[counts].to(logits.dtype), reduction="sum"
         ) / of_all(counts.sum())
-        near = (drawn.overlap >= REFINED) & (held > 0)
+        near = (sampled.overlap >= REFINED) & (held > 0)
         number = of_all(near.sum())
-        rois, boxes, predicted = drawn.rois[near], drawn.boxes[near], residuals[near]
+        rois, boxes, predicted = sampled.rois[near], sampled.boxes[near], residuals[near]
         refinement = smooth_l1(predicted, refinements(boxes, rois)).sum() / number
         apart = corner_distances(refined(predicted, rois), boxes)
         corners = smooth_l1(apart, torch.zeros_like(apart), beta=1.0).mean(dim=1).sum() / number
@@ -472,21 +472,21 @@ def corners(boxes: Tensor) -> Tensor:
     return turned_out_of(local, boxes.repeat_interleave(8, dim=0)).reshape(-1, 8, 3)
 
 
-def moved(boxes: Tensor, draw: torch.Generator) -> Tensor:
+def moved(boxes: Tensor, generator: torch.Generator) -> Tensor:
     """Returns boxes (n, 7) with small random changes of position, size and heading."""
-    noise = (torch.rand(len(boxes), 7, generator=draw) * 2 - 1).to(boxes)
+    noise = (torch.rand(len(boxes), 7, generator=generator) * 2 - 1).to(boxes)
     centre = boxes[:, :3] + 0.1 * noise[:, :3] * boxes[:, 3:6]
     sizes = boxes[:, 3:6] * (1 + 0.1 * noise[:, 3:6])
     return torch.cat([centre, sizes, wrapped(boxes[:, 6:] + 0.1 * noise[:, 6:])], dim=1)
 
 
-def balanced(overlap: Tensor, most: int, draw: torch.Generator) -> Tensor:
+def balanced(overlap: Tensor, most: int, generator: torch.Generator) -> Tensor:
     """Samples at most `most` proposals by their overlap (n,); returns their rows (k,).
 
     At most half of them have an overlap of REFINED or more. Of the others, HARD_SHARE are hard if
     there are enough.
     """
-    order = torch.randperm(len(overlap), generator=draw)
+    order = torch.randperm(len(overlap), generator=generator)
     at = overlap[order]
     near, hard = order[at >= REFINED], order[(at < REFINED) & (at >= HARD)]
     easy = order[at < HARD]

@@ -27,18 +27,18 @@ def check(network: Network, most_m2: float) -> None:
 
 
 def centre_of(
-    sample: Sample, area: Area, draw: np.random.Generator, rare: float = 0.0
+    sample: Sample, area: Area, rng: np.random.Generator, rare: float = 0.0
 ) -> FloatArray:
     """Returns the centre of a window, (2,): a random object, or a random position without objects.
 
     rare: share of the samples for which a class is chosen first, each class equally often.
     """
-    if rare > 0 and len(sample.boxes) > 0 and draw.random() < rare:
-        of_class = np.flatnonzero(sample.numbers == draw.choice(np.unique(sample.numbers)))
-        return sample.boxes[draw.choice(of_class), :2]
+    if rare > 0 and len(sample.boxes) > 0 and rng.random() < rare:
+        of_class = np.flatnonzero(sample.numbers == rng.choice(np.unique(sample.numbers)))
+        return sample.boxes[rng.choice(of_class), :2]
     if len(sample.boxes) > 0:
-        return sample.boxes[draw.integers(len(sample.boxes)), :2]
-    return draw.uniform(area.low[:2], area.high[:2])
+        return sample.boxes[rng.integers(len(sample.boxes)), :2]
+    return rng.uniform(area.low[:2], area.high[:2])
 
 
 def view_of(batch: Batch, area: Area, cell_m: float, step: int) -> CanvasPart:

@@ -192,12 +192,12 @@ def _points(frames: FrameSequence, number: int) -> Points:
     return frames.frame(number).points
 
 
-def _table(numbers: Sequence[int], found: Sequence[Detections]) -> pd.DataFrame:
-    counts = [len(one) for one in found]
-    boxes = np.concatenate([np.empty((0, 7)), *(one.boxes for one in found)])
+def _table(numbers: Sequence[int], detections: Sequence[Detections]) -> pd.DataFrame:
+    counts = [len(one) for one in detections]
+    boxes = np.concatenate([np.empty((0, 7)), *(one.boxes for one in detections)])
     table = pd.DataFrame({"frame": np.repeat(np.asarray(numbers, np.int64), counts)})
-    names = [name for one in found for name in one.names.tolist()]
+    names = [name for one in detections for name in one.names.tolist()]
     table["type"] = pd.Series(names, dtype=object)
     table[BOX] = boxes
-    scores = np.concatenate([np.empty(0), *(one.scores for one in found)])
+    scores = np.concatenate([np.empty(0), *(one.scores for one in detections)])
     return table.assign(score=scores)[COLUMNS]

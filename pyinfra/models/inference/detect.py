@@ -206,7 +206,7 @@ def once(files: Sequence[Path]) -> None:
     named: dict[str, Path] = {}
     for file in files:
         if file.stem in named:
-            raise Error(f"{file}: expected once with `out`, got the name of {named[file.stem]}")
+            raise Error(f"{file}: expected another name with `out`, got that of {named[file.stem]}")
         named[file.stem] = file
 
 

@@ -48,7 +48,7 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class FolderDetections:
     """The detections in each file, and the time of each."""
 
     files: Sequence[Path]
@@ -115,7 +115,7 @@ def detect_folder(
     drop_standing: bool = False,
     device: str = "cpu",
     warn: Warn,
-) -> Found:
+) -> FolderDetections:
     """Runs a model on frames of a folder; writes its boxes and their origin to `out`.
 
     Frames are stacked if the model needs it. drop_standing: remove vehicle boxes that recur where
@@ -131,7 +131,7 @@ def detect_folder(
         write_origin(out, origin_of(lidar_folder, model))
     warn_of_height(files, read, where, warn)
     if not drop_standing:
-        return Found(files, *detect(detector, files, out, read=read))
+        return FolderDetections(files, *detect(detector, files, out, read=read))
     once(files)
     every, times = detect(detector, files, None, read=read)
     clouds = [partial(kitti.read_points, file) for file in files]
@@ -140,7 +140,7 @@ def detect_folder(
         warn(text)
     for file, detections in zip(files, kept, strict=True):
         write(out, file, detections)
-    return Found(files, kept, times, sum(map(len, every)) - sum(map(len, kept)))
+    return FolderDetections(files, kept, times, sum(map(len, every)) - sum(map(len, kept)))
 
 
 def warn_of_height(

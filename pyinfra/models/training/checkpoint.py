@@ -103,8 +103,8 @@ class Checkpoint:
         for name, tensor in weights.items():
             if not tensor.isfinite().all():
                 raise ConfigError(
-                    f"checkpoint of {self.provenance.detector}: {name}: expected weights that "
-                    "are, got a number that is not finite"
+                    f"checkpoint of {self.provenance.detector}: {name}: expected finite "
+                    "weights, got one that is not"
                 )
         network.calibration = self.provenance.calibration
         if region is not None:

@@ -37,7 +37,7 @@ from pyinfra.scenes.generator.ranges import RANGES
 AREA = Area((-110.0, -110.0, -1.0), (110.0, 110.0, 4.5))
 # Ranges of the sites of narrow visits, in which the sensor is aimed along a road.
 ALONG = replace(RANGES, mount=replace(RANGES.mount, aims={"along": 1.0}, off_aim_deg=(-8, 8)))
-REDRAWN, TRIES = 1_000_000_000, 5
+RESAMPLED, TRIES = 1_000_000_000, 5
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ class StreamPlan:
     """The sites of a stream, and how many LiDARs and frames are simulated at each."""
 
     seed: int = ruled(1, 0, 2**62)  # seed of LiDARs, frames and order
-    sites: int = ruled(1000, 1, REDRAWN)  # number of sites
-    first_site: int = ruled(0, 0, REDRAWN - 1)  # seed of the first site
+    sites: int = ruled(1000, 1, RESAMPLED)  # number of sites
+    first_site: int = ruled(0, 0, RESAMPLED - 1)  # seed of the first site
     lidars: int = ruled(4, 1, 100)  # LiDARs of a visit
     frames: int = ruled(2, 1, 100)  # frames of each LiDAR in a visit
     mixed: int = ruled(6, 1, 1000)  # visits that are held in memory and mixed
@@ -141,7 +141,7 @@ def world_of(
     that one invalid site does not end a long training. Raises ConfigError if all are rejected.
     """
     for times in range(TRIES):
-        keys = make_keys(redrawn(seed, times))
+        keys = make_keys(resampled(seed, times))
         if label_time is not None:
             keys["label_time"] = label_time
         try:
@@ -151,12 +151,12 @@ def world_of(
     raise refused
 
 
-def redrawn(seed: int, times: int) -> int:
+def resampled(seed: int, times: int) -> int:
     """Returns the seed of the n-th replacement for a site that the simulator rejects.
 
     times: n; for 0 it is the seed itself.
     """
-    return seed + times * REDRAWN
+    return seed + times * RESAMPLED
 
 
 def samples_of(

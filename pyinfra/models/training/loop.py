@@ -157,12 +157,12 @@ def batch_of(frames: Samples, recipe: Recipe, network: Network, seed: int, step:
     samples, centres = [], []
     for n in range(step * size + distributed.rank(), (step + 1) * size, distributed.count()):
         i = frames.nth(seed, n)
-        draw = np.random.default_rng([seed, 1, n])
+        rng = np.random.default_rng([seed, 1, n])
         paste = recipe.augmentation.pasted > 0
-        other = frames.another(i, draw) if paste else None
-        sample = augmented(frames.sample(i), other, recipe.augmentation, draw)
+        other = frames.another(i, rng) if paste else None
+        sample = augmented(frames.sample(i), other, recipe.augmentation, rng)
         samples.append(sample)
-        centres.append(windows.centre_of(sample, network.site.area, draw, learning.rare_windows))
+        centres.append(windows.centre_of(sample, network.site.area, rng, learning.rare_windows))
     batch = make_batch(samples, network.site.area, network.columns)
     batch = dataclasses.replace(batch, balance=learning.balance)
     if learning.window_m2 == 0:

@@ -59,7 +59,7 @@ class Samples(Protocol):
 
     def sample(self, i: int) -> Sample: ...
 
-    def another(self, i: int, draw: np.random.Generator) -> Sample:
+    def another(self, i: int, rng: np.random.Generator) -> Sample:
         """Returns a random sample of the same LiDAR as sample i."""
         ...
 
@@ -102,26 +102,26 @@ class Frames:
         """Returns the class numbers of a frame's boxes: (k,)."""
         return self.classes[i] if self.classes else np.zeros(len(self.boxes[i]), np.int64)
 
-    def another(self, i: int, draw: np.random.Generator) -> Sample:
+    def another(self, i: int, rng: np.random.Generator) -> Sample:
         """Returns a random frame of the same LiDAR as frame i."""
         of = bisect.bisect(self.starts, i)
-        return self.sample(int(draw.integers(self.starts[of - 1], [*self.starts, len(self)][of])))
+        return self.sample(int(rng.integers(self.starts[of - 1], [*self.starts, len(self)][of])))
 
 
 def augmented(
-    sample: Sample, other: Sample | None, how: Augmentation, draw: np.random.Generator
+    sample: Sample, other: Sample | None, how: Augmentation, rng: np.random.Generator
 ) -> Sample:
     """Returns the augmented sample; objects of `other` may be pasted into it."""
     if other is not None and how.pasted > 0:
-        sample = with_pasted(sample, other, how, draw)
-    turn = np.deg2rad(draw.uniform(-how.rotation_deg, how.rotation_deg))
-    scale = 1 + draw.uniform(-how.scale, how.scale)
-    flip = how.flip and draw.random() < 0.5
+        sample = with_pasted(sample, other, how, rng)
+    turn = np.deg2rad(rng.uniform(-how.rotation_deg, how.rotation_deg))
+    scale = 1 + rng.uniform(-how.scale, how.scale)
+    flip = how.flip and rng.random() < 0.5
     sample = moved(sample, turn=float(turn), scale=float(scale), flip=flip)
-    return with_pose_error(with_faults(sample, how, draw), how, draw)
+    return with_pose_error(with_faults(sample, how, rng), how, rng)
 
 
-def with_pose_error(sample: Sample, how: Augmentation, draw: np.random.Generator) -> Sample:
+def with_pose_error(sample: Sample, how: Augmentation, rng: np.random.Generator) -> Sample:
     """Returns the sample as if the sensor's height and tilt were known with an error.
 
     Only z is changed, because a tilt of 1 degree shifts points 6 m below by only 0.1 m. Without
@@ -129,7 +129,7 @@ def with_pose_error(sample: Sample, how: Augmentation, draw: np.random.Generator
     """
     if how.height_std_m == how.level_std_deg == 0:
         return sample
-    height, *level = np.clip(draw.normal(size=3), -MOST_STD, MOST_STD)
+    height, *level = np.clip(rng.normal(size=3), -MOST_STD, MOST_STD)
     slopes = np.tan(np.radians(how.level_std_deg * np.array(level)))
 
     def rise(xy: FloatArray) -> FloatArray:
@@ -141,7 +141,7 @@ def with_pose_error(sample: Sample, how: Augmentation, draw: np.random.Generator
     return replace(sample, points=points, boxes=boxes)
 
 
-def with_faults(sample: Sample, how: Augmentation, draw: np.random.Generator) -> Sample:
+def with_faults(sample: Sample, how: Augmentation, rng: np.random.Generator) -> Sample:
     """Returns the sample with sensor faults, whose severities are uniform up to their maxima.
 
     Boxes that lose their last point are removed. If all maxima are 0, no random numbers are used.
@@ -154,14 +154,14 @@ def with_faults(sample: Sample, how: Augmentation, draw: np.random.Generator) ->
         (how.drop_out, sensor_faults.drop_out),
     ):
         if most > 0:
-            points = fault(points, draw.uniform(0, most), draw)
+            points = fault(points, rng.uniform(0, most), rng)
     boxes, numbers = sample.boxes, sample.numbers
     if len(points) < len(sample.points):
         lost = points_in_boxes(lifted(points, sample.height_m), boxes) == 0
         lost[lost] = points_in_boxes(sample.points, boxes[lost]) > 0
         boxes, numbers = boxes[~lost], numbers[~lost]
     if how.range_noise_m > 0:
-        points = sensor_faults.range_noise(points, draw.uniform(0, how.range_noise_m), draw)
+        points = sensor_faults.range_noise(points, rng.uniform(0, how.range_noise_m), rng)
     points = lifted(points, sample.height_m)
     return replace(sample, points=points, boxes=boxes, classes=numbers)
 
@@ -205,13 +205,13 @@ def _in_moved(
 
 
 def with_pasted(
-    sample: Sample, other: Sample, how: Augmentation, draw: np.random.Generator
+    sample: Sample, other: Sample, how: Augmentation, rng: np.random.Generator
 ) -> Sample:
     """Pastes objects of the other frame, with their points, where this frame has none.
 
     Classes take turns, so that rare ones are pasted as often.
     """
-    order = draw.permutation(len(other.boxes))
+    order = rng.permutation(len(other.boxes))
     order = order[np.argsort(_ranks_in_class(other.numbers[order]), kind="stable")]
     free = np.ones(len(order), dtype=np.bool_)
     if len(sample.boxes) > 0:

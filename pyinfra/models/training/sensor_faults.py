@@ -12,30 +12,30 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray, Points
 
-Draws = np.random.Generator
+Rng = np.random.Generator
 
 ROW_DEG = 40 / 127  # spacing of 128 even channels over 40 degrees
 ROWS = 1024  # more rows of ROW_DEG than fit into 180 degrees
 
 
-def drop_out(points: Points, share: float, draws: Draws) -> Points:
+def drop_out(points: Points, share: float, rng: Rng) -> Points:
     """Removes each point with probability `share`."""
-    return points[draws.random(len(points)) >= share]
+    return points[rng.random(len(points)) >= share]
 
 
-def range_noise(points: Points, sigma_m: float, draws: Draws) -> Points:
+def range_noise(points: Points, sigma_m: float, rng: Rng) -> Points:
     """Adds normal noise along the rays; ranges stay at 0 or above."""
     ranges = ranges_of(points)
-    noisy = np.maximum(ranges + sigma_m * draws.normal(size=len(points)), 0)
+    noisy = np.maximum(ranges + sigma_m * rng.normal(size=len(points)), 0)
     return scaled(points, np.divide(noisy, ranges, out=np.ones_like(ranges), where=ranges > 0))
 
 
-def lost_lines(points: Points, share: float, draws: Draws) -> Points:
+def lost_lines(points: Points, share: float, rng: Rng) -> Points:
     """Removes each row of elevation with probability `share`."""
     flat = np.hypot(points[:, 0].astype(np.float64), points[:, 1])
     elevation_deg = np.degrees(np.arctan2(points[:, 2], flat))
     row = np.floor(elevation_deg / ROW_DEG).astype(np.int64) + ROWS // 2
-    return points[draws.random(ROWS)[row] >= share]
+    return points[rng.random(ROWS)[row] >= share]
 
 
 def scaled(points: Points, factor: FloatArray) -> Points:

@@ -46,9 +46,9 @@ def average_precision(network: Network, frames: Frames) -> float:
             continue
         columns = _frame_of(boxes), np.concatenate(boxes), scores
         there = _frame_of(truth), np.concatenate(truth)
-        hit = matching.hits(*columns, *there, METRICS[name])
-        ranking = ap.rank(scores, hit, len(there[1]))
-        values.append(ap.average_precision(ranking, ap.FINE_RECALLS)[0])
+        true_positive = matching.true_positives(*columns, *there, METRICS[name])
+        ranking = ap.rank(scores, true_positive, len(there[1]))
+        values.append(ap.average_precision(ranking, ap.R1000_RECALLS)[0])
     return float(np.mean(values))
 
 

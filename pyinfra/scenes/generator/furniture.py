@@ -12,10 +12,10 @@ from collections.abc import Callable
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.scenes.generator.layout import DrawnRoad, Keys, Room
+from pyinfra.scenes.generator.layout import FreeSpace, Keys, PlannedRoad
 from pyinfra.scenes.generator.people import Walks
-from pyinfra.scenes.generator.random_stream import Draws
-from pyinfra.scenes.generator.ranges import Habitat, Ranges
+from pyinfra.scenes.generator.random_stream import RandomStream
+from pyinfra.scenes.generator.ranges import Ranges, RoadType
 from pyinfra.scenes.generator.roadside import SIDES
 
 TRIES = 8  # positions that are tried for each piece
@@ -31,21 +31,21 @@ class Furniture:
     def __init__(
         self,
         walks: Walks,
-        habitat: Habitat,
+        road_type: RoadType,
         ranges: Ranges,
         mount: Keys,
-        base_m: Callable[[DrawnRoad, float], float],
+        base_m: Callable[[PlannedRoad, float], float],
     ) -> None:
         """base_m: callback for the ground height at a distance left of a road's centreline."""
-        self.walks, self.room, self.base_m = walks, walks.room, base_m
-        self.counts, self.how = habitat.furniture, ranges.furniture
+        self.walks, self.free_space, self.base_m = walks, walks.free_space, base_m
+        self.counts, self.how = road_type.furniture, ranges.furniture
         self.times = ranges.furniture.times
         self.placed = np.array([[mount["x_m"], mount["y_m"], 1.0]])  # x y radius
         self.buildings: list[Keys] = []
         self.trees: list[Keys] = []
         self.groups: list[Keys] = []
 
-    def add(self, road: DrawnRoad, seed: int) -> None:
+    def add(self, road: PlannedRoad, seed: int) -> None:
         """Adds furniture on both sides of a road, large pieces first."""
         make = {
             "shelters": self._shelter,
@@ -57,18 +57,23 @@ class Furniture:
         }
         for side, word in SIDES:
             for kind, build in make.items():
-                draws = Draws(seed, f"{road.name} {word} {kind}")
-                for _ in range(round(self.times * draws.whole(self.counts.get(kind, (0, 0))))):
-                    build(draws, road, side)
+                stream = RandomStream(seed, f"{road.name} {word} {kind}")
+                for _ in range(round(self.times * stream.whole(self.counts.get(kind, (0, 0))))):
+                    build(stream, road, side)
 
     def _free_position(
-        self, draws: Draws, road: DrawnRoad, side: int, radius_m: float, verge_m: float = VERGE_M
+        self,
+        stream: RandomStream,
+        road: PlannedRoad,
+        side: int,
+        radius_m: float,
+        verge_m: float = VERGE_M,
     ) -> tuple[float, float, float, float] | None:
         """Returns x, y, heading (rad) and base of a free circle beside a road, or None."""
         for _ in range(TRIES):
-            s = self._nearest_station(road) + draws.within((-self.how.within_m, self.how.within_m))
+            s = self._nearest_station(road) + stream.within((-self.how.within_m, self.how.within_m))
             wide_m = road.keys["lanes"]["sidewalk_m"] + verge_m - 2 * radius_m
-            out_m = LANE_GAP_M + radius_m + draws.within((0, max(wide_m, 0.2)))
+            out_m = LANE_GAP_M + radius_m + stream.within((0, max(wide_m, 0.2)))
             left_m = side * (road.carriageway_half_m + out_m)
             x, y, heading = road.pose_at(s, left_m)
             if 2 < s < road.length_m - 2 and self._is_free(np.array([[x, y]]), radius_m):
@@ -78,10 +83,10 @@ class Furniture:
 
     def _is_free(self, position: FloatArray, radius_m: float) -> bool:
         """Returns whether nothing is within a radius of a position (1, 2)."""
-        room: Room = self.room
-        if np.hypot(*(position[0] - room.centre)) < room.layout.junction_m + radius_m:
+        free_space: FreeSpace = self.free_space
+        if np.hypot(*(position[0] - free_space.centre)) < free_space.layout.junction_m + radius_m:
             return False
-        for road in room.layout.roads:
+        for road in free_space.layout.roads:
             if road.distance(position)[0] < road.carriageway_half_m + LANE_GAP_M + radius_m:
                 return False
         apart = np.hypot(*(self.placed[:, :2] - position).T) - self.placed[:, 2]
@@ -89,8 +94,8 @@ class Furniture:
             position, radius_m + GAP_M
         )
 
-    def _nearest_station(self, road: DrawnRoad) -> float:
-        away = road.stations[:, 1:3] - self.room.centre
+    def _nearest_station(self, road: PlannedRoad) -> float:
+        away = road.stations[:, 1:3] - self.free_space.centre
         return float(road.stations[np.hypot(*away.T).argmin(), 0])
 
     def _box(
@@ -118,71 +123,71 @@ class Furniture:
             }
         )
 
-    def _sign(self, draws: Draws, road: DrawnRoad, side: int) -> None:
+    def _sign(self, stream: RandomStream, road: PlannedRoad, side: int) -> None:
         """Adds a sign: a plate on a pole, across the road or along it."""
         how = self.how
-        plate = draws.within(how.plate_m), 0.1, draws.within(how.plate_m)
-        pole_m, above_m = draws.within(how.pole_width_m), draws.within(how.plate_above_m)
-        turn_deg = draws.one_of({90.0: 0.8, 0.0: 0.2}) + draws.within((-15, 15), 0)
-        if (at := self._free_position(draws, road, side, max(plate[0] / 2, 0.2))) is not None:
+        plate = stream.within(how.plate_m), 0.1, stream.within(how.plate_m)
+        pole_m, above_m = stream.within(how.pole_width_m), stream.within(how.plate_above_m)
+        turn_deg = stream.one_of({90.0: 0.8, 0.0: 0.2}) + stream.within((-15, 15), 0)
+        if (at := self._free_position(stream, road, side, max(plate[0] / 2, 0.2))) is not None:
             self._box(at, (pole_m, pole_m, round(above_m + plate[2], 2)))
             self._box(at, plate, turn_deg=turn_deg, above_m=above_m)
 
-    def _bin(self, draws: Draws, road: DrawnRoad, side: int) -> None:
+    def _bin(self, stream: RandomStream, road: PlannedRoad, side: int) -> None:
         how = self.how
-        size = draws.within(how.bin_m), draws.within(how.bin_m), draws.within(how.bin_height_m)
-        if (at := self._free_position(draws, road, side, max(size[:2]) * 0.71)) is not None:
-            self._box(at, size, turn_deg=draws.within((-20, 20), 0))
+        size = stream.within(how.bin_m), stream.within(how.bin_m), stream.within(how.bin_height_m)
+        if (at := self._free_position(stream, road, side, max(size[:2]) * 0.71)) is not None:
+            self._box(at, size, turn_deg=stream.within((-20, 20), 0))
 
-    def _planter(self, draws: Draws, road: DrawnRoad, side: int) -> None:
+    def _planter(self, stream: RandomStream, road: PlannedRoad, side: int) -> None:
         """Adds a bench or a planter along the road."""
         how = self.how
         size = (
-            draws.within(how.planter_length_m),
-            draws.within(how.planter_width_m),
-            draws.within(how.planter_height_m),
+            stream.within(how.planter_length_m),
+            stream.within(how.planter_width_m),
+            stream.within(how.planter_height_m),
         )
         if (
-            at := self._free_position(draws, road, side, float(np.hypot(*size[:2])) / 2)
+            at := self._free_position(stream, road, side, float(np.hypot(*size[:2])) / 2)
         ) is not None:
-            self._box(at, size, turn_deg=draws.within((-5, 5), 0))
+            self._box(at, size, turn_deg=stream.within((-5, 5), 0))
 
-    def _shelter(self, draws: Draws, road: DrawnRoad, side: int) -> None:
+    def _shelter(self, stream: RandomStream, road: PlannedRoad, side: int) -> None:
         """Adds a shelter of a bus stop: a roof, a back wall and one end wall, open to the road."""
         how = self.how
-        long_m, deep_m = draws.within(how.shelter_length_m), draws.within(how.shelter_depth_m)
-        high_m, end = draws.within(how.shelter_height_m), draws.side()
+        long_m, deep_m = stream.within(how.shelter_length_m), stream.within(how.shelter_depth_m)
+        high_m, end = stream.within(how.shelter_height_m), stream.side()
         if (
-            at := self._free_position(draws, road, side, float(np.hypot(long_m, deep_m)) / 2)
+            at := self._free_position(stream, road, side, float(np.hypot(long_m, deep_m)) / 2)
         ) is None:
             return
         self._box(at, (long_m, deep_m, 0.15), above_m=high_m)
         self._box(at, (long_m, 0.1, high_m), left_m=side * (deep_m / 2 - 0.05))
         self._box(at, (0.1, deep_m, high_m), ahead_m=end * (long_m / 2 - 0.05))
 
-    def _tree(self, draws: Draws, road: DrawnRoad, side: int) -> None:
+    def _tree(self, stream: RandomStream, road: PlannedRoad, side: int) -> None:
         """Adds a small tree, whose crown hangs over the footway."""
         how = self.how
-        crown_m, trunk_m = draws.within(how.crown_m), draws.within(how.crown_above_m)
+        crown_m, trunk_m = stream.within(how.crown_m), stream.within(how.crown_above_m)
         tree = {
-            "height_m": round(trunk_m + draws.within(how.crown_height_m), 2),
+            "height_m": round(trunk_m + stream.within(how.crown_height_m), 2),
             "crown_m": crown_m,
             "trunk_m": trunk_m,
-            "trunk_width_m": draws.within(how.trunk_width_m),
-            "density_per_m": draws.within(how.crown_density_per_m),
+            "trunk_width_m": stream.within(how.trunk_width_m),
+            "density_per_m": stream.within(how.crown_density_per_m),
         }
-        if (at := self._free_position(draws, road, side, crown_m / 2)) is not None:
+        if (at := self._free_position(stream, road, side, crown_m / 2)) is not None:
             self.trees.append({"tree": {"x_m": at[0], "y_m": at[1], **tree, "base_m": at[3]}})
 
-    def _group(self, draws: Draws, road: DrawnRoad, side: int) -> None:
+    def _group(self, stream: RandomStream, road: PlannedRoad, side: int) -> None:
         """Adds a group of pedestrians who stand close together."""
         group = {
-            "count": draws.whole(self.how.group_of),
-            "spacing_m": draws.within(self.how.group_spacing_m),
+            "count": stream.whole(self.how.group_of),
+            "spacing_m": stream.within(self.how.group_spacing_m),
         }
         radius_m = group["spacing_m"] * (0.58 * np.sqrt(group["count"]) + 0.05) + 0.6
         # The simulator keeps the square around the group's circle free.
         if (
-            at := self._free_position(draws, road, side, float(1.42 * radius_m), GROUP_VERGE_M)
+            at := self._free_position(stream, road, side, float(1.42 * radius_m), GROUP_VERGE_M)
         ) is not None:
             self.groups.append({"x_m": at[0], "y_m": at[1], **group, "base_m": at[3]})

@@ -10,11 +10,11 @@ import numpy as np
 
 from pyinfra.core.errors import Error
 from pyinfra.scenes.generator.furniture import Furniture
-from pyinfra.scenes.generator.layout import LAYOUTS, DrawnRoad, Keys, Layout, Room, varied
+from pyinfra.scenes.generator.layout import LAYOUTS, FreeSpace, Keys, Layout, PlannedRoad, varied
 from pyinfra.scenes.generator.people import Walks
-from pyinfra.scenes.generator.random_stream import Draws
-from pyinfra.scenes.generator.ranges import HABITATS, RANGES, Habitat, Ranges
-from pyinfra.scenes.generator.roadside import Roadside
+from pyinfra.scenes.generator.random_stream import RandomStream
+from pyinfra.scenes.generator.ranges import RANGES, ROAD_TYPES, Ranges, RoadType
+from pyinfra.scenes.generator.roadside import RoadsideGenerator
 
 DURATION_S = 60.0  # long enough for queues to form and dissolve
 WARM_UP_S = 60.0
@@ -34,53 +34,57 @@ def make_site(seed: int, ranges: Ranges = RANGES) -> Keys:
     """Returns the keys of a scene file. Raises Error for a seed below 0."""
     if seed < 0:
         raise Error(f"seed: expected 0 or more, got {seed}")
-    draws = Draws(seed, "roads")
-    habitat = HABITATS[draws.one_of(ranges.habitats)]
-    layout = LAYOUTS[draws.one_of(habitat.layouts)](draws, habitat, ranges)
-    layout = varied(layout, Draws(seed, "junction"), ranges)
-    foot_m = _embank(Draws(seed, "ground"), habitat, ranges, layout)
-    room = Room(layout)
-    mount = _mount(Draws(seed, "mount"), ranges, layout)
-    mount |= _on_a_slope(Draws(seed, "grade"), habitat, ranges, mount, layout)
-    room.take([mount["x_m"], mount["y_m"], 0, BOX_OF_SENSOR_M, BOX_OF_SENSOR_M, 1, 0])
-    side = Roadside(room, habitat, ranges, foot_m, mount)
+    stream = RandomStream(seed, "roads")
+    road_type = ROAD_TYPES[stream.one_of(ranges.road_types)]
+    layout = LAYOUTS[stream.one_of(road_type.layouts)](stream, road_type, ranges)
+    layout = varied(layout, RandomStream(seed, "junction"), ranges)
+    foot_m = _embank(RandomStream(seed, "ground"), road_type, ranges, layout)
+    free_space = FreeSpace(layout)
+    mount = _mount(RandomStream(seed, "mount"), ranges, layout)
+    mount |= _on_a_slope(RandomStream(seed, "grade"), road_type, ranges, mount, layout)
+    free_space.take([mount["x_m"], mount["y_m"], 0, BOX_OF_SENSOR_M, BOX_OF_SENSOR_M, 1, 0])
+    side = RoadsideGenerator(free_space, road_type, ranges, foot_m, mount)
     for road in layout.roads:
         side.park(road, seed)
     for road in layout.roads:
         side.furnish(road, seed)
-    walks = _people(seed, room, habitat, ranges, side.keys)
+    walks = _people(seed, free_space, road_type, ranges, side.keys)
     things = side.keys | {"people": walks.rows}
-    if Draws(seed, "furniture").chance(ranges.furniture.sites):
-        furniture = Furniture(walks, habitat, ranges, mount, side.slope_m)
+    if RandomStream(seed, "furniture").chance(ranges.furniture.sites):
+        furniture = Furniture(walks, road_type, ranges, mount, side.slope_m)
         for road in layout.roads:
             furniture.add(road, seed)
         things["buildings"] = things["buildings"] + furniture.buildings
         things["vegetation"] = things["vegetation"] + furniture.trees
         things["standing_people"] = furniture.groups
-    return _scene(seed, habitat, ranges, layout, mount, things, foot_m)
+    return _scene(seed, road_type, ranges, layout, mount, things, foot_m)
 
 
 def _people(
-    seed: int, room: Room, habitat: Habitat, ranges: Ranges, things: dict[str, list[Keys]]
+    seed: int,
+    free_space: FreeSpace,
+    road_type: RoadType,
+    ranges: Ranges,
+    things: dict[str, list[Keys]],
 ) -> Walks:
     """Adds rows of pedestrians and cyclists last, so that static objects do not depend on them."""
-    walks = Walks(room, habitat, ranges, things)
-    if Draws(seed, "people").chance(ranges.ways.sites):
-        for road in room.layout.roads:
+    walks = Walks(free_space, road_type, ranges, things)
+    if RandomStream(seed, "people").chance(ranges.ways.sites):
+        for road in free_space.layout.roads:
             walks.add(road, seed)
     return walks
 
 
 def _scene(
     seed: int,
-    habitat: Habitat,
+    road_type: RoadType,
     ranges: Ranges,
     layout: Layout,
     mount: Keys,
     things: Keys,
     foot_m: float,
 ) -> Keys:
-    sky, how = Draws(seed, "sky"), ranges.sky
+    sky, how = RandomStream(seed, "sky"), ranges.sky
     weather = {
         "rain_mm_per_h": sky.within(how.rain_mm_per_h) if sky.chance(how.rain) else 0,
         "sunlight_klux": 0 if sky.chance(how.night) else sky.within(how.sunlight_klux),
@@ -103,17 +107,17 @@ def _scene(
         ],
         **{key: value for key, value in things.items() if value},
         **({"junctions": list(layout.junctions)} if layout.junctions else {}),
-        "traffic": _traffic(seed, habitat, ranges, layout),
+        "traffic": _traffic(seed, road_type, ranges, layout),
     }
 
 
-def _embank(draws: Draws, habitat: Habitat, ranges: Ranges, layout: Layout) -> float:
+def _embank(stream: RandomStream, road_type: RoadType, ranges: Ranges, layout: Layout) -> float:
     """Returns the elevation of the ground; may add an embankment to the only road of a layout."""
-    below = -draws.within(ranges.ground_below_m)
-    if layout.junctions or not draws.chance(habitat.embankment):
+    below = -stream.within(ranges.ground_below_m)
+    if layout.junctions or not stream.chance(road_type.embankment):
         return below
-    depth = draws.within(habitat.embankment_m)
-    run = draws.within(ranges.slope_run_per_rise)
+    depth = stream.within(road_type.embankment_m)
+    run = stream.within(ranges.slope_run_per_rise)
     (road,) = layout.roads
     if road.outer_half_m + depth * run > road.radius_m / 2:
         return below
@@ -121,48 +125,48 @@ def _embank(draws: Draws, habitat: Habitat, ranges: Ranges, layout: Layout) -> f
     return -depth
 
 
-def _mount(draws: Draws, ranges: Ranges, layout: Layout) -> Keys:
+def _mount(stream: RandomStream, ranges: Ranges, layout: Layout) -> Keys:
     """Returns the sensor's pose: beside a road, over its median, or over its lanes."""
-    how, road, side = ranges.mount, layout.roads[0], draws.side()
-    height = draws.within(how.height_m)
+    how, road, side = ranges.mount, layout.roads[0], stream.side()
+    height = stream.within(how.height_m)
     s, left_m = layout.focus
     if layout.junctions:
-        s += draws.side() * (layout.corner_m + draws.within(how.before_junction_m))
+        s += stream.side() * (layout.corner_m + stream.within(how.before_junction_m))
     else:
-        s += draws.within((-30, 30))
-    word = draws.one_of({"lanes": how.over_lanes, "median": how.over_median, "beside": 1.0})
+        s += stream.within((-30, 30))
+    word = stream.one_of({"lanes": how.over_lanes, "median": how.over_median, "beside": 1.0})
     if word == "median" and road.keys["lanes"]["median_m"] >= 1:
         left_m = 0.0
     elif word == "lanes":
-        left_m = side * draws.within((0, road.lanes_half_m))
-        height = draws.within(how.over_m)
+        left_m = side * stream.within((0, road.lanes_half_m))
+        height = stream.within(how.over_m)
     else:
-        edge = road.carriageway_half_m if draws.chance(0.5) else road.outer_half_m
-        left_m = side * (edge + draws.within(how.beside_m))
+        edge = road.carriageway_half_m if stream.chance(0.5) else road.outer_half_m
+        left_m = side * (edge + stream.within(how.beside_m))
     x, y, heading = road.pose_at(s, left_m)
-    yaw = np.degrees(heading) + draws.within(how.off_aim_deg)
-    yaw += _aim(draws, ranges, layout, s - layout.focus[0], left_m)
+    yaw = np.degrees(heading) + stream.within(how.off_aim_deg)
+    yaw += _aim(stream, ranges, layout, s - layout.focus[0], left_m)
     return {
         "x_m": round(float(x), 2),
         "y_m": round(float(y), 2),
         "z_m": height,
         "yaw_deg": round(float((yaw + 180) % 360 - 180), 1),
-        "pitch_deg": draws.within(draws.one_of(how.pitch_deg)),
-        "roll_deg": draws.within(how.roll_deg),
+        "pitch_deg": stream.within(stream.one_of(how.pitch_deg)),
+        "roll_deg": stream.within(how.roll_deg),
     }
 
 
 def _on_a_slope(
-    draws: Draws, habitat: Habitat, ranges: Ranges, mount: Keys, layout: Layout
+    stream: RandomStream, road_type: RoadType, ranges: Ranges, mount: Keys, layout: Layout
 ) -> Keys:
     """Returns pitch and roll for a sensor on a vertical pole beside roads with a grade.
 
     The scene keeps its roads level and tilts the sensor instead. This is equivalent for networks,
     which see heights above the road.
     """
-    if not draws.chance(ranges.grades):
+    if not stream.chance(ranges.grades):
         return {}
-    slope_deg = np.degrees(np.arctan(draws.side() * draws.within(habitat.grade_percent) / 100))
+    slope_deg = np.degrees(np.arctan(stream.side() * stream.within(road_type.grade_percent) / 100))
     off = np.radians(layout.roads[0].keys["start"]["heading_deg"] - mount["yaw_deg"])
     return {
         "pitch_deg": round(float(mount["pitch_deg"] + slope_deg * np.cos(off)), 2),
@@ -170,35 +174,37 @@ def _on_a_slope(
     }
 
 
-def _aim(draws: Draws, ranges: Ranges, layout: Layout, ahead_m: float, left_m: float) -> float:
+def _aim(
+    stream: RandomStream, ranges: Ranges, layout: Layout, ahead_m: float, left_m: float
+) -> float:
     """Returns the sensor's yaw relative to the road, degrees; `along` looks towards a junction."""
-    word = draws.one_of(ranges.mount.aims)
+    word = stream.one_of(ranges.mount.aims)
     if word == "anywhere":
-        return draws.within((-180, 180))
+        return stream.within((-180, 180))
     if word == "across":
         return -90.0 if left_m > 0 else 90.0
-    back = ahead_m > 0 if layout.junctions else draws.chance(0.5)
+    back = ahead_m > 0 if layout.junctions else stream.chance(0.5)
     return 180.0 if back else 0.0
 
 
-def _traffic(seed: int, habitat: Habitat, ranges: Ranges, layout: Layout) -> Keys:
-    draws, fleet = Draws(seed, "traffic"), Draws(seed, "fleet")
+def _traffic(seed: int, road_type: RoadType, ranges: Ranges, layout: Layout) -> Keys:
+    stream, fleet = RandomStream(seed, "traffic"), RandomStream(seed, "fleet")
     radius = min(_inner_radius(road) for road in layout.roads)
     width = min(road.keys["lanes"]["width_m"] for road in layout.roads)
     fastest = 3.6 * float(np.sqrt(ranges.lateral_m_s2 * radius))
-    speed = min(draws.within(habitat.speed_km_h, 1), round(fastest, 1))
-    shares = {name: draws.within(weight, 3) for name, weight in habitat.classes.items()}
+    speed = min(stream.within(road_type.speed_km_h, 1), round(fastest, 1))
+    shares = {name: stream.within(weight, 3) for name, weight in road_type.classes.items()}
     if (many := fleet.one_of(ranges.fleets)) in shares:
         shares[many] = fleet.within(ranges.fleet_weight, 3)
     return {
-        "vehicles_per_km_lane": draws.within(habitat.vehicles_per_km_lane, 1),
-        "speed": {"mean_km_h": speed, "std_km_h": round(speed * draws.within((0.03, 0.15)), 1)},
+        "vehicles_per_km_lane": stream.within(road_type.vehicles_per_km_lane, 1),
+        "speed": {"mean_km_h": speed, "std_km_h": round(speed * stream.within((0.03, 0.15)), 1)},
         "warm_up_s": WARM_UP_S,
         "class_shares": {n: v for n, v in shares.items() if fits(n, width, radius)},
     }
 
 
-def _inner_radius(road: DrawnRoad) -> float:
+def _inner_radius(road: PlannedRoad) -> float:
     """Returns the radius of the innermost lane in the tightest bend."""
     return road.radius_m - road.lanes_half_m + float(road.keys["lanes"]["width_m"]) / 2
 

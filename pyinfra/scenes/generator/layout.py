@@ -13,8 +13,8 @@ import numpy as np
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.boxes import bev_overlap, footprints
 from pyinfra.dataset.regions import offset_curve
-from pyinfra.scenes.generator.random_stream import Draws
-from pyinfra.scenes.generator.ranges import Habitat, Ranges, RingRanges
+from pyinfra.scenes.generator.random_stream import RandomStream
+from pyinfra.scenes.generator.ranges import Ranges, RingRanges, RoadType
 
 Keys = dict[str, Any]
 Stretch = tuple[float, float]  # first and last station of a section of a road
@@ -29,7 +29,7 @@ WHOLE: Stretch = (0.0, np.inf)
 
 
 @dataclass(frozen=True)
-class DrawnRoad:
+class PlannedRoad:
     """A generated road: its scene keys, and stations about every metre."""
 
     keys: Keys
@@ -117,58 +117,60 @@ def _along(last: FloatArray, piece: Keys, step_m: float) -> FloatArray:
 class Layout:
     """Roads, their junctions, and the focus around which the sensor and objects are placed."""
 
-    roads: tuple[DrawnRoad, ...]
+    roads: tuple[PlannedRoad, ...]
     focus: tuple[float, float]  # station and left offset on the first road
     junctions: tuple[Keys, ...] = ()
     junction_m: float = 0.0  # radius around the focus that contains the junction
     corner_m: float = 0.0  # minimum distance of sensors from the focus along the road
 
 
-def straight(draws: Draws, habitat: Habitat, ranges: Ranges) -> Layout:
-    half = draws.within(ranges.half_length_m, 0)
-    road = _road("main", -half, 0, 0, [{"line_m": 2 * half}], _lanes(draws, habitat, ranges))
+def straight(stream: RandomStream, road_type: RoadType, ranges: Ranges) -> Layout:
+    half = stream.within(ranges.half_length_m, 0)
+    road = _road("main", -half, 0, 0, [{"line_m": 2 * half}], _lanes(stream, road_type, ranges))
     return Layout((road,), (half, 0.0))
 
 
-def curve(draws: Draws, habitat: Habitat, ranges: Ranges) -> Layout:
-    lanes = _lanes(draws, habitat, ranges)
-    half = draws.within(ranges.half_length_m, 0)
+def curve(stream: RandomStream, road_type: RoadType, ranges: Ranges) -> Layout:
+    lanes = _lanes(stream, road_type, ranges)
+    half = stream.within(ranges.half_length_m, 0)
     outer = lanes["median_m"] / 2 + lanes["each_way"] * lanes["width_m"]
     outer += lanes["shoulder_m"] + lanes["sidewalk_m"]
-    radius = max(draws.within(habitat.radius_m, 1), round(outer + 8, 1))
-    turn = draws.within(habitat.turn_deg, 1)
+    radius = max(stream.within(road_type.radius_m, 1), round(outer + 8, 1))
+    turn = stream.within(road_type.turn_deg, 1)
     arc = radius * np.radians(turn)
-    pieces = [{"line_m": half}, {"radius_m": radius, "turn_deg": draws.side() * turn}]
+    pieces = [{"line_m": half}, {"radius_m": radius, "turn_deg": stream.side() * turn}]
     road = _road("main", -half, 0, 0, [*pieces, {"line_m": half}], lanes)
     return Layout((road,), (half + arc / 2, 0.0))
 
 
-def crossing(draws: Draws, habitat: Habitat, ranges: Ranges) -> Layout:
+def crossing(stream: RandomStream, road_type: RoadType, ranges: Ranges) -> Layout:
     """Returns a crossing of two straight roads with signals, which the simulator requires."""
-    half = draws.within(ranges.half_length_m, 0)
-    angle_deg = draws.within(ranges.crossing_deg, 1) if draws.chance(0.5) else 90.0
+    half = stream.within(ranges.half_length_m, 0)
+    angle_deg = stream.within(ranges.crossing_deg, 1) if stream.chance(0.5) else 90.0
     angle = np.radians(angle_deg)
-    main = _road("main", -half, 0, 0, [{"line_m": 2 * half}], _lanes(draws, habitat, ranges))
+    main = _road("main", -half, 0, 0, [{"line_m": 2 * half}], _lanes(stream, road_type, ranges))
     start = (round(float(-half * np.cos(angle)), 3), round(float(-half * np.sin(angle)), 3))
-    side = _road("side", *start, angle_deg, [{"line_m": 2 * half}], _lanes(draws, habitat, ranges))
-    signal = {"green_s": draws.within(ranges.signal_green_s, 0), "all_red_s": 2.0}
-    shares = {key: draws.within(ranges.turns) for key in ("left_share", "right_share")}
+    side = _road(
+        "side", *start, angle_deg, [{"line_m": 2 * half}], _lanes(stream, road_type, ranges)
+    )
+    signal = {"green_s": stream.within(ranges.signal_green_s, 0), "all_red_s": 2.0}
+    shares = {key: stream.within(ranges.turns) for key in ("left_share", "right_share")}
     junction = {"roads": ["main", "side"], "signal": signal} | shares
     reach = max(_stop_line(main, side, angle), _stop_line(side, main, angle))
     return Layout((main, side), (half, 0.0), (junction,), reach, reach)
 
 
-def varied(layout: Layout, draws: Draws, ranges: Ranges) -> Layout:
+def varied(layout: Layout, stream: RandomStream, ranges: Ranges) -> Layout:
     """Turns some crossings into T-junctions or roundabouts; makes some side roads one-way."""
     if not layout.junctions:
         return layout
-    one_way, t = draws.chance(ranges.one_way), draws.chance(ranges.t_junctions)
+    one_way, t = stream.chance(ranges.one_way), stream.chance(ranges.t_junctions)
     main, side = layout.roads
     t = t and side.keys["lanes"]["each_way"] <= T_LANES
     if t:
-        side = _ending(side, in_the_middle=draws.chance(0.5))
-    if draws.chance(ranges.roundabouts):
-        return _roundabout(layout, main, side, draws, ranges.ring)
+        side = _ending(side, in_the_middle=stream.chance(0.5))
+    if stream.chance(ranges.roundabouts):
+        return _roundabout(layout, main, side, stream, ranges.ring)
     if one_way:
         side = _with_lanes(side, median_m=0.0, one_way=True)
     angle = np.radians(side.keys["start"]["heading_deg"])
@@ -177,27 +179,27 @@ def varied(layout: Layout, draws: Draws, ranges: Ranges) -> Layout:
     return replace(layout, roads=(main, side), junction_m=reach, corner_m=reach)
 
 
-def _with_lanes(road: DrawnRoad, **lanes: float) -> DrawnRoad:
-    return DrawnRoad(road.keys | {"lanes": road.keys["lanes"] | lanes})
+def _with_lanes(road: PlannedRoad, **lanes: float) -> PlannedRoad:
+    return PlannedRoad(road.keys | {"lanes": road.keys["lanes"] | lanes})
 
 
-def _ending(side: DrawnRoad, in_the_middle: bool) -> DrawnRoad:
+def _ending(side: PlannedRoad, in_the_middle: bool) -> PlannedRoad:
     """Shortens a side road so that it ends at the main road, or begins there (`in_the_middle`)."""
     half = side.keys["centreline"][0]["line_m"] / 2
     keys = side.keys | {"centreline": [{"line_m": half}]}
     if in_the_middle:
         keys["start"] = keys["start"] | {"x_m": 0.0, "y_m": 0.0}
-    return DrawnRoad(keys)
+    return PlannedRoad(keys)
 
 
 def _roundabout(
-    layout: Layout, main: DrawnRoad, side: DrawnRoad, draws: Draws, ring: RingRanges
+    layout: Layout, main: PlannedRoad, side: PlannedRoad, stream: RandomStream, ring: RingRanges
 ) -> Layout:
     """Returns a layout with a single-lane roundabout; its roads get one lane each way."""
     keys = {
-        "radius_m": draws.within(ring.radius_m, 1),
-        "width_m": draws.within(ring.width_m, 1),
-        "island_m": draws.within(ring.island_m),
+        "radius_m": stream.within(ring.radius_m, 1),
+        "width_m": stream.within(ring.width_m, 1),
+        "island_m": stream.within(ring.island_m),
     }
     junction = {k: v for k, v in layout.junctions[0].items() if k != "signal"}
     roads = tuple(_with_lanes(road, each_way=1, median_m=0.0) for road in (main, side))
@@ -212,36 +214,38 @@ def _roundabout(
     )
 
 
-Builder = Callable[[Draws, Habitat, Ranges], Layout]
+Builder = Callable[[RandomStream, RoadType, Ranges], Layout]
 LAYOUTS: Mapping[str, Builder] = {"straight": straight, "curve": curve, "crossing": crossing}
 
 
-def _stop_line(road: DrawnRoad, other: DrawnRoad, angle: float, more_m: float = 0.0) -> float:
+def _stop_line(road: PlannedRoad, other: PlannedRoad, angle: float, more_m: float = 0.0) -> float:
     """Returns the distance from the middle of a crossing to the outer end of the stop line."""
     along = road.carriageway_half_m * abs(np.cos(angle))
     half = (other.outer_half_m + along) / np.sin(angle) + STOP_LINE_M + more_m
     return float(np.hypot(half, road.lanes_half_m)) + 1.0
 
 
-def _lanes(draws: Draws, habitat: Habitat, ranges: Ranges) -> Keys:
-    parking = draws.chance(habitat.kerb_parking)
+def _lanes(stream: RandomStream, road_type: RoadType, ranges: Ranges) -> Keys:
+    parking = stream.chance(road_type.kerb_parking)
     return {
-        "each_way": draws.one_of(habitat.each_way),
-        "width_m": draws.within(habitat.lane_m),
-        "median_m": draws.within(habitat.median_m) if draws.chance(habitat.median) else 0.0,
-        "shoulder_m": draws.within(ranges.parking.lane_m if parking else habitat.shoulder_m),
-        "sidewalk_m": draws.within(habitat.sidewalk_m) if draws.chance(habitat.sidewalk) else 0.0,
+        "each_way": stream.one_of(road_type.each_way),
+        "width_m": stream.within(road_type.lane_m),
+        "median_m": stream.within(road_type.median_m) if stream.chance(road_type.median) else 0.0,
+        "shoulder_m": stream.within(ranges.parking.lane_m if parking else road_type.shoulder_m),
+        "sidewalk_m": stream.within(road_type.sidewalk_m)
+        if stream.chance(road_type.sidewalk)
+        else 0.0,
     }
 
 
 def _road(
     name: str, x_m: float, y_m: float, heading_deg: float, pieces: list[Keys], lanes: Keys
-) -> DrawnRoad:
+) -> PlannedRoad:
     start = {"x_m": x_m, "y_m": y_m, "heading_deg": heading_deg}
-    return DrawnRoad({"name": name, "start": start, "centreline": pieces, "lanes": lanes})
+    return PlannedRoad({"name": name, "start": start, "centreline": pieces, "lanes": lanes})
 
 
-class Room:
+class FreeSpace:
     """The free space of a site: off all roads and junctions, and off the objects placed so far."""
 
     def __init__(self, layout: Layout) -> None:
@@ -266,7 +270,7 @@ class Room:
         return bool(self.off_roads(np.vstack([edge, grown[:, :2]]), 0.0).all())
 
     def rows(
-        self, road: DrawnRoad, left_m: float, half_width_m: float, part: Stretch = WHOLE
+        self, road: PlannedRoad, left_m: float, half_width_m: float, part: Stretch = WHOLE
     ) -> list[Stretch]:
         """Returns the sections of a road beside which a row of the given width is free."""
         middle = road.beside(left_m)
@@ -277,7 +281,7 @@ class Room:
         return runs(road.stations[:, 0], free, part)
 
     def off_roads(
-        self, points: FloatArray, margin_m: float, host: tuple[DrawnRoad, float] | None = None
+        self, points: FloatArray, margin_m: float, host: tuple[PlannedRoad, float] | None = None
     ) -> BoolArray:
         """Returns which points (n, 2) are off junctions and roads.
 

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pyinfra.core.arrays import BoolArray, FloatArray
-from pyinfra.scenes.generator.layout import DrawnRoad, Keys, Room, Stretch, runs, within
-from pyinfra.scenes.generator.random_stream import Draws
-from pyinfra.scenes.generator.ranges import Habitat, Ranges, WalkRanges
+from pyinfra.scenes.generator.layout import FreeSpace, Keys, PlannedRoad, Stretch, runs, within
+from pyinfra.scenes.generator.random_stream import RandomStream
+from pyinfra.scenes.generator.ranges import Ranges, RoadType, WalkRanges
 from pyinfra.scenes.generator.roadside import KERB_ROW_M, SIDES
 
 HALF_WAY_M = 1.35  # free width on both sides of a line; the simulator requires 1.2
@@ -24,30 +24,34 @@ class Walks:
     Each row uses the longest free line beside its road, and the nearest of equally long ones.
     """
 
-    def __init__(self, room: Room, habitat: Habitat, ranges: Ranges, things: Things) -> None:
-        self.room, self.habitat, self.how = room, habitat, ranges.ways
-        self.roads = {road.name: road for road in room.layout.roads}
-        self.boxes = np.array([*room.taken, *_boxes(things)])
+    def __init__(
+        self, free_space: FreeSpace, road_type: RoadType, ranges: Ranges, things: Things
+    ) -> None:
+        self.free_space, self.road_type, self.how = free_space, road_type, ranges.ways
+        self.roads = {road.name: road for road in free_space.layout.roads}
+        self.boxes = np.array([*free_space.taken, *_boxes(things)])
         standing = [*self._lines(things)]
         self.lines = [cKDTree(np.concatenate(standing))] if standing else []
         self.rows: list[Keys] = []
 
-    def add(self, road: DrawnRoad, seed: int) -> None:
+    def add(self, road: PlannedRoad, seed: int) -> None:
         """Adds pedestrians and cyclists on both sides of a road, with a separate line per class."""
         for side, word in SIDES:
-            for name, walk in self.habitat.walks.items():
-                draws = Draws(seed, f"{road.name} {word} {name}")
-                if draws.chance(walk.share):
-                    self._row(draws, road, side, name, walk)
+            for name, walk in self.road_type.walks.items():
+                stream = RandomStream(seed, f"{road.name} {word} {name}")
+                if stream.chance(walk.share):
+                    self._row(stream, road, side, name, walk)
 
-    def _row(self, draws: Draws, road: DrawnRoad, side: int, name: str, walk: WalkRanges) -> None:
-        speed = draws.within(walk.speed_km_h, 1)
+    def _row(
+        self, stream: RandomStream, road: PlannedRoad, side: int, name: str, walk: WalkRanges
+    ) -> None:
+        speed = stream.within(walk.speed_km_h, 1)
         keys = {
-            "per_km": draws.within(walk.per_km, 0),
+            "per_km": stream.within(walk.per_km, 0),
             "class": name,
             "speed": {
                 "mean_km_h": speed,
-                "std_km_h": round(speed * draws.within(walk.speed_spread), 1),
+                "std_km_h": round(speed * stream.within(walk.speed_spread), 1),
             },
         }
         left_m, stretches = self._longest(road, side)
@@ -58,7 +62,7 @@ class Walks:
             line = np.concatenate([road.beside(left_m)[_along(road, part)] for part in stretches])
             self.lines.append(cKDTree(_widened(line, HALF_WAY_M)))
 
-    def _longest(self, road: DrawnRoad, side: int) -> tuple[float, list[Stretch]]:
+    def _longest(self, road: PlannedRoad, side: int) -> tuple[float, list[Stretch]]:
         """Returns the left offset of the best line beside a road, and its free sections, if any."""
         best: tuple[float, float, list[Stretch]] = (self.how.shortest_m, 0.0, [])
         last_m = road.outer_half_m + self.how.verge_m
@@ -72,10 +76,10 @@ class Walks:
                 best = long_m, left_m, stretches
         return best[1], best[2]
 
-    def _stretches(self, road: DrawnRoad, left_m: float) -> list[Stretch]:
+    def _stretches(self, road: PlannedRoad, left_m: float) -> list[Stretch]:
         line = road.beside(left_m)
-        near = np.hypot(*(line - self.room.centre).T) <= self.how.within_m
-        free = near & self.room.off_roads(line, HALF_WAY_M, host=(road, left_m))
+        near = np.hypot(*(line - self.free_space.centre).T) <= self.how.within_m
+        free = near & self.free_space.off_roads(line, HALF_WAY_M, host=(road, left_m))
         for box in self.boxes[_reached(self.boxes, line[near])]:
             free &= ~within(line, box, HALF_WAY_M + 0.2)
         for tree in self.lines:
@@ -108,7 +112,7 @@ class Walks:
                 yield road.beside(row["offset_m"] + side)[part]
 
 
-def _along(road: DrawnRoad, part: Stretch) -> BoolArray:
+def _along(road: PlannedRoad, part: Stretch) -> BoolArray:
     s = road.stations[:, 0]
     return np.asarray((s >= part[0] - 1) & (s <= part[1] + 1))
 

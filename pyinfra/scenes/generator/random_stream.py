@@ -15,7 +15,7 @@ T = TypeVar("T")
 Range = tuple[float, float]
 
 
-class Draws:
+class RandomStream:
     """A random stream that derives all samples from uniform ones.
 
     NumPy may change its other distributions between versions.

@@ -26,7 +26,7 @@ class WalkRanges:
 
 
 @dataclass(frozen=True)
-class Habitat:
+class RoadType:
     """A road type: its roads, its traffic, and its roadside objects."""
 
     layouts: Weights
@@ -81,7 +81,7 @@ _MANY = {
 # free flow; up to a third of the traffic are lorries on working days. Most motorways have guard
 # rails on both sides and a median with a wall, rails or a hedge. A network that was not trained
 # with these mistakes them for vehicles.
-MOTORWAY = Habitat(
+MOTORWAY = RoadType(
     layouts={"straight": 0.6, "curve": 0.4},
     each_way={2: 0.45, 3: 0.35, 4: 0.2},
     lane_m=(3.4, 3.75),
@@ -123,7 +123,7 @@ MOTORWAY = Habitat(
 
 # RAL: one lane each way, on some roads two, 3.25 to 3.5 m wide. Radii are those of EKL 4 and of
 # older roads. Ditches, trees and hedges are close to the road, and steep sections have rails.
-RURAL = Habitat(
+RURAL = RoadType(
     layouts={"straight": 0.4, "curve": 0.4, "crossing": 0.2},
     each_way={1: 0.75, 2: 0.25},
     lane_m=(2.8, 3.6),
@@ -172,7 +172,7 @@ RURAL = Habitat(
 
 # RASt: lanes 2.75 to 3.5 m, footways from 1.5 m, parking lanes of 2 m at the kerb. Trees stand in
 # rows, houses are close to the footway, and queues form at signals.
-STREET = Habitat(
+STREET = RoadType(
     layouts={"straight": 0.25, "curve": 0.2, "crossing": 0.55},
     each_way={1: 0.4, 2: 0.45, 3: 0.15},
     lane_m=(2.75, 3.6),
@@ -360,7 +360,7 @@ class SkyRanges:
 class Ranges:
     """All distributions of the scene generator."""
 
-    habitats: Mapping[str, float] = field(
+    road_types: Mapping[str, float] = field(
         default_factory=lambda: {"motorway": 0.3, "rural": 0.25, "street": 0.45}
     )
     mount: MountRanges = MountRanges()
@@ -388,10 +388,10 @@ class Ranges:
     lateral_m_s2: float = 3.0  # lateral acceleration that drivers accept in bends
 
 
-HABITATS: Mapping[str, Habitat] = {"motorway": MOTORWAY, "rural": RURAL, "street": STREET}
+ROAD_TYPES: Mapping[str, RoadType] = {"motorway": MOTORWAY, "rural": RURAL, "street": STREET}
 RANGES = Ranges()
 # Streets with much furniture, for counting false positives.
 CLUTTERED = Ranges(
-    habitats={"street": 1.0},
+    road_types={"street": 1.0},
     furniture=FurnitureRanges(sites=1.0, times=2.5),
 )

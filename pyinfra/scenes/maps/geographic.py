@@ -105,7 +105,7 @@ def network_projection(net_file: Path) -> Projection | None:
             if node.tag in ("edge", "junction"):
                 break
     except (ElementTree.ParseError, ValueError) as error:
-        raise FormatError(f"{net_file}: location: got {error}, expected that of SUMO") from error
+        raise FormatError(f"{net_file}: location: expected that of SUMO, got {error}") from error
     return None
 
 

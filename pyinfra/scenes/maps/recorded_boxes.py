@@ -63,7 +63,7 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
     for name in (*_NEEDED, clock):
         if name not in words.columns:
             have = ", ".join(map(str, words.columns))[:200]
-            raise FormatError(f"{file}:1: expected with '{name}' (`columns`), got columns {have}")
+            raise FormatError(f"{file}:1: expected a column '{name}' (`columns`), got {have}")
     if not len(words):
         raise FormatError(f"{file}: expected a row, got none")
     values = {name: _checked(file, words, name) for name in (*_NEEDED[:-1], clock)}

@@ -13,7 +13,7 @@ TERRAIN_MARGIN_M = 60.0
 TERRAIN_BELOW_M = 0.08  # depth of the terrain below the road
 FILL_CELL_M = 1.0
 FILL_BELOW_M = 0.01  # depth of a junction's paving below its lanes
-SEAM_M = 0.02  # length by which each lane overlaps the next
+JOIN_M = 0.02  # length by which each lane overlaps the next
 SINK_M = 0.5  # depth of a building's walls below the ground
 ACROSS = (0.0, 0.25, 0.5, 0.75, 1.0)  # positions across a lane, relative to its width
 
@@ -32,7 +32,7 @@ def longer(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]
     ends = []
     for inner, end in ((1, 0), (-2, -1)):
         step = centre[end] - centre[inner]
-        ends.append(step * (SEAM_M / max(float(np.hypot(*step[:2])), 1e-3)))
+        ends.append(step * (JOIN_M / max(float(np.hypot(*step[:2])), 1e-3)))
     return tuple(np.vstack([b[:1] + ends[0], b, b[-1:] + ends[1]]) for b in (left, right))  # type: ignore[return-value]
 
 

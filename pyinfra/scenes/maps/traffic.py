@@ -67,8 +67,10 @@ def simulate(
 def record(net_file: Path, feet: FloatArray, demand: Demand, seconds: float, seed: int) -> SumoRun:
     """Runs SUMO like `simulate`, but without smoothing and filtering."""
     demand.check()
-    if not 1 <= seconds <= 3600 or not 0 <= seed < 2**31:
-        raise Error("expected 1 to 3600 s and a seed from 0 to 2^31 - 1, got others")
+    if not 1 <= seconds <= 3600:
+        raise Error(f"seconds: expected 1 to 3600, got {seconds:g}")
+    if not 0 <= seed < 2**31:
+        raise Error(f"seed: expected 0 to {2**31 - 1}, got {seed}")
     warm_up = _WALKING_S if demand.pedestrians_per_hour else _WARM_UP_S
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)

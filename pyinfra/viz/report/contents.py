@@ -73,26 +73,28 @@ def page(material: Material, sections: Sequence[Maker] = SECTIONS) -> Page:
 
 def _subtitle(material: Material) -> str:
     """Returns one line about what was compared."""
-    cells = material.results.table("cells")
-    if cells.empty:
-        return "No cell of a benchmark is among these results."
+    experiments = material.results.table("experiments")
+    if experiments.empty:
+        return "No experiment of a benchmark is among these results."
     counts = [
-        (cells.scene.nunique(), "scene"),
-        (cells.lidar.nunique(), "LiDAR"),
-        (cells.detector.nunique(), "detector"),
-        (cells.preset.nunique(), "preset"),
+        (experiments.scene.nunique(), "scene"),
+        (experiments.lidar.nunique(), "LiDAR"),
+        (experiments.detector.nunique(), "detector"),
+        (experiments.preset.nunique(), "preset"),
     ]
     parts = [f"{n} {what}{'s' if n != 1 else ''}" for n, what in counts]
     tier = material.results.tier
-    names = ", ".join(sorted(set(cells.detector[hardly_learnt(cells)])))
+    names = ", ".join(sorted(set(experiments.detector[hardly_learnt(experiments)])))
     short = f" Networks of this tier have hardly learnt: nothing follows from the AP of {names}."
     return f"{', '.join(parts)}; tier {tier}, simulated.{short if names else ''}"
 
 
 def _footer(material: Material) -> str:
-    cells = material.results.table("cells")
-    versions = "" if cells.empty else ", ".join(sorted(cells.version.astype(str).unique()))
-    measured = f", whose cells are of {versions}" if versions else ""
+    experiments = material.results.table("experiments")
+    versions = (
+        "" if experiments.empty else ", ".join(sorted(experiments.version.astype(str).unique()))
+    )
+    measured = f", whose experiments are of {versions}" if versions else ""
     return (
         f"Written by infrasim {__version__} from tier {material.results.tier}{measured}. Each "
         "number is in a row of a CSV file in the folder beside this page; a number says which row "

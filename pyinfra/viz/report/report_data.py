@@ -13,13 +13,13 @@ from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.data_set import DataSet, read_data_set
-from pyinfra.experiments.options import Wish
+from pyinfra.experiments.options import Requirements
 from pyinfra.experiments.result_tables import KINDS, Kind, Results, read_results
 from pyinfra.formats import kitti
 from pyinfra.metrics.row_selection import preset_of_answers
 from pyinfra.viz.report.names import Names, in_order, read_names
 
-ANY_PRICE = Wish()
+ANY_PRICE = Requirements()
 
 
 @dataclass(frozen=True)
@@ -44,15 +44,15 @@ class Material:
     names: Names
     data: tuple[DataSet, ...]
     runs: tuple[Run, ...]
-    wish: Wish = ANY_PRICE
+    requirements: Requirements = ANY_PRICE
 
     def scenes(self) -> list[str]:
         """Returns the scenes of the results and of the data sets."""
-        scenes = set(self.results.table("cells").scene) | {d.scene for d in self.data}
+        scenes = set(self.results.table("experiments").scene) | {d.scene for d in self.data}
         return in_order(scenes, SCENES)
 
     def presets(self) -> list[str]:
-        return in_order(self.results.table("cells").preset, PRESETS)
+        return in_order(self.results.table("experiments").preset, PRESETS)
 
     def of_answers(self, rows: pd.DataFrame) -> pd.DataFrame:
         """Returns the rows of each scene under one preset, that of `preset_of_answers`.
@@ -68,7 +68,7 @@ def read_material(
     data: Sequence[Path],
     runs: Sequence[Path],
     tier: str | None,
-    wish: Wish = ANY_PRICE,
+    requirements: Requirements = ANY_PRICE,
     more: Mapping[str, Kind] | None = None,
 ) -> Material:
     """Reads results, data sets and runs, but no frames; `more` declares more tables.
@@ -87,7 +87,7 @@ def read_material(
         names=read_names([*named, *simulated], models | simulated),
         data=sets,
         runs=tuple(read_run(run, sets) for run in runs),
-        wish=wish,
+        requirements=requirements,
     )
 
 

@@ -98,7 +98,7 @@ def _fields(lidar_folder: Path, frame: int, points: int) -> Records | None:
         return None
     fields = kitti.read_fields(file)
     if len(fields) != points:
-        raise FormatError(f"{file}: expected {points} as in velodyne, got {len(fields)} records")
+        raise FormatError(f"{file}: expected {points} records, as in velodyne, got {len(fields)}")
     return fields
 
 

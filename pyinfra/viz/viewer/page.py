@@ -200,7 +200,7 @@ def _common_frames(views: Views) -> list[int]:
     frames = next(iter(lists.values()))
     for name, numbers in lists.items():
         if numbers != frames:
-            raise Error(f"view: {name}: expected {frames} as for the first, got frames {numbers}")
+            raise Error(f"view: {name}: expected frames {frames} as of the first, got {numbers}")
     return frames
 
 

@@ -37,12 +37,12 @@ def no_note(row: pd.Series) -> str:
 
 def section(material: Material) -> Section | None:
     """Returns tables of LiDARs x detectors for each scene and preset, and all experiments."""
-    cells = material.results.table("cells")
-    if cells.empty:
+    experiments = material.results.table("experiments")
+    if experiments.empty:
         return None
     done = material.results.done()
-    blocks = [*grids(material, done), *_failed(cells), _all(material, cells)]
-    return Section("accuracy", TITLE, _lead(cells, done), blocks)
+    blocks = [*grids(material, done), *_failed(experiments), _all(material, experiments)]
+    return Section("accuracy", TITLE, _lead(experiments, done), blocks)
 
 
 def grids(material: Material, done: pd.DataFrame, note: Note = no_note) -> list[Table]:
@@ -55,14 +55,14 @@ def grids(material: Material, done: pd.DataFrame, note: Note = no_note) -> list[
     ]
 
 
-def _lead(cells: pd.DataFrame, done: pd.DataFrame) -> str:
-    finished = int(cells.ap.notna().sum())
+def _lead(experiments: pd.DataFrame, done: pd.DataFrame) -> str:
+    finished = int(experiments.ap.notna().sum())
     text = (
-        f"{finished} of {len(cells)} cells have an {ap_name(done)} (0 to 100; bird's-eye overlap "
-        "of 0.5 or more; vehicles with at least one point), each with its 95 % interval over "
-        "blocks of time."
+        f"{finished} of {len(experiments)} experiments have an {ap_name(done)} (0 to 100; IoU of "
+        "footprints at least 0.5; vehicles with at least one point), each with its 95 % interval "
+        "over blocks of time."
     )
-    seeds = cells.seed.nunique()
+    seeds = experiments.seed.nunique()
     return text + (f" Of {seeds} seeds the first is shown here." if seeds > 1 else "")
 
 
@@ -72,14 +72,14 @@ def _grid(material: Material, rows: pd.DataFrame, note: Note) -> Table:
     lines = []
     for lidar in material.names.sorted(rows.lidar):
         by_detector = rows[rows.lidar == lidar].set_index("detector", drop=False)
-        cells = [_ap(by_detector, name, note) for name in detectors]
-        lines.append([TableCell(material.names.label(lidar)), *cells])
+        experiments = [_ap(by_detector, name, note) for name in detectors]
+        lines.append([TableCell(material.names.label(lidar)), *experiments])
     scene, preset = str(rows.scene.iloc[0]), str(rows.preset.iloc[0])
     return Table(
         f"{scene.capitalize()}, preset {preset}: {ap_name(rows)}.",
         [Column("LiDAR"), *(Column(detector(d), number=True) for d in detectors)],
         lines,
-        material.results.source("cells"),
+        material.results.source("experiments"),
     )
 
 
@@ -87,28 +87,28 @@ def _ap(by_detector: pd.DataFrame, name: str, note: Note) -> TableCell:
     if name not in by_detector.index:
         return TableCell(NOTHING, np.nan)
     row = by_detector.loc[name]
-    below = span(row.ap_fine_low, row.ap_fine_high)
+    below = span(row.ap_r1000_low, row.ap_r1000_high)
     below = "\n".join([below, more]) if (more := note(row)) else below
-    return TableCell(shown(row.ap_fine), float(row.ap_fine), str(row.origin), below=below)
+    return TableCell(shown(row.ap_r1000), float(row.ap_r1000), str(row.origin), below=below)
 
 
-def _failed(cells: pd.DataFrame) -> list[Block]:
+def _failed(experiments: pd.DataFrame) -> list[Block]:
     """Returns a text that names the experiments without AP and the reasons."""
-    rows = cells[cells.ap.isna()]
+    rows = experiments[experiments.ap.isna()]
     if rows.empty:
         return []
     names = [
         f"{r.scene}, {r.lidar}, {r.preset}, {r.detector}: {r.reason}" for r in rows.itertuples()
     ]
     shown_names = "; ".join(names[:5]) + ("; and more, see below" if len(names) > 5 else "")
-    count = "One cell has" if len(names) == 1 else f"{len(names)} cells have"
+    count = "One experiment has" if len(names) == 1 else f"{len(names)} experiments have"
     return [Text(f"{count} no AP. {shown_names}.")]
 
 
-def _all(material: Material, cells: pd.DataFrame) -> Table:
+def _all(material: Material, experiments: pd.DataFrame) -> Table:
     """Returns a table of every experiment of the benchmark."""
     heads = [Column(c) for c in ("Scene", "LiDAR", "Preset", "Detector")]
-    name = ap_name(cells)
+    name = ap_name(experiments)
     numbers = [
         "Seed",
         name,
@@ -123,14 +123,14 @@ def _all(material: Material, cells: pd.DataFrame) -> Table:
     ]
     heads += [Column(c, number=True) for c in numbers]
     rows = []
-    for row in cells.assign(hidden=hidden_share(cells)).itertuples():
+    for row in experiments.assign(hidden=hidden_share(experiments)).itertuples():
         origin = str(row.origin)
         first = TableCell(str(row.scene), origin=origin, below=str(row.reason))
         texts = [material.names.model(str(row.lidar)), str(row.preset), detector(str(row.detector))]
-        ends = span(row.ap_fine_low, row.ap_fine_high)
-        ap = TableCell(shown(row.ap_fine), row.ap_fine, origin, below=ends)
-        fine = (row.ap_common_fine, row.ap_all_fine, row.ap_present_fine)
-        ap_of = [number(value) for value in fine]
+        ends = span(row.ap_r1000_low, row.ap_r1000_high)
+        ap = TableCell(shown(row.ap_r1000), row.ap_r1000, origin, below=ends)
+        r1000 = (row.ap_common_r1000, row.ap_all_r1000, row.ap_present_r1000)
+        ap_of = [number(value) for value in r1000]
         values = [*ap_of, number(100 * row.hidden, ".0f"), number(row.objects, ".0f")]
         times = [row.train_seconds, row.latency_p50_ms, row.latency_p95_ms]
         seed = TableCell(str(row.seed), float(str(row.seed)) if str(row.seed).isdigit() else np.nan)
@@ -145,9 +145,9 @@ def _all(material: Material, cells: pd.DataFrame) -> Table:
             ]
         )
     caption = (
-        "Every cell. Common: vehicles in the view of all LiDARs; all: every vehicle of the region "
-        "that the mount can see; present: every one; hidden: those that it cannot see. Training: "
-        "CPU time of one core; latency: from points to boxes, one core "
-        f"({timing_load(cells)})."
+        "Every experiment. Common: vehicles in the view of all LiDARs; all: every vehicle of the "
+        "region that the mount can see; present: every one; hidden: those that it cannot see. "
+        "Training: CPU time of one core; latency: from points to boxes, one core "
+        f"({timing_load(experiments)})."
     )
-    return Table(caption, heads, rows, material.results.source("cells"), closed=True)
+    return Table(caption, heads, rows, material.results.source("experiments"), closed=True)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pandas as pd
 
 from pyinfra.dataset.catalogue import SCENES
-from pyinfra.experiments.benchmark.replicates import CellDraws
+from pyinfra.experiments.benchmark.replicates import ExperimentReplicates
 from pyinfra.experiments.options import FRAME_MS
 from pyinfra.metrics.row_selection import AP_OF, COUNTED, ap_name
 from pyinfra.viz.report.blocks import Block, Card, CardLine, Cards, Section, Text, span
@@ -16,9 +16,9 @@ from pyinfra.viz.report.report_data import ANY_PRICE, Material
 from pyinfra.viz.report.sections import accuracy, recommendation
 
 TITLE = "Which LiDAR and detector for what"
-UNTOLD = (
-    "The table is of a version that kept no draws: whether the best can be told from the next is "
-    "not known. A new pyinfra benchmark says it."
+NOT_SIGNIFICANT = (
+    "The version that wrote this table kept no bootstrap replicates, so it is not known whether "
+    "the best option differs significantly from the next. Run pyinfra benchmark again to know."
 )
 CLOSE_AP = 5.0  # a faster or cheaper choice may have an AP up to this much below the best
 
@@ -34,7 +34,7 @@ def section(material: Material) -> Section | None:
     if done.empty:
         return None
     lead, blocks = "", list[Block]()
-    asked = material.wish != ANY_PRICE  # requirements apply to every scene
+    asked = material.requirements != ANY_PRICE  # requirements apply to every scene
     there = [scene for scene in material.scenes() if scene in set(done.scene)]
     user_scenes = [scene for scene in there if asked or scene not in SCENES]
     if recommendation.can_answer(material):
@@ -58,66 +58,68 @@ def _of_user_scenes(material: Material, scenes: list[str]) -> tuple[str, list[Bl
 
 def _of_purposes(material: Material, done: pd.DataFrame) -> list[Block]:
     """Returns the best choice for each purpose, under one preset per scene."""
-    cells = material.of_answers(done)
-    cards = [_card(material, cells, *purpose) for purpose in PURPOSES]
+    experiments = material.of_answers(done)
+    cards = [_card(material, experiments, *purpose) for purpose in PURPOSES]
     blocks: list[Block] = [
-        Cards([card for card in cards if card.lines], material.results.source("cells"))
+        Cards([card for card in cards if card.lines], material.results.source("experiments"))
     ]
-    chosen = cells.drop_duplicates(["scene", "preset"])
+    chosen = experiments.drop_duplicates(["scene", "preset"])
     named = ", ".join(f"{row.scene} {row.preset}" for row in chosen.itertuples())
-    if len(done) > len(cells):
+    if len(done) > len(experiments):
         text = f'Presets here: {named}. Others are under "{accuracy.TITLE}"; the choice can differ.'
         blocks.append(Text(text))
-    if material.results.table("draws").empty:
-        blocks.append(Text(UNTOLD))
+    if material.results.table("replicates").empty:
+        blocks.append(Text(NOT_SIGNIFICANT))
     return blocks
 
 
-def _lead(material: Material, cells: pd.DataFrame) -> str:
+def _lead(material: Material, experiments: pd.DataFrame) -> str:
     """Returns the answer for the first scene in words."""
-    scene = next(s for s in material.scenes() if s in set(cells.scene))
-    rows = cells[cells.scene == scene]
-    best = rows.loc[rows.ap_fine.idxmax()]
+    scene = next(s for s in material.scenes() if s in set(experiments.scene))
+    rows = experiments[experiments.scene == scene]
+    best = rows.loc[rows.ap_r1000.idxmax()]
     text = f"On the {scene}, preset {best.preset}, {_name(material, best)} finds vehicles best"
-    text += f" in its own field of view: {ap_name(rows)} {best.ap_fine:.1f}"
+    text += f" in its own field of view: {ap_name(rows)} {best.ap_r1000:.1f}"
     text += (
-        f" {span(best.ap_fine_low, best.ap_fine_high)}{_rest(material, rows, best, 'captured')}."
+        f" {span(best.ap_r1000_low, best.ap_r1000_high)}{_rest(material, rows, best, 'captured')}."
     )
-    if rows.ap_whole_fine.notna().any():
-        whole = rows.loc[rows.ap_whole_fine.idxmax()]
+    if rows.ap_whole_r1000.notna().any():
+        whole = rows.loc[rows.ap_whole_r1000.idxmax()]
         text += f" Of {COUNTED[whole.whole]} on the road, {_name(material, whole)} finds most"
         rest = _rest(material, rows, whole, whole.whole)
-        text += f" ({ap_name(rows)} {whole.ap_whole_fine:.1f}{rest})."
+        text += f" ({ap_name(rows)} {whole.ap_whole_r1000:.1f}{rest})."
     return text
 
 
-def _card(material: Material, cells: pd.DataFrame, question: str, choose: Choice) -> Card:
-    scenes = [s for s in material.scenes() if s in set(cells.scene)]
-    lines = [choose(material, cells[cells.scene == scene]) for scene in scenes]
+def _card(material: Material, experiments: pd.DataFrame, question: str, choose: Choice) -> Card:
+    scenes = [s for s in material.scenes() if s in set(experiments.scene)]
+    lines = [choose(material, experiments[experiments.scene == scene]) for scene in scenes]
     return Card(question, [line for line in lines if line is not None])
 
 
 def _in_view(material: Material, rows: pd.DataFrame) -> CardLine | None:
-    best = rows.loc[rows.ap_fine.idxmax()]
+    best = rows.loc[rows.ap_r1000.idxmax()]
     rest = _rest(material, rows, best, "captured")
-    reason = f"{ap_name(rows)} {best.ap_fine:.1f} {span(best.ap_fine_low, best.ap_fine_high)}{rest}"
+    reason = (
+        f"{ap_name(rows)} {best.ap_r1000:.1f} {span(best.ap_r1000_low, best.ap_r1000_high)}{rest}"
+    )
     return _line(material, best, reason)
 
 
 def _whole_road(material: Material, rows: pd.DataFrame) -> CardLine | None:
-    if rows.ap_whole_fine.isna().all():
+    if rows.ap_whole_r1000.isna().all():
         return None
-    best = rows.loc[rows.ap_whole_fine.idxmax()]
+    best = rows.loc[rows.ap_whole_r1000.idxmax()]
     others = rows[rows.lidar != best.lidar]
-    reason = f"{ap_name(rows)} {best.ap_whole_fine:.1f} on {COUNTED[best.whole]}"
-    if others.ap_whole_fine.notna().any():
-        second = others.loc[others.ap_whole_fine.idxmax()]
-        reason += f"; next {material.names.model(second.lidar)}, {second.ap_whole_fine:.1f}"
+    reason = f"{ap_name(rows)} {best.ap_whole_r1000:.1f} on {COUNTED[best.whole]}"
+    if others.ap_whole_r1000.notna().any():
+        second = others.loc[others.ap_whole_r1000.idxmax()]
+        reason += f"; next {material.names.model(second.lidar)}, {second.ap_whole_r1000:.1f}"
     return _line(material, best, f"{reason}{_rest(material, rows, best, best.whole)}")
 
 
 def _fastest(material: Material, rows: pd.DataFrame) -> CardLine | None:
-    near = rows[(rows.ap_fine >= rows.ap_fine.max() - CLOSE_AP) & rows.latency_p50_ms.notna()]
+    near = rows[(rows.ap_r1000 >= rows.ap_r1000.max() - CLOSE_AP) & rows.latency_p50_ms.notna()]
     if near.empty:
         return None
     best = near.loc[near.latency_p50_ms.idxmin()]
@@ -125,25 +127,25 @@ def _fastest(material: Material, rows: pd.DataFrame) -> CardLine | None:
     return _line(
         material,
         best,
-        f"{best.latency_p50_ms:.0f} ms a frame{late}, {ap_name(rows)} {best.ap_fine:.1f}",
+        f"{best.latency_p50_ms:.0f} ms a frame{late}, {ap_name(rows)} {best.ap_r1000:.1f}",
     )
 
 
 def _cheapest(material: Material, rows: pd.DataFrame) -> CardLine | None:
     prices = material.results.table("lidars").drop_duplicates("lidar").set_index("lidar")
     price = rows.lidar.map((prices.price_low_usd + prices.price_high_usd) / 2)
-    near = rows[(rows.ap_fine >= rows.ap_fine.max() - CLOSE_AP) & price.notna()]
+    near = rows[(rows.ap_r1000 >= rows.ap_r1000.max() - CLOSE_AP) & price.notna()]
     if near.empty:
         return None
     cheap = near[price[near.index] == price[near.index].min()]
-    best = cheap.loc[cheap.ap_fine.idxmax()]
+    best = cheap.loc[cheap.ap_r1000.idxmax()]
     whole = (
-        f", but {best.ap_whole_fine:.1f} on {COUNTED[best.whole]}"
-        if best.ap_whole_fine < best.ap_fine - CLOSE_AP
+        f", but {best.ap_whole_r1000:.1f} on {COUNTED[best.whole]}"
+        if best.ap_whole_r1000 < best.ap_r1000 - CLOSE_AP
         else ""
     )
     return _line(
-        material, best, f"US$ {price[best.name]:,.0f}, {ap_name(rows)} {best.ap_fine:.1f}{whole}"
+        material, best, f"US$ {price[best.name]:,.0f}, {ap_name(rows)} {best.ap_r1000:.1f}{whole}"
     )
 
 
@@ -151,12 +153,12 @@ def _untrained(material: Material, rows: pd.DataFrame) -> CardLine | None:
     background = rows[rows.detector == "background"]
     if background.empty:
         return None
-    best = background.loc[background.ap_fine.idxmax()]
+    best = background.loc[background.ap_r1000.idxmax()]
     speed = f", {best.latency_p50_ms:.0f} ms a frame" if best.latency_p50_ms > 0 else ""
     return _line(
         material,
         best,
-        f"{ap_name(rows)} {best.ap_fine:.1f} {span(best.ap_fine_low, best.ap_fine_high)}{speed}",
+        f"{ap_name(rows)} {best.ap_r1000:.1f} {span(best.ap_r1000_low, best.ap_r1000_high)}{speed}",
     )
 
 
@@ -175,13 +177,13 @@ def _line(material: Material, row: pd.Series, reason: str) -> CardLine:
 
 def _rest(material: Material, rows: pd.DataFrame, best: pd.Series, truth: str) -> str:
     """Names the rows whose AP (R1000) does not differ significantly from the best (paired test)."""
-    others = rows[rows.index != best.name].sort_values(f"{AP_OF[truth]}_fine", ascending=False)
-    draws = CellDraws(material.results.table("draws"))
+    others = rows[rows.index != best.name].sort_values(f"{AP_OF[truth]}_r1000", ascending=False)
+    replicates = ExperimentReplicates(material.results.table("replicates"))
     if others.empty:
         return ""
-    if draws.row(best, truth) is None:
+    if replicates.row(best, truth) is None:
         return ""
-    alike = draws.alike(best, (row for _, row in others.iterrows()), truth)
+    alike = replicates.alike(best, (row for _, row in others.iterrows()), truth)
     return f"; cannot be told from {_listed(material, others.iloc[alike])}" if alike else ""
 
 

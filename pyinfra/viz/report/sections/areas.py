@@ -14,7 +14,7 @@ from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.data_set import DataSet
 from pyinfra.metrics.evaluation_tables import LANES
 from pyinfra.metrics.row_selection import ap_name, first_seed
-from pyinfra.viz.evaluation_plots import LABELS, LOOKS, areas_plan
+from pyinfra.viz.evaluation_plots import LABELS, STYLES, areas_plan
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     Block,
@@ -78,7 +78,7 @@ def _bars(material: Material, distance: pd.DataFrame) -> list[Block]:
 def _legend() -> list[LegendEntry]:
     return [
         LegendEntry(LABELS[q], svg.patch_swatch(look["facecolor"], _hatch(look["hatch"])))
-        for q, look in LOOKS.items()
+        for q, look in STYLES.items()
     ]
 
 
@@ -97,7 +97,7 @@ def _bar_panel(material: Material, rows: pd.DataFrame) -> Panel:
     with drawing():
         figure, ax = panel(3.7, 0.36 * len(lidars) + 0.6, left=1.45)
         left = np.zeros(len(lidars))
-        for quality, look in LOOKS.items():
+        for quality, look in STYLES.items():
             width = np.array([counts.get((lidar, quality), 0) for lidar in lidars])
             style = {"facecolor": look["facecolor"], "hatch": _hatch(look["hatch"])}
             ax.barh(
@@ -126,7 +126,7 @@ def _plans(material: Material, distance: pd.DataFrame, data: DataSet) -> list[Bl
     ]
     if done.empty or rows.empty:
         return []
-    best = str(done.loc[done.ap_fine.idxmax()].detector)
+    best = str(done.loc[done.ap_r1000.idxmax()].detector)
     rows = rows[rows.detector == best]
     panels = [
         _plan(material, data, rows[rows.lidar == lidar])

@@ -44,8 +44,8 @@ def section(material: Material) -> Section | None:
 
 def legend(names: Names, lidars: list[str]) -> list[LegendEntry]:
     """Returns legend entries of the LiDARs with their lines."""
-    looks = [(names.label(name), names.look(name)) for name in lidars]
-    return [LegendEntry(x, svg.line_swatch(k.colour, k.line, k.marker)) for x, k in looks]
+    styles = [(names.label(name), names.look(name)) for name in lidars]
+    return [LegendEntry(x, svg.line_swatch(k.colour, k.line, k.marker)) for x, k in styles]
 
 
 def _figure(material: Material, table: pd.DataFrame, preset: str, truth: str) -> Figure:
@@ -56,7 +56,7 @@ def _figure(material: Material, table: pd.DataFrame, preset: str, truth: str) ->
         for road in of_scene.road.unique():
             for name in in_order(of_scene.detector, DETECTORS):
                 curve = of_scene[(of_scene.road == road) & (of_scene.detector == name)]
-                if curve.ap_fine.notna().any():
+                if curve.ap_r1000.notna().any():
                     panels.append(_panel(material, curve))
     return Figure(
         f"figure-distance-{preset}-{truth}",
@@ -80,9 +80,9 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
             curve = rows[rows.lidar == lidar].sort_values("s")
             look = material.names.look(lidar)
             ax.plot(
-                curve.s, curve.ap_fine, markersize=2.8, markevery=4, linewidth=1.2, **look.style()
+                curve.s, curve.ap_r1000, markersize=2.8, markevery=4, linewidth=1.2, **look.style()
             )
-            ends = curve.ap_fine_low, curve.ap_fine_high
+            ends = curve.ap_r1000_low, curve.ap_r1000_high
             ax.fill_between(curve.s, *ends, color=look.colour, alpha=0.18, linewidth=0)
         ax.set(ylim=(0, 102), xlim=(rows.s.min(), rows.s.max()), xlabel="s (m)")
         ax.set_ylabel(ap_name(rows))

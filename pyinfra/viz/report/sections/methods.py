@@ -27,7 +27,7 @@ STEPS = (
     ("Frames", "KITTI layout: points, boxes, and how many points each vehicle got."),
     ("Scanning", "Hits, points per vehicle and their fall-off with distance."),
     ("Detectors", "Each is trained on the first 400 s of a LiDAR, tested on the last 90 s."),
-    ("Judgement", "AP with intervals, along the road, by area; latency and price."),
+    ("MatchResult", "AP with intervals, along the road, by area; latency and price."),
 )
 KINDS = {
     "pointpillars": ("pillars, one stage", "columns of points become a picture from above"),
@@ -43,7 +43,7 @@ KINDS = {
 def section(material: Material) -> Section:
     """Returns the processing steps, the detectors and the provenance."""
     blocks: list[Block] = [Steps("The way of the data", STEPS)]
-    names = in_order(material.results.table("cells").detector, DETECTORS)
+    names = in_order(material.results.table("experiments").detector, DETECTORS)
     if names:
         blocks.append(_detectors(names))
     blocks.append(_provenance(material))

@@ -11,7 +11,7 @@ from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.data_set import DataSet
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics import scanning_tables
-from pyinfra.metrics.observations import blocks_of, read_sightings
+from pyinfra.metrics.observations import blocks_of, read_observations
 from pyinfra.metrics.scanning_statistics import sets_of
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Figure, Panel, Section
@@ -51,7 +51,7 @@ def _measured(material: Material) -> tuple[pd.DataFrame, TableFile]:
 
 def _counted(data: DataSet) -> pd.DataFrame:
     """Counts points per vehicle over all frames of a data set."""
-    vehicles = read_sightings(data)
+    vehicles = read_observations(data)
     chosen, blocks = sets_of(vehicles), blocks_of(data, vehicles)
     parts = [
         scanning_tables.points_per_vehicle(chosen[name], blocks).assign(set=name) for name in SETS

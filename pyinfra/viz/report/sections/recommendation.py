@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from pyinfra.experiments.options import ROAD, Option, Wish, options_of
+from pyinfra.experiments.options import ROAD, Option, Requirements, options_of
 from pyinfra.experiments.recommend import Answer, recommend, with_interval
-from pyinfra.metrics.comparison import Measured
+from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.row_selection import COUNTED
 from pyinfra.viz.report.blocks import Block, Column, Table, TableCell, Text, number, span
 from pyinfra.viz.report.names import detector
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.value import spelled
 
-NEEDED = ("cells", "value", "distance")
+NEEDED = ("experiments", "value", "distance")
 
 
 def can_answer(material: Material) -> bool:
@@ -24,8 +24,8 @@ def can_answer(material: Material) -> bool:
 
 def answer_for(material: Material, scene: str) -> tuple[str, list[Block]]:
     """Returns the answer in a sentence, then the options and remarks on them."""
-    options = options_of(material.results, scene, "", material.wish)
-    answer = recommend(options, material.wish)
+    options = options_of(material.results, scene, "", material.requirements)
+    answer = recommend(options, material.requirements)
     lead = _lead(material, answer, options[0])
     blocks: list[Block] = [_table(material, answer)] if answer.named else []
     blocks += [Text(spelled(material, remark.replace("`", ""))) for remark in answer.remarks]
@@ -33,7 +33,9 @@ def answer_for(material: Material, scene: str) -> tuple[str, list[Block]]:
 
 
 def _lead(material: Material, answer: Answer, any_one: Option) -> str:
-    text = f"{any_one.scene.capitalize()}, preset {any_one.preset}, {_asked(material.wish)}: "
+    text = (
+        f"{any_one.scene.capitalize()}, preset {any_one.preset}, {_asked(material.requirements)}: "
+    )
     if not answer.named:
         return f"{text}no option meets this."
     first = answer.named[0]
@@ -48,11 +50,15 @@ def _lead(material: Material, answer: Answer, any_one: Option) -> str:
     return f"{text}no option meets this. The nearest is {name}: {reach}; it needs {relaxed}."
 
 
-def _asked(wish: Wish) -> str:
-    money = f"at most {wish.budget_usd:,.0f} USD" if math.isfinite(wish.budget_usd) else "any price"
-    ap = f"AP {wish.min_ap:g} of the whole road's vehicles or more"
-    asked = f"{money}, {ap}, {wish.range_m:g} m either way"
-    return f"{asked}, {wish.latency_ms:g} ms a frame or less"
+def _asked(requirements: Requirements) -> str:
+    money = (
+        f"at most {requirements.budget_usd:,.0f} USD"
+        if math.isfinite(requirements.budget_usd)
+        else "any price"
+    )
+    ap = f"AP {requirements.min_ap:g} of the whole road's vehicles or more"
+    asked = f"{money}, {ap}, {requirements.range_m:g} m either way"
+    return f"{asked}, {requirements.latency_ms:g} ms a frame or less"
 
 
 def _table(material: Material, answer: Answer) -> Table:
@@ -71,11 +77,11 @@ def _table(material: Material, answer: Answer) -> Table:
     )
     if not answer.meets:
         caption = f"The nearest, and what to relax. {caption}"
-    return Table(caption, heads, rows, material.results.source("cells"))
+    return Table(caption, heads, rows, material.results.source("experiments"))
 
 
 def _row(material: Material, option: Option, relax: str) -> list[TableCell]:
-    prices = Measured(option.price_usd, option.price_low_usd, option.price_high_usd)
+    prices = Interval(option.price_usd, option.price_low_usd, option.price_high_usd)
     cells = [
         TableCell(_name(material, option)),
         _cell(option.ap_whole, ".1f"),
@@ -95,7 +101,7 @@ def _covered(option: Option) -> TableCell:
     return cell if option.covered_m.is_known else replace(cell, below=reason)
 
 
-def _cell(figure: Measured, form: str, more: str = "") -> TableCell:
+def _cell(figure: Interval, form: str, more: str = "") -> TableCell:
     text = f"{figure.value:{form}}{more}"
     return TableCell(text, figure.value, below=span(figure.low, figure.high, form))
 

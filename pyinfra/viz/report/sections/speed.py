@@ -29,26 +29,26 @@ COSTS = {
 
 def section(material: Material) -> Section | None:
     """Draws AP against latency and training time, with the Pareto front of each."""
-    cells = material.results.done()
-    presets = in_order(cells.preset, PRESETS)
-    made = [_figure(material, cells, preset, cost) for cost in COSTS for preset in presets]
+    experiments = material.results.done()
+    presets = in_order(experiments.preset, PRESETS)
+    made = [_figure(material, experiments, preset, cost) for cost in COSTS for preset in presets]
     figures = [f for f in made if f is not None]
     if not figures:
         return None
     blocks = [Figure(**vars(f) | {"closed": not f.name.endswith(presets[0])}) for f in figures]
-    fronts = [_fronts(cells[cells.preset == preset]) for preset in presets]
+    fronts = [_fronts(experiments[experiments.preset == preset]) for preset in presets]
     table = _table(material, pd.concat(fronts, ignore_index=True))
     lead = (
         "Latency is from the points of a frame to its boxes, on one core; a LiDAR delivers a frame "
         f"every {FRAME_MS:g} ms (the upright line). While it was measured "
-        f"{timing_load(cells)}. Training is CPU time of one core."
+        f"{timing_load(experiments)}. Training is CPU time of one core."
     )
     return Section("speed", "Speed against accuracy", lead, [*blocks, table])
 
 
-def timing_load(cells: pd.DataFrame) -> str:
+def timing_load(experiments: pd.DataFrame) -> str:
     """Describes the load under which the latencies were measured."""
-    return load_text(cells.latency_other_cores[cells.latency_p50_ms.notna()].tolist())
+    return load_text(experiments.latency_other_cores[experiments.latency_p50_ms.notna()].tolist())
 
 
 def pareto(rows: pd.DataFrame, cost: str) -> pd.Series:
@@ -57,7 +57,7 @@ def pareto(rows: pd.DataFrame, cost: str) -> pd.Series:
     A row is off the front if another row has at most its cost and at least its AP, and is better in
     one of the two. A row without a cost is on no front.
     """
-    price, ap = rows[cost].to_numpy(np.float64), rows.ap_fine.to_numpy(np.float64)
+    price, ap = rows[cost].to_numpy(np.float64), rows.ap_r1000.to_numpy(np.float64)
     cheaper = (price[None] <= price[:, None]) & (ap[None] >= ap[:, None])
     better = (price[None] < price[:, None]) | (ap[None] > ap[:, None])
     return pd.Series(~(cheaper & better).any(axis=1) & ~np.isnan(price), index=rows.index)
@@ -71,8 +71,8 @@ def _fronts(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.concat(parts).sort_values(["scene", "latency_p50_ms"])
 
 
-def _figure(material: Material, cells: pd.DataFrame, preset: str, cost: str) -> Figure | None:
-    rows = cells[(cells.preset == preset) & (cells[cost] > 0)]
+def _figure(material: Material, experiments: pd.DataFrame, preset: str, cost: str) -> Figure | None:
+    rows = experiments[(experiments.preset == preset) & (experiments[cost] > 0)]
     if rows.empty:
         return None
     name, _, what = COSTS[cost]
@@ -83,7 +83,7 @@ def _figure(material: Material, cells: pd.DataFrame, preset: str, cost: str) -> 
     if cost == "latency_p50_ms":
         caption += " A mark reaches to the right up to the 95th percentile of its latency."
     panels = [_panel(material, rows[rows.scene == s], cost) for s in in_order(rows.scene, SCENES)]
-    source = material.results.source("cells")
+    source = material.results.source("experiments")
     legend = _legend(material, rows)
     return Figure(f"figure-{name}-{preset}", caption, panels, source, legend)
 
@@ -113,7 +113,7 @@ def _panel(material: Material, rows: pd.DataFrame, cost: str) -> Panel:
         figure, ax = panel()
         on_front = pareto(rows, cost)
         front = rows[on_front].sort_values(cost)
-        ax.step(front[cost], front.ap_fine, where="post", color=FAINT, linewidth=0.9)
+        ax.step(front[cost], front.ap_r1000, where="post", color=FAINT, linewidth=0.9)
         if cost == "latency_p50_ms":
             ax.axvline(FRAME_MS, color=FAINT, linewidth=0.7, linestyle=(0, (2, 2)))
         for row in rows.assign(front=on_front).itertuples():
@@ -127,7 +127,7 @@ def _panel(material: Material, rows: pd.DataFrame, cost: str) -> Panel:
 
 def _mark(material: Material, ax: Any, row: Any, cost: str) -> None:
     colour = material.names.look(row.lidar).colour
-    ends = [[row.ap_fine - row.ap_fine_low], [row.ap_fine_high - row.ap_fine]]
+    ends = [[row.ap_r1000 - row.ap_r1000_low], [row.ap_r1000_high - row.ap_r1000]]
     up = np.nan_to_num(ends).clip(min=0)
     right = None
     if cost == "latency_p50_ms":
@@ -137,7 +137,7 @@ def _mark(material: Material, ax: Any, row: Any, cost: str) -> None:
         "marker": _marker(row.detector),
         "markerfacecolor": colour if row.front else GROUND,
     }
-    ax.errorbar(getattr(row, cost), row.ap_fine, up, right, markersize=5, elinewidth=0.7, **style)
+    ax.errorbar(getattr(row, cost), row.ap_r1000, up, right, markersize=5, elinewidth=0.7, **style)
 
 
 def _table(material: Material, rows: pd.DataFrame) -> Table:
@@ -152,7 +152,7 @@ def _table(material: Material, rows: pd.DataFrame) -> Table:
         texts = [str(row.scene), str(row.preset)]
         texts += [material.names.model(str(row.lidar)), detector(str(row.detector))]
         times = (row.latency_p50_ms, row.latency_p95_ms, row.train_seconds)
-        numbers = [number_cell(float(row.ap_fine), origin=origin)]
+        numbers = [number_cell(float(row.ap_r1000), origin=origin)]
         numbers += [number_cell(float(t), ".0f", origin) for t in times]
         lines.append([*(TableCell(t) for t in texts), *numbers])
     source = TableFile("report_pareto_latency.csv", rows)

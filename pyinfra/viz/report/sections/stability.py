@@ -48,8 +48,8 @@ def section(material: Material) -> Section | None:
     if not blocks:
         return None
     lead = (
-        "Each dial goes from no stress to breaking; nothing was tuned against it. A detector that "
-        "fails gently keeps its AP far along the dial."
+        "Each stressor goes from no stress to failure; no detector was tuned against it. A robust "
+        "detector keeps its AP up to a high severity."
     )
     return Section("stability", "Stability", lead, blocks)
 
@@ -57,7 +57,7 @@ def section(material: Material) -> Section | None:
 TITLES = {
     "stress_ranking": "Detectors by how gently they fail: mean share of the AP that is left.",
     "stress_summary": (
-        "For each curve: the dial at which AP is down by 10 points and to half, and the error "
+        "For each curve: the severity at which AP is down by 10 points and to half, and the error "
         "that is to blame first."
     ),
 }
@@ -101,11 +101,11 @@ def curve(table: pd.DataFrame, stressor: str) -> pd.DataFrame:
     """
     stressed, base = table[table.stressor == stressor], table[table.stressor == NONE.name]
     base = base[base[CURVE].apply(tuple, axis=1).isin(stressed[CURVE].apply(tuple, axis=1))]
-    at = pd.to_numeric(stressed.dial, errors="coerce")
+    at = pd.to_numeric(stressed.severity, errors="coerce")
     if at.isna().any():
-        order = list(dict.fromkeys(stressed.dial))
+        order = list(dict.fromkeys(stressed.severity))
         rows = pd.concat(
-            [base.assign(at=0.0), stressed.assign(at=stressed.dial.map(order.index) + 1.0)]
+            [base.assign(at=0.0), stressed.assign(at=stressed.severity.map(order.index) + 1.0)]
         )
     else:
         start = _start(base, stressed)
@@ -123,10 +123,10 @@ def _start(base: pd.DataFrame, stressed: pd.DataFrame) -> Any:
 
 def _panel(names: Names, table: pd.DataFrame, stressor: str) -> Panel | None:
     rows = curve(table, stressor)
-    if rows.ap_fine.isna().all():
+    if rows.ap_r1000.isna().all():
         return None
     stressed = table[table.stressor == stressor]
-    named = pd.to_numeric(stressed.dial, errors="coerce").isna().any()
+    named = pd.to_numeric(stressed.severity, errors="coerce").isna().any()
     unit = str(stressed.unit.iloc[0])
     title = stressor.replace("_", " ")
     with drawing():
@@ -134,7 +134,7 @@ def _panel(names: Names, table: pd.DataFrame, stressor: str) -> Panel | None:
         for key, line in rows.groupby(["lidar", "detector"], sort=False):
             _line(names, ax, line, str(key[0]), str(key[1]), named=bool(named))
         if named:
-            ticks = ["own", *dict.fromkeys(stressed.dial)]
+            ticks = ["own", *dict.fromkeys(stressed.severity)]
             ax.set_xticks(range(len(ticks)), [names.model(t).split(" ")[-1] for t in ticks])
         if stressor == "training_frames":
             ax.invert_xaxis()
@@ -149,16 +149,16 @@ def _line(names: Names, ax: Any, rows: pd.DataFrame, lidar: str, by: str, *, nam
     style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 3.2, "linewidth": 1.1}
     if named:  # names have no order, so markers without a line
         reach = [
-            (rows.ap_fine - rows.ap_fine_low).clip(lower=0),
-            (rows.ap_fine_high - rows.ap_fine).clip(lower=0),
+            (rows.ap_r1000 - rows.ap_r1000_low).clip(lower=0),
+            (rows.ap_r1000_high - rows.ap_r1000).clip(lower=0),
         ]
         shift = 0.07 * (list(DETECTORS).index(by) if by in DETECTORS else 0)
         ends = np.nan_to_num(np.array(reach))
-        ax.errorbar(rows["at"] + shift, rows.ap_fine, ends, linestyle="", elinewidth=0.6, **style)
+        ax.errorbar(rows["at"] + shift, rows.ap_r1000, ends, linestyle="", elinewidth=0.6, **style)
         return
-    ax.plot(rows["at"], rows.ap_fine, linestyle=line, **style)
+    ax.plot(rows["at"], rows.ap_r1000, linestyle=line, **style)
     ax.fill_between(
-        rows["at"], rows.ap_fine_low, rows.ap_fine_high, color=colour, alpha=0.12, linewidth=0
+        rows["at"], rows.ap_r1000_low, rows.ap_r1000_high, color=colour, alpha=0.12, linewidth=0
     )
 
 

@@ -11,7 +11,7 @@ import pandas as pd
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.value import mounts_of
-from pyinfra.metrics.row_selection import ap_name, first_seed, with_fine
+from pyinfra.metrics.row_selection import ap_name, first_seed, with_r1000
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     Block,
@@ -53,9 +53,9 @@ def section(material: Material) -> Section | None:
 
 
 def _value(material: Material) -> pd.DataFrame:
-    value = with_fine(first_seed(material.results.table("value")))
-    whole = value.ap_whole_fine.fillna(value.ap_whole)
-    return value.assign(ap_whole_fine=whole.fillna(value.ap_all_fine))  # results of version 0.3
+    value = with_r1000(first_seed(material.results.table("value")))
+    whole = value.ap_whole_r1000.fillna(value.ap_whole)
+    return value.assign(ap_whole_r1000=whole.fillna(value.ap_all_r1000))  # results of version 0.3
 
 
 def _lead(material: Material, value: pd.DataFrame) -> str:
@@ -110,13 +110,13 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
     first = rows.iloc[0]
     with drawing():
         figure, ax = panel()
-        front = rows[_on_front(rows)].sort_values(["price_usd", "ap_whole_fine"])
-        ax.step(front.price_usd, front.ap_whole_fine, where="post", color=FAINT, linewidth=0.9)
+        front = rows[_on_front(rows)].sort_values(["price_usd", "ap_whole_r1000"])
+        ax.step(front.price_usd, front.ap_whole_r1000, where="post", color=FAINT, linewidth=0.9)
         for row in rows.assign(front=_on_front(rows)).itertuples():
             look = material.names.look(str(row.lidar))
             face = look.colour if row.front else GROUND
             style: dict[str, Any] = {"color": look.colour, "markerfacecolor": face}
-            ax.plot(row.price_usd, row.ap_whole_fine, marker=look.marker, markersize=5, **style)
+            ax.plot(row.price_usd, row.ap_whole_r1000, marker=look.marker, markersize=5, **style)
         ax.set(xscale="log", xlabel="price (US$)", ylabel=f"{ap_name(rows)}, whole road")
         log_ticks(ax.xaxis)
         title = str(first.scene)
@@ -145,8 +145,8 @@ def _row(material: Material, row: pd.Series) -> list[TableCell]:
     beaten = TableCell(spelled(material, str(row.dominated_by)))
     return [
         *(TableCell(str(t)) for t in texts),
-        number(row.ap_fine),
-        number(row.ap_whole_fine),
+        number(row.ap_r1000),
+        number(row.ap_whole_r1000),
         *values,
         beaten,
     ]
