@@ -1,0 +1,126 @@
+"""Decides the primary claims of docs/verdict_rules.md from results/experiments.csv.
+
+Each value is a difference within a replicate, averaged over its test seeds. Its interval is
+Student's t over replicates, at the level of one of three looks.
+
+    python -m reproduction verdicts
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.experiments import store
+from reproduction import ROOT, provenance
+from reproduction.commands.experiments import KEY
+
+LEVEL = 1 - 0.05 / 3  # of each of the looks at 3, 5 and 10 replicates
+LEAST_REPLICATES = 3
+LEVEL_AP = 80.0  # that `value` asks for
+WIDE, MIDDLE = "ruby_plus", "pandar_64"
+SPINNING = [WIDE, MIDDLE, "helios_16"]
+MEASURES = ["ap_r1000", "ap_r1000_near", "ap_r1000_far", "p_hqda"]
+GROUP = ["scene", "preset", "judge", "label_time", "subset"]
+
+Values = Callable[[pd.DataFrame], pd.Series]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A primary claim: what it measures in each replicate, and when it holds."""
+
+    name: str
+    values: Values  # of the rows of a subset by replicate and LiDAR: the value of each replicate
+    subsets: tuple[str, ...]
+    low: float  # the claim holds if the interval lies between low and high
+    high: float
+    precision: float
+
+
+def less(column: str, a: str, b: str) -> Values:
+    """Returns the values of LiDAR a less those of LiDAR b."""
+    return lambda rows: rows[column][a] - rows[column][b]
+
+
+def gentle(rows: pd.DataFrame) -> pd.Series:
+    """Returns how much less AP the Avia loses beyond 60 m than the best spinning LiDAR."""
+    loss = rows.ap_r1000_far - rows.ap_r1000_near
+    best = rows.ap_r1000[SPINNING].idxmax(axis=1)
+    return loss["avia"] - pd.Series({r: loss[name][r] for r, name in best.items()})
+
+
+def above_level(rows: pd.DataFrame) -> pd.Series:
+    return rows.ap_r1000["avia"] - LEVEL_AP
+
+
+CLAIMS = (
+    Claim("comparable", less("ap_r1000", "avia", WIDE), ("captured", "common"), -3, 3, 1.5),
+    Claim("64-below", less("ap_r1000", MIDDLE, "avia"), ("captured",), -math.inf, 0, 1.5),
+    Claim("gentle", gentle, ("captured",), 0, math.inf, 3),
+    Claim("areas", less("p_hqda", "avia", WIDE), ("captured",), 0, math.inf, 5),
+    Claim("value", above_level, ("present",), 0, math.inf, 1.5),
+)
+
+
+def interval(values: FloatArray) -> tuple[float, float]:
+    """Returns the ends of Student's interval of the mean; NaN below LEAST_REPLICATES."""
+    n = len(values)
+    if n < LEAST_REPLICATES:
+        return math.nan, math.nan
+    half = stats.t.ppf((1 + LEVEL) / 2, n - 1) * values.std(ddof=1) / math.sqrt(n)
+    return float(values.mean() - half), float(values.mean() + half)
+
+
+def verdict(claim: Claim, low: float, high: float) -> str:
+    if math.isnan(low):
+        return "too few replicates"
+    if claim.low <= low and high <= claim.high:
+        return "holds"
+    if low > claim.high:
+        return "fails above"
+    return "fails below" if high < claim.low else "undecided"
+
+
+def claims(table: pd.DataFrame) -> Iterator[dict[str, object]]:
+    """Yields a row for each claim, scene, preset, judge, label time and subset."""
+    table = table.assign(lidar=table.lidar.where(~table.lidar.str.contains("avia"), "avia"))
+    for key, rows in table.groupby(GROUP, sort=False):
+        means = rows.pivot_table(
+            index="replicate", columns="lidar", aggfunc="mean", values=MEASURES
+        )
+        for claim in CLAIMS:
+            if key[-1] not in claim.subsets or not {"avia", *SPINNING} <= set(rows.lidar):
+                continue
+            values = claim.values(means).dropna().to_numpy(np.float64)
+            low, high = interval(values)
+            yield {
+                "claim": claim.name,
+                "primary": key[2] == "fine-tuned",
+                **dict(zip(GROUP, key, strict=True)),
+                "replicates": len(values),
+                "value": float(values.mean()) if len(values) else math.nan,
+                "low": low,
+                "high": high,
+                "precision": claim.precision,
+                "known": high - low <= 2 * claim.precision,
+                "verdict": verdict(claim, low, high),
+            }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--experiments", type=Path, default=ROOT / "results/experiments.csv")
+    parser.add_argument("--out", type=Path, default=ROOT / "results/verdicts.csv")
+    args = parser.parse_args()
+    rows = pd.DataFrame(claims(store.read(args.experiments, KEY))).assign(**provenance("verdicts"))
+    rows.to_csv(args.out, index=False, float_format="%.5g")
+    print(rows.drop(columns=["version", "machine", "command"]).to_string(index=False))

@@ -1,0 +1,86 @@
+"""The verdicts of the study: signed, with Student's interval over replicates."""
+
+import itertools
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from pyinfra.core.vocabulary import SUBSETS
+from reproduction.commands import experiments, verdicts
+
+AVIA_LESS_WIDE = {1: -5.0, 2: -4.0, 3: -6.0}
+
+
+def table(replicates: int = 3, avia: str = "livox_avia") -> pd.DataFrame:
+    """Rows of one scene and judge; each replicate has two test seeds, 2 AP apart."""
+    base = {"ruby_plus": 95.0, avia: 95.0, "pandar_64": 80.0, "helios_16": 60.0}
+    rows = []
+    for r, lidar, test in itertools.product(range(1, replicates + 1), base, (0, 1)):
+        ap = base[lidar] + (AVIA_LESS_WIDE[r] if lidar == avia else 0) + 2 * test
+        row = {
+            **{"scene": "highway", "preset": "paper", "lidar": lidar, "replicate": r},
+            **{"detector": "generalist", "judge": "fine-tuned", "label_time": "scan"},
+            **{"seed": 2 * r - 1 + test, "ap_r1000": ap, "ap_r1000_near": ap + 1},
+            **{"ap_r1000_far": ap - (4 if lidar == avia else 9), "p_hqda": ap / 2},
+        }
+        rows += [{**row, "subset": subset} for subset in SUBSETS]
+    return pd.DataFrame(rows)
+
+
+def rows_of(data: pd.DataFrame) -> pd.DataFrame:
+    return pd.DataFrame(verdicts.claims(data)).set_index(["claim", "subset"])
+
+
+def test_a_difference_is_a_mean_over_replicates_with_students_interval() -> None:
+    row = rows_of(table()).loc["comparable", "captured"]
+    values = np.array(list(AVIA_LESS_WIDE.values()))
+    half = stats.t.ppf(1 - 0.05 / 6, 2) * values.std(ddof=1) / math.sqrt(3)
+    assert (row.replicates, row.value) == (3, pytest.approx(-5))
+    assert (row.low, row.high) == (pytest.approx(-5 - half), pytest.approx(-5 + half))
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [
+        (-2, 2, "holds"),
+        (-2, 4, "undecided"),
+        (4, 5, "fails above"),
+        (-9, -4, "fails below"),
+        (math.nan, math.nan, "too few replicates"),
+    ],
+)
+def test_verdicts_are_signed(low: float, high: float, expected: str) -> None:
+    (comparable,) = [claim for claim in verdicts.CLAIMS if claim.name == "comparable"]
+    assert verdicts.verdict(comparable, low, high) == expected
+
+
+def test_two_replicates_have_no_interval() -> None:
+    row = rows_of(table(2)).loc["64-below", "captured"]
+    assert math.isnan(row.low)
+    assert row.verdict == "too few replicates"
+
+
+def test_the_loss_with_distance_is_compared_with_the_best_spinning_lidar() -> None:
+    row = rows_of(table()).loc["gentle", "captured"]
+    assert (row.value, row.verdict) == (pytest.approx(5), "holds")
+
+
+def test_a_bundle_stands_for_the_avia() -> None:
+    both = [rows_of(table(avia=name)) for name in ("livox_avia", "bundle_5_livox_avia")]
+    pd.testing.assert_frame_equal(*both)
+
+
+def test_each_replicate_has_traffic_of_its_own() -> None:
+    every = [experiments.Replicate("highway", "paper", "scan", r) for r in range(1, 11)]
+    seeds = [seed for replicate in every for seed in replicate.test_seeds]
+    train = {experiments.TRAIN_SEEDS_FROM + replicate.replicate for replicate in every}
+    assert seeds == list(range(1, 21))
+    assert not train & set(seeds)
+
+
+def test_steps_of_frames_share_no_factor_with_the_pattern_of_200_frames() -> None:
+    for frames in (experiments.TRAIN_FRAMES, experiments.TEST_FRAMES):
+        assert math.gcd(int(frames.split(":")[2]), 200) == 1
