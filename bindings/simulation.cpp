@@ -40,7 +40,10 @@ std::pair<py::array_t<float>, py::array_t<std::uint32_t>> mesh_arrays(const Worl
                                                                       double share) {
   if (!(share >= 0 && share <= 1))
     throw ConfigError("share: expected 0 to 1, got " + std::to_string(share));
-  const TriangleMesh mesh = frozen_mesh(world, frame, share);
+  const TriangleMesh mesh = [&] {
+    const py::gil_scoped_release release;
+    return frozen_mesh(world, frame, share);
+  }();
   return {
       py::array_t<float>({static_cast<py::ssize_t>(mesh.vertices.size()), py::ssize_t{3}},
                          mesh.vertices.data()->data()),
@@ -59,7 +62,10 @@ py::array object_array(const World& world, int frame) {
   if (frame < 0 || frame >= world.trajectories->frames())
     throw ConfigError("frame: expected 0 to " + std::to_string(world.trajectories->frames() - 1) +
                       ", got " + std::to_string(frame));
-  const std::vector<MovingObject> objects = world.trajectories->in_frame(frame);
+  const std::vector<MovingObject> objects = [&] {
+    const py::gil_scoped_release release;
+    return world.objects_in_frame(frame);
+  }();
   py::array_t<SceneObject> rows(static_cast<py::ssize_t>(objects.size()));
   auto out = rows.mutable_unchecked<1>();
   for (std::size_t i = 0; i < objects.size(); ++i) {
@@ -114,7 +120,7 @@ void bind_simulation(py::module_& m) {
       .def(py::init([](const std::string& file, const std::vector<std::string>& set,
                        const std::string& preset, const std::string& mount) {
              const py::gil_scoped_release release;
-             return std::make_unique<World>(build_world(read_scene(file, set, preset), mount));
+             return std::make_unique<World>(build_lazy_world(read_scene(file, set, preset), mount));
            }),
            py::arg("file"), py::arg("assignments") = std::vector<std::string>{},
            py::arg("preset") = "datasheet", py::arg("mount") = "")
@@ -123,7 +129,8 @@ void bind_simulation(py::module_& m) {
           [](const std::string& text, const std::string& name, const std::string& preset,
              const std::string& mount) {
             const py::gil_scoped_release release;
-            return std::make_unique<World>(build_world(parse_scene(text, name, preset), mount));
+            return std::make_unique<World>(
+                build_lazy_world(parse_scene(text, name, preset), mount));
           },
           py::arg("text"), py::arg("name"), py::arg("preset") = "datasheet", py::arg("mount") = "",
           "Makes a scene from YAML text. Messages use name in place of a file name.")
@@ -152,6 +159,14 @@ void bind_simulation(py::module_& m) {
       .def_property_readonly(
           "frames", [](const World& w) { return w.trajectories->frames(); },
           "Number of 0.1 s frames in the scene's duration.")
+      .def(
+          "drive",
+          [](const World& w) {
+            if (w.lazy_trajectories) w.lazy_trajectories->drive();
+          },
+          py::call_guard<py::gil_scoped_release>(),
+          "Simulates the traffic of the whole scene, which is otherwise simulated up to the last "
+          "frame that was requested. Raises ConfigError if a vehicle hits the sensor.")
       .def("mesh", &mesh_arrays, py::arg("frame"), py::arg("share") = 0.5,
            "Returns all triangles at one instant of a frame: (n, 3) float32 vertices and "
            "(m, 3) uint32 vertex indices. Levelled frame. share: 0 at the start of the "

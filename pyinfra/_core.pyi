@@ -157,6 +157,10 @@ class World:
         """
     def __init__(self, file: str, assignments: collections.abc.Sequence[str] = [], preset: str = 'datasheet', mount: str = '') -> None:
         ...
+    def drive(self) -> None:
+        """
+        Simulates the traffic of the whole scene, which is otherwise simulated up to the last frame that was requested. Raises ConfigError if a vehicle hits the sensor.
+        """
     def dump(self) -> str:
         """
         Returns every key with its value, as YAML.

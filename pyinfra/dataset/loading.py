@@ -32,7 +32,7 @@ def load_scene(
     set: Mapping[str, object] | None = None,
     mount: str = "",
 ) -> simulation.World:
-    """Loads a scene: simulates its traffic and builds its meshes.
+    """Loads a scene and builds its meshes; traffic is simulated up to the last frame requested.
 
     Parameters
     ----------

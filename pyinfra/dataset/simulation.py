@@ -87,12 +87,13 @@ def load_scene(
     set: Mapping[str, object] | None = None,
     mount: str = "",
 ) -> World:
-    """Loads a scene: simulates its traffic and builds its meshes.
+    """Loads a scene and builds its meshes; traffic is simulated up to the last frame requested.
 
     preset: of the LiDARs; a scene may have a block of keys for it.
     set: overrides of keys, such as `{"traffic.vehicles_per_km_lane": 20}`.
     mount: name of the mount; only needed if the scene has several.
-    Raises ConfigError with `file:line:col: key: expected, got`, and IoError.
+    Raises ConfigError with `file:line:col: key: expected, got`, and IoError. That a vehicle of the
+    traffic hits the sensor is raised by the request for that frame or a later one, or by `drive`.
     """
     assignments = [f"{key}={_yaml(value)}" for key, value in (set or {}).items()]
     if seed is not None:

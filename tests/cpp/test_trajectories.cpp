@@ -2,13 +2,16 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <memory>
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "infrasim/pipeline/simulate.h"
+#include "infrasim/scene/lazy_trajectories.h"
 #include "infrasim/scene/site_rules.h"
 #include "infrasim/scene/state_source.h"
 #include "infrasim/scene/traffic.h"
@@ -324,11 +327,15 @@ Trajectories kept(const Trajectories& from, std::vector<bool> asked, std::size_t
   return keeper.finish();
 }
 
-bool same_in_frame(const Trajectories& a, const Trajectories& b, int k) {
-  const auto x = a.in_frame(k), y = b.in_frame(k);
-  return std::ranges::equal(x, y, [](const MovingObject& m, const MovingObject& n) {
-    return m.id == n.id && m.from.x == n.from.x && m.to.x == n.to.x && m.speed_m_s == n.speed_m_s;
+bool equal(const std::vector<MovingObject>& a, const std::vector<MovingObject>& b) {
+  return std::ranges::equal(a, b, [](const MovingObject& m, const MovingObject& n) {
+    return m.id == n.id && m.from.x == n.from.x && m.from.pitch == n.from.pitch &&
+           m.to.x == n.to.x && m.speed_m_s == n.speed_m_s;
   });
+}
+
+bool same_in_frame(const Trajectories& a, const Trajectories& b, int k) {
+  return equal(a.in_frame(k), b.in_frame(k));
 }
 
 TEST(kept_trajectories, are_whole_while_they_are_few) {
@@ -392,6 +399,104 @@ TEST(kept_trajectories, are_shared_by_mounts_of_one_clock) {
   scene.mounts["other"] = scene.mounts["pole"];
   const std::vector<World> worlds = build_worlds(scene, mount_names(scene));
   EXPECT_EQ(worlds[0].trajectories, worlds[1].trajectories);
+}
+
+// --- as far as requested ------------------------------------------------------------------------
+
+SceneConfig with_clock_offset(SceneConfig scene, double late_s) {
+  if (late_s != 0) scene.mounts["pole"].clock_offset_s = late_s;
+  return scene;
+}
+
+TEST(lazy_trajectories, give_the_frames_of_the_whole_scene_in_any_order) {
+  for (const double late_s : {0.0, 0.03, -0.03}) {
+    const SceneConfig scene = with_clock_offset(with_profile(road_with_traffic(15)), late_s);
+    const auto all = build_world(scene).trajectories;
+    for (const std::size_t most : {std::size_t{0}, std::size_t{40}, std::size_t{1000}}) {
+      LazyTrajectories lazy(std::make_shared<const Site>(build_site(scene)), late_s, most);
+      ASSERT_EQ(lazy.frames(), all->frames());
+      ASSERT_EQ(lazy.pitched(), all->pitched);
+      for (const int k : {4, 4, 5, 3, 29, 0, 28, 17})
+        EXPECT_TRUE(equal(lazy.in_frame(k), all->in_frame(k))) << k;
+    }
+  }
+}
+
+TEST(lazy_trajectories, are_simulated_no_further_than_the_last_frame_requested) {
+  for (const double late_s : {0.0, 0.03, -0.03}) {
+    SceneConfig scene = with_clock_offset(road_with_traffic(15), late_s);
+    scene.duration_s = kLongestScene_s;
+    const World world = build_lazy_world(scene);
+    LazyTrajectories& lazy = *world.lazy_trajectories;
+    EXPECT_EQ(world.trajectories->frames(), lazy.frames());
+    EXPECT_EQ(lazy.simulated(), 0);
+    frozen_mesh(world, 7, 0.5);
+    EXPECT_LE(lazy.simulated(), late_s > 0 ? 10 : 9);
+    const int before = lazy.simulated();
+    frozen_mesh(world, 3, 0.5);
+    EXPECT_EQ(lazy.simulated(), before);
+  }
+}
+
+TEST(lazy_trajectories, that_are_many_keep_the_last_rows_until_an_earlier_one_is_requested) {
+  SceneConfig scene = road_with_traffic(15);
+  scene.duration_s = 60;
+  LazyTrajectories lazy(std::make_shared<const Site>(build_site(scene)), 0, 100);
+  for (int k = 0; k < 600; ++k) {
+    lazy.in_frame(k);
+    ASSERT_LE(lazy.kept(), 40U);
+  }
+  EXPECT_LT(lazy.kept(), 40U);
+  lazy.in_frame(300);
+  lazy.drive();
+  EXPECT_EQ(lazy.kept(), 601U);
+  for (const int k : {0, 500}) lazy.in_frame(k);
+  EXPECT_EQ(lazy.simulated(), 601);
+}
+
+TEST(lazy_trajectories, are_the_same_to_several_threads) {
+  SceneConfig scene = road_with_traffic(15);
+  scene.duration_s = 20;
+  const auto all = build_world(scene).trajectories;
+  LazyTrajectories lazy(std::make_shared<const Site>(build_site(scene)), 0, 300);
+  std::atomic<int> next = 0, same = 0;
+  {
+    std::vector<std::jthread> threads;
+    for (int i = 0; i < 4; ++i)
+      threads.emplace_back([&] {
+        for (int k = next++; k < 200; k = next++) same += equal(lazy.in_frame(k), all->in_frame(k));
+      });
+  }
+  EXPECT_EQ(same, 200);
+}
+
+TEST(lazy_trajectories, refuse_every_frame_from_the_one_in_which_somebody_hits_the_sensor) {
+  SceneConfig scene = people_alone(1);
+  scene.people->front().per_km = 300;
+  scene.mounts["pole"] = {.x_m = -15, .y_m = 8, .z_m = 1};
+  const std::string message = error_of([&] { build_world(scene); });
+  const World world = build_lazy_world(scene);
+  int k = 0;
+  EXPECT_EQ(error_of([&] {
+              for (; k < 600; ++k) world.objects_in_frame(k);
+            }),
+            message);
+  EXPECT_GT(k, 0);
+  EXPECT_EQ(error_of([&] { world.objects_in_frame(599); }), message);
+  EXPECT_EQ(error_of([&] { world.lazy_trajectories->drive(); }), message);
+  EXPECT_NO_THROW(world.objects_in_frame(k - 1));
+}
+
+TEST(static_world, needs_no_trajectories_and_simulates_none) {
+  SceneConfig scene = people_alone(1);
+  scene.people->front().per_km = 300;
+  scene.mounts["pole"] = {.x_m = -15, .y_m = 8, .z_m = 1};
+  const World world = build_static_world(scene);  // nobody hits the sensor
+  EXPECT_EQ(world.lazy_trajectories, nullptr);
+  EXPECT_TRUE(world.trajectories->rows.empty());
+  scene.traffic.reset();
+  scene.trajectories = "none.csv";
+  EXPECT_EQ(build_static_world(scene).background.vertices, world.background.vertices);
 }
 
 TEST(scenes, of_one_file_move_alike_whatever_their_sensors_see) {

@@ -1,6 +1,7 @@
 """The bindings give the frames of the binary, without copies and with its errors."""
 
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +64,38 @@ def test_frames_come_in_the_order_asked_for(world: simulation.World) -> None:
     lidar = simulation.load_lidar(LIDARS[1])
     numbers = [5, 1, 9, 0]
     assert [k for k, _ in simulation.simulate(world, [lidar], numbers, threads=2)] == numbers
+
+
+ONE_FRAME = """
+import resource, sys
+import pyinfra as pi
+scene = pi.load_scene("highway", set={"duration_s": int(sys.argv[1])})
+frames = pi.simulate(scene, "helios_16", [20], threads=2)
+assert len(frames[0].points) and len(frames.everybody().ids) and len(scene.mesh(20)[0])
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+def test_memory_of_one_frame_does_not_grow_with_the_scene() -> None:
+    peaks = []
+    for seconds in (5, 3600):
+        command = [sys.executable, "-c", ONE_FRAME, str(seconds)]
+        peaks.append(int(subprocess.run(command, check=True, capture_output=True).stdout))
+    assert peaks[1] < 1.2 * peaks[0]  # 2.5 if all its traffic is simulated
+
+
+def test_frames_do_not_depend_on_which_were_simulated_before() -> None:
+    whole, backwards = (simulation.load_scene(SCENE, seed=3, set=SHORT) for _ in range(2))
+    whole.drive()
+    down = range(19, -1, -1)
+    late = [frames(backwards, range(k, k + 1), threads=1)[0] for k in (19, 7, 0)]
+    for one, other in zip(frames(whole, down), frames(backwards, down), strict=True):
+        for a, b in zip(one, other, strict=True):
+            assert simulation.points(a).tobytes() == simulation.points(b).tobytes()
+            assert a.objects.tolist() == b.objects.tolist()
+    for k, one in zip((19, 7, 0), late, strict=True):
+        assert one[0].xyz.tobytes() == frames(whole, range(k, k + 1))[0][0].xyz.tobytes()
+        assert whole.objects(k).tolist() == backwards.objects(k).tolist()
 
 
 def test_objects_count_the_points_of_their_id(world: simulation.World) -> None:

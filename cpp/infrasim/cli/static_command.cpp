@@ -58,7 +58,7 @@ void static_command(const StaticOptions& o) {
   SceneConfig scene = read_scene(config_file(o.scene, {"scenes"}), o.assignments, o.preset);
   scene.static_layers.reset();  // this command makes them
   const LidarConfig lidar = read_lidar(config_file(o.lidar, {"lidars"}), o.preset);
-  const World world = build_world(scene);
+  const World world = build_static_world(scene);
   const std::vector<StaticHits> units =
       o.recording ? recorded_units(scene, lidar, o) : cast_static_layer(world, lidar);
   LayerOrigin origin = layer_origin(world.scene, world.background);

@@ -125,7 +125,7 @@ FusedFrame Fusion::fuse(int k, std::span<const Frame* const> frames) const {
     whole.pitched |= frames[m]->pitched;
     whole.seconds += frames[m]->seconds;
   }
-  for (const MovingObject& o : first_.trajectories->in_frame(k))
+  for (const MovingObject& o : first_.objects_in_frame(k))
     if (std::ranges::any_of(frames, [&](const Frame* f) { return find_object(*f, o.id); }))
       whole.objects.push_back(record(o, frames));
   count_in_boxes(whole);

@@ -23,7 +23,7 @@ bool reachable(const MovingObject& o, const Box3d& middle, double reach) {
 FrameVehicles set_vehicles(const World& world, int k, double reach, Raycaster& raycaster) {
   const Rng paint = Rng::of(world.scene.seed, "paint");
   FrameVehicles out;
-  for (const MovingObject& o : world.trajectories->in_frame(k)) {
+  for (const MovingObject& o : world.objects_in_frame(k)) {
     const Box3d box = world.level.to_level(o.at(0.5));
     if (!reachable(o, box, reach)) continue;
     out.moving.push_back(o);

@@ -121,6 +121,29 @@ std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std:
   return worlds;
 }
 
+std::vector<MovingObject> World::objects_in_frame(int k) const {
+  return lazy_trajectories ? lazy_trajectories->in_frame(k) : trajectories->in_frame(k);
+}
+
+World build_lazy_world(const SceneConfig& scene, const std::string& mount) {
+  if (!scene.traffic) return build_world(scene, mount);
+  const SceneConfig view = scene_at_mount(scene, mount);
+  const auto site = std::make_shared<const Site>(checked_site(scene));
+  auto lazy = std::make_shared<LazyTrajectories>(site, clock_offset_s(view));
+  TrajectoryKeeper none(std::vector<bool>(static_cast<std::size_t>(lazy->frames()) + 1),
+                        lazy->pitched());
+  World world = world_of(view, site, build_static_surface(*site),
+                         std::make_shared<const Trajectories>(none.finish()));
+  world.lazy_trajectories = std::move(lazy);
+  return world;
+}
+
+World build_static_world(const SceneConfig& scene, const std::string& mount) {
+  const auto site = std::make_shared<const Site>(checked_site(scene));
+  return world_of(scene_at_mount(scene, mount), site, build_static_surface(*site),
+                  std::make_shared<const Trajectories>());
+}
+
 void check_worlds(const SceneConfig& scene, bool drive) {
   const auto site = std::make_shared<const Site>(checked_site(scene));
   if (drive) StateSource(*site).each(checking_sensors(scene, [](const auto&) {}));
@@ -190,7 +213,7 @@ void check_frame(const World& world, int k) {
 TriangleMesh frozen_mesh(const World& world, int k, double share) {
   check_frame(world, k);
   TriangleMesh mesh = world.background;
-  for (const MovingObject& o : world.trajectories->in_frame(k)) {
+  for (const MovingObject& o : world.objects_in_frame(k)) {
     const Box3d box = world.level.to_level(body_box(o.at(share)));
     const TriangleMesh& body = world.bodies[body_index(o.object_class)];
     const auto first = static_cast<std::uint32_t>(mesh.vertices.size());

@@ -11,6 +11,7 @@
 #include "infrasim/pipeline/static_layer_file.h"
 #include "infrasim/raycast/raycaster.h"
 #include "infrasim/raycast/volumes.h"
+#include "infrasim/scene/lazy_trajectories.h"
 #include "infrasim/scene/overlaps.h"
 #include "infrasim/scene/region.h"
 #include "infrasim/scene/site.h"
@@ -32,11 +33,25 @@ struct World {
   std::unique_ptr<const MeshLibrary> meshes;
   Volumes leaves;
   std::map<std::string, StaticLayerFile> static_layers;  ///< by LiDAR, used instead of casting
+  /// by the mount's clock; if set, `trajectories` has no rows
+  std::shared_ptr<LazyTrajectories> lazy_trajectories = nullptr;
+
+  /// Objects that exist for the whole of frame k.
+  std::vector<MovingObject> objects_in_frame(int k) const;
 };
 
 /// @param mount its name; empty: the only one
 /// @throws ConfigError, IoError
 World build_world(const SceneConfig& scene, const std::string& mount = "");
+
+/// As build_world, but traffic is simulated when frames are requested, up to the last one. Recorded
+/// trajectories are read and checked at once.
+/// @throws the exceptions of build_world, without those of the traffic at later times
+World build_lazy_world(const SceneConfig& scene, const std::string& mount = "");
+
+/// A world without frames: nothing moves, and traffic or recorded trajectories are not needed.
+/// @throws the exceptions of build_world
+World build_static_world(const SceneConfig& scene, const std::string& mount = "");
 
 /// One world per mount, all with the same objects.
 /// @throws the exceptions of build_world

@@ -1,10 +1,6 @@
 #include "infrasim/scene/state_source.h"
 
-#include <utility>
-
 #include "infrasim/core/errors.h"
-#include "infrasim/scene/people.h"
-#include "infrasim/scene/traffic.h"
 
 namespace infrasim {
 
@@ -34,33 +30,6 @@ Trajectories load_recorded(const SceneConfig& scene) {
   return trajectories;
 }
 
-/// Passes on every instant together with the parked vehicles.
-StateSink with_parked(const Site& site, const StateSink& sink) {
-  std::vector<ObjectState> parked;
-  for (const ParkedVehicle& vehicle : site.parked) parked.push_back(vehicle.state);
-  if (parked.empty()) return sink;
-  site.profile.lift(parked);
-  return [parked = std::move(parked), sink](std::vector<ObjectState> states) {
-    states.insert(states.end(), parked.begin(), parked.end());
-    sink(states);
-  };
-}
-
-/// Passes on every instant together with its pedestrians and cyclists.
-StateSink with_people(const Site& site, const StateSink& sink) {
-  People people(site.scene, site.centrelines);
-  std::vector<ObjectState> standing = standing_people(site.scene);
-  if (people.empty() && standing.empty()) return sink;
-  return [people = std::move(people), standing = std::move(standing), &profile = site.profile, sink,
-          instant = 0](std::vector<ObjectState> states) mutable {
-    auto there = people.at(instant++ * kFramePeriod);
-    there.insert(there.end(), standing.begin(), standing.end());
-    profile.lift(there);
-    states.insert(states.end(), there.begin(), there.end());
-    sink(states);
-  };
-}
-
 }  // namespace
 
 StateSource::StateSource(const Site& site) : site_(site) {
@@ -72,16 +41,36 @@ void StateSource::each(const StateSink& sink) const {
 }
 
 void StateSource::each(const StateSink& sink, int instants) const {
-  const StateSink all = with_parked(site_, with_people(site_, sink));
-  if (site_.scene.traffic)
-    return simulate_traffic(
-        site_,
-        [&](std::vector<ObjectState> states) {
-          site_.profile.lift(states);
-          all(states);
-        },
-        instants);
-  for (int k = 0; k < instants; ++k) all(recorded_->rows[static_cast<std::size_t>(k)]);
+  StateSteps steps(*this);
+  for (int k = 0; k < instants; ++k) sink(steps.next());
+}
+
+StateSteps::StateSteps(const StateSource& source)
+    : source_(source),
+      people_(source.site_.scene, source.site_.centrelines),
+      standing_people_(standing_people(source.site_.scene)) {
+  const Site& site = source.site_;
+  for (const ParkedVehicle& vehicle : site.parked) parked_.push_back(vehicle.state);
+  site.profile.lift(parked_);
+  site.profile.lift(standing_people_);
+  if (site.scene.traffic) traffic_.emplace(site);
+}
+
+std::vector<ObjectState> StateSteps::next() {
+  const Profile& profile = source_.site_.profile;
+  std::vector<ObjectState> states;
+  if (traffic_) {
+    states = traffic_->next();
+    profile.lift(states);
+  } else {
+    states = source_.recorded_->rows[static_cast<std::size_t>(instant_)];
+  }
+  std::vector<ObjectState> people = people_.at(instant_ * kFramePeriod);
+  profile.lift(people);
+  for (const auto* more : {&parked_, &people, &standing_people_})
+    states.insert(states.end(), more->begin(), more->end());
+  ++instant_;
+  return states;
 }
 
 }  // namespace infrasim

@@ -2,10 +2,14 @@
 
 #include <optional>
 
+#include "infrasim/scene/people.h"
 #include "infrasim/scene/site.h"
+#include "infrasim/scene/traffic.h"
 #include "infrasim/scene/trajectories.h"
 
 namespace infrasim {
+
+class StateSteps;
 
 /// The vehicles, pedestrians and cyclists of a scene, one instant after the other. Simulated states
 /// are not kept; a file is read once.
@@ -22,8 +26,28 @@ class StateSource {
   void each(const StateSink& sink, int instants) const;
 
  private:
+  friend class StateSteps;
   const Site& site_;
   std::optional<Trajectories> recorded_;
+};
+
+/// The instants of a source, computed when they are asked for.
+class StateSteps {
+ public:
+  /// @param source must outlive this object
+  /// @throws ConfigError if vehicles of a class do not fit the lanes, or people do not fit a road
+  explicit StateSteps(const StateSource& source);
+
+  /// The states of the next instant, by increasing id: vehicles, parked vehicles, people.
+  std::vector<ObjectState> next();
+
+ private:
+  const StateSource& source_;
+  std::optional<TrafficSteps> traffic_;
+  People people_;
+  std::vector<ObjectState> standing_people_;
+  std::vector<ObjectState> parked_;
+  int instant_ = 0;
 };
 
 }  // namespace infrasim

@@ -7,17 +7,27 @@
 
 namespace infrasim {
 
-namespace {
-
-class Traffic {
+class TrafficSteps::Impl {
  public:
-  explicit Traffic(const Site& site)
-      : state_(site.network),
+  explicit Impl(const Site& site)
+      : warm_up_s_(site.scene.traffic->warm_up_s),
+        state_(site.network),
         signals_(site.network),
         population_(*site.scene.traffic, site.scene.seed, state_) {
     population_.fill();
   }
 
+  std::vector<ObjectState> next() {
+    if (started_) {
+      step();
+    } else {
+      for (double t = 0; t < warm_up_s_; t += kFramePeriod) step();
+      started_ = true;
+    }
+    return state_.object_states();
+  }
+
+ private:
   void step() {
     signals_.update(state_);
     choose_next_lanes(state_, signals_);
@@ -28,9 +38,6 @@ class Traffic {
     population_.spawn();
   }
 
-  std::vector<ObjectState> object_states() const { return state_.object_states(); }
-
- private:
   /// Moves all vehicles. Accelerations are computed before any vehicle moves.
   void drive() {
     auto& lanes = state_.lanes;
@@ -65,24 +72,22 @@ class Traffic {
       }
   }
 
+  double warm_up_s_;
+  bool started_ = false;
   TrafficState state_;
   TrafficSignals signals_;
   TrafficPopulation population_;
 };
 
-}  // namespace
+TrafficSteps::TrafficSteps(const Site& site) : impl_(std::make_unique<Impl>(site)) {}
+TrafficSteps::~TrafficSteps() = default;
+TrafficSteps::TrafficSteps(TrafficSteps&&) noexcept = default;
 
-void simulate_traffic(const Site& site, const StateSink& sink, int instants) {
-  Traffic traffic(site);
-  for (double t = 0; t < site.scene.traffic->warm_up_s; t += kFramePeriod) traffic.step();
-  for (int k = 0; k < instants; ++k) {
-    if (k > 0) traffic.step();
-    sink(traffic.object_states());
-  }
-}
+std::vector<ObjectState> TrafficSteps::next() { return impl_->next(); }
 
 void simulate_traffic(const Site& site, const StateSink& sink) {
-  simulate_traffic(site, sink, frame_count(site.scene.duration_s) + 1);
+  TrafficSteps steps(site);
+  for (int k = 0; k <= frame_count(site.scene.duration_s); ++k) sink(steps.next());
 }
 
 Trajectories simulate_traffic(const Site& site) {

@@ -35,12 +35,9 @@ Box3d MovingObject::at(double u) const {
   return box;
 }
 
-std::vector<MovingObject> Trajectories::in_frame(int k) const {
-  const auto n = static_cast<std::size_t>(k);
-  if (!kept.empty() && !(kept[n] && kept[n + 1]))
-    throw std::logic_error("trajectories of frame " + std::to_string(k) + " were not kept");
+std::vector<MovingObject> objects_between(const std::vector<ObjectState>& before,
+                                          const std::vector<ObjectState>& after) {
   std::vector<MovingObject> objects;
-  const auto &before = rows[k], &after = rows[k + 1];
   auto to = after.begin();
   for (const ObjectState& from : before) {
     while (to != after.end() && to->id < from.id) ++to;
@@ -50,6 +47,13 @@ std::vector<MovingObject> Trajectories::in_frame(int k) const {
           {from.id, from.object_class, from.box, to->box, (from.speed_m_s + to->speed_m_s) / 2});
   }
   return objects;
+}
+
+std::vector<MovingObject> Trajectories::in_frame(int k) const {
+  const auto n = static_cast<std::size_t>(k);
+  if (!kept.empty() && !(kept[n] && kept[n + 1]))
+    throw std::logic_error("trajectories of frame " + std::to_string(k) + " were not kept");
+  return objects_between(rows[n], rows[n + 1]);
 }
 
 TrajectoryKeeper::TrajectoryKeeper(std::vector<bool> asked, bool pitched, std::size_t most)

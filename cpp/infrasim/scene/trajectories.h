@@ -39,6 +39,10 @@ struct MovingObject {
   Box3d at(double u) const;
 };
 
+/// Objects that exist at two instants that follow each other, and so for the whole of the frame.
+std::vector<MovingObject> objects_between(const std::vector<ObjectState>& before,
+                                          const std::vector<ObjectState>& after);
+
 /// All objects of a run: row k holds the states at 0.1 k seconds, by increasing id.
 struct Trajectories {
   std::vector<std::vector<ObjectState>> rows;

@@ -145,7 +145,9 @@ def world_of(
         if label_time is not None:
             keys["label_time"] = label_time
         try:
-            return keys, simulation.make_world(keys)
+            world = simulation.make_world(keys)
+            world.drive()  # so that a site is rejected before any of its frames is used
+            return keys, world
         except simulation.ConfigError as error:
             refused = error
     raise refused
