@@ -1,8 +1,9 @@
-"""Calls every function of `_core` with hostile arguments: python hostile_calls.py LOG SECONDS.
+"""Calls all of `_core` with hostile arguments: python hostile_calls.py LOG SECONDS.
 
 Arrays of wrong shapes, types, strides and places, numbers that are none or too large, files of
 random bytes. What is wrong raises one of REFUSED, and what is returned lies in its range. The test
-that starts this script sees whether it lived; LOG has the call that was the last one.
+that starts this script sees whether it lived; LOG has the call that was the last one. What was
+called is printed: functions and members of classes, as core_members.py names them.
 """
 
 import faulthandler
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from core_members import record_calls
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -27,6 +29,7 @@ CALL_S = 100  # a call that takes longer hangs
 EXAMPLES = 40
 V0_3 = Path(__file__).resolve().parents[1] / "data/v0_3/inputs"
 
+CALLED = record_calls()
 SECONDS = float(sys.argv[2])
 LOG = os.open(sys.argv[1], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
 FOLDER = Path(sys.argv[1]).parent / "files"  # that calls write
@@ -176,18 +179,27 @@ def suppress(boxes: Any, iou: float, limit: int) -> None:
 corners = st.lists(st.tuples(real, real), max_size=5)
 reals = st.lists(real, min_size=3, max_size=3)
 SIZES = st.sampled_from("window_m height_m cell_m azimuth_cell_deg max_range_m".split())
-FILTERS = st.one_of(
-    st.builds(lambda *v: logged(_core.CropBox, *v), reals, reals),
-    st.builds(lambda *v: logged(_core.CropPolygon, *v), corners),
-    st.builds(lambda *v: logged(_core.CropRange, *v), real, real),
-    st.builds(lambda *v: logged(_core.CropFieldOfView, *v), *[real] * 4),
-    st.builds(lambda *v: logged(_core.GroundHeight, *v), real),
-    st.builds(lambda *v: logged(_core.GroundPlane, *v), *[real] * 3),
-    st.builds(lambda v: logged(_core.GroundMorphological, **v), st.dictionaries(SIZES, real)),
-)
+NUMBERS = {"CropRange": 2, "CropFieldOfView": 4, "GroundHeight": 1, "GroundPlane": 3}
+FILTERS: dict[str, st.SearchStrategy[Any]] = {
+    "CropBox": st.builds(lambda *v: logged(_core.CropBox, *v), reals, reals),
+    "CropPolygon": st.builds(lambda v: logged(_core.CropPolygon, v), corners),
+    "GroundMorphological": st.builds(
+        lambda v: logged(_core.GroundMorphological, **v), st.dictionaries(SIZES, real)
+    ),
+    "BackgroundModel": st.builds(lambda: logged(_core.BackgroundModel)),
+} | {
+    name: st.builds(lambda *v, name=name: logged(getattr(_core, name), *v), *[real] * count)
+    for name, count in NUMBERS.items()
+}
 
 
-@given(positions, st.lists(FILTERS, max_size=3))
+@given(positions, st.fixed_dictionaries(FILTERS))
+def each_filter(points: Any, steps: dict[str, Any]) -> None:
+    for step in steps.values():
+        logged(_core.kept_rows, points, [step])
+
+
+@given(positions, st.lists(st.one_of(*FILTERS.values()), max_size=3))
 def kept_rows(points: Any, steps: list[Any]) -> None:
     result = logged(_core.kept_rows, points, steps)
     if result is not None:
@@ -241,7 +253,11 @@ def pattern(lidar: Any, first: int, last: int, step: int, seed: int | None, moun
     result = logged(lidar.pattern, first, last, step, seed, mount)
     assert result is None or np.isfinite(result).all()
     logged(lidar.period_warnings, first, last, step)
-    logged(lidar.with_free_motors().pattern, first, first + 1, step, seed, mount)
+    free = logged(lidar.with_free_motors)
+    logged(free.pattern, first, first + 1, step, seed, mount)
+    assert free.name == lidar.name
+    assert free.preset == lidar.preset == "datasheet"
+    assert "phase" in logged(free.dump) or "rosette" in lidar.name
 
 
 @given(st.sampled_from(["turning.yaml", "site.yaml", "none.yaml", "", "\0"]), word, word)
@@ -261,6 +277,18 @@ def of_text(at: int, less: int, more: str, preset: str) -> None:
         assert made.roads_csv()
 
 
+@given(few, st.sampled_from([*LIDARS, None, WORLD]), word)
+def scene(frame: int, lidar: Any, preset: str) -> None:
+    objects = logged(WORLD.objects, frame)
+    assert (objects is not None) == (0 <= frame < WORLD.frames)
+    assert objects is None or all(np.isfinite(objects[n]).all() for n in objects.dtype.names)
+    assert (logged(WORLD.lidar_yaml, lidar) is not None) == (lidar in LIDARS)
+    assert logged(WORLD.dump)
+    assert logged(WORLD.regions_csv) == ""
+    logged(WORLD.label_time, preset)
+    logged(WORLD.drive)
+
+
 @given(few, real, word)
 def mesh(frame: int, share: float, preset: str) -> None:
     result = logged(WORLD.mesh, frame, share)
@@ -270,42 +298,55 @@ def mesh(frame: int, share: float, preset: str) -> None:
     logged(WORLD.label_time, preset)
 
 
-@given(st.lists(st.sampled_from([*LIDARS, None]), max_size=3), st.lists(few, max_size=4), few)
+@given(
+    st.lists(st.sampled_from(LIDARS), min_size=1, max_size=2)
+    | st.lists(st.sampled_from([*LIDARS, None]), max_size=3),
+    st.lists(st.integers(0, 9), min_size=1, max_size=3) | st.lists(few, max_size=4),
+    st.integers(1, 3) | few,
+)
 def frame_stream(lidars: list[Any], frames: list[int], threads: int) -> None:
     logged(_core.warnings, WORLD, lidars)
+    assert logged(_core.Frame) is None
     stream = logged(
         _core.FrameStream, WORLD, lidars, frames, min(threads, 4) if threads < 1025 else threads
     )
+    assert stream is None or logged(iter, stream) is stream
     for _ in range(len(frames) + 2 if stream is not None else 0):
         result = logged(next, stream, None)
         for frame in result[1] if result is not None else ():
             columns = (frame.intensity, frame.time, frame.ring, frame.class_id, frame.object_id)
             assert {len(column) for column in columns} == {len(frame)} == {len(frame.xyz)}
             assert frame.rays > 0
+            assert frame.seconds > 0
             assert len(frame.objects.dtype.names) > 10
             del stream, result  # its columns outlive them
             assert np.isfinite(frame.xyz).all()
             return
 
 
-# What calls which functions and classes of `_core`.
-TESTS: dict[Callable[[], None], str] = {
-    farthest_points: "farthest_points",
-    ball_query: "ball_query",
-    shifted_pairs: "shifted_pairs",
-    reached_voxels: "reached_voxels",
-    suppress: "suppress",
-    kept_rows: "kept_rows CropBox CropPolygon CropRange CropFieldOfView GroundHeight GroundPlane "
-    "GroundMorphological",
-    learn_background: "learn_background BackgroundModel",
-    load_background: "BackgroundModel",
-    pattern: "Lidar",
-    files: "Lidar World",
-    of_text: "World",
-    mesh: "World",
-    frame_stream: "FrameStream Frame warnings",
-}
-OF_NO_ARGUMENTS = {"version", "frames_version", "ConfigError", "IoError"}
+def numbers() -> None:
+    assert logged(_core.version)
+    assert logged(_core.frames_version) > 0
+
+
+TESTS: tuple[Callable[[], None], ...] = (
+    farthest_points,
+    ball_query,
+    shifted_pairs,
+    reached_voxels,
+    suppress,
+    each_filter,
+    kept_rows,
+    learn_background,
+    load_background,
+    pattern,
+    files,
+    of_text,
+    scene,
+    mesh,
+    frame_stream,
+    numbers,
+)
 
 
 def main() -> None:
@@ -319,13 +360,13 @@ def main() -> None:
         database=None,
         suppress_health_check=list(HealthCheck),
     )
-    tests = [rules(function) for function in TESTS]
+    tests = [function if function is numbers else rules(function) for function in TESTS]
     while True:
         for test in tests:
             test()
         if time.monotonic() >= end:
             break
-    print(*{name for names in TESTS.values() for name in names.split()}, *OF_NO_ARGUMENTS)
+    print(*CALLED)
 
 
 if __name__ == "__main__":
