@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "bindings.h"
+#include "infrasim/config/fields.h"
 #include "infrasim/pipeline/frame_stream.h"
 #include "infrasim/pipeline/run_folder.h"
 #include "infrasim/sensor/pattern_period.h"
@@ -39,7 +40,7 @@ py::array_t<double> pattern_rays(const LidarConfig& lidar, int first_frame, int 
 std::pair<py::array_t<float>, py::array_t<std::uint32_t>> mesh_arrays(const World& world, int frame,
                                                                       double share) {
   if (!(share >= 0 && share <= 1))
-    throw ConfigError("share: expected 0 to 1, got " + std::to_string(share));
+    throw ConfigError("share: expected 0 to 1, got " + config::number_text(share));
   const TriangleMesh mesh = [&] {
     const py::gil_scoped_release release;
     return frozen_mesh(world, frame, share);

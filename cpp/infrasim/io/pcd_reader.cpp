@@ -111,7 +111,7 @@ class PcdReader {
     }
     // Writers that know no rotation write zeros.
     if (length != 0 && (length < 0.9 || length > 1.1))
-      fail(key, "expected a quaternion of length 1, got " + std::to_string(length));
+      fail(key, "expected a quaternion of length 1, got " + fixed_text(length, 6));
   }
 
   void read_data_kind(const std::string& kind) {

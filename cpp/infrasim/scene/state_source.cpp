@@ -1,5 +1,6 @@
 #include "infrasim/scene/state_source.h"
 
+#include "infrasim/config/fields.h"
 #include "infrasim/core/errors.h"
 
 namespace infrasim {
@@ -16,8 +17,8 @@ Trajectories load_recorded(const SceneConfig& scene) {
   const int frames = frame_count(scene.duration_s);
   if (!trajectories.rows.empty() && trajectories.frames() < frames)
     throw ConfigError(file.string() + ": t: expected at least the scene's duration_s of " +
-                      std::to_string(scene.duration_s) + ", got " +
-                      std::to_string(trajectories.frames() * kFramePeriod) + " s");
+                      config::number_text(scene.duration_s) + ", got " +
+                      config::number_text(trajectories.frames() / 10.0) + " s");
   trajectories.rows.resize(static_cast<std::size_t>(frames) + 1);
   const bool people = scene.people || scene.standing_people;
   if (!scene.parked && !people) return trajectories;

@@ -1,0 +1,51 @@
+"""A process whose numbers have a decimal comma gets the same texts from the extension."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = ROOT / "tests/data/locale"
+TEXTS = """
+import ctypes, locale, sys
+import pyinfra as pi
+from pyinfra.dataset import simulation
+
+if sys.argv[1] != "C":
+    locale.setlocale(locale.LC_NUMERIC, sys.argv[1])
+text = ctypes.create_string_buffer(8)
+ctypes.CDLL(None).snprintf(text, ctypes.c_size_t(8), b"%.1f", ctypes.c_double(1.5))
+print(text.value.decode(), file=sys.stderr)
+
+short = {"duration_s": 1, "traffic.warm_up_s": 5, "mounts.pole.yaw_deg": 12.5}
+world = simulation.load_scene("configs/scenes/curve.yaml", set=short)
+lidar = simulation.load_lidar("configs/lidars/helios_16.yaml")
+print(world.roads_csv(), world.regions_csv(), world.dump(), world.lidar_yaml(lidar), lidar.dump())
+frames = pi.simulate(world, lidar, [3])
+print(frames[0].labels.to_csv(), frames.roads[0])
+try:
+    world.mesh(0, 1234.5)
+except ValueError as error:
+    print(error)
+"""
+
+
+def texts(name: str, folder: Path) -> tuple[str, str]:
+    """Returns what a process with a locale writes, and how its C library prints 1.5."""
+    command = [sys.executable, "-c", TEXTS, name]
+    environment = os.environ | {"LOCPATH": str(folder)}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout, done.stderr.strip()
+
+
+def test_texts_do_not_depend_on_the_decimal_point_of_the_process(tmp_path: Path) -> None:
+    """`World.roads_csv` gave lines with more columns than its header."""
+    made = ["-f", SOURCES / "ascii", "-i", SOURCES / "decimal_comma", tmp_path / "comma"]
+    # It warns of the categories that the source does not have, and then ends with 1.
+    subprocess.run(["localedef", "-c", "--no-archive", *made], capture_output=True)
+    point, comma = texts("C", tmp_path), texts("comma", tmp_path)
+    assert (point[1], comma[1]) == ("1.5", "1,5")
+    assert point[0] == comma[0]
+    assert len(point[0].splitlines()) > 300
