@@ -163,6 +163,56 @@ def test_what_else_a_road_has_is_listed(tmp_path: Path, more: str) -> None:
     assert len(read(tmp_path, more).not_understood) == 1
 
 
+UNREAD_OF_A_MAP = {
+    "controller": '<controller id="1"><control signalId="1"/></controller><controller id="2"/>',
+    "junctionGroup": '<junctionGroup id="1"><junctionReference junction="4"/></junctionGroup>',
+    "station": '<station id="1"><platform id="2"/></station>',
+    "junction/objects": '<junction id="4"><objects><object id="5"/></objects></junction>',
+    "junction/boundary": '<junction id="4"><boundary><segment type="lane"/></boundary></junction>',
+    "junction/elevationGrid": '<junction id="4"><elevationGrid gridSpacing="1"/></junction>',
+    "junction/controller": '<junction id="4"><controller id="1"/></junction>',
+    "userData": '<userData code="a"><userData code="b"/></userData>',
+    "somethingElse": "<somethingElse/>",
+}
+UNREAD_OF_AN_OBJECT = ["markings", "parkingSpace", "borders", "skeleton", "material", "validity"]
+UNREAD_OF_A_SIGNAL = ["positionRoad", "positionInertial", "dependency", "reference"]
+UNREAD_OF_A_LANE = ["material", "roadMark", "rule"]
+
+
+@pytest.mark.parametrize("kind", UNREAD_OF_A_MAP)
+def test_each_kind_of_element_of_a_map_that_is_not_read_is_listed(
+    tmp_path: Path, kind: str
+) -> None:
+    text = UNREAD_OF_A_MAP[kind]
+    file = tmp_path / "a.xodr"
+    file.write_text(site_data.open_drive(site_data.road(1, (0, 0, 0), 100), text))
+    count = 2 if kind == "controller" else 1
+    assert read_opendrive(file).not_understood == [f"{kind}: not read, {count} in the file"]
+
+
+def test_parts_of_objects_signals_and_lanes_that_are_not_read_are_listed(tmp_path: Path) -> None:
+    """Each with the number of times it is in the file, also in a namespace."""
+
+    def inside(tags: list[str]) -> str:
+        return "".join(f"<{tag}><part/></{tag}>" for tag in tags)
+
+    house = '<object type="building" id="{}" s="40" t="20" length="3" width="3" height="6">{}'
+    things = "".join(house.format(k, inside(UNREAD_OF_AN_OBJECT)) + "</object>" for k in range(3))
+    sign = f'<signal id="1" s="20" t="5" height="2">{inside(UNREAD_OF_A_SIGNAL)}</signal>'
+    lanes = site_data.LANES.replace(
+        '<lane id="-1" type="driving">', f'<lane id="-1" type="driving">{inside(UNREAD_OF_A_LANE)}'
+    )
+    more = f"{objects(things)}<signals>{sign}</signals>"
+    text = site_data.open_drive(site_data.road(1, (0, 0, 0), 100, lanes=lanes, more=more))
+    wanted = [f"object/{tag}: not read, 3 in the file" for tag in UNREAD_OF_AN_OBJECT]
+    wanted += [f"signal/{tag}: not read, 1 in the file" for tag in UNREAD_OF_A_SIGNAL]
+    wanted += [f"lane/{tag}: not read, 1 in the file" for tag in UNREAD_OF_A_LANE]
+    file = tmp_path / "a.xodr"
+    for whole in (text, text.replace("<OpenDRIVE>", '<OpenDRIVE xmlns="http://code.asam.net">')):
+        file.write_text(whole)
+        assert sorted(read_opendrive(file).not_understood) == sorted(wanted)
+
+
 def test_what_hangs_over_the_road_leaves_it_free(tmp_path: Path) -> None:
     sign = (
         '<object type="gantry" id="1" s="50" t="0" zOffset="5" length="1" width="20" height="2"/>'

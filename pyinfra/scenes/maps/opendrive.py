@@ -30,6 +30,7 @@ from pyinfra.scenes.maps.opendrive_geometry import (
     read_reference_line,
 )
 from pyinfra.scenes.maps.opendrive_objects import read_objects
+from pyinfra.scenes.maps.opendrive_unread import unread_elements
 
 STEP_M = 1.0
 STRAIGHT_STEP_M = 4.0
@@ -67,6 +68,7 @@ def read_opendrive(file: Path) -> SiteMap:
         raise MapError(f"{file}: {error}") from error
     if root.find("header/offset") is not None:
         site_map.not_understood.append("header: offset")
+    site_map.not_understood += unread_elements(root)
     return site_map
 
 
