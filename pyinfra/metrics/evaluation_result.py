@@ -7,10 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 import pandas as pd
 
 from pyinfra.core.errors import Error
+from pyinfra.core.vocabulary import Subset
 from pyinfra.dataset.frame_tables import Predictions
+from pyinfra.dataset.regions import FOOTWAYS_M
 from pyinfra.metrics.evaluation_tables import (
     AP_COLUMNS,
     EVERYWHERE,
@@ -42,6 +45,7 @@ from pyinfra.metrics.prediction_checks import Finding
 from pyinfra.metrics.ranges import by_range
 from pyinfra.metrics.replicates import figures, measure_of, replicate_rows, same_of
 
+SEEN_AND_PRESENT: tuple[Subset, Subset] = ("all", "present")
 KITTI_LEAST = 41  # with fewer objects the AP of KITTI's devkit cannot reach 100
 
 
@@ -84,6 +88,27 @@ class Evaluation:
         x y z dx dy dz heading, score (NaN for a missed object), object_id (-1 if unmatched).
         """
         return match_table(next(iter(self._results.values())))
+
+    @cached_property
+    def hidden_percent(self) -> dict[str, float]:
+        """Share of the region's objects that `all` leaves out, for each class, 0 to 100.
+
+        They are hidden from the mount. The share is NaN if there are none in the region, and no
+        class is listed if the frames do not have the hidden ones.
+        """
+        if self.settings is None or not self.truth.has_objects:
+            return {}
+        shares = {}
+        for name, types in self.settings.classes.items():
+            vehicles = self.truth.vehicles.select(np.isin(self.truth.vehicles.names, types))
+            beside_m = FOOTWAYS_M if are_people(types) else 0.0
+            places = self.truth.places(vehicles.mid_frame, beside_m)
+            visible, present = (
+                int(self.truth.counted(which, vehicles, places, self.settings.min_points).sum())
+                for which in SEEN_AND_PRESENT
+            )
+            shares[name] = 100 * (1 - visible / present) if present else math.nan
+        return shares
 
     @cached_property
     def _results(self) -> dict[str, MatchResult]:

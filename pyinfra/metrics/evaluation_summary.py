@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pandas as pd
 
@@ -18,12 +19,13 @@ def summary(evaluation: Evaluation) -> str:
     lines = [f"{evaluation.truth.name}: {len(evaluation.truth.frames)} frames"]
     iou = [f"{v:g}" if v > 0 else "" for v in evaluation.ap.iou]  # empty for metric `centre`
     head = f"{'class':<12}{'ground truth':<14}{'IoU':>5} {'measure':<26}{'':>5}  "
-    lines.append(f"{head}{'95 % interval':<14}{'objects':>8}{'predictions':>12}")
+    lines.append(f"{head}{'95 % interval':<14}{'objects':>8}{'predictions':>12}  hidden")
     for at, (_, row) in enumerate(evaluation.ap.iterrows()):
         value, low, high = shown_ap(row)
         lines.append(
             f"{row['class']:<12}{row.ground_truth:<14}{iou[at]:>5} {measure(row.protocol):<26}"
             f"{value:>5.1f}  {_span(low, high):<14}{row.objects:>8}{row.predictions:>12}"
+            f"{_hidden(evaluation, row)}"
         )
     wide = max([12, *(len(road) + 1 for road in evaluation.areas.road)])
     lines.append(f"high-quality areas ({AP_R1000} > {HIGH_QUALITY:g}), undecided ones included")
@@ -49,6 +51,12 @@ def measure(protocol: str) -> str:
     """Returns the name of a protocol's measure: `definition-centre` gives AP (R1000), centre."""
     name, _, metric = protocol.partition("-")
     return f"{MEASURES[name]}, {metric}" if metric else MEASURES[name]
+
+
+def _hidden(evaluation: Evaluation, row: Any) -> str:
+    """Returns the share of objects that the row does not count since the mount cannot see them."""
+    share = evaluation.hidden_percent.get(row["class"], math.nan)
+    return f"{share:>6.0f} %" if row.ground_truth == "all" and share >= 0 else ""
 
 
 def _off_region(rows: pd.DataFrame) -> str:

@@ -1,5 +1,6 @@
 """Ground truth `present`: everyone in the region, whatever a LiDAR or a pole sees of it."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from conftest import Infrasim
 from evaluation_data import box, car, write_lidar, write_predictions, write_roads
 
 import pyinfra
+from pyinfra.cli import main
 from pyinfra.core.errors import FormatError
 from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.metrics.match_results import Settings
@@ -72,6 +74,33 @@ def test_ap_of_present_counts_what_the_pole_cannot_see(tmp_path: Path) -> None:
     assert ap.objects.to_dict() == {"all": 1, "present": 2}
     assert ap.ap["all"] == 100
     assert ap.ap["present"] == 50
+
+
+@pytest.mark.parametrize("asked", [[], ["--ground-truth", "captured", "present"]])
+def test_the_hidden_share_is_printed_beside_the_ap_of_visible_vehicles(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], asked: list[str]
+) -> None:
+    """Three of four vehicles are hidden; the share is that of `present`, asked for or not."""
+    write_roads(tmp_path)
+    hidden = [car(x, points=0, visibility=0.1) for x in (40, 50, 60)]
+    folder = write_lidar(tmp_path / "lidar", [[car(20), *hidden]])
+    predictions = write_predictions(tmp_path / "pred", [[(box(car(20)), 0.9)]])
+    paths = ["--gt", folder, "--pred", predictions, "--out", tmp_path / "out", "--no-figures"]
+    assert main.main(["evaluate", *map(str, paths), *asked]) == 0
+    rows = {line.split()[1]: line for line in capsys.readouterr().out.splitlines()[2:4]}
+    assert {which: line.endswith("75 %") for which, line in rows.items()} == {
+        which: which == "all" for which in rows
+    }
+    assert ("all" in rows) == (not asked)
+    assert pyinfra.evaluate(folder, predictions).hidden_percent == {"vehicle": 75}
+
+
+def test_without_objects_no_hidden_share_is_known(tmp_path: Path) -> None:
+    write_roads(tmp_path)
+    folder = write_lidar(tmp_path / "lidar", [[car(20)]])
+    predictions = write_predictions(tmp_path / "pred", [[(box(car(20)), 0.9)]])
+    shutil.rmtree(folder / "training/objects")
+    assert pyinfra.evaluate(folder, predictions).hidden_percent == {}
 
 
 def test_damaged_trajectories_are_named(pole: Poles) -> None:

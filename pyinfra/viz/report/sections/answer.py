@@ -119,7 +119,8 @@ def _whole_road(material: Material, rows: pd.DataFrame) -> CardLine | None:
 
 
 def _fastest(material: Material, rows: pd.DataFrame) -> CardLine | None:
-    near = rows[(rows.ap_r1000 >= rows.ap_r1000.max() - CLOSE_AP) & rows.latency_p50_ms.notna()]
+    rows, of = _to_compare(rows)
+    near = rows[(rows.compared >= rows.compared.max() - CLOSE_AP) & rows.latency_p50_ms.notna()]
     if near.empty:
         return None
     best = near.loc[near.latency_p50_ms.idxmin()]
@@ -127,39 +128,49 @@ def _fastest(material: Material, rows: pd.DataFrame) -> CardLine | None:
     return _line(
         material,
         best,
-        f"{best.latency_p50_ms:.0f} ms a frame{late}, {ap_name(rows)} {best.ap_r1000:.1f}",
+        f"{best.latency_p50_ms:.0f} ms a frame{late}, {ap_name(rows)} {best.compared:.1f} {of}",
     )
 
 
 def _cheapest(material: Material, rows: pd.DataFrame) -> CardLine | None:
+    rows, of = _to_compare(rows)
     prices = material.results.table("lidars").drop_duplicates("lidar").set_index("lidar")
     price = rows.lidar.map((prices.price_low_usd + prices.price_high_usd) / 2)
-    near = rows[(rows.ap_r1000 >= rows.ap_r1000.max() - CLOSE_AP) & price.notna()]
+    near = rows[(rows.compared >= rows.compared.max() - CLOSE_AP) & price.notna()]
     if near.empty:
         return None
     cheap = near[price[near.index] == price[near.index].min()]
-    best = cheap.loc[cheap.ap_r1000.idxmax()]
-    whole = (
-        f", but {best.ap_whole_r1000:.1f} on {COUNTED[best.whole]}"
-        if best.ap_whole_r1000 < best.ap_r1000 - CLOSE_AP
-        else ""
-    )
-    return _line(
-        material, best, f"US$ {price[best.name]:,.0f}, {ap_name(rows)} {best.ap_r1000:.1f}{whole}"
-    )
+    best = cheap.loc[cheap.compared.idxmax()]
+    reason = f"US$ {price[best.name]:,.0f}, {ap_name(rows)} {best.compared:.1f} {of}"
+    return _line(material, best, reason)
 
 
 def _untrained(material: Material, rows: pd.DataFrame) -> CardLine | None:
-    background = rows[rows.detector == "background"]
+    rows, of = _to_compare(rows)
+    background = rows[(rows.detector == "background") & rows.compared.notna()]
     if background.empty:
         return None
-    best = background.loc[background.ap_r1000.idxmax()]
+    best = background.loc[background.compared.idxmax()]
     speed = f", {best.latency_p50_ms:.0f} ms a frame" if best.latency_p50_ms > 0 else ""
     return _line(
         material,
         best,
-        f"{ap_name(rows)} {best.ap_r1000:.1f} {span(best.ap_r1000_low, best.ap_r1000_high)}{speed}",
+        f"{ap_name(rows)} {best.compared:.1f} {span(best.compared_low, best.compared_high)} {of}"
+        f"{speed}",
     )
+
+
+def _to_compare(rows: pd.DataFrame) -> tuple[pd.DataFrame, str]:
+    """Returns the rows with the AP by which `recommend` compares them, and what it counts.
+
+    The columns are compared, compared_low and compared_high. A scene without AP of the whole road
+    is compared by the vehicles that each LiDAR captured.
+    """
+    known = bool(rows.ap_whole_r1000.notna().any())
+    name = "ap_whole" if known else "ap"
+    of = COUNTED[rows.whole.iloc[0]] if known else "the vehicles it captures"
+    ends = {f"compared{end}": rows[f"{name}_r1000{end}"] for end in ("", "_low", "_high")}
+    return rows.assign(**ends), f"of {of}"
 
 
 PURPOSES: tuple[tuple[str, Choice], ...] = (

@@ -52,7 +52,8 @@ def section(material: Material) -> Section | None:
     lead = (
         f"An area is 20 m of road, one every 5 m. It is of high quality if its {name} is above 85, "
         "and undecided if the interval of that holds 85. Counted on vehicles that the LiDAR "
-        "captured, and on all vehicles, where every LiDAR has the same areas."
+        "captured, and on all vehicles visible from the mount, where every LiDAR has the same "
+        "areas. The former must not be used to compare positions of a sensor."
     )
     return Section(
         "areas", "High-quality areas", lead, [*blocks, _table(material, first_seed(areas))]
@@ -171,7 +172,10 @@ def _hatch(hatch: str | None) -> str:
 def _table(material: Material, areas: pd.DataFrame) -> Table:
     heads = [Column(c) for c in ("Scene, road", "LiDAR", "Preset", "Detector", "Ground truth")]
     heads += [Column(c, number=True) for c in ("Areas", "High", "Undecided", "Share of high, %")]
-    caption = "Detection areas with enough vehicles, and those of high quality among them."
+    caption = (
+        "Detection areas with enough vehicles, and those of high quality among them. Ground truth "
+        "captured must not be used to compare positions of a sensor."
+    )
     rows = [_row(material, row) for row in areas.itertuples()]
     return Table(caption, heads, rows, material.results.source("areas"), closed=len(rows) > 24)
 

@@ -16,9 +16,11 @@ from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.style import FAINT, drawing, panel
 
 MEANING = {
-    "captured": "vehicles with at least one point of the LiDAR",
+    "captured": "vehicles that the LiDAR captured, with at least one point; these differ between "
+    "LiDARs and mounts, so this AP must not be used to compare positions of a sensor",
     "common": "vehicles in the view of all LiDARs",
-    "all": "all visible vehicles of the region, the same for every LiDAR",
+    "all": "all vehicles of the region that are visible from the mount, the same for every LiDAR "
+    "there; another mount sees others",
 }
 
 
