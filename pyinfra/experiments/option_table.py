@@ -16,7 +16,7 @@ from pyinfra.core.public import public
 from pyinfra.core.vocabulary import TIERS, Tier
 from pyinfra.experiments.options import Option, Requirements, checked_requirements, read_options
 from pyinfra.metrics.comparison import Interval
-from pyinfra.metrics.row_selection import COUNTED
+from pyinfra.metrics.row_selection import COUNTED, OFF_REGION
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,8 @@ def recommend(
         - `lidar`, `detector`, `scene`, `preset`
         - `ap_r1000`: AP (R1000) of all vehicles, with the 95 % interval `ap_r1000_low`,
           `ap_r1000_high`; the same for visible and for captured vehicles
+        - `off_region_per_min`: boxes outside the region per minute, of score 0.5 or more; NaN in
+          tables of earlier versions
         - prices in USD, latency in ms per frame, covered road in m
         - `meets`: whether all requirements are met; if not, `reason` tells why, and `relax` which
           requirement to change
@@ -144,6 +146,7 @@ def _row(
         **_ends("recall", option.recall),
         **_ends("covered_m", option.covered_m),
         "road_m": option.road_m,
+        OFF_REGION: option.off_region_per_min,
         "price_low_usd": option.price_low_usd,
         "price_high_usd": option.price_high_usd,
         "site_usd": option.site_usd,

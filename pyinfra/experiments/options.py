@@ -23,6 +23,7 @@ from pyinfra.metrics.replicates import difference, drawn, measure_of
 from pyinfra.metrics.row_selection import (
     AP_OF,
     AP_R1000,
+    OFF_REGION,
     ap_name,
     hidden_share,
     preset_of_answers,
@@ -105,6 +106,7 @@ class Option:
     detected: Interval | None = None
     whole: str = "present"  # ground truth of ap_whole (`with_whole`)
     mounts: int = 1  # number of LiDARs whose frames are fused
+    off_region_per_min: float = math.nan  # boxes off the region, score 0.5 or more
     hardly_learnt: bool = False  # whether it is a network that was trained in the smoke tier
 
     @property
@@ -366,5 +368,6 @@ def option(row: pd.Series, replicates: ExperimentReplicates) -> Option:
         detected=None if recall is None else drawn(recall).measured(),
         whole=row.whole,
         mounts=int(row[MOUNTS]),
+        off_region_per_min=row[OFF_REGION],
         hardly_learnt=bool(row.hardly_learnt),
     )

@@ -19,7 +19,14 @@ from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.vocabulary import TIERS
 from pyinfra.experiments.value import SITE_ITEMS
 from pyinfra.formats.csv_table import existing, numbers, read_words
-from pyinfra.metrics.row_selection import AP_COLUMNS, EXPERIMENT, first_seed, with_r1000, with_whole
+from pyinfra.metrics.row_selection import (
+    AP_COLUMNS,
+    EXPERIMENT,
+    OFF_REGION,
+    first_seed,
+    with_r1000,
+    with_whole,
+)
 
 Ends = tuple[float, float]
 
@@ -88,8 +95,8 @@ KINDS = {
         f"{_EXPERIMENT} command version",
         "ap ap_low ap_high ap_common ap_all objects train_seconds latency_p50_ms latency_p95_ms",
         _EXPERIMENT,
-        f"{' '.join(AP_COLUMNS)} objects_all objects_present train_steps latency_other_cores "
-        "latency_frames",
+        f"{' '.join(AP_COLUMNS)} objects_all objects_present {OFF_REGION} train_steps "
+        "latency_other_cores latency_frames",
     ),
     "replicates": kind(
         "{tier}_replicates.csv",

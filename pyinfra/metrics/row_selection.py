@@ -19,6 +19,7 @@ CURVE = ("scene", "lidar", "preset", "detector")  # key of a curve of a stress t
 AP_OF = {"captured": "ap", "common": "ap_common", "all": "ap_all", "present": "ap_present"}
 AP_ENDS = ("", "_low", "_high", "_r1000", "_r1000_low", "_r1000_high")
 AP_COLUMNS = tuple(f"{name}{end}" for name in AP_OF.values() for end in AP_ENDS)
+OFF_REGION = "off_region_per_min"  # column of boxes off the region per minute, score 0.5 or more
 AP_R1000, AP_R40 = "AP (R1000)", "AP (R40)"  # names of the measures in texts and figures
 
 

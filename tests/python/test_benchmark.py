@@ -93,6 +93,7 @@ def test_an_experiment_is_a_row_with_what_repeats_it(results: Path) -> None:
     assert (table.tier == "smoke").all()
     assert table.version.notna().all()
     assert (table.objects > 0).all()
+    assert (table.off_region_per_min >= 0).all()
     assert (table.ap_low <= table.ap).sum() + table.ap_low.isna().sum() == EXPERIMENTS
 
 

@@ -24,6 +24,7 @@ from pyinfra.cli.evaluate import class_types
 from pyinfra.core.vocabulary import OBJECT_CLASSES, PERSON_TYPES, SUBSETS, VEHICLE_TYPES
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.frame_tables import read_cameras, read_predictions, read_vehicles
+from pyinfra.experiments.benchmark.measure import off_region_per_min
 from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import class_settings, evaluate
 from pyinfra.metrics.evaluation_result import Evaluation
@@ -193,8 +194,10 @@ def test_boxes_off_the_region_are_reported_a_minute(
     assert table.boxes.tolist() == [2 * FRAMES, 2 * FRAMES, FRAMES, FRAMES, 0]
     assert table.on_people.tolist() == [FRAMES] * 4 + [0]
     assert table.minutes.tolist() == pytest.approx([FRAMES / 600] * 5)
+    assert off_region_per_min(pyinfra.evaluate(gt, pred)) == pytest.approx(600)  # of a benchmark
     (gt.parent / "roads.csv").unlink()
     assert pyinfra.evaluate(gt, pred).off_region.boxes.isna().all()
+    assert np.isnan(off_region_per_min(pyinfra.evaluate(gt, pred)))
 
 
 @pytest.mark.parametrize("metric", ["bev", "3d", "centre"])

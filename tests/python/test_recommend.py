@@ -115,6 +115,16 @@ def test_a_notebook_has_the_answer_as_a_table(
     assert table.difference[0] == 0
 
 
+def test_boxes_off_the_region_are_in_the_table_and_unknown_in_old_ones(results: Path) -> None:
+    assert pi.recommend(results, budget_usd=9000, min_ap=30).off_region_per_min.isna().all()
+    change(results / "quick.csv", "lidar == 'livox_avia'", off_region_per_min=3.5)
+    table = pi.recommend(results, budget_usd=9000, min_ap=30).set_index("lidar")
+    assert (table.off_region_per_min.loc[["livox_avia"]] == 3.5).all()
+    change(results / "quick.csv", "lidar == 'livox_avia'", off_region_per_min=-1)
+    with pytest.raises(pi.Error, match=r"quick.csv:\d+: off_region_per_min: expected 0 or more"):
+        pi.recommend(results)
+
+
 def test_no_option_is_needed_to_meet_requirements(results: Path) -> None:
     table = pi.recommend(results, budget_usd=1, min_ap=99)
     assert not table.meets.any()

@@ -82,6 +82,14 @@ def test_cards_rank_by_the_whole_road_and_not_by_what_a_lidar_captured(
         assert words in named, card
 
 
+def test_boxes_off_the_region_are_in_the_table_of_experiments(tmp_path: Path) -> None:
+    rows = report_data.experiments()
+    for name, table in (("old", rows), ("new", rows.assign(off_region_per_min=12.34))):
+        page = Read(report(report_data.write(tmp_path / name, {"quick.csv": table})))
+        assert "Off region, per min" in page.text
+        assert ("12.3" in page.text) == (name == "new")
+
+
 def test_captions_say_that_captured_vehicles_do_not_compare_positions(whole: Path) -> None:
     text = Read(whole).text
     for figure in ("AP along the road, preset paper: ", "Areas by quality, preset paper: "):

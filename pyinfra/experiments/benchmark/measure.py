@@ -23,7 +23,7 @@ from pyinfra.formats.csv_table import read_csv
 from pyinfra.metrics.evaluate import evaluate
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.match_results import Settings
-from pyinfra.metrics.row_selection import AP_COLUMNS, AP_ENDS, AP_OF
+from pyinfra.metrics.row_selection import AP_COLUMNS, AP_ENDS, AP_OF, OFF_REGION
 from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import Recipe
 from pyinfra.models.training.sources import read_source
@@ -32,10 +32,12 @@ from pyinfra.models.training.train import train
 Tables = dict[str, pd.DataFrame]
 SETTINGS = Settings(ground_truths=SUBSETS)
 TIMED_FRAMES = 100
+OFF_REGION_SCORE = 0.5
 LATENCY = tuple(f"latency_{w}" for w in "p50_ms p95_ms other_cores frames version machine".split())
 MEASURED = (
     *AP_COLUMNS,
-    *("objects", "objects_all", "objects_present", "train_seconds", "train_steps"),
+    *("objects", "objects_all", "objects_present", OFF_REGION),
+    *("train_seconds", "train_steps"),
     *LATENCY,
 )
 
@@ -146,6 +148,7 @@ def row(
         "objects": int(by_truth.objects["captured"]),
         "objects_all": int(by_truth.objects["all"]),
         "objects_present": int(by_truth.objects["present"]),
+        OFF_REGION: off_region_per_min(evaluation),
         "block_s": by_truth.block_s["captured"],
         "train_seconds": round(seconds, 1),
         "train_steps": steps,
@@ -153,6 +156,15 @@ def row(
         **provenance(),
         "findings": " ".join(dict.fromkeys(finding.name for finding in evaluation.findings)),
     }
+
+
+def off_region_per_min(evaluation: Evaluation) -> float:
+    """Returns the boxes off the region per minute; NaN if no region is known.
+
+    Boxes with a score of OFF_REGION_SCORE or more count.
+    """
+    rows = evaluation.off_region
+    return float(rows[rows.score == OFF_REGION_SCORE].boxes_per_min.iloc[0])
 
 
 def failed(experiment: Experiment, error: BaseException) -> Tables:

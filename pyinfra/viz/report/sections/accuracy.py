@@ -9,7 +9,7 @@ import pandas as pd
 
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
-from pyinfra.metrics.row_selection import ap_name, hidden_share
+from pyinfra.metrics.row_selection import OFF_REGION, ap_name, hidden_share
 from pyinfra.viz.report.blocks import (
     NOTHING,
     Block,
@@ -117,6 +117,7 @@ def _all(material: Material, experiments: pd.DataFrame) -> Table:
         f"{name}, present",
         "Hidden, %",
         "Objects",
+        "Off region, per min",
         "Training, s",
         "Median, ms",
         "95 %, ms",
@@ -132,6 +133,7 @@ def _all(material: Material, experiments: pd.DataFrame) -> Table:
         r1000 = (row.ap_common_r1000, row.ap_all_r1000, row.ap_present_r1000)
         ap_of = [number(value) for value in r1000]
         values = [*ap_of, number(100 * row.hidden, ".0f"), number(row.objects, ".0f")]
+        values.append(number(getattr(row, OFF_REGION)))
         times = [row.train_seconds, row.latency_p50_ms, row.latency_p95_ms]
         seed = TableCell(str(row.seed), float(str(row.seed)) if str(row.seed).isdigit() else np.nan)
         rows.append(
@@ -146,7 +148,8 @@ def _all(material: Material, experiments: pd.DataFrame) -> Table:
         )
     caption = (
         "Every experiment. Common: vehicles in the view of all LiDARs; all: every vehicle of the "
-        "region that the mount can see; present: every one; hidden: those that it cannot see. "
+        "region that the mount can see; present: every one; hidden: those that it cannot see; "
+        "off region: boxes of score 0.5 or more outside the region, each minute. "
         "Training: CPU time of one core; latency: from points to boxes, one core "
         f"({timing_load(experiments)})."
     )
