@@ -10,7 +10,7 @@ from pyinfra.scenes.maps.map_import import RADIUS_M, ImportOptions, import_map
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = "example: pyinfra site import town.xodr --out sites/town --radius 400"
-    kinds = ".xodr, .osm, .osm.xml or .net.xml; also packed, .gz or .bz2"
+    kinds = ".xodr, .osm, .osm.xml or .net.xml; also packed, .gz or .bz2; or .osm.pbf"
     parser.add_argument("file", type=Path, help=kinds)
     parser.add_argument("--out", type=Path, required=True, help="folder of the site")
     parser.add_argument(

@@ -5,6 +5,7 @@ import gzip
 import itertools
 import math
 import re
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
@@ -21,6 +22,7 @@ from pyinfra.scenes.maps.map_import import ImportOptions, import_map, lanes_tabl
 from pyinfra.scenes.maps.mount_guess import guess_pole
 from pyinfra.scenes.maps.opendrive_geometry import read_reference_line
 from pyinfra.scenes.maps.openstreetmap import StreetMap, Way, transverse_mercator
+from pyinfra.scenes.maps.osm_pbf import write_xml
 from pyinfra.scenes.maps.sumo import sumo_folder
 from pyinfra.scenes.maps.surfaces import contains, ears
 from pyinfra.viz.site_plan import plan, read_lanes
@@ -260,13 +262,65 @@ def test_networks_and_opendrive_may_be_packed(tmp_path: Path, name: str) -> None
     assert import_map(tmp_path / name, tmp_path / "site").lanes
 
 
-@pytest.mark.parametrize("name", ["town.osm.pbf", "town.pbf", "town.o5m"])
-def test_binary_osm_is_refused_with_the_command_that_converts_it(
-    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+def test_o5m_is_refused_with_the_command_that_converts_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / name).write_bytes(b"\0\0\0\x0d\x0a\x09OSMHeader")
-    assert main(["site", "import", str(tmp_path / name), "--out", str(tmp_path / "s")]) == 2
-    assert re.search(rf"(osmium cat|osmconvert) {re.escape(name)} -o.town", capsys.readouterr().err)
+    (tmp_path / "town.o5m").write_bytes(b"\xff\xe0\x04o5m2")
+    assert main(["site", "import", str(tmp_path / "town.o5m"), "--out", str(tmp_path / "s")]) == 2
+    assert "osmconvert town.o5m -o=town.osm" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["town.osm.pbf", "Town.PBF"])
+def test_a_map_in_pbf_is_that_in_xml(tmp_path: Path, name: str) -> None:
+    """Written by osmium, as Geofabrik's are: elements sorted, and without a version."""
+    osmium = pytest.importorskip("osmium", reason="needs the extra `pbf`")
+    (tmp_path / "town.osm").write_text(site_data.district())
+    with osmium.SimpleWriter(str(tmp_path / "town.osm.pbf")) as writer:
+        for element in osmium.FileProcessor(str(tmp_path / "town.osm")):
+            writer.add(element)
+    (tmp_path / "town.osm.pbf").rename(tmp_path / name)
+    near = ImportOptions(centre=(8.4, 49.0), radius_m=60)
+    made = [import_map(tmp_path / file, tmp_path / f"site_{file}", near)
+            for file in ("town.osm", name)]  # fmt: skip
+    assert made[1].record["source"] == name
+    lists = ("lanes", "triangles", "pole", "features", "guessed", "mended", "not_understood")
+    assert {k: made[1].record[k] for k in lists} == {k: made[0].record[k] for k in lists}
+    lanes = [(tmp_path / f"site_{file}/lanes.csv").read_bytes() for file in ("town.osm", name)]
+    assert lanes[0] == lanes[1]
+
+
+@pytest.mark.parametrize("data", [b"\0\0\0\x0d\x0a\x09OSMHeader", b"", b"<osm/>"])
+def test_what_is_no_pbf_is_refused(
+    tmp_path: Path, data: bytes, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("osmium", reason="needs the extra `pbf`")
+    file = tmp_path / "town.osm.pbf"
+    file.write_bytes(data)
+    assert main(["site", "import", str(file), "--out", str(tmp_path / "s")]) == 2
+    assert capsys.readouterr().err.startswith(f"pyinfra: {file}: ")
+    assert not (tmp_path / "s").exists()
+
+
+def test_a_pbf_map_that_is_too_large_is_refused_with_the_command_that_cuts_it(
+    tmp_path: Path,
+) -> None:
+    osmium = pytest.importorskip("osmium", reason="needs the extra `pbf`")
+    (tmp_path / "town.osm").write_text(site_data.district())
+    with osmium.SimpleWriter(str(tmp_path / "town.osm.pbf")) as writer:
+        for element in osmium.FileProcessor(str(tmp_path / "town.osm")):
+            writer.add(element)
+    with pytest.raises(MapError, match="osmium extract -b"):
+        write_xml(tmp_path / "town.osm.pbf", tmp_path / "out.osm", 1000)
+
+
+def test_without_osmium_a_pbf_map_names_the_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "osmium", None)
+    (tmp_path / "town.osm.pbf").write_bytes(b"\0\0\0\x0d")
+    code = main(["site", "import", str(tmp_path / "town.osm.pbf"), "--out", str(tmp_path / "s")])
+    assert code in (1, 2)
+    assert "pip install 'infrasim[pbf]'" in capsys.readouterr().err
 
 
 def lane_along(y: float, width: float, step_m: float, length_m: float = 400) -> MapLane:

@@ -34,6 +34,7 @@ from pyinfra.scenes.maps.network import KERB_M, read_network
 from pyinfra.scenes.maps.opendrive import read_opendrive
 from pyinfra.scenes.maps.opendrive_mending import mended_for_netconvert
 from pyinfra.scenes.maps.openstreetmap import opened
+from pyinfra.scenes.maps.osm_pbf import PBF, write_xml
 from pyinfra.scenes.maps.surfaces import Sheet, surfaces
 
 RADIUS_M = 1000.0
@@ -42,7 +43,7 @@ MOST_TRIANGLES = 20_000_000
 MATERIALS = {"buildings": "structure"}  # material by mesh; other meshes are named as theirs
 FORMATS = (".xodr", ".osm", ".osm.xml", ".net.xml")  # also compressed as .gz and .bz2
 PACKED = (".gz", ".bz2")
-CONVERTED = {".pbf": "osmium cat {0} -o {1}.osm.gz", ".o5m": "osmconvert {0} -o={1}.osm"}
+CONVERTED = {".o5m": "osmconvert {0} -o={1}.osm"}
 NETWORK = "map.net.xml"
 RECORD = "map.yaml"
 VERSION = 3  # of the import's output
@@ -73,7 +74,8 @@ class Imported:
 def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> Imported:
     """Writes the site folder, unless it already has the result of the same import.
 
-    Raises MapError, ImportError without SUMO, and FileExistsError if the folder has other content.
+    Raises MapError, ImportError without SUMO or osmium, and FileExistsError if the folder has other
+    content.
     """
     options = options or ImportOptions()
     kind = format_of(file)
@@ -130,6 +132,8 @@ def format_of(file: Path) -> str:
                 f"{file}: expected XML, got {ending}: convert it first, as by "
                 f"`{command.format(file.name, stem)}`"
             )
+    if name.endswith(PBF):
+        return ".osm"
     for packing in PACKED:
         name = name.removesuffix(packing)
     for ending in FORMATS:
@@ -138,8 +142,8 @@ def format_of(file: Path) -> str:
     if name.endswith(".xml") and (ending := _BY_ROOT.get(_root_of(file), "")):
         return ending
     raise MapError(
-        f"{file}: expected {', '.join(FORMATS)}, plain or packed ({', '.join(PACKED)}), got "
-        f"'{file.suffix}'"
+        f"{file}: expected {', '.join(FORMATS)}, plain or packed ({', '.join(PACKED)}), or "
+        f".osm{PBF}, got '{file.suffix}'"
     )
 
 
@@ -158,7 +162,10 @@ def _root_of(file: Path) -> str:
 
 
 def _unpacked(file: Path, kind: str, scratch: Path) -> Path:
-    """Returns the file, or a decompressed copy of it. Raises MapError."""
+    """Returns the file, or a decompressed copy of it. Raises MapError and MissingPackage."""
+    if file.suffix.lower() == PBF:
+        write_xml(file, out := scratch / "map.osm", LONGEST_BYTES)
+        return out
     if file.suffix.lower() not in PACKED:
         return file
     out = scratch / f"map{kind}"
