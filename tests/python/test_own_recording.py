@@ -516,3 +516,73 @@ def test_boxes_and_a_view_follow_at_once(
     assert "not split" not in printed.err
     labels = [kitti.read_labels(f, scores=True) for f in (run / "predictions").glob("*.txt")]
     assert sum(map(len, labels)) > 100
+
+
+# --- clouds outside any data set, as `pyinfra detect` takes them
+
+
+def detected(capsys: pytest.CaptureFixture[str], cloud: Path) -> tuple[list[str], np.ndarray, str]:
+    """Classes and boxes with scores (n, 8) of a lone cloud, and what was said of it."""
+    capsys.readouterr()
+    words = ["detect", "--model", "generalist", str(cloud), "--height-m", f"{HEIGHT_M:g}"]
+    assert main.main(words) == 0
+    printed = capsys.readouterr()
+    rows = [line.split(",") for line in printed.out.splitlines()[1:]]
+    return [row[1] for row in rows], np.array([row[2:] for row in rows], float), printed.err
+
+
+def records(cloud: np.ndarray, names: str) -> np.ndarray:
+    return np.rec.fromarrays(cloud.T, dtype=[(name, "<f4") for name in names.split()])
+
+
+@pytest.fixture(scope="module")
+def lone(site: Path) -> np.ndarray:
+    return clouds_of(site, "ruby_plus")[3].astype("<f4")
+
+
+def test_boxes_of_a_lone_pcd_are_those_of_its_turned_and_scaled_points(
+    lone: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """VIEWPOINT turns the points. Its shift is left out, since boxes are relative to the sensor."""
+    lone.tofile(tmp_path / "plain.bin")
+    names, boxes, said = detected(capsys, tmp_path / "plain.bin")
+    assert len(boxes) > 3
+    assert "VIEWPOINT" not in said
+    turn = Rotation.from_euler("ZYX", [40, 12, -4], degrees=True)
+    stored = with_positions([lone], turn.inv().apply)[0]
+    stored[:, 3] = np.round(lone[:, 3] * 255)
+    stored[7, :3] = 0  # without a return, as is a NaN
+    stored[8, :3] = np.nan
+    x, y, z, w = turn.as_quat()
+    for shift in ((0, 0, 0), (120, -50, HEIGHT_M)):
+        viewpoint = "VIEWPOINT " + " ".join(f"{v:.9f}" for v in (*shift, w, x, y, z))
+        file = tmp_path / "lone.pcd"
+        write_pcd(file, records(stored, "x y z Intensity"))
+        head = b"VIEWPOINT 0 0 0 1 0 0 0"
+        file.write_bytes(file.read_bytes().replace(head, viewpoint.encode()))
+        its_names, its_boxes, said = detected(capsys, file)
+        assert its_names == names
+        assert its_boxes == pytest.approx(boxes, abs=0.05)
+        assert "VIEWPOINT of 1 of 1 clouds: points are turned by 42.27 degrees" in said
+        assert "its shift ({:g}, {:g}, {:g}) is left out".format(*shift) in said
+        assert "intensities reach 255: divided by 255" in said
+
+
+def test_boxes_of_a_lone_bin_do_not_depend_on_its_columns(
+    lone: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lone.tofile(tmp_path / "four.bin")
+    names, boxes, _ = detected(capsys, tmp_path / "four.bin")
+    ring = (np.arange(len(lone)) % 128).astype("<f4")
+    np.column_stack([lone, ring]).tofile(tmp_path / "five.bin")
+    its_names, its_boxes, said = detected(capsys, tmp_path / "five.bin")
+    assert (its_names, its_boxes.tolist()) == (names, boxes.tolist())
+    assert "points of .bin files are 5 float32" in said
+
+    (lone * (1, 1, 1, 0)).astype("<f4").tofile(tmp_path / "dark.bin")
+    names, boxes, _ = detected(capsys, tmp_path / "dark.bin")
+    np.ascontiguousarray(lone[:, :3]).tofile(tmp_path / "three.bin")
+    its_names, its_boxes, said = detected(capsys, tmp_path / "three.bin")
+    assert (its_names, its_boxes.tolist()) == (names, boxes.tolist())
+    assert "points of .bin files are 3 float32" in said
+    assert "no intensity, taken as 0" in said
