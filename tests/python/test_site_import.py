@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import site_data
 import yaml
+from conftest import Infrasim
 
 from pyinfra.cli.main import main, make_parser
 from pyinfra.formats.ply import Triangles, degenerate, read_ply
@@ -547,3 +548,47 @@ def test_a_centre_that_may_be_of_either_order_is_lon_lat() -> None:
     assert streets.place_of((8.41, 8.42)) == ((8.41, 8.42), False)
     assert streets.place_of((8.42, 8.41)) == ((8.42, 8.41), False)
     assert streets.place_of((0.0, 1.0)) == ((0.0, 1.0), False)  # nowhere in the map
+
+
+# --- what an import writes passes the simulator's check
+
+
+def long_road(folder: Path) -> Path:
+    """600 m of OpenDRIVE uphill, with a house, a tree, a sign, a guard rail and a bank."""
+    rail = '<object type="barrier" id="3" s="300" t="6" length="80" width="0.3" height="0.8"/>'
+    sign = '<signals><signal id="4" type="1" s="250" t="-6" zOffset="2" height="0.6"/></signals>'
+    bank = '<lateralProfile><superelevation s="0" a="0.03" b="0" c="0" d="0"/></lateralProfile>'
+    things = site_data.HOUSE.replace("</objects>", f"{rail}</objects>") + sign + bank
+    rise = '<elevation s="0" a="5" b="0.02" c="0" d="0"/>'
+    road = site_data.road(1, (1000, 2000, 0.4), 600, more=things, elevation=rise)
+    return write_map(folder, "road.xodr", site_data.open_drive(road))
+
+
+MAPS: dict[str, Callable[[Path], Path]] = {
+    "straight": lambda folder: write_map(folder, "a.xodr", site_data.straight()),
+    "hill": lambda folder: write_map(folder, "a.xodr", site_data.hill()),
+    "long_road": long_road,
+    "roundabout": lambda folder: site_data.roundabout(folder, sumo_folder() / "bin/netconvert"),
+}
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_what_an_import_of_opendrive_or_a_network_writes_passes_check(
+    tmp_path: Path, infrasim: Infrasim, name: str
+) -> None:
+    import_map(MAPS[name](tmp_path), tmp_path / "site")
+    done = infrasim("check", tmp_path / "site/site.yaml")
+    assert done.returncode == 0, done.stderr
+    warned = [line for line in done.stderr.splitlines() if "no-trajectories" not in line]
+    assert warned == []
+
+
+@pytest.mark.parametrize("name", ["long_road", "roundabout"])
+def test_what_an_import_writes_passes_check_with_its_traffic(
+    tmp_path: Path, infrasim: Infrasim, name: str
+) -> None:
+    import_map(MAPS[name](tmp_path), tmp_path / "site")
+    words = ["site", "traffic", str(tmp_path / "site"), "--vehicles-per-hour", "1500"]
+    assert main([*words, "--seconds", "40"]) == 0
+    done = infrasim("check", tmp_path / "site/site.yaml", "--traffic")
+    assert done.returncode == 0, done.stderr
