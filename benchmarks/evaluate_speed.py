@@ -1,6 +1,6 @@
 """Measures the exactness and speed of the evaluation on one core.
 
-Writes results/evaluation.csv:
+Writes out/evaluation.csv:
 
     .venv/bin/python benchmarks/evaluate_speed.py
 """
@@ -29,6 +29,7 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.core.version import __version__
 from pyinfra.formats import kitti
 from pyinfra.metrics import matching
+from reproduction import add_out
 
 ROOT = Path(__file__).resolve().parent.parent
 Row = tuple[str, float, str]
@@ -266,7 +267,7 @@ def timed(work: Callable[[], Any]) -> tuple[Any, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=ROOT / "results" / "evaluation.csv")
+    add_out(parser, "evaluation.csv")
     parser.add_argument(
         "--frames", type=int, default=200, help="number of frames of the shapely loop"
     )
@@ -277,7 +278,6 @@ def main() -> None:
     table = pd.DataFrame(rows, columns=["what", "value", "unit"]).assign(
         command="benchmarks/evaluate_speed.py", seed=1, version=__version__
     )
-    args.out.parent.mkdir(parents=True, exist_ok=True)
     table.to_csv(args.out, index=False, float_format="%.4g")
     print(table[["what", "value", "unit"]].to_string(index=False))
 

@@ -1,6 +1,6 @@
 """Measures the detectors' operations on one core, against torch, scipy, fpsample and spconv.
 
-Writes results/ops.csv. Packages that are not installed are skipped (pip install fpsample spconv):
+Writes out/ops.csv. Packages that are not installed are skipped (pip install fpsample spconv):
 
     .venv/bin/python benchmarks/ops.py
 
@@ -16,7 +16,6 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -32,8 +31,8 @@ from torch import Tensor
 from pyinfra.core import boxes as exact
 from pyinfra.core.version import __version__
 from pyinfra.models.ops import boxes, points, sparse
+from reproduction import add_out
 
-ROOT = Path(__file__).resolve().parent.parent
 GRID = (41, 1600, 1408)  # voxels of 0.05 m and 0.1 m, as in PV-RCNN
 Ways = dict[str, Callable[[], object]]
 
@@ -224,7 +223,7 @@ def best(ways: Ways, repetitions: int) -> dict[str, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=ROOT / "results" / "ops.csv")
+    add_out(parser, "ops.csv")
     parser.add_argument("--repetitions", type=int, default=11)
     args = parser.parse_args()
     torch.set_num_threads(1)
@@ -238,7 +237,6 @@ def main() -> None:
     table = pd.DataFrame(rows).assign(
         command=f"benchmarks/ops.py --repetitions {args.repetitions}", seed=1, version=__version__
     )
-    args.out.parent.mkdir(parents=True, exist_ok=True)
     table.to_csv(args.out, index=False, float_format="%.4g")
 
 

@@ -29,6 +29,7 @@ import process
 
 from pyinfra.core.version import __version__, machine
 from pyinfra.dataset import simulation
+from reproduction import add_out
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "dev"
@@ -224,7 +225,7 @@ def arguments() -> argparse.ArgumentParser:
     parser.add_argument(
         "--before", type=Path, help="checkout of an earlier version with its binary built"
     )
-    parser.add_argument("--out", type=Path, default=ROOT / "out" / "speed.csv")
+    add_out(parser, "speed.csv")
     return parser
 
 
@@ -244,7 +245,6 @@ def main() -> None:
         for name, value, unit in part():
             print(f"{name:55s} {value:10.2f} {unit}", flush=True)
             rows.append({"what": name, "value": round(value, 3), "unit": unit})
-    args.out.parent.mkdir(parents=True, exist_ok=True)
     pd.DataFrame(rows).assign(
         command=f"benchmarks/run.py --repetitions {args.repetitions}",
         seed=1,

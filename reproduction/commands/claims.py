@@ -10,6 +10,7 @@ from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.experiments import store
 from pyinfra.experiments.result_tables import read_results
+from reproduction import add_out
 from reproduction.claims import detection, scanning
 from reproduction.claims.agreement import paper_table
 
@@ -26,13 +27,7 @@ def main() -> None:
     )
     parser.add_argument("folders", nargs="+", type=Path, help="data sets, or one folder of results")
     parser.add_argument("--tier", help="tier of the results; default: the most complete one")
-    usual = Path("results/claims.csv")
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=usual,
-        help="output file for claims on data sets (default: %(default)s)",
-    )
+    add_out(parser, "claims.csv")
     args = parser.parse_args()
     if any((folder / "dataset.yaml").is_file() for folder in args.folders):
         table = of_data_sets(args.folders, args.out)

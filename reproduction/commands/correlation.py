@@ -1,7 +1,7 @@
 """Measures how long Background's errors are correlated in time, against the block length.
 
 Each LiDAR is tested on 800 frames that span 400 s, on two scenes. The time is the integrated
-autocorrelation of each frame's influence on AP (R1000). Writes results/correlation.csv:
+autocorrelation of each frame's influence on AP (R1000). Writes out/correlation.csv:
 
     python -m reproduction correlation --work data/correlation
 """
@@ -33,7 +33,7 @@ from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
-from reproduction import ROOT
+from reproduction import ROOT, add_out
 
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 SCENES = ("highway", "crossroad")
@@ -106,7 +106,7 @@ def main() -> None:
     parser.add_argument(
         "--work", type=Path, required=True, help="working folder for frames, about 2 GB"
     )
-    parser.add_argument("--out", type=Path, default=ROOT / "results" / "correlation.csv")
+    add_out(parser, "correlation.csv")
     args = parser.parse_args()
     rows = []
     for scene in SCENES:

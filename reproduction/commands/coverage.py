@@ -2,7 +2,7 @@
 
 The detector runs on simulated traffic, and its detection probabilities are known. They fall with
 distance, differ between vehicles and change within seconds. False positives come in bursts. The
-true AP is that of all studies together. Writes results/coverage.csv for three scenes and test
+true AP is that of all studies together. Writes out/coverage.csv for three scenes and test
 spans:
 
     python -m reproduction coverage --work data/coverage
@@ -26,7 +26,7 @@ from pyinfra.dataset.catalogue import scene_file
 from pyinfra.dataset.runs import infrasim
 from pyinfra.metrics import ap, intervals
 from pyinfra.metrics.comparison import Bootstrapped
-from reproduction import ROOT
+from reproduction import add_out
 
 SCENES = ("highway", "curve", "crossroad")
 SPANS_S = (90, 250, 500)
@@ -214,7 +214,7 @@ def main() -> None:
         "--work", type=Path, required=True, help="working folder for simulated data"
     )
     parser.add_argument("--studies", type=int, default=200)
-    parser.add_argument("--out", type=Path, default=ROOT / "results" / "coverage.csv")
+    add_out(parser, "coverage.csv")
     args = parser.parse_args()
     all_rows: list[dict[str, object]] = []
     for scene in SCENES:

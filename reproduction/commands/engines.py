@@ -3,7 +3,7 @@
 Most of a frame's time is spent in the backbone. Each engine replaces only the backbone, so that
 everything else is the same. The test uses frames of three scenes on one core and alternates the
 engines frame by frame. It also measures the AP with each engine. The int8 variants are quantised
-with activations of other frames. Writes results/engines.csv:
+with activations of other frames. Writes out/engines.csv:
 
     .venv/bin/pip install onnxruntime openvino
     python -m reproduction engines --work data/engines
@@ -37,7 +37,7 @@ from pyinfra.metrics.evaluation_tables import ap_r1000_of
 from pyinfra.metrics.match_results import Settings
 from pyinfra.models.detectors.network import one_thread
 from pyinfra.models.inference import detect
-from reproduction import ROOT, provenance
+from reproduction import add_out, provenance
 
 CELLS = (("highway", "ruby_plus"), ("crossroad", "pandar_64"), ("curve", "livox_avia"))
 FRAMES, QUANTISED_BY = "0:2000:50", 5  # the first frames calibrate int8, the others are tested
@@ -150,7 +150,7 @@ def rows(folder: Path, work: Path) -> Iterator[dict[str, object]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--work", type=Path, required=True, help="working folder for frames")
-    parser.add_argument("--out", type=Path, default=ROOT / "results/engines.csv")
+    add_out(parser, "engines.csv")
     args = parser.parse_args()
     columns = provenance("engines")
     for scene, lidar in CELLS:

@@ -1,6 +1,6 @@
 """Measures the speed of every export and import on one core, with 100 frames of four LiDARs.
 
-Writes results/exchange.csv:
+Writes out/exchange.csv:
 
     python -m reproduction exchange
 
@@ -32,7 +32,7 @@ from pyinfra.exchange.formats import EXPORTS, IMPORTS
 from pyinfra.exchange.imports import import_recording
 from pyinfra.exchange.rates import size_of
 from pyinfra.exchange.recording import Options
-from reproduction import ROOT
+from reproduction import ROOT, add_out
 
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 Row = dict[str, object]
@@ -91,7 +91,7 @@ def row(way: str, name: str, lidar: str, frames: int, out: Path, seconds: float)
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=ROOT / "results" / "exchange.csv")
+    add_out(parser, "exchange.csv")
     parser.add_argument("--frames", type=int, default=100, help="number of frames per LiDAR")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
@@ -100,6 +100,5 @@ def main() -> None:
         warm_up(folder)
         table = pd.DataFrame(list(rows(folder / "data", folder / "out")))
     described = table.assign(command="python -m reproduction exchange", seed=1, version=__version__)
-    args.out.parent.mkdir(parents=True, exist_ok=True)
     described.to_csv(args.out, index=False, float_format="%.4g")
     print(table.to_string(index=False, float_format="%.4g"))

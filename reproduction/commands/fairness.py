@@ -3,7 +3,7 @@
 The pretrained detector is tested in the study's scenes, before and after 120 training steps with
 the scene's own labels. Two of the LiDARs were in its training, two were held out. A comparison of
 LiDARs with the pretrained detector is fair if all LiDARs gain the same. If a narrow LiDAR gains
-more than a wide one, the comparison is unfair to it. Rows are added to results/fairness.csv as they
+more than a wide one, the comparison is unfair to it. Rows are added to out/fairness.csv as they
 are made; existing rows of the same weights are kept.
 
     python -m reproduction fairness generalist --work data/fairness
@@ -20,7 +20,7 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.experiments import store
-from reproduction import ROOT, provenance
+from reproduction import add_out, provenance
 from reproduction.commands import generalist
 
 # a narrow and a wide one that were trained on, then a narrow and a wide one held out
@@ -39,7 +39,7 @@ def main() -> None:
     parser.add_argument("--scenes", nargs="+", default=list(generalist.SCENES))
     parser.add_argument("--lidars", nargs="+", default=list(LIDARS))
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
-    parser.add_argument("--out", type=Path, default=ROOT / "results/fairness.csv")
+    add_out(parser, "fairness.csv")
     args = parser.parse_args()
     columns = provenance(f"fairness --scenes {' '.join(args.scenes)}")
     for seed, scene, lidar in itertools.product(args.seeds, args.scenes, args.lidars):

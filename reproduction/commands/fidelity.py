@@ -1,6 +1,6 @@
 """Measures the effect of cheaper scene models: detail, aggregation, beam width, vehicle parts.
 
-Writes results/fidelity.csv, aggregation.csv, beam.csv, fidelity_parts.csv and a picture:
+Writes out/fidelity.csv, aggregation.csv, beam.csv, fidelity_parts.csv and a picture:
 
     python -m reproduction fidelity
 """
@@ -19,7 +19,7 @@ import yaml
 
 from pyinfra.core.version import __version__
 from pyinfra.dataset import simulation
-from reproduction import ROOT
+from reproduction import RECORDED, ROOT, add_out
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -181,11 +181,12 @@ def main() -> None:
     parser.add_argument(
         "--frames", type=int, default=100, help="number of frames, spread over the run"
     )
-    parser.add_argument("--out", type=Path, default=ROOT / "results")
+    add_out(parser)
     args = parser.parse_args()
-    args.out.mkdir(exist_ok=True)
     frames = range(0, 5000, 5000 // args.frames)
-    aggregation_picture(ROOT / "docs" / "pictures" / "aggregation.png")
+    recorded = args.out.resolve() == RECORDED
+    pictures = ROOT / "docs" / "pictures" if recorded else args.out
+    aggregation_picture(pictures / "aggregation.png")
     command = f"python -m reproduction fidelity --frames {args.frames}"
     for name, table in (
         ("fidelity", points_ladder("detail", DETAILS, frames, "equal")),

@@ -4,7 +4,7 @@ An experiment is a site, a traffic seed and a LiDAR. A site is a scene of the st
 one that no training used. Each experiment tests the pretrained detector unchanged (`none`), after
 some training steps with the site's own simulated labels (`tuned_30`, `tuned_120`: about 30 and 120
 s of one core), and a network of the same kind trained only there (`specialist`). Rows with their
-bootstrap replicates are added to results/generalist.csv as they are made. Existing rows of the same
+bootstrap replicates are added to out/generalist.csv as they are made. Existing rows of the same
 weights (`start`) are not computed again.
 
     python -m reproduction generalist --work data/generalist
@@ -46,7 +46,7 @@ from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
 from pyinfra.scenes.generator.generate import make_site
 from pyinfra.scenes.generator.random_stream import VERSION
-from reproduction import ROOT
+from reproduction import ROOT, add_out
 
 RECIPES = ROOT / "configs/detectors"
 SCENES = ("highway", "crossroad", "curve")
@@ -192,7 +192,7 @@ def main() -> None:
     parser.add_argument(
         "--model", type=Path, default=Path("generalist"), help="run folder, model file or name"
     )
-    parser.add_argument("--out", type=Path, default=ROOT / "results" / "generalist.csv")
+    add_out(parser, "generalist.csv")
     parser.add_argument(
         "--sites", type=int, default=13, help="number of generated sites (default: 13)"
     )

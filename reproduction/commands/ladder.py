@@ -2,7 +2,7 @@
 
 The scene is the highway with preset `datasheet`, where vehicles have parts. The default model is
 that of the simulator with 1,000 of 5,000 frames. One setting at a time differs from the default.
-The detector is Background. Rows are added to results/ladder.csv as they are made; existing rows are
+The detector is Background. Rows are added to out/ladder.csv as they are made; existing rows are
 not computed again. Another detector needs another --out:
 
     python -m reproduction ladder --work data/ladder
@@ -33,7 +33,7 @@ from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
-from reproduction import ROOT
+from reproduction import ROOT, add_out
 from reproduction.report.ladder import SEVERITIES
 
 LIDARS = ["ruby_plus", "livox_avia", "pandar_64", "helios_16"]
@@ -119,7 +119,7 @@ def main() -> None:
     parser.add_argument(
         "--work", type=Path, required=True, help="working folder for frames, about 2 GB"
     )
-    parser.add_argument("--out", type=Path, default=ROOT / "results" / "ladder.csv")
+    add_out(parser, "ladder.csv")
     parser.add_argument("--preset", default="datasheet")
     parser.add_argument(
         "--detector", default="background", help="name of a file in configs/detectors"

@@ -6,7 +6,7 @@ The latency of a network depends on its widths and its canvas, and hardly on its
 network is trained with a tenth of its steps, two at a time, and is then timed alone. PointRCNN gets
 half of its steps, because its second stage takes the confident proposals of its first. `--check`
 also trains the experiments of CHECKED in full, to show the difference. Existing rows of
-results/latency.csv are skipped. New rows are also written to results/quick.csv.
+out/latency.csv are skipped. New rows are also written to out/quick.csv, if that has the experiment.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from pyinfra.experiments.benchmark.workspace import Workspace
 from pyinfra.experiments.pool import Pool, call_all
 from pyinfra.experiments.value import KEY
 from pyinfra.models.training.recipe import read_recipe
-from reproduction import ROOT
+from reproduction import ROOT, add_out
 
 BUDGET = 0.1
 BUDGETS = {"pointrcnn": 0.5, "pointrcnn-remedied": 0.5}
@@ -95,7 +95,7 @@ def main() -> None:
     parser.add_argument("--scenes", nargs="+", default=["highway", "crossroad", "curve"])
     parser.add_argument("--check", action="store_true", help="run CHECKED instead of the scenes")
     parser.add_argument("--work", type=Path, default=ROOT / "data/benchmark")
-    parser.add_argument("--out", type=Path, default=ROOT / "results")
+    add_out(parser)
     parser.add_argument(
         "--every", type=int, default=3, help="use every Nth test frame (default: 3)"
     )

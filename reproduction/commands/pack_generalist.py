@@ -3,10 +3,9 @@
     python -m reproduction pack_generalist RUN
 
 The sites were in no training. For each class a line is fitted on the logits, so that a score is the
-share of correct boxes. Writes pyinfra/models/generalist.safetensors: layers in half precision, with
-the lines and their precision and recall in the header. Writes results/generalist_sites.csv:
-precision and recall of the boxes above the cut by site, LiDAR and class, and the values that the
-scores predict.
+share of correct boxes. Writes out/generalist.safetensors: layers in half precision, with the lines
+and their precision and recall in the header. Writes out/generalist_sites.csv: precision and recall
+of the boxes above the cut by site, LiDAR and class, and the values that the scores predict.
 """
 
 from __future__ import annotations
@@ -30,10 +29,10 @@ from pyinfra.models.detectors import Detections, calibration
 from pyinfra.models.detectors.classes import METRICS, TYPES
 from pyinfra.models.detectors.fuse_batchnorm import fused
 from pyinfra.models.detectors.network import Network
-from pyinfra.models.inference.detect import MODELS, model_file
+from pyinfra.models.inference.detect import model_file
 from pyinfra.models.training import checkpoint
 from pyinfra.models.training.samples import SiteSample
-from reproduction import ROOT
+from reproduction import add_out
 from reproduction.commands import frozen_sites
 
 MIN_SCORE = 0.002  # the lines are fitted on more boxes than a user sees
@@ -143,8 +142,8 @@ def main() -> None:
     parser.add_argument("run", type=Path, help="output folder of `pyinfra train --sites`")
     parser.add_argument("--sites", type=int, default=60)
     parser.add_argument("--frames", type=int, default=5, help="frames per LiDAR (default: 5)")
-    parser.add_argument("--out", type=Path, default=MODELS / "generalist.safetensors")
-    parser.add_argument("--table", type=Path, default=ROOT / "results/generalist_sites.csv")
+    add_out(parser, "generalist.safetensors", recorded="pyinfra/models/generalist.safetensors")
+    add_out(parser, "generalist_sites.csv", "--table")
     args = parser.parse_args()
     loaded = checkpoint.load(model_file(args.run))
     network = fused(loaded.network())
@@ -169,6 +168,5 @@ def main() -> None:
         calibration=line,
         figures={"cut": CUT, "sites": args.sites, **figures},
     )
-    args.out.parent.mkdir(exist_ok=True)
     checkpoint.write(args.out, halved(loaded.weights()), provenance)
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.2f} MB, {line}, {figures}")

@@ -4,7 +4,7 @@ The LiDAR is 6 m above a straight level road, with preset `datasheet`. A pedestr
 move away from it side by side, to 500 m, with nothing in front of them or behind them. Each frame
 has new ones with another paint and another heading. So a distance bin has 25 frames with different
 scan phases, positions, headings and reflectances. Points are medians over these frames. Writes
-results/people.csv and prints the distances up to which the median is 5 points:
+out/people.csv and prints the distances up to which the median is 5 points:
 
     python -m reproduction people
 """
@@ -22,7 +22,7 @@ import pandas as pd
 from pyinfra.core.version import __version__, machine
 from pyinfra.dataset import simulation
 from pyinfra.dataset.lidars import catalogue_files, presets_of
-from reproduction import ROOT
+from reproduction import add_out
 
 SIZES = {"Pedestrian": (0.73, 0.67, 1.77), "Cyclist": (1.67, 0.70, 1.67)}  # core/classes.h
 SIDE_M = {"Pedestrian": 1.5, "Cyclist": -1.5}  # lateral offset from the line straight ahead
@@ -114,7 +114,7 @@ def reach(table: pd.DataFrame) -> dict[str, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=ROOT / "results" / "people.csv")
+    add_out(parser, "people.csv")
     args = parser.parse_args()
     # Excluded: users must download its table of rays themselves, and it looks upwards.
     files = [file for file in catalogue_files() if file.stem != "livox_mid_360"]

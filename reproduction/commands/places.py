@@ -3,7 +3,7 @@
 The scene and the commands are those of docs/several_poles.md, with three traffic seeds. The
 positions are: 40 m before the crossing; at the corner at 4, 6 and 8 m height; at 8 m pitched down
 by 10 degrees; and at 6 m with a second pole across. The detector is the shipped pretrained one,
-without training. Writes results/places.csv, the rows of `pyinfra compare` under `present` and
+without training. Writes out/places.csv, the rows of `pyinfra compare` under `present` and
 `all`:
 
     python -m reproduction places --work data/places
@@ -22,7 +22,7 @@ import pandas as pd
 from pyinfra.dataset.catalogue import lidar_file
 from pyinfra.dataset.runs import infrasim
 from pyinfra.metrics.places import compare_places
-from reproduction import ROOT, provenance
+from reproduction import ROOT, add_out, provenance
 
 SEEDS = (1, 2, 3)
 FRAMES = "0:5000:47"
@@ -77,7 +77,7 @@ def main() -> None:
     parser.add_argument(
         "--work", type=Path, required=True, help="working folder for frames, about 5 GB"
     )
-    parser.add_argument("--out", type=Path, default=ROOT / "results" / "places.csv")
+    add_out(parser, "places.csv")
     parser.add_argument("--lidars", nargs="+", choices=LIDARS, default=LIDARS)
     args = parser.parse_args()
     args.work.mkdir(parents=True, exist_ok=True)

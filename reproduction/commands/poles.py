@@ -5,7 +5,7 @@ in the same simulation: without errors, with late clocks, and with mounts turned
 angle. (90 s of test would be little more than the time of one waiting vehicle, so no interval could
 be computed.) The vehicles of `all` are those that four poles together see, for any number of poles,
 so that differences use the same vehicles and blocks. Rows with their bootstrap replicates are added
-to results/poles.csv as they are made; existing rows are not computed again.
+to out/poles.csv as they are made; existing rows are not computed again.
 
     python -m reproduction poles --work data/poles
 """
@@ -40,7 +40,7 @@ from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
-from reproduction import ROOT, provenance
+from reproduction import ROOT, add_out, provenance
 
 SCENE = "crossroad_poles"
 LIDARS = ("helios_16", "livox_avia", "ruby_plus", "pandar_64")
@@ -189,7 +189,7 @@ def main() -> None:
     parser.add_argument(
         "--work", type=Path, required=True, help="working folder for frames, about 10 GB"
     )
-    parser.add_argument("--out", type=Path, default=ROOT / "results" / "poles.csv")
+    add_out(parser, "poles.csv")
     parser.add_argument("--lidars", nargs="+", choices=LIDARS, default=LIDARS[:3])
     parser.add_argument("--arms", nargs="+", choices=ARMS, default=ARMS)
     args = parser.parse_args()

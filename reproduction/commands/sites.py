@@ -1,7 +1,7 @@
 """Takes ten maps from import to average precision, each step with the user's command.
 
 Seven maps are generated here. Three are towns (.xodr) in the folder that --towns names; without it
-they are skipped. Rows are added to results/sites.csv as they are made; existing rows are kept
+they are skipped. Rows are added to out/sites.csv as they are made; existing rows are kept
 unless --again is given.
 
     python -m reproduction sites --work out/sites --towns maps
@@ -23,7 +23,7 @@ import yaml
 
 from pyinfra.core.version import __version__, machine
 from pyinfra.scenes.maps.sumo import sumo_folder
-from reproduction import ROOT
+from reproduction import ROOT, add_out
 
 TOWNS = ("Town04", "Town05", "Town10HD")
 LIDARS = ("ruby_plus", "livox_avia")
@@ -129,7 +129,7 @@ def main() -> None:
     parser.add_argument(
         "--again", action="store_true", help="also run sites that the table already has"
     )
-    parser.add_argument("--out", type=Path, default=ROOT / "results/sites.csv")
+    add_out(parser, "sites.csv")
     args = parser.parse_args()
     provenance = {"preset": PRESET, "seed": SEED, "version": __version__, "machine": machine()}
     table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame({"site": []})

@@ -4,7 +4,7 @@ Two runs are made on a generated crossing with signals, and on each given site:
 
     python -m reproduction traffic sites/town
 
-Writes results/traffic.csv with a row per run before smoothing and one after it.
+Writes out/traffic.csv with a row per run before smoothing and one after it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from pyinfra.scenes.maps.smoothing import unsmoothed
 from pyinfra.scenes.maps.traffic import cleaned, record
 from pyinfra.scenes.maps.traffic_demand import Demand
 from pyinfra.scenes.maps.traffic_figures import TrafficFigures, traffic_figures
-from reproduction import ROOT
+from reproduction import add_out
 
 SEEDS = (1, 2)
 ON_FOOT = ("Pedestrian",)
@@ -85,7 +85,7 @@ def main() -> None:
         help="pedestrians per hour, and the same number of cyclists",
     )
     parser.add_argument("--seconds", type=float, default=500)
-    parser.add_argument("--out", type=Path, default=ROOT / "results/traffic.csv")
+    add_out(parser, "traffic.csv")
     args = parser.parse_args()
     demand = Demand(args.vehicles_per_hour, args.people_per_hour, args.people_per_hour)
     with tempfile.TemporaryDirectory() as folder:

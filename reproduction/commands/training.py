@@ -1,10 +1,10 @@
-"""Measures the effect of training budget and split on AP: results/budget.csv and split.csv.
+"""Measures the effect of training budget and split on AP: out/budget.csv and split.csv.
 
     python -m reproduction training --work data/benchmark
 
 The setting is the highway, the Avia, preset `paper`, tier quick. Existing rows are skipped. The
-rows with the whole budget and with the split by time come from results/quick.csv, so run `pyinfra
-benchmark` first.
+rows with the whole budget and with the split by time come from quick.csv in the same folder, else
+from results/quick.csv, so run `pyinfra benchmark` first.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pyinfra.experiments.benchmark import measure
 from pyinfra.experiments.benchmark.matrix import Experiment
 from pyinfra.experiments.value import KEY
 from pyinfra.models.training.recipe import Recipe, read_recipe
-from reproduction import ROOT
+from reproduction import RECORDED, ROOT, add_out
 
 LIDAR = "livox_avia"
 BUDGETS = (0.25, 0.5)
@@ -72,7 +72,8 @@ def add(
 
 def add_known(file: Path, detectors: tuple[str, ...], change: dict[str, object]) -> None:
     """Copies the benchmark's rows that correspond to the unchanged setting."""
-    table = store.read(file.with_name("quick.csv"))
+    known = file.with_name("quick.csv")
+    table = store.read(known if known.is_file() else RECORDED / "quick.csv")
     wanted = pd.DataFrame([dataclasses.asdict(experiment_of(name)) for name in detectors])
     rows = table[store.among(table, wanted, KEY)].assign(**change)
     if len(rows):
@@ -82,7 +83,7 @@ def add_known(file: Path, detectors: tuple[str, ...], change: dict[str, object])
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--work", type=Path, default=ROOT / "data/benchmark")
-    parser.add_argument("--out", type=Path, default=ROOT / "results")
+    add_out(parser)
     args = parser.parse_args()
     data = args.work / "data/highway_paper"
     for detector in STARVED:

@@ -6,7 +6,7 @@ are matched by BEV IoU 0.5. Pedestrians and cyclists are matched by IoU 0.25, an
 0.5 m, because an IoU of 0.5 allows an offset of only 0.2 m for a box of 0.6 m. The class of a box
 does not matter for a vulnerable road user (pedestrian or cyclist). Conditions are errors of the
 known pose. Intervals (Student's t), paired differences to the first model and costs of a condition
-use 1,000 bootstrap replicates of whole sites. Writes results/unseen.csv:
+use 1,000 bootstrap replicates of whole sites. Writes out/unseen.csv:
 
     python -m reproduction unseen version_2.safetensors generalist
 """
@@ -37,7 +37,7 @@ from pyinfra.models.training import checkpoint
 from pyinfra.models.training.samples import SiteSample, lifted
 from pyinfra.scenes.generator.layout import Keys
 from pyinfra.scenes.generator.ranges import RANGES
-from reproduction import ROOT, provenance
+from reproduction import add_out, provenance
 from reproduction.commands import frozen_sites
 
 FINE = 1000  # recalls
@@ -240,7 +240,7 @@ def main() -> None:
     parser.add_argument(
         "--frames", type=int, default=5, help="frames per LiDAR, at most 5 (default: 5)"
     )
-    parser.add_argument("--out", type=Path, default=ROOT / "results/unseen.csv")
+    add_out(parser, "unseen.csv")
     args = parser.parse_args()
     networks = [fused(checkpoint.load(model_file(model)).network()) for model in args.models]
     names = [model.stem for model in args.models]

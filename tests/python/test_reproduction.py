@@ -1,12 +1,16 @@
 """`python -m reproduction`: the study's commands."""
 
+import argparse
 import ast
+import importlib
+import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
+from reproduction import ROOT, add_out, commands
 from reproduction import __main__ as reproduction
-from reproduction import commands
 from reproduction.commands import demo
 
 FILES = sorted(Path(commands.__path__[0]).glob("[a-z]*.py"))
@@ -25,6 +29,61 @@ def test_a_command_gets_the_words_after_its_name(capsys: pytest.CaptureFixture[s
         reproduction.main(["tables", "--help"])
     assert end.value.code == 0
     assert "python -m reproduction tables [-h] [--check]" in capsys.readouterr().out
+
+
+class Parsed(Exception):
+    """Ends a program where it has its options."""
+
+
+def options_of(module: str, monkeypatch: pytest.MonkeyPatch) -> argparse.ArgumentParser:
+    """The parser of a program."""
+    parsers = []
+
+    def parse_args(self: argparse.ArgumentParser, *_: object, **__: object) -> None:
+        parsers.append(self)
+        raise Parsed
+
+    monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parse_args)
+    with pytest.raises(Parsed):
+        importlib.import_module(module).main()
+    return parsers[0]
+
+
+PROGRAMS = [f"reproduction.commands.{f.stem}" for f in FILES if "ArgumentParser" in f.read_text()]
+SPEED = ["ops", "evaluate_speed", "run"]
+
+
+@pytest.mark.parametrize("module", [*PROGRAMS, *SPEED])
+def test_no_program_replaces_a_recorded_measurement_by_default(
+    module: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Outputs are in out/; `--out results/NAME` records them, and is what --help says."""
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    monkeypatch.setitem(sys.modules, "openvino", ModuleType("openvino"))  # optional
+    parser = options_of(module, monkeypatch)
+    paths = {a.dest: a.default for a in parser._actions if isinstance(a.default, (str, Path))}
+    for name in ("results", "docs", "pyinfra", "configs"):
+        assert [k for k, path in paths.items() if (ROOT / path).is_relative_to(ROOT / name)] == []
+    if module in SPEED:
+        assert (ROOT / paths["out"]).parent == ROOT / "out"
+        assert "record" in parser.format_help()
+
+
+def test_an_output_is_where_it_is_asked_and_a_wrong_one_is_an_error_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parser = argparse.ArgumentParser()
+    add_out(parser, "speed.csv")
+    assert parser.parse_args([]).out == ROOT / "out/speed.csv"
+    assert (ROOT / "out").is_dir()
+    asked = parser.parse_args(["--out", f"{tmp_path}/new/speed.csv"]).out
+    assert asked == tmp_path / "new/speed.csv"
+    assert asked.parent.is_dir()
+    (tmp_path / "file").touch()
+    with pytest.raises(SystemExit) as end:
+        parser.parse_args(["--out", f"{tmp_path}/file/speed.csv"])
+    assert end.value.code == 2
+    assert "--out: expected a path" in capsys.readouterr().err
 
 
 def test_an_unknown_command_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
