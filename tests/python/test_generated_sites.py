@@ -31,7 +31,8 @@ from pyinfra.scenes.generator.generate import make_site
 from pyinfra.scenes.generator.layout import Keys, PlannedRoad, crossing, varied
 from pyinfra.scenes.generator.lidar_catalogue import Sensors, sensors
 from pyinfra.scenes.generator.random_stream import RandomStream
-from pyinfra.scenes.generator.ranges import CLUTTERED, RANGES, ROAD_TYPES, STREET
+from pyinfra.scenes.generator.ranges import CLUTTERED, RANGES
+from pyinfra.scenes.generator.road_types import ROAD_TYPES, STREET
 
 MANY = 200
 SITES = [make_site(seed) for seed in range(MANY)]

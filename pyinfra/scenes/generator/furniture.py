@@ -7,16 +7,15 @@ site does not depend on them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.scenes.generator.layout import FreeSpace, Keys, PlannedRoad
+from pyinfra.scenes.generator.layout import SIDES, FreeSpace, Keys, PlannedRoad
 from pyinfra.scenes.generator.people import Walks
+from pyinfra.scenes.generator.placement import Base, BuildingSize, Placement
 from pyinfra.scenes.generator.random_stream import RandomStream
-from pyinfra.scenes.generator.ranges import Ranges, RoadType
-from pyinfra.scenes.generator.roadside import SIDES
+from pyinfra.scenes.generator.road_types import RoadType
+from pyinfra.scenes.generator.roadside_ranges import FurnitureRanges
 
 TRIES = 8  # positions that are tried for each piece
 GAP_M = 0.4  # free space around each piece
@@ -26,23 +25,15 @@ LANE_GAP_M = 0.3  # minimum gap between the carriageway and a piece
 
 
 class Furniture:
-    """Places the street furniture of a site and collects its scene keys."""
+    """Places the street furniture of a site, and collects the scene keys of standing groups."""
 
     def __init__(
-        self,
-        walks: Walks,
-        road_type: RoadType,
-        ranges: Ranges,
-        mount: Keys,
-        base_m: Callable[[PlannedRoad, float], float],
+        self, placement: Placement, walks: Walks, road_type: RoadType, how: FurnitureRanges
     ) -> None:
-        """base_m: callback for the ground height at a distance left of a road's centreline."""
-        self.walks, self.free_space, self.base_m = walks, walks.free_space, base_m
-        self.counts, self.how = road_type.furniture, ranges.furniture
-        self.times = ranges.furniture.times
+        self.placement, self.walks = placement, walks
+        self.counts, self.how = road_type.furniture, how
+        mount = placement.mount
         self.placed = np.array([[mount["x_m"], mount["y_m"], 1.0]])  # x y radius
-        self.buildings: list[Keys] = []
-        self.trees: list[Keys] = []
         self.groups: list[Keys] = []
 
     def add(self, road: PlannedRoad, seed: int) -> None:
@@ -58,7 +49,7 @@ class Furniture:
         for side, word in SIDES:
             for kind, build in make.items():
                 stream = RandomStream(seed, f"{road.name} {word} {kind}")
-                for _ in range(round(self.times * stream.whole(self.counts.get(kind, (0, 0))))):
+                for _ in range(round(self.how.times * stream.whole(self.counts.get(kind, (0, 0))))):
                     build(stream, road, side)
 
     def _free_position(
@@ -68,22 +59,23 @@ class Furniture:
         side: int,
         radius_m: float,
         verge_m: float = VERGE_M,
-    ) -> tuple[float, float, float, float] | None:
-        """Returns x, y, heading (rad) and base of a free circle beside a road, or None."""
+    ) -> Base | None:
+        """Returns the middle of a free circle beside a road, or None."""
+        nearest = self.placement.free_space.nearest_station(road)
         for _ in range(TRIES):
-            s = self._nearest_station(road) + stream.within((-self.how.within_m, self.how.within_m))
+            s = nearest + stream.within((-self.how.within_m, self.how.within_m))
             wide_m = road.keys["lanes"]["sidewalk_m"] + verge_m - 2 * radius_m
             out_m = LANE_GAP_M + radius_m + stream.within((0, max(wide_m, 0.2)))
             left_m = side * (road.carriageway_half_m + out_m)
-            x, y, heading = road.pose_at(s, left_m)
+            x, y, heading, base_m = self.placement.base(road, s, left_m)
             if 2 < s < road.length_m - 2 and self._is_free(np.array([[x, y]]), radius_m):
                 self.placed = np.vstack([self.placed, [x, y, radius_m]])
-                return round(x, 2), round(y, 2), heading, self.base_m(road, left_m)
+                return round(x, 2), round(y, 2), heading, base_m
         return None
 
     def _is_free(self, position: FloatArray, radius_m: float) -> bool:
         """Returns whether nothing is within a radius of a position (1, 2)."""
-        free_space: FreeSpace = self.free_space
+        free_space: FreeSpace = self.placement.free_space
         if np.hypot(*(position[0] - free_space.centre)) < free_space.layout.junction_m + radius_m:
             return False
         for road in free_space.layout.roads:
@@ -94,14 +86,10 @@ class Furniture:
             position, radius_m + GAP_M
         )
 
-    def _nearest_station(self, road: PlannedRoad) -> float:
-        away = road.stations[:, 1:3] - self.free_space.centre
-        return float(road.stations[np.hypot(*away.T).argmin(), 0])
-
     def _box(
         self,
-        at: tuple[float, float, float, float],
-        size: tuple[float, float, float],
+        at: Base,
+        size: BuildingSize,
         *,
         turn_deg: float = 0.0,
         ahead_m: float = 0.0,
@@ -111,24 +99,15 @@ class Furniture:
         """Adds a box of length, width and height, moved along and across the road's direction."""
         x, y, heading, base_m = at
         cos, sin = np.cos(heading), np.sin(heading)
-        self.buildings.append(
-            {
-                "x_m": round(float(x + cos * ahead_m - sin * left_m), 2),
-                "y_m": round(float(y + sin * ahead_m + cos * left_m), 2),
-                "length_m": size[0],
-                "width_m": size[1],
-                "height_m": size[2],
-                "heading_deg": round(float(np.degrees(heading)) + turn_deg, 1),
-                "base_m": round(base_m + above_m, 2),
-            }
-        )
+        x, y = x + cos * ahead_m - sin * left_m, y + sin * ahead_m + cos * left_m
+        self.placement.building((x, y, heading, base_m + above_m), size, turn_deg)
 
     def _sign(self, stream: RandomStream, road: PlannedRoad, side: int) -> None:
         """Adds a sign: a plate on a pole, across the road or along it."""
         how = self.how
         plate = stream.within(how.plate_m), 0.1, stream.within(how.plate_m)
         pole_m, above_m = stream.within(how.pole_width_m), stream.within(how.plate_above_m)
-        turn_deg = stream.one_of({90.0: 0.8, 0.0: 0.2}) + stream.within((-15, 15), 0)
+        turn_deg = stream.one_of(how.plate_turn_deg) + stream.within(how.plate_off_deg, 0)
         if (at := self._free_position(stream, road, side, max(plate[0] / 2, 0.2))) is not None:
             self._box(at, (pole_m, pole_m, round(above_m + plate[2], 2)))
             self._box(at, plate, turn_deg=turn_deg, above_m=above_m)
@@ -137,7 +116,7 @@ class Furniture:
         how = self.how
         size = stream.within(how.bin_m), stream.within(how.bin_m), stream.within(how.bin_height_m)
         if (at := self._free_position(stream, road, side, max(size[:2]) * 0.71)) is not None:
-            self._box(at, size, turn_deg=stream.within((-20, 20), 0))
+            self._box(at, size, turn_deg=stream.within(how.bin_turn_deg, 0))
 
     def _planter(self, stream: RandomStream, road: PlannedRoad, side: int) -> None:
         """Adds a bench or a planter along the road."""
@@ -150,7 +129,7 @@ class Furniture:
         if (
             at := self._free_position(stream, road, side, float(np.hypot(*size[:2])) / 2)
         ) is not None:
-            self._box(at, size, turn_deg=stream.within((-5, 5), 0))
+            self._box(at, size, turn_deg=stream.within(how.planter_turn_deg, 0))
 
     def _shelter(self, stream: RandomStream, road: PlannedRoad, side: int) -> None:
         """Adds a shelter of a bus stop: a roof, a back wall and one end wall, open to the road."""
@@ -177,7 +156,8 @@ class Furniture:
             "density_per_m": stream.within(how.crown_density_per_m),
         }
         if (at := self._free_position(stream, road, side, crown_m / 2)) is not None:
-            self.trees.append({"tree": {"x_m": at[0], "y_m": at[1], **tree, "base_m": at[3]}})
+            plant = {"x_m": at[0], "y_m": at[1], **tree, "base_m": at[3]}
+            self.placement.keys["vegetation"].append({"tree": plant})
 
     def _group(self, stream: RandomStream, road: PlannedRoad, side: int) -> None:
         """Adds a group of pedestrians who stand close together."""

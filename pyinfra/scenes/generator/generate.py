@@ -11,10 +11,13 @@ import numpy as np
 from pyinfra.core.errors import Error
 from pyinfra.scenes.generator.furniture import Furniture
 from pyinfra.scenes.generator.layout import LAYOUTS, FreeSpace, Keys, Layout, PlannedRoad, varied
+from pyinfra.scenes.generator.parking import Parking
 from pyinfra.scenes.generator.people import Walks
+from pyinfra.scenes.generator.placement import Placement
 from pyinfra.scenes.generator.random_stream import RandomStream
-from pyinfra.scenes.generator.ranges import RANGES, ROAD_TYPES, Ranges, RoadType
-from pyinfra.scenes.generator.roadside import RoadsideGenerator
+from pyinfra.scenes.generator.ranges import RANGES, Ranges
+from pyinfra.scenes.generator.road_types import ROAD_TYPES, RoadType
+from pyinfra.scenes.generator.roadside import Roadside
 
 DURATION_S = 60.0  # long enough for queues to form and dissolve
 WARM_UP_S = 60.0
@@ -43,36 +46,25 @@ def make_site(seed: int, ranges: Ranges = RANGES) -> Keys:
     mount = _mount(RandomStream(seed, "mount"), ranges, layout)
     mount |= _on_a_slope(RandomStream(seed, "grade"), road_type, ranges, mount, layout)
     free_space.take([mount["x_m"], mount["y_m"], 0, BOX_OF_SENSOR_M, BOX_OF_SENSOR_M, 1, 0])
-    side = RoadsideGenerator(free_space, road_type, ranges, foot_m, mount)
+    placement = Placement(free_space, foot_m, mount)
+    parking = Parking(placement, road_type, ranges.parking)
     for road in layout.roads:
-        side.park(road, seed)
+        parking.add(road, seed)
+    roadside = Roadside(parking, road_type, ranges.things)
     for road in layout.roads:
-        side.furnish(road, seed)
-    walks = _people(seed, free_space, road_type, ranges, side.keys)
-    things = side.keys | {"people": walks.rows}
+        roadside.add(road, seed)
+    # Last, so that static objects do not depend on people and furniture.
+    walks = Walks(free_space, road_type, ranges.ways, placement.keys)
+    if RandomStream(seed, "people").chance(ranges.ways.sites):
+        for road in layout.roads:
+            walks.add(road, seed)
+    things = placement.keys | {"people": walks.rows}
     if RandomStream(seed, "furniture").chance(ranges.furniture.sites):
-        furniture = Furniture(walks, road_type, ranges, mount, side.slope_m)
+        furniture = Furniture(placement, walks, road_type, ranges.furniture)
         for road in layout.roads:
             furniture.add(road, seed)
-        things["buildings"] = things["buildings"] + furniture.buildings
-        things["vegetation"] = things["vegetation"] + furniture.trees
         things["standing_people"] = furniture.groups
     return _scene(seed, road_type, ranges, layout, mount, things, foot_m)
-
-
-def _people(
-    seed: int,
-    free_space: FreeSpace,
-    road_type: RoadType,
-    ranges: Ranges,
-    things: dict[str, list[Keys]],
-) -> Walks:
-    """Adds rows of pedestrians and cyclists last, so that static objects do not depend on them."""
-    walks = Walks(free_space, road_type, ranges, things)
-    if RandomStream(seed, "people").chance(ranges.ways.sites):
-        for road in free_space.layout.roads:
-            walks.add(road, seed)
-    return walks
 
 
 def _scene(
@@ -133,7 +125,7 @@ def _mount(stream: RandomStream, ranges: Ranges, layout: Layout) -> Keys:
     if layout.junctions:
         s += stream.side() * (layout.corner_m + stream.within(how.before_junction_m))
     else:
-        s += stream.within((-30, 30))
+        s += stream.within(how.along_m)
     word = stream.one_of({"lanes": how.over_lanes, "median": how.over_median, "beside": 1.0})
     if word == "median" and road.keys["lanes"]["median_m"] >= 1:
         left_m = 0.0
@@ -198,7 +190,10 @@ def _traffic(seed: int, road_type: RoadType, ranges: Ranges, layout: Layout) -> 
         shares[many] = fleet.within(ranges.fleet_weight, 3)
     return {
         "vehicles_per_km_lane": stream.within(road_type.vehicles_per_km_lane, 1),
-        "speed": {"mean_km_h": speed, "std_km_h": round(speed * stream.within((0.03, 0.15)), 1)},
+        "speed": {
+            "mean_km_h": speed,
+            "std_km_h": round(speed * stream.within(ranges.speed_spread), 1),
+        },
         "warm_up_s": WARM_UP_S,
         "class_shares": {n: v for n, v in shares.items() if fits(n, width, radius)},
     }

@@ -14,11 +14,13 @@ from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.boxes import bev_overlap, footprints
 from pyinfra.dataset.regions import offset_curve
 from pyinfra.scenes.generator.random_stream import RandomStream
-from pyinfra.scenes.generator.ranges import Ranges, RingRanges, RoadType
+from pyinfra.scenes.generator.ranges import Ranges, RingRanges
+from pyinfra.scenes.generator.road_types import RoadType
 
 Keys = dict[str, Any]
 Stretch = tuple[float, float]  # first and last station of a section of a road
 
+SIDES = ((1, "left"), (-1, "right"))
 STEP_M = 1.0  # distance between stations
 STOP_LINE_M = 3.0  # distance of a stop line from the crossing road's footway, as in the simulator
 SHARP_TURN_M = 8.0  # additional distance at a T-junction, times the cosine of its angle
@@ -253,6 +255,11 @@ class FreeSpace:
         self.taken = np.zeros((0, 7))  # boxes of placed objects; z and height are not used
         x, y, _ = layout.roads[0].pose_at(*layout.focus)
         self.centre = np.array([x, y])
+
+    def nearest_station(self, road: PlannedRoad) -> float:
+        """Returns the station of a road that is nearest to the focus."""
+        away = road.stations[:, 1:3] - self.centre
+        return float(road.stations[np.hypot(*away.T).argmin(), 0])
 
     def take(self, box: Sequence[float]) -> None:
         self.taken = np.vstack([self.taken, np.asarray(box, np.float64)])

@@ -8,10 +8,19 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pyinfra.core.arrays import BoolArray, FloatArray
-from pyinfra.scenes.generator.layout import FreeSpace, Keys, PlannedRoad, Stretch, runs, within
+from pyinfra.scenes.generator.layout import (
+    SIDES,
+    FreeSpace,
+    Keys,
+    PlannedRoad,
+    Stretch,
+    runs,
+    within,
+)
+from pyinfra.scenes.generator.parking import KERB_ROW_M
 from pyinfra.scenes.generator.random_stream import RandomStream
-from pyinfra.scenes.generator.ranges import Ranges, RoadType, WalkRanges
-from pyinfra.scenes.generator.roadside import KERB_ROW_M, SIDES
+from pyinfra.scenes.generator.road_types import RoadType, WalkRanges
+from pyinfra.scenes.generator.roadside_ranges import WayRanges
 
 HALF_WAY_M = 1.35  # free width on both sides of a line; the simulator requires 1.2
 STEP_M = 0.25  # distance between the lines that are tested
@@ -25,9 +34,9 @@ class Walks:
     """
 
     def __init__(
-        self, free_space: FreeSpace, road_type: RoadType, ranges: Ranges, things: Things
+        self, free_space: FreeSpace, road_type: RoadType, how: WayRanges, things: Things
     ) -> None:
-        self.free_space, self.road_type, self.how = free_space, road_type, ranges.ways
+        self.free_space, self.road_type, self.how = free_space, road_type, how
         self.roads = {road.name: road for road in free_space.layout.roads}
         self.boxes = np.array([*free_space.taken, *_boxes(things)])
         standing = [*self._lines(things)]

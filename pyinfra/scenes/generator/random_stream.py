@@ -13,6 +13,7 @@ KEY = 1  # of the random streams; unchanged, so that a new version only adds to 
 
 T = TypeVar("T")
 Range = tuple[float, float]
+Weights = Mapping[str, float]
 
 
 class RandomStream:
