@@ -11,7 +11,7 @@ from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.vocabulary import LabelTime
 from pyinfra.dataset.frames import data_set_of, lidars_in
 from pyinfra.dataset.outlines import OUTLINES_FILE
-from pyinfra.dataset.regions import read_roads
+from pyinfra.dataset.roads import read_roads
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Tilt
 

@@ -31,7 +31,8 @@ from pyinfra.dataset.frame_tables import (
 from pyinfra.dataset.frames import PERIOD_S, frame_numbers
 from pyinfra.dataset.ground import Ground, ground_of, ground_of_roads
 from pyinfra.dataset.outlines import outlines_of
-from pyinfra.dataset.regions import Region, Road, region_of, roads_of, roads_region
+from pyinfra.dataset.regions import Region, region_of, roads_region
+from pyinfra.dataset.roads import Road, roads_of
 from pyinfra.formats import kitti
 
 if TYPE_CHECKING:

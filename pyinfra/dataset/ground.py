@@ -19,7 +19,8 @@ from scipy.spatial import cKDTree
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
 from pyinfra.dataset.frames import data_set_of
-from pyinfra.dataset.regions import Road, read_roads, to_levelled
+from pyinfra.dataset.roads import Road, read_roads
+from pyinfra.dataset.world_frame import to_levelled
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import RoadShape, WorldPose
 

@@ -10,9 +10,8 @@ from typing import Literal
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, Floats
-from pyinfra.dataset import regions
 from pyinfra.dataset.profile import profile_of
-from pyinfra.dataset.regions import Road
+from pyinfra.dataset.roads import Road, locate, offset_curve, read_roads
 from pyinfra.formats import kitti
 from pyinfra.formats.yaml_file import YamlNode
 
@@ -68,7 +67,7 @@ def read_surroundings(data_set: Path) -> Surroundings:
         return Surroundings((), {}, np.zeros((0, 7)), np.zeros((0, 3)))
     top = kitti.read_yaml(file)
     known = roads.is_file() or bool(list(top.entries("roads")))
-    return surroundings_of(top, regions.read_roads(roads) if known else [])
+    return surroundings_of(top, read_roads(roads) if known else [])
 
 
 def surroundings_of(top: YamlNode, roads: Sequence[Road]) -> Surroundings:
@@ -119,7 +118,7 @@ def road_lines(around: Surroundings) -> Iterator[RoadLine]:
 
 def _aside(around: Surroundings, road: Road, left_m: Floats | float) -> FloatArray:
     """Returns a line (n, 3) left of a road's centreline; x and y are NaN where a road crosses."""
-    line = regions.offset_curve(road.xy, road.heading, left_m)
+    line = offset_curve(road.xy, road.heading, left_m)
     others = [other for other in around.roads if other is not road]
-    line[regions.locate(line, others).inside] = np.nan
+    line[locate(line, others).inside] = np.nan
     return np.column_stack([line, road.z])

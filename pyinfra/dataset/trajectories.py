@@ -11,7 +11,7 @@ import pandas as pd
 
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset.frame_tables import Vehicles, without_points
-from pyinfra.dataset.regions import to_levelled
+from pyinfra.dataset.world_frame import to_levelled
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.text_table import is_whole
 

@@ -12,7 +12,7 @@ import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.dataset.frames import PERIOD_S
-from pyinfra.dataset.regions import REGION_M, WINDOW_M
+from pyinfra.dataset.windows import REGION_M, WINDOW_M
 from pyinfra.experiments.benchmark.replicates import ExperimentReplicates
 from pyinfra.experiments.result_tables import Results, hardly_learnt, read_results
 from pyinfra.experiments.value import KEY, MOUNTS, SITE_ITEMS, covered, mounts_of

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.machine_load import load_text
-from pyinfra.dataset.regions import REGION_M
+from pyinfra.dataset.windows import REGION_M
 from pyinfra.experiments.option_table import latency, option_table, price, price_range
 from pyinfra.experiments.options import ROAD, Option, Requirements
 from pyinfra.experiments.value import SITE_ITEMS

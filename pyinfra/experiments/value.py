@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.config import ruled
-from pyinfra.dataset.regions import REGION_M, WINDOW_M, WINDOW_STEP_M
+from pyinfra.dataset.windows import REGION_M, WINDOW_M, WINDOW_STEP_M
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, LANES
 from pyinfra.metrics.row_selection import EXPERIMENT, each_road_once, with_r1000, with_whole
 

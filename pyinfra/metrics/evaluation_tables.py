@@ -11,7 +11,7 @@ import pandas as pd
 
 from pyinfra.core.arrays import AnyArray, FloatArray, IntArray
 from pyinfra.core.vocabulary import Subset
-from pyinfra.dataset.regions import EVERY_ROAD, Window
+from pyinfra.dataset.windows import EVERY_ROAD, Window
 from pyinfra.metrics import ap
 from pyinfra.metrics.comparison import Bootstrapped
 from pyinfra.metrics.label_free_quality import CUTS

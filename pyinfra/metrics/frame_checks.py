@@ -26,7 +26,7 @@ from pyinfra.dataset.frame_tables import (
 )
 from pyinfra.dataset.frames import data_set_of, frame_numbers
 from pyinfra.dataset.outlines import OUTLINES_FILE, read_outlines
-from pyinfra.dataset.regions import read_roads
+from pyinfra.dataset.roads import read_roads
 from pyinfra.formats import kitti
 from pyinfra.formats.text_table import lines_of
 from pyinfra.metrics.ground_truth_checks import ground_truth_findings

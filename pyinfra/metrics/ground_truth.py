@@ -17,8 +17,17 @@ from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, Simula
 from pyinfra.dataset.frame_tables import Vehicles, read_vehicles
 from pyinfra.dataset.frames import PERIOD_S, data_set_of, frame_numbers
 from pyinfra.dataset.outlines import read_outlines
-from pyinfra.dataset.regions import GridCell, Places, Road, Window
+from pyinfra.dataset.roads import Places, Road, by_distance, locate, read_roads
 from pyinfra.dataset.trajectories import read_objects_at
+from pyinfra.dataset.windows import (
+    GridCell,
+    Window,
+    distance_windows,
+    lane_windows,
+    region_cells,
+    road_windows,
+)
+from pyinfra.dataset.world_frame import to_world
 from pyinfra.formats import kitti
 
 
@@ -50,26 +59,26 @@ class GroundTruth:
         beside_m: width that is added to each side of the roads.
         """
         if not self.roads or self.lidar is None:
-            return regions.by_distance(boxes, self.drawn, margin_m=beside_m)
+            return by_distance(boxes, self.drawn, margin_m=beside_m)
         roads = [replace(road, half_width=road.half_width + beside_m) for road in self.roads]
-        world = regions.to_world(boxes, self.lidar.T_world_levelled)
-        return regions.locate(world, roads, self.outlines)
+        world = to_world(boxes, self.lidar.T_world_levelled)
+        return locate(world, roads, self.outlines)
 
     def windows(self) -> list[Window]:
         """Returns the windows along the roads; without roads, along distance from the sensor."""
         if self.of_lanes:
-            return regions.lane_windows(self.roads)
+            return lane_windows(self.roads)
         if self.roads:
-            return regions.road_windows(list(self.roads))
+            return road_windows(list(self.roads))
         distance = np.hypot(self.vehicles.mid_frame[:, 0], self.vehicles.mid_frame[:, 1])
-        return regions.distance_windows(float(distance.max(initial=0)))
+        return distance_windows(float(distance.max(initial=0)))
 
     def cells(self) -> list[GridCell]:
         """Returns the grid cells that are the areas of a site of lanes; empty for other sites.
 
         Elsewhere the windows along the roads are the areas.
         """
-        return regions.region_cells(self.roads, self.outlines) if self.of_lanes else []
+        return region_cells(self.roads, self.outlines) if self.of_lanes else []
 
     def counted(
         self, which: Subset, vehicles: Vehicles, places: Places, min_points: int
@@ -125,7 +134,7 @@ def read_ground_truth(
             vehicles = with_unreached(vehicles, others)
         vehicles = with_absent(vehicles, data_set / "trajectories.csv", frames, lidar)
     file = data_set / "roads.csv"
-    roads = tuple(regions.read_roads(file)) if lidar and file.is_file() else ()
+    roads = tuple(read_roads(file)) if lidar and file.is_file() else ()
     return GroundTruth(
         folder=folder,
         name=lidar.name if lidar else folder.name,

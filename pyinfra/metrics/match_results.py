@@ -31,7 +31,9 @@ from pyinfra.core.names import suggestion
 from pyinfra.core.vocabulary import OBJECT_CLASSES, PERSON_TYPES, SUBSETS, Subset
 from pyinfra.dataset.data_set import MIN_VISIBILITY
 from pyinfra.dataset.frame_tables import Predictions, Vehicles
-from pyinfra.dataset.regions import FOOTWAYS_M, Places, Window
+from pyinfra.dataset.regions import FOOTWAYS_M
+from pyinfra.dataset.roads import Places
+from pyinfra.dataset.windows import Window
 from pyinfra.metrics import ap, intervals
 from pyinfra.metrics.ground_truth import GroundTruth
 from pyinfra.metrics.intervals import Blocks

@@ -10,7 +10,7 @@ import pandas as pd
 
 from pyinfra.core.arrays import BoolArray
 from pyinfra.dataset.frame_sequence import BOX
-from pyinfra.dataset.regions import Places
+from pyinfra.dataset.roads import Places
 from pyinfra.metrics import ap
 from pyinfra.metrics.match_results import MatchResult
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pyinfra.dataset.regions import REGION_M, Near
+from pyinfra.dataset.windows import REGION_M, Near
 from pyinfra.metrics import ap, intervals
 from pyinfra.metrics.comparison import Bootstrapped
 from pyinfra.metrics.evaluation_tables import ap_r1000_of, r1000_columns

@@ -29,6 +29,7 @@ from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset import regions
 from pyinfra.dataset.data_set import FULL_CIRCLE_DEG
 from pyinfra.dataset.frames import PERIOD_S
+from pyinfra.dataset.roads import offset_curve
 from pyinfra.formats import kitti
 
 STYLE: Any = {"font.size": 8, "axes.titlesize": 9, "axes.linewidth": 0.6}
@@ -350,8 +351,8 @@ def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
 
 def strip(centre: FloatArray, heading: FloatArray, half_width: FloatArray) -> FloatArray:
     """Returns both edges of a road with centreline (n, 2) as one ring, (2 n, 2)."""
-    left = regions.offset_curve(centre, heading, half_width)
-    return np.concatenate([left, regions.offset_curve(centre, heading, -half_width)[::-1]])
+    left = offset_curve(centre, heading, half_width)
+    return np.concatenate([left, offset_curve(centre, heading, -half_width)[::-1]])
 
 
 def sector(unit: kitti.FieldOfView) -> FloatArray:

@@ -18,7 +18,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
 
-from pyinfra.dataset.regions import WINDOW_M, WINDOW_STEP_M, Road
+from pyinfra.dataset.roads import Road
+from pyinfra.dataset.windows import WINDOW_M, WINDOW_STEP_M
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
 from pyinfra.metrics.row_selection import ap_name, with_r1000

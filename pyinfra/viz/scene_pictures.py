@@ -17,9 +17,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
 from pyinfra.core.boxes import footprints
-from pyinfra.dataset import regions
-from pyinfra.dataset.regions import Road
+from pyinfra.dataset.roads import Road, locate, offset_curve
 from pyinfra.dataset.surroundings import Surroundings, read_surroundings, road_lines
+from pyinfra.dataset.world_frame import to_world
 from pyinfra.formats import kitti
 from pyinfra.viz import clouds
 
@@ -115,11 +115,11 @@ def _draw_stations(axes: Axes, road: Road, scene: Scene) -> None:
     others = [other for other in scene.around.roads if other is not road]
     side = -1 if _is_left(road, scene.lidars[0].T_world_levelled) else 1
     edge, end, text = (
-        regions.offset_curve(road.xy, road.heading, side * (road.half_width + aside))
+        offset_curve(road.xy, road.heading, side * (road.half_width + aside))
         for aside in (0.0, 1.5, 5.5)
     )
     wider = [replace(other, half_width=other.half_width + CLEAR_M) for other in others]
-    written = (road.s % STATION_STEP_M == 0) & ~regions.locate(text, wider).inside
+    written = (road.s % STATION_STEP_M == 0) & ~locate(text, wider).inside
     for i in np.flatnonzero(written):
         axes.plot(*np.stack([edge[i], end[i]]).T, color="black", linewidth=0.6, zorder=1)
         station = f"{road.s[i]:g}".replace("-", "\N{MINUS SIGN}")
@@ -151,10 +151,10 @@ def _draw_views(axes: Axes, scene: Scene, styles: dict[str, dict[str, Any]]) -> 
         line = LINES[len(styles) % len(LINES)]
         style = styles.setdefault(label, {"color": colour, "linestyle": line, "linewidth": 1.2})
         for unit in first.field_of_view:
-            axes.plot(*regions.to_world(clouds.sector(unit), pose).T, zorder=3, **style)
+            axes.plot(*to_world(clouds.sector(unit), pose).T, zorder=3, **style)
         for at in first.sensors:
             x, y = at.x + ARROW_M * np.cos(at.yaw), at.y + ARROW_M * np.sin(at.yaw)
-            foot, tip = regions.to_world(np.array([(at.x, at.y), (x, y)]), pose)
+            foot, tip = to_world(np.array([(at.x, at.y), (x, y)]), pose)
             arrow = {"arrowstyle": "-|>", "color": "black", "linewidth": 1.0, "shrinkA": 0}
             axes.annotate("", tip, foot, arrowprops=arrow, zorder=5)
             axes.plot(*foot, marker="^", color="black", markersize=5, zorder=5)

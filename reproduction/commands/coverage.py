@@ -21,8 +21,8 @@ from scipy.signal import lfilter
 
 from pyinfra.core.arrays import FloatArray, IntArray
 from pyinfra.core.version import __version__, machine
-from pyinfra.dataset import regions
 from pyinfra.dataset.catalogue import scene_file
+from pyinfra.dataset.roads import Road, locate, read_roads
 from pyinfra.dataset.runs import infrasim
 from pyinfra.metrics import ap, intervals
 from pyinfra.metrics.comparison import Bootstrapped
@@ -77,14 +77,14 @@ class ScoredBoxes:
     true_positive: np.ndarray
 
 
-def traffic(scene: str, seed: int, roads: list[regions.Road], work: Path) -> Traffic:
+def traffic(scene: str, seed: int, roads: list[Road], work: Path) -> Traffic:
     file = work / f"{scene}.csv"
     sets = ["--set", f"seed={seed}", f"duration_s={RUN_S}"]
     infrasim("trajectories", scene_file(scene), *sets, "--out", file)
     rows = pd.read_csv(file, usecols=["t", "id", "x", "y"])
     number = np.round(rows.t / APART_S, 3)
     rows = rows[(number == np.round(number)) & (rows.t < RUN_S)]
-    rows = rows[regions.locate(rows[["x", "y"]].to_numpy(np.float64), roads).inside]
+    rows = rows[locate(rows[["x", "y"]].to_numpy(np.float64), roads).inside]
     frame = np.round(rows.t / APART_S).astype(np.int64).to_numpy()
     return Traffic(frame, rows.id.to_numpy(np.int64), np.hypot(rows.x, rows.y).to_numpy())
 
@@ -125,7 +125,7 @@ def detected_by(
 
 def studies(scene: str, count: int, work: Path) -> Iterator[tuple[Traffic, dict[str, ScoredBoxes]]]:
     infrasim("run", scene_file(scene), "--lidar", "helios_16", "--frames", "0:1", "--out", work)
-    roads = regions.read_roads(work / "roads.csv")
+    roads = read_roads(work / "roads.csv")
     for seed in range(1, count + 1):
         t, random = traffic(scene, seed, roads, work), np.random.default_rng(seed)
         index = np.unique(t.ids, return_inverse=True)[1]

@@ -14,7 +14,8 @@ from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.core.boxes import bev_iou, iou_3d
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.ground import ground_of_roads
-from pyinfra.dataset.regions import Region, Road, outline_region, roads_region
+from pyinfra.dataset.regions import Region, outline_region, roads_region
+from pyinfra.dataset.roads import Road
 from pyinfra.formats import kitti
 from pyinfra.models.detectors import Detector
 from pyinfra.models.detectors.background import DEFAULT, Background, _clusters, _road_cells

@@ -15,7 +15,8 @@ from detector_data import FLOOR_Z, SITE, road_sample, vehicle_points  # noqa: E4
 
 from pyinfra.core import boxes as exact  # noqa: E402
 from pyinfra.dataset.outlines import in_outline  # noqa: E402
-from pyinfra.dataset.regions import Region, Road, roads_region  # noqa: E402
+from pyinfra.dataset.regions import Region, roads_region  # noqa: E402
+from pyinfra.dataset.roads import Road  # noqa: E402
 from pyinfra.formats.kitti import WorldPose  # noqa: E402
 from pyinfra.models.detectors import Detections  # noqa: E402
 from pyinfra.models.detectors import network as network_module  # noqa: E402

@@ -8,7 +8,7 @@ import yaml
 
 from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.dataset.ground import Ground, ground_of, ground_of_boxes, ground_of_roads, level_ground
-from pyinfra.dataset.regions import Road
+from pyinfra.dataset.roads import Road
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.models.detectors import Detections
 from pyinfra.models.detectors.ground_adapter import OnRoad

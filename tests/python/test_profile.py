@@ -11,7 +11,7 @@ from pyinfra.core.errors import FormatError
 from pyinfra.dataset.frame_tables import read_vehicles
 from pyinfra.dataset.ground import ground_of
 from pyinfra.dataset.profile import profile_of
-from pyinfra.dataset.regions import read_roads
+from pyinfra.dataset.roads import read_roads
 from pyinfra.dataset.surroundings import read_surroundings
 from pyinfra.formats import kitti
 

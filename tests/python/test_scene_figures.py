@@ -12,7 +12,8 @@ from PIL import Image
 
 from pyinfra.cli import main
 from pyinfra.core.errors import FormatError
-from pyinfra.dataset import catalogue, frames, regions, runs
+from pyinfra.dataset import catalogue, frames, runs
+from pyinfra.dataset.roads import offset_curve
 from pyinfra.formats import kitti
 from pyinfra.viz import clouds, frame_pictures
 from pyinfra.viz import cutouts as cutout_figures
@@ -116,7 +117,7 @@ def test_the_legend_of_one_narrow_picture_has_rows(data_sets: dict[str, Path]) -
 
 def test_offset_curve_is_to_the_left() -> None:
     centre, heading = np.array([[0.0, 0.0], [0.0, 1.0]]), np.full(2, np.pi / 2)
-    curve = regions.offset_curve(centre, heading, 2.0)
+    curve = offset_curve(centre, heading, 2.0)
     np.testing.assert_allclose(curve, [[-2, 0], [-2, 1]], atol=1e-12)
 
 

@@ -15,8 +15,10 @@ from pyinfra.core.errors import FormatError
 from pyinfra.dataset.data_set import without_region
 from pyinfra.dataset.ground import ground_of
 from pyinfra.dataset.outlines import in_any, read_outlines
-from pyinfra.dataset.regions import Road, locate, read_roads, region_of, roads_region, to_world
+from pyinfra.dataset.regions import region_of, roads_region
+from pyinfra.dataset.roads import Road, locate, read_roads
 from pyinfra.dataset.surroundings import read_surroundings
+from pyinfra.dataset.world_frame import to_world
 from pyinfra.experiments.benchmark.inputs import named_files
 from pyinfra.experiments.stress import limits
 from pyinfra.experiments.stress.altered_scenes import read_base

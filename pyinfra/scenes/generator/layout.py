@@ -12,7 +12,7 @@ import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.boxes import bev_overlap, footprints
-from pyinfra.dataset.regions import offset_curve
+from pyinfra.dataset.roads import offset_curve
 from pyinfra.scenes.generator.random_stream import RandomStream
 from pyinfra.scenes.generator.ranges import Ranges, RingRanges
 from pyinfra.scenes.generator.road_types import RoadType

@@ -21,7 +21,7 @@ from pyinfra.core.arrays import (
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset import frame_tables
 from pyinfra.dataset.frames import PERIOD_S
-from pyinfra.dataset.regions import to_world
+from pyinfra.dataset.world_frame import to_world
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Labels, WorldPose
 from pyinfra.metrics.prediction_checks import find_files

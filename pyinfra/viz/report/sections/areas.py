@@ -9,9 +9,9 @@ import pandas as pd
 from matplotlib.patches import Patch
 
 from pyinfra.core.vocabulary import PRESETS
-from pyinfra.dataset import regions
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.data_set import DataSet
+from pyinfra.dataset.roads import read_roads
 from pyinfra.metrics.evaluation_tables import LANES
 from pyinfra.metrics.row_selection import ap_name, first_seed
 from pyinfra.viz.evaluation_plots import LABELS, STYLES, areas_plan
@@ -146,7 +146,7 @@ def _plans(material: Material, distance: pd.DataFrame, data: DataSet) -> list[Bl
 def _plan(material: Material, data: DataSet, rows: pd.DataFrame) -> Panel:
     lidar = str(rows.lidar.iloc[0])
     pose = next(x for x in data.lidars if x.name == lidar).T_world_levelled
-    roads = regions.read_roads(data.folder / "roads.csv")
+    roads = read_roads(data.folder / "roads.csv")
     figure = areas_plan(rows, roads, (pose.x, pose.y))
     title = material.names.label(lidar)
     high = int((rows.quality == "high").sum())

@@ -6,7 +6,7 @@ import pandas as pd
 
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
-from pyinfra.dataset.regions import WINDOW_M
+from pyinfra.dataset.windows import WINDOW_M
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
 from pyinfra.metrics.row_selection import ap_name, first_seed
 from pyinfra.viz.report import svg

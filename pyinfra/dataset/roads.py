@@ -1,0 +1,164 @@
+"""The roads of a data set, and the positions of points along them.
+
+Roads are the polylines of `roads.csv` in the world frame, with one point per metre. The station s
+is 0 at the foot of the sensor. Lanes of a file also have their end points, and s = 0 where a lane
+is nearest to the foot.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.core.arrays import BoolArray, FloatArray, Floats, IntArray
+from pyinfra.core.errors import FormatError
+from pyinfra.dataset.outlines import in_any
+from pyinfra.formats.text_table import ColumnRule, NamedRows, between, lines_of
+
+_CHUNK = 20_000
+
+ROAD_COLUMNS = ["road", "s", "x", "y", "z", "heading", "half_width"]
+_RULES = (
+    between(["s", "x", "y", "z"], -1e6, 1e6),
+    ColumnRule(("half_width",), lambda v: (v > 0) & (v <= 1000), "more than 0 to 1000"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Road:
+    """Centreline of a road within the region; world frame, metres, radians."""
+
+    name: str
+    s: FloatArray  # (n,) increasing
+    xy: FloatArray  # (n, 2)
+    z: FloatArray  # (n,)
+    heading: FloatArray  # (n,)
+    half_width: FloatArray  # (n,)
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Road and station of n points: the nearest road that contains each, and s along it."""
+
+    road: IntArray  # (n,) index into the roads; -1 outside the region
+    s: FloatArray  # (n,) metres; NaN outside the region
+    xy: FloatArray  # (n, 2) world frame if roads are known, else levelled frame
+
+    @property
+    def inside(self) -> BoolArray:
+        return self.road >= 0
+
+
+def read_roads(file: Path) -> list[Road]:
+    """Reads the roads of a data set, in file order. Raises FormatError with file and line."""
+    return roads_of(lines_of(file, whole=True), file)
+
+
+def roads_of(lines: Sequence[str], file: Path) -> list[Road]:
+    """Parses roads from lines of text; messages show `file`. Raises FormatError."""
+    try:
+        rows = list(csv.reader(lines))
+    except csv.Error as error:
+        raise FormatError(f"{file}: {error}") from None
+    if not rows or rows[0] != ROAD_COLUMNS:
+        header = ",".join(rows[0]) if rows else ""
+        raise FormatError(f"{file}:1: expected '{','.join(ROAD_COLUMNS)}', got '{header}'")
+    table = NamedRows(file, range(2, 1 + len(rows)), rows[1:], ROAD_COLUMNS, "road")
+    table.check(_RULES)
+    if len(rows) == 1:
+        raise FormatError(f"{file}:1: expected a road, got none")
+    names = dict.fromkeys(table.names.tolist())
+    return [_road(name, table.values[table.names == name], file) for name in names]
+
+
+def _road(name: str, values: FloatArray, file: Path) -> Road:
+    if len(values) < 2 or not (np.diff(values[:, 0]) > 0).all():
+        raise FormatError(f"{file}: road {name}: s: expected ascending values, got others")
+    s, x, y, z, heading, half_width = values.T
+    return Road(name, s, np.column_stack([x, y]), z, heading, half_width)
+
+
+def offset_curve(centre: FloatArray, heading: FloatArray, left_m: Floats | float) -> FloatArray:
+    """Returns the curve (n, 2) at `left_m` (scalar or (n,)) to the left of a centreline (n, 2)."""
+    aside = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
+    return np.asarray(centre + aside * np.reshape(left_m, (-1, 1)))
+
+
+def locate(
+    points: FloatArray,
+    roads: list[Road],
+    outlines: Sequence[FloatArray] = (),
+    *,
+    margin_m: float = 0.0,
+) -> Places:
+    """Assigns world-frame points (n, 2) to roads; points outside all outlines are outside.
+
+    A margin widens and lengthens the roads, and widens the outlines.
+    """
+    nearest = np.full(len(points), np.inf)
+    places = Places(np.full(len(points), -1), np.full(len(points), np.nan), points)
+    counts = in_any(outlines, points, margin_m)
+    for index, road in enumerate(roads):
+        rows = np.flatnonzero(counts & _near(points, road, margin_m))
+        for start in range(0, len(rows), _CHUNK):
+            part = rows[start : start + _CHUNK]
+            s, aside, half_width = _project(points[part], road)
+            inside = (s >= road.s[0] - margin_m) & (s <= road.s[-1] + margin_m)
+            inside &= aside <= half_width + margin_m
+            better = inside & (aside < nearest[part])
+            part, s, aside = part[better], s[better], aside[better]
+            nearest[part] = aside
+            places.road[part] = index
+            places.s[part] = s
+    return places
+
+
+def _near(points: FloatArray, road: Road, margin_m: float) -> BoolArray:
+    """Returns which points (n, 2) lie in the bounding rectangle of a road with its margin."""
+    reach = road.half_width.max() + 2 * margin_m + 1e-6
+    low, high = road.xy.min(axis=0) - reach, road.xy.max(axis=0) + reach
+    return np.asarray(((points >= low) & (points <= high)).all(axis=1))
+
+
+def by_distance(
+    points: FloatArray, outline: FloatArray | None = None, *, margin_m: float = 0.0
+) -> Places:
+    """Assigns points to a single unnamed road whose s is the distance from the sensor.
+
+    points: (n, 2 or more), levelled frame. Points outside the outline (m, 2) by more than the
+    margin are outside the region.
+    """
+    xy = points[:, :2]
+    inside = in_any(() if outline is None else (outline,), xy, margin_m)
+    s = np.where(inside, np.hypot(xy[:, 0], xy[:, 1]), np.nan)
+    return Places(np.where(inside, 0, -1), s, xy)
+
+
+def _project(points: FloatArray, road: Road) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Returns station, distance from the centreline, and the road's half width there, (n,) each.
+
+    The first and last segments are extended as straight lines, so that s is also defined beyond the
+    ends.
+    """
+    base = road.xy[0]
+    line, points = road.xy - base, points - base
+    # |p - v|^2 without the term |p|^2, which is the same for all v.
+    nearest = ((line**2).sum(1) - 2 * points @ line.T).argmin(1)
+    best_s = np.full(len(points), np.nan)
+    best = np.full(len(points), np.inf)
+    for first in (nearest - 1, nearest):
+        piece = np.clip(first, 0, len(line) - 2)
+        step = line[piece + 1] - line[piece]
+        t = ((points - line[piece]) * step).sum(1) / (step**2).sum(1)
+        t = np.maximum(t, np.where(piece == 0, -np.inf, 0))
+        t = np.minimum(t, np.where(piece == len(line) - 2, np.inf, 1))
+        gap = points - line[piece] - t[:, None] * step
+        aside = np.hypot(gap[:, 0], gap[:, 1])
+        s = road.s[piece] + t * (road.s[piece + 1] - road.s[piece])
+        best_s = np.where(aside < best, s, best_s)
+        best = np.minimum(aside, best)
+    return best_s, best, np.interp(best_s, road.s, road.half_width)
