@@ -7,8 +7,9 @@ from pathlib import Path
 
 from pyinfra.cli.messages import with_options
 from pyinfra.core.vocabulary import TIERS
-from pyinfra.experiments.options import Requirements, checked_requirements, read_options
+from pyinfra.experiments.options import read_options
 from pyinfra.experiments.recommend import answer_lines, recommend
+from pyinfra.experiments.requirements import Requirements, checked_requirements
 from pyinfra.metrics.row_selection import COUNTED
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pyinfra.experiments.options import Requirements, checked_requirements
+from pyinfra.experiments.requirements import Requirements, checked_requirements
 from pyinfra.viz.report.contents import page, read_sections
 from pyinfra.viz.report.page import write_page
 from pyinfra.viz.report.report_data import read_material

@@ -14,7 +14,8 @@ from pyinfra.core.errors import Error
 from pyinfra.core.names import path_of
 from pyinfra.core.public import public
 from pyinfra.core.vocabulary import TIERS, Tier
-from pyinfra.experiments.options import Option, Requirements, checked_requirements, read_options
+from pyinfra.experiments.options import Option, read_options
+from pyinfra.experiments.requirements import Requirements, checked_requirements
 from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.row_selection import COUNTED, OFF_REGION
 

@@ -11,14 +11,12 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.errors import Error
-from pyinfra.dataset.frames import PERIOD_S
-from pyinfra.dataset.windows import REGION_M, WINDOW_M
 from pyinfra.experiments.benchmark.replicates import ExperimentReplicates
+from pyinfra.experiments.coverage import ROAD, coverage
+from pyinfra.experiments.requirements import Requirements
 from pyinfra.experiments.result_tables import Results, hardly_learnt, read_results
-from pyinfra.experiments.value import KEY, MOUNTS, SITE_ITEMS, covered, mounts_of
+from pyinfra.experiments.value import KEY, MOUNTS, SITE_ITEMS, mounts_of
 from pyinfra.metrics.comparison import Interval
-from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, LANES
-from pyinfra.metrics.intervals import FEW_BLOCKS
 from pyinfra.metrics.replicates import difference, drawn, measure_of
 from pyinfra.metrics.row_selection import (
     AP_OF,
@@ -30,38 +28,7 @@ from pyinfra.metrics.row_selection import (
     with_whole,
 )
 
-ROAD, SQUARES = "m of road", f"squares of {WINDOW_M:g} m"
 UNKNOWN = Interval(math.nan, math.nan, math.nan)
-FRAME_MS = 1000 * PERIOD_S  # a detector that takes longer is slower than its LiDAR
-
-
-@dataclass(frozen=True)
-class Requirements:
-    """Requirements of a user."""
-
-    budget_usd: float = math.inf  # highest price of LiDAR and site
-    # Lowest AP of all vehicles, 0 to 100. Road counts as covered where AP is above it.
-    min_ap: float = HIGH_QUALITY
-    range_m: float = REGION_M  # range within which AP and coverage count, to either side
-    latency_ms: float = FRAME_MS  # longest median time per frame
-
-
-def checked_requirements(
-    budget_usd: float, min_ap: float, range_m: float, latency_ms: float
-) -> Requirements:
-    """Returns the requirements. Raises Error for a number out of range."""
-    for key, value, least, top in (
-        ("budget_usd", budget_usd, 0, math.inf),
-        ("min_ap", min_ap, 1, 100),
-        ("range_m", range_m, 0, REGION_M),
-        ("latency_ms", latency_ms, 0, math.inf),
-    ):
-        if not least < value <= top:
-            upper = f" to {top:g}" if top < math.inf else ""
-            text = f"{key}: expected above {least}{upper}, got {value:g}"
-            share = key == "min_ap" and 0 < value <= 1
-            raise Error(f"{text}; AP is 0 to 100, not a share" if share else text)
-    return Requirements(budget_usd, min_ap, range_m, latency_ms)
 
 
 @dataclass(frozen=True)
@@ -260,80 +227,6 @@ def within(
         merged = merged.merge(rows, on=KEY, how="left")
     others = [name for name in experiments if name not in merged or name in KEY]
     return experiments[others].merge(merged, on=KEY)
-
-
-def coverage(
-    distance: pd.DataFrame, squares: pd.DataFrame, requirements: Requirements, truth: str
-) -> pd.DataFrame:
-    """Returns for each experiment how much road, or how many squares, it covers.
-
-    Columns: covered_m with its interval low_m, high_m; road_m, all that was evaluated; covered_in,
-    what these count; no_interval, why the interval is missing.
-    """
-    rows_covered = road(distance, requirements, truth).assign(covered_in=ROAD)
-    near = distance[(distance.ground_truth == truth) & (distance.s.abs() <= requirements.range_m)]
-    parts = near[near.road != LANES]
-    if len(squares) and (distance.road == LANES).any():
-        usable = squares[(squares.ground_truth == truth) & squares.ap_r1000.notna()]
-        parts = (
-            usable
-            if requirements.range_m >= REGION_M
-            else usable[usable.distance_m <= requirements.range_m]
-        )
-        counted = parts.assign(
-            covered_m=parts.ap_r1000 > requirements.min_ap,
-            low_m=parts.ap_r1000_low > requirements.min_ap,
-            high_m=parts.ap_r1000_high.fillna(math.inf) > requirements.min_ap,
-            road_m=1,
-        )
-        ends = ["covered_m", "low_m", "high_m", "road_m"]
-        sums = counted.groupby(KEY)[ends].sum().astype(np.float64).reset_index()
-        rows_covered = (
-            rows_covered[KEY].merge(sums, on=KEY, how="left").fillna(dict.fromkeys(ends, 0.0))
-        )
-        rows_covered = rows_covered.assign(covered_in=SQUARES)
-    known = parts[parts.ap_r1000.notna()]
-    counts = known.assign(parts=1, unsure=known.ap_r1000_low.isna())
-    counts = counts.groupby(KEY)[["parts", "unsure"]].sum().reset_index()
-    rows_covered = rows_covered.merge(counts, on=KEY, how="left").fillna({"parts": 0, "unsure": 0})
-    reasons = [no_interval(row, requirements) for _, row in rows_covered.iterrows()]
-    rows_covered = rows_covered.assign(no_interval=reasons)
-    ends = ["low_m", "high_m"]
-    return rows_covered.assign(
-        **{end: rows_covered[end].where(rows_covered.no_interval == "") for end in ends}
-    )
-
-
-def no_interval(row: pd.Series, requirements: Requirements) -> str:
-    """Returns why the interval of the coverage has no meaning; empty if it has one."""
-    what = "window" if row.covered_in == ROAD else "square"
-    if row.parts == 0:
-        return "no vehicle is there"
-    if row.low_m > 0 or row.high_m < row.road_m:
-        return "" if row.unsure < row.parts else f"no {what} has one: {FEW_BLOCKS}"
-    if row.unsure == 0:
-        return f"no {what} is decided at AP {requirements.min_ap:g}"
-    return f"{row.unsure:.0f} of {row.parts:.0f} {what}s have none: {FEW_BLOCKS}"
-
-
-def road(distance: pd.DataFrame, requirements: Requirements, truth: str) -> pd.DataFrame:
-    """Returns for each experiment covered_m, its interval low_m and high_m, and road_m.
-
-    distance: windows of the experiments of one scene, as `with_r1000` returns them.
-    """
-    values = {
-        "covered_m": distance.ap_r1000,
-        "low_m": distance.ap_r1000_low,
-        "high_m": distance.ap_r1000_high.fillna(math.inf),
-        "road_m": math.inf,
-    }
-    metres = [
-        covered(distance.assign(ap_r1000=ap), requirements.min_ap, requirements.range_m, truth)
-        .set_index(KEY)
-        .covered_m.rename(name)
-        for name, ap in values.items()
-    ]
-    return pd.concat(metres, axis=1).reset_index()
 
 
 def option(row: pd.Series, replicates: ExperimentReplicates) -> Option:

@@ -17,8 +17,10 @@ import pandas as pd
 
 from pyinfra.core.machine_load import load_text
 from pyinfra.dataset.windows import REGION_M
+from pyinfra.experiments.coverage import ROAD
 from pyinfra.experiments.option_table import latency, option_table, price, price_range
-from pyinfra.experiments.options import ROAD, Option, Requirements
+from pyinfra.experiments.options import Option
+from pyinfra.experiments.requirements import Requirements
 from pyinfra.experiments.value import SITE_ITEMS
 from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.intervals import FEW_BLOCKS

@@ -13,7 +13,7 @@ from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.data_set import DataSet, read_data_set
-from pyinfra.experiments.options import Requirements
+from pyinfra.experiments.requirements import Requirements
 from pyinfra.experiments.result_tables import KINDS, Kind, Results, read_results
 from pyinfra.formats import kitti
 from pyinfra.metrics.row_selection import preset_of_answers

@@ -8,7 +8,7 @@ import pandas as pd
 
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.benchmark.replicates import ExperimentReplicates
-from pyinfra.experiments.options import FRAME_MS
+from pyinfra.experiments.requirements import FRAME_MS
 from pyinfra.metrics.row_selection import AP_OF, COUNTED, ap_name
 from pyinfra.viz.report.blocks import Block, Card, CardLine, Cards, Section, Text, span
 from pyinfra.viz.report.names import detector

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from pyinfra.experiments.options import ROAD, Option, Requirements, options_of
+from pyinfra.experiments.coverage import ROAD
+from pyinfra.experiments.options import Option, options_of
 from pyinfra.experiments.recommend import Answer, recommend, with_interval
+from pyinfra.experiments.requirements import Requirements
 from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.row_selection import COUNTED
 from pyinfra.viz.report.blocks import Block, Column, Table, TableCell, Text, number, span

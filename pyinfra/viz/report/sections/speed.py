@@ -10,7 +10,7 @@ import pandas as pd
 from pyinfra.core.machine_load import load_text
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
-from pyinfra.experiments.options import FRAME_MS
+from pyinfra.experiments.requirements import FRAME_MS
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics.row_selection import ap_name
 from pyinfra.viz.report import svg

@@ -1,0 +1,42 @@
+"""The requirements of a user on the options of a benchmark."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from pyinfra.core.errors import Error
+from pyinfra.dataset.frames import PERIOD_S
+from pyinfra.dataset.windows import REGION_M
+from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
+
+FRAME_MS = 1000 * PERIOD_S  # a detector that takes longer is slower than its LiDAR
+
+
+@dataclass(frozen=True)
+class Requirements:
+    """Requirements of a user."""
+
+    budget_usd: float = math.inf  # highest price of LiDAR and site
+    # Lowest AP of all vehicles, 0 to 100. Road counts as covered where AP is above it.
+    min_ap: float = HIGH_QUALITY
+    range_m: float = REGION_M  # range within which AP and coverage count, to either side
+    latency_ms: float = FRAME_MS  # longest median time per frame
+
+
+def checked_requirements(
+    budget_usd: float, min_ap: float, range_m: float, latency_ms: float
+) -> Requirements:
+    """Returns the requirements. Raises Error for a number out of range."""
+    for key, value, least, top in (
+        ("budget_usd", budget_usd, 0, math.inf),
+        ("min_ap", min_ap, 1, 100),
+        ("range_m", range_m, 0, REGION_M),
+        ("latency_ms", latency_ms, 0, math.inf),
+    ):
+        if not least < value <= top:
+            upper = f" to {top:g}" if top < math.inf else ""
+            text = f"{key}: expected above {least}{upper}, got {value:g}"
+            share = key == "min_ap" and 0 < value <= 1
+            raise Error(f"{text}; AP is 0 to 100, not a share" if share else text)
+    return Requirements(budget_usd, min_ap, range_m, latency_ms)
