@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from pyinfra.experiments.stress.runner import stress
     from pyinfra.metrics.compare import compare
     from pyinfra.metrics.evaluate import evaluate
-    from pyinfra.metrics.match_results import Settings
+    from pyinfra.metrics.settings import Settings
     from pyinfra.models.inference.boxes_table import detect, load_detector
     from pyinfra.viz.frame_plot import plot_frame
     from pyinfra.viz.plots import plot_ap_by_distance, plot_scene, plot_stress
 
 _MODULES = {
     "Error": "pyinfra.core.errors",
-    "Settings": "pyinfra.metrics.match_results",
+    "Settings": "pyinfra.metrics.settings",
     "__version__": "pyinfra.core.version",
     "benchmark": "pyinfra.api",
     "compare": "pyinfra.metrics.compare",

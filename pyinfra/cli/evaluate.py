@@ -14,8 +14,8 @@ from pyinfra.core.vocabulary import OBJECT_CLASSES, SUBSETS, VEHICLE_TYPES
 from pyinfra.dataset.frames import frame_range
 from pyinfra.metrics.evaluate import class_settings, default_settings, evaluate, write
 from pyinfra.metrics.evaluation_summary import summary
-from pyinfra.metrics.match_results import PROTOCOLS, Settings
 from pyinfra.metrics.matching import CENTRE_M, PERSON_IOU, Metric
+from pyinfra.metrics.settings import PROTOCOLS, Settings
 
 METRICS: tuple[Metric, ...] = get_args(Metric)
 

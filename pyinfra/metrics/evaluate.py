@@ -28,16 +28,12 @@ from pyinfra.formats import kitti
 from pyinfra.metrics.evaluation_result import Evaluation, evaluate_tables
 from pyinfra.metrics.ground_truth import ground_truth_of, read_ground_truth
 from pyinfra.metrics.ground_truth_checks import ground_truth_findings
-from pyinfra.metrics.match_results import (
-    MatchResult,
-    Settings,
-    are_people,
-    count_matches,
-    match_input,
-)
+from pyinfra.metrics.match_input import are_people, match_input
+from pyinfra.metrics.match_results import MatchResult, count_matches
 from pyinfra.metrics.matching import PERSON_IOU
 from pyinfra.metrics.prediction_checks import PredictionFiles, check_predictions, find_files
 from pyinfra.metrics.prediction_table import predictions_of
+from pyinfra.metrics.settings import Settings
 
 
 @public

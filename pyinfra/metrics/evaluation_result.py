@@ -30,20 +30,14 @@ from pyinfra.metrics.evaluation_tables import (
 )
 from pyinfra.metrics.ground_truth import GroundTruth
 from pyinfra.metrics.intervals import MIN_BLOCKS
-from pyinfra.metrics.match_results import (
-    MatchInput,
-    MatchResult,
-    Settings,
-    are_people,
-    blocks_of,
-    count_matches,
-    match_input,
-)
+from pyinfra.metrics.match_input import MatchInput, are_people, blocks_of, match_input
+from pyinfra.metrics.match_results import MatchResult, count_matches
 from pyinfra.metrics.match_tables import match_table, ring_rows
 from pyinfra.metrics.matching import CENTRE_M, Metric, threshold_of
 from pyinfra.metrics.prediction_checks import Finding
 from pyinfra.metrics.ranges import by_range
 from pyinfra.metrics.replicates import figures, measure_of, replicate_rows, same_of
+from pyinfra.metrics.settings import Settings
 
 SEEN_AND_PRESENT: tuple[Subset, Subset] = ("all", "present")
 KITTI_LEAST = 41  # with fewer objects the AP of KITTI's devkit cannot reach 100

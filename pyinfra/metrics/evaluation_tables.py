@@ -15,15 +15,9 @@ from pyinfra.dataset.windows import EVERY_ROAD, Window
 from pyinfra.metrics import ap
 from pyinfra.metrics.comparison import Bootstrapped
 from pyinfra.metrics.label_free_quality import CUTS
-from pyinfra.metrics.match_results import (
-    CAUSES,
-    MatchInput,
-    MatchResult,
-    Protocol,
-    causes,
-    count_matches,
-    precision,
-)
+from pyinfra.metrics.match_input import MatchInput
+from pyinfra.metrics.match_results import CAUSES, MatchResult, causes, count_matches, precision
+from pyinfra.metrics.settings import Protocol
 
 EVERYWHERE = "all"  # in column `road`: all roads together
 LANES = "(lanes)"  # in column `road`: all lanes of a site together; no road has this name

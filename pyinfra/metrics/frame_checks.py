@@ -30,8 +30,8 @@ from pyinfra.dataset.roads import read_roads
 from pyinfra.formats import kitti
 from pyinfra.formats.text_table import lines_of
 from pyinfra.metrics.ground_truth_checks import ground_truth_findings
-from pyinfra.metrics.match_results import Settings
 from pyinfra.metrics.prediction_checks import Finding, check_predictions, find_files
+from pyinfra.metrics.settings import Settings
 
 MOST_ERRORS = 20  # errors that are listed
 CLOUDS = 50  # clouds that are read, evenly spread

@@ -27,8 +27,10 @@ from pyinfra.experiments.benchmark.matrix import Parts
 from pyinfra.formats import kitti
 from pyinfra.metrics import ap
 from pyinfra.metrics.ground_truth import read_ground_truth
-from pyinfra.metrics.match_results import Settings, count_matches, match_input
+from pyinfra.metrics.match_input import match_input
+from pyinfra.metrics.match_results import count_matches
 from pyinfra.metrics.prediction_checks import find_files
+from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source

@@ -34,7 +34,7 @@ from pyinfra.experiments import store
 from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import match_results_of
 from pyinfra.metrics.evaluation_tables import ap_r1000_of
-from pyinfra.metrics.match_results import Settings
+from pyinfra.metrics.settings import Settings
 from pyinfra.models.detectors.network import one_thread
 from pyinfra.models.inference import detect
 from reproduction import add_out, provenance

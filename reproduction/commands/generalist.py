@@ -37,8 +37,9 @@ from pyinfra.experiments.benchmark.matrix import Parts
 from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import match_results_of
 from pyinfra.metrics.evaluation_tables import ap_r1000_of, r1000_columns
-from pyinfra.metrics.match_results import MatchResult, Settings
+from pyinfra.metrics.match_results import MatchResult
 from pyinfra.metrics.replicates import replicate_rows, same_of
+from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
 from pyinfra.models.training import checkpoint
 from pyinfra.models.training.recipe import Recipe, read_recipe

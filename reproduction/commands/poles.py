@@ -33,9 +33,11 @@ from pyinfra.experiments.stress.score import as_predictions, box_errors
 from pyinfra.formats import kitti
 from pyinfra.metrics.evaluation_tables import ap_r1000_of, r1000_columns
 from pyinfra.metrics.ground_truth import GroundTruth, read_ground_truth, with_unreached
-from pyinfra.metrics.match_results import MatchResult, Settings, causes, count_matches, match_input
+from pyinfra.metrics.match_input import match_input
+from pyinfra.metrics.match_results import MatchResult, causes, count_matches
 from pyinfra.metrics.matching import IOU
 from pyinfra.metrics.replicates import replicate_rows, same_of
+from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source

@@ -31,7 +31,7 @@ from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import evaluate
 from pyinfra.metrics.frame_checks import validate
 from pyinfra.metrics.ground_truth import read_ground_truth
-from pyinfra.metrics.match_results import Settings
+from pyinfra.metrics.settings import Settings
 from pyinfra.models.training.sources import read_source
 
 DATASET = "name: a\nseed: 1\naggregation: exact\npreset: paper\nversion: 0.1.0\n"

@@ -30,7 +30,7 @@ from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import evaluate
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.ground_truth import read_ground_truth
-from pyinfra.metrics.match_results import Settings
+from pyinfra.metrics.settings import Settings
 
 ScoredBoxes = list[tuple[list[float], float]]
 SETS = ("captured", "common", "all")

@@ -29,10 +29,12 @@ from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import class_settings, evaluate
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.ground_truth import read_ground_truth
-from pyinfra.metrics.match_results import Settings, block_seconds, count_matches, match_input
+from pyinfra.metrics.match_input import block_seconds, match_input
+from pyinfra.metrics.match_results import count_matches
 from pyinfra.metrics.matching import Metric
 from pyinfra.metrics.prediction_checks import find_files
 from pyinfra.metrics.scanning_statistics import speed_table
+from pyinfra.metrics.settings import Settings
 from pyinfra.viz import clouds
 
 HALF_WIDTH_M = 10.0  # of the road

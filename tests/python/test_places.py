@@ -9,8 +9,9 @@ from evaluation_data import Vehicle, box, car, write_lidar, write_predictions, w
 from pyinfra.cli import main
 from pyinfra.metrics.evaluate import evaluate, write
 from pyinfra.metrics.ground_truth import read_ground_truth
-from pyinfra.metrics.match_results import Settings, block_seconds
+from pyinfra.metrics.match_input import block_seconds
 from pyinfra.metrics.places import compare_places
+from pyinfra.metrics.settings import Settings
 
 FRAMES = 200  # a second apart: eight blocks of 25 s
 SETTINGS = Settings(ground_truths=("present", "all"))

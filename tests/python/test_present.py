@@ -14,7 +14,7 @@ import pyinfra
 from pyinfra.cli import main
 from pyinfra.core.errors import FormatError
 from pyinfra.metrics.ground_truth import read_ground_truth
-from pyinfra.metrics.match_results import Settings
+from pyinfra.metrics.settings import Settings
 
 OUTLINE = "[{name: near, outline_m: [[-60, -30], [60, -30], [60, 30], [-60, 30]]}]"
 HOUSE = "[{x_m: 20, y_m: 26, length_m: 60, width_m: 4, height_m: 12}]"

@@ -17,8 +17,8 @@ from pyinfra.cli import main
 from pyinfra.experiments.value import KEY
 from pyinfra.formats.kitti import read_lidar
 from pyinfra.metrics.ground_truth import read_ground_truth
-from pyinfra.metrics.match_results import Settings
 from pyinfra.metrics.ranges import RANGES_M
+from pyinfra.metrics.settings import Settings
 
 __all__ = ["results"]  # a fixture
 NEAR, FAR = "livox_avia", "pandar_64"

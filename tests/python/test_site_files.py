@@ -28,7 +28,7 @@ from pyinfra.metrics.evaluate import evaluate, write
 from pyinfra.metrics.evaluation_tables import LANES
 from pyinfra.metrics.frame_checks import validate
 from pyinfra.metrics.ground_truth import read_ground_truth
-from pyinfra.metrics.match_results import Settings
+from pyinfra.metrics.settings import Settings
 from pyinfra.viz.evaluation_plots import draw_all
 from pyinfra.viz.scene_pictures import plan, read_scene
 

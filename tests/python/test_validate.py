@@ -21,7 +21,7 @@ from pyinfra.cli import main
 from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import evaluate
 from pyinfra.metrics.frame_checks import validate
-from pyinfra.metrics.match_results import Settings
+from pyinfra.metrics.settings import Settings
 
 FramePredictions = list[list[tuple[list[float], float]]]
 

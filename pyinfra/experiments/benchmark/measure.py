@@ -24,6 +24,7 @@ from pyinfra.metrics.evaluate import evaluate
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.match_results import Settings
 from pyinfra.metrics.row_selection import AP_COLUMNS, AP_ENDS, AP_OF, OFF_REGION
+from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import Recipe
 from pyinfra.models.training.sources import read_source

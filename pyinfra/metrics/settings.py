@@ -1,0 +1,70 @@
+"""The settings of an evaluation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+from pyinfra.core.errors import Error
+from pyinfra.core.names import suggestion
+from pyinfra.core.vocabulary import OBJECT_CLASSES, SUBSETS, Subset
+from pyinfra.metrics.matching import (
+    IOU,
+    Metric,
+)
+
+# definition: AP at 40 and at 1,000 recalls. r11: 11 recalls. kitti: 40 recalls, with the sampling
+# and the strict threshold of KITTI's devkit.
+Protocol = Literal["definition", "r11", "kitti"]
+PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of an evaluation; the first element of each list is the primary one."""
+
+    classes: Mapping[str, tuple[str, ...]] = field(
+        default_factory=lambda: {"vehicle": OBJECT_CLASSES["vehicle"]}
+    )  # names of classes and the KITTI types that they include
+    ground_truths: tuple[Subset, ...] = ("captured", "all")
+    ious: tuple[float, ...] = (IOU,)
+    protocols: tuple[Protocol, ...] = ("definition",)
+    metrics: tuple[Metric, ...] = ("bev",)
+    min_score: float = 0.0  # least score of a prediction that counts
+    min_points: int = 1  # least number of points on a captured vehicle
+    min_objects: int = 20  # least number of objects in an area that gets a quality
+    cut_first: bool = False  # whether to compute AP with windows cut out before matching, too
+    block_s: float | None = None  # block length of the bootstrap; default: the stay of a vehicle
+    replicates: int = 200  # number of bootstrap replicates
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        for name in ("classes", "ground_truths", "ious", "protocols", "metrics"):
+            if not getattr(self, name):
+                raise Error(f"{name}: expected one or more, got none")
+        for which in self.ground_truths:
+            if which not in SUBSETS:
+                near = suggestion(which, SUBSETS)
+                raise Error(f"ground_truths: expected names of them, got '{which}'{near}")
+        for iou in self.ious:
+            if not 0.1 <= iou < 1:
+                raise Error(f"iou: expected 0.1 to below 1, got {iou:g}")
+        if self.block_s is not None and not 0 < self.block_s <= 1e6:
+            raise Error(f"block_s: expected above 0 to 1e6, got {self.block_s:g}")
+        if not 0 <= self.min_score <= 1:
+            raise Error(f"min_score: expected 0 to 1, got {self.min_score:g}")
+        for name, least in (("min_points", 1), ("min_objects", 1), ("replicates", 1), ("seed", 0)):
+            if (value := getattr(self, name)) < least:
+                raise Error(f"{name}: expected {least} or more, got {value}")
+
+    def ious_of(self, metric: Metric) -> tuple[float, ...]:
+        """Returns the IoU thresholds of a metric; one NaN for metric `centre`."""
+        return (math.nan,) if metric == "centre" else self.ious
+
+    @property
+    def types(self) -> list[str]:
+        """The names of vehicles and predictions that are evaluated, each once."""
+        every = (t for name, types in self.classes.items() for t in (*types, name))
+        return list(dict.fromkeys(every))
