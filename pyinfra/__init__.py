@@ -14,7 +14,8 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pyinfra.api import benchmark, export, import_map, import_recording, train
+    from pyinfra.api import benchmark, train
+    from pyinfra.conversion import export, import_map, import_recording
     from pyinfra.core.errors import Error
     from pyinfra.core.version import __version__
     from pyinfra.dataset.loading import load_dataset, load_lidar, load_scene, simulate
@@ -35,9 +36,9 @@ _MODULES = {
     "compare": "pyinfra.metrics.compare",
     "detect": "pyinfra.models.inference.boxes_table",
     "evaluate": "pyinfra.metrics.evaluate",
-    "export": "pyinfra.api",
-    "import_map": "pyinfra.api",
-    "import_recording": "pyinfra.api",
+    "export": "pyinfra.conversion",
+    "import_map": "pyinfra.conversion",
+    "import_recording": "pyinfra.conversion",
     "load_dataset": "pyinfra.dataset.loading",
     "load_detector": "pyinfra.models.inference.boxes_table",
     "load_lidar": "pyinfra.dataset.loading",

@@ -1,214 +1,28 @@
-"""Public API functions that read or write folders: training, benchmarks, imports and exports.
+"""Public API functions that train detectors and run benchmarks in a folder.
 
-The other public functions live in the packages below; `pyinfra/__init__.py` lists all of them.
+The other public functions live in `conversion.py` and in the packages below; `pyinfra/__init__.py`
+lists all of them.
 """
 
 from __future__ import annotations
 
-import contextlib
 import os
-import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from pyinfra.core.errors import Error
-from pyinfra.core.names import file_or_name, path_of, suggestion
+from pyinfra.core.names import StrPath, check_name, file_or_name
 from pyinfra.core.public import public
 from pyinfra.dataset.catalogue import configs
-from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
-from pyinfra.dataset.loading import load_dataset, one_lidar
 
 if TYPE_CHECKING:
     from pyinfra.core.vocabulary import Tier
     from pyinfra.models.inference.boxes_table import TrainedDetector
 
-StrPath = str | os.PathLike[str]
 Progress = Callable[[str], None]
-
-
-@public
-def import_map(
-    file: StrPath,
-    out: StrPath,
-    *,
-    centre: tuple[float, float] | None = None,
-    radius_m: float = 300.0,
-    mount: tuple[float, float, float, float] | None = None,
-    vehicles_per_hour: float = 1000.0,
-    seconds: float = 500.0,
-    seed: int = 1,
-) -> Path:
-    """Makes a site folder from an OpenDRIVE map, an OpenStreetMap file or a SUMO network.
-
-    SUMO then simulates the traffic of the site, unless the folder already has trajectories.
-
-    Parameters
-    ----------
-    file : map file (.xodr, .osm or .net.xml), optionally compressed with gzip or bzip2
-    out : folder of the site; an existing result of the same import is kept
-    centre : x, y in the map's frame (OpenStreetMap: longitude, latitude); default: the map's middle
-    radius_m : radius around the centre within which the map is imported
-    mount : x, y, z, yaw_deg of the pole in the site's frame; by default a position is estimated
-    vehicles_per_hour : traffic volume; 0 writes no trajectories, but `load_scene` needs them
-    seconds : duration of the traffic, 1 to 3600
-    seed : seed of the traffic simulation
-
-    Returns
-    -------
-    Path of the site's scene file, an input of `load_scene`
-
-    Raises
-    ------
-    Error : for a map that cannot be read; the message names the file and, if known, the line
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> import pyinfra as pi
-    >>> road = '''<osm version="0.6">
-    ... <node id="1" lon="11.0" lat="48.0"/> <node id="2" lon="11.006" lat="48.0"/>
-    ... <way id="3"> <nd ref="1"/> <nd ref="2"/> <tag k="highway" v="primary"/> </way>
-    ... </osm>'''
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     map = Path(folder) / "road.osm"
-    ...     _ = map.write_text(road)
-    ...     site = pi.import_map(map, f"{folder}/road", seconds=10)
-    ...     pi.load_scene(site).frames
-    100
-    """
-    from pyinfra.scenes.maps.map_import import ImportOptions
-    from pyinfra.scenes.maps.map_import import import_map as run
-    from pyinfra.scenes.maps.site_traffic import write_traffic
-    from pyinfra.scenes.maps.traffic_demand import Demand
-    from pyinfra.scenes.maps.trajectory_file import NAME
-
-    if not 10 <= radius_m <= 100_000:
-        raise Error(f"radius_m: expected 10 to 100000, got {radius_m:g}")
-    folder = path_of(out, "out")
-    options = ImportOptions(centre=centre, radius_m=radius_m, mount=mount)
-    run(path_of(file, "file"), folder, options)
-    if vehicles_per_hour and not (folder / NAME).is_file():
-        write_traffic(folder, Demand(vehicles_per_hour), seconds, seed)
-    return folder / "site.yaml"
-
-
-@public
-def import_recording(
-    source: StrPath,
-    format: str,
-    out: StrPath,
-    *,
-    period_s: float | None = None,
-    height_m: float | None = None,
-    tilt_deg: tuple[float, float] | None = None,
-    types: Mapping[str, str] | None = None,
-    intensity_max: float | None = None,
-    unit_m: float = 1.0,
-    columns: int | None = None,
-    channel: str | None = None,
-) -> RecordedFrames:
-    """Converts a recording of another tool to the folder of one LiDAR.
-
-    All assumptions about the recording are written to the folder's lidar.yaml.
-
-    Parameters
-    ----------
-    source : folder of the recording
-    format : kitti, openpcdet, pcd, bin, nuscenes, dair-v2x, tumtraf or rcooper
-    out : new folder, named DATA/LIDAR
-    period_s : frame period; by default taken from the recording, or 0.1 if it has none
-    height_m : height of the sensor above the road; by default estimated from the points
-    tilt_deg : pitch (positive looks down) and roll of the sensor; points and boxes are levelled
-    types : maps class names of the recording to types (Car, Van, Truck, ...)
-    intensity_max : largest intensity of the source; by default detected: 1, 255 or 65535
-    unit_m : length unit of the source's coordinates in metres
-    columns : number of float32 values per point in a .bin file; by default detected
-    channel : name of the LiDAR, if the recording has several
-
-    Returns
-    -------
-    The frames, as `load_dataset` returns them; their attribute `folder` is the LiDAR's folder
-
-    Raises
-    ------
-    Error : for an unknown format, a number out of range, or a recording that cannot be read
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import pyinfra as pi
-    >>> frames = pi.simulate(pi.load_scene("highway"), "helios_16", range(0, 30, 10))
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     recording = pi.export(frames, "pcd", f"{folder}/recording")
-    ...     recorded = pi.import_recording(recording, "pcd", f"{folder}/highway/pole")
-    ...     len(recorded), recorded[0].points.shape[1]
-    (3, 4)
-    """
-    from pyinfra.exchange import imports
-    from pyinfra.exchange.formats import IMPORTS
-    from pyinfra.exchange.recording import Options
-
-    _known("format", format, IMPORTS)
-    folder = path_of(out, "out")
-    facts = imports.facts_of(
-        folder, period_s=period_s, height_m=height_m, tilt_deg=tilt_deg, types=types
-    )
-    options = imports.checked(Options(intensity_max, columns, None, channel, unit_m))
-    imports.import_recording(path_of(source, "source"), format, folder, facts, options)
-    loaded = load_dataset(out)
-    assert isinstance(loaded, RecordedFrames)
-    return loaded
-
-
-@public
-def export(frames: FrameSequence | StrPath, format: str, out: StrPath) -> Path:
-    """Writes frames of one LiDAR in the format of another tool.
-
-    Parameters
-    ----------
-    frames : a result of `simulate` or `load_dataset`, or a LiDAR's folder
-    format : openpcdet, mmdet3d, pcd, mcap, nuscenes or openlabel
-    out : new or empty folder; its parent folder temporarily holds simulated frames
-
-    Returns
-    -------
-    Path of the output folder
-
-    Raises
-    ------
-    Error : for an unknown format, frames of several LiDARs, or frames that the format cannot hold
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import pyinfra as pi
-    >>> frames = pi.simulate(pi.load_scene("highway"), "helios_16", range(0, 50, 10))
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     out = pi.export(frames, "openpcdet", f"{folder}/openpcdet")
-    ...     sorted(path.name for path in out.iterdir() if path.is_dir())
-    ['ImageSets', 'cfgs', 'labels', 'points']
-    """
-    from pyinfra.dataset.sequence_folder import write_folder
-    from pyinfra.exchange import exports
-    from pyinfra.exchange.formats import EXPORTS
-
-    _known("format", format, EXPORTS)
-    sequence, folder = one_lidar(frames, "frames"), path_of(out, "out")
-    with contextlib.ExitStack() as stack:
-        if isinstance(sequence, SimulatedFrames):
-            folder.parent.mkdir(parents=True, exist_ok=True)
-            beside = tempfile.TemporaryDirectory(dir=folder.parent, prefix=".simulated_")
-            lidar_folder = write_folder(sequence, Path(stack.enter_context(beside)))
-        elif isinstance(sequence, RecordedFrames):
-            lidar_folder = sequence.folder
-        else:
-            raise Error("frames: expected frames of simulate or load_dataset, got another sequence")
-        exports.export(lidar_folder, sequence.numbers, format, folder)
-    return folder
 
 
 @public
@@ -261,7 +75,7 @@ def train(
     from pyinfra.models.training.recipe import read_recipe
     from pyinfra.models.training.sources import read_source
 
-    _known("tier", tier, TIERS)
+    check_name(tier, TIERS, "tier")
     paths = [folders] if isinstance(folders, (str, os.PathLike)) else folders
     if not paths:
         raise Error("folders: expected one or more, got none")
@@ -331,7 +145,7 @@ def benchmark(
     from pyinfra.experiments.pool import Pool, silent
     from pyinfra.experiments.store import read
 
-    _known("tier", tier, TIERS)
+    check_name(tier, TIERS, "tier")
     if jobs < 1:
         raise Error(f"jobs: expected 1 or more, got {jobs}")
     file = file_or_name(config, _configs("benchmarks"), "config")
@@ -343,11 +157,6 @@ def benchmark(
         pool = Pool("local", jobs, "", gpu=device != "cpu")
         run(plan, workspace, pool, device=device, progress=progress or silent)
     return read(workspace.table("experiments"))
-
-
-def _known(argument: str, word: str, names: Sequence[str]) -> None:
-    if word not in names:
-        raise Error(f"{argument}: expected a name, got '{word}'{suggestion(word, names)}")
 
 
 def _configs(kind: str) -> dict[str, Path]:

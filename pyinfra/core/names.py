@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from pyinfra.core.errors import Error
+
+StrPath = str | os.PathLike[str]
 
 
 def path_of(value: object, argument: str) -> Path:
@@ -17,7 +19,7 @@ def path_of(value: object, argument: str) -> Path:
     return Path(os.fspath(value))
 
 
-def file_or_name(word: str | os.PathLike[str], files: dict[str, Path], argument: str) -> Path:
+def file_or_name(word: StrPath, files: dict[str, Path], argument: str) -> Path:
     """Returns the file of a name that the package ships, or the given file itself.
 
     Parameters
@@ -37,6 +39,12 @@ def file_or_name(word: str | os.PathLike[str], files: dict[str, Path], argument:
     if path.is_file():
         return path
     raise Error(f"{argument}: expected a file or a name, got '{text}'{suggestion(text, files)}")
+
+
+def check_name(word: str, names: Collection[str], argument: str) -> None:
+    """Raises Error, which names the argument and the nearest names, unless it is a known name."""
+    if word not in names:
+        raise Error(f"{argument}: expected a name, got '{word}'{suggestion(word, names)}")
 
 
 def suggestion(word: str, names: Iterable[str]) -> str:
