@@ -22,12 +22,8 @@ import yaml
 from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray
 from pyinfra.core.version import __version__
 from pyinfra.core.vocabulary import OBJECT_NAMES, LabelTime
-from pyinfra.dataset.frame_tables import (
-    Vehicles,
-    concatenated,
-    read_vehicles,
-    without_points,
-)
+from pyinfra.dataset.frame_readers import read_vehicles
+from pyinfra.dataset.frame_tables import Vehicles, concatenated, without_points
 from pyinfra.dataset.frames import PERIOD_S, frame_numbers
 from pyinfra.dataset.ground import Ground, ground_of, ground_of_roads
 from pyinfra.dataset.outlines import outlines_of

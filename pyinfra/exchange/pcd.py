@@ -11,7 +11,7 @@ import numpy as np
 
 from pyinfra.core.arrays import AnyArray, FloatArray, Points, Records
 from pyinfra.core.errors import FormatError
-from pyinfra.dataset.frame_tables import read_cameras
+from pyinfra.dataset.frame_readers import read_cameras
 from pyinfra.exchange.box_text import read_boxes, write_boxes
 from pyinfra.exchange.frame_times import seconds_of_stamp
 from pyinfra.exchange.recording import (

@@ -16,7 +16,7 @@ from pyinfra.core.arrays import FloatArray, NameArray, Points
 from pyinfra.core.errors import Error
 from pyinfra.core.files import write
 from pyinfra.core.vocabulary import VEHICLE_TYPES
-from pyinfra.dataset.frame_tables import read_cameras
+from pyinfra.dataset.frame_readers import read_cameras
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Labels

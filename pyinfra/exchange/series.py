@@ -14,7 +14,7 @@ from pyinfra.core.boxes import points_in_boxes
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.files import write
 from pyinfra.core.vocabulary import LabelTime
-from pyinfra.dataset.frame_tables import read_cameras
+from pyinfra.dataset.frame_readers import read_cameras
 from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Objects

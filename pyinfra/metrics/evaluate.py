@@ -20,8 +20,9 @@ from pyinfra.core.files import replacing
 from pyinfra.core.names import path_of, suggestion
 from pyinfra.core.public import public
 from pyinfra.core.vocabulary import OBJECT_CLASSES
+from pyinfra.dataset.frame_readers import Cameras, read_cameras, read_predictions
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
-from pyinfra.dataset.frame_tables import Cameras, Predictions, read_cameras, read_predictions
+from pyinfra.dataset.frame_tables import Predictions
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.dataset.loading import one_lidar
 from pyinfra.formats import kitti

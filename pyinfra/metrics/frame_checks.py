@@ -16,14 +16,14 @@ from scipy.ndimage import median_filter
 from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset.data_set import read_data_set, read_lidars
-from pyinfra.dataset.frame_tables import (
-    Vehicles,
+from pyinfra.dataset.frame_readers import (
     other_types,
     read_cameras,
     read_labelled,
     read_predictions,
     read_vehicles,
 )
+from pyinfra.dataset.frame_tables import Vehicles
 from pyinfra.dataset.frames import data_set_of, frame_numbers
 from pyinfra.dataset.outlines import OUTLINES_FILE, read_outlines
 from pyinfra.dataset.roads import read_roads

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from pyinfra.dataset.data_set import without_region
-from pyinfra.dataset.frame_tables import Vehicles, other_types
+from pyinfra.dataset.frame_readers import other_types
+from pyinfra.dataset.frame_tables import Vehicles
 from pyinfra.metrics.prediction_checks import Finding
 
 

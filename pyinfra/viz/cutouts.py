@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pyinfra.core.arrays import FloatArray, Floats
-from pyinfra.dataset import frame_tables
 from pyinfra.dataset.data_set import field_of_view_mask, read_owners
+from pyinfra.dataset.frame_readers import read_vehicles
 from pyinfra.formats import kitti
 from pyinfra.viz import clouds
 from pyinfra.viz.scene_pictures import Scene
@@ -128,7 +128,7 @@ def _vehicles(scene: Scene, frames: Sequence[int]) -> list[Vehicle]:
     """Returns the vehicles of CLASS with LEAST_VISIBILITY that any LiDAR lists in `frames`."""
     by_id: dict[tuple[int, int], Vehicle] = {}
     for folder in scene.folders:
-        table = frame_tables.read_vehicles(folder, frames)
+        table = read_vehicles(folder, frames)
         wanted = (table.names == CLASS) & (table.visibility >= LEAST_VISIBILITY)
         table = table.select(wanted)
         views = [

@@ -19,7 +19,7 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.core.version import __version__, machine
 from pyinfra.core.vocabulary import SUBSETS
 from pyinfra.dataset.catalogue import lidar_file, scene_file
-from pyinfra.dataset.frame_tables import read_cameras, read_predictions
+from pyinfra.dataset.frame_readers import read_cameras, read_predictions
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments.benchmark.frames import split_by_time

@@ -28,7 +28,7 @@ import yaml
 from pyinfra.core.version import __version__, machine
 from pyinfra.core.vocabulary import Tier
 from pyinfra.dataset.catalogue import lidar_file, scene_file
-from pyinfra.dataset.frame_tables import read_vehicles
+from pyinfra.dataset.frame_readers import read_vehicles
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store

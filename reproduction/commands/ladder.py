@@ -21,7 +21,7 @@ import pandas as pd
 from pyinfra.core.files import replacing
 from pyinfra.core.version import __version__, machine
 from pyinfra.dataset.catalogue import lidar_file, scene_file
-from pyinfra.dataset.frame_tables import read_vehicles
+from pyinfra.dataset.frame_readers import read_vehicles
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments.benchmark.frames import split_by_time

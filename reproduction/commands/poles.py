@@ -24,7 +24,7 @@ import pandas as pd
 import yaml
 
 from pyinfra.dataset.catalogue import lidar_file, scene_file
-from pyinfra.dataset.frame_tables import read_vehicles
+from pyinfra.dataset.frame_readers import read_vehicles
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store

@@ -22,7 +22,7 @@ from message_pattern import pattern
 from pyinfra.cli import main
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset.data_set import read_data_set, read_lidars
-from pyinfra.dataset.frame_tables import read_vehicles
+from pyinfra.dataset.frame_readers import read_vehicles
 from pyinfra.dataset.frames import frame_numbers, lidar_folders
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.imports import import_recording

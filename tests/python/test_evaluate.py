@@ -24,7 +24,7 @@ from evaluation_data import (
 from pyinfra.cli import main
 from pyinfra.cli.evaluate import class_types
 from pyinfra.core.errors import ConfigError, FormatError
-from pyinfra.dataset.frame_tables import read_vehicles
+from pyinfra.dataset.frame_readers import read_vehicles
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import evaluate

@@ -9,7 +9,7 @@ import pytest
 from message_pattern import pattern
 
 from pyinfra.core.errors import FormatError
-from pyinfra.dataset.frame_tables import Cameras, read_predictions
+from pyinfra.dataset.frame_readers import Cameras, read_predictions
 from pyinfra.formats import kitti
 
 WITHOUT_SCAN = "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility"

@@ -23,7 +23,7 @@ from pyinfra.cli import main
 from pyinfra.cli.evaluate import class_types
 from pyinfra.core.vocabulary import OBJECT_CLASSES, PERSON_TYPES, SUBSETS, VEHICLE_TYPES
 from pyinfra.dataset.data_set import read_data_set
-from pyinfra.dataset.frame_tables import read_cameras, read_predictions, read_vehicles
+from pyinfra.dataset.frame_readers import read_cameras, read_predictions, read_vehicles
 from pyinfra.experiments.benchmark.measure import off_region_per_min
 from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import class_settings, evaluate

@@ -8,7 +8,7 @@ import yaml
 from conftest import Infrasim
 
 from pyinfra.core.errors import FormatError
-from pyinfra.dataset.frame_tables import read_vehicles
+from pyinfra.dataset.frame_readers import read_vehicles
 from pyinfra.dataset.ground import ground_of
 from pyinfra.dataset.profile import profile_of
 from pyinfra.dataset.roads import read_roads

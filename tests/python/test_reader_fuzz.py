@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 
 from pyinfra.core.errors import Error
 from pyinfra.dataset.data_set import read_data_set
-from pyinfra.dataset.frame_tables import read_cameras, read_predictions, read_vehicles
+from pyinfra.dataset.frame_readers import read_cameras, read_predictions, read_vehicles
 from pyinfra.dataset.roads import read_roads
 from pyinfra.exchange.box_text import read_boxes
 from pyinfra.exchange.formats import exporter, reader

@@ -14,7 +14,7 @@ from message_pattern import pattern
 
 from pyinfra.core.boxes import points_in_box
 from pyinfra.dataset.data_set import field_of_view_mask, read_data_set
-from pyinfra.dataset.frame_tables import read_vehicles
+from pyinfra.dataset.frame_readers import read_vehicles
 from pyinfra.experiments.benchmark.frames import hit_row, lidar_row
 from pyinfra.formats import kitti
 from pyinfra.viz import scene_pictures as scene_figures

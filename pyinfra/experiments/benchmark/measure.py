@@ -22,7 +22,6 @@ from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import read_csv
 from pyinfra.metrics.evaluate import evaluate
 from pyinfra.metrics.evaluation_result import Evaluation
-from pyinfra.metrics.match_results import Settings
 from pyinfra.metrics.row_selection import AP_COLUMNS, AP_ENDS, AP_OF, OFF_REGION
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect

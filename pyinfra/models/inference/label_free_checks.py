@@ -10,7 +10,8 @@ import numpy as np
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.boxes import points_in_boxes
 from pyinfra.core.vocabulary import PERSON_TYPES
-from pyinfra.dataset.frame_tables import Predictions, read_cameras, read_predictions
+from pyinfra.dataset.frame_readers import read_cameras, read_predictions
+from pyinfra.dataset.frame_tables import Predictions
 from pyinfra.dataset.frames import PERIOD_S, frame_numbers
 from pyinfra.dataset.ground import ground_of
 from pyinfra.dataset.regions import Region, region_of

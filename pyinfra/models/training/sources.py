@@ -13,8 +13,9 @@ import numpy as np
 from pyinfra.core.arrays import FloatArray, IntArray, Points
 from pyinfra.core.vocabulary import OBJECT_CLASSES, VEHICLES, LabelTime, ObjectClass, Tier
 from pyinfra.dataset import regions, split
+from pyinfra.dataset.frame_readers import other_types, read_vehicles
 from pyinfra.dataset.frame_sequence import SimulatedFrames, vehicles_of
-from pyinfra.dataset.frame_tables import Vehicles, other_types, read_vehicles
+from pyinfra.dataset.frame_tables import Vehicles
 from pyinfra.dataset.frames import (
     PERIOD_S,
     check_no_data_set,

@@ -19,7 +19,7 @@ from pyinfra.core.arrays import (
     Records,
 )
 from pyinfra.core.errors import FormatError
-from pyinfra.dataset import frame_tables
+from pyinfra.dataset.frame_readers import read_cameras, read_predictions, read_vehicles
 from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.world_frame import to_world
 from pyinfra.formats import kitti
@@ -56,7 +56,7 @@ def read_view_frames(
     has_lidar = (lidar_folder / "lidar.yaml").is_file()
     lidar = kitti.read_lidar(lidar_folder) if has_lidar else None
     pose = lidar.T_world_levelled if lidar else WorldPose(0, 0, 0, 0)
-    vehicles = frame_tables.read_vehicles(lidar_folder, frames)
+    vehicles = read_vehicles(lidar_folder, frames)
     counted = (lidar_folder / "training/objects").is_dir()
     per_frame = _predictions(lidar_folder, frames, predictions, pose)
     views = []
@@ -110,8 +110,8 @@ def _predictions(
         return [None] * len(frames)
     known = kitti.frames(lidar_folder)
     files = find_files(folder, frames, known, lidar_folder=lidar_folder, allow_missing=True).files
-    cameras = frame_tables.read_cameras(lidar_folder, frames)
-    table = frame_tables.read_predictions(files, cameras)
+    cameras = read_cameras(lidar_folder, frames)
+    table = read_predictions(files, cameras)
     views: list[Labels | None] = []
     for i, file in enumerate(files):
         in_frame = table.select(table.frame == i)

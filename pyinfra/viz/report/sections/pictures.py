@@ -15,8 +15,8 @@ from matplotlib.figure import Figure as Drawing
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.boxes import footprints
-from pyinfra.dataset import frame_tables
 from pyinfra.dataset.data_set import DataSet
+from pyinfra.dataset.frame_readers import read_cameras, read_predictions
 from pyinfra.dataset.prediction_origin import check_origin
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics.scanning_statistics import described, speed_table
@@ -223,8 +223,8 @@ def _predicted(data: DataSet, run: Run, frame: int) -> FloatArray:
     """Returns the predicted boxes (k, 7) of a frame with a score of at least SHOWN_SCORE."""
     folder = data.lidar_folder(run.lidar)
     check_origin(run.prediction(frame).parent, folder)
-    cameras = frame_tables.read_cameras(folder, [frame])
-    predictions = frame_tables.read_predictions([run.prediction(frame)], cameras)
+    cameras = read_cameras(folder, [frame])
+    predictions = read_predictions([run.prediction(frame)], cameras)
     return np.asarray(predictions.boxes[predictions.scores >= SHOWN_SCORE])
 
 

@@ -1,0 +1,67 @@
+"""Reads many small text files as groups.
+
+Files are parsed in groups of some hundred, about ten times as fast as one by one. If a group does
+not parse, its files are read again one by one, for an error that names file and line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray, IntArray
+from pyinfra.dataset.frame_tables import Table, concatenated
+from pyinfra.formats.text_table import is_whole, lines_of
+
+_FILES = 256  # files per group
+
+
+def joined(
+    files: Sequence[Path | None],
+    read: Callable[[Sequence[Path], IntArray], Table],
+) -> Table:
+    """Concatenates the tables of groups of files; calls `read` with files and frame indices."""
+    present = [(i, file) for i, file in enumerate(files) if file is not None]
+    parts = []
+    for start in range(0, max(1, len(present)), _FILES):
+        group = present[start : start + _FILES]
+        frames = np.array([i for i, _ in group], dtype=np.int64)
+        parts.append(read([file for _, file in group], frames))
+    return concatenated(parts)
+
+
+def file_lines(files: Sequence[Path], *, whole: bool = False) -> list[list[str]]:
+    """Returns the lines of each file, like `text_table.lines_of`."""
+    texts = [file.read_bytes() for file in files]
+    try:
+        lines = [text.decode("utf-8-sig").splitlines() for text in texts]
+    except UnicodeDecodeError:
+        lines = None
+    if lines is None or (whole and not all(map(is_whole, texts))):
+        fail_with_line(files, lambda file: lines_of(file, whole=whole))
+    return lines
+
+
+def numbers_of(rows: Sequence[Sequence[str]], width: int, first: int) -> FloatArray | None:
+    """Converts the cells from column `first` on to (n, width - first); None if that fails.
+
+    It fails for a wrong number of columns and for cells that are not finite numbers.
+    """
+    if any(len(row) != width for row in rows):
+        return None
+    try:
+        values = np.array([row[first:] for row in rows], dtype=np.float64)
+    except ValueError:
+        return None
+    values = values.reshape(len(rows), width - first)
+    return values if np.isfinite(values).all() else None
+
+
+def fail_with_line(files: Sequence[Path], read: Callable[[Path], object]) -> NoReturn:
+    """Reads the files one by one, to raise the error that names file and line."""
+    for file in files:
+        read(file)
+    raise AssertionError(f"{files[0]}: read alone but not in a group")
