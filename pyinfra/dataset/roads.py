@@ -39,6 +39,11 @@ class Road:
     heading: FloatArray  # (n,)
     half_width: FloatArray  # (n,)
 
+    @property
+    def outline(self) -> FloatArray:
+        """Both edges of the carriageway as one ring (2 n, 2)."""
+        return strip(self.xy, self.heading, self.half_width)
+
 
 @dataclass(frozen=True, eq=False)
 class Places:
@@ -86,6 +91,12 @@ def offset_curve(centre: FloatArray, heading: FloatArray, left_m: Floats | float
     """Returns the curve (n, 2) at `left_m` (scalar or (n,)) to the left of a centreline (n, 2)."""
     aside = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
     return np.asarray(centre + aside * np.reshape(left_m, (-1, 1)))
+
+
+def strip(centre: FloatArray, heading: FloatArray, half_width: FloatArray) -> FloatArray:
+    """Returns both edges of a road with centreline (n, 2) as one ring (2 n, 2)."""
+    left = offset_curve(centre, heading, half_width)
+    return np.concatenate([left, offset_curve(centre, heading, -half_width)[::-1]])
 
 
 def locate(

@@ -14,7 +14,7 @@ from pyinfra.core.arrays import FloatArray, Floats
 from pyinfra.dataset.data_set import field_of_view_mask, read_owners
 from pyinfra.dataset.frame_readers import read_vehicles
 from pyinfra.formats import kitti
-from pyinfra.viz import clouds
+from pyinfra.viz.picture_style import COLOURS, STYLE
 from pyinfra.viz.scene_pictures import Scene
 
 DISTANCES_M = (20.0, 40.0, 60.0, 80.0, 100.0)
@@ -61,7 +61,7 @@ def cutouts(scene: Scene, frame: int) -> Figure:
     half = np.abs(_flat(drawn)).max(axis=0) + EDGE_M
     rows, columns = len(scene.lidars), len(vehicles)
     width = 8.5 / columns
-    with mpl.rc_context(clouds.STYLE):
+    with mpl.rc_context(STYLE):
         size = (8.5, rows * (width * half[1] / half[0] + 0.2) + 0.7)
         figure = Figure(figsize=size, layout="constrained")
         grid = figure.subplots(rows, columns, squeeze=False)
@@ -159,7 +159,7 @@ def _draw_cutout(axes: Axes, box: FloatArray, points: FloatArray) -> None:
     corners = _flat(_corners(box))
     for edge in _EDGES:
         style: dict[str, Any] = {"linestyle": ":" if _HIDDEN in edge else "-", "linewidth": 0.7}
-        axes.plot(*corners[list(edge)].T, color=clouds.COLOURS[0], zorder=1, **style)
+        axes.plot(*corners[list(edge)].T, color=COLOURS[0], zorder=1, **style)
     size = 1.2 if len(points) > 200 else 2.2
     axes.plot(*_flat(points).T, "o", color="black", markersize=size, markeredgewidth=0, zorder=2)
 

@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
 
-from pyinfra.dataset.roads import Road
+from pyinfra.dataset.roads import Road, strip
 from pyinfra.dataset.windows import WINDOW_M, WINDOW_STEP_M
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
@@ -128,7 +128,7 @@ def areas_plan(
         for ax, rows in panels:
             for row in rows.itertuples():
                 is_cell = "x" in rows
-                outline = _square(row) if is_cell else _strip(by_name[str(row.road)], float(row.s))
+                outline = _square(row) if is_cell else _piece(by_name[str(row.road)], float(row.s))
                 ax.add_patch(Polygon(outline, edgecolor="black", lw=0.3, **STYLES[row.quality]))
             if sensor is not None:
                 ax.plot(*sensor, "^", color="#d55e00", markeredgecolor="white", markersize=8)
@@ -143,17 +143,14 @@ def _square(cell: Any) -> np.ndarray[Any, Any]:
     return np.asarray((cell.x, cell.y) + WINDOW_M / 2 * corners)
 
 
-def _strip(road: Road, middle: float) -> np.ndarray[Any, Any]:
+def _piece(road: Road, middle: float) -> np.ndarray[Any, Any]:
     """Returns the outline (n, 2) of a road piece of WINDOW_STEP_M, cut at the road's ends."""
     half = WINDOW_STEP_M / 2
     ends = np.clip([middle - half, middle + half], road.s[0], road.s[-1])
     s = np.linspace(ends[0], ends[1], 6)
-    x, y = (np.interp(s, road.s, road.xy[:, i]) for i in range(2))
+    centre = np.stack([np.interp(s, road.s, road.xy[:, i]) for i in range(2)], axis=1)
     heading = np.interp(s, road.s, np.unwrap(road.heading))
-    aside = np.interp(s, road.s, road.half_width)
-    left = np.stack([x - aside * np.sin(heading), y + aside * np.cos(heading)], axis=1)
-    right = np.stack([x + aside * np.sin(heading), y - aside * np.cos(heading)], axis=1)
-    return np.concatenate([left, right[::-1]])
+    return strip(centre, heading, np.interp(s, road.s, road.half_width))
 
 
 def _panels(

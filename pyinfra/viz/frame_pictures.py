@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pyinfra.formats import kitti
-from pyinfra.viz import clouds
 from pyinfra.viz import cutouts as cutout_figures
 from pyinfra.viz import scene_pictures as scene_figures
+from pyinfra.viz.picture_style import save
 
 
 def draw_scenes(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> list[Path]:
@@ -23,6 +23,6 @@ def draw_scenes(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> l
         scene = scene_figures.read_scene(folders)
         name = folders[0].parent.name
         files += [out / f"plan_{name}.png", out / f"cutouts_{name}.png"]
-        clouds.save(scene_figures.plan([scene]), files[-2])
-        clouds.save(cutout_figures.cutouts(scene, frame), files[-1])
+        save(scene_figures.plan([scene]), files[-2])
+        save(cutout_figures.cutouts(scene, frame), files[-1])
     return files

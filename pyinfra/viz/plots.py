@@ -54,7 +54,8 @@ def plot_scene(scene: AnyScene, *, ax: Axes | None = None) -> Axes:
     """
     from matplotlib.patches import Polygon
 
-    from pyinfra.viz import clouds
+    from pyinfra.viz.drawn_area import window_around
+    from pyinfra.viz.picture_style import REGION_COLOUR
     from pyinfra.viz.scene_pictures import BUILDING, ROAD_LINES
 
     if isinstance(scene, SimulatedFrames):
@@ -63,9 +64,9 @@ def plot_scene(scene: AnyScene, *, ax: Axes | None = None) -> Axes:
     top = parse_yaml(world.dump(), "scene")
     around = surroundings_of(top, roads_of_world(world, "roads.csv"))
     ax = _axes(ax, (8, 6))
-    outlines = [clouds.strip(r.xy, r.heading, r.half_width) for r in around.roads]
+    outlines = [r.outline for r in around.roads]
     for outline in outlines:
-        ax.add_patch(Polygon(outline, color=clouds.REGION_COLOUR, zorder=0))
+        ax.add_patch(Polygon(outline, color=REGION_COLOUR, zorder=0))
     for corners in footprints(around.buildings):
         ax.add_patch(Polygon(corners, **BUILDING, linewidth=0.6, zorder=0.5))
     for line in road_lines(around):
@@ -76,7 +77,7 @@ def plot_scene(scene: AnyScene, *, ax: Axes | None = None) -> Axes:
         tip = (x + ARROW_M * np.cos(yaw), y + ARROW_M * np.sin(yaw))
         ax.annotate("", tip, (x, y), arrowprops={"arrowstyle": "-|>", "color": "black"}, zorder=5)
         ax.plot(x, y, marker="^", color="black", markersize=6, zorder=5)
-    window = clouds.window_around(outlines)
+    window = window_around(outlines)
     ax.set(aspect="equal", xlim=window.x, ylim=window.y, title=top.at("name").text())
     ax.set(xlabel="x, m", ylabel="y, m")
     return ax

@@ -22,6 +22,8 @@ from pyinfra.dataset.surroundings import Surroundings, read_surroundings, road_l
 from pyinfra.dataset.world_frame import to_world
 from pyinfra.formats import kitti
 from pyinfra.viz import clouds
+from pyinfra.viz.drawn_area import DrawnArea, window_around
+from pyinfra.viz.picture_style import COLOURS, REGION_COLOUR, STYLE, legend_below
 
 STATION_STEP_M = 20.0
 SCALE_M = 20.0
@@ -68,22 +70,20 @@ def plan(scenes: Sequence[Scene]) -> Figure:
 
     LiDARs with the same field of view share a line.
     """
-    outlines = [
-        [clouds.strip(r.xy, r.heading, r.half_width) for r in s.around.roads] for s in scenes
-    ]
-    windows = [clouds.window_around(rings) for rings in outlines]
+    outlines = [[r.outline for r in s.around.roads] for s in scenes]
+    windows = [window_around(rings) for rings in outlines]
     widths = [window.shape()[0] for window in windows]
     height = max(window.shape()[1] for window in windows)
     width = 8.5 * (1 + 0.45 * (len(scenes) - 1))  # leaves room for the stations
     size = (width, 0.93 * width * height / sum(widths) + 1.1)
-    with mpl.rc_context(clouds.STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=size, layout="constrained")
         grid = figure.subplots(1, len(scenes), squeeze=False, width_ratios=widths)[0]
         views: dict[str, dict[str, Any]] = {}
         built = any(len(scene.around.buildings) for scene in scenes)
         for axes, scene, window, rings in zip(grid, scenes, windows, outlines, strict=True):
             for ring in rings:
-                axes.add_patch(Polygon(ring, color=clouds.REGION_COLOUR, zorder=0))
+                axes.add_patch(Polygon(ring, color=REGION_COLOUR, zorder=0))
             _draw_surroundings(axes, scene)
             _draw_views(axes, scene, views)
             _draw_scale(axes, window)
@@ -91,12 +91,12 @@ def plan(scenes: Sequence[Scene]) -> Figure:
             axes.set_xlabel("x, east (m)")
         grid[0].set_ylabel("y, north (m)")
         handles = [
-            Patch(color=clouds.REGION_COLOUR, label="evaluation region; s in m"),
+            Patch(color=REGION_COLOUR, label="evaluation region; s in m"),
             *([Patch(**BUILDING, label="building")] if built else []),
             Line2D([], [], color="black", marker="^", linestyle="none", label="sensor, its yaw"),
             *(Line2D([], [], label=label, **style) for label, style in views.items()),
         ]
-        clouds.legend_below(figure, handles)
+        legend_below(figure, handles)
     return figure
 
 
@@ -147,7 +147,7 @@ def _draw_views(axes: Axes, scene: Scene, styles: dict[str, dict[str, Any]]) -> 
         reach = max(unit.range_m[1] for unit in first.field_of_view)
         models = f"{', '.join(lidar.model for lidar in lidars)}: to {reach:g} m"
         label = textwrap.fill(models, LABEL_LETTERS)
-        colour = clouds.COLOURS[len(styles) % len(clouds.COLOURS)]
+        colour = COLOURS[len(styles) % len(COLOURS)]
         line = LINES[len(styles) % len(LINES)]
         style = styles.setdefault(label, {"color": colour, "linestyle": line, "linewidth": 1.2})
         for unit in first.field_of_view:
@@ -160,7 +160,7 @@ def _draw_views(axes: Axes, scene: Scene, styles: dict[str, dict[str, Any]]) -> 
             axes.plot(*foot, marker="^", color="black", markersize=5, zorder=5)
 
 
-def _draw_scale(axes: Axes, window: clouds.DrawnArea) -> None:
+def _draw_scale(axes: Axes, window: DrawnArea) -> None:
     """Draws a scale bar at the lower edge, clear of the stations and of the circles."""
     x, y = window.x[0] + 0.3 * window.shape()[0], window.y[0] + 2.5
     axes.plot([x, x + SCALE_M], [y, y], color="black", linewidth=2.5, solid_capstyle="butt")

@@ -19,7 +19,7 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.core.files import replacing
 from pyinfra.formats.ply import read_ply
 from pyinfra.scenes.maps.lane_map import MapError
-from pyinfra.viz import clouds
+from pyinfra.viz.picture_style import STYLE, legend_below
 
 COLOURS = {
     "terrain": "#F4F4EE",
@@ -93,7 +93,7 @@ def plan(folder: Path, radius_m: float | None = None) -> Figure:
         foot = np.array([mount["x_m"], mount["y_m"]])
         low, high = foot - radius_m, foot + radius_m
     width, height = high - low
-    with mpl.rc_context(clouds.STYLE):
+    with mpl.rc_context(STYLE):
         size = SIZE_IN / max(width, height)
         figure = Figure(
             figsize=(max(4.0, width * size), max(3.0, height * size) + 0.8), layout="constrained"
@@ -113,7 +113,7 @@ def plan(folder: Path, radius_m: float | None = None) -> Figure:
         axes.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         axes.set(title=scene["name"], xlabel="x, east (m)", ylabel="y, north (m)")
         handles = [Patch(color=COLOURS[m], label=m) for m in dict.fromkeys(used) if m != "terrain"]
-        clouds.legend_below(figure, [*handles, *_handles_of(features)])
+        legend_below(figure, [*handles, *_handles_of(features)])
     return figure
 
 

@@ -13,7 +13,7 @@ from matplotlib.patches import Circle, Polygon
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.boxes import footprints
 from pyinfra.scenes.generator.layout import Keys, PlannedRoad
-from pyinfra.viz import clouds
+from pyinfra.viz.picture_style import STYLE
 
 HALF_M = 110.0  # half the side of the drawn square around the sensor
 COLUMNS = 6
@@ -31,7 +31,7 @@ def sheet(sites: Sequence[Keys]) -> Figure:
     rows = -(-len(sites) // COLUMNS)
     columns = min(COLUMNS, len(sites))
     size = (PANEL_INCHES * columns, (PANEL_INCHES + 0.25) * rows)
-    with mpl.rc_context(clouds.STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=size, layout="constrained")
         grid = figure.subplots(rows, columns, squeeze=False).flat
         for axes, site in zip(grid, sites, strict=False):

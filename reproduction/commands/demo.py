@@ -13,6 +13,7 @@ from pyinfra.dataset.catalogue import LIDARS, SCENES, lidar_file, scene_file
 from pyinfra.dataset.runs import SimulatorError, infrasim
 from pyinfra.formats import kitti
 from pyinfra.viz import clouds
+from pyinfra.viz.pattern_picture import draw_patterns
 from reproduction.hit_points import PRESET, hit_table, table_text, write_table
 
 # part of the simulator's error for a folder of another configuration
@@ -64,7 +65,7 @@ def main() -> None:
         kitti.read_lidar(folder).model: scan_pattern(lidar_file(folder.name))
         for folder in data_sets[0]
     }
-    pictures.append(clouds.draw_patterns(patterns, out / "pictures/patterns.png"))
+    pictures.append(draw_patterns(patterns, out / "pictures/patterns.png"))
     progress("done")
     print(f"\nhit points   {out / 'hit_points.csv'}\nframes       {out / 'data'}")
     for file in pictures:

@@ -8,7 +8,7 @@ from PIL import Image
 
 from pyinfra.cli import main
 from pyinfra.dataset import catalogue, runs
-from pyinfra.viz import clouds
+from pyinfra.viz.pattern_picture import CAR, pattern_picture
 
 
 def test_pictures_of_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -35,8 +35,8 @@ def test_pictures_of_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_rays_on_a_car_are_counted_per_frame() -> None:
-    middle = clouds.CAR.mean(axis=0)
+    middle = CAR.mean(axis=0)
     rays = np.array([[*middle, 0.01], [*middle, 0.11], [*middle, 0.19], [0.5, 0.5, 0.05]])
-    figure = clouds.pattern_picture({"four rays": rays})
+    figure = pattern_picture({"four rays": rays})
     titles = [axes.get_title() for axes in figure.axes]
     assert titles == ["four rays\n2 rays in 0.1 s", "on a car's rear at 60 m:\n2 rays on average"]

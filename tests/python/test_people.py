@@ -36,6 +36,7 @@ from pyinfra.metrics.prediction_checks import find_files
 from pyinfra.metrics.scanning_statistics import speed_table
 from pyinfra.metrics.settings import Settings
 from pyinfra.viz import clouds
+from pyinfra.viz.snapshot import read_snapshot
 
 HALF_WIDTH_M = 10.0  # of the road
 FRAMES = 40
@@ -279,7 +280,7 @@ def test_a_run_has_people_who_count_where_the_simulator_says(
     selected = kitti.read_objects(kitti.frame_file(tmp_path / "ruby_plus", "objects", 0))
     people = np.isin(selected.names, PERSON_TYPES)
     assert selected.points[people].sum() > 0
-    view = clouds.read_snapshot(tmp_path / "ruby_plus", 0)
+    view = read_snapshot(tmp_path / "ruby_plus", 0)
     assert view.counts().endswith(f" points, {selected.points[~people].sum():,} on vehicles")
     legend = [handle.get_label() for handle in clouds.legend_handles([view])]
     assert ("people" in legend) == people.any()

@@ -20,6 +20,7 @@ from pyinfra.viz import cutouts as cutout_figures
 from pyinfra.viz import scene_pictures as scene_figures
 from pyinfra.viz.cutouts import DISTANCES_M
 from pyinfra.viz.scene_pictures import Scene
+from pyinfra.viz.snapshot import read_snapshot
 
 LIDARS = ("livox_avia", "helios_16")
 
@@ -108,7 +109,7 @@ def test_a_legend_is_no_wider_than_its_picture(data_sets: dict[str, Path], count
 
 def test_the_legend_of_one_narrow_picture_has_rows(data_sets: dict[str, Path]) -> None:
     folder = frames.lidar_folders(data_sets["highway"])[0]
-    figure = clouds.sheet([[clouds.read_snapshot(folder, 0)]])
+    figure = clouds.sheet([[read_snapshot(folder, 0)]])
     figure.draw_without_rendering()
     extent = figure.legends[0].get_window_extent()
     assert extent.x0 >= 0

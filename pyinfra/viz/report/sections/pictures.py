@@ -21,11 +21,14 @@ from pyinfra.dataset.prediction_origin import check_origin
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics.scanning_statistics import described, speed_table
 from pyinfra.viz import clouds, cutouts, scene_pictures
+from pyinfra.viz.pattern_picture import pattern_picture
+from pyinfra.viz.picture_style import STYLE
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Block, Figure, LegendEntry, Panel, Section
 from pyinfra.viz.report.names import detector
 from pyinfra.viz.report.report_data import Material, Run
 from pyinfra.viz.report.style import drawing, panel
+from pyinfra.viz.snapshot import Snapshot, read_snapshot
 
 PATTERN_S = 2.0
 SHOWN_SCORE = 0.3  # minimum score of predicted boxes
@@ -82,7 +85,7 @@ def _patterns(material: Material, data: DataSet) -> list[Block]:
         patterns[material.names.model(folder.name)] = np.stack([*angles, rays.time_s], axis=1)
     if not patterns:
         return []
-    picture = clouds.pattern_picture(patterns)
+    picture = pattern_picture(patterns)
     drawn = _drawn(picture, "patterns", f"Rays of {', '.join(patterns)} in one frame")
     caption = f"Scanning patterns, preset {data.preset}: a frame, and a car's rear 60 m ahead."
     return [Figure("figure-patterns", caption, [drawn], layout="wide", plate=True)]
@@ -105,7 +108,7 @@ def _sheet(material: Material, data_sets: Sequence[DataSet]) -> Block:
     for data in data_sets:
         frame = frame_of(material, data)
         for folder in folders(material, data):
-            view = clouds.read_snapshot(folder, frame)
+            view = read_snapshot(folder, frame)
             views.append(view)
             title = f"{view.lidar.model}: {view.counts()}"
             title = f"{data.scene}, {data.preset}: {title}" if len(data_sets) > 1 else title
@@ -119,18 +122,18 @@ def _sheet(material: Material, data_sets: Sequence[DataSet]) -> Block:
     return Figure("figure-sheet", caption, panels, legend=legend, layout="half", plate=True)
 
 
-def _box_legend(views: Sequence[clouds.Snapshot]) -> list[LegendEntry]:
+def _box_legend(views: Sequence[Snapshot]) -> list[LegendEntry]:
     return [
         LegendEntry(q.name, svg.line_swatch(q.colour, q.line, "x" if q.most == 0 else ""))
         for q in clouds.qualities(views)
     ]
 
 
-def _above(view: clouds.Snapshot, boxes: FloatArray | None = None) -> Drawing:
+def _above(view: Snapshot, boxes: FloatArray | None = None) -> Drawing:
     """Draws a frame from above, with boxes (k, 7) over it."""
     window = clouds.region_window(view)
     width, height = window.shape()
-    with mpl.rc_context(clouds.STYLE):
+    with mpl.rc_context(STYLE):
         figure = Drawing(figsize=(5.6, 5.6 * height / width + 0.3), layout="constrained")
         axes = figure.subplots()
         clouds.bird_view(axes, view, window, point_size=0.6, headings=False)
@@ -199,7 +202,7 @@ def _of_the_paper(runs: list[Run]) -> int:
 
 def _boxes_figure(material: Material, data: DataSet, runs: list[Run], frame: int) -> Block:
     lidar = runs[0].lidar
-    view = clouds.read_snapshot(data.lidar_folder(lidar), frame)
+    view = read_snapshot(data.lidar_folder(lidar), frame)
     panels = [_boxes_panel(data, view, run, frame) for run in runs]
     caption = (
         f"Predicted boxes (thick, score {SHOWN_SCORE:g} or more) on frame {frame} of "
@@ -211,7 +214,7 @@ def _boxes_figure(material: Material, data: DataSet, runs: list[Run], frame: int
     return Figure(name, caption, panels, None, entries, layout="half", plate=True)
 
 
-def _boxes_panel(data: DataSet, view: clouds.Snapshot, run: Run, frame: int) -> Panel:
+def _boxes_panel(data: DataSet, view: Snapshot, run: Run, frame: int) -> Panel:
     boxes = _predicted(data, run, frame)
     title = f"{detector(run.detector)}: {len(boxes)} boxes"
     label = f"Boxes of {title} on {view.lidar.model}, {data.scene}, frame {frame}"

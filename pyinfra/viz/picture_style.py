@@ -1,0 +1,78 @@
+"""The style of pictures: fonts, colours, box styles, legend and PNG palette.
+
+The pictures work in black and white and for colour-blind readers. The more points a vehicle has,
+the darker, thicker and more solid its box is. The colours follow Okabe and Ito.
+"""
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from PIL import Image
+
+from pyinfra.core.files import replacing
+
+STYLE: Any = {"font.size": 8, "axes.titlesize": 9, "axes.linewidth": 0.6}
+DPI = 150
+REGION_COLOUR = "#F1EDE4"
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # one per LiDAR
+VIEW_LINE: dict[str, Any] = {"color": "black", "linewidth": 0.6, "linestyle": (0, (6, 3))}
+
+
+@dataclass(frozen=True)
+class Quality:
+    """A class of vehicles, by number of points (up to `most`), and the style of their boxes."""
+
+    name: str
+    most: float
+    colour: str
+    line: Any
+    width: float
+
+
+QUALITIES = (
+    Quality("missed: 0 points", 0, "#D55E00", (0, (1, 1)), 0.7),
+    Quality("low: 1 to 4", 4, "#E69F00", (0, (3, 1)), 1.2),
+    Quality("medium: 5 to 20", 20, "#0090C8", "-", 1.1),
+    Quality("high: more than 20", np.inf, "#00205B", "-", 1.6),
+)
+PEOPLE = Quality("people", np.inf, "#009E73", "-", 1.1)
+
+
+def save(figure: Figure, file: Path, dpi: int = DPI) -> None:
+    """Writes a PNG with the fixed palette of these pictures, which keeps the file small."""
+    with mpl.rc_context(STYLE), io.BytesIO() as png:
+        figure.savefig(png, format="png", dpi=dpi)
+        with Image.open(png) as image:
+            few = image.convert("RGB").quantize(palette=_palette(), dither=Image.Dither.NONE)
+    with replacing(file) as beside:
+        few.save(beside, format="png", optimize=True)
+
+
+def _palette() -> Image.Image:
+    """Returns greys, the region's colour, and each box and line colour in steps towards white."""
+    greys = np.repeat(np.linspace(0, 1, 32)[:, None], 3, axis=1)
+    lines = np.array([to_rgb(c) for c in (*(look.colour for look in QUALITIES), *COLOURS)])
+    steps = [1 - share * (1 - lines) for share in (1.0, 0.8, 0.6, 0.4)]
+    colours = np.concatenate([greys, [to_rgb(REGION_COLOUR)], *steps])
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(np.rint(255 * colours).astype(np.uint8).tobytes())
+    return palette
+
+
+def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
+    """Adds a legend under the axes, with as many columns as fit into the figure's width."""
+    style: Any = {"handles": handles, "loc": "outside lower center", "frameon": False}
+    empty = Figure(figsize=(figure.get_figwidth(), figure.get_figheight()))
+    for columns in range(len(handles), 0, -1):
+        tried = empty.legend(ncols=columns, **style)
+        if columns == 1 or tried.get_window_extent().width <= empty.bbox.width:
+            break
+    figure.legend(ncols=columns, **style)

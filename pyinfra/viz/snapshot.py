@@ -1,0 +1,60 @@
+"""The drawn content of one frame, read from the folder of a LiDAR."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.core.arrays import BoolArray, FloatArray, Points
+from pyinfra.core.vocabulary import PERSON_TYPES
+from pyinfra.dataset import regions
+from pyinfra.dataset.roads import read_roads
+from pyinfra.dataset.world_frame import to_levelled
+from pyinfra.formats import kitti
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """The drawn content of one frame of one LiDAR, in its levelled frame."""
+
+    scene: str  # name of the data set's folder
+    lidar: kitti.Lidar
+    points: Points  # (n, 4)
+    objects: kitti.Objects
+    region: tuple[FloatArray, ...]  # outlines (n, 2) of the evaluation region, if known
+    road_z: float  # z of the road
+
+    def counts(self) -> str:
+        on_vehicles = self.objects.points[~self.are_people].sum()
+        return f"{len(self.points):,} points, {on_vehicles:,} on vehicles"
+
+    @property
+    def are_people(self) -> BoolArray:
+        """Returns a (k,) mask of the objects that are pedestrians or cyclists."""
+        return np.isin(self.objects.names, PERSON_TYPES)
+
+
+def read_snapshot(lidar_folder: Path, frame: int) -> Snapshot:
+    """Reads a frame. Raises OSError, and the exceptions of the readers in pyinfra.formats.kitti."""
+    lidar = kitti.read_lidar(lidar_folder)
+    outlines, road_z = _region(lidar_folder, lidar)
+    return Snapshot(
+        scene=lidar_folder.parent.name,
+        lidar=lidar,
+        points=kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", frame)),
+        objects=kitti.read_objects(kitti.frame_file(lidar_folder, "objects", frame)),
+        region=outlines,
+        road_z=road_z,
+    )
+
+
+def _region(lidar_folder: Path, lidar: kitti.Lidar) -> tuple[tuple[FloatArray, ...], float]:
+    """Returns the outlines of the roads, or of a recording's region file, and the z of the road."""
+    outline = lidar_folder / regions.REGION_FILE
+    if lidar.preset != kitti.RECORDED or (lidar_folder.parent / "roads.csv").is_file():
+        pose = lidar.T_world_levelled
+        roads = read_roads(lidar_folder.parent / "roads.csv")
+        outlines = [to_levelled(road.outline, pose) for road in roads]
+        return tuple(outlines), float(np.concatenate([road.z for road in roads]).mean() - pose.z)
+    drawn = (regions.read_outline(outline),) if outline.is_file() else ()
+    return drawn, -lidar.T_world_levelled.z
