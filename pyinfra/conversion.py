@@ -65,8 +65,8 @@ def import_map(
     ...     pi.load_scene(site).frames
     100
     """
-    from pyinfra.scenes.maps.map_import import ImportOptions
     from pyinfra.scenes.maps.map_import import import_map as run
+    from pyinfra.scenes.maps.map_readers import ImportOptions
     from pyinfra.scenes.maps.site_traffic import write_traffic
     from pyinfra.scenes.maps.traffic_demand import Demand
     from pyinfra.scenes.maps.trajectory_file import NAME

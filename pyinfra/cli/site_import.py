@@ -5,7 +5,8 @@ from pathlib import Path
 
 from pyinfra.cli.number_option import numbers
 from pyinfra.core.errors import Error
-from pyinfra.scenes.maps.map_import import RADIUS_M, ImportOptions, import_map
+from pyinfra.scenes.maps.map_import import import_map
+from pyinfra.scenes.maps.map_readers import RADIUS_M, ImportOptions
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -10,10 +10,7 @@ from typing import Literal, get_args
 from pyinfra.core.errors import Error
 from pyinfra.core.names import suggestion
 from pyinfra.core.vocabulary import OBJECT_CLASSES, SUBSETS, Subset
-from pyinfra.metrics.matching import (
-    IOU,
-    Metric,
-)
+from pyinfra.metrics.matching import IOU, Metric
 
 # definition: AP at 40 and at 1,000 recalls. r11: 11 recalls. kitti: 40 recalls, with the sampling
 # and the strict threshold of KITTI's devkit.

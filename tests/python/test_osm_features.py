@@ -12,7 +12,8 @@ from site_maps import Osm
 from pyinfra.cli.main import main
 from pyinfra.formats.ply import read_ply
 from pyinfra.scenes.maps.lane_map import MapError
-from pyinfra.scenes.maps.map_import import ImportOptions, import_map
+from pyinfra.scenes.maps.map_import import import_map
+from pyinfra.scenes.maps.map_readers import ImportOptions
 from pyinfra.scenes.maps.opendrive import read_opendrive
 from pyinfra.scenes.maps.osm_features import sides_without
 from pyinfra.scenes.maps.sumo import sumo_folder

@@ -9,7 +9,8 @@ import yaml
 from site_maps import Osm, district_text
 
 from pyinfra.formats.ply import read_ply
-from pyinfra.scenes.maps.map_import import ImportOptions, import_map
+from pyinfra.scenes.maps.map_import import import_map
+from pyinfra.scenes.maps.map_readers import ImportOptions
 from pyinfra.scenes.maps.openstreetmap import read_street_map
 from pyinfra.scenes.maps.osm_levels import CLEARANCE_M, Levels, find_levels
 from pyinfra.viz.site_plan import read_lanes

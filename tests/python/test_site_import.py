@@ -19,11 +19,13 @@ from conftest import Infrasim
 from pyinfra.cli.main import main, make_parser
 from pyinfra.formats.ply import Triangles, degenerate, read_ply
 from pyinfra.scenes.maps.lane_map import MapError, MapLane, SiteMap
-from pyinfra.scenes.maps.map_import import ImportOptions, import_map, lanes_table
+from pyinfra.scenes.maps.map_import import import_map
+from pyinfra.scenes.maps.map_readers import ImportOptions
 from pyinfra.scenes.maps.mount_guess import guess_pole
 from pyinfra.scenes.maps.opendrive_geometry import read_reference_line
 from pyinfra.scenes.maps.openstreetmap import StreetMap, Way, transverse_mercator
 from pyinfra.scenes.maps.osm_pbf import write_xml
+from pyinfra.scenes.maps.site_writer import lanes_table
 from pyinfra.scenes.maps.sumo import sumo_folder
 from pyinfra.scenes.maps.surfaces import contains, ears
 from pyinfra.viz.site_plan import plan, read_lanes

@@ -22,7 +22,8 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.scenes.maps.fcd import read_fcd
 from pyinfra.scenes.maps.geographic import Projection
 from pyinfra.scenes.maps.lane_map import SiteMap
-from pyinfra.scenes.maps.map_import import ImportOptions, import_map
+from pyinfra.scenes.maps.map_import import import_map
+from pyinfra.scenes.maps.map_readers import ImportOptions
 from pyinfra.scenes.maps.opendrive import read_opendrive
 from pyinfra.scenes.maps.openstreetmap import add_surroundings, read_street_map
 from pyinfra.scenes.maps.osm_levels import LEAST_M, find_levels

@@ -1,6 +1,5 @@
 """Reads OpenStreetMap files, and converts their buildings and trees to metres around a centre."""
 
-import bz2
 import gzip
 import math
 import re
@@ -8,7 +7,6 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -16,6 +14,7 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.scenes.maps.lane_map import MapBody, MapError, MapTree, SiteMap
+from pyinfra.scenes.maps.map_file import opened
 
 LEVEL_M = 3.0
 HOUSE_M = 6.0  # default height of a building
@@ -105,13 +104,6 @@ class StreetMap:
         swapped = (centre[1], centre[0])
         turned = is_in_map(swapped) and not is_in_map(centre)
         return (swapped if turned else centre), turned
-
-
-def opened(file: Path) -> Any:
-    """Opens a file for reading, and decompresses it if it ends in .gz or .bz2."""
-    if file.suffix.lower() == ".bz2":
-        return bz2.open(file)
-    return gzip.open(file) if file.suffix.lower() == ".gz" else file.open("rb")
 
 
 def read_street_map(file: Path) -> StreetMap:

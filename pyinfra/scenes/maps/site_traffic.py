@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from pyinfra.scenes.maps import site_folder
+from pyinfra.scenes.maps.site_folder import NET
 from pyinfra.scenes.maps.tracks import lasts_s
-from pyinfra.scenes.maps.traffic import NET, simulate
+from pyinfra.scenes.maps.traffic import simulate
 from pyinfra.scenes.maps.traffic_demand import Demand
 from pyinfra.scenes.maps.traffic_figures import report_lines
 from pyinfra.scenes.maps.trajectory_file import NAME, write_trajectories

@@ -13,13 +13,13 @@ from pyinfra.core.errors import Error
 from pyinfra.scenes.maps.fcd import Recorded, read_fcd
 from pyinfra.scenes.maps.netconvert import DETAIL
 from pyinfra.scenes.maps.road_net import TURN_LIMIT_M_S2, RoadNet, read_road_net
+from pyinfra.scenes.maps.site_folder import NET
 from pyinfra.scenes.maps.smoothing import smooth
 from pyinfra.scenes.maps.sumo import SumoError, run_tool
 from pyinfra.scenes.maps.tracks import STEP_S, FrontPath, Track, from_zero
 from pyinfra.scenes.maps.traffic_demand import Demand, Trips, trips
 from pyinfra.scenes.maps.traffic_figures import without_overlaps
 
-NET = "map.net.xml"
 REACH_M = 300.0  # tracks end at this distance from the mounts; a returning object is a new track
 STRIPE_M = "0.8"  # width of a pedestrian lane, so that two pedestrians can pass each other
 _WARM_UP_S, _WALKING_S = 200, 400  # warm-up without and with pedestrians

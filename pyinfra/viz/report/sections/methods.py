@@ -5,15 +5,7 @@ from __future__ import annotations
 import pandas as pd
 
 from pyinfra.experiments.result_tables import TableFile
-from pyinfra.viz.report.blocks import (
-    Block,
-    Column,
-    Section,
-    Steps,
-    Table,
-    TableCell,
-    number,
-)
+from pyinfra.viz.report.blocks import Block, Column, Section, Steps, Table, TableCell, number
 from pyinfra.viz.report.names import DETECTORS, detector, in_order
 from pyinfra.viz.report.report_data import Material
 

@@ -1,0 +1,93 @@
+"""Map files: their format, size, digest and compression."""
+
+import bz2
+import gzip
+import hashlib
+import zlib
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from pyinfra.scenes.maps.lane_map import MapError
+from pyinfra.scenes.maps.osm_pbf import PBF, write_xml
+
+LONGEST_BYTES = 2 << 30  # maximum size of a map file
+FORMATS = (".xodr", ".osm", ".osm.xml", ".net.xml")  # also compressed as .gz and .bz2
+PACKED = (".gz", ".bz2")
+CONVERTED = {".o5m": "osmconvert {0} -o={1}.osm"}
+
+
+def format_of(file: Path) -> str:
+    """Returns the extension that determines the map format, without that of the compression.
+
+    Raises MapError.
+    """
+    name = file.name.lower()
+    for ending, command in CONVERTED.items():
+        if name.endswith(ending):
+            stem = file.name[: -len(ending)].removesuffix(".osm")
+            raise MapError(
+                f"{file}: expected XML, got {ending}: convert it first, as by "
+                f"`{command.format(file.name, stem)}`"
+            )
+    if name.endswith(PBF):
+        return ".osm"
+    for packing in PACKED:
+        name = name.removesuffix(packing)
+    for ending in FORMATS:
+        if name.endswith(ending):
+            return ending
+    if name.endswith(".xml") and (ending := _BY_ROOT.get(_root_of(file), "")):
+        return ending
+    raise MapError(
+        f"{file}: expected {', '.join(FORMATS)}, plain or packed ({', '.join(PACKED)}), or "
+        f".osm{PBF}, got '{file.suffix}'"
+    )
+
+
+def opened(file: Path) -> Any:
+    """Opens a file for reading, and decompresses it if it ends in .gz or .bz2."""
+    if file.suffix.lower() == ".bz2":
+        return bz2.open(file)
+    return gzip.open(file) if file.suffix.lower() == ".gz" else file.open("rb")
+
+
+_BY_ROOT = {"OpenDRIVE": ".xodr", "osm": ".osm", "net": ".net.xml"}
+
+
+def _root_of(file: Path) -> str:
+    """Returns the name of the first element; empty if there is none. Raises MapError if not XML."""
+    try:
+        with opened(file) as stream:
+            for _, node in ElementTree.iterparse(stream, events=("start",)):
+                return str(node.tag).rpartition("}")[2]
+    except (ElementTree.ParseError, EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise MapError(f"{file}: not XML that can be read: {error}") from error
+    return ""
+
+
+def unpacked(file: Path, kind: str, scratch: Path) -> Path:
+    """Returns the file, or a decompressed copy of it. Raises MapError and MissingPackage."""
+    if file.suffix.lower() == PBF:
+        write_xml(file, out := scratch / "map.osm", LONGEST_BYTES)
+        return out
+    if file.suffix.lower() not in PACKED:
+        return file
+    out = scratch / f"map{kind}"
+    try:
+        with opened(file) as stream, out.open("wb") as into:
+            while block := stream.read(1 << 20):
+                into.write(block)
+                if into.tell() > LONGEST_BYTES:
+                    raise MapError(f"{file}: expected up to {LONGEST_BYTES} bytes in it, got more")
+    except (EOFError, zlib.error, OSError) as error:
+        raise MapError(f"{file}: not a packed file that can be read: {error}") from error
+    return out
+
+
+def digest(file: Path) -> str:
+    size = file.stat().st_size
+    if not 0 < size <= LONGEST_BYTES:
+        raise MapError(f"{file}: expected 1 to {LONGEST_BYTES}, got {size} bytes")
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -1,0 +1,170 @@
+"""Reads a map of each format as a `SiteMap`, and writes its network with netconvert."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.scenes.maps import openstreetmap, osm_features, osm_levels
+from pyinfra.scenes.maps.lane_map import MapError, MapLane, SiteMap, checked_lanes
+from pyinfra.scenes.maps.netconvert import OPENDRIVE, OSM, netconvert, without_sidewalk
+from pyinfra.scenes.maps.network import read_network
+from pyinfra.scenes.maps.opendrive import read_opendrive
+from pyinfra.scenes.maps.opendrive_mending import mended_for_netconvert
+from pyinfra.scenes.maps.site_folder import NET
+
+RADIUS_M = 1000.0
+
+
+@dataclass(frozen=True)
+class ImportOptions:
+    """Options of a map import."""
+
+    centre: tuple[float, float] | None = None  # x, y in the map; OSM: lon, lat (or lat, lon)
+    radius_m: float = RADIUS_M
+    mount: tuple[float, float, float, float] | None = None  # x, y, z, yaw_deg in the site's frame
+    duration_s: float = 500.0
+    region_half_length_m: float = 100.0
+
+
+def _from_opendrive(
+    file: Path, folder: Path, scratch: Path, options: ImportOptions
+) -> tuple[SiteMap, dict[str, Any]]:
+    site_map = read_opendrive(file)
+    checked_lanes(site_map.lanes, str(file))
+    low, high, z = _extent(site_map.lanes)
+    x, y = options.centre or tuple(((low + high) / 2).round(0).tolist())
+    offset = np.array([x, y, z])
+    site_map.lanes = [_moved(lane, offset) for lane in site_map.lanes]
+    site_map.bodies = [_moved_body(thing, offset) for thing in site_map.bodies]
+    site_map.trees = [
+        replace(t, x_m=t.x_m - x, y_m=t.y_m - y, base_m=None if t.base_m is None else t.base_m - z)
+        for t in site_map.trees
+    ]
+    site_map.features = [replace(f, x_m=f.x_m - x, y_m=f.y_m - y) for f in site_map.features]
+    _cut(site_map, options.radius_m, file)
+    readable, changed = mended_for_netconvert(file, scratch / "readable.xodr")
+    site_map.not_understood += changed
+    arguments = ["--opendrive-files", str(readable), *OPENDRIVE]
+    warnings = _shifted_network(file, arguments, offset, folder / NET)
+    network = read_network(folder / NET, lanes=False)
+    site_map.areas, site_map.junctions = _near(network, options.radius_m)
+    site_map.guessed.append("traffic lights, where the map says none")
+    return site_map, {"offset_m": offset.tolist(), "network": warnings}
+
+
+def _from_network(
+    file: Path, folder: Path, scratch: Path, options: ImportOptions
+) -> tuple[SiteMap, dict[str, Any]]:
+    read = read_network(file)
+    checked_lanes(read.lanes, str(file))
+    low, high, z = _extent(read.lanes)
+    x, y = options.centre or tuple(((low + high) / 2).round(0).tolist())
+    offset = np.array([x, y, z])
+    warnings = _shifted_network(file, ["--sumo-net-file", str(file)], offset, folder / NET)
+    site_map = read_network(folder / NET)
+    _cut(site_map, options.radius_m, file)
+    site_map.areas, site_map.junctions = _near(site_map, options.radius_m)
+    return site_map, {"offset_m": offset.tolist(), "network": warnings}
+
+
+def _from_osm(
+    file: Path, folder: Path, scratch: Path, options: ImportOptions
+) -> tuple[SiteMap, dict[str, Any]]:
+    streets = openstreetmap.read_street_map(file)
+    centre, turned = streets.place_of(options.centre)
+    if not (abs(centre[0]) <= 180 and abs(centre[1]) <= 85):
+        raise MapError(f"{file}: centre: expected lon,lat in degrees, got {centre}")
+    levels = osm_levels.find_levels(streets, centre, options.radius_m)
+    source = file
+    if levels.heights or streets.deleted or streets.rearranged:
+        source = scratch / "levelled.osm"
+        osm_levels.write_levelled(file, source, streets, levels)
+    lon, lat = centre
+    reach = options.radius_m / 111_000
+    wide = reach / max(0.05, math.cos(math.radians(lat)))
+    box = f"{lon - wide},{lat - reach},{lon + wide},{lat + reach}"
+    projection = f"+proj=tmerc +lat_0={lat!r} +lon_0={lon!r} +k=1 +ellps=WGS84 +units=m +no_defs"
+    bare = osm_features.edges_without_sidewalk(streets)
+    arguments = without_sidewalk(bare, scratch / "sidewalks.netccfg")
+    arguments += ["--osm-files", str(source), *OSM, "--proj", projection]
+    arguments += ["--offset.disable-normalization", "--keep-edges.in-geo-boundary", box]
+    warnings = netconvert(file, arguments, folder / NET)
+    site_map = read_network(folder / NET)
+    _cut(site_map, options.radius_m, file)
+    site_map.areas, site_map.junctions = _near(site_map, options.radius_m)
+    site_map.features = list(osm_features.features(streets, centre, options.radius_m))
+    site_map.lanes = osm_features.without_kerb_at_crossings(site_map.lanes, streets)
+    openstreetmap.add_surroundings(site_map, streets, centre, options.radius_m)
+    site_map.guessed += ["sidewalks and crossings", "traffic lights", "widths of lanes"]
+    if turned:
+        site_map.guessed.append(
+            f"`centre` is lat,lon: taken as {centre[0]:g} east, {centre[1]:g} north"
+        )
+    site_map.not_understood += levels.flat
+    if levels.crossings:
+        site_map.covered_m = osm_levels.COVERED_M
+        site_map.guessed.append(
+            f"heights of bridges and tunnels at {levels.crossings} crossings: "
+            f"{osm_levels.CLEARANCE_M:g} m apart, with ramps"
+        )
+    elif not any(np.ptp(lane.centre[:, 2]) > 0 for lane in site_map.lanes):
+        site_map.guessed.append("all roads are level: the map has no heights")
+    if streets.deleted:
+        site_map.guessed.append(f"{streets.deleted} elements that an editor deleted: left out")
+    return site_map, {"projection": projection, "offset_m": [0.0, 0.0, 0.0], "network": warnings}
+
+
+READERS = {
+    ".xodr": _from_opendrive,
+    ".net.xml": _from_network,
+    ".osm": _from_osm,
+    ".osm.xml": _from_osm,
+}
+
+
+def _shifted_network(
+    file: Path, arguments: Sequence[str], offset: FloatArray, out: Path
+) -> list[str]:
+    """Writes the network in the site's frame; returns netconvert's warnings. Raises MapError."""
+    x, y, z = (-offset).tolist()
+    moved = ["--offset.disable-normalization", f"--offset.x={x!r}", f"--offset.y={y!r}"]
+    return netconvert(file, [*arguments, *moved, f"--offset.z={z!r}"], out)
+
+
+def _extent(lanes: Sequence[MapLane]) -> tuple[FloatArray, FloatArray, float]:
+    """Returns the lower and upper corner (2,) of all lanes, and an offset of z to subtract."""
+    points = np.concatenate([lane.centre for lane in lanes])
+    low, high = points.min(0), points.max(0)
+    return low[:2], high[:2], round(float(low[2]), -1) if abs(low[2]) > 50 else 0.0
+
+
+def _moved(lane: MapLane, offset: FloatArray) -> MapLane:
+    return replace(lane, left=lane.left - offset, right=lane.right - offset)
+
+
+def _moved_body(thing: Any, offset: FloatArray) -> Any:
+    base = None if thing.base_m is None else thing.base_m - offset[2]
+    return replace(thing, outline=thing.outline - offset[:2], base_m=base)
+
+
+def _cut(site_map: SiteMap, radius_m: float, file: Path) -> None:
+    """Removes objects outside the radius around the origin; lanes that reach into it stay whole."""
+    site_map.lanes = [x for x in site_map.lanes if np.hypot(*x.centre[:, :2].T).min() <= radius_m]
+    if not any(lane.driveable for lane in site_map.lanes):
+        raise MapError(
+            f"{file}: expected a lane for vehicles within {radius_m:g} m of the centre, got none"
+        )
+    site_map.bodies = [b for b in site_map.bodies if np.hypot(*b.outline.mean(0)) <= radius_m]
+    site_map.trees = [t for t in site_map.trees if math.hypot(t.x_m, t.y_m) <= radius_m]
+    site_map.features = [f for f in site_map.features if math.hypot(f.x_m, f.y_m) <= radius_m]
+    site_map.footways = [f for f in site_map.footways if np.hypot(*f[:, :2].T).min() <= radius_m]
+
+
+def _near(network: SiteMap, radius_m: float) -> tuple[list[FloatArray], list[Any]]:
+    areas = [a for a in network.areas if np.hypot(*a.T).min() <= radius_m]
+    return areas, [j for j in network.junctions if math.hypot(j[1], j[2]) <= radius_m]

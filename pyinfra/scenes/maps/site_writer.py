@@ -1,0 +1,85 @@
+"""Writes the files of an imported site: scene file, lanes and meshes."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.files import write
+from pyinfra.formats.ply import Triangles, write_ply
+from pyinfra.scenes.maps.lane_map import NARROWEST_M, MapLane, SiteMap
+from pyinfra.scenes.maps.map_readers import ImportOptions
+from pyinfra.scenes.maps.mount_guess import Pole
+from pyinfra.scenes.maps.site_folder import SCENE
+from pyinfra.scenes.maps.surfaces import Sheet
+
+MATERIALS = {"buildings": "structure"}  # material by mesh; other meshes are named as theirs
+
+
+def yaml_text(data: dict[str, Any]) -> str:
+    return str(yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=100))
+
+
+def write_site(
+    folder: Path,
+    name: str,
+    site_map: SiteMap,
+    meshes: dict[str, Triangles],
+    choice: tuple[Pole, ImportOptions],
+    terrain: Sheet,
+) -> None:
+    pole, options = choice
+    (folder / "meshes").mkdir()
+    for mesh, triangles in meshes.items():
+        write_ply(folder / "meshes" / f"{mesh}.ply", triangles)
+    write(folder / "lanes.csv", lanes_table(site_map.lanes))
+    scene: dict[str, Any] = {
+        "name": name,
+        "mounts": {"pole": asdict(pole)},
+        "lanes": "lanes.csv",
+        "meshes": [
+            {"file": f"meshes/{mesh}.ply", "material": MATERIALS.get(mesh, mesh)} for mesh in meshes
+        ],
+        "trajectories": "trajectories.csv",
+        "duration_s": options.duration_s,
+        "region_half_length_m": options.region_half_length_m,
+    }
+    if site_map.trees:
+        scene["vegetation"] = [{"tree": _tree(tree, terrain)} for tree in site_map.trees]
+    write(folder / SCENE, yaml_text(scene))
+
+
+def _tree(tree: Any, terrain: Sheet) -> dict[str, float]:
+    ground = float(terrain.at(np.array([[tree.x_m, tree.y_m]]))[0])
+    base = ground if tree.base_m is None else tree.base_m
+    trunk = min(3.0, tree.height_m / 3)
+    row = {"x_m": tree.x_m, "y_m": tree.y_m, "height_m": tree.height_m, "trunk_m": trunk}
+    return {k: round(v, 2) for k, v in {**row, "base_m": base}.items()}
+
+
+def lanes_table(lanes: Sequence[MapLane]) -> str:
+    """Returns lanes.csv: the centrelines of driveable lanes where they are wide enough."""
+    rows = ["lane,x,y,z,width"]
+    for lane in lanes:
+        if not lane.driveable:
+            continue
+        for part, (first, last) in enumerate(_wide(lane.width)):
+            name = lane.name if part == 0 else f"{lane.name}_part{part + 1}"
+            table = np.column_stack([lane.centre, lane.width])[first:last]
+            apart = np.abs(np.diff(table[:, :3].round(3), axis=0)).max(1) > 0
+            table = table[np.concatenate([[True], apart])]
+            if len(table) < 2:
+                continue
+            rows += [f"{name},{x:.3f},{y:.3f},{z:.4f},{w:.3f}" for x, y, z, w in table]
+    return "\n".join(rows) + "\n"
+
+
+def _wide(width: FloatArray) -> list[tuple[int, int]]:
+    """Returns index ranges [first, last) of two or more points at which a lane is wide enough."""
+    enough = np.concatenate([[False], width >= NARROWEST_M, [False]])
+    edges = np.flatnonzero(np.diff(enough.astype(int))).reshape(-1, 2)
+    return [(int(a), int(b)) for a, b in edges if b - a >= 2]
