@@ -28,16 +28,18 @@ from pyinfra.dataset import split
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.prediction_origin import origin_of, write_origin
-from pyinfra.dataset.regions import Near, Places
+from pyinfra.dataset.roads import Places
 from pyinfra.dataset.runs import infrasim
+from pyinfra.dataset.windows import Near
 from pyinfra.experiments import store
 from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import read_csv
 from pyinfra.metrics import ap
 from pyinfra.metrics.evaluate import match_results_of
 from pyinfra.metrics.evaluation_tables import area_table, distance_table
-from pyinfra.metrics.match_results import MatchResult, Part, Settings
+from pyinfra.metrics.match_results import MatchResult, Part
 from pyinfra.metrics.ranges import sensor_of
+from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
