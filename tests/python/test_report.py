@@ -2,11 +2,13 @@
 
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
 import pytest
 import report_data
+from matplotlib.figure import Figure
 from report_data import HOSTILE, Read
 
 from pyinfra.cli import main
@@ -385,3 +387,19 @@ def test_a_module_of_sections_takes_the_place_of_the_usual(
     for wrong in ("no_sections", "nowhere", "nowhere.at_all"):
         assert main.main(["report", str(results), "--sections", wrong]) == 2
         assert f"got {wrong}" in capsys.readouterr().err
+
+
+def test_every_reference_in_a_figure_leads_to_an_id_of_this_figure() -> None:
+    figure = Figure()
+    axes = figure.subplots()
+    axes.plot([1, 2], [2, 1], marker="o", color="#ff7f0e")
+    axes.fill_between([1, 2], [0, 1], hatch="//", color="#123456")
+    markup = svg.inline(figure, "name", "a <label>")
+    root = ElementTree.fromstring(markup)
+    ids = [element.get("id") for element in root.iter() if element.get("id")]
+    referred = re.findall(r'(?:url\(#|href="#)([^)"]+)', markup)
+    assert referred
+    assert set(referred) == set(ids)
+    assert root.get("aria-label") == "a <label>"
+    assert "#ff7f0e" in markup
+    assert "#123456" in markup

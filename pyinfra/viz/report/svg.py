@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import html
 import io
 import re
 import zlib
 from typing import Any
+from xml.etree import ElementTree
 
 import matplotlib as mpl
 import numpy as np
@@ -20,6 +20,13 @@ from pyinfra.viz.report.style import NAMES, STYLE
 DASHES = {"-": "none", "--": "6 3", "-.": "7 3 2 3", ":": "2 3"}
 DENSE = 400  # a line with more points is stored as a bitmap
 POINTS_PER_PIXEL = 0.75
+SVG = "{http://www.w3.org/2000/svg}"
+URL = re.compile(r"url\(#([^)]+)\)")  # reference to an id in a style
+HREF = re.compile(r"^#(.+)")  # the same in a link
+COLOUR = re.compile(r"#[0-9a-fA-F]{6}(?![0-9a-fA-F])")
+FONT = re.compile(r"font-family: [^;]*;? ?")  # the page sets the font
+ElementTree.register_namespace("", SVG[1:-1])
+ElementTree.register_namespace("xlink", "http://www.w3.org/1999/xlink")
 
 
 def inline(figure: Figure, name: str, label: str, dpi: int = 144) -> str:
@@ -31,10 +38,19 @@ def inline(figure: Figure, name: str, label: str, dpi: int = 144) -> str:
     for line in (line for axes in figure.axes for line in axes.lines):
         if np.size(line.get_xdata()) > DENSE:
             line.set_rasterized(True)
-    with mpl.rc_context(STYLE | {"svg.hashsalt": name}), io.StringIO() as text:
+    with mpl.rc_context(STYLE | {"svg.hashsalt": name}), io.BytesIO() as text:
         figure.savefig(text, format="svg", dpi=dpi, transparent=True, metadata={"Date": None})
-        markup = text.getvalue()
-    return _named(_bare(markup), name, label)
+        root = ElementTree.fromstring(text.getvalue())
+    _remove_extras(root)
+    _rename_ids(root, f"{zlib.crc32(name.encode()):x}")
+    for element in root.iter():
+        for key, value in element.attrib.items():
+            element.set(key, _short(key, _painted(value)))
+    width, height = (float(size) / POINTS_PER_PIXEL for size in root.get("viewBox", "").split()[2:])
+    sizes = {"viewBox": root.get("viewBox", ""), "width": f"{width:.0f}", "height": f"{height:.0f}"}
+    root.attrib.clear()
+    root.attrib.update({**sizes, "role": "img", "aria-label": label})
+    return ElementTree.tostring(root, "unicode")
 
 
 def identifier(*words: object) -> str:
@@ -78,39 +94,44 @@ def _paint(colour: str) -> str:
     return f"var(--{NAMES[colour.lower()]})" if colour.lower() in NAMES else colour
 
 
-def _bare(markup: str) -> str:
-    """Removes the prolog, metadata and unused ids, and shortens numbers."""
-    markup = markup[markup.index("<svg") :]
-    # the style is the same in all figures, and the page has it
-    for element in ("metadata", "style"):
-        markup = re.sub(rf"<{element}[ >].*?</{element}>", "", markup, flags=re.DOTALL)
-    markup = re.sub(r'(?<=[ "])(d|x|y|transform|points)="[^"]*"', _short, markup)
-    markup = re.sub(r"font-family: [^;\"]*;? ?", "", markup)
-    used = set(re.findall(r'(?:url\(#|href="#)([^)"]+)', markup))
-    markup = re.sub(r' id="([^"]*)"', lambda m: m[0] if m[1] in used else "", markup)
-    markup = re.sub(r">\s+<", "><", markup).strip()
-    return re.sub(r"<g>((?:<(?:path|use|text|image)[^>]*/>)*)</g>", r"\1", markup)
+def _remove_extras(element: ElementTree.Element) -> None:
+    """Removes metadata, styles that the page has, blanks, and groups without attributes."""
+    if element.tag != f"{SVG}text":
+        element.text = None
+    children = []
+    for child in element:
+        child.tail = None
+        if child.tag in (f"{SVG}metadata", f"{SVG}style"):
+            continue
+        _remove_extras(child)
+        bare = child.tag == f"{SVG}g" and not child.attrib.keys() - {"id"}
+        children += list(child) if bare else [child]
+    element[:] = children
 
 
-def _short(attribute: re.Match[str]) -> str:
+def _rename_ids(root: ElementTree.Element, prefix: str) -> None:
+    """Prefixes the ids that the figure refers to, and removes all others."""
+    used = set()
+    for element in root.iter():
+        for key, value in element.attrib.items():
+            refers = HREF if key.endswith("href") else URL
+            used.update(refers.findall(value))
+            element.set(key, refers.sub(lambda m: m[0].replace("#", f"#{prefix}-"), value))
+    for element in root.iter():
+        name = element.attrib.pop("id", None)
+        if name in used:
+            element.set("id", f"{prefix}-{name}")
+
+
+def _painted(value: str) -> str:
+    """Returns an attribute with the page's variables in place of its colours."""
+    value = FONT.sub("", value)
+    return COLOUR.sub(lambda m: _paint(m[0]), value)
+
+
+def _short(key: str, value: str) -> str:
     """Shortens decimals to 0.1 point, finer than a screen; transforms keep three digits."""
-    digits = 3 if attribute[1] == "transform" else 1
-    return " ".join(re.sub(rf"(\.\d{{{digits}}})\d+", r"\1", attribute[0]).split())
-
-
-def _named(markup: str, name: str, label: str) -> str:
-    """Prefixes the ids, replaces colours by the page's, and sets size and accessible name."""
-    prefix = f"{zlib.crc32(name.encode()):x}"
-    markup = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{prefix}-", markup)
-    for colour, variable in NAMES.items():
-        pattern = rf"{colour}(?![0-9a-f])"
-        markup = re.sub(pattern, f"var(--{variable})", markup, flags=re.IGNORECASE)
-    head, body = markup.split(">", 1)
-    box = re.search(r'viewBox="0 0 (\S+) (\S+)"', head)
-    assert box is not None, head
-    width, height = (float(size) / POINTS_PER_PIXEL for size in box.groups())
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
-        f'{box[0]} width="{width:.0f}" height="{height:.0f}" '
-        f'role="img" aria-label="{html.escape(label)}">{body}'
-    )
+    if key not in ("d", "x", "y", "transform", "points"):
+        return value
+    digits = 3 if key == "transform" else 1
+    return " ".join(re.sub(rf"(\.\d{{{digits}}})\d+", r"\1", value).split())
