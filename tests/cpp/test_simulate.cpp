@@ -2,15 +2,20 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
+#include <condition_variable>
 #include <map>
+#include <mutex>
 #include <numeric>
 #include <random>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "infrasim/pipeline/run.h"
+#include "infrasim/pipeline/scheduler.h"
 #include "infrasim/pipeline/simulate.h"
 #include "infrasim/pipeline/vehicles.h"
 #include "infrasim/scene/vehicle_body.h"
@@ -710,6 +715,29 @@ TEST(background_filter, is_learnt_once_and_given_to_simulators) {
   FrameSimulator blind(world, lidars, layers,
                        {std::make_shared<const std::vector<FilterStep>>(nothing)});
   EXPECT_EQ(blind.simulate(0, {true})[0].cloud.size(), 0U);
+}
+
+TEST(background_filter, is_the_same_object_in_all_threads) {
+  SceneConfig scene = empty_road();
+  scene.filters.push_back({BackgroundFilter{{}, 3}});
+  const World world = world_with(scene, vehicles_around());
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::set<const FrameSimulator*> simulators;
+  std::set<const void*> filters;
+  Scheduler<int> scheduler(world, {fine_lidar()},
+                           {.frames = {0, 0, 0, 0}, .threads = 2, .ahead = 4},
+                           [&](FrameSimulator& simulator, int) {
+                             std::unique_lock lock(mutex);
+                             simulators.insert(&simulator);
+                             filters.insert(simulator.filters().front().get());
+                             changed.notify_all();
+                             const auto both = [&] { return simulators.size() == 2; };
+                             return changed.wait_for(lock, std::chrono::minutes(1), both) ? 1 : 0;
+                           });
+  while (const auto frame = scheduler.next()) EXPECT_EQ(frame->second, 1);
+  EXPECT_EQ(simulators.size(), 2U);
+  EXPECT_EQ(filters.size(), 1U);
 }
 
 TEST(background_filter, draws_noise_of_its_own) {

@@ -40,6 +40,27 @@ TEST(lane_path, is_linear_between_its_rows) {
   }
 }
 
+TEST(lane_path, of_ten_times_the_rows_takes_few_more_comparisons) {
+  const auto comparisons = [](int rows) {
+    std::vector<CurvePoint> points;
+    for (int i = 0; i < rows; ++i) points.push_back({{0.5 * i, 0}, 0});
+    const LanePath lane{"lane", Curve(points), std::vector<double>(points.size(), 1), {}};
+    std::size_t most = 0;
+    for (double s = 0; s < lane.line.length(); s += 7.3) {
+      std::size_t count = 0;
+      lane.at(lane.z, s, [&](double a, double b) {
+        ++count;
+        return a < b;
+      });
+      most = std::max(most, count);
+    }
+    return most;
+  };
+  EXPECT_LE(comparisons(2'000), 12U);
+  EXPECT_LE(comparisons(20'000), 16U);
+  EXPECT_GT(comparisons(20'000), 0U);
+}
+
 using testing::error_of;
 
 class SiteFiles : public ::testing::Test {

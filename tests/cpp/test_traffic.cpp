@@ -13,6 +13,8 @@
 #include "infrasim/scene/region.h"
 #include "infrasim/scene/static_world.h"
 #include "infrasim/scene/traffic.h"
+#include "infrasim/scene/traffic_signals.h"
+#include "infrasim/scene/traffic_state.h"
 #include "small_scenes.h"
 
 namespace infrasim {
@@ -421,6 +423,49 @@ TEST(junctions, pass_as_many_vehicles_as_each_alone) {
       EXPECT_NEAR(vehicles, alone.at(kind), 0.1 * alone.at(kind))
           << (kind == ring ? "roundabouts" : "signals") << " of " << with_ring.size();
     }
+}
+
+TEST(junctions, look_at_as_many_lanes_as_each_alone) {
+  const auto near = [](std::size_t count) {
+    SceneConfig scene = empty_road();
+    scene.roads.clear();
+    for (std::size_t i = 0; i < count; ++i)
+      add_crossing(scene, 2000.0 * static_cast<double>(i), i % 2 == 1);
+    const Site site = build_site(scene);
+    std::vector<std::size_t> lanes;
+    for (const auto& of_junction : TrafficState(site.network).near)
+      lanes.push_back(of_junction.size());
+    return lanes;
+  };
+  const std::vector<std::size_t> few = near(2), many = near(20);
+  ASSERT_EQ(many.size(), 20U);
+  for (std::size_t i = 0; i < many.size(); ++i) EXPECT_EQ(many[i], few[i % 2]) << i;
+}
+
+TEST(roundabout, is_looked_at_once_a_step_for_all_vehicles_of_an_approach) {
+  const Site site = build_site(roundabout(15, 90, false));
+  const LaneNetwork& network = site.network;
+  TrafficState state(network);
+  TrafficSignals signals(network);
+  signals.find_gaps(state);
+  const auto green = [&] {
+    std::size_t count = 0;
+    for (std::size_t a = 0; a < network.approach_junctions.size(); ++a)
+      count += signals.is_green(static_cast<int>(a)) ? 1 : 0;
+    return count;
+  };
+  const std::size_t all = green();
+  EXPECT_EQ(all, network.approach_junctions.size());
+  for (std::size_t i = 0; i < network.lanes.size(); ++i) {  // somebody on every way around
+    if (network.lanes[i].junction < 0) continue;
+    Vehicle v;
+    v.lane = v.last_lane = static_cast<int>(i);
+    v.s = network.lanes[i].curve.length() / 2;
+    state.lanes[i].push_back(v);
+  }
+  EXPECT_EQ(green(), all);  // as at the begin of the step
+  signals.find_gaps(state);
+  EXPECT_EQ(green(), 0U);
 }
 
 TEST(t_junction, is_also_where_a_road_begins_or_stops_short_of_the_middle) {

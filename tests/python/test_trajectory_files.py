@@ -1,11 +1,13 @@
 """Python reads the trajectories of any scene, also with instants at which nobody is there."""
 
+import os
+import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
-from conftest import Infrasim
+from conftest import BINARY, Infrasim
 
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset import simulation
@@ -126,3 +128,21 @@ def test_trajectories_of_people_alone_are_read_by_python_and_by_a_run(
         for a, b in zip(*files, strict=True):
             assert a.name == "summary.csv" or a.read_bytes() == b.read_bytes(), a
     assert blank > 2
+
+
+def test_check_reads_trajectories_once_for_presets_that_move_alike(tmp_path: Path) -> None:
+    """Each preset simulated or read all vehicles again."""
+    file = tmp_path / "trajectories.csv"
+    os.mkfifo(file)  # can be read once: whoever opens it again waits for another writer
+    presets = {name: {"detail": "low"} for name in ("paper", "equal", "datasheet")}
+    keys = {k: v for k, v in PEOPLE_ALONE.items() if k not in {"traffic", "people"}}
+    scene = tmp_path / "recorded.yaml"
+    scene.write_text(yaml.safe_dump(keys | {"trajectories": file.name, "presets": presets}))
+    command = [str(BINARY), "check", str(scene)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as check:
+        try:
+            file.write_text(HEADER + "0" + NOBODY + "6" + NOBODY)
+            text, _ = check.communicate(timeout=60)
+        finally:
+            check.kill()
+    assert check.returncode == 0, text

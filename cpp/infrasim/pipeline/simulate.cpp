@@ -211,6 +211,8 @@ FrameSimulator::FrameSimulator(const World& world, std::span<const LidarConfig> 
 FrameSimulator::~FrameSimulator() = default;
 FrameSimulator::FrameSimulator(FrameSimulator&&) noexcept = default;
 
+const LidarFilters& FrameSimulator::filters() const { return impl_->filters; }
+
 std::vector<Frame> FrameSimulator::simulate(int k, const std::vector<bool>& wanted) {
   Impl& m = *impl_;
   check_frame(m.world, k);

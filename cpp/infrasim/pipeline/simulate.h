@@ -53,6 +53,8 @@ class FrameSimulator {
   /// @throws ConfigError if the scene has no frame k
   std::vector<Frame> simulate(int k, const std::vector<bool>& wanted);
 
+  const LidarFilters& filters() const;
+
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;

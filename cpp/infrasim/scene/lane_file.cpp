@@ -88,15 +88,6 @@ class LaneReader {
 
 }  // namespace
 
-double LanePath::at(const std::vector<double>& values, double s) const {
-  const auto& stations = line.stations();
-  const auto end = std::lower_bound(stations.begin() + 1, stations.end(), s);
-  if (end == stations.end()) return values.back();
-  const auto i = static_cast<std::size_t>(end - stations.begin()) - 1;
-  const double step = norm(line.samples()[i + 1].position - line.samples()[i].position);
-  return values[i] + std::clamp((s - stations[i]) / step, 0.0, 1.0) * (values[i + 1] - values[i]);
-}
-
 std::vector<LanePath> read_lanes(const std::filesystem::path& file) {
   return LaneReader(file).read();
 }

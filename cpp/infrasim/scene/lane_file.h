@@ -1,6 +1,9 @@
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <span>
 #include <string>
 #include <vector>
@@ -18,7 +21,16 @@ struct LanePath {
   std::vector<double> width_m;  ///< at each sample of the line
 
   /// Interpolates z or width_m at a station of the line.
-  double at(const std::vector<double>& values, double s) const;
+  /// @param less compares two stations; it is called about log2 of the number of samples times
+  template <class Less = std::less<>>
+  double at(const std::vector<double>& values, double s, Less less = {}) const {
+    const auto& stations = line.stations();
+    const auto end = std::lower_bound(stations.begin() + 1, stations.end(), s, less);
+    if (end == stations.end()) return values.back();
+    const auto i = static_cast<std::size_t>(end - stations.begin()) - 1;
+    const double step = norm(line.samples()[i + 1].position - line.samples()[i].position);
+    return values[i] + std::clamp((s - stations[i]) / step, 0.0, 1.0) * (values[i + 1] - values[i]);
+  }
 };
 
 /// Reads lanes from a file with the columns lane,x,y,z,width. Rows of one lane must be consecutive.
