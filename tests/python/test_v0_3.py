@@ -129,6 +129,31 @@ def test_a_folder_is_another_by_the_number_of_its_frames_and_not_by_the_release(
     assert goes_on or f"{file}:" in result.stderr
 
 
+def test_a_folder_whose_frames_have_changed_since_takes_no_more(
+    old: Path, infrasim: Infrasim
+) -> None:
+    file, rainy = old / "data/dataset.yaml", ("--set", "weather.rain_mm_per_h=2")
+    file.write_text(file.read_text().replace("rain_mm_per_h: 0", "rain_mm_per_h: 2"))
+    frames = sorted((old / "data").rglob("*.bin"))
+    refused = simulated(old, infrasim, "1:3", *rainy)
+    assert refused.returncode == 1
+    assert f"{file}: " in refused.stderr
+    assert "rain or fog, so simulate it anew" in refused.stderr
+    assert sorted((old / "data").rglob("*.bin")) == frames
+    file.write_text(file.read_text() + "frames_version: 3\n")  # written since
+    assert simulated(old, infrasim, "1:3", *rainy).returncode == 0
+
+
+def test_a_folder_takes_no_lidar_whose_frames_have_changed_since(
+    old: Path, infrasim: Infrasim
+) -> None:
+    file, beam = old / "inputs/turning.yaml", "beam: {vertical_deg: 8, horizontal_deg: 0.1}"
+    file.write_text(file.read_text().replace("returns: {", f"returns: {{{beam}, "))
+    refused = simulated(old, infrasim, "1:3")
+    assert refused.returncode == 1
+    assert "a beam wider than 0.28 degrees, got 0.3.0; simulate turning anew" in refused.stderr
+
+
 def test_it_is_validated_evaluated_and_stressed(
     old: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

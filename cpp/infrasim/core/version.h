@@ -11,10 +11,19 @@ std::string_view version();
 /// LiDAR, preset and seed. So folders, rows of results and checkpoints with the same number are
 /// compatible.
 ///
-/// The number increases by 1 when points, labels, objects, calibration or fields change for a scene
-/// that could be simulated before (tests/golden shows it). It does not increase for a release, for
-/// a new or renamed key, or for a scene that was rejected before. Frames of version 0.3 have the
-/// number 3.
+/// The number increases by 1 when points, labels, objects, calibration or fields change for a
+/// shipped scene (tests/golden shows it). It does not increase for a release, for a new or renamed
+/// key, or for a scene that was rejected before. Frames of version 0.3 have the number 3.
+///
+/// A correction that changes frames of some other scenes alone does not increase it. Then
+/// `folder_identity.cpp` refuses to add frames to earlier folders of such scenes. Since 0.3 these
+/// are scenes with traffic at several junctions, with rain or fog, or with parked or recorded
+/// vehicles whose gap below the body is modelled, LiDARs with a beam wider than that of the Avia,
+/// and frames from 1,000 on of LiDARs with `azimuth_step_deg`.
+///
+/// Two corrections since 0.3 depend on geometry, and such folders are resumed: echoes within
+/// `min_range_m` of a wide beam or in front of a pane, and surfaces that end at an azimuth of
+/// exactly 180 degrees. Rows of results and checkpoints hold the number alone.
 inline constexpr int kFramesVersion = 3;
 
 }  // namespace infrasim

@@ -12,9 +12,53 @@ namespace infrasim {
 
 namespace {
 
+bool is_0_3(const std::string& version) { return version.starts_with("0.3."); }
+
+/// What a scene has for which frames have changed since version 0.3; empty if there is nothing.
+std::string changed_since_0_3(const config::Tree& scene) {
+  const auto items = [&](const char* key) {
+    const config::Tree* list = scene.find(key);
+    return list == nullptr ? 0 : list->items.size();
+  };
+  const auto value = [&](const char* key, const char* inner) {
+    const config::Tree* map = scene.find(key);
+    const config::Tree* scalar = map == nullptr ? nullptr : map->find(inner);
+    return scalar == nullptr ? "" : scalar->scalar;
+  };
+  const config::Tree* recorded = scene.find("trajectories");
+  if (items("junctions") > 1 && items("traffic") > 0) return "several junctions";
+  if (value("weather", "rain_mm_per_h") != "0" || value("weather", "visibility_m") != ".inf")
+    return "rain or fog";
+  if (value("vehicle_parts", "gap") == "true") {
+    if (items("parked") > 0) return "parked vehicles";
+    if (recorded != nullptr && !recorded->scalar.empty()) return "recorded vehicles";
+  }
+  return "";
+}
+
+/// As above for a LiDAR.
+/// @param end one past the last frame
+std::string changed_since_0_3(const LidarConfig& lidar, int end) {
+  constexpr double kAviaBeam_deg = 0.28;
+  constexpr int kEqualFrames = 1000;
+  for (const LidarUnit& unit : lidar.units) {
+    const auto& beam = unit.returns.beam;
+    if (beam && std::max(beam->vertical_deg, beam->horizontal_deg) > kAviaBeam_deg)
+      return "a beam wider than 0.28 degrees";
+    const auto& spinning = unit.pattern.spinning;
+    if (end > kEqualFrames && spinning && spinning->azimuth_step_deg && columns_per_turn(*spinning))
+      return "azimuth_step_deg and frames from 1000 on";
+  }
+  return "";
+}
+
 /// The frames' version number of a folder without one: version 0.3 did not write it.
-std::string frames_version_of(const std::string& version) {
-  return version.starts_with("0.3.") ? "3" : "unknown, of version " + version;
+std::string frames_version_of(const std::string& version, const config::Tree& scene) {
+  if (!is_0_3(version)) return "unknown, of version " + version;
+  const std::string changed = changed_since_0_3(scene);
+  return changed.empty()
+             ? "3"
+             : "3 of version 0.3 before a change for " + changed + ", so simulate it anew";
 }
 
 /// Removes the lines with paths of firing tables, because their digests identify them.
@@ -43,8 +87,29 @@ std::string data_set_identity(const std::string& text, const std::string& file) 
   const auto version = config::take(tree, "version");
   const auto number = config::take(tree, "frames_version");
   of_run += "frames_version: " +
-            (number ? number->scalar : frames_version_of(version ? version->scalar : "")) + "\n";
+            (number ? number->scalar : frames_version_of(version ? version->scalar : "", tree)) +
+            "\n";
   return canonical_scene(tree) + of_run;
+}
+
+void check_is_not_older(const std::filesystem::path& description,
+                        const std::vector<LidarConfig>& lidars, int end) {
+  config::Tree tree;
+  try {
+    tree = config::read_tree(description);
+  } catch (const ConfigError&) {
+    return;  // the text of this run, which is compared as it is
+  }
+  const config::Tree* version = tree.find("version");
+  if (version == nullptr || !is_0_3(version->scalar) || tree.find("frames_version") != nullptr)
+    return;
+  for (const LidarConfig& lidar : lidars)
+    if (const std::string changed = changed_since_0_3(lidar, end); !changed.empty())
+      throw IoError(description.string() +
+                    ": version: expected that of now, as frames have changed since 0.3 for a "
+                    "LiDAR with " +
+                    changed + ", got " + version->scalar + "; simulate " + lidar.name +
+                    " anew in another folder");
 }
 
 std::string lidar_identity(const std::string& text, const std::string& file) {
