@@ -12,6 +12,7 @@ from pyinfra.core.vocabulary import LabelTime
 from pyinfra.dataset.frames import data_set_of, lidars_in
 from pyinfra.dataset.outlines import OUTLINES_FILE
 from pyinfra.dataset.roads import read_roads
+from pyinfra.dataset.world_frame import rotation
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Tilt
 
@@ -167,11 +168,11 @@ def field_of_view_mask(
     ranges = np.zeros(len(centre), dtype=np.bool_)
     for unit in lidar.field_of_view:
         if at := unit.at:
-            local = (centre - (at.x, at.y, at.z)) @ _rotation(at.yaw, at.pitch, at.roll)
+            local = (centre - (at.x, at.y, at.z)) @ rotation(at.yaw, at.pitch, at.roll)
         else:
-            local = centre @ _rotation(0, tilt.pitch, tilt.roll)
+            local = centre @ rotation(0, tilt.pitch, tilt.roll)
         slant = np.linalg.norm(local, axis=1)
-        turned = local @ _rotation(unit.yaw, unit.pitch, 0)
+        turned = local @ rotation(unit.yaw, unit.pitch, 0)
         azimuth = np.arctan2(turned[:, 1], turned[:, 0])
         elevation = np.arctan2(turned[:, 2], np.hypot(turned[:, 0], turned[:, 1]))
         low, high = unit.azimuth
@@ -205,14 +206,3 @@ def read_owners(folder: Path, frame: int, count: int) -> IntArray:
     if len(owner) != count:
         raise FormatError(f"{file}: expected {count} records, one for each point, got {len(owner)}")
     return owner
-
-
-def _rotation(yaw: float, pitch: float, roll: float) -> FloatArray:
-    """Returns the rotation (3, 3): yaw about z, then pitch about the new y, then roll about x."""
-    cy, sy = math.cos(yaw), math.sin(yaw)
-    cp, sp = math.cos(pitch), math.sin(pitch)
-    cr, sr = math.cos(roll), math.sin(roll)
-    yaw_matrix = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    pitch_matrix = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    roll_matrix = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    return np.asarray(yaw_matrix @ pitch_matrix @ roll_matrix, dtype=np.float64)

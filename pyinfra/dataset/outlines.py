@@ -6,7 +6,6 @@ joined to the first. Without the file, the region covers all roads or lanes.
 
 from __future__ import annotations
 
-import csv
 import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,7 +15,7 @@ import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.errors import FormatError
-from pyinfra.formats.text_table import NamedRows, between, lines_of
+from pyinfra.formats.text_table import between, lines_of, rows_by_name
 
 OUTLINE_COLUMNS = ["region", "x", "y"]
 OUTLINES_FILE = "regions.csv"
@@ -31,19 +30,8 @@ def read_outlines(data_set: Path) -> tuple[FloatArray, ...]:
     file = data_set / OUTLINES_FILE
     if not file.is_file():
         return ()
-    try:
-        rows = list(csv.reader(lines_of(file, whole=True)))
-    except csv.Error as error:
-        raise FormatError(f"{file}: {error}") from None
-    if not rows or rows[0] != OUTLINE_COLUMNS:
-        actual = ",".join(rows[0]) if rows else ""
-        raise FormatError(f"{file}:1: expected '{','.join(OUTLINE_COLUMNS)}', got '{actual}'")
-    table = NamedRows(file, range(2, 1 + len(rows)), rows[1:], OUTLINE_COLUMNS, "region")
-    table.check(_RULES)
-    if len(rows) == 1:
-        raise FormatError(f"{file}:1: expected a region, got none")
-    names = dict.fromkeys(table.names.tolist())
-    outlines = {name: table.values[table.names == name] for name in names}
+    lines = lines_of(file, whole=True)
+    outlines = rows_by_name(lines, file, OUTLINE_COLUMNS, _RULES)
     for name, corners in outlines.items():
         if len(corners) < 3:
             actual = f"{len(corners)}"

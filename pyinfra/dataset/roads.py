@@ -7,7 +7,6 @@ is nearest to the foot.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +16,7 @@ import numpy as np
 from pyinfra.core.arrays import BoolArray, FloatArray, Floats, IntArray
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset.outlines import in_any
-from pyinfra.formats.text_table import ColumnRule, NamedRows, between, lines_of
+from pyinfra.formats.text_table import ColumnRule, between, lines_of, rows_by_name
 
 _CHUNK = 20_000
 
@@ -65,19 +64,8 @@ def read_roads(file: Path) -> list[Road]:
 
 def roads_of(lines: Sequence[str], file: Path) -> list[Road]:
     """Parses roads from lines of text; messages show `file`. Raises FormatError."""
-    try:
-        rows = list(csv.reader(lines))
-    except csv.Error as error:
-        raise FormatError(f"{file}: {error}") from None
-    if not rows or rows[0] != ROAD_COLUMNS:
-        header = ",".join(rows[0]) if rows else ""
-        raise FormatError(f"{file}:1: expected '{','.join(ROAD_COLUMNS)}', got '{header}'")
-    table = NamedRows(file, range(2, 1 + len(rows)), rows[1:], ROAD_COLUMNS, "road")
-    table.check(_RULES)
-    if len(rows) == 1:
-        raise FormatError(f"{file}:1: expected a road, got none")
-    names = dict.fromkeys(table.names.tolist())
-    return [_road(name, table.values[table.names == name], file) for name in names]
+    roads = rows_by_name(lines, file, ROAD_COLUMNS, _RULES)
+    return [_road(name, values, file) for name, values in roads.items()]
 
 
 def _road(name: str, values: FloatArray, file: Path) -> Road:

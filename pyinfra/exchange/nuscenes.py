@@ -32,10 +32,10 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 
-from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.files import replacing, write
 from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.world_frame import boxes_to_world
 from pyinfra.exchange.series import FrameSeries, StoredFrame, quaternion, read_frames, read_series
 
 Row = dict[str, Any]
@@ -256,7 +256,8 @@ class _Scene:
         }
 
     def add_annotations(self, frame: StoredFrame) -> None:
-        o, world_poses = frame.objects, _to_world(self.common.series, frame.objects.boxes)
+        o = frame.objects
+        world = boxes_to_world(o.boxes, self.common.series.T_world_lidar)
         for i, number in enumerate(o.ids.tolist()):
             category = CATEGORIES.get(o.names[i], Category(str(o.names[i])))
             row = {
@@ -265,9 +266,9 @@ class _Scene:
                 "instance_token": self.token("instance", number),
                 "attribute_tokens": self.common.attributes(category, o.speed[i]),
                 "visibility_token": visibility_token(o.visibility[i]),
-                "translation": world_poses[i, :3].tolist(),
+                "translation": world[i, :3].tolist(),
                 "size": [o.boxes[i, 4], o.boxes[i, 3], o.boxes[i, 5]],
-                "rotation": _wxyz(world_poses[i, 3]),
+                "rotation": _wxyz(world[i, 6]),
                 "num_lidar_pts": int(o.points_in_box[i]),
                 "num_radar_pts": 0,
                 "prev": "",
@@ -320,21 +321,6 @@ def visibility_token(visibility: float) -> str:
     """Returns the level of a visible share in [0, 1]; an empty text if it is unknown (-1)."""
     levels = sum(visibility >= least for least in VISIBILITY.values())
     return str(levels) if levels else ""
-
-
-def _to_world(series: FrameSeries, boxes: FloatArray) -> FloatArray:
-    """Returns x y z heading (k, 4) of boxes (k, 7) in the world frame."""
-    pose = series.T_world_lidar
-    cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
-    x, y, z = boxes[:, :3].T
-    return np.column_stack(
-        [
-            pose.x + cos * x - sin * y,
-            pose.y + sin * x + cos * y,
-            pose.z + z,
-            pose.yaw + boxes[:, 6],
-        ]
-    )
 
 
 def _wxyz(yaw: float) -> list[float]:

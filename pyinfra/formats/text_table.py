@@ -1,5 +1,6 @@
 """Text tables of words and numbers; errors name file, line and column."""
 
+import csv
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -128,3 +129,24 @@ class NamedRows:
                 except ValueError:
                     self.fail(i, f"'{cell}'", "a number", column)
         raise AssertionError(cells)
+
+
+def rows_by_name(
+    lines: Sequence[str], file: Path, columns: Sequence[str], rules: Sequence[ColumnRule]
+) -> dict[str, FloatArray]:
+    """Parses a CSV table; returns the rows (n, columns - 1) of each name in the first column.
+
+    The first line names the columns. Raises FormatError, also for a table without rows.
+    """
+    try:
+        rows = list(csv.reader(lines))
+    except csv.Error as error:
+        raise FormatError(f"{file}: {error}") from None
+    if not rows or rows[0] != list(columns):
+        header = ",".join(rows[0]) if rows else ""
+        raise FormatError(f"{file}:1: expected '{','.join(columns)}', got '{header}'")
+    table = NamedRows(file, range(2, 1 + len(rows)), rows[1:], columns, columns[0])
+    table.check(rules)
+    if len(rows) == 1:
+        raise FormatError(f"{file}:1: expected a {columns[0]}, got none")
+    return {name: table.values[table.names == name] for name in dict.fromkeys(table.names.tolist())}

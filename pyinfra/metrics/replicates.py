@@ -36,7 +36,6 @@ SAME = (
 COLUMNS = ("ground_truth", "measure", "value", "blocks", "version", *SAME)
 DIGITS = 3
 AHEAD_M = (0.0, 100.0)  # part of the first road that is used for the slope
-WINDOWS_OVERLAP = 4  # each vehicle is in this many windows
 LEAST_WINDOWS = 5
 
 

@@ -49,7 +49,7 @@ def points_per_vehicle(table: pd.DataFrame) -> Figure:
 
     Columns are data sets, rows are vehicle subsets.
     """
-    figure, axes = _panels(table, _data_sets(table), table["set"].unique(), size=(4.2, 3.2))
+    figure, axes = _panels(_data_sets(table), table["set"].unique(), size=(4.2, 3.2))
     for ax, column, row in axes:
         part = table[(_data_sets(table) == column) & (table["set"] == row)]
         for name, lidar in _lidars(part, table):
@@ -74,7 +74,7 @@ def quality(table: pd.DataFrame) -> Figure:
     table = table[(table["set"] == "common") & (table.quality != "hit")]
     whole = table.from_m.min(), table.to_m.max()
     table = table[~((table.from_m == whole[0]) & (table.to_m == whole[1]))]
-    figure, axes = _panels(table, table.lidar.unique(), _data_sets(table).unique(), size=(3, 2.4))
+    figure, axes = _panels(table.lidar.unique(), _data_sets(table).unique(), size=(3, 2.4))
     greys = sns.color_palette("cividis_r", len(QUALITIES))
     for ax, column, row in axes:
         part = table[(_data_sets(table) == row) & (table.lidar == column)]
@@ -100,7 +100,7 @@ def quality(table: pd.DataFrame) -> Figure:
 
 def speeds(table: pd.DataFrame) -> Figure:
     """Draws a speed histogram for each scene, with the number of samples beyond the axis."""
-    figure, axes = _panels(table, table.scene.unique(), [""], size=(3.4, 2.6))
+    figure, axes = _panels(table.scene.unique(), [""], size=(3.4, 2.6))
     for ax, scene, _ in axes:
         part = table[table.scene == scene].drop_duplicates(["from_km_h", "seed"])
         part = part.groupby(["from_km_h", "to_km_h"], as_index=False)[["samples"]].sum()
@@ -122,7 +122,7 @@ def speeds(table: pd.DataFrame) -> Figure:
 
 def lit_share(table: pd.DataFrame) -> Figure:
     """Draws the share of the field of view that is hit by a ray against integration time."""
-    figure, axes = _panels(table, table.preset.unique(), [""], size=(4.2, 3.2))
+    figure, axes = _panels(table.preset.unique(), [""], size=(4.2, 3.2))
     for ax, preset, _ in axes:
         for name, lidar in _lidars(table[table.preset == preset], table):
             ax.plot(lidar.time_s, lidar.lit_percent, label=name, markersize=4, **_line(name, table))
@@ -138,7 +138,7 @@ def lit_share(table: pd.DataFrame) -> Figure:
 
 def angular_density(table: pd.DataFrame) -> Figure:
     """Draws rays per second and square degree, by off-axis angle and by elevation near x."""
-    figure, axes = _panels(table, table.axis.unique(), table.preset.unique(), size=(4.2, 3))
+    figure, axes = _panels(table.axis.unique(), table.preset.unique(), size=(4.2, 3))
     names = {"off_axis": "angle off the axis (deg)", "elevation": "elevation (deg)"}
     for ax, axis, preset in axes:
         part = table[(table.axis == axis) & (table.preset == preset) & (table.rays > 0)]
@@ -155,7 +155,7 @@ def dots(value: str, label: str, by: str) -> Callable[[pd.DataFrame], Figure]:
     """Returns a function that draws a value with its interval per LiDAR, in a panel per `by`."""
 
     def of(table: pd.DataFrame) -> Figure:
-        figure, axes = _panels(table, table[by].unique(), [""], size=(4.2, 2.8))
+        figure, axes = _panels(table[by].unique(), [""], size=(4.2, 2.8))
         for ax, panel, _ in axes:
             part = table[table[by] == panel]
             data_sets = list(_data_sets(part).unique())
@@ -204,7 +204,7 @@ def _data_sets(table: pd.DataFrame) -> Any:
 
 
 def _panels(
-    table: pd.DataFrame, columns: Any, rows: Any, size: tuple[float, float]
+    columns: Any, rows: Any, size: tuple[float, float]
 ) -> tuple[Figure, Iterator[tuple[Axes, Any, Any]]]:
     """Returns a figure and its grid of axes, each with the name of its column and row."""
     columns, rows = list(dict.fromkeys(columns)), list(dict.fromkeys(rows))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pyinfra.core.arrays import Points
+from pyinfra.dataset.world_frame import rotation
 from pyinfra.experiments.stress import clouds
 from pyinfra.experiments.stress.stressors import STRESSORS, Stressor
 from pyinfra.formats import kitti
@@ -187,5 +188,5 @@ def test_a_tilt_that_nobody_knows_of_is_the_pose_error(
 
     assert outside(points) > 50
     assert outside(STRESSORS[name].apply(points, 8, 1, 0)) == 0
-    back = clouds.moved(points, clouds.rotation(**{key: np.radians(-8)}))
+    back = clouds.moved(points, rotation(**{key: np.radians(-8)}))
     assert outside(back) > 50

@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, Points
+from pyinfra.dataset.world_frame import rotation
 from pyinfra.models.training.sensor_faults import Rng, ranges_of, scaled
 
 DROPS_SHARE = 0.1  # share of lost points that are replaced by a return from a drop (assumed)
@@ -62,18 +63,6 @@ def moved(points: Points, R_true_known: FloatArray, height_m: float = 0.0) -> Po
     out = points.copy()
     out[:, :3] = points[:, :3].astype(np.float64) @ R_true_known - [0, 0, height_m]
     return out
-
-
-def rotation(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> FloatArray:
-    """Returns Rz(yaw) Ry(pitch) Rx(roll), (3, 3), from angles in radians.
-
-    As in the simulator, positive pitch is downwards and positive roll lifts the left side.
-    """
-    (cy, sy), (cp, sp), (cr, sr) = ((math.cos(a), math.sin(a)) for a in (yaw, pitch, roll))
-    yaw_matrix = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    pitch_matrix = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    roll_matrix = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    return np.asarray(yaw_matrix @ pitch_matrix @ roll_matrix)
 
 
 def _attenuated(points: Points, extinction_per_m: float, replicates: Rng) -> Points:

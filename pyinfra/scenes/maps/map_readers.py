@@ -35,10 +35,8 @@ def _from_opendrive(
     file: Path, folder: Path, scratch: Path, options: ImportOptions
 ) -> tuple[SiteMap, dict[str, Any]]:
     site_map = read_opendrive(file)
-    checked_lanes(site_map.lanes, str(file))
-    low, high, z = _extent(site_map.lanes)
-    x, y = options.centre or tuple(((low + high) / 2).round(0).tolist())
-    offset = np.array([x, y, z])
+    offset = _offset(site_map.lanes, file, options)
+    x, y, z = offset.tolist()
     site_map.lanes = [_moved(lane, offset) for lane in site_map.lanes]
     site_map.bodies = [_moved_body(thing, offset) for thing in site_map.bodies]
     site_map.trees = [
@@ -60,15 +58,9 @@ def _from_opendrive(
 def _from_network(
     file: Path, folder: Path, scratch: Path, options: ImportOptions
 ) -> tuple[SiteMap, dict[str, Any]]:
-    read = read_network(file)
-    checked_lanes(read.lanes, str(file))
-    low, high, z = _extent(read.lanes)
-    x, y = options.centre or tuple(((low + high) / 2).round(0).tolist())
-    offset = np.array([x, y, z])
+    offset = _offset(read_network(file).lanes, file, options)
     warnings = _shifted_network(file, ["--sumo-net-file", str(file)], offset, folder / NET)
-    site_map = read_network(folder / NET)
-    _cut(site_map, options.radius_m, file)
-    site_map.areas, site_map.junctions = _near(site_map, options.radius_m)
+    site_map = _network_map(file, folder, options)
     return site_map, {"offset_m": offset.tolist(), "network": warnings}
 
 
@@ -94,9 +86,7 @@ def _from_osm(
     arguments += ["--osm-files", str(source), *OSM, "--proj", projection]
     arguments += ["--offset.disable-normalization", "--keep-edges.in-geo-boundary", box]
     warnings = netconvert(file, arguments, folder / NET)
-    site_map = read_network(folder / NET)
-    _cut(site_map, options.radius_m, file)
-    site_map.areas, site_map.junctions = _near(site_map, options.radius_m)
+    site_map = _network_map(file, folder, options)
     site_map.features = list(osm_features.features(streets, centre, options.radius_m))
     site_map.lanes = osm_features.without_kerb_at_crossings(site_map.lanes, streets)
     openstreetmap.add_surroundings(site_map, streets, centre, options.radius_m)
@@ -136,11 +126,21 @@ def _shifted_network(
     return netconvert(file, [*arguments, *moved, f"--offset.z={z!r}"], out)
 
 
-def _extent(lanes: Sequence[MapLane]) -> tuple[FloatArray, FloatArray, float]:
-    """Returns the lower and upper corner (2,) of all lanes, and an offset of z to subtract."""
+def _network_map(file: Path, folder: Path, options: ImportOptions) -> SiteMap:
+    """Returns the written network around the origin."""
+    site_map = read_network(folder / NET)
+    _cut(site_map, options.radius_m, file)
+    site_map.areas, site_map.junctions = _near(site_map, options.radius_m)
+    return site_map
+
+
+def _offset(lanes: Sequence[MapLane], file: Path, options: ImportOptions) -> FloatArray:
+    """Returns the offset x y z (3,) to subtract from a map's coordinates. Raises MapError."""
+    checked_lanes(lanes, str(file))
     points = np.concatenate([lane.centre for lane in lanes])
     low, high = points.min(0), points.max(0)
-    return low[:2], high[:2], round(float(low[2]), -1) if abs(low[2]) > 50 else 0.0
+    x, y = options.centre or tuple(((low + high)[:2] / 2).round(0).tolist())
+    return np.array([x, y, round(float(low[2]), -1) if abs(low[2]) > 50 else 0.0])
 
 
 def _moved(lane: MapLane, offset: FloatArray) -> MapLane:

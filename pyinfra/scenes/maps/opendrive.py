@@ -92,7 +92,7 @@ def _read_road(node: Element, site_map: SiteMap) -> None:
     for i, (section, start) in enumerate(zip(sections, starts, strict=True)):
         end = starts[i + 1] if i + 1 < len(starts) else road.line.length
         if end - start > 1e-3:
-            pieces.update({(i, p.id): p for p in _section(road, section, start, end, site_map)})
+            pieces.update({(i, p.id): p for p in _section(road, section, start, end)})
     left_hand = node.get("rule") == "LHT"
     site_map.lanes += [
         lane for lane in _joined(road, pieces, left_hand, site_map) if lane is not None
@@ -131,9 +131,7 @@ class Piece:
     successor: int | None
 
 
-def _section(
-    road: OpenDriveRoad, section: Element, start: float, end: float, site_map: SiteMap
-) -> list[Piece]:
+def _section(road: OpenDriveRoad, section: Element, start: float, end: float) -> list[Piece]:
     pieces = []
     for side, sign in (("left", 1), ("right", -1)):
         lanes = sorted(section.findall(f"{side}/lane"), key=lambda n: abs(_lane_id(road, n)))

@@ -245,13 +245,14 @@ def _height(tags: dict[str, str]) -> tuple[float, bool]:
 def crosses_itself(outline: FloatArray) -> bool:
     """Returns whether two sides of an outline (n, 2) cross."""
     a, b = outline, np.roll(outline, -1, axis=0)
-
-    def side(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
-        return np.asarray(
-            (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1])
-            - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
-        )
-
     p, q, r, s = a[:, None], b[:, None], a[None], b[None]
-    across = (side(p, q, r) * side(p, q, s) < 0) & (side(r, s, p) * side(r, s, q) < 0)
+    across = (side_of(p, q, r) * side_of(p, q, s) < 0) & (side_of(r, s, p) * side_of(r, s, q) < 0)
     return bool(across.any())
+
+
+def side_of(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
+    """Returns a positive number where a point r lies left of the line from p to q; (..., 2)."""
+    return np.asarray(
+        (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1])
+        - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
+    )

@@ -24,6 +24,7 @@ from pyinfra.scenes.maps.openstreetmap import (
     Way,
     all_elements,
     is_deleted,
+    side_of,
     transverse_mercator,
 )
 
@@ -316,21 +317,14 @@ def _crossed(start: FloatArray, end: FloatArray, i: int) -> IntArray:
     near = ((np.minimum(start, end) <= high) & (np.maximum(start, end) >= low)).all(1)
     some = np.flatnonzero(near)
     p, q = start[some], end[some]
-    across = (_side(a, b, p) * _side(a, b, q) <= 0) & (_side(p, q, a) * _side(p, q, b) <= 0)
-    across &= _side(p, q, a) != _side(p, q, b)  # excludes collinear segments
+    across = (side_of(a, b, p) * side_of(a, b, q) <= 0) & (side_of(p, q, a) * side_of(p, q, b) <= 0)
+    across &= side_of(p, q, a) != side_of(p, q, b)  # excludes collinear segments
     return np.asarray(some[across])
-
-
-def _side(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
-    return np.asarray(
-        (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1])
-        - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
-    )
 
 
 def _meeting(a: FloatArray, b: FloatArray, p: FloatArray, q: FloatArray) -> tuple[float, float]:
     """Returns the intersection of the line from a to b with the line from p to q."""
-    before, behind = _side(p, q, a), _side(p, q, b)
+    before, behind = side_of(p, q, a), side_of(p, q, b)
     x, y = a + (b - a) * (before / (before - behind))
     return float(x), float(y)
 

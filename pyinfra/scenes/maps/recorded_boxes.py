@@ -11,6 +11,7 @@ import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error, FormatError
+from pyinfra.dataset.world_frame import boxes_to_world
 from pyinfra.formats.csv_table import numbers, read_words
 from pyinfra.formats.kitti import frame_file, frames, read_labels, read_lidar
 from pyinfra.scenes.maps.box_links import link
@@ -94,12 +95,7 @@ def read_frames(folder: Path) -> list[BoxTrack]:
         names.append(labels.names.astype(str))
     if not times:
         raise FormatError(f"{folder}: expected a label, got none")
-    all_boxes, classes = np.concatenate(boxes), np.concatenate(names)
-    cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
-    x, y = all_boxes[:, 0].copy(), all_boxes[:, 1].copy()
-    all_boxes[:, 0], all_boxes[:, 1] = cos * x - sin * y + pose.x, sin * x + cos * y + pose.y
-    all_boxes[:, 2] += pose.z
-    all_boxes[:, 6] += pose.yaw
+    all_boxes, classes = boxes_to_world(np.concatenate(boxes), pose), np.concatenate(names)
     wrong = sorted(set(classes) - set(CLASSES))
     if wrong:
         raise FormatError(f"{folder}: expected {', '.join(CLASSES)}, got class '{wrong[0]}'")

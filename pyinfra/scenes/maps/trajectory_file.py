@@ -12,7 +12,6 @@ from pyinfra.core.errors import Error
 from pyinfra.scenes.maps.tracks import CLASSES, HEADING, PITCH, SPEED, STEP_S, Track, table, wrap
 
 NAME = "trajectories.csv"
-MOST_TRACKS = 100_000
 _MAX_STEP_M, _MAX_TURN_RAD = 10.0, np.pi / 3
 _SIZES_M = (0.1, 50.0)
 _LEVEL_RAD = 1e-4
