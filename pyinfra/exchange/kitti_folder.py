@@ -19,7 +19,7 @@ from pyinfra.exchange.recording import (
     Options,
     RecordedFrame,
     Recording,
-    check_pairs,
+    label_files,
     read_bin,
     read_splits,
     sorted_files,
@@ -48,22 +48,19 @@ def read(source: Path, options: Options) -> Recording:
     if inside and all(path.is_dir() for path in inside):
         return _read_sequence(training, sorted(inside), options)
     clouds = sorted_files(training / "velodyne", [".bin"])
-    folder = options.labels or training / "label_2"
-    labelled = folder.is_dir() or options.labels is not None
-    if labelled:
-        check_pairs(clouds, sorted_files(folder, [".txt"]))
+    folder = label_files(clouds, training / "label_2", options)
     names = tuple(stem(file) for file in clouds)
     columns, note = columns_of(clouds, options)
 
     def frame(i: int) -> RecordedFrame:
         points = read_bin(clouds[i], columns, options)
         calib = training / f"calib/{names[i]}.txt"
-        boxes = _boxes(folder / f"{names[i]}.txt", calib) if labelled else NO_BOXES
+        boxes = _boxes(folder / f"{names[i]}.txt", calib) if folder else NO_BOXES
         fields = training / f"fields/{names[i]}.bin"
         return RecordedFrame(points, boxes, _fields(fields, len(points)))
 
     splits = read_splits(source / "ImageSets", names)
-    return Recording(names, frame, labelled, splits, notes=lambda: [note] if note else [])
+    return Recording(names, frame, folder is not None, splits, notes=lambda: [note] if note else [])
 
 
 def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) -> Recording:

@@ -27,7 +27,7 @@ from pyinfra.exchange.recording import (
     RecordedFrame,
     Recording,
     as_points,
-    check_pairs,
+    label_files,
     read_bin,
     read_splits,
     sorted_files,
@@ -75,10 +75,7 @@ def read(source: Path, options: Options) -> Recording:
     raises FormatError.
     """
     clouds = sorted_files(source / "points", [".npy", ".bin"])
-    folder = options.labels or source / "labels"
-    labelled = folder.is_dir() or options.labels is not None
-    if labelled:
-        check_pairs(clouds, sorted_files(folder, [".txt"]))
+    folder = label_files(clouds, source / "labels", options)
     height = read_sensor_height(source)
     names = tuple(stem(file) for file in clouds)
     bins = [file for file in clouds if file.suffix.lower() == ".bin"]
@@ -86,11 +83,11 @@ def read(source: Path, options: Options) -> Recording:
 
     def frame(i: int) -> RecordedFrame:
         points = _read_cloud(clouds[i], columns, options)
-        boxes = read_boxes(folder / f"{names[i]}.txt") if labelled else NO_BOXES
+        boxes = read_boxes(folder / f"{names[i]}.txt") if folder else NO_BOXES
         return RecordedFrame(_lowered(points, height), _lowered_boxes(boxes, height))
 
     splits = read_splits(source / "ImageSets", names)
-    return Recording(names, frame, labelled, splits, notes=lambda: [note] if note else [])
+    return Recording(names, frame, folder is not None, splits, notes=lambda: [note] if note else [])
 
 
 def _lowered(points: Points, height: float) -> Points:

@@ -20,7 +20,7 @@ from pyinfra.exchange.recording import (
     RecordedFrame,
     Recording,
     as_points,
-    check_pairs,
+    label_files,
     read_splits,
     sorted_files,
     stem,
@@ -70,24 +70,21 @@ def read(source: Path, options: Options) -> Recording:
     """
     inside = source / "points"
     clouds = sorted_files(inside if inside.is_dir() else source, [".pcd"])
-    folder = options.labels or source / "labels"
-    labelled = folder.is_dir() or options.labels is not None
-    if labelled:
-        check_pairs(clouds, sorted_files(folder, [".txt"]))
+    folder = label_files(clouds, source / "labels", options)
     names = tuple(stem(file) for file in clouds)
 
     def frame(i: int) -> RecordedFrame:
         records = read_pcd(clouds[i])
         points = points_of(clouds[i], records, options)
-        boxes = read_boxes(folder / f"{names[i]}.txt") if labelled else NO_BOXES
+        boxes = read_boxes(folder / f"{names[i]}.txt") if folder else NO_BOXES
         return RecordedFrame(points, boxes, _fields(clouds[i], records))
 
     splits = read_splits(source / "ImageSets", names)
-    headers = Headers(clouds, labelled)
+    headers = Headers(clouds, folder is not None)
     return Recording(
         names,
         frame,
-        labelled,
+        folder is not None,
         splits,
         times=lambda: stamps(clouds),
         notes=headers.notes,

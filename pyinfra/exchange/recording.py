@@ -152,6 +152,18 @@ def read_bin(file: Path, columns: int, options: Options, usual: float = 1.0) -> 
     return as_points(file, list(values.T[:4]), options, usual)
 
 
+def label_files(clouds: Sequence[Path], usual: Path, options: Options) -> Path | None:
+    """Returns the folder of .txt labels, by default `usual`; None if there is none.
+
+    Raises Error for labels that do not pair with clouds.
+    """
+    folder = options.labels or usual
+    if options.labels is None and not folder.is_dir():
+        return None
+    check_pairs(clouds, sorted_files(folder, [".txt"]))
+    return folder
+
+
 def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
     """Raises Error for a label file without a cloud, and for a cloud without a label file."""
     have, want = {stem(file) for file in clouds}, {stem(file) for file in labels}

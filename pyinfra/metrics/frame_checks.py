@@ -162,7 +162,7 @@ def _clouds(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
         file = kitti.frame_file(folder, "label_2", frame)
         labels = kitti.read_labels(file, calibration=cameras.different[camera])
         boxes += len(labels)
-        boxes_with_points += sum(_holds_points(box, points) for box in labels.boxes)
+        boxes_with_points += sum(_points_in(box, points) > 0 for box in labels.boxes)
         bright |= bool((points[:, 3] > 1).any() or (points[:, 3] < 0).any())
     if bright:
         text = (
@@ -240,10 +240,6 @@ def _counts(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
     if len(errors) > MOST_ERRORS:
         more = f"{folder}: {len(errors) - MOST_ERRORS} more clouds that do not fit"
         yield Finding("error", "more-errors", more)
-
-
-def _holds_points(box: FloatArray, points: Points) -> bool:
-    return _points_in(box, points) > 0
 
 
 def _points_in(box: FloatArray, points: Points) -> int:

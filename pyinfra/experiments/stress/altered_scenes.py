@@ -267,12 +267,10 @@ def _texts(base: Base, altered: AlteredScene) -> dict[str, str]:
     text = yaml.safe_dump(base.scene, sort_keys=False)
     if altered.scene:
         text = scene_file(altered.scene).read_text("utf-8")
-    lidar_texts = {} if altered.lidar else {lidar.FILE: _lidar_text(base, altered)}
+    lidar_texts = (
+        {} if altered.lidar else {lidar.FILE: lidar.text(base.lidar_file, altered.turns_deg)}
+    )
     return {SCENE: text} | lidar_texts
-
-
-def _lidar_text(base: Base, altered: AlteredScene) -> str:
-    return lidar.text(base.lidar_file, altered.turns_deg)
 
 
 def _written(texts: dict[str, str], altered: AlteredScene, folder: Path) -> tuple[Path, Path]:
