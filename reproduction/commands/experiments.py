@@ -4,10 +4,10 @@ Replicate r trains a detector per LiDAR on frames of traffic seed 1000 + r, with
 and tests it on all frames of traffic seeds 2 r - 1 and 2 r. Intervals over replicates then include
 the traffic, the noise and the training. The rules of the study are in docs/verdict_rules.md.
 
-Rows are added to results/experiments.csv as they are made; existing rows are kept. Several
+Rows are added to the output as they are made; existing rows are kept. Several
 processes can share the work.
 
-    python -m reproduction experiments --work data/experiments --scenes highway
+    python -m reproduction experiments --work data/experiments --out results/experiments.csv
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
-from reproduction import ROOT, provenance
+from reproduction import ROOT, add_out, provenance
 
 # Steps share no factor with 200, the period of the Avia's pattern in frames.
 TRAIN_FRAMES, TEST_FRAMES = "0:5000:11", "0:5000:47"
@@ -189,7 +189,7 @@ def main() -> None:
     parser.add_argument(
         "--work", type=Path, required=True, help="working folder for frames, about 3 GB"
     )
-    parser.add_argument("--out", type=Path, default=ROOT / "results/experiments.csv")
+    add_out(parser, "experiments.csv")
     parser.add_argument("--scenes", nargs="+", default=["highway", "crossroad", "curve"])
     parser.add_argument("--presets", nargs="+", choices=PRESETS, default=["paper", "datasheet"])
     parser.add_argument("--judges", nargs="+", choices=JUDGES, default=list(JUDGES))

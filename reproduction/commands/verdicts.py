@@ -1,9 +1,9 @@
-"""Decides the primary claims of docs/verdict_rules.md from results/experiments.csv.
+"""Decides the primary claims of docs/verdict_rules.md from a table of experiments.
 
 Each value is a difference within a replicate, averaged over its test seeds. Its interval is
 Student's t over replicates, at the level of one of three looks.
 
-    python -m reproduction verdicts
+    python -m reproduction verdicts results/experiments.csv --out results/verdicts.csv
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from scipy import stats
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.experiments import store
-from reproduction import ROOT, provenance
+from reproduction import add_out, provenance
 from reproduction.commands.experiments import KEY
 
 LEVEL = 1 - 0.05 / 3  # of each of the looks at 3, 5 and 10 replicates
@@ -118,8 +118,8 @@ def claims(table: pd.DataFrame) -> Iterator[dict[str, object]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--experiments", type=Path, default=ROOT / "results/experiments.csv")
-    parser.add_argument("--out", type=Path, default=ROOT / "results/verdicts.csv")
+    parser.add_argument("experiments", type=Path, help="table of `reproduction experiments`")
+    add_out(parser, "verdicts.csv")
     args = parser.parse_args()
     rows = pd.DataFrame(claims(store.read(args.experiments, KEY))).assign(**provenance("verdicts"))
     rows.to_csv(args.out, index=False, float_format="%.5g")

@@ -18,7 +18,7 @@ using namespace infrasim;
 void read(std::string_view bytes) {
   static const fuzz::Folder folder;
   const auto file = folder.write("table.npy", bytes);
-  fuzz::is_done([&] { config::read_directions(file); });
+  fuzz::is_done([&] { config::read_firing_table(file); });
   for (const std::size_t columns : {1, 2, 3}) {
     std::vector<double> values;
     if (!fuzz::is_done([&] { values = read_npy(file, columns, columns).values; })) continue;
