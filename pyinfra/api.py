@@ -44,7 +44,7 @@ def train(
     folders : LiDAR folders; the training uses the frames of their train split
     work : output folder of checkpoints and log
     tier : `smoke` (a quick check), `quick` (minutes) or `full`
-    start : a model whose weights initialise the training
+    start : a model whose weights are the initial weights of the training
     seed : seed of the initial weights, the sample order and the augmentation
     device : torch device
 

@@ -32,8 +32,8 @@ def import_map(
 
     Parameters
     ----------
-    file : map file (.xodr, .osm or .net.xml), optionally compressed with gzip or bzip2
-    out : folder of the site; an existing result of the same import is kept
+    file : map file (.xodr, .osm or .net.xml), which may be compressed with gzip or bzip2
+    out : folder of the site; an existing result of the same import is not written again
     centre : x, y in the map's frame (OpenStreetMap: longitude, latitude); default: the map's middle
     radius_m : radius around the centre within which the map is imported
     mount : x, y, z, yaw_deg of the pole in the site's frame; by default a position is estimated

@@ -15,7 +15,8 @@ from pyinfra.core.errors import Error
 
 # An overlap smaller than this share of the squared box size is rounding and counts as 0.
 _ROUNDING = 1e-14
-CAR_M, LONG_M = (4.3, 1.85, 1.6), (9.0, 2.5, 3.2)  # typical size of a car, and of a truck or bus
+# Typical length, width and height of a car, and of a truck or bus.
+CAR_M, LONG_M = (4.3, 1.85, 1.6), (9.0, 2.5, 3.2)
 AROUND_M = 0.05  # points up to this far outside a box still belong to its vehicle
 _CHUNK = 8192  # pairs per batch, so that temporary arrays stay in the cache
 
@@ -33,19 +34,17 @@ def footprints(boxes: FloatArray) -> FloatArray:
 
 
 def bev_iou(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Returns the intersection over union of the boxes' footprints.
+    """Returns the intersection over union (n, m), in [0, 1], of the footprints of boxes.
 
-    a: (n, 7), b: (m, 7), in the same frame; returns (n, m) in [0, 1].
-    A pair with no overlap gives exactly 0.
+    Boxes a (n, 7) and b (m, 7) are in the same frame. A pair with no overlap gives exactly 0.
     """
     return _all_pairs(a, b, pair_bev_iou)
 
 
 def iou_3d(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Returns the intersection over union of the boxes' volumes.
+    """Returns the intersection over union (n, m), in [0, 1], of the volumes of boxes.
 
-    a: (n, 7), b: (m, 7), in the same frame; returns (n, m) in [0, 1].
-    A pair with no overlap gives exactly 0.
+    Boxes a (n, 7) and b (m, 7) are in the same frame. A pair with no overlap gives exactly 0.
     """
     return _all_pairs(a, b, pair_iou_3d)
 
@@ -70,7 +69,7 @@ def points_in_box(points: Floats, box: FloatArray, around_m: float = AROUND_M) -
 
 
 def points_in_boxes(points: Floats, boxes: FloatArray) -> IntArray:
-    """Returns how many points (n, 3 or more) belong to the vehicle in each box (k, 7): (k,)."""
+    """Returns (k,) how many points (n, 3 or more) belong to the vehicle in each box (k, 7)."""
     x = np.ascontiguousarray(points[:, 0])
     counts = np.zeros(len(boxes), dtype=np.int64)
     for i, box in enumerate(boxes):
@@ -98,11 +97,12 @@ def pair_iou_3d(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def pair_bev_overlap(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Returns the overlap area (n,) in m2 of footprints: row i of a (n, 7), row i of b (n, 7).
+    """Returns the overlap area (n,) in m2 of the footprints of row i of a (n, 7) and b (n, 7).
 
-    Applies Green's theorem along the edges of b, in the frame of a: the overlap area equals the
-    integral of clip(x) dy along the border of b, within the y range of a. The method needs no
-    sorting and no special cases, so equal and touching boxes are as exact as all others.
+    The function applies Green's theorem along the edges of b, in the frame of a. The overlap area
+    equals the integral of clip(x) dy along the border of b, within the y range of a. The method
+    needs no sorting and no special cases. Equal and touching boxes are therefore as exact as all
+    others.
     """
     _check(a)
     _check(b)
@@ -115,9 +115,9 @@ def pair_bev_overlap(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def centres_within_reach(a: FloatArray, b: FloatArray) -> BoolArray:
-    """Returns whether the circumscribed circles of the footprints touch. Rows broadcast.
+    """Returns whether the circumscribed circles of the footprints touch. Rows of a and b broadcast.
 
-    Where it is False, the footprints cannot touch.
+    Where the result is False, the footprints cannot touch.
     """
     apart = (a[..., 0] - b[..., 0]) ** 2 + (a[..., 1] - b[..., 1]) ** 2
     reach = _half_diagonal(a) + _half_diagonal(b)

@@ -23,15 +23,17 @@ T = TypeVar("T")
 
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # CSafeLoader is ten times faster
 _MOST_LEVELS = 100  # maximum nesting; deeper recursion crashes libyaml
-NO_VALUE = (ValueError, LookupError, AttributeError, ArithmeticError)  # PyYAML passes these on
-_MOST_LETTERS = 60  # longest part of a value that a message shows
+# PyYAML raises these exceptions for some values that have no Python equivalent.
+NO_VALUE = (ValueError, LookupError, AttributeError, ArithmeticError)
+_MOST_LETTERS = 60  # a message shows at most this many letters of a value
 
 
-# Runs and result rows are identified by their configuration, with the key names of version 0.3.
-# Renamed and added keys therefore do not change the identity of older runs and rows.
+# A run or result row is identified by its configuration, written with the key names of version
+# 0.3. Renaming or adding a key therefore does not change the identity of older runs and rows.
 # RENAMED maps current keys (`key` or `Class.key`) to their names in 0.3, which files may also use.
 RENAMED: dict[str, str] = {"rois_detected": "rois_found", "Settings.replicates": "draws"}
-# Keys added after 0.3. A key with its default value is not part of the identity of a run or row.
+# Keys that were added after version 0.3. While such a key has its default value, it is not part of
+# the identity of a run or row.
 LATER: frozenset[str] = frozenset(
     (
         "Learning.rare_windows",
@@ -49,8 +51,9 @@ class Rule:
 
     low: float = -math.inf
     high: float = math.inf
-    check: Callable[[Path, str], object] | None = None  # called with file and text; raises Error
-    once: bool = False  # a list may not contain the same value twice
+    # Called with the file and a text value; raises Error if the text is not allowed.
+    check: Callable[[Path, str], object] | None = None
+    once: bool = False  # whether a list must not contain the same value twice
 
 
 def ruled(
@@ -60,7 +63,10 @@ def ruled(
     *,
     once: bool = False,
 ) -> Any:
-    """Returns a dataclass field with a range; the key is required if it has no default."""
+    """Returns a dataclass field with a range of allowed numbers.
+
+    The key is required if it has no default.
+    """
     return field(default=default, metadata={"rule": Rule(low, high, once=once)})
 
 
@@ -138,7 +144,7 @@ def _default(field: "dataclasses.Field[Any]") -> Any:
 
 
 def from_plain(plain: object, kind: type[T], name: str) -> T:
-    """Inverts `as_plain`, with the checks of `read_config`; messages show `name` as the file."""
+    """Inverts `as_plain`, with the checks of `read_config`. Messages show `name` as the file."""
     node = compose(yaml.safe_dump(plain))
     return _struct(_Location(name, node, ""), kind)
 
@@ -159,7 +165,7 @@ class _Location:
 
 @dataclass(frozen=True)
 class Part:
-    """A section of a file whose dataclass is known only after the rest of the file is read."""
+    """A section of a file. Its dataclass is known only after the rest of the file is read."""
 
     location: _Location | None = None  # None: the file does not have the section
 
@@ -261,7 +267,7 @@ def _loaded(location: _Location, allowed: str) -> Any:
     """Returns the Python value of a YAML node."""
     try:
         return SafeConstructor().construct_document(location.node)
-    except (yaml.YAMLError, *NO_VALUE):  # such as 2001-02-30, `!!int x`, `!!int` or `!!bool x`
+    except (yaml.YAMLError, *NO_VALUE):  # the value is, for example, 2001-02-30 or `!!int x`
         location.fail(f"expected {allowed}, got {_shown(location.node)}")
 
 

@@ -1,6 +1,7 @@
-"""Errors for wrong input, which the user can correct; messages name file, line and key if known.
+"""Errors for wrong input, which the user can correct.
 
-Any other exception, except OSError, is a bug in the package.
+Their messages name file, line and key if these are known. Any other exception, except OSError, is
+a bug in the package.
 """
 
 import traceback
@@ -10,7 +11,7 @@ from pathlib import Path
 class Error(ValueError):
     """A wrong argument, file or configuration; the message states what was expected."""
 
-    exit_code = 2  # of a command that fails with this error
+    exit_code = 2  # exit code of a command that fails with this error
 
 
 class FormatError(Error):
@@ -34,6 +35,6 @@ def missing(package: str | None, extra: str) -> MissingPackage:
 
 
 def keep_traceback(error: BaseException, file: Path) -> None:
-    """Writes the traceback of an error to a file, for a failure that does not stop the run."""
+    """Writes the traceback of an error to a file; used for failures that do not stop the run."""
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text("".join(traceback.format_exception(error)), errors="backslashreplace")

@@ -96,7 +96,7 @@ def naming(path: Path, beside: Path | None = None) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno is None:  # raised by a library, or by this package with the file in its text
+        if error.errno is None:  # a library or this package raised it; the text may name the file
             if str(path.parent) in str(error):
                 raise
             raise OSError(errno.EIO, str(error) or os.strerror(errno.EIO), str(path)) from error
@@ -110,8 +110,9 @@ def naming(path: Path, beside: Path | None = None) -> Iterator[None]:
 def held(file: Path, *, wait: bool) -> Iterator[bool]:
     """Yields whether this process holds an exclusive lock on the file.
 
-    With `wait`, waits for the lock; else yields False at once if another process holds it. The lock
-    is released at the end of the block, and when the process dies.
+    With `wait`, the function waits for the lock. Without it, the function yields False at once if
+    another process holds the lock. The lock is released at the end of the block, and when the
+    process dies.
     """
     file.parent.mkdir(parents=True, exist_ok=True)
     with file.open("w") as stream:

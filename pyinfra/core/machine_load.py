@@ -12,7 +12,7 @@ from pathlib import Path
 
 _TIMES = Path("/proc/stat")
 _IDLE = (3, 4)  # columns of /proc/stat: idle, iowait
-_COLUMNS = 8  # the following columns (guest time) are already included in the first
+_COLUMNS = 8  # number of columns used; the others (guest time) are already included in the first
 
 
 @dataclass
@@ -28,13 +28,13 @@ class OtherLoad:
 
 @contextmanager
 def other_load() -> Iterator[OtherLoad]:
-    """Measures the load by other processes during a block; the result is set at its end."""
+    """Measures the load by other processes during a block. The result is set at the block's end."""
     load = OtherLoad()
     started, busy, process_s = time.perf_counter(), _busy_seconds(), time.process_time()
     yield load
     wall = time.perf_counter() - started
     others = (_busy_seconds() - busy) - (time.process_time() - process_s)
-    if not math.isnan(others):  # clipped: the CPU clock is too coarse for short blocks
+    if not math.isnan(others):  # the clip is needed because the CPU clock is coarse
         load.cores = min(max(0.0, others / wall), float(os.cpu_count() or math.inf))
 
 

@@ -1,4 +1,4 @@
-"""Resolves names of files shipped with the package, and suggests names similar to unknown ones."""
+"""Finds files that the package ships by name. For an unknown name, suggests similar names."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def file_or_name(word: StrPath, files: dict[str, Path], argument: str) -> Path:
 
     Raises
     ------
-    Error : if it is neither; the message suggests the nearest names
+    Error : if `word` is neither; the message suggests the nearest names
     """
     text = str(path_of(word, argument)) if not isinstance(word, str) else word
     if text in files:
@@ -42,7 +42,7 @@ def file_or_name(word: StrPath, files: dict[str, Path], argument: str) -> Path:
 
 
 def check_name(word: str, names: Collection[str], argument: str) -> None:
-    """Raises Error, which names the argument and the nearest names, unless it is a known name."""
+    """Raises Error unless `word` is one of the names; the message suggests the nearest names."""
     if word not in names:
         raise Error(f"{argument}: expected a name, got '{word}'{suggestion(word, names)}")
 

@@ -1,4 +1,4 @@
-"""The decorator of public API functions, which turns path problems into a `PathError`."""
+"""The decorator of public API functions. It turns path problems into a `PathError`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MENDABLE = {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.EACCE
 
 
 class PathError(Error, OSError):
-    """A path argument is missing, of the wrong kind, not accessible, or exists already."""
+    """The path in an argument is missing, of the wrong kind, not accessible, or exists already."""
 
 
 def public(function: F) -> F:
@@ -44,7 +44,7 @@ def public(function: F) -> F:
 
 
 def _paths(given: dict[str, Any]) -> Iterator[tuple[str, Path]]:
-    """Returns name and path of all path arguments, also of those in lists, longest path first."""
+    """Returns the name and path of each path argument, including paths in lists, longest first."""
     paths = []
     for name, value in given.items():
         values = value if isinstance(value, (list, tuple)) else [value]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, get_args
 
-# Settings of a catalogue LiDAR. `datasheet` is closest to the product on the market.
+# Presets, that is, settings of a catalogue LiDAR. `datasheet` is closest to the real product.
 Preset = Literal["paper", "equal", "datasheet"]
 PRESETS: tuple[Preset, ...] = get_args(Preset)
 
@@ -12,18 +12,19 @@ PRESETS: tuple[Preset, ...] = get_args(Preset)
 Tier = Literal["smoke", "quick", "full"]
 TIERS: tuple[Tier, ...] = get_args(Tier)
 
-# The instant at which a box holds: mid-frame, or the mean time of the object's returns.
+# The instant at which a box holds: `frame` is mid-frame, `scan` the mean time of the object's
+# returns.
 LabelTime = Literal["frame", "scan"]
 
 # Ground-truth subsets: which vehicles inside the evaluation region count.
 # captured: vehicles with a minimum number of points of this LiDAR.
 # common: visible vehicles inside the field of view and range of every LiDAR of the data set.
 # all: visible vehicles.
-# present: all vehicles, visible or not; the same for all LiDARs and mounts that share a region.
+# present: all vehicles, visible or not. LiDARs and mounts that share a region share this subset.
 Subset = Literal["captured", "common", "all", "present"]
 SUBSETS: tuple[Subset, ...] = get_args(Subset)
 
-OBJECT_NAMES = {  # class_id of the simulator: type, as in KITTI label files
+OBJECT_NAMES = {  # maps a class_id of the simulator to a type, named as in KITTI label files
     10: "Car",
     11: "Van",
     12: "Truck",

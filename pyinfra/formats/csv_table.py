@@ -1,4 +1,7 @@
-"""A CSV reader that keeps text as text: a LiDAR may be named `007`, `NA`, `1e5` or `null`."""
+"""A CSV reader that does not convert text columns.
+
+The name of a LiDAR may therefore be `007`, `NA`, `1e5` or `null`.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ import pandas as pd
 
 from pyinfra.core.errors import FormatError
 
-# Names of text columns in the tables that this project writes; all other columns are numbers.
+# Names of the text columns in the tables of this project. All other columns are numbers.
 WORDS = frozenset(
     (
         "scene lidar preset detector tier run stressor severity unit ground_truth measure "
@@ -26,7 +29,7 @@ WORDS = frozenset(
 )
 
 
-# Columns with another name than in version 0.3.
+# Maps column names of version 0.3 to the current names.
 _RENAMED_COLUMNS = {
     "cells": "experiments",
     "dial": "severity",
@@ -42,7 +45,9 @@ _RENAMED_COLUMNS = {
     "seam_turned_deg": "cut_angle_turned_deg",
     "world": "vehicles_digest",
 }
-_RENAMED_VALUES = {  # by column; those of `measure` change as columns do
+# Maps, for each column, values of version 0.3 to the current ones. Values of the column `measure`
+# are column names and are renamed like columns.
+_RENAMED_VALUES = {
     "arm": {"specialist": "site_trained"},
     "fails_first": {"ghosts": "background"},
     "largest_blame": {"ghosts": "background"},
@@ -58,7 +63,7 @@ def current_name(column: str) -> str:
 
 
 def with_current_names(table: pd.DataFrame) -> pd.DataFrame:
-    """Returns a table of text with the current names of columns and of the values in them."""
+    """Returns a text table in which names of version 0.3 are replaced, in columns and values."""
     table = table.rename(columns=current_name)
     if "measure" in table:
         table["measure"] = table.measure.map(current_name)
@@ -66,15 +71,16 @@ def with_current_names(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def existing(file: Path) -> Path:
-    """Returns the file, or the file with the same table and the name that version 0.3 gave it."""
+    """Returns the file if it exists, else the file in which version 0.3 wrote the same table."""
     older = file.with_name(re.sub(r"replicates\.csv$", "draws.csv", file.name))
     return older if older.is_file() and not file.is_file() else file
 
 
 def read_csv(file: Path, words: Collection[str] = WORDS) -> pd.DataFrame:
-    """Reads a table: the columns `words` as text, the others as numbers, empty cells as NaN.
+    """Reads a table.
 
-    Raises FileNotFoundError, and FormatError with file, line and column.
+    The columns `words` are text. All other columns are numbers, with NaN for empty cells. Raises
+    FileNotFoundError, and FormatError with file, line and column.
     """
     table = read_words(file)
     columns = {

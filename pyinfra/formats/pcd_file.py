@@ -26,7 +26,7 @@ TYPES = {"F4": "<f4", "F8": "<f8"} | {
 LETTERS = {"f": "F", "i": "I", "u": "U"}
 NEEDED = ("FIELDS", "SIZE", "TYPE", "POINTS", "DATA")
 KEYS = (*NEEDED, "VERSION", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT")
-MOST_LINES = 50  # of a header
+MOST_LINES = 50  # maximum number of lines of a header
 MOST_POINTS = 999_999_999
 MOST_LZF = 90  # largest compression ratio: LZF expands 3 bytes to at most 264
 QUATERNION = (0.9, 1.1)  # allowed length of a rounded unit quaternion
@@ -34,7 +34,7 @@ QUATERNION = (0.9, 1.1)  # allowed length of a rounded unit quaternion
 
 @dataclass(frozen=True, eq=False)
 class Viewpoint:
-    """The sensor's pose in the site's frame: VIEWPOINT x y z, quaternion w x y z."""
+    """The sensor's pose in the site's frame, from VIEWPOINT: x y z and a quaternion w x y z."""
 
     shift: FloatArray  # (3,) translation, in the unit of the points
     turn: FloatArray  # (3, 3) rotation from the frame of the stored points to the site's frame
@@ -80,7 +80,7 @@ class Header:
 
 
 def write_pcd(file: Path, records: Records) -> None:
-    """Writes records (n,), one number per field, as binary PCD; the viewpoint is the origin."""
+    """Writes records (n,), one number per field, as binary PCD with the viewpoint at the origin."""
     names = records.dtype.names or ()
     types = [records.dtype[name] for name in names]
     header = [
@@ -103,8 +103,9 @@ def write_pcd(file: Path, records: Records) -> None:
 def read_pcd(file: Path) -> Records:
     """Reads an ascii, binary or compressed file into records (n,) with the file's fields.
 
-    The viewpoint is not applied. Field names are in lower case, see Header. Raises FormatError
-    with the line of the header, and ImportError for a compressed file without the extra `exchange`.
+    The viewpoint is not applied. Field names are in lower case, as `Header` describes. Raises
+    FormatError with the line of the header. Raises ImportError for a compressed file if the extra
+    `exchange` is not installed.
     """
     with file.open("rb") as stream:
         header = _read_header(file, stream)
@@ -158,7 +159,7 @@ def _viewpoint(file: Path, words: list[str], line: int | None) -> Viewpoint:
         _fail(file, f"VIEWPOINT: expected 7 finite numbers, got '{got}'", line)
     shift, (w, x, y, z) = values[:3], values[3:]
     length = float(np.linalg.norm(values[3:]))
-    if length == 0:  # some writers leave the rotation 0
+    if length == 0:  # some writers write a rotation of zeros
         return Viewpoint(shift, np.eye(3))
     if not QUATERNION[0] <= length <= QUATERNION[1]:
         _fail(file, f"VIEWPOINT: expected a quaternion of length 1, got {length:g}", line)
@@ -218,7 +219,7 @@ def _binary(header: Header, stream: BinaryIO) -> Records:
 
 
 def _check_end(header: Header, got: int, expected: int) -> None:
-    """Raises FormatError for extra data: the header is wrong, or two files are joined."""
+    """Raises FormatError for extra data, from a wrong header or from two files that were joined."""
     if got > expected:
         what = f"expected {expected} bytes of points, got {got}"
         _fail(header.file, f"{what}: do FIELDS, SIZE, COUNT and POINTS fit?")

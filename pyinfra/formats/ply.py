@@ -22,7 +22,7 @@ class Triangles:
 
 
 def degenerate(mesh: Triangles) -> BoolArray:
-    """Returns (m,) whether each triangle, in float32, degenerates to a line or a point."""
+    """Returns (m,) whether each triangle is a line or a point after rounding to float32."""
     a, b, c = (mesh.vertices.astype("f4").astype(float)[mesh.faces[:, k]] for k in range(3))
     twice = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     longest = np.maximum.reduce(
@@ -32,7 +32,7 @@ def degenerate(mesh: Triangles) -> BoolArray:
 
 
 def together(meshes: list[Triangles]) -> Triangles:
-    """Joins meshes; drops degenerate triangles and the vertices that only they use."""
+    """Joins meshes. Drops degenerate triangles, and the vertices that no other triangle uses."""
     starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
     faces = [m.faces + s for m, s in zip(meshes, starts, strict=False)]
     mesh = Triangles(
@@ -65,7 +65,7 @@ def write_ply(file: Path, mesh: Triangles) -> None:
 
 
 def read_ply(file: Path) -> Triangles:
-    """Reads a file of `write_ply`; other PLY variants are not supported."""
+    """Reads a file that `write_ply` wrote. Other PLY variants are not supported."""
     data = file.read_bytes()
     head, _, rest = data.partition(b"end_header\n")
     points, faces = (int(w.split()[2]) for w in head.decode().splitlines() if w.startswith("elem"))

@@ -1,4 +1,4 @@
-"""Text tables of words and numbers; errors name file, line and column."""
+"""Text tables of words and numbers. Errors name file, line and column."""
 
 import csv
 import math
@@ -12,7 +12,8 @@ import numpy as np
 from pyinfra.core.arrays import BoolArray, FloatArray, NameArray
 from pyinfra.core.errors import FormatError
 
-MOST_RADIANS = 2 * math.pi + 0.01  # a larger angle must be in degrees; 0.01 allows for rounding
+# Angles above this limit cannot be in radians. The 0.01 allows for rounding.
+MOST_RADIANS = 2 * math.pi + 0.01
 RADIANS = "-2 pi to 2 pi, in radians"
 
 
@@ -21,7 +22,8 @@ class ColumnRule:
     """The allowed values of each of the named columns."""
 
     columns: tuple[str, ...]
-    holds: Callable[..., BoolArray]  # elementwise; arguments: the column, the columns in `beside`
+    # Called with the column and the columns in `beside`; works elementwise.
+    holds: Callable[..., BoolArray]
     allowed: str  # allowed values, for messages
     beside: tuple[str, ...] = ()  # other columns that the rule depends on
 
@@ -50,7 +52,7 @@ def rules_hold(values: FloatArray, columns: Sequence[str], rules: Sequence[Colum
 def lines_of(file: Path, *, whole: bool = False) -> list[str]:
     """Returns the lines of a text file, without a byte order mark.
 
-    whole: requires that the last line ends with a newline; otherwise the file is truncated.
+    With `whole`, the last line must end with a newline, because otherwise the file was truncated.
     Raises FormatError if the text is truncated or not UTF-8.
     """
     data = file.read_bytes()
@@ -72,9 +74,9 @@ def is_whole(data: bytes) -> bool:
 
 
 class NamedRows:
-    """Rows of numbers with one column of names; errors name file, line and column.
+    """Rows of numbers with one column of names. Errors name file, line and column.
 
-    lines: line numbers of the rows in the file.
+    `lines` contains the line number of each row in the file.
     """
 
     def __init__(
@@ -108,7 +110,7 @@ class NamedRows:
     def check(self, rules: Sequence[ColumnRule], rows: BoolArray | None = None) -> None:
         """Raises FormatError if a value violates a rule.
 
-        rows: (n,) mask of the rows that are checked; by default all rows.
+        `rows` is a mask (n,) of the rows to check. By default all rows are checked.
         """
         for rule in rules:
             for column in rule.columns:

@@ -19,7 +19,7 @@ def read_yaml(file: Path) -> "YamlNode":
 
 
 def parse_yaml(text: str, name: str) -> "YamlNode":
-    """Returns the root node of a YAML text; messages show `name` as the file.
+    """Returns the root node of a YAML text. Messages show `name` as the file.
 
     Raises yaml.YAMLError if the text is not YAML.
     """
@@ -44,12 +44,12 @@ def _parsed(file: Path, parse: Callable[[str], Any]) -> Any:
         raise FormatError(f"{file}:{line}: is not YAML: {error.problem}") from None
     except FormatError:
         raise
-    except (yaml.YAMLError, *NO_VALUE) as error:  # a forbidden character; a date 2025-13-45
+    except (yaml.YAMLError, *NO_VALUE) as error:  # for example for the date 2025-13-45
         raise FormatError(f"{file}: is not YAML: {' '.join(str(error).split())}") from None
 
 
 class YamlNode:
-    """A node of a YAML file with its location; errors name file, line and key."""
+    """A node of a YAML file with its location. Errors name file, line and key."""
 
     def __init__(self, file: Path, node: yaml.Node | None, key: str) -> None:
         self.file, self.node, self.key = file, node, key
@@ -77,12 +77,12 @@ class YamlNode:
         return self.at(key) if key in names else None
 
     def entries(self, key: str) -> "list[YamlNode]":
-        """Returns the entries of the list under a key; none if it is empty or absent."""
+        """Returns the entries of the list under a key; an empty list if the key is absent."""
         node = self.maybe(key)
         return node.items() if node and node.node and node.node.value else []
 
     def values(self, key: str) -> "list[YamlNode]":
-        """Returns the values of the mapping under a key, in file order; none if it is absent."""
+        """Returns the values of the mapping under a key, in file order; empty if it is absent."""
         mapping = self.maybe(key)
         if mapping is None:
             return []
@@ -100,7 +100,7 @@ class YamlNode:
     def number(
         self, low: float = -math.inf, high: float = math.inf, *, or_nan: bool = False
     ) -> float:
-        """Returns a finite number from low to high; `or_nan` also allows .nan for unknown."""
+        """Returns a finite number from low to high. `or_nan` also allows .nan, for unknown."""
         text = self.text()
         try:
             value = float(text.replace(".inf", "inf").replace(".nan", "nan"))

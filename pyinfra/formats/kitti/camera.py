@@ -36,7 +36,7 @@ _MOST = 1e6  # largest absolute value in a matrix, pixels or metres
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """The seven matrices of a calib file; matrices that boxes do not need may be defaults."""
+    """The seven matrices of a calib file. Matrices that boxes do not need may be defaults."""
 
     P: FloatArray  # (4, 3, 4) projection matrices of the four cameras, pixels
     R0_rect: FloatArray  # (3, 3)
@@ -131,7 +131,7 @@ def boxes_from_camera(values: FloatArray, calibration: Calibration) -> FloatArra
 
 
 def boxes_to_camera(boxes: FloatArray, calibration: Calibration) -> FloatArray:
-    """Inverts `boxes_from_camera`; exact if the camera's y axis points straight down."""
+    """Inverts `boxes_from_camera`. This is exact if the camera's y axis points straight down."""
     T_camera_lidar = calibration.T_camera_lidar
     middle = boxes[:, :3] @ T_camera_lidar[:3, :3].T + T_camera_lidar[:3, 3]
     heading = boxes[:, 6]

@@ -44,11 +44,12 @@ class Objects:
     points: IntArray  # (k,) number of returns from the object
     points_in_box: IntArray  # (k,) number of those returns inside its box
     distance: FloatArray  # (k,) horizontal, sensor to box centre
-    visibility: FloatArray  # (k,) [0, 1]; -1 outside the evaluation region
+    visibility: FloatArray  # (k,) visible share in [0, 1]; -1 outside the evaluation region
     scan_boxes: FloatArray  # (k, 7) boxes at scan_time_s
     scan_time_s: FloatArray  # (k,) mean time of the returns, since the start of the frame
     points_in_scan_box: IntArray  # (k,)
-    pitch: FloatArray | None = None  # (k,) of the vehicle, positive nose down; None: all level
+    # (k,) pitch of the vehicle, positive with the nose down; None if all vehicles are level.
+    pitch: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -65,19 +66,19 @@ class Labels:
     names: NameArray  # (k,) class
     boxes: FloatArray  # (k, 7) x y z dx dy dz heading
     scores: FloatArray | None  # (k,); None for labels
-    image: FloatArray | None = None  # (k, 7) truncated occluded alpha x1 y1 x2 y2, as in the file
+    image: FloatArray | None = None  # (k, 7) the file's truncated occluded alpha x1 y1 x2 y2
 
     def __len__(self) -> int:
         return len(self.names)
 
 
 def frame_file(lidar_folder: Path, part: Part, frame: int) -> Path:
-    """Returns the path of a part of a frame, whether the file exists or not."""
+    """Returns the path of a part of a frame. The file need not exist."""
     return lidar_folder / "training" / part / f"{frame:06d}{SUFFIXES[part]}"
 
 
 def frames(lidar_folder: Path) -> list[int]:
-    """Returns the frame numbers of a LiDAR, ascending; a frame exists if its .bin file does.
+    """Returns the frame numbers of a LiDAR, ascending. A frame exists if its .bin file exists.
 
     Raises FileNotFoundError if the folder has no training/velodyne.
     """

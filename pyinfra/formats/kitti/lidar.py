@@ -12,7 +12,7 @@ from pyinfra.formats.yaml_file import YamlNode, parse_yaml, read_keys, read_yaml
 RECORDED = "recorded"  # preset name of recordings, which were not simulated
 PERIOD_S = (0.001, 60.0)  # shortest and longest frame period
 _EARTH_M = 1e8  # largest coordinate in the world frame
-_STEEP_M = 1e3  # largest absolute value of any number of a road shape
+_STEEP_M = 1e3  # largest absolute value of each coefficient of a road shape
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class Tilt:
 class RoadShape:
     """The road surface of a recording: a quadratic polynomial in the levelled frame, metres.
 
-    z = level_m + slope_x x + slope_y y + bend_xx x^2 + bend_xy x y + bend_yy y^2. Farther out,
-    `pyinfra.dataset.ground.shape_heights` continues it linearly.
+    z = level_m + slope_x x + slope_y y + bend_xx x^2 + bend_xy x y + bend_yy y^2. Beyond a certain
+    distance, `pyinfra.dataset.ground.shape_heights` continues the surface linearly.
     """
 
     level_m: float
@@ -73,7 +73,8 @@ class FieldOfView:
     azimuth: tuple[float, float]
     elevation: tuple[float, float]
     range_m: tuple[float, float]
-    at: SensorPose | None = None  # None: at the origin, with the common tilt of the LiDAR
+    # Pose of the unit's sensor. None means the origin, with the tilt that all units share.
+    at: SensorPose | None = None
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ class Lidar:
     name: str
     model: str
     preset: str
-    price_usd: tuple[float, float]  # low, high; sum over the units; NaN if unknown
+    price_usd: tuple[float, float]  # lowest and highest price of all units; NaN if unknown
     period_s: float
     T_world_levelled: WorldPose
     field_of_view: tuple[FieldOfView, ...]  # one per unit
@@ -93,18 +94,18 @@ class Lidar:
     def sensors(self) -> tuple[SensorPose, ...]:
         """Returns the sensors' poses in the levelled frame.
 
-        A fused data set has several sensors. Any other has one, at the origin.
+        A fused data set has several sensors. Any other data set has one, at the origin.
         """
         origin = SensorPose(0, 0, 0, 0, 0, 0)
         return tuple(dict.fromkeys(unit.at or origin for unit in self.field_of_view)) or (origin,)
 
 
-# Keys with another name than in version 0.3.
+# Maps keys of version 0.3 to their current names.
 _RENAMED_KEYS = {"seam_deg": "cut_angle_deg", "wedges": "prisms"}
 
 
 def read_lidar_keys(file: Path) -> dict[str, Any]:
-    """Returns all keys of a `lidar.yaml`, those of version 0.3 under their current names.
+    """Returns all keys of a `lidar.yaml`. Keys of version 0.3 get their current names.
 
     Raises FormatError with file and line.
     """
@@ -128,7 +129,7 @@ def read_lidar(lidar_folder: Path) -> Lidar:
 def parse_lidar(text: str, name: str) -> tuple[Lidar, Tilt]:
     """Reads the LiDAR and the sensor's tilt from the text of a lidar.yaml.
 
-    name: shown in messages in place of the file.
+    Messages show `name` in place of the file.
     """
     top = parse_yaml(text, name)
     return _lidar(top), _tilt(top)
@@ -152,7 +153,7 @@ def _lidar(top: YamlNode) -> Lidar:
 
 
 def read_label_time(lidar_folder: Path) -> LabelTime:
-    """Returns the label time of a folder; `frame` if it has no lidar.yaml.
+    """Returns the label time of a folder. It is `frame` if the folder has no lidar.yaml.
 
     Raises FormatError with file and line.
     """
@@ -172,7 +173,7 @@ def _tilt(top: YamlNode) -> Tilt:
 
 
 def read_road_shape(lidar_folder: Path) -> RoadShape | None:
-    """Reads the road shape of a recording; None if lidar.yaml has none.
+    """Reads the road shape of a recording. Returns None if lidar.yaml has none.
 
     Raises FormatError with file and line.
     """

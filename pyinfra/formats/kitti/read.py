@@ -32,7 +32,9 @@ _SHORTEST_M, _LONGEST_M = 0.001, 1000.0  # allowed length of a box side
 _MOST = 2**31 - 1  # largest id and largest number of points
 _ROUNDED_M = 0.05  # tolerance of a rounded distance
 _LONGEST_FRAME_S = 60.0
-_EARLIEST_S = -0.2  # fused data use the first mount's clock; others start up to 0.1 s off each way
+# Fused data sets use the clock of the first mount. Frames of the other mounts may start up to 0.1 s
+# earlier or later.
+_EARLIEST_S = -0.2
 _COUNTS_IN_BOXES = ("points_in_box", "points_in_scan_box")
 
 
@@ -73,7 +75,7 @@ OBJECT_RULES = (
     ColumnRule(("visibility",), lambda v: (v == -1) | ((v >= 0) & (v <= 1)), "0 to 1, or -1"),
 )
 LABEL_RULES = (_sides("h w l"), _position("x y z"), _angle("rotation_y"))
-# Predictions may hold any finite values; only their sizes must be positive.
+# Predictions may contain any finite values. Only their sizes must be positive.
 RESULT_RULES = (ColumnRule(("h", "w", "l"), lambda v: v > 0, "more than 0"),)
 
 
@@ -95,8 +97,8 @@ def read_points(file: Path) -> Float32Array:
 def read_fields(file: Path) -> Records:
     """Reads the additional fields of each point: (n,) records of FIELDS, in the points' order.
 
-    time_s: time since the start of the frame; ring: 0 at the lowest elevation; class: class of the
-    object, or material of the background; object_id: -1 for background.
+    `time_s` counts from the start of the frame. `ring` is 0 at the lowest elevation. `class` is the
+    class of the object, or the material of the background. `object_id` is -1 for background.
     Raises FormatError if the file is truncated.
     """
     return _records(file, FIELDS, "time_s ring class object_id")
@@ -106,7 +108,7 @@ PITCHED_HEADER = ",".join([*OBJECT_COLUMNS, PITCH_COLUMN])
 
 
 def object_rows(header: str, lines: Sequence[str]) -> list[list[str]] | None:
-    """Returns the cells of OBJECT_COLUMNS of each line; None if the header is not valid.
+    """Returns the cells of OBJECT_COLUMNS of each line, or None if the header is not valid.
 
     The optional column `pitch` is dropped, because label boxes have no pitch.
     """
@@ -117,7 +119,7 @@ def object_rows(header: str, lines: Sequence[str]) -> list[list[str]] | None:
 
 
 def read_objects(file: Path) -> Objects:
-    """Reads the objects of one frame; a frame without objects gives k = 0.
+    """Reads the objects of one frame. A frame without objects gives k = 0.
 
     Raises FormatError with file and line.
     """
@@ -173,10 +175,10 @@ def read_labels(
 ) -> Labels:
     """Reads the boxes of a label file, or of a prediction file (`scores`), in the LiDAR frame.
 
-    calibration: of the frame's camera; by default that of a simulated LiDAR. DontCare regions are
-    only returned with `dont_care`. Blank lines are skipped; an empty file gives k = 0.
-    Raises FormatError with file and line. This includes scores in a label file, missing scores in
-    a prediction file, and a label's rotation_y that is larger than radians can be.
+    `calibration` is that of the frame's camera; the default is that of a simulated LiDAR. DontCare
+    regions are only returned with `dont_care`. Blank lines are skipped. An empty file gives k = 0.
+    Raises FormatError with file and line, also for scores in a label file, for missing scores in a
+    prediction file, and for a label whose rotation_y is too large for radians.
     """
     columns = [*LABEL_COLUMNS, "score"] if scores else LABEL_COLUMNS
     rows = {i: line.split() for i, line in enumerate(lines_of(file), start=1) if line.strip()}

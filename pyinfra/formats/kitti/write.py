@@ -1,7 +1,7 @@
-"""Writers for the KITTI layout. Files are written atomically: they are complete or absent.
+"""Writers for the KITTI layout. Files are written atomically, so they are complete or absent.
 
-Reading a file and writing it again preserves it: text files up to their decimals, clouds byte for
-byte.
+Reading a cloud and writing it again gives the same bytes. Text files give the same numbers, up to
+the decimals of the layout.
 """
 
 from collections.abc import Iterable
@@ -29,7 +29,10 @@ _IMAGE_BOX = (0, 0, 50, 50)  # the devkit ignores boxes below 25 pixels in heigh
 
 
 def write_points(file: Path, points: Points) -> None:
-    """Writes points (n, 4) float32, x y z intensity, within 10 km. Raises Error for others."""
+    """Writes points (n, 4) float32, x y z intensity.
+
+    Raises Error for another shape or type, and for points beyond 10 km.
+    """
     if points.dtype != np.float32 or points.ndim != 2 or points.shape[1] != 4:
         raise Error(f"points: expected (n, 4) float32, got {points.shape} {points.dtype}")
     if not (np.abs(points) <= FARTHEST_M).all():
@@ -38,14 +41,14 @@ def write_points(file: Path, points: Points) -> None:
 
 
 def write_fields(file: Path, fields: Records) -> None:
-    """Writes the additional fields of points, (n,) records of FIELDS. Raises Error for others."""
+    """Writes the additional fields of points, records (n,) of FIELDS. Raises Error for others."""
     if fields.dtype != FIELDS or fields.ndim != 1:
         raise Error(f"fields: expected (n,) {FIELDS}, got {fields.shape} {fields.dtype}")
     write(file, fields.tobytes())
 
 
 def write_objects(file: Path, objects: Objects) -> None:
-    """Writes the objects of a frame, with a last column `pitch` if it is not None.
+    """Writes the objects of a frame. The last column is `pitch` if the objects have a pitch.
 
     Raises Error for values that `read_objects` would reject.
     """
@@ -79,8 +82,9 @@ def write_objects(file: Path, objects: Objects) -> None:
 def write_labels(file: Path, labels: Labels, calibration: Calibration | None = None) -> None:
     """Writes labels, or predictions if they have scores, in the calibration's camera frame.
 
-    calibration: by default that of a simulated LiDAR. Truncation, occlusion, alpha and image box
-    come from `labels.image`. Without it they are 0, 0, the observation angle and 50 x 50 pixels.
+    The default calibration is that of a simulated LiDAR. Truncation, occlusion, alpha and image
+    box come from `labels.image`. If it is None, they are 0, 0, the observation angle, and 50 x 50
+    pixels.
     Raises Error for numbers that are not finite, and for sizes of 0 or less.
     """
     camera = boxes_to_camera(labels.boxes, calibration or simulated())
@@ -97,7 +101,7 @@ def write_labels(file: Path, labels: Labels, calibration: Calibration | None = N
 
 
 def write_calibration(file: Path, calibration: Calibration | None = None) -> None:
-    """Writes a calib file; by default the calibration of a simulated LiDAR."""
+    """Writes a calib file. The default calibration is that of a simulated LiDAR."""
     write(file, calibration_text(calibration or simulated()).encode())
 
 
@@ -111,9 +115,9 @@ def write_frame(
     fields: Records | None = None,
     calibration: Calibration | None = None,
 ) -> None:
-    """Writes all parts of a frame, the cloud last: a frame exists if and only if its .bin does.
+    """Writes all parts of a frame. The cloud is written last, because it marks a complete frame.
 
-    Makes missing folders. Raises Error like the writers of the parts.
+    Missing folders are created. Raises Error like the writers of the parts.
     """
 
     def path_of(part: Part) -> Path:
