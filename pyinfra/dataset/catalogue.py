@@ -10,7 +10,7 @@ FLAT = "flat"
 
 
 def configs() -> Path:
-    """Returns the folder of shipped configurations: in the wheel, else in the source tree."""
+    """Returns the folder of the shipped configurations, from the wheel or the source tree."""
     inside = launch.PACKAGE / "configs"
     return inside if inside.is_dir() else launch.PACKAGE.parent / "configs"
 

@@ -75,7 +75,8 @@ def read_data_set(folder: Path) -> DataSet:
     preset = top.at("preset")
     if preset.text() != lidars[0].preset:
         preset.fail(f"expected '{lidars[0].preset}' of the LiDARs, got '{preset.text()}'")
-    declared, label_time = top.maybe("label_time"), lidars[0].label_time  # imports declare none
+    # The dataset.yaml of an imported recording has no `label_time`.
+    declared, label_time = top.maybe("label_time"), lidars[0].label_time
     if declared is not None and declared.text() != label_time:
         declared.fail(f"expected '{label_time}' of the LiDARs, got '{declared.text()}'")
     return DataSet(
@@ -94,9 +95,9 @@ def read_data_set(folder: Path) -> DataSet:
 def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
     """Reads the LiDARs of a data set and their tilts, sorted by folder name.
 
-    Raises FormatError with file and line. This includes a LiDAR whose preset, period or label time
-    differs from the first one's, a LiDAR whose name is not that of its folder, and a folder with
-    frames but without lidar.yaml.
+    Raises FormatError with file and line. It is also raised if the LiDARs differ in preset, period
+    or label time, if a LiDAR's name is not that of its folder, and if a folder with frames has no
+    lidar.yaml.
     """
     for frames in sorted(folder.glob("[!.]*/training/velodyne")):
         if not (file := frames.parents[1] / "lidar.yaml").is_file():
@@ -119,15 +120,16 @@ def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
 
 
 def is_of_lanes(data_set: Path) -> bool:
-    """Returns whether the scene has a file of `lanes` in place of roads. Raises FormatError."""
+    """Returns whether the scene has `lanes` from a file instead of roads. Raises FormatError."""
     description = data_set / "dataset.yaml"
     return description.is_file() and kitti.read_yaml(description).maybe("lanes") is not None
 
 
 def without_region(lidar_folder: Path) -> str | None:
-    """Describes a missing roads.csv or regions.csv of simulated frames; None if nothing is missing.
+    """Returns a text about a file without which the evaluation region of a folder is unknown.
 
-    The roads define which vehicles are in the evaluation region. A recording needs no roads.
+    The text is about lidar.yaml, roads.csv or regions.csv. Returns None if nothing is missing. A
+    recording needs no roads.csv.
     """
     file = lidar_folder / "lidar.yaml"
     data_set = data_set_of(lidar_folder)
@@ -148,7 +150,7 @@ def without_region(lidar_folder: Path) -> str | None:
 
 
 def _without_outlines(data_set: Path) -> str | None:
-    """Describes a missing file of region outlines that the scene has; None if it is not missing."""
+    """Returns a text if the scene has region outlines but their file is missing, else None."""
     description, file = data_set / "dataset.yaml", data_set / OUTLINES_FILE
     named = kitti.read_yaml(description).maybe("regions") if description.is_file() else None
     if named is None or file.is_file():
@@ -161,8 +163,8 @@ def field_of_view_mask(
 ) -> tuple[BoolArray, BoolArray]:
     """Tests which points are inside the field of view of at least one unit of a LiDAR.
 
-    centre: (n, 3), levelled frame. Returns two masks (n,): inside the angles of a unit, and inside
-    its angles and its slant range from the unit's sensor.
+    The points `centre` (n, 3) are in the levelled frame. Returns two masks (n,). The first is True
+    for points within the angles of a unit. The second also requires the slant range of that unit.
     """
     angles = np.zeros(len(centre), dtype=np.bool_)
     ranges = np.zeros(len(centre), dtype=np.bool_)
@@ -196,10 +198,10 @@ def road_level(data: DataSet, lidar: kitti.Lidar) -> float:
 
 
 def read_owners(folder: Path, frame: int, count: int) -> IntArray:
-    """Returns the object_id of each of the `count` points of a frame, -1 for background: (count,).
+    """Returns the object_id (count,) of each point of a frame; it is -1 for background.
 
-    Raises FileNotFoundError without a file in `fields`, and FormatError if the file does not have
-    `count` records.
+    Raises FileNotFoundError if `fields` has no file of the frame, and FormatError if the file does
+    not have `count` records.
     """
     file = kitti.frame_file(folder, "fields", frame)
     owner = kitti.read_fields(file)["object_id"].astype(np.int64)

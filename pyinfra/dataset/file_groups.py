@@ -1,7 +1,7 @@
 """Reads many small text files as groups.
 
-Files are parsed in groups of some hundred, about ten times as fast as one by one. If a group does
-not parse, its files are read again one by one, for an error that names file and line.
+Files are parsed in groups of some hundred, which is about ten times as fast as one by one. If a
+group cannot be parsed, its files are read again one by one, so that the error names file and line.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def joined(
     files: Sequence[Path | None],
     read: Callable[[Sequence[Path], IntArray], Table],
 ) -> Table:
-    """Concatenates the tables of groups of files; calls `read` with files and frame indices."""
+    """Calls `read` with the files and frame indices of each group, and concatenates the tables."""
     present = [(i, file) for i, file in enumerate(files) if file is not None]
     parts = []
     for start in range(0, max(1, len(present)), _FILES):
@@ -46,9 +46,9 @@ def file_lines(files: Sequence[Path], *, whole: bool = False) -> list[list[str]]
 
 
 def numbers_of(rows: Sequence[Sequence[str]], width: int, first: int) -> FloatArray | None:
-    """Converts the cells from column `first` on to (n, width - first); None if that fails.
+    """Converts the cells from column `first` on to numbers (n, width - first).
 
-    It fails for a wrong number of columns and for cells that are not finite numbers.
+    Returns None if a row has a wrong number of columns or a cell is not a finite number.
     """
     if any(len(row) != width for row in rows):
         return None

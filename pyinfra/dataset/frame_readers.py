@@ -29,13 +29,13 @@ _LABEL_NUMBERS = kitti.LABEL_COLUMNS[8:]
 
 @dataclass(frozen=True, eq=False)
 class Cameras:
-    """The calibrations of many frames; identical ones are stored once."""
+    """The calibrations of many frames. Identical calibrations are stored once."""
 
     different: tuple[kitti.Calibration, ...]
     of_frame: IntArray  # (frames,) index into `different`
 
     def boxes(self, values: FloatArray, frame: IntArray) -> FloatArray:
-        """Converts h w l x y z rotation_y (n, 7) to boxes (n, 7); frame: (n,) of each row."""
+        """Converts h w l x y z rotation_y (n, 7) of the frames (n,) to boxes (n, 7)."""
         out = np.empty_like(values)
         for i, calibration in enumerate(self.different):
             rows = self.of_frame[frame] == i
@@ -65,9 +65,10 @@ def read_labelled(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
 def other_types(
     lidar_folder: Path, frames: Sequence[int], vehicles: Vehicles, types: Sequence[str]
 ) -> str | None:
-    """Describes unknown class names in the ground truth, which are also not in `types`.
+    """Returns a text about unknown class names in the ground truth that are not in `types` either.
 
-    Objects with such a name are never counted: `car` is not `Car`. Returns None if there is none.
+    Objects with an unknown class name are never counted; for example, `car` is not `Car`. Returns
+    None if all names are known.
     """
     other = ~np.isin(vehicles.names, [*types, *VEHICLE_TYPES, *OTHER_TYPES])
     if not other.any():
@@ -86,15 +87,16 @@ def other_types(
 def read_predictions(files: Sequence[Path | None], cameras: Cameras) -> Predictions:
     """Reads predictions: KITTI result files (.txt), or CSV files in the LiDAR frame (.csv).
 
-    files: one per frame, None for a frame without predictions. The first line of a CSV file names
-    its columns: class, x, y, z, dx, dy, dz, heading (radians) and score, in any order.
+    `files` contains one file per frame, or None for a frame without predictions. The first line of
+    a CSV file names its columns. These are class, x, y, z, dx, dy, dz, heading (radians) and score,
+    in any order.
     Raises FormatError with file and line.
     """
     return joined(files, lambda paths, index: _predictions(paths, index, cameras))
 
 
 def read_cameras(lidar_folder: Path, frames: Sequence[int]) -> Cameras:
-    """Reads the frames' calibrations; a frame without one gets that of a simulated LiDAR.
+    """Reads the frames' calibrations. A frame without a file gets that of a simulated LiDAR.
 
     Raises FormatError with file and line.
     """
@@ -165,7 +167,7 @@ def _predictions(files: Sequence[Path], frames: IntArray, cameras: Cameras) -> P
 def _kitti(
     files: Sequence[Path], frames: IntArray, *, scores: bool
 ) -> tuple[IntArray, IntArray, NameArray, FloatArray]:
-    """Reads frame, line, class and the numbers from h on of label or result files."""
+    """Reads label or result files: frame, line, class, and the numbers from the column h on."""
     texts = [
         [(i, content) for i, content in enumerate(text, 1) if content.strip()]
         for text in file_lines(files)

@@ -1,8 +1,8 @@
 """Sequences of frames of one LiDAR, simulated on demand or read from a folder.
 
-Besides the points, a sequence provides what an evaluation needs: the LiDAR and its pose, the
-objects, and the roads that define the evaluation region. Only the last few clouds stay in memory,
-so that a sequence can be larger than the memory.
+A sequence provides the points and all other inputs of an evaluation: the LiDAR and its pose, the
+objects, and the roads that define the evaluation region. Only the last few clouds stay in memory.
+A sequence can therefore be larger than the memory.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class LidarFrame:
     ----------
     number : frame number in the scene or folder
     points : (n, 4) float32, x y z intensity
-    objects : one row per known object, with or without points: type, box, id, points, visibility
+    objects : type, box, id, points and visibility of each known object, with or without points
     """
 
     number: int
@@ -56,7 +56,7 @@ class LidarFrame:
 
     @property
     def labels(self) -> pd.DataFrame:
-        """The objects with at least one point; boxes hold at the label time."""
+        """The objects with at least one point. Boxes are those at the label time."""
         return self.objects[self.objects.points > 0].reset_index(drop=True)
 
 
@@ -88,7 +88,7 @@ class FrameSequence(Sequence[LidarFrame], ABC):
     @property
     @abstractmethod
     def known(self) -> Sequence[int]:
-        """Numbers of all frames in the scene or folder, also of those outside this sequence."""
+        """Numbers of all frames in the scene or folder, including frames outside this sequence."""
 
     @property
     def period_s(self) -> float:
@@ -97,7 +97,7 @@ class FrameSequence(Sequence[LidarFrame], ABC):
 
     @abstractmethod
     def vehicles(self) -> Vehicles:
-        """Returns the objects of all frames as arrays; `frame` is an index into `numbers`."""
+        """Returns the objects of all frames as arrays. `frame` is an index into `numbers`."""
 
     @abstractmethod
     def of(self, numbers: Sequence[int]) -> FrameSequence:
@@ -129,7 +129,7 @@ class FrameSequence(Sequence[LidarFrame], ABC):
 
     @property
     def labels(self) -> pd.DataFrame:
-        """All objects with at least one point of this LiDAR; boxes hold at the label time."""
+        """All objects with at least one point of this LiDAR. Boxes are those at the label time."""
         table = self.objects
         return table[table.points > 0].reset_index(drop=True)
 
@@ -145,7 +145,7 @@ def table_of(vehicles: Vehicles) -> pd.DataFrame:
 class SimulatedFrames(FrameSequence):
     """Frames that are simulated on demand and not written to disk.
 
-    beside: by name, the sequences of the other LiDARs in the same scene.
+    `beside` maps the name of each other LiDAR in the same scene to its sequence.
     """
 
     world: simulation.World
@@ -167,7 +167,7 @@ class SimulatedFrames(FrameSequence):
 
     @cached_property
     def described(self) -> tuple[kitti.Lidar, kitti.Tilt]:
-        """LiDAR and tilt, as a run would write them to lidar.yaml."""
+        """LiDAR and tilt, as `infrasim run` writes them to lidar.yaml."""
         return kitti.parse_lidar(self.world.lidar_yaml(self.unit), f"{self.name}/lidar.yaml")
 
     @property
@@ -189,7 +189,7 @@ class SimulatedFrames(FrameSequence):
 
     @property
     def of_lanes(self) -> bool:
-        """Whether the scene has a file of `lanes` in place of roads."""
+        """Whether the scene has `lanes` from a file instead of roads."""
         return bool(self.keys.get("lanes"))
 
     @cached_property
@@ -202,7 +202,7 @@ class SimulatedFrames(FrameSequence):
 
     @property
     def versions(self) -> tuple[str, str]:
-        """The version number of simulated frames, and the version of the package."""
+        """The version of the simulated frames, and the version of the package."""
         from pyinfra.dataset import simulation
 
         return str(simulation.frames_version()), __version__
@@ -237,7 +237,7 @@ class SimulatedFrames(FrameSequence):
         )
 
     def everybody(self) -> Vehicles:
-        """Returns all objects of the scene at mid-frame, at any distance, without points."""
+        """Returns all objects of the scene at mid-frame, at any distance, with 0 points."""
         return concatenated(
             [scene_objects(self.world.objects(k), i) for i, k in enumerate(self.numbers)]
         )
@@ -249,7 +249,7 @@ class SimulatedFrames(FrameSequence):
         return simulation.label_time(self.world, self.unit)
 
     def _cast(self, numbers: Sequence[int]) -> Iterator[tuple[int, Float32Array]]:
-        """Simulates frames and yields number and points of each; stores their objects in `rows`."""
+        """Yields number and points of each simulated frame, and stores its objects in `rows`."""
         from pyinfra.dataset import simulation
 
         stream = simulation.simulate(self.world, [self.unit], numbers, threads=self.threads)
@@ -269,7 +269,7 @@ class SimulatedFrames(FrameSequence):
 
 @dataclass(eq=False)
 class RecordedFrames(FrameSequence):
-    """Frames of a LiDAR's folder in the KITTI layout, whether simulated, imported or others."""
+    """Frames of a LiDAR's folder in the KITTI layout."""
 
     folder: Path
     numbers: tuple[int, ...]
@@ -307,7 +307,7 @@ class RecordedFrames(FrameSequence):
 
 
 def vehicles_of(rows: AnyArray, frame: int, label_time: LabelTime) -> Vehicles:
-    """Converts the structured object rows of one simulated frame; `frame` is its index."""
+    """Converts the structured object rows of one simulated frame with the index `frame`."""
     at = "scan_" if label_time == "scan" else ""
     labelled = [f"{at}x", f"{at}y", f"{at}z", "dx", "dy", "dz", f"{at}heading"]
     return Vehicles(
@@ -322,7 +322,7 @@ def vehicles_of(rows: AnyArray, frame: int, label_time: LabelTime) -> Vehicles:
 
 
 def scene_objects(rows: AnyArray, frame: int) -> Vehicles:
-    """Converts the objects that `World.objects` returns for one frame; `frame` is its index."""
+    """Converts the objects that `World.objects` returns for the frame with the index `frame`."""
     boxes = np.stack([rows[name] for name in BOX], axis=1).reshape(-1, 7)
     index = np.full(len(rows), frame, dtype=np.int64)
     return without_points(index, rows["id"].astype(np.int64), type_names(rows), boxes)
@@ -334,5 +334,5 @@ def type_names(rows: AnyArray) -> AnyArray:
 
 
 def roads_of_world(world: simulation.World, name: str) -> list[Road]:
-    """Returns the roads of a scene; messages show `name` as the file."""
+    """Returns the roads of a scene. Messages show `name` as the file."""
     return roads_of(world.roads_csv().splitlines(), Path(name))

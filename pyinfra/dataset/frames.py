@@ -20,7 +20,7 @@ def period_of(lidar_folder: Path) -> float:
 
 
 def frame_range(word: str, gt: Path) -> list[int]:
-    """Returns the frames of a folder in a range A:B[:STEP]. Raises Error if there is none."""
+    """Returns the frames of a folder in a range A:B[:STEP]. Raises Error if it has none there."""
     parts = word.split(":")
     if len(parts) not in (2, 3) or not all(part.isdecimal() for part in parts):
         raise Error(f"frames: expected A:B[:STEP], got '{word}'")
@@ -34,8 +34,9 @@ def frame_range(word: str, gt: Path) -> list[int]:
 def frame_numbers(folder: Path, split: str | None = None) -> list[int]:
     """Returns the frame numbers of a folder, ascending.
 
-    split: selects the frames of ImageSets/SPLIT.txt; `all` selects all frames. The default is
-    val.txt if it exists, else all. Raises FileNotFoundError, and FormatError with file and line.
+    `split` selects the frames of ImageSets/SPLIT.txt, and `all` selects all frames. By default,
+    the frames are those of val.txt if it exists, else all. Raises FileNotFoundError, and
+    FormatError with file and line.
     """
     training = folder / "training"
     if (training / "velodyne").is_dir():
@@ -76,16 +77,16 @@ def lidar_folders(data_set: Path) -> list[Path]:
 
 
 def lidars_in(data_set: Path) -> list[Path]:
-    """Returns the LiDAR folders of a data set, sorted by name; possibly none.
+    """Returns the LiDAR folders of a data set, sorted by name. The list may be empty.
 
-    Hidden folders are skipped: they are still being written, or their writer was killed.
+    Hidden folders are skipped, because they are incomplete.
     """
     files = data_set.glob("*/lidar.yaml")
     return sorted(file.parent for file in files if not file.parent.name.startswith("."))
 
 
 def data_set_of(lidar_folder: Path) -> Path:
-    """Returns the data set folder that contains a LiDAR's folder, which may be `.`."""
+    """Returns the data set folder that contains a LiDAR's folder. The argument may be `.`."""
     named = lidar_folder.name not in ("", "..")
     return lidar_folder.parent if named else lidar_folder.resolve().parent
 

@@ -24,16 +24,18 @@ from pyinfra.dataset.world_frame import to_levelled
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import RoadShape, WorldPose
 
-F = TypeVar("F", bound=np.floating[Any])  # float32 of points, float64 of boxes
+F = TypeVar("F", bound=np.floating[Any])  # float32 for points, float64 for boxes
 
 MOST_HEIGHT_M = 100.0  # largest height of a sensor above the road that a user may give
 CELL_M = 1.0  # cell size of a relief, equal to the point spacing of road centrelines
 RIM_M = 20.0  # margin of a relief around the centrelines
-LEVEL_M = 0.01  # roads whose z varies by less are treated as level
-STEADY = 16.0  # m2, ridge term: damps slopes unless vehicles spread over well more than its root
-FAR_M = 0.5  # vehicles farther from the plane may be outliers of the fit
+LEVEL_M = 0.01  # roads whose z varies by less than this are treated as level
+# Ridge term of the fit of a plane, in m2. It has little effect if the positions of the vehicles
+# spread over much more than its square root, 4 m.
+STEADY = 16.0
+FAR_M = 0.5  # vehicles farther than this from the plane may be outliers of the fit
 SHAPE_REACH_M = 60.0  # radius within which a recording's road shape is quadratic
-SHAPE_END_M = 150.0  # half width of its relief; it is linear beyond SHAPE_REACH_M
+SHAPE_END_M = 150.0  # half width of the relief that is computed from a road shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +43,8 @@ class Relief:
     """Road heights in a grid of cells of CELL_M, in the levelled LiDAR frame."""
 
     corner: tuple[float, float]  # lowest x and y of the grid
-    heights: FloatArray  # (cells along x, cells along y); positions outside use the nearest cell
+    # (cells along x, cells along y). Positions outside the grid use the nearest cell.
+    heights: FloatArray
 
     def height(self, positions: npt.NDArray[F]) -> npt.NDArray[F]:
         last = np.array(self.heights.shape) - 1
@@ -76,12 +79,12 @@ class Ground:
         return self._moved(positions, -1)
 
     def back(self, positions: npt.NDArray[F]) -> npt.NDArray[F]:
-        """Inverts `above`: returns a copy with z measured from the sensor."""
+        """Returns a copy with z measured from the sensor, the inverse of `above`."""
         return self._moved(positions, 1)
 
     def _moved(self, positions: npt.NDArray[F], sign: int) -> npt.NDArray[F]:
         moved = positions.copy()
-        # Non-finite positions are left unchanged: no detector uses them.
+        # Non-finite positions stay unchanged, because no detector uses them.
         known = np.isfinite(positions[:, 0]) & np.isfinite(positions[:, 1])
         rows = slice(None) if known.all() else known
         moved[rows, 2] += sign * self.height(positions[rows])
@@ -95,8 +98,9 @@ def level_ground(z: float) -> Ground:
 def ground_of(lidar_folder: Path) -> Ground | None:
     """Returns the ground of a LiDAR's folder, or None if it is unknown.
 
-    The ground follows roads.csv of the data set. For a recording without roads.csv, it follows the
-    road shape in lidar.yaml, or else the sensor height there. Raises FormatError.
+    The ground follows roads.csv of the data set. For a recording without roads.csv, the ground
+    follows the road shape in lidar.yaml. Without a road shape, the ground is level at the sensor
+    height in lidar.yaml. Raises FormatError.
     """
     roads = data_set_of(lidar_folder) / "roads.csv"
     lidar = kitti.read_lidar(lidar_folder)
@@ -118,7 +122,7 @@ def ground_of_shape(shape: RoadShape) -> Ground:
 
 
 def shape_heights(shape: RoadShape, xy: FloatArray) -> FloatArray:
-    """Returns z (n,) of a recording's road at positions (n, 2); linear beyond SHAPE_REACH_M."""
+    """Returns z (n,) of a road shape at positions (n, 2), linear beyond SHAPE_REACH_M."""
     inside = np.minimum(1, SHAPE_REACH_M / np.maximum(np.hypot(*xy.T), 1e-9))
     x, y = (xy * inside[:, None]).T
     along_x = shape.slope_x + 2 * shape.bend_xx_per_m * x + shape.bend_xy_per_m * y
@@ -141,10 +145,10 @@ def ground_of_roads(roads: Sequence[Road], pose: WorldPose) -> Ground:
 
 
 def ground_of_boxes(boxes: Iterable[FloatArray]) -> Ground:
-    """Fits a plane to the bottoms of vehicles, one array of boxes (k, 7) per frame.
+    """Fits a plane to the bottoms of the vehicles in all frames, with boxes (k, 7) for each frame.
 
-    Slopes are damped where vehicles lie too close together to determine them. Raises Error without
-    a vehicle.
+    If the vehicles are too close together to determine the slope of the plane, the slope is kept
+    small. Raises Error if there is no vehicle.
     """
     every = np.concatenate([np.empty((0, 7)), *boxes])
     if len(every) == 0:

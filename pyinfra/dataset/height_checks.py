@@ -11,8 +11,12 @@ from pyinfra.dataset.ground import MOST_HEIGHT_M
 from pyinfra.dataset.road_plane import road_of
 
 CHECKED = 5  # number of clouds in which the road is searched
-HEIGHT_OFF_M = 0.2  # larger than the height errors in the training of pretrained detector v3
-LEAN_DEG = 0.3  # a tilt of 0.25 degrees cost that detector 3 to 9 AP, 0.5 degrees 8 to 25
+# Height difference that causes a warning. It is larger than the height errors in the training of
+# the pretrained detector v3.
+HEIGHT_OFF_M = 0.2
+# Tilt that causes a warning. A tilt of 0.25 degrees cost the pretrained detector v3 3 to 9 AP, and
+# a tilt of 0.5 degrees 8 to 25 AP.
+LEAN_DEG = 0.3
 
 
 def check_height(height_m: float) -> None:
@@ -24,8 +28,9 @@ def check_height(height_m: float) -> None:
 def height_warnings(clouds: Sequence[Points], height_m: float) -> Iterator[str]:
     """Yields warnings if the road in the clouds contradicts the given height, or is tilted.
 
-    Both matter because networks depend on the height of points above the road. clouds: (n, 4) each,
-    levelled LiDAR frame. Yields nothing if the clouds show too little ground.
+    Height and tilt matter because networks depend on the height of points above the road. Each
+    cloud is (n, 4), in the levelled LiDAR frame. Yields nothing if the clouds show too little
+    ground.
     """
     road = road_of(clouds)
     if road is None:

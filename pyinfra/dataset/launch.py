@@ -8,7 +8,7 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def binary() -> Path | None:
-    """Returns the simulator binary: in the wheel, else that of `make build` in the source tree."""
+    """Returns the simulator binary, from the wheel or from `make build` in the source tree."""
     candidates = [PACKAGE / "bin/infrasim", PACKAGE.parent / "build/dev/cpp/infrasim"]
     return next((path for path in candidates if path.is_file()), None)
 

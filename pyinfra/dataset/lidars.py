@@ -19,25 +19,26 @@ from pyinfra.formats import kitti
 
 @dataclass(frozen=True)
 class LidarSheet:
-    """A LiDAR under one preset; numbers are NaN or None if it could not be resolved."""
+    """A LiDAR under one preset. Numbers are NaN or None if the LiDAR could not be resolved."""
 
     name: str
     model: str
     presets: tuple[str, ...]
-    preset: str  # the figures below hold for this preset
+    preset: str  # preset for which the following values hold
     price_low_usd: float
     price_high_usd: float
     price_source: str
     price_date: str
-    lines: int | None = None  # None for a pattern without lines, and for a bundle
+    lines: int | None = None  # None for a scan pattern without lines, and for a bundle
     horizontal_fov_deg: float = math.nan
     vertical_fov_deg: float = math.nan
-    range_m: float = math.nan  # maximum
-    range_at_10_percent_m: float = math.nan  # at 10 % reflectance; NaN if the preset has none
-    # Number of ranges published for different reflectances and light, that at 10 % included. With
-    # only 1, the range law at other reflectances is an assumption.
+    range_m: float = math.nan  # maximum range
+    # Range at 10 % reflectance; NaN if the preset has none.
+    range_at_10_percent_m: float = math.nan
+    # Number of published ranges, for different reflectances and ambient light. It includes the
+    # range at 10 %. If it is 1, the ranges at other reflectances are assumptions.
     published_ranges: int = 0
-    problem: str = ""  # reason why it could not be resolved
+    problem: str = ""  # reason why the LiDAR could not be resolved
 
 
 def catalogue_files() -> list[Path]:
@@ -46,17 +47,18 @@ def catalogue_files() -> list[Path]:
 
 
 def presets_of(file: Path) -> tuple[str, ...]:
-    """Returns the names of a LiDAR's presets; a bundle has those of its first unit."""
+    """Returns the names of a LiDAR's presets. A bundle has the presets of its first unit."""
     presets: tuple[str, ...] = _plain(file)["presets"]
     return presets
 
 
 def read_sheet(file: Path, preset: str = "") -> LidarSheet:
-    """Returns a LiDAR's summary; the default preset is `datasheet` if the LiDAR has it.
+    """Returns a LiDAR's summary. The default preset is `datasheet` if the LiDAR has that preset.
 
-    Raises SimulatorError if the LiDAR cannot be resolved, and FileNotFoundError without a file.
+    Raises SimulatorError if the LiDAR cannot be resolved, and FileNotFoundError if the file does
+    not exist.
     """
-    infrasim("check", file)  # raises an error that names the wrong line of a file
+    infrasim("check", file)  # raises an error that names the line of a wrong key
     plain = _plain(file)
     chosen = preset or _preset_of(plain["presets"])
     resolved = yaml.safe_load(infrasim("check", file, *(["--preset", chosen] if chosen else [])))
@@ -77,7 +79,7 @@ def read_sheet(file: Path, preset: str = "") -> LidarSheet:
 def read_catalogue(preset: str = "") -> list[LidarSheet]:
     """Returns the summaries of all shipped LiDARs.
 
-    If one cannot be resolved, for example for a missing table, its `problem` states why.
+    If a LiDAR cannot be resolved, its `problem` states why; for example, a table is missing.
     """
     return [_read_or_say(file, preset) for file in catalogue_files()]
 
@@ -93,7 +95,7 @@ def _read_or_say(file: Path, preset: str) -> LidarSheet:
 
 
 def _plain(file: Path) -> dict[str, Any]:
-    """Returns the name, model, presets and price of a LiDAR file; they depend on no preset."""
+    """Returns the keys of a LiDAR file that depend on no preset: name, model, presets, price."""
     top = yaml.safe_load(file.read_text(encoding="utf-8"))
     units = [
         _plain(file.parent / unit["lidar"]) for unit in top.get("bundle", []) if "lidar" in unit
@@ -119,7 +121,7 @@ def _preset_of(presets: Sequence[str]) -> str:
 
 
 def _field_of_view(file: Path, preset: str) -> tuple[kitti.FieldOfView, ...]:
-    """Returns the field of view of each unit, as a run writes it to lidar.yaml."""
+    """Returns the field of view of each unit, as `infrasim run` writes it to lidar.yaml."""
     words = ["--preset", preset] if preset else []
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "data"
@@ -135,7 +137,10 @@ def _lines(resolved: dict[str, Any]) -> int | None:
 
 
 def _detection(resolved: dict[str, Any]) -> dict[str, Any]:
-    """Returns the detection keys of the first unit; empty if every hit gives a point."""
+    """Returns the detection keys of the first unit.
+
+    Returns an empty dict if every ray that hits a surface gives a point.
+    """
     detection = (resolved.get("bundle") or [resolved])[0].get("returns", {}).get("detection", {})
     return dict(detection)
 

@@ -32,7 +32,7 @@ def load_scene(
     set: Mapping[str, object] | None = None,
     mount: str = "",
 ) -> simulation.World:
-    """Loads a scene and builds its meshes; traffic is simulated up to the last frame requested.
+    """Loads a scene and builds its meshes. Traffic is simulated up to the last frame requested.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def load_scene(
     file = file_or_name(scene, _shipped("scenes"), "scene")
     try:
         return simulation.load_scene(file, preset=preset, seed=seed, set=set, mount=mount)
-    except ConfigError as error:  # the simulator's binary has the arguments as options
+    except ConfigError as error:  # the text names options of the binary instead of arguments
         raise ConfigError(re.sub(r"--(set|mount|preset|seed)\b", r"\1", str(error))) from None
 
 
@@ -80,7 +80,7 @@ def load_lidar(lidar: str | os.PathLike[str], *, preset: str = "datasheet") -> s
 
     Raises
     ------
-    Error : for an unknown name or preset, a wrong key or value
+    Error : for an unknown name or preset, or for a wrong key or value
 
     Examples
     --------
@@ -129,9 +129,9 @@ def simulate(
 
     Returns
     -------
-    A sequence of frames; for a list of LiDARs, a dict of sequences by LiDAR name. For a sequence
-    `result`, `result[3].points` is (n, 4) float32, x y z intensity, in the levelled LiDAR frame,
-    and `result.labels` is a table of all labels. No file is written.
+    A sequence of frames. For a list of LiDARs, a dict that maps LiDAR names to sequences. In a
+    sequence `result`, `result[3].points` is (n, 4) float32, x y z intensity, in the levelled LiDAR
+    frame. `result.labels` is a table of all labels. No file is written.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def simulate(
 
 @public
 def load_dataset(folder: str | os.PathLike[str]) -> RecordedFrames | dict[str, RecordedFrames]:
-    """Opens frames on disk: those of a LiDAR's folder, or of each LiDAR of a data set.
+    """Opens the frames of a LiDAR's folder, or of each LiDAR of a data set, on disk.
 
     Parameters
     ----------
@@ -181,7 +181,8 @@ def load_dataset(folder: str | os.PathLike[str]) -> RecordedFrames | dict[str, R
 
     Returns
     -------
-    A sequence of frames for a LiDAR's folder; a dict of sequences by LiDAR name for a data set
+    For a LiDAR's folder, a sequence of frames. For a data set, a dict that maps LiDAR names to
+    sequences.
 
     Raises
     ------
@@ -202,7 +203,7 @@ def load_dataset(folder: str | os.PathLike[str]) -> RecordedFrames | dict[str, R
 
 
 def one_lidar(frames: FrameSequence | str | os.PathLike[str], argument: str) -> FrameSequence:
-    """Returns a sequence unchanged, or opens a LiDAR's folder. Raises Error for a data set."""
+    """Opens a LiDAR's folder; returns a sequence unchanged. Raises Error for a data set."""
     if isinstance(frames, FrameSequence):
         return frames
     loaded = _loaded(frames, argument)

@@ -1,6 +1,6 @@
-"""Polygon outlines: point-in-polygon tests, and the outlines that restrict a data set's region.
+"""Point-in-polygon tests, and the polygon outlines that restrict the region of a data set.
 
-`regions.csv` lists the corners of each outline in order, in the world frame; the last corner is
+`regions.csv` lists the corners of each outline in order, in the world frame. The last corner is
 joined to the first. Without the file, the region covers all roads or lanes.
 """
 
@@ -23,9 +23,9 @@ _RULES = (between(["x", "y"], -1e6, 1e6),)
 
 
 def read_outlines(data_set: Path) -> tuple[FloatArray, ...]:
-    """Reads the outlines of a data set, each (m, 2) in the world frame; none without the file.
+    """Reads the outlines of a data set, each (m, 2) in the world frame.
 
-    Raises FormatError with file and line.
+    Returns an empty tuple if there is no file. Raises FormatError with file and line.
     """
     file = data_set / OUTLINES_FILE
     if not file.is_file():
@@ -45,7 +45,7 @@ def outlines_of(scene: Mapping[str, Any]) -> tuple[FloatArray, ...]:
 
 
 def first_crossing(outline: FloatArray) -> tuple[int, int] | None:
-    """Returns two sides of an outline (m, 2) that cross, or None; side i begins at corner i."""
+    """Returns two sides of an outline (m, 2) that cross, or None. Side i begins at corner i."""
 
     def left_of(i: int, k: int) -> float:
         """Returns a positive number if corner k lies to the left of the line through side i."""
@@ -62,7 +62,7 @@ def first_crossing(outline: FloatArray) -> tuple[int, int] | None:
 def in_any(outlines: Sequence[FloatArray], points: FloatArray, margin_m: float) -> BoolArray:
     """Returns which points (n, 2 or more) lie in an outline or within `margin_m` of one.
 
-    Without outlines, all points do.
+    If there are no outlines, the result is True for all points.
     """
     inside = np.full(len(points), len(outlines) == 0)
     for outline in outlines:

@@ -35,7 +35,7 @@ def csv_predictions(files: Sequence[Path], frames: IntArray) -> Predictions:
 
 
 def _csv_rows(file: Path) -> list[list[str]]:
-    """Returns the cells of a CSV prediction file in the order of CSV_COLUMNS, without header."""
+    """Returns the cells of a CSV prediction file, without header, in the order of CSV_COLUMNS."""
     lines = file_lines([file])[0]
     header = [name.strip() for name in lines[0].split(",")] if lines else []
     missing = [name for name in CSV_COLUMNS if name not in header]

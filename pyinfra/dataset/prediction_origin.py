@@ -1,6 +1,6 @@
-"""Records and checks which model and frames a folder of predictions comes from (`origin.yaml`).
+"""Writes and checks `origin.yaml`, which states the model and the frames of predictions.
 
-Predictions of other tools have no such file and are not checked.
+Predictions of other tools have no `origin.yaml` and are not checked.
 """
 
 from __future__ import annotations
@@ -21,12 +21,13 @@ from pyinfra.formats import kitti
 ORIGIN_FILE = "origin.yaml"
 OF_FRAMES = ("lidar", "preset", "scene", "seed", "dataset_sha256", "lidar_sha256")
 OF_MODEL = ("model_sha256",)
-RUN_FILES = ("last", "best", "background")  # such model files are named after their run's folder
+# Model files with these names are identified by the name of their training folder.
+RUN_FILES = ("last", "best", "background")
 PRICES = re.compile(rb"^price_usd:\n(?:  .*\n)+|^price_total_usd: .*\n", re.MULTILINE)
 
 
 def origin_of(lidar_folder: Path, model: Path | None = None) -> dict[str, str]:
-    """Returns what identifies a LiDAR's frames and, if given, the model file.
+    """Returns the keys that identify a LiDAR's frames and, if it is given, the model file.
 
     Raises FormatError for a wrong lidar.yaml or dataset.yaml.
     """
@@ -50,7 +51,10 @@ def origin_of(lidar_folder: Path, model: Path | None = None) -> dict[str, str]:
 
 
 def read_origin(predictions: Path) -> dict[str, str] | None:
-    """Reads the origin of a folder of predictions; None without the file. Raises FormatError."""
+    """Reads the origin of a folder of predictions, or returns None without the file.
+
+    Raises FormatError.
+    """
     file = predictions / ORIGIN_FILE
     if not file.is_file():
         return None
@@ -58,9 +62,9 @@ def read_origin(predictions: Path) -> dict[str, str] | None:
 
 
 def write_origin(predictions: Path, origin: Mapping[str, str], *, anew: bool = False) -> None:
-    """Writes the origin; an existing file must have the same origin, or is replaced with `anew`.
+    """Writes the origin. With `anew`, an existing file is replaced.
 
-    Raises Error if the folder holds predictions of another model or of other frames.
+    Without `anew`, raises Error if the folder has predictions of another model or other frames.
     """
     there = None if anew else read_origin(predictions)
     if there is not None:
@@ -71,7 +75,7 @@ def write_origin(predictions: Path, origin: Mapping[str, str], *, anew: bool = F
 def check_origin(predictions: Path, lidar_folder: Path) -> bool:
     """Returns whether the folder of predictions has an origin file.
 
-    Raises Error if the predictions come from other frames than those of the LiDAR's folder.
+    Raises Error if the predictions were made for other frames than those of the LiDAR's folder.
     """
     there = read_origin(predictions)
     if there is None:
@@ -89,7 +93,7 @@ def _check(
     keys: tuple[str, ...],
     hint: str,
 ) -> None:
-    """Raises Error if a key that both origins have differs."""
+    """Raises Error if the origins differ in the value of a key that both have."""
     for key in keys:
         if key in there and key in origin and there[key] != origin[key]:
             raise Error(

@@ -12,9 +12,9 @@ from pyinfra.formats.yaml_file import YamlNode
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """A polyline of rise over station, constant beyond its ends.
+    """The height of the road as a polyline over the station, constant beyond the polyline's ends.
 
-    Parabolas of length `curve_m` round the changes of slope.
+    A parabola of length `curve_m` replaces each corner of the polyline.
     """
 
     start: FloatArray  # (2,) x, y of station 0, metres

@@ -1,8 +1,8 @@
 """The evaluation region of a LiDAR: the roads of its data set, or an outline drawn by the user.
 
 A position is inside the region if it lies within the width of a road and between the road's first
-and last s. If outlines restrict the region, it must also lie in one of them. Where no roads are
-known, a user's outline may define the region.
+and last s. If outlines restrict the region, the position must also lie in one of the outlines. If
+no roads are known, a user's outline may define the region.
 """
 
 from __future__ import annotations
@@ -24,30 +24,34 @@ from pyinfra.dataset.roads import Road, locate, offset_curve, read_roads
 from pyinfra.dataset.world_frame import to_levelled, to_world
 from pyinfra.formats.kitti import WorldPose
 
-REGION_FILE = "region.yaml"  # in a LiDAR's folder: an outline drawn by the user
-FOOTWAYS_M = 6.0  # beside a carriageway, pedestrians and cyclists count too, as in the simulator
-AXES_MARGIN_M = 2.0  # beside a carriageway; vehicles at its edge still have the road's axis
+REGION_FILE = "region.yaml"  # file in a LiDAR's folder with an outline drawn by the user
+# Width of the strip beside a carriageway in which pedestrians and cyclists also count, as in the
+# simulator.
+FOOTWAYS_M = 6.0
+# Width of the strip beside a carriageway that has the road's axis, for vehicles at the edge.
+AXES_MARGIN_M = 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class Region:
     """The evaluation region, in the levelled LiDAR frame."""
 
-    # Arguments: positions (n, 2 or more) and a margin in metres. Returns (n,) whether each position
-    # lies in the region, or outside by at most the margin.
+    # Called with positions (n, 2 or more) and a margin in metres. Returns (n,) whether each
+    # position lies in the region, or outside it by at most the margin.
     holds: Callable[[FloatArray, float], BoolArray]
     corners: FloatArray  # (k, 2) points whose extent encloses the region
-    # Maps positions (n, 2) to sine and cosine (n, 2) of twice the heading of the roads there. The
-    # vector has length 1 on one road, is shorter where several roads cross, and 0 off the roads.
-    # None if no roads are known.
+    # Maps positions (n, 2) to axes (n, 2), which are sine and cosine of twice the heading of the
+    # road at each position. The axis has length 1 on one road, is shorter where several roads
+    # cross, and is 0 off the roads. `axes` is None if no roads are known.
     axes: Callable[[FloatArray], FloatArray] | None = None
 
 
 @dataclass(frozen=True)
 class Outline:
-    """A region outline drawn by the user, in the levelled LiDAR frame; a YAML file."""
+    """The content of a YAML file with an outline drawn by the user, in the levelled LiDAR frame."""
 
-    outline_m: tuple[tuple[float, float], ...] = ruled(low=-1e4, high=1e4)  # corners x y, in order
+    # Corners x y, in order.
+    outline_m: tuple[tuple[float, float], ...] = ruled(low=-1e4, high=1e4)
 
     def __post_init__(self) -> None:
         if len(self.outline_m) < 3:
@@ -63,7 +67,7 @@ class Outline:
 
 
 def roads_region(roads: list[Road], pose: WorldPose, outlines: Sequence[FloatArray] = ()) -> Region:
-    """Returns the evaluation region in the levelled frame at `pose`; outlines: world frame."""
+    """Returns the region in the levelled frame at `pose`. The outlines are in the world frame."""
     sides = [
         offset_curve(road.xy, road.heading, side * road.half_width)
         for road in roads
@@ -83,7 +87,7 @@ def _common_corners(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def road_axes(roads: list[Road], pose: WorldPose, positions: FloatArray) -> FloatArray:
-    """Returns the axes (n, 2) as described at `Region.axes`.
+    """Returns the axes (n, 2) at positions (n, 2), as defined at `Region.axes`.
 
     Each road extends AXES_MARGIN_M beyond its carriageway on both sides.
     """
@@ -115,8 +119,8 @@ def _on_roads(
 def region_of(lidar_folder: Path, pose: WorldPose) -> Region | None:
     """Returns the evaluation region of a LiDAR's folder, or None if it is unknown.
 
-    It follows the data set's roads, else the outline in the LiDAR's folder. Raises FormatError for
-    roads, and ConfigError for an outline.
+    The roads of the data set define the region. Without roads, the outline in the LiDAR's folder
+    defines it. Raises FormatError for roads, and ConfigError for an outline.
     """
     data_set = data_set_of(lidar_folder)
     if (roads := data_set / "roads.csv").is_file():
@@ -136,9 +140,9 @@ def region_within(corners: FloatArray) -> Region:
 
 
 def drawn_outline(lidar_folder: Path) -> FloatArray | None:
-    """Reads the user's outline (m, 2) in a LiDAR's folder, levelled frame; None without the file.
+    """Reads the user's outline (m, 2) in a LiDAR's folder, or returns None without the file.
 
-    Raises ConfigError with file, line and key.
+    The outline is in the levelled frame. Raises ConfigError with file, line and key.
     """
     file = lidar_folder / REGION_FILE
     return read_outline(file) if file.is_file() else None

@@ -1,11 +1,12 @@
 """Estimates the road plane below a stationary sensor from several frames.
 
-The largest plane need not be the road: fields beside it are larger and often lower. Random planes
-are therefore tested (RANSAC, Fischler and Bolles 1981). The best plane contains most of the ground
-near the sensor and most of the ground over which something moved.
+The largest plane need not be the road, because fields beside the road are larger and often lower.
+The estimate therefore tests random planes (RANSAC, Fischler and Bolles 1981). The best plane
+contains most of the ground near the sensor and most of the ground over which something moved.
 
-Many roads are crowned, that is, higher in their middle. If two slopes that fall away from a line
-fit much better than a plane, the result is the mean plane of the two slopes.
+Many roads are crowned, that is, higher in their middle. A crown is modelled as two slopes that
+fall away from a line. If a crown fits much better than a plane, the result is the mean plane of
+its two slopes.
 """
 
 from __future__ import annotations
@@ -21,24 +22,26 @@ from pyinfra.core.arrays import BoolArray, FloatArray, Floats, IntArray, Points
 
 MOST_POINTS = 40_000  # clouds with more points are thinned
 LEAST_SHARE = 0.15  # minimum share of the ground on the best plane
-REACH_M = (2.0, 60.0)  # slant range of the points used
-COLUMN_M = 1.0  # side of the vertical columns for which ground and motion are determined
+REACH_M = (2.0, 60.0)  # minimum and maximum slant range of the points that are used
+COLUMN_M = 1.0  # side of the vertical columns in which ground and motion are determined
 LOW_SHARE = 0.05  # share of a column's points that may lie below its ground
 LOW_M = 0.1  # points lower than this below the ground of a column are ignored
 MOVED_M = 0.7  # height above a column's ground at which a return counts as an object
-MOVED_SHARE = (0.03, 0.6)  # share of frames with an object: less is noise, more is static
-MOVED_COLUMNS = 30  # minimum number of columns with motion for a moved share
+# Share of frames in which a column with motion contains an object. A smaller share is noise, and
+# an object with a larger share is static.
+MOVED_SHARE = (0.03, 0.6)
+MOVED_COLUMNS = 30  # minimum number of columns with motion for `moved_share`
 MOVED_WEIGHT = 2.0  # weight of the ground with motion relative to the ground near the sensor
 HALF_WEIGHT_M = 20.0  # horizontal distance at which ground has half the weight
-ON_M = 0.15  # maximum distance of ground that counts as on a plane
+ON_M = 0.15  # maximum distance of ground from a plane on which it lies
 TRIES = 1500  # number of random planes
-REFINED = 10  # number of best planes that are fitted to the ground before one is chosen
+REFINED = 10  # number of best planes that are fitted to the ground before the choice of one
 APART_M = 4.0  # minimum distance between the three points of a random plane
 MOST_TILT_DEG = 40.0
 SETTLED_DEG = 5.0  # maximum rotation by the second fit
 HEIGHTS_M = (-2.0, 40.0)  # allowed height of the sensor above a plane
 FIT_M = 40.0  # horizontal distance up to which a plane is fitted to the ground
-NEAR_M = 0.3  # maximum distance from the plane of ground that is used in a fit
+NEAR_M = 0.3  # maximum distance from the plane of the ground that a fit uses
 SOFT_M = 0.1  # scale of the fit's Cauchy weights
 CROWN = (0.005, 0.05)  # allowed slopes of a crown
 CROWN_GAIN = 0.25  # minimum share by which a crown must reduce the sum of squares
@@ -51,12 +54,14 @@ class RoadPlane:
     """The road plane in the frame of a sensor, whose z is up except for the sensor's tilt."""
 
     normal: tuple[float, float, float]  # unit vector, upwards
-    height_m: float  # of the origin above the plane
+    height_m: float  # height of the origin above the plane
     residual_m: float  # root mean square distance of the road from the plane or its crown
     share: float  # weighted share of the ground near the sensor that lies on the plane
-    moved_share: float  # same for ground over which something moved; NaN if there is too little
-    above: float  # share of the points within range that are more than MOVED_M above the ground
-    crown: float = 0.0  # slope of the crown to either side; 0 if there is none
+    # Weighted share of the ground over which something moved that lies on the plane; NaN if there
+    # is too little such ground.
+    moved_share: float
+    above: float  # share of the used points that are more than MOVED_M above the ground
+    crown: float = 0.0  # slope on both sides of the crown; 0 without a crown
 
     @property
     def score(self) -> float:
@@ -71,7 +76,7 @@ class RoadPlane:
 
 @dataclass(frozen=True, eq=False)
 class LowestPoints:
-    """Ground points: the mean lowest point of each column, from all frames together."""
+    """The ground point of each column, averaged over the lowest points of all frames."""
 
     xyz: FloatArray  # (n, 3)
     near: FloatArray  # (n,) weight that decreases with distance
@@ -80,7 +85,7 @@ class LowestPoints:
 
 
 def road_of(clouds: Sequence[Points]) -> RoadPlane | None:
-    """Returns the road plane of clouds with z up except for a tilt.
+    """Returns the road plane in clouds of one sensor, whose z is up except for the sensor's tilt.
 
     Returns None if too little of the ground lies on the plane.
     """
@@ -95,10 +100,11 @@ def find_plane(
     *,
     crowned: bool = True,
 ) -> RoadPlane | None:
-    """Finds the road in clouds (k, 3 or more) of one sensor, with z up except for a tilt.
+    """Finds the road in clouds (k, 3 or more) of one sensor, whose z is up except for its tilt.
 
-    heights_m: allowed heights of the sensor above the road; crowned: whether to search for a crown.
-    Returns None if no plane is found. The same clouds always give the same plane.
+    `heights_m` is the allowed range of the sensor's height above the road. `crowned` states whether
+    to search for a crown. Returns None if no plane is found. The same clouds always give the same
+    plane.
     """
     xyz, frame = _within_reach(clouds)
     ground = _ground(xyz, frame, len(clouds))
@@ -111,7 +117,8 @@ def find_plane(
     if not inside:
         return None
     best = max(inside, key=lambda plane: _score(ground, plane))
-    # Fit again in columns perpendicular to the plane: tilted columns mix ground of many heights.
+    # Fit again with columns perpendicular to the plane, because tilted columns mix ground of many
+    # heights.
     turn = Rotation.from_euler("ZYX", [0, *_tilt(*best[:3])]).as_matrix()
     upright = _ground(xyz @ turn.T, frame, len(clouds))
     level = _fitted(upright, np.array([0.0, 0.0, 1.0, best[3]]))
@@ -134,7 +141,7 @@ def _tilt(x: float, y: float, z: float) -> tuple[float, float]:
 
 
 def _within_reach(clouds: Sequence[Floats]) -> tuple[FloatArray, IntArray]:
-    """Returns the points (n, 3) of all clouds in range REACH_M, and the frame of each (n,)."""
+    """Returns the points (n, 3) of all clouds in range REACH_M, and their frames (n,)."""
     parts = []
     for cloud in clouds:
         xyz = cloud[:, :3].astype(np.float64)
@@ -162,7 +169,10 @@ def _ground(xyz: FloatArray, frame: IntArray, frames: int) -> LowestPoints:
 
 
 def _low(z: FloatArray, column: IntArray, columns: int) -> FloatArray:
-    """Returns (columns,) z of the ground: the LOW_SHARE quantile, as stray points may lie lower."""
+    """Returns the z (columns,) of the ground in each column.
+
+    It is the LOW_SHARE quantile of z instead of the minimum, because stray points may lie lower.
+    """
     order = np.lexsort((z, column))
     counts = np.bincount(column, minlength=columns)
     first = np.concatenate([[0], np.cumsum(counts)[:-1]])
@@ -172,7 +182,7 @@ def _low(z: FloatArray, column: IntArray, columns: int) -> FloatArray:
 def _moved(
     over: FloatArray, column: IntArray, frame: IntArray, columns: int, frames: int
 ) -> BoolArray:
-    """Returns (columns,) whether an object is above the ground in some, but not most, frames."""
+    """Returns (columns,) whether the share of frames with an object is within MOVED_SHARE."""
     high = np.full(columns * frames, -np.inf)
     np.maximum.at(high, column * frames + frame, over)
     top = high.reshape(columns, frames)
@@ -226,7 +236,7 @@ def _shares(ground: LowestPoints, plane: FloatArray) -> tuple[float, float]:
 
 
 def _fitted(ground: LowestPoints, plane: FloatArray) -> FloatArray:
-    """Refits a plane to the ground near it, with a decreasing distance limit."""
+    """Refits a plane several times to the ground near it, with a decreasing limit of distance."""
     for near in (3 * NEAR_M, 2 * NEAR_M, NEAR_M, NEAR_M, NEAR_M):
         rows, off = _near_plane(ground, plane, near)
         x, y, z = ground.xyz[rows].T
@@ -273,8 +283,8 @@ def _with_crown(ground: LowestPoints, plane: FloatArray, *, crowned: bool) -> Ro
 def _roof(ground: LowestPoints, plane: FloatArray) -> tuple[float, FloatArray, float] | None:
     """Fits a crown: returns its slope, its mean plane and the residual.
 
-    Returns None if a crown does not fit much better than the plane. The second of two fits takes
-    its weights from the distances to the first.
+    Returns None if a crown does not fit much better than the plane. The function fits twice. The
+    weights of the second fit depend on the distances of the points from the first fit.
     """
     rows, off = _near_plane(ground, plane, 2 * NEAR_M)
     xy, near = ground.xyz[rows, :2], ground.near[rows]
@@ -300,7 +310,10 @@ def _roof(ground: LowestPoints, plane: FloatArray) -> tuple[float, FloatArray, f
 
 
 def _folds(xy: FloatArray, weight: FloatArray) -> Iterator[FloatArray]:
-    """Yields distances (n,) of points (n, 2) from each line with enough points on both sides."""
+    """Yields the distances (n,) of points (n, 2) from possible middle lines of a crown.
+
+    Each line has enough of the points on both sides.
+    """
     total = float(weight.sum())
     for angle in np.radians(np.arange(0, 180, 10)):
         across = xy @ np.array([-math.sin(angle), math.cos(angle)])
@@ -316,7 +329,10 @@ def _columns(xy: FloatArray, fold: FloatArray) -> FloatArray:
 def _slopes(
     xy: FloatArray, off: FloatArray, weight: FloatArray, fold: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Fits slopes along x and y, level, and slope away from a line; also returns the residual."""
+    """Fits slopes along x and y, a level, and a slope away from a line.
+
+    Returns these four coefficients and the weighted sum of squared residuals.
+    """
     a = _columns(xy, fold)
     weighted = a.T * weight
     solved = np.linalg.solve(weighted @ a + 1e-9 * np.eye(4), weighted @ off)
@@ -325,7 +341,7 @@ def _slopes(
 
 
 def _lifted(plane: FloatArray, coefficients: FloatArray, mean_fold: float) -> FloatArray:
-    """Returns the plane corrected by a fit of the heights above it."""
+    """Returns a plane that is corrected by the fit of a crown to the heights above the plane."""
     x, y, z, d = plane
     level = -d / z + coefficients[2] + coefficients[3] * mean_fold
     return _plane_of(-x / z + coefficients[0], -y / z + coefficients[1], level)

@@ -1,8 +1,8 @@
 """The roads of a data set, and the positions of points along them.
 
 Roads are the polylines of `roads.csv` in the world frame, with one point per metre. The station s
-is 0 at the foot of the sensor. Lanes of a file also have their end points, and s = 0 where a lane
-is nearest to the foot.
+of a road is 0 at the foot of the sensor. Lanes from a file have two additional points, one at each
+end. The station s of a lane is 0 where the lane is nearest to the foot.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _RULES = (
 
 @dataclass(frozen=True, eq=False)
 class Road:
-    """Centreline of a road within the region; world frame, metres, radians."""
+    """The centreline of a road within the region, in the world frame, metres and radians."""
 
     name: str
     s: FloatArray  # (n,) increasing
@@ -46,7 +46,7 @@ class Road:
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Road and station of n points: the nearest road that contains each, and s along it."""
+    """Road and station of n points. The road is the nearest one that contains the point."""
 
     road: IntArray  # (n,) index into the roads; -1 outside the region
     s: FloatArray  # (n,) metres; NaN outside the region
@@ -94,7 +94,7 @@ def locate(
     *,
     margin_m: float = 0.0,
 ) -> Places:
-    """Assigns world-frame points (n, 2) to roads; points outside all outlines are outside.
+    """Assigns world-frame points (n, 2) to roads. Points outside all outlines get no road.
 
     A margin widens and lengthens the roads, and widens the outlines.
     """
@@ -128,8 +128,8 @@ def by_distance(
 ) -> Places:
     """Assigns points to a single unnamed road whose s is the distance from the sensor.
 
-    points: (n, 2 or more), levelled frame. Points outside the outline (m, 2) by more than the
-    margin are outside the region.
+    The points (n, 2 or more) are in the levelled frame. Points that are outside the outline (m, 2)
+    by more than the margin are outside the region.
     """
     xy = points[:, :2]
     inside = in_any(() if outline is None else (outline,), xy, margin_m)
@@ -138,10 +138,10 @@ def by_distance(
 
 
 def _project(points: FloatArray, road: Road) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Returns station, distance from the centreline, and the road's half width there, (n,) each.
+    """Returns station, distance from the centreline, and half width of the road, (n,) each.
 
-    The first and last segments are extended as straight lines, so that s is also defined beyond the
-    ends.
+    The first and last segments of the road are extended as straight lines, so that s is also
+    defined beyond the ends.
     """
     base = road.xy[0]
     line, points = road.xy - base, points - base

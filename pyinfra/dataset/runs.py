@@ -8,7 +8,10 @@ from pyinfra.dataset import launch
 
 
 class SimulatorError(Error):
-    """The `infrasim` binary is missing or failed; exit code 2 for a wrong configuration, else 1."""
+    """The `infrasim` binary is missing or failed.
+
+    The exit code is 2 for a wrong configuration, else 1.
+    """
 
     def __init__(self, message: str, exit_code: int) -> None:
         super().__init__(message)
@@ -18,7 +21,7 @@ class SimulatorError(Error):
 def infrasim(*words: str | Path) -> str:
     """Runs the binary and returns its standard output.
 
-    Raises SimulatorError with the binary's message if it fails, and if there is no binary.
+    Raises SimulatorError if there is no binary, and with the binary's message if the binary fails.
     """
     binary = launch.binary()
     if binary is None:

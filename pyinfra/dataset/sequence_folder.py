@@ -14,9 +14,9 @@ from pyinfra.formats import kitti
 
 
 def write_folder(frames: SimulatedFrames, data_set: Path) -> Path:
-    """Writes a data set of one LiDAR; returns the LiDAR's folder.
+    """Writes a data set of one LiDAR, and returns the LiDAR's folder.
 
-    data_set: an existing folder. Boxes are rounded to the decimals of the layout; clouds are
+    The folder `data_set` must exist. Boxes are rounded to the decimals of the layout. Clouds are
     written unchanged.
     """
     lidar_folder = data_set / frames.name

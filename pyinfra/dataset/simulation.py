@@ -1,4 +1,4 @@
-"""The simulator in Python; its frames equal those of the `infrasim` binary byte for byte."""
+"""The simulator in Python. Its frames equal those of the `infrasim` binary byte for byte."""
 
 from __future__ import annotations
 
@@ -87,13 +87,14 @@ def load_scene(
     set: Mapping[str, object] | None = None,
     mount: str = "",
 ) -> World:
-    """Loads a scene and builds its meshes; traffic is simulated up to the last frame requested.
+    """Loads a scene and builds its meshes. Traffic is simulated up to the last frame requested.
 
-    preset: of the LiDARs; a scene may have a block of keys for it.
+    preset: preset of the LiDARs; a scene may have special keys for a preset.
     set: overrides of keys, such as `{"traffic.vehicles_per_km_lane": 20}`.
-    mount: name of the mount; only needed if the scene has several.
-    Raises ConfigError with `file:line:col: key: expected, got`, and IoError. That a vehicle of the
-    traffic hits the sensor is raised by the request for that frame or a later one, or by `drive`.
+    mount: name of the mount; only needed if the scene has several mounts.
+    Raises ConfigError with `file:line:col: key: expected, got`, and IoError. An error about a
+    vehicle that hits the sensor is raised later, by the request for that frame or a later frame, or
+    by `drive`.
     """
     assignments = [f"{key}={_yaml(value)}" for key, value in (set or {}).items()]
     if seed is not None:
@@ -102,7 +103,7 @@ def load_scene(
 
 
 def make_world(scene: Mapping[str, object], *, preset: str = "datasheet", mount: str = "") -> World:
-    """Builds a scene from its keys as plain data; messages show the scene's name as the file.
+    """Builds a scene from its keys as plain data. Messages show the scene's name as the file.
 
     Paths in the keys are relative to the working folder. Raises ConfigError and IoError.
     """
@@ -118,8 +119,8 @@ def load_lidar(file: str | Path, preset: str = "datasheet") -> Lidar:
 def label_time(scene: World, lidar: Lidar) -> LabelTime:
     """Returns the label time of the scene, or that of the LiDAR's preset if the scene sets none.
 
-    For `frame`, label poses are the columns x y z heading of `Frame.objects`; for `scan`, they are
-    scan_x scan_y scan_z scan_heading.
+    For `frame`, label poses are the columns x y z heading of `Frame.objects`. For `scan`, label
+    poses are the columns scan_x scan_y scan_z scan_heading.
     """
     return "scan" if scene.label_time(lidar.preset) == "scan" else "frame"
 
@@ -138,8 +139,8 @@ def simulate(
     """Yields number and frames in the given order, with one `Frame` per LiDAR.
 
     Threads compute the next frames while the caller processes the current one. The columns of a
-    frame are read-only views without a copy; they keep the frame alive.
-    If the scene or a LiDAR is a file, preset, seed, set and mount apply to it.
+    frame are read-only views of the frame's memory, which stays allocated while a view exists.
+    If the scene or a LiDAR is a file, preset, seed, set and mount apply to that file.
     Warns if the scene's weather has no effect on a LiDAR.
     Raises IoError, and ConfigError for a wrong file or a frame that the scene does not have. Also
     raises ConfigError if the scene has keys for a LiDAR's preset but was loaded with another one.
@@ -157,7 +158,7 @@ def simulate(
         warn(line, stacklevel=2)
     count = threads or os.cpu_count() or 1
     numbers = []
-    for k in frames:  # checked one by one, since an iterable may be larger than the memory
+    for k in frames:  # one by one, because an iterable may be larger than the memory
         if not 0 <= k < world.frames:
             raise ConfigError(f"frames: expected 0 to {world.frames - 1}, got {k}")
         numbers.append(k)
@@ -189,8 +190,9 @@ def scan_pattern(
 ) -> FloatArray:
     """Returns azimuth, elevation (rad) and time (s) of each ray: (n, 3) float64, column by column.
 
-    Sensor frame; time since the start of the run. Without a seed, motors start as with phase lock.
-    With a seed, they start as in runs with that seed at the mount.
+    Angles are in the sensor frame. Time counts from the start of the run. Without a seed, motors
+    start at the same angle as with phase lock. With a seed, motors start as in runs with that seed
+    at the mount.
     """
     unit = lidar if isinstance(lidar, Lidar) else load_lidar(lidar, preset)
     return unit.pattern(frames.start, frames.stop, frames.step, seed, mount)

@@ -1,7 +1,8 @@
 """Splits a data set into training and test frames (`ImageSets`), for `pyinfra split DATA`.
 
-The default splits by time, because neighbouring frames show the same vehicles: a random split would
-leak vehicles from train to test (`val`). See docs/conventions.md, "Split".
+The default is a split by time, because neighbouring frames show the same vehicles. With a random
+split, the same vehicles would be in the training and test frames (`val`). See docs/conventions.md,
+"Split".
 """
 
 import itertools
@@ -36,9 +37,10 @@ def by_time(
     train_until_s: float = TRAIN_UNTIL_S,
     val_from_s: float = VAL_FROM_S,
 ) -> Split:
-    """Splits by start time: train before train_until_s, val from val_from_s on.
+    """Splits by the start time of the frames.
 
-    Raises Error if both parts overlap or one is empty.
+    Frames before train_until_s are train, and frames from val_from_s on are val. Raises Error if
+    both parts overlap or one part is empty.
     """
     if val_from_s < train_until_s:
         raise Error(f"val: expected {train_until_s:g} s or later, got {val_from_s:g} s")
@@ -58,9 +60,10 @@ def by_time(
 
 
 def by_random(frames: Sequence[int], seed: int, val_share: float = VAL_SHARE) -> Split:
-    """Splits at random: a rounded share of the frames is val, the rest train, at least one each.
+    """Splits at random: a share `val_share` of the frames is val, and the rest is train.
 
-    Raises Error for fewer than two frames or a share outside (0, 1).
+    The number of val frames is rounded, and both parts have at least one frame. Raises Error for
+    fewer than two frames or a share outside (0, 1).
     """
     if len(frames) < 2 or not 0 < val_share < 1:
         raise Error(f"expected 2, 0-1, got {len(frames)} frames and a share of {val_share:g}")
@@ -74,10 +77,10 @@ def by_random(frames: Sequence[int], seed: int, val_share: float = VAL_SHARE) ->
 
 
 def by_seed(train: DataSet, val: DataSet) -> tuple[Split, Split]:
-    """Splits by data set: all frames of one are train, all of the other val; returns both splits.
+    """Splits by data set, and returns the split of each data set.
 
-    Raises Error unless both have the same scene, preset, label time and LiDARs, but different
-    seeds.
+    All frames of the first data set are train, and all frames of the second are val. Raises Error
+    unless both have the same scene, preset, label time and LiDARs, but different seeds.
     """
     for key in ("scene", "preset", "label_time", "names"):
         a, b = getattr(train, key), getattr(val, key)
@@ -91,8 +94,9 @@ def by_seed(train: DataSet, val: DataSet) -> tuple[Split, Split]:
 def write(data: DataSet, split: Split, *, force: bool = False, grown: bool = False) -> list[Path]:
     """Writes ImageSets/train.txt and val.txt of each LiDAR, and returns the files.
 
-    grown: an existing file may list only a part of the frames, because more were simulated later.
-    Raises FileExistsError, and writes nothing, if a file lists other frames; `force` overwrites.
+    With `grown`, an existing file may list only a part of the frames, because more frames were
+    simulated later. Raises FileExistsError, and writes nothing, if a file lists other frames. With
+    `force`, such a file is overwritten.
     """
     files = {
         data.lidar_folder(name) / "ImageSets" / f"{part}.txt": "".join(

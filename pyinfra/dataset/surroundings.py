@@ -26,9 +26,9 @@ class Lanes:
     one_way: bool = False
 
     def lines(self) -> dict[float, bool]:
-        """Returns for each lane line its offset to the left of the centreline, and if it is solid.
+        """Maps the offset of each lane line to whether the line is solid.
 
-        Offsets are in metres, ascending.
+        Offsets are in metres to the left of the centreline, ascending.
         """
         solid = [i in (0, self.each_way) for i in range(self.each_way + 1)]
         if self.one_way:
@@ -44,7 +44,7 @@ class Surroundings:
     """Roads of the evaluation region, lanes, buildings and mounts; world frame, metres, radians."""
 
     roads: tuple[Road, ...]
-    lanes: dict[str, Lanes]  # by road name; empty for a recording
+    lanes: dict[str, Lanes]  # maps road names to lanes; empty for a recording
     buildings: FloatArray  # (k, 7) boxes
     further_mounts: FloatArray  # (k, 3) positions of all mounts of a fused data set but the first
 
@@ -58,9 +58,10 @@ class RoadLine:
 
 
 def read_surroundings(data_set: Path) -> Surroundings:
-    """Reads the surroundings of a data set; they are empty for a folder without dataset.yaml.
+    """Reads the surroundings of a data set.
 
-    Raises OSError, and FormatError with file and line.
+    The surroundings of a folder without dataset.yaml are empty. Raises OSError, and FormatError
+    with file and line.
     """
     file, roads = data_set / "dataset.yaml", data_set / "roads.csv"
     if not file.is_file():
@@ -117,7 +118,10 @@ def road_lines(around: Surroundings) -> Iterator[RoadLine]:
 
 
 def _aside(around: Surroundings, road: Road, left_m: Floats | float) -> FloatArray:
-    """Returns a line (n, 3) left of a road's centreline; x and y are NaN where a road crosses."""
+    """Returns a line (n, 3) at `left_m` to the left of a road's centreline.
+
+    x and y are NaN where another road crosses.
+    """
     line = offset_curve(road.xy, road.heading, left_m)
     others = [other for other in around.roads if other is not road]
     line[locate(line, others).inside] = np.nan

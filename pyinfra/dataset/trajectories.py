@@ -22,8 +22,8 @@ _NUMBERS = ["x", "y", "z", "dx", "dy", "dz", "heading"]
 def read_objects_at(file: Path, frames: Sequence[int], pose: WorldPose) -> Vehicles:
     """Returns the objects of trajectories.csv at the middle of the given ascending frames.
 
-    pose: of the levelled LiDAR frame in which boxes are returned. Points are 0 and visibility is
-    -1, because the file does not contain what a LiDAR sees. Raises FormatError.
+    Boxes are in the levelled LiDAR frame with the given pose. Points are 0 and visibility is -1,
+    because the file contains no data about LiDARs. Raises FormatError.
     """
     rows = read_rows(file, ["t", "id", "class", *_NUMBERS])
     instant = np.round(rows.t.to_numpy() / INSTANT_S).astype(np.int64)
@@ -48,16 +48,17 @@ def read_objects_at(file: Path, frames: Sequence[int], pose: WorldPose) -> Vehic
 
 
 def read_rows(file: Path, columns: Sequence[str]) -> pd.DataFrame:
-    """Reads some columns of trajectories.csv, `class` as text; the index is the row number.
+    """Reads some columns of trajectories.csv. The index of the table is the row number.
 
-    Rows of instants without any object are left out. Raises FormatError with file and line.
+    The column `class` is text. Rows of instants without any object are left out. Raises FormatError
+    with file and line.
     """
     data = file.read_bytes()
     _check_lines(file, data)
     numbers = {name: np.float64 for name in columns if name != "class"}
     try:
         rows = pd.read_csv(io.BytesIO(data), usecols=list(columns), dtype=numbers)
-    except ValueError as error:  # a text cell, missing columns, not UTF-8, or an empty file
+    except ValueError as error:  # a cell is not a number, a column is missing, or no UTF-8 text
         raise FormatError(f"{file}: {error}") from None
     return rows[rows[[name for name in columns if name != "t"]].notna().any(axis=1)]
 

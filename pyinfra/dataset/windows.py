@@ -1,4 +1,4 @@
-"""Windows of distance: the parts of the region that get a quality of their own."""
+"""Windows: sections of the region whose detection quality is measured separately."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.dataset.outlines import in_any
 from pyinfra.dataset.roads import Places, Road, offset_curve
 
-REGION_M = 100.0  # a range of this or more selects the whole region
+REGION_M = 100.0  # a requested range of this value or more selects the whole region
 WINDOW_M = 20.0  # length of a window along its road
 WINDOW_STEP_M = 5.0  # distance between the middles of successive windows
 EVERY_ROAD = -1
@@ -33,9 +33,12 @@ class Window:
 
 @dataclass(frozen=True)
 class GridCell:
-    """A 20 m square of a world-frame grid with lines at multiples of 20 m; used for lane sites."""
+    """A 20 m square of a grid in the world frame, used for sites of lanes.
 
-    x: float  # of the square's middle
+    Grid lines are at multiples of 20 m.
+    """
+
+    x: float  # x and y of the middle of the square
     y: float
 
     def holds(self, places: Places) -> BoolArray:
@@ -54,7 +57,8 @@ class Near:
     """
 
     range_m: float
-    centre: tuple[float, float] | None = None  # x y of the sensor in the world; only with lanes
+    # x y of the sensor in the world frame at a site of lanes, else None.
+    centre: tuple[float, float] | None = None
 
     def holds(self, places: Places) -> BoolArray:
         """Returns (n,) whether each position lies in this part."""
@@ -80,7 +84,7 @@ def road_windows(roads: list[Road]) -> list[Window]:
 def lane_windows(roads: Sequence[Road]) -> list[Window]:
     """Returns windows of 20 m across all roads together, with middles at multiples of 5 m.
 
-    Used for lanes, of which a site has hundreds, some only a few metres long.
+    They are used at sites of lanes. Such a site has hundreds of lanes, some only a few metres long.
     """
     low, high = min(road.s[0] for road in roads), max(road.s[-1] for road in roads)
     steps = np.arange(np.ceil(low / WINDOW_STEP_M - 1e-9), high / WINDOW_STEP_M + 1e-9)
