@@ -1,9 +1,9 @@
-"""Detects the number of float32 columns of .bin clouds, whose files do not state it.
+"""Detects the number of float32 columns of .bin clouds, which the files do not state.
 
-The first columns are x y z, then usually intensity. The sizes of all files restrict the possible
-numbers, and the values of some files decide between them. Values within a column are similar and
-values of different columns are not. The right number of columns therefore explains most of the
-variance. An intensity is never negative.
+The first three columns are x y z, and the fourth is usually intensity. The sizes of all files
+restrict the possible numbers of columns. The values of some files decide between the possible
+numbers. Values within a column are similar, and values of different columns are not. The right
+number of columns therefore explains most of the variance. An intensity is never negative.
 """
 
 from __future__ import annotations
@@ -18,19 +18,22 @@ from pyinfra.exchange.recording import Options
 
 USUAL = 4
 TRIED = (4, 5, 6, 3)  # possible numbers of columns
-FILES = 30  # maximum number of files whose values are read, evenly spread
-VALUES = 60 * 1000  # values read per file, a multiple of all numbers in TRIED
+FILES = 30  # maximum number of files whose values are read, evenly distributed
+VALUES = 60 * 1000  # number of values read per file, a multiple of all numbers in TRIED
 MOST = 1e7  # largest plausible coordinate: 10 km in millimetres
-CLEARLY = 0.1  # difference of explained variance that decides between two numbers of columns
-FEWER = 2.0  # n values need an additional difference of this over the square root of n
-FEW = 200  # with fewer values, the explained variance may be 0
+# Two numbers of columns are distinguished if their shares of explained variance differ by CLEARLY
+# plus FEWER over the square root of the number of values.
+CLEARLY = 0.1
+FEWER = 2.0
+FEW = 200  # with fewer values than this, no minimum of the explained variance is required
 
 
 def columns_of(files: Sequence[Path], options: Options, usual: int = USUAL) -> tuple[int, str]:
     """Returns the number of float32 per point of .bin files, and a note about the assumption.
 
-    The note is empty if no assumption was needed. If no number fits, returns the usual one; the
-    reader then raises an error that names the file. Raises OSError for an unreadable file.
+    The note is empty if no assumption was needed. If no number fits, the function returns the usual
+    number, and the reader raises an error that names the file. Raises OSError for an unreadable
+    file.
     """
     if options.columns is not None:
         note = "points of .bin files have no intensity: taken as 0" if options.columns == 3 else ""
@@ -74,7 +77,7 @@ def _is_likely(values: FloatArray, columns: int) -> bool:
 
 
 def explained(values: FloatArray, columns: int) -> float:
-    """Returns the share of the variance between columns; about 0 if all columns are similar."""
+    """Returns the share of the variance that the columns explain, about 0 for similar columns."""
     size = np.log1p(np.abs(np.where(np.isfinite(values), values, 0)))
     whole = (values == np.floor(values)).astype(np.float64)
     shares = []

@@ -1,4 +1,4 @@
-"""Reads a folder of .bin clouds without labels; float32, with first columns x y z intensity."""
+"""Reads a folder of float32 .bin clouds without labels. The first columns are x y z intensity."""
 
 from __future__ import annotations
 

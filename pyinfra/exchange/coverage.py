@@ -11,14 +11,14 @@ from pyinfra.core.arrays import IntArray, Points
 from pyinfra.core.errors import Error
 from pyinfra.formats.kitti import FieldOfView
 
-MOST_POINTS = 20_000  # maximum number of points used per frame, evenly spread
-ROUNDING_DEG = 1e-4  # avoids that a direction of 0 falls into the cell below 0
-FULL_GAP_DEG = 30  # a wider azimuth gap without returns is outside the field of view
+MOST_POINTS = 20_000  # maximum number of points used per frame, evenly distributed
+ROUNDING_DEG = 1e-4  # keeps a direction of 0 out of the cell below 0
+FULL_GAP_DEG = 30  # an azimuth gap without returns as wide as this is outside the field of view
 
 
 @dataclass
 class Coverage:
-    """Counts of returns by direction (cells of one degree, sensor frame), and the longest range."""
+    """Numbers of returns per degree of azimuth and elevation (sensor frame), and longest range."""
 
     azimuth: IntArray = field(default_factory=lambda: np.zeros(360, dtype=np.int64))
     elevation: IntArray = field(default_factory=lambda: np.zeros(180, dtype=np.int64))
@@ -52,7 +52,10 @@ class Coverage:
 
 
 def _seen(cells: IntArray) -> tuple[float, float]:
-    """Returns the azimuth interval outside the widest gap, radians; it may begin below -pi."""
+    """Returns the azimuth interval (radians) outside the widest gap.
+
+    The interval may begin below -pi.
+    """
     gaps = np.diff(np.append(cells, cells[0] + 360)) - 1
     widest = int(gaps.argmax())
     if gaps[widest] < FULL_GAP_DEG:

@@ -1,7 +1,8 @@
 """Reads the roadside part of DAIR-V2X: velodyne/*.pcd, label/virtuallidar/*.json, data_info.json.
 
-Follows the public description of the data set. Points are in the frame of the *virtual LiDAR*,
-whose x-y plane is parallel to the ground by that description. Intensities are 0 to 255.
+The reader follows the public description of the data set. Points are in the frame of the *virtual
+LiDAR*. According to the description, its x-y plane is parallel to the ground. Intensities are 0 to
+255.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ def read(source: Path, options: Options) -> Recording:
 
 
 def _times(side: Path, names: tuple[str, ...]) -> FloatArray | None:
-    """Reads pointcloud_timestamp of data_info.json in seconds; None if a frame has none."""
+    """Reads pointcloud_timestamp of data_info.json in seconds, or None if a frame has none."""
     file = side / "data_info.json"
     rows = read_json(file) if file.is_file() else []
     known = {}

@@ -30,21 +30,21 @@ from pyinfra.exchange.recording import Boxes, RecordedFrame, Recording
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import RECORDED, Labels, Objects, RoadShape, WorldPose
 
-SEEN = 1.0  # visibility of a labelled object, if the recording has no visibility
+SEEN = 1.0  # visibility of a labelled object if the recording states none
 
 
 @dataclass(frozen=True)
 class LidarFacts:
-    """Properties of the LiDAR that the user gave or that were estimated; None if unknown."""
+    """Properties of the LiDAR that the user gave or that were estimated. None means unknown."""
 
     name: str
     scene: str
     model: str | None = None
     price_usd: tuple[float, float] | None = None
     period_s: float | None = None
-    height_m: float | None = None  # above the road
+    height_m: float | None = None  # height of the sensor above the road
     tilt: tuple[float, float] | None = None  # pitch (positive looks down), roll; radians
-    shape: RoadShape | None = None  # of a road that is not a plane
+    shape: RoadShape | None = None  # road shape, if the road is not a plane
     types: Mapping[str, str] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()  # texts that describe all assumptions
 
@@ -55,10 +55,11 @@ class ImportSummary:
 
     frames: int = 0
     points: int = 0
-    without_return: int = 0  # points dropped because they are no return
-    without_intensity: int = 0  # points whose intensity was not finite and is written as 0
+    without_return: int = 0  # number of points that were dropped because they are no return
+    without_intensity: int = 0  # number of points with an invalid intensity, which is written as 0
     empty: list[str] = field(default_factory=list)  # names of frames without a return
-    doubled: list[str] = field(default_factory=list)  # names of frames with the points of another
+    # Names of frames with the same points as another frame.
+    doubled: list[str] = field(default_factory=list)
     assumed: tuple[str, ...] = ()
     types: Counter[str] = field(default_factory=Counter)
     bottoms: list[FloatArray] = field(default_factory=list)  # z of the vehicles' bottoms
@@ -66,7 +67,7 @@ class ImportSummary:
 
     @property
     def below_m(self) -> float | None:
-        """Median distance of the labelled vehicles' bottoms below the sensor; None without any."""
+        """Median depth of the labelled vehicles' bottoms below the sensor; None if there is none."""
         bottoms = np.concatenate([np.empty(0), *self.bottoms])
         return -float(np.median(bottoms)) if len(bottoms) else None
 
@@ -74,10 +75,10 @@ class ImportSummary:
 def write_lidar(
     recording: Recording, out: Path, facts: LidarFacts, indices: Iterable[int] | None = None
 ) -> ImportSummary:
-    """Writes frames, ImageSets and lidar.yaml to the folder `out`; returns a summary.
+    """Writes frames, ImageSets and lidar.yaml to the folder `out`, and returns a summary.
 
-    indices: positions of the frames in the recording; by default all. Raises the errors of reading
-    the frames, and Error if the tilt is given twice or there is no return at all.
+    `indices` are the positions of the frames in the recording; the default is all. Raises the
+    errors of reading the frames, and Error if the tilt is given twice or there is no return at all.
     """
     if facts.tilt and recording.tilt:
         raise Error("expected one tilt, got one in the recording and one in the options")
@@ -107,10 +108,10 @@ def write_lidar(
 
 
 def write_description(data: Path, scene: str, *, ids_are_tracks: bool) -> None:
-    """Writes dataset.yaml, unless the data set already has a LiDAR and the new one can join it.
+    """Writes dataset.yaml, unless the data set already has a LiDAR.
 
-    Raises Error if the new LiDAR cannot join: the data set is simulated, or the object ids of the
-    LiDARs are not common tracks.
+    Raises Error if the data set already has a LiDAR and the new one cannot join it. This is the
+    case if the data set is simulated, or if the LiDARs do not share the ids of tracks.
     """
     file = data / "dataset.yaml"
     ids = "tracks" if ids_are_tracks else "rows"
@@ -135,7 +136,7 @@ def write_description(data: Path, scene: str, *, ids_are_tracks: bool) -> None:
 
 
 def levelled(frame: RecordedFrame, T_levelled_sensor: FloatArray) -> RecordedFrame:
-    """Rotates points and boxes of a tilted sensor to the levelled frame; boxes become upright."""
+    """Rotates points and boxes of a tilted sensor to the levelled frame. Boxes become upright."""
     points = frame.points.copy()
     points[:, :3] = points[:, :3] @ T_levelled_sensor.T.astype(np.float32)
     b = frame.boxes
@@ -176,7 +177,7 @@ def _write_frame(
 
 
 def has_return(points: Points) -> BoolArray:
-    """Returns (n,) whether each point (n, 4) is finite and not 0 0 0, which means no return."""
+    """Returns (n,) whether each point (n, 4) is a return, that is, finite and not 0 0 0."""
     # The sum is ten times as fast as np.isfinite(...).all(axis=1).
     finite = np.isfinite(points[:, :3] @ np.ones(3, dtype=np.float32))
     x, y, z = points[:, 0], points[:, 1], points[:, 2]
@@ -186,9 +187,10 @@ def has_return(points: Points) -> BoolArray:
 def objects_of(points: Points, boxes: Boxes, types: NameArray, period_s: float) -> Objects:
     """Returns the labelled objects, with the number of points in their boxes.
 
-    Annotators draw boxes around the points, so the boxes hold at scan time. That time is unknown,
-    so the boxes are also used for mid-frame. It is unknown which point belongs to which object, so
-    all counts are the number of points in the box. The unknown speed is 0.
+    Annotators draw boxes around the points, so the boxes are those at scan time. The scan time is
+    unknown, so the boxes are also used for mid-frame. It is unknown which point belongs to which
+    object, so all counts are the number of points in the box. The speed is unknown and written as
+    0.
     """
     n = len(boxes)
     counts = points_in_boxes(points, boxes.boxes)
@@ -272,9 +274,9 @@ def _period_s(recording: Recording, facts: LidarFacts) -> float:
 
 
 def _height(facts: LidarFacts, summary: ImportSummary) -> float:
-    """Returns the height of the sensor above the road; 0 if unknown.
+    """Returns the height of the sensor above the road, or 0 if the height is unknown.
 
-    It is the given height, else the height above the labelled vehicles' bottoms.
+    The height given by the user takes precedence over that above the labelled vehicles' bottoms.
     """
     if facts.height_m is not None:
         return facts.height_m

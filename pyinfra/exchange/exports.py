@@ -15,7 +15,10 @@ SPLIT_BY_SHARE = ("openpcdet", "mmdet3d")
 
 
 def split_note(lidar_folder: Path, frames: Sequence[int], name: str) -> str:
-    """Describes how an export of frames without ImageSets is split; empty if that is not needed."""
+    """Returns a note about the split of an export of frames without ImageSets.
+
+    The note is empty if ImageSets exist or the format has no split.
+    """
     parts = ("train", "val") if name == NUSCENES else ("train",)
     if any((lidar_folder / f"ImageSets/{part}.txt").is_file() for part in parts):
         return ""
@@ -30,9 +33,10 @@ def split_note(lidar_folder: Path, frames: Sequence[int], name: str) -> str:
 
 
 def export(lidar_folder: Path, frames: Sequence[int], name: str, out: Path) -> None:
-    """Writes the frames in a format of EXPORTS to a new folder; on an error nothing is written.
+    """Writes the frames in a format of EXPORTS to a new folder.
 
-    Raises the errors of the format, Error if there is no frame, and FileExistsError.
+    Nothing is written if an error occurs. Raises the errors of the format, Error if there is no
+    frame, and FileExistsError.
     """
     write = exporter(name)
     if not frames:

@@ -1,7 +1,8 @@
 """The supported formats, and the modules that read or write them.
 
-A module that writes has a function `export(lidar_folder, frames, out)`, which writes to the empty
-folder `out`. A module that reads has a function `read(source, options)`, which returns a Recording.
+A module that writes a format has a function `export(lidar_folder, frames, out)`, which writes to
+the empty folder `out`. A module that reads a format has a function `read(source, options)`, which
+returns a Recording.
 """
 
 from __future__ import annotations
@@ -22,13 +23,15 @@ Read = Callable[[Path, Options], Recording]
 
 @dataclass(frozen=True)
 class Format:
-    """The modules of a format, which are imported on first use, and the format's conventions."""
+    """The modules of a format, and the format's conventions. Modules are imported on first use."""
 
     export: str = ""
     read: str = ""
     extra: str = ""  # extra of pyproject.toml that installs the optional packages
-    level: bool | None = None  # whether clouds are levelled; None: only if they are labelled
-    intensity_max: float | None = None  # fixed by the format; None: determined from the clouds
+    # Whether clouds of the format are level. None means that they are if they have labels.
+    level: bool | None = None
+    # Largest intensity in the format. None means that it is determined from the clouds.
+    intensity_max: float | None = None
 
 
 FORMATS = {
@@ -51,7 +54,7 @@ IMPORTS = tuple(name for name, format in FORMATS.items() if format.read)
 def exporter(name: str) -> Export:
     """Returns the export function of a format.
 
-    Raises ImportError that names the extra whose packages are missing.
+    Raises ImportError if packages are missing; the message names the extra that installs them.
     """
     return cast(Export, _module(FORMATS[name].export, FORMATS[name].extra).export)
 

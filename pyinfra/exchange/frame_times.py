@@ -1,4 +1,4 @@
-"""Determines the times of a recording's frames, and finds errors of its clock."""
+"""Determines the times of a recording's frames, and finds errors of the recording's clock."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from pyinfra.dataset.frames import PERIOD_S as USUAL_S
 from pyinfra.exchange.recording import Recording
 from pyinfra.formats.kitti.lidar import PERIOD_S
 
-# Units in seconds, by number of digits: of a fraction after ten digits, and of a whole number.
+# Units in seconds, by the number of digits. FRACTIONS is for a fraction that follows ten digits,
+# WHOLE for a time that is one whole number.
 FRACTIONS = {3: 1e-3, 6: 1e-6, 9: 1e-9}
 WHOLE = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}
 EARLIEST_S, LATEST_S = 1e8, 1e11  # plausible seconds since 1970
@@ -21,10 +22,10 @@ MOST_NUMBER = 999_999
 
 
 def seconds_of(name: str) -> float | None:
-    """Returns the time in a file's name, in seconds since 1970; None if the name has none.
+    """Returns the time in a file's name in seconds since 1970, or None if there is no time in it.
 
     The name must begin with a time such as 1651673050.454284, 1651673050_454284855 or
-    1651673050454, after an optional prefix without digits.
+    1651673050454. A prefix without digits is allowed before the time.
     """
     match = re.match(r"\D*(\d{10})(?:\.(\d+)|_(\d+))?(?!\d)", name)
     if match:
@@ -39,7 +40,10 @@ def seconds_of(name: str) -> float | None:
 
 
 def seconds_of_stamp(value: float) -> float | None:
-    """Converts a clock reading of unknown unit to seconds since 1970; None if none is plausible."""
+    """Converts a time of unknown unit to seconds since 1970.
+
+    Returns None if no unit gives a plausible time.
+    """
     for unit in WHOLE.values():
         if EARLIEST_S < value * unit < LATEST_S:
             return value * unit
@@ -47,12 +51,12 @@ def seconds_of_stamp(value: float) -> float | None:
 
 
 def timed(recording: Recording, period_s: float | None = None) -> tuple[Recording, list[str]]:
-    """Orders a recording by time, and takes frame period and numbers from its clock.
+    """Orders a recording by time, and derives frame period and frame numbers from its clock.
 
-    Returns the recording and notes about findings. period_s: given by the user. Times come from the
-    files, else from the file names; without times, the recording is returned unchanged.
-    If times step back but are regular when sorted, the frames are reordered. Otherwise the clock is
-    considered wrong, and the order of the names is kept.
+    Returns the recording and notes about findings. A `period_s` given by the user takes precedence.
+    Times come from the files, else from the file names. Without times, the recording is returned
+    unchanged. If times step back but are regular when sorted, the frames are reordered. If sorting
+    does not help, the clock is considered wrong, and the frames stay in the order of their names.
     """
     if len(recording.names) < 2:
         return recording, []
@@ -82,7 +86,7 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
 
 
 def _times(recording: Recording) -> tuple[FloatArray | None, list[str]]:
-    """Returns the times in the files, else those in the file names, and notes about findings."""
+    """Returns the times from the files, else from the file names, and notes about findings."""
     times, notes = recording.times() if recording.times is not None else None, []
     if times is not None and not (known := np.isfinite(times)).all():
         first = recording.names[int(known.argmin())]

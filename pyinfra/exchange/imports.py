@@ -23,7 +23,8 @@ from pyinfra.exchange.rates import Shown
 from pyinfra.exchange.recording import Options
 from pyinfra.formats.kitti.lidar import PERIOD_S
 
-# Whether to find the road and level the points to it, or to keep the points unchanged.
+# How points are levelled. `road` estimates the road and levels the points to it, and `as-is` leaves
+# the points unchanged.
 Upright = Literal["auto", "road", "as-is"]
 HEIGHT_OFF_M = 0.5  # tolerated difference between the vehicles' bottoms and the given height
 
@@ -40,11 +41,11 @@ def import_recording(
 ) -> tuple[ImportSummary, bool]:
     """Writes a recording in a format of IMPORTS to the new folder DATA/LIDAR.
 
-    upright: `auto` searches for the road unless the points count as levelled, either by the format
-    or, if the format leaves it open, because the recording has labels. region: file with an outline
-    in the levelled frame; it is copied to the folder.
+    With `upright` = `auto`, the road is estimated unless the points are assumed to be level. They
+    are if the format says so. If the format leaves this open, they are if the recording has labels.
+    `region` is a file with an outline in the levelled frame, which is copied to the folder.
     Returns a summary, and whether the recording has labels. Raises the errors of the format and of
-    `survey`, and FileExistsError; after an error, no folder is left.
+    `survey`, and FileExistsError. The new folder is removed if an error occurs.
     """
     read, format = reader(name), FORMATS[name]
     if source.exists() and not source.is_dir():
@@ -75,7 +76,7 @@ def import_recording(
 
 
 def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = None) -> list[str]:
-    """Returns warnings about the imported frames. height_m: sensor height given by the user."""
+    """Returns warnings about the imported frames. The user gave the sensor height `height_m`."""
     out = []
     if not labelled:
         out.append(
@@ -125,7 +126,7 @@ def facts_of(
     tilt_deg: Sequence[float] | None = None,
     types: Mapping[str, str] | None = None,
 ) -> LidarFacts:
-    """Converts a user's arguments to LidarFacts, in radians. Raises Error for one out of range."""
+    """Converts a user's arguments to LidarFacts. Raises Error for an argument out of range."""
     out = out.resolve()
     if not re.fullmatch(r"[\w.-]+", out.name) or out.name.startswith("."):
         raise Error(f"out: expected a LiDAR of letters, digits and _ . -, got '{out.name}'")

@@ -1,7 +1,8 @@
-"""Reads boxes in the JSON format of DAIR-V2X and RCooper: one file per cloud, a list of objects.
+"""Reads boxes in the JSON format of DAIR-V2X and RCooper.
 
-An object has `type`, `3d_dimensions` (h w l), `3d_location` (x y z of the box centre in the cloud's
-frame) and `rotation` (rad, from x towards y). `occluded_state` and `track_id` are optional.
+There is one file per cloud, with a list of objects. An object has `type`, `3d_dimensions` (h w l),
+`3d_location` (x y z of the box centre in the cloud's frame) and `rotation` (rad, from x towards y).
+`occluded_state` and `track_id` are optional.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from pyinfra.core.errors import FormatError
 from pyinfra.exchange.recording import Boxes
 from pyinfra.formats.kitti.layout import FARTHEST_M
 
-VISIBILITY = {0: 0.9, 1: 0.6, 2: 0.2}  # by occluded_state: not, partly, mostly occluded
+# Visible share for each `occluded_state`: not, partly and mostly occluded.
+VISIBILITY = {0: 0.9, 1: 0.6, 2: 0.2}
 BOX_KEYS = (("3d_location", "xyz"), ("3d_dimensions", "lwh"))
 LEAST_M, MOST_M = 0.001, 1000.0
 
@@ -28,14 +30,14 @@ def read_json(file: Path) -> Any:
     """Reads a JSON file. Raises FormatError if it is not valid JSON."""
     try:
         return json.loads(file.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:  # not JSON, not UTF-8, or too many digits
+    except (ValueError, RecursionError) as error:  # the file is not JSON or not UTF-8, for example
         raise FormatError(f"{file}: is not JSON: {error}") from None
 
 
 def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:
     """Reads the objects of a file.
 
-    ids: maps track names to numbers, and is extended by new tracks; None: the file has no tracks.
+    `ids` maps track names to numbers, and new tracks are added to it. With None, boxes get no ids.
 
     Raises FormatError that names the object and the key.
     """
@@ -56,7 +58,7 @@ def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:
 
 
 def checked_box(location: str, values: FloatArray) -> FloatArray:
-    """Checks a box (7,) and returns it. Raises FormatError, whose text begins with `location`."""
+    """Checks a box (7,) and returns it. Raises FormatError with `location` before the text."""
     xyz, sizes = values[:3], values[3:6]
     finite = np.isfinite(values).all() and np.abs(xyz).max() <= FARTHEST_M
     if not finite or sizes.min() <= LEAST_M or sizes.max() > MOST_M:
@@ -81,7 +83,7 @@ def _box(file: Path, i: int, entry: Mapping[str, Any]) -> FloatArray:
 
 
 def number(location: str, raw: object) -> float:
-    """Converts a number, which may be a text. Raises FormatError that begins with `location`."""
+    """Converts a number or text to float. Raises FormatError with `location` before the text."""
     try:
         value = float(raw)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):

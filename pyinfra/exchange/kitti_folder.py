@@ -1,6 +1,7 @@
 """Reads the KITTI object layout with any camera: training/velodyne, label_2, calib, ImageSets.
 
-It also reads a sequence of the tracking benchmark, by the readme of that benchmark's devkit.
+It also reads a sequence of the tracking benchmark, whose format is described in the readme of the
+benchmark's devkit.
 """
 
 from __future__ import annotations
@@ -31,15 +32,15 @@ from pyinfra.formats.kitti.layout import LABEL_COLUMNS
 from pyinfra.formats.kitti.read import LABEL_RULES
 from pyinfra.formats.text_table import NamedRows, between, lines_of
 
-# Assumed visible share for KITTI's `occluded` 0, 1, 2; 3 means unknown.
+# Assumed visible share for the values 0, 1, 2 and 3 (unknown) of KITTI's `occluded`.
 VISIBILITY = (0.9, 0.6, 0.2, 1.0)
 
 
 def read(source: Path, options: Options) -> Recording:
-    """Opens a folder that contains `training`, or `training` itself; label_2 is optional.
+    """Opens a folder that contains `training`, or the folder `training`. label_2 is optional.
 
-    A folder of the tracking benchmark gives one sequence, see _read_sequence. A frame without calib
-    gets the camera of a simulated LiDAR.
+    In a folder of the tracking benchmark, one sequence is read by `_read_sequence`. A frame without
+    a calib file gets the camera of a simulated LiDAR.
     Raises FileNotFoundError, and Error for labels that do not pair with clouds. Reading a frame
     raises FormatError.
     """
@@ -97,7 +98,7 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
 
 
 def _tracks(file: Path, calib: Path) -> dict[int, Boxes]:
-    """Reads the boxes by frame, for frames that have any. Raises FormatError with file and line."""
+    """Maps each frame that has boxes to its boxes. Raises FormatError with file and line."""
     rows = {i: line.split() for i, line in enumerate(lines_of(file), start=1) if line.strip()}
     columns = ["frame", "track_id", *LABEL_COLUMNS]
     table = NamedRows(file, list(rows), list(rows.values()), columns, "type")

@@ -4,13 +4,15 @@ The file NAME.mcap has the topics
     /NAME/points  sensor_msgs/PointCloud2            all available point fields
     /NAME/boxes   visualization_msgs/MarkerArray     one cube per object, after a marker to clear
     /tf           tf2_msgs/TFMessage                 world to the levelled LiDAR frame, `NAME`
-A cloud is stamped with the start of its frame, from which the field `time` counts. Boxes are
-stamped with the middle of the frame, although with label time `scan` each box holds at its own
-time. All messages are logged at the end of the frame, when a real sensor would send them.
+A cloud is stamped with the start of its frame. The field `time` counts from this stamp. Boxes are
+stamped with the middle of the frame. With label time `scan`, this is only approximate, because
+each object has a different scan time. All messages are logged at the end of the frame, when a
+real sensor would send them.
 
-The pose is sent with every frame for both stamps, so that a player can start anywhere. `/tf_static`
-would not work: ROS keeps it only for a quality of service that file players do not restore by
-default. Names and types of the fields are those of the ROS 2 interfaces (Humble and later).
+The pose is sent with every frame for both stamps, so that a player can start at any frame. The
+topic `/tf_static` would not work, because ROS keeps its messages only for a quality of service
+that file players do not restore by default. Names and types of the fields are those of the ROS 2
+interfaces (Humble and later).
 """
 
 from collections.abc import Sequence
@@ -153,7 +155,8 @@ geometry_msgs/Quaternion rotation
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     """Writes NAME.mcap to the folder `out`, with one frame in memory at a time.
 
-    Raises FileNotFoundError for an incomplete frame, and FormatError; then no file is written.
+    Raises FileNotFoundError for an incomplete frame, and FormatError. If an error occurs, no file
+    is written.
     """
     series = read_series(lidar_folder)
     file = out / f"{series.lidar}.mcap"
@@ -196,7 +199,7 @@ def cloud(frame_id: str, frame: StoredFrame) -> Message:
 
 
 def markers(frame_id: str, frame: StoredFrame) -> Message:
-    """Returns a visualization_msgs/MarkerArray: namespace is the class, id is the object's id."""
+    """Returns a visualization_msgs/MarkerArray. The namespace is the class of the object."""
     objects, header = frame.objects, _header(frame.middle_s, frame_id)
     clear = {"header": header, "action": _DELETE_ALL}
     cubes = [

@@ -1,8 +1,8 @@
 """Writes MMDetection3D's custom layout: points/*.bin and info files.
 
-Follows the public guide "Customize Datasets" (version 1.4). A box position is the centre of the
-bottom face. The format requires pickles as info files; they contain only plain lists, numbers and
-texts, and this package never reads one.
+The layout follows the public guide "Customize Datasets" (version 1.4). A box position is the centre
+of the bottom face. The format requires pickles as info files. The written pickles contain only
+lists, dicts, numbers and texts. This package never reads a pickle.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ METAINFO = {
 
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
-    """Writes the frames at road level, see road_level. Raises Error if they have no vehicle."""
+    """Writes the frames with the road at z = 0. Raises Error if the frames have no vehicle."""
     labels = read_labels(lidar_folder, frames)
     site = site_of(lidar_folder, labels)
     lists = train_and_val(lidar_folder, frames)

@@ -1,21 +1,22 @@
-"""Writes the tables of nuScenes for `nuscenes-devkit` and tools based on it.
+"""Writes the tables of nuScenes for `nuscenes-devkit` and tools that use the devkit.
 
-    v1.0-infrasim/*.json           thirteen tables; rows refer to each other by their key `token`
-    v1.0-infrasim/splits.json      scenes of infrasim_train, infrasim_val and infrasim_all; the
-                                   devkit reserves `train` and `val` for its own scenes
+    v1.0-infrasim/*.json           thirteen tables whose rows refer to each other by `token`
+    v1.0-infrasim/splits.json      scenes of infrasim_train, infrasim_val and infrasim_all
     samples/LIDAR_TOP/*.pcd.bin    float32 x y z intensity ring
     maps/none.png                  an empty mask, because the devkit needs a file
-Follows the public description of the schema (docs/schema_nuscenes.md of the devkit):
+The files follow the public description of the schema (docs/schema_nuscenes.md of the devkit):
 - Every frame is a sample. The frames of ImageSets/train.txt form one scene, those of val.txt a
   second, and the remaining frames a third. An object in two scenes is two instances. Timestamps are
   microseconds since the start of the run, at mid-frame.
+- Splits have the prefix `infrasim_`, because the devkit reserves `train` and `val` for nuScenes.
 - The global frame is the world frame. The ego is on the plane z = 0 of the world, below the sensor,
   with the sensor's yaw. The frame of LIDAR_TOP is the levelled LiDAR frame, x forward.
-- Intensity is 0 to 255. The ring is -1 without `fields`.
+- Intensity is 0 to 255. The ring is -1 if the folder has no `fields`.
 - Annotations are all objects within range, including those without points, which the devkit's
   evaluation ignores. `num_lidar_pts` is `points_in_box` of the objects. An unknown visibility is an
   empty token.
-- Classes have nuScenes names; a Van is a vehicle.car. Unknown classes keep their names.
+- Classes have nuScenes names. For example, a Van is a vehicle.car. Unknown classes keep their
+  names.
 """
 
 from __future__ import annotations
@@ -48,12 +49,13 @@ TABLES = (
     "attribute calibrated_sensor category ego_pose instance log map sample sample_annotation "
     "sample_data scene sensor visibility"
 ).split()
-VISIBILITY = {"v0-40": 0.0, "v40-60": 0.4, "v60-80": 0.6, "v80-100": 0.8}  # lower bounds
+# Lower bound of the visible share at each visibility level.
+VISIBILITY = {"v0-40": 0.0, "v40-60": 0.4, "v60-80": 0.6, "v80-100": 0.8}
 
 
 @dataclass(frozen=True)
 class Category:
-    """nuScenes name of a class, and the attributes of its moving and standing objects."""
+    """The nuScenes name of a class, and the attributes of moving and of standing objects."""
 
     name: str
     moving: str | None = None
@@ -77,8 +79,8 @@ CATEGORIES = {
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     """Writes the tables, clouds and the mask to the folder `out`.
 
-    Keeps only one frame and the last annotation of each object in memory.
-    Raises FileNotFoundError for an incomplete frame, FormatError, and Error without a frame.
+    The function keeps only one frame and the last annotation of each object in memory. Raises
+    FileNotFoundError for an incomplete frame, FormatError, and Error if there is no frame.
     """
     if not frames:
         raise Error(f"{lidar_folder}: expected a frame to export, got none")
@@ -86,7 +88,8 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     for folder in (VERSION, f"samples/{CHANNEL}", "maps"):
         (out / folder).mkdir(parents=True)
     matplotlib.image.imsave(out / "maps/none.png", np.zeros((1, 1)), cmap="gray")
-    # A slice, because iterating over `frames` may show a progress bar, meant for the loop below.
+    # `frames[:]` avoids the progress bar that iterating over `frames` may show. The loop below is
+    # the one that should show it.
     parts = parts_of(lidar_folder, frames[:])
     with ExitStack() as stack:
         files = {name: out / VERSION / f"{name}.json" for name in TABLES}
@@ -108,10 +111,10 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 
 
 def parts_of(lidar_folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
-    """Returns the frames in `train` and `val` of ImageSets; `all` contains the remaining frames.
+    """Returns the frames in `train` and `val` of ImageSets. `all` contains the remaining frames.
 
-    nuScenes splits by scene, so each part becomes one scene.
-    Raises FormatError for a frame that is in both lists.
+    nuScenes splits by scene, so each part becomes one scene. Raises FormatError for a frame that is
+    in both lists.
     """
     listed = {part: lidar_folder / f"ImageSets/{part}.txt" for part in ("train", "val")}
     there = [part for part, file in listed.items() if file.is_file()]
@@ -140,7 +143,7 @@ def _table(file: Path) -> Iterator[Add]:
 
 
 class _Common:
-    """Writes the rows that all scenes share, such as sensor, map, visibilities and categories."""
+    """Writes the rows that all scenes share, such as sensor, map, visibility and category."""
 
     def __init__(self, series: FrameSeries, add: dict[str, Add]) -> None:
         self.series, self.add = series, add
@@ -148,7 +151,7 @@ class _Common:
         self.categories: set[str] = set()
 
     def token(self, kind: str, key: object) -> str:
-        """Returns a reproducible token, unique to this series, kind and key: 32 hex digits."""
+        """Returns a token of 32 hex digits, which depends only on the series, kind and key."""
         name = [self.name, *self.series.provenance.values(), kind, str(key)]
         return uuid.uuid5(uuid.NAMESPACE_URL, "/".join(name)).hex
 
@@ -186,7 +189,7 @@ class _Common:
         )
 
     def add_levels(self) -> None:
-        """Writes all visibility levels and attributes, used or not."""
+        """Writes all visibility levels and attributes, even if no annotation uses them."""
         for number, (level, least) in enumerate(VISIBILITY.items(), start=1):
             text = f"visible from {least:.0%} on"
             self.add["visibility"]({"token": str(number), "level": level, "description": text})
@@ -195,7 +198,7 @@ class _Common:
             self.add["attribute"](row)
 
     def attributes(self, category: Category, speed: float) -> list[str]:
-        """Returns the attribute tokens; none for an unknown speed or class."""
+        """Returns the attribute tokens; an empty list for an unknown speed or class."""
         name = category.moving if speed > STILL_MPS else category.standing
         return [] if name is None or np.isnan(speed) else [self.token("attribute", name)]
 
@@ -213,11 +216,11 @@ class _Scene:
         self.name = f"{common.name}-{part}"
         self.following = dict(pairwise(frames))
         self.preceding = dict(pairwise(reversed(frames)))
-        self.last: dict[int, Row] = {}  # latest annotation of each object, not written yet
+        self.last: dict[int, Row] = {}  # latest annotation of each object, which is not written yet
         self.instances: dict[int, Row] = {}
 
     def token(self, kind: str, key: object) -> str:
-        """Returns the token of a key in this scene; an empty text if the key is None."""
+        """Returns the token of a key in this scene, or an empty text if the key is None."""
         return "" if key is None else self.common.token(kind, f"{self.part}/{key}")
 
     def add_sample(self, frame: StoredFrame) -> None:
@@ -318,7 +321,7 @@ class _Scene:
 
 
 def visibility_token(visibility: float) -> str:
-    """Returns the level of a visible share in [0, 1]; an empty text if it is unknown (-1)."""
+    """Returns the level of a visible share in [0, 1], or an empty text for -1 (unknown)."""
     levels = sum(visibility >= least for least in VISIBILITY.values())
     return str(levels) if levels else ""
 

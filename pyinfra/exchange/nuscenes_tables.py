@@ -1,7 +1,8 @@
 """Reads the key frames of one LiDAR of a nuScenes data set: JSON tables and .pcd.bin clouds.
 
-Follows the public schema of nuScenes (version 1.0). Boxes are transformed from the global frame to
-the levelled LiDAR frame. Points of a tilted LiDAR are rotated to the levelled frame too.
+The reader follows the public schema of nuScenes (version 1.0). Boxes are transformed from the
+global frame to the levelled LiDAR frame. Points of a tilted LiDAR are rotated to the levelled
+frame.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from pyinfra.formats.kitti.layout import FARTHEST_M
 
 COLUMNS = 5  # x y z intensity ring
 INTENSITY_MAX = 255.0
-VISIBILITY = {"1": 0.2, "2": 0.5, "3": 0.7, "4": 0.9}  # middles of 0-40, 40-60, 60-80, 80-100 %
+# Visible share of each level: the middle of 0-40, 40-60, 60-80 and 80-100 %.
+VISIBILITY = {"1": 0.2, "2": 0.5, "3": 0.7, "4": 0.9}
 NEEDED = (
     *("sample", "sample_data", "calibrated_sensor", "sensor", "ego_pose"),
     *("sample_annotation", "instance", "category"),
@@ -35,8 +37,8 @@ Row = dict[str, Any]
 def read(source: Path, options: Options) -> Recording:
     """Opens a folder with the tables, or with exactly one subfolder that has them.
 
-    Frames are in order of time. Raises FileNotFoundError, FormatError that names table and row, and
-    Error if `options.channel` must select one of several LiDARs.
+    Frames are in order of time. Raises FileNotFoundError, and FormatError that names table and row.
+    Raises Error if there are several LiDARs and `options.channel` does not select one of them.
     """
     tables = Tables(_table_folder(source))
     rows = _key_frames(tables, _sensor(tables, options.channel))
@@ -70,7 +72,7 @@ def read(source: Path, options: Options) -> Recording:
 
 
 class Tables:
-    """The JSON tables of a folder, with rows by token; errors name table, row and key."""
+    """The JSON tables of a folder, with rows by token. Errors name table, row and key."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -93,7 +95,7 @@ class Tables:
         return str(row[key])
 
     def numbers(self, table: str, row: Row, key: str, shape: int | tuple[()]) -> FloatArray:
-        """Returns a cell as an array of finite numbers; shape () is a single number."""
+        """Returns a cell as an array of finite numbers. Shape () means a single number."""
         raw = row.get(key)
         want = (shape,) if isinstance(shape, int) else shape
         try:
@@ -112,7 +114,7 @@ class Tables:
         file = self._file(table)
         try:
             rows = json.loads(file.read_text(encoding="utf-8"))
-        except (ValueError, RecursionError) as error:  # not JSON, not UTF-8, or too many digits
+        except (ValueError, RecursionError) as error:  # the file is not JSON, for example
             raise FormatError(f"{file}: is not JSON: {error}") from None
         if not isinstance(rows, list) or not all(
             isinstance(row, dict) and "token" in row for row in rows
@@ -189,7 +191,7 @@ def _pose(tables: Tables, row: Row) -> Pose:
 
 
 def angles_of(turn: FloatArray) -> tuple[float, float, float]:
-    """Returns yaw, pitch and roll of a rotation (3, 3); roll is 0 if x points up or down."""
+    """Returns yaw, pitch and roll of a rotation (3, 3). Roll is 0 if x points up or down."""
     flat = math.hypot(turn[0, 0], turn[1, 0])
     pitch = math.atan2(-turn[2, 0], flat)
     if flat < 1e-6:

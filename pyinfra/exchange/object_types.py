@@ -9,7 +9,8 @@ import numpy as np
 from pyinfra.core.arrays import NameArray
 from pyinfra.core.errors import Error
 
-# Looked up for each part of a name such as `vehicle.bus.rigid`, the last part first.
+# Maps parts of names to types. The parts of a name such as `vehicle.bus.rigid` are looked up from
+# the last to the first.
 TYPES = {
     "car": "Car",
     "van": "Van",
@@ -26,7 +27,7 @@ TYPES = {
 }
 
 
-# Names in public roadside data sets that TYPES does not know or would map wrongly.
+# Maps names in public roadside data sets that TYPES does not contain or would map wrongly.
 _CHINESE = {
     "tricyclist": "Misc",
     "barrowlist": "Misc",
@@ -38,7 +39,7 @@ _CHINESE = {
     "unknown_unmovable": "Misc",
     "unknown": "Misc",
 }
-_WAYS = (str.upper, str.capitalize)  # further spellings of a name
+_WAYS = (str.upper, str.capitalize)  # functions that give other spellings of a name
 PUBLIC = {
     "dair-v2x": _CHINESE,
     "rcooper": _CHINESE | {"tricycle": "Misc", "huge_vehicle": "vehicle"},
@@ -47,14 +48,14 @@ PUBLIC = {
 
 
 def with_public_types(format: str, user_types: Mapping[str, str]) -> dict[str, str]:
-    """Returns the types of a public data set's names in all spellings, and the user's types."""
+    """Maps the names of a public data set, in all spellings, to types. Adds the user's types."""
     known = PUBLIC.get(format, {})
     written = {way(name): kind for name, kind in known.items() for way in (str, *_WAYS)}
     return {**written, **user_types}
 
 
 def types_of(names: NameArray, user_types: Mapping[str, str]) -> NameArray:
-    """Returns types (k,) for names (k,): from `user_types`, else TYPES, else the name itself."""
+    """Returns the types (k,) of names (k,) by `user_types`, else by TYPES, else the name itself."""
     return np.array([_type(str(name), user_types) for name in names], dtype=np.str_)
 
 

@@ -1,13 +1,14 @@
-"""Writes ASAM OpenLABEL 1.0.0: boxes as cuboids in one JSON file, and the clouds.
+"""Writes boxes as cuboids in one JSON file of ASAM OpenLABEL 1.0.0, and the clouds.
 
     NAME.json            labels, valid against the standard's JSON schema
     points/NNNNNN.bin    float32 x y z intensity, as in KITTI
 - OpenLABEL frames count from 0 without gaps, because intervals refer to them. `frame_stream` of a
-  stream is this package's frame number.
-- Times are seconds since the start of the run: mid-frame for a frame, its start for the cloud. They
-  are strings, because more readers accept strings than fractional numbers.
-- A cuboid is x y z, quaternion x y z w, length width height, in the LiDAR's coordinate system. That
-  system has a pose in the coordinate system `world` of the scene.
+  stream is the frame number of this package.
+- Times are seconds since the start of the run. The time of a frame is its middle, and the time of a
+  cloud is the start of its frame. Times are strings, because more readers accept strings than
+  fractional numbers.
+- A cuboid is x y z, quaternion x y z w, length width height, in the LiDAR's coordinate system. The
+  LiDAR's system has a pose in the coordinate system `world` of the scene.
 - Attributes are `points_in_box` of the objects, and speed (m/s) and visibility if known.
 """
 
@@ -43,8 +44,8 @@ FORMAT = "KITTI: float32 little-endian x y z intensity, metres, intensity 0 to 1
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     """Writes NAME.json and the clouds to the folder `out`.
 
-    Keeps only one frame and the frame intervals of all objects in memory.
-    Raises FileNotFoundError for an incomplete frame, FormatError, and Error without a frame.
+    The function keeps only one frame and the frame intervals of all objects in memory. Raises
+    FileNotFoundError for an incomplete frame, FormatError, and Error if there is no frame.
     """
     if not frames:
         raise Error(f"{lidar_folder}: expected a frame to export, got none")
@@ -55,7 +56,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
         "coordinate_systems": _coordinate_systems(series),
         "streams": {series.lidar: {"type": "lidar", "uri": "points", "description": FORMAT}},
         "frames": _frames(series, frames, presence, out),
-        # Must follow the frames: iterating over them fills `presence`.
+        # `objects` must follow the frames, because iterating over the frames fills `presence`.
         "objects": presence.objects(series.lidar),
     }
     with (
@@ -152,7 +153,7 @@ def _metadata(series: FrameSeries) -> Json:
 
 
 def _coordinate_systems(series: FrameSeries) -> Json:
-    """Returns the coordinate systems; a system's pose transforms its points to the parent's."""
+    """Returns the coordinate systems. A system's pose maps its points to the parent's system."""
     pose = series.T_world_lidar
     return {
         WORLD: {"type": "scene_cs", "parent": "", "children": [series.lidar]},

@@ -1,7 +1,7 @@
-"""Reads and writes OpenPCDet's custom layout: points/*.npy, labels/*.txt, ImageSets, configs.
+"""Reads and writes OpenPCDet's custom layout: points/*.npy, labels/*.txt, ImageSets, cfgs.
 
-Follows the public guide "Custom Dataset Tutorial". The class names, and the rule that each listed
-frame must have a label, come from OpenPCDet's CustomDataset.
+The layout follows the public guide "Custom Dataset Tutorial". The class names come from OpenPCDet's
+CustomDataset, which also requires a label in each listed frame.
 """
 
 from __future__ import annotations
@@ -51,10 +51,11 @@ _UNREADABLE = (
 
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
-    """Writes the frames at road level, see road_level. Raises Error if they have no vehicle."""
+    """Writes the frames with the road at z = 0. Raises Error if the frames have no vehicle."""
     labels = read_labels(lidar_folder, frames)
     site = site_of(lidar_folder, labels)
-    # OpenPCDet's info script fails on a frame without a label. Such frames are written, not listed.
+    # OpenPCDet's info script fails on a frame without a label. Frames without a label are therefore
+    # written, but not listed in ImageSets.
     listed = {k for k, entries in zip(frames, labels, strict=True) if len(entries) > 0}
     lists = train_and_val(lidar_folder, frames)
     write_lists(out, {part: [k for k in entries if k in listed] for part, entries in lists.items()})
@@ -68,11 +69,11 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 
 
 def read(source: Path, options: Options) -> Recording:
-    """Opens a folder in this layout, also with points/*.bin; labels/ is optional.
+    """Opens a folder in this layout. Clouds may also be points/*.bin. labels/ is optional.
 
-    If there is a `sensor.yaml`, frames are moved back from road level to the sensor's level.
-    Raises FileNotFoundError, and Error for labels that do not pair with clouds. Reading a frame
-    raises FormatError.
+    If there is a `sensor.yaml`, z is converted from above the road to above the sensor. Raises
+    FileNotFoundError, and Error for labels that do not pair with clouds. Reading a frame raises
+    FormatError.
     """
     clouds = sorted_files(source / "points", [".npy", ".bin"])
     folder = label_files(clouds, source / "labels", options)
@@ -91,7 +92,7 @@ def read(source: Path, options: Options) -> Recording:
 
 
 def _lowered(points: Points, height: float) -> Points:
-    """Moves points from road level to the sensor's level."""
+    """Moves points with z above the road down by the sensor's height."""
     if height != 0:
         points = points.copy()
         points[:, 2] -= np.float32(height)
@@ -105,19 +106,19 @@ def _lowered_boxes(original: Boxes, height: float) -> Boxes:
 
 
 def _write_cloud(file: Path, points: Points) -> None:
-    """Writes a .npy file via memory, because `np.save` does not report a full disk on closing."""
+    """Writes a .npy file with `write`, because `np.save` may not report a full disk."""
     buffer = io.BytesIO()
     np.save(buffer, points)
     write(file, buffer.getvalue())
 
 
 def _read_cloud(file: Path, columns: int, options: Options) -> Points:
-    """Reads points (n, 4). Raises FormatError; pickled objects in a .npy file are never read."""
+    """Reads points (n, 4). Pickled objects in a .npy file are never read. Raises FormatError."""
     if file.suffix.lower() == ".bin":
         return read_bin(file, columns, options)
     try:
-        with warnings.catch_warnings(action="ignore"):  # warnings about Python 2 headers
-            # A memory map checks the file size against the header before anything is allocated.
+        with warnings.catch_warnings(action="ignore"):  # NumPy warns about headers of Python 2
+            # A memory map compares the file size with the header before it allocates memory.
             points = np.lib.format.open_memmap(file, mode="r")
     except _UNREADABLE as error:
         raise FormatError(f"{file}: is no whole array of numbers: {error}") from None

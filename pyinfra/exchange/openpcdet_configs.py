@@ -1,4 +1,4 @@
-"""Writes OpenPCDet's configuration files for frames at road level.
+"""Writes OpenPCDet's configuration files for frames with the road at z = 0.
 
 The networks are those of OpenPCDet's public configurations (pointpillar, pv_rcnn and dsvt of Waymo,
 pointrcnn of KITTI). Ranges, voxels, anchors and sizes are derived from the exported vehicles.
@@ -25,17 +25,20 @@ PILLAR_M = 0.32
 VOXEL_M = 0.1
 CELLS = 16  # side lengths of a grid are multiples of this number of cells
 LAYERS = 40  # number of voxel layers in z
-LOW_Z_M, HIGH_Z_M = -2.0, 4.0  # minimum z range at road level
-MARGIN_M = 0.5  # above and below the vehicles
+LOW_Z_M, HIGH_Z_M = -2.0, 4.0  # the z range above the road covers at least this interval
+MARGIN_M = 0.5  # vertical margin above and below the vehicles
 AROUND_M = 2.0  # horizontal margin around the vehicles
-BEYOND_M = 12.0  # beyond the LiDAR's range, for vehicles of which it only sees the near end
+# Margin beyond the LiDAR's range, for vehicles of which the LiDAR only sees the near end.
+BEYOND_M = 12.0
 
-LONG_FROM_M = 6.0  # longer vehicles get their own anchor: a car's anchor overlaps a bus too little
+# Vehicles longer than this have a separate anchor, because a car's anchor overlaps a bus too
+# little.
+LONG_FROM_M = 6.0
 
 
 @dataclass(frozen=True)
 class Box:
-    """An axis-parallel box given by two corners x y z, metres, at road level."""
+    """An axis-parallel box given by two corners x y z, in metres, with z above the road."""
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
@@ -56,7 +59,7 @@ class Box:
 
 
 def area_of(vehicles: FloatArray, reach_m: float) -> Box:
-    """Returns the area that contains the vehicles (m, 7), limited by the LiDAR's range."""
+    """Returns the box that contains the vehicles (m, 7), limited by the LiDAR's range."""
     cos, sin = np.abs(np.cos(vehicles[:, 6])), np.abs(np.sin(vehicles[:, 6]))
     half_x = (cos * vehicles[:, 3] + sin * vehicles[:, 4]) / 2 + AROUND_M
     half_y = (sin * vehicles[:, 3] + cos * vehicles[:, 4]) / 2 + AROUND_M

@@ -30,15 +30,17 @@ from pyinfra.formats.kitti.layout import FARTHEST_M
 from pyinfra.formats.pcd_file import Header, Viewpoint, read_header, read_pcd, write_pcd
 
 POINT_FIELDS: list[tuple[str, Any]] = [(name, "<f4") for name in ("x", "y", "z", "intensity")]
-# Maps further fields of the .pcd files to their names in kitti.FIELDS.
+# Maps additional fields of the .pcd files to their names in kitti.FIELDS.
 MORE = {"time": "time_s", "ring": "ring", "object_id": "object_id", "class": "class"}
 # Lower-case field names that mean intensity. CloudCompare prefixes its fields with `scalar_`.
 INTENSITIES = (
     *("intensity", "reflectivity", "i", "intensities", "reflectance", "remission"),
     *("scalar_intensity", "scalar_reflectivity", "scalar_reflectance"),
 )
-FIRST = 3  # number of first clouds that are checked for time stamps, as empty clouds have none
-STAMPS = ("timestamp", "time_stamp", "time", "t")  # point times, absolute or relative
+# Number of first clouds that are checked for time stamps. One is not enough, because an empty cloud
+# has no time stamp.
+FIRST = 3
+STAMPS = ("timestamp", "time_stamp", "time", "t")  # fields of absolute or relative point times
 
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
@@ -63,7 +65,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 
 
 def read(source: Path, options: Options) -> Recording:
-    """Opens a folder with clouds in it or in points/; boxes in labels/ are optional.
+    """Opens a folder of clouds, or with clouds in points/. Boxes in labels/ are optional.
 
     Raises FileNotFoundError, and Error for labels that do not pair with clouds. Reading a frame
     raises FormatError.
@@ -105,7 +107,7 @@ class Headers:
     def origin(self) -> FloatArray | None:
         """Returns the sensor's position (3,) in the frame of the points, in the source's unit.
 
-        Returns None if it is the origin or differs between clouds.
+        Returns None if the position is the origin or differs between clouds.
         """
         shifts = np.array([header.viewpoint.applied_shift for header in self._all])
         return shifts[0] if shifts[0].any() and (shifts == shifts[0]).all() else None
@@ -143,9 +145,9 @@ def _viewpoint_note(viewpoint: Viewpoint, *, shifted: bool) -> str:
 
 
 def stamps(clouds: Sequence[Path]) -> FloatArray | None:
-    """Returns the first time stamp of each cloud, in seconds since 1970; NaN without one.
+    """Returns the first time stamp of each cloud in seconds since 1970, or NaN without one.
 
-    Returns None if the first clouds have none.
+    Returns None if the first clouds have no time stamps.
     """
     if all(_stamp(read_pcd(file)) is None for file in clouds[:FIRST]):
         return None
@@ -173,8 +175,8 @@ def _records(points: Points, fields: Records | None) -> Records:
 def points_of(file: Path, records: Records, options: Options, *, shifted: bool = True) -> Points:
     """Returns the points (n, 4) of a file's records, transformed by its viewpoint.
 
-    shifted: False only rotates them, so that the sensor stays the origin. The intensity is 0 if the
-    file has no field for it. Raises FormatError.
+    With `shifted` = False, points are only rotated, so that the sensor stays the origin. The
+    intensity is 0 if the file has no field for it. Raises FormatError.
     """
     names = records.dtype.names or ()
     if not {"x", "y", "z"} <= set(names):
@@ -197,7 +199,7 @@ def _column(file: Path, records: Records, name: str) -> AnyArray:
 
 
 def _fields(file: Path, records: Records) -> Records | None:
-    """Returns kitti.FIELDS (n,) if time and ring exist, else None.
+    """Returns records (n,) of kitti.FIELDS if the file has time and ring, else None.
 
     A point without class and object_id counts as background. Raises FormatError.
     """

@@ -1,7 +1,7 @@
 """Estimates properties of a recording's clouds that neither the user nor the format states.
 
-From some of the frames it estimates the length unit, the upward axis, the tilt of the sensor and
-its height above the road. All assumptions are listed as texts in `assumed`.
+The length unit, the upward axis, the tilt of the sensor and its height above the road are estimated
+from some of the frames. All assumptions are listed as texts in `assumed`.
 """
 
 from __future__ import annotations
@@ -32,14 +32,16 @@ from pyinfra.exchange.road_shape import shape_of
 
 Read = Callable[[Path, Options], Recording]
 
-FRAMES = 30  # number of frames used, evenly spread
-# With these options, clouds in any unit pass the range checks of the reader.
+FRAMES = 30  # number of frames used, evenly distributed
+# Options with which clouds in any unit pass the range checks of the reader.
 WIDE = Options(unit_m=1e-3, intensity_max=65535.0)
 MILLIMETRES = "coordinates are millimetres: divided by 1000"
 INTENSITIES_MAX = (1.0, 255.0, 65535.0)
 FARTHEST_MEDIAN_M = 400.0  # largest median range of a roadside sensor in metres
 NEAREST_MEDIAN_MM = 2000.0
-UPS: dict[str, list[list[int]]] = {  # rows: x, y, z axes of the upright frame in the source's frame
+# Possible rotations to the upright frame. Their rows are the axes x, y, z of the upright frame in
+# the source's frame.
+UPS: dict[str, list[list[int]]] = {
     "z up": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
     "z down": [[1, 0, 0], [0, -1, 0], [0, 0, -1]],
     "y up": [[0, 0, 1], [1, 0, 0], [0, 1, 0]],
@@ -47,12 +49,16 @@ UPS: dict[str, list[list[int]]] = {  # rows: x, y, z axes of the upright frame i
     "x up": [[0, 1, 0], [0, 0, 1], [1, 0, 0]],
     "x down": [[0, 1, 0], [0, 0, -1], [-1, 0, 0]],
 }
-SURE_SHARE = 0.3  # share of the near ground on the road plane from which z is surely up
-LOWEST_M = 1.0  # lowest height of a sensor; if lower, the origin of the clouds is on the road
-AS_GIVEN_M = 0.5  # tolerated error of a given height
-AS_GIVEN_SHARE = 0.15  # the same relative to the height; the larger of both applies
-GIVEN_TILT_DEG = 10.0  # largest tilt of the road after correction by a given tilt
-WORTH_DEG = 0.05  # smaller tilts are not corrected
+# If at least this share of the near ground lies on a road plane, z is assumed to be up.
+SURE_SHARE = 0.3
+# Lowest height of a sensor. If the estimate is lower, the origin of the clouds is on the road.
+LOWEST_M = 1.0
+# Tolerated error of a height that the user gives, in metres and as a share of the height. The
+# larger of both applies.
+AS_GIVEN_M = 0.5
+AS_GIVEN_SHARE = 0.15
+GIVEN_TILT_DEG = 10.0  # largest tilt of the road after the correction by a tilt that the user gives
+WORTH_DEG = 0.05  # tilts smaller than this are not corrected
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,18 +67,20 @@ class Survey:
 
     options: Options
     turn: FloatArray  # (3, 3) rotation from the source's axes to upright axes
-    lift_m: float  # added to z after the rotation
+    lift_m: float  # height that is added to z after the rotation
     facts: LidarFacts
     plane: RoadPlane | None
     assumed: tuple[str, ...]
-    back_m: FloatArray = field(default_factory=lambda: np.zeros(3))  # subtracted before rotation
+    # (3,) translation that is subtracted before the rotation
+    back_m: FloatArray = field(default_factory=lambda: np.zeros(3))
 
 
 def survey(source: Path, read: Read, options: Options, given: LidarFacts, *, road: bool) -> Survey:
     """Estimates the properties of a recording from some of its frames.
 
-    road: whether to estimate unit, axes and road; otherwise only the intensity scale is estimated.
-    Raises Error if the unit or height cannot be determined; the message says which argument helps.
+    `road` states whether to estimate unit, axes and road. Without it, only the intensity scale is
+    estimated. Raises Error if the unit or height cannot be determined. The message names the
+    argument that helps.
     """
     recording = read(source, _wide(options))
     clouds = _clouds(recording)
@@ -114,7 +122,7 @@ def turned(recording: Recording, estimate: Survey) -> Recording:
 
     def frame(i: int) -> RecordedFrame:
         recorded = levelled(read(i), estimate.turn)
-        there = recorded.points[:, :3].any(axis=1)  # 0 0 0 means no return
+        there = recorded.points[:, :3].any(axis=1)  # the point 0 0 0 means no return
         recorded.points[there, :3] += shift.astype(np.float32)
         recorded.boxes.boxes[:, :3] += shift
         return recorded
@@ -149,7 +157,7 @@ def _spread(recording: Recording) -> list[int]:
 
 
 def _clouds(recording: Recording) -> list[Floats]:
-    """Returns points (k, 4) of some frames in the source's units; skips invalid frames."""
+    """Returns points (k, 4) of some frames in the source's units. Skips invalid frames."""
     clouds: list[Floats] = []
     for i in _spread(recording):
         try:
@@ -187,8 +195,11 @@ def _brightest(clouds: Sequence[Floats]) -> float:
 
 
 def usual_intensity_max(brightest: float) -> float:
-    """Returns the smallest of 1, 255 and 65535 that is not below `brightest`; 1 if none is."""
-    brightest *= 1 - 1e-6  # tolerates rounding: the value was divided and multiplied again
+    """Returns the smallest of 1, 255 and 65535 that is at least `brightest`.
+
+    Returns 1 if all three are smaller.
+    """
+    brightest *= 1 - 1e-6  # tolerates rounding, since the value was divided and multiplied again
     return next((top for top in INTENSITIES_MAX if brightest <= top), 1.0)
 
 
@@ -225,7 +236,7 @@ def _with_road(source: Path, estimate: Survey, clouds: Sequence[Floats]) -> Surv
 
 
 def _shaped(estimate: Survey, clouds: Sequence[Floats]) -> Survey:
-    """Adds the road shape if the road is not a plane. clouds: upright except for the tilt."""
+    """Adds the road shape if the road is not a plane. Clouds are upright except for the tilt."""
     facts = estimate.facts
     lean = Rotation.from_euler("ZYX", [0, *(facts.tilt or (0.0, 0.0))]).as_matrix()
     shape = shape_of([cloud @ lean.T for cloud in clouds], facts.height_m or 0.0)
@@ -255,8 +266,8 @@ def _upright(clouds: Sequence[Floats]) -> tuple[str, RoadPlane | None]:
 def _better(plane: RoadPlane, best: RoadPlane | None) -> bool:
     """Returns whether a plane is a better estimate of the road than the best one so far.
 
-    If the origin is on the road, both orientations of an axis give the same plane. The right one
-    has more points above the road.
+    If the origin is on the road, both orientations of an axis give the same plane. In the right
+    orientation, more points are above the road.
     """
     if best is None:
         return True
@@ -274,7 +285,7 @@ def _axes(turn: FloatArray) -> str:
 
 
 def _from_road_level(source: Path, estimate: Survey, plane: RoadPlane) -> Survey:
-    """Handles clouds whose origin is on the road: moves them down by the given sensor height."""
+    """Moves clouds whose origin is on the road down by the sensor height that the user gave."""
     height = estimate.facts.height_m
     below = f"the road lies {plane.height_m:.2f} m below the origin"
     _check_millimetres(source, estimate, below)
@@ -294,7 +305,10 @@ def _from_road_level(source: Path, estimate: Survey, plane: RoadPlane) -> Survey
 
 
 def _check_millimetres(source: Path, estimate: Survey, why: str) -> None:
-    """Raises Error if millimetres were assumed, because the result is no sensor above a road."""
+    """Raises Error if millimetres were assumed.
+
+    The function is called if the result is no sensor above a road.
+    """
     if MILLIMETRES in estimate.assumed:
         raise Error(
             f"{source}: expected coordinates around the sensor, got some that as millimetres "
@@ -305,7 +319,10 @@ def _check_millimetres(source: Path, estimate: Survey, why: str) -> None:
 def _as_given(
     source: Path, facts: LidarFacts, clouds: Sequence[Floats], plane: RoadPlane
 ) -> RoadPlane:
-    """Returns the plane near the given sensor height. Raises Error if there is none."""
+    """Returns the plane near the sensor height that the user gave.
+
+    Raises Error if there is no such plane.
+    """
     if facts.height_m is None:
         return plane
     off = max(AS_GIVEN_M, AS_GIVEN_SHARE * facts.height_m)

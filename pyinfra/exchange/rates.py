@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 
 class Shown(Sequence[int]):
-    """Frame numbers that show a progress bar on stderr while they are iterated, on a terminal."""
+    """Frame numbers that show a progress bar on stderr during iteration, if it is a terminal."""
 
     def __init__(self, frames: Sequence[int]) -> None:
         self.frames = frames
@@ -28,14 +28,14 @@ class Shown(Sequence[int]):
         return self.frames[at]
 
     def __iter__(self) -> Iterator[int]:
-        # disable=None: no progress bar without a terminal.
+        # With disable=None, there is no progress bar if stderr is not a terminal.
         return iter(tqdm(self.frames, unit="frame", disable=None, leave=False, file=sys.stderr))
 
 
 def summary(frames: int, folder: Path, since: float) -> str:
     """Returns a text such as `100 frames, 12.3 MB in 1.5 s: 67 frames/s, 8 MB/s`.
 
-    since: value of time.perf_counter() at the start.
+    `since` is the value of time.perf_counter() at the start.
     """
     seconds = max(time.perf_counter() - since, 1e-9)
     megabytes = size_of(folder) / 1e6

@@ -1,7 +1,7 @@
 """Reads one LiDAR of a sequence of RCooper: data/SCENE/POLE/seq-N/lidar/TIME.pcd and labels.
 
-Follows RCooper's public converters. Labels are in label(s)/SCENE/POLE/seq-N/TIME.json, in the
-LiDAR's frame. calib/lidar2world/POLE.json contains the pose and tilt of the LiDAR.
+The reader follows RCooper's public converters. Labels are in label(s)/SCENE/POLE/seq-N/TIME.json,
+in the LiDAR's frame. calib/lidar2world/POLE.json contains the pose and tilt of the LiDAR.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def read(source: Path, options: Options) -> Recording:
 
 
 def _pose(file: Path) -> tuple[WorldPose | None, tuple[float, float] | None]:
-    """Reads the LiDAR's pose and tilt; None and None without the file. Raises FormatError."""
+    """Reads the LiDAR's pose and tilt. Both are None without the file. Raises FormatError."""
     if not file.is_file():
         return None, None
     content = read_json(file)

@@ -1,4 +1,4 @@
-"""The common representation of a recording, which is read frame by frame."""
+"""The representation of a recording that all readers return. It is read frame by frame."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from pyinfra.formats.text_table import lines_of
 
 @dataclass(frozen=True)
 class Options:
-    """Properties that files do not state; None selects the default of the format."""
+    """Properties that files do not state. None selects the default of the format."""
 
-    intensity_max: float | None = None  # largest intensity of the source, which becomes 1
-    columns: int | None = None  # float32 per point in a .bin file: x y z, intensity, others
-    labels: Path | None = None  # folder of the labels, if not the usual one
-    channel: str | None = None  # name of the LiDAR, if there are several
+    intensity_max: float | None = None  # largest intensity of the source, which is scaled to 1
+    columns: int | None = None  # number of float32 values per point in a .bin file
+    labels: Path | None = None  # folder of the labels, if it is not the usual one
+    channel: str | None = None  # name of the LiDAR, if the recording has several
     unit_m: float = 1.0  # length unit of the source's coordinates, metres
 
 
@@ -33,8 +33,8 @@ class Boxes:
 
     names: NameArray  # (k,) class names of the source
     boxes: FloatArray  # (k, 7) x y z dx dy dz heading
-    ids: IntArray | None = None  # (k,) track ids, equal in all frames; None: unknown
-    visibility: FloatArray | None = None  # (k,) [0, 1]; None: unknown
+    ids: IntArray | None = None  # (k,) ids of tracks; None if they are unknown
+    visibility: FloatArray | None = None  # (k,) visible share in [0, 1]; None if it is unknown
 
     def __len__(self) -> int:
         return len(self.names)
@@ -56,25 +56,29 @@ class RecordedFrame:
 class Recording:
     """Frames of one stationary LiDAR."""
 
-    names: tuple[str, ...]  # of the frames in the source, in order of time
+    names: tuple[str, ...]  # names of the frames in the source, in order of time
     read: Callable[[int], RecordedFrame]  # reads a frame by its index in `names`
     labelled: bool
-    splits: dict[str, tuple[str, ...]] = field(default_factory=dict)  # names in train and val
+    splits: dict[str, tuple[str, ...]] = field(default_factory=dict)  # frame names, train and val
     period_s: float | None = None
     pose: WorldPose | None = None
-    tilt: tuple[float, float] | None = None  # pitch, roll (rad), already removed from the points
+    # Pitch and roll (rad) of the sensor, which were already removed from the points.
+    tilt: tuple[float, float] | None = None
     ids_are_tracks: bool = False
     times: Callable[[], FloatArray | None] | None = None  # frame times in the files, seconds
     notes: Callable[[], list[str]] | None = None  # texts about assumptions of the reader
     origin: Callable[[], FloatArray | None] | None = None  # sensor position in the points' frame
-    slots: tuple[int, ...] | None = None  # frame numbers; None: see numbers()
+    slots: tuple[int, ...] | None = None  # frame numbers; if None, numbers() derives them
 
     @property
     def counted(self) -> bool:
-        """Whether frames are numbered by order: names are not unique numbers of up to 6 digits."""
+        """Whether frames are numbered by their order.
+
+        They are if the names are not unique numbers of up to 6 digits.
+        """
         if not all(re.fullmatch("[0-9]{1,6}", name) for name in self.names):
             return True
-        return len({int(name) for name in self.names}) < len(self.names)  # such as 1 and 01
+        return len({int(name) for name in self.names}) < len(self.names)  # as for 1 and 01
 
     def numbers(self) -> tuple[int, ...]:
         """Returns the frame numbers: `slots`, else the names as numbers, else 0, 1, 2, ..."""
@@ -88,8 +92,8 @@ class Recording:
 def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
     """Returns the files of a folder with one of the suffixes, sorted by the numbers in their names.
 
-    Hidden files are skipped: they belong to the system or are still being written.
-    Raises FileNotFoundError without the folder, and Error if there is no such file.
+    Hidden files are skipped, because they belong to the system or are still being written. Raises
+    FileNotFoundError if the folder does not exist, and Error if it has no file with a suffix.
     """
     candidates = (file for file in folder.iterdir() if not file.name.startswith("."))
     files = [file for file in candidates if file.name.lower().endswith(tuple(suffixes))]
@@ -99,7 +103,10 @@ def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
 
 
 def read_splits(folder: Path, names: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Reads train and val of an ImageSets folder, limited to `names`; empty unless both exist."""
+    """Reads the frame names of train and val in an ImageSets folder, limited to `names`.
+
+    Returns an empty dict unless both files exist.
+    """
     known = set(names)
     splits = {}
     for part in ("train", "val"):
@@ -114,13 +121,13 @@ def as_points(
 ) -> Points:
     """Converts columns x, y, z and intensity, (n,) each, to points (n, 4) in metres.
 
-    Intensities are divided by the source's largest intensity. Non-finite values are kept; such
-    points are no return. Raises FormatError for a point beyond 10 km, or an intensity above 10,000
-    times the largest one.
+    Intensities are divided by the source's largest intensity. Points with non-finite values stay in
+    the result, although they are no return. Raises FormatError for a point beyond 10 km, or an
+    intensity above 10,000 times the largest intensity.
     """
     highest = usual if options.intensity_max is None else options.intensity_max
     for name, column in zip(("x", "y", "z", "intensity"), columns, strict=True):
-        # The same limits as in kitti.read_points.
+        # These limits are the same as in kitti.read_points.
         most = FARTHEST_M * (highest if name == "intensity" else 1 / options.unit_m)
         bad = np.flatnonzero(np.isfinite(column) & (np.abs(column) > most))
         if len(bad) > 0:
@@ -135,10 +142,10 @@ def as_points(
 
 
 def read_bin(file: Path, columns: int, options: Options, usual: float = 1.0) -> Points:
-    """Reads the first four columns of a float32 .bin file as points (n, 4), see as_points.
+    """Reads the first four columns of a float32 .bin file and converts them with `as_points`.
 
-    `options.columns` overrides `columns`. With three columns the intensity is 0. Raises FormatError
-    for a truncated file, and like as_points.
+    `options.columns` overrides `columns`. If there are three columns, the intensity is 0. Raises
+    FormatError for a truncated file and for values that `as_points` refuses.
     """
     columns, size = options.columns or columns, file.stat().st_size
     if size % (4 * columns) != 0:
@@ -179,7 +186,7 @@ def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
 
 
 def stem(file: Path) -> str:
-    """Returns a file name without its extension; .pcd.bin counts as one, in any case."""
+    """Returns a file name without its extension. `.pcd.bin`, in any case, is one extension."""
     return re.sub(r"(\.pcd)?(\.bin)?$", "", file.name, flags=re.I).removesuffix(file.suffix)
 
 

@@ -1,7 +1,7 @@
-"""Frames with the road at z = 0, for tools whose ranges and anchors expect it there.
+"""Frames with the road at z = 0, for tools whose ranges and anchors expect the road at z = 0.
 
-Below a 6 m pole, vehicles are at z = -6, which common configurations cut off. Clouds and boxes are
-therefore moved up, and `sensor.yaml` beside them states by how much.
+Below a 6 m pole, vehicles are at z = -6. Common configurations ignore points at that height. Clouds
+and boxes are therefore moved up. `sensor.yaml` beside them states by how much.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from pyinfra.dataset.frames import frame_numbers
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Labels
 
-# Class names of OpenPCDet and MMDetection3D; objects of other classes are left out.
+# Class names of OpenPCDet and MMDetection3D. Objects of other classes are left out.
 CLASSES = ("Vehicle", "Pedestrian", "Cyclist")
 SENSOR_FILE = "sensor.yaml"
-TRAIN_SHARE = 0.8  # share of the first frames that train if there are no ImageSets
+TRAIN_SHARE = 0.8  # share of the frames, from the first on, that are train without ImageSets
 
 
 @dataclass(frozen=True, eq=False)
 class RoadFrame:
-    """A frame at road level."""
+    """A frame with the road at z = 0."""
 
     number: int
     points: Points  # (n, 4)
@@ -39,14 +39,14 @@ class RoadFrame:
 
 @dataclass(frozen=True, eq=False)
 class RoadSite:
-    """The vehicles of all exported frames, at road level."""
+    """The vehicles of all exported frames, with the road at z = 0."""
 
     floor_z: float  # z of the road in the LiDAR frame
     vehicles: FloatArray  # (m, 7)
 
 
 def read_labels(folder: Path, frames: Sequence[int]) -> list[Labels]:
-    """Reads the labels of the frames, with the names of CLASSES; drops all other classes."""
+    """Reads the labels of the frames, with the names of CLASSES. Drops all other classes."""
     cameras = read_cameras(folder, frames)
     kept = []
     for frame, camera in zip(frames, cameras.of_frame, strict=True):
@@ -59,7 +59,10 @@ def read_labels(folder: Path, frames: Sequence[int]) -> list[Labels]:
 
 
 def site_of(folder: Path, labels: Sequence[Labels]) -> RoadSite:
-    """Returns the road's height and the vehicles at road level. Raises Error without a vehicle."""
+    """Returns the road's height, and the vehicles with z above the road.
+
+    Raises Error if there is no vehicle.
+    """
     boxes = np.concatenate([np.empty((0, 7)), *(k.boxes[k.names == "Vehicle"] for k in labels)])
     if len(boxes) == 0:
         raise Error(
@@ -74,7 +77,7 @@ def site_of(folder: Path, labels: Sequence[Labels]) -> RoadSite:
 def road_frames(
     folder: Path, frames: Sequence[int], labels: Sequence[Labels], site: RoadSite
 ) -> Iterator[RoadFrame]:
-    """Yields the frames at road level."""
+    """Yields the frames with the road at z = 0."""
     for frame, frame_labels in zip(frames, labels, strict=True):
         points = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
         points[:, 2] -= np.float32(site.floor_z)
@@ -93,7 +96,7 @@ def write_sensor(out: Path, site: RoadSite) -> None:
 
 
 def read_sensor_height(folder: Path) -> float:
-    """Reads the height of the sensor above z = 0; 0 without sensor.yaml. Raises FormatError."""
+    """Reads the sensor's height above z = 0; it is 0 without sensor.yaml. Raises FormatError."""
     file = folder / SENSOR_FILE
     if not file.is_file():
         return 0.0
@@ -101,9 +104,10 @@ def read_sensor_height(folder: Path) -> float:
 
 
 def train_and_val(folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
-    """Returns the frames of train and val by ImageSets.
+    """Returns the frames of train and val, as listed in ImageSets.
 
-    Without ImageSets, the first 80 % are train, because neighbouring frames share vehicles.
+    Without ImageSets, the first 80 % of the frames are train, and the rest is val. A random split
+    is not used, because neighbouring frames show the same vehicles.
     """
     if not (folder / "ImageSets/train.txt").is_file():
         count = round(TRAIN_SHARE * len(frames))

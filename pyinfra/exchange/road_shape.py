@@ -1,7 +1,7 @@
 """Fits a quadratic surface to a road that is not a plane, for example at a crest, dip or crown.
 
-Only ground under traffic is certain to be road. The surface is therefore fitted to columns in which
-something moved, and static objects beside the road have no influence.
+Only ground under traffic is certain to be road. The surface is therefore fitted to the ground in
+columns in which something moved. Static objects beside the road have no influence on the fit.
 """
 
 from __future__ import annotations
@@ -17,12 +17,16 @@ from pyinfra.formats.kitti import RoadShape
 
 LEAST_COLUMNS = 100  # minimum number of columns with traffic
 GATES_M = (1.5, 0.8, 0.5, 0.3, 0.3, 0.3)  # maximum distance from the surface in successive fits
-ABOVE_M = 0.05  # ground higher than this above the surface may be a vehicle that hides the road
-ABOVE_WEIGHT = 0.3  # weight of such ground
+# Points higher than ABOVE_M above the surface may be a vehicle that hides the road. Their weight is
+# ABOVE_WEIGHT.
+ABOVE_M = 0.05
+ABOVE_WEIGHT = 0.3
 STEADY_M4 = 1e4  # ridge term of the quadratic coefficients: (0.05 m / 5e-4 per m) squared
-GAIN_M = 0.03  # minimum reduction of the ground's mean distance by the surface, against the plane
-MOST_M = 0.3  # upper limit of each distance in that mean
-WORTH_M = 0.15  # the 90 % quantile of the surface's deviation from the plane must reach this
+# The mean distance of the ground from the surface must be smaller than that from the plane by at
+# least GAIN_M. Each distance is limited to MOST_M.
+GAIN_M = 0.03
+MOST_M = 0.3
+WORTH_M = 0.15  # minimum of the 90 % quantile of the surface's deviation from the plane
 FOOT_M = 0.5  # maximum deviation of the surface from the plane below the sensor
 STEEPEST = 0.2  # maximum slope at the radius where the surface becomes linear
 
@@ -30,7 +34,8 @@ STEEPEST = 0.2  # maximum slope at the radius where the surface becomes linear
 def shape_of(clouds: Sequence[Floats], height_m: float) -> RoadShape | None:
     """Fits the road shape to clouds (k, 3) of a levelled sensor, `height_m` above the road plane.
 
-    Returns None if the plane fits as well, too little moved, or the surface is implausible.
+    Returns None if the plane fits about as well, if too few objects moved, or if the surface is
+    implausible.
     """
     ground = lowest_points(clouds)
     xyz = ground.xyz[ground.moved]

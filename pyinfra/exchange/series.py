@@ -1,4 +1,4 @@
-"""Reads the frames of a LiDAR's folder one by one for exports, and their provenance."""
+"""Reads the frames of a LiDAR's folder one by one for exports, and the provenance of the frames."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Objects
 
-_KEYS = ("name", "preset", "aggregation", "label_time", "seed", "version")  # of dataset.yaml
+# Keys of dataset.yaml that are part of the provenance.
+_KEYS = ("name", "preset", "aggregation", "label_time", "seed", "version")
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class FrameSeries:
     ids_are_tracks: bool  # whether an object has the same id in all frames
     period_s: float
     label_time: LabelTime
-    T_world_lidar: kitti.WorldPose  # identity without lidar.yaml
+    T_world_lidar: kitti.WorldPose  # the identity if there is no lidar.yaml
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +42,10 @@ class StoredFrame:
     """One frame, in the levelled LiDAR frame."""
 
     number: int
-    start_s: float  # since the start of the run
-    middle_s: float  # time of the boxes; only approximate with label time `scan`
+    start_s: float  # start of the frame since the start of the run
+    middle_s: float  # time of the boxes; with label time `scan`, it is only approximate
     points: Points  # (n, 4) x y z intensity
-    fields: Records | None  # (n,) records of kitti.FIELDS; None without `fields`
+    fields: Records | None  # (n,) records of kitti.FIELDS; None if the folder has no `fields`
     objects: Objects  # with boxes and points_in_box at the label time
 
 
@@ -60,7 +61,7 @@ def read_series(lidar_folder: Path) -> FrameSeries:
     name = lidar.name if lidar else folder.name
     scene = provenance.get("name", folder.parent.name)
     for file, part in ((folder / "lidar.yaml", name), (folder.parent / "dataset.yaml", scene)):
-        if "/" in part:  # the name becomes part of file names
+        if "/" in part:  # the name is used in file names
             raise FormatError(f"{file}: name: expected a name without '/', got '{part}'")
     has_objects = (folder / "training/objects").is_dir()
     return FrameSeries(
@@ -68,7 +69,7 @@ def read_series(lidar_folder: Path) -> FrameSeries:
         lidar=name,
         scene=scene,
         provenance={key: provenance[key] for key in _KEYS if key in provenance},
-        # A recording without tracks has `ids: rows` in dataset.yaml; labels have no ids.
+        # A recording without tracks has `ids: rows` in dataset.yaml. Label files have no ids.
         ids_are_tracks=has_objects and provenance.get("ids") != "rows",
         period_s=lidar.period_s if lidar else PERIOD_S,
         label_time=lidar.label_time if lidar else "frame",
@@ -79,10 +80,9 @@ def read_series(lidar_folder: Path) -> FrameSeries:
 def read_frames(series: FrameSeries, numbers: Sequence[int]) -> Iterator[StoredFrame]:
     """Yields the frames of ascending numbers, with one frame in memory at a time.
 
-    Without `objects` the boxes come from the labels, with speed NaN and visibility -1. If ids are
-    not tracks, every box gets a new id.
-    Raises FileNotFoundError for an incomplete frame, FormatError, and Error if the numbers do not
-    ascend.
+    If the folder has no `objects`, the boxes come from the labels. Their speed is NaN and their
+    visibility -1. If ids are not those of tracks, every box gets a new id. Raises
+    FileNotFoundError for an incomplete frame, FormatError, and Error if the numbers do not ascend.
     """
     folder, before, named = series.lidar_folder, -1, 0
     for number in numbers:

@@ -1,8 +1,8 @@
 """Reads TUMTraf: a folder of .pcd clouds of one LiDAR, and OpenLABEL files of the same names.
 
-Follows TUMTraf's public development kit. A label file contains one frame. The ten numbers of a
-cuboid are x y z, quaternion x y z w, and length width height, in the frame of the cloud. This frame
-is tilted like the LiDAR, so the import estimates the road from the points.
+The reader follows TUMTraf's public development kit. A label file contains one frame. The ten
+numbers of a cuboid are x y z, quaternion x y z w, and length width height, in the frame of the
+cloud. The cloud is tilted like the LiDAR, so the import estimates the road from the points.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def read(source: Path, options: Options) -> Recording:
 def read_cuboids(file: Path, ids: dict[str, int]) -> Boxes:
     """Reads the cuboids of the single frame of a file.
 
-    ids: maps object keys to numbers, and is extended by new objects.
+    `ids` maps object keys to numbers. New objects are added to it.
 
     Raises FormatError that names the object.
     """
@@ -133,7 +133,7 @@ def _cloud_folder(source: Path, channel: str | None) -> Path:
 
 
 def _label_folder(clouds: Path) -> Path | None:
-    """Returns the folder of the labels, which is beside that of the clouds; None without labels."""
+    """Returns the folder of the labels, beside that of the clouds, or None without labels."""
     for top, inside in ((clouds.parent.parent, clouds.name), (clouds.parent, "")):
         for name in LABELS:
             if (top / name / inside).is_dir():
