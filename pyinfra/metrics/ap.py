@@ -3,13 +3,13 @@
 AP (R40) is the mean precision at the recalls 1/40 .. 40/40, where the precision at a recall is the
 highest one at this or a higher recall. AP (R1000) uses the recalls 1/1000 .. 1, which avoids the
 steps of 2.5 of AP (R40). Recall is true positives over objects. Precision is true positives over
-counted predictions. Predictions of equal score enter together, because an operating point is a
-score. Without objects AP is undefined (NaN).
+counted predictions. Each operating point is a score threshold, so predictions of equal score are
+counted together. Without objects AP is undefined (NaN).
 Sources: the KITTI object benchmark since 2019 (40 recalls); PASCAL VOC 2007 (11 recalls).
 
 Functions take weights of time slots, so that one call computes all bootstrap replicates: a slot
-with weight 2 counts as if its frames existed twice. Weighted AP uses at most 2,000 operating
-points. If there are more, this changes AP by some hundredths (less than 0.05 in the tests).
+with weight 2 counts as if its frames existed twice. Weighted AP uses at most about 2,000 operating
+points. In the tests, this limit changes AP by less than 0.05.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ _CHUNK = 4_000_000  # operating points times replicates that are computed togeth
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Counted predictions in order of falling score, and the objects to be found.
+    """Counted predictions in order of descending score, and the objects to be found.
 
-    Only scores with at least one true positive are operating points. Precision falls between two of
-    them, so no definition of AP needs the other scores.
+    Only scores with at least one true positive are operating points. Between two operating points
+    precision only falls, so no definition of AP needs the other scores.
     """
 
-    scores: FloatArray  # (k,) scores of the operating points, falling
+    scores: FloatArray  # (k,) scores of the operating points, descending
     upto: IntArray  # (k,) number of predictions with this score or a higher one
-    true_positives_upto: IntArray  # (k,) number of true positives among them
+    true_positives_upto: IntArray  # (k,) number of true positives among these predictions
     slot: IntArray  # (n,) slot of each prediction
     true_positive_slot: IntArray  # (h,) slot of each true positive
     objects: IntArray  # (slots,) objects in each slot
@@ -49,11 +49,11 @@ def rank(
     objects: int | IntArray,
     slot: IntArray | None = None,
 ) -> Ranking:
-    """Returns counted predictions as a Ranking; the caller leaves out ignored predictions.
+    """Returns counted predictions as a Ranking. The caller leaves out ignored predictions.
 
-    scores: (n,). hit: (n,) whether a prediction is a true positive. objects: the number of objects,
-    or the number in each slot (slots,). slot: (n,), by default all 0. The result does not depend on
-    the order of the predictions.
+    scores: (n,). true_positive: (n,) whether a prediction is a true positive. objects: the number
+    of objects, or the number in each slot (slots,). slot: (n,) slot of each prediction, by default
+    all 0. The result does not depend on the order of the predictions.
     """
     per_slot = np.atleast_1d(np.asarray(objects, dtype=np.int64))
     slot = np.zeros(len(scores), dtype=np.int64) if slot is None else slot
@@ -118,11 +118,11 @@ def kitti_average_precision(ranking: Ranking, weights: IntArray | None = None) -
     """Returns AP (R40) as KITTI's devkit computes it, (replicates,); NaN without objects.
 
     The devkit (evaluate_object.cpp, getThresholds) samples up to 41 scores of true positives: those
-    whose recall is nearest to 0, 1/40 .. 40/40, and always the last one. The precision at each is
-    raised to the highest that follows. AP is the mean of the 2nd to the 41st; missing ones count
-    as 0. So AP cannot exceed (n - 1)/40 with n < 41 objects, and a detector that does not reach
-    recall 1 is credited with one recall too many. True positives must have been matched with an IoU
-    strictly above the threshold.
+    whose recall is nearest to 0, 1/40 .. 40/40, and always the last score. The precision at each
+    sample is raised to the highest precision at any later sample. AP is the mean of the 2nd to the
+    41st sample. A missing sample counts as 0, so AP cannot exceed (n - 1)/40 with n < 41 objects. A
+    detector that does not reach recall 1 is credited with one recall too many. True positives must
+    have been matched with an IoU strictly above the threshold.
     """
 
     def sampled(true_positives: FloatArray, precision: FloatArray, objects: IntArray) -> FloatArray:
@@ -144,13 +144,13 @@ def kitti_average_precision(ranking: Ranking, weights: IntArray | None = None) -
 def _kitti_true_positives(total: IntArray, objects: IntArray) -> IntArray:
     """Returns which true positives the devkit samples, counted from 1: (replicates, 41).
 
-    total + 1 stands for none.
+    A sample that the devkit does not take has the number total + 1.
     """
     nth = np.empty((len(total), KITTI_SAMPLES), dtype=np.int64)
     last = np.zeros_like(total)
     for j in range(KITTI_SAMPLES):
         # The devkit skips true positive i while recall (i + 1)/n is nearer to j/40 than i/n is.
-        # It sums 1/40 in floating point; here whole numbers are compared.
+        # The devkit sums 1/40 in floating point. This code compares whole numbers instead.
         nearest = -((20 - j * objects) // 40)
         picked = np.minimum(np.maximum(last + 1, nearest), total)
         nth[:, j] = np.where(last >= total, total + 1, picked)
@@ -164,9 +164,10 @@ def _over_replicates(
     width: int,
     measure: Callable[[FloatArray, FloatArray, IntArray], FloatArray],
 ) -> FloatArray:
-    """Calls measure(hits (d, k), precision (d, k), objects (d,)) -> (d, width) for replicates.
+    """Returns the values of `measure` for all replicates: (replicates, width).
 
-    The replicates are processed in chunks.
+    measure: maps true positives (d, k), precision (d, k) and objects (d,) of d replicates to
+    (d, width). It is called for chunks of replicates.
     """
     if weights is None:
         objects = ranking.objects.sum(keepdims=True)
@@ -194,9 +195,9 @@ def _chunks(replicates: int, points: int) -> Iterator[slice]:
 
 
 def _per_slot(ranking: Ranking) -> tuple[FloatArray, FloatArray]:
-    """Returns cumulated true positives and predictions of each slot, (slots, points) each.
+    """Returns cumulative numbers of true positives and predictions, (slots, points) each.
 
-    They are cumulated up to each of the operating points of `_some_points`.
+    They are counted in each slot, up to each operating point of `_some_points`.
     """
     points = _some_points(ranking)
     true_positives_upto, upto = ranking.true_positives_upto[points], ranking.upto[points]
@@ -214,8 +215,8 @@ def _per_slot(ranking: Ranking) -> tuple[FloatArray, FloatArray]:
 def _some_points(ranking: Ranking) -> IntArray:
     """Returns the indices of all operating points, or of at most about MOST_POINTS of them.
 
-    If there are more, they are divided into groups of equal size; the last and the most precise
-    ones of each group are kept.
+    If there are more points, they are divided into groups of equal size. The result has the last
+    and the most precise point of each group.
     """
     k = len(ranking.upto)
     if k <= MOST_POINTS:
@@ -229,7 +230,7 @@ def _some_points(ranking: Ranking) -> IntArray:
 
 
 def _highest_from(precision: FloatArray, at: IntArray) -> FloatArray:
-    """Returns the highest precision in row d from column at[d, j] on: (d, j).
+    """Returns the highest precision in row d at or after column at[d, j]: (d, j).
 
     precision: (d, k). at: (d, j), ascending along j.
     """

@@ -22,14 +22,15 @@ def compare(
 
     Parameters
     ----------
-    a, b : evaluations of the same frames and objects, for instance of two detectors, or of two
-        LiDARs in one scene; or two lists of evaluations, one per seed, in the same order
-    ground_truth : `captured`, `all`, ...; by default the first that both have
+    a, b : two evaluations of the same frames and objects, for instance of two detectors, or of two
+        LiDARs in one scene. Two lists of evaluations are also accepted, with one evaluation per
+        seed, in the same order
+    ground_truth : `captured`, `all`, ...; by default the first that both evaluations have
 
     Returns
     -------
     value, low, high : the difference and its 95 % interval. For single evaluations the interval is
-        a bootstrap over blocks of time; for lists it is Student's t over the seeds' differences.
+        a bootstrap over blocks of time. For lists it is Student's t over the seeds' differences.
         The difference is significant if the interval excludes 0.
 
     Raises

@@ -1,8 +1,9 @@
 """Figures with their bootstrap replicates, and the differences between figures.
 
-All LiDARs and detectors that are evaluated on the same traffic use the same blocks of time. So a
-difference is taken in each replicate, and the effect of the traffic on both cancels out. The
-difference of two figures is not significant if its interval includes 0, or if there is no interval.
+All LiDARs and detectors that are evaluated on the same traffic use the same blocks of time. A
+difference is taken in each replicate, so that the effect of the traffic on both figures cancels
+out. The difference of two figures is not significant if its interval includes 0, or if it has no
+interval.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from pyinfra.metrics import intervals
 
 @dataclass(frozen=True)
 class Interval:
-    """A figure with the ends of its 95 % interval; they are NaN if there is no interval."""
+    """A figure and its 95 % interval, whose ends are NaN if it is unknown."""
 
     value: float
     low: float
@@ -45,7 +46,7 @@ class Bootstrapped:
     blocks: float  # number of blocks in the whole time
 
     def less(self, other: Bootstrapped) -> Bootstrapped:
-        """Returns the difference to a figure with replicates of the same blocks."""
+        """Returns this figure less another one with replicates of the same blocks."""
         return Bootstrapped(
             self.value - other.value, self.replicates - other.replicates, self.blocks
         )
@@ -54,7 +55,7 @@ class Bootstrapped:
         return Bootstrapped(self.value * factor, self.replicates * factor, self.blocks)
 
     def over(self, other: Bootstrapped) -> Bootstrapped:
-        """Returns the ratio to a figure with replicates of the same blocks."""
+        """Returns this figure divided by another one with replicates of the same blocks."""
         both = np.append(self.replicates, self.value), np.append(other.replicates, other.value)
         *replicates, value = intervals.ratio(*both)
         return Bootstrapped(float(value), np.array(replicates), self.blocks)
@@ -65,7 +66,7 @@ class Bootstrapped:
 
 
 def over_seeds(values: Sequence[Bootstrapped]) -> Interval:
-    """Returns the mean over seeds; its interval is Student's t over the seeds.
+    """Returns the mean over seeds, with Student's t interval over the seeds.
 
     For a single seed the interval is the bootstrap over blocks of time.
     """

@@ -1,8 +1,8 @@
 """Average precision of predictions.
 
 Predictions can come from any detector, as KITTI result files or as CSV in the LiDAR frame.
-match_results.py defines what counts and what is ignored, ap.py defines AP, and docs/conventions.md,
-"Evaluation", has the other rules.
+match_results.py defines which predictions and vehicles count. ap.py defines AP. The section
+"Evaluation" of docs/conventions.md has the other rules.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ def evaluate(
     pred : a table with the columns frame, type, x y z dx dy dz heading, score (levelled LiDAR
         frame, metres, radians), or a folder of KITTI results or CSV files
     settings : classes, ground truths, thresholds; by default vehicles at BEV IoU 0.5
-    object_class : a name of OBJECT_CLASSES (`vehicle`, `pedestrian`, `cyclist`), to be used instead
-        of settings; by default `vehicle`
+    object_class : a name of OBJECT_CLASSES (`vehicle`, `pedestrian`, `cyclist`), by default
+        `vehicle`. Give either this or `settings`
     frames : frame numbers to evaluate; by default all frames in memory, or those of the split
     split : name of a list in ImageSets of a folder, or `all`; by default `val` if it exists
     allow_missing : whether a frame without a prediction file counts as a frame without boxes
@@ -168,8 +168,8 @@ def match_results_of(
 ) -> list[MatchResult]:
     """Returns the match result of each ground truth in the settings.
 
-    Boxes are matched by footprints, for the first class and IoU. frames, split and errors are as in
-    `evaluate`.
+    Boxes are matched by footprints, for the first class and IoU of the settings. frames, split and
+    errors are as in `evaluate`.
     """
     frames = frame_numbers(gt, split) if frames is None else sorted(frames)
     truth = read_ground_truth(gt, frames, beyond_range=True)
@@ -183,7 +183,10 @@ def match_results_of(
 
 
 def default_settings(gt: Path, object_class: str = "vehicle") -> Settings:
-    """Returns the default settings of a class; without objects, only ground truth `captured`."""
+    """Returns the default settings of a class.
+
+    If the folder has no objects, the only ground truth is `captured`.
+    """
     return settings_of(object_class, has_objects=(gt / "training/objects").is_dir())
 
 
@@ -200,8 +203,8 @@ def class_settings(classes: Mapping[str, tuple[str, ...]], *, custom_iou: bool =
     """Returns the default settings of classes.
 
     Pedestrians and cyclists have a lower IoU threshold than vehicles, and are also matched by
-    centres. custom_iou: whether the user gives an IoU. Raises Error for vehicles together with
-    pedestrians or cyclists without a custom IoU.
+    centres. custom_iou: whether the user gives an IoU. If not, raises Error for vehicles together
+    with pedestrians or cyclists, because their IoU thresholds differ.
     """
     of_people = [are_people(types) for types in classes.values()]
     if not any(of_people) or (custom_iou and not all(of_people)):

@@ -45,7 +45,10 @@ KITTI_LEAST = 41  # with fewer objects the AP of KITTI's devkit cannot reach 100
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The tables of an evaluation, named as their files, and findings about its inputs."""
+    """The tables of an evaluation, and findings about its inputs.
+
+    A table has the name of its CSV file.
+    """
 
     truth: GroundTruth
     ap: pd.DataFrame
@@ -58,7 +61,9 @@ class Evaluation:
     off_region: pd.DataFrame
     findings: tuple[Finding, ...]
     ranges: pd.DataFrame | None = None  # AP and recall within ranges; None if not requested
-    cells: pd.DataFrame | None = None  # AP of each grid cell; only for a site of lanes
+    cells: pd.DataFrame | None = (
+        None  # AP of each grid cell; None unless the site consists of lanes
+    )
     predictions: Predictions | None = None
     settings: Settings | None = None
 
@@ -87,8 +92,8 @@ class Evaluation:
     def hidden_percent(self) -> dict[str, float]:
         """Share of the region's objects that `all` leaves out, for each class, 0 to 100.
 
-        They are hidden from the mount. The share is NaN if there are none in the region, and no
-        class is listed if the frames do not have the hidden ones.
+        These objects are hidden from the mount. The share is NaN if no object is in the region. The
+        result is empty if the frames do not list hidden objects.
         """
         if self.settings is None or not self.truth.has_objects:
             return {}
@@ -134,7 +139,8 @@ def evaluate_tables(
     """Evaluates predictions in memory.
 
     predictions.frame are indices of truth.frames. ranges: whether to evaluate within ranges of the
-    sensor too, except for ground truth `common`; their AP is added to table `replicates`.
+    sensor too, except for ground truth `common`. The replicates of the AP within each range are
+    then added to table `replicates`.
     """
     match_inputs = {
         (name, metric): match_input(truth, predictions, name, settings, metric)
@@ -202,7 +208,7 @@ def _off_region(
 def _primary_tables(
     one: MatchInput, settings: Settings, *, ranges: bool
 ) -> dict[str, pd.DataFrame]:
-    """Returns the other tables, for each ground truth.
+    """Returns the tables other than `ap` and `off_region`, for each ground truth.
 
     They use the first class, metric and threshold, and protocol `definition`.
     """

@@ -48,13 +48,13 @@ def summary(evaluation: Evaluation) -> str:
 
 
 def measure(protocol: str) -> str:
-    """Returns the name of a protocol's measure: `definition-centre` gives AP (R1000), centre."""
+    """Returns the name of a protocol's measure, such as `AP (R1000), centre`."""
     name, _, metric = protocol.partition("-")
     return f"{MEASURES[name]}, {metric}" if metric else MEASURES[name]
 
 
 def _hidden(evaluation: Evaluation, row: Any) -> str:
-    """Returns the share of objects that the row does not count since the mount cannot see them."""
+    """Returns the share of objects that the row does not count because they are hidden."""
     share = evaluation.hidden_percent.get(row["class"], math.nan)
     return f"{share:>6.0f} %" if row.ground_truth == "all" and share >= 0 else ""
 

@@ -27,8 +27,8 @@ AP_COLUMNS = (
     "class ground_truth iou protocol ap ap_low ap_high ap_r1000 ap_r1000_low ap_r1000_high "
     "objects predictions frames block_s"
 ).split()
-# Quality of an area: `high` or `low` if its whole interval is above or below HIGH_QUALITY, else
-# `undecided`; `few` if it has too few objects.
+# An area has quality `high` or `low` if its whole interval is above or below HIGH_QUALITY. Other
+# areas are `undecided`. An area with too few objects is `few`.
 QUALITIES = ("high", "undecided", "low", "few")
 
 
@@ -54,7 +54,7 @@ def ap_row(match_result: MatchResult, iou: float, protocol: Protocol) -> dict[st
 def ap_r1000_of(match_result: MatchResult, ranking: ap.Ranking | None = None) -> Bootstrapped:
     """Returns AP (R1000) over all frames, with its replicates.
 
-    ranking: that of a part of the region; by default of the whole region.
+    ranking: predictions and objects of a part of the region; by default of the whole region.
     """
     ranking = match_result.ranking() if ranking is None else ranking
     value = float(ap.average_precision(ranking, ap.R1000_RECALLS)[0])
@@ -74,7 +74,7 @@ def r1000_columns(
 def shown_ap(row: Any) -> tuple[float, float, float]:
     """Returns the AP to show for a row of `ap.csv`, with the ends of its interval.
 
-    It is AP (R1000) for protocol `definition`, and the AP of the protocol for others.
+    For protocol `definition` this is AP (R1000). For other protocols it is the AP of the protocol.
     """
     if str(row.protocol).startswith("definition"):
         return row.ap_r1000, row.ap_r1000_low, row.ap_r1000_high
@@ -82,9 +82,10 @@ def shown_ap(row: Any) -> tuple[float, float, float]:
 
 
 def pr_table(match_result: MatchResult) -> pd.DataFrame:
-    """Returns the highest precision at or above the recalls 0.01 .. 1; 0 if not reached.
+    """Returns the highest precision at or above each of the recalls 0.01 .. 1.
 
-    Column score is the score of the operating point at which a recall is reached.
+    The precision is 0 for a recall that is not reached. Column score is the score of the operating
+    point at which a recall is reached.
     """
     ranking = match_result.ranking()
     recalls = np.arange(1, PR_RECALLS + 1)
@@ -100,9 +101,9 @@ def pr_table(match_result: MatchResult) -> pd.DataFrame:
 
 
 def distance_table(match_result: MatchResult, min_objects: int) -> tuple[pd.DataFrame, FloatArray]:
-    """Returns AP (R40) and AP (R1000) of each window, and the replicates of the latter.
+    """Returns a table with AP (R40) and AP (R1000) of each window, and replicates of AP (R1000).
 
-    The replicates are (windows, replicates).
+    The replicates have the shape (windows, replicates).
     """
     truth = match_result.match_input.truth
     names = dict(enumerate(road.name for road in truth.roads)) or {0: "distance"}
@@ -112,9 +113,9 @@ def distance_table(match_result: MatchResult, min_objects: int) -> tuple[pd.Data
 
 
 def cell_table(match_result: MatchResult, min_objects: int) -> tuple[pd.DataFrame, FloatArray]:
-    """Returns AP and replicates of each grid cell, as `distance_table` does of each window.
+    """Returns AP of each grid cell, and its replicates, in the form of `distance_table`.
 
-    Columns x, y are the middle of a cell, distance_m its distance from the sensor.
+    Columns x, y are the middle of a cell. Column distance_m is its distance from the sensor.
     """
     truth = match_result.match_input.truth
     pose = truth.lidar.T_world_levelled if truth.lidar else None
@@ -189,9 +190,9 @@ def area_table(
 ) -> pd.DataFrame:
     """Returns the number of high-quality areas of each road, and of all roads (road `all`).
 
-    n_tda: areas with enough objects. n_hqda: those of them with an AP above HIGH_QUALITY,
-    significantly or not. undecided: those of n_tda whose interval includes HIGH_QUALITY, or that
-    have no interval.
+    n_tda counts the areas with enough objects. Among these, n_hqda counts the areas with an AP
+    above HIGH_QUALITY, significantly or not. Also among these, `undecided` counts the areas whose
+    interval includes HIGH_QUALITY, or that have no interval.
     """
     names = list(dict.fromkeys(distance.road))
     groups = [(EVERYWHERE, np.ones(len(distance), dtype=np.bool_))] if len(names) > 1 else []
@@ -227,7 +228,8 @@ def _areas(
 def high_quality_share(distance: pd.DataFrame, replicates: FloatArray) -> FloatArray:
     """Returns the percentage of high-quality areas in each replicate.
 
-    Only areas with an interval count. It is NaN for a replicate in which no area has an AP.
+    Only areas with an interval count. The percentage is NaN for a replicate in which no area has an
+    AP.
     """
     shown = ((distance.quality != "few") & distance.ap_r1000_low.notna()).to_numpy()
     defined = (~np.isnan(replicates[shown])).sum(0)
@@ -237,8 +239,8 @@ def high_quality_share(distance: pd.DataFrame, replicates: FloatArray) -> FloatA
 def error_table(match_result: MatchResult) -> pd.DataFrame:
     """Returns the errors of true positives, prediction less vehicle, along the vehicle's axes.
 
-    ahead, left, up: errors of the centre. heading: error modulo 180 degrees. reversed: share of
-    boxes that point backwards. The interval belongs to mean_absolute.
+    Rows ahead, left and up are errors of the centre. Row heading is the error modulo 180 degrees.
+    Row reversed is the share of boxes that point backwards. The interval is that of mean_absolute.
     """
     match_input = match_result.match_input
     p = match_input.predictions.boxes[match_result.true_positive]
@@ -306,8 +308,9 @@ def false_positive_table(match_result: MatchResult, iou: float, *, strict: bool)
 def off_region_table(match_input: MatchInput, matches: IntArray) -> pd.DataFrame:
     """Returns how many unmatched boxes have their centre outside the region, by least score.
 
-    *_per_min: number per minute of the frames' time. on_people: boxes of vehicles on labelled
-    pedestrians and cyclists, which count as false positives. Counts are NaN if no region is known.
+    Columns *_per_min are numbers per minute of the frames' time. Columns on_people count boxes of
+    vehicles on labelled pedestrians and cyclists, which are false positives. Counts are NaN if no
+    region is known.
     """
     truth, scores = match_input.truth, match_input.predictions.scores
     off = (matches < 0) & ~match_input.prediction_places.inside

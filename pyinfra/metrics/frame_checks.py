@@ -1,7 +1,7 @@
 """Checks of frames and predictions.
 
-Files that do not follow their format are errors. Common causes of an AP of 0 on roadside frames are
-reported: heights, point ranges, filters by image size, headings and frames of reference.
+Files that do not follow their format are errors. The checks also report common causes of an AP of 0
+on roadside frames: heights, point ranges, filters by image size, headings, frames of reference.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ COUNTED = 1000  # clouds whose points in boxes are counted, evenly spread
 POINT_BYTES, FIELD_BYTES = 16, kitti.FIELDS.itemsize
 NEIGHBOURS = 21  # a cloud's size is compared with the median of this many frames
 SMALL = 0.5  # clouds smaller than this share of the median are reported
-FEW_POINTS = 10  # an error needs more missing points in objects than this, and than LOST_SHARE
+FEW_POINTS = 10  # up to this many missing points in the objects of a cloud are no error
 LOST_SHARE = 0.05
 FAR_MARGIN_M = 5.0  # points may be this far beyond the LiDAR's range, because of range noise
 USUAL_LOW_Z = -3.0  # lower end of the point range in common configurations for cars
@@ -209,7 +209,7 @@ def _counts(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
         return
     lidar = kitti.read_lidar(folder)
     if lidar.preset == kitti.RECORDED:
-        return  # the import of a recording counted the points in objects itself
+        return  # in a recording, the import counted the points in objects from the same cloud
     farthest = max(unit.range_m[1] for unit in lidar.field_of_view) + FAR_MARGIN_M
     farthest += max(float(np.hypot(sensor.x, sensor.y)) for sensor in lidar.sensors)
     errors = []

@@ -41,13 +41,13 @@ class GroundTruth:
     period_s: float
     frames: tuple[int, ...]  # ascending; `vehicles.frame` are indices of it
     vehicles: Vehicles  # all vehicles, counted or not
-    has_objects: bool  # False: vehicles are the labels, and only `captured` can be evaluated
+    has_objects: bool  # if False, vehicles are the labels, and only `captured` can be evaluated
     lidar: kitti.Lidar | None  # None without lidar.yaml
     neighbours: tuple[tuple[kitti.Lidar, kitti.Tilt], ...]  # all LiDARs of the data set
     roads: tuple[Road, ...]  # empty without roads.csv
     outlines: tuple[FloatArray, ...]  # outlines that narrow the region, world frame
     drawn: FloatArray | None  # (m, 2) levelled: outline of the region if no roads are known
-    of_lanes: bool  # whether the roads are lanes of a file, each of which is a road of its own
+    of_lanes: bool  # whether each road is one lane, read from a file of lanes
     versions: tuple[str, str] | None = None  # frames_version and version, for frames in memory
 
     @property
@@ -66,7 +66,7 @@ class GroundTruth:
         return locate(world, roads, self.outlines)
 
     def windows(self) -> list[Window]:
-        """Returns the windows along the roads; without roads, along distance from the sensor."""
+        """Returns the windows along the roads, or rings around the sensor if there are no roads."""
         if self.of_lanes:
             return lane_windows(self.roads)
         if self.roads:
@@ -77,7 +77,7 @@ class GroundTruth:
     def cells(self) -> list[GridCell]:
         """Returns the grid cells that are the areas of a site of lanes; empty for other sites.
 
-        Elsewhere the windows along the roads are the areas.
+        At other sites, the areas are the windows along the roads.
         """
         return region_cells(self.roads, self.outlines) if self.of_lanes else []
 
@@ -115,9 +115,9 @@ def read_ground_truth(
     """Reads the ground truth of a folder in the KITTI layout, from `infrasim` or any other tool.
 
     frames: frame numbers to read; by default `frame_numbers(folder)`. beyond_range: whether to add
-    the vehicles beyond the range of this LiDAR. They are taken from the LiDAR with the longest
-    range, then from trajectories.csv. Raises FileNotFoundError, FormatError with file and line, and
-    Error if there is no frame.
+    the vehicles beyond the range of this LiDAR. These vehicles are read from the folder of the
+    LiDAR with the longest range, then from trajectories.csv. Raises FileNotFoundError, FormatError
+    with file and line, and Error if there is no frame.
     """
     frames = sorted(frame_numbers(folder) if frames is None else frames)
     if not frames:
@@ -189,7 +189,7 @@ def _reach(lidar: kitti.Lidar) -> float:
 
 
 def with_unreached(vehicles: Vehicles, others: Vehicles) -> Vehicles:
-    """Returns `vehicles`, and those of `others` in the region that are not among them.
+    """Returns `vehicles`, and the rows of `others` in the region that `vehicles` lacks.
 
     The added vehicles have 0 points, and their boxes are those at mid-frame.
     """
@@ -199,7 +199,7 @@ def with_unreached(vehicles: Vehicles, others: Vehicles) -> Vehicles:
 def with_absent(
     vehicles: Vehicles, file: Path, frames: Sequence[int], lidar: kitti.Lidar
 ) -> Vehicles:
-    """Returns `vehicles`, and those of the file trajectories.csv that are not among them."""
+    """Returns `vehicles`, and the vehicles of the file trajectories.csv that they lack."""
     if not file.is_file():
         return vehicles
     others = read_objects_at(file, frames, lidar.T_world_levelled)
@@ -213,7 +213,10 @@ def _unknown(vehicles: Vehicles, others: Vehicles) -> BoolArray:
 
 
 def _with(vehicles: Vehicles, extra: Vehicles) -> Vehicles:
-    """Returns both, ordered by frame; `extra` get 0 points and their boxes at mid-frame."""
+    """Returns both tables joined and ordered by frame.
+
+    Vehicles of `extra` get 0 points and their boxes at mid-frame.
+    """
     columns = {
         name: np.concatenate([vars(vehicles)[name], vars(extra)[name]]) for name in vars(vehicles)
     }

@@ -16,7 +16,8 @@ def ground_truth_findings(
 ) -> Iterator[Finding]:
     """Yields warnings about missing labels, labels that do not count, and a missing region.
 
-    frames: frame numbers; `vehicles.frame` are indices of it. types: names that are evaluated.
+    frames: frame numbers; `vehicles.frame` are indices of `frames`. types: names that are
+    evaluated.
     """
     if len(vehicles) == 0:
         text = f"{lidar_folder}: no label in {len(frames)} frames, so there is no AP; "

@@ -2,10 +2,11 @@
 
 Neighbouring frames show the same vehicles, so intervals use the circular block bootstrap (Politis
 and Romano 1992). A bootstrap replicate consists of runs of one block length that begin at random
-times; the last frame is followed by the first. The standard deviation of a figure over the
-replicates is its standard error. The interval is Student's t with as many samples as there are
-blocks. A block is as long as errors last, which the stays of vehicles determine (`block_seconds`).
-reproduction/commands/coverage.py measures how often such intervals include the true value.
+times. The time is circular: the first frame follows the last one. The standard deviation of a
+figure over the replicates is its standard error. The interval is Student's t with as many samples
+as there are blocks. A block is as long as a vehicle stays (`block_seconds`), because errors are
+correlated for that long. reproduction/commands/coverage.py measures how often these intervals
+include the true value.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from pyinfra.core.arrays import AnyArray, FloatArray, IntArray
 from pyinfra.core.errors import Error
 
 SLOT_S = 1.0  # unit of time that is resampled as a whole
-BLOCK_STEP_S = 5.0  # block lengths are multiples of it, so that they agree between LiDARs
-LEAST_BLOCK_S = 20.0  # false positives can last longer than vehicles stay
+BLOCK_STEP_S = 5.0  # block lengths are multiples of this, so that they agree between LiDARs
+LEAST_BLOCK_S = 20.0  # least block length, because false positives can outlast vehicles
 REPLICATES = 1000
 SEED = 1
-MIN_BLOCKS = 4.0  # a time of fewer blocks gives no interval
+MIN_BLOCKS = 4.0  # with fewer blocks there is no interval
 FEW_BLOCKS = f"vehicles are in fewer than {MIN_BLOCKS:g} blocks of time"
 NO_INTERVAL = f"(no interval: {FEW_BLOCKS})"
 LEVEL = 0.95
@@ -34,7 +35,7 @@ LEAST_DEFINED = 0.5  # least share of replicates in which a figure must be defin
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """A figure or an array of figures with 95 % intervals; NaN where there is no interval."""
+    """A figure or an array of figures with 95 % intervals, NaN where an interval is missing."""
 
     value: FloatArray
     low: FloatArray
@@ -97,11 +98,11 @@ def time_blocks(
     """
     if np.any(np.diff(frames) <= 0):
         raise Error("frames: expected ascending numbers, got others")
-    # A frame that starts on the border of two slots belongs to the later one.
+    # A frame that starts on the border of two slots belongs to the later slot.
     numbers = np.floor(frames * period_s / SLOT_S + 1e-9)
     _, first, slot = np.unique(numbers, return_index=True, return_inverse=True)
     count = len(first)
-    # For frames 2.5 s apart, the slots are alternately 2 and 3 slots apart.
+    # For frames that are 2.5 s apart, the numbers of their slots differ by 2 and 3 in turn.
     apart_s = period_s * float(np.median(np.diff(frames[first]))) if count > 1 else SLOT_S
     length = max(1, round(block_s / max(SLOT_S, apart_s)))
     enough = count >= MIN_BLOCKS * length
@@ -124,12 +125,14 @@ def _runs(count: int, length: int, replicates: int, random: np.random.Generator)
 
 
 def block_seconds(frame: IntArray, ids: IntArray, apart_s: float) -> float:
-    """Returns the block length: the mean stay of the vehicle in a random row, rounded up.
+    """Returns the block length in seconds: the mean stay of a vehicle, rounded up.
 
-    frame, ids: (n,) frame and id of every vehicle that can be found, by any LiDAR. apart_s: time
-    between two frames. The length is a multiple of BLOCK_STEP_S, and LEAST_BLOCK_S or more. If a
-    vehicle were found either in all of its frames or in none, errors would be correlated for as
-    long as vehicles stay.
+    The mean is over all rows, so a vehicle that stays longer has a higher weight. The length is a
+    multiple of BLOCK_STEP_S, and LEAST_BLOCK_S or more. Errors are correlated for as long as a
+    vehicle stays if it is found either in all of its frames or in none.
+
+    frame, ids: (n,) frame and id of every vehicle that any LiDAR can find. apart_s: time between
+    two frames.
     """
     stay = np.unique(ids, return_counts=True)[1].astype(np.float64)
     seconds = apart_s * float((stay**2).sum() / stay.sum()) if len(stay) else 0.0
@@ -140,7 +143,7 @@ def interval(value: FloatArray, drawn: FloatArray, blocks: float) -> tuple[Float
     """Returns the ends of the 95 % intervals of figures (...) from their replicates (d, ...).
 
     blocks: the number of blocks n. The variance of the replicates is corrected by n / (n - 1). The
-    ends are NaN without replicates, or if fewer than half of them are defined.
+    ends are NaN if there are no replicates, or if fewer than half of the replicates are defined.
     """
     value = np.asarray(value, dtype=np.float64)
     known = ~np.isnan(drawn)
@@ -157,7 +160,7 @@ def interval(value: FloatArray, drawn: FloatArray, blocks: float) -> tuple[Float
 
 
 def student(samples: float) -> float:
-    """Returns half the width of a 95 % interval in standard errors, for a number of samples."""
+    """Returns half the width of Student's 95 % interval for `samples` samples, in standard errors."""
     return float(stats.t.ppf((1 + LEVEL) / 2, samples - 1))
 
 

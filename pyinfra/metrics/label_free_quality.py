@@ -1,18 +1,17 @@
 """Quality measures of a detector on frames without labels.
 
 Predictions are compared with moving points, which are found by subtracting the static background of
-a fixed sensor. This comparison does not detect standing vehicles, and moving leaves count as
-moving points. So no measure is an error rate by itself. All measures depend on the least score of
-the boxes.
+a fixed sensor. Standing vehicles have no moving points, but moving leaves have some. Therefore no
+measure is an error rate by itself. All measures depend on the least score of the boxes.
 
 - A box is *confirmed* if at least POINTS points in it move.
 - A cluster of moving points *travels* if it is tracked over TRACK consecutive frames or more, moves
   at least TRAVELLED_M away from its first position, and its path is not longer than that distance
-  divided by STRAIGHT. Moving leaves do not meet this. A cluster is *found* if a box overlaps it, or
-  if the centre of a box is within NEAR_M.
-- A box *flickers* if it has no partner in the frames before and after.
+  divided by STRAIGHT. Moving leaves do not meet these conditions.
+- A cluster is *found* if a box overlaps it, or if the centre of a box is within NEAR_M.
+- A box *flickers* if neither the previous nor the next frame has a box of the same object.
 - A box *stands* if boxes are at its position in at least HALF of all frames and less than HALF of
-  them are confirmed, as for hedges, rails and parked vehicles.
+  these boxes are confirmed. Hedges, rails and parked vehicles cause standing boxes.
 """
 
 from __future__ import annotations
@@ -59,7 +58,7 @@ class BoxSeries:
 class Trust:
     """A row of `trust.csv`, for boxes with a score of `score` or more.
 
-    A share is NaN if there is nothing to count.
+    A share is NaN if its denominator is 0.
     """
 
     score: float
@@ -117,8 +116,9 @@ def trust(
 def links(seen: BoxSeries, period_s: float) -> IntArray:
     """Returns the box of the next frame that each box is linked to: (n,), -1 for none.
 
-    Two boxes are linked if each is the nearest one to the other. Their distance is at most SLACK_M
-    plus the way at FASTEST_M_S. It is measured from the position that the box's last step predicts.
+    The last step of a box predicts its next position. Two boxes are linked if the second is the
+    nearest to the predicted position of the first, and the reverse. Their distance must be at most
+    SLACK_M plus the distance that FASTEST_M_S covers in one period.
     """
     after = np.full(len(seen), -1)
     numbers, start = np.unique(seen.frame, return_index=True)
@@ -158,7 +158,7 @@ def travels(seen: BoxSeries, period_s: float) -> BoolArray:
 
 
 def tracks(after: IntArray) -> IntArray:
-    """Returns the number of each box's track: (n,). after: as `links` returns."""
+    """Returns the number of each box's track: (n,). after: the result of `links`."""
     track = np.full(len(after), -1)
     count = 0
     for i, following in enumerate(after):

@@ -31,12 +31,12 @@ from pyinfra.metrics.matching import (
 )
 from pyinfra.metrics.settings import Settings
 
-# Block length if vehicles have no ids, so that their stay is unknown; it suits a motorway.
+# Block length, suited to a motorway, if vehicles have no ids, so that their stay is unknown.
 LABELS_BLOCK_S = 20.0
 
 
 def are_people(types: Iterable[str]) -> bool:
-    """Returns whether all types are pedestrians or cyclists, which have their own rules."""
+    """Returns whether all types are pedestrians or cyclists, which have special rules."""
     return set(types) <= set(PERSON_TYPES)
 
 
@@ -51,7 +51,7 @@ class MatchInput:
     present_blocks: Blocks  # blocks for ground truth `present`, the same for all mounts
     metric: Metric
     of_people: bool  # whether the class is pedestrians or cyclists
-    people: Vehicles  # labelled pedestrians and cyclists, on which a vehicle's box is wrong
+    people: Vehicles  # labelled pedestrians and cyclists; a vehicle's box there is a false positive
 
     @property
     def beside_m(self) -> float:
@@ -128,8 +128,8 @@ def match_input(
 def blocks_of(truth: GroundTruth, settings: Settings, *, present: bool = False) -> Blocks:
     """Returns the bootstrap blocks, whose length is the same for all LiDARs of a mount.
 
-    The length follows from the stay of visible vehicles. present: it follows from all vehicles of
-    the region, and so is the same for all mounts.
+    By default the length is computed from the stay of visible vehicles. present: compute it from
+    the stay of all vehicles in the region, which is the same for all mounts.
     """
     frames = np.array(truth.frames, dtype=np.int64)
     types = [t for group in settings.classes.values() for t in group]
@@ -143,7 +143,7 @@ def blocks_of(truth: GroundTruth, settings: Settings, *, present: bool = False) 
 def block_seconds(truth: GroundTruth, *, people: bool = False, present: bool = False) -> float:
     """Returns the block length: the stay of visible vehicles, or LABELS_BLOCK_S without ids.
 
-    people: use the stay of pedestrians and cyclists only. Otherwise those beside the carriageway
+    people: use the stay of pedestrians and cyclists only. Otherwise objects beside the carriageway
     are left out, because they stay longer. present: use all vehicles of the region, visible or not.
     """
     if not truth.has_objects:

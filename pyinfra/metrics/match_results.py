@@ -4,14 +4,13 @@ All vehicles take part in the matching, with the boxes of their labels. Whether 
 region depends on its box at mid-frame. For pedestrians and cyclists the region includes a strip
 beside the carriageway.
 
-- A vehicle that does not count (not in the ground-truth subset, or outside the region) is ignored,
-  and so is the prediction that is matched with it.
-- An unmatched prediction is a false positive if its centre is inside the region; for ground truth
-  `common` it must also be in the common field of view. Otherwise it is ignored.
+- A vehicle that does not count (not in the ground-truth subset, or outside the region) is ignored.
+  A prediction that is matched with an ignored vehicle is also ignored.
+- An unmatched prediction is a false positive if its centre is inside the region. For ground truth
+  `common` its centre must also be in the common field of view. Otherwise the prediction is ignored.
 
-There are two exceptions, which also hold outside the region. A vehicle's box on a labelled
-pedestrian or cyclist is a false positive, and so is a second box on a pedestrian or cyclist that
-counts.
+Two kinds of unmatched predictions are false positives outside the region too: a vehicle's box on a
+labelled pedestrian or cyclist, and a second box on a pedestrian or cyclist that counts.
 """
 
 from __future__ import annotations
@@ -62,8 +61,8 @@ class MatchResult:
     def ranking(self, window: Part | None = None) -> ap.Ranking:
         """Returns the counted predictions and objects of the region, or of a part of it.
 
-        A true positive belongs to the part that its vehicle is in; a false positive belongs to the
-        part that its own centre is in.
+        A true positive belongs to the part that contains its vehicle. A false positive belongs to
+        the part that contains the centre of its box.
         """
         match_input, counted = self.match_input, self.counted
         true_positive, false_positive = self.true_positive, self.false_positive
@@ -83,7 +82,7 @@ class MatchResult:
 
     @property
     def weights(self) -> IntArray:
-        """How often each replicate contains each slot: (replicates, slots)."""
+        """Number of times that each replicate contains each slot: (replicates, slots)."""
         return self.blocks.replicates
 
     def per_slot(self, frame: IntArray) -> IntArray:
@@ -104,7 +103,7 @@ class MatchResult:
         """Returns the ends of the 95 % intervals of figures (...), clipped to 0 to `most`.
 
         replicates: replicates (d, ...). objects: (slots,) number of objects that the figure is
-        computed from. The ends are NaN if these are in too few blocks.
+        computed from. The ends are NaN if too few blocks have objects.
         """
         blocks = self.blocks
         held = np.count_nonzero(np.add.reduceat(objects, np.arange(0, len(objects), blocks.length)))
@@ -118,7 +117,7 @@ class MatchResult:
 def count_matches(
     match_input: MatchInput, which: Subset, matches: IntArray, min_points: int
 ) -> MatchResult:
-    """Returns the match result for a ground truth, from the matches of MatchInput.match()."""
+    """Returns the match result for a ground truth. matches: the result of MatchInput.match()."""
     counted = match_input.truth.counted(
         which, match_input.vehicles, match_input.vehicle_places, min_points
     )
@@ -148,9 +147,9 @@ def precision(ranking: ap.Ranking, protocol: Protocol, weights: IntArray | None)
 def causes(match_result: MatchResult, iou: float, *, strict: bool) -> NameArray:
     """Returns the cause of each false positive: (false positives,).
 
-    duplicate: it overlaps a vehicle enough, but another prediction is matched with that vehicle.
-    localisation: it overlaps a vehicle by LEAST_OVERLAP or more, but not enough. background:
-    it overlaps no vehicle.
+    A `duplicate` overlaps a vehicle enough, but another prediction is matched with that vehicle.
+    A false positive of cause `localisation` overlaps a vehicle by LEAST_OVERLAP or more, but not
+    enough. With cause `background` the overlap with every vehicle is below LEAST_OVERLAP.
     """
     best = match_result.match_input.best_overlap[match_result.false_positive]
     names = np.full(len(best), "background", dtype="<U12")

@@ -1,11 +1,11 @@
 """Matching of predictions with vehicles.
 
-Matching is greedy: in order of falling score, each prediction is matched with the vehicle that it
-overlaps most among the unmatched ones, if the overlap reaches the threshold. Metric `centre` uses
-closeness instead of overlap: 1 less the horizontal distance of the centres in metres, similar to
-nuScenes. Predictions of equal score are ordered by falling overlap, then by the values of their
-boxes, so that their order in the files does not matter. All vehicles of a frame can be matched,
-also those that do not count later.
+Matching is greedy, in order of descending score. Each prediction is matched with the unmatched
+vehicle that it overlaps most, if the overlap reaches the threshold. Metric `centre` uses closeness
+instead of overlap: 1 less the horizontal distance of the centres in metres, similar to nuScenes.
+Predictions of equal score are ordered by descending overlap, then by the values of their boxes.
+Therefore their order in the files does not matter. All vehicles of a frame can be matched, even
+vehicles that the evaluation does not count.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ TIE = 1e-9
 IOU = 0.5  # least IoU of footprints for a match with a vehicle
 PERSON_IOU = 0.25  # the same for pedestrians and cyclists, whose footprints are small
 CENTRE_M = 0.5  # largest distance of centres for a match by metric `centre`
-LEAST_OVERLAP = 0.1  # below it, a false positive is not related to a vehicle
+LEAST_OVERLAP = 0.1  # a false positive with a lower overlap is not related to a vehicle
 _PAIRS = 500_000  # pairs that are processed together
 
 
@@ -78,7 +78,7 @@ _MEASURES = {"bev": overlap.pair_bev_iou, "3d": overlap.pair_iou_3d, "centre": _
 
 
 def threshold_of(metric: Metric, iou: float) -> float:
-    """Returns the threshold of a metric: `iou`, or the closeness of centres CENTRE_M apart."""
+    """Returns the threshold of a metric: `iou`, or for `centre` the closeness at CENTRE_M."""
     return 1 - CENTRE_M if metric == "centre" else iou
 
 
@@ -103,8 +103,8 @@ def match(
 ) -> IntArray:
     """Returns the vehicle that each prediction is matched with: (predictions,), -1 for none.
 
-    pairs: as in_order() returns, or some of them in this order. strict: the overlap must be above
-    the threshold, as in KITTI; otherwise it may be equal.
+    pairs: the result of in_order(), or a part of it in the same order. strict: whether the overlap
+    must be above the threshold, as in KITTI; otherwise it may be equal to the threshold.
     """
     enough = reaches(pairs.iou, threshold, strict=strict)
     taken = [-1] * predictions
@@ -150,8 +150,8 @@ def holding_centres(
 ) -> BoolArray:
     """Returns which predictions contain the centre of a box (n, 7) of their frame: (p,).
 
-    Footprints are compared. Frames are ascending, as in overlapping_pairs. It is used for boxes of
-    pedestrians and cyclists, which are too small for an IoU with the box of a vehicle.
+    Only footprints are compared. Frames are ascending, as in overlapping_pairs. The function is
+    used for pedestrians and cyclists, whose boxes are too small for an IoU with a vehicle's box.
     """
     holding = np.zeros(len(predictions), dtype=np.bool_)
     for p, b in pairs_of_frames(prediction_frame, frame):

@@ -35,7 +35,7 @@ class Observations:
     speed: FloatArray  # (n,) m/s
     visibility: FloatArray  # (n,) [0, 1]; -1 outside the evaluation region
     points: IntArray  # (n, L) returns from the vehicle; 0 also beyond the LiDAR's range
-    points_in_box: IntArray  # (n, L) number of these returns that lie in its box
+    points_in_box: IntArray  # (n, L) returns from the vehicle that lie in its box
     in_angles: BoolArray  # (n, L) whether the LiDAR's azimuths and elevations include the centre
     in_range: BoolArray  # (n, L) whether the centre is also within the LiDAR's range
 
@@ -73,9 +73,10 @@ _COLUMNS = (
 
 
 def blocks_of(data: DataSet, vehicles: Observations, frames: IntArray | None = None) -> Blocks:
-    """Returns the bootstrap blocks of a data set's frames, or of some of them.
+    """Returns the bootstrap blocks of a data set's frames.
 
-    vehicles: all vehicles of the data set. A block is as long as a visible vehicle stays.
+    vehicles: all vehicles of the data set. A block is as long as a visible vehicle stays. frames:
+    numbers of the frames to use; by default all.
     """
     there, every = vehicles.visible(), np.array(data.frames, dtype=np.int64)
     apart_s = data.period_s * float(np.median(np.diff(every))) if len(every) > 1 else data.period_s
@@ -86,8 +87,9 @@ def blocks_of(data: DataSet, vehicles: Observations, frames: IntArray | None = N
 def read_observations(data: DataSet, *, above_road: bool = False) -> Observations:
     """Reads all vehicles of all frames; rows of several LiDARs are joined by frame and id.
 
-    above_road: count only points above road level. It does not change `points_in_box`. It raises
-    Error if the roads are not level, and FileNotFoundError without the folder `fields`.
+    above_road: whether to count only points above road level; `points_in_box` does not change. With
+    `above_road`, raises Error if the roads are not level, and FileNotFoundError if the folder
+    `fields` is missing.
     """
     levels = [road_level(data, lidar) for lidar in data.lidars] if above_road else None
     tables = [
@@ -124,7 +126,7 @@ def read_observations(data: DataSet, *, above_road: bool = False) -> Observation
 def ends_of_runs(frames: Sequence[int], count: int) -> IntArray:
     """Returns the last frame of each run of `count` consecutive frames, ascending.
 
-    Raises Error if there is no such run.
+    Raises Error if there are not `count` consecutive frames.
     """
     every = np.array(sorted(frames), dtype=np.int64)
     runs = np.lib.stride_tricks.sliding_window_view(every, min(count, len(every)))
@@ -137,7 +139,7 @@ def ends_of_runs(frames: Sequence[int], count: int) -> IntArray:
 def accumulated(vehicles: Observations, frames: Sequence[int], count: int) -> Observations:
     """Returns the vehicles at the end of each run of `count` consecutive frames.
 
-    The points on a vehicle are summed over the run; all other columns are those of its last frame.
+    The points on a vehicle are summed over the run. All other columns are those of the last frame.
     Raises Error as `ends_of_runs` does.
     """
     newest = vehicles.select(np.isin(vehicles.frame, ends_of_runs(frames, count)))

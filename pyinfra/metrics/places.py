@@ -1,7 +1,8 @@
 """Comparison of mounts over the same traffic: pole positions, heights, numbers of poles.
 
-A place is one mount: an output folder of `pyinfra evaluate`, or a folder with one such folder for
-each traffic seed. Evaluations of two places are paired if their vehicles and frames are the same.
+A place is one mount. It is an output folder of `pyinfra evaluate`, or a folder with one output
+folder for each traffic seed. Evaluations of two places are paired if their vehicles and frames are
+the same.
 """
 
 from __future__ import annotations
@@ -41,15 +42,17 @@ def compare_places(folders: Sequence[Path], which: Subset = "present") -> pd.Dat
 
     Parameters
     ----------
-    folders : output folders of `pyinfra evaluate`, or folders with one of these per traffic seed
+    folders : a folder for each mount: an output folder of `pyinfra evaluate`, or a folder that has
+        one output folder per traffic seed
     which : ground truth; `present` is the same for all mounts of a region
 
     Returns
     -------
-    DataFrame : columns COLUMNS. `minus` is empty in the rows of a place itself; otherwise the row
-        is the difference place less minus. The measures are ap_r1000, recall_percent and
-        hidden_percent, 0 to 100, with the ends of the 95 % interval. For one seed the interval is
-        a bootstrap over blocks of time; for several it is Student's t over the seeds.
+    DataFrame : columns COLUMNS. If column `minus` is empty, the row has the figure of one mount.
+        Otherwise the row has the difference of two mounts, `place` less `minus`. The measures are
+        ap_r1000, recall_percent and hidden_percent, 0 to 100, with the ends of the 95 % interval.
+        For one seed the interval is a bootstrap over blocks of time. For several seeds it is
+        Student's t over the seeds.
 
     Raises
     ------

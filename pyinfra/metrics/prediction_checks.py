@@ -1,8 +1,8 @@
 """Checks of predictions: whether their files are complete, and whether their boxes are plausible.
 
-Invalid files are errors. Implausible boxes give warnings with a name, which explain most cases of
-an AP of 0. A common cause is that vehicles are 3 to 6 m below a roadside sensor, which toolboxes
-for car-mounted sensors do not expect.
+Invalid files are errors. Implausible boxes give named warnings, which explain most cases of an AP
+of 0. A common cause is the height of a roadside sensor. Vehicles are 3 to 6 m below it, which
+toolboxes for car-mounted sensors do not expect.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ NEAR_M = 2.0  # a prediction this close to a vehicle counts as near
 FAR_M = 20.0  # largest common displacement of all boxes that is recognised
 LEAST_NEAR = 0.3  # with a smaller share of near predictions, other positions are tried
 FAR_OFF = 0.1  # with a smaller share, a warning reports that boxes are far from all vehicles
-MUCH_BETTER = 0.25  # increase of the share for which a warning names the cause
+MUCH_BETTER = 0.25  # a warning names a cause if correcting it increases the share by this much
 HEIGHT_OFF_M = 0.5
 QUARTER_DEG = 60.0
-LEAST_RATIO = 1.2  # least ratio of length to width for which the two can be told apart
+LEAST_RATIO = 1.2  # least ratio of length to width at which the two are distinguished
 CHANGES = {  # matrices for x and y that correct boxes with wrong axes
     "mirrored-left-right": [[1, 0], [0, -1]],
     "mirrored-front-back": [[-1, 0], [0, 1]],
@@ -152,7 +152,7 @@ def _names(
         return
     known = np.isin(predictions.names, (*VEHICLE_TYPES, *PERSON_TYPES))
     if (other & ~known).any() and not other.all():
-        other &= ~known  # known classes are not reported if unknown names are
+        other &= ~known  # if there are unknown names, known classes are not reported
     names, counts = np.unique(predictions.names[other], return_counts=True)
     listed = ", ".join(f"{name} ({count})" for name, count in zip(names, counts, strict=True))
     text = (
@@ -235,7 +235,7 @@ def _elsewhere(
             f"{text}, but {100 * there:.0f} % less a shift of ({dx:.1f}, {dy:.1f}) m",
         )
     if share > FAR_OFF:
-        return None  # a poor detector, whose positions are right
+        return None  # the positions are right, but the detector is poor
     return "far-from-vehicles", f"{text}: another frame of reference, other frames, or bad boxes?"
 
 

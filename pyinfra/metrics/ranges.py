@@ -22,7 +22,8 @@ RANGES_M = tuple(range(STEP_M, int(REGION_M) + 1, STEP_M))
 def sensor_of(truth: GroundTruth) -> tuple[float, float] | None:
     """Returns x, y of the sensor in the world frame, for a site of lanes.
 
-    It is None elsewhere, as ranges are measured along roads there, and if the pose is unknown.
+    At other sites ranges are measured along roads, so the result is None. It is also None if the
+    pose of the sensor is unknown.
     """
     if not truth.of_lanes or truth.lidar is None:
         return None
@@ -33,7 +34,7 @@ def sensor_of(truth: GroundTruth) -> tuple[float, float] | None:
 def by_range(match_result: MatchResult) -> Iterator[tuple[dict[str, Any], Bootstrapped]]:
     """Yields a row for each range, and the replicates of its AP.
 
-    A row has AP (R1000), the recall of predictions of any score in percent, and counts.
+    A row has AP (R1000), the recall in percent of predictions of any score, and counts.
     """
     centre = sensor_of(match_result.match_input.truth)
     for range_m in RANGES_M:

@@ -1,4 +1,4 @@
-"""Bootstrap replicates of an evaluation's figures, kept for paired comparisons.
+"""Bootstrap replicates of an evaluation's figures, stored for paired comparisons.
 
 A row holds one figure of one detector and LiDAR; the columns `replicate_1` .. are its replicates.
 All LiDARs and detectors that are evaluated on the same traffic and frames use the same blocks of
@@ -51,10 +51,12 @@ def figures(
 ) -> Iterator[tuple[str, Bootstrapped]]:
     """Yields the figures of one ground truth, by name.
 
-    They are ap_r1000, AP (R1000); n_hqda and p_hqda, the number and percentage of high-quality
-    areas; ap_slope, the change of AP per 10 m ahead of the sensor, if there are enough windows; and
-    recall, the percentage of objects found by boxes of any score. distance, areas: tables with
-    their replicates, as `distance_table` returns.
+    - ap_r1000: AP (R1000)
+    - n_hqda, p_hqda: number and percentage of high-quality areas
+    - ap_slope: change of AP per 10 m ahead of the sensor, if there are enough windows
+    - recall: percentage of objects that boxes of any score found
+
+    distance, areas: tables with their replicates, in the form of `distance_table`.
     """
     blocks = match_result.blocks.count
     yield "ap_r1000", ap_r1000_of(match_result)
@@ -96,7 +98,7 @@ def _slope_ahead(
 
 
 def slope(windows: pd.DataFrame, replicates: FloatArray, blocks: float) -> Bootstrapped:
-    """Returns the slope of AP in AP per 10 m, from a weighted least-squares line.
+    """Returns the change of AP per 10 m, from a weighted least-squares line.
 
     The weights of the windows follow from their intervals. replicates: (windows, replicates).
     """
@@ -127,7 +129,7 @@ def replicate_rows(
 ) -> pd.DataFrame:
     """Returns the rows of one ground truth, with the columns COLUMNS and the replicates.
 
-    same: as `same_of` returns.
+    same: the result of `same_of`.
     """
     rows = []
     for measure, one in estimates:
@@ -167,14 +169,17 @@ def versions_of(truth: GroundTruth) -> tuple[str, str]:
 def frames_version_of(version: str) -> str:
     """Returns the frames_version of a package version that did not write it.
 
-    It is "3" for version 0.3. For others it is unknown; the version itself takes its place, so that
-    only frames of the same version can be compared.
+    For version 0.3 it is "3". For other versions it is unknown. The function then returns the
+    package version, so that only frames of the same version can be compared.
     """
     return "3" if version.startswith("0.3.") else version
 
 
 def _same(row: pd.Series, name: str) -> str:
-    """Returns the text of a column of SAME; for rows of 0.3 `frames_version` is derived."""
+    """Returns the text of a column of SAME.
+
+    Rows of version 0.3 have no `frames_version`; it is derived from their version.
+    """
     text = str(row[name]) if name in row and pd.notna(row[name]) else ""
     return text or frames_version_of(str(row["version"])) if name == "frames_version" else text
 
@@ -186,7 +191,7 @@ def drawn(row: pd.Series) -> Bootstrapped:
 
 
 def are_pairs(a: pd.Series, b: pd.Series) -> bool:
-    """Returns whether two rows have replicates of the same blocks, and can be compared."""
+    """Returns whether two rows have replicates of the same blocks, so that they can be compared."""
     return all(_same(a, name) == _same(b, name) for name in SAME)
 
 
@@ -207,6 +212,9 @@ def check_pair(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> None:
 
 
 def difference(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> Bootstrapped:
-    """Returns the first figure less the second, in each replicate. Raises Error as `check_pair`."""
+    """Returns the first figure less the second, in each replicate.
+
+    also, Raises: as in `check_pair`.
+    """
     check_pair(a, b, also)
     return drawn(a).less(drawn(b))

@@ -24,9 +24,9 @@ AP_R1000, AP_R40 = "AP (R1000)", "AP (R40)"  # names of the measures in texts an
 
 
 def with_r1000(experiments: pd.DataFrame) -> pd.DataFrame:
-    """Fills missing AP (R1000) with AP (R40), which is all that early versions measured.
+    """Fills missing AP (R1000) with AP (R40), the only measure of early versions.
 
-    Column `recalls` tells which of the two a row has (see `ap_name`).
+    Column `recalls` is the number of recalls of a row's AP (see `ap_name`).
     """
     columns = {}
     for name in AP_OF.values():
@@ -45,23 +45,25 @@ def with_r1000(experiments: pd.DataFrame) -> pd.DataFrame:
 
 
 def ap_name(rows: pd.DataFrame) -> str:
-    """Returns the name of the measure in column ap_r1000. rows: as `with_r1000` returns."""
+    """Returns the name of the measure in column ap_r1000. rows: the result of `with_r1000`."""
     recalls = set(rows.recalls.dropna()) if "recalls" in rows else set()
     if recalls == {40.0}:
         return AP_R40
     return "AP (R1000; R40 in rows of version 0.2)" if 40.0 in recalls else AP_R1000
 
 
-# The vehicles that ap_whole counts, by ground truth: see `with_whole`.
+# Text that describes the vehicles that ap_whole counts, by ground truth (see `with_whole`).
 COUNTED = {"present": "every vehicle", "all": "all visible vehicles"}
 
 
 def with_whole(experiments: pd.DataFrame) -> pd.DataFrame:
-    """Adds the columns `whole`, a ground truth, and ap_whole, its AP (ends as AP_ENDS).
+    """Adds the columns used to compare LiDARs, poles and sites.
 
-    They are used to compare LiDARs, poles and sites. The ground truth is `present`, the same
-    vehicles for all. It is `all`, the vehicles that are visible from the mount, if a finished row
-    lacks AP of `present`, as in version 0.3. experiments: as `with_r1000` returns.
+    Column `whole` is a ground truth. Columns ap_whole* are its AP and the ends of its interval
+    (AP_ENDS). The ground truth is `present`, which has the same vehicles for all LiDARs and mounts.
+    Rows of version 0.3 have no AP of `present`. If a finished row lacks it, the ground truth of all
+    rows is `all`, the vehicles that are visible from the mount. experiments: the result of
+    `with_r1000`.
     """
     done = experiments.ap.notna()
     r1000 = experiments.get("ap_present_r1000")
@@ -96,7 +98,10 @@ def first_stress(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def each_road_once(areas: pd.DataFrame) -> pd.DataFrame:
-    """Removes the rows of road `all` from scenes with several roads, whose sum they are."""
+    """Removes the rows of road `all` from scenes with several roads.
+
+    These rows are sums over the roads, so areas would be counted twice.
+    """
     truth = [areas[name] for name in (*EXPERIMENT, "seed", "ground_truth")]
     several = areas.groupby(truth).road.transform("nunique") > 1
     return areas[~((areas.road == "all") & several)]
@@ -105,9 +110,9 @@ def each_road_once(areas: pd.DataFrame) -> pd.DataFrame:
 def preset_of_answers(rows: pd.DataFrame) -> str:
     """Returns the last preset of PRESETS that has results of two LiDARs or more, else the first.
 
-    The last ones are nearest to real LiDARs. A preset with one detector is left out if another one
-    has several, because its benchmark has only begun. rows: rows of one scene, with columns preset,
-    lidar and detector.
+    Later presets of PRESETS are closer to real LiDARs. A preset with only one detector is skipped
+    if another preset has several, because its benchmark has only begun. rows: rows of one scene,
+    with columns preset, lidar and detector.
     """
     counts = rows.groupby("preset")[["lidar", "detector"]].nunique()
     enough = (counts.lidar >= 2) & (counts.detector >= min(2, counts.detector.max()))

@@ -54,17 +54,17 @@ def read_rays(lidar_yaml: Path, seconds: float, period_s: float) -> Rays:
 
 
 def has_pattern(lidar_yaml: Path) -> bool:
-    """Returns whether a `lidar.yaml` has a pattern; those of recordings and bundles have none."""
+    """Returns whether a `lidar.yaml` has a scan pattern. Recordings and bundles have none."""
     return "returns" in read_keys(lidar_yaml)
 
 
 def lit_share(rays: Rays, times_s: tuple[float, ...] = TIMES_S) -> pd.DataFrame:
     """Returns the share of the field of view that rays have covered after each time.
 
-    The field of view is divided into cells of CELL_DEG of azimuth and elevation; a ray covers the
-    cell that it lies in. In each row the field extends between the outermost rays; a row without
-    rays has the width of the row below. Columns: time_s, lit_percent, field_deg2 (product of
-    azimuth and elevation, not solid angle).
+    The field of view is divided into cells of CELL_DEG of azimuth and elevation. A ray covers the
+    cell in which it lies. In each row of cells, the field of view extends between the outermost
+    rays. A row without rays has the width of the row below. Columns: time_s, lit_percent,
+    field_deg2 (product of azimuth and elevation, not solid angle).
     """
     column = np.floor(rays.azimuth_deg / CELL_DEG).astype(np.int64)
     row = np.floor(rays.elevation_deg / CELL_DEG).astype(np.int64)
@@ -88,8 +88,8 @@ def lit_share(rays: Rays, times_s: tuple[float, ...] = TIMES_S) -> pd.DataFrame:
 def angular_density(rays: Rays, seconds: float = DENSITY_S) -> pd.DataFrame:
     """Returns the rays per second and square degree of solid angle, until `seconds`.
 
-    Columns: axis (`off_axis`: rings around x; `elevation`: rows within HALF_WIDTH_DEG of x),
-    from_deg, to_deg, rays, density.
+    Column axis is `off_axis` for rings around the x axis, and `elevation` for rows of elevation
+    within HALF_WIDTH_DEG of the x axis. Other columns: from_deg, to_deg, rays, density.
     """
     keep = rays.time_s < seconds - 1e-9
     azimuth, elevation = np.radians(rays.azimuth_deg[keep]), np.radians(rays.elevation_deg[keep])

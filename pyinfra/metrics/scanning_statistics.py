@@ -1,8 +1,9 @@
 """Scanning statistics of data sets: figures of the points alone, without a detector.
 
 They include returns per frame, points per vehicle and the coverage of the field of view.
-scanning_tables.py computes those of vehicles, scan_patterns.py those of rays. This module combines
-them and writes CSV files. docs/conventions.md, "Scanning statistics", has the definitions.
+scanning_tables.py computes the statistics of vehicles, scan_patterns.py the statistics of rays.
+This module combines both and writes CSV files. The section "Scanning statistics" of
+docs/conventions.md has the definitions.
 """
 
 import itertools
@@ -34,7 +35,7 @@ Tables = dict[str, pd.DataFrame]
 
 
 def sets_of(vehicles: Observations) -> dict[str, Observations]:
-    """Returns the sets of vehicles that statistics are computed for, by name."""
+    """Returns the sets of vehicles for which statistics are computed, by name."""
     return {
         "common": vehicles.select(vehicles.common()),
         "view": vehicles.select(vehicles.view()),
@@ -102,10 +103,11 @@ def pattern_tables(data: DataSet) -> Tables:
 def data_set_tables(
     data: DataSet, vehicles: Observations, *, above_road: bool, accumulate: int = 1
 ) -> Tables:
-    """Returns all tables of one data set but those of its patterns, with columns that name it.
+    """Returns all tables of one data set except the tables of scan patterns.
 
-    accumulate: number of consecutive frames that are merged into one. A recording without
-    trajectories has no table of speeds. Raises Error without that many consecutive frames.
+    The first columns of each table identify the data set. A recording without trajectories has no
+    table of speeds. accumulate: number of consecutive frames that are merged into one. Raises Error
+    if there are not that many consecutive frames.
     """
     ends = ends_of_runs(data.frames, accumulate)
     blocks = blocks_of(data, vehicles, ends)
@@ -130,8 +132,8 @@ def aggregation_table(
 ) -> pd.DataFrame:
     """Returns the change of points from other aggregation modes to `exact`, for set `common`.
 
-    Pairs of data sets with the same scene, preset, seed and LiDARs are compared on the frames that
-    both have. The table is empty if there is no such pair.
+    Data sets are paired if they have the same scene, preset, seed and LiDARs. A pair is compared on
+    the frames that both data sets have. The table is empty if there is no pair.
     """
     rows = []
     pairs = itertools.permutations(zip(data_sets, vehicles, strict=True), 2)
@@ -173,11 +175,11 @@ def statistics(
 ) -> Tables:
     """Returns all tables by name, each with the rows of all data sets.
 
-    accumulate: number of consecutive frames that are merged into one, as in `accumulated`; with
-    more than one there is no table `aggregation`. patterns: whether to compute the tables of rays.
+    accumulate: number of consecutive frames that are merged into one, as in `accumulated`. If it is
+    more than 1, there is no table `aggregation`. patterns: whether to compute the tables of rays.
 
-    Raises what read_data_set and read_sightings raise, and ImportError for patterns without the
-    extension.
+    Raises the exceptions of read_data_set and read_observations. With `patterns`, also raises
+    ImportError if the compiled extension is not installed.
     """
     data_sets = [read_data_set(folder) for folder in folders]
     vehicles = [read_observations(data, above_road=above_road) for data in data_sets]

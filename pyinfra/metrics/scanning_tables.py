@@ -1,7 +1,7 @@
 """Scanning statistics as tidy tables: one row per figure, with its vehicles and 95 % interval.
 
 docs/conventions.md defines the sets of vehicles, the bootstrap blocks and the decay. In all tables
-ci_low and ci_high are the ends of the interval, NaN if there is none.
+ci_low and ci_high are the ends of the interval. They are NaN if the interval is unknown.
 """
 
 import itertools
@@ -27,7 +27,7 @@ SPEED_EDGES_KM_H = np.arange(0.0, 81.0, 2.0)
 def hit_points(counts: dict[str, IntArray], blocks: Blocks) -> pd.DataFrame:
     """Returns the mean number of returns per frame for each LiDAR.
 
-    counts: by LiDAR, (f,) in the order of the frames.
+    counts: number of returns by LiDAR, (f,) each, in the order of the frames.
     """
     rows = []
     for lidar, per_frame in counts.items():
@@ -46,7 +46,7 @@ def points_per_vehicle(
 ) -> pd.DataFrame:
     """Returns the Average Points per Vehicle (APV) in bins of distance.
 
-    It is computed over all vehicles, and over those with at least one point (columns `*_hit`).
+    It is computed over all vehicles, and over vehicles with at least one point (columns `*_hit`).
     Columns: lidar, from_m, to_m, vehicles, apv, ci_low, ci_high, vehicles_hit, apv_hit,
     ci_low_hit, ci_high_hit. A bin without vehicles has NaN.
     """
@@ -74,7 +74,8 @@ def points_per_vehicle(
 def quality(vehicles: Observations, blocks: Blocks, edges: FloatArray = EDGES_M) -> pd.DataFrame:
     """Returns the share of vehicles by number of points and by distance.
 
-    Column quality: missed (no point), low (1 to 4), medium (5 to 20), high (more), hit (any).
+    Column quality depends on the number of points: missed (0), low (1 to 4), medium (5 to 20), high
+    (more than 20), hit (1 or more).
     Columns: lidar, from_m, to_m, quality, vehicles (in the bin), share_percent, ci_low, ci_high.
     The last bin is the whole range of distances.
     """
@@ -110,7 +111,7 @@ def quality(vehicles: Observations, blocks: Blocks, edges: FloatArray = EDGES_M)
 
 
 def only_one(vehicles: Observations, blocks: Blocks, from_m: float = FAR_M) -> pd.DataFrame:
-    """Returns how many vehicles beyond a distance only one LiDAR hit.
+    """Returns the number of vehicles beyond a distance that only one LiDAR hit.
 
     Columns: lidar, from_m, vehicles, hit_alone (by this LiDAR only), share_percent (hit_alone of
     all vehicles), ci_low, ci_high, hit_by_another_only (by another LiDAR, not by this one).
@@ -137,8 +138,11 @@ def only_one(vehicles: Observations, blocks: Blocks, from_m: float = FAR_M) -> p
 
 
 def alone_and_another(vehicles: Observations) -> tuple[IntArray, IntArray]:
-    """Returns two arrays (n, L) of 0 and 1: whether only this LiDAR hit a vehicle, and whether
-    another LiDAR hit it but this one did not."""
+    """Returns two arrays (n, L) of 0 and 1 for each vehicle and LiDAR.
+
+    The first is 1 if only this LiDAR hit the vehicle. The second is 1 if another LiDAR hit it but
+    this one did not.
+    """
     hit = vehicles.points > 0
     hits = hit.sum(axis=1, keepdims=True)
     return (hit & (hits == 1)).astype(np.int64), (~hit & (hits > 0)).astype(np.int64)
@@ -183,7 +187,7 @@ def decay_lines(sums: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Returns the exponents k of APV = c d^-k and the R^2 of the fits, (..., L) each.
 
     A fit is a weighted least-squares line of log APV over log mean distance; R^2 is weighted too.
-    All replicates are fitted at once, which is 150 times as fast as single fits by a library.
+    All replicates are fitted together, which is 150 times as fast as single fits by a library.
 
     sums: (..., bins, L, 4) points, vehicles, hit vehicles, distances.
     """
@@ -239,7 +243,7 @@ def speed_distribution(
 def box_points(vehicles: Observations, blocks: Blocks) -> pd.DataFrame:
     """Returns the points on moving vehicles, and how many of them lie outside the box.
 
-    The box is that at the middle of the frame.
+    The box is the vehicle's box at the middle of the frame.
 
     Columns: lidar, vehicles, apv, apv_in_box, outside_box_percent, ci_low, ci_high.
     """

@@ -12,8 +12,8 @@ from pyinfra.core.names import suggestion
 from pyinfra.core.vocabulary import OBJECT_CLASSES, SUBSETS, Subset
 from pyinfra.metrics.matching import IOU, Metric
 
-# definition: AP at 40 and at 1,000 recalls. r11: 11 recalls. kitti: 40 recalls, with the sampling
-# and the strict threshold of KITTI's devkit.
+# `definition` is AP at 40 and at 1,000 recalls. `r11` is AP at 11 recalls. `kitti` is AP at 40
+# recalls, with the sampling and the strict threshold of KITTI's devkit.
 Protocol = Literal["definition", "r11", "kitti"]
 PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
 
@@ -32,7 +32,9 @@ class Settings:
     min_score: float = 0.0  # least score of a prediction that counts
     min_points: int = 1  # least number of points on a captured vehicle
     min_objects: int = 20  # least number of objects in an area that gets a quality
-    cut_first: bool = False  # whether to compute AP with windows cut out before matching, too
+    cut_first: bool = (
+        False  # whether to also compute AP from boxes that are cut by window before matching
+    )
     block_s: float | None = None  # block length of the bootstrap; default: the stay of a vehicle
     replicates: int = 200  # number of bootstrap replicates
     seed: int = 1
@@ -57,11 +59,11 @@ class Settings:
                 raise Error(f"{name}: expected {least} or more, got {value}")
 
     def ious_of(self, metric: Metric) -> tuple[float, ...]:
-        """Returns the IoU thresholds of a metric; one NaN for metric `centre`."""
+        """Returns the IoU thresholds of a metric. For metric `centre` this is a single NaN."""
         return (math.nan,) if metric == "centre" else self.ious
 
     @property
     def types(self) -> list[str]:
-        """The names of vehicles and predictions that are evaluated, each once."""
+        """The distinct names of vehicles and predictions that are evaluated."""
         every = (t for name, types in self.classes.items() for t in (*types, name))
         return list(dict.fromkeys(every))
