@@ -160,7 +160,10 @@ def interval(value: FloatArray, drawn: FloatArray, blocks: float) -> tuple[Float
 
 
 def student(samples: float) -> float:
-    """Returns half the width of Student's 95 % interval for `samples` samples, in standard errors."""
+    """Returns half the width of Student's 95 % interval, in standard errors.
+
+    samples: number of independent samples.
+    """
     return float(stats.t.ppf((1 + LEVEL) / 2, samples - 1))
 
 

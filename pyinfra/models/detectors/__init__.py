@@ -28,8 +28,8 @@ class Detector(Protocol):
     def predict(self, points: Points) -> Detections:
         """Returns the boxes in a cloud.
 
-        points: (n, 4) float32, x y z intensity, levelled LiDAR frame; n may be 0. A detector of
-        stacked frames takes (n, 5); the last column is the age of each point in seconds. Points
-        that are not finite, or outside the detector's range, are ignored.
+        points: (n, 4) float32, x y z intensity, levelled LiDAR frame; n may be 0. For a detector of
+        stacked frames the shape is (n, 5), and the last column is the age of each point in seconds.
+        Points that are not finite, or outside the detector's range, are ignored.
         """
         ...

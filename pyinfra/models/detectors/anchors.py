@@ -1,9 +1,10 @@
 """Anchors on a bird's-eye grid: assignment to boxes, and residuals of boxes.
 
-It follows SECOND, Yan et al., Sensors 2018, as implemented in OpenPCDet. Anchors are assigned by
-the IoU of footprints that are turned to their nearest axis. Residuals are relative to the anchor's
-diagonal, height and sizes. Headings are predicted modulo half a turn, with a class for the half.
-There are two sizes instead of one, because the IoU of a bus with an anchor for cars is too low.
+The module follows SECOND, Yan et al., Sensors 2018, as implemented in OpenPCDet. Anchors are
+assigned by the IoU of footprints that are turned to their nearest axis. Residuals are relative to
+the anchor's diagonal, height and sizes. Headings are predicted modulo half a turn; a separate class
+says which half it is. There are two sizes of anchors instead of one, because the IoU of a bus with
+an anchor for cars is too low.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ class AnchorConfig:
     long_m: tuple[float, float, float] = ruled(LONG_M, 0.1, 30)  # size for trucks and buses
     matched: float = ruled(0.6, 0, 1)  # least IoU of an anchor that is assigned to a box
     unmatched: float = ruled(0.45, 0, 1)  # anchors with a lower IoU are background
-    candidates: int = ruled(4096, 1, 4096)  # most anchors that enter the suppression, best first
+    candidates: int = ruled(4096, 1, 4096)  # number of best anchors that enter the suppression
 
     @property
     def sizes(self) -> tuple[tuple[float, float, float], ...]:
@@ -45,7 +46,7 @@ class Targets:
     """The assignment of anchors to the boxes of one frame."""
 
     positive: Tensor  # (...) bool: assigned to a box
-    negative: Tensor  # (...) bool: background; anchors that are neither do not count
+    negative: Tensor  # (...) bool: background. Anchors that are neither do not enter the loss.
     box: Tensor  # (...) int64: row of the assigned box
 
 
@@ -70,7 +71,7 @@ class Anchors:
     def targets(self, boxes: Tensor, grid: tuple[int, int] | None = None) -> Targets:
         """Assigns anchors to boxes (k, 7); returns tensors (rows, columns, per_cell).
 
-        grid: use only the first rows and columns.
+        grid: numbers of rows and columns to use, from the first on; by default all.
         """
         rows, columns = grid or self.boxes.shape[:2]
         shape = (rows, columns, self.config.per_cell)
@@ -80,7 +81,7 @@ class Anchors:
         overlap = self.axis_aligned_iou(boxes, grid)  # (rows, columns, per_cell, k)
         best, box = overlap.max(dim=-1)
         positive = best >= self.config.matched
-        # A box without a matched anchor is assigned its best ones.
+        # A box without a matched anchor is assigned to the anchors that overlap it most.
         most = overlap.flatten(0, 2).amax(dim=0)
         forced = (overlap == most) & (most > 0)
         hit, forced_box = forced.max(dim=-1)
@@ -126,7 +127,7 @@ def encode(boxes: Tensor, anchors: Tensor) -> Tensor:
 def decode(residuals: Tensor, anchors: Tensor, backwards: Tensor) -> Tensor:
     """Returns the boxes (n, 7) of residuals (n, 7), the inverse of encode.
 
-    backwards: (n,) bool, the half of the turn that the heading is in.
+    backwards: (n,) bool, the half of a turn in which the heading lies.
     """
     diagonal = anchors[:, 3:5].norm(dim=1, keepdim=True)
     xy = residuals[:, :2] * diagonal + anchors[:, :2]
@@ -137,8 +138,8 @@ def decode(residuals: Tensor, anchors: Tensor, backwards: Tensor) -> Tensor:
     return torch.cat([xy, z, sizes, heading[:, None]], dim=1)
 
 
-# Angle that divides the two halves of a turn. Headings along the road are near 0 or pi, so it must
-# be far from both.
+# Angle that divides the two halves of a turn. Headings along the road are near 0 or pi, so this
+# angle must be far from both.
 PART = -math.pi / 4
 
 
@@ -148,5 +149,5 @@ def in_half_turn(heading: Tensor) -> Tensor:
 
 
 def is_backwards(heading: Tensor) -> Tensor:
-    """Returns which half of the turn headings are in: (n,) bool."""
+    """Returns whether headings are in the second half of the turn: (n,) bool."""
     return (heading - PART) % (2 * math.pi) >= math.pi

@@ -1,23 +1,28 @@
 """Background subtraction for a fixed sensor: detects vehicles without labels.
 
-It uses the usual steps of roadside LiDAR. The background is what stays over minutes. The other
-points are clustered, and each cluster gets a rectangle by the L-shape search of Zhang et al.,
-"Efficient L-Shape Fitting for Vehicle Detection Using Laser Scanners" (IV 2017). Deviations from
-the paper:
+The detector uses the usual steps of roadside LiDAR. The background consists of voxels that have
+points in most frames. The other points are clustered. Each cluster gets a rectangle by the L-shape
+search of Zhang et al., "Efficient L-Shape Fitting for Vehicle Detection Using Laser Scanners" (IV
+2017). Deviations from the paper:
 
-- the closeness of points to the sides is saturated, and the heading is pulled towards the
-  directions of known roads and of vehicles seen at this position in training, because few points do
-  not determine a heading
-- all clusters and headings of a frame are searched at once
+- the closeness of points to the sides is saturated
+- the heading is biased towards the directions of known roads and of vehicles at this position in
+  training, because few points do not determine a heading
+- all clusters and headings of a frame are searched together
 - clusters may have larger gaps along the road than across it
 - a rectangle that is shorter than its class is extended away from the sensor, where it is hidden
 - moving points beside the roads, such as leaves, are left out if the roads are known
 
-Limitations: headings are known up to half a turn. A vehicle that stands in most frames is
-background. Vehicles that touch are merged. Ground that is hidden in all frames is taken from
-neighbouring cells or from the plane of the road. Without a region, this plane may follow plants
-beside the road. Without known roads, distant vehicles side by side may be merged into one across
-the road. The detector needs neither PyTorch nor the extension.
+Limitations:
+
+- headings are known up to half a turn
+- a vehicle that stands in most frames is background
+- vehicles that touch are merged
+- the height of ground that is hidden in all frames is taken from neighbouring cells or from the
+  plane of the road; if no region is known, plants beside the road may raise this plane
+- if no roads are known, distant vehicles side by side may be merged into one vehicle across the road
+
+The detector needs neither PyTorch nor the extension.
 """
 
 from __future__ import annotations
@@ -50,17 +55,17 @@ _CAR, _MOTORCYCLE, _TRUCK, _BUS, _PEDESTRIAN, _CYCLIST = range(6)
 _LEAST_ALONE = 5  # least points of a pedestrian or cyclist; fewer may be part of a distant object
 
 _ROAD_CELL_M = 5.0  # cell size of the grid of directions
-_KNOWN_ROAD = 1.0  # weight of a known road in it; a vehicle in the same cell has about 0.07
+_KNOWN_ROAD = 1.0  # weight of a known road in this grid; a vehicle in the cell has about 0.07
 _THIN_M = 0.4  # cell size in which points are merged before clustering
 _OFFSETS = np.radians(np.arange(-90, 90, 4)).astype(np.float32)  # headings of the search
 _BONNET_M = 1.2  # length of the low front or rear of a car
 _ON_SIDE_M = 0.1  # a point this close to a side lies on it
 _NEIGHBOUR_M = 10.0  # largest distance from which the height of hidden ground is taken
 _OVERHEAD_M = 2.0  # higher permanent points above a road are crowns, gantries or signs
-_SHARED = 0.1  # two boxes that share more of the smaller one are the same vehicle
+_SHARED = 0.1  # two boxes are the same vehicle if they share more than this of the smaller box
 _MOST = 1000  # most boxes of a frame; limits the time for a wrong background or heavy rain
 
-# Exceptions of NumPy for a file that is no .npz file, is incomplete or has other arrays.
+# Exceptions of NumPy for a file that is not an .npz file, is incomplete or has other arrays.
 _UNREADABLE = (ValueError, TypeError, KeyError, EOFError, ArithmeticError, BadZipFile, zlib.error)
 
 
@@ -78,7 +83,7 @@ class Config:
     gap_m: float = ruled(0.8, 0.05, 10)
     gap_along_m: float = ruled(1.2, 0.05, 10)  # the same along the road
     within_region: bool = True  # whether boxes outside the roads or the outline are left out
-    region_margin_m: float = ruled(1.0, 0, 20)  # margin around these, as boxes are not exact
+    region_margin_m: float = ruled(1.0, 0, 20)  # margin around roads or outline for inexact boxes
     # whether small clusters become Pedestrian or Cyclist; the margin must include the footways
     people: bool = False
 
@@ -116,11 +121,10 @@ class Background:
         """Learns the background of a site.
 
         frames: clouds (k, 4) of one fixed sensor, spread over minutes. The ground of a cell is
-        found if it is visible in at least one of them.
-        region: where vehicles can be; by default, and without `within_region`, everywhere. Known
-        roads in it influence the directions of traffic.
-        road: height of the road; only a relief is used, because a level road is estimated from the
-        frames.
+        found if it is visible in at least one frame.
+        region: where vehicles can be; by default everywhere. It is ignored if the setting
+        `within_region` is false. Known roads in the region influence the directions of traffic.
+        road: height of the road. Only a relief is used. A level road is estimated from the frames.
         Raises Error if no frame has a point in range.
         """
         clouds = [_usable(frame, settings) for frame in frames]
@@ -171,7 +175,7 @@ class Background:
 
     @classmethod
     def load(cls, file: Path) -> Background:
-        """Reads a file of `save`. Raises Error, which names the file, for any other file."""
+        """Reads a file that `save` wrote. For any other file, raises Error, which names the file."""
         try:
             with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
                 contents = [data[f.name] for f in fields(cls)]
@@ -184,7 +188,7 @@ class Background:
         return known
 
     def _check(self) -> None:
-        """Raises Error for arrays of other shapes or types than `learn` makes."""
+        """Raises Error if the shapes or types of the arrays differ from those of `learn`."""
         s = self.settings
         n, m = _cells(s), _road_cells(s)
         allowed = {
@@ -284,7 +288,10 @@ def _road_cells(s: Config) -> int:
 
 
 def _numbers(settings: Config) -> FloatArray:
-    """Returns the settings as numbers; `people` is left out if false, as in earlier versions."""
+    """Returns the settings as numbers.
+
+    `people` is left out if it is false, because files of earlier versions do not have it.
+    """
     numbers = np.array(astuple(settings))
     return numbers if settings.people else numbers[:-1]
 
@@ -300,7 +307,7 @@ def _settings(values: FloatArray) -> Config:
 def _cell(cloud: Floats, s: Config) -> Int32Array:
     """Returns the index of each point's cell in the grid of the ground, row by row: (k,).
 
-    Points outside the grid get the nearest cell at its edge.
+    Points outside the grid get the nearest cell at the edge of the grid.
     """
     index = ((cloud[:, :2] + np.float32(s.range_m)) * np.float32(1 / s.cell_m)).astype(np.int32)
     np.clip(index, 0, _cells(s) - 1, out=index)
@@ -329,12 +336,13 @@ def _inside_region(region: Region | None, s: Config, margin_m: float) -> BoolArr
 
 
 def _ground(clouds: Sequence[Floats], s: Config, road: Ground | None, inside: BoolArray) -> Floats:
-    """Returns z of the ground, (n, n): the lowest return of each cell where that is ground.
+    """Returns z of the ground in each cell: (n, n).
 
-    If the lowest return of a cell is well above the road and not there in most frames, no ray
-    reached its ground. The cell then gets the ground of a neighbour or of the road, which is its
-    relief if known, else a fitted plane. inside: (n, n) cells in the region; all if it is unknown.
-    Inside the region, permanent returns far above the road are not ground either.
+    It is the lowest return of a cell, if this return is from the ground. It is not from the ground
+    if it is well above the road and the cell has no return in most frames. Inside the region,
+    permanent returns far above the road are not from the ground either. A cell without a ground
+    return gets z of a neighbour or of the road. The road is its relief if known, else a fitted
+    plane. inside: (n, n) cells in the region; all cells if the region is unknown.
     """
     n = _cells(s)
     lowest = np.full(n * n, np.inf, np.float32)
@@ -348,7 +356,8 @@ def _ground(clouds: Sequence[Floats], s: Config, road: Ground | None, inside: Bo
     if road is not None and road.relief is not None:
         plane = road.height(_cell_positions(s)).reshape(n, n).astype(np.float32)
     else:
-        # Plants and slopes beside the road are visible in all frames, distant lanes in few.
+        # Plants and slopes beside the road are visible in all frames, distant lanes in few frames.
+        # Therefore cells outside the region are left out.
         trusted = inside & (seen > 0).reshape(n, n)
         plane = _plane(z, np.where(trusted, share, 0) if trusted.any() else share, s)
     stays = share > s.permanent_share
@@ -360,7 +369,7 @@ def _ground(clouds: Sequence[Floats], s: Config, road: Ground | None, inside: Bo
 
 
 def _filled(z: Floats, real: BoolArray, plane: Floats, s: Config) -> Floats:
-    """Returns z of the nearest cell in `real`, or of the plane where none is near: (n, n)."""
+    """Returns z of the nearest cell in `real`, or of the plane if no such cell is near: (n, n)."""
     if not real.any():
         return plane
     apart, (i, j) = distance_transform_edt(~real, s.cell_m, return_indices=True)
@@ -370,8 +379,8 @@ def _filled(z: Floats, real: BoolArray, plane: Floats, s: Config) -> Floats:
 def _plane(lowest: Floats, share: Floats, s: Config) -> Floats:
     """Returns z of a robust plane through the lowest returns of cells: (n, n).
 
-    share: (n, n) share of the frames with a return in a cell, which is its weight. Returns above
-    the plane, as on vehicles, have less weight.
+    share: (n, n) share of the frames with a return in a cell, used as the weight of the cell.
+    Returns above the plane, such as returns from vehicles, have less weight.
     """
     x, y = (np.broadcast_to(a, lowest.shape) for a in _centres(s))
     known = share > 0
@@ -384,7 +393,8 @@ def _plane(lowest: Floats, share: Floats, s: Config) -> Floats:
     fit = np.array([0, 0, z[near][order][np.searchsorted(total, total[-1] / 2)]])
     for reach in np.minimum(s.range_m * 1.5, [45, 45, 45, 45, 80, 80, 200, 200]):
         above = z - a @ fit
-        # Cauchy weights, and a weak prior for level ground, which matters if few cells are known.
+        # The fit uses Cauchy weights and a weak prior for level ground. The prior only matters if
+        # few cells are known.
         weight = trust * (distance <= reach) / (1 + (above / 0.2) ** 2)
         weight *= np.where(above > 0, 0.2, 1)
         normal = a.T @ (a * weight[:, None]) + np.diag([1.0, 1.0, 1e-6])
@@ -406,9 +416,9 @@ def _permanent(clouds: Sequence[Floats], ground: Floats, s: Config) -> BoolArray
 
 
 def _known_roads(region: Region | None, s: Config) -> FloatArray:
-    """Returns the votes of the region's roads, (m, m, 3), in the form of `_road`.
+    """Returns the directions of the region's roads as votes (m, m, 3), for `_road`.
 
-    Their weight is almost 0 where no road is known and where several roads cross.
+    The weight of a vote is almost 0 where no road is known and where several roads cross.
     """
     cells = _road_cells(s)
     votes = np.full((cells, cells, 3), 1e-6) * [0, 0, 1]
@@ -428,9 +438,9 @@ def _mean_direction(votes: FloatArray) -> Floats:
 def _road(rectangles: _Rectangles, roads: FloatArray) -> Floats:
     """Returns the mean cos, sin of twice the heading of long clusters: (m, m, 2).
 
-    The vector is shorter where headings differ. roads: (m, m, 3) votes of known roads. Far away,
-    clusters mostly show the rear of vehicles, and two vehicles side by side are merged; a few votes
-    there are not reliable.
+    The vector is shorter where headings differ. roads: (m, m, 3) votes of known roads. At large
+    distances a few votes are not reliable, because clusters mostly show the rear of a vehicle or
+    merge two vehicles side by side.
     """
     cells = len(roads)
     length, width = rectangles.size.T
@@ -440,7 +450,7 @@ def _road(rectangles: _Rectangles, roads: FloatArray) -> Floats:
     turn = 2 * rectangles.heading[sure]
     vote = np.stack([np.cos(turn), np.sin(turn), np.ones_like(turn)], axis=1)
     np.add.at(votes, (i, j), vote)
-    # Votes are smoothed over a small area if there are many, and over a large one if there are few.
+    # Many votes are smoothed over a small area, few votes over a large area.
     smooth = roads.copy()
     for share, cells_wide in [(1, 1.5), (0.02, 4), (1e-4, 10)]:
         smooth += share * gaussian_filter(votes, (cells_wide, cells_wide, 0), mode="constant")
@@ -456,7 +466,8 @@ def _road_cell(xy: Floats, cells: int) -> tuple[IntArray, IntArray]:
 def _expected(rectangles: _Rectangles) -> Floats:
     """Returns the line through ln points over ln distance of the clusters: (2,).
 
-    A weak prior for the slope -1.5 matters if there are few clusters, or all at one distance.
+    The fit has a weak prior for the slope -1.5. It matters if there are few clusters, or if all
+    clusters are at one distance.
     """
     good = rectangles.count >= 2
     x, y = np.log(rectangles.distance[good]), np.log(rectangles.count[good])
@@ -508,8 +519,9 @@ def _thinned(cloud: Floats) -> tuple[Floats, IntArray]:
 def _clusters(xy: Floats, road: Floats, s: Config) -> Int32Array:
     """Returns the cluster of each point, numbered from 0: (t,).
 
-    Points are in one cluster if one lies in an ellipse along the road around the other. The ellipse
-    grows with distance, as the gaps between rays do. Without a known direction it is a circle.
+    Two points are in one cluster if one lies in an ellipse around the other. The ellipse is
+    elongated along the road. It grows with distance, as the gaps between rays do. If the direction
+    is unknown it is a circle.
     """
     distance = np.hypot(xy[:, 0], xy[:, 1])
     grow = 1 + distance / np.float32(100)
@@ -550,9 +562,9 @@ def _headings(xy: Floats, label: Int32Array, road: Floats) -> Floats:
 
 
 def _inside(at: Floats, start: IntArray, label: Int32Array) -> tuple[Floats, Floats]:
-    """Returns the distances of points to the nearer end of their cluster, and its extents.
+    """Returns the distances of points to the nearer end of their cluster, and cluster extents.
 
-    The shapes are (t, h) and (c, h).
+    Both are along one axis, for h headings. The shapes are (t, h) and (c, h).
     """
     low, high = np.minimum.reduceat(at, start), np.maximum.reduceat(at, start)
     return np.minimum(at - low[label], high[label] - at), high - low
@@ -588,9 +600,9 @@ def _boxes(rectangles: _Rectangles, kinds: IntArray) -> FloatArray:
     Rectangles are extended to the size of their class on the side away from the sensor.
     """
     missing = np.maximum(SIZES[kinds, :2] - rectangles.size, 0)
-    # If the sensor is alongside a vehicle, front and rear are equally far, and both are extended.
+    # If the sensor is beside a vehicle, front and rear are equally far and are both extended.
     away = np.clip((rectangles.low + rectangles.high) / 2 / SIZES[kinds, :2], -1, 1)
-    # If only the cabin was hit, rays passed above the bonnet, which is nearer to the sensor.
+    # If only the cabin has points, rays passed above the bonnet, which is nearer to the sensor.
     over = np.where(kinds == _CAR, np.clip(2 * rectangles.lowest - 1, 0, 1), 0)
     nearer = np.minimum(over[:, None] * [_BONNET_M, 0], missing)
     middle = (rectangles.low + rectangles.high) / 2 + away * (missing / 2 - nearer)
@@ -604,8 +616,8 @@ def _boxes(rectangles: _Rectangles, kinds: IntArray) -> FloatArray:
 def _scores(rectangles: _Rectangles, kinds: IntArray, expected: Floats) -> FloatArray:
     """Returns scores in [0.1, 1]: (c,).
 
-    They depend on the number of points relative to the expected one, and on the size relative to
-    that of the class.
+    A score depends on the ratio of the number of points to the expected number, and on the ratio of
+    the size to the size of the class.
     """
     ratio = rectangles.count / np.exp(expected[0] + expected[1] * np.log(rectangles.distance))
     excess = np.maximum(rectangles.size - SIZES[kinds, :2] - [1.5, 0.5], 0).sum(1)
@@ -613,7 +625,7 @@ def _scores(rectangles: _Rectangles, kinds: IntArray, expected: Floats) -> Float
 
 
 def _without_overlap(boxes: FloatArray, scores: FloatArray) -> IntArray:
-    """Returns the indices of boxes that do not overlap a better one, best first, at most _MOST."""
+    """Returns the indices of at most _MOST boxes that no better box overlaps, best first."""
     order = np.argsort(-scores, kind="stable")[:_MOST]
     best = boxes[order]
     area = best[:, 3] * best[:, 4]

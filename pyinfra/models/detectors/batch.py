@@ -1,4 +1,4 @@
-"""The input of networks: points and boxes of some frames, and the area that is used."""
+"""The input of networks: points and boxes of several frames, and the area that is used."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Area:
         return x, y, z
 
     def holds(self, xyz: Floats) -> BoolArray:
-        """Returns which of xyz (n, 3) are finite and inside: (n,) bool; `high` is excluded."""
+        """Returns which points xyz (n, 3) are finite and inside: (n,) bool. `high` is excluded."""
         low, high = np.array(self.low, xyz.dtype), np.array(self.high, xyz.dtype)
         inside = np.ones(len(xyz), dtype=np.bool_)
         for axis in range(3):  # column by column, which is five times as fast as all(axis=1)
@@ -80,8 +80,8 @@ class CanvasPart:
     """The part of the canvas that is filled, shifted to the first cell of the canvas."""
 
     sides: tuple[int, int]  # rows, columns
-    first: Tensor | None  # (B, 2) row, column of the part's first cell; None: the whole canvas
-    boxes: tuple[Tensor, ...]  # (k, 7) boxes of each frame in the part, shifted in the same way
+    first: Tensor | None  # (B, 2) row, column of the part's first cell; None for the whole canvas
+    boxes: tuple[Tensor, ...]  # (k, 7) boxes of each frame in the part, shifted as the part is
     classes: tuple[Tensor, ...]  # (k,) class numbers of these boxes
 
 

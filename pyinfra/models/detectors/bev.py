@@ -1,8 +1,8 @@
 """The two-dimensional network on a bird's-eye canvas.
 
-It follows SECOND, Yan et al., Sensors 2018, as used in PointPillars: blocks of 3 x 3 convolutions,
-each at half the resolution of the previous one. Their outputs are upsampled to one resolution and
-concatenated.
+The network follows SECOND, Yan et al., Sensors 2018, as used in PointPillars. It consists of blocks
+of 3 x 3 convolutions. Each block has half the resolution of the previous block. The outputs of the
+blocks are upsampled to one resolution and concatenated.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ class BevNetwork(nn.Module):
             channels = width
         self.channels = len(config.layers) * config.up_width
         self.step = math.prod(config.strides)  # the canvas's sides must be multiples of this
-        # The same memory layout as the canvas is a sixth faster on a CPU. The stub of `to` lacks
-        # this overload.
+        # The memory layout of the canvas makes the network a sixth faster on a CPU. The type stub
+        # of `to` lacks this overload.
         self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def forward(self, x: Tensor) -> Tensor:
@@ -88,5 +88,5 @@ def norm(width: int) -> nn.BatchNorm2d:
 
 
 def multiple(config: BevConfig, cell_m: float) -> float:
-    """Returns the length of which the area's sides must be multiples, in metres."""
+    """Returns a length in metres. The sides of the area must be multiples of it."""
     return math.prod(config.strides) * cell_m

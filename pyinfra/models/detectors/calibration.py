@@ -1,6 +1,6 @@
-"""Calibration of scores, so that a score is the probability that a box is right.
+"""Calibration of scores, so that a score is the probability of a true positive.
 
-Logits are transformed by a line (Platt, "Probabilistic outputs for support vector machines", 1999).
+Logits are transformed linearly (Platt, "Probabilistic outputs for support vector machines", 1999).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from scipy.special import expit
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.errors import Error
 
-STEADY = 1e-3  # weight of the prior for unchanged scores, which matters with very few boxes
+STEADY = 1e-3  # weight of the prior for unchanged scores; it only matters with very few boxes
 LEAST = 1e-7  # scores are clipped to LEAST .. 1 - LEAST
 
 
@@ -26,7 +26,7 @@ def fit(scores: FloatArray, right: BoolArray) -> tuple[float, float]:
     """Returns the maximum-likelihood a and b of logit -> a logit + b.
 
     scores: (n,) scores of boxes. right: (n,) whether each box overlaps a vehicle enough. Raises
-    Error unless there are both right and wrong boxes.
+    Error if all values of `right` are equal.
     """
     if right.all() or not right.any():
         raise Error(

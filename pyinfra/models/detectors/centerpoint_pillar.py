@@ -4,8 +4,9 @@ Deviations from the paper:
 
 - dynamic pillars with one layer (pillars.py)
 - one head for all classes, and no second stage
-- Gaussians aligned with the vehicles, a simpler head, another weight of the box (centre_head.py)
-- the grid of boxes has half the resolution of the pillars, which are 0.2 m wide
+- Gaussians aligned with the vehicles, a simpler head, another weight of the box loss
+  (centre_head.py)
+- pillars are 0.2 m wide, and the grid of boxes has half their resolution
 """
 
 from __future__ import annotations
@@ -34,11 +35,12 @@ class Config:
     pillar_m: float = ruled(0.2, 0.05, 2)  # side of a pillar
     pillar_width: int = ruled(64, 1, 512)  # channels of a pillar
     intensity: bool = True  # whether intensity is an input; each LiDAR has its own scale
-    place: bool = True  # whether x and y are inputs; networks for many sites do without them
+    place: bool = True  # whether x and y are inputs; networks for many sites do not use them
     age: bool = False  # whether the age of points in stacked frames is an input (--accumulate)
     bev: BevConfig = field(default_factory=BevConfig)
     head_width: int = ruled(64, 1, 512)  # channels of the layer that heat map and boxes share
-    # whether axis and direction of a box are predicted separately, for traffic in all directions
+    # whether the axis and the direction of a box are predicted separately; useful if traffic moves
+    # in all directions
     axis: bool = False
     classes: tuple[ObjectClass, ...] = ruled(VEHICLES, once=True)  # classes that are distinguished
 

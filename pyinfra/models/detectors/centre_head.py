@@ -1,11 +1,11 @@
 """The centre head: a heat map of the centres of each class, and a box at each peak.
 
-It follows the first stage of CenterPoint, Yin et al., CVPR 2021. Deviations from the paper:
+The head follows the first stage of CenterPoint, Yin et al., CVPR 2021. Deviations from the paper:
 
-- the heat of a vehicle is a Gaussian with the length, width and heading of the vehicle, not a
-  circle
-- after a shared layer there is one layer for the heat and one for the box; the published branches
-  have two layers each
+- the heat of a vehicle is not a circular Gaussian, but one with the length, width and heading of
+  the vehicle
+- after a shared layer, the heat and the box have one layer each; the published branches have two
+  layers each
 - the loss of the box has the weight 0.5; the published weight is 0.25 or 2, depending on the data
   set
 """
@@ -32,7 +32,8 @@ from pyinfra.models.detectors.network import Losses
 BOX_WEIGHT, DIRECTION_WEIGHT = 0.5, 0.2
 BOX = 8  # x y z, log sizes (3), sine and cosine of the heading
 PEAKS = 512  # number of highest peaks that become boxes
-# Weight of the road's axis relative to a predicted axis of length 0. With 1, AP is 0 to 2 lower.
+# Weight of the road's axis if the predicted axis has length 0. With a weight of 1, AP is 0 to 2
+# lower.
 ROAD_WEIGHT = 3.0
 LEAST_CELLS = 0.6  # least standard deviation of a Gaussian, in cells
 
@@ -60,7 +61,7 @@ class CentreHead(nn.Module):
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """Returns heat as logits (B, classes, H, W) and boxes (B, H, W, 8).
 
-        A subclass may append numbers to the 8.
+        A subclass may append numbers to the 8 numbers of a box.
         """
         x = self.shared(x)
         return self.heat(x).float(), self.box(x).permute(0, 2, 3, 1).float()
@@ -74,8 +75,9 @@ class CentreHead(nn.Module):
     ) -> Losses:
         """Returns the losses of a canvas.
 
-        boxes: (k, 7) for each frame. classes: their class numbers (k,). balance: a frame with n
-        boxes has the weight n ** -balance; with 0 each box counts the same, with 1 each frame.
+        boxes: (k, 7) for each frame. classes: class numbers (k,) of these boxes. balance: a frame
+        with n boxes has the weight n ** -balance. With balance 0 all boxes have the same weight,
+        with balance 1 all frames.
         """
         logits, residuals = self(x)
         counts = torch.tensor([len(b) for b in boxes])
@@ -102,7 +104,7 @@ class CentreHead(nn.Module):
     def box_losses(
         self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor, weights: Tensor
     ) -> Losses:
-        """Returns the losses summed over boxes (k, 7). at: predictions at their centres, (k, 8)."""
+        """Returns the losses summed over boxes (k, 7). at: predictions (k, 8) at box centres."""
         box = (at[:, :BOX] - self.encode(boxes, row, column)).abs().sum(dim=1)
         return {"box": BOX_WEIGHT * (weights * box).sum()}
 
@@ -196,10 +198,11 @@ def _numbered(of_classes: Sequence[tuple[Tensor, Tensor]]) -> tuple[Tensor, Tens
 class AxisHead(CentreHead):
     """A head that predicts the axis of a box and, separately, which end is the front.
 
-    The axis is the sine and cosine of twice the heading. Front and rear look alike if traffic can
-    come from any direction; then the mean of two opposite headings is meaningless, but their axis
-    is the same. With few points, as on a distant car, the predicted axis vector is short. If the
-    roads are known, the axis of the road is added in proportion to the missing length.
+    The axis is the sine and cosine of twice the heading. If traffic can come from any direction, a
+    network often cannot distinguish front and rear. The mean of two opposite headings is
+    meaningless, but their axis is the same. If a vehicle has few points, as a distant car, the
+    predicted axis vector is short. If the roads are known, the axis of the road is added in
+    proportion to the missing length.
     """
 
     def __init__(
@@ -215,7 +218,7 @@ class AxisHead(CentreHead):
         self.road_axes: Tensor | None = None
 
     def know(self, region: Region, shape: tuple[int, int]) -> None:
-        """Stores the axes of the region's roads for (H, W) cells; None if it has no roads."""
+        """Stores the axes of the region's roads for (H, W) cells, or None if it has no roads."""
         self.road_axes = None
         if region.axes is None:
             return

@@ -10,7 +10,7 @@ from pyinfra.core.arrays import IntArray, NameArray
 from pyinfra.core.vocabulary import OBJECT_CLASSES, VEHICLES, ObjectClass
 from pyinfra.metrics.matching import Metric
 
-# Type that a network writes for each class. It does not distinguish types of vehicles.
+# Type that a network writes for each class. Networks do not distinguish types of vehicles.
 TYPES: dict[ObjectClass, str] = {
     "vehicle": "vehicle",
     "pedestrian": "Pedestrian",
@@ -23,13 +23,16 @@ ALONG_ROADS = ("vehicle", "cyclist")  # classes that move along roads; others mo
 
 
 def classes_of(config: object) -> tuple[ObjectClass, ...]:
-    """Returns the classes that a network with this Config distinguishes; by default vehicles."""
+    """Returns the classes that a network with this Config distinguishes.
+
+    If the Config has no key `classes`, the only class is `vehicle`.
+    """
     classes: tuple[ObjectClass, ...] = getattr(config, "classes", VEHICLES)
     return classes
 
 
 def numbers_of(types: NameArray, classes: Sequence[ObjectClass]) -> IntArray:
-    """Returns the index in `classes` of each type's class: (n,), -1 for other types."""
+    """Returns the class number of each type, an index of `classes`: (n,), -1 for other types."""
     numbers = np.full(len(types), -1)
     for number, name in enumerate(classes):
         numbers[np.isin(types, OBJECT_CLASSES[name])] = number

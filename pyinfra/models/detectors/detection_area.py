@@ -27,9 +27,10 @@ class Site:
 def site_of(boxes: Iterable[FloatArray], regions: Sequence[Region] = ()) -> Site:
     """Returns the area of some regions and boxes.
 
-    x and y include the regions with a margin of 8 m; z includes the boxes (k, 7), which are above
-    the road, with a margin of 1 m. So the area is the same for all LiDARs of a site. Without a
-    region, x and y include the boxes with a margin of 1 m. Raises Error if there is no box.
+    x and y include the regions with a margin of 8 m, so the area is the same for all LiDARs of a
+    site. If there is no region, x and y include the boxes with a margin of 1 m. z includes the
+    boxes with a margin of 1 m. boxes: (k, 7) each, with z measured from the road. Raises Error if
+    there is no box.
     """
     every = np.concatenate([np.empty((0, 7)), *boxes])
     if len(every) == 0:

@@ -2,8 +2,9 @@
 
 torch.distributed is used directly instead of DistributedDataParallel, because networks have
 `losses` and no `forward`, and some parameters are not used in some batches. Apart from rounding,
-the weights are the same as with one process. For this, batch norms use the whole batch (PyTorch's
-SyncBatchNorm needs a GPU), and losses are normalised by the objects of the whole batch.
+the weights are the same as with one process. Therefore losses are normalised by the number of
+objects of the whole batch. Batch norms use the statistics of the whole batch. PyTorch's
+SyncBatchNorm is not used for this purpose, because it needs a GPU.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from pyinfra.core.errors import Error
 def joined(device: torch.device) -> Iterator[torch.device]:
     """Joins the processes that torchrun started, if any; yields the device of this process.
 
-    Raises Error if the device has a number, because each process has its own.
+    Raises Error if the device has a number, because each process uses another device.
     """
     if int(os.environ.get("WORLD_SIZE", "1")) == 1:
         yield device
@@ -60,8 +61,9 @@ def count() -> int:
 def of_all(number: Tensor) -> Tensor:
     """Returns the number by which the loss of a batch is divided, 1 or more.
 
-    number: objects of this process. With several processes the result is such that the mean of
-    their losses is the loss of the whole batch.
+    number: number of objects in this process's share of the batch. With several processes, the
+    result is the number of objects of the whole batch divided by the number of processes. The mean
+    of the processes' losses is then the loss of the whole batch.
     """
     if count() == 1:
         return number.clamp(min=1)
@@ -83,7 +85,7 @@ def mean(values: Tensor) -> Tensor:
 def average_gradients(network: nn.Module) -> None:
     """Averages the gradients over the processes.
 
-    A parameter that no process used gets no gradient, so that its value does not change.
+    A parameter that no process used gets no gradient and keeps its value.
     """
     if count() == 1:
         return
@@ -98,7 +100,7 @@ def average_gradients(network: nn.Module) -> None:
 
 
 class LocalNorm(nn.BatchNorm1d):
-    """Batch norm of values that are the same in all processes, which `share_norms` leaves as is."""
+    """Batch norm of values that are the same in all processes. `share_norms` does not change it."""
 
 
 class _SharedNorm(_BatchNorm):
@@ -135,7 +137,7 @@ class _SharedNorm(_BatchNorm):
 
 
 class _Sum(torch.autograd.Function):
-    # The sum in each process depends on the inputs of all, so gradients are summed too.
+    # The sum in each process depends on the inputs of all processes, so gradients are summed too.
     @staticmethod
     def forward(_: Any, x: Tensor) -> Tensor:
         total = x.clone()
@@ -150,12 +152,15 @@ class _Sum(torch.autograd.Function):
 
 
 def _summed(x: Tensor) -> Tensor:
-    """Returns the sum over the processes; its gradient is that of the sum of their losses."""
+    """Returns the sum over the processes, with the gradient of the sum of all their losses."""
     return cast(Tensor, _Sum.apply(x))  # type: ignore[no-untyped-call]
 
 
 def share_norms(network: nn.Module) -> None:
-    """With several processes, makes batch norms use the whole batch; weights do not change."""
+    """Makes batch norms use the whole batch if there are several processes.
+
+    Weights do not change.
+    """
     for module in network.modules():
         if count() > 1 and isinstance(module, _BatchNorm) and not isinstance(module, LocalNorm):
             module.__class__ = _SharedNorm

@@ -2,14 +2,14 @@
 
 Deviations from the paper:
 
-- one class; the area is that of the training vehicles
-- the position embedding belongs to the window in which its layer attends (in the published code
-  every second layer uses that of the other window), and is normalised over the cells of a window,
-  not over the voxels
+- one class; the area includes the vehicles of the training frames
+- each layer uses the position embedding of the window in which it attends; in the published code
+  every second layer uses the embedding of the other window
+- the embedding is normalised over the cells of a window, not over the voxels
 - one branch of the head for the whole box, whose loss has the weight 0.5 instead of 2
 - Gaussians aligned with the vehicles (centre_head.py)
 - the overlap loss is the IoU of rotated boxes only, without the distance of their centres
-- learning rate cycle and non-maximum suppression (IoU 0.1) as for all detectors here
+- learning rate cycle and non-maximum suppression (IoU 0.1) as for all detectors of this package
 """
 
 from __future__ import annotations
@@ -51,12 +51,12 @@ class Config:
     blocks: int = ruled(4, 1, 16)  # attention blocks
     heads: int = ruled(8, 1, 64)  # heads of each attention
     feed_width: int = ruled(384, 1, 4096)  # channels between the two layers after an attention
-    set_size: int = ruled(36, 1, 1024)  # pillars in a set, which attend to each other
+    set_size: int = ruled(36, 1, 1024)  # pillars in a set; pillars of a set attend to each other
     windows: tuple[int, ...] = ruled((12, 24), 1, 1024)  # window sides in cells; blocks alternate
     shifts: tuple[int, ...] = ruled((0, 6), 0, 1024)  # shifts of the windows, in cells
     bev: BevConfig = field(default_factory=_bev)
     head_width: int = ruled(64, 1, 512)  # channels of each branch of the head
-    iou_share: float = ruled(0.68, 0, 1)  # exponent of the predicted IoU in the score
+    iou_share: float = ruled(0.68, 0, 1)  # exponent of the predicted IoU in the score of a box
 
     def __post_init__(self) -> None:
         if self.width % self.heads != 0 or self.width % 2 != 0:
@@ -66,7 +66,7 @@ class Config:
 
 
 class Embedding(nn.Module):
-    """A learnt embedding of each cell in a window: (side * side, width), row by row."""
+    """Computes a learnt embedding of each cell in a window: (side * side, width), row by row."""
 
     def __init__(self, side: int, width: int) -> None:
         super().__init__()
@@ -92,17 +92,17 @@ class SetAttention(nn.Module):
         self.out = nn.Linear(width, width)
 
     def forward(self, x: Tensor, position: Tensor, sets: Sets) -> Tensor:
-        """x, position: (n, width); returns (n, width).
+        """Returns the attention of voxels: (n, width). x, position: (n, width).
 
-        Voxels are projected before they are gathered into sets, so that repeated voxels cost
-        little.
+        Voxels are projected before they are gathered into sets, so that a repeated voxel is
+        projected only once.
         """
         projected = torch.cat([self.query_key(x + position), self.value(x)], dim=1)
         gathered = projected.index_select(0, sets.voxel.flatten())
         shape = (*sets.voxel.shape, 3, self.heads, x.shape[1] // self.heads)
         query, key, value = gathered.view(shape).permute(2, 0, 3, 1, 4)  # (s, heads, size, C)
-        # An additive mask is faster than a boolean one. It never hides a whole set, because the
-        # first slot of a set is not a repeat.
+        # An additive mask is faster than a boolean mask. It never hides a whole set, because the
+        # first slot of a set does not repeat a voxel.
         hidden = query.new_zeros(sets.repeats.shape).masked_fill(sets.repeats, -torch.inf)
         attention_out = functional.scaled_dot_product_attention(
             query, key, value, attn_mask=hidden[:, None, None, :]
@@ -132,7 +132,7 @@ class Layer(nn.Module):
 
 
 class DsvtBlock(nn.Module):
-    """Two layers in the same windows, the first with sets along x, the second along y."""
+    """Two layers in the same windows. The first has sets along x, the second along y."""
 
     def __init__(self, config: Config, side: int) -> None:
         super().__init__()
@@ -141,7 +141,7 @@ class DsvtBlock(nn.Module):
         self.norm = nn.LayerNorm(config.width)
 
     def forward(self, x: Tensor, by_row: Tensor, rotated: tuple[Sets, Sets]) -> Tensor:
-        """by_row: (n,) index of each voxel's cell in its window."""
+        """Returns features (n, width). by_row: (n,) index of each voxel's cell in its window."""
         y = x
         for layer, embedding, sets in zip(self.layers, self.embeddings, rotated, strict=True):
             y = layer(y, embedding().index_select(0, by_row), sets)
@@ -162,7 +162,7 @@ class Transformer(nn.Module):
                 nn.init.xavier_uniform_(parameter)
 
     def forward(self, x: Tensor, frame: Tensor, row: Tensor, column: Tensor) -> Tensor:
-        """frame, row, column: (n,) position of each voxel; n is 1 or more."""
+        """Returns features (n, width). frame, row, column: (n,) of each voxel; n is 1 or more."""
         kinds = []
         for side, shift in zip(self.config.windows, self.config.shifts, strict=True):
             windows = windows_of(frame, row, column, side, shift)
@@ -175,7 +175,7 @@ class Transformer(nn.Module):
 
 
 class IouHead(CentreHead):
-    """A centre head with a ninth number per box, which predicts its IoU, scaled to -1 to 1."""
+    """A centre head with a ninth number per box, the predicted IoU, scaled to -1 to 1."""
 
     def __init__(
         self, channels: int, width: int, site: Site, cell_m: float, iou_share: float
@@ -205,10 +205,10 @@ class IouHead(CentreHead):
         }
 
     def score(self, heat: Tensor, at: Tensor) -> Tensor:
-        """Returns the scores (k,), which a low predicted IoU reduces (AFDetV2, Hu et al., AAAI
-        2022).
+        """Returns the scores (k,). A low predicted IoU reduces a score.
 
-        The predicted IoU is trained at vehicles only, so it is not used below MIN_SCORE of heat.
+        Source: AFDetV2, Hu et al., AAAI 2022. The predicted IoU is trained at vehicles only, so it
+        is not used where the heat is below MIN_SCORE.
         """
         fit = ((at[:, BOX] + 1) / 2).clamp(0, 1)
         score = heat ** (1 - self.iou_share) * fit**self.iou_share

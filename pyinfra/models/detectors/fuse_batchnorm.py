@@ -12,10 +12,10 @@ from pyinfra.models.detectors.pillars import PillarEncoder
 
 
 def fused(network: Network) -> Network:
-    """Fuses the batch norms of a network in eval mode, which makes it faster; returns the network.
+    """Fuses the batch norms of a network in eval mode and returns the network, which is faster.
 
-    Boxes change by rounding errors of less than 1e-4 m. Only networks on pillars are changed; in
-    others, rounding errors may change which points are sampled.
+    Boxes change by rounding errors of less than 1e-4 m. Only networks on pillars are changed. In
+    other networks, rounding errors may change which points are sampled.
     """
     modules = list(network.modules())
     if not any(isinstance(module, PillarEncoder) for module in modules):

@@ -11,7 +11,10 @@ from pyinfra.models.detectors import Detections, Detector
 
 @dataclass(frozen=True, eq=False)
 class OnRoad:
-    """A `Detector` in the levelled LiDAR frame, made from one whose z is measured from the road."""
+    """A `Detector` in the levelled LiDAR frame.
+
+    It wraps a detector whose z is measured from the road.
+    """
 
     detector: Detector
     ground: Ground

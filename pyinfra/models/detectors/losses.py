@@ -30,7 +30,7 @@ def focal(logits: Tensor, targets: Tensor, alpha: float = 0.25, gamma: float = 2
 def heat_map_focal(logits: Tensor, heat: Tensor) -> Tensor:
     """Returns the penalty-reduced focal loss (CornerNet, Law and Deng, ECCV 2018): (B,).
 
-    It is summed over each frame. logits, heat: (B, H, W); heat is in [0, 1], and 1 at the peaks.
+    The loss is summed over each frame. logits, heat: (B, H, W). heat is in [0, 1], and 1 at peaks.
     """
     p = torch.sigmoid(logits).clamp(1e-4, 1 - 1e-4)
     peak = heat == 1

@@ -25,8 +25,8 @@ from pyinfra.models.detectors.detection_area import Site
 from pyinfra.models.ops.boxes import nms
 
 MIN_SCORE = 0.1  # least score of returned boxes, before calibration
-NMS_IOU = 0.1  # largest IoU of footprints that is kept, as vehicles do not overlap
-CANDIDATES = 4096  # most boxes that enter the suppression, best first
+NMS_IOU = 0.1  # largest IoU of footprints of two boxes of a frame, as vehicles do not overlap
+CANDIDATES = 4096  # number of best boxes that enter the suppression
 MOST_BOXES = 200  # most boxes of a frame and class
 
 Losses = dict[str, Tensor]  # tensors of one element, whose sum is minimised
@@ -34,7 +34,7 @@ Losses = dict[str, Tensor]  # tensors of one element, whose sum is minimised
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Context in which PyTorch uses one thread.
+    """Context manager in which PyTorch uses one thread.
 
     Small operations are slower with more threads, and sums depend on the number of threads.
     """
@@ -67,8 +67,8 @@ MMAP_THRESHOLD, TRIM_THRESHOLD = -3, -1  # parameters of mallopt, from <malloc.h
 def keep_memory() -> None:
     """Makes glibc keep the memory of freed tensors.
 
-    By default glibc returns the memory of each large tensor to the system and requests it again,
-    page by page, which takes a quarter of the time of a frame. Results do not change.
+    By default glibc returns the memory of each large tensor to the system and requests it again
+    page by page. This takes a quarter of the time of a frame. Results do not change.
     """
     try:
         mallopt = ctypes.CDLL(None).mallopt
@@ -83,7 +83,7 @@ class Network(nn.Module, abc.ABC):
 
     learns_in_windows = False  # whether it can be trained on windows (windows.py)
     balances_frames = False  # whether its losses use `Batch.balance`
-    columns = 4  # number of columns of a cloud that it uses: x y z intensity, and with 5 the age
+    columns = 4  # number of columns of a cloud that it uses: x y z intensity [age]
     classes: tuple[ObjectClass, ...] = VEHICLES  # classes that it distinguishes
 
     def __init__(self, site: Site) -> None:
@@ -94,17 +94,17 @@ class Network(nn.Module, abc.ABC):
 
     @abc.abstractmethod
     def losses(self, batch: Batch) -> Losses:
-        """Returns the parts of the loss, by name."""
+        """Returns the terms of the loss, by name."""
 
     @abc.abstractmethod
     def candidates(self, batch: Batch) -> Sequence[tuple[Tensor, ...]]:
         """Returns boxes (k, 7) and scores (k,) of each frame, before suppression.
 
-        With more than one class, class numbers (k,) follow.
+        If there is more than one class, the third element of a tuple has class numbers (k,).
         """
 
     def know(self, region: Region) -> None:
-        """Prepares the network for a region, whose frames it will get; by default does nothing."""
+        """Prepares the network for frames of a region; by default does nothing."""
 
     @torch.inference_mode()
     @one_thread()
@@ -136,7 +136,7 @@ class Network(nn.Module, abc.ABC):
 
 
 def best_first(parts: Sequence[Detections]) -> Detections:
-    """Merges detections, best first; of equal scores those of the first part come first."""
+    """Merges detections, best first. Boxes of equal score are in the order of `parts`."""
     order = np.argsort(np.concatenate([-part.scores for part in parts]), kind="stable")
     return Detections(
         boxes=np.concatenate([part.boxes for part in parts])[order],
@@ -148,7 +148,7 @@ def best_first(parts: Sequence[Detections]) -> Detections:
 def suppressed(
     boxes: Tensor, scores: Tensor, name: str = TYPES["vehicle"], min_score: float = MIN_SCORE
 ) -> Detections:
-    """Returns the best of boxes (n, 7) after non-maximum suppression with NMS_IOU.
+    """Returns the boxes (n, 7) that remain after non-maximum suppression with NMS_IOU.
 
     Boxes with a score below `min_score` are left out.
     """

@@ -1,8 +1,8 @@
 """Pillars: one feature vector for the points of each vertical column, arranged as a canvas.
 
-PointPillars, Lang et al., CVPR 2019, section 2.1, with the dynamic voxels of MVF, Zhou et al.,
-CoRL 2019: all points are used, so neither the number of pillars nor that of points in one is
-limited.
+The module follows section 2.1 of PointPillars, Lang et al., CVPR 2019, with the dynamic voxels of
+MVF, Zhou et al., CoRL 2019. All points are used. Neither the number of pillars nor the number of
+points in a pillar is limited.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ class PillarEncoder(nn.Module):
     """Encodes points (n, 4 or 5) as a canvas (B, width, H, W); row = y, column = x.
 
     The inputs of each point are x y z, offset to the mean of its pillar (3), offset to the middle
-    of the pillar (3), age, intensity. They pass a linear layer, batch norm and ReLU, followed by
-    the maximum over the pillar. With more layers, each but the last is half as wide and returns the
-    features of the point together with those of its pillar.
+    of the pillar (3), age, intensity. The inputs pass a linear layer, batch norm and ReLU, followed
+    by the maximum over the pillar. If there are several layers, each except the last is half as
+    wide. It returns the features of the point together with the features of its pillar.
 
-    intensity, age, with_xy: whether these inputs are used. Without x and y, the features of a
-    vehicle do not depend on its position.
+    intensity, age, with_xy: whether these inputs are used. If x and y are not used, the features of
+    a vehicle do not depend on its position.
     """
 
     def __init__(
@@ -52,8 +52,9 @@ class PillarEncoder(nn.Module):
     def occupied(self, batch: Batch) -> tuple[Tensor, Tensor]:
         """Returns features (p, width) and ascending numbers (p,) of the p pillars with points."""
         pillar, member = torch.unique(self.pillar_of(batch), return_inverse=True)
-        # No point, or in training a single one, for which a batch norm is undefined. With several
-        # processes the shared batch norm must run in all of them, and handles this case.
+        # There is no point, or in training a single point, for which a batch norm is undefined. If
+        # there are several processes, the shared batch norm handles this case. It must run in all
+        # processes.
         if len(batch.points) < (2 if self.training else 1) and distributed.count() == 1:
             return batch.points.new_zeros(0, self.width), pillar[:0]
         features = self.point_features(batch, pillar, member)  # (n, 7 to 11)
@@ -69,7 +70,7 @@ class PillarEncoder(nn.Module):
     ) -> Tensor:
         """Returns the canvas (B, width, H, W) with the features (p, width) of the pillars.
 
-        Other cells are 0. view: the part to fill; by default the whole area.
+        Cells without a pillar are 0. view: the part to fill; by default the whole area.
         """
         rows, columns = (self.rows, self.columns) if view is None else view.sides
         if view is not None and view.first is not None:
@@ -124,7 +125,7 @@ class PillarEncoder(nn.Module):
         coordinates = torch.stack([xyz, xyz - mean[member], xyz - middle[member]], dim=1).flatten(1)
         intensity, age = batch.points[:, 3:4], batch.points[:, 4:5]
         parts = [coordinates, age, intensity] if self.age else [coordinates, intensity]
-        # x, y and the intensity are cut off if they are not used.
+        # x, y and the intensity are at the ends, so that a slice removes them if they are not used.
         return torch.cat(parts, dim=1)[:, self.first : self.last]
 
     def pooled(self, features: Tensor, member: Tensor, pillars: int) -> Tensor:

@@ -1,14 +1,17 @@
 """Layers on points: set abstraction at several scales, and feature propagation.
 
-They follow PointNet++, Qi et al., NeurIPS 2017. Clouds of any size are concatenated, so the same
-layers work on the frames of a batch and on the proposals of a frame.
+The layers follow PointNet++, Qi et al., NeurIPS 2017. Clouds of any size are concatenated, so the
+same layers work on the frames of a batch and on the proposals of a frame.
 
-Deviations from the paper: a cloud with fewer points than are sampled keeps each of them once, and a
-ball with fewer points than its limit is not filled with copies of its first one. The maxima are the
-same, but batch norms use existing points only. A centre without points around it has features of 0.
+Deviations from the paper:
 
-Searches run on the CPU, also for tensors on a GPU, where their loops over points and clouds would
-be many small steps.
+- a cloud with fewer points than requested is not filled with copies of points
+- a ball with fewer points than its limit is not filled with copies of its first point; the maxima
+  are the same, but batch norms use existing points only
+- a centre without points around it has features of 0
+
+Searches run on the CPU, even for tensors on a GPU. Their loops over points and clouds would be many
+small steps on a GPU.
 """
 
 from __future__ import annotations
@@ -73,10 +76,10 @@ def sampled(clouds: Clouds, most: int) -> tuple[Tensor, list[int]]:
 
 
 def shuffled(clouds: Clouds) -> Clouds:
-    """Returns the points of each cloud in a random order, which is always the same.
+    """Returns the points of each cloud in a random order, which depends on their number only.
 
-    A ball takes its first points by row. Voxels are ordered by height, so without this, balls would
-    take only the lowest ones.
+    `neighbours` returns the first points of a ball by row. Voxels are ordered by height, so that in
+    this order a ball would get its lowest voxels only.
     """
     orders, start = [torch.zeros(0, dtype=torch.int64)], 0
     for count in clouds.counts:
@@ -90,10 +93,10 @@ def shuffled(clouds: Clouds) -> Clouds:
 def neighbours(
     clouds: Clouds, centres: Tensor, counts: Sequence[int], radius: float, most: int
 ) -> tuple[Tensor, Tensor]:
-    """Returns pairs of points and centres within a radius: rows (p,) of both, ordered by centre.
+    """Returns pairs of a point and a centre within a radius: rows (p,) of both, ordered by centre.
 
     centres: (m, 3). counts: number of centres in each cloud. most: largest number of points of a
-    centre; the first ones by row are taken.
+    centre. If there are more points, the first points by row are returned.
     """
     xyz, middles = clouds.xyz.detach().cpu(), centres.detach().cpu()
     points, owners = [torch.zeros(0, dtype=torch.int64)], [torch.zeros(0, dtype=torch.int64)]
@@ -103,7 +106,7 @@ def neighbours(
             rows, empty = ball_query(
                 xyz[start : start + n], middles[first : first + m], radius, most
             )
-            new = rows != rows[:, :1]  # a ball is filled with copies of its first point
+            new = rows != rows[:, :1]  # ball_query fills a ball with copies of its first point
             new[:, 0] = ~empty
             points.append(rows[new] + start)
             owners.append(new.nonzero()[:, 0] + first)
@@ -117,7 +120,8 @@ class LocalMax(nn.Module):
 
     def __init__(self, channels: int, widths: Sequence[int]) -> None:
         super().__init__()
-        # One linear layer, divided so that the features of a point are multiplied only once.
+        # These are two parts of one linear layer, so that the features of a point are multiplied
+        # only once.
         self.offset = nn.Linear(3, widths[0], bias=False)
         self.feature = nn.Linear(channels, widths[0], bias=False)
         nn.init.normal_(self.offset.weight, std=(2 / (3 + channels)) ** 0.5)
@@ -129,7 +133,7 @@ class LocalMax(nn.Module):
         offset = clouds.xyz[points] - centres[owners]
         first = self.offset(offset) + self.feature(clouds.features)[points]
         x: Tensor = self.rest(first)
-        # Features are not negative, so the zeros matter only for centres without points.
+        # Features are not negative, so the initial zeros remain only at centres without points.
         index = owners[:, None].expand_as(x)
         return x.new_zeros(len(centres), x.shape[1]).scatter_reduce(0, index, x, "amax")
 
@@ -153,7 +157,10 @@ class SetAbstraction(nn.Module):
         self.channels = sum(b.widths[-1] for b in balls)
 
     def forward(self, clouds: Clouds, centres: Tensor, counts: list[int]) -> Clouds:
-        """Returns features (m, channels) of centres (m, 3); counts: centres of each cloud."""
+        """Returns features (m, channels) of centres (m, 3).
+
+        counts: number of centres in each cloud.
+        """
         features = [
             scale(clouds, centres, *neighbours(clouds, centres, counts, b.radius_m, b.most))
             for b, scale in zip(self.balls, self.scales, strict=True)
@@ -188,7 +195,8 @@ class FeaturePropagation(nn.Module):
     def forward(self, fine: Clouds, coarse: Clouds) -> Clouds:
         """Returns the fine clouds with new features.
 
-        Both have the same clouds; a cloud with fine points must also have coarse ones.
+        `fine` and `coarse` have the same clouds. A cloud with fine points must also have coarse
+        points.
         """
         brought = propagated(fine, coarse)
         return fine.with_features(self.layers(torch.cat([brought, fine.features], dim=1)))

@@ -4,7 +4,7 @@ Deviations from the paper:
 
 - dynamic pillars, without a limit on pillars and on points in one (pillars.py)
 - anchors of two sizes and one class (anchors.py)
-- the area is that of the training vehicles, and the anchors stand on its floor
+- the area includes the vehicles of the training frames, and the anchors stand on its floor
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Config:
     pillar_m: float = ruled(0.16, 0.05, 2)  # side of a pillar
     pillar_width: int = ruled(64, 1, 512)  # channels of a pillar
     intensity: bool = True  # whether intensity is an input; each LiDAR has its own scale
-    place: bool = True  # whether x and y are inputs; networks for many sites do without them
+    place: bool = True  # whether x and y are inputs; networks for many sites do not use them
     age: bool = False  # whether the age of points in stacked frames is an input (--accumulate)
     bev: BevConfig = field(default_factory=BevConfig)
     anchors: AnchorConfig = field(default_factory=AnchorConfig)
