@@ -20,7 +20,7 @@ Limitations:
 - vehicles that touch are merged
 - the height of ground that is hidden in all frames is taken from neighbouring cells or from the
   plane of the road; if no region is known, plants beside the road may raise this plane
-- if no roads are known, distant vehicles side by side may be merged into one vehicle across the road
+- if no roads are known, distant vehicles side by side may be merged into one across the road
 
 The detector needs neither PyTorch nor the extension.
 """
@@ -175,7 +175,7 @@ class Background:
 
     @classmethod
     def load(cls, file: Path) -> Background:
-        """Reads a file that `save` wrote. For any other file, raises Error, which names the file."""
+        """Reads a file that `save` wrote. For other files, raises Error, which names the file."""
         try:
             with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
                 contents = [data[f.name] for f in fields(cls)]

@@ -7,11 +7,11 @@ Deviations from the paper:
 
 - as in OpenPCDet, boxes are residuals from the point or the proposal instead of bins, both stages
   are trained together, and the second stage gets scores instead of a mask
-- offsets are in metres, because relative to the diagonal of a box half a metre gives almost no loss
-- the second stage has batch norm, as the first one has
+- offsets are in metres; relative to the diagonal of a box, half a metre would give almost no loss
+- both stages have batch norm
 - the features of a point are its intensity, its height above the site's floor and its position in
-  the area. A roadside sensor sees vehicles from all sides, and one or two points do not show which
-  side they are on.
+  the area; a roadside sensor sees vehicles from all sides, and one or two points alone do not
+  determine the side of a vehicle that they are on
 - points up to 5 cm outside a box belong to its vehicle
 - training proposals are sampled without repetition, from the proposals and from slightly shifted
   labels
@@ -20,11 +20,11 @@ Deviations from the paper:
 `sampling: faithful` samples a fixed number of points of the whole frame with equal probability, as
 in the paper. If most points are on the ground, distant vehicles lose their few points, and the
 farthest point sampling of the set abstractions covers the ground. OpenPCDet keeps all points
-beyond 40 m, which helps with its 70 m of range; here most of the area is beyond 40 m.
+beyond 40 m, which helps with its range of 70 m. At a roadside site most of the area is beyond 40 m.
 
 `sampling: remedied` is the same network with other points. Points lower than `clearance_m` above
-the site's floor are left out, so the road must be level. The others are sampled evenly by area:
-each square of `cell_m` gives one point before any square gives a second one.
+the site's floor are left out, so the road must be level. The other points are sampled evenly by
+area: one point is sampled from each square of `cell_m`, then a second point from each, and so on.
 """
 
 from __future__ import annotations
@@ -75,14 +75,14 @@ MERGED = (128,)
 ROI_LEVELS = ((128, Ball(0.2, 16, (128, 128, 128))), (32, Ball(0.4, 16, (128, 128, 256))))
 ROI_WHOLE = (256, 256, 512)
 
-BEFORE_NMS = 9000  # most boxes that enter the suppression
+BEFORE_NMS = 9000  # largest number of boxes that enter the suppression
 DOUBT_M = 0.2  # points between AROUND_M and this distance outside a box do not count
 CONTEXT_M = 1.0  # proposals are enlarged by this in all dimensions when points are collected
 DEPTH_M = 100.0
 
-# 3-D IoU of a proposal and a vehicle.
+# Thresholds of the 3-D IoU of a proposal and a vehicle.
 REFINED = 0.55  # least IoU of proposals whose refinement is trained
-GOOD, BAD = 0.6, 0.45  # proposals count as a vehicle from GOOD on, and as background below BAD
+GOOD, BAD = 0.6, 0.45  # a proposal is a vehicle at GOOD or more, and background below BAD
 HARD, HARD_SHARE = 0.05, 0.8  # least IoU of hard background, and its share of the background
 
 
@@ -90,7 +90,8 @@ HARD, HARD_SHARE = 0.05, 0.8  # least IoU of hard background, and its share of t
 class Config:
     """Sizes of the network; the defaults are the published ones, except for `size_m`."""
 
-    # faithful: all points are equally likely; remedied: evenly by area, without the ground
+    # faithful: all points are equally likely; remedied: points are sampled evenly by area, without
+    # the ground
     sampling: Literal["faithful", "remedied"] = "faithful"
     points: int = ruled(16384, 64, 1_000_000)  # points sampled from a frame
     clearance_m: float = ruled(0.2, 0, 5)  # remedied: lower points are ground
@@ -98,7 +99,7 @@ class Config:
     levels: tuple[int, int, int, int] = ruled((4096, 1024, 256, 64), 4, 65536)  # points per level
     width: float = ruled(1.0, 0.05, 4)  # factor on the published widths of layers
     size_m: tuple[float, float, float] = ruled(CAR_M, 0.1, 30)  # size that residuals refer to
-    # proposals whose footprints have a higher IoU with a better one are removed
+    # proposals whose footprints have a higher IoU with a better proposal are removed
     proposal_iou: float = ruled(0.85, 0.05, 1)
     proposals: int = ruled(512, 1, 4096)  # proposals of a training frame, to sample from
     rois: int = ruled(128, 2, 1024)  # sampled proposals of a training frame
@@ -113,7 +114,7 @@ class Seen:
     clouds: Clouds  # points of the frames, with semantic features
     intensity: Tensor  # (n,)
     logits: Tensor  # (n,) whether a point belongs to a vehicle
-    residuals: Tensor  # (n, 8) of the box at each point
+    residuals: Tensor  # (n, 8) residuals of the box at each point
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +124,7 @@ class SampledRois:
     rois: Tensor  # (r, 7)
     counts: list[int]  # number in each frame
     overlap: Tensor  # (r,) highest 3-D IoU with a vehicle
-    boxes: Tensor  # (r, 7) this vehicle; meaningless where the overlap is 0
+    boxes: Tensor  # (r, 7) box of the vehicle with the highest IoU; undefined if overlap is 0
 
 
 class Backbone(nn.Module):
@@ -217,7 +218,8 @@ class PointRCNN(Network):
         self.score = head(self.backbone.channels, 1, config.width)
         self.box = head(self.backbone.channels, 8, config.width)
         self.refiner = Refiner(config, self.backbone.channels)
-        # Number of random samplings so far. It seeds the next one, also in a resumed training.
+        # Number of random samplings so far. It seeds the next sampling. It is saved with the
+        # weights, so that a resumed training gives the same result.
         self.register_buffer("draws", torch.zeros((), dtype=torch.int64))
 
     def losses(self, batch: Batch) -> Losses:
@@ -254,7 +256,10 @@ class PointRCNN(Network):
         return Seen(clouds, points[:, 3], logits.float(), residuals.float())
 
     def generator(self) -> torch.Generator:
-        """Returns a random generator: the same one in detection, a new one per training batch."""
+        """Returns a random generator.
+
+        In detection its seed is 0. In training each call has a new seed.
+        """
         generator = torch.Generator()
         if self.training:
             self.draws += 1
@@ -312,7 +317,10 @@ class PointRCNN(Network):
         return {"score": score, "box": box_loss}
 
     def sampled(self, seen: Seen, boxes: tuple[Tensor, ...]) -> SampledRois:
-        """Samples training proposals of each frame; at most half of them have an IoU >= REFINED."""
+        """Samples training proposals of each frame.
+
+        At most half of them have an IoU of REFINED or more.
+        """
         generator = self.generator()
         parts = []
         for proposed, b in zip(self.proposals(seen, self.config.proposals), boxes, strict=True):
@@ -360,7 +368,11 @@ def detached(seen: Seen) -> Seen:
 
 
 def by_area(xy: Tensor, cell_m: float) -> Tensor:
-    """Returns an order of positions (n, 2): one of each square, then a second of each, ..."""
+    """Returns the rows (n,) of positions (n, 2), ordered evenly by area.
+
+    The first rows are one position of each square, followed by a second position of each square,
+    and so on.
+    """
     cell = torch.floor(xy / cell_m).long()
     _, square = torch.unique(cell, dim=0, return_inverse=True)
     return torch.argsort(rank_in(square), stable=True)
@@ -385,10 +397,10 @@ def grown(boxes: Tensor, by_m: float) -> Tensor:
 
 
 def pooled(clouds: Clouds, rois: Tensor, counts: Sequence[int], most: int) -> tuple[Tensor, Tensor]:
-    """Returns the rows (p,) of the points in and around proposals, and their proposals (p,).
+    """Returns pairs of a point and the proposal that it is in or near: rows (p,) of both.
 
-    They are ordered by proposal. rois: (r, 7). counts: number of proposals in each frame. most: a
-    proposal gets its first `most` points.
+    The pairs are ordered by proposal. rois: (r, 7). counts: number of proposals in each frame.
+    most: largest number of points of a proposal; if there are more, the first ones are returned.
     """
     rows, owners = [], []
     start = first = 0
@@ -436,7 +448,7 @@ def decode(residuals: Tensor, xyz: Tensor, size: Tensor) -> Tensor:
 
 
 def refinements(boxes: Tensor, rois: Tensor) -> Tensor:
-    """Returns the residuals (n, 7) of boxes relative to proposals (n, 7).
+    """Returns the residuals (n, 7) of boxes (n, 7) relative to proposals (n, 7).
 
     Headings are modulo half a turn.
     """
@@ -460,7 +472,7 @@ def corner_distances(a: Tensor, b: Tensor) -> Tensor:
     there = corners(b)
     back = corners(torch.cat([b[:, :6], b[:, 6:] + math.pi], dim=1))
     here = corners(a)
-    # A small constant is added, because the root has no gradient at 0.
+    # A small constant is added, because the gradient of the root is infinite at 0.
     straight, turned = (((here - c) ** 2).sum(2).add(1e-12).sqrt() for c in (there, back))
     return torch.where((straight.sum(1) <= turned.sum(1))[:, None], straight, turned)
 
@@ -483,8 +495,8 @@ def moved(boxes: Tensor, generator: torch.Generator) -> Tensor:
 def balanced(overlap: Tensor, most: int, generator: torch.Generator) -> Tensor:
     """Samples at most `most` proposals by their overlap (n,); returns their rows (k,).
 
-    At most half of them have an overlap of REFINED or more. Of the others, HARD_SHARE are hard if
-    there are enough.
+    At most half of them have an overlap of REFINED or more. HARD_SHARE of the other proposals are
+    hard background, if there are enough hard ones.
     """
     order = torch.randperm(len(overlap), generator=generator)
     at = overlap[order]

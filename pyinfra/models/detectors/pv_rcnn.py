@@ -1,22 +1,22 @@
 """PV-RCNN: Point-Voxel Feature Set Abstraction for 3D Object Detection, Shi et al., CVPR 2020.
 
-Anchors on sparse voxels propose boxes. Key points collect features of the raw points, the voxels of
-each level and the canvas around them. A grid in each proposal collects features from the key
-points. A second stage refines the box and predicts how well it fits.
+Anchors on sparse voxels propose boxes. Each key point collects features of the raw points, voxels
+of each level and canvas around it. A grid in each proposal collects features from the key points. A
+second stage refines the box and predicts its confidence.
 
 Deviations from the paper:
 
-- all points of a voxel are used; x y z enter the first layer scaled to -1 to 1 over the area
-  (voxel_backbone.py)
+- all points of a voxel are used, and x y z are scaled to -1 to 1 over the area before the first
+  layer (voxel_backbone.py)
 - every strided layer has padding along the height, because areas differ in height
 - anchors of two sizes and one class, which stand on the site's floor (anchors.py)
-- proposals for the second stage are chosen evenly instead of at random, and there is no dropout, so
-  that a training is reproducible; for the same reason the points of a full ball (16 at every level)
-  are not sampled again each time
+- for a reproducible training, proposals for the second stage are evenly spaced instead of random,
+  there is no dropout, and the points of a full ball (16 at every level) are not sampled again each
+  time
 - the same number of proposals is refined in detection as in training
-- balls and frames with few points are not filled up (pointnet.py)
-- with `around_m`, key points are taken only around proposals, as in PV-RCNN++ (Shi et al., IJCV
-  2023); on a road of 200 m, farthest point sampling would leave one key point per car
+- balls and frames with few points are not filled with copies of points (pointnet.py)
+- with `around_m`, key points are sampled only around proposals, as in PV-RCNN++ (Shi et al., IJCV
+  2023); on a road of 200 m, farthest point sampling of all points would give one key point per car
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ from pyinfra.models.detectors.windows import cut, view_of
 from pyinfra.models.ops.boxes import best_overlap, nms
 from pyinfra.models.ops.points import box_of_points
 
-# Radii in metres around a key point, for raw points and each level of voxels, and around a grid
+# Radii in metres: around a key point, for raw points and each level of voxels; and around a grid
 # point.
 RADII = ((0.4, 0.8), (0.4, 0.8), (0.8, 1.2), (1.2, 2.4), (2.4, 4.8))
 GRID_RADII = (0.8, 1.6)
 
 LEARNT_NMS_IOU, INFERENCE_NMS_IOU = 0.8, 0.7  # suppression of proposals in training and detection
 FOREGROUND_IOU = 0.55  # least IoU of proposals whose refinement is trained
-FOREGROUND_SHARE = 0.5  # largest share of these among the proposals of a training frame
+FOREGROUND_SHARE = 0.5  # largest share of refined proposals among those of a training frame
 BACKGROUND_IOU = 0.1  # background proposals with a higher IoU are hard
-HARD_SHARE = 0.8  # share of hard ones among the background proposals
+HARD_SHARE = 0.8  # share of hard proposals among the background proposals
 POOR_IOU, GOOD_IOU = 0.25, 0.75  # IoU for which the confidence should be 0 and 1
 UNSURE_M = 0.1  # key points up to this far outside a vehicle do not count
 LARGEST = 5.0  # largest logarithm of a size relative to that of the proposal
@@ -74,7 +74,7 @@ class Config:
     bev: BevConfig = field(default_factory=_published_bev)
     anchors: AnchorConfig = field(default_factory=AnchorConfig)
     key_points: int = ruled(2048, 1, 65536)  # key points of a frame
-    around_m: float = ruled(0.0, 0, 100)  # key points only this far around proposals; 0: anywhere
+    around_m: float = ruled(0.0, 0, 100)  # largest distance of key points from proposals; 0: any
     neighbours: int = ruled(16, 1, 256)  # most points in each ball
     key_width: int = ruled(128, 1, 1024)  # channels of a key point
     proposals: int = ruled(128, 1, 1024)  # proposals of a frame that are refined
@@ -89,7 +89,7 @@ class KeyPoints(nn.Module):
     def __init__(self, config: Config, area: Area, cell_m: float, canvas_channels: int) -> None:
         super().__init__()
         self.area, self.cell_m = area, cell_m
-        widths = (config.widths[0], *config.widths)  # for raw points and each level
+        widths = (config.widths[0], *config.widths)  # channels for raw points and each level
         sources = [
             SetAbstraction(channels, _balls(radii, config.neighbours, width))
             for channels, radii, width in zip((1, *config.widths), RADII, widths, strict=True)
@@ -148,11 +148,11 @@ class Refinement(nn.Module):
         self.box = nn.Sequential(mlp(width, [width, width]), last)
 
     def forward(self, key: Clouds, boxes: Tensor, counts: list[int]) -> tuple[Tensor, Tensor]:
-        """boxes: (r, 7) proposals. counts: number of proposals in each frame."""
+        """Returns confidences and residuals. boxes: (r, 7) proposals. counts: number per frame."""
         grid = grid_points(boxes, self.grid)  # (r, g, 3)
         each = grid.shape[1]
         features = self.pool(key, grid.flatten(0, 1), [each * n for n in counts]).features
-        # The size is explicit, because -1 is ambiguous without proposals.
+        # The size is explicit, because -1 is ambiguous if there are no proposals.
         x = self.shared(features.reshape(len(grid), each * features.shape[1]))
         return self.score(x)[:, 0].float(), self.box(x).float()
 
@@ -231,7 +231,10 @@ class PvRcnn(Network):
 
     @torch.no_grad()
     def rows_of_key_points(self, raw: Clouds, proposals: list[Tensor]) -> tuple[Tensor, list[int]]:
-        """Returns the rows (m,) of the key points, by farthest point sampling, and their counts."""
+        """Returns the rows (m,) of the key points and their number in each frame.
+
+        Key points are selected by farthest point sampling.
+        """
         kept, counts = torch.arange(len(raw.xyz), device=raw.xyz.device), raw.counts
         if self.config.around_m > 0:
             near = [
@@ -285,7 +288,8 @@ def refined(boxes: Tensor, residuals: Tensor) -> Tensor:
 def wanted_residuals(boxes: Tensor, truth: Tensor) -> Tensor:
     """Returns the residuals (r, 7) from boxes to vehicles (r, 7), the inverse of `refined`.
 
-    Headings are modulo half a turn, because the first stage predicts which end is the front.
+    Headings are modulo half a turn, because the first stage already predicts which end is the
+    front.
     """
     here = torch.cat([torch.zeros_like(boxes[:, :3]), boxes[:, 3:6], boxes[:, :1] * 0], dim=1)
     offset = _turned(truth[:, :3] - boxes[:, :3], -boxes[:, 6])
@@ -294,7 +298,10 @@ def wanted_residuals(boxes: Tensor, truth: Tensor) -> Tensor:
 
 
 def spread_by_overlap(overlap: Tensor, most: int) -> Tensor:
-    """Returns at most `most` rows of proposals for training: on, near and off vehicles."""
+    """Returns at most `most` rows of proposals for training.
+
+    They are foreground, hard background and other background, in this order.
+    """
     rows = torch.arange(len(overlap), device=overlap.device)
     on = rows[overlap >= FOREGROUND_IOU]
     near = rows[(overlap < FOREGROUND_IOU) & (overlap >= BACKGROUND_IOU)]
@@ -334,8 +341,8 @@ def refinement_losses(
 def corner_loss(predicted: Tensor, truth: Tensor) -> Tensor:
     """Returns the mean loss of the corner distances of boxes (r, 7): (r,).
 
-    The distance of a corner is the smaller of those to the box and to the box turned by half a
-    turn.
+    Each corner has two distances: to the vehicle, and to the vehicle turned by half a turn. The
+    smaller distance counts.
     """
     half_turn = truth + truth.new_tensor([0, 0, 0, 0, 0, 0, math.pi])
     corners = grid_corners(predicted)
@@ -355,7 +362,7 @@ def grid_corners(boxes: Tensor) -> Tensor:
 
 
 def foreground_loss(key: Clouds, logits: Tensor, boxes: tuple[Tensor, ...]) -> Tensor:
-    """Returns the focal loss of key points; points just outside vehicles do not count."""
+    """Returns the focal loss of key points. Points just outside vehicles have no loss."""
     on, near = [logits.new_zeros(0, dtype=torch.bool)], [logits.new_zeros(0, dtype=torch.bool)]
     for xyz, frame_boxes in zip(key.xyz.split_with_sizes(key.counts), boxes, strict=True):
         wider = frame_boxes + frame_boxes.new_tensor([0, 0, 0, *[2 * UNSURE_M] * 3, 0])

@@ -1,8 +1,8 @@
 """Voxels and the sparse three-dimensional network on them.
 
-It follows SECOND, Yan et al., Sensors 2018, with the widths and strides of PV-RCNN, Shi et al.,
-CVPR 2020. There are several levels, each at half the resolution of the previous one, and a last
-layer that halves only the height and gives a bird's-eye canvas.
+The network follows SECOND, Yan et al., Sensors 2018, with the widths and strides of PV-RCNN, Shi et
+al., CVPR 2020. It has several levels. Each level has half the resolution of the previous level. A
+last layer halves only the height and gives a bird's-eye canvas.
 """
 
 from __future__ import annotations
@@ -47,7 +47,10 @@ class VoxelBackbone(nn.Module):
         strides: tuple[int, ...],
         canvas_width: int,
     ) -> None:
-        """area: its sides must be multiples of s voxels. strides: one value less than widths."""
+        """Makes the network for an area, whose sides must be multiples of s voxels.
+
+        strides: one value less than widths.
+        """
         super().__init__()
         self.area, self.size = area, (voxel_m, voxel_m, height_m)
         columns, rows = (round(area.size[axis] / voxel_m) for axis in (0, 1))
@@ -74,7 +77,10 @@ class VoxelBackbone(nn.Module):
         self.grid = rows // along[-1], columns // along[-1]  # size of the canvas
 
     def forward(self, batch: Batch, view: CanvasPart | None = None) -> tuple[list[Clouds], Tensor]:
-        """view: the part of the area that the batch was cropped to (windows.py)."""
+        """Returns the voxels of each level and the canvas.
+
+        view: the part of the area to which the batch was cropped (windows.py).
+        """
         x, levels = self.voxels(batch, view), []
         for level, stride in zip(self.levels, self.strides, strict=True):
             x = level(x)
@@ -82,7 +88,7 @@ class VoxelBackbone(nn.Module):
         return levels, self.flat(x).to_dense()
 
     def voxels(self, batch: Batch, view: CanvasPart | None = None) -> SparseTensor:
-        """Returns the mean x y z intensity of the points in each voxel; x y z are -1 to 1."""
+        """Returns the mean x y z intensity of the points in each voxel, with x y z scaled to ±1."""
         depth, rows, columns = self.shape
         if view is not None:
             rows, columns = view.sides
@@ -105,7 +111,7 @@ class VoxelBackbone(nn.Module):
         return SparseTensor(mean, coordinates, (depth, rows, columns), batch.size)
 
     def middles(self, x: SparseTensor, stride: tuple[int, int, int]) -> Clouds:
-        """Returns the voxels as points at their middles; stride: along x, y, z."""
+        """Returns the voxels as points at their centres. stride: of the level, along x, y, z."""
         low, size = x.features.new_tensor(self.area.low), x.features.new_tensor(self.size)
         at = (x.coordinates[:, [3, 2, 1]] + 0.5) * size.new_tensor(stride)
         counts = torch.bincount(x.coordinates[:, 0], minlength=x.batch_size).tolist()
@@ -115,7 +121,8 @@ class VoxelBackbone(nn.Module):
 def _halving(channels: int, width: int, key: str, stride: int) -> SparseConv3d:
     """Returns a convolution with stride 2 along z, and `stride` along x and y.
 
-    With stride 1 the kernel has size 1 along x and y, so that no voxels are added there.
+    If `stride` is 1, the kernel has size 1 along x and y, so that no voxels are added in these
+    directions.
     """
     side = 3 if stride > 1 else 1
     return SparseConv3d(

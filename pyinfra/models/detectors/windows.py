@@ -1,7 +1,8 @@
 """Training on windows of the canvas, so that a step costs the same for a large site.
 
-The receptive field of the convolutions is about 30 m around a cell. So training on a window differs
-from training on the whole canvas only near its border. Detection uses the whole canvas.
+The receptive field of the convolutions is about 30 m around a cell. Therefore training on a window
+differs from training on the whole canvas only near the border of the window. Detection uses the
+whole canvas.
 """
 
 from __future__ import annotations
@@ -29,9 +30,10 @@ def check(network: Network, most_m2: float) -> None:
 def centre_of(
     sample: Sample, area: Area, rng: np.random.Generator, rare: float = 0.0
 ) -> FloatArray:
-    """Returns the centre of a window, (2,): a random object, or a random position without objects.
+    """Returns the centre of a window, (2,): that of a random object of the sample.
 
-    rare: share of the samples for which a class is chosen first, each class equally often.
+    If the sample has no objects, the centre is a random position. rare: share of the samples for
+    which a class is chosen first, with equal probability, and then one of its objects.
     """
     if rare > 0 and len(sample.boxes) > 0 and rng.random() < rare:
         of_class = np.flatnonzero(sample.numbers == rng.choice(np.unique(sample.numbers)))
@@ -94,8 +96,8 @@ def sides_of(whole: tuple[int, int], cells: float, step: int) -> tuple[int, int]
 
 
 def _start(middle: float, side: int, whole: int, step: int) -> int:
-    """Returns the first cell of a window around `middle`, inside the canvas.
+    """Returns the first cell of a window around `middle`: a multiple of `step`.
 
-    It is a multiple of `step`.
+    The window lies inside the canvas.
     """
     return min(max(0, round((middle - side / 2) / step) * step), whole - side)

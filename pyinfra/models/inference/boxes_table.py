@@ -36,7 +36,7 @@ AnyRegion: TypeAlias = "npt.ArrayLike | str | os.PathLike[str]"
 
 @dataclass(frozen=True)
 class TrainedDetector:
-    """A trained detector's file; `detect` loads it and sets it up for the site of the frames."""
+    """A trained detector's file. `detect` loads it and adapts it to the site of the frames."""
 
     file: Path
     device: str = "cpu"
@@ -46,11 +46,11 @@ class TrainedDetector:
 def load_detector(
     model: str | os.PathLike[str] = "generalist", *, device: str = "cpu"
 ) -> TrainedDetector:
-    """Selects a pretrained detector of the package, or a trained one, for `detect`.
+    """Selects a detector for `detect`: a pretrained detector of the package, or a trained one.
 
     Parameters
     ----------
-    model : `generalist`, the pretrained detector; the folder of a training; or a file in it
+    model : `generalist` for the pretrained detector, or the folder of a training, or a file in it
     device : device of PyTorch, such as `cpu` or `cuda`
 
     Returns
@@ -85,24 +85,24 @@ def detect(
 ) -> pd.DataFrame:
     """Runs a detector on frames and returns its boxes.
 
-    For a trained detector, points are converted to height above the road, and frames are stacked as
-    in its training. A warning is issued if the road in the clouds is not `height_m` below the
-    sensor, and if there are too few frames for `drop_standing`.
+    For a trained detector, z of the points is converted to height above the road. Frames are
+    stacked as in the training of the detector. The function warns if the road in the clouds is not
+    `height_m` below the sensor, or if there are too few frames for `drop_standing`.
 
     Parameters
     ----------
-    model : a detector of `load_detector`, or an argument of it; or any callable that takes points
-        (n, 4) float32, x y z intensity, and returns a table with the columns type (default
-        `vehicle`), x y z dx dy dz heading, score (default 1); metres and radians, levelled LiDAR
-        frame
+    model : a result of `load_detector`, or an argument of `load_detector`, or any callable. A
+        callable gets points (n, 4) float32, x y z intensity. It returns a table with the columns
+        type (default `vehicle`), x y z dx dy dz heading, score (default 1), in metres and radians
+        in the levelled LiDAR frame
     frames : frames of `simulate` or `load_dataset`, or a LiDAR's folder
-    height_m : height of the sensor above a level road, for a trained detector; by default that of
-        the frames
-    region : where vehicles can be, for a trained detector: the corners (m, 2) of an outline in the
-        levelled LiDAR frame, metres, or a file with `outline_m: [[x, y], ...]`; by default the
-        roads of the frames
+    height_m : height of the sensor above a level road, for a trained detector; by default the
+        height is read from the frames
+    region : area where vehicles can be, for a trained detector. It is given as the corners (m, 2)
+        of an outline in the levelled LiDAR frame, metres, or as a file with
+        `outline_m: [[x, y], ...]`. By default it is the roads of the frames
     drop_standing : whether to remove vehicle boxes that recur where nothing ever moves, such as
-        hedges; needs frames of a minute or more
+        boxes on hedges; needs frames of a minute or more
 
     Returns
     -------
@@ -151,7 +151,7 @@ def detect(
 
 
 def _place(frames: FrameSequence, height_m: float | None, region: AnyRegion | None) -> Place:
-    """Returns ground and region of the frames, replaced by those that the user gives."""
+    """Returns ground and region of the frames; arguments of the user replace them."""
     ground, inside, given = frames.ground, frames.region, list[str]()
     if height_m is not None:
         check_height(height_m)

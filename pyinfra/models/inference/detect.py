@@ -34,12 +34,15 @@ def load_detector(
     device: str = "cpu",
     stacks: bool = False,
 ) -> Detector:
-    """Loads the detector of a training's folder, of a file, or a pretrained one by its name.
+    """Loads a detector.
 
-    ground, region: of the site where it is used; by default those of its training, if known.
-    stacks: whether it will get stacked frames as in `accumulation_of`; otherwise single frames.
-    Raises FileNotFoundError, and Error for a file that is no model, if no ground is known, and for
-    a model of stacked frames that would get single ones.
+    run: the folder of a training, a model's file, or the name of a pretrained detector. ground,
+    region: ground and region of the site where the detector is used; by default those of the site
+    where it was trained, if known. stacks: whether the caller stacks frames as `accumulation_of`
+    describes; otherwise the detector gets single frames.
+
+    Raises FileNotFoundError, and Error for a file that is not a model, if no ground is known, and
+    if a model of stacked frames would get single frames.
     """
     file = model_file(run)
     if file.suffix == ".npz":
@@ -61,7 +64,7 @@ def load_detector(
 
 
 def check_single(run: Path, frames: int) -> None:
-    """Raises Error for a model that needs stacked frames. frames: number that it stacks."""
+    """Raises Error for a model that needs stacked frames. frames: number in a stack."""
     if frames > 1:
         raise Error(
             f"{run}: expected a model of single frames, got one of {frames} stacked frames: only "
@@ -70,7 +73,7 @@ def check_single(run: Path, frames: int) -> None:
 
 
 def accumulation_of(file: Path) -> Accumulation:
-    """Returns how a model's frames are stacked. Raises as checkpoint.load."""
+    """Returns how a model's frames are stacked. Raises the errors of checkpoint.load."""
     if file.suffix == ".npz":
         return Accumulation()
     from pyinfra.models.training import checkpoint
@@ -94,15 +97,15 @@ def stacking(
 
 
 def detector_at(run: Path, lidar_folder: Path, *, device: str = "cpu") -> Detector:
-    """Loads a detector, set up for the site of a LiDAR's folder; raises as load_detector."""
+    """Loads a detector for the site of a LiDAR's folder. Raises the errors of load_detector."""
     ground, region = ground_and_region_of(lidar_folder)
     return load_detector(run, ground=ground, region=region, device=device)
 
 
 def ground_and_region_of(lidar_folder: Path) -> tuple[Ground | None, Region | None]:
-    """Returns the ground and the region at the site of a folder; None where unknown.
+    """Returns the ground and the region at the site of a folder. Each is None if unknown.
 
-    Raises FormatError, and ConfigError for an outline.
+    Raises FormatError, and ConfigError for an invalid outline.
     """
     if not (lidar_folder / "lidar.yaml").is_file():
         return None, None
@@ -146,7 +149,10 @@ def is_of_anywhere(file: Path) -> bool:
 
 
 def transfer(run: Path, lidar_folder: Path) -> str:
-    """Returns how a folder differs from the training data of a model; empty if it does not."""
+    """Returns a text on how a folder differs from the training data of a model.
+
+    The text is empty if there is no difference.
+    """
     file = model_file(run)
     if file.suffix == ".npz" or not (lidar_folder / "lidar.yaml").is_file():
         return ""
@@ -177,9 +183,10 @@ def detect(
 ) -> tuple[list[Detections], FloatArray]:
     """Runs a detector; returns the detections and the milliseconds of each cloud.
 
-    The time is that from points to boxes. Results are also written as KITTI results to `out`, in
-    the camera frame of the frame's calib file, or of a simulated LiDAR if there is none. Raises
-    FormatError for an invalid cloud, and Error for two clouds of the same name.
+    The time covers the steps from points to boxes. The boxes are also written as KITTI results to
+    `out`, in the camera frame of the frame's calib file. If there is no calib file, the camera
+    frame of a simulated LiDAR is used. Raises FormatError for an invalid cloud, and Error for two
+    clouds of the same name.
     """
     per_frame, times = [], []
     if out is not None:
@@ -213,7 +220,7 @@ def once(files: Sequence[Path]) -> None:
 def calibration_of(cloud: Path) -> kitti.Calibration | None:
     """Reads the calibration of a cloud in `velodyne`, from the folder `calib` next to it.
 
-    It is None if there is no such file. Raises FormatError.
+    The result is None if the file does not exist. Raises FormatError.
     """
     file = cloud.parent.parent / "calib" / f"{cloud.stem}.txt"
     beside = cloud.parent.name == "velodyne" and file.is_file()

@@ -37,8 +37,9 @@ Warn = Callable[[str], None]
 class Place:
     """Ground and region of the site where a detector is used.
 
-    None means unknown; the detector then uses those of its training. height_m: height of the sensor
-    above the road, if the user gives it. given: names of the arguments that the user gives.
+    None means unknown. The detector then uses the value of its training site. height_m: height of
+    the sensor above the road, if the user gives it. given: names of the arguments that the user
+    gives.
     """
 
     ground: Ground | None = None
@@ -54,16 +55,17 @@ class FolderDetections:
     files: Sequence[Path]
     detections: Sequence[Detections]
     times_ms: FloatArray  # (n,) time from points to boxes
-    left_out: int | None = None  # number of removed standing boxes; None: without this filter
+    left_out: int | None = None  # number of removed standing boxes; None if the filter is off
 
 
 def place(
     lidar_folder: Path | None, height_m: float | None = None, outline: Path | None = None
 ) -> Place:
-    """Returns ground and region of a folder, replaced by those that the user gives.
+    """Returns ground and region of a folder; arguments of the user replace them.
 
-    height_m: height of the sensor above a level road. outline: a file, `outline_m: [[x, y], ...]`.
-    Raises Error for a height out of range, FormatError, and ConfigError for an outline.
+    height_m: height of the sensor above a level road. outline: file with `outline_m: [[x, y],
+    ...]`. Raises Error for a height out of range, FormatError, and ConfigError for an invalid
+    outline.
     """
     if height_m is not None:
         check_height(height_m)
@@ -78,7 +80,7 @@ def place(
 
 
 def detector_at_place(model: Path, where: Place, device: str = "cpu") -> Detector:
-    """Loads a detector for a site; it may need stacked frames.
+    """Loads a detector for a site. The detector may need stacked frames.
 
     Raises Error if the user gives height or region for a background model, which can only be used
     at the site of its training.
@@ -92,7 +94,7 @@ def detector_at_place(model: Path, where: Place, device: str = "cpu") -> Detecto
 
 
 def frame_files(lidar_folder: Path, split: str | None, most: int) -> list[Path]:
-    """Returns the clouds of a folder's frames. most: largest number, evenly spread; 0: all.
+    """Returns the clouds of a folder's frames, at most `most`, evenly spread; 0 means all.
 
     Raises Error for a folder or a split without frames.
     """
@@ -116,10 +118,11 @@ def detect_folder(
     device: str = "cpu",
     warn: Warn,
 ) -> FolderDetections:
-    """Runs a model on frames of a folder; writes its boxes and their origin to `out`.
+    """Runs a model on frames of a folder, and writes its boxes and origin.yaml to `out`.
 
-    Frames are stacked if the model needs it. drop_standing: remove vehicle boxes that recur where
-    nothing ever moves. warn: is called with a text for each problem that may reduce accuracy.
+    Frames are stacked if the model needs stacked frames. drop_standing: whether to remove vehicle
+    boxes that recur where nothing ever moves. warn: called with a text for each problem that may
+    reduce accuracy.
     """
     if out.name == "label_2":
         raise Error(f"out: expected another folder than that of labels, got {out}")
@@ -156,7 +159,10 @@ def warn_of_height(
 def learnt_warning(
     model: Path, lidar_folder: Path, split: str | None, *, allow_transfer: bool
 ) -> str:
-    """Returns a warning if a model was trained on other data, or on these frames; else empty."""
+    """Returns a warning if a model was trained on other data, or on the frames to detect.
+
+    The text is empty if there is nothing to warn of.
+    """
     if other := transfer(model, lidar_folder):
         return "" if allow_transfer else f"{other}; `allow_transfer` if this is meant"
     is_split = split or (lidar_folder / "ImageSets/val.txt").is_file()
@@ -169,7 +175,7 @@ def learnt_warning(
 
 
 def others(out: Path, files: Sequence[Path]) -> list[Path]:
-    """Returns the result files in `out` that belong to none of the clouds `files`."""
+    """Returns the result files in `out` that do not belong to one of the clouds `files`."""
     ours = {f"{file.stem}.txt" for file in files}
     return [file for file in out.glob("*.txt") if file.name not in ours]
 

@@ -2,8 +2,8 @@
 
 The input is `points` (n, 4) float32, n >= 1, inside the area in the file's metadata. The outputs
 are `boxes` (k, 7) and `scores` (k,), best first, before non-maximum suppression. A network with
-several classes returns them one class after another, and has the output `classes` (k,), indices of
-the network's classes. All coordinates are in the levelled LiDAR frame.
+several classes returns the boxes of one class after another. It also has the output `classes` (k,)
+with class numbers. All coordinates are in the levelled LiDAR frame.
 """
 
 from __future__ import annotations

@@ -18,10 +18,10 @@ OwnDetector: TypeAlias = Callable[[Points], pd.DataFrame]
 
 
 def detections_of_own(number: int, model: OwnDetector, points: Points) -> Detections:
-    """Calls a user's detector on a frame; returns its boxes, best first.
+    """Calls a user's detector on a frame and returns the detector's boxes, best first.
 
-    number: number of the frame, for messages. points: (n, 4) float32. Raises Error if the callable
-    fails or does not return a table of boxes.
+    number: frame number, for messages. points: (n, 4) float32. Raises Error if the callable fails
+    or does not return a table of boxes.
     """
     where = f"model: frame {number}"
     try:

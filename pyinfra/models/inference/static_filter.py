@@ -20,8 +20,8 @@ from pyinfra.models.training.train import BACKGROUND_FRAMES
 
 LEAST_S = 60.0  # least duration of the frames for a reliable result
 SAME_POSITION_M = 0.7  # boxes whose centres are at most this far apart have the same position
-COMES_BACK = 3  # least number of boxes at a position that recur
-MOVING_SHARE = 0.2  # a box moves if more of its points move; moving leaves stay below
+COMES_BACK = 3  # boxes recur at a position if there are at least this many
+MOVING_SHARE = 0.2  # a box moves if a larger share of its points moves; leaves have smaller shares
 LEAST_SCORE = 0.1  # boxes with a lower score are neither used nor removed
 
 
@@ -33,10 +33,10 @@ def without_standing(
 ) -> list[Detections]:
     """Returns the detections without vehicle boxes that recur where nothing ever moves.
 
-    clouds: functions that return (n, 4) points; each is called once or twice. The background is
-    learnt from these clouds, so they should span LEAST_S or more. Vehicles that stand for most of
-    this time where nothing drives past are removed too. Pedestrians and cyclists are never removed.
-    Raises Error if there is no point.
+    clouds: functions that return points (n, 4). Each function is called once or twice. The
+    background is learnt from these clouds, so they should span LEAST_S or more. Vehicles that stand
+    for most of the time at a position where nothing drives past are removed too. Pedestrians and
+    cyclists are never removed. Raises Error if there is no point.
     """
     chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
     learnt = [clouds[i]() for i in chosen]
@@ -68,8 +68,8 @@ def length_warning(numbers: Sequence[int], period_s: float) -> str:
 def standing(boxes: FloatArray, moves: BoolArray) -> BoolArray:
     """Returns which boxes recur at positions where no box ever moves: (n,) bool.
 
-    Positions that a moving box covers are left out, because vehicles queue on lanes. boxes: (n, 7)
-    of all frames. moves: (n,) whether a box moves.
+    A position that a moving box covers is on a lane, where vehicles may queue. Boxes at this
+    position are not returned. boxes: (n, 7) of all frames. moves: (n,) whether a box moves.
     """
     tree = cKDTree(boxes[:, :2])
     comes_back = (
@@ -86,7 +86,7 @@ def standing(boxes: FloatArray, moves: BoolArray) -> BoolArray:
 
 
 def _hold(boxes: FloatArray, point: FloatArray) -> BoolArray:
-    """Returns which footprints of boxes (k, 7) contain a point (2,), or are centred at it: (k,)."""
+    """Returns which boxes (k, 7) contain a point (2,) in their footprint, or are centred at it."""
     dx, dy = (point - boxes[:, :2]).T
     cos, sin = np.cos(boxes[:, 6]), np.sin(boxes[:, 6])
     ahead, left = np.abs(cos * dx + sin * dy), np.abs(cos * dy - sin * dx)

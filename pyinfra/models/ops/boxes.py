@@ -1,8 +1,8 @@
 """Overlap of rotated boxes and non-maximum suppression, in PyTorch.
 
-A box is `x y z dx dy dz heading` as in `pyinfra.core.boxes`, the exact counterpart for NumPy. The
-overlaps are differentiable in all seven numbers of both boxes. Where an overlap is not
-differentiable (equal or touching boxes), the gradient is finite and one of the one-sided ones.
+A box is `x y z dx dy dz heading` as in `pyinfra.core.boxes`, which has the same functions for
+NumPy. The overlaps are differentiable in all seven numbers of both boxes, except for equal or
+touching boxes. For these the gradient is finite and equal to a one-sided gradient.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ _LEFT = (-0.5, 0.5, 0.5, -0.5)
 def best_overlap(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
     """Returns the highest 3-D IoU of each box of a with a box of b, and the row of that box.
 
-    a: (n, 7), b: (m, 7), in the same frame; returns (n,) in [0, 1] and (n,) int64. A box that
-    overlaps none has exactly 0 and row 0; so have all boxes if b is empty.
+    a: (n, 7), b: (m, 7), in the same frame. The results are (n,) in [0, 1] and (n,) int64. A box
+    without overlap has IoU 0, exactly, and row 0. If b is empty, this holds for all boxes.
     """
     if not len(b):
         return a.new_zeros(len(a)), torch.zeros_like(a[:, 0], dtype=torch.int64)
@@ -59,16 +59,16 @@ def iou_3d_pairs(a: Tensor, b: Tensor) -> Tensor:
 def bev_overlap_pairs(a: Tensor, b: Tensor) -> Tensor:
     """Returns the area that the footprints of a and b share, row by row: (n, 7), (n, 7) to (n,).
 
-    As in `pyinfra.core.boxes`, Green's theorem is applied along the edges of b in the frame of a:
-    the sum over the edges of (mean of x, clipped to a's length) * (change of y, clipped to a's
-    width).
+    As in `pyinfra.core.boxes`, Green's theorem is applied along the edges of b in the frame of a.
+    The area is the sum over the edges of (mean of x, clipped to a's length) * (change of y, clipped
+    to a's width).
     """
     length, width = a[:, 3, None] / 2, a[:, 4, None] / 2
     x, y = _corners_seen_from(a, b)  # (n, 4) each
     x_step, y_step = x.roll(-1, 1) - x, y.roll(-1, 1) - y
     from_y = y.clamp(-width, width)
     to_y = from_y.roll(-1, 1)
-    # An edge enters and leaves a's range of y at these shares of its length.
+    # Shares of an edge's length at which the edge enters and leaves the range of y of box a.
     size = torch.maximum(a[:, 3:5], b[:, 3:5]).amax(1).detach()
     level = y_step.abs() <= torch.finfo(y.dtype).eps * size[:, None]
     rise = torch.where(level, 1, y_step)
@@ -84,9 +84,9 @@ def bev_overlap_pairs(a: Tensor, b: Tensor) -> Tensor:
 def nms(boxes: Tensor, scores: Tensor, iou: float, limit: int) -> Tensor:
     """Returns the rows of boxes that remain after greedy non-maximum suppression.
 
-    A box is removed if a remaining box with a higher score overlaps it by more than `iou`. boxes:
-    (n, 7), scores: (n,), all finite; returns (k,) int64, k <= limit, by descending score. Of equal
-    scores the first row counts as higher.
+    A box is removed if a remaining box with a higher score overlaps it by more than `iou`. Of equal
+    scores, the score of the first row counts as higher. boxes: (n, 7), scores: (n,), all finite.
+    The result is (k,) int64 by descending score, with k <= limit.
     """
     order = torch.argsort(scores, descending=True, stable=True)
     best_first = boxes.detach()[order].double()
@@ -145,8 +145,9 @@ def _corners_seen_from(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
 def _mean_clipped(start: Tensor, end: Tensor, limit: Tensor) -> Tensor:
     """Returns the mean of clip(x, -limit, limit) for x from start to end.
 
-    It is computed from the middle of the clipped part and the shares above and below it. So neither
-    the value nor the gradient divides a difference of large numbers by a small one.
+    The mean is computed from the middle of the clipped part and the shares above and below it.
+    Therefore neither the value nor the gradient divides a difference of large numbers by a small
+    number.
     """
     first, last = torch.minimum(start, end), torch.maximum(start, end)
     middle = (first.clamp(-limit, limit) + last.clamp(-limit, limit)) / 2

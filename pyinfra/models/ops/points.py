@@ -1,7 +1,8 @@
 """Sampling and search of points for networks on points (Qi et al., PointNet++, 2017).
 
-Coordinates are those of one cloud, (n, 3) float32, metres, because the clouds of a batch differ in
-size. Searches have no gradient and raise ValueError for values that are not finite. Rows are int64.
+Each function gets the coordinates of one cloud, (n, 3) float32, metres, because the clouds of a
+batch differ in size. Searches have no gradient and raise ValueError for values that are not finite.
+Rows are int64.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ _CHUNK = 1 << 22  # distances that are computed together
 def farthest_points(xyz: Tensor, k: int) -> Tensor:
     """Returns k rows of xyz (n, 3) by farthest point sampling.
 
-    The first is row 0. Each next one is the farthest from all before it; of equally far points the
-    lowest row. If k > n, row 0 is repeated. Raises ValueError for n = 0.
+    The first row is row 0. Each next row is the point that is farthest from all previous points. Of
+    equally far points it is the lowest row. If k > n, row 0 is repeated. Raises ValueError for
+    n = 0.
     """
     _check(xyz)
     if not len(xyz):
@@ -42,8 +44,9 @@ def farthest_points(xyz: Tensor, k: int) -> Tensor:
 def ball_query(points: Tensor, centres: Tensor, radius: float, k: int) -> tuple[Tensor, Tensor]:
     """Returns the first k points, by row, that are closer to each centre than the radius (metres).
 
-    points: (n, 3), centres: (m, 3); returns rows (m, k) and (m,) bool, true for an empty ball. A
-    ball with fewer points repeats its first one; an empty ball has row 0 only.
+    points: (n, 3), centres: (m, 3). The results are rows (m, k) and a mask (m,) bool, true for an
+    empty ball. In a ball with fewer points the first point is repeated. An empty ball has only
+    row 0.
     """
     _check(points)
     _check(centres)
@@ -72,8 +75,8 @@ def ball_query(points: Tensor, centres: Tensor, radius: float, k: int) -> tuple[
 def three_nearest(points: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
     """Returns the distances (n, 3), metres, and rows (n, 3) of the three nearest known points.
 
-    points: (n, 3), known: (m, 3). The nearest comes first; the order of equally near points is
-    undefined. With m < 3, missing points are row 0 at infinite distance. Raises ValueError for
+    points: (n, 3), known: (m, 3). The nearest point comes first. The order of equally near points
+    is undefined. If m < 3, missing points are row 0 at infinite distance. Raises ValueError for
     m = 0.
     """
     _check(points)
@@ -90,7 +93,7 @@ def three_nearest(points: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
 def interpolate(features: Tensor, distances: Tensor, rows: Tensor) -> Tensor:
     """Interpolates features (m, c) of known points to (n, c), weighted by 1 / distance.
 
-    distances, rows: (n, 3), as `three_nearest` returns.
+    distances, rows: (n, 3), the results of `three_nearest`.
     """
     weights = 1 / (distances + 1e-8)
     weights = weights / weights.sum(1, keepdim=True)
@@ -151,7 +154,8 @@ def _squared_distances(a: Tensor, b: Tensor) -> Tensor:
 
 
 def _squared(dx: Tensor, dy: Tensor, dz: Tensor) -> Tensor:
-    # The same order of operations as in the compiled kernels, so that both select the same points.
+    # The order of operations is the same as in the compiled kernels, so that both select the same
+    # points.
     return dx * dx + dy * dy + dz * dz
 
 

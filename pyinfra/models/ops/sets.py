@@ -1,7 +1,7 @@
 """Divides a sparse grid into windows, and the voxels of each window into sets of equal size.
 
-DSVT, Wang et al., CVPR 2023, section 3.2: a window with more voxels gets more sets. Each voxel is
-in one set, and attention costs the same for each set.
+The module follows section 3.2 of DSVT, Wang et al., CVPR 2023. A window with more voxels gets more
+sets. Each voxel is in one set, and attention costs the same for each set.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ def windows_of(frame: Tensor, row: Tensor, column: Tensor, side: int, shift: int
 def partition(windows: VoxelWindows, position: Tensor, size: int) -> Sets:
     """Divides the voxels of each window into sets, in ascending order of `position` (n,).
 
-    Equation 3 of the paper: of n voxels in s = ceil(n / size) sets, slot i has the voxel
-    floor(i n / (s size)). No voxel is in two sets, because s - 1 < n / size.
+    By equation 3 of the paper, n voxels are divided into s = ceil(n / size) sets. Slot i has the
+    voxel floor(i n / (s size)). No voxel is in two sets, because s - 1 < n / size.
     """
     order = torch.argsort(windows.window * windows.side**2 + position)
     _, count = torch.unique_consecutive(windows.window[order], return_counts=True)

@@ -1,8 +1,8 @@
 """Sparse 3-D convolution as in SECOND (Yan et al., Sensors 2018), by gather, product and scatter.
 
 A rulebook lists for every offset of the kernel which input voxel contributes to which output voxel.
-It is made once for a key and shared by all layers with this key, because their geometry is the
-same. `benchmarks/ops.py` compares this code with spconv, whose CPU version has no gradient.
+Layers with the same geometry have the same key and share one rulebook. `benchmarks/ops.py` compares
+this code with spconv, whose CPU version has no gradient.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Rulebook:
     inputs: Tensor  # (p,) int64, grouped by offset
     outputs: Tensor  # (p,) int64
     counts: list[int]  # number of pairs of each offset; offsets are ordered with z slowest
-    centre: int | None  # offset at which each row is paired with itself; it is not listed
+    centre: int | None  # offset that pairs each row with itself; its pairs are not listed
     source: Tensor  # (n, 4) int64, coordinates of the input
     target: Tensor  # (m, 4) int64, coordinates of the output
     source_shape: Triple
@@ -51,7 +51,7 @@ class Rulebook:
 
 @dataclass(frozen=True, eq=False)
 class SparseTensor:
-    """Features of the occupied voxels in a batch of grids; those of other voxels are 0."""
+    """Features of the occupied voxels in a batch of grids. The features of other voxels are 0."""
 
     features: Tensor  # (n, c)
     coordinates: Tensor  # (n, 4) int64: batch, z, y, x; no two rows are equal
@@ -158,8 +158,8 @@ def convolve(
 
 
 class _Convolution(torch.autograd.Function):
-    # One product for each offset. Rows are unique within an offset, so that sums have a fixed order
-    # and no two threads write to the same row.
+    # There is one product for each offset. Rows are unique within an offset. Therefore sums have a
+    # fixed order, and no two threads write to the same row.
     @staticmethod
     def forward(ctx: Any, features: Tensor, weight: Tensor, rulebook: Rulebook) -> Tensor:
         ctx.save_for_backward(features, weight)
@@ -278,7 +278,7 @@ def _reached_voxels(
         )
         inputs, outputs = torch.from_numpy(inputs), torch.from_numpy(outputs)
         return inputs, outputs, counts, torch.from_numpy(keys)
-    # For each axis and offset: the output cell of a voxel, and whether there is one.
+    # For each axis and offset, compute the output cell of a voxel, and whether it exists.
     arrivals = []
     for axis, size in enumerate(target_shape):
         moved = coordinates[:, 1 + axis] + padding[axis]

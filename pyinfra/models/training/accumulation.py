@@ -1,4 +1,7 @@
-"""Stacks frames of a fixed sensor into one cloud; useful if the pattern does not repeat."""
+"""Stacks frames of a fixed sensor into one cloud.
+
+This is useful if the scan pattern of the sensor does not repeat.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +43,7 @@ class Accumulation:
     def stacks(self, labelled: Sequence[int], there: Collection[int]) -> tuple[list[int], ...]:
         """Returns the existing frames of each labelled frame's stack, ascending.
 
-        The labelled frame is always in its stack. Raises Error if no frame has a neighbour.
+        The labelled frame is always in its stack. Raises Error if every stack has only one frame.
         """
         known = {*there, *labelled}
         groups = tuple([k for k in self.around(frame) if k in known] for frame in labelled)
@@ -60,7 +63,7 @@ class Accumulation:
     ) -> tuple[Callable[[], Points], ...]:
         """Returns for each labelled frame a function that makes its cloud.
 
-        A single frame is returned as it is read. Raises Error as `stacks` does.
+        If frames are not stacked, a cloud is returned unchanged. Raises Error as `stacks` does.
         """
         if self.frames == 1:
             return tuple(partial(read, frame) for frame in labelled)

@@ -1,7 +1,7 @@
 """A network on disk: one safetensors file with a description as YAML in its header.
 
-Pickles are not used, so that loading an untrusted checkpoint runs no code. A file is written under
-another name and renamed, so that it is never incomplete.
+Pickles are not used, so that loading an untrusted checkpoint runs no code. A file is first written
+under another name and then renamed, so that a checkpoint is never incomplete.
 """
 
 from __future__ import annotations
@@ -48,15 +48,15 @@ class Provenance:
     steps: int
     label_time: str = "frame"
     above_road: bool = True  # whether z of the network's input is measured from the road
-    # z = a x + b y + c of the road at the training site, if that was one plane. It is used where no
-    # other ground is known.
+    # a, b, c of the road z = a x + b y + c at the training site, if the road is one plane. It is
+    # used at sites whose ground is unknown.
     ground: tuple[float, float, float] | None = None
-    anywhere: bool = False  # whether it was trained at many sites, to be used at others
+    anywhere: bool = False  # whether the network was trained at many sites, for use at other sites
     accumulate: int = 1  # frames that are stacked into one cloud
     label_at: LabelAt = "newest"  # which of the stacked frames has the labels
     start: str = ""  # digest of the weights that the training started from; empty: random
-    # a, b of logit(score) -> a logit(score) + b, which makes a score the probability that a box is
-    # right. Several classes have one pair each.
+    # a, b of logit(score) -> a logit(score) + b, which makes a score the probability of a true
+    # positive. If there are several classes, each has one pair.
     calibration: tuple[float, ...] | None = None
     figures: Any = None  # measured figures, by name
     format: int = FORMAT
@@ -73,11 +73,11 @@ class Checkpoint:
 
     @property
     def classes(self) -> tuple[ObjectClass, ...]:
-        """The classes that its network distinguishes."""
+        """The classes that the network of the checkpoint distinguishes."""
         return classes_of(config_of(self.provenance.detector, self.provenance.network))
 
     def weights(self) -> dict[str, Tensor]:
-        """Returns the weights of the network, by the network's names."""
+        """Returns the weights of the network, with the names that the network uses."""
         return {
             name.removeprefix("network."): tensor.float() if tensor.is_floating_point() else tensor
             for name, tensor in self.tensors.items()
@@ -87,8 +87,8 @@ class Checkpoint:
     def network(self, region: Region | None = None) -> Network:
         """Returns the network in eval mode.
 
-        region: the area that it will see; by default that of its training. Raises ConfigError if
-        the weights do not fit its Config.
+        region: the region of the frames that it will get; by default the region of its training.
+        Raises ConfigError if the weights do not fit the Config.
         """
         site = self.provenance.site if region is None else around(region, self.provenance.site)
         network, weights = (
@@ -113,7 +113,7 @@ class Checkpoint:
 
 
 def build(detector: str, config: Any, site: Site) -> Network:
-    """Returns a new network. config: the detector's Config, or the same as plain values."""
+    """Returns a new network. config: the detector's Config, or its values as a mapping."""
     entry = DETECTORS.get(detector)
     if entry is None or not entry.learnt:
         learnt = ", ".join(name for name, row in DETECTORS.items() if row.learnt)
@@ -138,7 +138,7 @@ def digest(file: Path) -> str:
 def save(
     file: Path, network: nn.Module, optimizer: dict[str, Tensor], provenance: Provenance
 ) -> None:
-    """Writes a checkpoint. Raises OSError; an existing file is then left as it is."""
+    """Writes a checkpoint. If it fails, raises OSError and leaves an existing file unchanged."""
     tensors = {f"network.{k}": v.contiguous() for k, v in network.state_dict().items()}
     tensors |= {f"optimizer.{k}": v.contiguous() for k, v in optimizer.items()}
     write(file, tensors, provenance)
@@ -154,7 +154,10 @@ def write(file: Path, tensors: dict[str, Tensor], provenance: Provenance) -> Non
 
 
 def load(file: Path) -> Checkpoint:
-    """Reads a checkpoint. Raises FileNotFoundError, and ConfigError for another file or format."""
+    """Reads a checkpoint.
+
+    Raises FileNotFoundError, and ConfigError for a file that is not a checkpoint of this format.
+    """
     if not file.is_file():
         raise FileNotFoundError(2, "No such checkpoint", str(file))
     try:

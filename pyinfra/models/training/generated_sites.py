@@ -1,9 +1,9 @@
 """Training samples from generated sites, simulated on demand without files.
 
-A visit is one site with some LiDARs and some frames of each. Its scene is built once, all its
-samples are simulated, and it is discarded. A group of visits is held in memory, and its samples are
-returned in random order. Sample n depends on the plan and n only, so a training can resume at any
-n by simulating one group.
+A visit is one site with some LiDARs and some frames of each LiDAR. The scene of a visit is built
+once, all samples of the visit are simulated, and the scene is discarded. A group of visits is held
+in memory, and its samples are returned in random order. Sample n depends only on n and on the plan,
+so a training can resume at any n by simulating one group.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from pyinfra.scenes.generator.lidar_catalogue import PresetShares
 from pyinfra.scenes.generator.random_stream import KEY, VERSION
 from pyinfra.scenes.generator.ranges import RANGES
 
-# The area around a sensor that networks see, in metres: x and y include the regions and parking
-# lots, z extends from below the local road to above a truck.
+# The area around a sensor that networks use, in metres. x and y include the regions and parking
+# lots. z extends from below the local road to above a truck.
 AREA = Area((-110.0, -110.0, -1.0), (110.0, 110.0, 4.5))
-# Ranges of the sites of narrow visits, in which the sensor is aimed along a road.
+# Parameter ranges of the sites of narrow visits, in which the sensor is aimed along a road.
 ALONG = replace(RANGES, mount=replace(RANGES.mount, aims={"along": 1.0}, off_aim_deg=(-8, 8)))
 RESAMPLED, TRIES = 1_000_000_000, 5
 
@@ -47,12 +47,12 @@ class StreamPlan:
     seed: int = ruled(1, 0, 2**62)  # seed of LiDARs, frames and order
     sites: int = ruled(1000, 1, RESAMPLED)  # number of sites
     first_site: int = ruled(0, 0, RESAMPLED - 1)  # seed of the first site
-    lidars: int = ruled(4, 1, 100)  # LiDARs of a visit
+    lidars: int = ruled(4, 1, 100)  # number of LiDARs in a visit
     frames: int = ruled(2, 1, 100)  # frames of each LiDAR in a visit
     mixed: int = ruled(6, 1, 1000)  # visits that are held in memory and mixed
-    label_time: LabelTime | None = None  # None: that of each site
-    # Share of the visits that use only narrow LiDARs (`StreamFile.narrow`), which are aimed along a
-    # road, where vehicles are. The other visits use none of them.
+    label_time: LabelTime | None = None  # None: the label time of each site's scene
+    # Share of the visits that use only narrow LiDARs (`StreamFile.narrow`). Narrow LiDARs are aimed
+    # along a road, where vehicles are. The other visits use no narrow LiDAR.
     narrow: float = ruled(0.0, 0, 1)
 
     @property
@@ -88,12 +88,12 @@ class SiteSamples:
     def __len__(self) -> int:
         """Returns the number of samples in one round over the sites.
 
-        The next round has other LiDARs and frames.
+        Each further round uses other LiDARs and frames.
         """
         return self.plan.sites * self.plan.of_visit
 
     def nth(self, _seed: int, n: int) -> int:
-        """Returns n: samples come in the stream's order, so that each scene is built once."""
+        """Returns n, because samples are used in the stream's order. Each scene is built once."""
         return n
 
     def sample(self, i: int) -> SiteSample:
@@ -112,7 +112,7 @@ class SiteSamples:
 
     def _samples(self, group: int) -> list[SiteSample]:
         if self._group[0] != group:
-            self._group = (-1, [])  # so that two groups are never in memory
+            self._group = (-1, [])  # frees memory, so that there are never two groups in memory
             visits = range(group * self.plan.mixed, (group + 1) * self.plan.mixed)
             self._group = (group, [s for visit in visits for s in self._visit(visit)])
         return self._group[1]
@@ -126,7 +126,8 @@ class SiteSamples:
         keys, world = world_of(seed, self.plan.label_time, make_keys)
         samples = []
         for lidar in sensors.draw(random, self.plan.lidars):
-            # Random, not evenly spaced, or a pattern that almost repeats would show few phases.
+            # Frames are random instead of evenly spaced. Otherwise the samples of a LiDAR whose
+            # pattern almost repeats would have only few phases of the pattern.
             frames = sorted(random.choice(world.frames, self.plan.frames, replace=False).tolist())
             samples += samples_of(world, keys, lidar, frames, self.classes)
         return samples
@@ -137,8 +138,9 @@ def world_of(
 ) -> tuple[Keys, simulation.World]:
     """Returns the site of a seed and its simulated scene.
 
-    If the simulator rejects the site, the sites of up to TRIES - 1 replacement seeds are tried, so
-    that one invalid site does not end a long training. Raises ConfigError if all are rejected.
+    If the simulator rejects the site, the sites of up to TRIES - 1 replacement seeds are tried.
+    Therefore one invalid site does not end a long training. Raises ConfigError if all sites are
+    rejected.
     """
     for times in range(TRIES):
         keys = make_keys(resampled(seed, times))
@@ -146,7 +148,7 @@ def world_of(
             keys["label_time"] = label_time
         try:
             world = simulation.make_world(keys)
-            world.drive()  # so that a site is rejected before any of its frames is used
+            world.drive()  # simulates the traffic, so that an invalid site is rejected here
             return keys, world
         except simulation.ConfigError as error:
             refused = error
@@ -156,7 +158,7 @@ def world_of(
 def resampled(seed: int, times: int) -> int:
     """Returns the seed of the n-th replacement for a site that the simulator rejects.
 
-    times: n; for 0 it is the seed itself.
+    times: n. If n is 0, the result is the seed itself.
     """
     return seed + times * RESAMPLED
 
@@ -170,7 +172,7 @@ def samples_of(
 ) -> list[SiteSample]:
     """Returns samples of a LiDAR at a site, with z above the road.
 
-    Raises what the simulator raises.
+    Raises the errors of the simulator.
     """
     pose = pose_of(keys)
     roads = roads_of_world(world, keys["name"])
@@ -192,8 +194,8 @@ def cast(
 ) -> list[simulation.Frame]:
     """Simulates frames without the warning that a preset ignores the site's weather.
 
-    Python's warning filters are not used, because they hold for the whole process, while samples
-    are made in a second thread.
+    Python's warning filters are not used, because they apply to the whole process. Samples are made
+    in a second thread of the training.
     """
     return [frame for _, (frame,) in simulation.FrameStream(world, [lidar], frames, 1)]
 
@@ -230,7 +232,7 @@ def site_stream(
     classes: tuple[ObjectClass, ...] = VEHICLES,
     narrow: lidar_catalogue.Sensors | None = None,
 ) -> Stream:
-    """Returns a stream of samples, which `training.train.train` takes instead of sources.
+    """Returns a stream of samples, which `training.train.train` accepts instead of sources.
 
     narrow: LiDARs of the plan's narrow visits. Raises Error if a visit needs more LiDARs than there
     are.
@@ -240,7 +242,7 @@ def site_stream(
     files = (*chosen.files, *(narrow.files if narrow else ()))
     drawn = asdict(plan)
     if plan.narrow == 0:
-        del drawn["narrow"]  # so that trainings of versions without narrow visits can resume
+        del drawn["narrow"]  # trainings begun by versions without narrow visits can then resume
     of_narrow = {"of_narrow": lidar_catalogue.names_of(narrow.files)} if narrow else {}
     last = plan.first_site + plan.sites - 1
     return Stream(

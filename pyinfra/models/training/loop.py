@@ -1,7 +1,7 @@
 """The training loop: AdamW with a one-cycle learning rate over a fixed number of steps.
 
-Random numbers and the learning rate are functions of the step (and the seed). So a training that
-was interrupted resumes at its last checkpoint with the same result.
+Random numbers and the learning rate are functions of the step (and the seed). Therefore an
+interrupted training resumes at its last checkpoint and gives the same result.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ DIVIDED = 10.0  # the first rate is the highest rate divided by this
 LAST = 1e-4  # the last rate is the first rate times this
 MOMENTA = (0.95, 0.85)
 SAVES = 20  # checkpoints in a training
-AHEAD = 16  # batches made in advance; a stream makes the samples of about twelve at a time
-PASSING = ("step", "version")  # may differ when a training resumes
+AHEAD = 16  # batches made in advance; a stream makes the samples of about 12 batches at once
+PASSING = ("step", "version")  # fields that may differ when a training resumes
 
 
 class TrainingDiverged(Error):
@@ -59,7 +59,7 @@ class Progress:
     loss: float
     parts: dict[str, float]
     seconds: float  # time since this process started the training or resumed it
-    cpu_seconds: float  # CPU time since the previous step, batches made in advance included
+    cpu_seconds: float  # CPU time since the previous step, including batches made in advance
 
 
 def train(
@@ -99,7 +99,7 @@ def train(
             with torch.autocast(device.type, torch.bfloat16, enabled=precision == "bfloat16"):
                 parts = network.losses(batch)
             loss = torch.stack(list(parts.values())).sum()
-            # The loss of the whole batch, so that all processes stop together.
+            # The loss of the whole batch is checked, so that all processes stop together.
             whole = distributed.mean(torch.stack([loss, *parts.values()])).tolist()
             check_finite("loss", whole[0], step, last)
             optimizer.zero_grad(set_to_none=True)
@@ -110,8 +110,8 @@ def train(
             optimizer.step()
             done = step + 1
             here = dataclasses.replace(provenance, step=done)
-            # Before last.safetensors is written: if the process ends between the two, the check is
-            # repeated.
+            # The check comes before last.safetensors is written. If the process ends in between,
+            # the check is repeated.
             if first and checks is not None and checks.find_best(network, done, learning.steps):
                 checkpoint.save(out / "best.safetensors", network, {}, here)
             if first and (done % max(1, learning.steps // SAVES) == 0 or done == learning.steps):
@@ -151,7 +151,10 @@ def check_finite(name: str, value: float, step: int, last: Path) -> None:
 
 
 def batch_of(frames: Samples, recipe: Recipe, network: Network, seed: int, step: int) -> Batch:
-    """Returns the augmented samples of a step; of several processes, this one's share."""
+    """Returns the augmented samples of a step.
+
+    If there are several processes, the result is this process's share.
+    """
     learning = recipe.learning
     size = learning.batch
     samples, centres = [], []
@@ -280,7 +283,7 @@ class Log:
     def __init__(self, file: Path, done: int) -> None:
         self.file = file
         rows = file.read_text().splitlines() if file.exists() else []
-        # An incomplete row, as a full disk leaves it, does not belong to a finished step.
+        # An incomplete row, for example after a full disk, does not belong to a finished step.
         whole = [row for row in rows if row.count(",") == rows[0].count(",")]
         kept = [row for row in whole[1:] if int(row.split(",")[0]) <= done]
         with replacing(file) as beside:

@@ -33,21 +33,24 @@ def _model(_: Path, word: str) -> None:
 class Learning:
     """Settings of the training, which uses AdamW with a one-cycle learning rate."""
 
-    steps: int = ruled(1000, 0, 10_000_000)  # training steps; 0: use the network `start` as it is
+    steps: int = ruled(1000, 0, 10_000_000)  # training steps; 0: use network `start` untrained
     start: str = checked(
         _model, ""
     )  # network to start from: a training's folder, a file, or a pretrained detector's name
     batch: int = ruled(4, 1, 1024)  # frames in a batch
     rate: float = ruled(0.003, 1e-7, 1)  # highest learning rate
     weight_decay: float = ruled(0.01, 0, 1)  # weight decay of AdamW
-    clip: float = ruled(10.0, 1e-6, 1e6)  # of the gradients' norm
-    window_m2: float = ruled(0.0, 0, 1e9)  # area of a frame that a step uses, in m2; 0: all of it
-    # share of the windows whose class is sampled first, each class of the frame equally often
+    clip: float = ruled(10.0, 1e-6, 1e6)  # largest norm of the gradients; larger ones are scaled
+    window_m2: float = ruled(0.0, 0, 1e9)  # area of a frame that a step uses; 0: the whole area
+    # share of the windows for which a class is sampled first (each class of the frame equally
+    # often), and then one of its objects
     rare_windows: float = ruled(0.0, 0, 1)
-    # exponent: a frame of n objects has the weight n ** -balance; 0: each object counts the same
+    # exponent of the weight n ** -balance of a frame with n objects; 0: all objects have the same
+    # weight
     balance: float = ruled(0.0, 0, 1)
-    # last frames of each LiDAR that are not trained on, but select best.safetensors. The default
-    # is 0, because the published figures are of networks that were trained on all frames.
+    # number of last frames of each LiDAR that select best.safetensors and are not used for
+    # training. The default is 0, because the networks of the published figures were trained on all
+    # frames.
     validate_frames: int = ruled(0, 0, 100_000)
 
     def __post_init__(self) -> None:
@@ -60,7 +63,7 @@ class Recipe:
     """The settings of one tier in a detector's file."""
 
     detector: str
-    network: Any  # the detector's own Config
+    network: Any  # the Config of the detector
     learning: Learning
     augmentation: Augmentation
 
@@ -107,7 +110,10 @@ class DetectorFile:
 
 
 def read_recipe(file: Path, tier: Tier) -> Recipe:
-    """Reads one tier of a file. Raises ConfigError with file, line and key, FileNotFoundError."""
+    """Reads one tier of a file.
+
+    Raises FileNotFoundError, and ConfigError with file, line and key.
+    """
     whole = read_config(file, DetectorFile)
     kind = importlib.import_module(DETECTORS[whole.detector].module).Config
     parts = {name: getattr(whole.tiers, name) for name in TIERS}

@@ -28,7 +28,7 @@ class Augmentation:
     flip: bool = False  # whether half of the frames are mirrored left to right
     rotation_deg: float = ruled(0.0, 0, 180)  # largest rotation, either way
     scale: float = ruled(0.0, 0, 0.5)  # largest change of scale, as a share, either way
-    pasted: int = ruled(0, 0, 100)  # most objects pasted from another frame, at their positions
+    pasted: int = ruled(0, 0, 100)  # most objects pasted from another frame, at the same positions
     least_points: int = ruled(5, 0, 1000)  # least number of points on a pasted object
     shadows: bool = False  # whether pasted objects hide the points behind them
     drop_out: float = ruled(0.0, 0, 0.99)  # largest share of points that is removed
@@ -50,7 +50,7 @@ class Samples(Protocol):
     """The samples of a training, numbered from 0."""
 
     def __len__(self) -> int:
-        """Returns the number of samples before one is repeated."""
+        """Returns the number of different samples."""
         ...
 
     def nth(self, seed: int, n: int) -> int:
@@ -122,10 +122,10 @@ def augmented(
 
 
 def with_pose_error(sample: Sample, how: Augmentation, rng: np.random.Generator) -> Sample:
-    """Returns the sample as if the sensor's height and tilt were known with an error.
+    """Returns the sample with errors of the assumed height and tilt of the sensor.
 
-    Only z is changed, because a tilt of 1 degree shifts points 6 m below by only 0.1 m. Without
-    an error no random numbers are used.
+    Only z is changed, because a tilt of 1 degree shifts points 6 m below the sensor by only 0.1 m
+    horizontally. If both standard deviations are 0, no random numbers are used.
     """
     if how.height_std_m == how.level_std_deg == 0:
         return sample
@@ -142,13 +142,14 @@ def with_pose_error(sample: Sample, how: Augmentation, rng: np.random.Generator)
 
 
 def with_faults(sample: Sample, how: Augmentation, rng: np.random.Generator) -> Sample:
-    """Returns the sample with sensor faults, whose severities are uniform up to their maxima.
+    """Returns the sample with sensor faults.
 
-    Boxes that lose their last point are removed. If all maxima are 0, no random numbers are used.
+    The severity of each fault is uniform between 0 and its maximum. Boxes that lose their last
+    point are removed. If all maxima are 0, no random numbers are used.
     """
     if how.lost_lines == how.drop_out == how.range_noise_m == 0:
         return sample
-    points = lifted(sample.points, -sample.height_m)  # relative to the sensor, for its rays
+    points = lifted(sample.points, -sample.height_m)  # origin at the sensor, as faults need ranges
     for most, fault in (
         (how.lost_lines, sensor_faults.lost_lines),
         (how.drop_out, sensor_faults.drop_out),
@@ -177,7 +178,7 @@ def moved(sample: Sample, *, turn: float, scale: float, flip: bool) -> Sample:
     """Returns the sample mirrored left to right, turned about the sensor (radians) and scaled."""
     side = -1.0 if flip else 1.0
     cos, sin = np.cos(turn), np.sin(turn)
-    # Row vectors: mirror, then turn, then scale.
+    # Points are row vectors. They are mirrored, then turned, then scaled.
     linear = scale * np.array([[cos, sin, 0], [-side * sin, side * cos, 0], [0, 0, 1]])
     points = sample.points.copy()
     points[:, :3] = points[:, :3] @ linear.astype(np.float32)
@@ -207,9 +208,9 @@ def _in_moved(
 def with_pasted(
     sample: Sample, other: Sample, how: Augmentation, rng: np.random.Generator
 ) -> Sample:
-    """Pastes objects of the other frame, with their points, where this frame has none.
+    """Pastes objects of the other frame, with their points, where this frame has no objects.
 
-    Classes take turns, so that rare ones are pasted as often.
+    Objects are pasted from each class in turn, so that rare classes are pasted as often.
     """
     order = rng.permutation(len(other.boxes))
     order = order[np.argsort(_ranks_in_class(other.numbers[order]), kind="stable")]

@@ -1,9 +1,9 @@
 """Sensor faults as functions of points, a severity and a random generator.
 
-Training uses them for augmentation, and the stress test as stressors. points: (n, 4) float32, x y z
-intensity, levelled LiDAR frame. Each function returns (m, 4) float32. With the same random numbers,
-points that are lost at one severity are lost at every higher one. docs/conventions.md, "Stress",
-has the definitions.
+Training uses these functions for augmentation. The stress test uses them as stressors. points:
+(n, 4) float32, x y z intensity, levelled LiDAR frame. Each function returns (m, 4) float32. With
+the same random numbers, points that are lost at one severity are also lost at every higher
+severity. The section "Stress" of docs/conventions.md has the definitions.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def drop_out(points: Points, share: float, rng: Rng) -> Points:
 
 
 def range_noise(points: Points, sigma_m: float, rng: Rng) -> Points:
-    """Adds normal noise along the rays; ranges stay at 0 or above."""
+    """Adds normal noise along the rays; ranges are not negative."""
     ranges = ranges_of(points)
     noisy = np.maximum(ranges + sigma_m * rng.normal(size=len(points)), 0)
     return scaled(points, np.divide(noisy, ranges, out=np.ones_like(ranges), where=ranges > 0))

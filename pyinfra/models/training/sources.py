@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pyinfra.models.detectors.detection_area import Site
     from pyinfra.models.training.samples import Samples
 
-# Largest number of training frames, evenly spread over those of 500 s.
+# Largest number of training frames by tier. The frames are evenly spread over 500 s.
 MOST_FRAMES: dict[Tier, int] = {"smoke": 200, "quick": 800, "full": 4000}
 ONE_FRAME = Accumulation()
 
@@ -50,12 +50,12 @@ class Source:
     clouds: tuple[Callable[[], Points], ...]
     # (k, 7) boxes of each frame's objects that have a point and belong to `classes`
     read_boxes: Callable[[], tuple[FloatArray, ...]]
-    read_warning: Callable[[], str | None] = lambda: None  # warning about unknown object names
+    read_warning: Callable[[], str | None] = lambda: None  # warns of unknown object names
     region: regions.Region | None = None  # where vehicles can be, if known
     ground: Ground | None = None  # height of the road; None: taken from the vehicles
     accumulation: Accumulation = ONE_FRAME  # clouds are (n, 4) for one frame, (n, 5) if stacked
     classes: tuple[ObjectClass, ...] = VEHICLES  # classes of the boxes
-    # (k,) class numbers of the boxes in each frame; empty: all are of the first class
+    # (k,) class numbers of the boxes in each frame; if empty, all boxes are of the first class
     read_classes: Callable[[], tuple[IntArray, ...]] = tuple
 
 
@@ -63,14 +63,15 @@ class Source:
 class Stream:
     """Samples of one or more LiDARs and sites, made on demand, with z measured from the road."""
 
-    lidar: str  # all names, separated by blanks; so are the next three fields
+    # Names of all LiDARs, separated by blanks. The next fields may also have several names.
+    lidar: str
     preset: str
     scene: str
     label_time: str
     samples: Samples
     site: Site  # the area around each sensor that a network sees
     ground: Ground | None = None  # ground that is the same for all samples, if any
-    anywhere: bool = False  # whether there are so many sites that the network can be used at others
+    anywhere: bool = False  # whether the sites are so many that the network works at other sites
     accumulation: Accumulation = ONE_FRAME
     classes: tuple[ObjectClass, ...] = VEHICLES  # classes of the samples' boxes
     drawn: str = ""  # how samples are chosen; it must be the same when a training resumes
@@ -84,8 +85,9 @@ def read_source(
 ) -> Source:
     """Returns the training frames of a folder.
 
-    They are those of ImageSets/train.txt, else those of the split by time; without labels they are
-    all frames. Only training frames and frames between them are stacked, never test frames.
+    They are the frames of ImageSets/train.txt. If this file does not exist, they are the training
+    frames of the split by time, or all frames if the folder has no labels. Only training frames and
+    frames between them are stacked, never test frames.
 
     Raises FileNotFoundError, FormatError and Error.
     """
@@ -117,14 +119,15 @@ def _train_frames(folder: Path, period_s: float) -> Sequence[int]:
     if (folder / "ImageSets/train.txt").is_file():
         return frame_numbers(folder, "train")
     if not has_labels(folder):
-        return kitti.frames(folder)  # frames without labels cannot be test frames
+        return kitti.frames(folder)  # without labels there can be no test frames
     return split.by_time(kitti.frames(folder), period_s).train
 
 
 def _stackable(folder: Path, train: Sequence[int]) -> set[int]:
     """Returns the training frames, and the frames between them that are not test frames.
 
-    If there is a list of training frames but none of test frames, all others may be test frames.
+    If there is a list of training frames but no list of test frames, every other frame may be a
+    test frame. Only training frames are returned then.
     """
     lists = folder / "ImageSets"
     named = [part for part in ("val", "test") if (lists / f"{part}.txt").is_file()]
@@ -143,7 +146,8 @@ def read_frame(folder: Path, frame: int) -> Points:
 def on_road(source: Source) -> Source:
     """Returns the source with z of clouds and boxes measured from the road, as networks need it.
 
-    Raises Error if the road's height is unknown and there is no vehicle to take it from.
+    If the height of the road is unknown, it is computed from the vehicles. Raises Error if there is
+    no vehicle.
     """
     boxes = source.read_boxes()
     ground = source.ground or ground_of_boxes(boxes)
@@ -168,9 +172,9 @@ def scene_of(folder: Path) -> str:
 def hit_boxes(
     vehicles: Vehicles, frames: int, classes: tuple[ObjectClass, ...] = VEHICLES
 ) -> tuple[tuple[FloatArray, ...], tuple[IntArray, ...]]:
-    """Returns the boxes (k, 7) of each frame's objects of some classes, and class numbers (k,).
+    """Returns the boxes (k, 7) and class numbers (k,) of each frame's objects of some classes.
 
-    Only objects with a point are included.
+    Only objects with at least one point are included.
     """
     numbers = numbers_of(vehicles.names, classes)
     hit = (numbers >= 0) & (vehicles.points > 0)
@@ -193,7 +197,7 @@ def simulated_source(
     """Returns the frames that `infrasim run` would write, simulated on demand without files.
 
     mount: name of the mount, if there are several. Raises ConfigError and IoError as the simulator
-    does, and ImportError without the extension.
+    does, and ImportError if the extension is not installed.
     """
     from pyinfra.dataset import simulation
 

@@ -51,8 +51,8 @@ def train(
 ) -> Path:
     """Trains a detector in the folder `out`, or resumes there; returns the model's file.
 
-    If the recipe has no steps, the network that it starts from is copied. Raises what reading
-    frames and training raise.
+    If the recipe has 0 steps, the network `start` of the recipe is copied. Raises the errors of
+    reading frames and of training.
     """
     out.mkdir(parents=True, exist_ok=True)
     other = "last.safetensors" if recipe.detector == "background" else "background.npz"
@@ -132,7 +132,8 @@ def _train_network(
     description = loop.describe(provenance, recipe, len(frames), precision, stream.drawn)
     with distributed.joined(device_of(device)) as where:
         distributed.check_batch(recipe.learning.batch)
-        begun = loop.read_begun(out, description)  # after all processes joined: all read the same
+        # All processes have joined, so all read the same checkpoint.
+        begun = loop.read_begun(out, description)
         done = begun.provenance.step if begun is not None else 0
         first = distributed.rank() == 0
         with _reporting(out, description, done, quiet) if first else nullcontext() as report:
@@ -176,8 +177,9 @@ def _provenance(recipe: Recipe, stream: Stream, seed: int) -> Provenance:
 def _begun_with(network: Network, start: Path, provenance: Provenance) -> Provenance:
     """Loads the weights of another network; returns the changed description of the checkpoint.
 
-    Weights of classes that only the new network has stay random. The calibration is kept if the
-    classes are the same. Raises FileNotFoundError, and ConfigError for weights that do not fit.
+    The new network may have classes that the other network lacks. The weights of these classes stay
+    random. The calibration is copied if the classes are the same. Raises FileNotFoundError, and
+    ConfigError for weights that do not fit.
     """
     import torch
 
@@ -242,7 +244,7 @@ def _reporting(
         beside.write_text(yaml.safe_dump(as_plain(description), sort_keys=False))
     log, steps = Log(out / "log.csv", done), description.steps
     board = SummaryWriter(str(out / "tensorboard"), purge_step=done + 1)
-    # None, without `quiet`, shows the bar on a terminal only.
+    # The value None shows the progress bar on a terminal only.
     bar = tqdm(total=steps, initial=done, unit="step", disable=quiet or None, file=sys.stderr)
 
     def report(progress: Progress) -> None:
@@ -260,8 +262,8 @@ def _reporting(
 def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Frames | None]:
     """Returns the training samples, and the held-out frames; None if `kept` is 0.
 
-    kept: number of frames of each LiDAR to hold out. Raises Error as `_frames` does, and if frames
-    of a stream are to be held out.
+    kept: number of frames of each LiDAR to hold out; it must be 0 for a stream. Raises Error for a
+    stream with another value, and as `_frames` does.
     """
     from pyinfra.models.detectors.detection_area import site_of
 

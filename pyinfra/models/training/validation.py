@@ -1,8 +1,8 @@
 """Selects the best state of a network by its AP on held-out training frames.
 
 The held-out frames are the last training frames of each LiDAR (`validate_frames` of a recipe),
-never test frames. The first of them show vehicles that are also in frames trained on. So this AP
-can only compare states of one training.
+never test frames. The first held-out frames show vehicles that are also in the frames used for
+training. Therefore the AP on held-out frames can only be used to compare states of one training.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ def is_due(done: int, steps: int) -> bool:
 def average_precision(network: Network, frames: Frames) -> float:
     """Returns the AP (R1000) of all objects with a point, 0 to 100.
 
-    For several classes it is the mean over those that occur. The mode of the network is restored.
+    If the network has several classes, the result is the mean over the classes that occur. The mode
+    of the network (train or eval) is restored.
     """
     training = network.training
     network.eval()
@@ -59,8 +60,8 @@ def _frame_of(parts: Sequence[FloatArray]) -> IntArray:
 class Checks:
     """Evaluates a network on held-out frames during training.
 
-    `validation.csv` has the step and AP of each check. When a training resumes, checks after its
-    checkpoint are removed.
+    `validation.csv` has the step and AP of each check. When a training resumes, rows of checks
+    after its checkpoint are removed.
     """
 
     def __init__(self, frames: Frames, file: Path, done: int) -> None:
