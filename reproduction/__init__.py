@@ -15,11 +15,16 @@ RECORDED = ROOT / "results"  # committed measurements
 def add_out(
     parser: argparse.ArgumentParser, name: str = "", option: str = "--out", recorded: str = ""
 ) -> None:
-    """Adds the option that names the output, which by default replaces no recorded measurement.
+    """Adds the option that names the output file or folder; its default is in out/.
 
-    name: file in out/; empty for a command that writes several files into a folder. recorded: where
-    the output is committed, by default results/NAME. Parsing makes the folder of the output, so
-    that a wrong path is an error before anything is measured.
+    Parsing the option also creates the output's folder. A wrong path is therefore an error before
+    any measurement starts.
+
+    Parameters
+    ----------
+    name : name of a file in out/; empty if the command writes several files into a folder
+    option : name of the option
+    recorded : path of the committed output, for the help text; default: results/NAME
     """
 
     def path(text: str) -> Path:
@@ -44,7 +49,7 @@ def add_out(
 def provenance(command: str) -> dict[str, str]:
     """Returns the columns that record a row's origin: version, machine and command.
 
-    command: name of the command with the options that affect the result.
+    command: the command's name and those of its options that affect the result.
     """
     made_by = f"python -m reproduction {command}"
     return {"version": __version__, "machine": machine(), "command": made_by}

@@ -1,4 +1,4 @@
-"""Writes the data card of a data set of several scenes: content, origin and limits."""
+"""Writes a data card, which describes the content, origin and limits of a data set."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -84,9 +84,12 @@ COLUMNS = ("rays", "hits", "vehicles", "vehicle_points")
 
 
 def data_card(sets: Sequence[DataSet], summaries: Sequence[pd.DataFrame]) -> str:
-    """Returns Markdown about data sets with the same frames, LiDARs and preset, one per scene.
+    """Returns the Markdown text of the data card.
 
-    summaries: the `summary.csv` of each data set.
+    Parameters
+    ----------
+    sets : one data set per scene, all with the same frames, LiDARs and preset
+    summaries : the `summary.csv` of each data set
     """
     first = sets[0]
     return TEXT.format(

@@ -1,8 +1,8 @@
 """Writes the whole data set: `python -m reproduction dataset`, which `make dataset` runs.
 
-It holds three scenes seen by four LiDARs, split by time, with a data card and the SHA-256 of every
-file. The same command resumes a stopped run. SHA256SUMS is written last, so its presence means that
-the data set is complete.
+The data set contains three scenes with four LiDARs, a split by time, a data card and the SHA-256 of
+every file. Run the same command again to resume a stopped run. A data set is complete when it has
+the file SHA256SUMS, because that file is written last.
 """
 
 import hashlib
@@ -20,11 +20,11 @@ from reproduction.data_card import data_card
 FRAMES = 5000  # frames in a scene's 500 s
 CARD = "DATASET.md"
 SUMS = "SHA256SUMS"
-TIMES = "summary.csv"  # differs from run to run
+TIMES = "summary.csv"  # its times differ between runs
 
 
 def spread(count: int) -> range:
-    """Returns at most `count` frames, evenly spread from the first to about the last of a scene.
+    """Returns at most `count` frame numbers, evenly spaced over all frames of a scene.
 
     Raises Error if count is less than 2 or more than FRAMES.
     """
@@ -36,7 +36,7 @@ def spread(count: int) -> range:
 
 
 def check_folder(folder: Path, frames: range) -> None:
-    """Raises Error if a LiDAR of a scene's folder has a frame that is not in `frames`."""
+    """Raises Error if `folder` contains a frame of any LiDAR that is not in `frames`."""
     for velodyne in sorted(folder.glob("[!.]*/training/velodyne")):
         lidar = velodyne.parents[1]
         if others := set(kitti.frames(lidar)) - set(frames):
@@ -47,9 +47,10 @@ def check_folder(folder: Path, frames: range) -> None:
 
 
 def write_scene(name: str, frames: range, preset: str, folder: Path) -> DataSet:
-    """Simulates one scene and splits it; existing frames are kept.
+    """Simulates one scene, splits it and returns its data set.
 
-    Raises FileExistsError if the folder already has another split.
+    Existing frames are not simulated again. Raises FileExistsError if the folder already has
+    another split.
     """
     words = ["--preset", preset, "--frames", f"0:{frames.stop}:{frames.step}"]
     lidars = [catalogue.lidar_file(lidar) for lidar in catalogue.LIDARS]
@@ -60,7 +61,10 @@ def write_scene(name: str, frames: range, preset: str, folder: Path) -> DataSet:
 
 
 def checksums(out: Path) -> Iterator[str]:
-    """Yields a line as from `sha256sum` for the card and every scene file but `summary.csv`."""
+    """Yields a line in the format of `sha256sum` for the data card and each scene file.
+
+    `summary.csv` is left out, because its times differ between runs.
+    """
     files = [out / CARD, *(file for scene in catalogue.SCENES for file in (out / scene).rglob("*"))]
     for file in sorted(files):
         if file.is_file() and file.name != TIMES and not file.name.startswith("."):
@@ -72,10 +76,18 @@ def checksums(out: Path) -> Iterator[str]:
 def write(
     out: Path, frames: range, preset: str, progress: Callable[[str], None] | None = None
 ) -> None:
-    """Writes scenes, card and checksums to `out`, which is created.
+    """Creates the folder `out` and writes the scenes, the data card and the checksums to it.
 
-    say: callback that gets a message after each scene. Raises SimulatorError, and Error if `out`
-    has frames of another selection.
+    Parameters
+    ----------
+    progress : callback that receives a message after each scene
+
+    Raises
+    ------
+    SimulatorError
+        If a simulation fails.
+    Error
+        If `out` contains frames that are not in `frames`.
     """
     for scene in catalogue.SCENES:
         check_folder(out / scene, frames)

@@ -1,8 +1,8 @@
-"""Compares hit points per frame with the paper's, and with those on flat ground.
+"""Compares simulated hit points per frame with the paper's values and with hits on flat ground.
 
-The paper's values are means over 5,000 frames; here every 25th frame is simulated. Each row also
-has the hits of the same LiDAR on flat ground without vehicles, which shows the effect of the site's
-geometry.
+The paper's values are means over 5,000 frames. Here only every 25th frame is simulated. Each row
+also has the hit points of the same LiDAR on flat ground without vehicles. The difference between
+the scene and flat ground shows the effect of the scene's geometry.
 """
 
 import hashlib
@@ -29,9 +29,16 @@ Progress = Callable[[str], object]
 def compare(simulated: pd.DataFrame, flat: pd.Series, paper: pd.DataFrame) -> pd.DataFrame:
     """Returns one row per row of `simulated`, in the same order.
 
-    simulated, paper: columns lidar, scene, hits. flat: hits by LiDAR. Result columns: scene, lidar,
-    paper, simulated, error, flat, flat_error. An error is hits / paper - 1, and NaN if the paper
-    has no value.
+    An error is hits / paper - 1. It is NaN if the paper has no value.
+
+    Parameters
+    ----------
+    simulated, paper : tables with the columns lidar, scene, hits
+    flat : hit points per frame on flat ground, by LiDAR
+
+    Returns
+    -------
+    Table with the columns scene, lidar, paper, simulated, error, flat, flat_error.
     """
     table = simulated.rename(columns={"hits": "simulated"})
     table = table.merge(
@@ -54,10 +61,14 @@ def hit_table(
     cache: Path | None = None,
     progress: Progress = lambda _: None,
 ) -> pd.DataFrame:
-    """Returns hit points of LiDARs in scenes, of the paper and of flat ground: see compare().
+    """Simulates all LiDARs in all scenes and on flat ground, and returns the table of compare().
 
-    frames, cache: as in hits_per_frame(). say: callback that gets a message before each simulation.
-    Raises SimulatorError.
+    Raises SimulatorError if a simulation fails.
+
+    Parameters
+    ----------
+    frames, cache : as in hits_per_frame()
+    progress : callback that receives a message before each simulation
     """
     parts = []
     for scene in scenes:
@@ -72,10 +83,14 @@ def hit_table(
 def hits_per_frame(
     scene: Path, lidars: Sequence[Path], frames: str = FRAMES, cache: Path | None = None
 ) -> pd.Series:
-    """Returns mean hit points per frame in the `paper` preset, by LiDAR name; writes no frames.
+    """Returns the mean hit points per frame under preset `paper`, by LiDAR name.
 
-    frames: A:B[:STEP], B excluded. cache: folder for summaries, so that the same binary and
-    configuration are simulated once. Raises SimulatorError.
+    The function writes no frames. Raises SimulatorError if the simulation fails.
+
+    Parameters
+    ----------
+    frames : frame range A:B[:STEP], B excluded
+    cache : folder for summaries; a summary of the same binary, configuration and frames is reused
     """
     if cache is None:
         with tempfile.TemporaryDirectory() as folder:
@@ -88,9 +103,9 @@ def hits_per_frame(
 
 
 def read_hits(summary: Path) -> pd.Series:
-    """Returns hits per frame by LiDAR name from the summary of a run.
+    """Returns the hit points per frame by LiDAR name, read from the summary of a run.
 
-    Raises Error if a column is missing, or if there is no LiDAR or no frame.
+    Raises Error if a column is missing, or if the summary has no LiDAR or no frame.
     """
     table = read_csv(summary)
     missing = [column for column in SUMMARY_COLUMNS if column not in table.columns]
@@ -119,7 +134,7 @@ def _key(scene: Path, lidars: Sequence[Path], frames: str) -> str:
 
 
 def table_text(table: pd.DataFrame) -> str:
-    """Formats the table of compare() for a terminal, with the mean and the largest error below."""
+    """Formats the table of compare() as text; its last lines are the mean and largest error."""
     lines = [
         f"{'':24}{'hit points per frame':>30}{'error':>20}",
         f"{'scene':<11}{'LiDAR':<13}{'paper':>10}{'simulated':>10}{'flat':>10}"
@@ -145,7 +160,7 @@ def table_text(table: pd.DataFrame) -> str:
 
 
 def write_table(table: pd.DataFrame, file: Path) -> None:
-    """Writes the table of compare() as CSV, hits rounded to 0.1 and errors to 0.0001."""
+    """Writes the table of compare() as CSV; hits are rounded to 0.1 and errors to 0.0001."""
     file.parent.mkdir(parents=True, exist_ok=True)
     digits = {"simulated": 1, "flat": 1, "error": 4, "flat_error": 4}
     with replacing(file) as beside:

@@ -9,10 +9,16 @@ REFERENCE = ROOT / "reproduction/reference"
 
 
 def paper_hits() -> pd.DataFrame:
-    """Returns the paper's hits: columns lidar, scene, hits; LiDARs have this project's names."""
+    """Returns the paper's hit points per frame as a table with the columns lidar, scene, hits.
+
+    The LiDARs have this project's names.
+    """
     return read_csv(REFERENCE / "paper_hit_points.csv")
 
 
 def paper_ap() -> pd.DataFrame:
-    """Returns the paper's AP: columns scene, lidar, detector, ap, with this project's names."""
+    """Returns the paper's AP as a table with the columns scene, lidar, detector, ap.
+
+    Scenes, LiDARs and detectors have this project's names.
+    """
     return read_csv(REFERENCE / "paper_average_precision.csv")

@@ -1,1 +1,1 @@
-"""The paper's claims as tests with intervals; docs/conventions.md defines the rules."""
+"""Tests the paper's claims with confidence intervals; docs/conventions.md defines the rules."""

@@ -13,16 +13,19 @@ from reproduction.paper_tables import paper_ap
 
 CASE = ["scene", "lidar", "detector"]
 LEAST_EXPERIMENTS = 3
-REPLICATES = 9999  # random permutations; with up to 7 experiments all permutations are used
+REPLICATES = 9999  # random permutations; for up to 7 experiments every permutation is used
 
 
 def paper_table(experiments: pd.DataFrame) -> pd.DataFrame:
-    """Returns the rank correlation and mean difference of AP to the paper, for preset `paper`.
+    """Compares the AP of a benchmark under preset `paper` with the paper's AP.
 
-    The table has one row per scene and one for all scenes together (`all`). Only experiments that
-    both sides have are used. Columns: scene, preset, experiments (number of experiments),
-    rank_correlation (Spearman), p_value (two-sided permutation test), mean_difference (here minus
-    the paper).
+    Only experiments that also occur in the paper are used.
+
+    Returns
+    -------
+    One row per scene, and one row for all scenes together (`all`). Columns: scene; preset;
+    experiments (number of experiments); rank_correlation (Spearman); p_value (two-sided permutation
+    test); mean_difference (AP of the benchmark minus AP of the paper).
     """
     ours = first_seed(experiments[(experiments.preset == "paper") & experiments.ap.notna()])
     both = ours.merge(paper_ap(), on=CASE, suffixes=("", "_paper"))

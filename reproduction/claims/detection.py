@@ -29,24 +29,28 @@ from reproduction.claims.scanning import (
 DETECTORS = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
 PUBLISHED = ("pv-rcnn", "pointpillars", "dsvt")
 BUNDLE = "bundle_5_livox_avia"
-# a difference between LiDARs can have another sign under the other one
+# A difference between LiDARs can have opposite signs under these two ground-truth subsets.
 TRUTHS = ("captured", "common")
 AT_MOST_5 = (-math.inf, 5.0)
 STEEPEST_DEG = 20.0
 COLUMNS = "scene preset claim statement value low high verdict version".split(" ")
-# Looks up the bootstrapped value of a LiDAR, detector, ground truth and measure; None if the table
-# has none.
+# Function of LiDAR, detector, ground-truth subset and measure. It returns the bootstrapped value, or
+# None if the table has no value.
 Figures = Callable[[str, str, str, str], Bootstrapped | None]
 
 
 def claims_table(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     """Returns one row per claim and case, for every scene and preset of `experiments`.
 
-    tables: `experiments`, `replicates` and `value` of a benchmark, and `stress_replicates` if it
-    exists. A case has no row if one of its experiments is missing or has no bootstrap replicates.
+    A case has no row if one of its experiments is missing or has no bootstrap replicates.
+
+    Parameters
+    ----------
+    tables : a benchmark's tables `experiments`, `replicates` and `value`, and optionally
+        `stress_replicates`
     """
     kept = {name: rows for name, rows in tables.items() if len(rows)}
-    # if a seed failed, the next seed replaces it
+    # If the experiment of a seed failed, first_seed() chooses the next seed.
     kept["experiments"] = kept["experiments"].dropna(subset=["ap"])
     kept |= {
         name: first_seed(kept[name])
@@ -68,7 +72,7 @@ def claims_table(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def claims(tables: dict[str, pd.DataFrame]) -> Iterator[Row]:
-    """Yields the claims of one scene under one preset."""
+    """Yields the tested claims of one scene under one preset."""
     of = figures_of(tables.get("replicates", pd.DataFrame()))
     for detector in DETECTORS:
         for truth in TRUTHS:
@@ -81,7 +85,10 @@ def claims(tables: dict[str, pd.DataFrame]) -> Iterator[Row]:
 
 
 def figures_of(replicates: pd.DataFrame) -> Figures:
-    """Returns a lookup function that raises Error if the rows have different blocks."""
+    """Returns a function that looks up values in `replicates`.
+
+    The function raises Error if a row has other time blocks than the first row.
+    """
     if replicates.empty:
         return lambda *_: None
     rows = {
@@ -106,7 +113,7 @@ def tested(claim: str, text: str, bootstrapped: Bootstrapped, inside: tuple[floa
 
 
 def across_lidars(of: Figures, detector: str, truth: str) -> Iterator[Row]:
-    """Tests the claims comparable and 64-below."""
+    """Tests the claims `comparable` and `64-below` for one detector and ground-truth subset."""
     lidars = (LINES_128, AVIA, LINES_64)
     wide, avia, narrow = (of(name, detector, truth, "ap_r1000") for name in lidars)
     case = f"{detector}, {truth}"
@@ -120,7 +127,7 @@ def across_lidars(of: Figures, detector: str, truth: str) -> Iterator[Row]:
 
 
 def across_detectors(of: Figures, lidar: str) -> Iterator[Row]:
-    """Tests the claims algorithms and similar."""
+    """Tests the claims `algorithms` and `similar` for one LiDAR."""
     every = {name: of(lidar, name, "captured", "ap_r1000") for name in (*PUBLISHED, "pointrcnn")}
     known = {name: one for name, one in every.items() if one is not None}
     by_detector = {name: known[name] for name in PUBLISHED if name in known}
@@ -140,7 +147,7 @@ def across_detectors(of: Figures, lidar: str) -> Iterator[Row]:
 
 
 def areas(of: Figures, detector: str) -> Iterator[Row]:
-    """Compares the share and the number of high-quality areas over all roads."""
+    """Compares high-quality areas of the Avia and of the 128 lines: their share and number."""
     avia, wide = (of(name, detector, "captured", "p_hqda") for name in (AVIA, LINES_128))
     if avia and wide:
         text = f"{detector}: share of high-quality areas of the Avia less that of 128 lines within"
@@ -152,7 +159,7 @@ def areas(of: Figures, detector: str) -> Iterator[Row]:
 
 
 def gentle(of: Figures, detector: str) -> Iterator[Row]:
-    """Compares the fall of AP with distance: the Avia against the best spinning LiDAR."""
+    """Compares the change of AP with distance between the Avia and the best spinning LiDAR."""
     avia = of(AVIA, detector, "captured", "ap_slope")
     others = [of(name, detector, "captured", "ap_slope") for name in SPINNING]
     known = [one for one in others if one is not None]
@@ -163,7 +170,10 @@ def gentle(of: Figures, detector: str) -> Iterator[Row]:
 
 
 def value(of: Figures, table: pd.DataFrame, detector: str) -> Iterator[Row]:
-    """Compares AP and areas per dollar: one Avia, and five Avias, against the best other LiDAR."""
+    """Compares AP per dollar, and high-quality areas per dollar, with the best spinning LiDAR.
+
+    The comparison is made for one Avia and for five Avias.
+    """
     if table.empty:
         return
     usd = table[table.detector == detector].set_index("lidar").price_usd
@@ -182,9 +192,9 @@ def value(of: Figures, table: pd.DataFrame, detector: str) -> Iterator[Row]:
 
 
 def per_dollar(text: str, bought: dict[str, Bootstrapped], usd: pd.Series) -> Iterator[Row]:
-    """Tests the first LiDAR's amount per dollar against the best other.
+    """Compares the amount per dollar of the first LiDAR in `bought` with the best of the others.
 
-    No row if the others have 0.
+    Yields no row if the amount of every other LiDAR is 0.
     """
     first, *others = ((name, figure.times(1000 / usd[name])) for name, figure in bought.items())
     best, most = max(others, key=lambda pair: pair[1].value)
@@ -194,7 +204,7 @@ def per_dollar(text: str, bought: dict[str, Bootstrapped], usd: pd.Series) -> It
 
 
 def tilt(stress: pd.DataFrame) -> list[dict[str, object]]:
-    """Compares the Avia's best tilt with no tilt, for every detector."""
+    """Compares the Avia's AP at its best tilt with its AP without tilt, for every detector."""
     if stress.empty:
         return []
     rows = []

@@ -1,6 +1,6 @@
-"""Tests the paper's claims that scanning statistics can test.
+"""Tests the paper's claims about scanning with statistics of points on vehicles.
 
-docs/conventions.md, "Claims", defines the rules. They were written before the first run.
+docs/conventions.md, "Claims", defines the rules. The rules were written before the first run.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,14 +30,14 @@ SPINNING = (LINES_16, LINES_64, LINES_128)
 NEAR_M = (30.0, 50.0)
 FAR_SPAN_M = (FAR_M, 120.0)
 WHOLE_M = (30.0, 120.0)
-ABOVE_0 = (float(np.nextafter(0, 1)), np.inf)  # excludes 0
+ABOVE_0 = (float(np.nextafter(0, 1)), np.inf)  # the smallest number above 0
 ABOVE_1 = (float(np.nextafter(1, 2)), np.inf)
 COLUMNS = "claim preset statement value low high verdict command seed version".split(" ")
 
 
 @dataclass(frozen=True)
 class Row:
-    """A tested claim: the measured value, its interval and the verdict."""
+    """The result of a tested claim: measured value, interval and verdict."""
 
     claim: str
     statement: str
@@ -48,9 +48,9 @@ class Row:
 
 
 def verdict(low: float, high: float, inside: tuple[float, float]) -> str:
-    """Returns holds, fails or undecided for an interval against the stated range.
+    """Returns `holds`, `fails` or `undecided` for an interval and the range that a claim states.
 
-    NaN is undecided.
+    The verdict is `undecided` if an end of the interval is NaN.
     """
     if low >= inside[0] and high <= inside[1]:
         return "holds"
@@ -60,7 +60,7 @@ def verdict(low: float, high: float, inside: tuple[float, float]) -> str:
 
 
 def verdict_of_change(low: float, high: float, least: float) -> str:
-    """As verdict(), for a change of at least `least` in either direction."""
+    """Returns the verdict on the claim that a value changes by at least `least`, up or down."""
     if low >= least or high <= -least:
         return "holds"
     if low > -least and high < least:
@@ -69,10 +69,13 @@ def verdict_of_change(low: float, high: float, least: float) -> str:
 
 
 def claims(exact: Observations, blocks: Blocks, instant: Observations | None = None) -> list[Row]:
-    """Returns all claims on the vehicles of one data set.
+    """Returns all tested claims for the vehicles of one data set.
 
-    instant: the same frames with aggregation `instant`, needed by `deskew`. Raises Error if the
-    LiDARs are not the four of the paper.
+    Raises Error if the data set does not have exactly the four LiDARs of the paper.
+
+    Parameters
+    ----------
+    instant : the same frames with aggregation `instant`; without them `deskew` is not tested
     """
     if sorted(exact.lidars) != sorted((AVIA, *SPINNING)):
         raise Error(f"expected {AVIA} {SPINNING}, got LiDARs {', '.join(exact.lidars)}")
@@ -93,7 +96,7 @@ def claims(exact: Observations, blocks: Blocks, instant: Observations | None = N
 
 
 def far_range(vehicles: Observations, blocks: Blocks, name: str) -> Row:
-    """Compares points on far vehicles: the Avia against the best other LiDAR."""
+    """Compares points per far vehicle between the Avia and the best other LiDAR."""
     avia, others = vehicles.column(AVIA), [vehicles.column(x) for x in SPINNING]
 
     def statistic(sums: FloatArray) -> FloatArray:
@@ -109,7 +112,7 @@ def far_range(vehicles: Observations, blocks: Blocks, name: str) -> Row:
 
 
 def near_range(vehicles: Observations, blocks: Blocks) -> Row:
-    """Compares points on near vehicles: 128 lines against the Avia."""
+    """Compares points per near vehicle between the 128-line LiDAR and the Avia."""
     text = f"APV of {LINES_128} over {AVIA} is above 1"
     return _apv_ratio("near-range", text, vehicles, blocks, (LINES_128, AVIA), NEAR_M, ABOVE_1)
 
@@ -117,13 +120,13 @@ def near_range(vehicles: Observations, blocks: Blocks) -> Row:
 def lines_ratio(
     vehicles: Observations, blocks: Blocks, more: str, less: str, inside: tuple[float, float]
 ) -> Row:
-    """Compares a LiDAR with more lines to one with fewer, over all distances."""
+    """Compares points per vehicle of two LiDARs with different numbers of lines."""
     text = f"APV of {more} over {less} is {inside[0]:g} to {inside[1]:g}"
     return _apv_ratio("ratio", text, vehicles, blocks, (more, less), WHOLE_M, inside)
 
 
 def gentle(vehicles: Observations, blocks: Blocks) -> Row:
-    """Compares decay exponents: the smallest of the spinning LiDARs against the Avia's."""
+    """Compares the smallest decay exponent of the spinning LiDARs with the Avia's exponent."""
     avia, others = vehicles.column(AVIA), [vehicles.column(x) for x in SPINNING]
 
     def statistic(sums: FloatArray) -> FloatArray:
@@ -139,7 +142,7 @@ def gentle(vehicles: Observations, blocks: Blocks) -> Row:
 
 
 def deskew(instant: Observations, exact: Observations, blocks: Blocks) -> list[Row]:
-    """Compares points inside the boxes of moving vehicles, instant against exact, per LiDAR."""
+    """Tests by how much `instant` changes the points inside boxes of moving vehicles, by LiDAR."""
     if not np.array_equal(np.unique(instant.frame), np.unique(exact.frame)):
         raise Error("instant and exact: expected the same frames, got others")
     change = aggregation_change(_within(instant, WHOLE_M), _within(exact, WHOLE_M), blocks)
@@ -156,7 +159,7 @@ def deskew(instant: Observations, exact: Observations, blocks: Blocks) -> list[R
 
 
 def only_one(vehicles: Observations, blocks: Blocks, name: str) -> Row:
-    """Compares far vehicles hit only by the Avia with those only hit by others, per 100."""
+    """Compares how many far vehicles per 100 only the Avia hits, and only other LiDARs hit."""
     far = _within(vehicles, FAR_SPAN_M)
     avia = far.column(AVIA)
     alone, another = (flags[:, avia] for flags in alone_and_another(far))
@@ -173,11 +176,12 @@ def only_one(vehicles: Observations, blocks: Blocks, name: str) -> Row:
 
 
 def claims_table(folders: Sequence[Path]) -> pd.DataFrame:
-    """Returns the claims of all data sets as a table.
+    """Returns the tested claims of all data sets as a table.
 
-    Columns: claim, preset, statement, value, low, high, verdict, command, seed, version. A data set
-    of aggregation `instant` is used for `deskew` with the exact one of the same scene, preset and
-    seed. Raises Error for an instant data set without its exact one, and for other aggregations.
+    Columns: claim, preset, statement, value, low, high, verdict, command, seed, version. The claim
+    `deskew` compares a data set of aggregation `instant` with the `exact` data set of the same
+    scene, preset and seed. Raises Error if that `exact` data set is missing, or if a data set has
+    another aggregation.
     """
     data_sets = [read_data_set(folder) for folder in folders]
     command = "python -m reproduction claims " + " ".join(str(folder) for folder in folders)
@@ -217,7 +221,7 @@ def _apv_ratio(
     span: tuple[float, float],
     inside: tuple[float, float],
 ) -> Row:
-    """Tests the ratio of two LiDARs' points on the same vehicles of `common`."""
+    """Tests the ratio of the mean points per vehicle of two LiDARs; `vehicles` is `common`."""
     above, below = (vehicles.column(name) for name in pair)
     rows, estimate = _span(
         vehicles, blocks, span, lambda s: ratio(s[..., 0, above, 0], s[..., 0, below, 0])
@@ -231,7 +235,10 @@ def _span(
     span: tuple[float, float],
     statistic: Callable[[FloatArray], FloatArray],
 ) -> tuple[Observations, Estimate]:
-    """Returns the vehicles in a distance span, and a statistic of their sums (..., 1, L, 4)."""
+    """Returns the vehicles in a distance span, and the estimate of a statistic of their sums.
+
+    The statistic receives sums of shape (..., 1, number of LiDARs, 4).
+    """
     rows = _within(vehicles, span)
     return rows, blocks.estimate(vehicle_sums(rows, blocks, np.array(span)), statistic)
 
@@ -241,7 +248,7 @@ def _within(vehicles: Observations, span: tuple[float, float]) -> Observations:
 
 
 def _where(rows: Observations, span: tuple[float, float], name: str) -> str:
-    """Describes the subset, the span, and the number and distances of its vehicles."""
+    """Describes the subset, the distance span, and the number and distances of the vehicles."""
     if len(rows) == 0:
         return f"{name}, {span[0]:g} to {span[1]:g} m, no vehicles"
     return (

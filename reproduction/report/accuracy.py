@@ -1,4 +1,4 @@
-"""The section on average precision, with the paper's values."""
+"""Makes the report's section on average precision, with the paper's values."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ BELOW = f" Below: the interval, {AP_R40} and the paper's {AP_R40}."
 
 
 def section(material: Material) -> Section | None:
-    """Adds the paper's AP, a figure of both and the rank correlation to pyinfra's section."""
+    """Adds the paper's AP to pyinfra's section, with a figure and the rank correlation."""
     base = accuracy.section(material)
     if base is None:
         return None
@@ -58,7 +58,7 @@ def section(material: Material) -> Section | None:
 
 
 def _agreement(material: Material) -> list[Block]:
-    """Returns a table of Spearman's rank correlation with the paper."""
+    """Returns a table of Spearman's rank correlation between this benchmark's and the paper's AP."""
     rows = material.results.table("paper")
     if rows.empty:
         return []
@@ -82,7 +82,7 @@ def _agreement(material: Material) -> list[Block]:
 
 
 def _against_paper(material: Material, done: pd.DataFrame, paper: pd.Series) -> list[Block]:
-    """Draws the AP of this benchmark against the paper's AP, under preset paper."""
+    """Returns a figure of this benchmark's AP against the paper's AP, under preset `paper`."""
     rows = done[done.preset == "paper"].join(paper.rename("paper_ap"), on=KEY)
     rows = rows[rows.paper_ap.notna()]
     if rows.empty:

@@ -1,4 +1,4 @@
-"""The section on the paper's claims: holds, fails or undecided under each preset."""
+"""Makes the report's section on the verdicts of the paper's claims under each preset."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ VERDICTS = ("holds", "fails", "undecided")
 
 
 def section(material: Material) -> Section | None:
-    """Returns a row for each test, with the verdict under each preset.
+    """Returns a section whose table has a row per test and a verdict per preset.
 
-    There is no section if the results have none of the paper's scenes.
+    Returns None if the results have no claims, or none of the paper's scenes.
     """
     if not are_of_the_paper(material):
         return None
@@ -62,14 +62,17 @@ def section(material: Material) -> Section | None:
 
 
 def thing_tested(statement: str) -> str:
-    """Returns a statement without the parts that differ between presets: counts and brackets."""
+    """Returns a statement without the parts that differ between presets.
+
+    These parts are numbers of vehicles and text in brackets.
+    """
     what, _, where = re.sub(r"\s*\([^)]*\)", "", statement).partition(";")
     words = [w.strip() for w in where.split(",") if not re.search(r"\d+ (moving )?vehicles", w)]
     return "; ".join([what.strip(), *([", ".join(words)] if any(words) else [])])
 
 
 def _lead(rows: pd.DataFrame, presets: list[str]) -> str:
-    """Describes how many tests hold, fail or are undecided under each preset."""
+    """Returns a sentence with the number of tests by verdict under each preset."""
     parts = []
     for preset in presets:
         counts = rows[rows.preset == preset].verdict.value_counts()

@@ -1,4 +1,4 @@
-"""The section on scene models: their cost and effect, and the cheapest one without an effect."""
+"""Makes the report's section on the cost and accuracy of scene models of different detail."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ALLOWED_PERCENT = 1.0  # allowed change of points per vehicle at any distance
 
 
 def section(material: Material) -> Section | None:
-    """Draws change against cost for the detail of the vehicles, and for the aggregation."""
+    """Returns a section on cost and change of points by vehicle detail and by aggregation."""
     detail, aggregation = (material.results.table(n) for n in ("fidelity", "aggregation"))
     blocks: list[Block] = []
     lead = ""
@@ -50,7 +50,7 @@ def section(material: Material) -> Section | None:
 
 
 def _ladder(detail: pd.DataFrame) -> pd.DataFrame:
-    """Returns mean and largest change of points and relative time, by detail and LiDAR."""
+    """Returns the mean and largest change of points, and the relative time, by detail and LiDAR."""
     rows = detail.assign(change=detail.change_percent.abs())
     groups = rows.groupby(["detail", "lidar"], sort=False)
     table = groups.agg(
@@ -66,7 +66,7 @@ def _ladder(detail: pd.DataFrame) -> pd.DataFrame:
 
 
 def recommendation(ladder: pd.DataFrame) -> str:
-    """Describes the cheapest detail whose points are within ALLOWED_PERCENT of the finest one's."""
+    """Names the cheapest detail that changes points by at most ALLOWED_PERCENT."""
     worst = ladder.groupby("detail", sort=False).largest_change_percent.max()
     time = ladder.groupby("detail", sort=False).relative_time.mean()
     good = [d for d in worst.index if worst[d] <= ALLOWED_PERCENT and d != REFERENCE]

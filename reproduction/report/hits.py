@@ -1,4 +1,4 @@
-"""The section on hit points per frame, with the paper's values."""
+"""Makes the report's section on hit points per frame, with the paper's values."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from reproduction.paper_tables import paper_hits
 
 
 def section(material: Material) -> Section | None:
-    """Adds the paper's hits, and the differences to them, to pyinfra's section."""
+    """Adds the paper's hit points, and the differences to them, to pyinfra's section."""
     base = hits.section(material)
     if base is None:
         return None
@@ -48,7 +48,7 @@ def section(material: Material) -> Section | None:
 def _table(
     material: Material, table: Table, rows: pd.DataFrame, remark: str, source: TableFile
 ) -> Table:
-    """Adds two columns to pyinfra's table: the paper's hits and the difference."""
+    """Adds the paper's hit points and the difference as two columns to pyinfra's table."""
     first, second, *presets = table.columns
     columns = [first, second, Column("The paper", number=True), *presets]
     experiments = []
@@ -74,7 +74,7 @@ def _lead(rows: pd.DataFrame) -> str:
 
 
 def _figure(material: Material, rows: pd.DataFrame, source: TableFile) -> Figure:
-    """Draws simulated against printed hits, a panel per scene, on logarithmic axes."""
+    """Returns a figure of simulated hit points against the paper's, with a panel per scene."""
     panels = [_panel(material, group) for _, group in rows.groupby("scene", sort=False)]
     lidars = material.names.sorted(rows.lidar)
     legend = [LegendEntry(material.names.label(x), _swatch(material, x)) for x in lidars]

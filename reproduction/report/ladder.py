@@ -20,7 +20,7 @@ from pyinfra.viz.report.style import drawing, panel
 NOT_SIGNIFICANT = (
     "The table keeps no replicates: which model leaves the conclusions as they are is not known."
 )
-# The values of each setting from cheap to expensive; the last is the reference.
+# The values of each setting from cheap to expensive. The last value is the reference.
 SEVERITIES = {
     "detail": ("box", "low", "mid", "fine"),
     "aggregation": ("instant", "slices:100", "exact"),
@@ -44,7 +44,10 @@ class Rung:
 
 
 def blocks(material: Material) -> tuple[str, list[Block]]:
-    """Returns the recommendation with its figure and table; nothing without a ladder table."""
+    """Returns the recommendation, and the blocks with its figure and table.
+
+    Both are empty if the results have no table `ladder`.
+    """
     table = with_r1000(material.results.table("ladder"))
     if table.empty:
         return "", []
@@ -55,7 +58,10 @@ def blocks(material: Material) -> tuple[str, list[Block]]:
 
 
 def rungs(table: pd.DataFrame) -> list[Rung]:
-    """Returns every value of every setting, the other settings at their most frequent values."""
+    """Returns a Rung for every value of every setting.
+
+    All other settings have their most frequent values.
+    """
     usual = usual_of(table)
     made = []
     for severity, values in severities_of(table).items():
@@ -104,10 +110,17 @@ def _turned(table: pd.DataFrame, severity: str, usual: dict[str, str]) -> pd.Dat
 def agrees(rows: pd.DataFrame, dearest: pd.DataFrame, *, of_frames: bool = False) -> bool:
     """Returns whether a cheaper model leads to the same conclusions as the most expensive one.
 
-    Both arguments have one row per LiDAR, for the same traffic. Two conditions must hold: no AP
-    differs significantly from that of the most expensive model, and every significant order of two
-    LiDARs stays. With of_frames only the order counts, because other frames have no paired
-    replicates. Without bootstrap replicates the result is False.
+    Two conditions must hold. No LiDAR's AP differs significantly from its AP under the most
+    expensive model. Every pair of LiDARs that differs significantly under the most expensive model
+    also differs significantly, with the same sign, under the cheaper model. The result is False if
+    a row has no bootstrap replicates.
+
+    Parameters
+    ----------
+    rows, dearest : one row per LiDAR of the cheaper and of the most expensive model, both with the
+        same traffic
+    of_frames : tests only the second condition, because models with different frames have no paired
+        replicates
     """
     if set(rows.index) != set(dearest.index) or not (
         keeps_replicates(rows) and keeps_replicates(dearest)
@@ -137,7 +150,10 @@ def figures(rows: pd.DataFrame) -> dict[str, comparison.Bootstrapped]:
 
 
 def recommendation(all_rungs: list[Rung]) -> str:
-    """Names, for each setting, the cheapest value from which on no conclusion changes."""
+    """Names the cheapest value of each setting that changes no conclusion.
+
+    No more expensive value of the setting may change a conclusion either.
+    """
     parts = []
     for severity in dict.fromkeys(rung.severity for rung in all_rungs):
         values = [rung for rung in all_rungs if rung.severity == severity]

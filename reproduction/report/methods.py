@@ -1,4 +1,4 @@
-"""The section on methods, with the rules of the claims and an index of the paper's figures."""
+"""Makes the report's section on methods, with an index of the paper's figures."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ LEAD = (
     "about scanning were written before the run, those about detection before all cells were "
     "measured. Everything is simulated: no vegetation, one pole for each scene."
 )
-# The paper's item, its position here (start of an anchor), and the input that it needs.
+# Each entry has the paper's figure or table, the start of its anchor in the report, and the input
+# that it requires.
 ENTRIES = (
     Entry("Figure: scanning patterns", "figure-patterns", "a data set and the compiled extension"),
     Entry("Figure: framework", "methods", ""),
@@ -45,7 +46,7 @@ ENTRIES = (
 
 
 def section(material: Material) -> Section:
-    """Inserts the index of the paper's figures before the provenance in pyinfra's section."""
+    """Adds the index of the paper's figures to pyinfra's section, before the provenance."""
     base = methods.section(material)
     if not are_of_the_paper(material):
         return base

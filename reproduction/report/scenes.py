@@ -1,10 +1,10 @@
-"""Tells whether a report covers the study's scenes."""
+"""Checks whether a report covers the study's scenes."""
 
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.viz.report.report_data import Material
 
 
 def are_of_the_paper(material: Material) -> bool:
-    """Returns whether the results have a scene of the paper, or no scene at all."""
+    """Returns True if the results have a scene of the paper, or if they name no scene."""
     names = material.scenes()
     return not names or any(scene in SCENES for scene in names)

@@ -1,4 +1,4 @@
-"""The study's own tables in a folder of results, besides those of pyinfra."""
+"""Declares the study's tables in a folder of results, in addition to pyinfra's tables."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Makes tables of the documentation, one module per topic."""
+"""Makes the tables of the documentation; each module covers one topic."""

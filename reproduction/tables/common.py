@@ -10,7 +10,7 @@ import pandas as pd
 
 from reproduction import ROOT
 
-LEAST_BOXES = 10  # minimum number of boxes for a site's own precision
+LEAST_BOXES = 10  # minimum number of boxes from which a site's precision is computed
 DETECTORS = {
     "background": "Background",
     "pointpillars": "PointPillars",
@@ -39,7 +39,7 @@ def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def number(value: float) -> str:
-    """Formats a number with two decimals if it is below 1, else with one."""
+    """Formats a number with two decimals if it is below 1, otherwise with one decimal."""
     return f"{value:.2f}" if abs(value) < 1 else f"{value:.1f}"
 
 

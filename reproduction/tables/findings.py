@@ -20,7 +20,8 @@ from reproduction.tables.common import (
 )
 
 Claims = Sequence[tuple[str, str, str, str]]
-# Claims about scanning: the paper's statement, the claim, and words of its test's statement.
+# Claims about scanning. An entry has the paper's statement, the claim's name, and words that select
+# the test by its statement.
 SCANNING = (
     ("the Avia has about twice the points far out", "far-range", " common,", "in reach of all"),
     ("", "far-range", " view,", "all vehicles"),
@@ -31,7 +32,7 @@ SCANNING = (
     ("motion takes points out of the box", "deskew", "", ""),
     ("the Avia alone sees some far vehicles", "only-one", "view,", "all vehicles"),
 )
-# Claims about detection, in the same form.
+# Claims about detection; an entry has the same form as in SCANNING.
 DETECTION = (
     ("the Avia's AP is that of 128 lines", "comparable", "", ""),
     ("64 lines are below both", "64-below", "", ""),
@@ -48,7 +49,8 @@ DETECTION = (
     ("pillars, voxels and transformer are alike", "similar", "", ""),
     ("tilting the Avia does not help", "tilt", "", ""),
 )
-# Rows of a table of one scene: claim, words of its statement, label, number format.
+# Rows of the table of one scene. An entry has the claim's name, words of its statement, the row's
+# label and the number format.
 OF_A_SCENE = (
     ("comparable", "", "`comparable`: Avia less 128 lines within 3", "{:+.1f}"),
     ("64-below", "", "`64-below`: the smaller of both less 64 lines above 0", "{:+.1f}"),
@@ -68,7 +70,8 @@ OF_A_SCENE = (
         *("`value`: AP per dollar, five Avias over the best other above 1", "{:.2f}"),
     ),
 )
-# Rows of the table of scanning: claim, words of its statement, label, subset and distance.
+# Rows of the table about scanning. An entry has the claim's name, words of its statement, the row's
+# label, and the subset and distance.
 OF_SCANNING = (
     (
         *("far-range", " common,", "`far-range`: Avia / best other within 1.5 to 2.5"),
@@ -94,7 +97,7 @@ TWO = ("pointpillars", "centerpoint-pillar")
 
 
 def rows_of(table: pd.DataFrame, claim: str, words: str, **equal: str) -> pd.DataFrame:
-    """Returns the rows of a claim with the words in its statement and the given column values."""
+    """Returns a claim's rows that have `words` in their statement and the given column values."""
     keep = (table.claim == claim) & table.statement.str.contains(words, regex=False)
     for column, value in equal.items():
         keep &= table[column] == value
@@ -102,12 +105,12 @@ def rows_of(table: pd.DataFrame, claim: str, words: str, **equal: str) -> pd.Dat
 
 
 def in_short() -> str:
-    """Returns the verdicts of every claim about scanning under every preset."""
+    """Returns a table with the verdict of each claim about scanning under each preset."""
     return _in_short(SCANNING, scanned)
 
 
 def detection_in_short() -> str:
-    """Counts how often each claim about detection holds, fails and is undecided."""
+    """Returns a table that counts how often each claim about detection holds or fails."""
     return _in_short(DETECTION, counted)
 
 
@@ -120,7 +123,7 @@ def _in_short(claims: Claims, experiment: Callable[[str, str, str], str]) -> str
 
 
 def named(claim: str, note: str) -> str:
-    """Returns the claim with its subject."""
+    """Returns the name of a claim, followed by its subject."""
     if claim == "gentle":
         return f"`{claim}` ({note})"
     return f"`{claim}` {note}" if claim == "ratio" else f"`{claim}`" + (f", {note}" if note else "")
@@ -143,7 +146,7 @@ def counted(claim: str, words: str, preset: str) -> str:
 
 
 def scanning() -> str:
-    """Returns value, interval and verdict of each claim about scanning."""
+    """Returns a table with the value, interval and verdict of each claim about scanning."""
     rows = []
     for claim, words, statement, where in OF_SCANNING:
         experiments = (scanned_row(claim, words, preset) for preset in PRESETS)
@@ -160,7 +163,7 @@ def scanned_row(claim: str, words: str, preset: str) -> str:
 
 
 def of_a_scene(scene: str, preset: str, names: Sequence[str]) -> str:
-    """Returns a table with a column per detector, without rows that are empty for all."""
+    """Returns a table of one scene with a column per detector, without empty rows."""
     rows = []
     for claim, words, statement, shape in OF_A_SCENE:
         experiments = [verdict(scene, preset, claim, words, d, shape) for d in names]
@@ -170,7 +173,7 @@ def of_a_scene(scene: str, preset: str, names: Sequence[str]) -> str:
 
 
 def of_scenes(preset: str, scenes: Sequence[str], names: Sequence[str]) -> str:
-    """Returns a table with a column per scene; a cell lists the detectors."""
+    """Returns a table with a column per scene; each table cell lists all detectors."""
     rows = []
     for claim, words, statement, shape in OF_A_SCENE:
         experiments = [
@@ -183,7 +186,10 @@ def of_scenes(preset: str, scenes: Sequence[str], names: Sequence[str]) -> str:
 
 
 def verdict(scene: str, preset: str, claim: str, words: str, detector: str, shape: str) -> str:
-    """Formats value and verdict of a claim about one detector; empty if it was not tested."""
+    """Formats the value and verdict of a claim about one detector.
+
+    Returns an empty string if the claim was not tested.
+    """
     rows = rows_of(results("quick_claims"), claim, words, scene=scene, preset=preset)
     rows = rows[rows.statement.str.startswith(f"{detector}:")]
     if rows.empty:
@@ -193,7 +199,7 @@ def verdict(scene: str, preset: str, claim: str, words: str, detector: str, shap
 
 
 def detectors(scene: str, preset: str) -> str:
-    """Returns the AP of the smallest seed with its interval, and the training time."""
+    """Returns a table of AP with its interval, and of training time, for the smallest seed."""
     table = with_r1000(results("quick"))
     table = table[(table.scene == scene) & (table.preset == preset)].sort_values("seed")
     rows = []

@@ -17,7 +17,10 @@ def findings() -> str:
 
 
 def far_points() -> list[str]:
-    """Compares points on far vehicles: the Avia over the best other LiDAR, under three presets."""
+    """Returns the row about points on far vehicles.
+
+    The row has the ratio of the Avia to the best other LiDAR under each of three presets.
+    """
     table = results("claims")
     paper, equal, datasheet = (
         number(rows_of(table, "far-range", " common,", preset=preset).value.item())
@@ -36,7 +39,10 @@ def far_points() -> list[str]:
 
 
 def wrong_yaw() -> list[str]:
-    """Returns the AP cost of a small yaw error: minimum and maximum over detectors and LiDARs."""
+    """Returns the row about a small yaw error.
+
+    The row has the smallest and the largest loss of AP over detectors and LiDARs.
+    """
     table = results("stress_generalist")
     turned = table[(table.stressor == "yaw_error") & (table.severity == f"{YAW_DEG:g}")]
     before = table[table.stressor == "none"].set_index("run").ap_r1000
@@ -54,7 +60,7 @@ def wrong_yaw() -> list[str]:
 
 
 def several_poles() -> list[str]:
-    """Returns the AP of a detector with 16-line LiDARs on one pole and on four."""
+    """Returns the row about the AP of 16-line LiDARs on one pole and on four poles."""
     table = results("poles")
     keep = (table.lidar == "helios_16") & (table.arm == "centerpoint-pillar")
     keep &= (table.error == "none") & (table.ground_truth == "all")

@@ -6,7 +6,7 @@ from reproduction.tables.common import LIDARS, markdown, results
 
 
 def coverage() -> str:
-    """Returns how often intervals contained the true AP, and their width, by scene and span."""
+    """Returns a table by scene and test span of the coverage and width of intervals of AP."""
     table = results("coverage")
     table = table[table.rule == "as long as a stay"]
     rows = []
@@ -18,7 +18,7 @@ def coverage() -> str:
 
 
 def correlation() -> str:
-    """Returns the correlation time of Background's errors by LiDAR, and the block length."""
+    """Returns a table of block lengths and of correlation times of Background's errors."""
     table = results("correlation")
     table = table[table.ground_truth == "all"]
     by_lidar = table.pivot(index="scene", columns="lidar", values="correlation_s")

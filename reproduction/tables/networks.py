@@ -31,13 +31,20 @@ STRESSED = {
     "background": "Background",
     "centerpoint": "site_trained",
     "generalist": "generalist",
-}  # keyed by the end of the run's name
-HELD_OUT = ("hesai_ot128", "hesai_xt32", "livox_horizon")  # of configs/streams/generalist.yaml
+}  # label of a detector by the last part of its run's name
+HELD_OUT = (
+    "hesai_ot128",
+    "hesai_xt32",
+    "livox_horizon",
+)  # LiDARs that configs/streams/generalist.yaml excludes from training
 MANY_LABELS = 200  # minimum number of labels in the test frames
 
 
 def generalist_sites() -> str:
-    """Returns the shipped detector's vehicle precision and recall by LiDAR at unseen sites."""
+    """Returns a table of the pretrained detector's precision and recall of vehicles by LiDAR.
+
+    The sites were not used in training.
+    """
     rows, table = [], results("generalist_sites")
     for lidar, group in table[table["class"] == "vehicle"].groupby("lidar", sort=True):
         totals = group[["boxes", "objects"]].sum()
@@ -57,7 +64,10 @@ def generalist_sites() -> str:
 
 
 def generalist_classes() -> str:
-    """Returns the shipped detector's precision and recall by class at unseen sites."""
+    """Returns a table of the pretrained detector's precision and recall by class.
+
+    The sites were not used in training.
+    """
     rows, table = [], results("generalist_sites")
     for name, group in table.groupby("class", sort=False):
         group = group.assign(
@@ -75,7 +85,7 @@ def generalist_classes() -> str:
 
 
 def generalist() -> str:
-    """Returns AP (R1000) of the shipped, the fine-tuned and the site-trained detectors."""
+    """Returns a table of AP (R1000) of pretrained, fine-tuned and site-trained detectors."""
     rows = []
     table = results("generalist").query("preset == 'datasheet'")
     for (site, lidar, world), group in table.groupby(["site", "lidar", "seed"], sort=False):
@@ -89,9 +99,10 @@ def generalist() -> str:
 
 
 def beside_site_trained() -> str:
-    """Returns AP (R1000) minus that of a site-trained detector; each site is one replicate.
+    """Returns a table of differences in AP (R1000) to a site-trained detector.
 
-    The traffic seeds of a site are averaged first, because they are alike.
+    Each site is one replicate. Its value is the mean over its traffic seeds, because results of
+    different seeds at one site are not independent.
     """
     rows = []
     table = results("generalist").query("preset == 'datasheet'")
@@ -119,18 +130,18 @@ def beside_site_trained() -> str:
 
 
 def _unseen(name: str = "unseen") -> pd.DataFrame:
-    """Returns the rows of unseen sites, with one measure for each class."""
+    """Returns the rows of a table of unseen sites with BEV IoU 0.5 or centre distance 0.5 m."""
     table = results(name)
     return table[table.measure.isin(["BEV IoU 0.5", "centre 0.5 m"])]
 
 
 def _pair(values: Sequence[float]) -> str:
-    """Formats a paired difference with its interval; empty if there is none."""
+    """Formats a paired difference with its interval; returns "" if the difference is NaN."""
     return "" if math.isnan(values[0]) else "{:+.1f} [{:.1f}, {:.1f}]".format(*values)
 
 
 def unseen() -> str:
-    """Returns AP (R1000) by class at unseen sites, for the previous and the shipped version."""
+    """Returns a table of AP (R1000) by class at unseen sites, for two versions of the detector."""
     table, rows = _unseen(), []
     models = list(dict.fromkeys(table.model))
     table = table[(table.condition == "as known") & (table.objects > 0)]
@@ -146,7 +157,7 @@ def unseen() -> str:
 
 
 def unseen_pose() -> str:
-    """Returns the AP cost of an error of the known pose at the plain sites."""
+    """Returns a table of the AP that an unknown pose error costs at the plain sites."""
     table, rows = _unseen(), []
     models = list(dict.fromkeys(table.model))
     wrong = table[table.condition != "as known"]
@@ -158,7 +169,10 @@ def unseen_pose() -> str:
 
 
 def unseen_shown() -> str:
-    """Returns false positives per frame from a score of 0.5 on, and recall at precision 0.5."""
+    """Returns a table of false positives per frame and of recall at a precision of 0.5.
+
+    Only boxes with a score of at least 0.5 count as false positives.
+    """
     table, rows = _unseen(), []
     models = list(dict.fromkeys(table.model))
     table = table[(table.condition == "as known") & (table["sites"] == "all")]
@@ -176,7 +190,7 @@ def unseen_shown() -> str:
 
 
 def pilots() -> str:
-    """Returns what 2,000 steps of two pilots changed at the plain sites, by class."""
+    """Returns a table of AP after 2,000 training steps of two trial versions, by class."""
     table, rows = _unseen("pilots"), []
     table = table[(table["set"] == "plain") & (table["sites"] == "all")]
     of = table.set_index(["model", "class", "condition"]).sort_index()
@@ -193,7 +207,7 @@ def pilots() -> str:
 
 
 def fairness() -> str:
-    """Returns the AP gain of each LiDAR from 120 training steps at a scene."""
+    """Returns a table of each LiDAR's gain in AP from 120 training steps at a scene."""
     rows = []
     for (site, seed, lidar), group in results("fairness").groupby(
         ["site", "seed", "lidar"], sort=False
@@ -206,9 +220,10 @@ def fairness() -> str:
 
 
 def stress_generalist() -> str:
-    """Returns where AP falls by 10 and to half, or the AP of named severities.
+    """Returns a table of stress test results of three detectors with two LiDARs.
 
-    The columns are three detectors with two LiDARs.
+    Rows of stressors with numeric severities have the severity at which AP has fallen by 10, and
+    the severity at which it has fallen to half. Rows of named severities have the AP.
     """
     curves, trials = (
         results(name).assign(who=lambda t: t.run.str.rsplit("_", n=1).str[-1])
@@ -236,7 +251,7 @@ def _unstressed(trials: pd.DataFrame, lidar: str, who: str) -> str:
 
 
 def engines() -> str:
-    """Returns the speed-up by each engine in the pretrained detector, and its AP."""
+    """Returns a table of the pretrained detector's speed-up and AP with each inference engine."""
     table = results("engines")
     rows = []
     for engine, group in table.groupby("engine", sort=False):

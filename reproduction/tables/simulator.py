@@ -9,18 +9,18 @@ from reproduction.tables.common import LIDARS, markdown, results, with_interval_
 
 
 def speed() -> str:
-    """Returns the measurements of `make bench`."""
+    """Returns a table of the measurements of `make bench`."""
     table = results("speed")
-    now = table[~table.what.str.startswith("speed / before")]  # measured against another version
+    now = table[~table.what.str.startswith("speed / before")]  # a comparison with another version
     rows = [[r.what, f"{r.value:.2f} {r.unit}"] for r in now.itertuples()]
     return markdown(["what", "value"], rows)
 
 
 def ladder(name: str = "ladder") -> str:
-    """Returns AP (R1000) of the default scene model, and differences of other models to it.
+    """Returns a table of AP (R1000) of the default scene model, and of differences to it.
 
-    A difference is paired if both models have the same traffic; otherwise the AP is shown. The
-    times are CPU seconds of the run.
+    A paired difference requires the same traffic and frames in both models. Where they differ, the
+    table shows the AP of the other model. The times are CPU seconds of the simulation.
     """
     table = results(name)
     severities = ["detail", "aggregation", "parts", "vegetation", "label_time", "frames"]
@@ -39,7 +39,7 @@ def ladder(name: str = "ladder") -> str:
 
 
 def _step(row: pd.Series, default: pd.Series | None) -> str:
-    """Formats an AP, or a paired difference, in bold if it is significant."""
+    """Formats an AP or a paired difference; a significant difference is in bold."""
     if default is None or not are_pairs(row, default):
         return with_interval_of_ap(
             *row[["ap_r1000", "ap_r1000_low", "ap_r1000_high"]].astype(float)

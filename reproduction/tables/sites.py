@@ -17,7 +17,7 @@ from reproduction.tables.common import (
     with_interval_of_ap,
 )
 
-PEOPLE_POINTS, PEOPLE_BIN_M = 5, 10  # as in the command `people`
+PEOPLE_POINTS, PEOPLE_BIN_M = 5, 10  # the same values as in the command `people`
 POLE_DETECTORS = DETECTORS | {"background-relearnt": "Background, learnt anew"}
 COMPARED = "6m"
 PLACES = {
@@ -37,7 +37,10 @@ POLE_ERRORS = {
 
 
 def people() -> str:
-    """Returns the range with enough points on pedestrians and cyclists, and points by distance."""
+    """Returns a table of points on pedestrians and cyclists by LiDAR.
+
+    It has the largest distance with at least PEOPLE_POINTS points, and points at four distances.
+    """
     table = results("people")
     at_m = (20, 50, 100, 150)
     rows = []
@@ -52,9 +55,10 @@ def people() -> str:
 
 
 def people_reach(bins: pd.DataFrame) -> str:
-    """Returns the end of the last bin with enough points.
+    """Returns the far end (m) of the last distance bin that has at least PEOPLE_POINTS points.
 
-    If bins before it lack points, the end of the last bin without a gap is added.
+    If a nearer bin has fewer points, the text also gives the distance up to which all bins have
+    enough points.
     """
     enough = (bins.points >= PEOPLE_POINTS).to_numpy()
     if not enough.any():
@@ -68,7 +72,7 @@ def people_reach(bins: pd.DataFrame) -> str:
 
 
 def traffic() -> str:
-    """Returns motion measures of SUMO's road users before and after smoothing."""
+    """Returns a table of the motion of SUMO's road users before and after smoothing."""
     rows = []
     for (net, seed), group in results("traffic").groupby(["net", "seed"], sort=False):
         before, after = group.iloc[0], group.iloc[1]
@@ -81,7 +85,7 @@ def traffic() -> str:
 
 
 def sites() -> str:
-    """Returns the content of ten maps, seconds of each step, and Background's AP by LiDAR."""
+    """Returns a table of ten maps: their content, the time of each step, and Background's AP."""
     table = results("sites")
     steps = ("import", "traffic", "check", "run")
     rows = []
@@ -105,7 +109,7 @@ def site_ap(row: pd.Series, truth: str) -> str:
 
 
 def poles() -> str:
-    """Returns the AP by the number of poles, and the gain of more poles."""
+    """Returns a table of AP by number of poles, and of the gain from more poles."""
     rows = []
     for names, by_poles in of_poles():
         ap = [
@@ -127,7 +131,7 @@ def poles() -> str:
 
 
 def places() -> str:
-    """Returns the AP by LiDAR position at a crossing, and the paired difference to one position."""
+    """Returns a table of AP by LiDAR position, with paired differences to position COMPARED."""
     table = results("places").fillna({"minus": ""})
     keys = ["ground_truth", "place", "minus", "measure"]
     rows = []
@@ -160,7 +164,7 @@ def _signed(value: float, low: float, high: float) -> str:
 
 
 def pole_errors() -> str:
-    """Returns the AP cost of each error, with two poles and with four."""
+    """Returns a table of the AP that each clock or pose error costs, with two and four poles."""
     rows = []
     for names, by_poles in of_poles():
         for right in (by_poles[n] for n in (2, 4) if n in by_poles):
@@ -170,7 +174,10 @@ def pole_errors() -> str:
 
 
 def of_poles() -> Iterable[tuple[list[str], dict[int, pd.Series]]]:
-    """Yields LiDAR and detector, and by number of poles the row of `all` without an error."""
+    """Yields the labels [LiDAR, detector] and the rows by number of poles.
+
+    The rows are those of ground-truth subset `all` without clock or pose errors.
+    """
     table = results("poles")
     right = table[(table.error == "none") & (table.ground_truth == "all")]
     for detector, (lidar, words) in itertools.product(POLE_DETECTORS, LIDARS.items()):
@@ -181,7 +188,7 @@ def of_poles() -> Iterable[tuple[list[str], dict[int, pd.Series]]]:
 
 
 def _errors(right: pd.Series) -> Iterable[pd.Series | None]:
-    """Returns the row of the same experiment with each error, or None if it does not exist."""
+    """Returns, for each error, the row of the same experiment, or None if there is no row."""
     table = results("poles")
     keys = ["lidar", "arm", "poles", "ground_truth"]
     by_error = table[(table[keys] == right[keys]).all(axis=1)].set_index("error", drop=False)
@@ -189,7 +196,7 @@ def _errors(right: pd.Series) -> Iterable[pd.Series | None]:
 
 
 def _less(a: pd.Series | None, b: pd.Series | None) -> str:
-    """Formats a paired difference with its interval; empty if a row is missing."""
+    """Formats the paired difference a - b with its interval; returns "" if a row is missing."""
     if a is None or b is None:
         return ""
     change = difference(a, b).measured()
