@@ -57,7 +57,7 @@ def random_boxes(random: np.random.Generator, n: int) -> FloatArray:
 def box_pairs(random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """Returns 50,000 random pairs of boxes and 50,000 special ones.
 
-    The special pairs are equal, touching, nearly equal, or on a grid.
+    The boxes of a special pair are equal, nearly equal or touching, or both boxes lie on a grid.
     """
     a, b = random_boxes(random, 50_000), random_boxes(random, 50_000)
     parts = [(a, b)]
@@ -99,9 +99,9 @@ def shapely_iou(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def exact_iou(a: FloatArray, b: FloatArray) -> float:
-    """Returns the IoU of two boxes (7,) by clipping in rational arithmetic.
+    """Returns the exact IoU of two boxes (7,), by clipping in rational arithmetic.
 
-    It decides which result is right where ours and shapely's differ.
+    The value decides which result is correct if pyinfra's IoU and shapely's IoU differ.
     """
     one, two = (
         [(Fraction(float(x)), Fraction(float(y))) for x, y in corners(box[None])[0]]
@@ -146,7 +146,10 @@ def exactness(random: np.random.Generator) -> list[Row]:
 
 
 def frame(random: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Returns vehicles on 8 lanes, predictions (most are noisy vehicles) and their scores."""
+    """Returns the vehicles of a frame on 8 lanes, predicted boxes, and the scores of the boxes.
+
+    Most predictions are vehicles with added noise.
+    """
     n = OBJECTS
     lane = random.integers(0, 8, n)
     x, y = random.uniform(-100, 100, n), 3.5 * lane - 12.25
@@ -167,7 +170,7 @@ def frame(random: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArr
 
 
 def write_data_set(folder: Path, frames: int, random: np.random.Generator) -> tuple[Path, Path]:
-    """Writes a LiDAR's folder and predictions as files; the point clouds are empty."""
+    """Writes a LiDAR's folder with empty point clouds, and a folder of predictions."""
     lidar, predictions = folder / "speed", folder / "predictions"
     for part in ("velodyne", "objects"):
         (lidar / "training" / part).mkdir(parents=True)
@@ -198,9 +201,9 @@ def result_line(box: FloatArray, score: float) -> str:
 
 
 def evaluation(frames: int, random: np.random.Generator, *options: str) -> tuple[float, float]:
-    """Returns CPU seconds and peak MB of a whole `pyinfra evaluate`, including Python's start.
+    """Returns the CPU seconds and the peak memory (MB) of one `pyinfra evaluate` command.
 
-    CPU seconds equal wall time on an idle machine.
+    The values include the start of Python. The CPU seconds equal the wall time on an idle machine.
     """
     with tempfile.TemporaryDirectory() as name:
         lidar, predictions = write_data_set(Path(name), frames, random)
@@ -221,7 +224,10 @@ def whole_rows(random: np.random.Generator) -> list[Row]:
 
 
 def matching_rows(random: np.random.Generator, frames: int) -> list[Row]:
-    """Compares our IoU and matching with shapely on every pair and the same greedy matching."""
+    """Compares the time of pyinfra's matching with the time of a loop that uses shapely.
+
+    Both match greedily. The loop computes the IoU of every pair of boxes.
+    """
     data = [frame(random) for _ in range(frames)]
     ours, fast = timed(lambda: match_ours(data))
     theirs, slow = timed(lambda: [match_shapely(*one) for one in data])
@@ -269,7 +275,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     add_out(parser, "evaluation.csv")
     parser.add_argument(
-        "--frames", type=int, default=200, help="number of frames of the shapely loop"
+        "--frames", type=int, default=200, help="number of frames for the comparison with shapely"
     )
     args = parser.parse_args()
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})

@@ -1,11 +1,12 @@
 """Measures the detectors' operations on one core, against torch, scipy, fpsample and spconv.
 
-Writes out/ops.csv. Packages that are not installed are skipped (pip install fpsample spconv):
+The command writes out/ops.csv. It skips packages that are not installed; install them with
+`pip install fpsample spconv`:
 
     .venv/bin/python benchmarks/ops.py
 
-A time is the minimum of the repetitions, which alternate between the implementations of an
-operation.
+A time is the minimum over the repetitions. In each repetition, all implementations of an operation
+run in turn.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from collections.abc import Callable, Iterator
 from types import ModuleType
 from typing import Any
 
-# before importing torch; spconv gives wrong results with more threads
+# Must be set before torch is imported. spconv gives wrong results with more than one thread.
 os.environ["OMP_NUM_THREADS"] = "1"
 
 import numpy as np
@@ -46,7 +47,7 @@ def optional(name: str) -> ModuleType | None:
 
 
 def in_torch(work: Callable[[], object]) -> Callable[[], object]:
-    """Returns the same function, run without the compiled kernels."""
+    """Returns a function that runs `work` without the compiled kernels."""
 
     def plain() -> object:
         modules: list[Any] = [boxes, points, sparse]
@@ -63,7 +64,10 @@ def in_torch(work: Callable[[], object]) -> Callable[[], object]:
 
 
 def frame(random: np.random.Generator, n: int) -> Tensor:
-    """Returns points (n, 3) of walls, vehicles and a ground whose density falls with range."""
+    """Returns points (n, 3) on walls, vehicles and the ground.
+
+    The density of the points on the ground decreases with range.
+    """
     ground, wall = n // 2, n // 4
     r, azimuth = random.uniform(8, 70, ground), random.uniform(-0.6, 0.6, ground)
     flat = np.stack([r * np.cos(azimuth), r * np.sin(azimuth), np.full(ground, -6.0)], 1)
@@ -78,7 +82,7 @@ def frame(random: np.random.Generator, n: int) -> Tensor:
 
 
 def crowd(random: np.random.Generator, n: int, clusters: int) -> tuple[Tensor, Tensor]:
-    """Returns clustered car boxes (n, 7) and scores, like detections before suppression."""
+    """Returns clustered boxes of cars (n, 7) and scores, like detections before suppression."""
     at = random.integers(clusters, size=n)
     vehicles = np.zeros((n, 7))
     vehicles[:, :2] = random.uniform(-60, 60, (clusters, 2))[at] + random.normal(0, 0.5, (n, 2))
@@ -188,13 +192,13 @@ def sparse_ways(random: np.random.Generator) -> Iterator[tuple[str, Ways]]:
 def of_spconv(
     spconv: ModuleType, x: Tensor, at: Tensor, weight: Tensor, wanted: Tensor
 ) -> Callable[[], object]:
-    """Returns spconv's convolution after a check that its result equals ours.
+    """Checks that spconv's convolution equals `wanted`, and returns a function that runs it.
 
-    Its rulebook is made beforehand, as ours is.
+    The rulebook is made before the timing, as for pyinfra's convolution.
     """
     channels = x.shape[1]
     layer = spconv.SubMConv3d(channels, channels, 3, bias=False, indice_key="a")
-    with torch.no_grad():  # the shape of its weight is (c_out, z, y, x, c_in)
+    with torch.no_grad():  # spconv's weight has the shape (c_out, z, y, x, c_in)
         layer.weight.copy_(weight.permute(2, 0, 1).reshape(layer.weight.shape))
     tensor = spconv.SparseConvTensor(x, at.int(), list(GRID), 1)
 
@@ -211,7 +215,7 @@ def of_spconv(
 
 
 def best(ways: Ways, repetitions: int) -> dict[str, float]:
-    """Returns the minimum milliseconds of each implementation."""
+    """Returns the minimum time (ms) of each implementation over the repetitions."""
     times = dict.fromkeys(ways, float("inf"))
     for _ in range(repetitions):
         for name, work in ways.items():

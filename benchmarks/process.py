@@ -1,7 +1,7 @@
-"""Measures the cost of a command that a small separate process starts.
+"""Measures the cost of a command, which a small launcher process starts.
 
-Linux counts the memory of the starting process in the command's peak. So a benchmark that uses
-hundreds of megabytes must not start the command itself.
+Linux includes the memory of the starting process in a command's peak memory. A benchmark that uses
+hundreds of megabytes must therefore not start the command itself.
 """
 
 from __future__ import annotations
@@ -26,13 +26,17 @@ print(json.dumps([code, wall_s, used.ru_utime + used.ru_stime, used.ru_maxrss / 
 class Cost:
     wall_s: float
     cpu_s: float
-    peak_mb: float  # at least 10 MB, those of the launcher
+    peak_mb: float  # at least 10 MB, which is the memory of the launcher
 
 
 def run(command: Sequence[object], **how: object) -> Cost:
     """Runs a command and returns its cost.
 
-    how: arguments of subprocess.run. Raises RuntimeError if the command fails.
+    Raises RuntimeError if the command fails.
+
+    Parameters
+    ----------
+    how : keyword arguments of subprocess.run
     """
     words = [sys.executable, "-S", "-c", LAUNCHER, *map(str, command)]
     done = subprocess.run(words, check=True, capture_output=True, text=True, **how)  # type: ignore[call-overload]

@@ -1,9 +1,10 @@
-"""Measures the speed of the simulator; `make bench` runs it, docs/results.md has its table.
+"""Measures the speed of the simulator.
 
-Rates are compared as ratios of medians; the runs alternate in one process. The rays are all rays of
-a pattern, whether they are cast or taken from the static layer. `--before` names the checkout of an
-earlier version with its binary built, and adds a comparison with it. Writes out/speed.csv;
-results/speed.csv is committed and is written only if `--out` names it:
+`make bench` runs this program, and docs/results.md has the table. Two rates are compared by the
+ratio of their medians. Their runs alternate in one process. The number of rays is that of the whole
+scan pattern: it includes rays whose result is read from the static layer. `--before` adds a
+comparison with an earlier version; it names a checkout of that version in which the binary has been
+built. The program writes out/speed.csv. To replace the committed table, name it with `--out`:
 
     .venv/bin/python benchmarks/run.py [--before ../before] [--out results/speed.csv]
 """
@@ -41,9 +42,9 @@ LIDARS = [
 
 
 def medians(repetitions: int) -> dict[str, float]:
-    """Returns millions of rays per second of each C++ benchmark.
+    """Returns the median rate of each C++ benchmark in millions of rays per second.
 
-    The values are medians of interleaved repetitions.
+    The repetitions of the benchmarks alternate.
     """
     with tempfile.NamedTemporaryFile(suffix=".json") as out:
         subprocess.run(
@@ -68,7 +69,7 @@ def medians(repetitions: int) -> dict[str, float]:
 
 
 def core_rows(repetitions: int) -> list[tuple[str, float, str]]:
-    """Compares the pipeline with its bounds, such as a bare loop of ray packets."""
+    """Compares the pipeline with its upper bounds, such as a loop that only casts ray packets."""
     rate = medians(repetitions)
 
     def r(name: str, threads: int = 2) -> float:
@@ -96,7 +97,10 @@ def core_rows(repetitions: int) -> list[tuple[str, float, str]]:
 
 
 def open3d_rows(repetitions: int) -> list[tuple[str, float, str]]:
-    """Compares the 128-line LiDAR with Open3D's RaycastingScene: static scene, same rays."""
+    """Compares the speed of this simulator with Open3D's RaycastingScene.
+
+    Both cast the same rays of the 128-line LiDAR into the same static scene.
+    """
     import open3d as o3d
 
     lidar = simulation.load_lidar(LIDARS[3], "paper")
@@ -132,7 +136,10 @@ def open3d_rows(repetitions: int) -> list[tuple[str, float, str]]:
 def alternate(
     a: Callable[[], object], b: Callable[[], object], repetitions: int
 ) -> tuple[float, float]:
-    """Returns the median seconds of two functions whose runs alternate; first runs do not count."""
+    """Returns the median seconds of two functions whose runs alternate.
+
+    The first run of each function is not timed.
+    """
     seconds: tuple[list[float], list[float]] = ([], [])
     for i in range(repetitions + 1):
         for function, into in zip((a, b), seconds, strict=True):
@@ -144,7 +151,7 @@ def alternate(
 
 
 def run_binary(frames: int, out: Path | None) -> tuple[float, float]:
-    """Returns wall seconds and peak memory (MB) of one `infrasim run` of the four LiDARs."""
+    """Returns the wall seconds and peak memory (MB) of one `infrasim run` of the four LiDARs."""
     command = [BUILD / "cpp" / "infrasim", "run", SCENE, "--lidar", *LIDARS, "--preset", "paper"]
     command += ["--frames", f"0:{frames}", "--threads", "2"]
     if out is not None:
@@ -154,9 +161,9 @@ def run_binary(frames: int, out: Path | None) -> tuple[float, float]:
 
 
 def seconds_of(tree: Path, lidars: list[str], preset: str, more: list[str]) -> float:
-    """Returns the wall seconds of 300 highway frames by the tree's binary.
+    """Returns the wall seconds that the binary of a source tree takes for 300 highway frames.
 
-    One LiDAR runs on one thread, several on two.
+    The binary uses one thread for one LiDAR, and two threads for several LiDARs.
     """
     with tempfile.TemporaryDirectory(dir="/dev/shm") as out:
         command = [tree / "build/dev/cpp/infrasim", "run", tree / "configs/scenes/highway.yaml"]
@@ -167,7 +174,10 @@ def seconds_of(tree: Path, lidars: list[str], preset: str, more: list[str]) -> f
 
 
 def before_rows(before: Path, repetitions: int) -> list[tuple[str, float, str]]:
-    """Compares with an earlier version; runs alternate and write their files into memory."""
+    """Compares the speed with that of an earlier version.
+
+    The runs of the two versions alternate. They write their files to memory.
+    """
     four = [file.stem for file in LIDARS]
     plain = ["--set", "vegetation=[]"]
     rows = []
@@ -188,7 +198,7 @@ def before_rows(before: Path, repetitions: int) -> list[tuple[str, float, str]]:
 
 
 def stream_rows(repetitions: int) -> list[tuple[str, float, str]]:
-    """Compares frames per second from Python with those of the binary, without start-up."""
+    """Compares the frame rate of the Python bindings with that of the binary, without start-up."""
     world = simulation.load_scene(SCENE, preset="paper")
     lidars = [simulation.load_lidar(file, "paper") for file in LIDARS]
     first, last = 100, 500
@@ -203,7 +213,7 @@ def stream_rows(repetitions: int) -> list[tuple[str, float, str]]:
 
 
 def growth_rows() -> list[tuple[str, float, str]]:
-    """Measures time and memory against the number of frames, and the cost of writing."""
+    """Measures how time and memory depend on the number of frames, and the cost of writing."""
     rows = []
     counts = (200, 400, 800)
     runs = {n: run_binary(n, None) for n in counts}
@@ -223,7 +233,9 @@ def arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repetitions", type=int, default=9)
     parser.add_argument(
-        "--before", type=Path, help="checkout of an earlier version with its binary built"
+        "--before",
+        type=Path,
+        help="checkout of an earlier version in which the binary has been built",
     )
     add_out(parser, "speed.csv")
     return parser

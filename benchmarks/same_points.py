@@ -1,8 +1,10 @@
-"""Compares the points of two builds of the simulator; scripts/debian13.sh runs it.
+"""Compares the points of two builds of the simulator.
 
-Takes two folders with the same data sets, each written by one build with --fields. Ring and time
-identify a ray. A ray is the same in both if it gave no point, or a point of the same object and
-class within 1 mm. Prints and writes a table; the exit code is 1 if the difference is too large.
+scripts/debian13.sh runs this program. It reads two folders with the same data sets. Each build has
+written one folder, with --fields. A ray is identified by its ring and time. A ray is the same in
+both builds if neither build has a point of the ray, or if both points have the same object and
+class and are within 1 mm. The program prints and writes a table. Its exit code is 1 if the builds
+differ too much.
 
     .venv/bin/python benchmarks/same_points.py HERE THERE --out results/debian13.csv
 """
@@ -25,7 +27,7 @@ SAME_POINT_M = 1e-3
 
 
 def points(folder: Path, frame: int) -> pd.DataFrame:
-    """Returns columns x y z intensity time_s ring class object_id of one frame."""
+    """Returns the points of one frame: columns x y z intensity time_s ring class object_id."""
     xyzi = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
     fields = kitti.read_fields(kitti.frame_file(folder, "fields", frame))
     table = pd.DataFrame(xyzi, columns=["x", "y", "z", "intensity"])
@@ -35,15 +37,15 @@ def points(folder: Path, frame: int) -> pd.DataFrame:
 
 
 def distances(both: pd.DataFrame) -> FloatArray:
-    """Returns the distance (m) between the two positions of each ray: (n,)."""
+    """Returns the distance (m) between the two points of each ray, shape (n,)."""
     here, there = (both[[f"{axis}_{i}" for axis in "xyz"]].to_numpy(float) for i in (0, 1))
     return np.asarray(np.linalg.norm(here - there, axis=1), np.float64)
 
 
 def compare_frame(a: Path, b: Path, frame: int) -> dict[str, float]:
-    """Counts points and differences of one LiDAR's frame in two folders.
+    """Counts the points and the differences of one LiDAR's frame in two folders.
 
-    Includes the largest distance (mm) between points on the same surface.
+    The result also has the largest distance (mm) between two points of a ray on the same surface.
     """
     here, there = points(a, frame), points(b, frame)
     both = here.merge(there, on=["ring", "time_s"], suffixes=("_0", "_1"), validate="one_to_one")
@@ -86,7 +88,7 @@ def compare(here: DataSet, there: DataSet) -> pd.DataFrame:
 
 
 def totals_apart_percent(table: pd.DataFrame) -> float:
-    """Returns the largest relative difference of a total, in percent."""
+    """Returns the largest relative difference (%) of the total points or vehicle points."""
     return max(
         float((100 * (table[f"{kind}_other"] / table[kind] - 1)).abs().max())
         for kind in ("points", "vehicle_points")

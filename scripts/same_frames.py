@@ -1,8 +1,10 @@
-"""Compares the bindings' frames with those of the binary; scripts/wheels.sh runs it on a wheel.
+"""Compares frames from the Python bindings with frames from the binary.
+
+scripts/wheels.sh runs this script on a wheel:
 
     python same_frames.py CONFIGS DATA
 
-DATA is a data set of the highway, written with the default preset.
+DATA is a data set of the highway that the binary has written with the default preset.
 """
 
 import sys

@@ -34,8 +34,8 @@ TRUTHS = ("captured", "common")
 AT_MOST_5 = (-math.inf, 5.0)
 STEEPEST_DEG = 20.0
 COLUMNS = "scene preset claim statement value low high verdict version".split(" ")
-# Function of LiDAR, detector, ground-truth subset and measure. It returns the bootstrapped value, or
-# None if the table has no value.
+# A function of LiDAR, detector, ground-truth subset and measure. It returns the bootstrapped value,
+# or None if the table has no value.
 Figures = Callable[[str, str, str, str], Bootstrapped | None]
 
 

@@ -1,1 +1,1 @@
-"""The commands, one module each: `main()` reads its arguments from `sys.argv`."""
+"""Contains a module for each command; its `main()` reads the arguments from `sys.argv`."""

@@ -19,9 +19,10 @@ SHOWN = "claim preset value low high verdict statement".split()
 
 def main() -> None:
     parser = argparse.ArgumentParser(
-        description="Tests the claims about scanning on data sets, each of one preset, or those "
-        "about detection on a folder of results. Writes TIER_claims.csv and TIER_paper.csv"
-        " (agreement of AP with the paper) into that folder.",
+        description="Tests the paper's claims. Data sets test the claims about scanning; each data "
+        "set has one preset. A folder of results tests the claims about detection. In that case "
+        "the command writes TIER_claims.csv and TIER_paper.csv (agreement of AP with the paper) "
+        "into the folder.",
         epilog="examples: python -m reproduction claims data/highway_paper "
         "data/highway_paper_instant; python -m reproduction claims out/results",
     )
@@ -39,7 +40,7 @@ def main() -> None:
 
 
 def of_data_sets(folders: Sequence[Path], out: Path) -> pd.DataFrame:
-    """Writes the claims about scanning to `out`; returns them."""
+    """Tests the claims about scanning, writes the table to `out` and returns it."""
     table = scanning.claims_table(folders)
     out.parent.mkdir(parents=True, exist_ok=True)
     with replacing(out) as beside:
@@ -48,9 +49,10 @@ def of_data_sets(folders: Sequence[Path], out: Path) -> pd.DataFrame:
 
 
 def of_results(folder: Path, tier: str | None) -> pd.DataFrame:
-    """Writes claims about detection and agreement with the paper into `folder`; returns the claims.
+    """Tests the claims about detection and returns them as a table.
 
-    Raises Error for the smoke tier, whose networks are hardly trained.
+    The function writes the claims, and the agreement with the paper's AP, into `folder`. Raises
+    Error for tier smoke, because its networks are trained for too few steps.
     """
     chosen = read_results(folder, tier).tier
     if chosen == "smoke":

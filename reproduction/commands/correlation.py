@@ -1,7 +1,8 @@
-"""Measures how long Background's errors are correlated in time, against the block length.
+"""Compares the correlation time of Background's errors with the length of time blocks.
 
-Each LiDAR is tested on 800 frames that span 400 s, on two scenes. The time is the integrated
-autocorrelation of each frame's influence on AP (R1000). Writes out/correlation.csv:
+Each LiDAR is tested in two scenes, on 800 frames that span 400 s. The correlation time is the
+integrated autocorrelation of each frame's influence on AP (R1000). The command writes
+out/correlation.csv:
 
     python -m reproduction correlation --work data/correlation
 """
@@ -39,7 +40,7 @@ from reproduction import ROOT, add_out
 
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 SCENES = ("highway", "crossroad")
-# the 400 s test part spans about four waits at a signal
+# The test part of 400 s is about four times as long as the wait at a signal.
 LONG_TEST = Parts(train_until_s=90, val_from_s=100)
 
 
@@ -65,7 +66,7 @@ def predictions(folder: Path) -> Path:
 
 
 def correlation(folder: Path, pred: Path) -> Iterator[dict[str, object]]:
-    """Yields the correlation time (s) of the frames' influence on AP by ground truth."""
+    """Yields the correlation time (s) of the frames' influence on AP, per ground-truth subset."""
     frames = frame_numbers(folder)
     truth = read_ground_truth(folder, frames, beyond_range=True)
     files = find_files(pred, frames, frames).files
@@ -93,7 +94,7 @@ def correlation(folder: Path, pred: Path) -> Iterator[dict[str, object]]:
 
 
 def integrated(series: FloatArray) -> float:
-    """Returns the two-sided sum of the autocorrelation, up to where it first falls to 0.05."""
+    """Returns the two-sided sum of the autocorrelation up to its first value of at most 0.05."""
     centred = series - series.mean()
     spectrum = np.fft.rfft(centred, 2 * len(series))
     at = np.fft.irfft(spectrum * np.conj(spectrum))[: len(series)]

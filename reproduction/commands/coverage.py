@@ -1,9 +1,9 @@
 """Measures how often a 95 % interval contains the true AP, with an artificial detector.
 
-The detector runs on simulated traffic, and its detection probabilities are known. They fall with
-distance, differ between vehicles and change within seconds. False positives come in bursts. The
-true AP is that of all studies together. Writes out/coverage.csv for three scenes and test
-spans:
+The artificial detector runs on simulated traffic and has known detection probabilities. A
+detection probability falls with distance, differs between vehicles and changes within seconds.
+False positives occur in bursts. The true AP is the AP of the boxes of all simulated runs together.
+The command writes out/coverage.csv for three scenes and three test spans:
 
     python -m reproduction coverage --work data/coverage
 """
@@ -33,18 +33,21 @@ SPANS_S = (90, 250, 500)
 RUN_S, APART_S = 500, 0.5
 RULE = "as long as a stay"  # length rule of the time blocks
 REPLICATES = 200
-# correlation times of a vehicle's detection probability and of the false-positive rate
+# correlation times of a vehicle's detection probability and of the rate of false positives
 CHANGES_S, BOUTS_S = 4.0, 5.0
-OF_THE_VEHICLE = 0.6  # share of the spread that is constant per vehicle
-LOSS_PER_M = 1.2 / 50  # of the logit per metre
+OF_THE_VEHICLE = 0.6  # share of the spread that is constant in time for each vehicle
+LOSS_PER_M = 1.2 / 50  # decrease of the logit per metre of distance
 
 
 @dataclass(frozen=True)
 class Detector:
     """An artificial detector.
 
-    logit: of the detection probability at distance 0. spread: of the logit. ghosts: false positives
-    per frame.
+    Attributes
+    ----------
+    logit : logit of the mean detection probability at distance 0
+    spread : standard deviation of the logit over vehicles and time
+    background : mean number of false positives per frame
     """
 
     logit: float
@@ -61,7 +64,7 @@ DETECTORS = {
 
 @dataclass(frozen=True, eq=False)
 class Traffic:
-    """Vehicles of the region, one entry per frame and vehicle: (n,) each."""
+    """The vehicles in the region; each array (n,) has one entry per frame and vehicle."""
 
     frame: IntArray
     ids: IntArray
@@ -70,7 +73,7 @@ class Traffic:
 
 @dataclass(frozen=True, eq=False)
 class ScoredBoxes:
-    """Scores and frames of detected vehicles and false positives; hit: True for vehicles."""
+    """Scores and frames of detected vehicles and of false positives; each array is (n,)."""
 
     scores: FloatArray
     frame: IntArray
@@ -90,7 +93,10 @@ def traffic(scene: str, seed: int, roads: list[Road], work: Path) -> Traffic:
 
 
 def autoregressive(noise: FloatArray, seconds: float) -> FloatArray:
-    """Filters noise to unit variance and a correlation that falls to 1/e in `seconds`."""
+    """Filters white noise of unit variance so that its correlation falls to 1/e in `seconds`.
+
+    The result also has unit variance.
+    """
     keep = np.exp(-APART_S / seconds)
     return np.asarray(lfilter([np.sqrt(1 - keep**2)], [1, -keep], noise))
 
@@ -98,9 +104,11 @@ def autoregressive(noise: FloatArray, seconds: float) -> FloatArray:
 def detected_by(
     detector: Detector, t: Traffic, liking: FloatArray, random: np.random.Generator
 ) -> ScoredBoxes:
-    """Samples the detections of a run.
+    """Returns random detections of one simulated run.
 
-    liking: (n,) constant offset of each vehicle, unit variance.
+    Parameters
+    ----------
+    liking : (n,) offset of each entry's vehicle, constant in time, with unit variance
     """
     order = np.lexsort((t.frame, t.ids))
     moods = np.empty(len(order))
@@ -138,7 +146,7 @@ def studies(scene: str, count: int, work: Path) -> Iterator[tuple[Traffic, dict[
 
 
 def ranking(t: Traffic, boxes: ScoredBoxes, first: int, blocks: intervals.Blocks) -> ap.Ranking:
-    """Ranks the boxes of the frames from `first` on."""
+    """Ranks the boxes in frame `first` and all frames after it by score."""
     use, there = boxes.frame >= first, t.frame >= first
     slots = blocks.replicates.shape[1]
     objects = np.bincount(blocks.slot[t.frame[there] - first], minlength=slots)
@@ -153,7 +161,7 @@ def block_s(t: Traffic) -> float:
 def figures(
     t: Traffic, by_detector: dict[str, ScoredBoxes], span_s: int, length_s: float
 ) -> dict[str, Bootstrapped]:
-    """Returns AP of each detector and two differences, over the last `span_s` of a run."""
+    """Returns the AP of each detector and two differences, over the last `span_s` of a run."""
     first = round((RUN_S - span_s) / APART_S)
     frames = np.arange(round(span_s / APART_S))
     blocks = intervals.time_blocks(frames, APART_S, block_s=length_s, replicates=REPLICATES)

@@ -1,4 +1,4 @@
-"""Rebuilds the paper's hit points, simulates a few frames of each scene and draws them."""
+"""Rebuilds the paper's table of hit points, and simulates and draws frames of each scene."""
 
 import argparse
 import sys
@@ -16,7 +16,7 @@ from pyinfra.viz import clouds
 from pyinfra.viz.pattern_picture import draw_patterns
 from reproduction.hit_points import PRESET, hit_table, table_text, write_table
 
-# part of the simulator's error for a folder of another configuration
+# part of the simulator's error message for a folder that was written with another configuration
 ANOTHER_RUN = "holds another run"
 PATTERN_FRAMES = "0:20"
 
@@ -31,7 +31,7 @@ def main() -> None:
     parser.add_argument(
         "--frames",
         default="0:3",
-        help="frames to write, A:B[:STEP], B excluded; the first is drawn",
+        help="frames to write, A:B[:STEP], B excluded; the first frame is drawn",
     )
     args = parser.parse_args()
     start = time.perf_counter()

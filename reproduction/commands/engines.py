@@ -1,9 +1,9 @@
 """Compares inference engines for the pretrained detector: PyTorch, ONNX Runtime, OpenVINO.
 
-Most of a frame's time is spent in the backbone. Each engine replaces only the backbone, so that
-everything else is the same. The test uses frames of three scenes on one core and alternates the
-engines frame by frame. It also measures the AP with each engine. The int8 variants are quantised
-with activations of other frames. Writes out/engines.csv:
+The backbone takes most of the time of a frame. An engine therefore replaces only the backbone, and
+all other computations are the same. The test uses frames of three scenes on one core. Each frame is
+processed by all engines in turn. The command also measures the AP with each engine. The int8
+variants are quantised with activations of frames that are not tested. Writes out/engines.csv:
 
     .venv/bin/pip install onnxruntime openvino
     python -m reproduction engines --work data/engines
@@ -40,14 +40,17 @@ from pyinfra.models.inference import detect
 from reproduction import add_out, provenance
 
 CELLS = (("highway", "ruby_plus"), ("crossroad", "pandar_64"), ("curve", "livox_avia"))
-FRAMES, QUANTISED_BY = "0:2000:50", 5  # the first frames calibrate int8, the others are tested
+FRAMES, QUANTISED_BY = (
+    "0:2000:50",
+    5,
+)  # the first frames are used for int8 calibration, the others for the test
 SETTINGS = Settings(ground_truths=("captured",))
 KEY = ["scene", "lidar", "engine"]
 Run = Callable[[FloatArray], Sequence[FloatArray]]
 
 
 class Engine(nn.Module):
-    """The backbone, run by another engine."""
+    """A backbone that an inference engine runs in place of PyTorch."""
 
     def __init__(self, run: Run) -> None:
         super().__init__()
@@ -57,8 +60,8 @@ class Engine(nn.Module):
         return torch.from_numpy(self.run(canvas.contiguous().numpy())[0])
 
 
-class Canvases(CalibrationDataReader):  # type: ignore[misc]  # it has no types
-    """Calibration data: the inputs from which activation ranges are measured."""
+class Canvases(CalibrationDataReader):  # type: ignore[misc]  # the base class has no types
+    """Provides the backbone inputs from which int8 activation ranges are measured."""
 
     def __init__(self, canvases: Sequence[FloatArray]) -> None:
         self.left = iter(canvases)

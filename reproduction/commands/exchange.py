@@ -1,11 +1,12 @@
 """Measures the speed of every export and import on one core, with 100 frames of four LiDARs.
 
-Writes out/exchange.csv:
+The command writes out/exchange.csv:
 
     python -m reproduction exchange
 
-Seconds are CPU time of the user and the system. They equal wall time on an idle machine whose disk
-is fast enough. Files are in the page cache. MB are the megabytes written.
+The column of seconds is the sum of user and system CPU time. It equals the wall time on an idle
+machine whose disk is fast enough. All files are in the page cache. The column of megabytes is the
+size of the written files.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
-os.environ["OMP_NUM_THREADS"] = "1"  # before numpy
+os.environ["OMP_NUM_THREADS"] = "1"  # must be set before numpy is imported
 
 import pandas as pd
 
@@ -48,7 +49,7 @@ def simulate(folder: Path, frames: int) -> None:
 
 
 def rows(data: Path, folder: Path) -> Iterator[Row]:
-    """Yields a row for each LiDAR, format and direction."""
+    """Yields a row for each LiDAR, format and direction (export or import)."""
     for lidar in LIDARS:
         source = data / lidar
         frames = frame_numbers(source, "all")
@@ -65,7 +66,7 @@ def rows(data: Path, folder: Path) -> Iterator[Row]:
 
 
 def warm_up(folder: Path) -> None:
-    """Runs each conversion once on two frames, so that no timing includes package imports."""
+    """Runs each conversion once on two frames, so that no timing includes imports of modules."""
     simulate(folder / "few", 2)
     list(rows(folder / "few", folder / "warm"))
 

@@ -1,8 +1,9 @@
-"""Measures detectors with each LiDAR in replicates: each has its own training and test traffic.
+"""Measures detectors with each LiDAR, in replicates with separate training and test traffic.
 
-Replicate r trains a detector per LiDAR on frames of traffic seed 1000 + r, with training seed r,
-and tests it on all frames of traffic seeds 2 r - 1 and 2 r. Intervals over replicates then include
-the traffic, the noise and the training. The rules of the study are in docs/verdict_rules.md.
+Replicate r trains a detector for each LiDAR on frames of traffic seed 1000 + r, with training seed
+r. It tests the detector on all frames of traffic seeds 2 r - 1 and 2 r. Intervals over replicates
+therefore include the variation of traffic, noise and training. docs/verdict_rules.md defines the
+rules of the study.
 
 Rows are added to the output as they are made; existing rows are kept. Several
 processes can share the work.
@@ -46,15 +47,16 @@ from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
 from reproduction import ROOT, add_out, provenance
 
-# Steps share no factor with 200, the period of the Avia's pattern in frames.
+# The steps 11 and 47 share no factor with 200, the number of frames after which the Avia's pattern
+# repeats.
 TRAIN_FRAMES, TEST_FRAMES = "0:5000:11", "0:5000:47"
 TRAIN_SEEDS_FROM = 1000
-TESTS = 2  # test seeds of a replicate
-SPLIT_M = 60.0  # between the near and the far part of the region
+TESTS = 2  # number of test seeds of a replicate
+SPLIT_M = 60.0  # distance between the near and the far part of the region
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
-BUNDLES = {"crossroad": "bundle_5_livox_avia"}  # in place of a single Avia
+BUNDLES = {"crossroad": "bundle_5_livox_avia"}  # the LiDAR that replaces the single Avia in a scene
 RECIPES = ROOT / "configs/detectors"
-JUDGES: dict[str, tuple[str, Tier | None]] = {  # detector file and tier
+JUDGES: dict[str, tuple[str, Tier | None]] = {  # detector file and tier by judge
     "fine-tuned": ("generalist", "quick"),
     "background": ("background", "quick"),
     "pretrained": ("generalist", None),
@@ -88,7 +90,7 @@ class Replicate:
 
 @dataclass(frozen=True)
 class Far:
-    """The part of the region beyond another part."""
+    """The part of the region that is farther away than `near`."""
 
     near: Near
 
@@ -97,7 +99,7 @@ class Far:
 
 
 def simulated(replicate: Replicate, seed: int, frames: str, work: Path) -> Path:
-    """Simulates the frames of one traffic seed, those of all LiDARs; returns the data set."""
+    """Simulates frames of one traffic seed for all LiDARs; returns the data set's folder."""
     folder = work / "data" / f"{replicate.name}_{seed}"
     words = ["--preset", replicate.preset, "--label-time", replicate.label_time]
     words += ["--seed", str(seed), "--frames", frames, "--threads", "1", "--out", str(folder)]
@@ -108,7 +110,7 @@ def simulated(replicate: Replicate, seed: int, frames: str, work: Path) -> Path:
 
 
 def model_of(judge: str, replicate: Replicate, lidar: str, work: Path) -> tuple[Path, float]:
-    """Returns the trained model of a judge, and the CPU seconds of its training."""
+    """Returns the trained model of a detector in JUDGES, and the CPU seconds of its training."""
     name, tier = JUDGES[judge]
     if tier is None:
         return Path(name), 0.0
@@ -124,7 +126,10 @@ def model_of(judge: str, replicate: Replicate, lidar: str, work: Path) -> tuple[
 
 
 def test_rows(model: Path, folder: Path, predictions: Path) -> list[dict[str, object]]:
-    """Detects in all frames of a LiDAR's folder and returns a row of measures per subset."""
+    """Runs a model on all frames of a LiDAR's folder.
+
+    Returns one row of measures per ground-truth subset.
+    """
     numbers = kitti.frames(folder)
     predictions.mkdir(parents=True, exist_ok=True)
     files = [kitti.frame_file(folder, "velodyne", k) for k in numbers]
@@ -155,7 +160,7 @@ def ap_of(result: MatchResult, part: Part | None = None) -> float:
 
 
 def fill(judge: str, replicate: Replicate, lidar: str, work: Path, out: Path) -> None:
-    """Adds the rows of one trained detector, unless another process is at it."""
+    """Adds the rows of one trained detector, unless another process is computing them."""
     key = {**asdict(replicate), "lidar": lidar, "detector": JUDGES[judge][0], "judge": judge}
 
     def is_done() -> bool:

@@ -1,10 +1,11 @@
-"""Measures what a short fine-tuning gains per LiDAR, to judge a pretrained detector's fairness.
+"""Tests whether a pretrained detector compares LiDARs fairly, from the gain by fine-tuning.
 
 The pretrained detector is tested in the study's scenes, before and after 120 training steps with
-the scene's own labels. Two of the LiDARs were in its training, two were held out. A comparison of
-LiDARs with the pretrained detector is fair if all LiDARs gain the same. If a narrow LiDAR gains
-more than a wide one, the comparison is unfair to it. Rows are added to out/fairness.csv as they
-are made; existing rows of the same weights are kept.
+the labels of the same scene. The detector was trained with two of the LiDARs and without the other
+two. A comparison of LiDARs with the pretrained detector is fair if all LiDARs gain the same AP from
+fine-tuning. If a narrow LiDAR gains more AP than a wide one, the comparison is unfair to the narrow
+LiDAR. The command adds each row to out/fairness.csv as soon as it is computed. Existing rows of the
+same weights are not computed again.
 
     python -m reproduction fairness generalist --work data/fairness
 """
@@ -23,7 +24,7 @@ from pyinfra.experiments import store
 from reproduction import add_out, provenance
 from reproduction.commands import generalist
 
-# a narrow and a wide one that were trained on, then a narrow and a wide one held out
+# A narrow and a wide LiDAR that the training used, then a narrow and a wide LiDAR that it did not.
 LIDARS = ("livox_avia", "ruby_plus", "livox_horizon", "hesai_ot128")
 ARMS = ("none", "tuned_120")
 KEY = ["site", "seed", "lidar", "preset", "arm", "start"]

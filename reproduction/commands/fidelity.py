@@ -1,6 +1,6 @@
 """Measures the effect of cheaper scene models: detail, aggregation, beam width, vehicle parts.
 
-Writes out/fidelity.csv, aggregation.csv, beam.csv, fidelity_parts.csv and a picture:
+The command writes fidelity.csv, aggregation.csv, beam.csv, fidelity_parts.csv and a picture to out:
 
     python -m reproduction fidelity
 """
@@ -42,7 +42,10 @@ def lidar_file(name: str) -> Path:
 
 
 def objects(world: simulation.World, lidars: list[simulation.Lidar], frames: range) -> pd.DataFrame:
-    """Returns every vehicle in every frame of each LiDAR, with the frame's simulation time (s)."""
+    """Returns a row for each vehicle, frame and LiDAR.
+
+    Column `seconds` is the time that the simulation of the frame took.
+    """
     rows = []
     for number, per_lidar in simulation.simulate(world, lidars, frames):
         for lidar, frame in zip(lidars, per_lidar, strict=True):
@@ -57,7 +60,7 @@ def scene(name: str, preset: str = "datasheet", **overrides: object) -> simulati
 
 
 def seen(table: pd.DataFrame) -> pd.DataFrame:
-    """Returns the vehicles in the region with a visible share of at least 0.2."""
+    """Returns the rows of vehicles with a visible share of at least 0.2."""
     return table[table.visibility >= 0.2]
 
 
@@ -69,14 +72,17 @@ def by_distance(table: pd.DataFrame) -> pd.Series:
 def points_ladder(
     severity: str, models: dict[str, dict[str, object]], frames: range, preset: str
 ) -> pd.DataFrame:
-    """Returns points per vehicle by distance under each model, relative to the first model.
+    """Returns points per vehicle by distance under each model, and their change to the first model.
 
-    models: the scene keys that each value of `severity` sets.
+    Parameters
+    ----------
+    severity : name of the setting, and of the result's first column
+    models : the scene keys that each value of the setting changes
     """
     first = next(iter(models))
     lidars = [simulation.load_lidar(lidar_file(n), preset) for n in LIDARS]
     means: dict[str, pd.Series] = {}
-    seconds: dict[str, pd.Series] = {}  # per frame and LiDAR; the minimum over the passes
+    seconds: dict[str, pd.Series] = {}  # mean time per frame by LiDAR; the minimum over the passes
     for value in [*models] * PASSES:
         table = objects(scene("highway", preset, **models[value]), lidars, frames)
         means[value] = by_distance(seen(table))
@@ -99,7 +105,7 @@ def points_ladder(
 
 
 def aggregation_table(frames: range, preset: str) -> pd.DataFrame:
-    """Returns points on moving vehicles, and those outside their boxes, by aggregation mode."""
+    """Returns points per vehicle, and the share outside the boxes, by aggregation mode."""
     lidars = [simulation.load_lidar(lidar_file(n), preset) for n in LIDARS]
     rows = []
     for mode in ("exact", "slices:100", "instant"):
@@ -123,7 +129,10 @@ def aggregation_table(frames: range, preset: str) -> pd.DataFrame:
 
 
 def beam_table(frames: range) -> pd.DataFrame:
-    """Compares the Avia with single rays to its 0.28 x 0.03 degree beam as 5 and 15 sub-rays."""
+    """Compares three models of the Avia's beam by points per vehicle.
+
+    The beam is one ray, or it has 0.28 x 0.03 degrees and consists of 5 or 15 sub-rays.
+    """
     text = yaml.safe_load(lidar_file("livox_avia").read_text())
     lidars = []
     with tempfile.TemporaryDirectory() as folder:
@@ -179,7 +188,7 @@ def aggregation_picture(file: Path, number: int = 300) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "--frames", type=int, default=100, help="number of frames, spread over the run"
+        "--frames", type=int, default=100, help="number of frames, evenly spaced over the run"
     )
     add_out(parser)
     args = parser.parse_args()

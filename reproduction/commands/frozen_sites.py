@@ -2,10 +2,10 @@
 
     python -m reproduction frozen_sites
 
-It was run once and wrote 60 sites of generator version 4 (`plain`) and 20 streets with much street
-furniture of version 5 (`cluttered`). Each site has four LiDARs of the catalogue and the frame
-numbers of each. The files stay unchanged when the generator changes, so that versions of a detector
-are compared on the same frames. Training never uses their seeds.
+The command was run once. It wrote 60 sites of generator version 4 (`plain`) and 20 streets of
+version 5 with much street furniture (`cluttered`). Each site has four LiDARs of the catalogue and
+the frame numbers of each LiDAR. The files stay unchanged when the generator changes. All versions
+of a detector are therefore tested on the same frames. Training never uses the seeds of these sites.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from pyinfra.scenes.generator.ranges import CLUTTERED, RANGES, Ranges
 from reproduction import ROOT
 
 FOLDER = ROOT / "tests/data/sites"
-FIRST_SITE = 1_000_000  # training streams use smaller seeds only
+FIRST_SITE = 1_000_000  # training uses smaller seeds only
 PRESET = "datasheet"
 LIDARS, FRAMES = 4, 5  # LiDARs per site, frames per LiDAR
-# First seed, number of sites and ranges of each set.
+# The first seed, the number of sites and the parameter ranges of each set of sites.
 SETS: dict[str, tuple[int, int, Ranges]] = {
     "plain": (FIRST_SITE, 60, replace(RANGES, furniture=replace(RANGES.furniture, sites=0.0))),
     "cluttered": (FIRST_SITE + 100, 20, CLUTTERED),
@@ -42,7 +42,7 @@ SETS: dict[str, tuple[int, int, Ranges]] = {
 
 @dataclass(frozen=True)
 class Visit:
-    """One LiDAR at one test site."""
+    """One LiDAR at one test site, with its frame numbers."""
 
     site: str
     lidar: str
@@ -50,7 +50,7 @@ class Visit:
 
 
 def read_visits(name: str) -> Iterator[tuple[Keys, list[Visit]]]:
-    """Yields the keys of each site of a set with its visits."""
+    """Yields the scene keys and the visits of each site of a set."""
     with (FOLDER / name / "visits.csv").open() as file:
         rows = [
             Visit(row["site"], row["lidar"], tuple(map(int, row["frames"].split())))
@@ -64,9 +64,12 @@ def read_visits(name: str) -> Iterator[tuple[Keys, list[Visit]]]:
 def looked_at(
     name: str, classes: tuple[ObjectClass, ...], sites: int | None = None, frames: int = FRAMES
 ) -> Iterator[tuple[str, str, list[SiteSample]]]:
-    """Yields site, LiDAR and samples of each visit of a set.
+    """Simulates the visits of a set; yields the site, the LiDAR and the samples of each visit.
 
-    sites: the number of sites, all if None. frames: the number of frames per LiDAR.
+    Parameters
+    ----------
+    sites : maximum number of sites; None for all sites
+    frames : maximum number of frames per LiDAR
     """
     for number, (keys, visits) in enumerate(read_visits(name)):
         if number == sites:
@@ -87,7 +90,7 @@ def write_set(name: str) -> None:
         random = np.random.default_rng(seed)
         keys = make_site(seed, ranges) | {"label_time": "scan"}
         world = simulation.make_world(keys)
-        # json makes copies: YAML would write shared objects as anchors
+        # The JSON round trip copies shared objects, because YAML would write them as anchors.
         plain = json.loads(json.dumps(keys))
         text = yaml.safe_dump(plain, sort_keys=False, width=110, default_flow_style=None)
         (FOLDER / name / f"{keys['name']}.yaml").write_text(text)

@@ -1,15 +1,19 @@
-"""Compares the pretrained detector with site-trained detectors, by AP at sites new to both.
+"""Compares the AP of the pretrained detector with the AP of site-trained detectors.
 
-An experiment is a site, a traffic seed and a LiDAR. A site is a scene of the study, or a generated
-one that no training used. Each experiment tests the pretrained detector unchanged (`none`), after
-some training steps with the site's own simulated labels (`tuned_30`, `tuned_120`: about 30 and 120
-s of one core), and a network of the same kind trained only there (`specialist`). Rows with their
-bootstrap replicates are added to out/generalist.csv as they are made. Existing rows of the same
-weights (`start`) are not computed again.
+An experiment has a site, a traffic seed and a LiDAR. A site is a scene of the study, or a generated
+site that the pretrained detector's training did not use. Each experiment tests four arms:
+
+- `none`: the pretrained detector without further training;
+- `tuned_30` and `tuned_120`: the pretrained detector after about 30 and 120 s of training on one
+  core, with simulated labels of the site;
+- `site_trained`: a network that is trained from random weights at the site only.
+
+The command adds each row, with its bootstrap replicates, to out/generalist.csv as soon as it is
+computed. Existing rows of the same initial weights (column `start`) are not computed again.
 
     python -m reproduction generalist --work data/generalist
 
-`--paper`: the experiments of a first trial, simulated as in the study.
+`--paper` runs the experiments of a first trial, which uses the study's settings.
 """
 
 from __future__ import annotations
@@ -51,12 +55,16 @@ from reproduction import ROOT, add_out
 
 RECIPES = ROOT / "configs/detectors"
 SCENES = ("highway", "crossroad", "curve")
-FIRST_SITE = 2_000_000  # seeds from here on were in no training and no calibration
-HELD_OUT = ("hesai_ot128", "hesai_xt32", "livox_horizon")  # of configs/streams/generalist.yaml
+FIRST_SITE = 2_000_000  # no training and no calibration used this seed or larger seeds
+HELD_OUT = (
+    "hesai_ot128",
+    "hesai_xt32",
+    "livox_horizon",
+)  # LiDARs that configs/streams/generalist.yaml excludes from training
 STUDIED = ("ruby_plus", "livox_avia", "helios_16", "pandar_64")
-FRAMES = "0:5000:10"  # of 500 s; training uses the first 400 s, the test the last 90 s
-CUT = 0.5  # calibrated score from which a box is shown
-TRIAL = (  # experiments of a first trial, simulated as in the study
+FRAMES = "0:5000:10"  # of 500 s; the first 400 s are for training, the last 90 s for the test
+CUT = 0.5  # smallest calibrated score of a shown box
+TRIAL = (  # experiments of a first trial, which uses the study's settings
     *((site, lidar) for site in SCENES for lidar in ("ruby_plus", "livox_avia")),
     ("highway", "helios_16"),
 )
@@ -80,9 +88,9 @@ class Experiment:
 
 
 def experiments(sites: int, seeds: int) -> Iterator[Experiment]:
-    """Yields every site with every seed.
+    """Yields an experiment for every site and every seed.
 
-    The LiDARs rotate over the sites and shift with the seed.
+    Successive sites have different LiDARs. Another seed gives a site another LiDAR.
     """
     lidars = (*STUDIED, *HELD_OUT)
     generated = [f"site_v{VERSION}_{FIRST_SITE + i}" for i in range(sites)]
@@ -97,7 +105,7 @@ def experiments_of_trial(seeds: int) -> Iterator[Experiment]:
 
 
 def simulated(experiment: Experiment, work: Path) -> Path:
-    """Simulates an experiment, splits it by time and returns the LiDAR's folder."""
+    """Simulates an experiment's frames, splits them by time and returns the LiDAR's folder."""
     scene = (
         scene_file(experiment.site)
         if experiment.site in SCENES
@@ -118,13 +126,13 @@ def simulated(experiment: Experiment, work: Path) -> Path:
 
 
 def shows_vehicles(folder: Path) -> bool:
-    """Returns whether both the training and the test part have vehicles with points."""
+    """Returns True if the training part and the test part both have vehicles with points."""
     parts = (read_vehicles(folder, frame_numbers(folder, part)) for part in ("train", "val"))
     return all((vehicles.points > 0).any() for vehicles in parts)
 
 
 def recipe_of(arm: str, model: Path) -> Recipe:
-    """Returns the training recipe of an arm at the site."""
+    """Returns the recipe with which an arm is trained at the site."""
     if arm == "site_trained":
         return read_recipe(RECIPES / "centerpoint-pillar.yaml", "quick")
     tier: Tier = "smoke" if arm == "tuned_30" else "quick"
@@ -132,7 +140,7 @@ def recipe_of(arm: str, model: Path) -> Recipe:
 
 
 def model_of(arm: str, model: Path, folder: Path, run: Path) -> tuple[Path, int, float]:
-    """Returns the arm's model, its training steps and their CPU seconds."""
+    """Returns the arm's model, the number of training steps and their CPU seconds."""
     if arm == "none":
         return model, 0, 0.0
     recipe = recipe_of(arm, model)
@@ -163,10 +171,10 @@ def row(folder: Path, arm: str, model: Path) -> dict[str, object]:
 
 
 def at_cut(match_result: MatchResult) -> dict[str, float]:
-    """Returns precision and recall of the shown boxes, and the values that the scores predict.
+    """Returns the precision and recall of the shown boxes, and the values that the scores predict.
 
-    A site-trained detector's scores are uncalibrated. The other arms' scores use the calibration of
-    the weights that they started from.
+    The scores of a site-trained detector are uncalibrated. The scores of the other arms use the
+    calibration of the pretrained detector.
     """
     scores, true_positive = match_result.match_input.predictions.scores, match_result.true_positive
     counted = true_positive | match_result.false_positive

@@ -1,9 +1,10 @@
-"""Measures how cheaper scene models change conclusions: AP of four LiDARs against cost.
+"""Measures the AP of four LiDARs and the cost of the simulation under cheaper scene models.
 
-The scene is the highway with preset `datasheet`, where vehicles have parts. The default model is
-that of the simulator with 1,000 of 5,000 frames. One setting at a time differs from the default.
-The detector is Background. Rows are added to out/ladder.csv as they are made; existing rows are
-not computed again. Another detector needs another --out:
+The scene is the highway with preset `datasheet`, in which vehicles have parts of different
+materials. The default model has the simulator's defaults and 1,000 of the 5,000 frames. Each other
+model differs from the default in one setting. The detector is Background. The command adds the rows
+of each model to out/ladder.csv as soon as they are computed. Existing rows are not computed again.
+Use another --out for another detector:
 
     python -m reproduction ladder --work data/ladder
 """
@@ -53,9 +54,13 @@ PARTS = ("glass", "gap", "coat", "tyres", "reflectors")
 def models(
     severities: Sequence[str], frames: str, wanted: Sequence[str] | None
 ) -> Iterator[dict[str, str]]:
-    """Yields the default model, then models with one other value of one setting.
+    """Yields the default model, then each model that differs from it in one setting.
 
-    frames: the number of frames of the default. wanted: limits the other values.
+    Parameters
+    ----------
+    severities : names of the settings that vary
+    frames : number of frames of the default model
+    wanted : values that the settings may take; None for all values
     """
     default = DEFAULT | {"frames": frames}
     yield default
@@ -66,13 +71,13 @@ def models(
 
 
 def parts_of(value: str) -> dict[str, bool]:
-    """Returns which `vehicle_parts` a value turns on: `glass+coat`, `all` or `none`."""
+    """Returns the scene keys `vehicle_parts.*` of a value like `glass+coat`, `all` or `none`."""
     on = PARTS if value == "all" else value.split("+")
     return {f"vehicle_parts.{part}": part in on for part in PARTS}
 
 
 def assignments(model: dict[str, str]) -> list[str]:
-    """Returns the scene keys that a model sets, as words for `--set`."""
+    """Returns the command-line words that set a model's scene keys with `--set`."""
     settings = {severity: model[severity] for severity in ("detail", "aggregation", "label_time")}
     settings |= {key: str(on).lower() for key, on in parts_of(model["parts"]).items()}
     settings |= {"vegetation": "[]"} if model["vegetation"] == "none" else {}
@@ -80,7 +85,7 @@ def assignments(model: dict[str, str]) -> list[str]:
 
 
 def simulated(model: dict[str, str], preset: str, names: Sequence[str], folder: Path) -> float:
-    """Simulates a model into the folder; returns CPU milliseconds per frame of all LiDARs."""
+    """Simulates a model; returns the CPU milliseconds per frame for all LiDARs together."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     frames = int(model["frames"])
     lidars = [lidar_file(name) for name in names]
@@ -130,7 +135,7 @@ def main() -> None:
         "--frames", default="1000", help="frames of the default model; a divisor of 5,000"
     )
     parser.add_argument(
-        "--values", nargs="+", help="only these values of the severities; default: all"
+        "--values", nargs="+", help="values of the severities to measure; default: all"
     )
     args = parser.parse_args()
     provenance = {

@@ -1,12 +1,14 @@
-"""Measures the latency of a benchmark's networks on an idle machine, without full training.
+"""Measures the latency of a benchmark's networks on an idle machine, with reduced training.
 
     python -m reproduction latency configs/benchmarks/paper.yaml --scenes crossroad curve
 
-The latency of a network depends on its widths and its canvas, and hardly on its weights. So each
-network is trained with a tenth of its steps, two at a time, and is then timed alone. PointRCNN gets
-half of its steps, because its second stage takes the confident proposals of its first. `--check`
-also trains the experiments of CHECKED in full, to show the difference. Existing rows of
-out/latency.csv are skipped. New rows are also written to out/quick.csv, if that has the experiment.
+The latency of a network depends on its layer widths and its grid size, and hardly on its weights.
+Each network is therefore trained with a tenth of its steps. Two networks are trained at a time, but
+the latency of each network is measured alone. PointRCNN is trained with half of its steps, because
+its latency depends on the number of confident proposals. `--check` measures the experiments of
+CHECKED after reduced and after full training, to show the difference. Existing rows of
+out/latency.csv are not measured again. New values also replace those in out/quick.csv, if that
+table has the experiment.
 """
 
 from __future__ import annotations
@@ -40,7 +42,7 @@ CHECKED = tuple(
 
 @dataclass(frozen=True)
 class Task:
-    """An experiment, and the share of its training steps."""
+    """An experiment, and the share of its training steps that is run."""
 
     experiment: Experiment
     budget: float
@@ -54,7 +56,10 @@ class Task:
 
 
 def tasks_of(plan: Plan, scenes: Sequence[str], check: bool) -> list[Task]:
-    """Returns the networks of the scenes; or CHECKED, each with reduced and with full training."""
+    """Returns the tasks for all networks of the scenes.
+
+    With `check`, returns two tasks for each experiment of CHECKED: reduced and full training.
+    """
     if check:
         return [
             Task(experiment, budget)
@@ -79,7 +84,7 @@ def learn(task: Task, plan: Plan, workspace: Workspace) -> None:
 
 
 def measured(task: Task, workspace: Workspace, every: int) -> None:
-    """Times a task on one thread; writes the table of latencies and the experiment's own row."""
+    """Measures the latency of a task's network on one thread and writes it to both tables."""
     folder = workspace.data(task.experiment.data_set) / task.experiment.lidar
     columns, _ = measure.timed_alone(task.run(workspace), folder, "cpu", every=every)
     provenance = {"frames": columns["latency_frames"], "command": "python -m reproduction latency"}
@@ -93,13 +98,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("config", type=Path, help="benchmark file, as in configs/benchmarks")
     parser.add_argument("--scenes", nargs="+", default=["highway", "crossroad", "curve"])
-    parser.add_argument("--check", action="store_true", help="run CHECKED instead of the scenes")
+    parser.add_argument(
+        "--check", action="store_true", help="measure the experiments of CHECKED only"
+    )
     parser.add_argument("--work", type=Path, default=ROOT / "data/benchmark")
     add_out(parser)
     parser.add_argument(
         "--every", type=int, default=3, help="use every Nth test frame (default: 3)"
     )
-    parser.add_argument("--only-train", action="store_true", help="train without timing")
+    parser.add_argument(
+        "--only-train", action="store_true", help="train the networks, but do not measure latencies"
+    )
     args = parser.parse_args()
     plan, workspace = read_plan(args.config, "quick"), Workspace(args.work, args.out, "quick")
     table = store.read(args.out / "latency.csv")

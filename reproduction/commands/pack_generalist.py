@@ -1,11 +1,14 @@
-"""Calibrates the scores of a pretrained detector on test sites, and packs the detector.
+"""Calibrates the scores of a pretrained detector on test sites, and writes the model file.
 
     python -m reproduction pack_generalist RUN
 
-The sites were in no training. For each class a line is fitted on the logits, so that a score is the
-share of correct boxes. Writes out/generalist.safetensors: layers in half precision, with the lines
-and their precision and recall in the header. Writes out/generalist_sites.csv: precision and recall
-of the boxes above the cut by site, LiDAR and class, and the values that the scores predict.
+The training did not use the test sites. The calibration fits a line to the logits of each class. A
+calibrated score is the expected share of correct boxes. The command writes two files:
+
+- out/generalist.safetensors has the layers in half precision. Its header has the calibration lines
+  and the precision and recall.
+- out/generalist_sites.csv has the precision and recall of the boxes with a score of at least 0.5,
+  by site, LiDAR and class, and the values that the scores predict.
 """
 
 from __future__ import annotations
@@ -35,13 +38,13 @@ from pyinfra.models.training.samples import SiteSample
 from reproduction import add_out
 from reproduction.commands import frozen_sites
 
-MIN_SCORE = 0.002  # the lines are fitted on more boxes than a user sees
-CUT = 0.5  # calibrated score from which a box is shown
+MIN_SCORE = 0.002  # the calibration also uses boxes with a score below CUT
+CUT = 0.5  # smallest calibrated score of a shown box
 
 
 @dataclass(frozen=True, eq=False)
 class ScoredBoxes:
-    """The boxes of a class that a network finds in the frames of one LiDAR at a site."""
+    """The boxes of a class that a network detects in the frames of one LiDAR at a site."""
 
     site: str
     lidar: str
@@ -54,7 +57,7 @@ class ScoredBoxes:
 def scored_boxes(
     network: Network, site: str, lidar: str, samples: list[SiteSample]
 ) -> Iterator[ScoredBoxes]:
-    """Yields the boxes of each class in its region."""
+    """Yields, for each class, the boxes in the region that counts for the class."""
     detections = []
     for sample in samples:
         network.know(sample.region)
@@ -77,7 +80,7 @@ def right_of(
     metric: matching.Metric,
     iou: float = matching.IOU,
 ) -> tuple[FloatArray, BoolArray, int]:
-    """Returns scores (n,), matches (n,) and object count of a class in its region."""
+    """Returns scores (n,), correctness (n,) and the number of objects of a class in a sample."""
     margin_m = 0.0 if name in VEHICLES else FOOTWAYS_M
     inside = (detections.names == TYPES[name]) & sample.region.holds(detections.boxes, margin_m)
     there = (sample.numbers == number) & sample.region.holds(sample.boxes, margin_m)
@@ -88,7 +91,7 @@ def right_of(
 
 
 def row(experiment: ScoredBoxes, line: tuple[float, float]) -> dict[str, object]:
-    """Returns precision and recall above the cut, and the values that calibrated scores predict."""
+    """Returns the precision and recall of the shown boxes, and the values that scores predict."""
     scores, right = calibration.calibrated(experiment.scores, line), experiment.right
     shown = scores >= CUT
     return {
@@ -105,7 +108,10 @@ def row(experiment: ScoredBoxes, line: tuple[float, float]) -> dict[str, object]
 
 
 def line_of(experiments: list[ScoredBoxes], name: ObjectClass) -> tuple[float, float]:
-    """Fits the line of a class. Raises ValueError if it lacks correct or incorrect boxes."""
+    """Fits the calibration line of a class.
+
+    Raises ValueError if the class has no correct boxes or no incorrect boxes.
+    """
     selected = [experiment for experiment in experiments if experiment.name == name]
     columns = (
         np.concatenate([getattr(experiment, key) for experiment in selected])
@@ -118,7 +124,10 @@ def line_of(experiments: list[ScoredBoxes], name: ObjectClass) -> tuple[float, f
 
 
 def halved(weights: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Returns the weights, layers in half precision; norms keep full precision for their range."""
+    """Returns the weights of layers in half precision and of norms in full precision.
+
+    Norms have values outside the range of half precision.
+    """
     return {
         f"network.{name}": tensor.half() if tensor.ndim > 1 else tensor
         for name, tensor in weights.items()
@@ -126,9 +135,9 @@ def halved(weights: dict[str, Tensor]) -> dict[str, Tensor]:
 
 
 def figures_of(table: pd.DataFrame) -> dict[str, float]:
-    """Returns means over sites and LiDARs.
+    """Returns the mean precision and recall over sites and LiDARs.
 
-    Keys of pedestrians and cyclists start with the class.
+    The keys for pedestrians and cyclists begin with the class.
     """
     return {
         key if name in VEHICLES else f"{name}_{key}": round(float(group[key].mean()), 3)

@@ -1,10 +1,11 @@
 """Measures points per frame on pedestrians and cyclists by distance, for each LiDAR.
 
-The LiDAR is 6 m above a straight level road, with preset `datasheet`. A pedestrian and a cyclist
-move away from it side by side, to 500 m, with nothing in front of them or behind them. Each frame
-has new ones with another paint and another heading. So a distance bin has 25 frames with different
-scan phases, positions, headings and reflectances. Points are medians over these frames. Writes
-out/people.csv and prints the distances up to which the median is 5 points:
+The LiDAR is 6 m above a straight level road and has preset `datasheet`. A pedestrian and a cyclist
+move away from it side by side, up to 500 m. No other object is in the scene. Each frame has a new
+pedestrian and a new cyclist with another reflectance and another heading. A distance bin therefore
+has 25 frames with different scan phases, positions, headings and reflectances. The number of points
+is the median over these frames. The command writes out/people.csv and prints the largest distance
+at which the median is at least 5 points:
 
     python -m reproduction people
 """
@@ -26,11 +27,11 @@ from reproduction import add_out
 
 SIZES = {"Pedestrian": (0.73, 0.67, 1.77), "Cyclist": (1.67, 0.70, 1.67)}  # core/classes.h
 SIDE_M = {"Pedestrian": 1.5, "Cyclist": -1.5}  # lateral offset from the line straight ahead
-WEAVE_M = 0.3  # lateral movement to both sides, so that scan columns hit at varying positions
+WEAVE_M = 0.3  # lateral amplitude, so that scan columns hit at different positions
 FROM_M, TO_M, BIN_M = 10.0, 500.0, 10.0
-STEP_M = 0.4  # from one frame to the next
-TURN_RAD = 2.399963 / 5  # the golden angle in five frames: all headings in each bin
-ENOUGH = 5  # points that count as enough
+STEP_M = 0.4  # movement per frame
+TURN_RAD = 2.399963 / 5  # the golden angle per five frames, so that each bin has all headings
+ENOUGH = 5  # smallest median number of points that is enough
 SCENE = """name: people
 duration_s: {duration_s}
 mounts:
@@ -46,7 +47,7 @@ FRAMES = round((TO_M - FROM_M) / STEP_M)
 
 
 def state(name: str, instant: int) -> str:
-    """Returns the state of a class at an instant: columns x to speed of trajectories.csv."""
+    """Returns the columns x to speed of trajectories.csv for a class at an instant."""
     dx, dy, dz = SIZES[name]
     x = FROM_M + STEP_M * instant
     y = SIDE_M[name] + WEAVE_M * np.sin(0.7 * instant)
@@ -55,14 +56,14 @@ def state(name: str, instant: int) -> str:
 
 
 def number(name: str, frame: int) -> int:
-    """Returns the id of a class's object that exists in one frame only."""
+    """Returns the id of the object of a class in a frame; each object exists in one frame only."""
     return 2 * frame + list(SIZES).index(name)
 
 
 def trajectories() -> Iterator[str]:
     yield "t,id,class,x,y,z,heading,dx,dy,dz,speed"
     for k in range(FRAMES + 1):
-        for frame in (k - 1, k):  # the frame that ends at this instant, and the one that starts
+        for frame in (k - 1, k):  # the frames that end and begin at this instant
             if 0 <= frame < FRAMES:
                 for name in SIZES:
                     yield f"{k / 10},{number(name, frame)},{name},{state(name, k)}"
@@ -76,7 +77,7 @@ def write_scene(folder: Path) -> Path:
 
 
 def points(world: simulation.World, lidar: simulation.Lidar) -> pd.DataFrame:
-    """Returns a row for each frame and class; objects out of range have 0 points."""
+    """Returns a row for each frame and class; an object out of range has 0 points."""
     rows = []
     for k, (frame,) in simulation.simulate(world, [lidar], range(FRAMES)):
         counts = dict(
@@ -107,7 +108,7 @@ def measured(scene: Path, files: Iterable[Path]) -> Iterator[pd.DataFrame]:
 
 
 def reach(table: pd.DataFrame) -> dict[str, float]:
-    """Returns the distance (m) up to which the median is ENOUGH, by class."""
+    """Returns, by class, the far end (m) of the last bin whose median is at least ENOUGH."""
     enough = table[table.points >= ENOUGH]
     return {name: (enough[enough["class"] == name].from_m + BIN_M).max() for name in SIZES}
 
@@ -116,7 +117,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     add_out(parser, "people.csv")
     args = parser.parse_args()
-    # Excluded: users must download its table of rays themselves, and it looks upwards.
+    # The Mid-360 is excluded: it looks upwards, and users must download its table of rays.
     files = [file for file in catalogue_files() if file.stem != "livox_mid_360"]
     with tempfile.TemporaryDirectory() as work:
         table = pd.concat(measured(write_scene(Path(work)), files))

@@ -1,10 +1,15 @@
 """Compares LiDAR positions at a crossing with corner buildings: distance, height, tilt, two poles.
 
-The scene and the commands are those of docs/several_poles.md, with three traffic seeds. The
-positions are: 40 m before the crossing; at the corner at 4, 6 and 8 m height; at 8 m pitched down
-by 10 degrees; and at 6 m with a second pole across. The detector is the shipped pretrained one,
-without training. Writes out/places.csv, the rows of `pyinfra compare` under `present` and
-`all`:
+The scene and the commands are taken from docs/several_poles.md. Three traffic seeds are simulated.
+The positions are:
+
+- 40 m before the crossing;
+- at the corner, 4, 6 and 8 m high;
+- at the corner, 8 m high and pitched down by 10 degrees;
+- at the corner, 6 m high, with a second pole at the opposite corner.
+
+The detector is the pretrained detector without further training. The command writes out/places.csv.
+Its rows are the output of `pyinfra compare` under the ground-truth subsets `present` and `all`:
 
     python -m reproduction places --work data/places
 """
@@ -29,7 +34,7 @@ FRAMES = "0:5000:47"
 LIDARS = ("hesai_xt32", "hesai_ot128")
 CORNER = {"pole.x_m": -11.5, "pole.y_m": -11.5}
 ACROSS = {"across.x_m": 11.5, "across.y_m": 11.5, "across.z_m": 6}
-RUNS = {  # by name: keys of the mounts, and the positions with their folders
+RUNS = {  # by run: changed keys of the mounts, and the folder of each position
     "back": ({}, {"back": "."}),
     "4m": (CORNER | {"pole.z_m": 4}, {"4m": "."}),
     "8m": (CORNER | {"pole.z_m": 8}, {"8m": "."}),
@@ -37,11 +42,11 @@ RUNS = {  # by name: keys of the mounts, and the positions with their folders
     "two": (CORNER | ACROSS, {"6m": "pole", "two": "fused"}),
 }
 PLACES = ("back", "4m", "6m", "8m", "8m_down", "two")
-NAMES = ("place", "minus")  # columns that hold paths
+NAMES = ("place", "minus")  # columns with paths
 
 
 def scene(work: Path) -> Path:
-    """Extracts the scene from the page and saves it under its name."""
+    """Writes the scene of docs/several_poles.md to `work/corner.yaml`; returns the file."""
     page = (ROOT / "docs/several_poles.md").read_text("utf-8")
     match = re.search(r"^```yaml corner.yaml\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
     assert match is not None
@@ -55,7 +60,7 @@ def pyinfra(*words: object) -> None:
 
 
 def evaluate(lidar: str, run: str, seed: int, work: Path) -> None:
-    """Evaluates the positions of a run, each in `work/out/LIDAR/PLACE/SEED`."""
+    """Simulates a run and evaluates each of its positions into `work/out/LIDAR/PLACE/SEED`."""
     keys, places = RUNS[run]
     data = work / "data" / lidar / f"{run}_{seed}"
     words = ["--frames", FRAMES, "--seed", str(seed), "--out", str(data)]
@@ -88,7 +93,7 @@ def main() -> None:
                 evaluate(lidar, run, seed, args.work)
                 print(lidar, run, seed, flush=True)
         for which in ("present", "all"):
-            # The blocks of `all` differ between positions, so there are no paired differences.
+            # Positions have different time blocks under `all`, so differences are not paired.
             folders = [args.work / "out" / lidar / place for place in PLACES]
             groups = [folders] if which == "present" else [[folder] for folder in folders]
             for group in groups:

@@ -1,11 +1,12 @@
-"""Compares one, two and four fused poles at a crossroad: AP, and the cost of clock and pose errors.
+"""Compares the AP of one, two and four fused poles at a crossroad, and the cost of errors.
 
-A detector trains on 400 s of fused frames with exact clocks and poses. It is tested on 500 s later
-in the same simulation: without errors, with late clocks, and with mounts turned by an unknown
-angle. (90 s of test would be little more than the time of one waiting vehicle, so no interval could
-be computed.) The vehicles of `all` are those that four poles together see, for any number of poles,
-so that differences use the same vehicles and blocks. Rows with their bootstrap replicates are added
-to out/poles.csv as they are made; existing rows are not computed again.
+A detector is trained on 400 s of fused frames with exact clocks and poses. It is tested on a later
+500 s of the same simulation: without errors, with late clocks, and with mounts that are turned by
+an unknown angle. The usual test of 90 s would be too short for an interval, because it is little
+longer than the wait of one vehicle. The ground-truth subset `all` has the vehicles that four poles
+together see, for any number of poles. Differences therefore use the same vehicles and time blocks.
+The command adds each row, with its bootstrap replicates, to out/poles.csv as soon as it is
+computed. Existing rows are not computed again.
 
     python -m reproduction poles --work data/poles
 """
@@ -46,7 +47,7 @@ from reproduction import ROOT, add_out, provenance
 
 SCENE = "crossroad_poles"
 LIDARS = ("helios_16", "livox_avia", "ruby_plus", "pandar_64")
-ANEW = "-relearnt"  # trained on the test frames with their errors, which needs no labels
+ANEW = "-relearnt"  # trained on the test frames with errors; Background needs no labels
 ARMS = ("background", "centerpoint-pillar", f"background{ANEW}")
 MOUNTS = {1: ("west",), 2: ("west", "east"), 4: ("west", "east", "south", "north")}
 LEARNT_FRAMES, TEST_FRAMES = "0:4000:10", "5000:10000:50"
@@ -57,7 +58,7 @@ KEY = ["lidar", "poles", "arm", "error", "ground_truth"]
 
 @dataclass(frozen=True)
 class Error:
-    """Errors between the mounts; the first mount is always exact."""
+    """A clock error or a yaw error between mounts; the first mount has no error."""
 
     clock_ms: float = 0
     yaw_deg: float = 0
@@ -82,7 +83,9 @@ ERRORS = (NONE, Error(clock_ms=20), Error(clock_ms=50), Error(yaw_deg=0.2), Erro
 def simulated(lidar: str, poles: int, work: Path, error: Error | None = None) -> Path:
     """Simulates fused frames and returns the LiDAR's folder.
 
-    error: errors of the test frames; None makes training frames.
+    Parameters
+    ----------
+    error : error of the test frames; None simulates the training frames
     """
     out = work / f"{lidar}_{poles}_{error.name if error else 'learnt'}"
     folder = (out if poles == 1 else out / "fused") / lidar
@@ -99,7 +102,7 @@ def simulated(lidar: str, poles: int, work: Path, error: Error | None = None) ->
     words += ["--set", *changes] if changes else []
     infrasim("run", scene, "--lidar", lidar_file(lidar), "--out", out, *words)
     for mount in mounts if poles > 1 else ():
-        shutil.rmtree(out / mount)  # the fused frames contain their points
+        shutil.rmtree(out / mount)  # the fused frames contain the points of each mount
     (folder / "ImageSets").mkdir(exist_ok=True)
     for part in ("train", "val") if error else ("train",):
         numbers = "".join(f"{k:06d}\n" for k in kitti.frames(folder))
@@ -111,7 +114,7 @@ def simulated(lidar: str, poles: int, work: Path, error: Error | None = None) ->
 def truth_of(folder: Path, reference: Path) -> GroundTruth:
     """Returns a folder's ground truth with the vehicles and visibility of `reference`.
 
-    Labels and points stay those of the folder.
+    The labels and the points are those of the folder.
     """
     truth = read_ground_truth(folder, frame_numbers(folder))
     others = read_vehicles(reference, truth.frames)
@@ -123,7 +126,7 @@ def truth_of(folder: Path, reference: Path) -> GroundTruth:
 
 
 def model_of(arm: str, folder: Path) -> tuple[Path, float]:
-    """Trains an arm on the folder's frames; returns its model and CPU seconds of the steps."""
+    """Trains an arm on the folder's frames; returns the model and the CPU seconds of training."""
     run = folder.parent / f"{folder.name}_{arm}"
     recipe = read_recipe(ROOT / "configs/detectors" / f"{arm.removesuffix(ANEW)}.yaml", "quick")
     file = train(recipe, [read_source(folder, "quick")], run, quiet=True)
@@ -132,7 +135,7 @@ def model_of(arm: str, folder: Path) -> tuple[Path, float]:
 
 
 def match_results_of(model: Path, folder: Path, reference: Path) -> tuple[list[MatchResult], float]:
-    """Returns the match results under each ground truth, and the median milliseconds per frame."""
+    """Returns a match result per ground-truth subset, and the median milliseconds per frame."""
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     detections, times = detect.detect(detect.detector_at(model, folder), files, None)
     truth = truth_of(folder, reference)
@@ -163,7 +166,7 @@ def row(match_result: MatchResult, which: str) -> dict[str, object]:
 
 
 def filled(lidar: str, poles: int, arm: str, args: argparse.Namespace) -> Iterator[pd.DataFrame]:
-    """Yields the rows of every error that the table lacks."""
+    """Yields the rows of each error for which the table has no rows."""
     table = store.read(args.out, KEY)
     for error in ERRORS if poles > 1 else (NONE,):
         experiment = {"lidar": lidar, "poles": poles, "arm": arm, "error": error.name}

@@ -11,7 +11,7 @@ from pathlib import Path
 from pyinfra.core.files import replacing
 from pyinfra.formats.csv_table import read_words
 
-OPTIONS = {  # in the column `command`
+OPTIONS = {  # replaced option names in the column `command`
     r"--dials\b": "--severities",
     r"--draws\b": "--replicates",
     r"--stressors seam\b": "--stressors cut_angle",
@@ -19,7 +19,7 @@ OPTIONS = {  # in the column `command`
 
 
 def rewrite(file: Path) -> Path:
-    """Rewrites one file and returns its current name. Raises Error for a file that is no table."""
+    """Rewrites one file and returns its new name. Raises Error if the file is not a table."""
     table = read_words(file)
     if "command" in table:
         table["command"] = table.command.replace(OPTIONS, regex=True)

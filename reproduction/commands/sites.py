@@ -1,8 +1,8 @@
-"""Takes ten maps from import to average precision, each step with the user's command.
+"""Measures ten maps from the import to the AP, with the commands that a user would type.
 
-Seven maps are generated here. Three are towns (.xodr) in the folder that --towns names; without it
-they are skipped. Rows are added to out/sites.csv as they are made; existing rows are kept
-unless --again is given.
+The command generates seven of the maps. The other three are towns (.xodr) in the folder that
+--towns names; without --towns they are skipped. The command adds each row to out/sites.csv as soon
+as it is computed. Existing rows are computed again only with --again.
 
     python -m reproduction sites --work out/sites --towns maps
 """
@@ -29,19 +29,22 @@ TOWNS = ("Town04", "Town05", "Town10HD")
 LIDARS = ("ruby_plus", "livox_avia")
 PRESET, FRAMES, SEED = "datasheet", "0:5000:25", 1
 VEHICLES_PER_HOUR = 600
-SPLIT_S = (250, 260)  # end of training, start of test
+SPLIT_S = (250, 260)  # end of the training part, start of the test part
 COMMAND = "python -m reproduction sites --work DIR --towns DIR"
 
 
 @dataclass
 class Steps:
-    """Timed commands of one site; a step's seconds are the sum over its commands."""
+    """Runs the commands of one site; the time of a step is the sum over its commands."""
 
     log: Path
     seconds: dict[str, float] = field(default_factory=dict)
 
     def run(self, step: str, program: str, *words: object) -> str:
-        """Returns the standard output of a command. Raises RuntimeError with its standard error."""
+        """Runs a command and returns its standard output.
+
+        Raises RuntimeError with the command's standard error if it fails.
+        """
         start = time.perf_counter()
         command = [str(Path(sys.executable).parent / program), *map(str, words)]
         done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
@@ -55,7 +58,7 @@ class Steps:
 
 
 def measured(name: str, map_: Path, work: Path) -> Iterator[dict[str, object]]:
-    """Yields a row for each LiDAR of a site."""
+    """Imports and simulates the site of a map; yields a row for each LiDAR."""
     shutil.rmtree(work / name, ignore_errors=True)
     (work / name).mkdir(parents=True)
     steps = Steps(work / name / "log.txt")
@@ -87,7 +90,7 @@ def measured(name: str, map_: Path, work: Path) -> Iterator[dict[str, object]]:
 
 
 def with_background(steps: Steps, data: Path, work: Path) -> dict[str, object]:
-    """Returns Background's AP on a LiDAR's frames."""
+    """Trains and tests Background on a LiDAR's frames; returns its AP."""
     recipe, run = ROOT / "configs/detectors/background.yaml", work / "run"
     steps.run("detect_s", "pyinfra", "train", recipe, "--data", data, "--out", run)
     steps.run("detect_s", "pyinfra", "detect", run, "--data", data, "--out", run / "predictions")
@@ -127,7 +130,7 @@ def main() -> None:
     parser.add_argument("--towns", type=Path, help=f"folder with {', '.join(TOWNS)} (.xodr)")
     parser.add_argument("--sites", nargs="+", help="run only these sites")
     parser.add_argument(
-        "--again", action="store_true", help="also run sites that the table already has"
+        "--again", action="store_true", help="measure sites again that the table already has"
     )
     add_out(parser, "sites.csv")
     args = parser.parse_args()

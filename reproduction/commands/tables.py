@@ -1,8 +1,8 @@
-"""Writes the documentation's tables that come from a CSV in results/: `make docs`.
+"""Writes the tables of the documentation from the CSV files in results/: `make docs`.
 
-A table stands in a page between `<!-- table NAME -->` and `<!-- end -->`. NAME is a key of TABLES,
-which maps it to the function that makes the table. `--check` writes nothing and fails if a page
-differs.
+In a page, a table is between `<!-- table NAME -->` and `<!-- end -->`. TABLES maps each NAME to the
+function that makes the table. `--check` writes nothing and fails if a table in a page differs from
+the result of its function.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ TABLES: dict[str, Callable[[], str]] = {
 
 
 def rewritten(page: Path) -> str:
-    """Returns the page with its tables made anew. Raises Error for an unknown table name."""
+    """Returns the text of a page with current tables. Raises Error for an unknown table name."""
 
     def table(match: re.Match[str]) -> str:
         begin, name, _, end = match.groups()
@@ -73,7 +73,7 @@ def rewritten(page: Path) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description="Writes the documentation's tables from results/.")
     parser.add_argument(
-        "--check", action="store_true", help="write nothing; fail if a page differs"
+        "--check", action="store_true", help="write nothing; fail if a table is not current"
     )
     check = parser.parse_args().check
     stale = [page for page in PAGES if rewritten(page) != page.read_text(encoding="utf-8")]

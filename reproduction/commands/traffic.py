@@ -1,10 +1,10 @@
 """Measures the motion of SUMO's vehicles, bicycles and pedestrians before and after smoothing.
 
-Two runs are made on a generated crossing with signals, and on each given site:
+The command makes two runs on a generated crossing with signals, and two on each given site:
 
     python -m reproduction traffic sites/town
 
-Writes out/traffic.csv with a row per run before smoothing and one after it.
+It writes two rows per run to out/traffic.csv: before smoothing and after smoothing.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def main() -> None:
         "--people-per-hour",
         type=float,
         default=300,
-        help="pedestrians per hour, and the same number of cyclists",
+        help="pedestrians per hour; the number of cyclists is the same",
     )
     parser.add_argument("--seconds", type=float, default=500)
     add_out(parser, "traffic.csv")

@@ -1,10 +1,11 @@
-"""Measures the effect of training budget and split on AP: out/budget.csv and split.csv.
+"""Measures how the number of training steps and the split affect AP.
 
     python -m reproduction training --work data/benchmark
 
-The setting is the highway, the Avia, preset `paper`, tier quick. Existing rows are skipped. The
-rows with the whole budget and with the split by time come from quick.csv in the same folder, else
-from results/quick.csv, so run `pyinfra benchmark` first.
+The command writes out/budget.csv and out/split.csv. The experiments use the highway, the Avia,
+preset `paper` and tier `quick`. Existing rows are not computed again. The rows with all training
+steps and with the split by time are copied from a benchmark. They are read from quick.csv in the
+output folder, otherwise from results/quick.csv. Run `pyinfra benchmark` first.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ def experiment_of(detector: str) -> Experiment:
 
 
 def split_at_random(data: Path) -> Path:
-    """Makes a copy of the data set by links, with a random split; returns its folder."""
+    """Links all files of a data set into a new folder with a random split; returns the folder."""
     twin = data.with_name(f"{data.name}_random")
     for file in data.glob("*.*"):
         link(twin / file.name, file)
@@ -58,7 +59,7 @@ def link(at: Path, to: Path) -> None:
 def add(
     file: Path, experiment: Experiment, change: dict[str, object], recipe: Recipe, folder: Path
 ) -> None:
-    """Runs an experiment with a change and adds its row, unless the row exists."""
+    """Runs an experiment with a changed setting and adds its row, unless the row exists."""
     key = dataclasses.asdict(experiment) | change
     if store.has(store.read(file, list(change)), key):
         return
@@ -71,7 +72,7 @@ def add(
 
 
 def add_known(file: Path, detectors: tuple[str, ...], change: dict[str, object]) -> None:
-    """Copies the benchmark's rows that correspond to the unchanged setting."""
+    """Copies the rows of a benchmark that have the unchanged setting."""
     known = file.with_name("quick.csv")
     table = store.read(known if known.is_file() else RECORDED / "quick.csv")
     wanted = pd.DataFrame([dataclasses.asdict(experiment_of(name)) for name in detectors])

@@ -1,12 +1,16 @@
-"""Measures AP of pretrained detectors at sites new to all, by class, site type and pose error.
+"""Measures the AP of pretrained detectors at unseen sites, by class, site type and pose error.
 
-The sites are files, written by the command `frozen_sites`: 60 generated sites and 20 with much
-street furniture. Each has four LiDARs with data sheet settings and some frames of each. Vehicles
-are matched by BEV IoU 0.5. Pedestrians and cyclists are matched by IoU 0.25, and by centres within
-0.5 m, because an IoU of 0.5 allows an offset of only 0.2 m for a box of 0.6 m. The class of a box
-does not matter for a vulnerable road user (pedestrian or cyclist). Conditions are errors of the
-known pose. Intervals (Student's t), paired differences to the first model and costs of a condition
-use 1,000 bootstrap replicates of whole sites. Writes out/unseen.csv:
+The command `frozen_sites` wrote the sites as files: 60 generated sites, and 20 sites with much
+street furniture. Each site has four LiDARs with preset `datasheet` and up to five frames per LiDAR.
+
+Vehicles are matched by a BEV IoU of 0.5. Pedestrians and cyclists are matched in two ways: by an
+IoU of 0.25, and by a centre distance of 0.5 m. For them an IoU of 0.5 is too strict: a box of 0.6 m
+may be displaced by only 0.2 m. The class `vulnerable road user` has pedestrians and cyclists. Its
+boxes may have either of the two classes.
+
+A condition is an error of the known pose. Intervals (Student's t) are computed from 1,000 bootstrap
+replicates of whole sites. The table also has paired differences to the first model, and the AP that
+each condition costs. The command writes out/unseen.csv:
 
     python -m reproduction unseen version_2.safetensors generalist
 """
@@ -40,16 +44,16 @@ from pyinfra.scenes.generator.ranges import RANGES
 from reproduction import add_out, provenance
 from reproduction.commands import frozen_sites
 
-FINE = 1000  # recalls
+FINE = 1000  # number of recall levels of the AP
 REPLICATES = 1000
-CUT = 0.5  # calibrated score from which an unmatched box counts as a false positive
+CUT = 0.5  # smallest calibrated score of an unmatched box that counts as a false positive
 CLASSES: tuple[ObjectClass, ...] = ("vehicle", "pedestrian", "cyclist")
-# The classes whose boxes count for each kind of object.
+# The classes of boxes that may match each kind of object.
 OBJECTS: dict[str, tuple[ObjectClass, ...]] = {
     **{name: (name,) for name in CLASSES},
     "vulnerable road user": ("pedestrian", "cyclist"),
 }
-# How a box is matched: name, metric, threshold.
+# A way to match boxes: name, metric and threshold.
 Measure = tuple[str, matching.Metric, float]
 OF_VEHICLES: list[Measure] = [("BEV IoU 0.5", "bev", 0.5)]
 OF_PEOPLE: list[Measure] = [("BEV IoU 0.25", "bev", 0.25), ("centre 0.5 m", "centre", 0.5)]
@@ -73,13 +77,13 @@ KINDS: dict[str, Callable[[Keys], bool]] = {
 
 
 def many(keys: Keys, name: str) -> bool:
-    """Returns whether a rare class is a large share of the traffic."""
+    """Returns True if a rare class has a large share of a site's traffic."""
     return bool(keys["traffic"]["class_shares"].get(name, 0) >= RANGES.fleet_weight[0])
 
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """A model's boxes for a kind of object at all sites of a set, by one measure."""
+    """A model's boxes for one kind of object at all sites of a set, matched by one measure."""
 
     slot: IntArray  # (n,) index of the site
     scores: FloatArray
@@ -88,18 +92,18 @@ class Boxes:
     frames: IntArray  # (sites,)
 
     def ap(self, weights: IntArray) -> FloatArray:
-        """Returns AP (R1000); weights: (replicates, sites)."""
+        """Returns the AP (R1000) of each bootstrap replicate from weights (replicates, sites)."""
         return average_precision(
             rank(self.scores, self.right, self.objects, self.slot), FINE, weights
         )
 
     def false_per_frame(self, weights: IntArray) -> FloatArray:
-        """Returns unmatched boxes above the cut per frame."""
+        """Returns false positives per frame for weights (replicates, sites)."""
         false = self.slot[~self.right & (self.scores >= CUT)]
         return (weights @ np.bincount(false, minlength=len(self.frames))) / (weights @ self.frames)
 
     def recall_at_half(self, chosen: BoolArray) -> float:
-        """Returns the highest recall with a precision of at least 0.5 at the chosen sites."""
+        """Returns the highest recall at the chosen sites at which the precision is at least 0.5."""
         mask = chosen[self.slot]
         right = self.right[mask][np.argsort(-self.scores[mask], kind="stable")]
         true_positives = np.cumsum(right)
@@ -109,7 +113,7 @@ class Boxes:
 
 @dataclass
 class Parts:
-    """Collects the data of Boxes site by site."""
+    """Collects the arrays of a Boxes object, one sample at a time."""
 
     sites: int
     boxes: list[tuple[IntArray, FloatArray, BoolArray]] = field(default_factory=list)
@@ -133,7 +137,10 @@ Key = tuple[str, int, str, str]  # condition, model, kind of object, measure
 def scored_boxes(
     sample: SiteSample, detections: Detections, names: tuple[ObjectClass, ...], measure: Measure
 ) -> tuple[FloatArray, BoolArray, int]:
-    """Returns scores (n,) and matches (n,) of the boxes of some classes, and the object count."""
+    """Returns scores (n,) and correctness (n,) of boxes, and the number of objects.
+
+    Only boxes and objects of the classes `names` are used.
+    """
     _, metric, limit = measure
     margin_m = 0.0 if names == VEHICLES else FOOTWAYS_M
     types, numbers = [TYPES[name] for name in names], [CLASSES.index(name) for name in names]
@@ -206,7 +213,9 @@ def rows(
 def with_ends(name: str, values: FloatArray | None, sites: int) -> dict[str, float]:
     """Returns a value and the ends of its interval.
 
-    values: the value, then its bootstrap replicates over sites; None gives NaN.
+    Parameters
+    ----------
+    values : the value, followed by its bootstrap replicates over sites; None gives NaN
     """
     keys = (name, f"{name}_low", f"{name}_high")
     if values is None:
@@ -218,7 +227,10 @@ def with_ends(name: str, values: FloatArray | None, sites: int) -> dict[str, flo
 def tested(
     networks: list[Network], names: list[str], sites: int | None, frames: int
 ) -> Iterator[dict[str, object]]:
-    """Yields the rows of both sets; pose errors and site types only for the plain set."""
+    """Yields the rows of both sets of sites.
+
+    Pose errors and site types are measured on the set `plain` only.
+    """
     for name, conditions in (
         ("plain", CONDITIONS),
         ("cluttered", {AS_KNOWN: CONDITIONS[AS_KNOWN]}),

@@ -1,7 +1,8 @@
 """Decides the primary claims of docs/verdict_rules.md from a table of experiments.
 
-Each value is a difference within a replicate, averaged over its test seeds. Its interval is
-Student's t over replicates, at the level of one of three looks.
+A claim's value in a replicate is the mean over the replicate's test seeds. The interval is
+Student's t interval over replicates. Its confidence level is 1 - 0.05 / 3, because a claim can be
+tested three times: after 3, 5 and 10 replicates. The command writes results/verdicts.csv:
 
     python -m reproduction verdicts results/experiments.csv --out results/verdicts.csv
 """
@@ -23,9 +24,9 @@ from pyinfra.experiments import store
 from reproduction import add_out, provenance
 from reproduction.commands.experiments import KEY
 
-LEVEL = 1 - 0.05 / 3  # of each of the looks at 3, 5 and 10 replicates
+LEVEL = 1 - 0.05 / 3  # confidence level of each test, after 3, 5 and 10 replicates
 LEAST_REPLICATES = 3
-LEVEL_AP = 80.0  # that `value` asks for
+LEVEL_AP = 80.0  # the AP that the claim `value` requires
 WIDE, MIDDLE = "ruby_plus", "pandar_64"
 SPINNING = [WIDE, MIDDLE, "helios_16"]
 MEASURES = ["ap_r1000", "ap_r1000_near", "ap_r1000_far", "p_hqda"]
@@ -36,23 +37,27 @@ Values = Callable[[pd.DataFrame], pd.Series]
 
 @dataclass(frozen=True)
 class Claim:
-    """A primary claim: what it measures in each replicate, and when it holds."""
+    """A primary claim: its value in each replicate, and the range in which it holds."""
 
     name: str
-    values: Values  # of the rows of a subset by replicate and LiDAR: the value of each replicate
+    values: Values  # from measures by replicate and LiDAR to the value of each replicate
     subsets: tuple[str, ...]
-    low: float  # the claim holds if the interval lies between low and high
+    low: float  # the claim holds if its interval lies between low and high
     high: float
     precision: float
 
 
 def less(column: str, a: str, b: str) -> Values:
-    """Returns the values of LiDAR a less those of LiDAR b."""
+    """Returns a function that computes the measure of LiDAR a minus that of LiDAR b."""
     return lambda rows: rows[column][a] - rows[column][b]
 
 
 def gentle(rows: pd.DataFrame) -> pd.Series:
-    """Returns how much less AP the Avia loses beyond 60 m than the best spinning LiDAR."""
+    """Returns, by replicate, how much less AP the Avia loses with distance than another LiDAR.
+
+    The loss is the AP within 60 m minus the AP beyond 60 m. The other LiDAR is the spinning LiDAR
+    with the highest AP in the replicate.
+    """
     loss = rows.ap_r1000_far - rows.ap_r1000_near
     best = rows.ap_r1000[SPINNING].idxmax(axis=1)
     return loss["avia"] - pd.Series({r: loss[name][r] for r, name in best.items()})
@@ -72,7 +77,10 @@ CLAIMS = (
 
 
 def interval(values: FloatArray) -> tuple[float, float]:
-    """Returns the ends of Student's interval of the mean; NaN below LEAST_REPLICATES."""
+    """Returns the ends of Student's t interval of the mean.
+
+    The ends are NaN for fewer than LEAST_REPLICATES values.
+    """
     n = len(values)
     if n < LEAST_REPLICATES:
         return math.nan, math.nan

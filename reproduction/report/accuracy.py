@@ -58,7 +58,7 @@ def section(material: Material) -> Section | None:
 
 
 def _agreement(material: Material) -> list[Block]:
-    """Returns a table of Spearman's rank correlation between this benchmark's and the paper's AP."""
+    """Returns a table of Spearman's rank correlation of this benchmark's AP with the paper's AP."""
     rows = material.results.table("paper")
     if rows.empty:
         return []
