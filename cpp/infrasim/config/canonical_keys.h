@@ -5,24 +5,26 @@
 #include <string_view>
 
 // The identity of a folder or of a row of results is computed from configuration keys. It uses the
-// key names of version 0.3, the canonical names. So a key can be renamed, or a key with a default
-// added, and old folders and rows stay valid. Only this header lists the changes since 0.3.
+// canonical names of the keys, which are the names of version 0.3. Folders and rows of older
+// versions therefore stay valid when a key is renamed, or when a key with a default is added. This
+// header lists all changes since version 0.3.
 
 namespace infrasim::config {
 
-/// A key that was renamed since version 0.3. The canonical name is accepted in the files of data
-/// folders alone.
+/// A key that was renamed after version 0.3. The canonical name is accepted only in the files of
+/// data folders.
 struct RenamedKey {
   /// The end of the key's dotted path, such as `spinning.cut_angle_deg` or `mounts.*.x_m`. A *
-  /// stands for any name, and a leading dot for the top level. List indices are left out.
+  /// matches any name. A path with a leading dot begins at the top level. List indices are omitted.
   std::string_view path;
   std::string_view canonical;
 };
 
-/// A key added after version 0.3. With its default value it is not part of the identity.
+/// A key that was added after version 0.3. A key with its default value is not part of the
+/// identity.
 struct LaterKey {
   std::string_view path;      ///< as in RenamedKey
-  std::string_view standard;  ///< its default, in the form that `infrasim check` prints
+  std::string_view standard;  ///< the key's default, as `infrasim check` prints it
 };
 
 struct CanonicalKeys {

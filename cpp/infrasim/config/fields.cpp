@@ -54,8 +54,8 @@ bool parse_double(const std::string& text, double& value) {
 
 std::string number_text(double value) {
   if (std::isinf(value)) return value > 0 ? ".inf" : "-.inf";
-  // YAML 1.1 readers take 1e5 for a string. So an exponent appears only if necessary, and with a
-  // decimal point.
+  // YAML 1.1 readers read 1e5 as a string. Therefore an exponent is written only if necessary, and
+  // always with a decimal point.
   const double size = std::abs(value);
   const bool fixed = value == 0 || (size >= 1e-6 && size < 1e15);
   std::array<char, 64> buffer{};
@@ -172,7 +172,8 @@ void FieldReader::read(const Tree& tree, const std::string& key, Vec2& value, co
   read(tree.items[1], key + ".1", value.y, rule);
 }
 
-/// Numerator and denominator are limited, so that products of two of them are exact.
+/// Reads a fraction. Numerator and denominator are limited, so that a product of two of them is
+/// exact.
 void FieldReader::read(const Tree& tree, const std::string& key, Fraction& value,
                        const Rule& rule) {
   const std::string_view text = tree.scalar;
@@ -218,7 +219,7 @@ bool ends_as(std::string_view path, std::string_view pattern) {
 
 namespace {
 
-/// The current name of a key with a canonical name; nothing for all other keys.
+/// Returns the current name of a key that has its canonical name; no value for any other key.
 std::optional<std::string> current_name(const std::string& key, const std::string& path,
                                         const CanonicalKeys& canonical) {
   for (const RenamedKey& renamed : canonical.renamed) {
@@ -275,7 +276,7 @@ bool FieldWriter::is_left_out(std::string_view value) const {
   });
 }
 
-/// True if the word needs no quotes.
+/// Returns true if the key can be written without quotes.
 bool FieldWriter::plain(const std::string& key) {
   const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
   return !key.empty() && letter(key.front()) && std::ranges::all_of(key, [&](char c) {

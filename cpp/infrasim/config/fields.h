@@ -29,7 +29,7 @@ struct Rule {
   double max = 1e9;
   bool above_min = false;  ///< the minimum itself is not allowed
   bool required = false;
-  std::size_t min_items = 0;  ///< of a list or map
+  std::size_t min_items = 0;  ///< minimum number of items of a list or map
 };
 inline Rule between(double min, double max) { return {min, max}; }
 inline Rule positive(double max = 1e9) { return {0, max, true}; }
@@ -39,11 +39,11 @@ inline Rule required(Rule rule = {}) {
 }
 inline Rule at_least_one() { return {-1e9, 1e9, false, true, 1}; }
 
-/// Shortest text that reads back as the same number.
+/// Returns the shortest text that is parsed as the same number.
 std::string number_text(double value);
 
-/// Whether a text begins with a letter, a digit or _. Shells and spreadsheets interpret other
-/// beginnings, such as -rf and =1+1.
+/// Returns whether a text begins with a letter, a digit or _. Shells and spreadsheets give a
+/// special meaning to other first characters, as in -rf and =1+1.
 bool begins_as_name(const std::string& text);
 
 /// @throws ConfigError if the value is not a map
@@ -61,7 +61,7 @@ concept Struct = std::is_class_v<T> && !std::is_same_v<T, std::string> &&
 class FieldReader {
  public:
   FieldReader(const Tree& map, std::string path);
-  /// @throws ConfigError for an unknown key if there is one, else for the first failed check
+  /// @throws ConfigError for an unknown key; if all keys are known, for the first failed check
   void finish() const;
 
   template <class T>
@@ -70,8 +70,9 @@ class FieldReader {
   }
   /// Stores the position of the struct, for checks that need other parts of the scene.
   void here(Place& place) const { place = map_.place; }
-  /// Makes `finish` fail at the key's position if the condition does not hold. Unknown keys are
-  /// reported first, even before a missing required key, because a misspelt key is often the cause.
+  /// Makes `finish` fail at the key's position if the condition does not hold. `finish` reports an
+  /// unknown key before a missing required key, because the unknown key is often a misspelling of
+  /// the missing one.
   void check(bool holds, const char* key, const std::string& what);
 
  private:
@@ -227,13 +228,13 @@ class FieldWriter {
   static std::string quoted(const std::string& text);
   void append_entry(const std::string& entry);
 
-  CanonicalKeys canonical_;  ///< empty: keys keep their current names
+  CanonicalKeys canonical_;  ///< if empty, keys are written by their current names
   std::string path_;  ///< dotted path of the current key from the top level, with a leading dot
   std::string text_;
   std::size_t indent_ = 0;
 };
 
-/// @throws ConfigError if a key has its canonical name in place of its current one
+/// @throws ConfigError if a key has its canonical name instead of its current name
 void check_current_names(const Tree& tree, const CanonicalKeys& canonical,
                          const std::string& path = "");
 
@@ -241,7 +242,7 @@ void check_current_names(const Tree& tree, const CanonicalKeys& canonical,
 /// @throws ConfigError if a map has a key under both names
 Tree with_current_names(Tree tree, const CanonicalKeys& canonical, const std::string& path = "");
 
-/// The configuration in a user's file, which has current names of keys.
+/// Returns the configuration in a user's file, in which keys must have their current names.
 template <class T>
 T read_struct(const Tree& tree, const CanonicalKeys& canonical = kCanonicalKeys) {
   check_current_names(tree, canonical);
@@ -252,7 +253,8 @@ T read_struct(const Tree& tree, const CanonicalKeys& canonical = kCanonicalKeys)
   return value;
 }
 
-/// As read_struct, of a file that a run wrote: one of version 0.3 has canonical names.
+/// Like read_struct, for a file that a run wrote. In files of version 0.3, keys have their
+/// canonical names.
 template <class T>
 T read_written(const Tree& tree, const CanonicalKeys& canonical = kCanonicalKeys) {
   return read_struct<T>(with_current_names(tree, canonical), canonical);
@@ -266,7 +268,8 @@ std::string dump_struct(T value) {
   return writer.text() + "\n";
 }
 
-/// As dump_struct, but with canonical keys: the identity of folders and rows of results.
+/// Like dump_struct, but with canonical names of keys. The text is the identity of folders and rows
+/// of results.
 template <class T>
 std::string canonical_text(T value, const CanonicalKeys& canonical = kCanonicalKeys) {
   FieldWriter writer(canonical);

@@ -6,9 +6,10 @@
 #include "infrasim/config/fields.h"
 #include "infrasim/core/filter_steps.h"
 
-// The names and parameters of every filter. The keys of a scene, the options of `infrasim filter`
-// and the classes in Python are made from them. A new filter needs a struct and an entry in
-// FilterOf (core/filter_steps.h), a declaration here, and a function `keep` in filter/.
+// Declares the name and the parameters of every filter. The keys of a scene, the options of
+// `infrasim filter` and the classes in Python are made from these declarations. A new filter
+// requires a struct and an entry in FilterOf (core/filter_steps.h), a declaration here, and a
+// function `keep` in filter/.
 
 namespace infrasim::config {
 
@@ -36,7 +37,8 @@ Parameter<Filter, T, true> required(const char* name, T Filter::* member, const 
 
 template <class... Parameters>
 struct FilterDeclaration {
-  const char* key;        ///< of an entry in a scene's `filters`; CamelCase in Python
+  const char*
+      key;  ///< key of an entry in a scene's `filters`; the Python class has this name in CamelCase
   const char* doc;        ///< description of that key
   const char* docstring;  ///< docstring of the class in Python
   std::tuple<Parameters...> parameters;
@@ -117,7 +119,7 @@ inline auto declaration(Of<GroundMorphological>) {
       optional("max_range_m", &Filter::max_range_m, "farther points are kept", positive(600)));
 }
 
-/// In Python, and where points are filtered, the filter is a learnt model.
+/// Declares the background filter. In Python, and when points are filtered, it is a learnt model.
 inline auto declaration(Of<BackgroundFilter>) {
   using Filter = BackgroundFilter;
   return declare(

@@ -6,7 +6,7 @@
 
 namespace infrasim {
 
-/// A scene has one key for each side of the box.
+/// In a scene file, each side of the box has its own key.
 template <class Fields>
 void visit(Fields& f, CropBox& c) {
   static constexpr std::array kMin{"x_min_m", "y_min_m", "z_min_m"};

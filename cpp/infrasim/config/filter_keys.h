@@ -6,7 +6,7 @@
 
 namespace infrasim {
 
-/// Keys of an entry of `filters`.
+/// Visits the keys of an entry of `filters`.
 template <class Fields>
 void visit(Fields& f, FilterConfig& c);
 

@@ -61,8 +61,8 @@ class FieldLister {
     return type(T{}) + "s by name";
   }
 
-  /// The default as `dump_struct` writes it; empty for absent values and for values with keys of
-  /// their own.
+  /// Returns the default as `dump_struct` writes it. Returns an empty text for an absent value, and
+  /// for a value that is itself a map of keys.
   template <class T>
   static std::string standard(T& value) {
     if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T> || std::is_same_v<T, std::string>) {

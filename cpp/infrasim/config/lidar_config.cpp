@@ -25,7 +25,7 @@ void visit(Fields& f, PriceConfig& c) {
 
 namespace {
 
-/// One entry of a bundle: the file of another LiDAR, or (in a resolved dump) the unit itself.
+/// One entry of a bundle: the file of another LiDAR, or, in a resolved dump, a whole unit.
 struct BundleEntry {
   std::optional<std::string> lidar;
   double yaw_deg = 0;
@@ -49,7 +49,8 @@ void visit(Fields& f, BundleEntry& c) {
   f.field("lidar", c.lidar, "LiDAR file, relative to this one");
   f.field("yaw_deg", c.yaw_deg, "turned to the left on the mount", between(-360, 360));
   f.field("pitch_deg", c.pitch_deg, "positive looks down", between(-90, 90));
-  if constexpr (!std::is_same_v<Fields, config::FieldLister>) {  // listed once, outside bundles
+  if constexpr (!std::is_same_v<Fields, config::FieldLister>) {  // the key list has these keys
+                                                                 // once, outside bundles
     f.field("pattern", c.pattern, "directions and times of its rays");
     f.field("returns", c.returns, "which hits become points");
   }
@@ -119,8 +120,8 @@ void resolve_channels(const std::filesystem::path& folder, ChannelsConfig& c) {
   c = ChannelsConfig{.file = "", .count = 0, .upper_deg = 0, .lower_deg = 0, .table = c.table};
 }
 
-/// Sets the rate of a table. It repeats at `rays_per_s`; without that key, a table with times
-/// repeats one mean step after its last row.
+/// Sets the rate at which a table repeats. The rate follows from `rays_per_s`. Without that key, a
+/// table with times repeats one mean time step after its last row.
 void resolve_rate(const std::filesystem::path& file, TableConfig& c) {
   const auto rows = static_cast<double>(c.directions.size());
   const double last_s = c.times_s.empty() ? 0 : c.times_s.back();
@@ -206,7 +207,7 @@ void add_price(const PriceConfig& part, PriceConfig& sum) {
   sum.date = part.date;
 }
 
-/// The unit described by a file of a bundle; its price is added to the sum.
+/// Returns the unit that a file of a bundle describes, and adds its price to `sum`.
 LidarUnit unit_of_file(const std::filesystem::path& file, const std::string& part,
                        const std::string& preset, PriceConfig& sum) {
   const std::filesystem::path part_file = file.parent_path() / part;

@@ -38,21 +38,22 @@ struct ChannelsConfig {
 enum class MotorPhase { kLocked, kFree };
 std::span<const char* const> enum_names(MotorPhase);
 
-/// The sensor turns clockwise seen from above, as all sensors of the catalogue do. Exactly one of
-/// azimuth_step_deg and columns_per_turn is set.
+/// A sensor that turns clockwise seen from above, as all spinning sensors of the catalogue do.
+/// Exactly one of azimuth_step_deg and columns_per_turn is set.
 struct SpinningConfig {
   double rate_hz = 10;
-  MotorPhase phase = MotorPhase::kLocked;  ///< locked: at time 0 the motor is at cut_angle_deg
+  MotorPhase phase = MotorPhase::kLocked;  ///< a locked motor is at cut_angle_deg at time 0
   double cut_angle_deg = 180;              ///< azimuth in the unit's own frame
   std::optional<double> azimuth_step_deg;
   std::optional<Fraction>
-      columns_per_turn;  ///< exact; its columns repeat after `denominator` turns
+      columns_per_turn;  ///< exact; the columns repeat after `denominator` turns
   ChannelsConfig channels;
 };
 double columns_per_s(const SpinningConfig& spinning);
-/// Columns per turn as an exact fraction, also if the file gives a step: 0.2 means 1800 per turn,
-/// though the number is only close to 360 / 1800. Returns nothing if no fraction with a denominator
-/// up to 16 fits the step.
+/// Returns the columns per turn as an exact fraction. If the file gives a step in degrees, the
+/// fraction is found from the step: 0.2 means 1800 columns per turn, although the floating-point
+/// number only approximates 360 / 1800. Returns no value if no fraction with a denominator up to 16
+/// fits the step.
 std::optional<Fraction> columns_per_turn(const SpinningConfig& spinning);
 
 enum class Faces { kTiltedFirst, kFlatFirst };
@@ -73,7 +74,8 @@ struct PrismsConfig {
   MotorPhase phase = MotorPhase::kFree;  ///< no vendor offers a lock
   int first_step = 0;
   double focal_length = 1;
-  std::vector<double> laser_offsets;  ///< elevation is atan(offset / focal_length), from the top
+  std::vector<double>
+      laser_offsets;  ///< from top to bottom; an elevation is atan(offset / focal_length)
   std::vector<PrismConfig> prisms;
 };
 
@@ -82,9 +84,9 @@ struct TableConfig {
   std::string file;
   double rays_per_s = 0;
   MotorPhase phase = MotorPhase::kFree;
-  std::string digest;            ///< of the directions
+  std::string digest;            ///< digest of the directions
   std::vector<Vec2> directions;  ///< resolved: azimuth, elevation (rad)
-  /// resolved: time of each direction since the first; empty: evenly spaced
+  /// resolved: time of each direction since the first direction; if empty, they are evenly spaced
   std::vector<double> times_s;
 };
 
@@ -108,7 +110,7 @@ struct PublishedRange {
   double sunlight_klux = 100;
 };
 
-/// Detection by received power. The 10 % range holds in 100 klx.
+/// Detection by received power. The 10 % range applies to sunlight of 100 klx.
 struct DetectionConfig {
   double range_at_10_percent_m = 100;
   std::vector<PublishedRange> further_ranges;
@@ -126,7 +128,7 @@ struct BeamConfig {
   int sub_rays = 5;
 };
 
-inline constexpr double kLongestRange_m = 5000;  ///< for any LiDAR
+inline constexpr double kLongestRange_m = 5000;  ///< longest allowed range of a LiDAR
 
 struct ReturnsConfig {
   double min_range_m = 0;
@@ -162,7 +164,7 @@ struct LidarConfig {
 
 double rays_per_s(const PatternConfig& pattern);
 
-/// Reads one preset of a LiDAR file, and the files that it names, relative to it.
+/// Reads one preset of a LiDAR file. Paths in the file are relative to the file.
 /// @throws ConfigError, IoError
 LidarConfig read_lidar(const std::filesystem::path& file, const std::string& preset);
 
@@ -173,7 +175,8 @@ std::vector<std::string> preset_names(const std::filesystem::path& file);
 /// unit, rotated or not, can be read back. The dump of a LiDAR with several units has no price.
 std::string dump_lidar(const LidarConfig& lidar);
 
-/// As dump_lidar, but with canonical keys: the identity of the LiDAR's frames.
+/// Like dump_lidar, but with canonical names of keys. The text is the identity of the LiDAR's
+/// frames.
 std::string canonical_lidar(const LidarConfig& lidar);
 /// @param resolved keys written by `dump_lidar` of this version or an older one
 std::string canonical_lidar(const config::Tree& resolved);

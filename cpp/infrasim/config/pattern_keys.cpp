@@ -12,8 +12,8 @@ using config::required;
 
 namespace {
 
-// Each ray is traced through each prism in about 0.1 us. A Livox Horizon has 720,000 passages per
-// second.
+// Tracing a ray through a prism takes about 0.1 us. The rays of a Livox Horizon pass through
+// 720,000 prisms per second.
 constexpr double kMostPassagesPerSecond = 1e7;
 
 }  // namespace

@@ -10,7 +10,7 @@ namespace infrasim {
 inline constexpr double kFewestPerSecond = 10;
 inline constexpr double kMostRaysPerSecond = 1e8;
 
-/// Keys of `pattern` of a unit.
+/// Visits the keys of `pattern` of a unit.
 template <class Fields>
 void visit(Fields& f, PatternConfig& c);
 

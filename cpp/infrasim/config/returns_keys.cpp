@@ -37,8 +37,9 @@ std::string range_text(const PublishedRange& r) {
 
 namespace {
 
-/// Two published ranges that contradict each other: the target with higher reflectance, or in less
-/// light, has the shorter range. Empty if there are none.
+/// Describes two published ranges that contradict each other; empty if there are none. Two ranges
+/// contradict each other if a target has the shorter range despite a higher reflectance or less
+/// light.
 std::string contradiction(const DetectionConfig& detection) {
   const std::vector<PublishedRange> ranges = published_ranges(detection);
   for (const PublishedRange& a : ranges)

@@ -6,7 +6,7 @@
 
 namespace infrasim {
 
-/// Keys of `returns` of a unit.
+/// Visits the keys of `returns` of a unit.
 template <class Fields>
 void visit(Fields& f, ReturnsConfig& c);
 

@@ -7,11 +7,11 @@
 
 namespace infrasim {
 
-/// Keys `lanes`, `roads` and `profile`.
+/// Visits the keys `lanes`, `roads` and `profile`.
 template <class Fields>
 void visit_ways(Fields& f, SceneConfig& c);
 
-/// Key `junctions`.
+/// Visits the key `junctions`.
 template <class Fields>
 void visit_junctions(Fields& f, SceneConfig& c);
 

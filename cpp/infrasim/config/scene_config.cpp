@@ -99,7 +99,8 @@ bool is_folder_name(const std::string& name) {
   return plain && config::begins_as_name(name);
 }
 
-/// Several mounts become folders, side by side and beside the folder of a fusion.
+/// Checks that the names of mounts can be names of folders. Each of several mounts has a folder,
+/// beside the folder of the fused frames.
 template <class Fields>
 void check_mounts(Fields& f, const SceneConfig& c) {
   for (const auto& [name, mount] : c.mounts) {

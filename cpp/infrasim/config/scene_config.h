@@ -74,8 +74,8 @@ struct RoadConfig {
   config::Place place;
 };
 
-/// The slope of the scene along one direction. The other keys describe a level scene; each point is
-/// then raised by the profile at its position.
+/// The slope of the scene along one direction. All other keys describe a level scene. The profile
+/// then raises each point by the rise at its position.
 struct ProfileConfig {
   double x_m = 0;
   double y_m = 0;
@@ -84,7 +84,7 @@ struct ProfileConfig {
   double vertical_curve_m = 40;
 };
 
-/// A level piece of terrain with a convex outline. Rays pass where there is no ground.
+/// A level piece of terrain with a convex outline. A ray that meets no terrain has no return.
 struct GroundConfig {
   double elevation_m = 0;
   std::vector<Vec2> outline_m;
@@ -126,10 +126,10 @@ struct BarrierConfig {
   config::Place place;
 };
 
-/// Probability per metre that leaves stop a ray. It is the projection G = 0.5 of randomly oriented
-/// leaves (Campbell, Norman: An Introduction to Environmental Biophysics, 1998) times the leaf area
-/// density. Studies of street trees use densities of 1.5 m2/m3 (sparse) to 3 m2/m3 (dense). A
-/// clipped hedge is dense.
+/// Probability per metre that leaves stop a ray. It is the leaf area density times the projection
+/// G = 0.5 of randomly oriented leaves (Campbell, Norman: An Introduction to Environmental
+/// Biophysics, 1998). Studies of street trees use leaf area densities of 1.5 m2/m3 (sparse) to 3
+/// m2/m3 (dense). A clipped hedge is dense.
 inline constexpr double kHedgeDensity_per_m = 1.5;
 inline constexpr double kCrownDensity_per_m = 0.75;
 
@@ -214,7 +214,7 @@ struct RoundaboutConfig {
   double island_m = 0.3;
 };
 
-/// A crossing of two roads: either with signals, where each approach has its own green phase, or a
+/// A crossing of two roads. It has signals with a green phase for each approach, or it is a
 /// roundabout without signals.
 struct JunctionConfig {
   std::vector<std::string> roads;
@@ -243,7 +243,7 @@ struct TrafficConfig {
 /// A row of parked vehicles along a road.
 struct ParkedConfig {
   std::string road;
-  double offset_m = 0;  ///< of the vehicles' centres, positive to the left of the centreline
+  double offset_m = 0;  ///< offset of the vehicles' centres, positive to the left of the centreline
   double from_m = 0;
   double to_m = 1e9;
   double turn_deg = 0;    ///< relative to the road's direction
@@ -266,10 +266,10 @@ struct PersonSpeedConfig {
 /// Pedestrians or cyclists that move along a line beside a road, in both directions.
 struct PeopleConfig {
   std::string road;
-  double offset_m = 0;  ///< of the line, positive to the left of the centreline
+  double offset_m = 0;  ///< offset of the line, positive to the left of the centreline
   double from_m = 0;
   double to_m = 1e9;
-  double per_km = 0;  ///< per kilometre of the line, both directions together
+  double per_km = 0;  ///< number per kilometre of the line, both directions together
   PersonKind kind = PersonKind::kPedestrian;  ///< key `class`
   PersonSpeedConfig speed;
   config::Place place;
@@ -305,7 +305,7 @@ struct MountConfig {
   double roll_deg = 0;
   std::optional<double> clock_offset_s = std::nullopt;  ///< true time minus time stamp
   std::optional<CalibrationError> calibration_error = std::nullopt;
-  std::optional<bool> own_draws = std::nullopt;  ///< nothing: true if the scene has several mounts
+  std::optional<bool> own_draws = std::nullopt;  ///< default: true if the scene has several mounts
   config::Place place = {};
 };
 
@@ -315,9 +315,9 @@ struct WeatherConfig {
   double sunlight_klux = 100;
 };
 
-/// Parts of vehicles that differ from plain paint, for LiDARs that detect by received power. By
-/// default a part is off if it changes the points on a car by less than 1 % (`python -m
-/// reproduction fidelity`).
+/// Parts of vehicles whose optical properties differ from those of paint. They affect LiDARs that
+/// detect by received power. A part is off by default if it changes the points on a car by less
+/// than 1 % (`python -m reproduction fidelity`).
 struct VehicleParts {
   bool glass = true;
   bool tyres = false;
@@ -354,15 +354,15 @@ struct SceneConfig {
   Detail detail = Detail::kLow;
   VehicleParts vehicle_parts;
   LabelRule labels = LabelRule::kHit;
-  std::optional<LabelTime> label_time;  ///< nothing: see label_time_of
+  std::optional<LabelTime> label_time;  ///< default: see label_time_of
   bool point_fields = false;            ///< key `fields`
   double region_half_length_m = 100;
   NamedMap<MountConfig> mounts;
   WeatherConfig weather;
-  std::optional<std::vector<RegionConfig>> regions;  ///< nothing: all roads or lanes
+  std::optional<std::vector<RegionConfig>> regions;  ///< default: all roads or lanes
   std::optional<std::string> lanes;  ///< a file that replaces `roads`, relative to the scene file
   std::vector<RoadConfig> roads;
-  std::optional<ProfileConfig> profile;  ///< nothing: level
+  std::optional<ProfileConfig> profile;  ///< default: a level scene
   std::optional<std::vector<MeshConfig>> meshes;
   std::vector<GroundConfig> ground;
   std::vector<BuildingConfig> buildings;
@@ -376,27 +376,29 @@ struct SceneConfig {
   std::optional<std::vector<PeopleConfig>> people;
   std::optional<std::vector<StandingPeopleConfig>> standing_people;
   std::string trajectories;  ///< a file that replaces `traffic`, relative to the scene file
-  /// By LiDAR: a file that replaces the casting of static surfaces, relative to the scene file.
+  /// For each LiDAR, a file with the hits of static surfaces, which are then not cast. The path is
+  /// relative to the scene file.
   std::optional<std::map<std::string, std::string>> static_layers;
-  std::filesystem::path folder;  ///< of the scene file; not a key
+  std::filesystem::path folder;  ///< folder of the scene file; not a key
   std::string preset;            ///< the preset that the file was read for; not a key
   /// names of the presets with a block in the file; not a key
   std::vector<std::string> preset_blocks;
 };
 
 /// The scene with only one of its mounts, as in a data set of that mount.
-/// @param mount its name; empty: the only one
-/// @throws ConfigError if the mount is unknown, or the name is empty and there are several
+/// @param mount name of the mount; may be empty if the scene has one mount
+/// @throws ConfigError if the mount is unknown, or if the name is empty and the scene has several
+/// mounts
 SceneConfig scene_at_mount(const SceneConfig& scene, const std::string& mount);
 
-/// The label time of a scene. If the scene sets none, it is `frame` under the presets `paper` and
-/// `equal`, as in the study's simulator, and `scan` under any other preset, as for annotators who
+/// Returns the label time of a scene. The default is `frame` under the presets `paper` and `equal`,
+/// as in the study's simulator. Under any other preset the default is `scan`, because annotators
 /// draw boxes around points.
 LabelTime label_time_of(const SceneConfig& scene, const std::string& preset);
 
 /// Reads a scene file. The block of the preset, if there is one, overrides other keys, and `--set
 /// KEY=VALUE` assignments override both.
-/// @param preset of the run's LiDARs
+/// @param preset preset of the run's LiDARs
 /// @throws ConfigError, IoError
 SceneConfig read_scene(const std::filesystem::path& file,
                        std::span<const std::string> assignments = {},
@@ -407,14 +409,15 @@ SceneConfig read_scene(const std::filesystem::path& file,
 std::size_t road_index(const SceneConfig& scene, const std::string& name,
                        const config::Place& place, const char* key);
 
-/// As read_scene, from text. Messages use `name` in place of the file name.
+/// Like read_scene, but reads from a text. Messages use `name` as the file name.
 SceneConfig parse_scene(const std::string& text, const std::string& name,
                         const std::string& preset = "");
 
 /// Every key with its value, as YAML that reads back to the same scene.
 std::string dump_scene(const SceneConfig& scene);
 
-/// As dump_scene, but with canonical keys: the identity of the scene's frames.
+/// Like dump_scene, but with canonical names of keys. The text is the identity of the scene's
+/// frames.
 std::string canonical_scene(const SceneConfig& scene);
 /// @param resolved keys written by `dump_scene` of this version or an older one
 std::string canonical_scene(const config::Tree& resolved);

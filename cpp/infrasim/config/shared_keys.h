@@ -17,7 +17,7 @@ void check_name(Fields& f, const std::string& name) {
           "expected a name that begins with a letter, a digit or _, got '" + name + "'");
 }
 
-/// Keys that place an object beside a road.
+/// Visits the keys that give an object's position beside a road.
 template <class Fields, class Config>
 void visit_side(Fields& f, Config& c, const char* road = "name of its road") {
   f.field("road", c.road, road, config::required());
@@ -25,7 +25,7 @@ void visit_side(Fields& f, Config& c, const char* road = "name of its road") {
           config::required(config::between(-100, 100)));
 }
 
-/// Keys that limit an object to a part of its road.
+/// Visits the keys that limit an object to a part of its road.
 template <class Fields, class Config>
 void visit_stations(Fields& f, Config& c, const char* from = "first station of the centreline") {
   f.field("from_m", c.from_m, from, config::between(0, 1e5));

@@ -6,7 +6,7 @@
 
 namespace infrasim {
 
-/// Keys `meshes` to `vegetation`.
+/// Visits the keys from `meshes` to `vegetation`.
 template <class Fields>
 void visit_static_objects(Fields& f, SceneConfig& c);
 

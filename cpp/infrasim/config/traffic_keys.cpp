@@ -18,7 +18,7 @@ void visit(Fields& f, SpeedConfig& c) {
   f.field("std_km_h", c.std_km_h, "its standard deviation", between(0, 50));
 }
 
-/// Classes of vehicles by weight; `why_not` is the error text for other classes.
+/// Visits the weights of vehicle classes. `why_not` is the error text for other classes.
 template <class Fields>
 void visit_shares(Fields& f, std::map<std::string, double>& shares, const std::string& why_not) {
   f.field("class_shares", shares, "weight of each object class", [] {

@@ -7,7 +7,7 @@
 
 namespace infrasim {
 
-/// Keys `traffic` to `trajectories`.
+/// Visits the keys from `traffic` to `trajectories`.
 template <class Fields>
 void visit_traffic(Fields& f, SceneConfig& c);
 

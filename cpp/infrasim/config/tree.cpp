@@ -16,7 +16,8 @@ namespace infrasim::config {
 
 namespace {
 
-constexpr std::size_t kMaxNodes = 1'000'000;  // aliases can expand a small file without limit
+constexpr std::size_t kMaxNodes =
+    1'000'000;  // a small file with aliases can expand to any number of values
 
 Place place_of(const YAML::Mark& mark, const std::string& name) {
   return {name, mark.line + 1, mark.column + 1};
@@ -91,7 +92,8 @@ class DocumentPlaces : public YAML::EventHandler {
   void OnMapEnd() override {}
 };
 
-/// Requests documents one by one, because yaml-cpp's LoadAll never ends on a stray comma.
+/// Returns the start of a second document. It reads documents one by one, because yaml-cpp's
+/// LoadAll never ends on a stray comma.
 std::optional<YAML::Mark> second_document(const std::string& text) {
   std::istringstream in(text);
   YAML::Parser parser(in);
@@ -106,7 +108,7 @@ Tree* find_mutable(Tree& tree, std::string_view key) {
                                : &tree.items[static_cast<std::size_t>(it - tree.keys.begin())];
 }
 
-/// The child for one step of a dotted path; created if it is missing in a map.
+/// Returns the child for one step of a dotted path. A child that is missing in a map is created.
 Tree& child(Tree& tree, const std::string& step, const std::string& option) {
   if (tree.kind == Tree::Kind::kSequence) {
     const auto index = parse_number<std::size_t>(step);
@@ -153,8 +155,8 @@ void fail(const Place& place, std::string_view key, std::string_view what) {
   throw ConfigError(message(place, key, what));
 }
 
-/// Rejects control characters and bytes that are not UTF-8. yaml-cpp would end the file at some of
-/// them and replace others.
+/// Rejects control characters and bytes that are not UTF-8. yaml-cpp would stop reading at some of
+/// these bytes, and would replace others.
 void check_characters(const std::string& text, const std::string& name) {
   for (auto at = find_unprintable(text); at != std::string::npos;
        at = find_unprintable(text, at + 1)) {

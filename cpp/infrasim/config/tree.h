@@ -23,8 +23,8 @@ struct Tree {
   enum class Kind { kNull, kScalar, kSequence, kMap };
   Kind kind = Kind::kNull;
   std::string scalar;
-  std::vector<std::string> keys;  ///< of a map, parallel to `items`
-  std::vector<Tree> items;        ///< of a map or sequence
+  std::vector<std::string> keys;  ///< keys of a map, one for each of `items`
+  std::vector<Tree> items;        ///< values of a map or sequence
   Place place;
 
   const Tree* find(std::string_view key) const;
@@ -43,7 +43,7 @@ std::string message(const Place& place, std::string_view key, std::string_view w
 Tree read_tree(const std::filesystem::path& file);
 Tree parse_tree(const std::string& text, const std::string& name);
 
-/// Values of `over` replace those of `base`; maps merge key by key.
+/// Returns `base` with the values of `over`. Maps are merged key by key.
 Tree merged(const Tree& base, const Tree& over);
 
 /// Sets the value at a dotted path (`mounts.pole.z_m`, `roads.0.name`), as `--set KEY=VALUE` does.

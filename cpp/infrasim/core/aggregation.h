@@ -9,17 +9,18 @@ namespace infrasim {
 
 /// How the rays of a frame sample the motion of objects.
 struct Aggregation {
-  std::string word = "exact";  ///< the word in the configuration
-  int slices = 0;              ///< frozen instants per frame; 0: every ray sees its own firing time
+  std::string word = "exact";  ///< the value of the key in the configuration
+  int slices = 0;  ///< number of frozen instants per frame; with 0, a ray sees the objects at its
+                   ///< own firing time
 };
 
 inline constexpr const char* kAggregationWords = "exact, instant or slices:N with N from 1 to 1000";
 
 /// Parses `exact`, `instant` (one frozen instant at the middle of the frame) or `slices:N`.
-/// @return nothing for any other word
+/// @return no value for any other word
 std::optional<Aggregation> parse_aggregation(const std::string& word);
 
-/// A part of a frame, as shares of the frame, whose rays see one state of the objects.
+/// A part of a frame. Its limits are shares of the frame.
 struct WorldSlice {
   double from = 0;
   double to = 1;
@@ -27,7 +28,7 @@ struct WorldSlice {
   double middle() const { return (from + to) / 2; }
 };
 
-/// One moving slice for `exact`, otherwise n frozen ones.
+/// Returns one slice with moving objects for `exact`, otherwise n slices with frozen objects.
 std::vector<WorldSlice> world_slices(const Aggregation& aggregation);
 
 }  // namespace infrasim

@@ -10,7 +10,8 @@ namespace infrasim {
 /// Position of the text's first control character or byte that is not UTF-8; npos if there is none.
 std::size_t find_unprintable(std::string_view text, std::size_t from = 0);
 
-/// The text as one line that is safe to print in a terminal: such bytes become \xNN.
+/// Returns the text as one line that is safe to print in a terminal. Control characters and bytes
+/// that are not UTF-8 become \xNN.
 std::string printable(std::string_view text);
 
 /// An error in a configuration or input file. The message is one printable line:

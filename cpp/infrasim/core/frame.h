@@ -8,10 +8,11 @@
 
 namespace infrasim {
 
-/// Whether labels show objects at the middle of the frame or when they were scanned.
+/// The time of the boxes in labels: the middle of the frame, or the time when the object was
+/// scanned.
 enum class LabelTime { kFrame, kScan };
 
-/// One object as one LiDAR sees it; levelled frame.
+/// One object in the frame of one LiDAR. The boxes are in the levelled frame.
 struct ObjectRecord {
   int id = 0;
   Class object_class = Class::kCar;
@@ -22,19 +23,22 @@ struct ObjectRecord {
   double distance = 0;     ///< horizontal, sensor to box centre, metres
   double visibility = -1;  ///< visible share, [0, 1]; -1 outside the evaluation region
   Box3d scan_box;          ///< at scan_time_s
-  double scan_time_s = 0;  ///< mean time of its returns, since the start of the frame
+  double scan_time_s = 0;  ///< mean time of the object's returns, since the start of the frame
   int points_in_scan_box = 0;
 };
 
 /// The data of one LiDAR in one frame.
 struct Frame {
   PointCloud cloud;
-  std::vector<ObjectRecord> objects;  ///< every object in range, hit or not, by id
-  std::size_t rays = 0;               ///< number of rays fired within the frame
-  std::size_t rays_cast = 0;          ///< fewer with a static layer, more with wide beams
-  bool pitched = false;   ///< objects of the run have a pitch: their table has the column
+  std::vector<ObjectRecord>
+      objects;           ///< every object in range, by id, including objects without a hit
+  std::size_t rays = 0;  ///< number of rays fired within the frame
+  std::size_t rays_cast =
+      0;  ///< rays that were cast: fewer with a static layer, more with wide beams
+  bool pitched =
+      false;  ///< whether objects of the run have a pitch, so that their table has a column for it
   bool no_plane = false;  ///< a `ground_plane` filter found no plane
-  /// computing time from objects and rays to columns; 0 if the frame was not requested
+  /// computing time of the frame; 0 if the frame was not requested
   double seconds = 0;
 };
 

@@ -61,8 +61,8 @@ inline Mat3 operator*(const Mat3& a, const Mat3& b) {
   return c;
 }
 
-/// Rotation by yaw about z, then pitch about the new y, then roll about the new x (radians). A
-/// positive pitch looks down, by the right-hand rule about y, which points left.
+/// Rotation by yaw about z, then pitch about the new y, then roll about the new x (radians). The y
+/// axis points left, so by the right-hand rule a positive pitch looks down.
 inline Mat3 rotation(double yaw, double pitch, double roll) {
   const double cy = std::cos(yaw), sy = std::sin(yaw);
   const double cp = std::cos(pitch), sp = std::sin(pitch);
@@ -71,8 +71,8 @@ inline Mat3 rotation(double yaw, double pitch, double roll) {
          Mat3{1, 0, 0, 0, cr, -sr, 0, sr, cr};
 }
 
-/// Box of an object: geometric centre, length, width, height, yaw about +z, then pitch about its
-/// own left axis as in `rotation` (positive looks down).
+/// Box of an object: geometric centre, length, width, height, yaw about +z, and then pitch about
+/// the object's left axis as in `rotation` (positive looks down).
 struct Box3d {
   double x = 0, y = 0, z = 0;
   double dx = 0, dy = 0, dz = 0;
@@ -88,7 +88,7 @@ class BoxFrame {
  public:
   explicit BoxFrame(const Box3d& box);
 
-  /// From world axes to the axes and the centre of the box, and back.
+  /// Transforms a point from the frame of the Box3d to the frame of the box itself, and back.
   Vec3 to_box(Vec3 p) const;
   Vec3 from_box(Vec3 local) const;
   /// Whether the box contains a point; `margin` enlarges the box on all sides.
@@ -98,7 +98,7 @@ class BoxFrame {
 
  private:
   Box3d box_;
-  double cos_, sin_;  ///< of the heading
+  double cos_, sin_;  ///< cosine and sine of the heading
   /// 1 and 0 for a level box, so that rotation by pitch adds no rounding
   double cos_pitch_, sin_pitch_;
 };

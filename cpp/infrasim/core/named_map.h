@@ -20,7 +20,7 @@ class NamedMap {
   NamedMap() = default;
   NamedMap(std::initializer_list<Entry> entries) : entries_(entries) {}
 
-  /// The value of a name; a new name is added at the end.
+  /// Returns the value of a name. A new name is added at the end.
   T& operator[](std::string_view name) {
     const auto entry = std::ranges::find(entries_, name, &Entry::first);
     return entry != entries_.end() ? entry->second

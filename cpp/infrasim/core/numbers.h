@@ -8,8 +8,8 @@
 
 namespace infrasim {
 
-/// Parses the whole text as a number, independent of the locale; nothing for blanks, a plus sign or
-/// overflow.
+/// Parses the whole text as a number, independent of the locale. Returns no value for blanks, a
+/// plus sign or overflow.
 template <class T>
 std::optional<T> parse_number(std::string_view text) {
   T value{};
@@ -21,7 +21,7 @@ std::optional<T> parse_number(std::string_view text) {
 }
 
 /// Appends a number as printf's %.Nf does in the C locale, independent of the locale.
-/// @param digits after the decimal point, at most 10
+/// @param digits number of digits after the decimal point, at most 10
 inline void append_fixed(std::string& text, double value, int digits) {
   std::array<char, 330> buffer{};  // the largest number has 309 digits
   char* const end = buffer.data() + buffer.size();

@@ -7,12 +7,13 @@
 
 namespace infrasim {
 
-/// Rays from the origin of the levelled frame, one group after the other, one column per attribute.
+/// Rays from the origin of the levelled frame. Each attribute is a column. The groups of rays
+/// follow each other.
 struct RayBatch {
   std::vector<float> dx, dy, dz;  ///< unit direction, levelled frame
   std::vector<float> time;        ///< seconds since the start of the frame
   std::vector<std::uint16_t> ring;
-  std::vector<float> near;  ///< metres; nearer hits are ignored. Empty: every ray starts at 0
+  std::vector<float> near;  ///< metres; nearer hits are ignored. If empty, every ray starts at 0
   float max_range = 0;      ///< metres; farther hits are misses
 
   std::size_t size() const { return time.size(); }
@@ -23,9 +24,9 @@ struct RayBatch {
   }
 };
 
-/// Position at which a ray meets a moving body.
+/// Position and surface normal at which a ray meets a moving body.
 struct BodyPlace {
-  std::array<float, 3> at;      ///< in its unit box, [-0.5, 0.5], x forward
+  std::array<float, 3> at;      ///< in the body's unit box, [-0.5, 0.5], x forward
   std::array<float, 3> normal;  ///< unit vector in the body's frame, pointing inwards or outwards
 };
 
@@ -43,7 +44,7 @@ struct HitBatch {
   std::vector<float> range;          ///< metres; +inf: nothing hit
   std::vector<float> cos_incidence;  ///< between ray and surface normal, [0, 1]
   std::vector<std::int32_t> object;  ///< index of the moving body; -1: background
-  /// of the background, even behind a body; 0 without background
+  /// class of the background, even if a body hides it; 0 without background
   std::vector<std::uint16_t> class_id;
   std::vector<BodyPlace> place;  ///< position on a moving body; filled together with cos_incidence
 

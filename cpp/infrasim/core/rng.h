@@ -22,8 +22,8 @@ constexpr std::uint64_t hash_name(std::string_view name) {
   return h;
 }
 
-/// Counter-based random numbers. Sample j of a key is a pure function of both, so that results do
-/// not depend on the order in which rays or frames are computed.
+/// Counter-based random numbers. A sample is a pure function of the key and of the sample's number
+/// j. Results therefore do not depend on the order in which rays or frames are computed.
 class Rng {
  public:
   constexpr explicit Rng(std::uint64_t key) : key_(key) {}
@@ -35,7 +35,8 @@ class Rng {
 
   /// Key of a part of this stream, such as a vehicle, a frame, or a ray of a frame. Keys are mixed
   /// at each level. If they were only added, ray i + 1 of a frame would have the samples of ray i
-  /// in the next frame. A stream that is also sampled itself numbers its parts from 1.
+  /// in the next frame. If samples are also taken from the stream itself, its parts are numbered
+  /// from 1.
   constexpr Rng at(std::uint64_t index) const { return Rng(mix64(key_ + kStep * (index + 1))); }
 
   /// Sample j, uniform in [0, 1).
@@ -48,7 +49,8 @@ class Rng {
     return (static_cast<double>(bits(j) >> 12) + 0.5) * 0x1p-52;
   }
 
-  /// Sample j of a standard normal (Box-Muller); it uses the uniform samples j and j + 1.
+  /// Sample j of the standard normal distribution (Box-Muller), made from the uniform samples j and
+  /// j + 1.
   double normal(unsigned j) const {
     const double radius = std::sqrt(-2.0 * std::log(1.0 - uniform(j)));
     return radius * std::cos(2.0 * std::numbers::pi * uniform(j + 1));

@@ -7,9 +7,9 @@ namespace infrasim {
 /// Version of the package, equal to that in `pyproject.toml`.
 std::string_view version();
 
-/// Version number of the frames. Frames with the same number are the same bytes for the same scene,
-/// LiDAR, preset and seed. So folders, rows of results and checkpoints with the same number are
-/// compatible.
+/// Version number of the frames. Two versions of the simulator with the same number write the same
+/// bytes for the same scene, LiDAR, preset and seed. Folders, rows of results and checkpoints with
+/// the same number are therefore compatible.
 ///
 /// The number increases by 1 when points, labels, objects, calibration or fields change for a
 /// shipped scene (tests/golden shows it). It does not increase for a release, for a new or renamed

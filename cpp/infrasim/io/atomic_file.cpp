@@ -37,7 +37,7 @@ std::filesystem::path hidden_file(const std::filesystem::path& file) {
                                std::to_string(count++) + std::string(kEnding));
 }
 
-/// The process id in the name of a hidden file of this machine, else 0.
+/// Returns the process id in the name of a hidden file of this machine; 0 for any other file.
 pid_t writer_of(std::string_view name) {
   const auto last_part = [&] {
     const auto dot = std::min(name.rfind('.'), name.size());

@@ -8,9 +8,10 @@
 namespace infrasim {
 
 /// A file that is written in pieces under a hidden name in the same folder, and then renamed. A
-/// reader sees the complete file or none. If several processes write it at the same time, the last
-/// one wins. There is no fsync: this protects against a crash of the process, not of the machine.
-/// Each function throws IoError with the path and the system's reason.
+/// reader sees either the complete file or no file. If several processes write the file at the same
+/// time, the last one replaces the others. The class calls no fsync. It protects against a crash of
+/// the process, but not against a crash of the machine. Each function throws IoError with the path
+/// and the system's reason.
 class AtomicFile {
  public:
   explicit AtomicFile(std::filesystem::path file);
@@ -24,7 +25,7 @@ class AtomicFile {
   /// Renames the file to its final name, replacing an existing file.
   void replace();
   /// Renames the file to its final name if no such file exists.
-  /// @return whether it did
+  /// @return whether the file was renamed
   bool create();
 
  private:
@@ -40,8 +41,8 @@ class AtomicFile {
 void write_file_atomically(const std::filesystem::path& file, std::span<const std::byte> bytes);
 void write_file_atomically(const std::filesystem::path& file, std::string_view text);
 
-/// As write_file_atomically, but keeps an existing file.
-/// @return whether the file is the one written
+/// Like write_file_atomically, but does not replace an existing file.
+/// @return whether the file was written
 bool create_file_atomically(const std::filesystem::path& file, std::string_view text);
 
 /// Removes hidden files in a folder that crashed processes of this machine left behind.

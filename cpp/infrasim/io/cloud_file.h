@@ -10,7 +10,7 @@
 
 namespace infrasim {
 
-/// One field of a point: F, I or U of 1, 2, 4 or 8 bytes, with `count` elements.
+/// One field of a point: `count` elements of type F, I or U with 1, 2, 4 or 8 bytes each.
 struct CloudField {
   std::string name;
   char type = 'F';
@@ -33,8 +33,7 @@ struct Viewpoint {
 
 enum class PcdEncoding { kAscii, kBinary, kBinaryCompressed };
 
-/// The content of a point cloud file: records of fields, point by point. Unknown fields are
-/// preserved.
+/// The content of a point cloud file: one record of fields per point. Unknown fields are preserved.
 struct CloudFile {
   std::vector<CloudField> fields;
   /// x y z of the sensor, then the quaternion w x y z of its rotation
@@ -44,8 +43,8 @@ struct CloudFile {
   std::string records;  ///< points * record_size() bytes, little-endian
 
   std::size_t record_size() const;
-  /// The field with that name, else the only field whose name differs just in upper and lower case;
-  /// null if there is none.
+  /// Returns the field with that name. If there is none, returns the only field whose name differs
+  /// just in upper and lower case, otherwise null.
   const CloudField* field(std::string_view name) const;
   /// Values of a field's first element as float; empty if the field does not exist.
   std::vector<float> column(std::string_view name) const;
@@ -71,7 +70,7 @@ CloudFile read_cloud(const std::filesystem::path& file);
 /// @throws ConfigError for another suffix, IoError
 void write_cloud(const std::filesystem::path& file, const CloudFile& cloud);
 
-// The same on bytes; messages use `name` in place of the file name.
+// The same for bytes in memory. Messages use `name` as the file name.
 CloudFile parse_bin(std::string_view bytes, const std::string& name);
 CloudFile parse_pcd(std::string_view bytes, const std::string& name);
 std::string pcd_bytes(const CloudFile& cloud);

@@ -6,15 +6,16 @@
 
 namespace infrasim {
 
-/// Reads rows of comma-separated cells under a given header, one after the other. Cells have no
-/// quotes; a line ends in \n or \r\n. All parsing errors are ConfigErrors with file, line and
+/// Reads rows of comma-separated cells under a given header, one after the other. Cells must not be
+/// quoted. A line ends in \n or \r\n. All parsing errors are ConfigErrors with file, line and
 /// column.
 class CsvReader {
  public:
-  /// @param last optional last column that a file may have after the header's; empty: none
+  /// @param last name of an optional last column after those of the header; empty for no such
+  /// column
   /// @throws ConfigError if the first line is not the header, IoError if the file can't be read
   CsvReader(const std::filesystem::path& file, std::string_view header, std::string_view last = "");
-  CsvReader(const CsvReader&) = delete;  // it holds views of its own text
+  CsvReader(const CsvReader&) = delete;  // the views would refer to the text of the other reader
   CsvReader& operator=(const CsvReader&) = delete;
 
   /// Whether the file has the optional last column.
@@ -27,7 +28,7 @@ class CsvReader {
   /// The row's next cell as a number; messages use `key` as its name.
   /// @throws ConfigError if it is not a number or out of [low, high]
   double number(std::string_view key, double low, double high);
-  /// As number(); a blank cell gives `blank`.
+  /// Like number(), but a blank cell gives `blank`.
   double number_or(double blank, std::string_view key, double low, double high);
 
   /// Throws an error about the cell that was read last.
@@ -41,7 +42,7 @@ class CsvReader {
 
   std::string name_;
   std::string text_;
-  std::string_view rest_;      ///< after the current line
+  std::string_view rest_;      ///< the text after the current line
   std::string_view row_;       ///< the current line
   std::size_t cell_ = 0;       ///< start of the current cell in row_
   std::size_t next_cell_ = 0;  ///< start of the next cell in row_

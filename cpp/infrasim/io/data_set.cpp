@@ -37,7 +37,8 @@ std::vector<std::string> lines_of(const std::string& text) {
   };
   std::size_t i = 0;
   while (i < in_folder.size() && i < in_run.size() && in_folder[i] == in_run[i]) ++i;
-  // A line of an identity that is not a line of the file has no line number.
+  // An identity can have lines that the file does not have. For them the message has no line
+  // number.
   const bool in_file = line_of(old_lines, i) == line_of(in_folder, i);
   throw IoError(file.string() + ":" + (in_file ? std::to_string(i + 1) + ":" : "") +
                 " the folder holds another run: it has '" + line_of(in_folder, i) +
@@ -61,7 +62,7 @@ void compare(const std::filesystem::path& file, const std::string& text, const I
   fail_at_difference(file, in_folder, of_run, lines_of(there));
 }
 
-constexpr std::size_t kPiece = 1 << 20;  // bytes written at once
+constexpr std::size_t kPiece = 1 << 20;  // number of bytes per write
 
 /// Compares a text that arrives in pieces with a file.
 class Comparison {

@@ -11,8 +11,8 @@ namespace infrasim {
 /// @throws IoError
 void create_folder(const std::filesystem::path& folder);
 
-/// Locks a folder against other processes that lock it, for its own lifetime. Has no effect on a
-/// file system without locks.
+/// Locks a folder against other processes that use this class, as long as the object exists. It has
+/// no effect on a file system without locks.
 class FolderLock {
  public:
   explicit FolderLock(const std::filesystem::path& folder);
@@ -28,18 +28,18 @@ class FolderLock {
 /// @throws ConfigError if the text can't be read
 using Identity = std::function<std::string(const std::string& text, const std::string& file)>;
 
-/// Writes a file that identifies the content of a folder, or checks an existing one. The existing
-/// file must have the same text or the same identity, and is kept. Safe against other processes
-/// that claim the same folder at the same time.
-/// @throws IoError if the file can't be written, or exists with another content (the message shows
-///   the first different line)
+/// Writes a file that identifies the content of a folder, or checks the existing file. An existing
+/// file must have the same text or the same identity, and is not changed. Several processes may
+/// claim the same folder at the same time.
+/// @throws IoError if the file can't be written, or if it exists with another content; the message
+///   shows the first different line
 void claim_file(const std::filesystem::path& file, const std::string& text,
                 const Identity& identity = {});
 
-/// Takes the next piece of a text.
+/// A function that receives the next piece of a text.
 using TakeText = std::function<void(std::string_view)>;
-/// As above, for a text that is too long for memory. `give_all` passes it on in whole lines, and
-/// may be called twice.
+/// Like the function above, for a text that is too long for memory. `give_all` passes the text to
+/// its argument in pieces of whole lines. It may be called twice.
 void claim_file(const std::filesystem::path& file,
                 const std::function<void(const TakeText&)>& give_all);
 

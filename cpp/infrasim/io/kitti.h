@@ -15,13 +15,13 @@
 namespace infrasim {
 
 /// Label file, one line per object: type truncated occluded alpha bbox h w l x y z rotation_y. The
-/// location is the bottom centre in the camera frame. `occluded` is 0 from a visible share of 0.8
-/// on, 1 from 0.4 on, else 2, and 3 if the share is unknown. The 2-D box is a placeholder, because
-/// there is no camera.
-/// @param all includes objects without a point
+/// location is the bottom centre in the camera frame. `occluded` is 0 for a visible share of at
+/// least 0.8, 1 for at least 0.4, 2 for less, and 3 if the share is unknown. The 2-D box is a
+/// placeholder, because there is no camera.
+/// @param all whether to include objects without a point
 std::string label_text(const std::vector<ObjectRecord>& objects, bool all, LabelTime time);
 
-/// The seven lines of a calibration file, for a camera at the sensor that looks along x.
+/// Returns the seven lines of a calibration file. The camera is at the sensor and looks along x.
 std::string calib_text();
 
 /// Columns id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility,
@@ -48,7 +48,7 @@ struct FrameCounts {
 };
 FrameCounts count(const Frame& frame);
 
-/// Counts of a frame on disk.
+/// Returns the counts of a frame on disk.
 /// @throws IoError if a file is missing or malformed
 FrameCounts read_counts(const std::filesystem::path& lidar_folder, int frame);
 
@@ -67,7 +67,7 @@ RecordedPoints read_points(const std::filesystem::path& lidar_folder, int frame)
 
 /// Which parts of a frame are written.
 struct FrameContent {
-  bool all_labels = false;  ///< includes labels of objects without a point
+  bool all_labels = false;  ///< whether labels include objects without a point
   LabelTime label_time = LabelTime::kFrame;
   bool point_fields = false;
 };
@@ -77,8 +77,8 @@ struct FrameContent {
 void write_point_mounts(const std::filesystem::path& lidar_folder, int frame,
                         std::span<const std::uint16_t> mounts);
 
-/// Writes one frame below `training/`. Each file is written under a temporary name and renamed, the
-/// .bin last. So a frame is complete if and only if its .bin exists.
+/// Writes one frame below `training/`. Each file is written under a temporary name and then
+/// renamed. The .bin is the last file, so a frame is complete if and only if its .bin exists.
 /// @throws IoError
 void write_frame(const std::filesystem::path& lidar_folder, int frame, const Frame& data,
                  const FrameContent& content);

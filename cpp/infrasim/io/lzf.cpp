@@ -90,7 +90,7 @@ std::optional<std::string> lzf_decompress(std::string_view bytes, std::size_t si
     if (i == bytes.size()) return std::nullopt;
     const std::size_t distance = ((control & 0x1F) << 8 | next()) + 1;
     if (distance > out.size() || length > size - out.size()) return std::nullopt;
-    // Byte by byte: a reference may overlap with its own output.
+    // The copy is byte by byte, because a reference may overlap with the bytes that it appends.
     for (std::size_t k = 0; k < length; ++k) out += out[out.size() - distance];
   }
   if (out.size() != size) return std::nullopt;

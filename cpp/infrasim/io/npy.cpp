@@ -26,8 +26,8 @@ struct NpyFile {
   std::string_view data;
 };
 
-/// Splits a file in the format of NumPy enhancement proposal 1. Nothing if the bytes begin
-/// differently.
+/// Splits a file in the format of NumPy enhancement proposal 1. Returns no value if the bytes are
+/// not in this format.
 std::optional<NpyFile> split_npy(std::string_view bytes) {
   if (!bytes.starts_with(kNpyMagic) || bytes.size() < 12) return std::nullopt;
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(bytes[i]); };
@@ -50,7 +50,7 @@ std::string_view entry(std::string_view header, const std::string& name) {
   return rest.substr(0, end + (tuple ? 1 : 0));
 }
 
-/// The n of a shape (n, columns).
+/// Returns the number of rows n from the text of a shape (n, columns).
 std::optional<std::size_t> rows_of(std::string_view shape, std::size_t columns) {
   const std::string tail = ", " + std::to_string(columns) + ")";
   if (!shape.starts_with('(') || !shape.ends_with(tail)) return std::nullopt;

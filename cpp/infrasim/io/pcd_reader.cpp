@@ -109,7 +109,7 @@ class PcdReader {
       if (i >= 3) length = std::hypot(length, value);
       cloud_.viewpoint += (i == 0 ? "" : " ") + values[i];
     }
-    // Writers that know no rotation write zeros.
+    // Programs that do not support a rotation write zeros.
     if (length != 0 && (length < 0.9 || length > 1.1))
       fail(key, "expected a quaternion of length 1, got " + fixed_text(length, 6));
   }
@@ -170,8 +170,8 @@ class PcdReader {
                          std::to_string(height_) + ", got " + std::to_string(cloud_.points));
   }
 
-  /// Number of bytes that the header promises. It is checked against the file's size before memory
-  /// is allocated.
+  /// Returns the number of data bytes that the header declares. The number is compared with the
+  /// size of the file before memory is allocated.
   std::size_t promised(std::size_t most) const {
     const std::size_t record = cloud_.record_size();
     if (cloud_.points > most / record)
@@ -180,7 +180,7 @@ class PcdReader {
     return cloud_.points * record;
   }
 
-  /// Rejects data beyond the size that the header promises, which would be lost silently.
+  /// Throws an error if the file has more data than the header declares.
   void require_end(std::size_t size) const {
     if (rest_.size() > size)
       fail("POINTS", "expected the size in the header, got " + std::to_string(rest_.size() - size) +
@@ -213,7 +213,8 @@ class PcdReader {
     transpose(*columns, cloud_.records);
   }
 
-  /// Compressed data holds one field after the other; records hold one point after the other.
+  /// Converts compressed data, which is stored field by field, to records, which are stored point
+  /// by point.
   void transpose(const std::string& columns, std::string& records) const {
     const std::size_t stride = cloud_.record_size();
     std::size_t offset = 0, from = 0;
@@ -226,7 +227,7 @@ class PcdReader {
   }
 
   void read_ascii() {
-    promised(rest_.size() * 8);  // the shortest value, "0 ", may represent 8 bytes
+    promised(rest_.size() * 8);  // the shortest text of a value, "0 ", can stand for 8 bytes
     cloud_.records.reserve(cloud_.points * cloud_.record_size());
     for (std::size_t i = 0; i < cloud_.points; ++i) {
       const std::vector<std::string> values = words(next_line());

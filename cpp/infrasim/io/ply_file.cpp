@@ -15,7 +15,7 @@ namespace infrasim {
 
 namespace {
 
-/// A scalar type with its two names in files.
+/// A scalar type and the two names that files use for it.
 struct PlyType {
   std::string_view name, other_name;
   std::size_t bytes;
