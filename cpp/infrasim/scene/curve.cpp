@@ -71,8 +71,8 @@ double Curve::tightest_radius() const {
 }
 
 Curve turn(const CurvePoint& from, const CurvePoint& to) {
-  // With handles of 0.39 chords a quarter turn deviates from a circle by at most 0.03 % of its
-  // radius.
+  // If a handle is 0.39 times the chord, a quarter turn deviates from a circle by at most 0.03 % of
+  // the radius.
   constexpr int kSteps = 40;
   const double handle = 0.39 * norm(to.position - from.position);
   const Vec2 p1 = from.position + handle * heading_vector(from.heading);

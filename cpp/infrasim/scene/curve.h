@@ -12,8 +12,8 @@ struct CurvePoint {
   double heading = 0;
 };
 
-/// A plane curve given by samples; s is the length from its first sample. Position and heading are
-/// linear between samples.
+/// A plane curve given by samples. The station s is the length from the first sample. Position and
+/// heading are linear between samples.
 class Curve {
  public:
   Curve() = default;
@@ -29,7 +29,7 @@ class Curve {
   double project(Vec2 point) const;
   /// The part from s0 to s1.
   Curve part(double s0, double s1) const;
-  /// The curve with every sample moved to the left.
+  /// Returns the curve with every sample moved to the left.
   Curve offset(double left_m) const;
   Curve reversed() const;
   /// Radius of the tightest bend; infinite for a straight curve.

@@ -9,14 +9,15 @@ namespace {
 
 constexpr double kAcceleration = 1.5;    // m/s2 (Treiber, Kesting 2013, table 11.2)
 constexpr double kHardestBraking = 8.0;  // m/s2, maximum braking
-// m/s2: a vehicle that would have to brake harder at a red signal drives on
+// m/s2; a vehicle does not stop at a red signal if it would have to brake harder
 constexpr double kCommitBraking = 3.0;
-// m at least; for fast vehicles the distance of a comfortable stop
+// m; minimum, because fast vehicles look ahead by the distance of a comfortable stop
 constexpr double kLookahead = 100;
-// m into a junction until a turning vehicle's tail leaves the lane free
+// m into a junction from which on a turning vehicle's tail no longer blocks the lane
 constexpr double kTailClear = 10;
 
-/// The limit ahead of a driver: the free distance in front of the bumper, and the speed at its end.
+/// What limits a driver: the free distance in front of the bumper, and the speed of the object at
+/// its end.
 struct Leader {
   double gap = kInf;
   double speed = 0;
@@ -64,7 +65,8 @@ int next_lane(const TrafficState& state, const TrafficSignals& signals, const Ve
   }
   for (const int next : lane.next) {
     const Turn turn = network.lanes[next].turn;
-    // Only one lane of an approach turns, so the share of turning vehicles on that lane is larger.
+    // Vehicles turn from one lane of an approach only, so the share of turning vehicles on that
+    // lane is larger.
     const auto lanes = static_cast<double>(signals.lanes_of(lane.approach));
     if (!stays_in_lane(v, network.lanes[next])) continue;
     if (turn == Turn::kLeft && v.turn_choice < junction.left_share * lanes) return next;
@@ -82,7 +84,7 @@ double target_speed(const TrafficState& state, const Vehicle& v) {
   return std::min(here, std::sqrt(limit * limit + 2 * kBraking / 2 * distance));
 }
 
-/// The nearest vehicle that this one must not run into.
+/// Returns the gap and the speed of the nearest vehicle ahead of vehicle i.
 Leader vehicle_ahead(const TrafficState& state, int lane, std::size_t i) {
   const LaneNetwork& network = state.network;
   const auto& lanes = state.lanes;
@@ -114,7 +116,7 @@ Leader vehicle_ahead(const TrafficState& state, int lane, std::size_t i) {
   return best;
 }
 
-/// The stop line of a red signal, as a standing vehicle slightly behind it.
+/// Returns the stop line of a red signal as the position of a standing vehicle slightly behind it.
 Leader red_signal(const TrafficState& state, const TrafficSignals& signals, const Vehicle& v) {
   const int approach = state.lane_of(v).approach;
   if (approach < 0 || v.committed || signals.is_green(approach)) return {};

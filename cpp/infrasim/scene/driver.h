@@ -3,8 +3,8 @@
 #include "infrasim/scene/traffic_signals.h"
 #include "infrasim/scene/traffic_state.h"
 
-// A driver's behaviour in one time step, by the Intelligent Driver Model (Treiber, Hennecke,
-// Helbing 2000).
+// Computes a driver's behaviour in one time step with the Intelligent Driver Model (Treiber,
+// Hennecke, Helbing 2000).
 
 namespace infrasim {
 
@@ -12,10 +12,10 @@ namespace infrasim {
 inline constexpr double kBraking = 2.0;  ///< m/s2, comfortable braking
 inline constexpr double kTimeGap = 1.2;  ///< s
 
-/// Chooses the next lane of every vehicle that has none.
+/// Chooses the next lane of every vehicle that has no next lane yet.
 void choose_next_lanes(TrafficState& state, const TrafficSignals& signals);
 
-/// Marks vehicles that could no longer stop if their green signal turned red: they will drive on.
+/// Marks vehicles that could no longer stop if their green signal turned red. They will not stop.
 void commit_at_green(TrafficState& state, const TrafficSignals& signals);
 
 /// Acceleration (m/s2) of vehicle i of a lane.

@@ -17,7 +17,7 @@ struct VehicleSize {
 /// 0.
 const ObjectClass& class_at(const std::map<std::string, double>& shares, double u);
 
-/// Samples a size from the normal samples 1 to 6 of a vehicle, within two standard deviations.
+/// Returns a random size within two standard deviations, from samples 1 to 6 of a vehicle's stream.
 VehicleSize draw_size(const ObjectClass& object_class, const Rng& rng);
 
 }  // namespace infrasim

@@ -19,7 +19,7 @@ struct LaneFileRow {
   double width;
 };
 
-/// The direction at each row, from the row before it to the row after it.
+/// Returns the rows with directions. A row's direction is from the previous row to the next one.
 std::vector<CurvePoint> directed(const std::vector<LaneFileRow>& rows) {
   std::vector<CurvePoint> out;
   for (std::size_t i = 0; i < rows.size(); ++i) {

@@ -38,13 +38,13 @@ struct LanePath {
 ///   with two rows at one point
 std::vector<LanePath> read_lanes(const std::filesystem::path& file);
 
-/// The lanes of the scene's `lanes` file; empty without that key.
+/// Returns the lanes in the scene's `lanes` file; empty if the scene does not have this key.
 std::vector<LanePath> lanes_of(const SceneConfig& scene);
 
 /// The point of a lane nearest to a position.
 struct LaneLevel {
   double away = 0;      ///< horizontal distance from the position, metres
-  bool beyond = false;  ///< the position lies before the start or behind the end of the lane
+  bool beyond = false;  ///< whether the position lies before the start or after the end of the lane
   double half_width = 0;
   double z = 0;
 };

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kStopLineGap = 3;   // m between the crossing road's edge and the stop line
 constexpr double kLeastArm = 10;     // m, minimum length of a road on each side of its junction
-constexpr double kSharpTurnGap = 8;  // additional m at a T, times the cosine of its angle,
+constexpr double kSharpTurnGap = 8;  // m, times the cosine of the angle of a T; additional gap
                                      // for tails of vehicles still in the bend
 constexpr double kLateralAcceleration = 2;     // m/s2, accepted by drivers in a turn
 constexpr double kSharpestCrossing = kPi / 4;  // minimum angle between two roads
@@ -61,7 +61,8 @@ bool is_end(const RoadLine& road, double s, double reach) {
   return std::min(s, road.curve.length() - s) <= reach;
 }
 
-/// The part of a road inside a junction at a station; a road that ends within `reach` stops there.
+/// Returns the part of a road inside a junction at a station. The part ends at an end of the road
+/// that lies within `reach`.
 JunctionCut cut_at(const JunctionConfig& junction, int index, const RoadLine& road, double s,
                    double half, double reach) {
   const double length = road.curve.length();
@@ -79,7 +80,7 @@ bool ends_at(const RoadLine& road) {
   return road.cut->from == 0 || road.cut->to == road.curve.length();
 }
 
-/// Half the length of a road that a crossing road covers with its width, including footways.
+/// Returns half the length of the part of a road that a crossing road and its footways cover.
 double half_crossing(const LanesConfig& road, const LanesConfig& other, double angle) {
   const double across = outer_half_width(other);
   const double along = carriageway_half_width(road) * std::abs(std::cos(angle));
@@ -104,8 +105,8 @@ void check_heights(const JunctionConfig& junction, const RoadConfig& a, const Ro
                      config::number_text(b.elevation_m) + " m");
 }
 
-/// Checks that the way straight on is nearly straight, and that every other exit is a left or right
-/// turn.
+/// Checks that each road is nearly straight within the junction, and that every other exit is a
+/// left or right turn.
 void check_angles(const JunctionConfig& junction, const RoadLine& a, const RoadLine& b) {
   for (const RoadLine* road : {&a, &b}) {
     const double in = road->curve.at(road->cut->from).heading;
@@ -187,7 +188,7 @@ int add_lane(LaneNetwork& network, const RoadConfig& road, Curve curve) {
   return static_cast<int>(network.lanes.size()) - 1;
 }
 
-/// Adds the lanes of one direction of a road; `along` runs with the traffic.
+/// Adds the lanes of one direction of a road. `along` has the direction of the traffic.
 void add_direction(LaneNetwork& network, const RoadLine& road, const Curve& along, bool reversed,
                    std::vector<std::vector<Arm>>& arms) {
   const LanesConfig& cross_section = road.config->lanes;
@@ -253,9 +254,9 @@ std::optional<Turn> turn_between(const Arm& from, const Arm& to) {
   return angle > 0 ? Turn::kLeft : Turn::kRight;
 }
 
-/// Connects the arms of a junction. Left turns start on the inner lane, right turns on the outer
-/// one. Two vehicles cannot turn side by side, so on a road that ends here each lane has its own
-/// turn.
+/// Connects the arms of a junction. Left turns start on the inner lane, and right turns start on
+/// the outer lane. Two vehicles cannot turn side by side. If a road ends at the junction, each of
+/// its lanes therefore has a different turn.
 void connect_arms(LaneNetwork& network, int index, const std::vector<Arm>& arms) {
   for (const Arm& from : arms) {
     for (const Arm& to : arms) {

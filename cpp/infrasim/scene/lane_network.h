@@ -17,10 +17,10 @@ struct Lane {
   double elevation_m = 0;
   double width_m = 3.5;
   double speed_limit_m_s = kInf;
-  bool entry = false;  ///< new vehicles appear at its start
-  int approach = -1;   ///< the signal at its end; -1: none
-  int junction = -1;   ///< the junction of a connecting lane
-  int leaves = -1;     ///< the junction at its start; -1: none
+  bool entry = false;  ///< whether new vehicles appear at the lane's start
+  int approach = -1;   ///< the approach of a junction at the lane's end; -1: none
+  int junction = -1;   ///< the junction of a lane inside a junction
+  int leaves = -1;     ///< the junction at the lane's start; -1: none
   Turn turn = Turn::kStraight;
   std::vector<int> next;  ///< the following lanes
 };
@@ -41,9 +41,9 @@ struct LaneNetwork {
   std::vector<std::optional<Ring>> rings;  ///< one per junction
 };
 
-/// Builds the lanes of roads and junctions. Two roads make a junction where they cross, or where
-/// one ends on the other (a T).
-/// @param centrelines of the scene's roads
+/// Builds the lanes of roads and junctions. Two roads can have a junction where they cross, or
+/// where one road ends on the other (a T).
+/// @param centrelines centrelines of the scene's roads
 /// @throws ConfigError if a junction names an unknown road, or joins roads that do not meet, lie at
 ///   different heights, or meet at an angle that traffic can't drive
 LaneNetwork build_lane_network(const SceneConfig& scene, std::span<const Curve> centrelines);

@@ -47,7 +47,7 @@ double heading_at(const Curve& line, double s) {
   return std::atan2(way.y, way.x);
 }
 
-/// A length rounded as in roads.csv, so that its readers get the same region.
+/// Rounds a length as in roads.csv, so that programs that read the file get the same region.
 double as_written(double metres) { return std::round(metres * 1e4) / 1e4 + 0.0; }  // not -0
 
 LaneRow row_at(const LanePath& lane, double zero, double s) {
@@ -89,7 +89,7 @@ bool LanePart::contains(Vec2 point, double beside) const {
   if (point.x < low.x - beside || point.x > high.x + beside || point.y < low.y - beside ||
       point.y > high.y + beside)
     return false;
-  // As in pyinfra/dataset/regions.py: tests the pieces at the nearest row.
+  // Tests the pieces at the nearest row, as pyinfra/dataset/regions.py does.
   const auto nearest = std::ranges::min_element(
       rows, {}, [&](const LaneRow& row) { return dot(point - row.place, point - row.place); });
   const auto last = static_cast<std::ptrdiff_t>(rows.size()) - 2;

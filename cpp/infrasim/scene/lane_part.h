@@ -16,14 +16,14 @@ struct LaneRow {
   double half_width = 0;
 };
 
-/// A part of a lane. s is 0 at its point nearest to the sensor's foot.
+/// A part of a lane. The station s is 0 at the point nearest to the sensor's foot.
 struct LanePart {
   std::string name;
-  std::vector<LaneRow> rows;  ///< at both ends and at every whole metre between them
+  std::vector<LaneRow> rows;  ///< rows at both ends and at every whole metre between them
   Vec2 low, high;             ///< corners of its bounding rectangle
 
-  /// True for a point within the lane's width plus `beside` on both sides, between its first and
-  /// its last row. Nothing is added at the ends.
+  /// Returns true for a point between the first and the last row, within the lane's width plus
+  /// `beside` on each side.
   bool contains(Vec2 point, double beside) const;
 };
 

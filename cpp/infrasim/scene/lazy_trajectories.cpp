@@ -8,7 +8,7 @@ namespace infrasim {
 
 namespace {
 
-// Rows that are kept in any case: those of a frame, and one more that a clock offset may add.
+// Minimum number of rows that are kept: two for a frame, and one more for a clock offset.
 constexpr std::size_t kFewestRows = 3;
 
 }  // namespace

@@ -14,16 +14,16 @@
 
 namespace infrasim {
 
-/// The objects of a scene, simulated only as far as the largest frame that was requested. Frames
-/// equal those of trajectories of the whole scene. Thread-safe.
+/// The objects of a scene. Traffic is simulated only up to the largest frame that was requested.
+/// The frames equal the frames of a simulation of the whole scene. Thread-safe.
 ///
 /// If there are too many states, the oldest rows are dropped. When a dropped row is requested, the
-/// scene is simulated again from its beginning, and from then on all rows are kept.
+/// scene is simulated again from its beginning, and no more rows are dropped.
 class LazyTrajectories {
  public:
-  /// Nothing is simulated yet.
+  /// The constructor simulates nothing.
   /// @param late_s clock offset of the mount, as for resample_at_clock_offset
-  /// @param most   maximum number of states kept before rows are dropped
+  /// @param most   maximum number of states in memory; if there are more, rows are dropped
   /// @throws the exceptions of StateSource and StateSteps
   explicit LazyTrajectories(std::shared_ptr<const Site> site, double late_s = 0,
                             std::size_t most = TrajectoryKeeper::kMostStates);
@@ -41,7 +41,7 @@ class LazyTrajectories {
   /// @throws ConfigError if a vehicle hits a sensor
   void drive();
 
-  /// Number of instants that have been simulated since the last begin.
+  /// Number of instants that have been simulated since the simulation last began.
   int simulated() const;
   /// Number of rows in memory.
   std::size_t kept() const;
@@ -61,7 +61,7 @@ class LazyTrajectories {
   mutable std::mutex mutex_;
   std::optional<StateSteps> steps_;
   StateSink sink_;
-  int instant_ = 0;  ///< the next one to simulate
+  int instant_ = 0;  ///< number of the next instant to simulate
   std::exception_ptr error_;
   bool keeps_all_ = false;
   int first_ = 0;  ///< number of the first row in rows_

@@ -74,7 +74,7 @@ class ObstacleRules {
                        " m above them, got " + (kind.empty() ? "it" : kind) + " on a lane");
   }
 
-  /// Solid objects: boxes and barriers, including trunks but no leaves.
+  /// Returns the boxes of all solid objects, including barriers and trunks, but not leaves.
   std::vector<Box3d> solids() const {
     std::vector<Box3d> solid;
     for (const StaticBox& box : site_.boxes) solid.push_back(box.box);
@@ -83,7 +83,7 @@ class ObstacleRules {
     return solid;
   }
 
-  /// Parked vehicles must be beside the lanes and must not overlap with other objects.
+  /// Checks that parked vehicles are beside the lanes and do not overlap with other objects.
   void check_parked() const {
     if (site_.parked.empty()) return;
     std::vector<Box3d> solid = solids();
@@ -108,8 +108,8 @@ class ObstacleRules {
     }
   }
 
-  /// Pedestrians and cyclists must be beside the traffic lanes, and must not overlap with objects
-  /// or other rows.
+  /// Checks that pedestrians and cyclists are beside the traffic lanes, and that they do not
+  /// overlap with objects or other rows of pedestrians and cyclists.
   void check_people() const {
     const SceneConfig& scene = site_.scene;
     if (!scene.people && !scene.standing_people) return;

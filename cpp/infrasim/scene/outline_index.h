@@ -11,8 +11,8 @@
 
 namespace infrasim {
 
-/// Finds which of many small outlines may overlap with another one. Each outline is listed in every
-/// square of a grid that its bounding box touches.
+/// Finds which of many small outlines may overlap with a given outline. Each outline is listed in
+/// every square of a grid that its bounding box touches.
 class OutlineIndex {
  public:
   void add(std::span<const Vec2> outline, std::size_t number) {
@@ -22,8 +22,8 @@ class OutlineIndex {
     });
   }
 
-  /// True if `meets(number)` is true for an outline in one of the squares. An outline in several
-  /// squares is tested several times.
+  /// Returns true if `meets(number)` is true for a listed outline in a square that `outline`
+  /// touches. An outline in several squares may be tested several times.
   template <class Meets>
   bool any_near(std::span<const Vec2> outline, const Meets& meets) const {
     return for_each_square(outline, [&](std::uint64_t key) {

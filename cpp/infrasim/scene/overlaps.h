@@ -18,14 +18,15 @@ struct Overlap {
   Vec2 place;  ///< half way between their centres, world frame
 };
 
-/// Finds overlapping objects at each instant and half way between two instants. It tests oriented
-/// boxes by separating axes in the plane and by their heights.
+/// Finds overlapping objects at each instant and half way between two instants. Two oriented boxes
+/// are tested with separating axes in the plane, and by their heights.
 class OverlapSearch {
  public:
   /// Adds the objects of the next instant, 0.1 s after the last one.
   void take(const std::vector<ObjectState>& states);
 
-  /// Every pair once, with the time and position of its first overlap, in time order.
+  /// Returns each overlapping pair once, with the time and position of the first overlap. The pairs
+  /// are in time order.
   const std::vector<Overlap>& overlaps() const { return overlaps_; }
 
  private:

@@ -11,10 +11,11 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kAside_m = 0.15;       // maximum lateral offset of a vehicle from its row, nominal
-constexpr double kAskew_deg = 2;        // maximum rotation from the row's direction
-constexpr std::size_t kMost = 2'000;    // per scene: each is processed in every frame
-constexpr unsigned kDrawsOfOthers = 7;  // after the samples of class and size
+constexpr double kAside_m = 0.15;  // maximum lateral offset of a vehicle from its row, nominal
+constexpr double kAskew_deg = 2;   // maximum rotation from the row's direction
+constexpr std::size_t kMost =
+    2'000;  // maximum number per scene, because each vehicle is processed in every frame
+constexpr unsigned kDrawsOfOthers = 7;  // first sample after those of class and size
 
 /// The line through the centres of a row's vehicles.
 Curve line_of(const Curve& whole, const ParkedConfig& row) {

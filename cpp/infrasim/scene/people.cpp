@@ -10,13 +10,16 @@ namespace infrasim {
 
 namespace {
 
-constexpr int kMostPeople = 1'000;    // per scene: each is processed in every frame
-constexpr double kOffLine_m = 0.1;    // maximum lateral offset from the line, nominal
-constexpr double kApart_m = 0.5;      // free gap between two that pass, minus both offsets
-constexpr double kAhead_m = 0.4;      // free length along the line before two come closer again
-constexpr double kMakesWay_s = 1.5;   // duration of a lateral step, nominal
-constexpr double kShortestWay = 3;    // in body lengths: minimum for two with almost equal speeds
-constexpr unsigned kDrawsOfSize = 7;  // after the samples of the size
+constexpr int kMostPeople =
+    1'000;  // maximum number per scene, because each person is processed in every frame
+constexpr double kOffLine_m = 0.1;  // maximum lateral offset from the line, nominal
+constexpr double kApart_m =
+    0.5;  // free gap between two people who pass each other, without their offsets
+constexpr double kAhead_m = 0.4;  // free length along the line before two people come closer again
+constexpr double kMakesWay_s = 1.5;  // duration of a lateral step, nominal
+constexpr double kShortestWay =
+    3;  // minimum length of a lateral step, in body lengths, for almost equal speeds
+constexpr unsigned kDrawsOfSize = 7;  // first sample after those of the size
 
 double fastest_of(const PersonSpeedConfig& speed) {
   return (speed.mean_km_h + 2 * speed.std_km_h) / 3.6;
@@ -85,9 +88,10 @@ std::vector<PeopleRow::Walk> PeopleRow::walks_at(double time_s) const {
 
 namespace {
 
-/// Sort key from right to left. People who move along the line come first, faster ones further
-/// left, then those in the opposite direction, slower ones further left. So everybody keeps to the
-/// right, and faster people pass on the inner side.
+/// Returns the sort key of a person in the order from right to left, seen along the line. People
+/// who move along the line are on the right, the faster ones further left. People who move in the
+/// opposite direction are on the left, the slower ones further left. Everybody therefore keeps to
+/// the right in their own direction, and faster people pass on the inner side.
 double order_of(double velocity) {
   constexpr double kBeyondAll = 1'000;  // m/s
   return velocity > 0 ? velocity : kBeyondAll + velocity;
@@ -104,17 +108,18 @@ double smooth(double u) {
 /// Two people who are near each other, ordered from the right.
 struct PeopleRow::Gap {
   std::size_t right, left;
-  double apart = 0;  ///< required lateral distance, apart from their offsets from the line
-  double near = 0;   ///< 1 from before they meet until after it, 0 at a larger distance
+  double apart = 0;  ///< required lateral distance, without the offsets from the line
+  double near = 0;   ///< 1 while they pass each other, falling to 0 at a larger distance
 };
 
-/// Weight of a person for others: 1 on the line, falling to 0 where people appear and disappear.
+/// Returns the weight with which other people avoid a person. It is 1 on the line and falls to 0
+/// where people appear and disappear.
 double PeopleRow::share(const Walk& walk) const {
   return smooth(1 + std::min(walk.s, line_.length() - walk.s) / beyond_m_);
 }
 
-/// The gaps of all pairs who are near each other. `walks` is sorted by station; `place` is the rank
-/// of each in the order from the right.
+/// Returns the gaps of all pairs who are near each other. `walks` is sorted by station. `place` is
+/// each person's rank in the order from the right.
 std::vector<PeopleRow::Gap> PeopleRow::gaps(const std::vector<Walk>& walks,
                                             const std::vector<std::size_t>& place) const {
   std::vector<Gap> out;
@@ -132,9 +137,9 @@ std::vector<PeopleRow::Gap> PeopleRow::gaps(const std::vector<Walk>& walks,
   return out;
 }
 
-/// Moves people aside. Each must be left of those on their right, and right of those on their left.
-/// Everybody moves half way between both limits, so all who are near each other keep their
-/// distance.
+/// Moves people aside. Each person has a limit on the right and a limit on the left, which follow
+/// from the people on the two sides. Each person moves half way between both limits. People who are
+/// near each other therefore keep the required distance.
 void PeopleRow::make_way(std::vector<Walk>& walks) const {
   std::vector<std::size_t> from_right(walks.size()), place(walks.size());
   std::iota(from_right.begin(), from_right.end(), 0);

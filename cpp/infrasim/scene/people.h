@@ -33,12 +33,13 @@ struct Person {
   double start_m = 0;    ///< position at t = 0 in its direction of movement
   double speed_m_s = 0;  ///< constant
   bool back = false;     ///< moves against the direction of the line
-  double aside_m = 0;    ///< to the left of the line while nobody is near
+  double aside_m = 0;    ///< offset to the left of the line while nobody is near
 };
 
-/// The pedestrians or cyclists of a row. They circulate on their line and on a stretch beyond both
-/// of its ends, where they appear and disappear unseen. Those who meet or overtake someone step
-/// aside without turning, and come back. Positions depend on the time alone.
+/// The pedestrians or cyclists of a row. They circulate on their line, which is extended at both
+/// ends. They appear and disappear on the extensions, which are not simulated. A person who meets
+/// or overtakes another one steps aside without turning, and then returns to the line. All
+/// positions are functions of time only.
 class PeopleRow {
  public:
   /// @throws the exceptions of people_line
@@ -46,8 +47,8 @@ class PeopleRow {
 
   std::size_t size() const { return people_.size(); }
 
-  /// Appends those who are on the line at a time. Ids are first_id + lap * step + index in the row,
-  /// so that each lap has new ids.
+  /// Appends the people who are on the line at a time. An id is first_id + lap * step + index in
+  /// the row, so that each lap has new ids.
   void append_at(double time_s, int first_id, int step, std::vector<ObjectState>& out) const;
 
  private:
@@ -63,22 +64,25 @@ class PeopleRow {
   const ObjectClass* object_class_;
   double elevation_m_;
   Curve line_;
-  double beyond_m_ = 0;  ///< length of the circulation before and after the line
+  double beyond_m_ = 0;  ///< length of the extension at each end of the line
   double circle_m_ = 0;
   std::vector<Person> people_;
 };
 
-/// All pedestrians and cyclists of a scene, sampled from its seed, in steady state from t = 0 on.
+/// All walking pedestrians and moving cyclists of a scene, sampled from its seed. Their flow is in
+/// steady state from t = 0 on.
 class People {
  public:
-  /// @param centrelines of the scene's roads
-  /// @throws ConfigError as people_line, for an unknown road, and for more people than a scene may
-  ///   have
+  /// @param centrelines centrelines of the scene's roads
+  /// @throws ConfigError for an unknown road, for a row beyond a road's end, and for more people
+  /// than a
+  ///   scene may have
   People(const SceneConfig& scene, std::span<const Curve> centrelines);
 
   bool empty() const { return step_ == 0; }
 
-  /// All states at a time, by increasing id from kFirstPersonId on. They depend on the time alone.
+  /// Returns all states at a time, by increasing id from kFirstPersonId on. The states are
+  /// functions of time only.
   std::vector<ObjectState> at(double time_s) const;
 
  private:

@@ -27,9 +27,10 @@ class Profile {
   double rise(Vec2 place) const;
 
   /// Raises every vertex by the rise at its position. Triangles are cut until no edge is more than
-  /// a centimetre from the true surface. Neighbours are cut alike.
+  /// a centimetre from the true surface. A common edge is cut at the same points in both triangles.
   void lift(Surface& surface) const;
-  /// Puts vehicles and cyclists on the slope under their wheels, and pedestrians upright on it.
+  /// Puts vehicles and cyclists on the slope with the pitch of the slope under their wheels.
+  /// Pedestrians stay upright.
   void lift(std::vector<ObjectState>& states) const;
 
  private:

@@ -59,7 +59,7 @@ void EvaluationRegion::for_each_row(const Take& take) const {
     for (const LaneRow& row : part.rows) take(part.name, row);
 }
 
-/// Checks that names of parts are unique, because rows with one name form one road.
+/// Checks that the names of the region's parts are unique. Rows with the same name form one road.
 void EvaluationRegion::check_names(const SceneConfig& scene) const {
   std::set<std::string> names;
   for (const LanePart& part : parts_)

@@ -9,18 +9,22 @@
 
 namespace infrasim {
 
-/// beside a carriageway; pedestrians and cyclists count there too
+/// width beside a carriageway in which pedestrians and cyclists also count
 inline constexpr double kFootways_m = 6;
 
-/// The evaluation region. With a lane file, it is the parts of the lanes within the half length of
-/// the sensor's foot, each a road of its own in the direction of traffic. With roads, it runs along
-/// each road from -half length to +half length around the foot, within the carriageway. Stations s
-/// are 0 at the foot and grow along the sensor's view, or along the traffic on a roundabout's ring.
-/// For pedestrians and cyclists the region is kFootways_m wider on both sides. With `regions`, only
-/// the parts inside one of them count.
+/// The evaluation region.
+///
+/// If the scene has roads, the region is the carriageway of each road from -half length to +half
+/// length around the sensor's foot. A station s is 0 at the foot. It grows in the sensor's viewing
+/// direction, or in the direction of traffic on a roundabout's ring. If the scene has a lane file,
+/// the region is the parts of lanes within the half length of the foot. Each part is a separate
+/// road in the direction of traffic.
+///
+/// For pedestrians and cyclists the region is kFootways_m wider on each side. If the scene has
+/// `regions`, the evaluation region is only the part inside one of them.
 class EvaluationRegion {
  public:
-  /// @param mount the region lies around its foot
+  /// @param mount mount at whose foot the region is centred
   /// @throws ConfigError if no lane is near, or no road or lane overlaps with `regions`
   EvaluationRegion(const Site& site, const MountConfig& mount);
 
@@ -36,7 +40,7 @@ class EvaluationRegion {
  private:
   struct RoadPart {
     std::string name;
-    Curve along;  ///< in the direction of the view
+    Curve along;  ///< centreline in the direction of the view
     double foot;  ///< station of the sensor's foot on `along`
     double elevation;
     double half_width;
@@ -50,7 +54,7 @@ class EvaluationRegion {
 
   std::vector<RoadPart> roads_;
   std::vector<LanePart> parts_;
-  std::vector<RegionConfig> outlines_;  ///< empty: the region is not limited
+  std::vector<RegionConfig> outlines_;  ///< if empty, `regions` does not limit the region
   double half_length_;
   Profile profile_;
 };

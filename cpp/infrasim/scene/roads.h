@@ -13,11 +13,12 @@ namespace infrasim {
 double carriageway_half_width(const LanesConfig& lanes);
 double outer_half_width(const LanesConfig& lanes);
 
-/// Centreline of a road. Arcs are sampled every 0.5 m, wide ones less often.
+/// Returns the centreline of a road. Arcs are sampled every 0.5 m, or less often if their radius is
+/// large.
 Curve centreline(const RoadConfig& road);
 
 /// The centrelines of a scene's roads, in the order of the roads.
-/// @throws ConfigError if the roads are longer than rays can reach
+/// @throws ConfigError if the roads are too long
 std::vector<Curve> centrelines(const SceneConfig& scene);
 
 /// A road of a scene.

@@ -4,7 +4,8 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kFlareAngle = kPi * 25 / 180;  // on the ring, beside an arm's lane
+constexpr double kFlareAngle =
+    kPi * 25 / 180;  // angle on the ring between an arm's lane and the entry or exit
 
 double polar(Vec2 centre, Vec2 point) { return std::atan2(point.y - centre.y, point.x - centre.x); }
 

@@ -7,7 +7,7 @@
 
 namespace infrasim {
 
-inline constexpr double kRingShoulder_m = 0.5;  ///< outside the lane
+inline constexpr double kRingShoulder_m = 0.5;  ///< width of the shoulder outside the lane
 /// length of an approach, from its stop line to the ring
 inline constexpr double kRingFlare_m = 10;
 
@@ -24,7 +24,8 @@ struct Ring {
   Curve way(const CurvePoint& from, const CurvePoint& to) const;
   /// Point at which vehicles from a stop line enter the ring.
   Vec2 entry(Vec2 stop) const;
-  /// Length along the ring in the direction of traffic, from beside one point to beside another.
+  /// Returns the length along the ring in the direction of traffic, between the points of the ring
+  /// that are nearest to two positions.
   double along(Vec2 from, Vec2 to) const;
   /// Whether a point is on the lane or the island.
   bool holds(Vec2 point) const {

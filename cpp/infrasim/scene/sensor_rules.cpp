@@ -33,7 +33,8 @@ double distance(std::span<const Vec2> outline, Vec2 point) {
   return nearest;
 }
 
-/// Distance from the line to the point; infinite if the point is beyond the line's ends.
+/// Returns the distance from the line to the point; infinite if the point is beyond the line's
+/// ends.
 double distance_beside(const Curve& line, Vec2 point) {
   const double s = line.project(point);
   const CurvePoint p = line.at(s);
@@ -61,8 +62,8 @@ double distance_to_surfaces(const Site& site, const Sensor& sensor) {
   return nearest;
 }
 
-/// Height of a road's embankment or cutting over a point inside it, `beside` metres outside the
-/// road's edge; nothing if the point is not inside.
+/// Returns the height of a road's embankment or cutting at a point `beside` metres outside the
+/// road's edge. Returns no value if the point is not inside the embankment or cutting.
 std::optional<double> slope_over(const RoadConfig& road, double beside, double z) {
   if (!road.embankment) return std::nullopt;
   const double top = road.elevation_m, foot = road.embankment->foot_elevation_m;
@@ -72,8 +73,8 @@ std::optional<double> slope_over(const RoadConfig& road, double beside, double z
   return z <= surface ? std::optional(surface) : std::nullopt;
 }
 
-/// Height of the surface that the sensor is below. Nothing if that surface is a bridge, or if the
-/// sensor is beside all surfaces and above the lowest one.
+/// Returns the height of the surface above the sensor. Returns no value if that surface is a
+/// bridge, or if the sensor is beside all surfaces and above the lowest one.
 std::optional<double> ground_over(const Site& site, const Sensor& sensor) {
   double lowest = kInf, over = kInf, under = -kInf;
   const auto meet = [&](bool here, double z) {
@@ -115,8 +116,8 @@ std::string what_holds(const Site& site, const Sensor& sensor) {
   return "";
 }
 
-/// z of the lane whose vehicles need the sensor's position. A line between two lanes belongs to
-/// neither.
+/// Returns the z of the lane whose vehicles would hit the sensor; no value if there is none. The
+/// line between two lanes belongs to neither lane.
 std::optional<double> lane_around(const Site& site, const Sensor& sensor) {
   const auto in_height = [&](double z) { return sensor.z > z && sensor.z < z + kClearance_m; };
   for (const Lane& lane : site.network.lanes)
@@ -164,7 +165,7 @@ SurfacesAt surfaces_at_origin(const TriangleMesh& mesh) {
 
 void check_sensor(const Site& site) {
   for (const auto& [name, mount] : site.scene.mounts) {
-    // Heights in a scene file are those of a level scene.
+    // The rules use the heights of the scene file, before the profile raises the scene.
     const double rise = site.profile.rise({mount.x_m, mount.y_m});
     const Sensor sensor{{mount.x_m, mount.y_m}, mount.z_m - rise};
     const auto fail = [&](const char* key, const std::string& what) {

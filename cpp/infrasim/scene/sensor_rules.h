@@ -7,10 +7,10 @@
 namespace infrasim {
 
 /// @throws ConfigError for a sensor inside the ground or an object, in the path of vehicles on a
-///   lane, or too far from everything
+///   lane, or too far from all roads and objects
 void check_sensor(const Site& site);
 
-/// @param background in the levelled frame of the scene's mount
+/// @param background static surfaces in the levelled frame of the scene's mount
 /// @throws ConfigError for a sensor below a road, footway or terrain of a mesh that is not a bridge
 void check_sensor_above(const SceneConfig& scene, const TriangleMesh& background);
 

@@ -12,12 +12,13 @@
 
 namespace infrasim {
 
-/// Everything that follows from a scene without its mounts. It is built once and used by the rules,
-/// the meshes, the evaluation region and the traffic. World frame, before the profile raises it.
+/// All objects that are derived from a scene, except its mounts. A site is built once. The rules,
+/// the meshes, the evaluation region and the traffic use it. Positions are in the world frame,
+/// before the profile raises them.
 struct Site {
   SceneConfig scene;
   Profile profile;
-  std::vector<LanePath> lanes;               ///< from the file of `lanes`
+  std::vector<LanePath> lanes;               ///< lanes from the file of `lanes`
   std::vector<Curve> centrelines;            ///< one per road
   LaneNetwork network;                       ///< lanes of the roads
   std::vector<StaticBox> boxes;              ///< buildings, gantries, trunks

@@ -15,10 +15,11 @@ namespace {
 
 using config::number_text;
 
-constexpr double kApart = 0.01;          // m, minimum distance between two roads; nearer ones touch
-constexpr double kLeastDepth = 0.001;    // m, minimum depth of the ground below a road
-constexpr int kSlopeSteps = 16;          // number of strips in which a slope is checked
-constexpr double kMostVehicles = 5'000;  // of traffic: a gigabyte of trajectories in 500 s
+constexpr double kApart = 0.01;        // m, minimum distance between two roads; nearer ones touch
+constexpr double kLeastDepth = 0.001;  // m, minimum depth of the ground below a road
+constexpr int kSlopeSteps = 16;        // number of strips in which a slope is checked
+constexpr double kMostVehicles =
+    5'000;  // maximum number in traffic: a gigabyte of trajectories in 500 s
 
 class RoadRules {
  public:
@@ -123,7 +124,7 @@ class RoadRules {
     }
   }
 
-  /// Checks slopes in narrow strips, each with its own heights.
+  /// Checks the slopes of a road in narrow strips, because the height differs between strips.
   void check_slopes(std::size_t i) const {
     const RoadConfig& road = site_.scene.roads[i];
     if (!road.embankment) return;

@@ -2,8 +2,8 @@
 
 #include "infrasim/scene/site.h"
 
-// Rules for sites. A rule about one key is checked where the key is read. The rules here are about
-// contradictions between several keys.
+// Checks a site for contradictions between several keys. A rule about a single key is checked where
+// the key is read.
 
 namespace infrasim {
 

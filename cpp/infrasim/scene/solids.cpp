@@ -25,7 +25,8 @@ void join(TriangleMesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t n)
 }  // namespace
 
 void add_ellipsoid(TriangleMesh& mesh, const Ellipsoid& e, int bands, int sectors) {
-  // The polygons' share of a half circle's area, and of a circle's mean width.
+  // Area of the polygon relative to a half circle, and mean width of the polygon relative to a
+  // circle.
   const double tall = bands * std::sin(kPi / bands) / kPi;
   const double round = sectors * std::sin(kPi / sectors) / kPi;
   const double wide = 1 / (tall * round);

@@ -3,8 +3,8 @@
 #include "infrasim/core/geometry.h"
 #include "infrasim/core/triangle_mesh.h"
 
-// Solids from which bodies are made. Each is closed and has vertices of its own in the mesh. Its
-// triangles are clockwise seen from outside, as for all bodies.
+// Builds the solids of which bodies are made. A solid is closed and shares no vertices with other
+// solids in the mesh. Its triangles are clockwise seen from outside, as in all bodies.
 
 namespace infrasim {
 
@@ -21,14 +21,16 @@ struct Ellipsoid {
 void add_ellipsoid(TriangleMesh& mesh, const Ellipsoid& e, int bands, int sectors);
 
 /// Adds the rim and tyre of a wheel, upright and along x: a ring with a triangular section.
-/// @param depth from its outside to its inside, metres
+/// @param depth radial depth of the ring, metres
 void add_ring(TriangleMesh& mesh, Vec3 centre, double radius, double depth, double width,
               int segments);
 
-/// Adds a straight bar with `sides` sides, between the centres of its ends; never parallel to z.
+/// Adds a straight bar with `sides` sides, given by the centres of its ends. The bar must not be
+/// parallel to z.
 void add_bar(TriangleMesh& mesh, Vec3 from, Vec3 to, double radius, int sides);
 
-/// The body moved and scaled to the unit box [-0.5, 0.5]^3, so that it touches all six faces.
+/// Returns the body moved and scaled to the unit box [-0.5, 0.5]^3, so that it touches all six
+/// faces.
 TriangleMesh in_unit_box(TriangleMesh mesh);
 
 }  // namespace infrasim

@@ -11,18 +11,18 @@ namespace infrasim {
 
 class StateSteps;
 
-/// The vehicles, pedestrians and cyclists of a scene, one instant after the other. Simulated states
-/// are not kept; a file is read once.
+/// Provides the vehicles, pedestrians and cyclists of a scene, one instant after the other.
+/// Simulated states are not stored. A trajectory file is read once.
 class StateSource {
  public:
   /// @param site must outlive this object
   /// @throws ConfigError, IoError for the file of trajectories
   explicit StateSource(const Site& site);
 
-  /// Whether objects may have a pitch: their tables have the column.
+  /// Returns whether objects may have a pitch. Their tables then have a column for the pitch.
   bool pitched() const { return site_.scene.profile || (recorded_ && recorded_->pitched); }
   void each(const StateSink& sink) const;
-  /// As above, up to a number of instants.
+  /// Like the function above, but stops after a number of instants.
   void each(const StateSink& sink, int instants) const;
 
  private:
@@ -31,7 +31,7 @@ class StateSource {
   std::optional<Trajectories> recorded_;
 };
 
-/// The instants of a source, computed when they are asked for.
+/// Computes the instants of a source one by one, on request.
 class StateSteps {
  public:
   /// @param source must outlive this object

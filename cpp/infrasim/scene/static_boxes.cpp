@@ -9,8 +9,8 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kLegWidth = 0.4;    // m, of a gantry
-constexpr double kBeamHeight = 1.0;  // m, of a gantry
+constexpr double kLegWidth = 0.4;    // m, width of a gantry's leg
+constexpr double kBeamHeight = 1.0;  // m, height of a gantry's beam
 constexpr double kLegGap = 0.5;      // m between the carriageway and a gantry's leg
 
 }  // namespace

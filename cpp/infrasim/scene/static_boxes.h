@@ -8,12 +8,12 @@
 
 namespace infrasim {
 
-/// A box that stands on the ground or hangs over it.
+/// A static box on the ground or above it.
 struct StaticBox {
   Box3d box;
   config::Place place;
   const char* key;   ///< the key that gives its position along a road or in the world
-  const char* kind;  ///< what it is, in words
+  const char* kind;  ///< kind of object, for messages
 };
 
 /// Buildings, the legs and beams of gantries, and trunks of trees.
@@ -21,7 +21,7 @@ struct StaticBox {
 /// @throws ConfigError for a gantry or trees of an unknown road or beyond its end
 std::vector<StaticBox> static_boxes(const SceneConfig& scene, std::span<const Curve> centrelines);
 
-/// A barrier as boxes of up to `longest_m`.
+/// Returns a barrier as boxes of up to `longest_m` length.
 /// @param road the road that the barrier names
 /// @throws ConfigError for a start beyond the road's end
 std::vector<Box3d> barrier_pieces(const Road& road, const BarrierConfig& barrier,

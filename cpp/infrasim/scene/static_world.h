@@ -17,13 +17,13 @@ struct LevelPose {
 LevelPose level_pose(const MountConfig& mount);
 
 inline constexpr double kSidewalkDrop =
-    0.01;  ///< metres below the road, so that crossing roads lie on top
+    0.01;  ///< metres below the road, so that crossing roads lie above it
 
 /// All static surfaces, raised by the profile; world frame.
 /// @throws IoError, ConfigError for a file of `meshes`
 Surface build_static_surface(const Site& site);
 
-/// The same triangles in the levelled frame.
+/// Returns the triangles of a surface in the levelled frame.
 TriangleMesh to_level(const Surface& surface, const LevelPose& level);
 
 }  // namespace infrasim

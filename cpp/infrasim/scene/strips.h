@@ -31,12 +31,13 @@ std::string at_text(Vec2 point);
 std::vector<Strip> cut_into_strips(const Curve& curve, double left_m, double right_m,
                                    std::size_t of, double longer = 0);
 
-/// Strips, searchable by position.
+/// Finds strips by their position.
 class StripIndex {
  public:
   void add(const std::vector<Strip>& strips);
 
-  /// The first `wanted` strip that overlaps with an outline; null if there is none.
+  /// Returns the first strip that overlaps with an outline and for which `wanted` is true; null if
+  /// there is none.
   template <class Wanted>
   const Strip* first_met(std::span<const Vec2> outline, const Wanted& wanted) const {
     const Strip* met = nullptr;

@@ -8,21 +8,21 @@
 namespace infrasim {
 
 /// Simulates vehicles on the lanes of a scene from a warm start, with signals and the Intelligent
-/// Driver Model (Treiber, Hennecke, Helbing 2000). The number of vehicles follows the density: a
-/// vehicle that leaves at the end of a lane is replaced by a new one at an entry. Vehicles keep
-/// their lane. Two points of each vehicle follow the lane, so that long vehicles stay within it in
-/// a bend. Vehicles that would not stay within a turn go straight on.
+/// Driver Model (Treiber, Hennecke, Helbing 2000). The number of vehicles is constant and follows
+/// from the density. When a vehicle leaves at the end of a lane, a new one appears at an entry.
+/// Vehicles do not change lanes. Two points of each vehicle follow the lane, so that a long vehicle
+/// stays within its lane in a bend. A vehicle that would not stay within a turn goes straight on.
 class TrafficSteps {
  public:
-  /// Nothing is simulated yet.
+  /// The constructor simulates nothing.
   /// @param site must outlive this object
   /// @throws ConfigError if vehicles of a class do not fit the lanes
   explicit TrafficSteps(const Site& site);
   ~TrafficSteps();
   TrafficSteps(TrafficSteps&&) noexcept;
 
-  /// The vehicles at the next instant, 0.1 s after the one before, rounded to the digits of the
-  /// trajectory file. The first call simulates the warm-up too.
+  /// Returns the vehicles at the next instant, which is 0.1 s after the previous one. States are
+  /// rounded to the digits of the trajectory file. The first call also simulates the warm-up.
   std::vector<ObjectState> next();
 
  private:
@@ -30,10 +30,10 @@ class TrafficSteps {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Passes on the vehicles of each instant of a scene's duration.
+/// Simulates a scene's duration and passes the vehicles of each instant to `sink`.
 /// @throws ConfigError if vehicles of a class do not fit the lanes
 void simulate_traffic(const Site& site, const StateSink& sink);
-/// As above, returning all rows at once.
+/// Like the function above, but returns all rows.
 Trajectories simulate_traffic(const Site& site);
 
 }  // namespace infrasim

@@ -12,10 +12,10 @@ namespace infrasim {
 
 namespace {
 
-// m, maximum constant offset of a driver from the lane's centre
+// m, maximum offset of a driver from the lane's centre; it is constant in time
 constexpr double kMaxLateral = 0.3;
 
-/// Distance between the centres of two vehicles, one queued behind the other.
+/// Returns the distance between the centres of two vehicles in a queue.
 double spacing(const Vehicle& v, const Vehicle& ahead) {
   return (v.dx + ahead.dx) / 2 + kStandstillGap_m;
 }
@@ -97,8 +97,8 @@ void TrafficPopulation::check_fits(const ObjectClass& row) const {
                    std::string(row.name));
 }
 
-/// Makes a vehicle narrower and moves it to the lane's centre, if the scene's tightest bend would
-/// otherwise take it out of its lane, where another long vehicle may be beside it.
+/// Makes a vehicle narrower and moves it to the lane's centre, if it would otherwise leave its lane
+/// in the scene's tightest bend. Another long vehicle may be beside it there.
 void TrafficPopulation::fit_lanes(Vehicle& v) const {
   const double beside = half_width_in_bend(v, tightest_radius_, 0) - v.dy / 2;
   v.dy = std::min(v.dy, narrowest_m_ - 2 * beside);

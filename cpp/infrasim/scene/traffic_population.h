@@ -15,12 +15,12 @@ class TrafficPopulation {
   /// @throws ConfigError if vehicles of a class do not fit the lanes
   TrafficPopulation(const TrafficConfig& config, std::uint64_t seed, TrafficState& state);
 
-  /// Distributes vehicles evenly over the lanes outside junctions. A vehicle stands further back if
-  /// the one ahead is long. A vehicle without space waits for an entry.
+  /// Distributes vehicles evenly over the lanes outside junctions. A vehicle starts further back if
+  /// the vehicle ahead is long. A vehicle for which there is no space waits for an entry.
   void fill();
-  /// Counts a vehicle that left the lanes: another one waits for an entry.
+  /// Replaces a vehicle that has left the lanes by one that waits for an entry.
   void replace_one() { ++waiting_; }
-  /// Puts waiting vehicles on entries where the last vehicle ahead leaves enough space.
+  /// Puts waiting vehicles on entries where the nearest vehicle ahead leaves enough space.
   void spawn();
 
  private:

@@ -7,7 +7,8 @@
 
 namespace infrasim {
 
-/// The right to enter junctions: by signals, or by gaps in the traffic of a roundabout.
+/// Decides which vehicles may enter junctions, by signals or by gaps in the traffic of a
+/// roundabout.
 class TrafficSignals {
  public:
   explicit TrafficSignals(const LaneNetwork& network);
@@ -22,8 +23,9 @@ class TrafficSignals {
   std::size_t lanes_of(int approach) const { return arms_[approach].lanes.size(); }
 
  private:
-  /// The signals of one junction. One approach after the other gets green. The next green starts
-  /// when the junction is empty, so that crossing paths are never used together.
+  /// The signals of one junction. The approaches have green one after the other. The next green
+  /// phase starts when the junction is empty, so that vehicles never use crossing paths at the same
+  /// time.
   struct Signal {
     std::vector<int> approaches;
     std::size_t current = 0;
@@ -33,7 +35,7 @@ class TrafficSignals {
   /// The lanes of one direction of a road that end at a junction.
   struct Arm {
     std::vector<int> lanes;
-    bool gap = false;  ///< a vehicle may enter the roundabout here
+    bool gap = false;  ///< whether a vehicle may enter the roundabout from this arm
   };
 
   static bool is_clear(const TrafficState& state, int junction);

@@ -7,7 +7,7 @@ namespace infrasim {
 
 namespace {
 
-/// The junction that a lane is in, leads to or leaves; -1: none.
+/// Returns the junction that a lane is inside of, leads to or starts at; -1 if there is none.
 int junction_near(const LaneNetwork& network, const Lane& lane) {
   if (lane.approach >= 0) return network.approach_junctions[lane.approach];
   return std::max(lane.junction, lane.leaves);

@@ -21,15 +21,15 @@ struct Vehicle {
   int next_lane = -1;
   double s = 0;
   double speed = 0;
-  bool committed = false;  ///< past the point where it could still stop at its signal
+  bool committed = false;  ///< whether the vehicle can no longer stop at its signal
 };
 
-/// Half the distance between the two points of a vehicle that follow its path. It is chosen so that
-/// in a bend the vehicle's side extends as far inwards as its corners extend outwards.
+/// Returns half the distance between the two points of a vehicle that follow its path. With this
+/// distance, the vehicle's side extends as far inwards in a bend as its corners extend outwards.
 double half_base(const Vehicle& v);
 
-/// How far a vehicle extends beside its path in a bend, if it drives `outwards` metres outside the
-/// path.
+/// Returns how far a vehicle extends beside its path in a bend. The vehicle drives `outwards`
+/// metres outside the path.
 double half_width_in_bend(const Vehicle& v, double radius, double outwards);
 
 /// The vehicles on the lanes of a network.
@@ -47,13 +47,14 @@ struct TrafficState {
   }
   double to_stop_line(const Vehicle& v) const { return lane_of(v).curve.length() - v.s - v.dx / 2; }
   Vec2 position(const Vehicle& v) const { return lane_of(v).curve.at(v.s).position; }
-  /// Whether a vehicle in a roundabout enters the ring or is on it, and is not leaving it.
+  /// Returns whether a vehicle in a roundabout is entering the ring or is on it, and is not leaving
+  /// it.
   bool stays_on(const Ring& ring, const Vehicle& v) const {
     return ring.holds(position(v)) || v.s < lane_of(v).curve.length() / 2;
   }
 
-  /// Calls `use` for each vehicle that enters or is on the ring of a junction, but not for leaving
-  /// ones. Does nothing if the junction has no ring.
+  /// Calls `use` for each vehicle that is entering the ring of a junction or is on it, but not for
+  /// vehicles that are leaving it. Does nothing if the junction has no ring.
   template <class Use>
   void for_each_on_ring(int junction, const Use& use) const {
     if (junction < 0 || !network.rings[junction]) return;

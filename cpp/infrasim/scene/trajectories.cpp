@@ -87,7 +87,7 @@ Trajectories TrajectoryKeeper::finish() {
 
 namespace {
 
-/// The frame that contains an instant of a late clock, or the nearest frame.
+/// Returns the frame that contains an instant of a late clock, or the nearest frame if none does.
 int frame_of_late(double late_s, int instant, int frames) {
   return std::clamp(late_s < 0 ? instant - 1 : instant, 0, frames - 1);
 }
@@ -198,7 +198,7 @@ class TrajectoryReader {
   }
 
  private:
-  static constexpr double kNobody = -1;  // in place of an id
+  static constexpr double kNobody = -1;  // used while there is no id
 
   void row() {
     const double t = csv_.number("t", 0, 1e5);
@@ -231,7 +231,7 @@ class TrajectoryReader {
     add(t, s);
   }
 
-  /// Appends instants up to time t, which becomes the last one.
+  /// Appends instants up to time t.
   void go_to(double t) {
     const auto step = static_cast<std::size_t>(std::llround(t / kFramePeriod));
     if (std::abs(t - static_cast<double>(step) * kFramePeriod) > 1e-6)

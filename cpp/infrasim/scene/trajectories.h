@@ -18,7 +18,7 @@ inline int frame_count(double duration_s) {
   return static_cast<int>(std::llround(duration_s / kFramePeriod));
 }
 
-/// One object at one instant; world frame, box centre.
+/// One object at one instant. The position is that of the box's centre in the world frame.
 struct ObjectState {
   int id = 0;
   Class object_class = Class::kCar;
@@ -26,8 +26,8 @@ struct ObjectState {
   double speed_m_s = 0;
 };
 
-/// One object over one frame. Position is linear in time, and the heading changes along the shorter
-/// way. Rays and labels use exactly this motion.
+/// One object during one frame. The position is linear in time, and the heading changes linearly
+/// along the shorter way. Rays and labels both use this motion.
 struct MovingObject {
   int id = 0;
   Class object_class = Class::kCar;
@@ -35,19 +35,20 @@ struct MovingObject {
   Box3d to;
   double speed_m_s = 0;  ///< at the middle of the frame
 
-  /// Box at u in [0, 1] of the frame.
+  /// Returns the box at a share u of the frame, [0, 1].
   Box3d at(double u) const;
 };
 
-/// Objects that exist at two instants that follow each other, and so for the whole of the frame.
+/// Returns the objects that exist at two consecutive instants, and therefore for the whole frame.
 std::vector<MovingObject> objects_between(const std::vector<ObjectState>& before,
                                           const std::vector<ObjectState>& after);
 
 /// All objects of a run: row k holds the states at 0.1 k seconds, by increasing id.
 struct Trajectories {
   std::vector<std::vector<ObjectState>> rows;
-  bool pitched = false;    ///< objects may have a pitch: their tables have the column
-  std::vector<bool> kept;  ///< which rows are present; the others are empty. Empty: all rows
+  bool pitched =
+      false;  ///< whether objects may have a pitch, so that their tables have a column for it
+  std::vector<bool> kept;  ///< which rows are present; if empty, all rows are present
 
   int frames() const { return static_cast<int>(rows.size()) - 1; }
   bool whole() const { return kept.empty(); }
@@ -62,8 +63,8 @@ ObjectState rounded(ObjectState state);
 /// Receives the states of consecutive instants.
 using StateSink = std::function<void(const std::vector<ObjectState>&)>;
 
-/// Collects trajectories. It keeps all rows while there are few states, and then only the requested
-/// rows.
+/// Collects trajectories. It keeps all rows as long as there are few states. If there are more, it
+/// keeps only the requested rows.
 class TrajectoryKeeper {
  public:
   static constexpr std::size_t kMostStates = 2'000'000;  ///< 160 MB
@@ -73,7 +74,7 @@ class TrajectoryKeeper {
   TrajectoryKeeper(std::vector<bool> asked, bool pitched, std::size_t most = kMostStates);
 
   void take(const std::vector<ObjectState>& states);
-  /// The kept trajectories; rows that were not received are missing.
+  /// Returns the kept trajectories. Rows that the keeper did not receive are missing.
   Trajectories finish();
 
  private:
@@ -83,19 +84,20 @@ class TrajectoryKeeper {
   std::size_t states_ = 0;
 };
 
-/// Passes on the instants of a clock that is late by `late_s` (less than a frame): its instant k
-/// shows the objects at 0.1 k + late_s, interpolated as in a frame. Before the first and after the
-/// last instant, objects move on uniformly. Objects that do not exist for the whole of a frame are
-/// left out.
+/// Returns a sink that converts instants to a clock that is late by `late_s` (less than a frame),
+/// and passes them to `sink`. Instant k of the late clock has the objects at 0.1 k + late_s,
+/// interpolated as in a frame. Before the first and after the last instant, objects continue with
+/// uniform motion. Objects that do not exist for the whole of a frame are omitted.
 /// @param frames number of frames that will be passed on, one less than the number of instants
 StateSink resample_at_clock_offset(double late_s, int frames, const StateSink& sink);
-/// As above for trajectories. A row is kept if the two rows around it are present.
+/// Like the function above, for trajectories. A row is kept if the two rows around it are present.
 Trajectories resample_at_clock_offset(const Trajectories& trajectories, double late_s);
 
-/// The text of trajectories.csv, one instant after the other. Columns:
-/// t,id,class,x,y,z,heading,dx,dy,dz,speed, and pitch if objects have a pitch; metres, radians,
-/// world frame, 10 Hz. If the first or the last instant has no object, a row with only its time
-/// marks the begin or end. A file without rows is a scene without objects.
+/// Makes the text of trajectories.csv, one instant after the other. The columns are
+/// t,id,class,x,y,z,heading,dx,dy,dz,speed, and pitch if objects have a pitch. The units are metres
+/// and radians, the frame is the world frame, and the rate is 10 Hz. If the first or the last
+/// instant has no object, a row with only a time marks the begin or the end. A file without rows
+/// describes a scene without objects.
 class TrajectoryText {
  public:
   explicit TrajectoryText(bool pitched = false) : pitched_(pitched) {}
@@ -121,8 +123,8 @@ class TrajectoryText {
 /// The whole text of trajectories.csv.
 std::string trajectories_csv(const Trajectories& trajectories);
 
-/// @return trajectories without instants for a file without rows
-/// @throws ConfigError with file and line: rows out of order, gaps, jumps, sizes that change
+/// @return the trajectories; they have no instants if the file has no rows
+/// @throws ConfigError with file and line, for rows out of order, gaps, jumps or changing sizes
 /// @throws IoError if the file can't be read
 Trajectories read_trajectories(const std::filesystem::path& file);
 

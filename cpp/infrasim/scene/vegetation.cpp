@@ -9,8 +9,8 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kPiece_m = 20;     // of a hedge along a straight road, short enough for culling
-constexpr double kBentPiece_m = 2;  // of a hedge in bends, as for barriers, and on slopes
+constexpr double kPiece_m = 20;  // piece of a hedge along a straight road, short enough for culling
+constexpr double kBentPiece_m = 2;  // piece of a hedge in bends and on slopes, as for barriers
 
 /// A tree at its position.
 struct Tree {
@@ -68,8 +68,8 @@ void add_hedge_along(const Road& road, const HedgeAlongConfig& hedge, bool level
   }
 }
 
-/// Adds a hedge given by its centre. If the scene has a profile, it is cut into pieces that are
-/// raised one by one.
+/// Adds a hedge that is given by its centre. If the scene has a profile, the hedge is cut into
+/// pieces, and the profile raises each piece.
 void add_hedge(const HedgeConfig& h, bool level, std::vector<LeafVolume>& out) {
   const auto cut = [&](double m) { return level ? 1.0 : std::ceil(m / kBentPiece_m); };
   const double along = cut(h.length_m), across = cut(h.width_m), heading = rad(h.heading_deg);

@@ -6,14 +6,14 @@
 
 namespace infrasim {
 
-/// A volume of leaves: an upright box, or the ellipsoid within it, in the frame of the box.
+/// A volume of leaves: an upright box, or the largest ellipsoid in the box.
 struct LeafVolume {
   Box3d box;
   bool ellipsoid = false;
   double density_per_m = 0;  ///< probability per metre that leaves stop a ray
   config::Place place;
   const char* key;   ///< the key that gives its position along a road or in the world
-  const char* kind;  ///< what it is, in words
+  const char* kind;  ///< kind of object, for messages
 };
 
 /// True for points inside the volume.

@@ -67,7 +67,8 @@ Resolution resolution_of(Detail detail) {
   }
 }
 
-/// Interpolates smoothly between stations for the finer details; the stations do not change.
+/// Interpolates smoothly between two stations. Finer levels of detail have such additional
+/// sections.
 Station between(const Station& a, const Station& b, double u) {
   const double smooth = u * u * (3 - 2 * u);
   return {a.x + u * (b.x - a.x), a.width + smooth * (b.width - a.width),

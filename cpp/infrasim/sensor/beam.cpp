@@ -8,8 +8,8 @@ namespace infrasim {
 
 namespace {
 
-constexpr float kRangeResolution = 0.5F;  // m; echoes closer than a pulse of 3 ns merge
-// sine; for rays closer to vertical the side direction is only rounding noise
+constexpr float kRangeResolution = 0.5F;  // m; closer echoes merge, because a pulse has 3 ns
+// sine; for rays closer to the vertical, rounding errors determine the side direction
 constexpr double kAlongUp = 1e-6;
 
 }  // namespace
@@ -23,8 +23,8 @@ Beam::Beam(const BeamConfig& config, const Mat3& unit_pose)
     offsets_.push_back(static_cast<float>(std::tan(width * ((i + 0.5) / config.sub_rays - 0.5))));
 }
 
-/// Unit vector along which the sub-rays of a ray lie. For vertical rays any horizontal vector
-/// works.
+/// Returns the unit vector along which the sub-rays of a ray are offset. For vertical rays it is
+/// any horizontal vector.
 Vec3 Beam::side_of(Vec3 ray) const {
   const Vec3 across = vertical_ ? up_ - dot(up_, ray) * ray : cross(up_, ray);
   const double sine = norm(across);
@@ -74,7 +74,7 @@ void Beam::combine(const EchoBatch& sub_echoes, std::span<const std::uint32_t> s
             i, {range, sub_echoes.object[merged.strongest], sub_echoes.class_id[merged.strongest],
                 merged.reflected / static_cast<float>(n), 1});
       }
-      if (merged.holds_all) break;  // all other sums are the same
+      if (merged.holds_all) break;  // no other sum can be larger
     }
   }
 }

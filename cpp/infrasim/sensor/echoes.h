@@ -12,8 +12,8 @@ namespace infrasim {
 struct Echo {
   float range;             ///< metres; +inf: no echo
   std::int32_t object;     ///< index of the moving body; -1: background
-  std::uint16_t class_id;  ///< of the background
-  float reflectance;       ///< of the surface, reduced by the panes on the way
+  std::uint16_t class_id;  ///< class of the background
+  float reflectance;       ///< reflectance of the surface, reduced by the panes on the way
   float gain;  ///< power relative to a Lambertian surface of this reflectance at normal incidence
 };
 
@@ -40,8 +40,8 @@ struct EchoBatch {
     reflectance[i] = echo.reflectance;
     gain[i] = echo.gain;
   }
-  /// Makes echoes of Lambertian surfaces from hits. It takes over the hits' columns, except for
-  /// their positions. The reflectance must be set afterwards.
+  /// Makes echoes of Lambertian surfaces from hits. It moves the columns of the hits, except for
+  /// their positions. The caller must then set the reflectance.
   void take(HitBatch& hits) {
     range.swap(hits.range);
     object.swap(hits.object);

@@ -13,8 +13,8 @@ namespace {
 
 constexpr int kLongestPeriod = static_cast<int>(kLongestScene_s / kFramePeriod);
 
-/// Adds the rates per second that must be whole numbers over a period: groups of rays, and turns of
-/// moving parts.
+/// Adds the rates (per second) of groups of rays and of turns of moving parts. Over a period, each
+/// rate must give a whole number.
 void add_rates(const PatternConfig& pattern, std::vector<double>& per_s) {
   if (pattern.spinning) {
     per_s.push_back(columns_per_s(*pattern.spinning));
@@ -29,7 +29,8 @@ void add_rates(const PatternConfig& pattern, std::vector<double>& per_s) {
   }
 }
 
-/// The step nearest to `step`, larger ones first, that shows all frames of a period.
+/// Returns the step nearest to `step` with which all frames of a period occur. Of two equally near
+/// steps it returns the larger one.
 std::int64_t step_beside(std::int64_t step, std::int64_t period) {
   for (std::int64_t off = 1;; ++off)
     for (const std::int64_t other : {step + off, step - off})
@@ -39,7 +40,7 @@ std::int64_t step_beside(std::int64_t step, std::int64_t period) {
 }  // namespace
 
 int pattern_period(const LidarConfig& lidar, int most) {
-  constexpr double kWhole = 1e-6;  // of a turn or a group, far below a beam's width
+  constexpr double kWhole = 1e-6;  // tolerance in turns or groups, far below a beam's width
   std::vector<double> per_s;
   for (const LidarUnit& unit : lidar.units) add_rates(unit.pattern, per_s);
   for (int frames = 1; frames <= most; ++frames) {

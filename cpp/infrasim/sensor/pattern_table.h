@@ -13,17 +13,19 @@ namespace infrasim {
 /// Name of the random stream of one unit of a LiDAR.
 std::string stream_name(const LidarConfig& lidar, std::size_t unit);
 
-inline constexpr const char* kUsualMount = "pole";  // as in the catalogue's scenes
+inline constexpr const char* kUsualMount = "pole";  // name of the mount in the catalogue's scenes
 
-/// Time by which the motors of a LiDAR's unit are ahead of their locked phase. It is 0 for locked
-/// motors, else a sample from the seed, the mount and the unit's number. All LiDARs of a mount have
-/// the same sample, so that none has an advantage by chance.
+/// Returns the time by which the motors of a LiDAR's unit are ahead of their locked phase. The time
+/// is 0 for locked motors. For free motors it is a random sample that depends on the seed, the
+/// mount and the unit's number. All LiDARs of a mount have the same sample, so that none has an
+/// advantage by chance.
 double start_phase_s(std::uint64_t seed, const std::string& mount, const LidarConfig& lidar,
                      std::size_t unit);
 
-/// Azimuth, elevation (rad) and time (s) of every ray of every step-th frame in [first, last), row
-/// by row, group by group; sensor frame. Without a seed all motors start at their locked phase.
-/// With a seed, free motors start as in a run with this seed at the mount.
+/// Returns the azimuth, elevation (rad) and time (s) of every ray of every step-th frame in [first,
+/// last), in the sensor frame. The values are stored row by row, one group of rays after the other.
+/// Without a seed, all motors start at their locked phase. With a seed, free motors start as in a
+/// run with this seed at the mount.
 std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last, int step,
                                   std::optional<std::uint64_t> seed,
                                   const std::string& mount = kUsualMount);

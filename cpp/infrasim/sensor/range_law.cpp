@@ -10,7 +10,8 @@ namespace infrasim {
 
 namespace {
 
-/// Errors with equal weight: vendors round ranges to 10 m, and publish few ranges at night.
+/// Errors that have the same weight by day and at night. Vendors round ranges to 10 m, and publish
+/// few ranges at night.
 constexpr double kDayTolerance = 0.02, kNightTolerance = 0.04;
 /// Candidates for the crossover: 100 klx times 10^(i / 100), i from -100 to 100.
 constexpr int kSteps = 100;
@@ -19,12 +20,13 @@ double tolerance(const PublishedRange& pair) {
   return pair.sunlight_klux > 0 ? kDayTolerance : kNightTolerance;
 }
 
-/// Logarithm of published over predicted range.
+/// Returns the logarithm of the ratio of the published range to the predicted range.
 double error(const RangeLaw& law, const PublishedRange& pair) {
   return std::log(pair.range_m / law.range_m(pair.reflectance, pair.sunlight_klux));
 }
 
-/// The dark range that fits a crossover best. Ranges at the device's maximum are not used.
+/// Returns the dark range that fits the published ranges best for a given crossover. Ranges that
+/// equal the device's maximum are not used.
 double best_dark_range(double background_noise_crossover_klux,
                        const std::vector<PublishedRange>& pairs, double max_range_m) {
   const RangeLaw one{.dark_range_m = 1,

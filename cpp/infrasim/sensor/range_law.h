@@ -4,15 +4,15 @@
 
 namespace infrasim {
 
-/// The range of a LiDAR by reflectance and sunlight. By day the noise is sunlight that the target
-/// reflects, so the range grows with the fourth root of the reflectance. In low light the
-/// detector's own noise dominates, and the range grows with the square root.
+/// The range of a LiDAR as a function of reflectance and sunlight. By day, most of the noise is
+/// sunlight that the target reflects, so the range grows with the fourth root of the reflectance.
+/// In low light the noise of the detector dominates, and the range grows with the square root.
 struct RangeLaw {
-  double dark_range_m;                     ///< of a 10 % target without sunlight
-  double background_noise_crossover_klux;  ///< on a 10 % target: sunlight
-                                           ///< noise equals detector noise
+  double dark_range_m;                     ///< range of a 10 % target without sunlight
+  double background_noise_crossover_klux;  ///< sunlight on a 10 % target at which
+                                           ///< its noise equals the detector's noise
 
-  /// Noise at `klux` of sunlight, in units of the detector's own noise.
+  /// Returns the noise at `klux` of sunlight, relative to the detector's noise in the dark.
   /// @param sunlit reflectance of the surface that the detector looks at
   double noise(double sunlit, double klux) const;
 
@@ -20,13 +20,14 @@ struct RangeLaw {
   double range_m(double reflectance, double klux) const;
 };
 
-/// Fits the law to the published ranges by squared errors of the logarithms of range. For this fit,
-/// an error of 2 % by day weighs as much as 4 % at night. A range equal to the device's maximum is
-/// only a lower limit for the law. Between equally good laws, the one with the crossover nearest to
-/// 100 klx is taken; this is also the assumption for a LiDAR with one published range.
+/// Fits the law to the published ranges by the squared errors of the logarithm of the range. In the
+/// fit, an error of 2 % by day has the same weight as an error of 4 % at night. A published range
+/// that equals the device's maximum is only a lower limit. Of equally good laws, the fit selects
+/// the one with the crossover nearest to 100 klx. For a LiDAR with one published range, the
+/// crossover is therefore 100 klx.
 RangeLaw fit_range_law(const DetectionConfig& detection, double max_range_m);
 
-/// A published range, and the range by the law.
+/// A published range, and the range that the law predicts.
 struct LawRange {
   PublishedRange published;
   double law_m = 0;  ///< at most the device's maximum

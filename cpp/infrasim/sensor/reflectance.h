@@ -5,8 +5,9 @@
 
 namespace infrasim {
 
-/// Diffuse reflectance of the background near 905 nm. Asphalt lies between old and light (0.28) and
-/// dark (0.15). Grass has 0.51, deciduous leaves 0.55, concrete 0.3 to 0.4 (nominal).
+/// Returns the diffuse reflectance of a background material near 905 nm. The value of asphalt lies
+/// between dark asphalt (0.15) and old, light asphalt (0.28). Grass has 0.51, deciduous leaves have
+/// 0.55, and concrete has 0.3 to 0.4. The values are nominal.
 constexpr float background_reflectance(Class material) {
   switch (material) {
     case Class::kRoad:
@@ -16,13 +17,14 @@ constexpr float background_reflectance(Class material) {
     case Class::kVegetation:
       return 0.55F;
     case Class::kRecorded:
-      return 1;  // its intensity replaces the cosine
+      return 1;  // the recorded intensity is used as the gain
     default:
       return 0.35F;
   }
 }
 
-/// Reflectance of a vehicle's paint: white, silver, coloured or black (nominal shares and values).
+/// Returns a random reflectance of a vehicle's paint, which is white, silver, coloured or black.
+/// The shares and values are nominal.
 inline float paint_reflectance(const Rng& vehicle) {
   struct Paint {
     double share, low, high;

@@ -25,9 +25,9 @@ double extinction(const WeatherConfig& weather) {
 /// Larger than any quantile of a sample, in both directions.
 constexpr double kCertain = 8.5;
 
-/// Decides whether a target is detected, with probability Phi(margin): it is if the normal quantile
-/// of its sample is below the margin. If the two are far apart, this is decided without computing
-/// the quantile.
+/// Decides whether a target is detected, with probability Phi(margin). The target is detected if
+/// the normal quantile of its uniform sample is below the margin. The quantile is computed only if
+/// the sample is close to the limit.
 class Detector {
  public:
   Detector() {
@@ -53,8 +53,8 @@ class Detector {
   static constexpr double kSlack = 1e-5;  // more than the error of normal_quantile
   static constexpr std::size_t kStepsPerUnit = 16;
   static constexpr std::size_t kSteps = static_cast<std::size_t>(2 * kCertain * kStepsPerUnit) + 2;
-  std::array<double, kSteps> always_{};  ///< samples below: the target is detected
-  std::array<double, kSteps> never_{};   ///< samples above: the target is not detected
+  std::array<double, kSteps> always_{};  ///< a target with a smaller sample is always detected
+  std::array<double, kSteps> never_{};   ///< a target with a larger sample is never detected
 };
 
 }  // namespace
@@ -67,8 +67,8 @@ ReturnModel::ReturnModel(const ReturnsConfig& config, const WeatherConfig& weath
   sun_per_rho_ = weather.sunlight_klux / law.background_noise_crossover_klux / 0.1;
 }
 
-/// Whether an echo comes directly from a recorded surface. Behind a pane, which reduces its
-/// reflectance of 1, it can be lost like any other echo.
+/// Returns whether an echo comes directly from a recorded surface, which has a reflectance of 1.
+/// Behind a pane the reflectance is reduced, and the echo can be lost like any other echo.
 bool ReturnModel::is_recorded(const EchoBatch& echoes, std::size_t i) const {
   return echoes.object[i] < 0 &&
          echoes.class_id[i] == static_cast<std::uint16_t>(Class::kRecorded) &&
@@ -112,8 +112,7 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const EchoBatch
       const double ratio = snr(range, intensity, sunlit[i]);
       const double margin = config_.detection->steepness * (ratio - 1);
       if (!recorded && !detector.detects(margin, draw)) continue;
-      // A detected signal is at least as strong as the threshold, because of noise if not by
-      // itself.
+      // A detected signal, including its noise, is at least as strong as the threshold.
       sigma /= std::sqrt(2 * std::max(1.0, ratio));
     } else {
       intensity = std::exp(-kCarlaAttenuation * range);

@@ -26,10 +26,10 @@ struct ReturnBatch {
   }
 };
 
-/// Decides which echoes become points. Range limits and drop-off follow CARLA 0.9. Detection
-/// depends on the received power P = rho cos(theta) / R^2 exp(-2 alpha R) over the noise of the
-/// RangeLaw. The extinction alpha comes from rain (Marshall-Palmer) and fog (Koschmieder). Recorded
-/// surfaces have no additional losses.
+/// Decides which echoes become points. Range limits and drop-off are as in CARLA 0.9. Detection
+/// depends on the ratio of the received power P = rho cos(theta) / R^2 exp(-2 alpha R) to the noise
+/// of the RangeLaw. The extinction alpha comes from rain (Marshall-Palmer) and fog (Koschmieder).
+/// Recorded surfaces have no additional losses.
 class ReturnModel {
  public:
   ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather);
@@ -58,12 +58,11 @@ class ReturnModel {
 
   ReturnsConfig config_;
   double extinction_per_m_ = 0;
-  double signal_m2_ = 0;    ///< of a reflectance of 1 at 1 m
-  double sun_per_rho_ = 0;  ///< square of the sun's noise relative to the detector's
+  double signal_m2_ = 0;    ///< signal of a reflectance of 1 at 1 m
+  double sun_per_rho_ = 0;  ///< squared ratio of the sunlight's noise to the detector's noise
 };
 
-/// Warnings for the user: one line for each LiDAR on which the weather has no effect, on all or
-/// some of its units.
+/// Returns warnings, one line for each LiDAR with units on which the weather has no effect.
 std::vector<std::string> weather_warnings(const WeatherConfig& weather,
                                           std::span<const LidarConfig> lidars);
 

@@ -30,7 +30,7 @@ void refract(Vec3 normal, double mu, DirectionBatch& directions) {
   }
 }
 
-/// The same at a face perpendicular to x.
+/// Applies Snell's law at a face perpendicular to x.
 void refract_flat(double mu, DirectionBatch& directions) {
   for (std::size_t i = 0; i < directions.x.size(); ++i) {
     directions.x[i] = std::sqrt(1 - mu * mu * (1 - directions.x[i] * directions.x[i]));
@@ -97,7 +97,8 @@ ScanPattern::ScanPattern(const PatternConfig& config, double phase_s, const Mat3
     for (const Channel& c : config_.spinning->channels.table) {
       elevations.push_back(c.elevation_deg);
       const double e = rad(c.elevation_deg), fire_time = c.fire_time_us * 1e-6;
-      // The unit turns while a column fires, so a later channel points further round.
+      // The unit turns while a column fires. A channel that fires later therefore has an additional
+      // azimuth offset.
       const double shift = -rad(c.azimuth_offset_deg + 360 * config_.spinning->rate_hz * fire_time);
       lasers_.push_back({static_cast<float>(std::cos(e)), static_cast<float>(std::sin(e)),
                          static_cast<float>(std::cos(shift)), static_cast<float>(std::sin(shift)),
@@ -131,12 +132,12 @@ RayRange ScanPattern::fired_between(double from_s, double to_s) const {
       const double cycle = std::floor(since / cycle_s());
       const auto row = std::ranges::lower_bound(times, since - cycle * cycle_s());
       const std::int64_t rows = static_cast<std::int64_t>(cycle) * repeats_after();
-      // Rows before the first one may share its time.
+      // Several rows may have the same time as the first row.
       return std::max<std::int64_t>(0, rows + (row - times.begin()) - first_row_);
     };
     return {row_at(from_s), row_at(to_s)};
   }
-  // The tolerance assigns a group that starts exactly at a border to the later range.
+  // The tolerance puts a group that starts exactly at the end of a range into the next range.
   const auto group_at = [&](double t) {
     return static_cast<std::int64_t>(std::ceil(t * groups_per_s_ - 1e-6));
   };
@@ -206,7 +207,7 @@ Ray ScanPattern::table_ray(std::int64_t group) const {
                                 : table_time(group + first_row_) - table_time(first_row_)};
 }
 
-/// Firing time of a row of a table with times, counted over its repetitions since row 0.
+/// Returns the firing time of a row of a table with times. Rows are counted over all repetitions.
 double ScanPattern::table_time(std::int64_t row) const {
   const std::int64_t rows = repeats_after();
   const std::int64_t cycles = row / rows;
@@ -290,7 +291,8 @@ std::vector<std::uint32_t> ScanPattern::tile_order(int groups) const {
 FieldOfView field_of_view(const ScanPattern& pattern) {
   FieldOfView fov{180, -180, 90, -90};
   RayRange rays = pattern.fired_between(0, pattern.cycle_s());
-  if (pattern.spins()) rays.last = rays.first + pattern.group_size();  // columns differ in azimuth
+  if (pattern.spins())
+    rays.last = rays.first + pattern.group_size();  // one column has all elevations
   for (std::int64_t i = rays.first; i < rays.last; ++i) {
     const Vec3 d = pattern.ray(i).direction;
     const double azimuth = deg(std::atan2(d.y, d.x)), elevation = deg(std::asin(d.z));

@@ -29,9 +29,9 @@ struct DirectionBatch {
   std::vector<double> x, y, z;
 };
 
-/// Directions and times of one optical unit. Rays are fired in groups (a column of channels, the
-/// lasers of one step, or one row of a table). Groups are numbered from the start of the run: a
-/// pattern never restarts at a frame.
+/// Directions and times of the rays of one optical unit. Rays are fired in groups. A group is a
+/// column of channels, the lasers of one step, or one row of a table. Groups are numbered from the
+/// start of the run. A pattern does not restart at a frame.
 class ScanPattern {
  public:
   /// @param phase_s   time by which the motors are ahead of their locked phase
@@ -42,12 +42,13 @@ class ScanPattern {
   int group_size() const { return group_size_; }
   double groups_per_s() const { return groups_per_s_; }
   bool spins() const;
-  /// time to cover the whole field of view; 1 s for prisms, which never repeat
+  /// Returns the time in which a pattern covers the whole field of view; 1 s for prisms, which
+  /// never repeat.
   double cycle_s() const;
 
-  /// Number of groups after which `generate` gives the same directions again, bit for bit. It is 0
-  /// for patterns that never repeat: prisms, and columns whose step is not a short fraction of a
-  /// turn.
+  /// Returns the number of groups after which `generate` gives the same directions again, bit for
+  /// bit. The number is 0 for patterns that never repeat. These are prisms, and columns whose step
+  /// is not a short fraction of a turn.
   std::int64_t repeats_after() const;
 
   /// Rays of whole groups that start in [from, to) seconds.
@@ -60,8 +61,8 @@ class ScanPattern {
   /// `start_s`.
   void generate(RayRange range, double start_s, RayBatch& rays) const;
 
-  /// An order in which neighbouring rays of that many groups are together: tiles of 4 columns by 4
-  /// neighbouring rings for a spinning unit.
+  /// Returns an order of the rays of a number of groups in which neighbouring rays are together.
+  /// For a spinning unit, a tile of 4 columns by 4 neighbouring rings is together.
   std::vector<std::uint32_t> tile_order(int groups) const;
 
  private:
@@ -79,7 +80,8 @@ class ScanPattern {
 
   PatternConfig config_;
   double phase_s_;
-  std::optional<Fraction> columns_per_turn_;  ///< of a spinning unit, if the fraction is exact
+  std::optional<Fraction>
+      columns_per_turn_;  ///< columns per turn of a spinning unit, if the fraction is exact
   double start_deg_ = 0;  ///< angle between a spinning unit's x axis and its direction at time 0
   std::array<float, 9> pose_;
   Mat3 pose_exact_;
@@ -91,7 +93,7 @@ class ScanPattern {
   struct Laser {
     float cos_elevation, sin_elevation, cos_shift, sin_shift, fire_time;
   };
-  std::vector<Laser> lasers_;      ///< of a spinning unit
+  std::vector<Laser> lasers_;      ///< lasers of a spinning unit
   DirectionBatch lasers_of_step_;  ///< directions before the prisms
 };
 
@@ -100,7 +102,7 @@ struct FieldOfView {
   double azimuth_min_deg, azimuth_max_deg, elevation_min_deg, elevation_max_deg;
 };
 
-/// Bounding box of all directions of one second.
+/// Returns the bounding box of all directions of one second.
 FieldOfView field_of_view(const ScanPattern& pattern);
 
 }  // namespace infrasim

@@ -8,8 +8,8 @@ namespace infrasim {
 
 namespace {
 
-/// Windows and wheels of a class, as shares of the box unless stated otherwise. Values are nominal,
-/// fitted to the profiles in scene/vehicle_body.cpp.
+/// Positions of windows and wheels of a class, as shares of the box unless stated otherwise. The
+/// values are nominal and fit the profiles in scene/vehicle_body.cpp.
 struct Layout {
   double belt, window_top;           ///< shares of the height
   double cabin_rear, cabin_front;    ///< shares of the length; windows lie between them
@@ -19,18 +19,18 @@ struct Layout {
   double wheel_radius_m;
 };
 
-constexpr double kPillar_m = 0.14;  // between side windows
-// share of the width between the pillars of windscreen and rear window
+constexpr double kPillar_m = 0.14;  // width between side windows
+// width of windscreen and rear window between their pillars, as a share of the vehicle's width
 constexpr double kScreenHalfWidth = 0.38;
 constexpr double kRoofNormal = 0.95;  // minimum z of the normal of a roof
-constexpr double kTyreInner = 0.62;   // share of the wheel's radius; the rim is inside
+constexpr double kTyreInner = 0.62;   // inner radius of the tyre as a share of the wheel's radius
 
 constexpr Layout kCar{.58, .95, -.46, .23, -.38, .17, 2, -.29, .29, .32};
 constexpr Layout kVan{.50, .95, -.50, .35, -.48, .26, 3, -.30, .31, .34};
 constexpr Layout kTruck{.50, .80, .20, .50, .25, .42, 1, -.30, .36, .48};
 constexpr Layout kBus{.50, .85, -.50, .50, -.46, .46, 6, -.24, .27, .48};
 
-/// Parts of vehicles with four wheels; other objects have none.
+/// Returns the layout of a class of vehicles with four wheels; null for other classes.
 const Layout* layout_of(Class object_class) {
   switch (object_class) {
     case Class::kCar:
@@ -71,7 +71,8 @@ bool is_tyre(const BodyHit& hit, const Layout& body) {
   return false;
 }
 
-/// Number plates are 520 x 110 mm in Europe. Their positions, and those of lamps, are nominal.
+/// Returns the number plate or lamp at a hit, if there is one. Number plates are 520 x 110 mm in
+/// Europe. The positions of plates and lamps are nominal.
 std::optional<Part> reflector(const BodyHit& hit) {
   if (std::abs(hit.at.x) < 0.42 || std::abs(hit.normal.x) < 0.7) return std::nullopt;
   const double z = (hit.at.z + 0.5) * hit.size_m.z, y = std::abs(hit.at.y) * hit.size_m.y;
@@ -97,9 +98,10 @@ constexpr float kTyreReflectance = 0.04F;
 constexpr float kInteriorReflectance = 0.05F;
 constexpr Optics kPlateOptics{.reflectance = 0.6F, .gain = 10};
 constexpr Optics kLampOptics{.reflectance = 0.3F, .gain = 4};
-constexpr float kGlassReflectance = 0.003F;  // diffuse, of dust
-constexpr float kGlint = 1.6F;               // two faces of 4 % each, 20 times a Lambertian surface
-constexpr double kGlintCosine = 0.99863;     // within 3 degrees
+constexpr float kGlassReflectance = 0.003F;  // diffuse reflectance of dust
+constexpr float kGlint =
+    1.6F;  // gain: two faces with 4 % each, 20 times that of a Lambertian surface
+constexpr double kGlintCosine = 0.99863;  // the glint is within 3 degrees
 
 }  // namespace
 

@@ -15,11 +15,11 @@ struct BodyHit {
   Class object_class;
   Vec3 size_m;  ///< length, width, height
   Vec3 at;      ///< in the body's unit box, [-0.5, 0.5], x forward, y left
-  Vec3 normal;  ///< unit vector in the body's frame; inwards or outwards
+  Vec3 normal;  ///< unit vector in the body's frame, pointing inwards or outwards
 };
 
-/// The part of a vehicle at a hit. It depends on the position alone, not on the level of detail.
-/// Parts that are not in `asked` count as paint.
+/// Returns the part of a vehicle at a hit. The part depends on the position, but not on the level
+/// of detail. Parts that are off in `asked` count as paint.
 Part part_at(const BodyHit& hit, const VehicleParts& asked);
 
 /// Optical properties of a surface: diffuse `reflectance`, and `gain`, the power towards the LiDAR
@@ -33,7 +33,8 @@ struct Optics {
 Optics optics_of(Part part, Class object_class, float paint, double cos_incidence,
                  const VehicleParts& asked);
 
-/// Surface behind a pane: the far side of the cabin, or its floor.
+/// Returns the optical properties of the surface behind a pane: the far side or the floor of the
+/// cabin.
 Optics interior_optics(double cos_incidence);
 
 /// Share of power that remains after passing a pane in both directions.
@@ -42,7 +43,8 @@ inline constexpr float kPaneTwice = 0.25F;
 /// Height of the lower edge of bodies above the road.
 inline constexpr double kSillHeight_m = 0.2;
 
-/// Whether rays can pass through the cabin; not for a truck, which has a wall behind its seats.
+/// Returns whether rays can pass through the cabin. They cannot in a truck, which has a wall behind
+/// the seats.
 constexpr bool sees_through(Class object_class) { return object_class != Class::kTruck; }
 
 }  // namespace infrasim
