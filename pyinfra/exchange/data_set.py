@@ -67,7 +67,9 @@ class ImportSummary:
 
     @property
     def below_m(self) -> float | None:
-        """Median depth of the labelled vehicles' bottoms below the sensor; None if there is none."""
+        """Median depth of the labelled vehicles' bottoms below the sensor; None if there is
+        none.
+        """
         bottoms = np.concatenate([np.empty(0), *self.bottoms])
         return -float(np.median(bottoms)) if len(bottoms) else None
 
