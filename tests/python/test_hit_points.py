@@ -107,7 +107,8 @@ def test_flat_ground_is_the_level_ground_of_the_arithmetic() -> None:
 
 SUMMARY = """\
 lidar,preset,frames,rays_per_frame,hits_per_frame,vehicles_per_frame,vehicle_points_per_frame,rays_cast_per_frame,seconds,mrays_per_s
-livox_avia,paper,2,24000,900.5,1,10,120,0.1,1 helios_16,paper,2,28800,220,1,10,120,0.1,1
+livox_avia,paper,2,24000,900.5,1,10,120,0.1,1
+helios_16,paper,2,28800,220,1,10,120,0.1,1
 """
 
 
