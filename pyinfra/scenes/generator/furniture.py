@@ -1,8 +1,8 @@
-"""Street furniture beside roads: signs, bins, planters, shelters, small trees.
+"""Places street furniture beside roads: signs, bins, planters, shelters, small trees.
 
-Groups of standing pedestrians are placed in the same way. A detector that was not trained with such
-objects mistakes them for vehicles. They are placed last, where space is left, so that the rest of a
-site does not depend on them.
+Groups of standing pedestrians are placed in the same way. A detector that was not trained with
+furniture mistakes it for vehicles. Furniture is placed last, in the remaining free space, so that
+no other part of a site depends on it.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ from pyinfra.scenes.generator.roadside_ranges import FurnitureRanges
 
 TRIES = 8  # positions that are tried for each piece
 GAP_M = 0.4  # free space around each piece
-VERGE_M = 1.5  # width of the strip beyond the footway that may also have furniture
-GROUP_VERGE_M = 6.0  # the same for groups of pedestrians; the region includes this strip
+VERGE_M = 1.5  # width of the strip beyond the footway in which furniture may also stand
+# Width of the strip beyond the footway in which groups of pedestrians may stand. The evaluation
+# region includes this strip.
+GROUP_VERGE_M = 6.0
 LANE_GAP_M = 0.3  # minimum gap between the carriageway and a piece
 
 
@@ -96,14 +98,14 @@ class Furniture:
         left_m: float = 0.0,
         above_m: float = 0.0,
     ) -> None:
-        """Adds a box of length, width and height, moved along and across the road's direction."""
+        """Adds a box of length, width and height, shifted along and across the road's direction."""
         x, y, heading, base_m = at
         cos, sin = np.cos(heading), np.sin(heading)
         x, y = x + cos * ahead_m - sin * left_m, y + sin * ahead_m + cos * left_m
         self.placement.building((x, y, heading, base_m + above_m), size, turn_deg)
 
     def _sign(self, stream: RandomStream, road: PlannedRoad, side: int) -> None:
-        """Adds a sign: a plate on a pole, across the road or along it."""
+        """Adds a sign, which is a plate on a pole, across the road or along it."""
         how = self.how
         plate = stream.within(how.plate_m), 0.1, stream.within(how.plate_m)
         pole_m, above_m = stream.within(how.pole_width_m), stream.within(how.plate_above_m)
@@ -132,7 +134,7 @@ class Furniture:
             self._box(at, size, turn_deg=stream.within(how.planter_turn_deg, 0))
 
     def _shelter(self, stream: RandomStream, road: PlannedRoad, side: int) -> None:
-        """Adds a shelter of a bus stop: a roof, a back wall and one end wall, open to the road."""
+        """Adds a bus shelter with a roof, a back wall and one end wall, open to the road."""
         how = self.how
         long_m, deep_m = stream.within(how.shelter_length_m), stream.within(how.shelter_depth_m)
         high_m, end = stream.within(how.shelter_height_m), stream.side()

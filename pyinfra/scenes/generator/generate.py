@@ -1,7 +1,8 @@
 """Generates the site of a seed, as the plain data of a scene file.
 
-The same seed and version always give the same site. Each part (roads, sensor, traffic, each side of
-each road) has its own random stream, so that a new kind of object changes little else.
+The same seed and version always give the same site. Each part of a site (roads, sensor, traffic,
+each side of each road) has a separate random stream. A new kind of object in one part therefore
+changes little in the others.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ from pyinfra.scenes.generator.ranges import RANGES, Ranges
 from pyinfra.scenes.generator.road_types import ROAD_TYPES, RoadType
 from pyinfra.scenes.generator.roadside import Roadside
 
-DURATION_S = 60.0  # long enough for queues to form and dissolve
+DURATION_S = 60.0  # queues can form and dissolve within this time
 WARM_UP_S = 60.0
 BOX_OF_SENSOR_M = 2.0
 
-# Mean length and width of the vehicles of a class, equal to the simulator's table.
+# Mean length and width of the vehicles of each class, equal to the simulator's table.
 MEAN_SIZE_M = {
     "Car": (4.53, 1.95),
     "Van": (5.3, 2.05),
@@ -53,7 +54,7 @@ def make_site(seed: int, ranges: Ranges = RANGES) -> Keys:
     roadside = Roadside(parking, road_type, ranges.things)
     for road in layout.roads:
         roadside.add(road, seed)
-    # Last, so that static objects do not depend on people and furniture.
+    # These objects are placed last, so that other static objects do not depend on them.
     walks = Walks(free_space, road_type, ranges.ways, placement.keys)
     if RandomStream(seed, "people").chance(ranges.ways.sites):
         for road in layout.roads:
@@ -104,7 +105,10 @@ def _scene(
 
 
 def _embank(stream: RandomStream, road_type: RoadType, ranges: Ranges, layout: Layout) -> float:
-    """Returns the elevation of the ground; may add an embankment to the only road of a layout."""
+    """Returns the elevation of the ground.
+
+    The function may add an embankment to the road of a layout without junctions.
+    """
     below = -stream.within(ranges.ground_below_m)
     if layout.junctions or not stream.chance(road_type.embankment):
         return below
@@ -118,7 +122,7 @@ def _embank(stream: RandomStream, road_type: RoadType, ranges: Ranges, layout: L
 
 
 def _mount(stream: RandomStream, ranges: Ranges, layout: Layout) -> Keys:
-    """Returns the sensor's pose: beside a road, over its median, or over its lanes."""
+    """Returns the pose of a sensor beside a road, over its median, or over its lanes."""
     how, road, side = ranges.mount, layout.roads[0], stream.side()
     height = stream.within(how.height_m)
     s, left_m = layout.focus
@@ -153,8 +157,8 @@ def _on_a_slope(
 ) -> Keys:
     """Returns pitch and roll for a sensor on a vertical pole beside roads with a grade.
 
-    The scene keeps its roads level and tilts the sensor instead. This is equivalent for networks,
-    which see heights above the road.
+    The roads of the scene stay level, and the sensor is tilted instead. Both are equivalent for
+    networks, because their inputs are heights above the road.
     """
     if not stream.chance(ranges.grades):
         return {}
@@ -169,7 +173,10 @@ def _on_a_slope(
 def _aim(
     stream: RandomStream, ranges: Ranges, layout: Layout, ahead_m: float, left_m: float
 ) -> float:
-    """Returns the sensor's yaw relative to the road, degrees; `along` looks towards a junction."""
+    """Returns the sensor's yaw relative to the road in degrees.
+
+    With the aim `along`, the sensor looks towards the junction, if there is one.
+    """
     word = stream.one_of(ranges.mount.aims)
     if word == "anywhere":
         return stream.within((-180, 180))
@@ -205,7 +212,10 @@ def _inner_radius(road: PlannedRoad) -> float:
 
 
 def fits(name: str, lane_m: float, radius_m: float) -> bool:
-    """Returns whether a class's mean vehicle stays in its lane in a bend (simulator's rule)."""
+    """Returns whether the mean vehicle of a class stays in its lane in a bend.
+
+    The simulator has the same rule.
+    """
     length, width = MEAN_SIZE_M[name]
     if np.isinf(radius_m):
         return width <= lane_m - 0.01

@@ -23,16 +23,20 @@ Stretch = tuple[float, float]  # first and last station of a section of a road
 SIDES = ((1, "left"), (-1, "right"))
 STEP_M = 1.0  # distance between stations
 STOP_LINE_M = 3.0  # distance of a stop line from the crossing road's footway, as in the simulator
-SHARP_TURN_M = 8.0  # additional distance at a T-junction, times the cosine of its angle
-RING_FLARE_M = 10.0  # from a roundabout's stop line to its ring, as in the simulator
-T_LANES = 2  # most lanes each way of a road that ends at a T: one turns left, one right
+# Additional distance of stop lines at a T-junction, multiplied by the cosine of the angle between
+# its roads.
+SHARP_TURN_M = 8.0
+RING_FLARE_M = 10.0  # distance from a roundabout's stop line to its ring, as in the simulator
+# Maximum number of lanes each way of a road that ends at a T-junction. One lane turns left, and one
+# turns right.
+T_LANES = 2
 SHORTEST_M = 6.0  # minimum length of a row of objects
 WHOLE: Stretch = (0.0, np.inf)
 
 
 @dataclass(frozen=True)
 class PlannedRoad:
-    """A generated road: its scene keys, and stations about every metre."""
+    """A generated road with its scene keys, and stations about every metre."""
 
     keys: Keys
 
@@ -56,7 +60,7 @@ class PlannedRoad:
 
     @cached_property
     def radius_m(self) -> float:
-        """Radius of the tightest bend; infinite without a bend."""
+        """Radius of the tightest bend. It is infinite if the road has no bend."""
         return min(float(piece.get("radius_m", np.inf)) for piece in self.keys["centreline"])
 
     @cached_property
@@ -94,7 +98,7 @@ class PlannedRoad:
         return self._line(step)[:, 1:3]
 
     def distance(self, points: FloatArray) -> FloatArray:
-        """Returns the distances (n,) of points (n, 2) from the centreline; error up to 2 cm."""
+        """Returns the distances (n,) of points (n, 2) from the centreline, exact to 2 cm."""
         line = self._corners
         edge = line[1:] - line[:-1]
         away = points[:, None] - line[:-1]  # (n, m - 1, 2)
@@ -163,7 +167,7 @@ def crossing(stream: RandomStream, road_type: RoadType, ranges: Ranges) -> Layou
 
 
 def varied(layout: Layout, stream: RandomStream, ranges: Ranges) -> Layout:
-    """Turns some crossings into T-junctions or roundabouts; makes some side roads one-way."""
+    """Turns some crossings into T-junctions or roundabouts, and makes some side roads one-way."""
     if not layout.junctions:
         return layout
     one_way, t = stream.chance(ranges.one_way), stream.chance(ranges.t_junctions)
@@ -186,7 +190,10 @@ def _with_lanes(road: PlannedRoad, **lanes: float) -> PlannedRoad:
 
 
 def _ending(side: PlannedRoad, in_the_middle: bool) -> PlannedRoad:
-    """Shortens a side road so that it ends at the main road, or begins there (`in_the_middle`)."""
+    """Shortens a side road so that it ends at the main road.
+
+    With `in_the_middle`, the side road begins at the main road instead.
+    """
     half = side.keys["centreline"][0]["line_m"] / 2
     keys = side.keys | {"centreline": [{"line_m": half}]}
     if in_the_middle:
@@ -197,7 +204,7 @@ def _ending(side: PlannedRoad, in_the_middle: bool) -> PlannedRoad:
 def _roundabout(
     layout: Layout, main: PlannedRoad, side: PlannedRoad, stream: RandomStream, ring: RingRanges
 ) -> Layout:
-    """Returns a layout with a single-lane roundabout; its roads get one lane each way."""
+    """Returns a layout with a single-lane roundabout, whose roads have one lane each way."""
     keys = {
         "radius_m": stream.within(ring.radius_m, 1),
         "width_m": stream.within(ring.width_m, 1),
@@ -248,7 +255,7 @@ def _road(
 
 
 class FreeSpace:
-    """The free space of a site: off all roads and junctions, and off the objects placed so far."""
+    """The space of a site outside all roads, junctions, and objects that were already placed."""
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
@@ -292,13 +299,14 @@ class FreeSpace:
     ) -> BoolArray:
         """Returns which points (n, 2) are off junctions and roads.
 
-        host: the road along which the points lie, and their distance to its left.
+        `host` is the road along which the points lie, and the distance of the points to its left.
         """
         free = np.hypot(*(points - self.centre).T) >= self.layout.junction_m + margin_m
         for road in self.layout.roads:
             away = road.distance(points)
             if host is not None and road is host[0]:
-                free &= away >= abs(host[1]) - 0.3  # else they are near another part of a bend
+                # Points that are nearer than this lie beside another part of a bend.
+                free &= away >= abs(host[1]) - 0.3
             else:
                 free &= away >= road.outer_half_m + margin_m + 0.3
         return np.asarray(free)

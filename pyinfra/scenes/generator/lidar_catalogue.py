@@ -17,9 +17,9 @@ from pyinfra.dataset.lidars import catalogue_files, presets_of
 
 @dataclass(frozen=True)
 class PresetShares:
-    """Relative frequency of each preset, among those that a LiDAR has; 0 excludes a preset.
+    """Relative frequency of each preset among the presets of a LiDAR. 0 excludes a preset.
 
-    Real sensors are closest to `datasheet`; the study uses the other presets.
+    Real sensors are closest to `datasheet`. The study uses the other presets.
     """
 
     datasheet: float = ruled(0.6, 0, 1)
@@ -51,8 +51,8 @@ def sensors(
 ) -> Sensors:
     """Returns the catalogue LiDARs that can be simulated, except some names or presets.
 
-    without: names of excluded LiDARs; presets: weights of the presets. Raises Error for an unknown
-    name, and if no LiDAR is left.
+    `without` are the names of excluded LiDARs. `presets` are weights of the presets. Raises Error
+    for an unknown name, and if no LiDAR is left.
     """
     files = catalogue_files()
     names = [file.stem for file in files]

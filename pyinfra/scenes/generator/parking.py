@@ -1,4 +1,4 @@
-"""Parked vehicles of a site: rows at kerbs, and car parks."""
+"""Places the parked vehicles of a site, in rows at kerbs and in car parks."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ from pyinfra.scenes.generator.random_stream import RandomStream
 from pyinfra.scenes.generator.road_types import RoadType
 from pyinfra.scenes.generator.roadside_ranges import ParkingRanges
 
-KERB_ROW_M = 1.6  # from the lanes to the middles of parked cars: half a van, slightly turned
-KERB_REACH_M = 3.2  # from the lanes to the far sides of parked cars
+# Distance from the lanes to the middles of parked vehicles. It is half the width of a van that is
+# slightly turned.
+KERB_ROW_M = 1.6
+KERB_REACH_M = 3.2  # distance from the lanes to the far sides of parked vehicles
 TRIES = 6  # positions that are tried for each car park
 
 
 class Parking:
-    """Places parked vehicles; before other objects, which avoid them."""
+    """Places parked vehicles. It is called before other objects are placed, which avoid them."""
 
     def __init__(self, placement: Placement, road_type: RoadType, how: ParkingRanges) -> None:
         self.placement, self.road_type, self.how = placement, road_type, how
@@ -36,7 +38,7 @@ class Parking:
         return max(road.outer_half_m, road.lanes_half_m + KERB_REACH_M if kerb else 0.0)
 
     def _kerb_row(self, stream: RandomStream, road: PlannedRoad, side: int) -> bool:
-        """Adds cars parked at a kerb; returns whether the kerb has a parking lane."""
+        """Adds cars that are parked at a kerb. Returns whether the kerb has a parking lane."""
         wide = road.keys["lanes"]["shoulder_m"] >= self.how.lane_m[0]
         if self.road_type.kerb_parking == 0 or not wide:
             return False

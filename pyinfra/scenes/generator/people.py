@@ -1,4 +1,4 @@
-"""Rows of walking pedestrians and cyclists beside the roads of a site, where the way is free."""
+"""Places rows of walking pedestrians and cyclists in free space beside the roads of a site."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pyinfra.scenes.generator.random_stream import RandomStream
 from pyinfra.scenes.generator.road_types import RoadType, WalkRanges
 from pyinfra.scenes.generator.roadside_ranges import WayRanges
 
-HALF_WAY_M = 1.35  # free width on both sides of a line; the simulator requires 1.2
+HALF_WAY_M = 1.35  # free width on each side of a line; the simulator requires 1.2
 STEP_M = 0.25  # distance between the lines that are tested
 Things = Mapping[str, Sequence[Keys]]
 
@@ -30,7 +30,7 @@ Things = Mapping[str, Sequence[Keys]]
 class Walks:
     """Rows of pedestrians and cyclists of a site.
 
-    Each row uses the longest free line beside its road, and the nearest of equally long ones.
+    Each row uses the longest free line beside its road. Of equally long lines, it uses the nearest.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Walks:
             self.lines.append(cKDTree(_widened(line, HALF_WAY_M)))
 
     def _longest(self, road: PlannedRoad, side: int) -> tuple[float, list[Stretch]]:
-        """Returns the left offset of the best line beside a road, and its free sections, if any."""
+        """Returns the left offset of the best line beside a road, and its free sections."""
         best: tuple[float, float, list[Stretch]] = (self.how.shortest_m, 0.0, [])
         last_m = road.outer_half_m + self.how.verge_m
         if "embankment" in road.keys:
@@ -94,7 +94,7 @@ class Walks:
         for tree in self.lines:
             there = np.flatnonzero(free)
             away = tree.query(line[there], distance_upper_bound=HALF_WAY_M)[0]
-            free[there] = away > HALF_WAY_M  # the query returns inf beyond the bound
+            free[there] = away > HALF_WAY_M  # the query returns inf for distances beyond its bound
         intervals = runs(road.stations[:, 0], free)
         return [(a, b) for a, b in intervals if b - a >= self.how.shortest_m]
 
@@ -134,7 +134,7 @@ def _widened(line: FloatArray, half_m: float) -> FloatArray:
 
 
 def _boxes(things: Things) -> Iterator[list[float]]:
-    """Yields boxes x y z dx dy dz heading of single objects; z and height are not used."""
+    """Yields boxes x y z dx dy dz heading of single objects. z and height are not used."""
     plants = [thing for plant in things["vegetation"] for word, thing in plant.items()
               if word in ("hedge", "tree")]  # fmt: skip
     for thing in [*things["buildings"], *plants]:

@@ -1,4 +1,4 @@
-"""Random samples for one part of a site; reproducible by version, seed and part."""
+"""Random samples for one part of a site, which depend only on version, seed and part."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import TypeVar
 
 import numpy as np
 
-VERSION = 5  # of the sites; increased when the same seed gives another site
-KEY = 1  # of the random streams; unchanged, so that a new version only adds to older sites
+VERSION = 5  # version of the sites; it is increased when the same seed gives another site
+# Key of the random streams. It does not change, so that a new version only adds to older sites.
+KEY = 1
 
 T = TypeVar("T")
 Range = tuple[float, float]
@@ -17,7 +18,7 @@ Weights = Mapping[str, float]
 
 
 class RandomStream:
-    """A random stream that derives all samples from uniform ones.
+    """A random stream that derives all samples from uniform samples.
 
     NumPy may change its other distributions between versions.
     """

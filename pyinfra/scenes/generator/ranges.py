@@ -1,7 +1,7 @@
-"""All distributions of the scene generator: those of a whole site, and the groups of the others.
+"""All distributions of the scene generator.
 
-A range is a uniform distribution, a share is a probability, and a mapping holds weights. Numbers
-without a source are nominal, and rather too wide than too narrow.
+A range is a uniform distribution, a share is a probability, and a mapping contains weights. Ranges
+without a source are assumptions. They are rather too wide than too narrow.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from pyinfra.scenes.generator.roadside_ranges import (
 class MountRanges:
     """The mounting position and orientation of a sensor."""
 
-    height_m: Range = (3.5, 9.0)  # on masts, signal posts or lamp posts
+    height_m: Range = (3.5, 9.0)  # height on masts, signal posts or lamp posts
     over_m: Range = (5.5, 9.0)  # height above lanes, on an arm or a gantry
-    over_lanes: float = 0.08  # weight relative to 1 for sensors beside the road
-    over_median: float = 0.12  # weight relative to 1 for sensors beside the road
-    beside_m: Range = (0.3, 4.0)  # from the edge of the carriageway or of the footway
-    before_junction_m: Range = (1.0, 30.0)  # from the corner
-    along_m: Range = (-30, 30)  # from the focus along a road without a junction
+    over_lanes: float = 0.08  # weight of this position; that of a position beside the road is 1
+    over_median: float = 0.12  # weight of this position; that of a position beside the road is 1
+    beside_m: Range = (0.3, 4.0)  # distance from the edge of the carriageway or of the footway
+    before_junction_m: Range = (1.0, 30.0)  # distance from the corner of a junction
+    along_m: Range = (-30, 30)  # distance from the focus along a road without a junction
     aims: Weights = field(default_factory=lambda: {"along": 0.7, "across": 0.15, "anywhere": 0.15})
     off_aim_deg: Range = (-20, 20)
-    pitch_deg: Mapping[Range, float] = field(  # mounted level, or looking down
+    pitch_deg: Mapping[Range, float] = field(  # sensors are about level, or look down
         default_factory=lambda: {(-1.0, 2.0): 0.6, (2.0, 12.0): 0.4}
     )
     roll_deg: Range = (-1.5, 1.5)
@@ -39,7 +39,10 @@ class MountRanges:
 
 @dataclass(frozen=True)
 class RingRanges:
-    """Single-lane roundabouts, 30 to 60 m in outer diameter (Merkblatt Kreisverkehre: 26 to 40)."""
+    """Single-lane roundabouts with outer diameters from 30 to 60 m.
+
+    The German guideline `Merkblatt Kreisverkehre` has 26 to 40 m.
+    """
 
     radius_m: Range = (12.5, 26)
     width_m: Range = (5, 7)
@@ -51,7 +54,7 @@ class SkyRanges:
     rain: float = 0.15
     rain_mm_per_h: Range = (0.5, 20)
     night: float = 0.3
-    sunlight_klux: Range = (2, 100)  # overcast to full sun
+    sunlight_klux: Range = (2, 100)  # from an overcast sky to full sun
     scan_labels: float = 0.5  # share of sites with label time `scan`; the others have `frame`
 
 
@@ -67,29 +70,29 @@ class Ranges:
     parking: ParkingRanges = field(default_factory=ParkingRanges)
     sky: SkyRanges = SkyRanges()
     ways: WayRanges = field(default_factory=WayRanges)
-    half_length_m: Range = (170, 260)  # of roads, beyond the region's 100 m to either side
+    half_length_m: Range = (170, 260)  # half length of roads; that of the region is 100 m
     crossing_deg: Range = (60, 120)  # the simulator allows 45 to 135
-    t_junctions: float = 0.35  # share of the crossings
-    one_way: float = 0.15  # share of the side roads of crossings
+    t_junctions: float = 0.35  # share of crossings that become T-junctions
+    one_way: float = 0.15  # share of side roads of crossings that become one-way
     # Some sites have much traffic of a class that is rare elsewhere: motorcycles or buses.
     fleets: Weights = field(
         default_factory=lambda: {"as elsewhere": 0.75, "Motorcycle": 0.15, "Bus": 0.1}
     )
-    fleet_weight: Range = (0.4, 1.0)  # weight of that class, at most 1; cars have 0.5 to 0.95
-    roundabouts: float = 0.3  # share of the crossings and of the T-junctions
+    fleet_weight: Range = (0.4, 1.0)  # weight of the rare class; that of cars is 0.5 to 0.95
+    roundabouts: float = 0.3  # share of crossings and T-junctions that become roundabouts
     ring: RingRanges = RingRanges()
     furniture: FurnitureRanges = field(default_factory=FurnitureRanges)
     grades: float = 0.4  # share of sites on a slope
     signal_green_s: Range = (8, 30)
-    turns: Range = (0.05, 0.3)  # share of vehicles that turn left, and share that turn right
+    turns: Range = (0.05, 0.3)  # share of vehicles that turn left; the same for right
     ground_below_m: Range = (0.02, 0.2)
     slope_run_per_rise: Range = (1.5, 3.0)
-    speed_spread: Range = (0.03, 0.15)  # of vehicles: standard deviation relative to the mean
+    speed_spread: Range = (0.03, 0.15)  # standard deviation of speeds, relative to the mean
     lateral_m_s2: float = 3.0  # lateral acceleration that drivers accept in bends
 
 
 RANGES = Ranges()
-# Streets with much furniture, for counting false positives.
+# Streets with much furniture, on which false positives are counted.
 CLUTTERED = Ranges(
     road_types={"street": 1.0},
     furniture=FurnitureRanges(sites=1.0, times=2.5),

@@ -1,8 +1,8 @@
-"""Road types: the distributions of their roads, their traffic, and what stands beside them.
+"""Road types, with the distributions of their roads, traffic and roadside objects.
 
-A range is a uniform distribution, a share is a probability, and a mapping holds weights. `RAA`,
-`RAL` and `RASt` are the German guidelines for motorways, rural roads and town roads. Numbers
-without a source are nominal, and rather too wide than too narrow.
+A range is a uniform distribution, a share is a probability, and a mapping contains weights. `RAA`,
+`RAL` and `RASt` are the German guidelines for motorways, rural roads and town roads. Ranges without
+a source are assumptions. They are rather too wide than too narrow.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from pyinfra.scenes.generator.random_stream import Range, Weights
 class WalkRanges:
     """Pedestrians or cyclists on one side of a road."""
 
-    share: float  # share of road sides with a row
-    per_km: Range  # both directions together; the simulator allows up to 60
+    share: float  # share of road sides with a row of pedestrians or cyclists
+    per_km: Range  # number per km in both directions together; the simulator allows up to 60
     speed_km_h: Range  # mean speed
     speed_spread: Range  # standard deviation relative to the mean, at most a third
 
 
 @dataclass(frozen=True)
 class RoadType:
-    """A road type: its roads, its traffic, and its roadside objects."""
+    """The distributions of the roads, traffic and roadside objects of a road type."""
 
     layouts: Weights
     each_way: Mapping[int, float]
     lane_m: Range
-    median: float  # share of roads with one
+    median: float  # share of roads with a median
     median_m: Range
     shoulder_m: Range
     sidewalk: float
@@ -42,25 +42,25 @@ class RoadType:
     classes: Mapping[str, Range]  # weights of the vehicle classes
     in_median: Weights
     embankment: float
-    embankment_m: Range  # depth of its foot below the road
-    rail: float  # share of road sides; the same for the following shares
+    embankment_m: Range  # depth of the embankment's foot below the road
+    rail: float  # share of road sides with a guard rail; the next shares are also of road sides
     noise_wall: float
     hedge: float
     trees: float
     houses: float
     posts: float
-    boxes: tuple[int, int]  # cabinets, shelters, containers, which resemble vehicles
-    wood: float  # share of road sides without houses
+    boxes: tuple[int, int]  # number of cabinets, shelters and containers, which resemble vehicles
+    wood: float  # share with a wood among the road sides without houses
     wild: tuple[int, int]  # number of single bushes and trees per side
     kerb_parking: float  # share of roads with a parking lane
     car_park: float
-    gantry: float  # share of roads
-    walks: Mapping[str, WalkRanges]  # by class
+    gantry: float  # share of roads with a gantry
+    walks: Mapping[str, WalkRanges]  # maps the class Pedestrian or Cyclist to its rows
     furniture: Mapping[str, tuple[int, int]]  # number of pieces of each kind per side
-    grade_percent: Range  # of the roads of sites on a slope
+    grade_percent: Range  # grade of the roads at sites on a slope
 
 
-# Adults walk at 4 to 6 km/h, or much slower while they look around or wait. Most cyclists ride at
+# Adults walk at 4 to 6 km/h, and much slower while they look around or wait. Most cyclists ride at
 # 12 to 25 km/h.
 ON_FOOT = {"speed_km_h": (1.5, 6.0), "speed_spread": (0.05, 0.25)}
 ON_BICYCLES = {"speed_km_h": (9.0, 26.0), "speed_spread": (0.05, 0.25)}
@@ -71,14 +71,14 @@ _FEW = {
 }
 _MANY = {
     "Pedestrian": WalkRanges(share=0.65, per_km=(8, 60), **ON_FOOT),
-    # As many cyclists as pedestrians, for training.
+    # The number of cyclists equals that of pedestrians, so that training frames contain enough.
     "Cyclist": WalkRanges(share=0.6, per_km=(8, 60), **ON_BICYCLES),
 }
 
-# RAA: lanes 3.5 to 3.75 m, shoulders up to 3 m, radii from 280 m (EKA 3). Speeds range from jams to
-# free flow; up to a third of the traffic are lorries on working days. Most motorways have guard
-# rails on both sides and a median with a wall, rails or a hedge. A network that was not trained
-# with these mistakes them for vehicles.
+# RAA states lanes of 3.5 to 3.75 m, shoulders up to 3 m, and radii from 280 m (EKA 3). Speeds range
+# from jams to free flow. On working days, up to a third of the vehicles are lorries. Most motorways
+# have guard rails on both sides and a median with a wall, rails or a hedge. A network that was not
+# trained with rails, walls and hedges mistakes them for vehicles.
 MOTORWAY = RoadType(
     layouts={"straight": 0.6, "curve": 0.4},
     each_way={2: 0.45, 3: 0.35, 4: 0.2},
@@ -119,8 +119,9 @@ MOTORWAY = RoadType(
     grade_percent=(0, 6),
 )
 
-# RAL: one lane each way, on some roads two, 3.25 to 3.5 m wide. Radii are those of EKL 4 and of
-# older roads. Ditches, trees and hedges are close to the road, and steep sections have rails.
+# RAL states one lane each way, on some roads two, with a width of 3.25 to 3.5 m. The radii are
+# those of EKL 4 and of older roads. Ditches, trees and hedges are close to the road. Steep sections
+# have rails.
 RURAL = RoadType(
     layouts={"straight": 0.4, "curve": 0.4, "crossing": 0.2},
     each_way={1: 0.75, 2: 0.25},
@@ -168,8 +169,8 @@ RURAL = RoadType(
     grade_percent=(0, 10),
 )
 
-# RASt: lanes 2.75 to 3.5 m, footways from 1.5 m, parking lanes of 2 m at the kerb. Trees stand in
-# rows, houses are close to the footway, and queues form at signals.
+# RASt states lanes of 2.75 to 3.5 m, footways from 1.5 m, and parking lanes of 2 m at the kerb.
+# Trees stand in rows, houses are close to the footway, and queues form at signals.
 STREET = RoadType(
     layouts={"straight": 0.25, "curve": 0.2, "crossing": 0.55},
     each_way={1: 0.4, 2: 0.45, 3: 0.15},

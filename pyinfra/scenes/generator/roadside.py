@@ -15,7 +15,10 @@ Size = dict[str, float]
 
 
 class Roadside:
-    """Places the objects beside roads, over them and in their medians; after parked vehicles."""
+    """Places the objects beside roads, over them and in their medians.
+
+    Parked vehicles must already be placed.
+    """
 
     def __init__(self, parking: Parking, road_type: RoadType, things: ThingRanges) -> None:
         self.parking, self.road_type, self.things = parking, road_type, things
@@ -31,9 +34,9 @@ class Roadside:
             self._side(road, side, seed, f"{road.name} {word} ")
 
     def _side(self, road: PlannedRoad, side: int, seed: int, part: str) -> None:
-        """Adds rows of objects from the inside out, each with its own random stream.
+        """Adds rows of objects from the inside out, each with a separate random stream.
 
-        `out_m` is where the next row begins.
+        The next row begins at the distance `out_m` from the centreline.
         """
         road_type, out_m = self.road_type, self.parking.outer_m(road, side)
         kerb = (road.name, side) in self.parking.kerbs
@@ -125,7 +128,7 @@ class Roadside:
         size = self._hedge_size(stream)
         left_m = out_m + stream.within(self.things.verge_m) + size["width_m"] / 2
         within = self._part(stream, road, self.things.hedge_parts, self.things.hedge_part_m)
-        if left_m < self.placement.beyond_mount(road, side):  # it would hide the road
+        if left_m < self.placement.beyond_mount(road, side):  # a high hedge would hide the road
             size["height_m"] = min(size["height_m"], 1.4)
         self.placement.hedge(road, side * left_m, size, within)
         return left_m + size["width_m"] / 2
@@ -160,7 +163,7 @@ class Roadside:
             s += every
 
     def _boxes(self, stream: RandomStream, road: PlannedRoad, side: int, out_m: float) -> None:
-        """Adds cabinets, shelters, containers and stalls: objects of about the size of vehicles."""
+        """Adds cabinets, shelters, containers and stalls of about the size of vehicles."""
         things = self.things
         for _ in range(stream.whole(self.road_type.boxes) // len(self.free_space.layout.roads)):
             long_m, wide_m = stream.within(things.box_length_m), stream.within(things.box_width_m)
@@ -239,7 +242,7 @@ class Roadside:
         return shape | {"trunk_m": trunk, "height_m": max(shape["height_m"], round(trunk + 2, 2))}
 
     def _trees(self, stream: RandomStream, road: PlannedRoad, left_m: float) -> None:
-        """Adds a row of trees; crowns that reach over a lane are raised above the vehicles."""
+        """Adds a row of trees. Crowns that reach over a lane are raised above the vehicles."""
         shape = self._tree_shape(stream) | {"base_m": self.placement.slope_m(road, left_m)}
         reaches = abs(left_m) - shape["crown_m"] / 2 < road.lanes_half_m + 0.3
         if reaches or self.free_space.layout.junctions:
@@ -250,7 +253,7 @@ class Roadside:
     def _part(
         self, stream: RandomStream, road: PlannedRoad, share: float, long_m: Range
     ) -> Stretch:
-        """Returns a section of the road near the focus with probability `share`, else all of it."""
+        """Returns a section near the focus with probability `share`, else the whole road."""
         if not stream.chance(share):
             return WHOLE
         middle = self.free_space.nearest_station(road) + stream.within(self.things.part_within_m)

@@ -1,7 +1,7 @@
-"""Distributions of what stands beside roads: objects, parked vehicles, pedestrians, furniture.
+"""Distributions of roadside objects, parked vehicles, pedestrians, cyclists and furniture.
 
-A range is a uniform distribution, a share is a probability, and a mapping holds weights. Numbers
-without a source are nominal, and rather too wide than too narrow.
+A range is a uniform distribution, a share is a probability, and a mapping contains weights. Ranges
+without a source are assumptions. They are rather too wide than too narrow.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ class ThingRanges:
     """Sizes of roadside objects."""
 
     verge_m: Range = (0.4, 3.0)  # gap between successive rows of objects
-    rail_height_m: Range = (0.7, 0.9)  # EN 1317 systems: 0.75
-    wall_height_m: Range = (0.8, 1.15)  # New Jersey and step barriers: 0.81 to 1.1
+    rail_height_m: Range = (0.7, 0.9)  # common systems of EN 1317 have 0.75
+    wall_height_m: Range = (0.8, 1.15)  # New Jersey and step barriers have 0.81 to 1.1
     wall_width_m: Range = (0.25, 0.6)
     rail_width_m: Range = (0.15, 0.35)
-    rail_parts: float = 0.3  # share of rails that stand along a part of the road only
-    rail_part_m: Range = (30, 150)  # length of that part
-    part_within_m: Range = (-70, 70)  # from the station nearest to the focus to its middle
+    rail_parts: float = 0.3  # share of rails that stand along only a part of the road
+    rail_part_m: Range = (30, 150)  # length of such a part
+    part_within_m: Range = (-70, 70)  # middle of a part, from the station nearest to the focus
     noise_wall_m: Range = (2.0, 4.5)
     noise_wall_away_m: Range = (1, 5)
-    gantry_away_m: Range = (6, 90)  # along the road, from its station nearest to the focus
-    clearance_m: Range = (4.7, 7)  # below gantries
+    gantry_away_m: Range = (6, 90)  # distance along the road from the station nearest to the focus
+    clearance_m: Range = (4.7, 7)  # free height below gantries
     hedge_height_m: Range = (0.7, 3.0)
     hedge_width_m: Range = (0.5, 2.5)
-    hedge_density_per_m: Range = (0.5, 2.0)  # sparse shrubs to clipped hedges
-    hedge_parts: float = 0.4  # as `rail_parts`
+    hedge_density_per_m: Range = (0.5, 2.0)  # from sparse shrubs to clipped hedges
+    hedge_parts: float = 0.4  # share of hedges that stand along only a part of the road
     hedge_part_m: Range = (8, 60)
     tree_every_m: Range = (6, 18)
     tree_height_m: Range = (7, 14)
@@ -44,29 +44,29 @@ class ThingRanges:
     wood_width_m: Range = (4, 15)
     wood_density_per_m: Range = (0.2, 0.8)
     wood_away_m: Range = (0.5, 15)
-    wood_parts: float = 0.5  # as `rail_parts`
+    wood_parts: float = 0.5  # share of woods that stand along only a part of the road
     wood_part_m: Range = (30, 150)
-    bush_m: Range = (0.8, 6.0)  # length; some are as large as a car
-    bush_width: Range = (0.4, 1)  # relative to the length
-    wild_m: Range = (0, 30)  # distance beyond the rows
+    bush_m: Range = (0.8, 6.0)  # length of a bush; some bushes are as large as a car
+    bush_width: Range = (0.4, 1)  # width of a bush, relative to the length
+    wild_m: Range = (0, 30)  # distance of single bushes and trees beyond the rows
     wild_trees: float = 0.3
     house_length_m: Range = (7, 45)
     house_depth_m: Range = (7, 16)
     house_height_m: Range = (3, 20)
-    house_heights: Range = (0.8, 1.2)  # of the houses of a row, relative to their common height
+    house_heights: Range = (0.8, 1.2)  # height of each house, relative to that of its row
     house_gap_m: Range = (1, 25)
     house_setback_m: Range = (0.5, 12)
     post_every_m: Range = (18, 45)
-    post_height_m: Range = (2.5, 9)  # sign posts to lamp posts
+    post_height_m: Range = (2.5, 9)  # from sign posts to lamp posts
     post_width_m: Range = (0.1, 0.35)
-    post_away_m: Range = (0.45, 1.2)  # from the edge of the carriageway or of parked cars
+    post_away_m: Range = (0.45, 1.2)  # distance from the edge of the carriageway or of parked cars
     box_length_m: Range = (0.6, 6.5)
     box_width_m: Range = (0.5, 2.6)
     box_height_m: Range = (0.9, 2.8)
     box_away_m: Range = (0.5, 6.0)
     box_turn_deg: Range = (-8, 8)
-    # Houses, posts, boxes and bushes lie within this distance along the road of its station nearest
-    # to the site's focus; farther ones would hardly be seen.
+    # Maximum distance of houses, posts, boxes and bushes along the road from the station nearest to
+    # the site's focus. Objects farther away would have few points.
     within_m: float = 120
 
 
@@ -74,13 +74,13 @@ class ThingRanges:
 class ParkingRanges:
     """Parked vehicles at kerbs and in car parks."""
 
-    lane_m: Range = (2.0, 2.6)  # width of parking lanes at the kerb; RASt: 2.0
+    lane_m: Range = (2.0, 2.6)  # width of parking lanes at the kerb; RASt states 2.0
     kerb_gap_m: Range = (0.7, 2.0)
     kerb_classes: Weights = field(
         default_factory=lambda: {"Car": 0.85, "Van": 0.12, "Motorcycle": 0.03}
     )
     kerb_within_m: float = 130  # rows begin this far before the station nearest to the focus
-    bay_gap_m: Range = (0.4, 0.9)  # bays of 2.5 m
+    bay_gap_m: Range = (0.4, 0.9)  # gap between cars in bays of 2.5 m
     bay_turn_deg: Mapping[float, float] = field(
         default_factory=lambda: {90: 0.7, 60: 0.15, -60: 0.15}
     )
@@ -88,11 +88,15 @@ class ParkingRanges:
     occupied: Range = (0.3, 1.0)
     rows: tuple[int, int] = (1, 4)
     length_m: Range = (18, 70)
-    along_m: Range = (-90, 90)  # from the station nearest to the focus to the middle
+    along_m: Range = (-90, 90)  # middle of a car park, from the station nearest to the focus
     away_m: Range = (2.0, 10.0)  # distance of a car park from the outer edge of the road
-    back_to_back_m: float = 6.8  # the longest car at 60 degrees needs 6.37 m, and may be 0.15 m off
+    # Distance between the middles of two rows of bays that stand back to back. The longest car at
+    # 60 degrees needs 6.37 m, and may be parked 0.15 m off.
+    back_to_back_m: float = 6.8
     aisle_m: float = 6.0
-    lorries: float = 0.2  # share of car parks with lorries, outside streets; rows along the road
+    # Share of car parks, except at streets, with lorries instead of cars. Lorries park in rows
+    # along the road.
+    lorries: float = 0.2
     lorry_rows_m: float = 5.0
     lorry_gap_m: Range = (1.0, 6.0)
     lorry_classes: Weights = field(default_factory=lambda: {"Truck": 0.8, "Van": 0.2})
@@ -102,25 +106,26 @@ class ParkingRanges:
 class WayRanges:
     """Rows of pedestrians and cyclists."""
 
-    sites: float = 0.85  # share of sites with rows, among road types that have them
+    sites: float = 0.85  # share of sites with rows, among the road types that can have rows
     within_m: float = 120  # maximum distance from the site's focus
-    verge_m: float = 3.0  # strip beyond the footway that rows may use; their region extends to 6 m
-    shortest_m: float = 15.0  # minimum length; pedestrians and cyclists appear and end at its ends
+    verge_m: float = 3.0  # width of the strip beyond the footway that rows may use
+    # Minimum length of a row. Pedestrians and cyclists appear and vanish at its ends.
+    shortest_m: float = 15.0
 
 
 @dataclass(frozen=True)
 class FurnitureRanges:
-    """Street furniture and standing groups; sizes are nominal unless a source is named."""
+    """Street furniture and standing groups. Sizes without a source are assumptions."""
 
     sites: float = 0.7  # share of sites with furniture
-    times: float = 1.0  # multiplies the numbers of pieces of the road type
-    within_m: float = 80  # along the road, from its station nearest to the site's focus
-    plate_m: Range = (0.4, 1.5)  # traffic signs of 0.42 to 0.9 m (StVO), larger ones at junctions
-    plate_above_m: Range = (1.8, 3.0)  # StVO: 2.0 to 2.25 above footways
-    plate_turn_deg: Mapping[float, float] = field(  # across the road, or along it
+    times: float = 1.0  # factor of the numbers of pieces that the road type has
+    within_m: float = 80  # distance along the road from the station nearest to the site's focus
+    plate_m: Range = (0.4, 1.5)  # StVO has 0.42 to 0.9 m; signs at junctions are larger
+    plate_above_m: Range = (1.8, 3.0)  # StVO states 2.0 to 2.25 above footways
+    plate_turn_deg: Mapping[float, float] = field(  # plates are across the road, or along it
         default_factory=lambda: {90.0: 0.8, 0.0: 0.2}
     )
-    plate_off_deg: Range = (-15, 15)  # added to it
+    plate_off_deg: Range = (-15, 15)  # deviation from `plate_turn_deg`
     pole_width_m: Range = (0.06, 0.25)
     bin_m: Range = (0.35, 0.9)
     bin_height_m: Range = (0.8, 1.5)

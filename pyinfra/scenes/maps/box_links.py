@@ -7,7 +7,8 @@ from scipy.optimize import linear_sum_assignment
 
 from pyinfra.core.arrays import FloatArray, IntArray, NameArray
 
-_REACH_M = 3.0  # maximum distance from the predicted position if the velocity is known
+# Maximum distance of a box from the predicted position, if the velocity of the track is known.
+_REACH_M = 3.0
 _FIRST_REACH_M_S = 40.0  # maximum speed from the first box of a track to its second
 _LOST_S = 0.35  # a track without a box for longer than this has ended
 _FAR = 1e6  # cost of a pair that is not allowed
@@ -44,7 +45,7 @@ def _matched(
     boxes: FloatArray,
     classes: NameArray,
 ) -> list[tuple[int, int]]:
-    """Returns pairs of a track and a row with the smallest sum of distances."""
+    """Returns the pairs of tracks and rows with the smallest sum of distances."""
     cost = np.full((len(live), len(rows)), _FAR)
     for i, k in enumerate(live):
         before = last[k]

@@ -1,4 +1,4 @@
-"""Finds lanes of a map that overlap at slightly different heights, which is an error of the map."""
+"""Finds lanes that overlap at slightly different heights, which is an error of the map."""
 
 import numpy as np
 
@@ -6,12 +6,13 @@ from pyinfra.scenes.maps.lane_map import MapLane
 from pyinfra.scenes.maps.surfaces import paved_points
 
 CELL_M = 0.5
-LEAST_M = 0.1  # minimum height difference; a steep road rises less within a cell
+# Minimum height difference of an error. A steep road rises less within a cell.
+LEAST_M = 0.1
 BRIDGE_M = 2.0  # from this height difference on, one lane crosses above the other
 
 
 def disagreements(lanes: list[MapLane]) -> list[str]:
-    """Returns a text for each lane that lies under another lane's surface, with a position."""
+    """Returns a text with a position for each lane that lies under another lane's surface."""
     driven = [lane for lane in lanes if lane.driveable]
     parts = [paved_points([lane]) for lane in driven]
     of = np.repeat(np.arange(len(parts)), [len(part) for part in parts])

@@ -1,4 +1,7 @@
-"""Reads SUMO's floating car data (XML, or XML in .gz): front bumper positions per time step."""
+"""Reads SUMO's floating car data, which are front bumper positions per time step.
+
+The file is XML, or XML in .gz.
+"""
 
 from __future__ import annotations
 
@@ -15,15 +18,15 @@ import numpy as np
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import FormatError
 
-MOST_OBJECTS = 100_000  # per file
+MOST_OBJECTS = 100_000  # maximum number of objects per file
 
 
 @dataclass(frozen=True)
 class Recorded:
     """The rows of one object in a file.
 
-    rows: (n, 5) t, x, y, z, heading (rad); the heading is NaN without an angle in the file.
-    speeds: (n,) m/s, NaN without a speed in the file. kind: vehicle or person.
+    `rows` (n, 5) are t, x, y, z, heading (rad). The heading is NaN if the file has no angle.
+    `speeds` (n,) are in m/s, and NaN if the file has no speed. `kind` is vehicle or person.
     """
 
     name: str
@@ -89,7 +92,7 @@ def _objects(
 def _state(
     file: Path, t: float, name: str, element: ElementTree.Element
 ) -> tuple[float, float, float, float, float]:
-    """Returns x, y, z, heading and speed of an element; z, angle and speed are optional."""
+    """Returns x, y, z, heading and speed of an element. z, angle and speed are optional."""
     if not name:
         raise _refusal(file, f"time {t:g}: expected an id of each <{element.tag}>, got none")
     x, y = (_number(element.get(key)) for key in ("x", "y"))

@@ -15,14 +15,18 @@ from pyinfra.core.errors import Error, FormatError
 from pyinfra.scenes.maps.openstreetmap import transverse_mercator
 
 NEAR_M = 20_000.0  # maximum distance of positions from the site's origin
-_CRAWL = 0.01  # change of x and y per second; metres of a moving object change more, degrees less
-_SHARE = 1e-3  # of the distance that the speeds give; a degree is 10 to 111 km
+# Change of x and y per second that separates degrees from metres. Coordinates of a moving object
+# change less in degrees and more in metres.
+_CRAWL = 0.01
+# Ratio of the distance in x and y to the distance that the speeds give. Below it, x and y are in
+# degrees. A degree is 10 to 111 km.
+_SHARE = 1e-3
 _ELLIPSOIDS = ("WGS84", "GRS80")
 
 
 @dataclass(frozen=True)
 class Motion:
-    """The motion of one object. times: (n,) s; xy: (n, 2); speeds: (n,) m/s or NaN."""
+    """The motion of one object: times (n,) in s, xy (n, 2), speeds (n,) in m/s or NaN."""
 
     times: FloatArray
     xy: FloatArray
@@ -46,9 +50,9 @@ class Projection:
 def in_degrees(objects: Iterable[Motion], projection: Projection | None) -> bool:
     """Returns whether positions are longitude and latitude.
 
-    They are if all values are in range and the objects move far less than their speeds imply. If
-    speeds are missing, they must move slower than any moving object does in metres. If no object
-    moves, the positions must be near the site.
+    All values must be in the range of longitude and latitude. In addition, x and y must change far
+    less than the speeds of the objects imply. If speeds are missing, the objects must move slower
+    than any moving object does in metres. If no object moves, the positions must be near the site.
     """
     objects = list(objects)
     xy = np.concatenate([o.xy for o in objects])
@@ -88,13 +92,13 @@ def check_near_site(lon_lat: FloatArray, projection: Projection) -> None:
 
 
 def _away_m(lon_lat: FloatArray, projection: Projection) -> float:
-    """Returns the smallest distance to the site's origin; infinite far from the meridian."""
+    """Returns the smallest distance from the site's origin; infinite if all are far from it."""
     near = lon_lat[np.abs(lon_lat[:, 0] - projection.centre[0]) < 10]
     return float(np.hypot(*projection.metres(near).T).min(initial=math.inf))
 
 
 def network_projection(net_file: Path) -> Projection | None:
-    """Reads the projection of a SUMO network's coordinates; None if the network states none.
+    """Reads the projection of a SUMO network, or returns None if the network states none.
 
     Raises FormatError for a projection that is not a transverse Mercator, and OSError.
     """

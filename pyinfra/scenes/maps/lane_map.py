@@ -1,4 +1,4 @@
-"""The common representation of imported maps: lanes and roadside objects."""
+"""The representation of imported maps that all readers return: lanes and roadside objects."""
 
 import re
 from collections.abc import Sequence
@@ -9,14 +9,15 @@ import numpy as np
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
 
-NARROWEST_M = 1.0  # minimum width of a driveable lane; narrower parts are left out
+NARROWEST_M = 1.0  # minimum width of a driveable lane; narrower parts of a lane are left out
 SHORTEST_M = 0.2  # minimum length of a lane
 FARTHEST_M = 1e6  # maximum distance of a position from a map's origin
-STEEP, STEEPEST = 0.5, 1.2  # grades above which a lane is reported, and above which it is refused
+# Lanes with a grade above STEEP are reported. Lanes with a grade above STEEPEST are refused.
+STEEP, STEEPEST = 0.5, 1.2
 
 
 class MapError(Error):
-    """A map that cannot be read or used as a site; names file, location, and what is allowed."""
+    """The map cannot be read or used as a site. The message names file and location."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,7 @@ class MapBody:
 
     outline: FloatArray  # (n, 2), counter-clockwise, n >= 3
     height_m: float
-    base_m: float | None = None  # z of the base; None: on the terrain
+    base_m: float | None = None  # z of the base; None if it stands on the terrain
     hangs: bool = False  # whether the space below its base is open
 
 
@@ -63,10 +64,10 @@ class MapTree:
 
 @dataclass(frozen=True)
 class MapFeature:
-    """A stop, crossing or signal, which is listed and drawn in plans but has no surface."""
+    """A stop, crossing or signal. It is listed and drawn in plans, but has no surface."""
 
     kind: str
-    source: str  # its name in the map
+    source: str  # name of the feature in the map
     x_m: float
     y_m: float
     tags: dict[str, str] = field(default_factory=dict)
@@ -79,7 +80,8 @@ class SiteMap:
     lanes: list[MapLane] = field(default_factory=list)
     areas: list[FloatArray] = field(default_factory=list)  # (n, 2) outlines of junctions
     footways: list[FloatArray] = field(default_factory=list)  # (n, 3) outlines of walking areas
-    junctions: list[tuple[int, float, float]] = field(default_factory=list)  # number of ways, x, y
+    # Number of ways, x and y of each junction.
+    junctions: list[tuple[int, float, float]] = field(default_factory=list)
     bodies: list[MapBody] = field(default_factory=list)
     trees: list[MapTree] = field(default_factory=list)
     features: list[MapFeature] = field(default_factory=list)
@@ -90,12 +92,12 @@ class SiteMap:
 
 
 def lane_name(*words: object) -> str:
-    """Joins names of a map to a name of letters, digits, `_` and `-`."""
+    """Joins words to a name that contains only letters, digits, `_` and `-`."""
     return re.sub(r"[^A-Za-z0-9_-]", "_", "_".join(str(word) for word in words))
 
 
 def with_unique_names(lanes: Sequence[MapLane]) -> list[MapLane]:
-    """Returns the lanes with unique names: repeated names get a number."""
+    """Returns the lanes with unique names. A number is added to repeated names."""
     seen: dict[str, int] = {}
     named = []
     for lane in lanes:
@@ -107,11 +109,11 @@ def with_unique_names(lanes: Sequence[MapLane]) -> list[MapLane]:
 def without_folds(
     left: FloatArray, right: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """Removes backward steps of the borders; returns left, right, and the first position of one.
+    """Removes backward steps of the borders of a lane.
 
-    In a bend tighter than the lane's width, the inner border turns back; such points are moved to
-    the previous point. Rows at which the centreline stops or turns back are removed. The position
-    (x y z) is that of the first turn of the centreline, or None.
+    In a bend tighter than the lane's width, the inner border turns back. Its points there are moved
+    to the previous point. Rows at which the centreline stops or turns back are removed. Returns
+    both borders, and the left point (x y z) where the centreline first turns back, or None.
     """
     folded = None
     for _ in range(len(left)):
@@ -149,7 +151,7 @@ def steep_lanes(lanes: Sequence[MapLane]) -> list[str]:
 
 
 def checked_lanes(lanes: Sequence[MapLane], source: str) -> list[MapLane]:
-    """Returns the lanes unchanged. Raises MapError with a lane's name if the lane is impossible."""
+    """Returns the lanes unchanged. Raises MapError that names the lane for an impossible lane."""
     for lane in lanes:
         both = np.concatenate([lane.left, lane.right])
         if not np.isfinite(both).all():

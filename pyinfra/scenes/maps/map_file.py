@@ -1,4 +1,4 @@
-"""Map files: their format, size, digest and compression."""
+"""Determines format, size, digest and compression of map files."""
 
 import bz2
 import gzip
@@ -12,13 +12,13 @@ from pyinfra.scenes.maps.lane_map import MapError
 from pyinfra.scenes.maps.osm_pbf import PBF, write_xml
 
 LONGEST_BYTES = 2 << 30  # maximum size of a map file
-FORMATS = (".xodr", ".osm", ".osm.xml", ".net.xml")  # also compressed as .gz and .bz2
+FORMATS = (".xodr", ".osm", ".osm.xml", ".net.xml")  # .gz or .bz2 may follow these extensions
 PACKED = (".gz", ".bz2")
 CONVERTED = {".o5m": "osmconvert {0} -o={1}.osm"}
 
 
 def format_of(file: Path) -> str:
-    """Returns the extension that determines the map format, without that of the compression.
+    """Returns the extension of the map format, without the extension of the compression.
 
     Raises MapError.
     """
@@ -56,7 +56,10 @@ _BY_ROOT = {"OpenDRIVE": ".xodr", "osm": ".osm", "net": ".net.xml"}
 
 
 def _root_of(file: Path) -> str:
-    """Returns the name of the first element; empty if there is none. Raises MapError if not XML."""
+    """Returns the name of the first XML element, or an empty text if the file has none.
+
+    Raises MapError if the file is not XML.
+    """
     try:
         with opened(file) as stream:
             for _, node in ElementTree.iterparse(stream, events=("start",)):

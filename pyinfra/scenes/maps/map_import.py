@@ -1,4 +1,4 @@
-"""Imports a map file as a site folder: scene, lanes, meshes, network and a record of the import."""
+"""Imports a map file as a site folder with scene, lanes, meshes, network and a record."""
 
 import tempfile
 from dataclasses import asdict, dataclass
@@ -25,7 +25,7 @@ from pyinfra.scenes.maps.site_writer import write_site, yaml_text
 from pyinfra.scenes.maps.surfaces import surfaces
 
 MOST_TRIANGLES = 20_000_000
-VERSION = 3  # of the import's output
+VERSION = 3  # version of the import's output
 
 
 @dataclass(frozen=True)
@@ -36,14 +36,14 @@ class Imported:
     triangles: int
     pole: Pole
     record: dict[str, Any]  # content of map.yaml
-    anew: bool  # False: the same import already existed
+    anew: bool  # False if the folder already had the result of the same import
 
 
 def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> Imported:
     """Writes the site folder, unless it already has the result of the same import.
 
-    Raises MapError, ImportError without SUMO or osmium, and FileExistsError if the folder has other
-    content.
+    Raises MapError, and FileExistsError if the folder has other content. Raises ImportError if SUMO
+    or osmium is needed but not installed.
     """
     options = options or ImportOptions()
     kind = format_of(file)
@@ -88,7 +88,7 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
 
 
 def _listed(site_map: SiteMap) -> dict[str, list[dict[str, Any]]]:
-    """Returns the features by kind, each with its name in the map, position and tags."""
+    """Maps each kind to its features, each with name in the map, position and tags."""
     by_kind: dict[str, list[dict[str, Any]]] = {}
     for each in site_map.features:
         position = {"x_m": round(each.x_m, 2), "y_m": round(each.y_m, 2)}

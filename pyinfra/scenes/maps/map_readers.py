@@ -24,7 +24,8 @@ RADIUS_M = 1000.0
 class ImportOptions:
     """Options of a map import."""
 
-    centre: tuple[float, float] | None = None  # x, y in the map; OSM: lon, lat (or lat, lon)
+    # x, y in the map. For OpenStreetMap, lon, lat or lat, lon.
+    centre: tuple[float, float] | None = None
     radius_m: float = RADIUS_M
     mount: tuple[float, float, float, float] | None = None  # x, y, z, yaw_deg in the site's frame
     duration_s: float = 500.0
@@ -120,7 +121,7 @@ READERS = {
 def _shifted_network(
     file: Path, arguments: Sequence[str], offset: FloatArray, out: Path
 ) -> list[str]:
-    """Writes the network in the site's frame; returns netconvert's warnings. Raises MapError."""
+    """Writes the network in the site's frame. Returns netconvert's warnings. Raises MapError."""
     x, y, z = (-offset).tolist()
     moved = ["--offset.disable-normalization", f"--offset.x={x!r}", f"--offset.y={y!r}"]
     return netconvert(file, [*arguments, *moved, f"--offset.z={z!r}"], out)
@@ -153,7 +154,10 @@ def _moved_body(thing: Any, offset: FloatArray) -> Any:
 
 
 def _cut(site_map: SiteMap, radius_m: float, file: Path) -> None:
-    """Removes objects outside the radius around the origin; lanes that reach into it stay whole."""
+    """Removes objects outside the radius around the origin.
+
+    A lane that is partly inside is not cut.
+    """
     site_map.lanes = [x for x in site_map.lanes if np.hypot(*x.centre[:, :2].T).min() <= radius_m]
     if not any(lane.driveable for lane in site_map.lanes):
         raise MapError(

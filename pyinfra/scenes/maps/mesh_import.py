@@ -26,17 +26,17 @@ MOST_TRIANGLES = 20_000_000
 
 @dataclass(frozen=True)
 class MeshPlacement:
-    """The transform from a file's coordinates to the site's: scale, upward axis, offset."""
+    """Scale, upward axis and offset of the transform from a file's coordinates to the site's."""
 
     scale: float = 1.0
-    up: str = ""  # y or z; by default that of the format
+    up: str = ""  # upward axis y or z; by default that of the format
     offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement) -> Triangles:
-    """Writes meshes/NAME.ply to the site and adds it to site.yaml; returns the mesh.
+    """Writes meshes/NAME.ply to the site, adds it to site.yaml, and returns the mesh.
 
-    Raises FormatError, FileExistsError, OSError, and ImportError without trimesh.
+    Raises FormatError, FileExistsError, OSError, and ImportError if trimesh is not installed.
     """
     name = f"meshes/{file.stem.lower()}.ply"
     if (site / name).exists():
@@ -59,7 +59,7 @@ def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement)
 
 
 def _read(file: Path) -> Triangles:
-    """Reads all triangles of a file, in its own coordinates. Raises FormatError."""
+    """Reads all triangles of a file, in the file's coordinates. Raises FormatError."""
     if file.suffix.lower() not in ENDINGS:
         raise FormatError(f"{file}: expected {', '.join(ENDINGS)}, got another ending")
     if not file.stat().st_size:
@@ -119,7 +119,7 @@ def _away_m(mesh: Triangles, mounts: FloatArray) -> float:
 def with_mesh(file: Path, entry: dict[str, Any]) -> str:
     """Returns the text of a scene file with an entry added to `meshes`, and no other change.
 
-    Raises FormatError if the YAML style of `meshes` does not allow adding a line.
+    Raises FormatError if no line can be added to `meshes` because of its YAML style.
     """
     lines = file.read_text().splitlines()
     before = read_keys(file)

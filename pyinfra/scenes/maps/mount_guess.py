@@ -1,6 +1,6 @@
-"""Chooses a default pole: beside the largest junction, off the carriageway.
+"""Chooses a default pole beside the largest junction, off the carriageway.
 
-Its yaw is chosen so that a narrow field of view contains the junction and the greatest total length
+The yaw is chosen so that a narrow field of view contains the junction and the greatest total length
 of lanes.
 """
 
@@ -16,12 +16,13 @@ from pyinfra.scenes.maps.lane_map import MapLane, SiteMap
 from pyinfra.scenes.maps.surfaces import contains
 
 HEIGHT_M = 6.0
-NEAREST_M, FARTHEST_M = 12.0, 80.0  # distance from the junction's middle
+NEAREST_M, FARTHEST_M = 12.0, 80.0  # minimum and maximum distance from the junction's middle
 CLEAR_M = 1.0  # minimum distance from lane edges and buildings
 CLEAR_OF_TREES_M = 5.0
 SEEN_M, SEEN_DEG = 100.0, 70.0  # range and width of the field of view for choosing the yaw
 YAW_STEP_DEG = 5.0
-JUNCTION_OFF_DEG, LANE_OFF_DEG = 30.0, 60.0  # maximum angle between the yaw and the target
+# Maximum angle between the yaw and the direction to the target, for a junction and for a lane.
+JUNCTION_OFF_DEG, LANE_OFF_DEG = 30.0, 60.0
 
 
 @dataclass(frozen=True)
@@ -35,14 +36,14 @@ class Pole:
 
 
 def guess_pole(site_map: SiteMap) -> tuple[Pole, str]:
-    """Returns the pole, and a text that names the junction or lane beside it."""
+    """Returns the pole, and a text that names the junction or lane beside the pole."""
     lanes = [lane for lane in site_map.lanes if lane.kind == "road"]
     strips = _Strips.of(lanes)
     points = strips.start
     driven = [lane for lane in lanes if lane.driveable]
     inside = [
         j for j in site_map.junctions if np.hypot(*(points - j[1:]).T).min() < FARTHEST_M
-    ]  # junctions that still have lanes nearby after the map was cut
+    ]  # after the map was cut, some junctions have no lanes nearby
     if inside:
         ways, *centre = max(inside, key=lambda j: (j[0], -math.hypot(j[1], j[2])))
         target, what = np.array(centre), f"the junction with most ways through ({ways})"
@@ -60,7 +61,7 @@ def guess_pole(site_map: SiteMap) -> tuple[Pole, str]:
 def _yaw_deg(foot: FloatArray, target: FloatArray, lanes: list[MapLane], off_deg: float) -> float:
     """Returns the yaw at which the field of view contains the target and most of the lanes.
 
-    Lanes are weighted by their length. Of several equally good yaws, it returns the middle one.
+    Lanes are weighted by their length. Of several equally good yaws, the middle one is returned.
     """
     middles = [(lane.centre[1:] + lane.centre[:-1])[:, :2] / 2 - foot for lane in lanes]
     metres = [np.hypot(*np.diff(lane.centre[:, :2], axis=0).T) for lane in lanes]
@@ -81,7 +82,7 @@ def _clear_position(
 ) -> FloatArray:
     """Returns the free position nearest to the target.
 
-    The search extends farther if there is none nearby.
+    If there is no free position nearby, the search extends farther.
     """
     axis = np.arange(-farthest_m, farthest_m + 1, 1.0)
     offsets = np.stack(np.meshgrid(axis, axis), -1).reshape(-1, 2)
@@ -115,7 +116,7 @@ def _clear_position(
 
 @dataclass(frozen=True)
 class _Strips:
-    """Segments of lane centrelines, and the distances from them at which positions are free."""
+    """Segments of lane centrelines, and the minimum distance of free positions from each one."""
 
     start: FloatArray  # (n, 2)
     end: FloatArray  # (n, 2)
@@ -135,7 +136,7 @@ class _Strips:
         return _Strips(self.start[some], self.end[some], self.clear[some])
 
     def free_m(self, position: FloatArray) -> float:
-        """Returns the distance of a position from the lanes in excess of the required one."""
+        """Returns by how much the distance of a position from the lanes exceeds the minimum."""
         along = self.end - self.start
         part = ((position - self.start) * along).sum(1) / np.maximum((along**2).sum(1), 1e-12)
         away = self.start + part.clip(0, 1)[:, None] * along - position

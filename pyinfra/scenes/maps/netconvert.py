@@ -20,8 +20,8 @@ OSM = (
 def without_sidewalk(edges: Sequence[str], file: Path) -> list[str]:
     """Returns arguments that stop netconvert from guessing sidewalks at the given edges.
 
-    The edges are written to `file`, since they may be too many for a command line. Sidewalks in the
-    map are always imported.
+    The edges are written to `file`, because they may be too many for a command line. Sidewalks that
+    the map contains are always imported.
     """
     if not edges:
         return ["--osm.sidewalks"]
@@ -32,7 +32,7 @@ def without_sidewalk(edges: Sequence[str], file: Path) -> list[str]:
 
 
 def netconvert(source: Path, arguments: Sequence[str], out: Path) -> list[str]:
-    """Writes the network; returns SUMO's warnings. Raises MapError and ImportError."""
+    """Writes the network, and returns SUMO's warnings. Raises MapError and ImportError."""
     words = [*arguments, *DETAIL, "--output-file", str(out)]
     try:
         warnings = run_tool("netconvert", words, longest_s=LONGEST_S)

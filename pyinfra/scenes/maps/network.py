@@ -29,7 +29,7 @@ WALKERS = frozenset({"pedestrian"})
 
 
 def read_network(file: Path, *, lanes: bool = True) -> SiteMap:
-    """Reads a network; lanes=False reads only the junctions. Raises MapError."""
+    """Reads a network. With `lanes` = False, only the junctions are read. Raises MapError."""
     site_map = SiteMap()
     try:
         for _, node in ElementTree.iterparse(file):
@@ -61,7 +61,7 @@ def shape_of(text: str, where: str) -> FloatArray:
 
 def _read_edge(edge: Element, site_map: SiteMap) -> None:
     function = edge.get("function", "normal")
-    if function == "crossing":  # road marking within the junction, without a surface of its own
+    if function == "crossing":  # a crossing is a marking in the junction and needs no surface
         for lane in edge.iterfind("lane"):
             x, y, _ = shape_of(lane.get("shape", ""), f"lane {lane.get('id')}").mean(0).tolist()
             site_map.features.append(MapFeature("crossing", f"edge {edge.get('id')}", x, y))
@@ -97,7 +97,10 @@ def _read_edge(edge: Element, site_map: SiteMap) -> None:
 
 
 def _thinned(shape: FloatArray) -> FloatArray:
-    """Returns the line without points closer than CLOSE_M to the previous one; keeps both ends."""
+    """Returns the line without points closer than CLOSE_M to the previous point.
+
+    Both ends of the line are kept.
+    """
     kept: list[int] = []
     for i, point in enumerate(shape[:, :2]):
         if not kept or math.hypot(*(point - shape[kept[-1], :2])) >= CLOSE_M:
@@ -108,7 +111,10 @@ def _thinned(shape: FloatArray) -> FloatArray:
 
 
 def _unfolded(shape: FloatArray) -> FloatArray:
-    """Returns the line without points where it turns by more than 120 degrees; keeps both ends."""
+    """Returns the line without points where it turns by more than 120 degrees.
+
+    Both ends of the line are kept.
+    """
     while len(shape) > 2:
         steps = np.diff(shape[:, :2], axis=0)
         steps /= np.maximum(np.hypot(*steps.T), 1e-9)[:, None]
@@ -165,7 +171,7 @@ def _read_junction(node: Element, site_map: SiteMap) -> None:
 
 
 def _centroid(outline: FloatArray) -> tuple[float, float]:
-    """Returns the centroid of an outline (n, 2); the mean of its corners if it has no area."""
+    """Returns the centroid of an outline (n, 2), or the mean of its corners if it has no area."""
     middle = outline.mean(0)
     a, b = outline - middle, np.roll(outline, -1, axis=0) - middle
     doubled = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

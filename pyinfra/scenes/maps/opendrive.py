@@ -1,6 +1,6 @@
 """Reads lanes and objects of an OpenDRIVE file, with the file's widths and elevations.
 
-Roads are sampled every metre if anything bends, else every four metres.
+A road is sampled every metre if its line, width or elevation bends, else every four metres.
 """
 
 import itertools
@@ -35,7 +35,7 @@ from pyinfra.scenes.maps.opendrive_unread import unread_elements
 STEP_M = 1.0
 STRAIGHT_STEP_M = 4.0
 LENGTHS_APART = 0.01  # relative difference of two lengths that counts as rounding
-KERB_M = 0.15  # default height of sidewalks
+KERB_M = 0.15  # default height of sidewalks above the road
 DRIVEN = frozenset(
     "driving entry exit onRamp offRamp connectingRamp bidirectional mwyEntry mwyExit "
     "bus taxi HOV slipLane".split()
@@ -54,7 +54,7 @@ def read_opendrive(file: Path) -> SiteMap:
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise MapError(f"{file}: not XML that can be read: {error}") from error
     for node in root.iter():
-        node.tag = node.tag.rpartition("}")[2]  # some writers add a namespace
+        node.tag = node.tag.rpartition("}")[2]  # removes the namespace that some writers add
     if root.tag != "OpenDRIVE":
         raise MapError(f"{file}: expected <OpenDRIVE>, got <{root.tag}>")
     site_map, ids = SiteMap(), set[str | None]()
@@ -101,7 +101,10 @@ def _read_road(node: Element, site_map: SiteMap) -> None:
 
 
 def _lengths_that_disagree(road: OpenDriveRoad, node: Element) -> list[str]:
-    """Returns texts about contradicting lengths: road and geometries, geometry and its curve."""
+    """Returns texts about contradicting lengths.
+
+    The length of a road may contradict its geometries, and that of a geometry its curve.
+    """
     stated, length = number(node, "length", road.line.length), road.line.length
     notes = []
     if abs(stated - length) > LENGTHS_APART * length + 0.1:
@@ -220,7 +223,7 @@ def _lane(
     inner = np.concatenate([first.inner, *(p.inner[1:] for p in chain[1:])])
     outer = np.concatenate([first.outer, *(p.outer[1:] for p in chain[1:])])
     left, right = (outer, inner) if first.id > 0 else (inner, outer)
-    if (first.id > 0) != left_hand:  # the lane runs against the reference line
+    if (first.id > 0) != left_hand:  # traffic runs against the reference line
         left, right = right[::-1], left[::-1]
     if np.hypot(*(left - right)[:, :2].T).max() < 0.01:
         return None

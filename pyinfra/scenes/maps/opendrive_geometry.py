@@ -54,18 +54,19 @@ class Cubics:
 
 
 def read_cubics(nodes: Sequence[Element], key: str = "s", at: float = 0.0) -> Cubics:
-    """Reads cubics, sorted by start; `key` is the attribute of the start, relative to `at`."""
+    """Reads cubics, sorted by start. The attribute `key` is the start, relative to `at`."""
     rows = [[at + number(n, key, 0.0), *(number(n, k) for k in "abcd")] for n in nodes]
     table = np.array(sorted(rows, key=lambda row: row[0])).reshape(-1, 5)
     return Cubics(table[:, 0], table[:, 1:])
 
 
-Line = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]  # ds to u, v, turn
+# Maps the distance ds from the start of a geometry to u, v and the change of heading.
+Line = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceLine:
-    """A road's reference line; beyond its ends, the first and last piece are extended."""
+    """A road's reference line. Beyond its ends, the first and last piece are extended."""
 
     starts: FloatArray
     poses: FloatArray  # (n, 3) x y heading
@@ -88,7 +89,7 @@ class ReferenceLine:
 
 @dataclass(frozen=True, eq=False)
 class OpenDriveRoad:
-    """The geometry of one road: reference line, elevation, superelevation and lane offset."""
+    """Reference line, elevation, superelevation and lane offset of one road."""
 
     id: str
     line: ReferenceLine
@@ -97,7 +98,7 @@ class OpenDriveRoad:
     offset: Cubics
 
     def positions(self, s: FloatArray, t: FloatArray) -> FloatArray:
-        """Returns positions (n, 3) in the map's frame at s and t (left of the reference line)."""
+        """Returns positions (n, 3) in the map's frame at s, and at t to the left of the line."""
         x, y, heading = self.line.at(s).T
         roll = self.roll.at(s)
         flat, z = t * np.cos(roll), self.elevation.at(s) + t * np.sin(roll)
@@ -152,7 +153,7 @@ def _spiral(start: float, end: float, length: float) -> Line:
     change = (end - start) / length
 
     def line(ds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        u = ds[:, None] * (_NODES + 1) / 2  # Gauss-Legendre quadrature from 0 to each ds
+        u = ds[:, None] * (_NODES + 1) / 2  # nodes of the Gauss-Legendre quadrature from 0 to ds
         angle = u * (start + u * change / 2)
         weights = _WEIGHTS * ds[:, None] / 2
         turn = ds * (start + ds * change / 2)
@@ -164,9 +165,10 @@ def _spiral(start: float, end: float, length: float) -> Line:
 
 
 def _along(sides: dict[str, list[float]], end: float, length: float | None = None) -> Line:
-    """Returns a curve given by cubics u and v of a parameter from 0 to `end`, by arc length.
+    """Returns a curve as a function of arc length.
 
-    If the geometry's length differs from the curve's, for example by rounding, s is scaled.
+    The curve is given by cubics u and v of a parameter from 0 to `end`. If the geometry's length
+    differs from the curve's, for example by rounding, s is scaled.
     """
     u_of, v_of = (np.polynomial.Polynomial(sides[k]) for k in ("aU", "aV"))
     du, dv = u_of.deriv(), v_of.deriv()
@@ -185,7 +187,7 @@ def _along(sides: dict[str, list[float]], end: float, length: float | None = Non
 
 
 def curve_length(node: Element) -> float:
-    """Returns the arc length of a paramPoly3 in metres, or the stated length of other shapes."""
+    """Returns the arc length of a paramPoly3 in metres, or the file's length of other shapes."""
     shape, length = node[0] if len(node) else node, number(node, "length")
     if shape.tag != "paramPoly3":
         return length

@@ -11,13 +11,19 @@ import numpy as np
 
 from pyinfra.scenes.maps.opendrive_geometry import number, read_cubics, read_reference_line
 
-WAY_M = 0.05  # length of an added connecting road in a direct junction, where the roads touch
-LEAST_CURVATURE = 1e-9  # smaller curvatures become lines, since netconvert divides by them
-JUNCTIONS = frozenset({"default", ""})  # other types are removed
+# Length of a connecting road that is added to a direct junction, where the roads touch.
+WAY_M = 0.05
+# Shapes with a smaller curvature become lines, because netconvert divides by the curvature.
+LEAST_CURVATURE = 1e-9
+JUNCTIONS = frozenset({"default", ""})  # junctions of other types are removed
 
 
 def mended_for_netconvert(file: Path, out: Path) -> tuple[Path, list[str]]:
-    """Returns the file itself, or `out` without content that netconvert refuses, and notes."""
+    """Returns a file that netconvert can read, and notes about changes.
+
+    It is `file` if no change is needed. Otherwise it is `out`, without the content that netconvert
+    refuses.
+    """
     root = ElementTree.parse(file).getroot()
     for node in root.iter():
         node.tag = node.tag.rpartition("}")[2]
@@ -29,9 +35,9 @@ def mended_for_netconvert(file: Path, out: Path) -> tuple[Path, list[str]]:
 
 
 def _straightened(root: Element) -> list[str]:
-    """Simplifies arcs and spirals without curvature, or with constant curvature.
+    """Turns arcs and spirals without curvature into lines, and constant spirals into arcs.
 
-    The curves stay the same, so the notes are empty texts.
+    The curves stay the same. The notes are therefore empty texts, one for each change.
     """
     notes = []
     for geometry in root.iterfind("road/planView/geometry"):
@@ -54,7 +60,7 @@ _NEEDED = {
 
 
 def _signals(root: Element) -> list[str]:
-    """Removes signals without attributes that netconvert needs, and references to them."""
+    """Removes signals that lack attributes needed by netconvert, and references to the signals."""
     notes = []
     kept = set[str]()
     for tag in ("signal", "signalReference"):
@@ -75,7 +81,7 @@ def _signals(root: Element) -> list[str]:
 
 
 def _lack(signal: Element) -> str:
-    """Describes why netconvert would refuse a signal; empty if it would not."""
+    """Describes why netconvert would refuse a signal, or returns an empty text if it would not."""
     for key in _NEEDED[signal.tag]:
         if not (signal.get(key) or "").strip():
             return f"{key} is empty"
@@ -89,7 +95,7 @@ def _lack(signal: Element) -> str:
 
 
 def _junctions(root: Element) -> list[str]:
-    """Adds connecting roads to direct junctions; removes junctions of other special types."""
+    """Adds connecting roads to direct junctions, and removes junctions of other special types."""
     notes = []
     for junction in root.findall("junction"):
         kind, name = junction.get("type", ""), junction.get("id", "")
@@ -146,7 +152,7 @@ def _as_default(root: Element, junction: Element) -> None:
     junction.attrib.pop("type")
 
 
-_End = tuple[Element, str, int]  # road, contact point (start or end), lane id
+_End = tuple[Element, str, int]  # a road, its contact point (start or end), and a lane id
 
 
 def _way(name: str, junction: str, origin: _End, goal: _End) -> Element:
@@ -196,7 +202,7 @@ def _across(road: Element, s: float, contact: str, lane: int) -> tuple[float, fl
 
 
 def _end_at(road: Element, junction: str | None) -> str:
-    """Returns which end of a road is at a junction: start or end."""
+    """Returns `start` or `end`, whichever end of a road is at a junction."""
     for end in road.iterfind("link/*"):
         if end.get("elementType") == "junction" and end.get("elementId") == junction:
             return "start" if end.tag == "predecessor" else "end"

@@ -1,4 +1,4 @@
-"""Reads roadside objects of an OpenDRIVE map as bodies and trees, and lists ignored ones.
+"""Reads roadside objects of an OpenDRIVE map as bodies and trees, and lists ignored objects.
 
 The outline of an object replaces its box, and a repeat replaces its single position.
 """
@@ -28,7 +28,7 @@ STANDING = frozenset(
 )
 THINNEST_M = 0.1  # minimum width of walls and posts
 LOWEST_M = 0.05  # minimum height of a built object
-OVERHEAD_M = 2.0  # objects whose base is higher above the road have open space below
+OVERHEAD_M = 2.0  # the space below an object is open if its base is higher than this
 WALL_STEP_M = 2.0  # length of the pieces of a continuous object
 TREE_M = 9.0  # default height of a tree
 MOST_COPIES = 10_000  # maximum number of copies of an object
@@ -85,7 +85,7 @@ def _read_object(road: OpenDriveRoad, node: Element, site_map: SiteMap) -> None:
         site_map.features.append(MapFeature("crossing", name, x, y))
         return
     if _is_mark(node):
-        return  # counted by read_objects
+        return  # read_objects counts these objects
     if type_ in PAINT or type_ in MOVERS:
         leave_out(f"type {type_!r}, name {node.get('name')!r}: left out")
         return
@@ -148,7 +148,10 @@ def _read_plants(
 def _copies(
     node: Element, repeats: list[Element]
 ) -> Iterator[tuple[Element | None, tuple[float, float]]]:
-    """Yields each repeat with s, t of its copies; without a repeat, the object's own s, t."""
+    """Yields s, t of each copy of an object, with its repeat.
+
+    Without repeats, yields None and s, t of the object.
+    """
     if not repeats:
         yield None, (number(node, "s", 0.0), number(node, "t", 0.0))
     for repeat in repeats:
@@ -161,7 +164,10 @@ def _copies(
 
 
 def _of(repeat: Element | None, node: Element, name: str, s: float) -> float:
-    """Returns a value at s of a repeat, interpolated between its ends; else the object's value."""
+    """Returns a value at s, interpolated between the ends of a repeat.
+
+    Without a repeat, returns the object's value.
+    """
     value = number(node, name, 0.0)
     if repeat is None:
         return value
@@ -172,7 +178,10 @@ def _of(repeat: Element | None, node: Element, name: str, s: float) -> float:
 
 
 def _wall(road: OpenDriveRoad, node: Element, repeat: Element) -> list[MapBody]:
-    """Returns a continuous object as pieces along the road, with width and height of the repeat."""
+    """Returns the pieces of a continuous object along the road.
+
+    Width and height are those of the repeat.
+    """
     start = number(repeat, "s", number(node, "s", 0.0))
     length = min(number(repeat, "length", 0.0), road.line.length - start)
     if length <= 0:
@@ -199,7 +208,7 @@ def _wall(road: OpenDriveRoad, node: Element, repeat: Element) -> list[MapBody]:
 def _of_box(
     road: OpenDriveRoad, node: Element, repeat: Element | None, at: tuple[float, float]
 ) -> list[MapBody]:
-    """Returns the box of an object at one position; a cylinder becomes a box."""
+    """Returns the box of an object at one position. A cylinder becomes a box."""
     s = at[0]
     round_ = 2 * _of(repeat, node, "radius", s)
     length, width = (_of(repeat, node, name, s) or round_ for name in ("length", "width"))
@@ -231,7 +240,7 @@ def _box(
 def _in_world(
     road: OpenDriveRoad, at: tuple[float, float], node: Element, uv: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Transforms object coordinates (n, 2) to x y; also returns z of the road at the object."""
+    """Transforms object coordinates (n, 2) to x y, and returns z of the road at the object."""
     s, t = (np.array([v]) for v in at)
     heading = float(road.line.at(s)[0, 2]) + number(node, "hdg", 0.0)
     x, y, z = road.positions(s, t)[0].tolist()
@@ -242,7 +251,10 @@ def _in_world(
 def _of_outline(
     road: OpenDriveRoad, node: Element, outline: Element, at: tuple[float, float]
 ) -> list[MapBody]:
-    """Returns one body, or thin walls between corners if the outline is open or crosses itself."""
+    """Returns one body, or thin walls between the corners.
+
+    There are walls if the outline is open or crosses itself.
+    """
     usual = number(node, "height", 0.0)
     local, along = outline.findall("cornerLocal"), outline.findall("cornerRoad")
     if local:

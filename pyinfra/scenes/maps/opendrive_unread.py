@@ -33,8 +33,9 @@ _READ = {
     "signalReference": "validity",
     "junction": "connection",
     "connection": "laneLink predecessor successor",
-}  # parent to its children that are read, or listed one by one elsewhere
-_LISTED = frozenset({"objectReference", "tunnel", "bridge", "surface", "railroad"})  # as a whole
+}  # maps an element to its children that are read or reported elsewhere
+# Elements that are reported without their children.
+_LISTED = frozenset({"objectReference", "tunnel", "bridge", "surface", "railroad"})
 _ANYWHERE = frozenset({"userData", "include", "dataQuality"})  # allowed in every element
 _CHILDREN = {parent: frozenset(tags.split()) for parent, tags in _READ.items()}
 
@@ -42,7 +43,7 @@ _CHILDREN = {parent: frozenset(tags.split()) for parent, tags in _READ.items()}
 def unread_elements(root: Element) -> list[str]:
     """Returns a text for each kind of unread element, with its count.
 
-    An unread element stands for all that it contains.
+    Elements inside an unread element are not counted separately.
     """
     counts = Counter[str]()
     _count(root, "", counts)

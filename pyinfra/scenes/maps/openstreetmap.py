@@ -27,8 +27,8 @@ _RADIUS_M = 6378137.0
 def transverse_mercator(lon_lat: FloatArray, centre: tuple[float, float]) -> FloatArray:
     """Returns metres (n, 2) east and north of the centre, with scale 1 on its meridian.
 
-    Uses Krueger's series to the fourth order, which agrees with PROJ's tmerc to micrometres within
-    3 degrees.
+    The function uses Krueger's series to the fourth order. Within 3 degrees of the meridian, its
+    results agree with those of PROJ's tmerc to micrometres.
     """
     lon, lat = np.radians(np.atleast_2d(lon_lat)).T
     east, north = _kruger(lon - math.radians(centre[0]), lat)
@@ -61,7 +61,7 @@ RAILWAYS = frozenset("rail light_rail tram subway narrow_gauge monorail".split()
 
 @dataclass(frozen=True)
 class Way:
-    """A road, railway or platform; `nodes` are node ids."""
+    """A road, railway or platform. `nodes` are ids of nodes."""
 
     id: str
     nodes: list[str]
@@ -70,18 +70,20 @@ class Way:
 
 @dataclass
 class StreetMap:
-    """The content of an OSM file; positions are lon, lat in degrees."""
+    """The content of an OSM file. Positions are lon, lat in degrees."""
 
     nodes: dict[str, tuple[float, float]] = field(default_factory=dict)
     houses: list[tuple[str, list[str], dict[str, str]]] = field(default_factory=list)
     trees: list[tuple[str, dict[str, str]]] = field(default_factory=list)
     ways: list[Way] = field(default_factory=list)
-    things: list[tuple[str, dict[str, str]]] = field(default_factory=list)  # nodes at streets
+    # Ids and tags of nodes at streets.
+    things: list[tuple[str, dict[str, str]]] = field(default_factory=list)
     lines: list[Way] = field(default_factory=list)  # platforms
     others: list[str] = field(default_factory=list)  # texts about ignored elements
-    with_heights: set[str] = field(default_factory=set)  # nodes with `ele`
+    with_heights: set[str] = field(default_factory=set)  # ids of nodes with the tag `ele`
     deleted: int = 0  # number of elements marked as deleted
-    rearranged: bool = False  # nodes come after or inside ways, as Overpass may write them
+    # Whether nodes come after or inside ways, as in some files of Overpass.
+    rearranged: bool = False
 
     def of_highways(self) -> list[str]:
         """Returns the nodes of roads that have a position."""
@@ -90,8 +92,8 @@ class StreetMap:
     def place_of(self, centre: tuple[float, float] | None) -> tuple[tuple[float, float], bool]:
         """Returns the centre as lon, lat, and whether the user gave it as lat, lon.
 
-        The default is the map's middle. The order is lat, lon if only that order is near the map's
-        roads.
+        The default is the map's middle. The user's order is assumed to be lat, lon if only that
+        order gives a position near the map's roads.
         """
         places = np.array([self.nodes[i] for i in self.of_highways()]).reshape(-1, 2)
         low, high = places.min(0), places.max(0)
@@ -145,7 +147,7 @@ def _read_element(node: Element, street_map: StreetMap, file: Path) -> None:
     name = node.get("id", "")
     if node.tag == "node":
         if node.get("lon") is None and node.get("lat") is None:
-            return  # a reference without a position
+            return  # the position of a referenced node is missing
         street_map.nodes[name] = _lon_lat(node, file)
         street_map.rearranged |= bool(street_map.ways)
         if "ele" in tags:

@@ -1,6 +1,6 @@
 """Reads street features of OpenStreetMap: stops, signals, crossings and sidewalks.
 
-They are only listed. The network's own signals and crossings are guessed by SUMO.
+The features are only listed. SUMO guesses the signals and crossings of the network.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _CROSSED_BY = ("footway", "cycleway", "path")
 
 
 def kind_of(tags: dict[str, str]) -> str:
-    """Returns the kind of a street feature, such as bus_stop or crossing; empty if it is none."""
+    """Returns the kind of a street feature, such as bus_stop, or an empty text for other tags."""
     highway, railway = tags.get("highway", ""), tags.get("railway", "")
     transport = tags.get("public_transport", "")
     if highway == "bus_stop" or transport == "platform" or railway == "platform":
@@ -38,7 +38,10 @@ def kind_of(tags: dict[str, str]) -> str:
 
 
 def sides_without(tags: dict[str, str]) -> dict[str, str]:
-    """Returns the sides (left, right) of a road without a sidewalk: `no`, or mapped `separate`."""
+    """Maps the sides (left, right) of a road without a sidewalk to `no` or `separate`.
+
+    `separate` means that the map has the sidewalk as another way.
+    """
     whole = tags.get("sidewalk", "")
     sides = {}
     for side, other in (("left", "right"), ("right", "left")):
@@ -62,7 +65,7 @@ def edges_without_sidewalk(map_: StreetMap) -> list[str]:
 
 
 def features(map_: StreetMap, centre: tuple[float, float], radius_m: float) -> Iterator[MapFeature]:
-    """Yields all features within the radius; a way is represented by its middle."""
+    """Yields all features within the radius. The position of a way is its middle."""
     elements = [(f"node {i}", [i], tags, kind_of(tags)) for i, tags in map_.things]
     for way in (*map_.lines, *map_.ways):
         kind = kind_of(way.tags)
@@ -83,7 +86,7 @@ def features(map_: StreetMap, centre: tuple[float, float], radius_m: float) -> I
 
 
 def without_kerb_at_crossings(lanes: list[MapLane], map_: StreetMap) -> list[MapLane]:
-    """Returns the lanes, with kerb height 0 for sidewalks that cross a street."""
+    """Sets the kerb height of sidewalks that cross a street to 0, and returns all lanes."""
     crossing = {way.id.lstrip("-") for way in map_.ways if kind_of(way.tags) == "crossing"}
 
     def is_crossing(lane: MapLane) -> bool:

@@ -1,7 +1,7 @@
 """Computes heights of bridges and tunnels from the layers in OpenStreetMap.
 
-A way on a higher layer is lifted where it crosses another one. It is level over its whole length,
-with ramps along the roads on both sides. A tunnel is lowered in the same way.
+A way on a higher layer is lifted if it crosses another way. The lifted way is level over its whole
+length, with ramps along the roads on both sides. A tunnel is lowered in the same manner.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from pyinfra.scenes.maps.openstreetmap import (
     transverse_mercator,
 )
 
-CLEARANCE_M = 6.0  # height difference between the surfaces of crossing roads
-LEAST_M = 4.5  # a crossing with a smaller difference is reported
-RAMP_M = 150.0  # length of a ramp for the clearance; 6 % at its steepest point
+CLEARANCE_M = 6.0  # height difference to reach between the surfaces of crossing roads
+LEAST_M = 4.5  # a crossing with a smaller height difference is reported
+RAMP_M = 150.0  # length of a ramp over CLEARANCE_M; its steepest grade is 6 %
 STEP_M = 15.0  # distance between the nodes of a ramp
 NO_ROADS = frozenset("proposed construction planned abandoned razed disused platform".split())
 APART_M = 3.0  # minimum distance between an added node and a crossing
@@ -42,11 +42,11 @@ _ROUNDS = 8  # maximum number of iterations
 class Levels:
     """The heights of nodes, and the nodes added for ramps."""
 
-    heights: dict[str, float] = field(default_factory=dict)  # by node id, if not 0
-    places: dict[str, tuple[float, float]] = field(default_factory=dict)  # lon, lat of added nodes
-    ways: dict[str, list[str]] = field(default_factory=dict)  # node ids of changed ways, by way id
-    crossings: int = 0  # number of crossings with their clearance
-    flat: list[str] = field(default_factory=list)  # texts about crossings without it
+    heights: dict[str, float] = field(default_factory=dict)  # node ids to heights other than 0
+    places: dict[str, tuple[float, float]] = field(default_factory=dict)  # added ids to lon, lat
+    ways: dict[str, list[str]] = field(default_factory=dict)  # ids of changed ways to node ids
+    crossings: int = 0  # number of crossings with enough clearance
+    flat: list[str] = field(default_factory=list)  # texts about crossings with too little clearance
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class _Crossing:
 
 
 def level(tags: dict[str, str]) -> int:
-    """Returns the tag `layer`; without it, 1 for a bridge, -1 for a tunnel, else 0."""
+    """Returns the tag `layer`. If it is missing, 1 for a bridge, -1 for a tunnel, else 0."""
     match = re.match(r"\s*([+-]?\d{1,2})\b", tags.get("layer", ""))
     if match:
         return int(match[1])
@@ -73,7 +73,7 @@ def _is(tags: dict[str, str], key: str) -> bool:
 
 
 def find_levels(map_: StreetMap, centre: tuple[float, float], radius_m: float) -> Levels:
-    """Computes heights around the centre; heights in the map take precedence."""
+    """Computes heights around the centre. Heights in the map take precedence."""
     out = Levels()
     if not any(level(way.tags) for way in map_.ways):
         return out
@@ -101,7 +101,10 @@ def find_levels(map_: StreetMap, centre: tuple[float, float], radius_m: float) -
 
 
 def write_levelled(file: Path, out: Path, map_: StreetMap, levels: Levels) -> None:
-    """Writes the map with heights and without deleted elements; nodes first, for netconvert."""
+    """Writes the map with heights and without deleted elements.
+
+    Nodes are written first, because netconvert requires that.
+    """
     seen, taken = set[str](), set[tuple[str, str]]()
     with out.open("w", encoding="utf-8") as stream:
         stream.write('<?xml version="1.0" encoding="UTF-8"?>\n<osm version="0.6">\n')
@@ -125,7 +128,10 @@ def write_levelled(file: Path, out: Path, map_: StreetMap, levels: Levels) -> No
 
 
 def _place(element: Element, taken: set[tuple[str, str]]) -> Element:
-    """Moves a node by half a metre if its position is taken, since netconvert would merge both."""
+    """Moves a node by half a metre if another node has its position.
+
+    netconvert would merge nodes at the same position.
+    """
     while (place := (element.get("lon", ""), element.get("lat", ""))) in taken:
         element.set("lat", repr(float(place[1]) + 5e-6))
     taken.add(place)
@@ -142,7 +148,7 @@ def _set_height(node: Element, height: float | None) -> None:
 
 
 def _set_nodes(way: Element, nodes: list[str] | None, map_: StreetMap) -> None:
-    """Replaces the node references of a way, without those that have no position."""
+    """Replaces the node references of a way, and drops references to nodes without a position."""
     old = way.findall("nd")
     for nd in old:
         way.remove(nd)
@@ -167,7 +173,7 @@ class _Net:
         coordinates = np.array([map_.nodes[i] for i in used])
         near = (
             np.abs(coordinates - centre).max(1) < 5
-        )  # degrees, beyond which the projection is inaccurate
+        )  # the projection is inaccurate beyond 5 degrees
         xy = np.where(near[:, None], coordinates, np.array(centre))
         xy = np.where(near[:, None], transverse_mercator(xy, centre), math.inf)
         self.xy: dict[str, tuple[float, float]] = dict(
@@ -180,7 +186,7 @@ class _Net:
         self._fresh = itertools.count(max(map(abs, ids), default=0) + 1)
 
     def crossings(self) -> list[_Crossing]:
-        """Returns the crossings of ways on two levels that have no common node there."""
+        """Returns the crossings of ways on two levels, except where the ways share a node."""
         near = {i for i, xy in self.xy.items() if math.hypot(*xy) < self.reach_m}
         pieces = [
             (k, a, b)
@@ -217,7 +223,7 @@ class _Net:
                     count = math.ceil(math.dist(p, q) / STEP_M)
                     parts = np.arange(1, count) / count
                     apart = [np.hypot(*(p + (q - p) * u - at).T).min() for u in parts]
-                    # netconvert merges nodes at the same position
+                    # No node is added close to a crossing, because netconvert merges such nodes.
                     whole += [
                         self._put(a, b, float(u))
                         for u, metres in zip(parts, apart, strict=True)
@@ -235,15 +241,15 @@ class _Net:
         return name
 
     def solve(self, crossings: list[_Crossing]) -> None:
-        """Computes heights that give all crossings their clearance, as far as ramps fit."""
+        """Computes heights that give all crossings enough clearance, as far as ramps fit."""
         ways = {way.id: nodes for way, nodes in self.ways}
         next_: dict[str, dict[str, float]] = {}
         for _, nodes in self.ways:
             for a, b in itertools.pairwise(nodes):
                 metres = math.dist(self.xy[a], self.xy[b])
                 next_.setdefault(a, {})[b] = next_.setdefault(b, {})[a] = metres
-        goal: dict[str, float] = {}  # height of each lifted or lowered way
-        pinned: dict[str, set[str]] = {}  # nodes that the ramps of a way must not change
+        goal: dict[str, float] = {}  # way id to the height of each lifted or lowered way
+        pinned: dict[str, set[str]] = {}  # way id to the nodes that its ramps must not change
         for c in crossings:
             pinned.setdefault(c.upper.id, set()).update(c.on_lower)
             pinned.setdefault(c.lower.id, set()).update(c.on_upper)
@@ -282,7 +288,10 @@ class _Net:
 def _ramps(
     next_: dict[str, dict[str, float]], way: list[str], still: set[str], height_m: float
 ) -> dict[str, float]:
-    """Returns the share of a way's height by node: 1 on the way, 0 at ramp ends and fixed nodes."""
+    """Maps each node to its share of a way's height.
+
+    The share is 1 on the way, and 0 at the ends of ramps and at fixed nodes.
+    """
     length = RAMP_M * max(1.0, height_m / CLEARANCE_M)
     back = _distances(next_, still, length)
     shares = {}
@@ -296,7 +305,7 @@ def _ramps(
 def _distances(
     next_: dict[str, dict[str, float]], sources: Iterable[str], limit: float
 ) -> dict[str, float]:
-    """Returns the distance along the ways to each node within the limit."""
+    """Maps each node within the limit to its distance along the ways from the nearest source."""
     distances: dict[str, float] = {}
     heap = [(0.0, i) for i in sorted(sources)]
     while heap:

@@ -1,4 +1,4 @@
-"""Converts OpenStreetMap's binary format PBF to XML, by the optional package osmium."""
+"""Converts OpenStreetMap's binary format PBF to XML with the optional package osmium."""
 
 from pathlib import Path
 
@@ -6,14 +6,14 @@ from pyinfra.core.errors import missing
 from pyinfra.scenes.maps.lane_map import MapError
 
 PBF = ".pbf"
-_BETWEEN = 100_000  # elements between two checks of the size
+_BETWEEN = 100_000  # number of elements between two checks of the size
 
 
 def write_xml(file: Path, out: Path, most_bytes: int) -> None:
     """Writes the elements of a PBF file as OSM XML.
 
-    Raises MapError for a file that is not PBF or has more than `most_bytes` as XML, and
-    MissingPackage that names the package to install.
+    Raises MapError for a file that is not PBF or has more than `most_bytes` as XML. Raises
+    MissingPackage if osmium is not installed.
     """
     try:
         import osmium

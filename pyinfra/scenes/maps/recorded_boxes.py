@@ -1,4 +1,4 @@
-"""Reads recorded boxes: a CSV file with any column names, or the labels of frames."""
+"""Reads recorded boxes from a CSV file with any column names, or from the labels of frames."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ _RULES = {
 
 @dataclass(frozen=True)
 class BoxColumns:
-    """How to read a CSV file."""
+    """Options for reading a CSV file."""
 
-    names: dict[str, str] = field(default_factory=dict)  # our column names to the file's
-    classes: dict[str, str] = field(default_factory=dict)  # the file's class names to ours
+    names: dict[str, str] = field(default_factory=dict)  # column names here to those of the file
+    classes: dict[str, str] = field(default_factory=dict)  # class names of the file to those here
     rate_hz: float | None = None  # frame rate, if the file has `frame` instead of `t`
     degrees: bool = False  # whether headings are in degrees
 
 
 @dataclass(frozen=True)
 class BoxTrack:
-    """The boxes of one object. times: (n,) s, increasing; boxes: (n, 7), world frame."""
+    """The boxes (n, 7) of one object in the world frame, at increasing times (n,) in s."""
 
     name: str
     object_class: str
@@ -50,7 +50,7 @@ class BoxTrack:
 
 
 def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
-    """Reads the objects of a CSV file; without a column `id`, boxes are linked to tracks.
+    """Reads the objects of a CSV file. Without a column `id`, boxes are linked to tracks.
 
     Raises Error for an unknown name of a column, FormatError and OSError.
     """
@@ -81,9 +81,9 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
 
 
 def read_frames(folder: Path) -> list[BoxTrack]:
-    """Reads the labels of a LiDAR's folder (KITTI layout) and links them to tracks, world frame.
+    """Reads the labels of a LiDAR's folder (KITTI layout) and links them to tracks.
 
-    Raises FormatError and OSError.
+    The tracks are in the world frame. Raises FormatError and OSError.
     """
     lidar = read_lidar(folder)
     pose = lidar.T_world_levelled
@@ -104,7 +104,7 @@ def read_frames(folder: Path) -> list[BoxTrack]:
 
 
 def _checked(file: Path, words: pd.DataFrame, name: str) -> FloatArray:
-    """Returns a column of numbers. Raises FormatError if one is missing or out of range."""
+    """Returns a column of numbers. Raises FormatError if a number is missing or out of range."""
     values = numbers(file, words[name]).to_numpy(float)
     low, high = _RULES[name]
     wrong = ~((values >= low) & (values <= high))

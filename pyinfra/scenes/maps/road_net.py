@@ -1,4 +1,4 @@
-"""The graph of a SUMO network for traffic demand: edges, links, permitted classes, lengths."""
+"""The graph of a SUMO network, with permitted classes and lengths, from which routes are made."""
 
 from __future__ import annotations
 
@@ -13,20 +13,23 @@ import numpy as np
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import FormatError
 
-TURN_LIMIT_M_S2 = 2.5  # lateral acceleration in junctions
-_MARK_M = 5.0  # maximum distance between marks
+TURN_LIMIT_M_S2 = 2.5  # maximum lateral acceleration in junctions
+_MARK_M = 5.0  # maximum distance between points along an edge
 
 
 @dataclass(frozen=True)
 class Edge:
-    """A road in one direction. shape: (n, 2) x y of its first lane that is not only for walking."""
+    """A road in one direction.
+
+    `shape` (n, 2) is x y of the first lane that is not only for pedestrians.
+    """
 
     name: str
     start: str
     end: str
     shape: FloatArray
     speed_m_s: float
-    lanes: tuple[frozenset[str] | None, ...]  # permitted classes of each lane; None: all
+    lanes: tuple[frozenset[str] | None, ...]  # permitted classes of each lane; None permits all
 
     def lanes_for(self, sumo_class: str) -> int:
         """Returns the number of lanes that permit a class."""
@@ -51,17 +54,18 @@ class Edge:
 class RoadNet:
     """Edges by name, and the links between them.
 
-    links: for each edge, the edges that follow it, with the permitted classes (None: all).
+    `links` maps each edge to the edges that follow it, with the permitted classes. None permits all
+    classes.
     """
 
     edges: dict[str, Edge]
     links: dict[str, dict[str, frozenset[str] | None]]
-    offset_m: tuple[float, float]  # added by netconvert to the map's coordinates
+    offset_m: tuple[float, float]  # offset that netconvert added to the map's coordinates
     walkable: bool  # whether sidewalks and crossings are connected
     turn_speed_limited: bool  # whether lateral acceleration in junctions is limited
 
     def sources(self, sumo_class: str) -> list[Edge]:
-        """Returns the edges where traffic enters the map: none but a U-turn leads there."""
+        """Returns the edges where traffic enters the map. Only U-turns lead to these edges."""
         led = {to for name, targets in self.links.items() for to in targets}
         turns = {to for to in led if not self._leads_on(to)}
         return [e for e in self._of(sumo_class) if e.name not in led or e.name in turns]
@@ -132,7 +136,7 @@ def _net(root: ElementTree.Element) -> RoadNet:
 
 
 def _edge(node: ElementTree.Element) -> Edge | None:
-    """Reads an edge; None for an edge inside a junction or without a lane."""
+    """Reads an edge, or returns None for an edge inside a junction or without a lane."""
     lanes = node.findall("lane")
     if node.get("function", "normal") not in ("normal", "connector") or not lanes:
         return None
@@ -149,7 +153,10 @@ def _edge(node: ElementTree.Element) -> Edge | None:
 
 
 def _led(link: ElementTree.Element, start: Edge, end: Edge) -> frozenset[str] | None:
-    """Returns the classes permitted on a connection; pedestrians need only permission on edges."""
+    """Returns the classes that a connection permits, or None if it permits all.
+
+    Pedestrians are permitted if both edges permit them.
+    """
     lanes = [_lane(start, link.get("fromLane")), _lane(end, link.get("toLane")), _borne(link)]
     walks = start.lanes_for("pedestrian") and end.lanes_for("pedestrian")
     some = [lane for lane in lanes if lane is not None]

@@ -33,8 +33,8 @@ def feet(site: Path) -> FloatArray:
 def offset(site: Path) -> FloatArray:
     """Reads the offset x y z (3,) that was subtracted from the imported map's coordinates.
 
-    It is `offset_m` of map.yaml, or 0 without the file or the key. The site's own network is
-    already in world coordinates. Raises FormatError.
+    The offset is `offset_m` of map.yaml, or 0 without the file or the key. The network in the site
+    folder is already in world coordinates. Raises FormatError.
     """
     file = site / MAP
     value = read_keys(file).get("offset_m") if file.exists() else None
@@ -50,7 +50,10 @@ def offset(site: Path) -> FloatArray:
 
 
 def projection(site: Path) -> Projection | None:
-    """Reads the projection of the site's network; None if unknown. Raises FormatError, OSError."""
+    """Reads the projection of the site's network, or returns None if it is unknown.
+
+    Raises FormatError and OSError.
+    """
     file = site / NET
     return network_projection(file) if file.exists() else None
 

@@ -14,9 +14,9 @@ from pyinfra.scenes.maps.trajectory_file import NAME, write_trajectories
 
 
 def write_traffic(site: Path, demand: Demand, seconds: float, seed: int) -> list[str]:
-    """Writes trajectories.csv of a site and sets its duration; returns the lines of a report.
+    """Writes trajectories.csv of a site, sets its duration, and returns the lines of a report.
 
-    Raises Error for a demand out of range, MissingPackage without SUMO, and OSError.
+    Raises Error for a demand out of range, MissingPackage if SUMO is not installed, and OSError.
     """
     feet = site_folder.feet(site)
     traffic = simulate(site / NET, feet, demand, seconds, seed)

@@ -1,4 +1,4 @@
-"""Writes the files of an imported site: scene file, lanes and meshes."""
+"""Writes scene file, lanes and meshes of an imported site."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -17,7 +17,8 @@ from pyinfra.scenes.maps.mount_guess import Pole
 from pyinfra.scenes.maps.site_folder import SCENE
 from pyinfra.scenes.maps.surfaces import Sheet
 
-MATERIALS = {"buildings": "structure"}  # material by mesh; other meshes are named as theirs
+# Maps a mesh to its material. The name of any other mesh is also that of its material.
+MATERIALS = {"buildings": "structure"}
 
 
 def yaml_text(data: dict[str, Any]) -> str:
@@ -62,7 +63,7 @@ def _tree(tree: Any, terrain: Sheet) -> dict[str, float]:
 
 
 def lanes_table(lanes: Sequence[MapLane]) -> str:
-    """Returns lanes.csv: the centrelines of driveable lanes where they are wide enough."""
+    """Returns the text of lanes.csv, the centrelines of driveable lanes that are wide enough."""
     rows = ["lane,x,y,z,width"]
     for lane in lanes:
         if not lane.driveable:

@@ -1,9 +1,9 @@
 """Converts front bumper positions of a traffic simulator to boxes with realistic motion.
 
-A sideways jump (a lane change in one step) is spread over time, and positions are averaged over a
-short time. The rear axle follows the front axle, so that heading and centre are those of a body on
-two axles. A track that still turns or accelerates too hard is averaged over longer times, and
-refused if that does not help.
+A sideways jump, which is a lane change in one step, is replaced by a ramp over some seconds.
+Positions are averaged over a short time. The rear axle follows the front axle, so that heading and
+centre are those of a body on two axles. A track that still turns or accelerates too hard is
+averaged over longer times. If no averaging helps, the track is refused.
 """
 
 from __future__ import annotations
@@ -16,18 +16,20 @@ from scipy.ndimage import gaussian_filter1d
 from pyinfra.core.arrays import FloatArray
 from pyinfra.scenes.maps.tracks import HEADING, STEP_S, FrontPath, Track, wrap
 
-MAX_TURN_DEG = 5.0  # per 0.1 s
-MAX_ACCELERATION_M_S2 = 8.0  # of the box centre, over 0.3 s
-_OVER = 3  # number of instants of 0.1 s between positions for an acceleration
-_AVERAGE_S = (0.4, 0.6, 0.9, 1.3, 2.0)  # standard deviations, tried in this order
+MAX_TURN_DEG = 5.0  # maximum change of heading per 0.1 s
+MAX_ACCELERATION_M_S2 = 8.0  # maximum acceleration of the box centre, over 0.3 s
+_OVER = 3  # number of instants of 0.1 s between the positions that give an acceleration
+_AVERAGE_S = (0.4, 0.6, 0.9, 1.3, 2.0)  # standard deviations of the averaging, in order of trial
 _JUMP_M = 0.3  # deviation from the mean of the neighbouring steps that counts as a jump
 _SPREAD_S = 3.0  # duration of a lane change
-_OVERHANG, _WHEELBASE = 0.2, 0.6  # relative to the length, as for many cars and lorries
-_SLEW_RAD = math.radians(4.5)  # maximum turn per step, needed as pedestrians turn on the spot
+# Overhang and wheelbase relative to the length, as for many cars and lorries.
+_OVERHANG, _WHEELBASE = 0.2, 0.6
+# Maximum turn per step. The limit is needed because pedestrians turn on the spot.
+_SLEW_RAD = math.radians(4.5)
 
 
 def smooth(path: FrontPath) -> Track | None:
-    """Returns the track of a front bumper's path; None if no averaging satisfies the limits."""
+    """Returns the track of a front bumper's path, or None if no averaging meets the limits."""
     points = spread_jumps(path.points)
     for seconds in _AVERAGE_S:
         track = _track(path, _averaged(points, seconds))
@@ -37,7 +39,10 @@ def smooth(path: FrontPath) -> Track | None:
 
 
 def unsmoothed(path: FrontPath) -> Track:
-    """Returns the track without smoothing: the box centre is half a length behind the bumper."""
+    """Returns the track without smoothing.
+
+    The box centre is half a length behind the front bumper.
+    """
     length, _, height = path.size_m
     ahead = np.stack([np.cos(path.heading), np.sin(path.heading)], axis=1)
     centre = path.points.copy()
@@ -54,14 +59,15 @@ def within_limits(track: Track) -> bool:
 
 
 def turns_deg(track: Track) -> FloatArray:
-    """Returns the change of heading in each 0.1 s, degrees: (n - 1,)."""
+    """Returns the change of heading (n - 1,) in each 0.1 s, in degrees."""
     return np.asarray(np.degrees(np.abs(wrap(np.diff(track.states[:, HEADING])))))
 
 
 def accelerations(track: Track) -> FloatArray:
-    """Returns horizontal accelerations of the centre, m/s2: (n - 6,), or none for short tracks.
+    """Returns the horizontal accelerations (n - 6,) of the box centre in m/s2.
 
-    Each is computed from three positions 0.3 s apart.
+    Each acceleration is computed from three positions that are 0.3 s apart. A short track has no
+    acceleration.
     """
     p = track.states[:, :2]
     if len(p) <= 2 * _OVER:
@@ -85,7 +91,7 @@ def spread_jumps(points: FloatArray) -> FloatArray:
     jumps = np.flatnonzero(np.linalg.norm(extra, axis=1) > _JUMP_M) + 1
     for k in map(int, jumps):
         if np.linalg.norm(extra[k - 1]) < max(_of_neighbours(extra, k - 1)):
-            continue  # an artefact of a larger jump next to it
+            continue  # a larger jump in the neighbouring step causes this one
         around = np.arange(max(0, k + 1 - half), min(len(points), k + 1 + half))
         u = np.clip((around - k - 0.5) / (2 * half) + 0.5, 0, 1)
         ramp = u * u * u * (u * (6 * u - 15) + 10) - (around > k)
@@ -99,7 +105,7 @@ def _of_neighbours(extra: FloatArray, k: int) -> list[float]:
 
 
 def _averaged(points: FloatArray, seconds: float) -> FloatArray:
-    """Averages over time with a Gaussian; ends are extended at constant velocity."""
+    """Averages points over time with a Gaussian. Both ends are extended at constant velocity."""
     sigma = seconds / STEP_S
     pad = math.ceil(4 * sigma)
     if len(points) < 2:
@@ -115,7 +121,7 @@ def _averaged(points: FloatArray, seconds: float) -> FloatArray:
 
 
 def _track(path: FrontPath, points: FloatArray) -> Track:
-    """Returns the track of a body on two axles; a pedestrian turns into the walking direction."""
+    """Returns the track of a body on two axles, or of a pedestrian who faces forwards."""
     if path.object_class == "Pedestrian":
         heading = _slewed(_walking_headings(path, points))
         centre = points + np.array([0, 0, path.size_m[2] / 2])
@@ -128,7 +134,8 @@ def _track(path: FrontPath, points: FloatArray) -> Track:
     middle = (front + rear) / 2  # the middle of the box, since both overhangs are equal
     centre = middle + np.stack([0 * pitch, 0 * pitch, np.cos(pitch) * height / 2], axis=1)
     slewed = _slewed(heading)
-    bumper = points[:, :2] - middle[:, :2]  # a limited heading turns the box about its front
+    # If the turn per step is limited, the box is rotated about its front bumper.
+    bumper = points[:, :2] - middle[:, :2]
     turned = np.abs(wrap(slewed - heading)) > 1e-9
     ahead = np.stack([np.cos(slewed), np.sin(slewed)], axis=1) * length / 2
     centre[turned, :2] = (middle[:, :2] + bumper - ahead)[turned]
@@ -136,7 +143,10 @@ def _track(path: FrontPath, points: FloatArray) -> Track:
 
 
 def _axles(path: FrontPath, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns front and rear axle (n, 3): points of a rod that the bumper pulls along its path."""
+    """Returns the paths (n, 3) of front and rear axle.
+
+    Both are points of a rod whose front end, the bumper, pulls it along the path.
+    """
     length = float(path.size_m[0])
     reach = (1 - _OVERHANG) * length
     rear_xy = _followed(points[:, :2], float(path.heading[0]), reach)
@@ -161,9 +171,9 @@ def _followed(points: FloatArray, heading: float, reach: float) -> FloatArray:
 
 
 def _heights_behind(points: FloatArray, behind_m: FloatArray) -> FloatArray:
-    """Returns z (n, k) of the path (n, 3) at distances (k,) behind each of its points.
+    """Returns z (n, k) of a path (n, 3) at distances (k,) behind each of its points.
 
-    Before its start, the path is extended with the slope at the start.
+    Before its start, the path is extended with the slope at its start.
     """
     steps = np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1)
     s = np.concatenate([[0.0], np.cumsum(steps)])

@@ -10,11 +10,11 @@ from pyinfra.core.errors import Error, missing
 
 
 class SumoError(Error):
-    """A SUMO program failed; the message is the first line of its errors."""
+    """A SUMO program failed. The message is the first line of the program's errors."""
 
 
 def sumo_folder() -> Path:
-    """Returns the folder of SUMO. Raises MissingPackage that names the package to install."""
+    """Returns the folder of SUMO. Raises MissingPackage if SUMO is not installed."""
     spec = importlib.util.find_spec("sumo")
     if spec is None or not spec.submodule_search_locations:
         raise missing("eclipse-sumo", "site")

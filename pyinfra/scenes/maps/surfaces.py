@@ -19,7 +19,7 @@ ACROSS = (0.0, 0.25, 0.5, 0.75, 1.0)  # positions across a lane, relative to its
 
 
 def strip(lane: MapLane) -> Triangles:
-    """Returns the surface of a lane; a raised lane also has walls on both sides."""
+    """Returns the surface of a lane. A raised lane also has walls on both sides."""
     up = np.array([0, 0, lane.kerb_m])
     left, right = longer(lane.left, lane.right)
     rows = [left, left + up, right + up, right] if lane.kerb_m else [left, right]
@@ -27,7 +27,7 @@ def strip(lane: MapLane) -> Triangles:
 
 
 def longer(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Extends borders by SEAM_M at both ends, so that no ray passes between successive lanes."""
+    """Extends borders by JOIN_M at both ends, so that no ray passes between successive lanes."""
     centre = (left + right) / 2
     ends = []
     for inner, end in ((1, 0), (-2, -1)):
@@ -87,7 +87,7 @@ class Sheet:
         return Triangles(vertices[used], numbers.reshape(-1, 3))
 
     def at(self, xy: FloatArray) -> FloatArray:
-        """Returns (n,) the height of the lowest corner of the cell at each position (n, 2).
+        """Returns the height (n,) of the lowest corner of the cell at each position (n, 2).
 
         Positions outside the grid use the nearest cell.
         """
@@ -98,7 +98,7 @@ class Sheet:
 
 
 def _filled(z: FloatArray, rounds: int) -> FloatArray:
-    """Fills unknown heights from their neighbours, and smooths the filled part."""
+    """Fills unknown heights from their neighbours, and smooths the filled heights."""
     known = np.isfinite(z)
     z = np.where(known, z, 0.0)
     have = known.copy()
@@ -155,7 +155,10 @@ def junction_fill(areas: list[FloatArray], points: FloatArray) -> list[Triangles
 
 
 def ears(outline: FloatArray) -> IntArray:
-    """Triangulates an outline (n, 2) that does not cross itself: (n - 2, 3), counter-clockwise."""
+    """Returns the triangles (n - 2, 3), counter-clockwise, of an outline (n, 2).
+
+    The outline must not cross itself.
+    """
     x, y = outline.T
     area = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum()
     left = list(range(len(outline)) if area > 0 else range(len(outline) - 1, -1, -1))
@@ -202,7 +205,10 @@ def _area(outline: FloatArray) -> float:
 
 
 def body(thing: MapBody, terrain: Sheet) -> Triangles:
-    """Returns walls and roof of a body; without a base, it stands on the lowest terrain below."""
+    """Returns walls and roof of a body.
+
+    If the body has no base height, it stands at the lowest terrain below its outline.
+    """
     ground = float(terrain.at(thing.outline).min())
     base = ground if thing.base_m is None else thing.base_m
     outline = thing.outline if _area(thing.outline) > 0 else thing.outline[::-1]
@@ -216,7 +222,7 @@ def body(thing: MapBody, terrain: Sheet) -> Triangles:
 
 
 def surfaces(site_map: SiteMap, footway_kerb_m: float) -> tuple[dict[str, Triangles], Sheet]:
-    """Returns the meshes by name (road, sidewalk, terrain, buildings), and the terrain grid."""
+    """Returns the meshes of road, sidewalk, terrain and buildings by name, and the terrain grid."""
     points = paved_points(site_map.lanes)
     points = points[points[:, 2] >= site_map.covered_m]
     terrain = Sheet(points, TERRAIN_CELL_M, TERRAIN_MARGIN_M, TERRAIN_BELOW_M)

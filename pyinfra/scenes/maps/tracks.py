@@ -1,4 +1,4 @@
-"""Tracks of moving boxes at a site, in the world frame, with an instant every 0.1 s."""
+"""Tracks of moving boxes at a site, in the world frame. Instants are 0.1 s apart."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ObjectClass:
     sumo_class: str
 
 
-# Equal to the sizes in core/classes.h; a test compares them.
+# The sizes equal those in core/classes.h, as a test checks.
 CLASSES = {
     "Car": ObjectClass((4.53, 1.95, 1.57), (0.71, 0.16, 0.17), "passenger"),
     "Van": ObjectClass((5.30, 2.05, 2.25), (0.85, 0.21, 0.25), "delivery"),
@@ -37,7 +37,8 @@ CLASSES = {
 class FrontPath:
     """The path of the middle of an object's front bumper, at road height.
 
-    first: instant of the first row; points: (n, 3) x y z, metres; heading: (n,), radians.
+    `first` is the instant of the first row. `points` (n, 3) are x y z in metres, and `heading` (n,)
+    is in radians.
     """
 
     name: str
@@ -50,7 +51,7 @@ class FrontPath:
 
 @dataclass(frozen=True)
 class Track:
-    """A moving box. states: (n, 6) x y z (box centre), heading, pitch, speed."""
+    """A moving box. `states` (n, 6) are x y z of the box centre, heading, pitch and speed."""
 
     name: str
     object_class: str
@@ -59,9 +60,9 @@ class Track:
     states: FloatArray
 
     def between(self, start: int, end: int) -> Track | None:
-        """Returns the part in the instants start to end, both included, counted from start.
+        """Returns the part of the track from instant `start` to `end`, both included.
 
-        Returns None if there is no such part.
+        Instants of the part count from `start`. Returns None if the track has no such part.
         """
         low, high = max(self.first, start), min(self.first + len(self.states) - 1, end)
         if high < low:
@@ -70,7 +71,7 @@ class Track:
         return Track(self.name, self.object_class, self.size_m, low - start, states)
 
     def near(self, feet: FloatArray, reach_m: float) -> list[Track]:
-        """Returns the pieces within a distance of one of the feet (k, 2), each as a track."""
+        """Returns the pieces within a distance of any of the feet (k, 2) as separate tracks."""
         away = np.linalg.norm(self.states[:, None, :2] - feet, axis=2).min(1)
         inside = np.concatenate([[False], away <= reach_m, [False]])
         edges = np.flatnonzero(np.diff(inside.astype(int))).reshape(-1, 2)

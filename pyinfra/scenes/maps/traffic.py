@@ -20,27 +20,28 @@ from pyinfra.scenes.maps.tracks import STEP_S, FrontPath, Track, from_zero
 from pyinfra.scenes.maps.traffic_demand import Demand, Trips, trips
 from pyinfra.scenes.maps.traffic_figures import without_overlaps
 
-REACH_M = 300.0  # tracks end at this distance from the mounts; a returning object is a new track
-STRIPE_M = "0.8"  # width of a pedestrian lane, so that two pedestrians can pass each other
-_WARM_UP_S, _WALKING_S = 200, 400  # warm-up without and with pedestrians
+# Tracks end at this distance from the mounts. An object that returns becomes a new track.
+REACH_M = 300.0
+STRIPE_M = "0.8"  # width of SUMO's pedestrian lanes, so that two pedestrians can pass each other
+_WARM_UP_S, _WALKING_S = 200, 400  # durations of the warm-up without and with pedestrians
 MOST_UNROUTED = 0.5  # maximum share of trips without a route
-_AROUND_S = 4.0  # additional time at both ends, for the averaging
+_AROUND_S = 4.0  # additional time at both ends of a track, which the averaging needs
 _TURN_LIMIT = ("--junctions.limit-turn-speed", str(TURN_LIMIT_M_S2), *DETAIL)
 _WALKS = (
     *("--sidewalks.guess", "true", "--crossings.guess", "true"),
-    *("--sidewalks.guess.max-speed", "14"),  # beside roads of up to 50 km/h
+    *("--sidewalks.guess.max-speed", "14"),  # roads of up to 50 km/h get sidewalks
 )
 
 
 @dataclass(frozen=True)
 class Traffic:
-    """Tracks, the first of which starts at 0, and the names of objects that were left out."""
+    """Tracks, and the names of objects that were left out. The first track starts at 0."""
 
     tracks: list[Track]
     asked: int  # number of planned trips
-    rough: list[str]  # no averaging made them smooth
-    overlapping: list[str]  # they overlapped other objects
-    unrouted: list[str]  # SUMO found no valid route for them
+    rough: list[str]  # names of objects that no averaging made smooth enough
+    overlapping: list[str]  # names of objects that overlapped other objects
+    unrouted: list[str]  # names of objects for which SUMO found no valid route
 
 
 @dataclass(frozen=True)
@@ -50,14 +51,14 @@ class SumoRun:
     paths: list[FrontPath]
     asked: int  # number of planned trips
     start: int  # instant at which the warm-up ends
-    count: int  # number of instants after it
+    count: int  # number of instants after the warm-up
     unrouted: list[str]  # names of objects for which SUMO found no valid route
 
 
 def simulate(
     net_file: Path, feet: FloatArray, demand: Demand, seconds: float, seed: int
 ) -> Traffic:
-    """Simulates traffic on a SUMO network in world coordinates; feet: (k, 2) of the mounts.
+    """Simulates traffic on a SUMO network in world coordinates around the mounts' feet (k, 2).
 
     Raises Error, FormatError, OSError, and SumoError if SUMO fails.
     """
@@ -83,7 +84,7 @@ def record(net_file: Path, feet: FloatArray, demand: Demand, seconds: float, see
 
 
 def cleaned(sumo_run: SumoRun, feet: FloatArray) -> Traffic:
-    """Smooths the paths, cuts them to the time and to the mounts' vicinity, removes overlaps."""
+    """Smooths the paths, cuts them in time and around the mounts, and removes overlaps."""
     tracks, rough = [], []
     start, end = sumo_run.start, sumo_run.start + sumo_run.count
     for path in sumo_run.paths:
@@ -104,9 +105,9 @@ def _front_path(recorded: Recorded, asked: Trips) -> FrontPath:
 
 
 def _prepared(net_file: Path, net: RoadNet, demand: Demand, work: Path) -> Path:
-    """Returns the network with limited turn speeds, and with sidewalks if pedestrians need them.
+    """Returns a network with limited turn speeds, and with sidewalks if there are pedestrians.
 
-    The network is rebuilt if it lacks these.
+    A network that lacks limits or sidewalks is rebuilt.
     """
     walks = demand.pedestrians_per_hour > 0 and not net.walkable
     if net.turn_speed_limited and not walks:
@@ -148,7 +149,8 @@ def _run_sumo(
 def without_route(xml: str, error: str) -> tuple[str, list[str]]:
     """Removes the trip that SUMO's error names, and trips of its class that take the same turn.
 
-    Returns the remaining trips and the names of those removed; none for an unrelated error.
+    Returns the remaining trips and the names of the removed trips. For an unrelated error, no trip
+    is removed.
     """
     named = re.search(r"(?:[Vv]ehicle|[Pp]erson) '([^']+)'", error)
     if not named or not re.search("no valid route|[Nn]o connection|[Nn]o route", error):

@@ -1,4 +1,4 @@
-"""Generates trips through the region that begin and end outside it."""
+"""Generates trips that begin outside the region, pass through it, and end outside."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from pyinfra.scenes.maps.tracks import CLASSES
 from pyinfra.scenes.maps.traffic_figures import REGION_M
 
 MARGIN_M = 20.0  # trips begin and end at least this far outside the region
-_MOST_SOURCES = 60  # maximum number of start edges; more are sampled at random
+_MOST_SOURCES = 60  # maximum number of start edges; if there are more, some are sampled at random
 
 
 @dataclass(frozen=True)
 class Demand:
-    """Numbers of objects per hour through the region; `class_shares` applies to vehicles."""
+    """Numbers of objects per hour through the region. `class_shares` applies to vehicles."""
 
     vehicles_per_hour: float
     pedestrians_per_hour: float = 0
@@ -61,7 +61,7 @@ class _Ways:
 
 
 def trips(net: RoadNet, feet: FloatArray, demand: Demand, seconds: float, seed: int) -> Trips:
-    """Generates departures over `seconds`. feet: (k, 2) of the mounts, in network coordinates."""
+    """Generates departures over `seconds`. The mounts' feet (k, 2) are in network coordinates."""
     rng = np.random.default_rng(seed)
     lines: list[tuple[float, str]] = []
     sizes: dict[str, tuple[str, FloatArray]] = {}
@@ -111,7 +111,7 @@ def _drive(name: str, depart: float, route: list[str]) -> str:
 
 
 def _walk(name: str, depart: float, route: list[str], net: RoadNet, feet: FloatArray) -> str:
-    """Returns a walk from where its first edge nears the region to where its last one leaves it."""
+    """Returns a walk that begins and ends just outside the region, on its first and last edge."""
     ahead, back = _far_m(net.edges[route[0]], feet), _far_m(net.edges[route[-1]], feet, back=True)
     start = f'<person id="{name}" type="{name}" depart="{depart:.1f}" departPos="{ahead:.1f}">'
     ways = f'from={quoteattr(route[0])} to={quoteattr(route[-1])} arrivalPos="-{back:.1f}"'
@@ -119,7 +119,11 @@ def _walk(name: str, depart: float, route: list[str], net: RoadNet, feet: FloatA
 
 
 def _far_m(edge: Edge, feet: FloatArray, *, back: bool = False) -> float:
-    """Returns the distance along an edge (`back`: from its end) to the region's vicinity."""
+    """Returns the distance along an edge from its start to the vicinity of the region.
+
+    With `back`, the distance is measured from the edge's end. If the edge is not near the region,
+    the distance is half its length.
+    """
     marks = edge.marks[::-1] if back else edge.marks
     near = np.linalg.norm(marks[:, None] - feet, axis=2).min(1) < REGION_M + MARGIN_M
     last = int(near.argmax()) - 1 if near.any() else len(marks) // 2
@@ -142,8 +146,8 @@ _MANNERS = {
 def _ways(net: RoadNet, feet: FloatArray, sumo_class: str, rng: np.random.Generator) -> _Ways:
     """Returns routes that begin outside the region, pass through it, and end outside.
 
-    Routes begin and end at the map's ends. If no such route exists, they begin and end at any edge
-    that is far enough away.
+    Routes begin and end at the map's ends. If there is no such route, routes begin and end at any
+    edges that are far enough from the region.
     """
     routes: list[tuple[list[str], int]] = []
     ends = _ends(net, feet, sumo_class)
@@ -162,7 +166,7 @@ def _routes(
     rng: np.random.Generator,
     between: tuple[list[Edge], list[Edge]],
 ) -> list[tuple[list[str], int]]:
-    """Returns the fastest route through the region for each start and end, and its weight."""
+    """Returns the fastest route through the region, and its weight, for each start and end."""
     starts, ends = between
     if len(starts) > _MOST_SOURCES:
         starts = [starts[i] for i in sorted(rng.choice(len(starts), _MOST_SOURCES, replace=False))]
@@ -175,7 +179,7 @@ def _routes(
             if way is None or inside.isdisjoint(way) or len(way) < 2 - (start.name in inside):
                 continue
             if end.start == start.end and end.end == start.start:
-                continue  # a route that returns on the opposite edge
+                continue  # the route returns on the opposite edge of its start
             routes.append((way, start.lanes_for(sumo_class) * end.lanes_for(sumo_class)))
     return routes
 
@@ -192,7 +196,11 @@ def _far_edges(net: RoadNet, feet: FloatArray, sumo_class: str) -> tuple[list[Ed
 
 
 def _ends(net: RoadNet, feet: FloatArray, sumo_class: str) -> tuple[list[Edge], list[Edge]]:
-    """Returns the edges where trips begin and end: the map's ends, else any far enough away."""
+    """Returns the edges where trips begin and end.
+
+    They are at the map's ends. If the map has none, or for pedestrians, they are all edges that are
+    far enough from the region.
+    """
     starts = [e for e in net.sources(sumo_class) if _is_far(e.shape[0], feet)]
     ends = [e for e in net.sinks(sumo_class) if _is_far(e.shape[-1], feet)]
     if not starts or not ends or sumo_class == "pedestrian":

@@ -1,4 +1,4 @@
-"""Quality figures of tracks: turns, accelerations, overlaps, and sudden appearances."""
+"""Quality figures of tracks: turns, accelerations, overlaps, and tracks that appear suddenly."""
 
 from __future__ import annotations
 
@@ -18,20 +18,21 @@ from pyinfra.scenes.maps.tracks import Track, TrackTable, table, wrap
 REGION_M = 100.0  # radius of the region around a mount's foot
 _NEIGHBOURS_M = 30.0
 _TOUCH_M = 0.001
-_AT_ONCE = 500  # number of instants and midpoints per batch
+_AT_ONCE = 500  # number of instants per batch, including those halfway between two instants
 MAX_OVERLAP_SHARE = 0.001
 MOST_NOTES = 20  # maximum number of notes in a report
 
 
 @dataclass(frozen=True)
 class TrafficFigures:
-    """Figures of a set of tracks; shares and maxima of an empty set are 0."""
+    """Figures of a set of tracks. Shares and maxima of an empty set are 0."""
 
     classes: dict[str, int]  # number of tracks by class
     turn_deg: float  # largest change of heading in 0.1 s
     acceleration_m_s2: float  # largest acceleration of a box centre over 0.3 s
-    overlap_share: float  # of pairs of boxes within 30 m of each other, every 0.05 s
-    appearing: int  # tracks that begin or end in the region, except at the first or last instant
+    overlap_share: float  # share of overlaps among pairs of boxes within 30 m, every 0.05 s
+    # Number of tracks that begin or end in the region, except at the first or last instant.
+    appearing: int
 
     def rows(self) -> list[tuple[str, str]]:
         """Returns names and values for a table."""
@@ -46,7 +47,7 @@ class TrafficFigures:
 
 
 def traffic_figures(tracks: list[Track], feet: FloatArray) -> TrafficFigures:
-    """Computes the figures of tracks. feet: (k, 2) x y of the mounts."""
+    """Computes the figures of tracks. The mounts' feet (k, 2) are x y."""
     rows = table(tracks)
     pairs, overlapping = _pairs(rows)
     turns = [float(t.max()) for t in map(turns_deg, tracks) if len(t)]
@@ -72,7 +73,10 @@ def appearing(tracks: list[Track], feet: FloatArray) -> int:
 
 
 def without_overlaps(tracks: list[Track]) -> tuple[list[Track], list[str]]:
-    """Removes the track with most overlaps until none overlap; also returns the removed names."""
+    """Removes the track with most overlaps until no tracks overlap.
+
+    Returns the remaining tracks, and the names of the removed tracks.
+    """
     _, overlapping = _pairs(table(tracks))
     left = [(int(a), int(b)) for a, b in overlapping]
     gone: set[int] = set()
@@ -91,7 +95,7 @@ def _in_region(point: FloatArray, feet: FloatArray) -> bool:
 def _pairs(rows: TrackTable) -> tuple[int, IntArray]:
     """Returns the number of neighbouring pairs, and the track pairs (n, 2) that overlap.
 
-    Counts all instants and the midpoints between them.
+    The function counts pairs at all instants and halfway between two instants.
     """
     count, neighbours = 0, [np.zeros((0, 2), np.int64)]
     rows = _with_middles(rows)
@@ -114,7 +118,10 @@ def _pairs(rows: TrackTable) -> tuple[int, IntArray]:
 
 
 def _with_middles(rows: TrackTable) -> TrackTable:
-    """Adds boxes halfway between successive instants of each track; instants count half steps."""
+    """Adds boxes halfway between successive instants of each track.
+
+    The result counts instants in half steps.
+    """
     order = np.lexsort((rows.instant, rows.track))
     instant, track, boxes = rows.instant[order], rows.track[order], rows.boxes[order]
     on = np.flatnonzero((np.diff(track) == 0) & (np.diff(instant) == 1))
@@ -129,7 +136,7 @@ def _with_middles(rows: TrackTable) -> TrackTable:
 def report_lines(
     file: Path, tracks: Sequence[Track], feet: FloatArray, notes: Sequence[str]
 ) -> list[str]:
-    """Returns lines for the terminal: the written file, its figures and the first notes."""
+    """Returns the lines of a report about the written file, its figures, and the first notes."""
     rows = traffic_figures(list(tracks), feet).rows()
     lines = [str(file), *(f"  {name:45} {value}" for name, value in rows)]
     lines += [f"  {note}" for note in notes[:MOST_NOTES]]

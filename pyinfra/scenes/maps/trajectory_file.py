@@ -50,7 +50,7 @@ def _text(tracks: list[Track]) -> str:
 
 
 def _check(track: Track) -> None:
-    """Applies the rules of the simulator's reader. Raises Error that names the track."""
+    """Checks a track by the rules of the simulator's reader. Raises Error that names the track."""
     if track.object_class not in CLASSES:
         _refuse(track, f"class '{track.object_class}'", ", ".join(CLASSES))
     if not np.isfinite(track.states).all() or not np.isfinite(track.size_m).all():

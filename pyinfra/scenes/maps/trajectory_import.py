@@ -24,16 +24,16 @@ from pyinfra.scenes.maps.recorded_boxes import BoxTrack
 from pyinfra.scenes.maps.smoothing import smooth, unsmoothed, within_limits
 from pyinfra.scenes.maps.tracks import CLASSES, STEP_S, FrontPath, Track, from_zero
 
-FILLED_S = 1.0  # gaps up to this length are filled; longer ones split a track
-_FASTEST_M_S = 70.0  # a faster step means another object, or a jump of the clock
+FILLED_S = 1.0  # gaps up to this length are filled; longer gaps split a track
+_FASTEST_M_S = 70.0  # a faster step is a change to another object, or a jump of the clock
 _SHORTEST_S = 1.0
 _SAME_SIZE_M = 0.05
 _LONGEST_S = 7200.0
 
 _MOVED_M = 0.5  # minimum movement from which a heading is derived
 
-# Maps our class names, SUMO's classes and SUMO's default types to our classes. SUMO's classes
-# without a counterpart map to our class of similar size.
+# Maps class names of this package, SUMO's classes and SUMO's default types to classes of this
+# package. A SUMO class without a counterpart maps to a class of similar size.
 _SUMO_TYPES = {
     **{name: name for name in CLASSES},
     **{row.sumo_class: name for name, row in CLASSES.items()},
@@ -50,7 +50,7 @@ _WITHOUT_TYPE = {"vehicle": "Car", "person": "Pedestrian"}
 
 @dataclass
 class ImportedTracks:
-    """Tracks, and one line of text for each change or omission."""
+    """Tracks, and a note about each change or omission."""
 
     tracks: list[Track] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -66,10 +66,10 @@ def import_fcd(
 ) -> ImportedTracks:
     """Converts SUMO's front bumper positions to tracks, with the mean sizes of their classes.
 
-    classes: maps SUMO's types to our classes, for types that are not known by name; offset_m: (3,),
-    subtracted from the file's coordinates; projection: of the site, for longitude and latitude.
-    Without a site, longitude and latitude become metres from their middle. Raises FormatError for a
-    type without a class.
+    `classes` maps SUMO types that are not known by name to classes of this package. `offset_m` (3,)
+    is subtracted from the file's coordinates. `projection` is that of the site, for longitude and
+    latitude. Without a site, longitude and latitude become metres from their middle. Raises
+    FormatError for a type without a class.
     """
     out = ImportedTracks()
     start = min(float(o.rows[0, 0]) for o in objects)
@@ -95,7 +95,7 @@ def import_fcd(
 def _classes(
     objects: list[Recorded], classes: dict[str, str], out: ImportedTracks
 ) -> dict[tuple[str, str], str]:
-    """Returns our class for each kind and type; adds a note for guesses. Raises FormatError."""
+    """Returns the class for each kind and type. Adds a note for guesses. Raises FormatError."""
     class_of: dict[tuple[str, str], str] = {}
     unknown: dict[str, str] = {}
     for o in objects:
@@ -119,7 +119,10 @@ def _classes(
 
 
 def _guessed_class(o: Recorded) -> str | None:
-    """Guesses the class from the type's name in any case, or its last word: `veh_passenger`."""
+    """Guesses the class from the name of a type in any case, or from the name's last word.
+
+    For example, the last word of `veh_passenger` is `passenger`.
+    """
     if not o.type_name:
         return _WITHOUT_TYPE[o.kind]
     words = re.split(r"[^a-z0-9]+", o.type_name.lower())
@@ -162,7 +165,7 @@ def _moves(positions: FloatArray) -> bool:
 
 
 def _headings(positions: FloatArray) -> FloatArray:
-    """Returns headings (n,) in rad from the motion of positions (n, 4); 0 without motion."""
+    """Returns headings (n,) in rad from the motion of positions (n, 4). Without motion, it is 0."""
     heading = np.zeros(len(positions))
     i = 0
     for k in range(1, len(positions)):
@@ -174,9 +177,9 @@ def _headings(positions: FloatArray) -> FloatArray:
 
 
 def import_boxes(objects: list[BoxTrack], offset_m: FloatArray) -> ImportedTracks:
-    """Converts boxes to tracks; tracks within the limits are not smoothed.
+    """Converts boxes to tracks. A track within the limits of motion is not smoothed.
 
-    offset_m: (3,), subtracted from the boxes' coordinates. Raises FormatError.
+    `offset_m` (3,) is subtracted from the boxes' coordinates. Raises FormatError.
     """
     out = ImportedTracks()
     start = min(float(o.times[0]) for o in objects)
@@ -223,7 +226,7 @@ def _from_zero(out: ImportedTracks) -> ImportedTracks:
 def _pieces(
     name: str, times: FloatArray, positions: FloatArray, out: ImportedTracks
 ) -> Iterator[tuple[int, FloatArray]]:
-    """Yields first instant and x y z heading (n, 4) at 10 Hz of each part without a long gap."""
+    """Yields first instant and x y z heading (n, 4) at 10 Hz for each part without a long gap."""
     gap_s = np.diff(times)
     step_m = np.linalg.norm(np.diff(positions[:, :3], axis=0), axis=1)
     long = gap_s > FILLED_S + 1e-6
