@@ -21,8 +21,8 @@ def coverage(
 ) -> pd.DataFrame:
     """Returns for each experiment how much road, or how many squares, it covers.
 
-    Columns: covered_m with its interval low_m, high_m; road_m, all that was evaluated; covered_in,
-    what these count; no_interval, why the interval is missing.
+    Columns: covered_m and its interval low_m, high_m; road_m, the road or squares that were
+    evaluated; covered_in, the unit of these columns; no_interval, why the interval is missing.
     """
     rows_covered = road(distance, requirements, truth).assign(covered_in=ROAD)
     near = distance[(distance.ground_truth == truth) & (distance.s.abs() <= requirements.range_m)]
@@ -59,7 +59,7 @@ def coverage(
 
 
 def no_interval(row: pd.Series, requirements: Requirements) -> str:
-    """Returns why the interval of the coverage has no meaning; empty if it has one."""
+    """Returns why the coverage has no valid interval; empty if the interval is valid."""
     what = "window" if row.covered_in == ROAD else "square"
     if row.parts == 0:
         return "no vehicle is there"
@@ -73,7 +73,7 @@ def no_interval(row: pd.Series, requirements: Requirements) -> str:
 def road(distance: pd.DataFrame, requirements: Requirements, truth: str) -> pd.DataFrame:
     """Returns for each experiment covered_m, its interval low_m and high_m, and road_m.
 
-    distance: windows of the experiments of one scene, as `with_r1000` returns them.
+    distance: windows of the experiments of one scene, a result of `with_r1000`.
     """
     values = {
         "covered_m": distance.ap_r1000,

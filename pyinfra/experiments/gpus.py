@@ -1,4 +1,4 @@
-"""Exclusive use of GPUs: each experiment gets one GPU of its own."""
+"""Exclusive use of GPUs: no two experiments use the same GPU at the same time."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ POLL_S = 1.0
 def exclusive_gpu(device: str, folder: Path) -> Iterator[str]:
     """Yields the device to use: for `cuda` a free GPU of this machine, else `device` itself.
 
-    Waits until a GPU is free. folder: where the locks are; all processes that share the GPUs must
-    use the same one.
+    Waits until a GPU is free. folder: folder of the lock files. All processes that share the GPUs
+    must use the same folder.
     """
     names = visible() if device == "cuda" else []
     if not names:

@@ -26,8 +26,8 @@ class Shortfall:
 
     of: Literal["price", "ap", "latency"]
     reason: str
-    relax: str  # argument of `recommend` that the option would meet; empty if there is none
-    share: float  # how far the option misses the requirement, as a share of it
+    relax: str  # argument of `recommend` that the option would meet; empty if none exists
+    share: float  # how far the option misses the requirement, as a share of the requirement
 
 
 @public
@@ -42,15 +42,15 @@ def recommend(
     preset: str = "",
     tier: Tier = "quick",
 ) -> pd.DataFrame:
-    """Ranks the LiDARs and detectors of a benchmark, and tells which of them meet requirements.
+    """Ranks the LiDARs and detectors of a benchmark, and checks them against requirements.
 
     Parameters
     ----------
     results : folder of a benchmark's tables
     budget_usd : highest price of LiDAR and site
     min_ap : lowest AP of all vehicles in the region, 1 to 100
-    range_m : range within which AP, recall and coverage count, up to 100; along the road it is
-        measured to either side of the sensor
+    range_m : range within which AP, recall and coverage are computed, up to 100; along a road it
+        is measured to either side of the sensor
     latency_ms : longest median time per frame
     scene : name of the scene; required if the tables have several
     preset : preset of the LiDARs; by default the first of `datasheet`, `equal` and `paper` that
@@ -59,20 +59,20 @@ def recommend(
 
     Returns
     -------
-    DataFrame : a row for each option. Options that meet the requirements come first; within both
-        groups rows are ordered by AP. Columns:
+    DataFrame : a row for each option. Options that meet the requirements come first. Within each
+        group rows are ordered by AP. Columns:
 
         - `lidar`, `detector`, `scene`, `preset`
         - `ap_r1000`: AP (R1000) of all vehicles, with the 95 % interval `ap_r1000_low`,
-          `ap_r1000_high`; the same for visible and for captured vehicles
+          `ap_r1000_high`; further columns have the AP of visible and of captured vehicles
         - `off_region_per_min`: boxes outside the region per minute, of score 0.5 or more; NaN in
           tables of earlier versions
         - prices in USD, latency in ms per frame, covered road in m
-        - `meets`: whether all requirements are met; if not, `reason` tells why, and `relax` which
-          requirement to change
-        - `difference`: AP of the first row less that of this row, paired, with its interval
-        - `share_over`: how far price and AP miss the requirements, as a sum of shares; inf where no
-          change of these requirements would help
+        - `meets`: whether the option meets all requirements
+        - `reason`, `relax`: which requirements the option misses, and how to change them
+        - `difference`: AP of the first row less AP of this row, paired, with its interval
+        - `share_over`: how far price and AP miss the requirements, as a sum of shares; inf if the
+          option misses the requirements with any budget and AP
 
     Raises
     ------
@@ -108,7 +108,8 @@ def recommend(
 def option_table(options: Sequence[Option], requirements: Requirements) -> pd.DataFrame:
     """Returns a row for each option, in the same order.
 
-    `difference` is relative to the first option that meets the requirements, else to the first.
+    Column `difference` is relative to the first option that meets the requirements. If no option
+    does, it is relative to the first option.
     """
     broken = [shortfalls(option, requirements) for option in options]
     good = [option for option, own in zip(options, broken, strict=True) if not own]
@@ -185,7 +186,7 @@ def shortfalls(option: Option, requirements: Requirements) -> list[Shortfall]:
 def relaxation(broken: Sequence[Shortfall], requirements: Requirements) -> str:
     """Returns as text the arguments of `recommend` that an option would meet.
 
-    If such an argument does not exist, the text asks for a measured latency.
+    If no argument would help, the text asks for a measured latency.
     """
     words = " ".join(one.relax for one in broken if one.relax)
     unknown = any(not one.relax for one in broken)
@@ -200,9 +201,9 @@ def latency(option: Option) -> str:
 
 
 def price(option: Option, requirements: Requirements) -> str:
-    """Returns the price as text, with its range and the LiDAR's part where these are known.
+    """Returns the price as text, with its range and the LiDAR's part if these are known.
 
-    The text also tells if the price is above the budget but the low end of its range is not.
+    A remark is added if the price is above the budget but the low end of its range is not.
     """
     text = f"{option.price_usd:,.0f} USD"
     noun = f"{option.mounts} LiDARs" if option.mounts > 1 else "LiDAR"

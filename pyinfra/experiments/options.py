@@ -35,11 +35,11 @@ UNKNOWN = Interval(math.nan, math.nan, math.nan)
 class Option:
     """A finished experiment.
 
-    Prices are those of LiDAR and site together. "All vehicles" are those of ground truth `whole`.
-    Road counts as covered inside windows whose AP of all vehicles is above the required AP. The low
-    end of `covered_m` counts the road if each window's AP were at the low end of its interval, and
-    the high end accordingly; a window without an interval counts at the high end only. At a site of
-    lanes, squares are counted instead of metres of road.
+    Prices include LiDAR and site. "All vehicles" are the vehicles of ground truth `whole`. Road is
+    covered inside windows whose AP of all vehicles is above the required AP. For the low end of
+    `covered_m`, the AP of each window is replaced by the low end of its interval; for the high end,
+    by the high end. A window without an interval counts at the high end only. At a site of lanes,
+    squares are counted instead of metres of road.
     """
 
     scene: str
@@ -55,7 +55,7 @@ class Option:
     price_high_usd: float
     site_usd: float  # part of the price that is not for LiDARs
     site_items: Mapping[str, float]  # items whose sum is site_usd; empty if unknown
-    covered_m: Interval  # without an interval if `no_interval` gives a reason
+    covered_m: Interval  # covered road; the interval is unknown if `no_interval` gives a reason
     road_m: float  # road that was evaluated within the required range; NaN if unknown
     latency_ms: float  # median time per frame on one core; NaN if it was not measured
     latency_p95_ms: float
@@ -68,13 +68,13 @@ class Option:
     recall: Interval = UNKNOWN  # percent of all vehicles within range_m, predictions of any score
     covered_in: str = ROAD  # what covered_m and road_m count
     no_interval: str = ""  # why covered_m has no interval
-    ap_name: str = AP_R1000  # which AP this is; in tables of version 0.2 it is AP (R40)
+    ap_name: str = AP_R1000  # name of the AP measure; in tables of version 0.2 it is AP (R40)
     # Percent of all vehicles of the region that boxes of any score found.
     detected: Interval | None = None
     whole: str = "present"  # ground truth of ap_whole (`with_whole`)
     mounts: int = 1  # number of LiDARs whose frames are fused
     off_region_per_min: float = math.nan  # boxes off the region, score 0.5 or more
-    hardly_learnt: bool = False  # whether it is a network that was trained in the smoke tier
+    hardly_learnt: bool = False  # whether the detector is a network trained in the smoke tier
 
     @property
     def name(self) -> str:
@@ -83,8 +83,8 @@ class Option:
     def less(self, other: Option) -> Interval:
         """Returns the paired difference of the AP of all vehicles, this option less the other.
 
-        It has no interval if one of both has no bootstrap replicates. Raises Error for replicates
-        of different blocks of time.
+        The difference has no interval if one of the options has no bootstrap replicates. Raises
+        Error for replicates of different blocks of time.
         """
         if self.replicates is None or other.replicates is None:
             return Interval(self.ap_whole.value - other.ap_whole.value, math.nan, math.nan)
@@ -94,7 +94,10 @@ class Option:
 def read_options(
     folder: Path, tier: str, scene: str, preset: str, requirements: Requirements
 ) -> list[Option]:
-    """Returns `options_of` the tables of a folder. Raises FileNotFoundError without a table."""
+    """Returns `options_of` for the tables of a folder.
+
+    Raises FileNotFoundError if a table is missing.
+    """
     return options_of(read_tables(folder, tier), scene, preset, requirements)
 
 
@@ -103,9 +106,9 @@ def options_of(
 ) -> list[Option]:
     """Returns the finished experiments of a scene, ordered by AP of all vehicles, then by price.
 
-    Of several seeds the lowest counts. preset: by default that of `preset_of_answers`. Raises
-    Error for an invalid table, for a scene or preset without results, and for a table in which
-    experiments are missing.
+    If there are several seeds, only the lowest is used. preset: by default the result of
+    `preset_of_answers`. Raises Error for an invalid table, for a scene or preset without results,
+    and for a table in which experiments are missing.
     """
     done = results.done()
     if done.empty:
@@ -130,7 +133,7 @@ def options_of(
 
 
 def read_tables(folder: Path, tier: str) -> Results:
-    """Returns `read_results`, and checks that all tables exist that a recommendation needs.
+    """Reads the tables as `read_results` does, and checks that a recommendation has all it needs.
 
     Raises FileNotFoundError for a missing table, and Error for a table of LiDARs without presets.
     """
@@ -184,7 +187,7 @@ def joined(experiments: pd.DataFrame, more: pd.DataFrame, file: Path) -> pd.Data
 def prices(results: Results) -> pd.DataFrame:
     """Returns the prices of LiDAR and site, and the site's costs, for each experiment.
 
-    Where the table of LiDARs has no row, the low and the high price are the price itself.
+    If the table of LiDARs has no row for an experiment, low and high are equal to the price.
     """
     columns = [*KEY, "price_usd", "site_usd", *SITE_ITEMS]
     value = results.table("value").dropna(subset="price_usd")
@@ -203,8 +206,9 @@ def within(
 ) -> pd.DataFrame:
     """Returns the experiments with AP, recall and counts within the required range, and range_m.
 
-    If an experiment has no rows in the table of ranges, as in earlier versions, AP stays that of
-    the whole region and column range_m is NaN. Raises Error for a range that was not measured.
+    In tables of earlier versions, an experiment has no rows in the table of ranges. Its AP is then
+    the AP of the whole region, and column range_m is NaN. Raises Error for a range that was not
+    measured.
     """
     by_range = ranges.merge(experiments[[*KEY, "whole"]], on=KEY)
     if by_range.empty or len(by_range[KEY].drop_duplicates()) < len(experiments):

@@ -1,4 +1,4 @@
-"""Runs tasks in several processes through joblib: local ones, or those of a Ray or Dask cluster."""
+"""Runs tasks through joblib in several processes, local or in a Ray or Dask cluster."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ from pyinfra.core.errors import Error
 Task = TypeVar("Task")
 Progress = Callable[
     [str], None
-]  # receives progress as single lines, also from the tasks' processes
+]  # callback for lines of progress, also called in the processes of the tasks
 Backend = Literal["local", "ray", "dask"]
 BACKENDS: tuple[Backend, ...] = get_args(Backend)
-# A cluster that is started here listens on this address only: it would run code from any sender.
+# A cluster that this module starts listens on this address only, because a cluster runs code from
+# any sender.
 LOOPBACK = "127.0.0.1"
 
 
@@ -34,11 +35,11 @@ class NoGpu(Error):
 
 @dataclass(frozen=True)
 class Pool:
-    """Where tasks run.
+    """The processes in which tasks run.
 
-    address: address of a running cluster; if empty, a cluster is started that only this machine
-    can reach.
-    gpu: whether each task needs a GPU. Local tasks reserve one themselves (gpus.py); a cluster
+    address: address of a running cluster. If it is empty, a cluster is started that accepts
+    connections from this machine only.
+    gpu: whether each task needs a GPU. Local tasks reserve a GPU themselves (gpus.py). A cluster
     schedules tasks on nodes with GPUs.
     """
 
@@ -50,7 +51,7 @@ class Pool:
 
 @contextmanager
 def workers(pool: Pool) -> Iterator[None]:
-    """Context in which joblib runs its tasks on the pool.
+    """Context manager in which joblib runs its tasks on the pool.
 
     Raises ImportError if the package of the back-end is not installed.
     """
@@ -89,17 +90,18 @@ def workers(pool: Pool) -> Iterator[None]:
             warnings.catch_warnings(),
             joblib.parallel_config("loky", n_jobs=pool.jobs, inner_max_num_threads=1),
         ):
-            # loky replaces workers whose memory has grown, as it does during a training, and warns.
+            # During a training the memory of a worker grows. loky then replaces the worker and
+            # issues a warning.
             warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
             yield
 
 
 @contextmanager
 def _on_loopback() -> Iterator[None]:
-    """Context in which Ray starts listening on the loopback address only.
+    """Context manager in which a started Ray cluster listens on the loopback address only.
 
-    Ray does so by default on other systems than Linux. On Linux only this variable sets it: Ray
-    reads it at import, and the processes that Ray starts read it from the environment.
+    On systems other than Linux this is Ray's default. On Linux, an environment variable is the only
+    way to set it. Ray reads the variable at import, and so do the processes that Ray starts.
     """
     from ray._private import ray_constants
 
@@ -116,7 +118,7 @@ def _on_loopback() -> Iterator[None]:
 
 
 def _share(pool: Pool) -> float:
-    """Returns the GPUs of each Ray worker: one, or a fraction if workers outnumber GPUs."""
+    """Returns the number of GPUs of each Ray worker: 1, or less if workers outnumber GPUs."""
     import ray
 
     gpus = float(ray.cluster_resources().get("GPU", 0))
@@ -141,8 +143,8 @@ def run(
 ) -> None:
     """Calls `call` at least once for each task, and repeats tasks whose worker process died.
 
-    `call` itself must not raise. left: returns those of the given tasks that are not done.
-    lost: is called with a task whose worker died although no other task ran, and with the error.
+    `call` itself must not raise. left: returns the given tasks that are not done. If a worker dies
+    while only one task runs, `lost` is called with this task and the error.
     """
     groups = [list(tasks)]
     while groups:

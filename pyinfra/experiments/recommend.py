@@ -1,9 +1,9 @@
-"""Which LiDAR and detector meet some requirements: a recommendation in words.
+"""A recommendation in words: which LiDARs and detectors meet some requirements.
 
 All figures come from the tables of `pyinfra benchmark`. Options are compared by the AP of all
 vehicles in the region, visible or not (ground truth `present`). Tables of version 0.3 do not have
-it; there the vehicles that are visible from the mount are used. Road counts as covered where this
-AP in a window of 20 m is above the required AP.
+this ground truth, so the AP of the vehicles that are visible from the mount is used for them. Road
+is covered where this AP in a window of 20 m is above the required AP.
 """
 
 from __future__ import annotations
@@ -32,7 +32,10 @@ NEAREST = 3  # options that are described if none meets the requirements
 
 @dataclass(frozen=True)
 class Answer:
-    """The recommended options, or those that miss the requirements least, best first."""
+    """The recommended options, best first.
+
+    If no option meets the requirements, these are the options that miss them least.
+    """
 
     meets: bool  # whether the options in `named` meet the requirements
     named: Sequence[Option]
@@ -78,9 +81,9 @@ def answer_lines(answer: Answer, requirements: Requirements) -> Iterator[str]:
 def nearest(table: pd.DataFrame) -> pd.DataFrame:
     """Returns the rows that miss budget and AP by the smallest sum of shares.
 
-    Among equal rows those come first that miss the latency least, because a detector can be made
-    faster or run on another computer, while its AP stays. Options that no change of budget and AP
-    would let in are left out.
+    Rows with equal sums are ordered by how far they miss the latency. The latency has the least
+    weight, because a detector can run on a faster computer with the same AP. Options that would not
+    meet the requirements with any budget and AP are left out.
     """
     can = table[np.isfinite(table.share_over)]
     return can.sort_values(["share_over", "latency_over"], kind="stable")[:NEAREST]
@@ -109,7 +112,7 @@ def sentence(option: Option, requirements: Requirements) -> str:
 def covered_road(option: Option, requirements: Requirements) -> str:
     """Returns the covered road as text; empty if the table does not have it.
 
-    Tables of earlier versions lack it for sites of lanes.
+    Tables of earlier versions do not have the covered road for sites of lanes.
     """
     road = option.covered_m
     if math.isnan(option.road_m):
@@ -164,7 +167,7 @@ def too_slow(
 
 
 def cost_notes(option: Option) -> Iterator[str]:
-    """Yields a remark on which costs besides LiDARs the prices include, and which they do not."""
+    """Yields a remark on the costs besides LiDARs: which of them the prices include."""
     if not option.site_usd:
         items = ", ".join(map(item_name, SITE_ITEMS))
         lidars = f"{option.mounts} LiDARs, a mount each," if option.mounts > 1 else "LiDARs alone"

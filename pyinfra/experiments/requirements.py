@@ -10,7 +10,7 @@ from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.windows import REGION_M
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
 
-FRAME_MS = 1000 * PERIOD_S  # a detector that takes longer is slower than its LiDAR
+FRAME_MS = 1000 * PERIOD_S  # a detector that takes longer per frame is slower than its LiDAR
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Requirements:
     budget_usd: float = math.inf  # highest price of LiDAR and site
     # Lowest AP of all vehicles, 0 to 100. Road counts as covered where AP is above it.
     min_ap: float = HIGH_QUALITY
-    range_m: float = REGION_M  # range within which AP and coverage count, to either side
+    range_m: float = REGION_M  # range within which AP and coverage are computed, to either side
     latency_ms: float = FRAME_MS  # longest median time per frame
 
 

@@ -1,7 +1,7 @@
 """Reads and checks the tables of a folder of results for the report.
 
-A missing file gives a table without rows. A missing column, a value that is not a number or out of
-range, and a duplicate row are errors that name the file, the row and the column.
+A missing file gives a table without rows. A missing column, a value that is not a number or is out
+of range, and a duplicate row are errors. The message names the file, the row and the column.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Ends = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class TableFile:
-    """A CSV file to offer with the report: a file of the results, or a table made from them."""
+    """A CSV file that is written with the report: a file of the results, or a computed table."""
 
     name: str
     content: Path | pd.DataFrame
@@ -44,7 +44,7 @@ class Kind:
     """The file name of a table, in which {tier} stands for the tier, and its columns.
 
     texts, numbers: required columns.
-    later: columns of numbers that tables of earlier versions lack; they are read as NaN there.
+    later: columns of numbers that tables of earlier versions lack; missing ones are read as NaN.
     ranges: allowed ranges of columns that are not in RANGES.
     """
 
@@ -87,7 +87,7 @@ ENDS = (  # columns with the low and the high end of an interval
 )
 
 
-AS_THEY_COME = ("background", "generalist-as-is")  # detectors without training steps in any tier
+AS_THEY_COME = ("background", "generalist-as-is")  # detectors that have no training steps
 _EXPERIMENT = " ".join((*EXPERIMENT, "seed"))
 KINDS = {
     "experiments": kind(
@@ -179,7 +179,7 @@ class Results:
         return self.tables[name]
 
     def done(self) -> pd.DataFrame:
-        """Returns the experiments that have an AP; of several seeds, the lowest."""
+        """Returns the experiments that have an AP. If there are several seeds, uses the lowest."""
         experiments = self.tables["experiments"]
         return first_seed(experiments[experiments.ap.notna()])
 
@@ -195,9 +195,9 @@ class Results:
 
 
 def hardly_learnt(experiments: pd.DataFrame) -> pd.Series:
-    """Returns which rows are networks trained in the smoke tier, whose AP means nothing.
+    """Returns which rows are networks trained in the smoke tier, whose AP has no meaning.
 
-    Rows of earlier versions have no `train_steps`; there all detectors but those of AS_THEY_COME
+    Rows of earlier versions have no `train_steps`. In these rows all detectors except AS_THEY_COME
     count as trained.
     """
     guessed = (~experiments.detector.isin(AS_THEY_COME)).astype(float)
@@ -208,7 +208,7 @@ def hardly_learnt(experiments: pd.DataFrame) -> pd.Series:
 def read_results(
     folder: Path, tier: str | None = None, more: Mapping[str, Kind] | None = None
 ) -> Results:
-    """Reads all tables of a folder; by default those of the tier with most finished experiments.
+    """Reads all tables of a tier; by default the tier with the most finished experiments.
 
     more: kinds of tables in addition to KINDS.
 
@@ -230,7 +230,7 @@ def read_results(
 
 
 def _richest(folder: Path) -> str:
-    """Returns the tier with most finished experiments; `quick` if there are none."""
+    """Returns the tier with the most finished experiments, or `quick` if there are none."""
     counts = {
         tier: int(_read(folder / f"{tier}.csv", KINDS["experiments"]).ap.notna().sum())
         for tier in TIERS
@@ -256,7 +256,7 @@ def _read(file: Path, kind: Kind) -> pd.DataFrame:
         return _empty(kind)
     try:
         return _checked(file, kind)
-    except FormatError as error:  # the user named a folder that holds other files
+    except FormatError as error:  # the user named a folder with other files
         raise Error(str(error)) from None
 
 
@@ -281,7 +281,7 @@ def _empty(kind: Kind) -> pd.DataFrame:
 
 
 def _in_range(file: Path, column: pd.Series, ranges: Mapping[str, Ends]) -> pd.Series:
-    """Returns a column as numbers, NaN where it is empty. Raises Error for one out of range."""
+    """Returns a column as numbers, NaN where it is empty. Raises Error for a value out of range."""
     low, high = {**RANGES, **ranges}.get(str(column.name), _FROM_ZERO)
     values = numbers(file, column).astype(np.float64)
     wrong = values.notna() & ~values.between(low, high)

@@ -1,4 +1,4 @@
-"""CSV tables of results that several processes fill, and that let experiments resume.
+"""CSV tables of results that several processes fill, and by which a benchmark resumes.
 
 The benchmark and the stress test use them. An experiment that has a row is finished and does not
 run again (`fill`).
@@ -26,7 +26,7 @@ def read(file: Path, words: Sequence[str] = ()) -> pd.DataFrame:
 
 
 def put(file: Path, rows: pd.DataFrame, key: Sequence[str]) -> None:
-    """Adds rows to the table of a file; they replace rows with the same key."""
+    """Adds rows to the table of a file. They replace rows with the same key."""
     if rows.empty:
         return
     words = [name for name in rows if is_string_dtype(rows[name])]

@@ -1,4 +1,4 @@
-"""Price against performance: measures per dollar, and which options are dominated by others."""
+"""Price and performance: AP per dollar and similar ratios, and dominated options."""
 
 from __future__ import annotations
 
@@ -20,18 +20,20 @@ SITE_ITEMS = ("computer_usd", "pole_usd", "installation_usd", "energy_usd")
 
 @dataclass(frozen=True)
 class Costs:
-    """Costs of a site without its LiDARs, as the user assumes them; 0 by default."""
+    """Costs of a site without its LiDARs, given by the user; 0 by default."""
 
     pole_usd: float = ruled(0.0, 0, 1e7)  # price of a pole; each mount needs one
     installation_usd: float = ruled(0.0, 0, 1e7)  # work and permits for each mount
     computer_usd: float = ruled(0.0, 0, 1e7)  # price of the computer that runs the detector
-    power_w: float = ruled(0.0, 0, 1e5)  # power of LiDAR and computer, all day
+    power_w: float = ruled(0.0, 0, 1e5)  # power of LiDAR and computer, which run all day
     usd_per_kwh: float = ruled(0.0, 0, 100)  # price of energy
     years: float = ruled(0.0, 0, 100)  # years of energy to include
 
     def of_mounts(self, mounts: int) -> Costs:
-        """Returns the costs of a site with this number of mounts, in which `pole_usd` and
-        `installation_usd` are the sums over all mounts."""
+        """Returns the costs of a site with this number of mounts.
+
+        `pole_usd` and `installation_usd` are the sums over all mounts.
+        """
         each = {"pole_usd": self.pole_usd, "installation_usd": self.installation_usd}
         return replace(self, **{name: mounts * usd for name, usd in each.items()})
 
@@ -53,10 +55,10 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
 
     tables: `experiments`, `areas`, `distance`, `lidars` and `hits` of a benchmark. The price is the
     mean of the LiDAR's low and high price, times the number of mounts, plus the costs of the site.
-    High-quality areas and metres of road are computed with the ground truth of `with_whole`, so
-    that they count the same vehicles for every LiDAR. An option is dominated if another one of the
-    same scene, preset, tier and seed has no higher price and no lower AP (R1000) with this ground
-    truth, and is better in at least one of the two.
+    High-quality areas and metres of road use the ground truth of `with_whole`, so that the same
+    vehicles count for every LiDAR. Options of the same scene, preset, tier and seed are compared.
+    An option is dominated if another option has no higher price and no lower AP (R1000) with this
+    ground truth, and is better in at least one of the two.
     """
     experiments = with_whole(with_r1000(tables["experiments"].dropna(subset=["ap"])))
     truth = "all" if experiments.empty else str(experiments.whole.iloc[0])
@@ -117,12 +119,12 @@ def covered(
     """Returns the metres of road that are covered, in column `covered_m`, for each experiment.
 
     Road is covered inside windows whose AP with ground truth `truth` is higher than `above`. A
-    road extends from the middle of its first window to the middle of its last one, although half
-    of these windows lies beyond. within_m: only road within this distance along the road from the
-    foot of the sensor counts, in both directions. The value is NaN for a site of lanes, which has
-    no windows along a road.
+    road extends from the middle of its first window to the middle of its last window. The outer
+    halves of these two windows do not count. within_m: only road within this distance from the foot
+    of the sensor counts, along the road in both directions. The value is NaN for a site of lanes,
+    which has no windows along a road.
     """
-    at_once = distance.road == LANES  # rows whose column s is no distance along a road
+    at_once = distance.road == LANES  # rows whose column s is not a distance along a road
     lanes = distance[at_once][KEY].drop_duplicates().assign(covered_m=np.nan)
     distance = distance[~at_once]
     if "ap_r1000" not in distance:

@@ -1,4 +1,4 @@
-"""Dry run of a benchmark: what it would do, and how long that would take."""
+"""Dry run of a benchmark: the experiments that it would run, and how long they would take."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ BACKGROUND_S = 20.0
 def dry_run_lines(plan: Plan, workspace: Workspace, jobs: int) -> str:
     """Returns a text with the unfinished experiments, their expected time, and the stale rows.
 
-    The time is estimated from finished experiments. Raises what `benchmark` would raise for scenes
-    and LiDARs, for instance if a LiDAR does not have a preset.
+    The time is estimated from finished experiments. Raises the errors that `benchmark` would raise
+    for scenes and LiDARs, for instance if a LiDAR does not have a preset.
     """
     inputs.check_names(plan)
     inputs.digests(plan)
@@ -47,7 +47,8 @@ def dry_run_lines(plan: Plan, workspace: Workspace, jobs: int) -> str:
 def expected_seconds(experiments: Sequence[Experiment], table: pd.DataFrame) -> list[float]:
     """Returns the expected CPU seconds of each experiment.
 
-    They are the median training time of the detector's rows, else a default of the tier.
+    An experiment is expected to take the median training time of the detector's rows. If the
+    detector has no rows, the result is a default of the tier.
     """
     known = table.groupby("detector").train_seconds.median() if len(table) else {}
     usual = {"background": BACKGROUND_S}

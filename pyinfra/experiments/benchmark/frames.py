@@ -51,7 +51,7 @@ def shards(plan: Plan, work: Path, parts: int) -> list[Shard]:
 
 
 def lidars_of(experiments: Sequence[Experiment]) -> list[str]:
-    """Returns the LiDARs of the experiments, each once."""
+    """Returns the distinct LiDARs of the experiments."""
     return list(dict.fromkeys(experiment.lidar for experiment in experiments))
 
 
@@ -87,7 +87,7 @@ def simulate(shard: Shard) -> None:
 
 
 def split_by_time(folder: Path, parts: Parts) -> None:
-    """Splits a data set by time. Raises FileExistsError if it has another split already."""
+    """Splits a data set by time. Raises FileExistsError if the data set has a different split."""
     data = read_data_set(folder)
     time_split = split.by_time(data.frames, data.period_s, parts.train_until_s, parts.val_from_s)
     split.write(data, time_split)
@@ -96,8 +96,8 @@ def split_by_time(folder: Path, parts: Parts) -> None:
 def described(folder: Path, experiments: Sequence[Experiment]) -> dict[str, pd.DataFrame]:
     """Returns the tables that describe a data set and all LiDARs in it.
 
-    They are `lidars`, those of STATISTICS and `hits`. `hits` comes last: a row there means that the
-    others are complete.
+    They are `lidars`, the tables of STATISTICS, and `hits`. Table `hits` comes last. A row in it
+    means that the other tables are complete.
     """
     key = {"scene": experiments[0].scene, "preset": experiments[0].preset}
     data = read_data_set(folder)
@@ -115,7 +115,7 @@ def described(folder: Path, experiments: Sequence[Experiment]) -> dict[str, pd.D
 def lidar_row(folder: Path) -> dict[str, object]:
     """Returns price, field of view and range of a LiDAR, as the run resolved them.
 
-    For a fused data set they are those of the LiDAR at the first mount.
+    For a fused data set these are values of the LiDAR at the first mount.
     """
     mounts = mount_names(folder)
     folder = folder.parents[1] / mounts[0] / folder.name if mounts else folder
@@ -152,6 +152,9 @@ def hit_row(folder: Path, on_vehicles: int) -> dict[str, object]:
 
 
 def mount_names(folder: Path) -> list[str]:
-    """Returns the names of the mounts whose frames a folder fuses; empty if it is not fused."""
+    """Returns the names of the mounts whose frames are fused in a folder.
+
+    The result is empty if the frames are not fused.
+    """
     names: list[str] = kitti.read_keys(folder / "lidar.yaml").get("mounts", [])
     return names

@@ -24,7 +24,7 @@ PRICE = re.compile(r"^price_usd:\n(?:  .*\n)+", re.MULTILINE)
 TOTAL = re.compile(r"^price_total_usd: .*\n", re.MULTILINE)
 PRICE_TEXT = ["price_source", "price_date"]
 FRAMES_OF = ["scene", "preset", "lidar"]
-FIRST_NUMBER = "frames_version: 3\n"  # left out, because the digests of version 0.3 are without it
+FIRST_NUMBER = "frames_version: 3\n"  # left out, because digests of version 0.3 do not include it
 
 
 @cache
@@ -39,13 +39,16 @@ def resolved(file: Path, preset: str = "", *words: str) -> str:
 def canonical(file: Path, preset: str) -> str:
     """Returns the resolved text with the keys of version 0.3, and `frames_version` of a scene.
 
-    It stays the same when a later version renames a key. Raises SimulatorError.
+    The text stays the same when a later version renames a key. Raises SimulatorError.
     """
     return resolved(file, preset, "--canonical").removesuffix(FIRST_NUMBER)
 
 
 def price_of(lidar: Path, preset: str) -> dict[str, Any]:
-    """Returns the price with the keys low, high, source, date; for a bundle the units' sum."""
+    """Returns the price with the keys low, high, source, date.
+
+    The price of a bundle is the sum of its units' prices, unless its file has a price.
+    """
     file = yaml.safe_load(lidar.read_text("utf-8"))
     for keys in (yaml.safe_load(resolved(lidar, preset)), file):
         if "price_usd" in keys:
@@ -85,8 +88,8 @@ def check_name(file: Path, text: str) -> None:
 def digests(plan: Plan) -> pd.DataFrame:
     """Returns a table with scene, preset, lidar and `inputs`, a digest of the frames' inputs.
 
-    These are the scene with the files that it names, the LiDAR without its price, the version and
-    range of the frames, and their split.
+    The inputs are the scene with the files that it names, the LiDAR without its price, the version
+    and range of the frames, and their split.
     """
     keys = dict.fromkeys(
         (experiment.scene, experiment.preset, experiment.lidar) for experiment in plan.experiments
@@ -109,7 +112,7 @@ def digest(plan: Plan, scene: str, preset: str, lidar: str) -> str:
 def named_files(scene: dict[str, Any]) -> list[str]:
     """Returns the files that a scene names, relative to its own file.
 
-    scene: with canonical keys.
+    scene: keys and values of the scene, with the key names of version 0.3.
     """
     layers = [layer for _, layer in sorted(scene.get("static_layers", {}).items())]
     surfaces = [mesh["file"] for mesh in scene.get("meshes", [])]
@@ -120,7 +123,7 @@ def named_files(scene: dict[str, Any]) -> list[str]:
 def check_frames(hits: Path, wanted: pd.DataFrame) -> None:
     """Raises ConfigError if rows of the table have other inputs than the benchmark.
 
-    wanted: as `digests` returns. Rows of earlier versions have no digest and are accepted.
+    wanted: the result of `digests`. Rows of earlier versions have no digest and are accepted.
     """
     table = store.read(hits)
     if "inputs" not in table:
@@ -160,7 +163,7 @@ def with_prices(plan: Plan, lidars: pd.DataFrame) -> pd.DataFrame:
 
     lidars: with the columns PRICE_TEXT as text.
     """
-    # A CSV with whole numbers only is read as integers.
+    # pandas reads a column of whole numbers as integers.
     lidars = lidars.astype({"price_low_usd": float, "price_high_usd": float})
     for name, preset in dict.fromkeys(
         (experiment.lidar, experiment.preset) for experiment in plan.experiments
@@ -173,7 +176,7 @@ def with_prices(plan: Plan, lidars: pd.DataFrame) -> pd.DataFrame:
 
 
 def renew_price(lidar: Path, preset: str, file: Path) -> None:
-    """Writes the current price into a `lidar.yaml`; the frames do not depend on it."""
+    """Writes the current price into a `lidar.yaml`. Frames do not depend on the price."""
     price = price_of(lidar, preset)
     mounts = len(kitti.read_keys(file).get("mounts", ["the only one"]))
     price |= {end: mounts * price[end] for end in ("low", "high")}

@@ -1,6 +1,7 @@
 """Measures the latency of detectors, one at a time, after the experiments of a benchmark.
 
-While other experiments run, a detector can take four times as long, so none is timed then.
+A detector can take four times as long while other experiments run. Therefore no latency is measured
+during the experiments.
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ LOCK = "latency.lock"  # shared by all commands that use the same work folder
 def time_untimed(
     plan: Plan, workspace: Workspace, *, device: str = "cpu", progress: Progress = silent
 ) -> None:
-    """Times the finished experiments that have no latency, once all of the plan have ended.
+    """Times the finished experiments that have no latency, after all experiments of the plan.
 
-    If another command still runs some of them, that command times them all.
+    If another command still runs experiments of the plan, that command times all of them.
     """
     if workspace.without_row(plan.experiments):
         progress(
@@ -71,7 +72,7 @@ def time_experiment(
 ) -> None:
     """Measures the latency of a finished experiment and adds it to its row.
 
-    Raises what detectors and files raise.
+    Raises the errors of detectors and of reading files.
     """
     run = workspace.work / "runs" / experiment.name
     recipe = read_recipe(plan.files["detectors", experiment.detector], experiment.tier)
@@ -98,7 +99,7 @@ def time_again(
 ) -> None:
     """Times every finished experiment whose trained detector is in the work folder.
 
-    Raises FileNotFoundError if there is none.
+    Raises FileNotFoundError if no trained detector is there.
     """
     check_experiments(workspace.table("experiments"), plan, progress)
     known = store.has_each(

@@ -1,4 +1,4 @@
-"""`configs/benchmarks/*.yaml`: which experiments a benchmark has."""
+"""Reads `configs/benchmarks/*.yaml`, the experiments of a benchmark."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.experiments.value import Costs
 from pyinfra.scenes.maps.site_folder import MAP, SCENE
 
-# Frames that are simulated, of the 5,000 frames of 500 s.
+# Frames that are simulated in each tier, out of the 5,000 frames of 500 s.
 FRAMES: dict[Tier, str] = {"smoke": "0:5000:20", "quick": "0:5000:5", "full": "0:5000"}
-MOST_FRAMES = 360_000  # of a scene: 36,000 s
+MOST_FRAMES = 360_000  # largest number of frames of a scene: 36,000 s
 MOST_EXPERIMENTS = 100_000  # experiments of a benchmark; each takes 20 s or more
-# Names become folders and text in tables, so they must be harmless in a shell and a spreadsheet.
+# Names are used for folders and in tables, so they must be safe in a shell and in a spreadsheet.
 NAME = re.compile(r"\w[^/\\,\"\x00-\x1f\x7f]{0,99}")
 
 
@@ -40,8 +40,8 @@ def name_of(path: Path) -> str:
 def config_file(kind: str, benchmark: Path, word: str) -> Path:
     """Returns the file of a name such as `ruby_plus` in configs/, or of `own.yaml`.
 
-    A word that ends in .yaml is a path relative to the benchmark's file. Raises Error with what is
-    allowed.
+    A word that ends in .yaml is a path relative to the benchmark's file. Raises Error, which lists
+    the allowed names.
     """
     folder = configs() / kind
     path = benchmark.parent / word if word.endswith(".yaml") else folder / f"{word}.yaml"
@@ -75,10 +75,10 @@ class Combinations:
     A scene, LiDAR or detector is a name in configs/, or a file relative to the benchmark's file.
     """
 
-    scenes: tuple[str, ...] = files_of("scenes")  # names in configs/scenes, or files
-    lidars: tuple[str, ...] = files_of("lidars")  # names in configs/lidars, or files
+    scenes: tuple[str, ...] = files_of("scenes")  # names in configs/scenes, or paths of files
+    lidars: tuple[str, ...] = files_of("lidars")  # names in configs/lidars, or paths of files
     presets: tuple[Preset, ...] = ruled(once=True)  # presets of the LiDARs
-    detectors: tuple[str, ...] = files_of("detectors")  # names in configs/detectors, or files
+    detectors: tuple[str, ...] = files_of("detectors")  # names in configs/detectors, or paths
     seeds: tuple[int, ...] = ruled((1,), 0, 1e9, once=True)  # seeds of training, not of traffic
 
     @property
@@ -98,10 +98,10 @@ class Parts:
 
 @dataclass(frozen=True)
 class Benchmark:
-    """A benchmark: the experiments of all its combinations, in this order."""
+    """A benchmark. Its experiments are all combinations of each element of `matrix`, in order."""
 
     matrix: tuple[Combinations, ...]  # combinations to measure
-    frames: str = ""  # frame numbers A:B[:STEP], B excluded; default: those of the tier
+    frames: str = ""  # frame numbers A:B[:STEP], B excluded; default: the frames of the tier
     split: Parts = field(default_factory=Parts)
     costs: Costs = field(default_factory=Costs)
 
@@ -115,7 +115,7 @@ class Benchmark:
 
 @dataclass(frozen=True)
 class Experiment:
-    """An experiment, which becomes one row of the results; its fields are the row's key."""
+    """An experiment, which becomes one row of the results. Its fields are the key of the row."""
 
     scene: str
     lidar: str
@@ -159,8 +159,8 @@ class Plan:
 def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
     """Reads the experiments of a benchmark's file.
 
-    scene: a scene's file or name, which replaces the scenes of the file. Raises ConfigError, which
-    names the file and the key, and Error for the scene.
+    scene: file or name of a scene that replaces the scenes of the file. Raises ConfigError, which
+    names the file and the key, and Error if the scene does not exist.
     """
     benchmark = read_config(file, Benchmark)
     files: dict[tuple[str, str], Path] = {}
@@ -204,7 +204,7 @@ def check_parts(file: Path, frames: str, parts: Parts) -> None:
 
 
 def range_of(frames: str) -> range:
-    """Returns the frame numbers of A:B[:STEP]. Raises ConfigError for another text."""
+    """Returns the frame numbers of A:B[:STEP]. Raises ConfigError for a text of another form."""
     match = re.fullmatch(r"([0-9]{1,9}):([0-9]{1,9})(?::([0-9]{1,9}))?", frames)
     if match is None:
         raise ConfigError(f"frames: expected A:B[:STEP], got '{frames}'")

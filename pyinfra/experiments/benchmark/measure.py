@@ -48,10 +48,9 @@ def tables(
     """Runs an experiment and returns its rows by table.
 
     The tables are `experiments`, `areas`, `replicates`, `ranges` and `distance` (without ground
-    truth `common`), and `squares` for a site of lanes. folder: the LiDAR's folder, which has a
-    split.
-    run: folder for the trained detector. A training that was interrupted resumes. Raises what
-    training, detecting and evaluating raise, and Error if no vehicle counts.
+    truth `common`), and `squares` for a site of lanes. An interrupted training resumes. folder: the
+    LiDAR's folder, which has a split. run: folder for the trained detector. Raises the errors of
+    training, detection and evaluation, and Error if no vehicle counts.
     """
     seconds = trained(experiment, recipe, folder, run, device)
     detected(run, folder, device)
@@ -80,7 +79,7 @@ def check_counted(evaluation: Evaluation) -> None:
 
 
 def trained(experiment: Experiment, recipe: Recipe, folder: Path, run: Path, device: str) -> float:
-    """Trains a detector and returns the CPU seconds of all its steps, earlier runs included."""
+    """Trains a detector and returns the CPU seconds of all its steps, including earlier runs."""
     before = time.process_time()
     source = read_source(folder, experiment.tier, classes=recipe.classes)
     train(recipe, [source], run, seed=experiment.seed, device=device, quiet=True)
@@ -101,10 +100,11 @@ def detected(run: Path, folder: Path, device: str) -> None:
 def timed_alone(
     run: Path, folder: Path, device: str, *, every: int | None = None
 ) -> tuple[dict[str, object], OtherLoad]:
-    """Measures the latency from points to boxes; returns its columns and the load by others.
+    """Measures the latency from points to boxes.
 
-    every: use every n-th test frame; by default such that at most TIMED_FRAMES are used. The caller
-    must make sure that nothing else runs.
+    Returns the columns of the latency, and the load by other processes. every: n to use every n-th
+    test frame; by default at most TIMED_FRAMES frames are used. The caller must make sure that
+    nothing else runs.
     """
     numbers = frame_numbers(folder)
     chosen = numbers[:: every or math.ceil(len(numbers) / TIMED_FRAMES)]
@@ -129,7 +129,10 @@ def latency_columns(times: FloatArray, load: OtherLoad) -> dict[str, object]:
 
 
 def steps_of(recipe: Recipe) -> int:
-    """Returns the training steps of a recipe; 0 for an untrained start network and `background`."""
+    """Returns the training steps of a recipe.
+
+    The number is 0 for `background`, and for a network that is used without further training.
+    """
     return 0 if recipe.detector == "background" else recipe.learning.steps
 
 

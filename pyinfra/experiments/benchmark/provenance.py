@@ -1,4 +1,7 @@
-"""Digests of an experiment's inputs, kept in its row and its training to detect stale results."""
+"""Digests of an experiment's inputs, which detect stale results.
+
+They are stored in the row of the experiment and in the folder of its training.
+"""
 
 from __future__ import annotations
 
@@ -24,19 +27,20 @@ from pyinfra.models.inference.detect import model_file
 from pyinfra.models.training.recipe import Recipe, read_recipe
 
 SHOWN = 5  # experiments that a message names
-# Ground truths of version 0.3. Later ones do not change its figures, so digests leave them out.
+# Ground truths of version 0.3. Ground truths that later versions added do not change the figures of
+# these, so digests leave the added ones out.
 FIRST_TRUTHS: tuple[Subset, ...] = ("captured", "common", "all")
 
 
 def recipe_digest(recipe: Recipe) -> str:
     """Returns a digest of the detector's recipe and of the evaluation settings.
 
-    Together with frames and seed these determine an experiment. Raises FileNotFoundError if the
-    recipe starts from a network that does not exist.
+    Recipe, evaluation settings, frames and seed determine an experiment. Raises FileNotFoundError
+    if the recipe starts from a network that does not exist.
     """
     plain = [canonical(recipe), canonical(replace(SETTINGS, ground_truths=FIRST_TRUTHS))]
     start = plain[0]["learning"].pop("start")
-    if start:  # without a start the digest is that of earlier versions
+    if start:  # a recipe without `start` keeps the digest that earlier versions computed
         plain.append(hashlib.sha256(model_file(Path(start)).read_bytes()).hexdigest())
     return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:16]
 
@@ -44,7 +48,7 @@ def recipe_digest(recipe: Recipe) -> str:
 def inputs_of(experiment: Experiment, recipe: Recipe, digests: pd.DataFrame) -> dict[str, str]:
     """Returns the columns `inputs` and `recipe` of an experiment's row.
 
-    digests: digests of the frames, as `inputs.digests` returns them.
+    digests: digests of the frames, the result of `inputs.digests`.
     """
     frames = digests[store.among(digests, pd.DataFrame([vars(experiment)]), FRAMES_OF)]
     return {"inputs": str(frames.inputs.item()), "recipe": recipe_digest(recipe)}
@@ -54,8 +58,8 @@ def stale(plan: Plan, table: pd.DataFrame) -> pd.DataFrame:
     """Returns the rows of finished experiments that have another recipe or other frames.
 
     Rows of the plan's detectors are included even if their scene or LiDAR is not in the plan,
-    because one name stands for one recipe. Rows of earlier versions have no digests and count as
-    up to date. Raises ConfigError for an invalid file of a detector.
+    because all rows of a detector must have the same recipe. Rows of earlier versions have no
+    digests and count as up to date. Raises ConfigError for an invalid file of a detector.
     """
     rows = table[knows(table)]
     if rows.empty:
@@ -103,7 +107,7 @@ def check_experiments(experiments: Path, plan: Plan, progress: Progress = silent
 def claim_run(run: Path, inputs: Mapping[str, str]) -> None:
     """Writes the digests of a training's inputs into its folder.
 
-    Raises ConfigError if a training with other inputs was begun there. A training of an earlier
+    Raises ConfigError if the folder has a training with other inputs. A training of an earlier
     version has no digests and counts as up to date.
     """
     file, text = run / "inputs.txt", "".join(f"{k} {v}\n" for k, v in inputs.items())

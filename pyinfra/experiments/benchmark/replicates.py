@@ -11,7 +11,7 @@ import pandas as pd
 from pyinfra.experiments.value import KEY
 from pyinfra.metrics.replicates import difference
 
-Key: TypeAlias = "Mapping[str, object] | pd.Series"  # with the columns of KEY
+Key: TypeAlias = "Mapping[str, object] | pd.Series"  # values of the columns KEY
 MEASURE = "ap_r1000"
 
 
@@ -24,7 +24,7 @@ class ExperimentReplicates:
     def row(self, experiment: Key, ground_truth: str, measure: str = MEASURE) -> pd.Series | None:
         """Returns the row of an experiment; None if the table does not have it.
 
-        `measure` is by default AP (R1000), which tables of earlier versions lack.
+        `measure` is by default AP (R1000). Tables of earlier versions do not have this measure.
         """
         if self.rows.empty:
             return None
@@ -35,10 +35,11 @@ class ExperimentReplicates:
         return None if rows.empty else rows.iloc[0]
 
     def alike(self, best: Key, others: Iterable[Key], ground_truth: str) -> list[int]:
-        """Returns the indices of those others whose AP (R1000) does not differ significantly.
+        """Returns the indices of the `others` whose AP (R1000) is not significantly different.
 
-        Experiments without bootstrap replicates are left out, because nothing is known of their
-        difference. Raises Error for experiments whose replicates are of different blocks of time.
+        They are compared with `best`. Experiments without bootstrap replicates are left out,
+        because their difference has no interval. Raises Error for experiments whose replicates are
+        of different blocks of time.
         """
         reference = self.row(best, ground_truth)
         rows = [self.row(other, ground_truth) for other in others]

@@ -38,11 +38,12 @@ def benchmark(
     """Runs the experiments that have no row yet, and writes the tables of results.
 
     Failed experiments are tried again. Detectors are timed at the end, one at a time, when nothing
-    else of the benchmark runs.
+    else of the benchmark runs. An experiment that fails raises no error, but gets a row with the
+    reason.
 
-    progress: is called with a line for each step and experiment, also in the processes of the pool.
+    progress: called with a line for each step and experiment, also in the processes of the pool.
     Raises SimulatorError if a data set cannot be made, and ConfigError if the tables were made from
-    other inputs. An experiment that fails does not raise; it gets a row with the reason.
+    other inputs.
     """
     inputs.resolved.cache_clear()
     inputs.check_names(plan)
@@ -146,7 +147,8 @@ def fill(
 ) -> None:
     """Runs one experiment and adds its rows, unless another process runs it.
 
-    An exception becomes the reason in its row; the traceback is saved next to its training folder.
+    If the experiment raises an exception, its row has the message as the reason. The traceback is
+    saved next to the training folder.
     """
     run = workspace.work / "runs" / experiment.name
     traceback = run.with_name(f"{run.name}.traceback.txt")

@@ -36,17 +36,19 @@ class Workspace:
     tier: str
 
     def data(self, data_set: str) -> Path:
-        """Returns the folder of a data set; for several mounts that of the fused frames.
+        """Returns the folder of a data set, or of its fused frames if it has several mounts.
 
-        world: as `Experiment.world`.
+        data_set: name of the data set (`Experiment.data_set`).
         """
         folder = self.work / "data" / data_set
         fused = folder / "fused"
         return fused if (fused / "dataset.yaml").is_file() else folder
 
     def table(self, name: str) -> Path:
-        """Returns the file of a table: TIER.csv for experiments, lidars.csv for LiDARs, else
-        TIER_NAME.csv."""
+        """Returns the file of a table.
+
+        It is TIER.csv for `experiments`, lidars.csv for `lidars`, and TIER_NAME.csv for others.
+        """
         file = {"lidars": "lidars", "experiments": self.tier}.get(name, f"{self.tier}_{name}")
         return self.results / f"{file}.csv"
 

@@ -1,4 +1,7 @@
-"""Changes of scene and LiDAR: the test frames are simulated again with other keys, in a cache."""
+"""Changes of scene and LiDAR.
+
+The test frames are simulated again with changed keys. The new frames are stored in a cache.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +26,10 @@ from pyinfra.dataset.runs import SimulatorError, infrasim
 from pyinfra.experiments.stress import lidar
 from pyinfra.formats import kitti
 
-# Keys in dataset.yaml that a run adds to those of the scene.
+# Keys in dataset.yaml that a run adds to the keys of the scene.
 NOT_OF_THE_SCENE = ("surfaces", "preset", "version", "frames_version")
-FIRST_NUMBER = 3  # frames_version of version 0.3, whose digests are without it
-PHASES = 16  # number of random angles; a bundle with more spinning units repeats some
+FIRST_NUMBER = 3  # frames_version of version 0.3, whose digests do not include it
+PHASES = 16  # number of random angles; they repeat in a bundle with more spinning units
 SCENE = "scene.yaml"
 
 
@@ -36,7 +39,7 @@ class Base:
 
     folder: Path
     lidar: kitti.Lidar
-    scene: dict[str, Any]  # as the run resolved it, with absolute paths; empty if unknown
+    scene: dict[str, Any]  # keys that the run resolved, with absolute paths; empty if unknown
     frames: tuple[int, ...]  # ascending
 
     @property
@@ -51,12 +54,12 @@ class Base:
 
     @property
     def mounts(self) -> dict[str, dict[str, Any]]:
-        """The mounts by name: several for a fused data set, none if they are unknown."""
+        """The mounts by name: several for a fused data set, empty if they are unknown."""
         return dict(self.scene.get("mounts", {}))
 
     @cached_property
     def identity(self) -> str:
-        """A text that identifies the frames: scene and LiDAR, with the keys of version 0.3."""
+        """A text that identifies the frames: scene and LiDAR, with the key names of version 0.3."""
         return _identity(self)
 
     @property
@@ -65,7 +68,7 @@ class Base:
 
     @property
     def lidar_file(self) -> Path:
-        """The file with the scan pattern; for a fused data set that of its first mount."""
+        """The file with the LiDAR's scan pattern; for fused frames, the file of the first mount."""
         if not self.is_fused:
             return self.folder / lidar.FILE
         return self.folder.parents[1] / next(iter(self.mounts)) / self.folder.name / lidar.FILE
@@ -79,11 +82,11 @@ class AlteredScene:
     lidar: str = ""  # name in the catalogue
     scene: str = ""  # name in the catalogue
     preset: str = ""
-    turns_deg: tuple[float, ...] = ()  # turns of the units' cut angles; they repeat if too few
+    turns_deg: tuple[float, ...] = ()  # turns of the units' cut angles; repeated if too few
 
 
 def read_base(folder: Path, most: int) -> Base:
-    """Returns the test frames of a LiDAR's folder, at most `most`, evenly spread.
+    """Returns at most `most` test frames of a LiDAR's folder, evenly spread.
 
     Raises FileNotFoundError, FormatError, and Error for another kind of folder.
     """
@@ -100,7 +103,8 @@ def read_base(folder: Path, most: int) -> Base:
 def _scene(keys: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Returns the scene of a `dataset.yaml`, ready to be simulated again."""
     scene = {key: value for key, value in keys.items() if key not in NOT_OF_THE_SCENE}
-    # The name is relative to a scene file elsewhere, but a run copies the trajectories.
+    # The name is relative to the folder of the original scene file. A run copies the trajectories,
+    # so the copy is used.
     if scene.get("trajectories"):
         scene["trajectories"] = str((folder.parent / "trajectories.csv").resolve())
         _tell_from_first(scene["mounts"])
@@ -139,7 +143,7 @@ def speed(base: Base, times: float | str) -> AlteredScene:
 
 
 def tilt(base: Base, pitch_deg: float | str) -> AlteredScene:
-    """Pitches every mount further down by `pitch_deg`."""
+    """Pitches every mount downwards by a further `pitch_deg`."""
     mounts = base.mounts.items()
     down = {name: mount.get("pitch_deg", 0) + float(pitch_deg) for name, mount in mounts}
     return AlteredScene(tuple(f"mounts.{name}.pitch_deg={deg:g}" for name, deg in down.items()))
@@ -154,7 +158,7 @@ def pole_yaw(base: Base, degrees: float | str) -> AlteredScene:
 
 
 def late_clocks(mounts: Mapping[str, Mapping[str, Any]], ms: float) -> tuple[str, ...]:
-    """Returns KEY=VALUE words that delay the clocks of all mounts but the first.
+    """Returns KEY=VALUE words that delay the clocks of all mounts except the first.
 
     The last mount's delay is `ms`; the delays grow evenly in the order of the mounts.
     """
@@ -165,7 +169,7 @@ def late_clocks(mounts: Mapping[str, Mapping[str, Any]], ms: float) -> tuple[str
 
 
 def wrong_turns(mounts: Mapping[str, Mapping[str, Any]], degrees: float) -> tuple[str, ...]:
-    """Returns KEY=VALUE words that add an error to the assumed yaw of all mounts but the first.
+    """Returns KEY=VALUE words with errors of the assumed yaw of all mounts except the first.
 
     The errors are alternately to the left and to the right.
     """
@@ -184,7 +188,7 @@ def cut_angle(_: Base, degrees: float | str) -> AlteredScene:
 
 
 def phase(_: Base, draw: float | str) -> AlteredScene:
-    """Gives every unit its own random cut angle, as after a power cut.
+    """Gives every unit an independent random cut angle, as after a power failure.
 
     draw: `draw_N`, where N seeds the angles.
     """
@@ -206,7 +210,10 @@ def other_scene(_: Base, name: float | str) -> AlteredScene:
 
 
 def other_preset(base: Base, name: float | str) -> AlteredScene:
-    """Takes the LiDAR of this name from the catalogue, since a data set has one preset only."""
+    """Uses the LiDAR of the catalogue with another preset.
+
+    A data set has one preset only, so the LiDAR is read from the catalogue by its name.
+    """
     return AlteredScene(lidar=base.lidar.name, preset=str(name))
 
 
@@ -240,9 +247,9 @@ def _check_length(base: Base, scene: Path, duration_s: float) -> None:
 def simulated(base: Base, altered: AlteredScene, cache: Path, name: str) -> Path:
     """Simulates the base's frames with changes; returns the LiDAR's folder in the cache.
 
-    Existing frames are kept. name: first part of the folder's name, for readers; a digest of the
-    configuration follows. Raises FormatError for a LiDAR that was not simulated, and
-    SimulatorError.
+    Existing frames are not simulated again. The folder's name is `name`, for human readers,
+    followed by a digest of the configuration. Raises FormatError for a LiDAR that was not
+    simulated, and SimulatorError.
     """
     texts = _texts(base, altered)
     out = cache / f"{name}_{_digest(base, altered, texts)}"
@@ -262,7 +269,7 @@ def simulated(base: Base, altered: AlteredScene, cache: Path, name: str) -> Path
 def _texts(base: Base, altered: AlteredScene) -> dict[str, str]:
     """Returns the texts of the scene's and LiDAR's files by file name.
 
-    A LiDAR of the catalogue is not among them, as it is read from there.
+    The text of a LiDAR of the catalogue is not included, as its file exists already.
     """
     text = yaml.safe_dump(base.scene, sort_keys=False)
     if altered.scene:
@@ -285,8 +292,8 @@ def _written(texts: dict[str, str], altered: AlteredScene, folder: Path) -> tupl
 def _digest(base: Base, altered: AlteredScene, texts: dict[str, str]) -> str:
     """Returns a digest of a changed simulation's inputs.
 
-    It leaves out the frame numbers, the simulator's version and the files of the catalogue's
-    LiDARs.
+    The digest leaves out the frame numbers, the simulator's version and the files of LiDARs of the
+    catalogue.
     """
     parts = [*texts.values(), _preset(base, altered), base.lidar.label_time, *altered.set]
     digest = hashlib.sha256("\n".join(parts).encode())
@@ -306,7 +313,7 @@ def _sets(altered: AlteredScene) -> list[str]:
 def frame_words(frames: Sequence[int]) -> str:
     """Returns the range A:B:STEP that includes all frames, given in ascending order.
 
-    If the frames are not evenly spaced, it includes others too.
+    If the frames are not evenly spaced, the range includes further frames.
     """
     gaps = [b - a for a, b in itertools.pairwise(frames)]
     return f"{frames[0]}:{frames[-1] + 1}:{math.gcd(*gaps) or 1}"

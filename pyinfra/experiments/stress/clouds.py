@@ -1,8 +1,8 @@
 """Changes of a point cloud: functions of points, a severity and a random generator.
 
 points: (n, 4) float32, x y z intensity, levelled LiDAR frame. Each function returns (m, 4) float32.
-With the same random numbers, points that are lost at one severity are lost at every higher one.
-docs/conventions.md, "Stress", has the formulas and their sources.
+With the same random numbers, points that are lost at one severity are also lost at every higher
+severity. The section "Stress" of docs/conventions.md has the formulas and their sources.
 """
 
 from __future__ import annotations
@@ -35,30 +35,30 @@ def blocked_sector(points: Points, width_deg: float, _: Rng) -> Points:
 
 
 def height_error(points: Points, height_m: float, _: Rng) -> Points:
-    """The sensor is higher than assumed by `height_m`, so all points appear lower."""
+    """Returns points as if the sensor were higher than assumed: all points appear lower."""
     return moved(points, np.eye(3), height_m)
 
 
 def roll_error(points: Points, roll_deg: float, _: Rng) -> Points:
-    """The sensor has an unknown roll to the right, so objects on its left appear lower."""
+    """Returns points for an unknown roll to the right: objects on the left appear lower."""
     return moved(points, rotation(roll=math.radians(roll_deg)))
 
 
 def pitch_error(points: Points, pitch_deg: float, _: Rng) -> Points:
-    """The sensor has an unknown downward pitch, so objects ahead appear higher."""
+    """Returns points for an unknown downward pitch: objects ahead appear higher."""
     return moved(points, rotation(pitch=math.radians(pitch_deg)))
 
 
 def yaw_error(points: Points, yaw_deg: float, _: Rng) -> Points:
-    """The sensor has an unknown yaw to the left, so objects ahead appear further right."""
+    """Returns points for an unknown yaw to the left: objects ahead appear further right."""
     return moved(points, rotation(yaw=math.radians(yaw_deg)))
 
 
 def moved(points: Points, R_true_known: FloatArray, height_m: float = 0.0) -> Points:
-    """Returns points in the levelled frame that is assumed, which differs from the true one.
+    """Transforms points from the true levelled frame to the assumed levelled frame.
 
-    points: in the true levelled frame. R_true_known: (3, 3) rotation from the assumed to the true
-    frame. height_m: height of the sensor above the assumed one.
+    R_true_known: (3, 3) rotation from the assumed to the true frame. height_m: true height of the
+    sensor less its assumed height.
     """
     out = points.copy()
     out[:, :3] = points[:, :3].astype(np.float64) @ R_true_known - [0, 0, height_m]
@@ -66,7 +66,10 @@ def moved(points: Points, R_true_known: FloatArray, height_m: float = 0.0) -> Po
 
 
 def _attenuated(points: Points, extinction_per_m: float, replicates: Rng) -> Points:
-    """Returns the remaining points with lower intensity, followed by returns from drops."""
+    """Returns the points that rain or fog leaves, followed by returns from drops.
+
+    The intensity of the remaining points is reduced.
+    """
     ranges = ranges_of(points)
     stays, drop, fraction = replicates.random((3, len(points)))
     transmission = np.exp(-2 * extinction_per_m * ranges)

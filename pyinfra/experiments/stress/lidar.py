@@ -20,14 +20,14 @@ FILE = "lidar.yaml"
 
 
 def read(file: Path) -> Keys:
-    """Reads all keys of a `lidar.yaml`, in which its preset is applied. Raises FormatError."""
+    """Reads all keys of a `lidar.yaml` with its preset applied. Raises FormatError."""
     return read_lidar_keys(file)
 
 
 def units_of(config: Keys) -> list[Keys]:
     """Returns the keys UNIT of each unit; empty for a recording.
 
-    config: as a run or `infrasim check` wrote it.
+    config: keys of a LiDAR file that a run or `infrasim check` wrote.
     """
     if config.get("bundle"):
         return [{key: unit[key] for key in UNIT} for unit in config["bundle"]]
@@ -37,12 +37,15 @@ def units_of(config: Keys) -> list[Keys]:
 
 
 def spins(config: Keys) -> bool:
-    """Returns whether a unit spins, and so has a cut angle."""
+    """Returns whether a unit of the LiDAR spins. Spinning units have a cut angle."""
     return any("spinning" in unit["pattern"] for unit in units_of(config))
 
 
 def turned(unit: Keys, degrees: float) -> Keys:
-    """Returns a unit whose cut angle is turned left by `degrees`; other units stay unchanged."""
+    """Returns a unit with its cut angle turned left by `degrees`.
+
+    A unit that does not spin is returned unchanged.
+    """
     spinning = unit["pattern"].get("spinning")
     if not spinning:
         return unit
@@ -59,8 +62,8 @@ def table_files(config: Keys, folder: Path) -> list[Path]:
 def text(file: Path, turns_deg: Sequence[float] = ()) -> str:
     """Returns the text of a LiDAR file for the simulator, with all units as one bundle.
 
-    turns_deg: angles by which the cut angles of the units are turned; they repeat if there are more
-    units than angles. Raises FormatError for a LiDAR that was not simulated.
+    turns_deg: angles by which the cut angles of the units are turned. The angles repeat if there
+    are more units than angles. Raises FormatError for a LiDAR that was not simulated.
     """
     config = read(file)
     units = units_of(config)
@@ -76,7 +79,7 @@ def text(file: Path, turns_deg: Sequence[float] = ()) -> str:
 
 
 def difference(config: Keys, shipped: Keys) -> str:
-    """Returns the first key that gives two LiDARs different rays or returns; empty if none does."""
+    """Returns the first key that gives two LiDARs different rays or returns; empty if none."""
     ours, other = units_of(config), units_of(shipped)
     if config["name"] != shipped["name"]:
         return "name"

@@ -1,7 +1,7 @@
 """Requirements of stressors on a data set.
 
-Each function returns why the data set `base` does not meet a requirement, or an empty text if it
-does.
+Each function returns the reason why the data set `base` does not meet a requirement. The text is
+empty if the data set meets the requirement.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ CLOUDS_ALONE = "expected stressors of clouds alone"
 
 
 def scene(base: Base) -> str:
-    """Requires a simulated scene whose files, recorded trajectories included, are available."""
+    """Requires a simulated scene whose files, including recorded trajectories, are available."""
     folder = base.folder.parent
     if not base.scene:
         return f"{folder}: {CLOUDS_ALONE}, got no dataset.yaml"

@@ -26,13 +26,13 @@ Model = TrainedDetector | str | os.PathLike[str]
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """The trials of a stress test; those in `wrong` cannot be simulated."""
+    """The trials of a stress test. Trials in `wrong` cannot be simulated."""
 
     base: Base
     every: Sequence[Trial]
     todo: Sequence[Trial]
     wrong: dict[Trial, Exception]
-    left_out: dict[str, list[str]]  # names of stressors that do not apply to the data, by reason
+    left_out: dict[str, list[str]]  # stressors that cannot be applied to the data, by reason
 
 
 @public
@@ -47,23 +47,25 @@ def stress(
     seed: int = 1,
     progress: Callable[[str], None] | None = None,
 ) -> pd.DataFrame:
-    """Tests detectors under stressors of growing severity, and reports where each one fails.
+    """Tests detectors under stressors of growing severity, and reports where each detector fails.
 
     Stressors change the point clouds, the simulated scene or LiDAR, or the training. Finished
-    trials are not repeated: the same call resumes, and a call with other stressors adds rows.
+    trials are not repeated. The same call resumes an interrupted test. A call with other stressors
+    adds rows.
 
     Parameters
     ----------
-    models : detectors of `load_detector`, or folders or files of trainings. Of several trainings of
-        one detector the first is stressed; the others, with other frames or seed, are compared
-        with it
+    models : results of `load_detector`, or folders or files of trainings. If there are several
+        trainings of one detector, stress is applied to the first. The others, which differ in
+        training frames or seed, are compared with the first
     data : a LiDAR's folder with labels; its test frames are used
     work : folder for changed simulations, rows (stress.csv), summary and ranking
     stressors : names, such as `rain` or `tilt`; by default all
-    severities : severities to test, with one stressor only; by default its own
+    severities : severities to test if there is only one stressor; by default the severities that
+        are defined for the stressor
     frames : largest number of frames, evenly spread
     seed : seed of the random changes
-    progress : is called with a line before each trial
+    progress : called with a line of text before each trial
 
     Returns
     -------
@@ -119,7 +121,7 @@ def prepare(
     frames: int,
     seed: int,
 ) -> Prepared:
-    """Returns the trials to run; nothing is simulated. Raises Error, OSError."""
+    """Returns the trials to run, without simulating frames. Raises Error, OSError."""
     if frames < 1:
         raise Error(f"frames: expected 1 or more, got {frames}")
     for name in stressors:

@@ -1,8 +1,8 @@
 """AP of predictions, the kinds of errors in them, and the AP that each kind costs.
 
 All figures are for class vehicle, BEV IoU 0.5 and ground truth `captured`, as in `pyinfra
-evaluate`. The cost of a kind of error is the gain in AP when it is corrected, as in TIDE (Bolya et
-al., ECCV 2020). docs/conventions.md, "Stress", defines the rules.
+evaluate`. The cost of a kind of error is the gain in AP when these errors are corrected, as in TIDE
+(Bolya et al., ECCV 2020). The section "Stress" of docs/conventions.md defines the rules.
 """
 
 from __future__ import annotations
@@ -50,11 +50,11 @@ COLUMNS = (
 def scored(
     truth: GroundTruth, detections: Sequence[Detections], types: Sequence[str] = VEHICLE_TYPES
 ) -> tuple[dict[str, float], pd.DataFrame]:
-    """Returns COLUMNS for detections, and the bootstrap replicates of their AP (R1000).
+    """Returns the values of COLUMNS for detections, and the bootstrap replicates of their AP.
 
-    detections: one element for each frame of `truth`. types: KITTI types that count as vehicle.
-    A figure is NaN if there is nothing to measure. forgiven_*: gain in AP (R1000) when errors of
-    this kind are corrected.
+    detections: one element for each frame of `truth`. types: KITTI types that count as vehicle. AP
+    is AP (R1000). A figure is NaN if there is nothing to measure. Columns forgiven_* are the gain
+    in AP when errors of this kind are corrected.
     """
     settings = Settings(classes={"vehicle": tuple(types)}, ground_truths=("captured",))
     one = match_input(truth, as_predictions(detections), "vehicle", settings, "bev")
@@ -92,9 +92,9 @@ def as_predictions(detections: Sequence[Detections]) -> Predictions:
 def forgiven(match_result: MatchResult) -> dict[str, float]:
     """Returns for each of ERRORS the gain in AP (R1000) when errors of this kind are corrected.
 
-    ghosts: false positives without a partner are removed. misses_*: missed vehicles in a band of
-    distance no longer count. position, heading: false positives get this part of the box of their
-    partner.
+    - background: false positives without a partner (see `partners`) are removed
+    - misses_*: missed vehicles in a band of distance do not count
+    - position, heading: false positives get the position or heading of their partner
     """
     one, partner = match_result.match_input, partners(match_result)
     has = partner >= 0
@@ -117,9 +117,10 @@ def forgiven(match_result: MatchResult) -> dict[str, float]:
 
 
 def partners(match_result: MatchResult) -> IntArray:
-    """Returns the vehicle that each false positive may have been meant for: (p,), -1 for none.
+    """Returns the partner of each false positive: (p,) row of a vehicle, -1 for none.
 
-    It is an unmatched vehicle whose centre is at most PARTNER_M, or half its length, away.
+    It is the vehicle with the nearest centre, if no prediction is matched with it. The distance is
+    at most PARTNER_M, or half the vehicle's length if that is larger.
     """
     one = match_result.match_input
     v, p = one.vehicles, one.predictions
@@ -129,7 +130,7 @@ def partners(match_result: MatchResult) -> IntArray:
     for i, j in pairs_of_frames(p.frame, v.frame):
         apart = np.hypot(*(p.boxes[i, :2] - v.boxes[j, :2]).T)
         near = match_result.false_positive[i] & (apart <= np.maximum(PARTNER_M, v.boxes[j, 3] / 2))
-        # The nearest vehicle is written last, so it stays.
+        # The nearest vehicle is written last, so it overwrites the others.
         order = np.flatnonzero(near)[np.argsort(-apart[near], kind="stable")]
         partner[i[order]] = j[order]
     return np.where(np.append(free, False)[partner], partner, -1)

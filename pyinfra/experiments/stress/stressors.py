@@ -20,24 +20,24 @@ Severity = float | str
 UNSTRESSED = "own"  # severity without stress of a stressor whose severities are names
 CloudChange = Callable[[Points, float, sensor_faults.Rng], Points]
 SceneChange = Callable[[Base, Severity], AlteredScene]
-Need = Callable[[Base], str]  # returns why a base does not meet a requirement, empty if it does
+Need = Callable[[Base], str]  # returns why a base misses a requirement, or an empty text
 
 
 @dataclass(frozen=True)
 class Stressor:
     """One kind of stress.
 
-    `cloud` changes point clouds, `world` changes the simulation. A stressor with neither compares
-    trainings of a detector.
+    `cloud` changes point clouds, and `scene_change` changes the simulation. A stressor without
+    either compares trainings of a detector.
     """
 
     name: str
     unit: str  # `name` if the severities are names
-    severities: tuple[Severity, ...]  # severities; the first one is no stress
+    severities: tuple[Severity, ...]  # the first severity means no stress
     cloud: CloudChange | None = None
     scene_change: SceneChange | None = None
     needs: tuple[Need, ...] = ()
-    each_frame: bool = True  # whether each frame has its own random numbers
+    each_frame: bool = True  # whether random numbers differ between frames
 
     @property
     def named(self) -> bool:
@@ -54,7 +54,7 @@ class Stressor:
         return next((why for need in self.needs if (why := need(base))), "")
 
     def apply(self, points: Points, severity: float, seed: int, frame: int) -> Points:
-        """Returns a cloud (n, 4) changed with a severity; `points` itself without stress."""
+        """Returns a cloud (n, 4) changed with a severity, or `points` itself for no stress."""
         assert self.cloud is not None
         if severity == self.severities[0]:
             return points
@@ -62,7 +62,7 @@ class Stressor:
         return self.cloud(points, severity, np.random.default_rng(key))
 
     def parse(self, words: list[str]) -> tuple[Severity, ...]:
-        """Parses severities; the one without stress is left out. Raises Error."""
+        """Parses severities, and leaves out the severity without stress. Raises Error."""
         if self.named:
             unknown = [word for word in words if word not in self.severities]
             if unknown:
@@ -190,7 +190,7 @@ STRESSORS = {
             scene_change=altered_scenes.pole_yaw,
             needs=POLES,
         ),
-        # The severities of these are the frames and seeds that the runs were trained with.
+        # The severities of these two stressors are the training frames and seeds of the runs.
         Stressor("training_frames", "frames", ()),
         Stressor("training_seed", "name", (UNSTRESSED,)),
     )
@@ -198,9 +198,9 @@ STRESSORS = {
 
 
 def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Severity, ...]]:
-    """Returns stressors by their names, with their severities but the one without stress.
+    """Returns stressors by their names, with their severities except the one without stress.
 
-    words: severities of a single stressor; by default its own. Raises Error.
+    words: severities, if there is only one stressor; by default those defined for it. Raises Error.
     """
     unknown = [name for name in names if name not in STRESSORS]
     if unknown:

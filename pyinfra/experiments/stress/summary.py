@@ -13,8 +13,8 @@ from pyinfra.experiments.stress.score import ERRORS
 from pyinfra.experiments.stress.stressors import NONE, STRESSORS, UNSTRESSED, Stressor
 from pyinfra.metrics.row_selection import with_r1000
 
-CURVE = "detector run lidar preset scene seed frames".split()  # key of a curve, with the stressor
-FALL = 10.0  # fall in AP that counts as a failure
+CURVE = "detector run lidar preset scene seed frames".split()  # key of a curve besides stressor
+FALL = 10.0  # decrease in AP that counts as a failure
 LEAST_SHARE = 0.2  # least share of the fall that makes an error its cause
 BEYOND = "beyond"
 COLUMNS = [
@@ -29,8 +29,8 @@ RANKING = [*GROUP, "rank", "detector", "run", "gentleness", "stressors"]
 def curves(table: pd.DataFrame) -> Iterator[tuple[dict[str, str], Stressor, pd.DataFrame]]:
     """Yields the key, the stressor and the rows of each curve, ordered by severity.
 
-    The first row is the one without stress. Column `at` is the severity, or the index of a named
-    one. Curves that have no AP without stress, or no other row, are left out.
+    The first row of a curve is the row without stress. Column `at` is the severity, or the index of
+    a severity that is a name. Curves that have no AP without stress, or no other row, are left out.
     """
     for key, rows in with_r1000(table).groupby(CURVE, sort=False):
         base = rows[rows.stressor == NONE.name]
@@ -64,7 +64,7 @@ def _ordered(curve: pd.DataFrame, stressor: Stressor) -> pd.DataFrame:
 def crossing(at: FloatArray, ap: FloatArray, level: float) -> float:
     """Returns the severity at which AP first falls to a level, interpolated linearly.
 
-    It is inf if AP stays above the level.
+    The result is inf if AP stays above the level.
     """
     known = ~np.isnan(ap)
     at, ap = at[known], ap[known]
@@ -80,7 +80,8 @@ def crossing(at: FloatArray, ap: FloatArray, level: float) -> float:
 def fallen(curve: pd.DataFrame, stressor: Stressor, level: float) -> str:
     """Returns the severity at which AP falls to a level, as text.
 
-    For a stressor with named severities these are all names whose AP is not above the level.
+    If the severities of a stressor are names, the text lists all names whose AP is not above the
+    level.
     """
     if stressor.named:
         return " ".join(curve.severity[curve.ap_r1000 <= level]) or BEYOND
@@ -89,10 +90,11 @@ def fallen(curve: pd.DataFrame, stressor: Stressor, level: float) -> str:
 
 
 def first_failure(curve: pd.DataFrame) -> tuple[str, str, float]:
-    """Returns what fails first, the error with the largest share of the fall, and this share.
+    """Returns what fails first, the error whose cost grew most, and its share of the decrease.
 
-    They are taken at the first severity at which AP has fallen by FALL or more. What fails first is
-    that error, `mixed` if its share is below LEAST_SHARE, and empty if AP does not fall so far.
+    They are computed at the first severity at which AP has decreased by FALL or more. If the share
+    is LEAST_SHARE or more, this error is what fails first. Otherwise `mixed` fails first. The text
+    is empty if AP does not decrease by FALL.
     """
     base = curve.iloc[0]
     down = curve[curve.ap_r1000 <= base.ap_r1000 - FALL]
@@ -108,9 +110,10 @@ def first_failure(curve: pd.DataFrame) -> tuple[str, str, float]:
 
 
 def gentleness(curve: pd.DataFrame, stressor: Stressor) -> float:
-    """Returns the mean of AP / AP without stress over the severities, scaled to 0 to 1.
+    """Returns the mean ratio of AP to AP without stress.
 
-    It is NaN if AP without stress is 0, or if an AP is undefined.
+    The mean is over the severities, scaled to 0 to 1. It is NaN if AP without stress is 0, or if an
+    AP is undefined.
     """
     if curve.ap_r1000.iloc[0] == 0:
         return math.nan
@@ -150,8 +153,9 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
 def ranking(table: pd.DataFrame) -> pd.DataFrame:
     """Ranks the detectors of each LiDAR by their mean gentleness.
 
-    The mean is over the stressors that all detectors were tested with, at the same severities. A
-    LiDAR without such a stressor, and a detector whose AP without stress is 0, are left out.
+    The mean is over the stressors with which all detectors were tested at the same severities. A
+    LiDAR is left out if there is no such stressor. A detector is left out if its AP without stress
+    is 0.
     """
     training = [name for name, stressor in STRESSORS.items() if stressor.acts_on == "training"]
     rows = summary(table)

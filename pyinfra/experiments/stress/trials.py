@@ -25,7 +25,7 @@ from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.models.detectors import Detector
 from pyinfra.models.inference.detect import detect, detector_at, model_file
 
-# Key of a row; a trial that has a row is not computed again.
+# Key of a row. A trial that has a row is not computed again.
 KEY = "detector run lidar preset scene stressor severity seed frames".split()
 COLUMNS = (
     *KEY,
@@ -43,7 +43,7 @@ SCENE_S = 4.0  # assumed time of one simulation, used to estimate the run time
 
 @dataclass(frozen=True)
 class TrainedRun:
-    """A trained detector with its frames and seed of training; these are -1 if unknown."""
+    """A trained detector with the number of training frames and the seed, -1 if unknown."""
 
     folder: Path
     detector: str
@@ -55,7 +55,7 @@ class TrainedRun:
         return self.folder.resolve().name
 
     def model(self, frames: Path) -> Detector:
-        """Returns the detector, set up for the site of a LiDAR's folder."""
+        """Returns the detector, adapted to the site of a LiDAR's folder."""
         return detector_at(self.folder, frames)
 
     @cached_property
@@ -67,8 +67,8 @@ class TrainedRun:
 class Trial:
     """One run tested at one severity.
 
-    For a stressor of training, `run` is the training that is compared with `reference`; otherwise
-    the two are the same.
+    If the stressor compares trainings, `run` is the training that is compared with `reference`.
+    Otherwise both are the same.
     """
 
     reference: TrainedRun
@@ -86,7 +86,10 @@ class Trial:
 
 
 def read_run(folder: Path, base: Base) -> TrainedRun:
-    """Reads a trained detector. Raises FileNotFoundError, and Error for one of another LiDAR."""
+    """Reads a trained detector.
+
+    Raises FileNotFoundError, and Error if the detector was trained for another LiDAR.
+    """
     if model_file(folder).suffix == ".npz":
         return TrainedRun(folder, "background", -1, -1)
     from pyinfra.models.training import checkpoint
@@ -102,11 +105,11 @@ def read_run(folder: Path, base: Base) -> TrainedRun:
 def plan(
     runs: Sequence[TrainedRun], stressors: dict[Stressor, tuple[Severity, ...]], base: Base
 ) -> list[Trial]:
-    """Returns all trials: those without stress first, then one stressor after another.
+    """Returns all trials: first the trials without stress, then one stressor after another.
 
-    The first run of each detector is stressed. Its other runs are severities of the stressors
-    `training_frames` and `training_seed`. Raises Error for a run that differs from the first in
-    both frames and seed, or in neither.
+    Stress is applied to the first run of each detector. Its other runs are severities of the
+    stressors `training_frames` and `training_seed`. Raises Error for a run that differs from the
+    first in both frames and seed, or in neither.
     """
     first: dict[str, TrainedRun] = {}
     for run in runs:
@@ -159,7 +162,7 @@ def row_of(
 ) -> tuple[dict[str, object], pd.DataFrame]:
     """Runs a trial; returns its row and its bootstrap replicates.
 
-    Raises what simulating and detecting raise.
+    Raises the errors of the simulation and the detection.
     """
     stressor, severity, folder = trial.stressor, trial.severity, base.folder
     key = key_of(trial, base, seed)
@@ -195,7 +198,7 @@ def row_of(
 
 
 def read(file: Path) -> pd.DataFrame:
-    """Reads a table of trials, with its keys as text; it is empty if there is no file.
+    """Reads a table of trials, with its keys as text. The table is empty if there is no file.
 
     Raises Error for another kind of table.
     """
@@ -224,9 +227,10 @@ def fill(trial: Trial, base: Base, out: Path, seed: int) -> bool:
 
 
 def attempt(trial: Trial, base: Base, out: Path, seed: int) -> Exception | None:
-    """Runs a trial as `fill` does; returns its error, and saves the traceback in out/tracebacks.
+    """Runs a trial as `fill` does. Returns its error and saves the traceback in out/tracebacks.
 
-    The error of a trial without stress is raised, because no other trial can be compared then.
+    The error of a trial without stress is raised, because all other trials are compared with this
+    trial.
     """
     traceback = out / "tracebacks" / f"{'_'.join(key_of(trial, base, seed).values())}.txt"
     try:
@@ -241,7 +245,7 @@ def attempt(trial: Trial, base: Base, out: Path, seed: int) -> Exception | None:
 
 
 def missing(trials: Sequence[Trial], base: Base, out: Path, seed: int) -> Iterator[Trial]:
-    """Yields the trials without a row. Raises Error for a row of the same key with other inputs."""
+    """Yields the trials without a row. Raises Error if a row with a trial's key has other inputs."""
     file = out / "stress.csv"
     table = read(file)
     for trial in trials:
@@ -257,7 +261,7 @@ def missing(trials: Sequence[Trial], base: Base, out: Path, seed: int) -> Iterat
 
 
 def write_summary(out: Path) -> list[Path]:
-    """Writes the summary and the ranking of all finished trials; returns all tables' files."""
+    """Writes summary and ranking of all finished trials. Returns the files of all tables."""
     table = read(out / "stress.csv")
     made = {"summary": summary.summary(table), "ranking": summary.ranking(table)}
     files = {name: out / f"stress_{name}.csv" for name in made}
@@ -309,7 +313,7 @@ def wrong_scenes(trials: Iterable[Trial], base: Base) -> dict[tuple[str, Severit
 def seconds_of(trials: Sequence[Trial], base: Base) -> float:
     """Estimates the seconds that trials take.
 
-    Each detector is timed on two frames; each changed simulation counts WORLD_S.
+    Each detector is timed on two frames. Each changed simulation is assumed to take SCENE_S.
     """
     files = [kitti.frame_file(base.folder, "velodyne", k) for k in base.frames[:2]]
     per_run = {}
