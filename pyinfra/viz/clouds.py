@@ -1,4 +1,4 @@
-"""Draws the points and boxes of frames from above, levelled LiDAR frame."""
+"""Draws the points and boxes of frames from above, in the levelled LiDAR frame."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -35,7 +35,9 @@ NEAR = np.array([[-60.0, -40.0], [60.0, 40.0]])  # corners, metres
 
 
 def draw_frames(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> list[Path]:
-    """Writes a sheet of data sets x LiDARs and one picture of each LiDAR; returns the files.
+    """Writes a sheet of all data sets and LiDARs, and one picture of each LiDAR.
+
+    Returns the files.
 
     data_sets: the LiDAR folders of each data set. Raises the exceptions of read_snapshot().
     """
@@ -68,7 +70,10 @@ def picture(view: Snapshot) -> Figure:
 
 
 def sheet(views: Sequence[Sequence[Snapshot]]) -> Figure:
-    """Returns a figure with a row per data set and a column per LiDAR; a row shares one window."""
+    """Returns a figure with a row per data set and a column per LiDAR.
+
+    All pictures of a row show the same area.
+    """
     windows = [region_window(row[0]) for row in views]
     columns = max(len(row) for row in views)
     width = 3.0
@@ -99,8 +104,7 @@ def bird_view(
 ) -> None:
     """Draws points, boxes, evaluation region and field of view in the levelled LiDAR frame.
 
-    Points at road level are light grey. They get darker with height and are black from DARKEST_M
-    on.
+    Points at road level are light grey. Higher points are darker, and black from DARKEST_M on.
     """
     for outline in view.region:
         axes.add_patch(Polygon(outline, color=REGION_COLOUR, zorder=0))
@@ -175,7 +179,10 @@ def sector(unit: kitti.FieldOfView) -> FloatArray:
 
 
 def _draw_boxes(axes: Axes, boxes: FloatArray, look: Quality, *, headings: bool) -> None:
-    """Draws footprints, with lines to the fronts; crosses out vehicles without points."""
+    """Draws footprints and crosses out vehicles without points.
+
+    headings: whether to draw a line from the centre to the front.
+    """
     corners = footprints(boxes)
     style: dict[str, Any] = {"linewidths": look.width, "linestyles": [look.line], "zorder": 3}
     axes.add_collection(

@@ -1,4 +1,4 @@
-"""Draws cut-outs of vehicles: the same vehicles as seen by each LiDAR of a data set."""
+"""Draws cut-outs: the points of the same vehicles from each LiDAR of a data set."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ from pyinfra.viz.picture_style import COLOURS, STYLE
 from pyinfra.viz.scene_pictures import Scene
 
 DISTANCES_M = (20.0, 40.0, 60.0, 80.0, 100.0)
-NEAR_M = 8.0  # maximum difference between a vehicle's distance and the distance of its column
+NEAR_M = 8.0  # maximum difference between the distance of a vehicle and that of its column
 CLASS, LEAST_VISIBILITY = "Car", 0.8
-# around a box: points inside it count as the vehicle's if the frame has no `fields` file
+# margin around a box; if the frame has no `fields` file, points inside belong to the vehicle
 MARGIN_M = 0.3
-ROAD_M = 0.1  # above the bottom of a box: lower points count as road
+ROAD_M = 0.1  # points lower than this above the bottom of a box belong to the road
 # viewing angles of a cut-out, from behind the vehicle and its right
 AROUND, ABOVE = np.radians([40.0, 30.0])
 EDGE_M = 0.25  # margin around a cut-out
@@ -38,7 +38,7 @@ class Vehicle:
     id: int
     box: FloatArray  # (7,) levelled LiDAR frame
     distance: float  # horizontal, sensor to box centre
-    # one per LiDAR: whether the box centre is inside its field of view and range
+    # for each LiDAR: whether the box centre is inside its field of view and range
     in_view: tuple[bool, ...]
 
     @property
@@ -77,7 +77,7 @@ def cutouts(scene: Scene, frame: int) -> Figure:
                     _draw_cutout(axes, vehicle.box, cloud)
                     seen = (
                         vehicle.in_view[i] or len(cloud) > 0
-                    )  # a vehicle can have points although its centre is out of view
+                    )  # a vehicle can have points although its centre is outside the view
                     caption = f"{len(cloud):,} points, {vehicle.distance:.0f} m"
                     axes.set_xlabel(caption if seen else f"{caption}, out of view", labelpad=1)
         title = f"{scene.name}: the same {CLASS.lower()} in each column, front at the upper right"
@@ -88,9 +88,14 @@ def cutouts(scene: Scene, frame: int) -> Figure:
 def choose_vehicles(scene: Scene, frame: int) -> list[Vehicle | None]:
     """Returns a vehicle for each of DISTANCES_M, or None if there is none within NEAR_M of it.
 
-    Only vehicles of CLASS with LEAST_VISIBILITY are candidates. The order of preference is: in the
-    field of view of all LiDARs and in `frame`; in that of all LiDARs and in any frame that all
-    LiDARs have; in `frame`; in any such frame. Among equals the nearest to the distance is chosen.
+    Only vehicles of CLASS with LEAST_VISIBILITY are candidates. The order of preference is:
+
+    1. in the field of view of all LiDARs, in `frame`
+    2. in the field of view of all LiDARs, in any frame that all LiDARs have
+    3. in `frame`
+    4. in any frame that all LiDARs have
+
+    Among these, the vehicle that is nearest to the distance is chosen.
     """
     frames = set.intersection(*(set(kitti.frames(folder)) for folder in scene.folders))
     here = _vehicles(scene, [frame])
@@ -107,10 +112,10 @@ def choose_vehicles(scene: Scene, frame: int) -> list[Vehicle | None]:
 
 
 def vehicle_points(lidar_folder: Path, vehicle: Vehicle) -> FloatArray:
-    """Returns a vehicle's points, (n, 3) from the centre of its box, x forward.
+    """Returns a vehicle's points (n, 3), relative to the centre of its box, x forward.
 
-    These are the points with the vehicle's object_id. Without a `fields` file they are the points
-    inside its box plus MARGIN_M and above the road.
+    They are the points with the vehicle's object_id. If the frame has no `fields` file, they are
+    the points above the road that are inside the box with a margin of MARGIN_M.
     """
     velodyne = kitti.frame_file(lidar_folder, "velodyne", vehicle.frame)
     xyz = kitti.read_points(velodyne)[:, :3].astype(np.float64)
@@ -155,7 +160,7 @@ def _column_title(vehicle: Vehicle | None, distance: float, frame: int) -> str:
 
 
 def _draw_cutout(axes: Axes, box: FloatArray, points: FloatArray) -> None:
-    """Draws the edges of a box, those behind it dotted, and the vehicle's points."""
+    """Draws the edges of a box and the vehicle's points. Hidden edges are dotted."""
     corners = _flat(_corners(box))
     for edge in _EDGES:
         style: dict[str, Any] = {"linestyle": ":" if _HIDDEN in edge else "-", "linewidth": 0.7}
@@ -165,13 +170,19 @@ def _draw_cutout(axes: Axes, box: FloatArray, points: FloatArray) -> None:
 
 
 def _corners(box: FloatArray) -> FloatArray:
-    """Returns the corners (8, 3) from the box centre; bits of the index: ahead, left, up."""
+    """Returns the corners (8, 3) relative to the box centre.
+
+    The bits of an index say whether the corner is ahead, left and up.
+    """
     bits = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
     return np.asarray((bits - 0.5) * box[3:6])
 
 
 def _flat(points: Floats) -> FloatArray:
-    """Projects points (n, 3) in parallel to (n, 2); origin at the box centre, x forward."""
+    """Returns a parallel projection (n, 2) of points (n, 3).
+
+    The origin is the box centre, and x is forward.
+    """
     across = np.cos(AROUND) * points[:, 0] - np.sin(AROUND) * points[:, 1]
     away = np.sin(AROUND) * points[:, 0] + np.cos(AROUND) * points[:, 1]
     return np.stack([across, np.sin(ABOVE) * away + np.cos(ABOVE) * points[:, 2]], axis=1)

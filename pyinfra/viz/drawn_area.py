@@ -22,7 +22,7 @@ class DrawnArea:
         return self.x[1] - self.x[0], self.y[1] - self.y[0]
 
     def holds(self, xy: Floats) -> BoolArray:
-        """Returns (n,) whether positions (n, 2) lie in the area."""
+        """Returns whether positions (n, 2) lie in the area: (n,) bool."""
         low, high = np.transpose([self.x, self.y])
         return np.asarray(((xy >= low) & (xy <= high)).all(axis=1))
 

@@ -1,7 +1,7 @@
 """Draws figures of evaluations from their tables.
 
-A table may hold the rows of several LiDARs. The figures work in black and white and for
-colour-blind readers: lines differ in style and marker, area qualities in lightness and hatch.
+A table may have the rows of several LiDARs. The figures are legible in black and white and for
+colour-blind readers. Lines differ in style and marker, and area qualities in lightness and hatch.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def draw_all(evaluation: Evaluation, out: Path) -> list[Path]:
 
 
 def pr_curve(table: pd.DataFrame) -> Figure:
-    """Draws precision against recall with intervals: a line per LiDAR, a panel per ground truth."""
+    """Draws precision against recall, with a line per LiDAR and a panel per ground truth."""
     with mpl.rc_context(STYLE), sns.axes_style("whitegrid"):
         figure, panels = _panels(table, (4.2, 3.6))
         for ax, rows in panels:
@@ -114,10 +114,10 @@ def areas(distance: pd.DataFrame) -> Figure:
 def areas_plan(
     distance: pd.DataFrame, roads: Sequence[Road], sensor: tuple[float, float] | None = None
 ) -> Figure:
-    """Draws the areas on the plan of the road, each 5 m long around its middle, in the world frame.
+    """Draws the areas on the plan of the road, in the world frame.
 
-    distance: windows or cells of one LiDAR. sensor: x and y in the world frame, drawn as a
-    triangle.
+    A window is drawn as a piece of road of 5 m around the middle of the window. distance: windows
+    or cells of one LiDAR. sensor: x and y in the world frame, drawn as a triangle.
     """
     with mpl.rc_context(STYLE), sns.axes_style("white"):
         points = np.concatenate([road.xy for road in roads])
@@ -158,7 +158,7 @@ def _panels(
 ) -> tuple[Figure, Iterator[tuple[Axes, pd.DataFrame]]]:
     """Returns a figure with a column per ground truth and a row per value of `down`.
 
-    The second value iterates over the axes, each with its rows of the table.
+    The second value is an iterator over pairs of axes and their rows of the table.
     """
     across = list(table.ground_truth.unique())
     rows = list(table[down].unique()) if down else [None]

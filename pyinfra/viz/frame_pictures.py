@@ -10,7 +10,7 @@ from pyinfra.viz.picture_style import save
 
 
 def draw_scenes(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> list[Path]:
-    """Writes the plan and the cut-outs of each data set; returns the files.
+    """Writes the plan and the cut-outs of each data set, and returns the files.
 
     data_sets: the LiDAR folders of each data set. Recordings are skipped, because their scene is
     unknown. Raises OSError and FormatError.

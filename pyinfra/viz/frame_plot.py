@@ -17,7 +17,7 @@ from pyinfra.dataset.frame_sequence import BOX, LidarFrame
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LABEL, DETECTION = "#1b7837", "#d6604d"  # distinct for colour-blind readers, and by line style
+LABEL, DETECTION = "#1b7837", "#d6604d"  # colour-blind readers can distinguish these colours
 
 
 @public
@@ -33,7 +33,7 @@ def plot_frame(
     Parameters
     ----------
     frame : one element of a sequence of frames
-    detections : table of `detect`; rows of other frames are ignored
+    detections : result of `detect`; rows of other frames are ignored
     min_score : 0 to 1, the minimum score of a drawn detection
     ax : axes to draw into; by default those of a new figure
 

@@ -30,10 +30,10 @@ def draw_patterns(patterns: Mapping[str, FloatArray], file: Path) -> Path:
 
 
 def pattern_picture(patterns: Mapping[str, FloatArray]) -> Figure:
-    """Draws where the rays of each LiDAR go: the whole field, and a car's rear 60 m ahead.
+    """Draws the directions of each LiDAR's rays: all of them, and those on a car's rear at 60 m.
 
-    patterns: by name, (n, 3) azimuth, elevation (rad) and time (s), from 0 s on. The rays of the
-    first 0.1 s are drawn. All rays count for the mean number of rays on the car.
+    patterns: by name, (n, 3) azimuth, elevation (rad) and time (s), from 0 s on. Only the rays of
+    the first 0.1 s are drawn. The mean number of rays on the car is computed from all rays.
     """
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(2.5 * len(patterns) + 0.3, 5.3), layout="constrained")

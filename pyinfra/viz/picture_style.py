@@ -1,7 +1,7 @@
 """The style of pictures: fonts, colours, box styles, legend and PNG palette.
 
-The pictures work in black and white and for colour-blind readers. The more points a vehicle has,
-the darker, thicker and more solid its box is. The colours follow Okabe and Ito.
+The pictures are legible in black and white and for colour-blind readers. The more points a vehicle
+has, the darker, thicker and more solid its box is. The colours follow Okabe and Ito.
 """
 
 import io
@@ -28,7 +28,7 @@ VIEW_LINE: dict[str, Any] = {"color": "black", "linewidth": 0.6, "linestyle": (0
 
 @dataclass(frozen=True)
 class Quality:
-    """A class of vehicles, by number of points (up to `most`), and the style of their boxes."""
+    """Vehicles with up to `most` points, and the style of their boxes."""
 
     name: str
     most: float
@@ -47,7 +47,7 @@ PEOPLE = Quality("people", np.inf, "#009E73", "-", 1.1)
 
 
 def save(figure: Figure, file: Path, dpi: int = DPI) -> None:
-    """Writes a PNG with the fixed palette of these pictures, which keeps the file small."""
+    """Writes a PNG with the fixed palette of these pictures. The palette keeps the file small."""
     with mpl.rc_context(STYLE), io.BytesIO() as png:
         figure.savefig(png, format="png", dpi=dpi)
         with Image.open(png) as image:
@@ -57,7 +57,7 @@ def save(figure: Figure, file: Path, dpi: int = DPI) -> None:
 
 
 def _palette() -> Image.Image:
-    """Returns greys, the region's colour, and each box and line colour in steps towards white."""
+    """Returns the palette: greys, the region's colour, and steps from each colour to white."""
     greys = np.repeat(np.linspace(0, 1, 32)[:, None], 3, axis=1)
     lines = np.array([to_rgb(c) for c in (*(look.colour for look in QUALITIES), *COLOURS)])
     steps = [1 - share * (1 - lines) for share in (1.0, 0.8, 0.6, 0.4)]

@@ -1,4 +1,4 @@
-"""Plots results of the public API; each function draws into axes and writes no file."""
+"""Plots results of the public API. Each function draws into axes and writes no file."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def plot_scene(scene: AnyScene, *, ax: Axes | None = None) -> Axes:
 
     Parameters
     ----------
-    scene : result of `load_scene` or its argument; or frames of `simulate`
+    scene : result of `load_scene`, or an argument of `load_scene`, or frames of `simulate`
     ax : axes to draw into; by default those of a new figure
 
     Returns
@@ -91,8 +91,8 @@ def plot_ap_by_distance(
 
     Parameters
     ----------
-    results : result of `evaluate`, or several results by their names in the legend
-    ground_truth : `captured`, `all`, ...; by default the first one of each result
+    results : result of `evaluate`, or a mapping of names in the legend to results
+    ground_truth : `captured`, `all`, ...; by default the first ground truth of each result
     ax : axes to draw into; by default those of a new figure
 
     Returns
@@ -138,7 +138,7 @@ def plot_ap_by_distance(
 def plot_stress(
     rows: pd.DataFrame | str | os.PathLike[str], stressor: str, *, ax: Axes | None = None
 ) -> Axes:
-    """Draws AP against the severity of one stressor, a line with its interval per detector.
+    """Draws AP against the severity of one stressor, with a line and its interval per detector.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Draws figures of the scanning statistics from their tables.
 
-A LiDAR has the same colour, line style and marker in all figures. Bars have hatches for black and
-white. The colours are seaborn's palette for colour-blind readers.
+A LiDAR has the same colour, line style and marker in all figures. Bars have hatches, so that they
+are legible in black and white. The colours are seaborn's palette for colour-blind readers.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,7 +22,7 @@ LINES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1,
 MARKERS = "osD^vPX*"
 QUALITY_HATCHES = ("", "///", "...", "xxx")
 STYLE: Any = {
-    "svg.hashsalt": "pyinfra",  # gives the same bytes in each run
+    "svg.hashsalt": "pyinfra",  # makes the bytes of a figure the same in each run
     "svg.fonttype": "none",
     "font.size": 9,
     "axes.titlesize": 8,
@@ -70,7 +70,7 @@ def points_per_vehicle(table: pd.DataFrame) -> Figure:
 
 
 def quality(table: pd.DataFrame) -> Figure:
-    """Draws stacked shares of missed, low, medium and high vehicles by distance, on `common`."""
+    """Draws stacked shares of missed, low, medium and high vehicles by distance, set `common`."""
     table = table[(table["set"] == "common") & (table.quality != "hit")]
     whole = table.from_m.min(), table.to_m.max()
     table = table[~((table.from_m == whole[0]) & (table.to_m == whole[1]))]
@@ -152,7 +152,10 @@ def angular_density(table: pd.DataFrame) -> Figure:
 
 
 def dots(value: str, label: str, by: str) -> Callable[[pd.DataFrame], Figure]:
-    """Returns a function that draws a value with its interval per LiDAR, in a panel per `by`."""
+    """Returns a function that draws a value and its interval for each LiDAR.
+
+    The function draws a panel for each value of column `by`.
+    """
 
     def of(table: pd.DataFrame) -> Figure:
         figure, axes = _panels(table[by].unique(), [""], size=(4.2, 2.8))

@@ -1,6 +1,6 @@
 """Draws plans of data sets' scenes: roads, lanes, stations, buildings, sensor, fields of view.
 
-The plans work in black and white: the fields of view differ in line style.
+The plans are legible in black and white, because the fields of view differ in line style.
 """
 
 import textwrap
@@ -136,7 +136,7 @@ def _is_left(road: Road, pose: kitti.WorldPose) -> bool:
 
 
 def _draw_views(axes: Axes, scene: Scene, styles: dict[str, dict[str, Any]]) -> None:
-    """Draws sensors and fields of view; adds the style of each view to `looks` by label."""
+    """Draws sensors and fields of view, and adds the style of each view to `styles` by label."""
     areas: dict[tuple[Any, ...], list[kitti.Lidar]] = {}
     for lidar in scene.lidars:
         units = [(u.at, u.yaw, u.azimuth, u.range_m[1]) for u in lidar.field_of_view]
@@ -161,7 +161,7 @@ def _draw_views(axes: Axes, scene: Scene, styles: dict[str, dict[str, Any]]) -> 
 
 
 def _draw_scale(axes: Axes, window: DrawnArea) -> None:
-    """Draws a scale bar at the lower edge, clear of the stations and of the circles."""
+    """Draws a scale bar at the lower edge, where it overlaps neither stations nor circles."""
     x, y = window.x[0] + 0.3 * window.shape()[0], window.y[0] + 2.5
     axes.plot([x, x + SCALE_M], [y, y], color="black", linewidth=2.5, solid_capstyle="butt")
     axes.text(x + SCALE_M + 1.5, y, f"{SCALE_M:g} m", ha="left", va="center", fontsize=7)

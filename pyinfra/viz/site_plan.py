@@ -1,4 +1,4 @@
-"""Draws the plan of a site: surfaces, buildings, lanes with direction, trees, poles, their view."""
+"""Draws the plan of a site: surfaces, buildings, lanes with directions, trees, poles and views."""
 
 import csv
 import math
@@ -83,7 +83,7 @@ def save_plan(folder: Path, out: Path, radius_m: float | None = None) -> None:
 
 
 def plan(folder: Path, radius_m: float | None = None) -> Figure:
-    """Draws the site's lanes with 20 m around them, or a square of ±radius_m at the first mount."""
+    """Draws the site: its lanes and 20 m around them, or ±radius_m around the first mount."""
     scene = read_scene(folder)
     lanes = read_lanes(folder / scene["lanes"])
     points = np.concatenate(list(lanes.values()))[:, :2]
@@ -118,7 +118,7 @@ def plan(folder: Path, radius_m: float | None = None) -> Figure:
 
 
 def _draw_mesh(axes: Axes, folder: Path, mesh: dict[str, str]) -> str:
-    """Draws triangles from above, except for terrain; returns the material."""
+    """Draws the triangles of a mesh from above, except for terrain. Returns the material."""
     material = mesh["material"]
     if material != "terrain":
         triangles = read_ply(folder / mesh["file"])

@@ -22,7 +22,7 @@ GROUND, FOOTWAY, SURFACE, LEAVES, HOUSE = "#F1EDE4", "#D0D0D0", "#8C8C8C", "#009
 PARKED, RAIL, SENSOR, LINE = "#0072B2", "#000000", "#D55E00", "#FFFFFF"
 PEOPLE = {"Pedestrian": "#CC79A7", "Cyclist": "#F0E442"}
 WALK_HALF_M = 0.5
-# half depth of a row of parked vehicles: True for parallel parking, False for angled
+# half the depth of a row of parked vehicles: True for parallel parking, False for angled parking
 ROW_HALF_M = {True: 1.0, False: 2.3}
 
 
@@ -71,7 +71,7 @@ def _draw(axes: Axes, site: Keys) -> None:
 
 
 def _draw_ring(axes: Axes, ring: Keys) -> None:
-    """Draws the roundabout; generated roads meet at the origin."""
+    """Draws the roundabout at the origin, where generated roads meet."""
     half_m = ring["width_m"] / 2
     for radius_m, colour in ((half_m, SURFACE), (-half_m, GROUND)):
         axes.add_patch(Circle((0, 0), ring["radius_m"] + radius_m, color=colour, zorder=2.2))

@@ -1,4 +1,4 @@
-"""Draws AP against the severity of each stressor, one panel each, from the table of rows."""
+"""Draws AP against severity from the rows of a stress test, with a panel per stressor."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _line(
     colour = sns.color_palette("colorblind")[at % 10]
     style = {"color": colour, "marker": MARKERS[at % len(MARKERS)], "markersize": 4}
     if stressor.named:
-        # Names have no order, so points side by side without a line.
+        # Names have no order, so points are drawn side by side without a line.
         ax.errorbar(
             curve["at"] + 0.12 * (at - (len(labels) - 1) / 2),
             curve.ap_r1000,

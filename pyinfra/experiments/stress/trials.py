@@ -245,7 +245,7 @@ def attempt(trial: Trial, base: Base, out: Path, seed: int) -> Exception | None:
 
 
 def missing(trials: Sequence[Trial], base: Base, out: Path, seed: int) -> Iterator[Trial]:
-    """Yields the trials without a row. Raises Error if a row with a trial's key has other inputs."""
+    """Yields the trials without a row. Raises Error if a row has the same key but other inputs."""
     file = out / "stress.csv"
     table = read(file)
     for trial in trials:

@@ -1,7 +1,7 @@
-"""The parts of a report section: plain values, which the page's template shows.
+"""The parts of a report section: plain values that the page's template shows.
 
-Every text is escaped and shown literally. Only `Embed` and the panels of a `Figure` are markup, and
-only this package makes them.
+Every text is escaped and shown literally. Only `Embed` and the panels of a `Figure` are markup.
+Only this package makes them.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ NOTHING = "\N{EN DASH}"
 class TableCell:
     """A cell of a table.
 
-    sort: the sort key; None sorts by the text. origin: the row that the cell comes from. verdict:
-    holds, fails, undecided or empty. below: a second, smaller line.
+    sort: the sort key; None sorts by the text. origin: the table row with the value of the cell.
+    verdict: holds, fails, undecided or empty. below: a second, smaller line.
     """
 
     text: str
@@ -31,7 +31,7 @@ class TableCell:
 
     @property
     def key(self) -> str:
-        """The sort key of the page; a missing number has an empty one, which sorts last."""
+        """The sort key in the page. The key of a missing number is empty, which sorts last."""
         if self.sort is None:
             return self.verdict or self.text
         return f"{self.sort:.10g}" if math.isfinite(self.sort) else ""
@@ -55,7 +55,7 @@ class Text:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A table that sorts by any column; if `closed`, a click opens it."""
+    """A table that the reader can sort by any column. If `closed`, a click opens it."""
 
     caption: str
     columns: Sequence[Column]
@@ -86,7 +86,7 @@ class Figure:
     """Drawings under one caption, side by side if there is room.
 
     layout: small, half (two side by side) or wide. Wide drawings scroll on a narrow screen. plate:
-    the drawings keep a light background in dark mode.
+    whether the drawings keep a light background in dark mode.
     """
 
     name: str
@@ -185,12 +185,12 @@ def number(value: float, form: str = ".1f", origin: str = "") -> TableCell:
 
 
 def shown(value: float, form: str = ".1f") -> str:
-    """Formats a number; returns a dash if it is not finite."""
+    """Returns a number as text, or a dash if it is not finite."""
     return format(value, form) if math.isfinite(value) else NOTHING
 
 
 def span(low: float, high: float, form: str = ".1f") -> str:
-    """Formats an interval; returns an empty text if a bound is not finite."""
+    """Returns an interval as text, or an empty text if an end is not finite."""
     if not (math.isfinite(low) and math.isfinite(high)):
         return ""
     return f"[{low:{form}}, {high:{form}}]"

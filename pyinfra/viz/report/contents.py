@@ -1,7 +1,8 @@
 """The default sections of the report of a folder of results.
 
-The argument `sections` names another module with a list SECTIONS, which replaces this one. A dict
-TABLES in that module declares more tables, in the form of KINDS in experiments/result_tables.py.
+The argument `sections` names another module, whose list SECTIONS replaces the list of this module.
+A dict TABLES in that module declares more tables, in the form of KINDS in
+experiments/result_tables.py.
 """
 
 from __future__ import annotations

@@ -30,7 +30,10 @@ DETECTORS = {
 
 @dataclass(frozen=True)
 class Names:
-    """All LiDARs of a report by their names in the tables; the order sets colours and markers."""
+    """All LiDARs of a report, by their names in the tables.
+
+    Their order determines colours and markers.
+    """
 
     lidars: tuple[str, ...]
     models: dict[str, str]
@@ -60,9 +63,10 @@ class Names:
 
 
 def read_names(lidars: Iterable[str], models: Mapping[str, str]) -> Names:
-    """Returns the names with the shipped LIDARS first, so that they look the same in every report.
+    """Returns the names, first the LiDARs of this package (LIDARS).
 
-    models: models by name, if known. The other models are read from this package's LiDAR files.
+    Therefore these LiDARs have the same colours in every report. models: models by name, if known.
+    Other models are read from this package's LiDAR files.
     """
     order = tuple(dict.fromkeys([*LIDARS, *sorted(set(lidars))]))
     plain = [name for name in order if re.fullmatch(r"[\w-]+", name)]
@@ -76,7 +80,7 @@ def detector(name: str) -> str:
 
 
 def in_order(names: Iterable[str], first: Iterable[str]) -> list[str]:
-    """Returns distinct names: those of `first` in its order, then the others sorted."""
+    """Returns the distinct names: first the names in `first`, in its order, then others sorted."""
     present = set(names)
     known = [name for name in first if name in present]
     return known + sorted(present - set(known))

@@ -30,7 +30,7 @@ class Page:
 
 
 def write_page(page: Page, file: Path) -> Path:
-    """Writes the page, and before it the tables, into the folder NAME_data beside the page."""
+    """Writes the tables into the folder NAME_data beside the page, then the page."""
     folder = file.with_name(f"{file.stem}_data")
     folder.mkdir(parents=True, exist_ok=True)
     for source in [*page.tables, *sources(page.sections)]:
@@ -72,7 +72,7 @@ def anchors(sections: Iterable[Section]) -> dict[str, str]:
 
 
 def sources(sections: Sequence[Section]) -> Iterator[TableFile]:
-    """Yields each table that the sections name once."""
+    """Yields each table that the sections name, without duplicates."""
     seen = set()
     for block in (block for section in sections for block in section.blocks):
         source = getattr(block, "source", None)

@@ -55,7 +55,7 @@ class Material:
         return in_order(self.results.table("experiments").preset, PRESETS)
 
     def of_answers(self, rows: pd.DataFrame) -> pd.DataFrame:
-        """Returns the rows of each scene under one preset, that of `preset_of_answers`.
+        """Returns the rows of each scene under one preset, the result of `preset_of_answers`.
 
         rows: a table with the columns scene, preset, lidar and detector.
         """
@@ -92,10 +92,10 @@ def read_material(
 
 
 def read_run(folder: Path, data: Iterable[DataSet]) -> Run:
-    """Reads scene, LiDAR, preset and detector of a run from its run.yaml, else from its name.
+    """Reads scene, LiDAR, preset and detector of a run.
 
-    The expected name is SCENE_LIDAR_PRESET_DETECTOR_... Raises FileNotFoundError if there are no
-    predictions, and Error if neither source has the values.
+    They are read from run.yaml, else from the folder's name SCENE_LIDAR_PRESET_DETECTOR_... Raises
+    FileNotFoundError if there are no predictions, and Error if neither source has the values.
     """
     if not (folder / "predictions").is_dir():
         raise FileNotFoundError(2, "expected a folder predictions, got none", str(folder))

@@ -1,7 +1,7 @@
 """Colours, lines and markers: a LiDAR looks the same in every figure of the report.
 
-Figures are drawn in light colours. The page names each colour, so that dark mode can replace it.
-Lines and markers differ too, for black and white and for colour-blind readers.
+Figures are drawn in the colours of light mode. In the page each colour is a variable, so that dark
+mode can replace it. Lines and markers differ too, for black and white and for colour-blind readers.
 """
 
 from __future__ import annotations
@@ -101,7 +101,10 @@ def drawing() -> Iterator[None]:
 def panel(
     width: float = 3.7, height: float = 2.6, left: float = 0.5, bottom: float = 0.43
 ) -> tuple[Figure, Axes]:
-    """A small figure with one set of axes; inches, left and bottom being room for its labels."""
+    """Returns a small figure with one set of axes.
+
+    width, height: size in inches. left, bottom: space for the labels of the axes in inches.
+    """
     figure = Figure(figsize=(width, height))
     edges = {"left": left / width, "bottom": bottom / height}
     return figure, figure.subplots(

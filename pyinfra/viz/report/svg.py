@@ -59,7 +59,10 @@ def identifier(*words: object) -> str:
 
 
 def line_swatch(colour: str, line: Any, marker: str) -> str:
-    """Returns a line and its marker as a legend swatch; it has no ids, so it may be repeated."""
+    """Returns a line and its marker as a legend swatch.
+
+    The markup has no ids, so it may be repeated in a page.
+    """
     shape = MarkerStyle(marker or "none")
     path = shape.get_path().transformed(shape.get_transform() + Affine2D().scale(6, -6))
     drawn = "".join(
@@ -90,7 +93,7 @@ def _swatch(width: int, drawn: str) -> str:
 
 
 def _paint(colour: str) -> str:
-    """Returns the page's variable for a colour, or the colour itself if it has none."""
+    """Returns the page's variable for a colour, or the colour itself if there is no variable."""
     return f"var(--{NAMES[colour.lower()]})" if colour.lower() in NAMES else colour
 
 

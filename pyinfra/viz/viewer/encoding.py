@@ -1,9 +1,9 @@
 """Packs the points of a frame into a short text that viewer/src/decode.js reads.
 
-Coordinates are 16-bit counts of a step above the minimum of the frame. Points are sorted so that
+A coordinate is a 16-bit number of steps above the minimum of the frame. Points are sorted so that
 neighbouring cells follow each other. Each coordinate is stored as the difference to the previous
-point, all low bytes first, then all high bytes. The result is deflated. A point takes 2 to 3 bytes
-instead of 7 to 10 (docs/decisions/0006).
+point, with all low bytes first, then all high bytes. The bytes are compressed with DEFLATE. A point
+needs 2 to 3 bytes instead of 7 to 10 (docs/decisions/0006).
 """
 
 from __future__ import annotations
@@ -19,17 +19,18 @@ from pyinfra.core.arrays import Floats, IntArray
 from pyinfra.core.errors import Error
 from pyinfra.viz.viewer.frames import ViewFrame
 
-STEP_M = 0.01  # coordinate step, larger if a frame is wider than 65,535 steps
+STEP_M = 0.01  # coordinate step; it is larger if a frame is wider than 65,535 steps
 CELL_M = 2.0
 _LARGEST = 2**16 - 1
-_LEVEL = 6  # level 9 takes four times as long for 2 % less
+_LEVEL = 6  # compression level; level 9 takes four times as long and saves 2 %
 
 
 def pack_points(view: ViewFrame, most_points: int | None = None) -> dict[str, Any]:
     """Returns the page's JSON data for the points of a frame.
 
-    most_points: a frame with more points is thinned at random, repeatably, to this number. In the
-    result `of` is the original number. Raises Error for a frame with more than 65,535 objects.
+    most_points: largest number of points. If a frame has more, a random sample is returned, which
+    is the same in each run. The key `of` of the result is the original number. Raises Error for a
+    frame with more than 65,535 objects.
     """
     keep = _kept(len(view.points), most_points)
     points = view.points[keep].astype(np.float64)
@@ -56,7 +57,7 @@ def pack_points(view: ViewFrame, most_points: int | None = None) -> dict[str, An
 
 
 def _kept(count: int, most: int | None) -> IntArray:
-    """Returns the indices of the kept points, ascending."""
+    """Returns the indices of at most `most` of `count` points, ascending."""
     if most is None or count <= most:
         return np.arange(count)
     return np.sort(np.random.default_rng(0).choice(count, most, replace=False))

@@ -41,7 +41,7 @@ class ViewFrame:
     hits: IntArray | None  # (k,) returns from each object; None if only labels are known
     time_s: Float32Array | None = None  # (n,) since the start of the frame
     object_id: Int32Array | None = None  # (n,) -1 for background
-    predictions: Labels | None = None  # of this frame, world frame; None without a prediction file
+    predictions: Labels | None = None  # predicted boxes, world frame; None if there is no file
 
 
 def read_view_frames(
@@ -49,8 +49,8 @@ def read_view_frames(
 ) -> list[ViewFrame]:
     """Reads frames of a folder in the KITTI layout.
 
-    Without a lidar.yaml the sensor stands at the origin. predictions: folder of NNNNNN.txt or
-    NNNNNN.csv. Point times and object ids are known only if the frame has a `fields` file. Raises
+    If there is no lidar.yaml, the sensor is at the origin. Point times and object ids are known
+    only if the frame has a `fields` file. predictions: folder of NNNNNN.txt or NNNNNN.csv. Raises
     OSError and FormatError.
     """
     has_lidar = (lidar_folder / "lidar.yaml").is_file()
@@ -105,7 +105,7 @@ def _fields(lidar_folder: Path, frame: int, points: int) -> Records | None:
 def _predictions(
     lidar_folder: Path, frames: Sequence[int], folder: Path | None, pose: WorldPose
 ) -> list[Labels | None]:
-    """Reads the predictions of each frame; None for a frame without a file."""
+    """Returns the predictions of each frame, None for a frame without a file."""
     if folder is None:
         return [None] * len(frames)
     known = kitti.frames(lidar_folder)

@@ -1,6 +1,6 @@
 """Makes the interactive view as HTML: a fragment per view, and the library once per page.
 
-Nothing is fetched from the network: library, style and data are in the page. The data is a JSON
+Library, style and data are in the page, so nothing is loaded from the network. The data is a JSON
 script element in which every `<` is escaped. Names are shown as text and never as markup.
 """
 
@@ -30,10 +30,10 @@ Views = Mapping[str, Sequence[ViewFrame]]
 DRAWN = " Lines on the ground are the road, as far as it is evaluated; brown boxes are buildings."
 LARGEST_MB = 40.0  # maximum size of a page
 STANDING = ("buildings", "further_mounts")
-LINE_STEP = 5  # every fifth point along a road is kept
-MIN_SCORE = 0.3  # minimum score of the predictions shown at first
-_GROUND_PERCENTILE = 20  # of point heights: a roadside sensor sees mostly ground
-# The policy blocks every request of the page, whatever a name in the data contains.
+LINE_STEP = 5  # every fifth point along a road is drawn
+MIN_SCORE = 0.3  # minimum score of the predictions that are shown initially
+_GROUND_PERCENTILE = 20  # percentile of point heights; most points of a roadside sensor are ground
+# This policy blocks every request of the page, even if a name in the data contains markup.
 _POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'"
 
 _PAGE = """<!DOCTYPE html>
@@ -68,7 +68,7 @@ h1 {{ margin: 0; font-size: 1.125rem; line-height: 1.3; overflow-wrap: anywhere;
 
 
 def library() -> str:
-    """Returns the style and the script; a page needs them once, after its fragments."""
+    """Returns the style and the script. A page needs both once, after its fragments."""
     folder = files("pyinfra.viz.viewer")
     style = (folder / "viewer.css").read_text(encoding="utf-8")
     script = (folder / "viewer.min.js").read_text(encoding="utf-8")
@@ -84,10 +84,10 @@ def fragment(
 ) -> str:
     """Returns an interactive view of the frames of some LiDARs in the same world frame.
 
-    views: frames by display name, the same frame numbers for each. element_id: id of the figure,
-    made of letters, digits, - and _. most_points: frames with more points are thinned to this
-    number, and the page says so. around: roads and buildings to draw. Raises Error if there is no
-    frame, or if the LiDARs have different frames.
+    views: frames by display name, with the same frame numbers for each LiDAR. element_id: id of the
+    figure, of letters, digits, - and _. most_points: frames with more points are thinned to this
+    number, and the page has a note about it. around: roads and buildings to draw. Raises Error if
+    there is no frame, or if the LiDARs have different frames.
     """
     if not re.fullmatch(r"[A-Za-z][\w-]*", element_id, re.ASCII):
         raise Error(f"element_id: expected a letter, then letters, - or _, got '{element_id}'")
@@ -225,7 +225,11 @@ def _short(values: FloatArray, digits: int = 4) -> list[float]:
 
 
 def _ground(views: Sequence[ViewFrame]) -> float:
-    """Returns the ground height: median box bottom, else a low percentile of the points, else 0."""
+    """Returns the height of the ground.
+
+    It is the median of the box bottoms. If there are no boxes, it is a low percentile of the
+    points. If there are no points either, it is 0.
+    """
     boxes = np.concatenate([view.boxes for view in views])
     if len(boxes):
         return float(np.median(boxes[:, 2] - boxes[:, 5] / 2))
@@ -234,7 +238,7 @@ def _ground(views: Sequence[ViewFrame]) -> float:
 
 
 def _note(lidars: Sequence[Mapping[str, Any]]) -> str:
-    """Returns the usage note, and what the picture leaves out."""
+    """Returns a note on how to use the view and on what it leaves out."""
     packed = [frame["points"] for lidar in lidars for frame in lidar["frames"]]
     step = max((p["step_m"] for p in packed), default=STEP_M)
     note = (

@@ -1,4 +1,7 @@
-"""Writes frames as a recording for Rerun (https://rerun.io), an optional viewer: extra `rerun`."""
+"""Writes frames as a recording for Rerun (https://rerun.io), an optional viewer.
+
+The viewer is installed with the extra `rerun`.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +61,10 @@ def open_viewer(recording: Path) -> None:
 
 
 def _log(recording: Any, path: list[str], view: ViewFrame) -> None:
-    """Logs every part, even an empty one; otherwise Rerun shows the previous frame's part."""
+    """Logs points, vehicles and predictions of a frame, even if they are empty.
+
+    For a part that is not logged, Rerun would show the part of the previous frame.
+    """
     grey = np.rint(255 * np.clip(view.intensity, 0, 1)).astype(np.uint8)
     colours = np.stack([grey // 2 + 64, grey // 2 + 96, 255 - grey // 2], axis=1)
     points = rerun.Points3D(view.points, colors=colours, radii=POINT_RADIUS)

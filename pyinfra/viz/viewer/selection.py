@@ -14,7 +14,9 @@ from pyinfra.viz.viewer.frames import ViewFrame, read_view_frames
 def read_views(
     folders: Sequence[Path], frames: Sequence[int], predictions: Mapping[Path, Path]
 ) -> dict[str, list[ViewFrame]]:
-    """Reads frames of LiDAR folders by display name: the model, with the data set if ambiguous.
+    """Reads frames of LiDAR folders, and returns them by display name.
+
+    The display name is the model. If it is ambiguous, the data set is appended.
 
     predictions: folders of predictions by LiDAR folder. Raises the exceptions of
     read_view_frames().
@@ -27,7 +29,7 @@ def read_views(
 
 
 def chosen_folders(data: Sequence[Path], lidars: Sequence[str] | None) -> list[Path]:
-    """Returns the LiDAR folders of `data`, limited to the names in `lidars` unless it is None.
+    """Returns the LiDAR folders of `data` whose LiDARs are in `lidars`, or all if it is None.
 
     data: data sets or LiDAR folders. Raises FileNotFoundError for a folder that is neither, and
     Error for an unknown LiDAR.
@@ -47,8 +49,8 @@ def chosen_folders(data: Sequence[Path], lidars: Sequence[str] | None) -> list[P
 def chosen_frames(folder: Path, words: str | None, predictions: Path | None = None) -> list[int]:
     """Returns the frames of a folder that `words` selects: A, A:B or A:B:STEP.
 
-    If `words` is None, the first frame is returned; with `predictions`, the first frame that has
-    some. Raises Error if `words` has another form, or selects no frame of the folder.
+    If `words` is None, the result is the first frame, or the first frame with a file in
+    `predictions`. Raises Error if `words` has another form, or selects no frame of the folder.
     """
     present = kitti.frames(folder)
     if words is None:
@@ -66,7 +68,9 @@ def chosen_frames(folder: Path, words: str | None, predictions: Path | None = No
 
 
 def prediction_folders(words: Sequence[str], folders: Sequence[Path]) -> dict[Path, Path]:
-    """Returns folders of predictions by LiDAR folder, from LIDAR=DIR, or DIR if there is one LiDAR.
+    """Returns folders of predictions by LiDAR folder.
+
+    words: LIDAR=DIR for each LiDAR, or DIR if there is only one LiDAR.
 
     Raises Error for an unknown LiDAR, for DIR with several LiDARs, and for two folders of one
     LiDAR.
@@ -92,7 +96,7 @@ def title_of(folders: Sequence[Path], frames: Sequence[int]) -> str:
 
 
 def _names(folders: Sequence[Path]) -> list[str]:
-    """Returns the LiDARs' models; identical models get data set and folder appended."""
+    """Returns the LiDARs' models. If a model is not unique, data set and folder are appended."""
     models = [
         kitti.read_lidar(folder).model if (folder / "lidar.yaml").is_file() else folder.name
         for folder in folders

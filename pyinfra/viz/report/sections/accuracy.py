@@ -46,7 +46,7 @@ def section(material: Material) -> Section | None:
 
 
 def grids(material: Material, done: pd.DataFrame, note: Note = no_note) -> list[Table]:
-    """Returns a table for each scene and preset; note: makes the text below the AP of a row."""
+    """Returns a table for each scene and preset. note: returns the text below the AP of a row."""
     return [
         _grid(material, rows, note)
         for preset in in_order(done.preset, PRESETS)

@@ -1,4 +1,4 @@
-"""The first section: which LiDAR and detector for which purpose."""
+"""The first section: the best LiDAR and detector for each purpose."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ NOT_SIGNIFICANT = (
     "The version that wrote this table kept no bootstrap replicates, so it is not known whether "
     "the best option differs significantly from the next. Run pyinfra benchmark again to know."
 )
-CLOSE_AP = 5.0  # a faster or cheaper choice may have an AP up to this much below the best
+CLOSE_AP = 5.0  # a faster or cheaper choice may have an AP up to this much below the best AP
 
 Choice = Callable[[Material, pd.DataFrame], CardLine | None]
 
 
 def section(material: Material) -> Section | None:
-    """Returns recommendations for the user's sites, and the best per purpose for shipped scenes.
+    """Returns recommendations for the user's sites, and the best choices for this package's scenes.
 
-    With requirements, such as a budget, shipped scenes get recommendations too.
+    If the user gives requirements, such as a budget, this package's scenes get recommendations too.
     """
     done = material.results.done()
     if done.empty:
@@ -161,10 +161,10 @@ def _untrained(material: Material, rows: pd.DataFrame) -> CardLine | None:
 
 
 def _to_compare(rows: pd.DataFrame) -> tuple[pd.DataFrame, str]:
-    """Returns the rows with the AP by which `recommend` compares them, and what it counts.
+    """Returns the rows with the AP by which `recommend` compares them, and a text on its vehicles.
 
-    The columns are compared, compared_low and compared_high. A scene without AP of the whole road
-    is compared by the vehicles that each LiDAR captured.
+    The AP is in the columns compared, compared_low and compared_high. If a scene has no AP of the
+    whole road, the AP of the vehicles that each LiDAR captured is used.
     """
     known = bool(rows.ap_whole_r1000.notna().any())
     name = "ap_whole" if known else "ap"
@@ -187,7 +187,7 @@ def _line(material: Material, row: pd.Series, reason: str) -> CardLine:
 
 
 def _rest(material: Material, rows: pd.DataFrame, best: pd.Series, truth: str) -> str:
-    """Names the rows whose AP (R1000) does not differ significantly from the best (paired test)."""
+    """Returns a text with the rows whose AP (R1000) does not differ significantly from the best."""
     others = rows[rows.index != best.name].sort_values(f"{AP_OF[truth]}_r1000", ascending=False)
     replicates = ExperimentReplicates(material.results.table("replicates"))
     if others.empty:

@@ -1,4 +1,4 @@
-"""The section on high-quality detection areas: how many, and where on the road."""
+"""The section on high-quality detection areas: their number and their positions on the road."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ def _plan(material: Material, data: DataSet, rows: pd.DataFrame) -> Panel:
 
 
 def _hatch(hatch: str | None) -> str:
-    """Returns the hatch, or none if it has dots: an SVG draws each dot as a circle of its own."""
+    """Returns the hatch, or none if it has dots, because each dot is a circle in an SVG."""
     return "" if hatch is None or "." in hatch else hatch
 
 

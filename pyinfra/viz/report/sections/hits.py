@@ -18,7 +18,7 @@ LEAD = "How many points a frame has, on average over all frames."
 
 
 def section(material: Material) -> Section | None:
-    """Returns a table of the mean hits of a frame under each preset."""
+    """Returns a table of the mean number of points per frame under each preset."""
     rows, remark = measured(material)
     if rows.empty:
         return None
@@ -49,7 +49,10 @@ def by_lidar(material: Material, rows: pd.DataFrame) -> list[tuple[tuple[str, st
 
 
 def measured(material: Material) -> tuple[pd.DataFrame, str]:
-    """Returns scene, lidar, preset, frames, hits_per_frame, origin; and a source remark."""
+    """Returns a table of points per frame, and a remark on its source.
+
+    Columns: scene, lidar, preset, frames, hits_per_frame, origin.
+    """
     table = material.results.table("hits")
     if len(table) > 0:
         return table[[*KEY, "preset", "frames", "hits_per_frame", "origin"]], ""

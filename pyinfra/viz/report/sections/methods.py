@@ -52,7 +52,7 @@ def _detectors(names: list[str]) -> Table:
 
 
 def _provenance(material: Material) -> Table:
-    """Lists rows, versions, seeds, machines and commands of each table of results."""
+    """Returns a table with rows, versions, seeds, machines and commands of each result table."""
     rows = []
     for name, table in material.results.tables.items():
         if len(table) > 0:

@@ -38,7 +38,7 @@ WIDE_DPI = 110
 
 
 def section(material: Material) -> Section | None:
-    """Draws patterns, plans, clouds, points per vehicle, one vehicle, boxes and speeds."""
+    """Returns pictures of scan patterns, plans, clouds, vehicles, predicted boxes and speeds."""
     if not material.data:
         return None
     exact = [d for d in material.data if d.aggregation == "exact"] or list(material.data)
@@ -154,7 +154,7 @@ def _cutouts(material: Material, data: DataSet) -> Block:
 
 
 def _aggregations(material: Material) -> list[Block]:
-    """Draws the same vehicles under each aggregation, if such data sets are given."""
+    """Draws the same vehicles under each aggregation, if data sets of several are given."""
     groups: dict[tuple[str, str, int], list[DataSet]] = {}
     for data in material.data:
         groups.setdefault((data.scene, data.preset, data.seed), []).append(data)
@@ -191,7 +191,7 @@ def _boxes(material: Material) -> list[Block]:
 
 
 def _pair(runs: list[Run], lidar: str) -> list[Run]:
-    """Returns at most two runs of a LiDAR, those of FIRST_RUNS first."""
+    """Returns at most two runs of a LiDAR. Runs of FIRST_RUNS come first."""
     of_lidar = [run for run in runs if run.lidar == lidar]
     return sorted(of_lidar, key=lambda r: (r.detector not in FIRST_RUNS, r.detector))[:2]
 

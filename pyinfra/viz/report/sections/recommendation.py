@@ -1,4 +1,4 @@
-"""The answer of `pyinfra recommend` for a user's own scenes."""
+"""The answer of `pyinfra recommend` for the scenes of a user."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def can_answer(material: Material) -> bool:
 
 
 def answer_for(material: Material, scene: str) -> tuple[str, list[Block]]:
-    """Returns the answer in a sentence, then the options and remarks on them."""
+    """Returns the answer in a sentence, and blocks with the options and remarks on them."""
     options = options_of(material.results, scene, "", material.requirements)
     answer = recommend(options, material.requirements)
     lead = _lead(material, answer, options[0])

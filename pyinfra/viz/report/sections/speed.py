@@ -28,7 +28,7 @@ COSTS = {
 
 
 def section(material: Material) -> Section | None:
-    """Draws AP against latency and training time, with the Pareto front of each."""
+    """Returns figures of AP against latency and training time, with their Pareto fronts."""
     experiments = material.results.done()
     presets = in_order(experiments.preset, PRESETS)
     made = [_figure(material, experiments, preset, cost) for cost in COSTS for preset in presets]
@@ -47,15 +47,15 @@ def section(material: Material) -> Section | None:
 
 
 def timing_load(experiments: pd.DataFrame) -> str:
-    """Describes the load under which the latencies were measured."""
+    """Returns a text on the load under which the latencies were measured."""
     return load_text(experiments.latency_other_cores[experiments.latency_p50_ms.notna()].tolist())
 
 
 def pareto(rows: pd.DataFrame, cost: str) -> pd.Series:
     """Returns which rows are on the Pareto front of AP (R1000) and `cost`.
 
-    A row is off the front if another row has at most its cost and at least its AP, and is better in
-    one of the two. A row without a cost is on no front.
+    A row is not on the front if another row has no higher cost and no lower AP, and is better in
+    one of the two. A row without a cost is not on the front.
     """
     price, ap = rows[cost].to_numpy(np.float64), rows.ap_r1000.to_numpy(np.float64)
     cheaper = (price[None] <= price[:, None]) & (ap[None] >= ap[:, None])
@@ -64,7 +64,7 @@ def pareto(rows: pd.DataFrame, cost: str) -> pd.Series:
 
 
 def _fronts(rows: pd.DataFrame) -> pd.DataFrame:
-    """Returns the rows on the front of their scene, by latency."""
+    """Returns the rows on the Pareto front of their scene, ordered by latency."""
     parts = [
         group[pareto(group, "latency_p50_ms")] for _, group in rows.groupby("scene", sort=False)
     ]
@@ -89,7 +89,7 @@ def _figure(material: Material, experiments: pd.DataFrame, preset: str, cost: st
 
 
 def _marker(name: str) -> str:
-    """Returns a detector's marker; here markers stand for detectors and colours for LiDARs."""
+    """Returns a detector's marker. In this section colours distinguish the LiDARs."""
     names = list(DETECTORS)
     return MARKERS[names.index(name)] if name in names else "*"
 

@@ -34,7 +34,7 @@ CURVE = ["detector", "lidar", "preset", "scene"]
 
 
 def section(material: Material) -> Section | None:
-    """Returns a panel per stressor with a line per detector and LiDAR, and the stress tables."""
+    """Returns a panel per stressor, with a line per detector and LiDAR, and the stress tables."""
     table = first_stress(material.results.table("stress"))
     blocks: list[Block] = []
     for scene in in_order(table.scene, SCENES):
@@ -95,9 +95,10 @@ def _style(name: str) -> tuple[Any, str]:
 
 
 def curve(table: pd.DataFrame, stressor: str) -> pd.DataFrame:
-    """Returns the rows of a stressor and their unstressed baseline, with an x position `at`.
+    """Returns the rows of a stressor and the row without stress, with an x position `at`.
 
-    The position is the severity. If severities are names, they get 1, 2, ... and the baseline 0.
+    The position is the severity. If severities are names, their positions are 1, 2, ..., and the
+    position without stress is 0.
     """
     stressed, base = table[table.stressor == stressor], table[table.stressor == NONE.name]
     base = base[base[CURVE].apply(tuple, axis=1).isin(stressed[CURVE].apply(tuple, axis=1))]
@@ -115,7 +116,7 @@ def curve(table: pd.DataFrame, stressor: str) -> pd.DataFrame:
 
 
 def _start(base: pd.DataFrame, stressed: pd.DataFrame) -> Any:
-    """Returns the severity of the baseline: all training frames, 1 for a factor, else 0."""
+    """Returns the severity without stress: all training frames, 1 for a factor, else 0."""
     if stressed.stressor.iloc[0] == "training_frames" and "trained_frames" in base:
         return pd.to_numeric(base["trained_frames"], errors="coerce")
     return 1.0 if stressed.unit.iloc[0] == "times" else 0.0
@@ -147,7 +148,7 @@ def _line(names: Names, ax: Any, rows: pd.DataFrame, lidar: str, by: str, *, nam
     colour = names.look(lidar).colour
     line, marker = _style(by)
     style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 3.2, "linewidth": 1.1}
-    if named:  # names have no order, so markers without a line
+    if named:  # names have no order, so the markers are not joined by a line
         reach = [
             (rows.ap_r1000 - rows.ap_r1000_low).clip(lower=0),
             (rows.ap_r1000_high - rows.ap_r1000).clip(lower=0),

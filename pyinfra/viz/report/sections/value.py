@@ -84,7 +84,7 @@ def _on_front(value: pd.DataFrame) -> pd.Series:
 
 
 def _fronts(material: Material, value: pd.DataFrame) -> list[Figure]:
-    """Returns a figure per preset; presets that the text uses come first and open."""
+    """Returns a figure per preset. Presets that the text uses come first and are open."""
     of_text = set(material.of_answers(value).preset)
     presets = in_order(value.preset, PRESETS)
     presets.sort(key=lambda preset: preset not in of_text)
@@ -153,14 +153,14 @@ def _row(material: Material, row: pd.Series) -> list[TableCell]:
 
 
 def spelled(material: Material, text: str) -> str:
-    """Replaces the names of LiDARs and detectors in a text by those of the page."""
+    """Replaces the names of LiDARs and detectors in a text by their display names."""
     for name, shown in DETECTORS.items():
         text = re.sub(rf"(?<![\w-]){re.escape(name)}(?![\w-])", shown, text)
     return material.names.spelled(text)
 
 
 def _prices(material: Material, prices: pd.DataFrame) -> Table:
-    """Returns a table of the LiDARs with the values of their files."""
+    """Returns a table of the LiDARs with prices and specifications from their files."""
     known = ("lidar", "model", "units", "origin")
     more = [c for c in prices if c not in known and not c.startswith("price_")]
     numbers = prices[more].apply(pd.to_numeric, errors="coerce")

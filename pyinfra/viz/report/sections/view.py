@@ -13,7 +13,7 @@ from pyinfra.viz.report.sections.pictures import frame_of, is_of
 from pyinfra.viz.report.svg import identifier
 from pyinfra.viz.viewer import frames, page
 
-MOST_POINTS = 60_000  # per frame
+MOST_POINTS = 60_000  # largest number of points per frame
 FIRST_RUNS = ("pointpillars", "pv-rcnn", "centerpoint-pillar")
 
 
