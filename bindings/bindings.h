@@ -4,7 +4,7 @@
 
 namespace infrasim {
 
-// Each binds one area; see the stub pyinfra/_core.pyi for what Python sees.
+// Each function binds one area. The stub pyinfra/_core.pyi describes the result in Python.
 void bind_filters(pybind11::module_& m);
 void bind_frames(pybind11::module_& m);
 void bind_pointops(pybind11::module_& m);

@@ -19,10 +19,10 @@ namespace py = pybind11;
 
 namespace {
 
-// rows are int32, and 12 bytes per point are copied
+// limit of points, because rows are int32 and 12 bytes per point are copied
 constexpr py::ssize_t kMostPoints = py::ssize_t{1} << 28;
 
-/// Row-major x y z of a float32 array with 3 or more columns.
+/// Returns the row-major x y z of a float32 array with 3 or more columns.
 /// @throws ConfigError for another shape or type
 std::vector<float> xyz_of(const py::array& points) {
   if (!py::isinstance<py::array_t<float>>(points) || points.ndim() != 2 || points.shape(1) < 3) {
@@ -76,7 +76,7 @@ auto argument(const Filter& standard, const Parameter& parameter) {
     return py::arg(parameter.name);
 }
 
-/// crop_box -> CropBox
+/// Converts the name of a filter to the name of a class, such as crop_box to CropBox.
 std::string class_name(std::string_view key) {
   std::string name;
   for (bool upper = true; const char c : key) {

@@ -12,7 +12,7 @@ namespace py = pybind11;
 
 namespace {
 
-/// ObjectRecord without nesting, as a NumPy record.
+/// A flat copy of an ObjectRecord, which is a NumPy record in Python.
 struct ObjectRow {
   std::int32_t id;
   std::uint16_t class_id;
@@ -43,7 +43,7 @@ py::array object_rows(const Frame& frame) {
   return rows;
 }
 
-/// A read-only view of a column; it keeps the frame alive.
+/// Returns a read-only view of a column. The view keeps the frame alive.
 template <class T>
 py::array_t<T> view(const std::vector<T>& column, std::vector<py::ssize_t> shape,
                     const py::object& owner) {

@@ -20,7 +20,7 @@ namespace {
 template <typename T>
 using Array = py::array_t<T, py::array::c_style>;
 
-/// Row-major values of an array with shape (n) or (n, columns).
+/// Returns the row-major values of an array with shape (n) or (n, columns).
 template <typename T>
 std::span<const T> values_of(const Array<T>& array, const char* name, py::ssize_t columns = 0) {
   const bool fits =
@@ -34,7 +34,7 @@ std::span<const T> values_of(const Array<T>& array, const char* name, py::ssize_
   return {array.data(), static_cast<std::size_t>(array.size())};
 }
 
-/// An array that owns the values, without a copy.
+/// Returns an array that owns the values, without copying them.
 template <typename T>
 Array<T> moved(std::vector<T>&& values, std::vector<py::ssize_t> shape) {
   auto* owned = new std::vector<T>(std::move(values));

@@ -17,6 +17,7 @@ namespace py = pybind11;
 
 namespace {
 
+/// Checks a range of frames.
 /// @throws ConfigError if the numbers are not a range of frames
 void check_frames(int first_frame, int last_frame, int step) {
   if (first_frame < 0 || last_frame <= first_frame || step < 1)
@@ -52,7 +53,7 @@ std::pair<py::array_t<float>, py::array_t<std::uint32_t>> mesh_arrays(const Worl
                                  mesh.triangles.data()->data())};
 }
 
-/// One object of the scene as a NumPy record.
+/// One object of the scene, which is a NumPy record in Python.
 struct SceneObject {
   std::int32_t id;
   std::uint16_t class_id;

@@ -12,7 +12,8 @@ namespace pointops {
 
 namespace {
 
-/// Rows of points by square cells seen from above; at most about four cells per point.
+/// The rows of points in each square cell of a horizontal grid. The grid has at most about four
+/// cells per point.
 class Cells {
  public:
   Cells(std::span<const float> points, float at_least) {
@@ -26,7 +27,7 @@ class Cells {
     }
     const double width = double{high_x} - low_x_, height = double{high_y} - low_y_;
     const auto cells = static_cast<double>(4 * n + 16);
-    // Slightly more than the radius, so that rounding never misses a point.
+    // A cell is slightly larger than the radius, so that rounding never misses a point.
     size_ = std::max(
         {1.001 * at_least, std::sqrt(width * height / cells), width / cells, height / cells});
     columns_ = static_cast<std::int64_t>(width / size_) + 1;
@@ -60,7 +61,7 @@ class Cells {
  private:
   std::int64_t column(float x) const { return cell_of(double{x} - low_x_); }
   std::int64_t line(float y) const { return cell_of(double{y} - low_y_); }
-  // Clamps far positions, which all have no points, so that the result fits into int64.
+  // Far positions have no points. They are clamped, so that the result fits into int64.
   std::int64_t cell_of(double along) const {
     return static_cast<std::int64_t>(std::floor(std::clamp(along / size_, -9.0, 1e15)));
   }
@@ -69,7 +70,7 @@ class Cells {
   float low_y_ = std::numeric_limits<float>::infinity();
   double size_ = 1;
   std::int64_t columns_ = 0, lines_ = 0;
-  /// start of each cell, line by line, and the end of the last one
+  /// start of each cell, line by line, and the end of the last cell
   std::vector<std::size_t> starts_;
   std::vector<std::int64_t> rows_;  ///< increasing within a cell
 };

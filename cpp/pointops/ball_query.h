@@ -6,14 +6,15 @@
 
 namespace pointops {
 
-/// Points within balls.
+/// The points within balls.
 struct Balls {
   std::vector<std::int64_t> rows;   ///< `limit` rows per ball; 0 for an empty ball
   std::vector<std::uint8_t> empty;  ///< one per ball, 1 if no point is inside
 };
 
-/// The first `limit` points, by row, closer than the radius to each centre. If a ball has fewer
-/// points, the remaining entries repeat its first point.
+/// Returns, for each centre, the first `limit` points that are closer than the radius. The points
+/// are in the order of their rows. If a ball has fewer points, the remaining entries repeat its
+/// first point.
 /// @param points, centres  3 * n and 3 * m, row-major, metres
 /// @throws std::invalid_argument if the radius or the limit is not positive, a point is not finite,
 ///   or the result is larger than kMostResults

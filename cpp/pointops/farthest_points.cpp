@@ -16,7 +16,7 @@ namespace {
 
 using Point = std::array<float, 3>;
 
-// points; small enough to skip often, large enough for fast loops
+// points per group; a small group is skipped more often, a large group has faster loops
 constexpr std::size_t kGroup = 128;
 
 /// Points in groups of neighbours, with their distance to the chosen points.
@@ -67,7 +67,7 @@ Groups grouped(std::span<const float> xyz) {
   std::iota(groups.rows.begin(), groups.rows.end(), 0);
   split(xyz, groups.rows, 0, groups);
   groups.starts.push_back(n);
-  // Sorted by row within a group, so that the first of equally far points has the lowest row.
+  // Rows are sorted within a group, so that the first of equally far points has the lowest row.
   for (std::size_t g = 0; g + 1 < groups.starts.size(); ++g)
     std::sort(groups.rows.begin() + static_cast<std::ptrdiff_t>(groups.starts[g]),
               groups.rows.begin() + static_cast<std::ptrdiff_t>(groups.starts[g + 1]));
@@ -79,8 +79,9 @@ Groups grouped(std::span<const float> xyz) {
   return groups;
 }
 
-/// Squared distance to the group's bounds. The order of operations is that of the distance to a
-/// point, so rounding never makes it larger than the distance to a point inside.
+/// Returns the squared distance to the bounds of a group. The operations have the same order as for
+/// the distance to a point. Rounding therefore never makes the result larger than the distance to a
+/// point inside the bounds.
 float apart_from_group(const Groups& groups, std::size_t g, const Point& chosen) {
   Point gap;
   for (std::size_t axis = 0; axis < 3; ++axis)
@@ -104,8 +105,8 @@ void choose(Groups& groups, std::size_t g, const Point& chosen) {
   groups.farthest[g] = farthest;
 }
 
-/// Position in `groups` of the farthest point, or of the one with the lowest row among equally far
-/// points.
+/// Returns the position in `groups` of the farthest point. Of equally far points, it is the point
+/// with the lowest row.
 std::size_t farthest_position(const Groups& groups) {
   const float most = *std::max_element(groups.farthest.begin(), groups.farthest.end());
   std::size_t best = groups.rows.size();

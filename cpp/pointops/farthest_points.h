@@ -6,10 +6,10 @@
 
 namespace pointops {
 
-/// Farthest point sampling. The first row is row 0. Each next row is the point farthest from all
-/// previous ones, the lowest row if several are equally far. When all points are taken, row 0
-/// repeats. Groups of points that a new point cannot be closer to are skipped, as in Han et al.,
-/// QuickFPS, 2023.
+/// Returns rows of points by farthest point sampling. The first row is row 0. Each next row is the
+/// point that is farthest from all previous points. Of equally far points, the lowest row is used.
+/// After all points have been returned, row 0 is repeated. As in Han et al., QuickFPS, 2023, a
+/// group of points is skipped if a new point cannot be closer to it than the previous points.
 /// @param xyz    3 * n, row-major
 /// @param count  number of rows to return
 /// @throws std::invalid_argument if there are no points, a point is not finite, or the count is

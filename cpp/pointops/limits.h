@@ -5,16 +5,16 @@
 #include <stdexcept>
 #include <string>
 
-// Limits of the operations' sizes. Products stay within 64 bits and results within memory.
-// Detectors use far smaller sizes.
+// Limits of the sizes of operations. With these limits, products fit into 64 bits and results fit
+// into memory. Detectors use far smaller sizes.
 
 namespace pointops {
 
-/// numbers of a result: 2 GiB of int64
+/// maximum number of values in a result: 2 GiB of int64
 inline constexpr std::int64_t kMostResults = std::int64_t{1} << 28;
-/// voxels of a grid: 1 GiB of bits
+/// maximum number of voxels in a grid: 1 GiB of bits
 inline constexpr std::int64_t kMostVoxels = std::int64_t{1} << 33;
-/// steps of a loop: some seconds
+/// maximum number of steps in a loop, which take some seconds
 inline constexpr std::int64_t kMostSteps = std::int64_t{1} << 30;
 
 /// @throws std::invalid_argument as "NAME: expected LOW to HIGH, got VALUE"
@@ -25,7 +25,7 @@ inline void check_between(const std::string& name, std::int64_t value, std::int6
                                 std::to_string(high) + ", got " + std::to_string(value));
 }
 
-/// The product of non-negative factors.
+/// Returns the product of non-negative factors.
 /// @throws std::invalid_argument if a factor is negative or the product is above `most`, which is
 ///   below 2^62
 inline std::int64_t checked_product(const std::string& name,

@@ -12,7 +12,7 @@ namespace pointops {
 
 namespace {
 
-/// Smaller overlaps count as nothing; in units of rounding of the larger box's squared size.
+/// Smaller overlaps count as 0. The limit is relative to the squared size of the larger box.
 constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
 
 struct Footprint {
@@ -31,7 +31,7 @@ struct Footprint {
   double area() const { return length * width; }
 };
 
-/// Mean of clip(x, -limit, limit) for x from start to end.
+/// Returns the mean of clip(x, -limit, limit) for x from start to end.
 double mean_clipped(double start, double end, double limit) {
   const double first = std::min(start, end), last = std::max(start, end);
   const double middle = (std::clamp(first, -limit, limit) + std::clamp(last, -limit, limit)) / 2;
@@ -41,8 +41,9 @@ double mean_clipped(double start, double end, double limit) {
   return middle + above * (limit - middle) - below * (limit + middle);
 }
 
-/// Area shared by both boxes, by Green's theorem along the edges of b in the frame of a, as in
-/// pyinfra/core/boxes.py: the sum of (mean of x, clipped to a) * (change of y, clipped to a).
+/// Returns the area that both boxes share. It is computed with Green's theorem along the edges of b
+/// in the frame of a, as in pyinfra/core/boxes.py. The area is the sum of (mean of x, clipped to a)
+/// * (change of y, clipped to a).
 double overlap(const Footprint& a, const Footprint& b) {
   const double dx = b.x - a.x, dy = b.y - a.y;
   const double x0 = a.cos * dx + a.sin * dy, y0 = a.cos * dy - a.sin * dx;

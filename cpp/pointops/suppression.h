@@ -7,8 +7,8 @@
 namespace pointops {
 
 /// Greedy non-maximum suppression by the overlap of rotated footprints.
-/// @param boxes  7 * n, x y z dx dy dz heading, best first, finite
-/// @param iou    a box is removed if a kept box overlaps it by more
+/// @param boxes  7 * n, x y z dx dy dz heading, by decreasing score, finite
+/// @param iou    a box is removed if its IoU with a kept box is larger
 /// @param limit  maximum number of boxes to keep
 /// @return rows of the kept boxes, increasing
 /// @throws std::invalid_argument if a box is not finite, iou is NaN or the limit is negative

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::int64_t kWord = 64;
 
-/// A set of numbers below a limit, with the rank of each member.
+/// A set of integers below a limit, with the rank of each member.
 class RankedSet {
  public:
   explicit RankedSet(std::int64_t limit)
@@ -23,7 +23,8 @@ class RankedSet {
 
   void insert(std::int64_t key) { words_[word(key)] |= std::uint64_t{1} << (key % kWord); }
 
-  /// Members in increasing order, at most `at_most`; rank() works after this call.
+  /// Returns at most `at_most` members in increasing order. rank() may be called after this
+  /// function.
   std::vector<std::int64_t> members(std::size_t at_most) {
     std::vector<std::int64_t> keys;
     keys.reserve(at_most);
@@ -53,7 +54,7 @@ struct Arrival {
   std::int64_t at;      ///< along the same axis of the target
 };
 
-/// For each coordinate along one axis, the target coordinates that it reaches.
+/// Lists, for each coordinate along one axis, the target coordinates that it reaches.
 class Arrivals {
  public:
   Arrivals(const Reach& reach, std::size_t axis) {
@@ -91,8 +92,10 @@ void check_increasing(std::span<const std::int64_t> keys) {
 }
 
 constexpr std::array kAxes{"z", "y", "x"};
-constexpr std::int64_t kMostArrivals = std::int64_t{1} << 24;  // along an axis, 16 bytes each
-constexpr std::int64_t kMostOffsets = std::int64_t{1} << 20;   // of a kernel
+constexpr std::int64_t kMostArrivals =
+    std::int64_t{1} << 24;  // maximum number along an axis; an arrival has 16 bytes
+constexpr std::int64_t kMostOffsets = std::int64_t{1}
+                                      << 20;  // maximum number of offsets of a kernel
 
 /// @throws std::invalid_argument for sizes along an axis that are out of bounds
 void check_axis(const Reach& reach, std::size_t axis) {
@@ -105,7 +108,7 @@ void check_axis(const Reach& reach, std::size_t axis) {
   checked_product(name("shape x kernel"), {reach.shape[axis], reach.kernel[axis]}, kMostArrivals);
 }
 
-/// Number of batches.
+/// Returns the number of batches.
 /// @throws std::invalid_argument for coordinates outside the grid, or a target that is too large
 std::int64_t check_reach(std::span<const std::int64_t> coordinates, const Reach& reach) {
   for (std::size_t axis = 0; axis < 3; ++axis) check_axis(reach, axis);
@@ -136,12 +139,12 @@ VoxelPairs shifted_pairs(std::span<const std::int64_t> keys, std::span<const std
   VoxelPairs pairs;
   for (const std::int64_t step : steps) {
     const std::size_t before = pairs.inputs.size();
-    // Both sides increase, so one pass over them finds all pairs.
+    // Both lists of keys increase, so one pass over them finds all pairs.
     std::size_t input = 0;
     for (std::size_t output = 0; output < keys.size(); ++output) {
       std::int64_t wanted = 0;
       if (__builtin_add_overflow(keys[output], step, &wanted)) {
-        if (step > 0) break;  // all following values are above every key
+        if (step > 0) break;  // all following sums are above every key
         continue;
       }
       while (input < keys.size() && keys[input] < wanted) ++input;

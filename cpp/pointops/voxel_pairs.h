@@ -14,15 +14,15 @@ struct VoxelPairs {
   std::vector<std::int64_t> counts;  ///< one per offset
 };
 
-/// Pairs of voxels whose keys differ by one of the steps.
-/// @param keys  increasing, without duplicates; outputs and inputs are its rows
-/// @return for each step the pairs with keys[input] = keys[output] + step, by increasing output
-/// @throws std::invalid_argument for other keys, or if the work exceeds kMostSteps
+/// Returns the pairs of voxels whose keys differ by one of the steps.
+/// @param keys  increasing keys without duplicates; outputs and inputs are rows of this list
+/// @return for each step, the pairs with keys[input] = keys[output] + step, by increasing output
+/// @throws std::invalid_argument if the keys do not increase, or if the work exceeds kMostSteps
 VoxelPairs shifted_pairs(std::span<const std::int64_t> keys, std::span<const std::int64_t> steps);
 
 /// Parameters of a sparse convolution from one grid to a coarser one; along z, y, x.
 struct Reach {
-  std::array<std::int64_t, 3> shape;  ///< of the input
+  std::array<std::int64_t, 3> shape;  ///< shape of the input grid
   std::array<std::int64_t, 3> kernel;
   std::array<std::int64_t, 3> stride;
   std::array<std::int64_t, 3> padding;
@@ -34,8 +34,9 @@ struct ReachedVoxels {
   std::vector<std::int64_t> keys;  ///< ((batch * Z + z) * Y + y) * X + x of each output, increasing
 };
 
-/// Every output voxel that the kernel reaches from the inputs: stride * output = input + padding -
-/// offset. Uses one bit for each voxel of the target grid up to the last batch.
+/// Returns every output voxel that the kernel reaches from the inputs, and the pairs of inputs and
+/// outputs: stride * output = input + padding - offset. The function uses one bit of memory for
+/// each voxel of the target grid up to the last batch.
 /// @param coordinates  4 * n, batch z y x, within the shape
 /// @throws std::invalid_argument for other coordinates, a negative size, a stride below 1, or sizes
 ///   above the limits in limits.h

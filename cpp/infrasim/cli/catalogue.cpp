@@ -11,8 +11,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The catalogue's folder, relative to the program: in a Python package, an installation or a
-/// source tree. Empty if there is none.
+/// Returns the folder of the catalogue; empty if there is none. It is found relative to the
+/// program, which is in a Python package, an installation or a source tree.
 fs::path catalogue() {
   std::error_code error;
   const fs::path folder = fs::read_symlink("/proc/self/exe", error).parent_path();

@@ -38,7 +38,7 @@ void take(std::span<const double>& numbers, std::vector<Vec2>& outline) {
   }
 }
 
-/// Makes a filter from numbers: they set its first parameters, in order.
+/// Makes a filter from numbers, which set its first parameters in order.
 template <class Filter>
 FilterStep filter_of(std::span<const double> numbers) {
   Filter filter;
@@ -58,8 +58,8 @@ struct FilterOption {
   FilterStep (*filter)(std::span<const double> numbers);
 };
 
-/// In the order of --help and of the steps: filters that need the ground come before those that
-/// remove it.
+/// The options in the order of --help, which is also the order of the steps. Filters that require
+/// the ground points come before filters that remove them.
 constexpr std::array kFilterOptions{
     FilterOption{"--crop-box", "xmin,ymin,zmin,xmax,ymax,zmax (m)", 6, 6, filter_of<CropBox>},
     FilterOption{"--crop-polygon", "x,y,x,y,... of an outline (m)", 6, 10000,
@@ -89,7 +89,7 @@ struct FilterOptions {
   std::string save_background;
 };
 
-/// A saved model, or one learnt from frames of the sensor.
+/// Reads a saved model, or learns a model from frames of the sensor.
 BackgroundModel background_of(const std::vector<std::string>& files) {
   if (files.size() == 1) {
     const std::string bytes = read_file(files.front());
@@ -123,7 +123,7 @@ void warn_without_plane(const FilterStep& step, std::size_t before, std::size_t 
                where.c_str());
 }
 
-/// Warns if a .bin seems to have another layout, and about information that a .bin can't hold.
+/// Warns if a .bin seems to have another layout, and about information that a .bin can't contain.
 void warn_of_bin(const FilterOptions& o, const CloudFile& cloud) {
   const auto warn = [&](const std::string& file, const std::string& text) {
     std::fprintf(stderr, "infrasim: warning: %s: %s\n", file.c_str(), text.c_str());
@@ -178,7 +178,8 @@ void add_filter_command(CLI::App& app) {
           ->delimiter(',')
           ->expected(row.numbers, row.most_numbers);
   }
-  // Each of them needs the ground points: after one, the other would take roofs for the ground.
+  // Each of the two filters requires the ground points. If one removed them, the other would remove
+  // roofs as ground.
   command->get_option("--ground-plane")->excludes(command->get_option("--ground-morphological"));
   auto* background = command->add_option("--background", o->background,
                                          "a saved model, or frames of the sensor to learn from");

@@ -41,7 +41,8 @@ struct CheckOptions {
 /// maximum relative error of the detection law at a published range
 constexpr double kMostOff = 0.2;
 
-/// The agreement of the detection law with the published ranges, one line per distinct unit.
+/// Returns the agreement of the detection law with the published ranges, one line per distinct
+/// unit.
 /// @throws ConfigError if the error of a range exceeds kMostOff
 std::set<std::string> law_errors(const std::filesystem::path& file, const LidarConfig& lidar) {
   std::set<std::string> lines;
@@ -94,13 +95,13 @@ void check_traffic(const std::filesystem::path& file, const SceneConfig& scene) 
                     others);
 }
 
-/// Builds the scene under the given preset; if none is given, under every preset of the file and
-/// without one.
+/// Builds the scene under the given preset. If no preset is given, the scene is built without a
+/// preset and under every preset of the file.
 /// @param findings remarks that are not errors, without duplicates
 SceneConfig checked_scene(const std::filesystem::path& file, const CheckOptions& o,
                           std::set<std::string>& findings) {
   std::vector<SceneConfig> driven;
-  // A site that was just imported has no traffic yet, but everything else can be checked.
+  // A newly imported site has no traffic yet, but all other keys can be checked.
   const auto lacks_trajectories = [&](const SceneConfig& scene) {
     const std::filesystem::path recorded = scene.folder / scene.trajectories;
     if (scene.traffic || std::filesystem::exists(recorded)) return false;
@@ -128,8 +129,8 @@ SceneConfig checked_scene(const std::filesystem::path& file, const CheckOptions&
   return scene;
 }
 
-/// The identity of a scene's or LiDAR's frames, or of a folder's frames by its dataset.yaml or
-/// lidar.yaml.
+/// Returns the identity of the frames of a scene or LiDAR. The file is a configuration file, or the
+/// dataset.yaml or lidar.yaml of a folder.
 std::string canonical_of(const std::filesystem::path& file, const config::Tree& tree, bool lidar,
                          const CheckOptions& o) {
   if (tree.find("T_world_levelled") != nullptr)

@@ -57,7 +57,7 @@ int parse(CLI::App& app, int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  // Frames of several megabytes are allocated and freed all the time: keep their memory pages.
+  // Frames of several megabytes are allocated and freed continually. Their memory pages are kept.
   mallopt(M_MMAP_THRESHOLD, 1 << 28);
   mallopt(M_TRIM_THRESHOLD, 1 << 28);
   infrasim::cli::hear_signals();

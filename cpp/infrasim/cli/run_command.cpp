@@ -37,7 +37,7 @@ struct RunOptions {
   int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
 };
 
-/// All assignments, including options that override a scene key of the same name.
+/// Returns all assignments, including those of options that override a scene key of the same name.
 std::vector<std::string> assignments(const RunOptions& o) {
   std::vector<std::string> all = o.assignments;
   const auto add = [&](const char* key, const std::optional<std::string>& value) {
@@ -52,7 +52,7 @@ std::vector<std::string> assignments(const RunOptions& o) {
   return all;
 }
 
-/// The path of an option; empty if it was not given. An empty argument is an error.
+/// Returns the path of an option; empty if the option is missing. An empty argument is an error.
 std::string path_of(const char* option, const std::optional<std::string>& value) {
   if (value && value->empty())
     throw ConfigError(std::string(option) + ": expected a file or folder, got an empty path");
@@ -93,8 +93,9 @@ RunRequest request_of(const RunOptions& o) {
   return request;
 }
 
-/// A progress bar on a terminal, updated at most ten times a second; nothing in a pipe. From the
-/// first frame on, a signal lets running frames finish.
+/// Returns a progress bar for a terminal, which is updated at most ten times a second. Nothing is
+/// shown if the output is not a terminal. After the first frame, a signal lets running frames
+/// finish.
 Progress progress_bar() {
   if (::isatty(STDERR_FILENO) == 0) return [](int, int) { finish_before_signals(); };
   using Clock = std::chrono::steady_clock;

@@ -9,7 +9,7 @@ namespace infrasim::cli {
 
 namespace {
 
-std::atomic<int> g_signal = 0;  // a signal handler can only use globals
+std::atomic<int> g_signal = 0;  // a signal handler can only use global variables
 std::atomic<bool> g_finish = false;
 static_assert(std::atomic<int>::is_always_lock_free);
 
@@ -35,7 +35,7 @@ void finish_before_signals() { g_finish = true; }
 
 const std::atomic<int>& noted_signal() { return g_signal; }
 
-/// Safe in a signal handler: SIGINT is 2 and SIGTERM 15.
+/// This function is safe in a signal handler. SIGINT has the number 2, and SIGTERM has 15.
 void say_stopped(int signal) {
   put(signal == SIGINT ? "stopped by signal 2" : "stopped by signal 15");
   put("; the same command resumes\n");

@@ -7,11 +7,11 @@ namespace infrasim::cli {
 /// Makes SIGINT and SIGTERM end the process at once, with a message and exit code 128 + signal.
 void hear_signals();
 
-/// Makes the first signal only set a flag, so that running work can finish. A second signal ends
-/// the process at once.
+/// After this call, the first signal only sets a flag, so that running work can finish. A second
+/// signal ends the process at once.
 void finish_before_signals();
 
-/// The signal that set the flag, else 0.
+/// Returns the signal that set the flag; 0 if there was none.
 const std::atomic<int>& noted_signal();
 
 /// Prints the message of a command that a signal stopped.

@@ -56,7 +56,7 @@ std::vector<StaticHits> recorded_units(const SceneConfig& scene, const LidarConf
 
 void static_command(const StaticOptions& o) {
   SceneConfig scene = read_scene(config_file(o.scene, {"scenes"}), o.assignments, o.preset);
-  scene.static_layers.reset();  // this command makes them
+  scene.static_layers.reset();  // this command makes the static layers
   const LidarConfig lidar = read_lidar(config_file(o.lidar, {"lidars"}), o.preset);
   const World world = build_static_world(scene);
   const std::vector<StaticHits> units =

@@ -11,13 +11,14 @@ namespace infrasim {
 
 namespace {
 
-/// The background of a cell is a quantile of its ranges, this share below the farthest. So it is
-/// found even if vehicles hide it in most frames (a queue at a red light), and stray echoes do not
-/// move it.
+/// Share of a cell's returns that are farther than its background. The background is thus a
+/// quantile of the ranges. It is found even if vehicles hide it in most frames, as in a queue at a
+/// red light, and it does not depend on stray echoes.
 constexpr double kFarShare = 0.1;
-/// A cell has a background if at least kAgreeingShare of its returns agree on it and the cell got
-/// at least kSeenShare of the returns of the cells below it. Neither holds where beams only meet
-/// passing vehicles (the sky, or ground out of range).
+/// A cell has a background under two conditions. At least kAgreeingShare of its returns agree on
+/// it, and the cell has at least kSeenShare of the returns of the cells below it. Neither condition
+/// holds in a cell whose beams only meet passing vehicles, with sky or ground out of range behind
+/// them.
 constexpr double kAgreeingShare = 0.2;
 constexpr double kSeenShare = 0.5;
 
@@ -35,7 +36,8 @@ int cell_of(const BackgroundModel& model, Vec3 p) {
   return e * model.azimuth_cells + a;
 }
 
-/// The cell some steps away; azimuth wraps around, elevation stops at the poles.
+/// Returns the cell some steps away. The azimuth wraps around, and the elevation is clamped at the
+/// poles.
 int neighbour(const BackgroundModel& model, int cell, int azimuth_step, int elevation_step) {
   const int n = model.azimuth_cells;
   const int a = (cell % n + azimuth_step + n) % n;
@@ -43,7 +45,7 @@ int neighbour(const BackgroundModel& model, int cell, int azimuth_step, int elev
   return e * n + a;
 }
 
-/// Samples of all frames, ordered by cell; those of cell c lie in [begin[c], begin[c + 1]).
+/// Samples of all frames, ordered by cell. The samples of cell c lie in [begin[c], begin[c + 1]).
 struct CellSamples {
   std::vector<std::size_t> begin;
   std::vector<Sample> samples;
@@ -75,8 +77,8 @@ CellSamples sort_by_cell(std::span<const std::vector<float>> frames, const Backg
   return cells;
 }
 
-/// Expected number of returns of a cell if all its rays had one: the mean over the seen cells up to
-/// 5 degrees below it, where the ground is.
+/// Returns the number of returns that a cell would have if all its rays had a return. It is the
+/// mean over the seen cells up to 5 degrees below the cell, where the rays hit the ground.
 double expected_count(const BackgroundModel& model, const CellSamples& cells, int cell) {
   const int rows = std::max(1, 5 * model.elevation_cells / 180);
   std::size_t seen = 0, returns = 0;
@@ -87,7 +89,7 @@ double expected_count(const BackgroundModel& model, const CellSamples& cells, in
   return static_cast<double>(returns) / static_cast<double>(seen);
 }
 
-/// The value below which a share of the samples lies.
+/// Returns the value below which a share of the samples lies.
 float quantile(std::span<Sample> samples, double share, float Sample::* value) {
   const auto k =
       static_cast<std::size_t>(std::lround(share * static_cast<double>(samples.size() - 1)));
@@ -95,8 +97,8 @@ float quantile(std::span<Sample> samples, double share, float Sample::* value) {
   return samples[k].*value;
 }
 
-/// Learns a cell's background without margins. The cell is level if more of its returns agree on
-/// the height than on the range.
+/// Learns a cell's background without margins. The surface in the cell is level if more returns
+/// agree on the height than on the range.
 void learn_cell(std::span<Sample> samples, const BackgroundLearning& learning, float& range_m,
                 float& height_m) {
   const float range = quantile(samples, 1 - kFarShare, &Sample::range);
@@ -112,8 +114,8 @@ void learn_cell(std::span<Sample> samples, const BackgroundLearning& learning, f
   if (level) height_m = z;
 }
 
-/// Change of range from a cell to the next, limited to the change on which both sides agree (minmod
-/// limiter).
+/// Returns the change of range from a cell to the next one. The changes on both sides are combined
+/// with the minmod limiter, so that the result is 0 if their signs differ.
 float range_change(const BackgroundModel& model, int cell, int azimuth_step, int elevation_step) {
   const float ahead = model.range_m[neighbour(model, cell, azimuth_step, elevation_step)];
   const float behind = model.range_m[neighbour(model, cell, -azimuth_step, -elevation_step)];
@@ -176,7 +178,7 @@ BackgroundModel learn_background(std::span<const std::vector<float>> frames_xyz,
   BackgroundModel model = empty_background(learning);
   CellSamples cells = sort_by_cell(frames_xyz, model);
   for (int c = 0; c < static_cast<int>(model.range_m.size()); ++c) {
-    // Returns in only a few frames come from passing vehicles, with nothing behind them.
+    // If a cell has few returns, they come from passing vehicles without a surface behind them.
     const auto returns = static_cast<double>(cells.count(c));
     if (returns > 0 && returns >= kSeenShare * expected_count(model, cells, c))
       learn_cell(cells.of(c), learning, model.range_m[c], model.height_m[c]);

@@ -12,27 +12,27 @@ namespace infrasim {
 
 inline constexpr float kUnseen = std::numeric_limits<float>::infinity();
 
-/// The static scene as seen by one fixed sensor: two bounds for each cell of azimuth and elevation.
-/// It needs no beam table, so it works with any scan pattern.
+/// The static scene as seen by one fixed sensor. Each cell of azimuth and elevation has two bounds.
+/// The model needs no beam table, so it supports any scan pattern.
 struct BackgroundModel {
   int azimuth_cells = 0;
   int elevation_cells = 0;
-  /// farther points are background; kUnseen for a cell that was never seen
+  /// points at a larger range are background; kUnseen for a cell without a background
   std::vector<float> range_m;
-  /// lower points are background; -kUnseen if the surface is not level
+  /// points at a lower height are background; -kUnseen if the surface is not level
   std::vector<float> height_m;
 };
 
 /// Learns the background from frames of one fixed sensor. `frames_xyz[i]` are row-major points.
 /// Objects that stand still most of the time become background, including parked vehicles. In dense
-/// traffic some tens of frames are needed, spread over minutes; about a hundred if the scan pattern
-/// does not repeat. A cell that no frame saw takes those bounds of its neighbours that remove
-/// least.
+/// traffic some tens of frames are required, spread over minutes. If the scan pattern does not
+/// repeat, about a hundred frames are required. A cell without returns gets the farthest range and
+/// the lowest height of its neighbours, so that it removes as few points as possible.
 ///
-/// The range of beams that graze the ground changes by metres across one cell. So a level surface
-/// below the sensor is bounded by its height. Any other surface is bounded by its range minus the
-/// change of range to the next cells, if both sides agree on one (they do not at the edge of a
-/// pole).
+/// The range of beams that graze the ground changes by metres across one cell. A level surface
+/// below the sensor is therefore bounded by its height. Any other surface is bounded by its range
+/// minus the change of range to the next cells. The change is ignored if the neighbours on both
+/// sides do not agree on it, as at the edge of a pole.
 /// @throws std::invalid_argument if there is no frame or a parameter is out of its range
 BackgroundModel learn_background(std::span<const std::vector<float>> frames_xyz,
                                  const BackgroundLearning& learning = {});

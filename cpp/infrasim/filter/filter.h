@@ -17,15 +17,16 @@ using FilterStep = FilterOf<BackgroundModel>;
 /// @throws std::invalid_argument if a parameter of the step is out of its range
 std::vector<int> apply(const FilterStep& step, std::span<const float> xyz);
 
-/// Indices of the points that every step keeps. Each step gets only the points that the previous
-/// steps kept. Without steps, all finite points are kept.
+/// Returns the indices of the points that all steps keep. Each step receives only the points that
+/// the previous steps have kept. Without steps, all finite points are kept.
 /// @param observer called after each step with the number of points before and after it
 using StepObserver =
     std::function<void(const FilterStep& step, std::size_t before, std::size_t after)>;
 std::vector<int> keep_all(std::span<const FilterStep> steps, std::span<const float> xyz,
                           const StepObserver& observer = {});
 
-/// Whether a ground-plane step found no plane. A found plane removes at least its own points.
+/// Returns whether a ground-plane step found no plane. If it finds a plane, it removes at least the
+/// points of the plane.
 inline bool has_no_plane(const FilterStep& step, std::size_t before, std::size_t after) {
   return std::holds_alternative<GroundPlane>(step) && after == before;
 }

@@ -12,20 +12,20 @@ namespace infrasim {
 
 namespace {
 
-/// The plane n . p + d = 0 with a unit normal n; without points, no plane was found.
+/// The plane n . p + d = 0 with a unit normal n. If it has no points, no plane was found.
 struct Plane {
   Vec3 normal;
   double d = 0;
-  std::size_t points = 0;  ///< number of its points among those searched
+  std::size_t points = 0;  ///< number of searched points on the plane
 };
 
-/// Maximum number of points in the search: evenly chosen points give the same plane.
+/// Maximum number of points in the search. Evenly chosen points give the same plane as all points.
 constexpr std::size_t kFitPoints = 20000;
 /// Number of planes to try before giving up.
 constexpr int kMostPlanes = 8;
 constexpr double kHeightTolerance_m = 0.5;
-/// A plane within this distance of the expected height is the ground. A larger plane that is less
-/// close is ignored if this one has at least a tenth of its points.
+/// A plane within kClose_m of the expected height is the ground. It is preferred to a larger plane
+/// that is less close if it has at least 1 / kFewer of the larger plane's points.
 constexpr double kClose_m = 0.15;
 constexpr std::size_t kFewer = 10;
 
@@ -39,8 +39,8 @@ pcl::PointCloud<pcl::PointXYZ>::Ptr fit_points(std::span<const float> xyz) {
 
 /// The largest nearly level plane.
 Plane largest_plane(const pcl::PointCloud<pcl::PointXYZ>::Ptr& cloud, const GroundPlane& ground) {
-  // PCL prints a message if it finds no plane, which is not an error here. Its verbosity is a
-  // global.
+  // PCL prints a message if it finds no plane, which is not an error here. PCL's verbosity is a
+  // global variable.
   static const bool quiet = (pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS), true);
   static_cast<void>(quiet);
   if (cloud->size() < 3) return {};

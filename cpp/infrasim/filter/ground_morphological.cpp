@@ -29,7 +29,7 @@ struct HeightGrid {
   }
 };
 
-/// The lowest heights of the points, in square cells around the LiDAR and in cells along its rays.
+/// The lowest heights of the points, in a map of square cells and in polar cells along the rays.
 struct GroundGrids {
   double cell_m;
   HeightGrid map;   ///< row: x, column: y
@@ -48,7 +48,7 @@ struct GroundGrids {
     return map.at(static_cast<int>(std::floor(p.x / cell_m)) + map.rows / 2,
                   static_cast<int>(std::floor(p.y / cell_m)) + map.rows / 2);
   }
-  /// The cell along the rays; null beyond the farthest point.
+  /// Returns the polar cell of a position; null beyond the farthest point.
   float* on_ray(double x, double y) {
     const int column = static_cast<int>(std::hypot(x, y) / cell_m);
     const double turn = std::atan2(y, x) / (2 * kPi) + 0.5;
@@ -57,11 +57,11 @@ struct GroundGrids {
   }
 };
 
-/// Fills the gaps of a ray. A gap is filled linearly from return to return, with one exception: if
-/// the gap falls nearly as steeply as the line of sight, its nearer return may hide lower ground.
-/// Then the gap stays level for as long as the gap before it, and takes the height of its far end
-/// after that. Behind the last return the height is the lowest that a road through the earlier
-/// returns could have.
+/// Fills the gaps of a ray. A gap is filled linearly between its two returns, with one exception.
+/// If the height falls nearly as steeply as the line of sight, the nearer return may hide lower
+/// ground. In that case the gap has the height of its near end over the length of the previous gap,
+/// and then the height of its far end. Behind the last return, the height is the lowest height of a
+/// road that passes through the earlier returns.
 void fill_ray(std::span<float> ray, double cell_m) {
   constexpr double kShortGap_m = 2, kShadowShare = 0.8, kRoadSlope = 0.06;
   const int n = static_cast<int>(ray.size());
@@ -72,7 +72,7 @@ void fill_ray(std::span<float> ray, double cell_m) {
     if (ray[i] == kNone) continue;
     const float from = last < 0 ? ray[i] : ray[last];
     const int gap = i - last;
-    const double sight_fall = gap / (i + 0.5) * -ray[i];  // fall of the ray to i over the gap
+    const double sight_fall = gap / (i + 0.5) * -ray[i];  // fall of the line of sight over the gap
     const bool shadow = gap * cell_m > kShortGap_m && from - ray[i] > kShadowShare * sight_fall;
     const int level_until = shadow ? last + (last - before) : last;
     for (int k = last + 1; k < i; ++k) {
@@ -97,12 +97,13 @@ void fill_map(GroundGrids& grids) {
     }
 }
 
-/// out[i] = best value of in[i - half .. i + half] by `better`, ignoring indices outside.
+/// Sets out[i] to the best value of in[i - half .. i + half] by `better`. Indices outside are
+/// ignored.
 template <class Better>
 void slide(const std::vector<float>& in, int half, Better better, std::vector<int>& queue,
            std::vector<float>& out) {
   const int n = static_cast<int>(in.size());
-  int head = 0, tail = 0;  // of a queue of indices; values get worse from head to tail
+  int head = 0, tail = 0;  // ends of a queue of indices, whose values get worse from head to tail
   for (int next = 0, i = 0; i < n; ++i) {
     for (; next < n && next <= i + half; ++next) {
       while (tail > head && !better(in[queue[tail - 1]], in[next])) --tail;
@@ -113,7 +114,7 @@ void slide(const std::vector<float>& in, int half, Better better, std::vector<in
   }
 }
 
-/// Replaces each cell by the best height of its window of (2 half + 1) squared cells.
+/// Replaces each cell by the best height in its window of (2 half + 1) x (2 half + 1) cells.
 template <class Better>
 void slide_windows(HeightGrid& grid, int half, Better better) {
   std::vector<float> in, out;
@@ -134,7 +135,7 @@ void slide_windows(HeightGrid& grid, int half, Better better) {
 void open_windows(HeightGrid& grid, int half) {
   slide_windows(grid, half, std::less<>());
   for (float& z : grid.z)
-    if (z == kNone) z = -kNone;  // a window without returns must not win
+    if (z == kNone) z = -kNone;  // a window without returns must not be the highest
   slide_windows(grid, half, std::greater<>());
 }
 
@@ -169,7 +170,7 @@ std::vector<int> keep(std::span<const float> xyz, const GroundMorphological& gro
       *z = std::min(*z, static_cast<float>(p.z));
   }
   fill_map(grids);
-  // A window wider than the map has the same effect as one that covers it.
+  // A window that is wider than the map has the same effect as a window that covers the map.
   const double half = std::min(ground.window_m / 2 / ground.cell_m, 1.0 * grids.map.rows);
   open_windows(grids.map, static_cast<int>(std::lround(half)));
   return keep_if(

@@ -11,10 +11,11 @@ namespace {
 
 constexpr VehicleParts kNoParts{false, false, false, false, false};
 
-// offset of the leaves' random numbers of a ray, beyond its other samples
+// offset of a ray's random numbers for leaves, which follow its other samples
 constexpr std::uint64_t kLeafDraws = 16;
 
-/// End of the part of the frame that is processed at once from group `first` on.
+/// Returns the end of the part of the frame that begins with group `first` and is processed at
+/// once.
 std::int64_t part_end(const ScannerUnit& scanner, std::int64_t first, std::int64_t last) {
   if (scanner.layer) return scanner.layer->part_end(first, last);
   const int group = scanner.pattern.group_size();
@@ -98,7 +99,7 @@ std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& ve
   return cast;
 }
 
-/// Nearest hits of the rays, or of the sub-rays of beams.
+/// Finds the nearest hits of the rays, or of the sub-rays of beams.
 /// @return number of rays cast
 std::size_t Caster::cast_rays(const Part& part) {
   const ScannerUnit& scanner = part.scanner;
@@ -118,8 +119,8 @@ std::size_t Caster::cast_rays(const Part& part) {
   return sub_rays_.size();
 }
 
-/// Selects the rays that have to be cast, neighbouring ones together. Rays above everything in the
-/// scene are skipped.
+/// Selects the rays that must be cast, with neighbouring rays together. Rays above all objects in
+/// the scene are not selected.
 void Caster::select(const Part& part) {
   ScannerUnit& scanner = part.scanner;
   const float spread = scanner.beam ? scanner.beam->half_width() : 0;
@@ -143,7 +144,7 @@ const RayBatch& Caster::rays_cast(const Part& part) const {
   return part.scanner.beam ? sub_rays_ : rays_;
 }
 
-/// Replaces hits behind leaves.
+/// Replaces the hits of rays that leaves stop.
 void Caster::stop_in_leaves(const Part& part) {
   const auto width =
       part.scanner.beam ? static_cast<std::uint32_t>(part.scanner.beam->sub_rays()) : 0;
@@ -155,7 +156,7 @@ void Caster::stop_in_leaves(const Part& part) {
   leaves_.stop(rays_cast(part), order_for_leaves(part), draws_of, hits_);
 }
 
-/// Rays that are not cast may meet leaves too.
+/// Returns the rays that may meet leaves. They include rays that are not cast.
 std::span<const std::uint32_t> Caster::order_for_leaves(const Part& part) {
   if (part.scanner.beam) return sub_selected_;
   if (!part.scanner.layer) return tile_order(part.scanner, part.groups());
@@ -164,7 +165,7 @@ std::span<const std::uint32_t> Caster::order_for_leaves(const Part& part) {
 }
 
 /// Makes echoes from the hits, including surfaces behind panes and below bodies.
-/// @return number of rays that were cast on
+/// @return number of rays that were cast again behind a pane or below a body
 std::size_t Caster::pass_panes(const Part& part) {
   const ScannerUnit& scanner = part.scanner;
   const StaticSlice background =

@@ -24,7 +24,7 @@
 
 namespace infrasim {
 
-/// One optical unit of a LiDAR, ready to fire.
+/// One optical unit of a LiDAR, with all data that its rays require.
 struct ScannerUnit {
   ScanPattern pattern;
   ReturnModel returns;
@@ -33,15 +33,15 @@ struct ScannerUnit {
   Rng stream;  ///< random numbers of the unit
   /// tile orders by number of groups
   std::map<std::int64_t, std::vector<std::uint32_t>> tile_orders;
-  std::shared_ptr<const StaticLayer> layer;  ///< null: all rays are cast
+  std::shared_ptr<const StaticLayer> layer;  ///< if null, all rays are cast
 
-  /// Whether a static layer is possible: the pattern repeats, no beam is wider than a ray, and the
-  /// layer fits into the memory limit.
+  /// Returns whether the unit can have a static layer. It can if the pattern repeats, the beam is
+  /// not wider than a ray, and the layer fits into the memory limit.
   bool can_have_layer() const {
     return pattern.repeats_after() > 0 && !beam && layer_bytes(pattern) <= kMostLayerBytes;
   }
 
-  /// Rays fired between two shares of frame k.
+  /// Returns the rays that are fired between two shares of frame k.
   RayRange rays(int k, double from = 0, double to = 1) const;
 };
 
@@ -49,13 +49,13 @@ struct ScannerUnit {
 Mat3 unit_pose(const SceneConfig& scene, const LidarUnit& unit);
 
 /// All units of a LiDAR.
-/// @param draws prefix of the names of their random streams
+/// @param draws prefix of the names of the units' random streams
 std::vector<ScannerUnit> make_scanner_units(const SceneConfig& scene, const LidarConfig& lidar,
                                             const std::string& draws = "");
 
-/// Casts the rays of LiDARs and turns hits into returns, one part of a frame after the other. The
-/// steps are: cast, stop in leaves, pass through panes, merge beams, detect. It keeps its buffers
-/// between frames. Not thread-safe.
+/// Casts the rays of LiDARs and converts hits to returns, one part of a frame after the other. The
+/// steps are: cast, stop in leaves, pass through panes, merge beams, detect. A caster keeps its
+/// buffers between frames. Not thread-safe.
 class Caster {
  public:
   /// @param parts  parts of vehicles, for LiDARs that detect by received power
@@ -65,13 +65,12 @@ class Caster {
 
   /// Adds the returns of the rays that the unit fires in one slice of frame k.
   /// @param vehicles the vehicles that the raycaster has
-  /// @return number of rays that were cast: fewer with a static layer, more with beams wider than a
-  ///   ray
+  /// @return number of rays that were cast; a static layer makes it smaller, a wide beam larger
   std::size_t cast(int k, const WorldSlice& slice, const FrameVehicles& vehicles,
                    ScannerUnit& scanner, FrameBuilder& out);
 
  private:
-  /// A run of groups of one unit that is processed at once.
+  /// Consecutive groups of one unit that are processed at once.
   struct Part {
     ScannerUnit& scanner;
     const FrameVehicles& vehicles;
@@ -101,12 +100,12 @@ class Caster {
   const Volumes& leaves_;
   TransparentCaster transparent_;
   RayBatch rays_;
-  std::vector<std::uint32_t> selected_;   ///< rays that have to be cast
+  std::vector<std::uint32_t> selected_;   ///< rays that must be cast
   std::vector<std::uint32_t> in_leaves_;  ///< rays that may meet leaves
-  RayBatch sub_rays_;                     ///< of the selected rays, if beams are wider than rays
+  RayBatch sub_rays_;  ///< sub-rays of the selected rays, if beams are wider than rays
   std::vector<std::uint32_t> sub_selected_;
-  HitBatch hits_;     ///< of the rays or the sub-rays, until they become echoes
-  EchoBatch echoes_;  ///< of the rays or the sub-rays
+  HitBatch hits_;     ///< hits of the rays or the sub-rays, until they become echoes
+  EchoBatch echoes_;  ///< echoes of the rays or the sub-rays
   EchoBatch beam_echoes_;
   std::vector<float> sunlit_;  ///< reflectance of the beams in sunlight
   ReturnBatch returns_;

@@ -61,7 +61,7 @@ std::string frames_version_of(const std::string& version, const config::Tree& sc
              : "3 of version 0.3 before a change for " + changed + ", so simulate it anew";
 }
 
-/// Removes the lines with paths of firing tables, because their digests identify them.
+/// Removes the lines with paths of firing tables. The digests of the tables identify them.
 std::string without_files(const std::string& text) {
   std::istringstream lines(text);
   std::string kept;
@@ -73,7 +73,7 @@ std::string without_files(const std::string& text) {
   return kept;
 }
 
-/// Takes a text out of a map and returns it as a line; empty if it is missing.
+/// Removes a key from a map and returns it as a line of text; empty if the key is missing.
 std::string taken(config::Tree& map, const std::string& key) {
   const auto value = config::take(map, key);
   return value ? key + ": \"" + value->scalar + "\"\n" : "";
@@ -113,11 +113,11 @@ void check_is_not_older(const std::filesystem::path& description,
 }
 
 std::string lidar_identity(const std::string& text, const std::string& file) {
-  const std::size_t end = text.find("\npreset: ");  // the preset of the LiDAR's own keys
+  const std::size_t end = text.find("\npreset: ");  // end of the LiDAR's configuration
   const config::Tree tree = config::parse_tree(text.substr(0, end), file);
   if (end == std::string::npos ||
       (tree.find("pattern") == nullptr && tree.find("bundle") == nullptr))
-    return text;  // with several mounts, the files of the mounts have the keys
+    return text;  // lidar.yaml of fused frames has no such keys
   return without_files(canonical_lidar(tree)) + text.substr(end + 1);
 }
 

@@ -6,8 +6,9 @@
 
 #include "infrasim/config/lidar_config.h"
 
-// Whether a folder holds the frames of a run. Its files may come from another version, with other
-// key names and additional values. So identities are compared instead of texts.
+// Finds out whether a folder contains the frames of a run. The files of the folder may come from
+// another version, with other key names and additional values. Therefore identities are compared
+// instead of texts.
 
 namespace infrasim {
 

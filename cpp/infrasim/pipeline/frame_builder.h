@@ -18,9 +18,10 @@ struct Return {
   float dx, dy, dz;  ///< unit direction, levelled frame
   float range;       ///< metres
   float hit_range;   ///< metres, without noise
-  bool wide;         ///< from a beam wider than a ray: the hit may lie beside the direction
-  float intensity;   ///< [0, 1]
-  float time;        ///< seconds since the start of the frame
+  bool
+      wide;  ///< whether the beam is wider than a ray, so that the hit may lie beside the direction
+  float intensity;  ///< [0, 1]
+  float time;       ///< seconds since the start of the frame
   std::uint16_t ring;
   std::uint16_t class_id;
   std::int32_t object;  ///< index among the frame's objects; -1: background
@@ -43,8 +44,8 @@ struct PointCount {
 class FrameBuilder {
  public:
   void start();
-  /// Sets the time since the start of the frame at which the following returns see objects;
-  /// nothing: each at its own time.
+  /// Sets the time since the start of the frame at which the following returns see objects. Without
+  /// a value, each return sees objects at its own time.
   void see_objects_at(std::optional<double> time_s) { frozen_s_ = time_s; }
   /// Reserves memory for `more` calls of `add`.
   void reserve(std::size_t more);
@@ -62,9 +63,9 @@ class FrameBuilder {
     ++size_;
   }
   std::size_t size() const { return size_; }
-  /// Row-major points so far.
+  /// Returns the row-major points that have been added so far.
   std::span<const float> xyz() const { return {scratch_.xyz.data(), 3 * size_}; }
-  /// Keeps only the given rows, which must increase.
+  /// Keeps only the given rows, which must be in increasing order.
   void keep(std::span<const int> rows);
   /// The points.
   PointCloud cloud() const;
@@ -75,9 +76,9 @@ class FrameBuilder {
   /// Box of an object at a time since the start of the frame; levelled frame.
   using BoxAt = std::function<Box3d(std::size_t object, double time_s)>;
   /// Counts the points of each object, in total and inside its boxes. A point can lie outside a box
-  /// because of range noise or because of motion. Only motion counts here: range noise is removed,
-  /// and the hit of a wide beam is moved onto the object. Points up to 1 cm outside a box count as
-  /// inside.
+  /// because of motion or because of range noise. Range noise has no effect on the counts, because
+  /// the positions without noise are used. For a wide beam, the hit is moved onto the object.
+  /// Points up to 1 cm outside a box count as inside.
   std::vector<PointCount> count(std::span<const ObjectBoxes> boxes, const BoxAt& box_at) const;
 
  private:
@@ -85,7 +86,7 @@ class FrameBuilder {
   struct Hit {
     std::size_t row;
     std::int32_t object;
-    double time_s;  ///< time of the object state that it met
+    double time_s;  ///< time of the object's state that the ray met
     bool wide;
     Vec3 place;
   };

@@ -8,8 +8,8 @@
 
 namespace infrasim {
 
-/// Frames of all LiDARs in order. Its own threads compute ahead while the caller processes earlier
-/// frames. At most two frames per thread wait.
+/// Provides the frames of all LiDARs in order. Its threads compute further frames while the caller
+/// processes earlier ones. At most two finished frames per thread wait.
 class FrameStream {
  public:
   /// The world must outlive the stream.
@@ -18,7 +18,8 @@ class FrameStream {
   FrameStream(const World& world, const std::vector<LidarConfig>& lidars, std::vector<int> frames,
               int threads);
 
-  /// The next frame's number and its data, one Frame per LiDAR; nothing after the last. Blocks.
+  /// Returns the next frame's number and its data, one Frame per LiDAR. Returns no value after the
+  /// last frame. The function waits until the frame is computed.
   /// @throws the exceptions of the simulation
   std::optional<std::pair<int, std::vector<Frame>>> next() { return scheduler_.next(); }
 

@@ -8,7 +8,7 @@ namespace infrasim {
 
 namespace {
 
-/// Starts a thread; returns none if the system has no more threads.
+/// Starts a thread. Returns an empty thread if the system can start no more threads.
 template <class Work>
 std::jthread start(const Work& work) {
   try {

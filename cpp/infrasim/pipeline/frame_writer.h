@@ -10,8 +10,8 @@
 
 namespace infrasim {
 
-/// Runs jobs one after the other on its own thread, while other threads compute. The queue is
-/// short: if it is full, the caller runs the job itself. If the thread could not start, callers run
+/// Runs jobs one after the other on a separate thread, while other threads compute. The queue is
+/// short. If it is full, the caller runs the job. If the thread could not start, the callers run
 /// all jobs.
 class FrameWriter {
  public:
@@ -24,7 +24,7 @@ class FrameWriter {
   FrameWriter(const FrameWriter&) = delete;
   FrameWriter& operator=(const FrameWriter&) = delete;
 
-  /// Adds a job, from any thread. The job is done before `finish` returns.
+  /// Adds a job. Any thread may call this function. The job is done before `finish` returns.
   /// @throws the exception of an earlier job or of this one
   void write(Job job);
 

@@ -48,8 +48,8 @@ Fusion::Fusion(const SceneConfig& scene, std::span<const World> worlds) : first_
   for (const MountConfig& mount : mounts_) transforms_.push_back(transform_of(mount));
 }
 
-/// A wrong tilt gives a wrong levelled frame: the true tilt is removed, then the assumed one
-/// applied.
+/// A wrong tilt gives a wrong levelled frame. Therefore the true tilt is removed first, and then
+/// the assumed tilt is applied.
 Fusion::RigidTransform Fusion::transform_of(const MountConfig& mount) const {
   const MountConfig& first = mounts_.front();
   const CalibrationError e = mount.calibration_error.value_or(CalibrationError{});

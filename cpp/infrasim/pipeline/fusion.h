@@ -18,12 +18,13 @@ struct FusedFrame {
 /// Merges frames of several mounts, using the assumed poses of the mounts.
 class Fusion {
  public:
-  /// @param scene  with all its mounts
+  /// @param scene  scene with all its mounts
   /// @param worlds one per mount, in the scene's order; must outlive the fusion
   Fusion(const SceneConfig& scene, std::span<const World> worlds);
 
-  /// Points are transformed by the mounts' assumed poses and keep the time stamps of their mounts.
-  /// Labels use the first mount's clock, at the mean time of all points of an object.
+  /// Merges the frames of all mounts. Points are transformed by the assumed poses of the mounts.
+  /// They keep the time stamps of their mounts. The labels use the clock of the first mount, and
+  /// the mean time of all points of an object.
   /// @param frames frame k of one LiDAR, one per mount
   FusedFrame fuse(int k, std::span<const Frame* const> frames) const;
 
@@ -32,9 +33,9 @@ class Fusion {
 
  private:
   struct RigidTransform {
-    Mat3 rotation_to_first;  ///< from a mount's levelled frame to that of the first
+    Mat3 rotation_to_first;  ///< rotation from a mount's levelled frame to that of the first mount
     Vec3 origin_in_first;
-    double late_s;  ///< delay of its clock relative to the first mount's
+    double late_s;  ///< delay of the mount's clock relative to that of the first mount
   };
   RigidTransform transform_of(const MountConfig& mount) const;
   void add_points(const Frame& frame, std::size_t mount, FusedFrame& out) const;

@@ -58,7 +58,7 @@ struct Parts {
   std::vector<RunRequest> mounts;
   std::optional<RunRequest> fused;
 
-  /// All parts, the fused one last.
+  /// Returns all parts. The fused part is the last one.
   std::vector<RunRequest> all() const {
     std::vector<RunRequest> out = mounts;
     if (fused) out.push_back(*fused);
@@ -94,7 +94,7 @@ void open_folders(const RunRequest& request, const Parts& parts, const std::vect
   if (fusion) open_fused_folder(*parts.fused, worlds.front(), *fusion);
 }
 
-/// Which LiDARs' frames are missing on disk.
+/// Returns, for each LiDAR, whether its frame is missing on disk.
 std::vector<bool> missing(const RunRequest& part, int k) {
   std::vector<bool> out;
   for (const LidarConfig& lidar : part.lidars)
@@ -142,8 +142,9 @@ class FrameWork {
   }
 
  private:
-  /// @param absent which LiDARs' frames are missing on disk
-  /// @param fuse   which LiDARs are computed even if their frames exist, so that a fused frame is
+  /// @param absent whether the frame of each LiDAR is missing on disk
+  /// @param fuse   whether each LiDAR is computed even if its frame exists, so that a fused frame
+  /// is
   ///   always made from the same numbers
   static std::vector<FrameTally> at_mount(const RunRequest& part, FrameSimulator& simulator, int k,
                                           const std::vector<bool>& absent,
@@ -198,7 +199,7 @@ class FrameWork {
 
 constexpr int kFramesToSeeOne = 10;
 
-/// Warns if the scene has traffic, but no frame of a LiDAR so far has a point on a vehicle.
+/// Warns of each LiDAR that has no point on a vehicle so far, if the scene has traffic.
 void warn_of_no_vehicles(const SceneConfig& scene, const std::vector<SummaryRow>& rows,
                          const Warn& warn) {
   if (scene.traffic && scene.traffic->vehicles_per_km_lane == 0) return;
@@ -228,7 +229,7 @@ class Summaries {
   void add(const Tallies& tallies) {
     for (std::size_t i = 0; i < sums_.size(); ++i) sums_[i].add(tallies[i]);
   }
-  /// @param frames requested frames, ascending; other frames in the folders count too
+  /// @param frames requested frames, ascending; other frames in the folders are counted too
   void write(int threads, const std::vector<int>& frames) const {
     for (std::size_t i = 0; i < sums_.size(); ++i)
       if (const RunRequest& part = parts_[i]; !part.out.empty())
@@ -265,7 +266,7 @@ std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& s
        period_warnings(request.lidars, range.first, range.last, range.step))
     warn(line);
   const std::vector<int> frames = numbers(request.frames);
-  // A folder's trajectories cover the whole scene, whichever frames are requested.
+  // The trajectories in a folder always cover the whole scene, and not only the requested frames.
   const std::vector<World> worlds =
       build_worlds(request.scene, mounts_of(request), frames, !request.out.empty());
   const Parts parts = parts_of(request, worlds);

@@ -25,11 +25,12 @@ struct RunRequest {
   std::vector<LidarConfig> lidars;
   std::string preset;
   FrameRange frames;
-  std::filesystem::path out;  ///< empty: nothing is written
-  std::string mount;          ///< only this mount is run; empty: all mounts
-  bool fuse = false;          ///< also writes the fused frames of all mounts
+  std::filesystem::path out;  ///< if empty, nothing is written
+  std::string mount;  ///< name of the only mount that is simulated; if empty, all mounts are
+  bool fuse = false;  ///< whether to write the fused frames of all mounts too
   int threads = 1;
-  /// casts static surfaces in every frame instead of using static layers; the frames are the same
+  /// whether static surfaces are cast in every frame, without static layers; the frames are the
+  /// same
   bool cast_all = false;
 };
 
@@ -41,8 +42,8 @@ using Warn = std::function<void(const std::string&)>;
 
 /// Simulates the frames that are not on disk yet, several at a time. A scene with several mounts
 /// gets a folder per mount. Stops after the current frames when `stop` becomes non-zero. Warns of
-/// LiDARs that see no vehicle in the first 10 frames, and of frame steps that show only a part of a
-/// scan pattern.
+/// LiDARs that see no vehicle in the first 10 frames. Also warns of frame steps with which only
+/// some of the different frames of a scan pattern occur.
 /// @return one row per LiDAR over all requested frames that exist afterwards; with several mounts
 ///   the rows are named MOUNT/LIDAR and fused/LIDAR
 /// @throws ConfigError if the request does not fit the scene

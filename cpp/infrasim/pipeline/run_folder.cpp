@@ -28,7 +28,7 @@ std::string digest(const std::vector<T>& values) {
   return text.data();
 }
 
-/// Digest of surfaces from files: with other surfaces it is another data set.
+/// Returns the line with the digest of surfaces from files. Other surfaces make another data set.
 std::string surfaces_text(const World& world) {
   if (!world.scene.meshes) return "";
   const TriangleMesh& mesh = world.background;
@@ -43,8 +43,9 @@ std::string run_text(const RunRequest& request, const World& world) {
          "\"\nframes_version: " + std::to_string(kFramesVersion) + "\n";
 }
 
-/// Field of view and range of a unit as one entry of a YAML list.
-/// @param pose of its sensor in the levelled frame, if it differs from the data set's
+/// Returns the field of view and range of a unit as one entry of a YAML list.
+/// @param pose pose of the unit's sensor in the levelled frame, if it differs from the data set's
+/// pose
 std::string view_text(const LidarUnit& unit, const FieldOfView& view,
                       const std::string& pose = "") {
   const auto n = [](double v) { return config::number_text(v); };
@@ -63,7 +64,7 @@ std::string price_text(const LidarConfig& lidar, std::size_t sensors) {
          ", high: " + n(lidar.price_usd.high) + "}\n";
 }
 
-/// The lines about a LiDAR's frames that depend on the scene.
+/// Returns the lines about a LiDAR's frames that depend on the scene.
 /// @param mount position and tilt of its levelled frame
 std::string frames_text(const World& world, const LidarConfig& lidar, const MountConfig& mount) {
   const SceneConfig& scene = world.scene;
@@ -89,14 +90,14 @@ std::string pose_text(const MountConfig& mount) {
          ", roll_deg: " + n(mount.roll_deg) + "}";
 }
 
-/// The first lines: name and model.
+/// Returns the first lines of lidar.yaml: name and model.
 std::string lidar_text(const LidarConfig& lidar) {
   const std::string text = dump_lidar(lidar);
   return text.substr(0, text.find('\n', text.find('\n') + 1) + 1);
 }
 
-/// lidar.yaml for the fused frames of all mounts. It has no patterns, because no single LiDAR could
-/// cast them.
+/// Returns the text of lidar.yaml for the fused frames of all mounts. It has no pattern, because no
+/// single LiDAR could have cast the fused rays.
 std::string fused_text(const RunRequest& request, const World& first, const Fusion& fusion,
                        const LidarConfig& lidar) {
   const auto& mounts = request.scene.mounts;
@@ -113,7 +114,8 @@ std::string fused_text(const RunRequest& request, const World& first, const Fusi
   return text;
 }
 
-/// The LiDAR with its firing tables beside lidar.yaml, so that the data set is complete.
+/// Returns the LiDAR with paths of firing tables beside lidar.yaml, so that the data set is
+/// complete.
 LidarConfig with_tables_beside(LidarConfig lidar) {
   for (std::size_t i = 0; i < lidar.units.size(); ++i)
     if (auto& table = lidar.units[i].pattern.table)
@@ -145,7 +147,8 @@ void claim_trajectories(const std::filesystem::path& file, const World& world) {
   });
 }
 
-/// @param texts of lidar.yaml, one per LiDAR of the request
+/// Creates the folder of a run and its files, or checks that existing files belong to the same run.
+/// @param texts texts of lidar.yaml, one per LiDAR of the request
 void claim_folder(const RunRequest& request, const World& world,
                   const std::vector<std::string>& texts) {
   create_folder(request.out);
@@ -174,7 +177,7 @@ std::string lidar_yaml(const World& world, const LidarConfig& lidar) {
 
 void open_run_folder(const RunRequest& request, const World& world) {
   std::vector<LidarConfig> lidars;
-  std::vector<std::string> texts;  // made before the folder is touched, because this may fail
+  std::vector<std::string> texts;  // made before the folder is changed, because this may fail
   for (const LidarConfig& lidar : request.lidars)
     texts.push_back(lidar_yaml(world, lidars.emplace_back(with_tables_beside(lidar))));
   claim_folder(request, world, texts);

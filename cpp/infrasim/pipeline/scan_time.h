@@ -7,16 +7,17 @@
 
 namespace infrasim {
 
-/// Mean time of one object's returns. If a pause longer than `cut_s` splits them into two groups,
-/// as the cut angle of a turn does, it is the mean of the larger group, or of the first one if both
-/// are equal.
-/// @param times_s since the start of the frame, at least one; sorted by this function if they are
-///   split
+/// Returns the mean time of one object's returns. If a pause longer than `cut_s` splits the returns
+/// into two groups, the result is the mean time of the larger group, or of the first group if both
+/// are equally large. The cut angle of a spinning LiDAR makes such a pause.
+/// @param times_s at least one time since the start of the frame; the function sorts the times if
+///   they are split
 double scan_time_s(std::span<double> times_s, double cut_s);
 
-/// The minimum pause (s) in an object's returns that counts as a split at the cut angle: half a
-/// turn of the slowest spinning unit. If a frame holds several turns it is half a frame, so that
-/// each pass over an object stays whole. Infinite without a spinning unit.
+/// Returns the minimum pause (s) in an object's returns that counts as a split at the cut angle. It
+/// is half a turn of the slowest spinning unit. If a frame has several turns, it is half a frame,
+/// so that the returns of one pass over an object are not split. It is infinite without a spinning
+/// unit.
 double cut_s(const LidarConfig& lidar);
 
 }  // namespace infrasim

@@ -6,7 +6,7 @@ namespace infrasim {
 
 namespace {
 
-/// Height of the road at the sensor's foot, by the first road or the nearest lane.
+/// Returns the height of the first road, or of the nearest lane, at the sensor's foot.
 double road_z(const Site& site, const MountConfig& mount) {
   const Vec2 foot{mount.x_m, mount.y_m};
   const std::vector<RoadConfig>& roads = site.scene.roads;

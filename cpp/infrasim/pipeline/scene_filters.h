@@ -8,9 +8,9 @@
 
 namespace infrasim {
 
-/// The filters of a scene for one LiDAR at a mount, ready to use.
+/// Makes the filters of a scene for one LiDAR at a mount.
 /// @param empty_frame  returns the row-major points of frame k of the LiDAR in the scene without
-///   vehicles, to learn a background
+///   vehicles, from which a background is learnt
 std::vector<FilterStep> make_filters(const Site& site, const MountConfig& mount,
                                      const std::function<std::vector<float>(int)>& empty_frame);
 

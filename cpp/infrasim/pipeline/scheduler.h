@@ -23,24 +23,25 @@ namespace infrasim {
 
 inline constexpr int kMostThreads = 1024;
 
-/// Which frames to compute, and how far ahead of the consumer.
+/// The frames to compute, and how many frames may be ahead of the consumer.
 struct Schedule {
   std::vector<int> frames;
   int threads = 1;
   std::size_t ahead = 1;  ///< maximum number of frames that are computed or waiting
-  const std::atomic<int>* stop = nullptr;  ///< no further frame is started when it is not 0
-  bool cast_all = false;  ///< casts static surfaces in every frame instead of using static layers
+  const std::atomic<int>* stop = nullptr;  ///< if its value is not 0, no further frame is started
+  bool cast_all =
+      false;  ///< whether static surfaces are cast in every frame, without static layers
 };
 
-/// Computes frames on its own threads and returns the results in frame order. One thread computes a
-/// whole frame with its own simulator. If a thread can't be started, the others do its work.
-/// Without any thread, `next` computes.
+/// Computes frames on several threads and returns the results in frame order. One thread computes a
+/// whole frame with its own simulator. If a thread can't be started, the other threads do its work.
+/// If no thread can be started, `next` computes the frames.
 template <class Result>
 class Scheduler {
  public:
   /// Computes the result of one frame.
   using Work = std::function<Result(FrameSimulator&, int)>;
-  /// The same for several worlds, with one simulator per world.
+  /// Computes the result of one frame of several worlds, with one simulator per world.
   using WorkAtAll = std::function<Result(std::span<FrameSimulator>, int)>;
 
   /// The world must outlive the scheduler.
@@ -67,7 +68,8 @@ class Scheduler {
                         std::to_string(threads));
     start(std::min(static_cast<std::size_t>(threads), schedule_.frames.size()));
   }
-  /// Waits for the frames being computed; drops results that were not taken.
+  /// Waits for the frames that are being computed, and discards results that the caller has not
+  /// fetched.
   ~Scheduler() {
     const std::lock_guard lock(mutex_);
     closed_ = true;
@@ -76,9 +78,9 @@ class Scheduler {
   Scheduler(const Scheduler&) = delete;
   Scheduler& operator=(const Scheduler&) = delete;
 
-  /// The next frame's number and result; nothing after the last frame, or after the last one before
-  /// a stop. Blocks.
-  /// @throws the exception of the first failed frame, when it is that frame's turn; no frame is
+  /// Returns the next frame's number and result. Returns no value after the last frame, or after
+  /// the last frame that was started before a stop. The function waits until the result is ready.
+  /// @throws the exception of the first failed frame, when that frame is the next one; no frame is
   ///   started after an error
   std::optional<std::pair<int, Result>> next() {
     if (threads_.empty()) compute_here();
@@ -149,7 +151,8 @@ class Scheduler {
     }
   }
 
-  /// Index of the next frame to compute; waits while enough results are ahead.
+  /// Returns the index of the next frame to compute. Waits as long as the maximum number of results
+  /// is ahead.
   std::optional<std::size_t> claim() {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [&] { return closed_ || started_ < taken_ + schedule_.ahead; });
@@ -178,7 +181,7 @@ class Scheduler {
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::size_t started_ = 0;  ///< an index into the schedule's frames, as the next two
+  std::size_t started_ = 0;  ///< like the next two members, an index into the schedule's frames
   std::size_t taken_ = 0;
   std::size_t failed_ = 0;
   std::size_t working_ = 0;  ///< threads that have not ended

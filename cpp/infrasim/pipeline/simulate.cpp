@@ -17,7 +17,7 @@ namespace infrasim {
 
 namespace {
 
-/// One LiDAR, ready to fire.
+/// One LiDAR, with all data that its rays require.
 struct Lidar {
   std::vector<ScannerUnit> scanners;
   double reach = 0;
@@ -38,8 +38,8 @@ UnitLayers layers_of(const StaticLayers& layers, std::size_t lidar) {
   return layers.empty() ? UnitLayers{} : layers[lidar];
 }
 
-/// @param layers of its units; empty: all rays are cast
-/// @param draws  prefix of its random streams; the motors' phases do not depend on it
+/// @param layers static layers of the units; if empty, all rays are cast
+/// @param draws  prefix of the random streams; the motors' phases do not depend on it
 Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config, const UnitLayers& layers,
                  const std::string& draws = "") {
   Lidar lidar;
@@ -51,7 +51,7 @@ Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config, const Unit
   return lidar;
 }
 
-/// The computing time of some work, seconds.
+/// Returns the time (s) that a function takes.
 template <class Work>
 double timed(const Work& work) {
   const auto start = std::chrono::steady_clock::now();
@@ -86,7 +86,7 @@ struct FrameSimulator::Impl {
     }
   }
 
-  /// Points of one frame without any object.
+  /// Returns the points of one frame without any object.
   std::vector<float> empty_frame(int k, Lidar& lidar) {
     vehicles = {};
     raycaster.set_bodies({}, kFramePeriod);
@@ -107,8 +107,8 @@ struct FrameSimulator::Impl {
         vehicles.moving[vehicle].at(std::clamp(time_s / kFramePeriod, 0.0, 1.0)));
   }
 
-  /// Times at which the objects were scanned, since the start of the frame; mid-frame for objects
-  /// without a hit.
+  /// Returns the times at which the objects were scanned, since the start of the frame. For objects
+  /// without a hit, the time is mid-frame.
   std::vector<double> scan_times_s(const Lidar& lidar) const {
     std::vector<double> out;
     for (std::vector<double>& times : lidar.builder.times_seen(vehicles.size()))
@@ -147,7 +147,8 @@ struct FrameSimulator::Impl {
 
 namespace {
 
-/// Whether the period of a pattern has at most as many rays as the frames.
+/// Returns whether a period of the pattern has at most as many rays as the frames. If not, a static
+/// layer costs more than it saves.
 bool pays(const ScanPattern& pattern, std::size_t frames) {
   const double groups = static_cast<double>(frames) * kFramePeriod * pattern.groups_per_s();
   return static_cast<double>(pattern.repeats_after()) <= std::round(groups);
@@ -192,7 +193,7 @@ LidarFilters FrameSimulator::learn_filters(const World& world, std::span<const L
   LidarFilters out;
   std::optional<Impl> impl;
   for (std::size_t i = 0; i < lidars.size(); ++i) {
-    // A background is learnt from frames with their own noise, not from the frames that it filters.
+    // The background is learnt from frames whose noise differs from that of the filtered frames.
     std::optional<Lidar> learning;
     out.push_back(std::make_shared<const std::vector<FilterStep>>(
         make_filters(*world.site, world.scene.mounts.begin()->second, [&](int k) {

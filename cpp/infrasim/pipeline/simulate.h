@@ -15,18 +15,19 @@
 
 namespace infrasim {
 
-/// The static layer of each unit of each LiDAR. An entry is null if the pattern never repeats, a
-/// beam is wider than a ray, or the layer costs more than it saves. All threads' simulators share
-/// the layers. If the outer vector is empty, all rays are cast.
+/// The static layer of each unit of each LiDAR. An entry is null if the pattern never repeats, if a
+/// beam is wider than a ray, or if casting the layer takes longer than it saves. The simulators of
+/// all threads share the layers. If the outer vector is empty, all rays are cast.
 using StaticLayers = std::vector<std::vector<std::shared_ptr<const StaticLayer>>>;
-/// Makes static layers. Layers that the scene names a file for are read. The others are cast,
-/// within kMostLayerBytes, and only if the frames have at least as many rays as the period to cast.
+/// Makes static layers. A layer is read if the scene names a file for it. Other layers are cast, up
+/// to kMostLayerBytes in total. A layer is cast only if the frames have at least as many rays as a
+/// period of the pattern.
 /// @param frames number of frames that will be simulated
 /// @throws ConfigError for a file of another LiDAR or another scene
 StaticLayers make_static_layers(const World& world, std::span<const LidarConfig> lidars,
                                 std::size_t frames = std::numeric_limits<std::size_t>::max());
 
-/// The scene's filters for each LiDAR. All threads' simulators share them.
+/// The scene's filters for each LiDAR. The simulators of all threads share them.
 using LidarFilters = std::vector<std::shared_ptr<const std::vector<FilterStep>>>;
 
 /// Computes frames of several LiDARs at one mount. Not thread-safe.
@@ -34,11 +35,11 @@ class FrameSimulator {
  public:
   FrameSimulator(const World& world, std::span<const LidarConfig> lidars)
       : FrameSimulator(world, lidars, make_static_layers(world, lidars)) {}
-  /// @param layers for these LiDARs in this world; the frames do not depend on them
+  /// @param layers static layers of these LiDARs in this world; the frames do not depend on them
   FrameSimulator(const World& world, std::span<const LidarConfig> lidars,
                  const StaticLayers& layers)
       : FrameSimulator(world, lidars, layers, learn_filters(world, lidars, layers)) {}
-  /// @param filters for these LiDARs in this world
+  /// @param filters filters for these LiDARs in this world
   FrameSimulator(const World& world, std::span<const LidarConfig> lidars,
                  const StaticLayers& layers, const LidarFilters& filters);
   ~FrameSimulator();
@@ -48,8 +49,8 @@ class FrameSimulator {
   static LidarFilters learn_filters(const World& world, std::span<const LidarConfig> lidars,
                                     const StaticLayers& layers);
 
-  /// Frame k of the LiDARs whose entry in `wanted` is true; the others stay empty. A frame is a
-  /// pure function of scene, seed, LiDAR and k.
+  /// Computes frame k of the LiDARs whose entry in `wanted` is true. The frames of the other LiDARs
+  /// are empty. A frame is a pure function of scene, seed, LiDAR and k.
   /// @throws ConfigError if the scene has no frame k
   std::vector<Frame> simulate(int k, const std::vector<bool>& wanted);
 

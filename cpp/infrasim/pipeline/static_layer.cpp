@@ -14,7 +14,8 @@ namespace infrasim {
 namespace {
 
 constexpr std::int64_t kTileRays = kPacketRays;
-constexpr std::int64_t kLeastColumns = 4;  // of a block: as wide as tiles are high
+constexpr std::int64_t kLeastColumns =
+    4;  // minimum number of columns in a block, so that a tile is as wide as it is high
 
 /// Number of groups in a block of neighbouring rays.
 std::int64_t block_groups(std::int64_t group_size) {
@@ -36,7 +37,7 @@ void for_each_block(const ScanPattern& pattern, RayBatch& rays, const Use& use) 
 
 std::size_t layer_bytes(const ScanPattern& pattern) {
   constexpr std::size_t kRayBytes = 2 * sizeof(float) + sizeof(std::uint16_t);
-  constexpr std::size_t kTileBytes = 2;  // a ray's share of the view of 8 rays or more
+  constexpr std::size_t kTileBytes = 2;  // bytes per ray for the view of a tile of 8 or more rays
   const auto rays = static_cast<std::size_t>(pattern.repeats_after() * pattern.group_size());
   return rays * (kRayBytes + kTileBytes);
 }

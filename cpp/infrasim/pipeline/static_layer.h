@@ -13,34 +13,34 @@
 
 namespace infrasim {
 
-/// Number of rays processed at once, so that they fit into the first-level cache.
+/// Number of rays that are processed at once. They fit into the first-level cache.
 inline constexpr std::int64_t kChunkRays = 4096;
 
 /// The nearest static hit of each ray in a period of one unit, one group after the other.
 struct StaticHits {
-  std::int64_t groups = 0;  ///< of a period
+  std::int64_t groups = 0;  ///< number of groups in a period
   std::int64_t group_size = 0;
   float max_range_m = 0;
   std::uint64_t directions = 0;  ///< digest of the rays' directions
   std::vector<float> range_m;    ///< +inf: nothing hit
   std::vector<float>
-      gain;  ///< as Echo has it: the cosine of incidence; of a recording its intensity
+      gain;  ///< gain of the Echo: the cosine of incidence, or the intensity of a recording
   std::vector<std::uint16_t> class_id;  ///< 0: nothing hit
 
   std::size_t rays() const { return static_cast<std::size_t>(groups * group_size); }
 };
 
-/// For all layers of a mount's LiDARs together.
+/// Maximum size of all layers of a mount's LiDARs together.
 inline constexpr std::size_t kMostLayerBytes = std::size_t{256} << 20;
 
-/// Maximum size of the layer of a pattern that repeats.
+/// Returns the maximum size of the layer of a repeating pattern.
 std::size_t layer_bytes(const ScanPattern& pattern);
 
-/// The identity of a pattern, without hits: groups, group size, range and digest.
-/// @param pattern must repeat
+/// Returns the identity of a pattern, without hits: groups, group size, range and digest.
+/// @param pattern a repeating pattern
 StaticHits no_hits(const ScanPattern& pattern, float max_range_m);
 
-/// Casts the static hits on the raycaster's background.
+/// Casts a period of the pattern at the raycaster's background.
 StaticHits cast_static(const ScanPattern& pattern, float max_range_m, Raycaster& raycaster);
 
 /// Hits of consecutive rays.
@@ -49,27 +49,28 @@ struct StaticSlice {
   std::span<const std::uint16_t> class_id;
 };
 
-/// The static scene as seen by one unit with a repeating pattern. It holds the nearest hit of each
-/// ray of a period, and the view of blocks of neighbouring rays, so that only rays that may meet a
-/// vehicle are cast again.
+/// The static scene as seen by one unit with a repeating pattern. It stores the nearest hit of each
+/// ray of a period. It also stores the views of groups of neighbouring rays, so that only rays that
+/// may meet a vehicle are cast again.
 class StaticLayer {
  public:
-  /// @param hits of this pattern
+  /// @param hits hits of this pattern
   StaticLayer(const ScanPattern& pattern, StaticHits hits);
 
   std::int64_t groups() const { return hits_.groups; }  ///< of one period
 
-  /// End of the longest run of groups from `first` on that lies in one period. The run is a whole
-  /// number of blocks of neighbouring rays, or ends at `last`.
+  /// Returns the end of the longest run of groups that begins with `first` and lies in one period.
+  /// The run consists of whole blocks of neighbouring rays, or it ends at `last`.
   std::int64_t part_end(std::int64_t first, std::int64_t last) const;
 
-  /// Hits of the rays in a run of groups given by `part_end`.
+  /// Returns the hits of the rays in a run of groups, which `part_end` has determined.
   StaticSlice slice(std::int64_t first_group, std::int64_t last_group) const;
-  /// The same as a HitBatch. The incidence of recorded surfaces is not a cosine; use the gain of
-  /// the slice.
+  /// Copies the same hits to a HitBatch. The incidence of recorded surfaces is not a cosine. For
+  /// them, use the gain of the slice.
   void hits(std::int64_t first_group, std::int64_t last_group, bool incidence, HitBatch& out) const;
 
-  /// Selects the rays of such a run that may meet a body, with neighbouring rays together.
+  /// Selects the rays of a run from `part_end` that may meet a body, with neighbouring rays
+  /// together.
   void select(std::int64_t first_group, std::int64_t last_group, const BodyIndex& bodies,
               std::vector<std::uint32_t>& selected) const;
 
@@ -80,7 +81,7 @@ class StaticLayer {
   /// number of groups in a block; `order_` puts its neighbouring rays together
   std::int64_t block_groups_;
   std::vector<std::uint32_t> order_;  ///< order of the rays in a block; a tile is a packet of it
-  std::vector<ViewBounds> tiles_;     ///< one after the other, block by block
+  std::vector<ViewBounds> tiles_;     ///< views of the tiles, block by block
 };
 
 }  // namespace infrasim

@@ -17,25 +17,31 @@ namespace infrasim {
 /// The mount and the scene from which a static layer was made.
 struct LayerOrigin {
   std::array<double, 6> mount{};  ///< x_m, y_m, z_m, yaw_deg, pitch_deg, roll_deg
-  std::uint64_t scene = 0;        ///< digest of all static surfaces; 0: of a recording
+  std::uint64_t scene = 0;        ///< digest of all static surfaces; 0 for a recording
 };
 
-/// @param scene      at one mount
-/// @param background all static surfaces in it, levelled frame
+/// Returns the origin of the static layers of a scene.
+/// @param scene      scene at one mount
+/// @param background all static surfaces of the scene, levelled frame
 LayerOrigin layer_origin(const SceneConfig& scene, const TriangleMesh& background);
 
-/// The static layers of all units of one LiDAR, read from a file instead of cast.
+/// The static layers of all units of one LiDAR that were read from a file.
 struct StaticLayerFile {
   std::string name;    ///< path of the file, for messages
-  std::string digest;  ///< of the file's bytes
+  std::string digest;  ///< digest of the file's bytes
   LayerOrigin origin;
   std::vector<StaticHits> units;
 };
 
-/// Hits as bytes: the text line "infrasim-static-layer 2"; six float64 of the mount and uint64
-/// digest of the scene; int32 units; for each unit uint64 digest of the directions, int32 groups
-/// per period, int32 rays per group, float32 max_range_m; then for each unit float32 range_m,
-/// float32 cos_incidence and uint16 class_id of all rays of a period. Little-endian, packed.
+/// Returns hits as little-endian, packed bytes:
+/// - the text line "infrasim-static-layer 2";
+/// - the mount (six float64) and the digest of the scene (uint64);
+/// - the number of units (int32);
+/// - for each unit: digest of the directions (uint64), groups per period (int32), rays per group
+///   (int32) and max_range_m (float32);
+/// - for each unit: range_m (float32), cos_incidence (float32) and class_id (uint16) of all rays of
+/// a
+///   period.
 std::string static_layer_to_bytes(const LayerOrigin& origin, std::span<const StaticHits> units);
 
 /// @param name path of the file, for messages
@@ -49,12 +55,13 @@ StaticLayerFile read_static_layer(const std::filesystem::path& file);
 void check_is_at(const StaticLayerFile& file, const MountConfig& mount);
 
 /// @param here  origin of the scene that uses the file
-/// @throws ConfigError if the scene has other static surfaces, unless the file is of a recording
+/// @throws ConfigError if the scene has other static surfaces, unless the file comes from a
+/// recording
 void check_is_from(const StaticLayerFile& file, const LayerOrigin& here);
 
 /// @param units expected units of the LiDAR; their hits are not used
 /// @param lidar name of the LiDAR, for messages
-/// @throws ConfigError if the file is of another LiDAR, pattern, range or viewing direction
+/// @throws ConfigError if the file was made for another LiDAR, pattern, range or viewing direction
 void check_is_of(const StaticLayerFile& file, std::span<const StaticHits> units,
                  const std::string& lidar);
 

@@ -19,9 +19,10 @@ namespace {
 
 constexpr std::size_t kFewestFrames = 20, kMostFrames = 100;
 constexpr double kMostMiss_deg = 0.1;
-constexpr double kAgree_m = 0.3;       // or 6 sigma of the range noise, if that is more
-constexpr double kColumnReach = 0.75;  // of a column, so that the next column is not matched
-// length of the mean unit vector: a spread of an eighth of a column
+constexpr double kAgree_m = 0.3;  // m; 6 sigma of the range noise is used if it is more
+constexpr double kColumnReach =
+    0.75;  // in columns, so that a return is not assigned to the next column
+// length of the mean unit vector; 0.7 corresponds to a spread of an eighth of a column
 constexpr double kConstantEnough = 0.7;
 
 struct RecordedReturn {
@@ -41,14 +42,14 @@ struct Ring {
 
 struct Unit {
   Mat3 from_levelled;
-  double reach = 0;    ///< maximum azimuth difference of a ray and its return
+  double reach = 0;    ///< maximum azimuth difference between a ray and its return
   double agree_m = 0;  ///< maximum extent of a group of returns
   std::vector<Ring> rings;
-  double grid_cos = 0, grid_sin = 0;  ///< sums over points: their phase between two columns
+  double grid_cos = 0, grid_sin = 0;  ///< sums over points of their phase between two columns
   std::size_t points = 0;
 
   double columns() const { return static_cast<double>(rings.front().rays.size()); }
-  /// Azimuth offset of the recorded columns, if it is constant.
+  /// Returns the azimuth offset of the recorded columns, if it is constant.
   std::optional<double> offset() const {
     const bool constant =
         std::hypot(grid_cos, grid_sin) > kConstantEnough * static_cast<double>(points);
@@ -60,7 +61,7 @@ Mat3 transposed(const Mat3& m) { return {m[0], m[3], m[6], m[1], m[4], m[7], m[2
 
 double azimuth(Vec3 v) { return std::atan2(v.y, v.x); }
 
-/// Directions of a unit's lasers, by ring.
+/// Returns the directions of a unit's lasers, by ring.
 std::vector<Ring> rings_of(const ScanPattern& pattern) {
   const std::int64_t size = pattern.group_size();
   RayBatch first;
@@ -120,8 +121,8 @@ void take_point(Unit& unit, Ring& ring, Vec3 levelled, float intensity) {
   ring.frames.back().push_back({static_cast<float>(at), static_cast<float>(range), intensity});
 }
 
-/// The unit and ring of a ring number that counts over all units; nothing if the number is too
-/// large.
+/// Returns the unit and ring of a ring number, which is counted over all units. The pointers are
+/// null if the number is too large.
 std::pair<Unit*, Ring*> find_ring(std::vector<Unit>& units, std::size_t number) {
   for (Unit& unit : units) {
     if (number < unit.rings.size()) return {&unit, &unit.rings[number]};
@@ -170,7 +171,7 @@ double check_elevations(const std::filesystem::path& folder, const LidarConfig& 
                     config::number_text(std::round(worst * 1000) / 1000) + " degrees on average");
 }
 
-/// The return nearest to an azimuth, at most `reach` away.
+/// Returns the return that is nearest to an azimuth; null if none is within `reach`.
 const RecordedReturn* nearest(const std::vector<RecordedReturn>& echoes, double at, double reach) {
   if (echoes.empty()) return nullptr;
   const auto after =
@@ -182,8 +183,8 @@ const RecordedReturn* nearest(const std::vector<RecordedReturn>& echoes, double 
   return away(best) <= reach ? &best : nullptr;
 }
 
-/// Mean of the largest group of returns within `extent_m`, or of the nearest group if several are
-/// equally large. Nothing if the group has fewer returns than half of the frames.
+/// Returns the mean of the largest group of returns within `extent_m`. Of equally large groups, it
+/// uses the nearest one. Returns no value if the group has fewer returns than half of the frames.
 std::optional<RecordedReturn> agreed(std::vector<RecordedReturn>& seen, double extent_m,
                                      std::size_t frames) {
   std::ranges::sort(seen, {}, &RecordedReturn::range);
@@ -202,6 +203,7 @@ std::optional<RecordedReturn> agreed(std::vector<RecordedReturn>& seen, double e
   return RecordedReturn{0, static_cast<float>(range / n), static_cast<float>(intensity / n)};
 }
 
+/// Sets the hits of all rays of a unit.
 /// @return number of rays with a return beyond the LiDAR's range
 std::size_t fill(const Unit& unit, StaticHits& hits) {
   const double offset = unit.offset().value_or(0);

@@ -13,19 +13,20 @@ namespace infrasim {
 struct RecordedLayer {
   std::vector<StaticHits> units;
   int frames = 0;                 ///< number of frames used
-  double elevation_miss_deg = 0;  ///< elevation error of the worst ring, mean over its points
+  double elevation_miss_deg = 0;  ///< mean elevation error of the points of the worst ring
   /// offset of the recorded columns, by unit; 0 if it is not constant
   std::vector<double> azimuth_offsets_deg;
   std::size_t too_far = 0;  ///< rays whose returns lie beyond the LiDAR's range
 };
 
-/// The range of each ray of a period in recorded frames of the empty site, stored in this project's
-/// layout with `fields`. The range is the mean of the largest group of returns within 0.3 m of each
-/// other (or within 6 range_accuracy_m, if that is more). At least half of the frames must have the
-/// group. A ray takes the returns of the nearest ring and column. At most 100 frames are used,
-/// evenly spread. A point is assigned by its direction, so frames may begin at any azimuth.
-/// @param scene  its mount has the pitch and roll of the recording sensor
-/// @param folder DATA/LIDAR
+/// Makes a static layer from recorded frames of the empty site, which are stored in this project's
+/// layout with `fields`. The range of a ray is the mean of the largest group of returns within 0.3
+/// m of each other, or within 6 range_accuracy_m if that is more. The group must occur in at least
+/// half of the frames. The returns of a ray are those of the nearest ring and column. At most 100
+/// evenly spaced frames are used. A point is assigned to a ray by its direction, so frames may
+/// begin at any azimuth.
+/// @param scene  scene whose mount has the pitch and roll of the recording sensor
+/// @param folder folder of the recorded LiDAR, DATA/LIDAR
 /// @throws ConfigError for a LiDAR that does not spin or repeat, fewer than 20 frames, frames
 ///   without `fields`, rings that the LiDAR does not have, or an elevation error above 0.1 degrees;
 ///   IoError

@@ -11,16 +11,16 @@
 
 namespace infrasim {
 
-/// A LiDAR and its preset, for messages.
+/// Returns the names of a LiDAR and its preset, for messages.
 std::string words_of(const LidarConfig& lidar);
 
-/// The identity of each unit's static layer, without hits.
+/// Returns the identity of each unit's static layer, without hits.
 /// @param scanners the LiDAR's units
 /// @throws ConfigError, with the reason, for a LiDAR that can't have a static layer
 std::vector<StaticHits> units_without_hits(const LidarConfig& lidar,
                                            std::span<const ScannerUnit> scanners);
 
-/// The static scene as seen by each unit of a LiDAR.
+/// Casts the static scene as seen by each unit of a LiDAR.
 /// @throws ConfigError, with the reason, for a LiDAR that can't have a static layer
 std::vector<StaticHits> cast_static_layer(const World& world, const LidarConfig& lidar);
 

@@ -24,7 +24,7 @@ std::string line_of(const SummaryRow& r) {
   return text.str();
 }
 
-/// The last three cells: rays cast and computing time.
+/// Returns the last three cells of a line: rays cast and computing times.
 std::string_view times_of(std::string_view line) {
   std::size_t at = line.size();
   for (int cells = 0; cells < 3 && at != std::string_view::npos; ++cells)
@@ -32,7 +32,8 @@ std::string_view times_of(std::string_view line) {
   return at == std::string_view::npos ? "" : line.substr(at);
 }
 
-/// Lines of a folder's summary.csv whose LiDARs still exist; empty if the file has another header.
+/// Returns the lines of a folder's summary.csv whose LiDARs still have a folder. Returns no lines
+/// if the file has another header.
 std::vector<std::string> lines_in(const std::filesystem::path& folder) {
   std::vector<std::string> lines;
   if (!std::filesystem::exists(folder / "summary.csv")) return lines;

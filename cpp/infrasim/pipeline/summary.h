@@ -18,9 +18,9 @@ struct SummaryRow {
   double hits_per_frame = 0;
   double vehicles_per_frame = 0;
   double vehicle_points_per_frame = 0;
-  double rays_cast_per_frame = 0;  ///< over the frames that were not on disk before
+  double rays_cast_per_frame = 0;  ///< mean over the frames that were not on disk before
   double seconds =
-      0;  ///< computing time of frames, summed over threads and divided by their number
+      0;  ///< computing time of all frames, summed over threads and divided by their number
   /// computed frames in which a `ground_plane` filter found no plane
   int frames_without_plane = 0;
   double mrays_per_s = 0;  ///< millions of rays per second of computing time
@@ -41,9 +41,9 @@ class Summary {
   explicit Summary(const std::vector<LidarConfig>& lidars);
   /// @param tallies one per LiDAR
   void add(const std::vector<FrameTally>& tallies);
-  /// Adds frames of a folder that were not requested; their number of rays is unknown.
+  /// Adds frames of a folder that were not requested. Their numbers of rays are unknown.
   void add_others(const std::filesystem::path& folder, const std::vector<int>& frames);
-  /// Means over the frames so far.
+  /// Returns one row per LiDAR with means over the frames so far.
   /// @param threads number of threads that cast at the same time
   std::vector<SummaryRow> rows(int threads) const;
 
@@ -55,10 +55,10 @@ class Summary {
 
 std::string summary_csv(const std::vector<SummaryRow>& rows);
 
-/// Merges the rows of a run into a folder's summary.csv. They replace rows of the same LiDARs. The
-/// rows of other LiDARs are kept while their folders exist. If nothing was computed for a LiDAR,
-/// its row keeps its times. Frames on disk that were not requested count too. Several processes may
-/// do this at the same time: frames are counted while the folder is locked.
+/// Merges the rows of a run into a folder's summary.csv. They replace the rows of the same LiDARs.
+/// Rows of other LiDARs are kept as long as their folders exist. If no frame of a LiDAR was
+/// computed, the times in its row do not change. Frames on disk that were not requested are counted
+/// too. Several processes may call this function at the same time, because it locks the folder.
 /// @param frames requested frames, ascending
 /// @param threads number of threads that cast at the same time
 /// @throws IoError if it can't be written

@@ -11,7 +11,7 @@ namespace infrasim {
 
 namespace {
 
-constexpr int kMostTimes = 4;  // maximum number of times that a ray is cast on
+constexpr int kMostTimes = 4;  // maximum number of additional casts of a ray
 constexpr float kNever = std::numeric_limits<float>::infinity();
 constexpr double kLevelNormal = 0.9;  // minimum z of the normal of a body's floor
 
@@ -19,10 +19,10 @@ Echo vehicle_echo(float range, std::int32_t object, const Optics& optics) {
   return {range, object, 0, optics.reflectance, optics.gain};
 }
 
-/// A range slightly behind a hit, so that rounding does not find the hit again.
+/// Returns a range slightly behind a hit, so that the next cast does not find the same hit.
 float beyond(float range) { return range + std::max(2e-4F, 2e-6F * range); }
 
-/// Range at which a ray through a pane meets the floor of the cabin.
+/// Returns the range at which a ray through a pane meets the floor of the cabin.
 float floor_range(float range, const BodyHit& hit, float dz) {
   const double above = (hit.at.z + 0.5) * hit.size_m.z - kSillHeight_m;
   return dz < 0 ? range + static_cast<float>(above / -dz) : kNever;
@@ -82,7 +82,7 @@ void TransparentCaster::cast_on(const RayBatch& rays) {
   for (std::size_t k = 0; k < passing_.size(); ++k) meet(rays, passing_[k], on_hits_.at(k));
 }
 
-/// The static hits are known, so only vehicles are cast.
+/// Continues the rays with known static hits, so that only vehicles are cast.
 void TransparentCaster::cast_on_with(const StaticSlice& background) {
   on_hits_.resize(on_.size());
   std::ranges::fill(on_hits_.object, -1);
@@ -144,7 +144,8 @@ void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state,
 void TransparentCaster::meet_below(const BodyHit& body, Part part, const Passing& state,
                                    const Hit& hit) {
   const float range = hit.range;
-  // A body stands on the ground, so a ray that meets its lower face meets the ground.
+  // A body stands on the ground, so a ray that meets the lower face of the body also meets the
+  // ground.
   if (body.at.z < 0 && std::abs(body.normal.z) > kLevelNormal) {
     const bool on_lane = vehicles_->on_lane[static_cast<std::size_t>(hit.object)];
     const Class ground = on_lane ? Class::kRoad : static_cast<Class>(hit.class_id);
@@ -170,14 +171,15 @@ BodyHit TransparentCaster::body_hit(const Hit& hit) const {
           .normal = {normal[0], normal[1], normal[2]}};
 }
 
-/// @param cosine of incidence; for a recorded surface its stored gain is used instead
+/// Returns the echo of a background surface.
+/// @param cosine cosine of incidence; a recorded surface has its stored gain instead
 Echo TransparentCaster::background_echo(float range, Class material, std::uint32_t ray,
                                         float cosine) const {
   const float gain = material == Class::kRecorded ? background_.gain[ray] : cosine;
   return {range, -1, static_cast<std::uint16_t>(material), background_reflectance(material), gain};
 }
 
-/// Stores an echo as the ray's, unless the stored one is stronger.
+/// Stores an echo as that of its ray, unless the stored echo is stronger.
 void TransparentCaster::keep_strongest(const Passing& state, Echo echo) {
   const std::uint32_t i = state.ray;
   echo.reflectance *= state.power;

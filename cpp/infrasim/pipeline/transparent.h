@@ -13,31 +13,31 @@
 
 namespace infrasim {
 
-/// Turns hits into echoes. It finds the vehicle part that each ray meets, and casts rays on that
-/// pass through: through panes, with the remaining power, and below bodies. It keeps its buffers.
-/// Not thread-safe.
+/// Converts hits to echoes. It finds the part of a vehicle that each ray meets. A ray that passes
+/// through a pane continues with the remaining power, and a ray can also continue below a body.
+/// These rays are cast again. The object keeps its buffers between calls. Not thread-safe.
 class TransparentCaster {
  public:
   explicit TransparentCaster(Raycaster& raycaster) : raycaster_(raycaster) {}
 
-  /// The strongest echo of each ray beyond the blind zone.
+  /// Finds the strongest echo of each ray beyond the blind zone.
   /// @param vehicles    the vehicles that the raycaster has
   /// @param hits        nearest hits, with incidence; they become the echoes
-  /// @param path        attenuation on the way to the echoes
-  /// @param background  hits of the rays with static surfaces; empty: they are cast
+  /// @param path        attenuation between LiDAR and echo
+  /// @param background  hits of the rays with static surfaces; if empty, the surfaces are cast
   /// @return number of additional casts, counted once per ray and cast
   std::size_t resolve(const RayBatch& rays, const FrameVehicles& vehicles,
                       const VehicleParts& parts, const EchoPath& path, HitBatch& hits,
                       EchoBatch& echoes, const StaticSlice& background = {});
 
  private:
-  /// A ray that is cast on.
+  /// A ray that is cast again.
   struct Passing {
     std::uint32_t ray = 0;
     std::int32_t object = -1;  ///< the vehicle that the ray is in or under; -1: none
-    bool under = false;        ///< whether the ray is under the vehicle, not in it
-    float power = 1;           ///< share of power that the panes have left
-    float near = 0;            ///< range at which the ray continues; 0: it comes from the sensor
+    bool under = false;        ///< whether the ray is under the vehicle; false: inside
+    float power = 1;           ///< share of power that remains behind the panes
+    float near = 0;            ///< range at which the ray continues; 0 at the sensor
     float floor_range = std::numeric_limits<float>::infinity();  ///< range to the floor of a cabin
   };
 
@@ -56,8 +56,8 @@ class TransparentCaster {
   EchoPath path_;
   StaticSlice background_;
   EchoBatch* echoes_ = nullptr;
-  std::vector<Passing> passing_;  ///< rays to cast on
-  std::vector<Passing> next_;     ///< rays to cast on after those
+  std::vector<Passing> passing_;  ///< rays to cast again
+  std::vector<Passing> next_;     ///< rays of the following cast
   RayBatch on_;
   std::vector<std::uint32_t> on_order_;
   HitBatch on_hits_;

@@ -11,7 +11,7 @@ namespace infrasim {
 
 namespace {
 
-/// True if some part of the object can be within `reach` at some time of the frame.
+/// Returns true if a part of the object can be within `reach` metres at some time of the frame.
 bool reachable(const MovingObject& o, const Box3d& middle, double reach) {
   const double travel = std::hypot(o.to.x - o.from.x, o.to.y - o.from.y);
   const double half_diagonal = std::hypot(middle.dx, middle.dy) / 2;

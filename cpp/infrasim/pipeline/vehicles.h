@@ -6,21 +6,22 @@
 
 namespace infrasim {
 
-/// The objects of one frame that are within range, by id, one column per attribute. It holds only
-/// attributes that do not depend on the LiDAR.
+/// The objects of one frame that are within range, by id, with one column per attribute. The
+/// attributes do not depend on the LiDAR.
 struct FrameVehicles {
   std::vector<MovingObject> moving;  ///< world frame
-  std::vector<MovingBody> bodies;    ///< levelled frame, as the boxes
-  std::vector<Box3d> boxes;          ///< at mid-frame
+  std::vector<MovingBody> bodies;    ///< levelled frame
+  std::vector<Box3d> boxes;          ///< at mid-frame, levelled frame
   std::vector<float> reflectance;    ///< reflectance of the paint
-  std::vector<bool> on_lane;         ///< simulated traffic: its ground is the road, without a cast
-  std::vector<double> visibility;    ///< visible share; -1 outside the region
+  std::vector<bool>
+      on_lane;  ///< whether the ground below the object is known to be the road (simulated traffic)
+  std::vector<double> visibility;  ///< visible share; -1 outside the region
 
   std::size_t size() const { return moving.size(); }
 };
 
-/// Gives the raycaster the objects of frame k that can be within `reach` metres of the sensor at
-/// some time, with any part.
+/// Sets the objects of frame k in the raycaster. Only objects of which a part can be within `reach`
+/// metres of the sensor at some time of the frame are used.
 FrameVehicles set_vehicles(const World& world, int k, double reach, Raycaster& raycaster);
 
 /// Freezes the raycaster's objects at a share of the frame.

@@ -39,8 +39,8 @@ double clock_offset_s(const SceneConfig& view) {
   return view.mounts.begin()->second.clock_offset_s.value_or(0);
 }
 
-/// The rows that the frames need: at the start and end of each frame, and with a clock offset one
-/// more on each side.
+/// Returns which rows the frames require. These are the rows at the start and the end of each
+/// frame. If a mount has a clock offset, they also include one more row on each side.
 std::vector<bool> rows_of(std::span<const int> frames, const std::vector<SceneConfig>& views) {
   const bool late =
       std::ranges::any_of(views, [](const SceneConfig& view) { return clock_offset_s(view) != 0; });
@@ -52,7 +52,8 @@ std::vector<bool> rows_of(std::span<const int> frames, const std::vector<SceneCo
   return rows;
 }
 
-/// Passes on every instant after checking that no vehicle hits a sensor.
+/// Returns a sink that checks that no vehicle hits a sensor, and then passes each instant to
+/// `sink`.
 StateSink checking_sensors(const SceneConfig& scene, const StateSink& sink) {
   return [&scene, sink, instant = 0](const std::vector<ObjectState>& states) mutable {
     check_sensor_is_free(scene, states, instant++);
@@ -60,10 +61,10 @@ StateSink checking_sensors(const SceneConfig& scene, const StateSink& sink) {
   };
 }
 
-/// @param scene        at one mount
-/// @param site         of the scene, checked
-/// @param surface      of the site
-/// @param trajectories of the scene
+/// @param scene        scene at one mount
+/// @param site         checked site of the scene
+/// @param surface      static surface of the site
+/// @param trajectories trajectories of the scene
 World world_of(const SceneConfig& scene, const std::shared_ptr<const Site>& site,
                const Surface& surface, std::shared_ptr<const Trajectories> trajectories) {
   if (const double late_s = clock_offset_s(scene); late_s != 0)

@@ -20,64 +20,68 @@
 
 namespace infrasim {
 
-/// A scene at one mount that is ready to simulate, with trajectories and meshes. It is built once
-/// and shared by all threads.
+/// A scene at one mount with its trajectories and meshes. It is built once, and all threads share
+/// it.
 struct World {
   SceneConfig scene;                 ///< the result of scene_at_mount
-  std::shared_ptr<const Site> site;  ///< of the scene with all its mounts
+  std::shared_ptr<const Site> site;  ///< site of the scene with all its mounts
   LevelPose level;
   EvaluationRegion region;
-  std::shared_ptr<const Trajectories> trajectories;  ///< by the mount's clock
+  std::shared_ptr<const Trajectories> trajectories;  ///< in the time of the mount's clock
   TriangleMesh background;                           ///< levelled frame
   std::vector<TriangleMesh> bodies;  ///< in the unit box, in the order of kObjectClasses
   std::unique_ptr<const MeshLibrary> meshes;
   Volumes leaves;
-  std::map<std::string, StaticLayerFile> static_layers;  ///< by LiDAR, used instead of casting
-  /// by the mount's clock; if set, `trajectories` has no rows
+  std::map<std::string, StaticLayerFile> static_layers;  ///< static layers from files, by LiDAR
+  /// in the time of the mount's clock; if set, `trajectories` has no rows
   std::shared_ptr<LazyTrajectories> lazy_trajectories = nullptr;
 
   /// Objects that exist for the whole of frame k.
   std::vector<MovingObject> objects_in_frame(int k) const;
 };
 
-/// @param mount its name; empty: the only one
+/// Builds the world of a scene at a mount.
+/// @param mount name of the mount; may be empty if the scene has one mount
 /// @throws ConfigError, IoError
 World build_world(const SceneConfig& scene, const std::string& mount = "");
 
-/// As build_world, but traffic is simulated when frames are requested, up to the last one. Recorded
-/// trajectories are read and checked at once.
-/// @throws the exceptions of build_world, without those of the traffic at later times
+/// Like build_world, but traffic is simulated only when frames are requested, and only up to the
+/// last requested frame. Recorded trajectories are read and checked at once.
+/// @throws the exceptions of build_world, except those of traffic that is simulated later
 World build_lazy_world(const SceneConfig& scene, const std::string& mount = "");
 
-/// A world without frames: nothing moves, and traffic or recorded trajectories are not needed.
+/// Builds a world without frames. It has no moving objects, so traffic and recorded trajectories
+/// are not required.
 /// @throws the exceptions of build_world
 World build_static_world(const SceneConfig& scene, const std::string& mount = "");
 
-/// One world per mount, all with the same objects.
+/// Builds one world per mount. All worlds have the same objects.
 /// @throws the exceptions of build_world
 std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts);
-/// As above, for some frames only: rows of trajectories that they do not need may be left out.
+/// Like the function above, but only for some frames. Rows of trajectories that these frames do not
+/// require may be omitted.
 /// @param to_end  whether to simulate and check the whole scene, or only up to the last of the
 ///   frames
 std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts,
                                 std::span<const int> frames, bool to_end);
 
 /// Builds the worlds of a scene without frames, to find its errors.
-/// @param drive whether its traffic is simulated and checked too
+/// @param drive whether the traffic is simulated and checked too
 /// @throws the exceptions of build_world
 void check_worlds(const SceneConfig& scene, bool drive);
 
-/// Whether two scenes from one file have the same traffic past the same sensors.
+/// Returns whether two scenes from one file have the same traffic and the same sensor positions.
 bool move_alike(const SceneConfig& a, const SceneConfig& b);
 
-/// Passes on all instants of a world's trajectories, whichever rows it keeps.
+/// Passes all instants of a world's trajectories to `sink`, including rows that the world has
+/// omitted.
 void each_instant(const World& world, const StateSink& sink);
 
 /// Names of the mounts, in the order of the file.
 std::vector<std::string> mount_names(const SceneConfig& scene);
 
-/// Objects that overlap within the first minute of simulated traffic, or at any time of recorded
-/// trajectories.
+/// Returns the objects that overlap within the first minute of simulated traffic, or at any time of
+/// recorded trajectories.
 /// @throws the exceptions of build_world
 std::vector<Overlap> traffic_overlaps(SceneConfig scene);
 
@@ -87,7 +91,7 @@ std::size_t body_index(Class object_class);
 /// @throws ConfigError if the scene has no frame k
 void check_frame(const World& world, int k);
 
-/// All triangles at one instant, given as a share of frame k; levelled frame.
+/// Returns all triangles at one instant, which is given as a share of frame k. Levelled frame.
 /// @throws ConfigError if the scene has no frame k
 TriangleMesh frozen_mesh(const World& world, int k, double share);
 

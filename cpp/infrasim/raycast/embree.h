@@ -15,11 +15,11 @@
 
 namespace infrasim {
 
-/// The first error of a device, stored until `check`. Embree is a C library, so no exception may
-/// pass through its functions.
+/// Stores the first error of a device until `check` is called. Embree is a C library, so no
+/// exception may pass through its functions.
 class EmbreeError {
  public:
-  /// Must outlive the device.
+  /// Registers this object with a device. The object must outlive the device.
   void watch(RTCDevice device) { rtcSetDeviceErrorFunction(device, keep, this); }
 
   /// @throws std::runtime_error if there was one
@@ -40,7 +40,7 @@ class EmbreeError {
   std::array<char, 200> text_{};
 };
 
-/// Nearest hits of 16 rays with nearby origins; lanes with `valid` 0 are not changed.
+/// Finds the nearest hits of 16 rays with nearby origins. Rays whose `valid` is 0 are not changed.
 inline void intersect16(const int* valid, RTCScene scene, RTCRayHit16& rays) {
 #if RTC_VERSION_MAJOR >= 4
   RTCIntersectArguments arguments;

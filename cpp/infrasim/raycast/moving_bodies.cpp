@@ -4,10 +4,10 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kMargin_m = 0.02;  // of the swept box, more than any rounding error
+constexpr double kMargin_m = 0.02;  // margin of the swept box, larger than any rounding error
 
-/// A box around everything that the body sweeps, along its heading at mid-frame. A turning corner
-/// leaves the chord between its ends by at most the sagitta.
+/// Returns a box, along the body's heading at mid-frame, that contains the body during the whole
+/// frame. A corner of a turning body deviates from the chord of its path by at most the sagitta.
 Box3d swept(const MovingBody& body) {
   Box3d box = box_at(body, 0.5);
   const Vec2 axis = heading_vector(box.heading);

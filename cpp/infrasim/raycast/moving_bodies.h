@@ -11,8 +11,8 @@
 
 namespace infrasim {
 
-/// A body of the library, scaled to its box and moving over one frame. Position and pitch are
-/// linear in time. The heading changes linearly along the shorter way. Levelled frame.
+/// A body of the mesh library, which is scaled to its box and moves during one frame. Position and
+/// pitch are linear in time. The heading changes linearly along the shorter way. Levelled frame.
 struct MovingBody {
   int body = 0;
   Box3d from;
@@ -35,7 +35,7 @@ class BodyMotion {
       return {x + range * dx, y + range * dy, z + range * dz};
     }
   };
-  /// @param share of the frame at which the ray is fired, [0, 1]
+  /// @param share time at which the ray is fired, as a share of the frame, [0, 1]
   UnitRay to_unit(float dx, float dy, float dz, float share) const {
     float c = cos_, s = sin_;
     if (turn_ != 0) {
@@ -56,7 +56,8 @@ class BodyMotion {
             (c * dy - s * dx) * inv_dy_,         dz * inv_dz_};
   }
 
-  /// Unit vector in the body's frame in metres, from a normal in the unit box of any length.
+  /// Converts a normal of any length in the unit box to a unit vector in the body's frame in
+  /// metres.
   std::array<float, 3> normal(float nx, float ny, float nz) const {
     nx *= inv_dx_, ny *= inv_dy_, nz *= inv_dz_;
     const float length = std::sqrt(nx * nx + ny * ny + nz * nz);
@@ -84,7 +85,7 @@ class BodyIndex {
  public:
   BodyIndex() { set(std::span<const MovingBody>{}); }
   void set(std::span<const MovingBody> bodies);
-  /// As above, for any objects, given by their views.
+  /// Like the function above, for any objects that are given by their views.
   void set(std::vector<std::array<ViewBounds, 2>> views);
 
   /// Calls `visit` with the index of each body that the view may meet, in increasing order, until
@@ -102,7 +103,7 @@ class BodyIndex {
       }
     }
   }
-  /// The view of each body; two parts for a body across 180 degrees.
+  /// Returns the view of each body. A body that lies across 180 degrees has a view of two parts.
   std::span<const std::array<ViewBounds, 2>> views() const { return bounds_; }
 
   bool any_in(const ViewBounds& view) const {

@@ -10,7 +10,7 @@
 
 namespace infrasim {
 
-/// Number of rays cast together; another width changes the last digits of results.
+/// Number of rays that are cast together. Another number would change the last digits of results.
 inline constexpr std::size_t kPacketRays = 16;
 
 /// Calls `work` with the part of an order that belongs to each packet.
@@ -20,7 +20,7 @@ void for_each_packet(std::span<const std::uint32_t> order, const Work& work) {
     work(order.subspan(first, std::min(kPacketRays, order.size() - first)));
 }
 
-/// View that contains the given rays.
+/// Returns the view that contains the given rays.
 inline ViewBounds view_of(const RayBatch& rays, std::span<const std::uint32_t> packet) {
   ViewBounds view;
   for (const std::uint32_t k : packet) view.add(rays.dx[k], rays.dy[k], rays.dz[k]);

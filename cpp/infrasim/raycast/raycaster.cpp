@@ -57,7 +57,7 @@ SceneHandle mesh_scene(RTCDevice device, const TriangleMesh& mesh, const EmbreeE
 }
 
 /// One packet of rays. Fields that Embree does not change (masks, flags, nearest range) are set
-/// once.
+/// only once.
 struct Packet {
   alignas(64) std::array<int, kPacketRays> valid{};
   RTCRayHit16 rh{};
@@ -78,7 +78,7 @@ struct Packet {
     rh.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
   }
 
-  /// Masks off the lanes from `count` on.
+  /// Casts the first `count` rays of the packet.
   void intersect(RTCScene scene, std::size_t count) {
     for (std::size_t i = 0; i < kPacketRays; ++i) valid[i] = i < count ? -1 : 0;
     intersect16(valid.data(), scene, rh);
@@ -87,8 +87,8 @@ struct Packet {
   bool hit(std::size_t i) const { return rh.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID; }
 };
 
-/// Embree's manual recommends flushed denormals in threads that cast. The caller's mode is
-/// restored.
+/// Flushes denormals, as Embree's manual recommends for threads that cast. The destructor restores
+/// the caller's mode.
 class FlushedDenormals {
  public:
   FlushedDenormals() : before_(_mm_getcsr()) {
@@ -137,7 +137,7 @@ float cos_incidence(const RayBatch& rays, std::uint32_t k, float nx, float ny, f
 struct MeshLibrary::Impl {
   EmbreeError error;
   RTCDevice device = nullptr;
-  Horizon horizon;  ///< of the background
+  Horizon horizon;  ///< horizon of the background
   std::vector<std::uint16_t> background_class;
   std::vector<SceneHandle> bodies;  ///< one per body, then the background
 
@@ -202,7 +202,7 @@ struct Raycaster::Impl {
     }
   }
 
-  /// Makes rays through the cell centres of the box's angular rectangle.
+  /// Makes rays through the centres of the grid cells in the box's angular rectangle.
   void aim_probe(const Box3d& box) {
     const double centre = std::atan2(box.y, box.x);
     double left = -kPi, right = kPi, up = -kPi, down = kPi;

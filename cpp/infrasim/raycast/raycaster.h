@@ -45,25 +45,27 @@ class Raycaster {
   /// Views of the bodies during the frame.
   const BodyIndex& bodies() const;
 
-  /// Nearest hit of each ray in `order`, each at its own time, in packets of 16 in that order. The
-  /// other rays become misses. The hits do not depend on the order. Between equally near hits the
-  /// background wins, then the lowest index.
+  /// Finds the nearest hit of each ray in `order`, at the ray's own time. Rays are cast in packets
+  /// of 16 in that order, but the hits do not depend on it. The other rays become misses. Of
+  /// equally near hits, the hit on the background is used, otherwise the hit on the body with the
+  /// lowest index.
   /// @param incidence whether to fill hits.cos_incidence, and hits.place for bodies
   void cast(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
             bool incidence = true);
 
-  /// As cast, with the background alone.
+  /// Like cast(), but only with the background.
   void cast_background(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
                        bool incidence = true);
 
-  /// Replaces the hits of the rays in `order` if a body is nearer. The hits keep the class of the
-  /// background.
+  /// Replaces the hit of each ray in `order` if a body is nearer. The class of the background in
+  /// the hit does not change.
   void cast_bodies(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
                    bool incidence = true);
 
-  /// Visible share of a body at mid-frame, by 8 x 8 rays through the angular rectangle of its box.
-  /// Of the rays that hit the body when it is alone, it is the share that reach it first, each
-  /// weighted by the transmission of leaves. 0 if no ray hits it alone.
+  /// Returns the visible share of a body at mid-frame. 8 x 8 rays are cast through the angular
+  /// rectangle of its box. Of the rays that would hit the body without other objects, the visible
+  /// share is the part that reaches the body first. Each ray is weighted by the transmission of
+  /// leaves. The share is 0 if no ray would hit the body.
   double visibility(std::size_t index, const Volumes& leaves);
 
  private:

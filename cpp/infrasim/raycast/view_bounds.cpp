@@ -4,8 +4,9 @@ namespace infrasim {
 
 namespace {
 
-constexpr float kMargin = 1e-5F;  // of bearing and sine, larger than float rounding errors
-// a bearing changes at least half as much as the angle
+constexpr float kMargin =
+    1e-5F;  // margin of bearing and sine, larger than the rounding errors of float
+// twice the margin, because a bearing changes at least half as much as the angle
 constexpr double kAngleMargin = 2 * kMargin;
 
 /// Horizontal distance from the origin to a convex outline; 0 inside.
@@ -44,9 +45,9 @@ std::array<ViewBounds, 2> view_of(std::span<const Vec2> outline, double bottom, 
   view.high = static_cast<float>(sine(top, top > 0 ? near : far)) + kMargin;
   view.left = -2;
   view.right = 2;
-  if (near == 0) return {view, {}};  // around the sensor
-  // An outline that ends at 180 degrees is seen at -180 degrees too, so the margin is added before
-  // the split.
+  if (near == 0) return {view, {}};  // the sensor is inside the outline
+  // The margin is added before the split, so that an outline that ends at 180 degrees also has a
+  // part at -180 degrees.
   from -= kAngleMargin;
   to += kAngleMargin;
   const bool behind = from < -kPi || to > kPi;
@@ -65,8 +66,7 @@ void Horizon::add(const ViewBounds& view) {
 
 /// The highest sine within the azimuths of a cone.
 float Horizon::highest_around(float dx, float dy, float spread) const {
-  // The steeper a cone points, the more azimuths it spans; a bearing grows no faster than an
-  // azimuth.
+  // The steeper a cone is, the more azimuths it spans. A bearing changes no faster than an azimuth.
   const float half = std::asin(std::min(1.0F, spread / std::hypot(dx, dy))) + kMargin;
   constexpr float kBinsPerUnit = kBins / 4.0F;
   const float middle = bearing(dx, dy) + 2;

@@ -11,21 +11,22 @@
 
 namespace infrasim {
 
-/// A cheap monotonic substitute for the azimuth of a direction: from -2 at -180 degrees to 2 at 180
-/// degrees. 0 for straight up and down.
+/// Returns the bearing of a direction, which is a monotonic function of the azimuth and is faster
+/// to compute. It increases from -2 at -180 degrees to 2 at 180 degrees. It is 0 for a vertical
+/// direction.
 inline float bearing(float dx, float dy) {
   const float sum = std::abs(dx) + std::abs(dy);
   return sum > 0 ? std::copysign(1 - dx / sum, dy) : 0.0F;
 }
 
-/// Index of the bin of a bearing, with equal bins.
+/// Returns the index of the bin of a bearing; all bins have the same width.
 inline std::size_t bearing_bin(float bearing, std::size_t bins) {
   const auto n = static_cast<float>(bins);
   return static_cast<std::size_t>(std::clamp((bearing + 2) * (n / 4), 0.0F, n - 1));
 }
 
-/// Bounds of some directions from the origin: a rectangle of bearing and of the sine of elevation.
-/// Directions on both sides of 180 degrees span all bearings.
+/// Bounds of directions from the origin: a rectangle of bearing and sine of elevation. If
+/// directions lie on both sides of 180 degrees, the rectangle spans all bearings.
 struct ViewBounds {
   float left = std::numeric_limits<float>::infinity();  ///< lowest bearing
   float right = -std::numeric_limits<float>::infinity();
@@ -45,20 +46,21 @@ struct ViewBounds {
   bool empty() const { return left > right; }
 };
 
-/// View of an upright prism, with a margin for rounding. The second part is empty unless the prism
-/// lies across 180 degrees.
+/// Returns the view of an upright prism, with a margin for rounding. The second part is empty
+/// unless the prism lies across 180 degrees.
 /// @param outline convex, in either direction
 std::array<ViewBounds, 2> view_of(std::span<const Vec2> outline, double bottom, double top);
 
-/// The highest sine of elevation of anything in the scene, by bearing; 0 where nothing rises.
+/// The highest sine of elevation of all objects in the scene, by bearing. It is 0 at bearings
+/// without an object above the horizontal.
 class Horizon {
  public:
   /// Raises the horizon to include the view.
   void add(const ViewBounds& view);
-  /// False if a cone around the direction lies above everything.
+  /// Returns false if a cone around the direction lies above all objects.
   /// @param spread tangent of half the cone's angle, 0 to 0.25
   bool covers(float dx, float dy, float dz, float spread = 0) const {
-    const float lowest = dz - spread;  // the sine falls no faster than the angle
+    const float lowest = dz - spread;  // the sine changes no faster than the angle
     // Near the zenith, small angles can be large differences of bearing.
     if (dz > kSteep) return lowest <= highest_;
     return lowest <= 0 ||

@@ -11,7 +11,7 @@ enum VolumeDraw : unsigned { kLeaf, kFirstVolume };
 }  // namespace
 
 Volumes::Volumes(std::span<const LeafVolume> volumes) {
-  // Nearest volumes first: volumes behind a stop need no random numbers.
+  // The nearest volumes are first, because volumes behind a stopped ray need no random numbers.
   std::vector<LeafVolume> by_distance(volumes.begin(), volumes.end());
   std::ranges::stable_sort(by_distance, {}, [](const LeafVolume& leaves) {
     return std::hypot(leaves.box.x, leaves.box.y);
@@ -52,7 +52,7 @@ Volumes::Way Volumes::way_through(std::size_t volume, float dx, float dy, float 
   Way way{0, kInf};
   const auto slab = [&](double origin, double direction) {
     const double near = (-1 - origin) / direction, far = (1 - origin) / direction;
-    // Comparisons with NaN, for a ray within a side, leave the range unchanged.
+    // A ray within a side gives NaN. Comparisons with NaN leave the range unchanged.
     way.from = std::max(way.from, std::min(near, far));
     way.to = std::min(way.to, std::max(near, far));
   };
@@ -62,8 +62,8 @@ Volumes::Way Volumes::way_through(std::size_t volume, float dx, float dy, float 
   return way;
 }
 
-/// Each volume has its own random number. For overlapping volumes the nearest stop has the
-/// distribution of their summed density.
+/// Stops a ray in a volume, with a random number of this volume. In overlapping volumes, the
+/// nearest stop therefore has the distribution of the summed density.
 void Volumes::stop_in(std::size_t volume, const Way& way, const Rng& draws, std::uint32_t ray,
                       float max_range, HitBatch& hits) const {
   const double depth = -std::log(draws.open_uniform(kFirstVolume + static_cast<unsigned>(volume)));
@@ -73,7 +73,7 @@ void Volumes::stop_in(std::size_t volume, const Way& way, const Rng& draws, std:
   hits.range[ray] = stop;
   hits.object[ray] = -1;
   hits.class_id[ray] = static_cast<std::uint16_t>(Class::kVegetation);
-  // Leaves have random orientations, and those that face the ray are hit more often: P(cos < c) =
+  // Leaves have random orientations. A leaf that faces the ray is hit more often, so P(cos < c) =
   // c^2.
   hits.cos_incidence[ray] = static_cast<float>(std::sqrt(draws.open_uniform(kLeaf)));
 }

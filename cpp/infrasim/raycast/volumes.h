@@ -15,7 +15,7 @@
 namespace infrasim {
 
 /// Volumes of leaves, for rays from the origin of the levelled frame. A volume stops a ray with a
-/// probability per metre (Beer-Lambert), by a random sample of the ray.
+/// probability per metre (Beer-Lambert). A random sample of the ray determines where it stops.
 class Volumes {
  public:
   Volumes() = default;
@@ -27,10 +27,10 @@ class Volumes {
   const BodyIndex& index() const { return index_; }
   const Horizon& horizon() const { return horizon_; }
 
-  /// Replaces the hits of rays that leaves stop earlier. The result does not depend on the order of
-  /// the rays or on rays that meet no volume.
-  /// @param order    rays that may meet a volume, neighbouring ones together
-  /// @param draws_of random numbers of a ray by its index, for its leaf and for each volume
+  /// Replaces the hit of each ray that leaves stop before it. The result depends neither on the
+  /// order of the rays nor on rays that meet no volume.
+  /// @param order    rays that may meet a volume; neighbouring rays should be together
+  /// @param draws_of returns the random stream of a ray by its index
   template <class DrawsOf>
   void stop(const RayBatch& rays, std::span<const std::uint32_t> order, const DrawsOf& draws_of,
             HitBatch& hits) const {
@@ -46,7 +46,7 @@ class Volumes {
     });
   }
 
-  /// Share of rays in a direction that no leaf stops before a range.
+  /// Returns the share of rays in a direction that no leaf stops before a range.
   double transmission(float dx, float dy, float dz, double range) const;
 
  private:
