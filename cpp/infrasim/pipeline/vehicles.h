@@ -13,9 +13,8 @@ struct FrameVehicles {
   std::vector<MovingBody> bodies;    ///< levelled frame
   std::vector<Box3d> boxes;          ///< at mid-frame, levelled frame
   std::vector<float> reflectance;    ///< reflectance of the paint
-  std::vector<bool>
-      on_lane;  ///< whether the ground below the object is known to be the road (simulated traffic)
-  std::vector<double> visibility;  ///< visible share; -1 outside the region
+  std::vector<bool> on_lane;         ///< simulated traffic, which stands on the road
+  std::vector<double> visibility;    ///< visible share; -1 outside the region
 
   std::size_t size() const { return moving.size(); }
 };
