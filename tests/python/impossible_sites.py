@@ -3,7 +3,7 @@
     .venv/bin/python tests/python/impossible_sites.py --out results/impossible_sites.csv
 
 writes what `infrasim check` says of each, with a minute of traffic for those that can be. Exit code
-1 if one is judged wrongly.
+1 if a verdict is wrong.
 """
 
 from __future__ import annotations
@@ -431,12 +431,12 @@ def main() -> int:
     records = list(rows(args.binary))
     with args.out.open("w", newline="") as stream:
         writer = csv.writer(stream)
-        writer.writerow(["site", "expected", "judged", "message"])
+        writer.writerow(["site", "expected", "verdict", "message"])
         writer.writerows(records)
     for name, _, right, message in records:
         if right == "wrong":
             print(f"{name}: {message or 'allowed'}")
-    print(f"{sum(row[2] == 'right' for row in records)} of {len(records)} sites judged right")
+    print(f"{sum(row[2] == 'right' for row in records)} of {len(records)} verdicts are right")
     return int(any(row[2] == "wrong" for row in records))
 
 
