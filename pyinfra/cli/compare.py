@@ -29,8 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--ground-truth",
         choices=SUBSETS,
         default="present",
-        help="ground-truth subset; default: present, which is every vehicle in the region, "
-        "visible or not, and so the same for all mounts",
+        help="ground-truth subset; default: present, which contains every vehicle in the region, "
+        "visible or not, and is therefore the same for all mounts",
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help="CSV file to write the rows to")
 

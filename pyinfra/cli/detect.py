@@ -36,8 +36,8 @@ NOTHING = (
     "no box in any frame: are the sensor's height, its frame (z up, origin at the sensor) and the "
     "region right?"
 )
-# Least score of a box that is counted as likely. Detectors return boxes with scores of 0.1 or more
-# before calibration.
+# Minimum score of a box that is counted as likely. Before the calibration of scores, detectors
+# return boxes with scores of 0.1 or more.
 LIKELY = 0.5
 
 
@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model",
         type=Path,
-        help="used instead of RUN: a pretrained detector, such as generalist, or a model file",
+        help="pretrained detector, such as generalist, or a model file; replaces RUN",
     )
     parser.add_argument("--data", type=Path, help="folder of one LiDAR; replaces cloud files")
     parser.add_argument(
@@ -78,14 +78,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--frames",
         type=int,
         default=0,
-        help="largest number of frames of --data, evenly spread; default: 0, all frames",
+        help="maximum number of frames of --data, evenly distributed; default: 0, which means all "
+        "frames",
     )
     parser.add_argument(
         "--checkpoint",
         choices=("last", "best"),
         default="last",
-        help="which state of the training: the last, or the best on its validation frames "
-        "(validate_frames of the detector's configuration); default: last",
+        help="checkpoint of the training: the last, or the best on the validation frames "
+        "(validate_frames in the detector's configuration); default: last",
     )
     parser.add_argument(
         "--height-m",
@@ -102,8 +103,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--drop-standing",
         action="store_true",
-        help="remove vehicle boxes that recur where nothing ever moves; needs --data, best of one "
-        "minute or more",
+        help="remove vehicle boxes that recur at positions where nothing moves; needs --data, "
+        "preferably a minute of frames or more",
     )
     parser.add_argument(
         "--device",
@@ -133,10 +134,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Raises Error for arguments that exclude each other; sorts RUN and clouds with --model."""
+    """Raises Error for arguments that exclude each other. With --model, RUN becomes a cloud."""
     if args.frames < 0:
         raise Error(f"frames: expected 0 or more, got {args.frames}")
-    # With --model the first positional argument is a cloud, although argparse takes it for RUN.
+    # With --model, the first positional argument is a cloud, but argparse assigns it to RUN.
     if args.model is not None and args.trained is not None:
         args.trained, args.cloud = None, [args.trained, *args.cloud]
     if args.model is None and args.trained is None:

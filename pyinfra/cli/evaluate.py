@@ -42,18 +42,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--ground-truth",
         nargs="+",
         choices=SUBSETS,
-        help="which vehicles of the region count. captured: those with points of this LiDAR; "
-        "common: visible ones in the field of view of every LiDAR of the data set; all: those "
-        "visible from the mount; present: all of them, visible or not (to compare mounts). "
-        "Default: captured all; captured alone if the folder has no objects",
+        help="which vehicles of the region count. captured: vehicles with points of this LiDAR; "
+        "common: visible vehicles in the field of view of every LiDAR of the data set; all: "
+        "vehicles visible from the mount; present: all vehicles, visible or not (to compare "
+        "mounts). Default: captured all, or captured if the folder has no objects",
     )
     parser.add_argument(
         "--class",
         dest="classes",
         nargs="+",
         metavar="NAME[=TYPE,...]",
-        help="classes to evaluate, each with the KITTI types that it includes; the types may be "
-        "left out for vehicle, pedestrian and cyclist; "
+        help="classes to evaluate, each with its KITTI types; the types may be left out for "
+        "vehicle, pedestrian and cyclist; "
         f"default: vehicle={','.join(VEHICLE_TYPES)}",
     )
     add_measures(parser, default)
@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--min-points",
         type=int,
         default=default.min_points,
-        help=f"points that make a vehicle captured; default: {default.min_points}",
+        help=f"minimum number of points of a captured vehicle; default: {default.min_points}",
     )
     parser.add_argument(
         "--min-objects",
@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--cut-first",
         action="store_true",
-        help="also compute AP with each window cut out before matching; slow",
+        help="also compute the AP of each window from only its boxes and objects, which is slow",
     )
     add_bootstrap(parser, default)
     frames = parser.add_mutually_exclusive_group()
@@ -83,7 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "it exists, else all",
     )
     frames.add_argument(
-        "--frames", metavar="A:B[:STEP]", help="frame numbers from A to B, B excluded"
+        "--frames", metavar="A:B[:STEP]", help="frame numbers from A to B, without B"
     )
     parser.add_argument(
         "--allow-missing",
@@ -106,16 +106,16 @@ def add_measures(parser: argparse.ArgumentParser, default: Settings) -> None:
         nargs="+",
         choices=METRICS,
         help="how boxes are matched. bev: by IoU of footprints; 3d: by IoU of volumes; centre: by "
-        f"centres at most {CENTRE_M:g} m apart. Default: bev, for pedestrians and cyclists bev "
-        "centre",
+        f"centres at most {CENTRE_M:g} m apart. Default: bev for vehicles, bev and centre for "
+        "pedestrians and cyclists",
     )
     parser.add_argument(
         "--protocol",
         nargs="+",
         choices=PROTOCOLS,
         default=default.protocols,
-        help="how AP is computed. definition: AP (R1000), in ap.csv also AP (R40); r11: AP at 11 "
-        "recalls; kitti: as the KITTI devkit does, at 40 recalls with its sampling, for IoU above "
+        help="how AP is computed. definition: AP (R1000), and in ap.csv also AP (R40); r11: AP at "
+        "11 recalls; kitti: AP at 40 recalls with the sampling of the KITTI devkit, for IoU above "
         "the threshold. Default: definition",
     )
 
@@ -126,7 +126,7 @@ def add_bootstrap(parser: argparse.ArgumentParser, default: Settings) -> None:
     bootstrap.add_argument(
         "--block-s",
         type=float,
-        help="length of a block of time, in seconds; default: the time that a vehicle stays in "
+        help="length of a bootstrap block, in seconds; default: the time that a vehicle stays in "
         "the region",
     )
     bootstrap.add_argument("--seed", type=int, default=default.seed)
@@ -163,7 +163,8 @@ def run(args: argparse.Namespace) -> int:
     drawn = not args.no_figures and bool((evaluation.ap.objects > 0).any())
     write(evaluation, args.out)
     if drawn:
-        from pyinfra.viz.evaluation_plots import draw_all  # plotting takes a second to import
+        # The import is here because it takes a second.
+        from pyinfra.viz.evaluation_plots import draw_all
 
         draw_all(evaluation, args.out)
     print(summary(evaluation))
@@ -171,10 +172,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def class_types(words: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Returns the KITTI types of each class, by the class's name.
+    """Maps the name of each class to its KITTI types.
 
-    A word is `NAME=TYPE,...` as in `large=Truck,Bus`, or a name alone. A name alone is a class of
-    OBJECT_CLASSES, such as `vehicle`, or one KITTI type, such as `Car`.
+    A word is `NAME=TYPE,...`, such as `large=Truck,Bus`, or only a name. A name without types is a
+    class of OBJECT_CLASSES, such as `vehicle`, or one KITTI type, such as `Car`.
 
     Raises Error for a class without types.
     """

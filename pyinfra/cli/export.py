@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, help="new or empty folder to write to")
     frames = parser.add_mutually_exclusive_group()
     frames.add_argument(
-        "--frames", metavar="A:B[:STEP]", help="frame numbers from A to B, B excluded"
+        "--frames", metavar="A:B[:STEP]", help="frame numbers from A to B, without B"
     )
     frames.add_argument(
         "--split",

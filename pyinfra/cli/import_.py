@@ -48,16 +48,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         nargs=2,
         metavar=("PITCH", "ROLL"),
-        help="tilt of the sensor in degrees, positive pitch is downwards; points and boxes are "
-        "levelled with it",
+        help="tilt of the sensor in degrees, where positive pitch looks down; points and boxes "
+        "are levelled by this tilt",
     )
     parser.add_argument(
         "--upright",
         choices=get_args(Upright),
         default="auto",
-        help="how points are levelled. road: by a plane that is fitted to the road; as-is: not at "
-        "all; auto: as road, unless the points are expected to be level, by their format or "
-        "because they have labels. Default: auto",
+        help="how points are levelled. road: by a plane that is fitted to the road; as-is: points "
+        "are not levelled; auto: as road, unless the points should be level because of their "
+        "format or because they have labels. Default: auto",
     )
     parser.add_argument(
         "--region",
@@ -72,14 +72,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="NAME=TYPE",
-        help="object types of the source and what they are called here, such as Lkw=Truck",
+        help="class names of the source and the object types that they map to, such as Lkw=Truck",
     )
-    parser.add_argument("--labels", type=Path, help="folder of labels; default: the format's own")
+    parser.add_argument("--labels", type=Path, help="folder of labels; default: by the format")
     parser.add_argument(
         "--intensity-max",
         type=float,
-        help="highest intensity of the source; default: 1, 255 or 65535, chosen by the format or "
-        "the values",
+        help="highest intensity of the source; default: 1, 255 or 65535, depending on the format "
+        "or the values",
     )
     parser.add_argument(
         "--unit-m",
@@ -91,7 +91,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--columns",
         type=int,
-        help="number of float32 values of a point in .bin files; default: detected, for nuscenes 5",
+        help="number of float32 values of a point in .bin files; default: 5 for nuscenes, else "
+        "detected",
     )
     parser.add_argument(
         "--channel", help="which LiDAR of the recording, or which sequence of KITTI tracking"

@@ -16,7 +16,7 @@ from pyinfra.dataset.lidars import LidarSheet, catalogue_files, read_catalogue, 
 
 NOTHING = "-"
 HEADS = ("lidar", "model", "lines", "view, deg", "range", "10 %", "USD", "", "presets")
-LEFT = (0, 1, 7, 8)  # columns of text
+LEFT = (0, 1, 7, 8)  # indices of the text columns, which are left-aligned
 ASSUMED = "*"
 ASSUMPTION = f"{ASSUMED} the only range known: how it goes with reflectance and light is assumed"
 LETTERS: dict[str, str] = {name: name[0] for name in PRESETS}
@@ -39,8 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--preset",
         default="",
-        help="preset that the figures belong to; default: the first of datasheet, equal and paper "
-        "that a LiDAR has",
+        help="preset for which numbers are shown; default: the first of datasheet, equal and "
+        "paper that a LiDAR has",
     )
     parser.add_argument("--json", action="store_true", help="print JSON with named values")
 
@@ -53,9 +53,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def file_of(word: str) -> Path:
-    """Returns the file of a LiDAR that is named or given as a .yaml file.
+    """Returns the file of a LiDAR from a name or a path of a .yaml file.
 
-    Raises Error, which lists the known names, if there is no such file.
+    Raises Error if there is no such file. The message lists the known names.
     """
     file = Path(word) if word.endswith(".yaml") else lidar_file(word)
     if not file.is_file():
@@ -65,7 +65,7 @@ def file_of(word: str) -> Path:
 
 
 def as_json(sheets: Sequence[LidarSheet]) -> str:
-    """Returns the sheets as a JSON list of objects; unknown values are null."""
+    """Returns the sheets as a JSON list of objects, in which unknown values are null."""
     known = [
         {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in asdict(sheet).items()}
         for sheet in sheets
@@ -74,7 +74,7 @@ def as_json(sheets: Sequence[LidarSheet]) -> str:
 
 
 def lines(sheets: Sequence[LidarSheet]) -> list[str]:
-    """Returns the printed lines: a table, the sources of the prices, and files with problems."""
+    """Returns lines to print: a table, the sources of the prices, and files with problems."""
     sources = list(dict.fromkeys(source(sheet) for sheet in sheets if source(sheet)))
     rows = [HEADS, *(row(sheet, sources) for sheet in sheets)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -116,5 +116,5 @@ def whole(value: float) -> str:
 
 
 def source(sheet: LidarSheet) -> str:
-    """Returns the source and the date of a price, empty if neither is known."""
+    """Returns the source and the date of a price, or an empty text if neither is known."""
     return f"{sheet.price_source}, {sheet.price_date}".strip(", ")

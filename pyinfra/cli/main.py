@@ -32,7 +32,7 @@ WRONG = 2
 
 @dataclass(frozen=True)
 class Command:
-    """A subcommand; its module is imported only when the subcommand is used."""
+    """A subcommand. Its module is imported only when the subcommand is used."""
 
     name: str
     module: str
@@ -67,8 +67,8 @@ class _Parser(argparse.ArgumentParser):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        # argparse's own pattern matches single numbers only. No option begins with a digit, so
-        # every word that begins like a negative number is a value.
+        # The pattern of argparse matches only a word that is a single negative number. No option
+        # begins with a digit, so every word that begins like a negative number is a value.
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def error(self, message: str) -> NoReturn:
@@ -115,7 +115,7 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         make_parser(words).parse_args(words, args)
         code = int(args.run(args))
-        sys.stdout.flush()  # raises BrokenPipeError here if the pipe was closed
+        sys.stdout.flush()  # if the pipe was closed, this line raises BrokenPipeError
         return code
     except BrokenPipeError:  # the reading program, such as `head`, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -132,7 +132,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def _ended_by(error: Exception, words: Sequence[str], args: argparse.Namespace) -> tuple[str, int]:
-    """Returns the message for an error, and the exit code."""
+    """Returns the message and the exit code for an error."""
     if isinstance(error, Error):
         return message_of(error, args.options), error.exit_code
     if isinstance(error, OSError) or is_missing_package(error):

@@ -1,4 +1,4 @@
-"""Messages of a command on stderr. They name options where the library names arguments."""
+"""Messages of a command on stderr. They name options instead of the library's arguments."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from pathlib import Path
 from pyinfra.core.errors import keep_traceback
 from pyinfra.core.version import __version__
 
-Options = Mapping[str, str]  # options by argument, such as `--height-m` for `height_m`
+Options = Mapping[str, str]  # maps an argument such as `height_m` to its option `--height-m`
 
 
 def options_of(parser: argparse.ArgumentParser) -> dict[str, str]:
-    """Returns the option of each argument of a command and of its subcommands."""
+    """Maps each argument of a command and of its subcommands to its option."""
     names: dict[str, str] = {}
-    for action in parser._actions:  # argparse has no other way to list them
+    for action in parser._actions:  # argparse has no public list of the actions
         if isinstance(action, argparse._SubParsersAction):
             for sub in action.choices.values():
                 names |= options_of(sub)
@@ -41,14 +41,14 @@ def with_options(text: str, options: Options) -> str:
 
 
 def printable(text: str) -> str:
-    """Returns a text as one line, with control characters escaped."""
+    """Returns a text as one line in which control characters are escaped."""
     line = " ".join(text.split())
     escaped = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
     return "".join(escaped)
 
 
 def message_of(error: BaseException, options: Options | None = None) -> str:
-    """Returns an error as one line; the message of an OSError begins with the path."""
+    """Returns an error as one line. The message of an OSError begins with the path."""
     text = str(error) if str(error).strip() else type(error).__name__
     if isinstance(error, OSError) and error.filename is not None:
         text = f"{error.filename}: {error.strerror}"

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 
 def numbers(names: str) -> Callable[[str], tuple[float, ...]]:
-    """Returns a parser of option values: numbers with commas between, one for each of `names`."""
+    """Returns a function that parses one number for each of `names`, with commas between them."""
 
     def read(text: str) -> tuple[float, ...]:
         try:

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--min-ap",
         type=float,
         default=Requirements.min_ap,
-        help="lowest AP of all vehicles, 0 to 100; road counts as covered where AP is above it; "
+        help="minimum AP of all vehicles, 0 to 100; a road is covered where the AP exceeds this; "
         f"default: {Requirements.min_ap:g}",
     )
     parser.add_argument(
@@ -41,8 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="range_m",
         type=float,
         default=Requirements.range_m,
-        help="10, 20 ... 100 m: AP, recall and coverage count only what lies within this distance, "
-        "along the road on either side or, at a site from a map, around the sensor; "
+        help="maximum distance, one of 10, 20 ... 100 m; AP, recall and coverage count only "
+        "vehicles and roads within it; it is measured along the road or, at a site from a map, "
+        "from the sensor; "
         f"default: {Requirements.range_m:g}",
     )
     parser.add_argument(
@@ -50,15 +51,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="latency_ms",
         type=float,
         default=Requirements.latency_ms,
-        help="longest median time per frame, in milliseconds; "
+        help="maximum median time per frame, in milliseconds; "
         f"default: {Requirements.latency_ms:g}, the duration of a frame",
     )
     parser.add_argument("--scene", default="", help="scene; required if several were measured")
     parser.add_argument(
         "--preset",
         default="",
-        help="preset of the LiDARs; default: as in the report, the first of datasheet, equal and "
-        "paper that has results of two LiDARs or more",
+        help="preset of the LiDARs; default: the first of datasheet, equal and paper that has "
+        "results of two LiDARs or more, as in the report",
     )
     parser.add_argument(
         "--tier", choices=TIERS, default="quick", help="tier of the benchmark; default: quick"

@@ -1,4 +1,4 @@
-"""`pyinfra site STEP`: makes sites from maps and traffic files. Each step has its own module."""
+"""`pyinfra site STEP`: makes sites from maps and traffic files. Each step is one module."""
 
 import argparse
 import importlib

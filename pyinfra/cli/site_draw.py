@@ -14,7 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--radius",
         dest="radius_m",
         type=float,
-        help="draw only what lies within this distance of the pole, in metres; default: everything",
+        help="maximum distance of drawn objects from the pole, in metres; default: no limit",
     )
 
 

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=_classes,
         default={},
         metavar="NAME=Car,...",
-        help="class of each class name in the file; =Car is for objects without a class name",
+        help="class for each class name in the file; =Car applies to objects without a class name",
     )
     add(
         "--rate-hz",
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--world",
         action="store_true",
-        help="positions are in the site's frame; default: in the coordinates of its map",
+        help="positions are in the site's frame; default: in the coordinates of the site's map",
     )
     add("--degrees", action="store_true", help="headings of the CSV file are in degrees")
 
@@ -87,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _classes(text: str) -> dict[str, str]:
-    """Returns `a=Car,b=Bus` as a mapping from class names of the file to classes of CLASSES.
+    """Parses `a=Car,b=Bus` to a mapping from class names of the file to classes of CLASSES.
 
     A class name of the file may be empty, and may contain `=`.
     """
@@ -104,7 +104,7 @@ def _classes(text: str) -> dict[str, str]:
 
 
 def _pairs(text: str) -> dict[str, str]:
-    """Returns `a=b,c=d` as a mapping."""
+    """Parses `a=b,c=d` to a mapping."""
     pairs = [part.split("=") for part in text.split(",")]
     if any(len(pair) != 2 or not all(pair) for pair in pairs):
         raise argparse.ArgumentTypeError(f"expected NAME=OTHER,.., got '{text[:60]}'.")

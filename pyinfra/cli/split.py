@@ -19,9 +19,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--by",
         choices=["time", "seed", "random"],
         default="time",
-        help="which frames are val. time: those from 410 s on, while those before 400 s are train; "
-        "seed: all frames of --val-data, a data set of another seed; random: a fifth of the "
-        "frames. Default: time",
+        help="how frames are split. time: frames before 400 s are train, and frames from 410 s on "
+        "are val; seed: all frames of --val-data, a data set of another seed, are val; random: a "
+        "fifth of the frames is val. Default: time",
     )
     parser.add_argument("--val-data", type=Path, help="validation data set, with --by seed")
     parser.add_argument(

@@ -29,8 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         default=1,
         metavar="N",
-        help="merge N consecutive frames into one, so that the points on a vehicle add up; "
-        "default: 1",
+        help="merge the points of N consecutive frames into one frame; default: 1",
     )
 
 

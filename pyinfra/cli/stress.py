@@ -1,6 +1,7 @@
 """`pyinfra stress RUN... --data DATA/LIDAR --out DIR`: finds where detectors fail.
 
-docs/conventions.md, "Stress", defines the rules, which were written before the first run.
+The section "Stress" of docs/conventions.md defines the rules. The rules were written before the
+first run.
 """
 
 from __future__ import annotations
@@ -34,9 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         type=Path,
         metavar="RUN",
-        help="output folders of `pyinfra train` for this LiDAR. Of several runs of one detector "
-        "the first is stressed; the others, with fewer training frames or another seed, are "
-        "compared with it",
+        help="output folders of `pyinfra train` for this LiDAR. If there are several runs of one "
+        "detector, only the first is stressed. The other runs, with fewer training frames or "
+        "another seed, are compared with the first",
     )
     parser.add_argument(
         "--data", type=Path, required=True, help="folder of one LiDAR; its val frames are used"
@@ -52,14 +53,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--severities",
         nargs="+",
-        help="severities to test, in the unit of the stressor; only with one stressor; "
-        "default: the stressor's own",
+        help="severities to test, in the unit of the stressor; only with one stressor; default: "
+        "those defined for the stressor",
     )
     parser.add_argument(
         "--frames",
         type=int,
         default=runner.FRAMES,
-        help="largest number of frames, evenly spread; default: 60",
+        help="maximum number of frames, evenly distributed; default: 60",
     )
     parser.add_argument(
         "--seed", type=int, default=1, help="seed of the random changes; default: 1"
@@ -91,9 +92,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _fill(plan: runner.Prepared, out: Path, seed: int) -> int:
-    """Runs the trials and returns how many failed; each failure is one line on stderr.
+    """Runs the trials and returns how many failed. Each failure is one line on stderr.
 
-    A progress bar is shown on a terminal only.
+    A progress bar is only shown on a terminal.
     """
     failed = 0
     bar = tqdm(plan.todo, unit="trial", disable=None, file=sys.stderr)

@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--lidar", type=Path, help="LiDAR file, as in configs/lidars; required with --scene"
     )
     parser.add_argument(
-        "--mount", default="", help="name of the mount; with a --scene that has several"
+        "--mount", default="", help="name of the mount; required if --scene has several mounts"
     )
     parser.add_argument(
         "--sites",
@@ -58,16 +58,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--region",
         type=Path,
         metavar="FILE",
-        help="for the detector background: YAML file with the outline of the area where vehicles "
-        "can be, `outline_m: [[x, y], ...]`; default: the roads of the data set",
+        help="YAML file with the outline of the area where vehicles can be, "
+        "`outline_m: [[x, y], ...]`; only for the detector background; default: the roads of the "
+        "data set",
     )
     parser.add_argument(
         "--from",
         dest="start",
         type=Path,
         metavar="RUN",
-        help="start from the weights of a trained network: a training folder, a model file, or "
-        "the name of a pretrained detector; default: `start` of the config",
+        help="training folder, model file or name of a pretrained detector whose weights are the "
+        "initial weights; default: `start` of the config",
     )
     parser.add_argument(
         "--tier", choices=TIERS, default="quick", help="size of the training; default: quick"
@@ -83,7 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--label-at",
         choices=get_args(LabelAt),
         default="newest",
-        help="which of the merged frames the labels belong to; default: newest",
+        help="merged frame to which the labels belong; default: newest",
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for the trained detector")
     parser.add_argument("--seed", type=int, default=OF_NETWORKS["seed"])
@@ -103,7 +104,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=OF_NETWORKS["budget"],
         help="number of steps as a multiple of the tier's steps; the learning rate schedule is "
-        "stretched to match; default: 1",
+        "scaled to the same length; default: 1",
     )
 
 
@@ -132,9 +133,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]) -> list[Source]:
-    """Returns the sources with the region of --region, if it is given.
+    """Returns the sources with the region of --region, if this option is given.
 
-    Prints a note for each source that has no region, if the detector uses one.
+    Prints a note for each source without a region, if the detector uses regions.
     """
     if DETECTORS[recipe.detector].learnt or not recipe.network.within_region:
         if args.region is not None:
@@ -157,7 +158,10 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
 
 
 def check_mount(mount: str, scene: Path | None) -> None:
-    """Raises Error for a mount without a scene, or for fused frames, which are not simulated."""
+    """Raises Error for a mount without a scene, or for fused frames.
+
+    Training does not simulate fused frames.
+    """
     if mount and scene is None:
         raise Error(f"--mount: expected --scene, got '{mount}' without it")
     if mount == "fused":

@@ -38,8 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--unlabelled",
         action="store_true",
-        help="estimate how reliable the predictions are without using labels; default if the "
-        "frames have no labels",
+        help="estimate without labels how reliable the predictions are; this is the default if "
+        "the frames have no labels",
     )
     parser.add_argument("--out", type=Path, help="folder for trust.csv, the table of --unlabelled")
 

@@ -34,25 +34,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     frames.add_argument(
         "--frame",
         type=int,
-        help="number of the frame; default: the first, with --pred the first that has predictions",
+        help="number of the frame; default: the first frame, or with --pred the first frame that "
+        "has predictions",
     )
     frames.add_argument(
         "--frames",
         metavar="A:B[:STEP]",
-        help="frame numbers from A to B, B excluded; missing frames are skipped",
+        help="frame numbers from A to B, without B; missing frames are skipped",
     )
     parser.add_argument(
         "--pred",
         nargs="+",
         default=[],
         metavar="DIR",
-        help="folder of predictions, NNNNNN.txt or NNNNNN.csv; for several LiDARs LIDAR=DIR each",
+        help="folder of predictions, NNNNNN.txt or NNNNNN.csv; if there are several LiDARs, "
+        "LIDAR=DIR for each",
     )
     parser.add_argument(
         "--most-points",
         type=int,
         metavar="N",
-        help="thin larger frames to N points; the page states this",
+        help="maximum number of points per frame; larger frames are thinned, as the page states",
     )
     parser.add_argument(
         "--rerun",

@@ -65,7 +65,7 @@ class RoadNet:
     turn_speed_limited: bool  # whether lateral acceleration in junctions is limited
 
     def sources(self, sumo_class: str) -> list[Edge]:
-        """Returns the edges where traffic enters the map. Only U-turns lead to these edges."""
+        """Returns the edges where traffic enters the map. No edge but a U-turn leads to them."""
         led = {to for name, targets in self.links.items() for to in targets}
         turns = {to for to in led if not self._leads_on(to)}
         return [e for e in self._of(sumo_class) if e.name not in led or e.name in turns]
