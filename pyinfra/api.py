@@ -1,7 +1,7 @@
 """Public API functions that train detectors and run benchmarks in a folder.
 
-The other public functions live in `conversion.py` and in the packages below; `pyinfra/__init__.py`
-lists all of them.
+The other public functions are in `conversion.py` and in the packages on lower layers.
+`pyinfra/__init__.py` lists all public functions.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def train(
     Parameters
     ----------
     config : a name (`pointpillars`, `centerpoint-pillar`, `generalist`, ...) or a file
-    folders : LiDAR folders; the training uses the frames of their train split
+    folders : folders of LiDARs whose train frames are used
     work : output folder of checkpoints and log
     tier : `smoke` (a quick check), `quick` (minutes) or `full`
     start : a model whose weights are the initial weights of the training
@@ -118,7 +118,7 @@ def benchmark(
 
     Returns
     -------
-    DataFrame : one row per experiment; a failed experiment's row states the reason
+    DataFrame : one row per experiment; the row of a failed experiment states the reason
 
     Raises
     ------

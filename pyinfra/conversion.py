@@ -157,7 +157,7 @@ def export(frames: FrameSequence | StrPath, format: str, out: StrPath) -> Path:
     ----------
     frames : a result of `simulate` or `load_dataset`, or a LiDAR's folder
     format : openpcdet, mmdet3d, pcd, mcap, nuscenes or openlabel
-    out : new or empty folder; its parent folder temporarily holds simulated frames
+    out : new or empty folder; simulated frames are temporarily written to its parent folder
 
     Returns
     -------

@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--cut-first",
         action="store_true",
-        help="also compute the AP of each window from only its boxes and objects, which is slow",
+        help="also compute the AP of each window after boxes outside it are removed; slow",
     )
     add_bootstrap(parser, default)
     frames = parser.add_mutually_exclusive_group()

@@ -12,7 +12,7 @@ from pathlib import Path
 
 _TIMES = Path("/proc/stat")
 _IDLE = (3, 4)  # columns of /proc/stat: idle, iowait
-_COLUMNS = 8  # number of columns used; the others (guest time) are already included in the first
+_COLUMNS = 8  # the other columns (guest time) are already included in the first 8
 
 
 @dataclass

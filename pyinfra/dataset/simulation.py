@@ -143,7 +143,8 @@ def simulate(
     If the scene or a LiDAR is a file, preset, seed, set and mount apply to that file.
     Warns if the scene's weather has no effect on a LiDAR.
     Raises IoError, and ConfigError for a wrong file or a frame that the scene does not have. Also
-    raises ConfigError if the scene has keys for a LiDAR's preset but was loaded with another one.
+    raises ConfigError if the scene has keys for a LiDAR's preset but was loaded with a different
+    preset.
     """
     if isinstance(scene, World):
         if seed is not None or set or mount:
@@ -171,10 +172,11 @@ def points(frame: Frame) -> Float32Array:
 
 
 def filtered(points: Points, *steps: Filter) -> Float32Array:
-    """Applies filter steps to points (n, 3 or 4), levelled LiDAR frame; keeps the points' order.
+    """Applies filter steps to points (n, 3 or 4) in the levelled LiDAR frame.
 
-    Each step receives the points that the previous steps kept, as in `infrasim filter`. Raises
-    Error for another shape or type of points and for a parameter out of its range.
+    Each step receives the points that the previous steps kept, as in `infrasim filter`. The order
+    of the points does not change. Raises Error for a wrong shape or type of points, and for
+    a parameter out of its range.
     """
     rows: Float32Array = points[kept_rows(points, list(steps))]
     return rows

@@ -41,7 +41,7 @@ class Lanes:
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Roads of the evaluation region, lanes, buildings and mounts; world frame, metres, radians."""
+    """Roads of the region, lanes, buildings and mounts, in the world frame, metres and radians."""
 
     roads: tuple[Road, ...]
     lanes: dict[str, Lanes]  # maps road names to lanes; empty for a recording

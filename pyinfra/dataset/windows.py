@@ -105,6 +105,6 @@ def region_cells(roads: Sequence[Road], outlines: Sequence[FloatArray]) -> list[
 
 
 def distance_windows(farthest: float) -> list[Window]:
-    """Returns windows of 20 m, every 5 m from the sensor to the farthest object; at least one."""
+    """Returns at least one window of 20 m, every 5 m from the sensor to the farthest object."""
     middles = np.arange(WINDOW_M / 2, max(farthest, 1e-9) + WINDOW_M / 2, WINDOW_STEP_M)
     return [Window(0, float(middle)) for middle in middles]

@@ -26,7 +26,7 @@ from pyinfra.exchange.road_level import (
     write_sensor,
 )
 
-PROTOCOL = 4  # pickle protocol; Python 3.4 and later
+PROTOCOL = 4  # pickle protocol that Python 3.4 and later can read
 METAINFO = {
     "classes": list(CLASSES),
     "categories": {name: i for i, name in enumerate(CLASSES)},

@@ -131,7 +131,7 @@ class Tables:
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """The pose of a LiDAR in the global frame; metres, radians."""
+    """The pose of a LiDAR in the global frame, in metres and radians."""
 
     origin: FloatArray  # (3,)
     yaw: float

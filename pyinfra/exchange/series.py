@@ -30,7 +30,7 @@ class FrameSeries:
     lidar_folder: Path
     lidar: str
     scene: str
-    provenance: dict[str, str]  # keys of dataset.yaml; empty without the file
+    provenance: dict[str, str]  # keys of dataset.yaml; empty if there is no dataset.yaml
     ids_are_tracks: bool  # whether an object has the same id in all frames
     period_s: float
     label_time: LabelTime
@@ -50,7 +50,7 @@ class StoredFrame:
 
 
 def read_series(lidar_folder: Path) -> FrameSeries:
-    """Reads the properties of a folder in the KITTI layout; lidar.yaml is optional.
+    """Reads the properties of a folder in the KITTI layout. lidar.yaml is optional.
 
     Raises FormatError with file and line.
     """

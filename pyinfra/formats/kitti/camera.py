@@ -1,7 +1,7 @@
 """Conversion between the LiDAR frame and KITTI's camera frame (x right, y down, z forward).
 
 KITTI gives a box position as the centre of its bottom face, in the rectified frame of camera 0. The
-camera of a simulated LiDAR is at the sensor and looks along x; a `calib` file describes a real
+camera of a simulated LiDAR is at the sensor and looks along x. A `calib` file describes a real
 camera. The conventions are those of the devkit (readme of the KITTI object benchmark, Geiger et
 al., CVPR 2012).
 """
@@ -30,7 +30,7 @@ OTHER_NAMES = {
     "Tr": "Tr_velo_to_cam",
 }
 NOT_NEEDED = ("Tr_cam_to_road", "calib_time")  # in KITTI's road benchmark and raw data; ignored
-_NOT_A_ROTATION = 0.01  # tolerance of R R^T against identity; KITTI's matrices have 7 digits
+_NOT_A_ROTATION = 0.01  # tolerance of the elements of R R^T against the identity
 _MOST = 1e6  # largest absolute value in a matrix, pixels or metres
 
 

@@ -79,7 +79,7 @@ class FieldOfView:
 
 @dataclass(frozen=True)
 class Lidar:
-    """The content of `lidar.yaml`; angles in radians."""
+    """The content of `lidar.yaml`, with angles in radians."""
 
     name: str
     model: str
@@ -119,7 +119,7 @@ def _with_current_names(value: Any) -> Any:
 
 
 def read_lidar(lidar_folder: Path) -> Lidar:
-    """Reads the LiDAR description of a folder; unknown keys are ignored.
+    """Reads the LiDAR description of a folder. Unknown keys are ignored.
 
     Raises FormatError with file and line.
     """

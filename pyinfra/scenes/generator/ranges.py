@@ -70,7 +70,7 @@ class Ranges:
     parking: ParkingRanges = field(default_factory=ParkingRanges)
     sky: SkyRanges = SkyRanges()
     ways: WayRanges = field(default_factory=WayRanges)
-    half_length_m: Range = (170, 260)  # half length of roads; that of the region is 100 m
+    half_length_m: Range = (170, 260)  # half length of roads; the region has a half length of 100
     crossing_deg: Range = (60, 120)  # the simulator allows 45 to 135
     t_junctions: float = 0.35  # share of crossings that become T-junctions
     one_way: float = 0.15  # share of side roads of crossings that become one-way
@@ -84,7 +84,7 @@ class Ranges:
     furniture: FurnitureRanges = field(default_factory=FurnitureRanges)
     grades: float = 0.4  # share of sites on a slope
     signal_green_s: Range = (8, 30)
-    turns: Range = (0.05, 0.3)  # share of vehicles that turn left; the same for right
+    turns: Range = (0.05, 0.3)  # share of vehicles that turn left, and share that turn right
     ground_below_m: Range = (0.02, 0.2)
     slope_run_per_rise: Range = (1.5, 3.0)
     speed_spread: Range = (0.03, 0.15)  # standard deviation of speeds, relative to the mean

@@ -8,7 +8,7 @@ from pyinfra.scenes.maps.surfaces import paved_points
 CELL_M = 0.5
 # Minimum height difference of an error. A steep road rises less within a cell.
 LEAST_M = 0.1
-BRIDGE_M = 2.0  # from this height difference on, one lane crosses above the other
+BRIDGE_M = 2.0  # if the height difference is at least this, one lane is a bridge over the other
 
 
 def disagreements(lanes: list[MapLane]) -> list[str]:

@@ -38,7 +38,7 @@ class Recorded:
 
 def read_fcd(file: Path) -> list[Recorded]:
     """Reads all objects, in the order of their first rows. Raises FormatError, OSError."""
-    rows: dict[tuple[str, str], list[tuple[float, ...]]] = {}  # by kind and id
+    rows: dict[tuple[str, str], list[tuple[float, ...]]] = {}  # kind and id to rows
     types: dict[tuple[str, str], str] = {}
     try:
         with _opened(file) as stream:

@@ -92,7 +92,7 @@ def check_near_site(lon_lat: FloatArray, projection: Projection) -> None:
 
 
 def _away_m(lon_lat: FloatArray, projection: Projection) -> float:
-    """Returns the smallest distance from the site's origin; infinite if all are far from it."""
+    """Returns the smallest distance from the site's origin, or infinity if it is very large."""
     near = lon_lat[np.abs(lon_lat[:, 0] - projection.centre[0]) < 10]
     return float(np.hypot(*projection.metres(near).T).min(initial=math.inf))
 
