@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -22,6 +23,7 @@ Backend = Literal["local", "ray", "dask"]
 BACKENDS: tuple[Backend, ...] = get_args(Backend)
 # A cluster that this module starts listens on this address only, because a cluster runs code from
 # any sender.
+RAY_CLUSTER = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"  # 0: of this machine alone
 LOOPBACK = "127.0.0.1"
 
 
@@ -74,14 +76,15 @@ def workers(pool: Pool) -> Iterator[None]:
             stack.enter_context(joblib.parallel_config("dask", **needs))
             yield
     elif pool.backend == "ray":
+        if not pool.address:
+            _listen_on_loopback()
         import ray
         from ray.util.joblib import register_ray
 
         register_ray()
         size: dict[str, Any]
         size = {"address": pool.address} if pool.address else {"num_cpus": pool.jobs}
-        reach = contextlib.nullcontext() if pool.address else _on_loopback()
-        with reach, ray.init(**size, include_dashboard=False):
+        with ray.init(**size, include_dashboard=False):
             needs = {"ray_remote_args": {"num_gpus": _share(pool)}} if pool.gpu else {}
             with joblib.parallel_config("ray", n_jobs=pool.jobs, **needs):
                 yield
@@ -96,25 +99,19 @@ def workers(pool: Pool) -> Iterator[None]:
             yield
 
 
-@contextmanager
-def _on_loopback() -> Iterator[None]:
-    """Context manager in which a started Ray cluster listens on the loopback address only.
+def _listen_on_loopback() -> None:
+    """Makes a Ray cluster that this process starts listen on the loopback address only.
 
-    On systems other than Linux this is Ray's default. On Linux, an environment variable is the only
-    way to set it. Ray reads the variable at import, and so do the processes that Ray starts.
+    Ray does so by default on other systems than Linux. On Linux only this variable sets it. Ray
+    reads it at import, and so do the processes that Ray starts, so it stays set. Raises Error if
+    Ray was imported without it.
     """
-    from ray._private import ray_constants
-
-    name, before = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", ray_constants.ENABLE_RAY_CLUSTER
-    old = os.environ.get(name)
-    os.environ[name], ray_constants.ENABLE_RAY_CLUSTER = "0", False
-    try:
-        yield
-    finally:
-        ray_constants.ENABLE_RAY_CLUSTER = before
-        os.environ.pop(name)
-        if old is not None:
-            os.environ[name] = old
+    if "ray" in sys.modules and os.environ.get(RAY_CLUSTER) != "0":
+        raise Error(
+            f"backend: expected the environment variable {RAY_CLUSTER}=0 before `import ray`, "
+            "got none: the cluster would accept tasks from the network"
+        )
+    os.environ[RAY_CLUSTER] = "0"
 
 
 def _share(pool: Pool) -> float:

@@ -14,6 +14,8 @@ from browser import Browser, start_browser
 
 from pyinfra.core.arrays import FloatArray
 
+os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"  # before tests import Ray
+
 # Before torch and OpenBLAS are loaded, here and in what tests start: threads of small operations
 # mostly wait for one another, at work, and the detectors compute with one (network.one_thread).
 os.environ["OMP_NUM_THREADS"] = "1"
