@@ -78,7 +78,7 @@ def test_the_default_of_a_key_left_out_is_the_listed_one(infrasim: Callable[...,
         assert yaml.safe_load(keys[path]) == value
 
 
-def test_comments_are_found_behind_and_above_a_field() -> None:
+def test_comments_are_read_behind_and_above_a_field() -> None:
     meanings = reference.comments(reference.Learning)
-    assert meanings["clip"] == "of the gradients' norm"
+    assert meanings["clip"] == "largest norm of the gradients; larger ones are scaled"
     assert reference.above(["x = 1", "# First sentence. Second", "# one."]) == "First sentence"
