@@ -29,6 +29,7 @@ KEYS = (*NEEDED, "VERSION", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT")
 MOST_LINES = 50  # maximum number of lines of a header
 MOST_POINTS = 999_999_999
 MOST_LZF = 90  # largest compression ratio: LZF expands 3 bytes to at most 264
+FARTHEST = 1e9  # of a VIEWPOINT; squares of larger numbers may overflow
 QUATERNION = (0.9, 1.1)  # allowed length of a rounded unit quaternion
 
 
@@ -154,9 +155,9 @@ def _viewpoint(file: Path, words: list[str], line: int | None) -> Viewpoint:
         values = np.array(words, dtype=np.float64)
     except ValueError:
         values = np.empty(0)
-    if values.shape != (7,) or not np.isfinite(values).all():
+    if values.shape != (7,) or not (np.abs(values) <= FARTHEST).all():
         got = " ".join(words)[:60]
-        _fail(file, f"VIEWPOINT: expected 7 finite numbers, got '{got}'", line)
+        _fail(file, f"VIEWPOINT: expected 7 finite numbers up to {FARTHEST:g}, got '{got}'", line)
     shift, (w, x, y, z) = values[:3], values[3:]
     length = float(np.linalg.norm(values[3:]))
     if length == 0:  # some writers write a rotation of zeros

@@ -111,9 +111,10 @@ DATA """
         (HEADER + "binary\n" + 25 * "a", "expected 24 bytes of points, got 25"),
         (
             HEADER.replace("0 0 0 1 0 0 0", "0 0 5") + "ascii\n",
-            ":8: VIEWPOINT: expected 7 finite numbers, got '0 0 5'",
+            ":8: VIEWPOINT: expected 7 finite numbers up to .*, got '0 0 5'",
         ),
         (HEADER.replace("0 0 0 1 0", "0 0 inf 1 0") + "ascii\n", ":8: VIEWPOINT: expected 7 fin"),
+        (HEADER.replace("0 0 0 1 0", "0 0 0 1e200 0") + "ascii\n", ":8: VIEWPOINT: expected 7 f"),
         (
             HEADER.replace("0 0 0 1 0", "0 0 0 30 0") + "ascii\n",
             ":8: VIEWPOINT: expected a quaternion of length 1, got 30",
