@@ -223,8 +223,11 @@ namespace {
 std::optional<std::string> current_name(const std::string& key, const std::string& path,
                                         const CanonicalKeys& canonical) {
   for (const RenamedKey& renamed : canonical.renamed) {
-    const std::string now(renamed.path.substr(renamed.path.rfind('.') + 1));
-    if (key == renamed.canonical && ends_as(path + "." + now, renamed.path)) return now;
+    if (key != renamed.canonical) continue;
+    const std::string_view now = renamed.path.substr(renamed.path.rfind('.') + 1);
+    std::string current = path;
+    current.append(".").append(now);
+    if (ends_as(current, renamed.path)) return std::string(now);
   }
   return std::nullopt;
 }
