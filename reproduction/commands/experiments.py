@@ -125,7 +125,7 @@ def model_of(judge: str, replicate: Replicate, lidar: str, work: Path) -> tuple[
     return run, float(read_csv(log).cpu_seconds.sum()) if log.is_file() else 0.0
 
 
-def test_rows(model: Path, folder: Path, predictions: Path) -> list[dict[str, object]]:
+def rows_of_test(model: Path, folder: Path, predictions: Path) -> list[dict[str, object]]:
     """Runs a model on all frames of a LiDAR's folder.
 
     Returns one row of measures per ground-truth subset.
@@ -159,17 +159,22 @@ def ap_of(result: MatchResult, part: Part | None = None) -> float:
     return float(ap.average_precision(result.ranking(part), ap.R1000_RECALLS)[0])
 
 
+def key_of(judge: str, replicate: Replicate, lidar: str) -> dict[str, object]:
+    return {**asdict(replicate), "lidar": lidar, "detector": JUDGES[judge][0], "judge": judge}
+
+
+def is_done(judge: str, replicate: Replicate, lidar: str, out: Path) -> bool:
+    """Returns whether the table has all rows of one trained detector."""
+    wanted = [
+        {**key_of(judge, replicate, lidar), "seed": seed, "subset": subset}
+        for seed, subset in itertools.product(replicate.test_seeds, SUBSETS)
+    ]
+    return all(store.has_each(store.read(out, KEY), wanted))
+
+
 def fill(judge: str, replicate: Replicate, lidar: str, work: Path, out: Path) -> None:
     """Adds the rows of one trained detector, unless another process is computing them."""
-    key = {**asdict(replicate), "lidar": lidar, "detector": JUDGES[judge][0], "judge": judge}
-
-    def is_done() -> bool:
-        table = store.read(out, KEY)
-        wanted = [
-            {**key, "seed": seed, "subset": subset}
-            for seed, subset in itertools.product(replicate.test_seeds, SUBSETS)
-        ]
-        return all(store.has_each(table, wanted))
+    key = key_of(judge, replicate, lidar)
 
     def run() -> None:
         model, seconds = model_of(judge, replicate, lidar, work)
@@ -177,7 +182,7 @@ def fill(judge: str, replicate: Replicate, lidar: str, work: Path, out: Path) ->
         for seed in replicate.test_seeds:
             data = simulated(replicate, seed, TEST_FRAMES, work)
             predictions = work / "predictions" / f"{replicate.name}_{lidar}_{judge}_{seed}"
-            tested = test_rows(model, data / lidar, predictions)
+            tested = rows_of_test(model, data / lidar, predictions)
             rows += [{**key, "seed": seed, **row} for row in tested]
         words = f"experiments --scenes {replicate.scene} --presets {replicate.preset}"
         columns = {"train_cpu_s": round(seconds, 1), **provenance(words)}
@@ -186,7 +191,8 @@ def fill(judge: str, replicate: Replicate, lidar: str, work: Path, out: Path) ->
         first = table[table.subset == "captured"].ap_r1000
         print(replicate.name, lidar, judge, *first.round(1), flush=True)
 
-    store.fill(work / "locks" / f"{replicate.name}_{lidar}_{judge}", is_done, run)
+    lock = work / "locks" / f"{replicate.name}_{lidar}_{judge}"
+    store.fill(lock, lambda: is_done(judge, replicate, lidar, out), run)
 
 
 def main() -> None:
@@ -206,6 +212,9 @@ def main() -> None:
         replicate = Replicate(scene, preset, "scan", number)
         for lidar, judge in itertools.product(replicate.lidars, args.judges):
             fill(judge, replicate, lidar, args.work, args.out)
+        pairs = itertools.product(replicate.lidars, args.judges)
+        if not all(is_done(judge, replicate, lidar, args.out) for lidar, judge in pairs):
+            continue  # another process still uses the frames
         for made in (args.work / "data").glob(f"{replicate.name}_*[0-9]"):
             if made.is_dir():
                 shutil.rmtree(made)
