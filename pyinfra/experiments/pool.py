@@ -16,14 +16,13 @@ import joblib
 from pyinfra.core.errors import Error
 
 Task = TypeVar("Task")
-Progress = Callable[
-    [str], None
-]  # callback for lines of progress, also called in the processes of the tasks
+# Callback for lines of progress, also called in the processes of the tasks.
+Progress = Callable[[str], None]
 Backend = Literal["local", "ray", "dask"]
 BACKENDS: tuple[Backend, ...] = get_args(Backend)
+RAY_CLUSTER = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"  # 0: of this machine alone
 # A cluster that this module starts listens on this address only, because a cluster runs code from
 # any sender.
-RAY_CLUSTER = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"  # 0: of this machine alone
 LOOPBACK = "127.0.0.1"
 
 

@@ -62,9 +62,8 @@ def current_name(column: str) -> str:
     return _RENAMED_COLUMNS.get(column, column)
 
 
-def with_current_names(table: pd.DataFrame) -> pd.DataFrame:
-    """Returns a text table in which names of version 0.3 are replaced, in columns and values."""
-    table = table.rename(columns=current_name)
+def _with_current_values(table: pd.DataFrame) -> pd.DataFrame:
+    """Returns a text table in which the values of version 0.3 are replaced."""
     if "measure" in table:
         table["measure"] = table.measure.map(current_name)
     return table.replace({c: values for c, values in _RENAMED_VALUES.items() if c in table})
@@ -106,7 +105,7 @@ def read_words(file: Path) -> pd.DataFrame:
     if twice or not rows:
         got = f"column {twice[0]} twice" if twice else "none"
         raise FormatError(f"{file}:1: expected columns, each once, got {got}")
-    return with_current_names(pd.DataFrame(rows[1:], columns=header, dtype=str))
+    return _with_current_values(pd.DataFrame(rows[1:], columns=header, dtype=str))
 
 
 def numbers(file: Path, column: pd.Series) -> pd.Series:
