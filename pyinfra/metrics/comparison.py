@@ -73,8 +73,8 @@ def over_seeds(values: Sequence[Bootstrapped]) -> Interval:
     return values[0].measured() if len(values) == 1 else over_replicates([v.value for v in values])
 
 
-def over_replicates(per_seed: Sequence[float]) -> Interval:
-    """Returns the mean of a figure over seeds, with Student's t interval.
+def over_replicates(per_seed: Sequence[float], level: float = intervals.LEVEL) -> Interval:
+    """Returns the mean of a figure over seeds, with Student's t interval of a confidence level.
 
     Each seed has its own traffic and training.
     """
@@ -82,5 +82,5 @@ def over_replicates(per_seed: Sequence[float]) -> Interval:
     if len(values) < 2:
         return Interval(float(values.mean()) if len(values) else math.nan, math.nan, math.nan)
     error = float(values.std(ddof=1)) / math.sqrt(len(values))
-    mean, half = float(values.mean()), error * intervals.student(len(values))
+    mean, half = float(values.mean()), error * intervals.student(len(values), level)
     return Interval(mean, mean - half, mean + half)

@@ -159,12 +159,12 @@ def interval(value: FloatArray, drawn: FloatArray, blocks: float) -> tuple[Float
     return np.where(none, np.nan, value - half), np.where(none, np.nan, value + half)
 
 
-def student(samples: float) -> float:
-    """Returns half the width of Student's 95 % interval, in standard errors.
+def student(samples: float, level: float = LEVEL) -> float:
+    """Returns half the width of Student's interval, in standard errors.
 
-    samples: number of independent samples.
+    samples: number of independent samples. level: confidence level, by default 95 %.
     """
-    return float(stats.t.ppf((1 + LEVEL) / 2, samples - 1))
+    return float(stats.t.ppf((1 + level) / 2, samples - 1))
 
 
 def ratio(above: FloatArray, below: FloatArray) -> FloatArray:

@@ -17,10 +17,10 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.experiments import store
+from pyinfra.metrics.comparison import over_replicates
 from reproduction import add_out, provenance
 from reproduction.commands.experiments import KEY
 
@@ -81,11 +81,10 @@ def interval(values: FloatArray) -> tuple[float, float]:
 
     The ends are NaN for fewer than LEAST_REPLICATES values.
     """
-    n = len(values)
-    if n < LEAST_REPLICATES:
+    if len(values) < LEAST_REPLICATES:
         return math.nan, math.nan
-    half = stats.t.ppf((1 + LEVEL) / 2, n - 1) * values.std(ddof=1) / math.sqrt(n)
-    return float(values.mean() - half), float(values.mean() + half)
+    mean = over_replicates(values.tolist(), LEVEL)
+    return mean.low, mean.high
 
 
 def verdict(claim: Claim, low: float, high: float) -> str:
