@@ -2,6 +2,8 @@
 
 import itertools
 import math
+import sys
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -84,3 +86,18 @@ def test_each_replicate_has_traffic_of_its_own() -> None:
 def test_steps_of_frames_share_no_factor_with_the_pattern_of_200_frames() -> None:
     for frames in (experiments.TRAIN_FRAMES, experiments.TEST_FRAMES):
         assert math.gcd(int(frames.split(":")[2]), 200) == 1
+
+
+@pytest.mark.parametrize("done", [False, True])
+def test_frames_stay_while_another_process_uses_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, done: bool
+) -> None:
+    frames = tmp_path / "data/highway_paper_scan_1_1001"
+    frames.mkdir(parents=True)
+    monkeypatch.setattr(experiments, "fill", lambda *_: None)  # another process holds the locks
+    monkeypatch.setattr(experiments, "is_done", lambda *_: done)
+    words = ["--scenes", "highway", "--presets", "paper", "--replicates", "1"]
+    words += ["--work", str(tmp_path), "--out", str(tmp_path / "experiments.csv")]
+    monkeypatch.setattr(sys, "argv", ["experiments", *words])
+    experiments.main()
+    assert frames.is_dir() != done
