@@ -5,8 +5,11 @@ r. It tests the detector on all frames of traffic seeds 2 r - 1 and 2 r. Interva
 therefore include the variation of traffic, noise and training. docs/verdict_rules.md defines the
 rules of the study.
 
-Rows are added to the output as they are made; existing rows are kept. Several
-processes can share the work.
+With --cut-angles, the same trained detector is also tested on frames of spinning LiDARs whose cut
+angle is turned left by these degrees. The LiDARs are trained at their own cut angle.
+
+Rows are added to the output as they are made; existing rows are kept. Several processes can share
+the work.
 
     python -m reproduction experiments --work data/experiments --out results/experiments.csv
 """
@@ -16,14 +19,16 @@ from __future__ import annotations
 import argparse
 import itertools
 import shutil
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import BoolArray
-from pyinfra.core.files import held
+from pyinfra.core.files import held, replacing
 from pyinfra.core.vocabulary import PRESETS, SUBSETS, LabelTime, Preset, Tier
 from pyinfra.dataset import split
 from pyinfra.dataset.catalogue import lidar_file, scene_file
@@ -33,6 +38,7 @@ from pyinfra.dataset.roads import Places
 from pyinfra.dataset.runs import infrasim
 from pyinfra.dataset.windows import Near
 from pyinfra.experiments import store
+from pyinfra.experiments.stress import lidar as lidar_keys
 from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import read_csv
 from pyinfra.metrics import ap
@@ -53,6 +59,7 @@ TRAIN_FRAMES, TEST_FRAMES = "0:5000:11", "0:5000:47"
 TRAIN_SEEDS_FROM = 1000
 TESTS = 2  # number of test seeds of a replicate
 SPLIT_M = 60.0  # distance between the near and the far part of the region
+SPINNING = ("ruby_plus", "pandar_64", "helios_16")
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 BUNDLES = {"crossroad": "bundle_5_livox_avia"}  # the LiDAR that replaces the single Avia in a scene
 RECIPES = ROOT / "configs/detectors"
@@ -61,8 +68,8 @@ JUDGES: dict[str, tuple[str, Tier | None]] = {  # detector file and tier by judg
     "background": ("background", "quick"),
     "pretrained": ("generalist", None),
 }
-KEY = "scene preset lidar detector judge replicate seed subset label_time".split()
-SETTINGS = Settings(ground_truths=SUBSETS, replicates=1)
+KEY = "scene preset lidar detector judge replicate seed subset label_time cut_angle_deg".split()
+SETTINGS = Settings(ground_truths=SUBSETS)
 
 
 @dataclass(frozen=True)
@@ -98,15 +105,38 @@ class Far:
         return np.asarray(places.inside & ~self.near.holds(places))
 
 
-def simulated(replicate: Replicate, seed: int, frames: str, work: Path) -> Path:
-    """Simulates frames of one traffic seed for all LiDARs; returns the data set's folder."""
+def simulated(
+    replicate: Replicate, seed: int, frames: str, work: Path, cut_angle_deg: int = 0
+) -> Path:
+    """Simulates frames of one traffic seed for all LiDARs; returns the data set's folder.
+
+    cut_angle_deg: angle by which the cut angles of spinning LiDARs are turned left. LiDARs that do
+    not spin are left out if it is not 0.
+    """
     folder = work / "data" / f"{replicate.name}_{seed}"
+    lidars = [lidar_file(name) for name in replicate.lidars]
+    if cut_angle_deg:
+        unturned = [simulated(replicate, seed, frames, work) / name for name in replicate.lidars]
+        folder = folder.with_name(f"{folder.name}_cut_{cut_angle_deg}")
+        lidars = turned(unturned, cut_angle_deg, folder.with_name(f"{folder.name}_lidars"))
     words = ["--preset", replicate.preset, "--label-time", replicate.label_time]
     words += ["--seed", str(seed), "--frames", frames, "--threads", "1", "--out", str(folder)]
-    lidars = [lidar_file(name) for name in replicate.lidars]
     with held(folder.with_name(f"{folder.name}.lock"), wait=True):
         infrasim("run", scene_file(replicate.scene), "--lidar", *lidars, *words)
     return folder
+
+
+def turned(lidars: Sequence[Path], degrees: int, folder: Path) -> list[Path]:
+    """Writes LiDAR files with turned cut angles for the spinning LiDARs among data-set folders."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = []
+    for lidar in lidars:
+        if lidar_keys.spins(lidar_keys.read(lidar / lidar_keys.FILE)):
+            file = folder / f"{lidar.name}.yaml"
+            with replacing(file) as beside:
+                beside.write_text(lidar_keys.text(lidar / lidar_keys.FILE, [degrees]))
+            files.append(file)
+    return files
 
 
 def model_of(judge: str, replicate: Replicate, lidar: str, work: Path) -> tuple[Path, float]:
@@ -143,10 +173,17 @@ def rows_of_test(model: Path, folder: Path, predictions: Path) -> list[dict[str,
 
 
 def measures(result: MatchResult) -> dict[str, object]:
+    """Returns the measures of one ground-truth subset.
+
+    ap_r1000_frames_sd is the standard deviation of AP over bootstrap replicates of the frames.
+    `near` and `far` are the parts of the region within and beyond SPLIT_M.
+    """
     near = Near(SPLIT_M, sensor_of(result.match_input.truth))
     areas = area_table(result, *distance_table(result, SETTINGS.min_objects)).iloc[0]
+    ap_of_replicates = ap.average_precision(result.ranking(), ap.R1000_RECALLS, result.weights)
     return {
         "ap_r1000": ap_of(result),
+        "ap_r1000_frames_sd": float(ap_of_replicates.std(ddof=1)),
         "ap_r1000_near": ap_of(result, near),
         "ap_r1000_far": ap_of(result, Far(near)),
         "n_hqda": areas.n_hqda,
@@ -163,36 +200,60 @@ def key_of(judge: str, replicate: Replicate, lidar: str) -> dict[str, object]:
     return {**asdict(replicate), "lidar": lidar, "detector": JUDGES[judge][0], "judge": judge}
 
 
-def is_done(judge: str, replicate: Replicate, lidar: str, out: Path) -> bool:
-    """Returns whether the table has all rows of one trained detector."""
-    wanted = [
-        {**key_of(judge, replicate, lidar), "seed": seed, "subset": subset}
-        for seed, subset in itertools.product(replicate.test_seeds, SUBSETS)
-    ]
-    return all(store.has_each(store.read(out, KEY), wanted))
+@dataclass(frozen=True)
+class Trained:
+    """One detector, trained for one LiDAR in one replicate, and the cut angles of its tests."""
+
+    judge: str
+    replicate: Replicate
+    lidar: str
+    cut_angles_deg: tuple[int, ...] = (0,)
+
+    @property
+    def name(self) -> str:
+        return f"{self.replicate.name}_{self.lidar}_{self.judge}"
+
+    @property
+    def tests(self) -> list[tuple[int, int]]:
+        """Test seed and cut angle of each test."""
+        angles = self.cut_angles_deg if self.lidar in SPINNING else (0,)
+        return list(itertools.product(self.replicate.test_seeds, angles))
+
+    def is_done(self, out: Path) -> bool:
+        """Returns whether the table `out` has all rows of the tests."""
+        key = key_of(self.judge, self.replicate, self.lidar)
+        wanted = [
+            {**key, "seed": seed, "cut_angle_deg": angle, "subset": subset}
+            for (seed, angle), subset in itertools.product(self.tests, SUBSETS)
+        ]
+        return all(store.has_each(store.read(out, KEY), wanted))
 
 
-def fill(judge: str, replicate: Replicate, lidar: str, work: Path, out: Path) -> None:
+def fill(trained: Trained, work: Path, out: Path) -> None:
     """Adds the rows of one trained detector, unless another process is computing them."""
+    judge, replicate, lidar = trained.judge, trained.replicate, trained.lidar
     key = key_of(judge, replicate, lidar)
 
     def run() -> None:
         model, seconds = model_of(judge, replicate, lidar, work)
-        rows = []
-        for seed in replicate.test_seeds:
-            data = simulated(replicate, seed, TEST_FRAMES, work)
-            predictions = work / "predictions" / f"{replicate.name}_{lidar}_{judge}_{seed}"
+        rows: list[dict[str, object]] = []
+        for seed, angle in trained.tests:
+            data = simulated(replicate, seed, TEST_FRAMES, work, angle)
+            predictions = work / "predictions" / f"{trained.name}_{seed}_{angle}"
             tested = rows_of_test(model, data / lidar, predictions)
-            rows += [{**key, "seed": seed, **row} for row in tested]
+            rows += [{**key, "seed": seed, "cut_angle_deg": angle, **row} for row in tested]
+            shutil.rmtree(predictions)
         words = f"experiments --scenes {replicate.scene} --presets {replicate.preset}"
+        words += f" --label-times {replicate.label_time}"
+        if len(trained.cut_angles_deg) > 1:
+            words += f" --cut-angles {' '.join(map(str, trained.cut_angles_deg))}"
         columns = {"train_cpu_s": round(seconds, 1), **provenance(words)}
         table = pd.DataFrame(rows).assign(**columns)
         store.put(out, table[[*KEY, *(name for name in table if name not in KEY)]], KEY)
         first = table[table.subset == "captured"].ap_r1000
-        print(replicate.name, lidar, judge, *first.round(1), flush=True)
+        print(trained.name, *first.round(1), flush=True)
 
-    lock = work / "locks" / f"{replicate.name}_{lidar}_{judge}"
-    store.fill(lock, lambda: is_done(judge, replicate, lidar, out), run)
+    store.fill(work / "locks" / trained.name, lambda: trained.is_done(out), run)
 
 
 def main() -> None:
@@ -204,17 +265,29 @@ def main() -> None:
     parser.add_argument("--scenes", nargs="+", default=["highway", "crossroad", "curve"])
     parser.add_argument("--presets", nargs="+", choices=PRESETS, default=["paper", "datasheet"])
     parser.add_argument("--judges", nargs="+", choices=JUDGES, default=list(JUDGES))
+    parser.add_argument("--label-times", nargs="+", choices=get_args(LabelTime), default=["scan"])
+    parser.add_argument(
+        "--cut-angles",
+        nargs="+",
+        type=int,
+        default=[0],
+        metavar="DEGREES",
+        help="angles by which the cut angles of spinning LiDARs are turned left in the tests",
+    )
     parser.add_argument("--replicates", type=int, default=3, help="default: %(default)s")
     args = parser.parse_args()
-    for scene, number, preset in itertools.product(
-        args.scenes, range(1, args.replicates + 1), args.presets
+    for scene, label_time, number, preset in itertools.product(
+        args.scenes, args.label_times, range(1, args.replicates + 1), args.presets
     ):
-        replicate = Replicate(scene, preset, "scan", number)
-        for lidar, judge in itertools.product(replicate.lidars, args.judges):
-            fill(judge, replicate, lidar, args.work, args.out)
-        pairs = itertools.product(replicate.lidars, args.judges)
-        if not all(is_done(judge, replicate, lidar, args.out) for lidar, judge in pairs):
+        replicate = Replicate(scene, preset, label_time, number)
+        every = [
+            Trained(judge, replicate, lidar, tuple(args.cut_angles))
+            for lidar, judge in itertools.product(replicate.lidars, args.judges)
+        ]
+        for trained in every:
+            fill(trained, args.work, args.out)
+        if not all(trained.is_done(args.out) for trained in every):
             continue  # another process still uses the frames
-        for made in (args.work / "data").glob(f"{replicate.name}_*[0-9]"):
+        for made in (args.work / "data").glob(f"{replicate.name}_*"):
             if made.is_dir():
                 shutil.rmtree(made)

@@ -98,7 +98,11 @@ def verdict(claim: Claim, low: float, high: float) -> str:
 
 
 def claims(table: pd.DataFrame) -> Iterator[dict[str, object]]:
-    """Yields a row for each claim, scene, preset, judge, label time and subset."""
+    """Yields a row for each claim, scene, preset, judge, label time and subset.
+
+    Tests at turned cut angles are left out.
+    """
+    table = table[table.cut_angle_deg == 0]
     table = table.assign(lidar=table.lidar.where(~table.lidar.str.contains("avia"), "avia"))
     for key, rows in table.groupby(GROUP, sort=False):
         means = rows.pivot_table(

@@ -548,7 +548,7 @@ def test_experiments_that_all_failed_and_prices_without_a_preset_are_reported(
 def test_help_says_of_which_vehicles_the_ap_is(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main.main(["recommend", "--help"])
-    assert "lowest AP of all vehicles, 0 to 100" in " ".join(capsys.readouterr().out.split())
+    assert "minimum AP of all vehicles, 0 to 100" in " ".join(capsys.readouterr().out.split())
 
 
 def test_an_answer_needs_neither_plots_nor_networks() -> None:

@@ -25,7 +25,12 @@ def table(replicates: int = 3, avia: str = "livox_avia") -> pd.DataFrame:
         row = {
             **{"scene": "highway", "preset": "paper", "lidar": lidar, "replicate": r},
             **{"detector": "generalist", "judge": "fine-tuned", "label_time": "scan"},
-            **{"seed": 2 * r - 1 + test, "ap_r1000": ap, "ap_r1000_near": ap + 1},
+            **{
+                "cut_angle_deg": 0,
+                "seed": 2 * r - 1 + test,
+                "ap_r1000": ap,
+                "ap_r1000_near": ap + 1,
+            },
             **{"ap_r1000_far": ap - (4 if lidar == avia else 9), "p_hqda": ap / 2},
         }
         rows += [{**row, "subset": subset} for subset in SUBSETS]
@@ -95,9 +100,36 @@ def test_frames_stay_while_another_process_uses_them(
     frames = tmp_path / "data/highway_paper_scan_1_1001"
     frames.mkdir(parents=True)
     monkeypatch.setattr(experiments, "fill", lambda *_: None)  # another process holds the locks
-    monkeypatch.setattr(experiments, "is_done", lambda *_: done)
+    monkeypatch.setattr(experiments.Trained, "is_done", lambda *_: done)
     words = ["--scenes", "highway", "--presets", "paper", "--replicates", "1"]
     words += ["--work", str(tmp_path), "--out", str(tmp_path / "experiments.csv")]
     monkeypatch.setattr(sys, "argv", ["experiments", *words])
     experiments.main()
     assert frames.is_dir() != done
+
+
+def test_only_spinning_lidars_are_tested_at_turned_cut_angles() -> None:
+    replicate = experiments.Replicate("highway", "paper", "scan", 2)
+    tests = {
+        lidar: experiments.Trained("background", replicate, lidar, (0, 45)).tests
+        for lidar in replicate.lidars
+    }
+    assert tests["livox_avia"] == [(3, 0), (4, 0)]
+    assert tests["ruby_plus"] == [(3, 0), (3, 45), (4, 0), (4, 45)]
+
+
+def test_turned_frames_differ_in_the_cut_angle_alone(tmp_path: Path) -> None:
+    replicate = experiments.Replicate("highway", "paper", "scan", 1)
+    turned = experiments.simulated(replicate, 1, "0:1", tmp_path, 45)
+    plain = experiments.simulated(replicate, 1, "0:1", tmp_path)
+    assert not (turned / "livox_avia").exists()
+    lines = [
+        set((folder / "ruby_plus/lidar.yaml").read_text().splitlines())
+        for folder in (plain, turned)
+    ]
+    assert lines[1] - lines[0] == {"    cut_angle_deg: 225"}
+
+
+def test_verdicts_leave_out_turned_cut_angles() -> None:
+    turned = table().assign(cut_angle_deg=45, ap_r1000=0.0)
+    pd.testing.assert_frame_equal(rows_of(table()), rows_of(pd.concat([table(), turned])))
