@@ -28,7 +28,7 @@ def main() -> None:
     )
     parser.add_argument("folders", nargs="+", type=Path, help="data sets, or one folder of results")
     parser.add_argument("--tier", help="tier of the results; default: the most complete one")
-    add_out(parser, "claims.csv")
+    add_out(parser, "scanning_claims.csv")
     args = parser.parse_args()
     if any((folder / "dataset.yaml").is_file() for folder in args.folders):
         table = of_data_sets(args.folders, args.out)

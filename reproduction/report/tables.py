@@ -5,7 +5,7 @@ from __future__ import annotations
 from pyinfra.experiments.result_tables import FINITE, SHARE, kind
 
 TABLES = {
-    "claims": kind("claims.csv", "claim preset statement verdict", "value low high"),
+    "claims": kind("scanning_claims.csv", "claim preset statement verdict", "value low high"),
     "ap_claims": kind(
         "{tier}_claims.csv",
         "scene preset claim statement verdict",

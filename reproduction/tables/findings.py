@@ -130,7 +130,7 @@ def named(claim: str, note: str) -> str:
 
 
 def scanned(claim: str, words: str, preset: str) -> str:
-    rows = rows_of(results("claims"), claim, words, preset=preset)
+    rows = rows_of(results("scanning_claims"), claim, words, preset=preset)
     verdicts = sorted(set(rows.verdict))
     times = f" ({number(rows.value.iloc[0])} times)" if claim == "far-range" else ""
     return " / ".join(verdicts) + times
@@ -155,7 +155,7 @@ def scanning() -> str:
 
 
 def scanned_row(claim: str, words: str, preset: str) -> str:
-    selected = rows_of(results("claims"), claim, words, preset=preset)
+    selected = rows_of(results("scanning_claims"), claim, words, preset=preset)
     ((value, low, high, verdict),) = selected[["value", "low", "high", "verdict"]].itertuples(
         index=False
     )

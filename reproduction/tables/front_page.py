@@ -21,7 +21,7 @@ def far_points() -> list[str]:
 
     The row has the ratio of the Avia to the best other LiDAR under each of three presets.
     """
-    table = results("claims")
+    table = results("scanning_claims")
     paper, equal, datasheet = (
         number(rows_of(table, "far-range", " common,", preset=preset).value.item())
         for preset in PRESETS

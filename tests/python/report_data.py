@@ -240,7 +240,7 @@ def tables() -> dict[str, pd.DataFrame]:
 def study_tables() -> dict[str, pd.DataFrame]:
     """Also those that the study alone has."""
     return tables() | {
-        "claims.csv": claims(),
+        "scanning_claims.csv": claims(),
         "quick_claims.csv": claims().assign(claim="comparable", scene="highway"),
         "fidelity.csv": fidelity(),
         "aggregation.csv": aggregation(),

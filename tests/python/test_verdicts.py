@@ -76,7 +76,10 @@ def test_the_loss_with_distance_is_compared_with_the_best_spinning_lidar() -> No
 
 
 def test_a_bundle_stands_for_the_avia() -> None:
-    both = [rows_of(table(avia=name)) for name in ("livox_avia", "bundle_5_livox_avia")]
+    both = [
+        rows_of(table(avia=name)).drop(index=("value", "present"))  # its verdict uses the price
+        for name in ("livox_avia", "bundle_5_livox_avia")
+    ]
     pd.testing.assert_frame_equal(*both)
 
 
@@ -133,3 +136,11 @@ def test_turned_frames_differ_in_the_cut_angle_alone(tmp_path: Path) -> None:
 def test_verdicts_leave_out_turned_cut_angles() -> None:
     turned = table().assign(cut_angle_deg=45, ap_r1000=0.0)
     pd.testing.assert_frame_equal(rows_of(table()), rows_of(pd.concat([table(), turned])))
+
+
+def test_value_fails_if_a_cheaper_lidar_reaches_the_level() -> None:
+    bundle = table(avia="bundle_5_livox_avia").assign(scene="crossroad")
+    assert rows_of(bundle).loc["value", "present"].verdict == verdicts.CHEAPER  # 64 lines: 81 AP
+    bundle.loc[bundle.lidar == "pandar_64", "ap_r1000"] -= 20
+    assert rows_of(bundle).loc["value", "present"].verdict == "holds"
+    assert rows_of(table()).loc["value", "present"].verdict == "holds"  # none is cheaper

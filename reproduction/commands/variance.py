@@ -1,0 +1,101 @@
+"""Estimates how much each choice of an experiment changes AP: its variance components.
+
+The quantities are the AP (R1000) of `captured` of each LiDAR, and the AP of the Avia minus that of
+the LiDAR with 128 lines. The components are standard deviations:
+
+- frames: over bootstrap replicates of the frames of one test seed. A difference has none, because
+  the table has no paired bootstrap replicates.
+- seed: between the two test seeds of a replicate, without `frames`
+- training: between replicates, without `seed` and `frames`. A replicate has its own training seed
+  and training traffic.
+- judge, scene, preset, label_time: between the means over replicates, while everything else is
+  equal. These include what is left of the variation of replicates.
+
+Components are averaged as variances over all groups that have them. The command writes
+results/variance.csv:
+
+    python -m reproduction variance results/experiments.csv --out results/variance.csv
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.experiments import store
+from reproduction import add_out, provenance
+from reproduction.commands.experiments import KEY
+from reproduction.commands.verdicts import WIDE
+
+CHOICES = ["judge", "scene", "preset", "label_time"]
+DIFFERENCE = "avia less ruby_plus"
+
+
+def quantities(table: pd.DataFrame) -> pd.DataFrame:
+    """Returns the values of all quantities, one row per test seed.
+
+    The columns are those of CHOICES, replicate, seed, quantity, value and frames_sd.
+    """
+    rows = table[(table.cut_angle_deg == 0) & (table.subset == "captured")]
+    rows = rows.assign(quantity=rows.lidar.where(~rows.lidar.str.contains("avia"), "avia"))
+    rows = rows.rename(columns={"ap_r1000": "value", "ap_r1000_frames_sd": "frames_sd"})
+    rows = rows[[*CHOICES, "replicate", "seed", "quantity", "value", "frames_sd"]]
+    wide = rows.pivot(index=[*CHOICES, "replicate", "seed"], columns="quantity", values="value")
+    less = (wide["avia"] - wide[WIDE]).dropna().rename("value").reset_index()
+    return pd.concat([rows, less.assign(quantity=DIFFERENCE, frames_sd=math.nan)])
+
+
+def nested(rows: pd.DataFrame) -> dict[str, float]:
+    """Returns the variances within one quantity, judge, scene, preset and label time."""
+    by_replicate = rows.groupby("replicate").value
+    within = float(by_replicate.var(ddof=1).mean())
+    frames = float((rows.frames_sd**2).mean())
+    between = float(by_replicate.mean().var(ddof=1))
+    return {
+        "frames": frames,
+        "seed": max(0.0, within - (0.0 if math.isnan(frames) else frames)),
+        "training": max(0.0, between - within / 2),
+    }
+
+
+def components(table: pd.DataFrame) -> Iterator[dict[str, object]]:
+    """Yields one row per quantity, judge and component; judge is `all` for a choice."""
+    values = quantities(table)
+    for (quantity, judge), rows in values.groupby(["quantity", "judge"], sort=False):
+        groups = [nested(group) for _, group in rows.groupby(CHOICES)]
+        for component in groups[0]:
+            yield _row(quantity, judge, component, [group[component] for group in groups])
+    means = values.groupby([*CHOICES, "quantity"], sort=False).value.mean().reset_index()
+    for choice in CHOICES:
+        others = [name for name in CHOICES if name != choice]
+        for quantity, rows in means.groupby("quantity", sort=False):
+            variances = [
+                float(group.value.var(ddof=1))
+                for _, group in rows.groupby(others)
+                if len(group) > 1
+            ]
+            yield _row(quantity, "all", choice, variances)
+
+
+def _row(
+    quantity: object, judge: object, component: str, variances: list[float]
+) -> dict[str, object]:
+    known = [variance for variance in variances if not math.isnan(variance)]
+    sd = float(np.sqrt(np.mean(known))) if known else math.nan
+    names = {"quantity": quantity, "judge": judge, "component": component}
+    return {**names, "sd": sd, "groups": len(known)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("experiments", type=Path, help="table of `reproduction experiments`")
+    add_out(parser, "variance.csv")
+    args = parser.parse_args()
+    rows = pd.DataFrame(components(store.read(args.experiments, KEY))).dropna(subset="sd")
+    rows.assign(**provenance("variance")).to_csv(args.out, index=False, float_format="%.4g")
+    print(rows.to_string(index=False, float_format=lambda sd: f"{sd:.2f}"))

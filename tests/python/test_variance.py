@@ -1,0 +1,59 @@
+"""Variance components of AP from a table of experiments."""
+
+import itertools
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from reproduction.commands import variance
+
+TRAINING, SEED, FRAMES, SCENE = 3.0, 1.0, 0.5, 4.0
+
+
+def table(replicates: int = 400) -> pd.DataFrame:
+    """Experiments with known components; the LiDARs of a test share nothing but the scene."""
+    random = np.random.default_rng(1)
+    scenes = {"a": -SCENE / np.sqrt(2), "b": SCENE / np.sqrt(2)}  # standard deviation SCENE
+    rows = []
+    for (scene, offset), lidar, r in itertools.product(
+        scenes.items(), ("ruby_plus", "livox_avia"), range(1, replicates + 1)
+    ):
+        trained = 80 + offset + random.normal(0, TRAINING)
+        for seed in (2 * r - 1, 2 * r):
+            ap = trained + random.normal(0, SEED) + random.normal(0, FRAMES)
+            rows.append(
+                {
+                    **{"scene": scene, "preset": "paper", "judge": "background", "lidar": lidar},
+                    **{"label_time": "scan", "subset": "captured", "cut_angle_deg": 0},
+                    **{"replicate": r, "seed": seed, "ap_r1000": ap, "ap_r1000_frames_sd": FRAMES},
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+@pytest.fixture(scope="module")
+def sd() -> pd.Series:
+    rows = pd.DataFrame(variance.components(table()))
+    return rows.set_index(["quantity", "component"]).sd
+
+
+@pytest.mark.parametrize(
+    ("component", "truth"),
+    [("training", TRAINING), ("seed", SEED), ("frames", FRAMES), ("scene", SCENE)],
+)
+def test_components_are_those_of_the_truth(sd: pd.Series, component: str, truth: float) -> None:
+    assert sd["avia", component] == pytest.approx(truth, rel=0.15)
+
+
+def test_a_difference_of_independent_lidars_has_the_sum_of_the_variances(sd: pd.Series) -> None:
+    assert sd[variance.DIFFERENCE, "training"] == pytest.approx(TRAINING * 2**0.5, rel=0.15)
+
+
+def test_turned_cut_angles_and_other_subsets_are_left_out() -> None:
+    rows = table(3)
+    more = [rows.assign(cut_angle_deg=45, ap_r1000=0), rows.assign(subset="all", ap_r1000=0)]
+    expected = pd.DataFrame(variance.components(rows))
+    pd.testing.assert_frame_equal(
+        pd.DataFrame(variance.components(pd.concat([rows, *more]))), expected
+    )
