@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import asdict
+from functools import partial
 
 import pandas as pd
 
@@ -23,6 +23,7 @@ from reproduction.claims.scanning import (
     LINES_128,
     SPINNING,
     Row,
+    columns_of,
     verdict,
 )
 
@@ -66,7 +67,7 @@ def claims_table(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
         }
         versions = " ".join(dict.fromkeys(group.version.astype(str)))
         case = {"scene": scene, "preset": preset, "version": versions}
-        rows.extend(asdict(row) | case for row in claims(here))
+        rows.extend(columns_of(row) | case for row in claims(here))
     rows.extend(tilt(kept.get("stress_replicates", pd.DataFrame())))
     return pd.DataFrame(rows, columns=COLUMNS)
 
@@ -109,7 +110,7 @@ def figures_of(replicates: pd.DataFrame) -> Figures:
 
 def tested(claim: str, text: str, bootstrapped: Bootstrapped, inside: tuple[float, float]) -> Row:
     one = bootstrapped.measured()
-    return Row(claim, text, one.value, one.low, one.high, verdict(one.low, one.high, inside))
+    return Row(claim, text, one.value, one.low, one.high, partial(verdict, inside=inside))
 
 
 def across_lidars(of: Figures, detector: str, truth: str) -> Iterator[Row]:
@@ -220,5 +221,5 @@ def tilt(stress: pd.DataFrame) -> list[dict[str, object]]:
         text = f"{key[2]}: highest AP with a tilt of up to 20 deg less AP with none 2 or less"
         row = tested("tilt", text, best, (-math.inf, 2.0))
         case = {"scene": key[0], "preset": key[1], "version": curve.version.iloc[-1]}
-        rows.append(asdict(row) | case)
+        rows.append(columns_of(row) | case)
     return rows

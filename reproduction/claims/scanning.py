@@ -4,7 +4,8 @@ docs/conventions.md, "Claims", defines the rules. The rules were written before 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -37,14 +38,18 @@ COLUMNS = "claim preset statement value low high verdict command seed version".s
 
 @dataclass(frozen=True)
 class Row:
-    """The result of a tested claim: measured value, interval and verdict."""
+    """The result of a tested claim: measured value and interval."""
 
     claim: str
     statement: str
     value: float
     low: float
     high: float
-    verdict: str
+    rule: Callable[[float, float], str]  # the verdict of an interval's ends
+
+    @property
+    def verdict(self) -> str:
+        return self.rule(self.low, self.high)
 
 
 def verdict(low: float, high: float, inside: tuple[float, float]) -> str:
@@ -153,8 +158,8 @@ def deskew(instant: Observations, exact: Observations, blocks: Blocks) -> list[R
             f"common, {WHOLE_M[0]:g} to {WHOLE_M[1]:g} m, {row.vehicles} moving vehicles"
         )
         low, high = float(row.ci_low), float(row.ci_high)
-        decided = verdict_of_change(low, high, 5)
-        rows.append(Row("deskew", text, float(row.change_percent), low, high, decided))
+        rule = partial(verdict_of_change, least=5)
+        rows.append(Row("deskew", text, float(row.change_percent), low, high, rule))
     return rows
 
 
@@ -171,7 +176,7 @@ def only_one(vehicles: Observations, blocks: Blocks, name: str) -> Row:
     )
     row = _row("only-one", text, estimate, ABOVE_0)
     if len(far) > 0 and alone.sum() == 0:
-        return Row(row.claim, row.statement, row.value, row.low, row.high, "fails")
+        return replace(row, rule=lambda *_: "fails")
     return row
 
 
@@ -192,9 +197,9 @@ def claims_table(folders: Sequence[Path]) -> pd.DataFrame:
             continue
         if data.aggregation != "exact":
             raise Error(f"{data.folder}: expected exact or instant, got {data.aggregation}")
-        for row in _claims_of(data, instants.pop(_key(data), None)):
-            experiments = {"command": command, "seed": data.seed, "version": data.version}
-            rows.append({**vars(row), "preset": data.preset, **experiments})
+        for row in claims_of(data, instants.pop(_key(data), None)):
+            origin = {"command": command, "seed": data.seed, "version": data.version}
+            rows.append({**columns_of(row), "preset": data.preset, **origin})
     for data in instants.values():
         raise Error(
             f"{data.folder}: expected an exact data set of the same scene and preset, got none"
@@ -202,7 +207,13 @@ def claims_table(folders: Sequence[Path]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _claims_of(data: DataSet, instant: DataSet | None) -> list[Row]:
+def columns_of(row: Row) -> dict[str, object]:
+    """Returns the columns of a row, with its verdict."""
+    names = ("claim", "statement", "value", "low", "high", "verdict")
+    return {name: getattr(row, name) for name in names}
+
+
+def claims_of(data: DataSet, instant: DataSet | None) -> list[Row]:
     twin = read_observations(instant) if instant is not None else None
     vehicles = read_observations(data)
     return claims(vehicles, blocks_of(data, vehicles), twin)
@@ -259,4 +270,4 @@ def _where(rows: Observations, span: tuple[float, float], name: str) -> str:
 
 def _row(claim: str, text: str, estimate: Estimate, inside: tuple[float, float]) -> Row:
     value, low, high = float(estimate.value), float(estimate.low), float(estimate.high)
-    return Row(claim, text, value, low, high, verdict(low, high, inside))
+    return Row(claim, text, value, low, high, partial(verdict, inside=inside))

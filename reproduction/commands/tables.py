@@ -16,10 +16,10 @@ from pathlib import Path
 
 from pyinfra.core.errors import Error
 from reproduction import ROOT
-from reproduction.tables import findings, front_page, measure, networks, simulator, sites
+from reproduction.tables import findings, front_page, measure, networks, simulator, sites, verdicts
 from reproduction.tables.findings import FOUR, TWO, of_a_scene, of_scenes
 
-PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 BLOCK = re.compile(r"(<!-- table (.+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 
 TABLES: dict[str, Callable[[], str]] = {
@@ -32,6 +32,20 @@ TABLES: dict[str, Callable[[], str]] = {
     "claims on the curve, paper": partial(of_a_scene, "curve", "paper", FOUR),
     "claims on the highway, equal": partial(of_a_scene, "highway", "equal", TWO),
     "claims, datasheet": partial(of_scenes, "datasheet", ("highway", "crossroad", "curve"), TWO),
+    "AP of captured": verdicts.average_precision,
+    "AP of present": partial(verdicts.average_precision, "present"),
+    "verdicts, comparable": partial(verdicts.verdicts, "comparable"),
+    "verdicts, comparable on common": partial(verdicts.verdicts, "comparable", "common"),
+    "verdicts, 64-below": partial(verdicts.verdicts, "64-below"),
+    "verdicts, gentle": partial(verdicts.verdicts, "gentle"),
+    "verdicts, areas": partial(verdicts.verdicts, "areas"),
+    "verdicts, value": partial(verdicts.verdicts, "value", "present"),
+    "value, paper": partial(verdicts.value, "paper"),
+    "value, datasheet": partial(verdicts.value, "datasheet"),
+    "gain by fine-tuning": verdicts.bias,
+    "variance": verdicts.variance,
+    "seeds": verdicts.seeds,
+    "verdicts decided": verdicts.decided,
     "speed": simulator.speed,
     "ladder": simulator.ladder,
     "ladder of PointPillars": partial(simulator.ladder, "ladder_pointpillars"),

@@ -32,7 +32,7 @@ def far_points() -> list[str]:
         "times by data sheets."
     )
     where = (
-        "[highway](docs/results.md#points-on-vehicles), beyond 90 m, within range of all LiDARs; "
+        "[highway](docs/results/points.md), beyond 90 m, within range of all LiDARs; "
         "one traffic seed"
     )
     return [finding, where]
@@ -53,7 +53,7 @@ def wrong_yaw() -> list[str]:
         f"{costs.max():.0f} AP (average precision, in percent)."
     )
     where = (
-        f"[highway](docs/results.md#stress), {WORDS[detectors]} detectors, "
+        f"[highway](docs/results/failures.md), {WORDS[detectors]} detectors, "
         f"{WORDS[turned.lidar.nunique()]} LiDARs; one seed and training, no intervals"
     )
     return [finding, where]

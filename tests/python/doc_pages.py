@@ -29,7 +29,7 @@ import yaml
 from pyinfra.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 KINDS = ("sh", "python", "yaml", "text")
 FEW_FRAMES = 20
 ELSEWHERE = re.compile(r"--(backend|address) |--device cuda|--precision bfloat16")

@@ -1,0 +1,179 @@
+"""Makes the tables of the study's verdicts, from results/experiments.csv and the tables of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import pandas as pd
+
+from pyinfra.metrics.comparison import over_replicates
+from pyinfra.metrics.intervals import student
+from reproduction.commands.variance import DIFFERENCE
+from reproduction.commands.verdicts import LEVEL, LEVEL_AP
+from reproduction.tables.common import LIDARS, markdown, results
+
+JUDGES = {
+    "fine-tuned": "fine-tuned",
+    "background": "Background",
+    "pretrained": "pretrained, not fine-tuned",
+}
+COMPONENTS = {
+    "judge": "detector (judge)",
+    "scene": "scene",
+    "preset": "preset",
+    "label_time": "label time",
+    "training": "training and its traffic",
+    "seed": "test traffic",
+    "frames": "frames of one test",
+}
+SITE_COSTS_USD = (0, 10_000, 20_000)
+REPLICATES = (3, 5, 10)
+
+
+def verdicts(claim: str, subset: str = "captured") -> str:
+    """Returns a table with one row per scene and preset, and one column per judge."""
+    table = results("claims")
+    rows = table[
+        (table.claim == claim) & (table.subset == subset) & (table.label_time == "scan")
+    ].set_index(["scene", "preset", "judge"])
+    pairs = rows.index.droplevel("judge").unique()
+    return markdown(
+        ["scene", "preset", *JUDGES.values()],
+        [[*pair, *(_verdict(rows, (*pair, judge)) for judge in JUDGES)] for pair in pairs],
+    )
+
+
+def _verdict(rows: pd.DataFrame, key: tuple[str, ...]) -> str:
+    if key not in rows.index:
+        return ""
+    row = rows.loc[key]
+    if math.isnan(row.low):
+        return f"{row.value:+.1f}, {row.verdict}"
+    return f"{row.value:+.1f} [{row.low:.1f}, {row.high:.1f}], {row.verdict}"
+
+
+def _aps(subset: str, judge: str = "fine-tuned") -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
+    """Yields the AP of each scene and preset: one row per replicate and one column per LiDAR."""
+    table = results("experiments")
+    table = table[
+        (table.subset == subset)
+        & (table.judge == judge)
+        & (table.label_time == "scan")
+        & (table.cut_angle_deg == 0)
+    ]
+    for (scene, preset), rows in table.groupby(["scene", "preset"], sort=False):
+        wide = rows.pivot_table(index="replicate", columns="lidar", values="ap_r1000")
+        yield (str(scene), str(preset)), wide
+
+
+def _name(lidar: str) -> str:
+    return LIDARS.get(lidar, "5 Avias" if "avia" in lidar else lidar)
+
+
+def _mean(values: pd.Series) -> str:
+    """Formats the mean over replicates with its 95 % interval, if there are three replicates."""
+    mean = over_replicates(values.dropna().to_list())
+    if values.count() < min(REPLICATES):
+        return f"{mean.value:.1f}"
+    return f"{mean.value:.1f} [{mean.low:.1f}, {mean.high:.1f}]"
+
+
+def average_precision(subset: str = "captured") -> str:
+    """Returns the AP of the fine-tuned detector: one row per scene and preset."""
+    heads = ["scene", "preset", "128 lines", "Avia (crossroad: 5)", "64 lines", "16 lines"]
+    rows = []
+    for pair, aps in _aps(subset):
+        avia = next((name for name in aps if "avia" in name), "livox_avia")
+        names = ["ruby_plus", avia, "pandar_64", "helios_16"]
+        rows.append([*pair, *(_mean(aps[name]) if name in aps else "" for name in names)])
+    return markdown(heads, rows)
+
+
+def bias() -> str:
+    """Returns by how much the AP of the pretrained detector rises when it is fine-tuned."""
+    before = dict(_aps("captured", "pretrained"))
+    gains = [
+        (pair, (aps - before[pair]).dropna(how="all"))
+        for pair, aps in _aps("captured")
+        if pair in before
+    ]
+    heads = ["scene", "preset", "LiDAR", "AP gained by fine-tuning"]
+    rows = [
+        [*pair, _name(lidar), _mean(gain[lidar])] for pair, gain in gains for lidar in gain.columns
+    ]
+    return markdown(heads, rows)
+
+
+def value(preset: str) -> str:
+    """Returns the AP of all vehicles (`present`) of each LiDAR, beside its price."""
+    prices = results("lidars").drop_duplicates("lidar").set_index("lidar").price_high_usd
+    heads = ["scene", "LiDAR", "price, USD", "AP of `present`", f"AP {LEVEL_AP:g} reached"]
+    heads += [f"AP per 1,000 USD with {cost:,} of site costs" for cost in SITE_COSTS_USD]
+    rows = []
+    for (scene, of), aps in _aps("present"):
+        for lidar in prices[list(aps)].sort_values().index if of == preset else ():
+            per = [1000 * aps[lidar].mean() / (prices[lidar] + cost) for cost in SITE_COSTS_USD]
+            cells = [scene, _name(lidar), f"{prices[lidar]:,.0f}", _mean(aps[lidar])]
+            rows.append([*cells, _reached(aps[lidar]), *(f"{ratio:.1f}" for ratio in per)])
+    return markdown(heads, rows)
+
+
+def _reached(values: pd.Series) -> str:
+    if values.count() < min(REPLICATES):
+        return "too few replicates"
+    mean = over_replicates(values.to_list(), LEVEL)
+    return "yes" if mean.low > LEVEL_AP else "no" if mean.high < LEVEL_AP else "undecided"
+
+
+def variance() -> str:
+    """Returns the standard deviations of AP by component, for the fine-tuned detector."""
+    table = results("variance")
+    table = table[table.judge.isin(("all", "fine-tuned"))].set_index(["component", "quantity"]).sd
+    names = {"ruby_plus": "128 lines", "avia": "Avia", "pandar_64": "64 lines"}
+    names |= {"helios_16": "16 lines", DIFFERENCE: "Avia less 128 lines"}
+    rows = [
+        [text, *(_sd(table, (component, name)) for name in names)]
+        for component, text in COMPONENTS.items()
+        if component in table.index.get_level_values(0)
+    ]
+    return markdown(["component", *names.values()], rows)
+
+
+def _sd(table: pd.Series, key: tuple[str, str]) -> str:
+    return f"{table[key]:.1f}" if key in table.index else ""
+
+
+def seeds() -> str:
+    """Returns the half-width of the interval of the Avia less 128 lines, by replicates."""
+    table = results("variance")
+    table = table[table.quantity == DIFFERENCE].set_index(["judge", "component"]).sd
+    judges = [judge for judge in JUDGES if (judge, "seed") in table.index]
+    rows = [
+        [str(count), *(f"{_half_width(table[judge], count):.1f}" for judge in judges)]
+        for count in REPLICATES
+    ]
+    return markdown(["replicates", *(JUDGES[judge] for judge in judges)], rows)
+
+
+def _half_width(sd: pd.Series, replicates: int, tests: int = 2) -> float:
+    variance_of_mean = (sd["training"] ** 2 + sd["seed"] ** 2 / tests) / replicates
+    return math.sqrt(variance_of_mean) * student(replicates)
+
+
+def decided(subsets: Sequence[str] = ("captured", "common", "present")) -> str:
+    """Returns how many primary rows are decided, and how many are known to their precision."""
+    table = results("claims")
+    table = table[table.primary & table.subset.isin(subsets) & (table.label_time == "scan")]
+    clear = ~table.verdict.isin(("undecided", "too few replicates"))
+    rows = [
+        [
+            str(preset),
+            *(str(int(n)) for n in (len(part), clear[part.index].sum(), part.known.sum())),
+            str(int((clear[part.index] | part.known).sum())),
+            f"{0.05 * len(part):.1f}",
+        ]
+        for preset, part in table.groupby("preset", sort=False)
+    ]
+    heads = ["preset", "rows", "decided", "known to the precision", "decided or known"]
+    return markdown([*heads, "wrong by chance, at most"], rows)
