@@ -63,11 +63,35 @@ SPINNING = ("ruby_plus", "pandar_64", "helios_16")
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 BUNDLES = {"crossroad": "bundle_5_livox_avia"}  # the LiDAR that replaces the single Avia in a scene
 RECIPES = ROOT / "configs/detectors"
-JUDGES: dict[str, tuple[str, Tier | None]] = {  # detector file and tier by judge
-    "fine-tuned": ("generalist", "quick"),
-    "background": ("background", "quick"),
-    "pretrained": ("generalist", None),
+
+
+@dataclass(frozen=True)
+class Judge:
+    """A detector that compares LiDARs."""
+
+    role: str  # the column `judge`
+    detector: str  # a file in configs/detectors
+    tier: Tier | None  # None for the pretrained detector without training
+    budget: float = 1.0  # multiple of the tier's training steps
+
+
+JUDGES = {
+    "fine-tuned": Judge("fine-tuned", "generalist", "quick"),
+    "background": Judge("background", "background", "quick"),
+    "pretrained": Judge("pretrained", "generalist", None),
+    **{
+        name: Judge("from nothing", name, "quick", 2.0)
+        for name in (
+            "pointpillars",
+            "centerpoint-pillar",
+            "pv-rcnn",
+            "dsvt",
+            "pointrcnn",
+            "pointrcnn-remedied",
+        )
+    },
 }
+MAIN = ("fine-tuned", "background", "pretrained")
 KEY = "scene preset lidar detector judge replicate seed subset label_time cut_angle_deg".split()
 SETTINGS = Settings(ground_truths=SUBSETS)
 
@@ -91,8 +115,12 @@ class Replicate:
 
     @property
     def lidars(self) -> list[str]:
+        return self.named(LIDARS)
+
+    def named(self, lidars: Sequence[str]) -> list[str]:
+        """Returns the LiDARs of the scene in place of `lidars`, of which the Avia is a bundle."""
         bundle = BUNDLES.get(self.scene)
-        return [bundle if bundle and name == "livox_avia" else name for name in LIDARS]
+        return [bundle if bundle and name == "livox_avia" else name for name in lidars]
 
 
 @dataclass(frozen=True)
@@ -140,16 +168,16 @@ def turned(lidars: Sequence[Path], degrees: int, folder: Path) -> list[Path]:
 
 
 def model_of(judge: str, replicate: Replicate, lidar: str, work: Path) -> tuple[Path, float]:
-    """Returns the trained model of a detector in JUDGES, and the CPU seconds of its training."""
-    name, tier = JUDGES[judge]
-    if tier is None:
-        return Path(name), 0.0
+    """Returns the trained model of an entry of JUDGES, and the CPU seconds of its training."""
+    using = JUDGES[judge]
+    if using.tier is None:
+        return Path(using.detector), 0.0
     run = work / "runs" / f"{replicate.name}_{lidar}_{judge}"
-    recipe = read_recipe(RECIPES / f"{name}.yaml", tier)
+    recipe = read_recipe(RECIPES / f"{using.detector}.yaml", using.tier).for_budget(using.budget)
     data = simulated(replicate, TRAIN_SEEDS_FROM + replicate.replicate, TRAIN_FRAMES, work)
     test = simulated(replicate, replicate.test_seeds[0], TEST_FRAMES, work)
     split.write(read_data_set(data), split.by_seed(read_data_set(data), read_data_set(test))[0])
-    source = read_source(data / lidar, tier, classes=recipe.classes)
+    source = read_source(data / lidar, using.tier, classes=recipe.classes)
     train(recipe, [source], run, seed=replicate.replicate, quiet=True)
     log = run / "log.csv"
     return run, float(read_csv(log).cpu_seconds.sum()) if log.is_file() else 0.0
@@ -197,7 +225,11 @@ def ap_of(result: MatchResult, part: Part | None = None) -> float:
 
 
 def key_of(judge: str, replicate: Replicate, lidar: str) -> dict[str, object]:
-    return {**asdict(replicate), "lidar": lidar, "detector": JUDGES[judge][0], "judge": judge}
+    using = JUDGES[judge]
+    return {
+        **asdict(replicate),
+        **{"lidar": lidar, "detector": using.detector, "judge": using.role},
+    }
 
 
 @dataclass(frozen=True)
@@ -264,7 +296,7 @@ def main() -> None:
     add_out(parser, "experiments.csv")
     parser.add_argument("--scenes", nargs="+", default=["highway", "crossroad", "curve"])
     parser.add_argument("--presets", nargs="+", choices=PRESETS, default=["paper", "datasheet"])
-    parser.add_argument("--judges", nargs="+", choices=JUDGES, default=list(JUDGES))
+    parser.add_argument("--judges", nargs="+", choices=JUDGES, default=list(MAIN))
     parser.add_argument("--label-times", nargs="+", choices=get_args(LabelTime), default=["scan"])
     parser.add_argument(
         "--cut-angles",
@@ -274,6 +306,13 @@ def main() -> None:
         metavar="DEGREES",
         help="angles by which the cut angles of spinning LiDARs are turned left in the tests",
     )
+    parser.add_argument(
+        "--lidars",
+        nargs="+",
+        choices=LIDARS,
+        default=list(LIDARS),
+        help="LiDARs to measure; the frames always have all of them",
+    )
     parser.add_argument("--replicates", type=int, default=3, help="default: %(default)s")
     args = parser.parse_args()
     for scene, label_time, number, preset in itertools.product(
@@ -282,7 +321,7 @@ def main() -> None:
         replicate = Replicate(scene, preset, label_time, number)
         every = [
             Trained(judge, replicate, lidar, tuple(args.cut_angles))
-            for lidar, judge in itertools.product(replicate.lidars, args.judges)
+            for lidar, judge in itertools.product(replicate.named(args.lidars), args.judges)
         ]
         for trained in every:
             fill(trained, args.work, args.out)

@@ -11,6 +11,8 @@ the LiDAR with 128 lines. The components are standard deviations:
 - judge, scene, preset, label_time: between the means over replicates, while everything else is
   equal. These include what is left of the variation of replicates.
 
+Of the networks that are trained from nothing, only PointPillars is used.
+
 Components are averaged as variances over all groups that have them. The command writes
 results/variance.csv:
 
@@ -42,6 +44,7 @@ def quantities(table: pd.DataFrame) -> pd.DataFrame:
     The columns are those of CHOICES, replicate, seed, quantity, value and frames_sd.
     """
     rows = table[(table.cut_angle_deg == 0) & (table.subset == "captured")]
+    rows = rows[(rows.judge != "from nothing") | (rows.detector == "pointpillars")]
     rows = rows.assign(quantity=rows.lidar.where(~rows.lidar.str.contains("avia"), "avia"))
     rows = rows.rename(columns={"ap_r1000": "value", "ap_r1000_frames_sd": "frames_sd"})
     rows = rows[[*CHOICES, "replicate", "seed", "quantity", "value", "frames_sd"]]

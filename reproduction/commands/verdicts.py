@@ -32,7 +32,7 @@ WIDE, MIDDLE = "ruby_plus", "pandar_64"
 SPINNING = [WIDE, MIDDLE, "helios_16"]
 MEASURES = ["ap_r1000", "ap_r1000_near", "ap_r1000_far", "p_hqda"]
 CHEAPER = "fails, as a cheaper LiDAR reaches it"
-GROUP = ["scene", "preset", "judge", "label_time", "subset"]
+GROUP = ["scene", "preset", "judge", "detector", "label_time", "subset"]
 
 Values = Callable[[pd.DataFrame], pd.Series]
 

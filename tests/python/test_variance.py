@@ -25,6 +25,7 @@ def table(replicates: int = 400) -> pd.DataFrame:
             rows.append(
                 {
                     **{"scene": scene, "preset": "paper", "judge": "background", "lidar": lidar},
+                    "detector": "background",
                     **{"label_time": "scan", "subset": "captured", "cut_angle_deg": 0},
                     **{"replicate": r, "seed": seed, "ap_r1000": ap, "ap_r1000_frames_sd": FRAMES},
                 }
