@@ -7,6 +7,8 @@ import os
 import sys
 from pathlib import Path
 
+import pandas as pd
+
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import TIERS
 from pyinfra.experiments import store
@@ -14,6 +16,7 @@ from pyinfra.experiments.benchmark.dry_run import dry_run_lines
 from pyinfra.experiments.benchmark.latency import time_again
 from pyinfra.experiments.benchmark.matrix import read_plan
 from pyinfra.experiments.benchmark.runner import benchmark
+from pyinfra.experiments.benchmark.until import benchmark_until
 from pyinfra.experiments.benchmark.workspace import Workspace
 from pyinfra.experiments.pool import BACKENDS, Pool
 
@@ -65,6 +68,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="only measure the latency of finished experiments again, one at a time",
     )
     parser.add_argument(
+        "--until",
+        dest="until_ap",
+        type=float,
+        metavar="AP",
+        help="repeat the benchmark with other traffic, 3, 5 or 10 times, until the difference of "
+        "the best two options is known to this many AP (half-width of its interval) in every "
+        "scene and preset; default: one run",
+    )
+    parser.add_argument(
         "--dry-run",
         action="store_true",
         help="only print the unfinished experiments and their expected run time",
@@ -87,11 +99,27 @@ def run(args: argparse.Namespace) -> int:
         from pyinfra.models.detectors.network import device_of
 
         device_of(args.device)
+    if args.until_ap is not None:
+        table = benchmark_until(
+            plan, workspace, where, args.until_ap, device=args.device, progress=progress
+        )
+        print("\n".join(comparison_lines(table, args.until_ap)))
+        return 0
     benchmark(plan, workspace, where, device=args.device, progress=progress)
     table = workspace.finished()
     done = store.has_each(table, [vars(experiment) for experiment in plan.experiments])
     print(f"{sum(done)} of {len(plan.experiments)} experiments in {workspace.table('experiments')}")
     return 0 if all(done) else 1
+
+
+def comparison_lines(table: pd.DataFrame, half_width_ap: float) -> list[str]:
+    """Returns one sentence per scene and preset of the table of `benchmark_until`."""
+    return [
+        f"{row.scene}, {row.preset}: AP of {row.first} less that of {row.second}, {row.subset}: "
+        f"{row.difference:+.1f} [{row.low:.1f}, {row.high:.1f}] over {row.replicates} replicates"
+        + ("" if row.half_width <= half_width_ap else f"; not known to {half_width_ap:g} AP")
+        for row in table.itertuples()
+    ]
 
 
 def progress(line: str) -> None:

@@ -13,7 +13,7 @@ import pandas as pd
 from pyinfra.dataset import split
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.runs import infrasim
-from pyinfra.experiments.benchmark.inputs import has_several_mounts
+from pyinfra.experiments.benchmark.inputs import has_several_mounts, traffic_seed
 from pyinfra.experiments.benchmark.matrix import Experiment, Parts, Plan, range_of
 from pyinfra.experiments.value import MOUNTS
 from pyinfra.formats import kitti
@@ -33,6 +33,7 @@ class Shard:
     lidars: tuple[Path, ...]
     preset: str
     frames: str  # A:B:STEP
+    seed: int | None = None  # traffic seed; default: that of the scene
 
 
 def shards(plan: Plan, work: Path, parts: int) -> list[Shard]:
@@ -44,6 +45,7 @@ def shards(plan: Plan, work: Path, parts: int) -> list[Shard]:
             lidars=tuple(plan.files["lidars", name] for name in lidars_of(experiments)),
             preset=experiments[0].preset,
             frames=frames,
+            seed=traffic_seed(plan, experiments[0].scene),
         )
         for data_set, experiments in plan.data_sets().items()
         for frames in parts_of(plan.frames, parts)
@@ -82,6 +84,7 @@ def warnings(plan: Plan) -> list[str]:
 def simulate(shard: Shard) -> None:
     """Simulates the frames of a shard that do not exist yet. Raises SimulatorError."""
     words = ["--preset", shard.preset, "--frames", shard.frames, "--threads", "1"]
+    words += [] if shard.seed is None else ["--seed", str(shard.seed)]
     words += ["--fuse"] if has_several_mounts(shard.scene) else []
     infrasim("run", shard.scene, "--lidar", *shard.lidars, *words, "--out", shard.folder)
 

@@ -63,6 +63,14 @@ def has_several_mounts(scene: Path) -> bool:
     return len(yaml.safe_load(resolved(scene))["mounts"]) > 1
 
 
+def traffic_seed(plan: Plan, scene: str) -> int | None:
+    """Returns the traffic seed of a plan's scene; None for the seed in the scene's file."""
+    if not plan.traffic_offset:
+        return None
+    seed: int = yaml.safe_load(resolved(plan.files["scenes", scene]))["seed"]
+    return seed + plan.traffic_offset
+
+
 def check_names(plan: Plan) -> None:
     """Raises ConfigError if the key `name` of a scene or LiDAR differs from the file's name.
 
@@ -103,7 +111,9 @@ def digest(plan: Plan, scene: str, preset: str, lidar: str) -> str:
     file = plan.files["scenes", scene]
     data_set = canonical(file, preset)
     unit = PRICE.sub("", canonical(plan.files["lidars", lidar], preset))
-    hasher = hashlib.sha256("\n".join([data_set, unit, plan.frames, str(plan.parts)]).encode())
+    parts = [data_set, unit, plan.frames, str(plan.parts)]
+    parts += [f"traffic_offset {plan.traffic_offset}"] if plan.traffic_offset else []
+    hasher = hashlib.sha256("\n".join(parts).encode())
     for named in named_files(yaml.safe_load(data_set)):
         hasher.update((file.parent / named).read_bytes())
     return hasher.hexdigest()[:16]

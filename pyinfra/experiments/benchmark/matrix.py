@@ -147,6 +147,7 @@ class Plan:
     files: dict[tuple[str, str], Path]  # by kind and name
     costs: Costs
     parts: Parts
+    traffic_offset: int = 0  # is added to the seeds of the scenes
 
     def data_sets(self) -> dict[str, list[Experiment]]:
         """Returns the experiments, grouped by the data set that they need."""

@@ -21,6 +21,7 @@ KEYS = {  # columns that identify a row of each table
     "squares": KEY,
     "replicates": KEY,
     "value": KEY,
+    "until": ["scene", "preset"],
     "lidars": ["lidar", "preset"],
     "hits": ["scene", "preset", "lidar"],
     **{name: ["scene", "preset"] for name in frames.STATISTICS},
