@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import Error
 from pyinfra.experiments import store
 from pyinfra.metrics.comparison import over_replicates
 from reproduction import add_out, provenance
@@ -107,6 +109,31 @@ def verdict(claim: Claim, low: float, high: float) -> str:
     return "fails below" if high < claim.low else "undecided"
 
 
+def check_pairs(table: pd.DataFrame) -> None:
+    """Raises Error if the LiDARs of one replicate differ in software version or in frames."""
+    for key, rows in table.groupby([*GROUP, "replicate", "seed"], sort=False):
+        for column in ("version", "frames"):
+            if rows[column].nunique() > 1:
+                values = ", ".join(
+                    f"{lidar} {value}"
+                    for lidar, value in zip(rows.lidar, rows[column], strict=True)
+                )
+                raise Error(
+                    f"{' '.join(map(str, key))}: {column}: expected one value for all LiDARs, "
+                    f"got {values}"
+                )
+
+
+def missing(table: pd.DataFrame) -> Iterator[str]:
+    """Yields a text for each LiDAR that lacks replicates which other LiDARs have."""
+    for key, rows in table.groupby(GROUP, sort=False):
+        wanted = set(rows.replicate)
+        for lidar, part in rows.groupby("lidar", sort=False):
+            if lacking := sorted(wanted - set(part.replicate)):
+                numbers = ", ".join(map(str, lacking))
+                yield f"{' '.join(map(str, key))}: {lidar} has no replicate {numbers}"
+
+
 def claims(table: pd.DataFrame) -> Iterator[dict[str, object]]:
     """Yields a row for each claim, scene, preset, judge, label time and subset.
 
@@ -148,6 +175,10 @@ def main() -> None:
     parser.add_argument("experiments", type=Path, help="table of `reproduction experiments`")
     add_out(parser, "claims.csv")
     args = parser.parse_args()
-    rows = pd.DataFrame(claims(store.read(args.experiments, KEY))).assign(**provenance("verdicts"))
+    table = store.read(args.experiments, KEY)
+    check_pairs(table[table.cut_angle_deg == 0])
+    for line in missing(table):
+        print(f"warning: {line}", file=sys.stderr)
+    rows = pd.DataFrame(claims(table)).assign(**provenance("verdicts"))
     rows.to_csv(args.out, index=False, float_format="%.5g")
     print(rows.drop(columns=["version", "machine", "command"]).to_string(index=False))

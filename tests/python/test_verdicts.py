@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import SUBSETS
 from reproduction.commands import experiments, verdicts
 
@@ -25,12 +26,8 @@ def table(replicates: int = 3, avia: str = "livox_avia") -> pd.DataFrame:
         row = {
             **{"scene": "highway", "preset": "paper", "lidar": lidar, "replicate": r},
             **{"detector": "generalist", "judge": "fine-tuned", "label_time": "scan"},
-            **{
-                "cut_angle_deg": 0,
-                "seed": 2 * r - 1 + test,
-                "ap_r1000": ap,
-                "ap_r1000_near": ap + 1,
-            },
+            **{"cut_angle_deg": 0, "version": "1", "frames": 107},
+            **{"seed": 2 * r - 1 + test, "ap_r1000": ap, "ap_r1000_near": ap + 1},
             **{"ap_r1000_far": ap - (4 if lidar == avia else 9), "p_hqda": ap / 2},
         }
         rows += [{**row, "subset": subset} for subset in SUBSETS]
@@ -144,3 +141,19 @@ def test_value_fails_if_a_cheaper_lidar_reaches_the_level() -> None:
     bundle.loc[bundle.lidar == "pandar_64", "ap_r1000"] -= 20
     assert rows_of(bundle).loc["value", "present"].verdict == "holds"
     assert rows_of(table()).loc["value", "present"].verdict == "holds"  # none is cheaper
+
+
+def test_lidars_of_one_replicate_must_have_one_version_and_the_same_frames() -> None:
+    verdicts.check_pairs(table())
+    for column, value in (("version", "2"), ("frames", 50)):
+        other = table()
+        other.loc[other.lidar == "helios_16", column] = value
+        with pytest.raises(Error, match=f"highway .*: {column}: expected one value .*{value}"):
+            verdicts.check_pairs(other)
+
+
+def test_missing_replicates_are_named() -> None:
+    rows = table()
+    lacking = (rows.lidar == "helios_16") & (rows.replicate > 1) & (rows.subset == "captured")
+    (text,) = verdicts.missing(rows[~lacking])
+    assert text.endswith("captured: helios_16 has no replicate 2, 3")
