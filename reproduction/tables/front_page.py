@@ -28,8 +28,8 @@ def far_points() -> list[str]:
     )
     finding = (
         f"On far vehicles the Livox Avia has {paper} times the points of the best other LiDAR "
-        f"under [the study's settings](#the-study), {equal} times at equal range, {datasheet} "
-        "times by data sheets."
+        f"under [the study's settings](docs/quick_start.md#presets), {equal} times at equal range, "
+        f"{datasheet} times by data sheets."
     )
     where = (
         "[highway](docs/results/points.md), beyond 90 m, within range of all LiDARs; "
