@@ -127,13 +127,9 @@ def benchmark(
     Examples
     --------
     >>> import tempfile
-    >>> from pathlib import Path
     >>> import pyinfra as pi
-    >>> matrix = "scenes: [highway], lidars: [helios_16], presets: [paper], detectors: [background]"
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     config = Path(folder) / "small.yaml"
-    ...     _ = config.write_text(f"matrix: [{{{matrix}}}]")
-    ...     table = pi.benchmark(config, f"{folder}/out", work=f"{folder}/work", tier="smoke")
+    ...     table = pi.benchmark("example", f"{folder}/out", work=f"{folder}/work", tier="smoke")
     >>> table[["lidar", "detector"]].values.tolist()
     [['helios_16', 'background']]
     """

@@ -70,7 +70,7 @@ def recommend(
         - prices in USD, latency in ms per frame, covered road in m
         - `meets`: whether the option meets all requirements
         - `reason`, `relax`: which requirements the option misses, and how to change them
-        - `difference`: AP of the first row less AP of this row, paired, with its interval
+        - `difference`: AP of the first row minus AP of this row, paired, with its interval
         - `share_over`: how far price and AP miss the requirements, as a sum of shares; inf if the
           option misses the requirements with any budget and AP
 
@@ -81,13 +81,9 @@ def recommend(
     Examples
     --------
     >>> import tempfile
-    >>> from pathlib import Path
     >>> import pyinfra as pi
-    >>> matrix = "scenes: [highway], lidars: [helios_16], presets: [paper], detectors: [background]"
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     config = Path(folder) / "small.yaml"
-    ...     _ = config.write_text(f"matrix: [{{{matrix}}}]")
-    ...     _ = pi.benchmark(config, f"{folder}/out", work=f"{folder}/work", tier="smoke")
+    ...     _ = pi.benchmark("example", f"{folder}/out", work=f"{folder}/work", tier="smoke")
     ...     table = pi.recommend(f"{folder}/out", tier="smoke", budget_usd=3000, min_ap=20)
     >>> table[["lidar", "detector", "meets"]].values.tolist()
     [['helios_16', 'background', True]]

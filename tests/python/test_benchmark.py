@@ -456,7 +456,13 @@ def test_keys_of_many_experiments_are_looked_up_together() -> None:
 def test_every_benchmark_of_the_package_has_its_files() -> None:
     folder = Path(__file__).resolve().parents[2] / "configs/benchmarks"
     sizes = {file.stem: len(read_plan(file, "quick").experiments) for file in folder.glob("*.yaml")}
-    assert sizes == {"demo": 8, "paper": 3 * 4 * 7 + 3 + 8, "datasheet": 48, "first_look": 4}
+    assert sizes == {
+        "demo": 8,
+        "paper": 3 * 4 * 7 + 3 + 8,
+        "datasheet": 48,
+        "example": 1,
+        "first_look": 4,
+    }
 
 
 @pytest.mark.parametrize(
