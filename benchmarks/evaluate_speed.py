@@ -275,7 +275,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     add_out(parser, "evaluation.csv")
     parser.add_argument(
-        "--frames", type=int, default=200, help="number of frames for the comparison with shapely"
+        "--frames",
+        type=int,
+        default=200,
+        help="number of frames for the comparison with shapely (default: %(default)s)",
     )
     args = parser.parse_args()
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})

@@ -228,7 +228,12 @@ def best(ways: Ways, repetitions: int) -> dict[str, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     add_out(parser, "ops.csv")
-    parser.add_argument("--repetitions", type=int, default=11)
+    parser.add_argument(
+        "--repetitions",
+        type=int,
+        default=11,
+        help="repetitions of each measurement (default: %(default)s)",
+    )
     args = parser.parse_args()
     torch.set_num_threads(1)
     random = np.random.default_rng(1)

@@ -231,7 +231,12 @@ def growth_rows() -> list[tuple[str, float, str]]:
 
 def arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--repetitions", type=int, default=9)
+    parser.add_argument(
+        "--repetitions",
+        type=int,
+        default=9,
+        help="repetitions of each measurement (default: %(default)s)",
+    )
     parser.add_argument(
         "--before",
         type=Path,

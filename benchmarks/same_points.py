@@ -97,9 +97,9 @@ def totals_apart_percent(table: pd.DataFrame) -> float:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("here", type=Path)
-    parser.add_argument("there", type=Path)
-    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("here", type=Path, help="data set of this machine")
+    parser.add_argument("there", type=Path, help="data set of the other machine")
+    parser.add_argument("--out", type=Path, required=True, help="output CSV file")
     args = parser.parse_args()
     names = sorted(file.parent.name for file in args.here.glob("*/dataset.yaml"))
     pairs = [[read_data_set(side / name) for side in (args.here, args.there)] for name in names]

@@ -33,7 +33,9 @@ def main(words: Sequence[str] | None = None) -> int:
         description="Commands:\n" + "\n".join(f"  {n:<16}{text}" for n, text in sentences.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("command", choices=sentences, metavar="COMMAND")
+    parser.add_argument(
+        "command", choices=sentences, metavar="COMMAND", help="a command of the list above"
+    )
     name = parser.parse_args(words[:1]).command
     sys.path.insert(0, str(ROOT / "tests/python"))  # some commands use the tests' maps
     sys.argv = [f"{PROGRAM} {name}", *words[1:]]

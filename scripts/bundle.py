@@ -46,8 +46,8 @@ def add_licences(wheel: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("raw", type=Path)
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("raw", type=Path, help="wheel of the build")
+    parser.add_argument("folder", type=Path, help="output folder")
     args = parser.parse_args()
     beside = {
         "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"

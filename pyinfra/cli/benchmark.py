@@ -50,7 +50,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=os.cpu_count() or 1,
         help="number of experiments to run at the same time; default: one per core",
     )
-    parser.add_argument("--backend", choices=BACKENDS, default="local")
+    parser.add_argument(
+        "--backend",
+        choices=BACKENDS,
+        default="local",
+        help=(
+            "where the experiments run: on this machine (local), or on a Ray or Dask cluster; "
+            "default: local"
+        ),
+    )
     parser.add_argument(
         "--address",
         default="",

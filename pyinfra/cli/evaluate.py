@@ -57,7 +57,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         f"default: vehicle={','.join(VEHICLE_TYPES)}",
     )
     add_measures(parser, default)
-    parser.add_argument("--min-score", type=float, default=default.min_score)
+    parser.add_argument(
+        "--min-score",
+        type=float,
+        default=default.min_score,
+        help=f"minimum score of a predicted box, from 0 to 1; default: {default.min_score:g}",
+    )
     parser.add_argument(
         "--min-points",
         type=int,
@@ -90,7 +95,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="treat a missing prediction file as a frame without boxes",
     )
-    parser.add_argument("--no-figures", action="store_true")
+    parser.add_argument("--no-figures", action="store_true", help="write the tables only")
 
 
 def add_measures(parser: argparse.ArgumentParser, default: Settings) -> None:
@@ -122,14 +127,24 @@ def add_measures(parser: argparse.ArgumentParser, default: Settings) -> None:
 
 def add_bootstrap(parser: argparse.ArgumentParser, default: Settings) -> None:
     bootstrap = parser.add_argument_group("bootstrap of the intervals")
-    bootstrap.add_argument("--replicates", type=int, default=default.replicates)
+    bootstrap.add_argument(
+        "--replicates",
+        type=int,
+        default=default.replicates,
+        help=f"number of bootstrap replicates, 1 or more; default: {default.replicates}",
+    )
     bootstrap.add_argument(
         "--block-s",
         type=float,
         help="length of a bootstrap block, in seconds; default: the time that a vehicle stays in "
         "the region",
     )
-    bootstrap.add_argument("--seed", type=int, default=default.seed)
+    bootstrap.add_argument(
+        "--seed",
+        type=int,
+        default=default.seed,
+        help=f"seed of the bootstrap; default: {default.seed}",
+    )
 
 
 def run(args: argparse.Namespace) -> int:

@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "example: pyinfra export data/highway/livox_avia --to openpcdet --out out/openpcdet"
     )
     parser.add_argument("data", type=Path, help="folder of one LiDAR")
-    parser.add_argument("--to", choices=EXPORTS, required=True)
+    parser.add_argument("--to", choices=EXPORTS, required=True, help="format to write")
     parser.add_argument("--out", type=Path, required=True, help="new or empty folder to write to")
     frames = parser.add_mutually_exclusive_group()
     frames.add_argument(

@@ -22,7 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--period-s 0.1 --price-usd 1500 1500"
     )
     parser.add_argument("source", type=Path, help="folder of the recording")
-    parser.add_argument("--from", dest="format", choices=IMPORTS, required=True)
+    parser.add_argument(
+        "--from", dest="format", choices=IMPORTS, required=True, help="format of the recording"
+    )
     parser.add_argument(
         "--out",
         type=Path,
@@ -31,7 +33,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--scene", help="name of the site; default: the name of the folder DATA")
     parser.add_argument("--model", help="model of the LiDAR; default: the name of its folder")
-    parser.add_argument("--price-usd", type=float, nargs=2, metavar=("LOW", "HIGH"))
+    parser.add_argument(
+        "--price-usd",
+        type=float,
+        nargs=2,
+        metavar=("LOW", "HIGH"),
+        help="lowest and highest price of the LiDAR in US dollars; default: no price",
+    )
     parser.add_argument(
         "--period-s",
         type=float,

@@ -21,14 +21,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("results", type=Path, help="output folder of `pyinfra benchmark`")
     parser.add_argument(
-        "--data", nargs="+", type=Path, default=[], help="data sets whose frames are drawn"
+        "--data", nargs="+", type=Path, default=[], help="data sets whose frames are shown"
     )
     parser.add_argument(
         "--runs",
         nargs="+",
         type=Path,
         default=[],
-        help="folders of trained detectors whose predictions are drawn",
+        help="folders of trained detectors whose predictions are shown",
     )
     parser.add_argument(
         "--sections",
@@ -40,17 +40,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tier", help="tier of the benchmark: full, quick or smoke; default: the most complete"
     )
-    group = parser.add_argument_group("of the answer, as `pyinfra recommend` has them")
+    group = parser.add_argument_group(
+        "requirements of the recommendation, as in `pyinfra recommend`"
+    )
     group.add_argument(
         "--budget",
         type=float,
         default=Requirements.budget_usd,
         help="highest price of LiDAR and site, in US dollars; default: no limit",
     )
-    group.add_argument("--min-ap", type=float, default=Requirements.min_ap)
-    group.add_argument("--range", type=float, default=Requirements.range_m)
-    group.add_argument("--latency", type=float, default=Requirements.latency_ms)
-    parser.add_argument("--out", type=Path, default=Path("report.html"), help="HTML file to write")
+    group.add_argument(
+        "--min-ap",
+        type=float,
+        default=Requirements.min_ap,
+        help=f"minimum AP of all vehicles, 0 to 100; default: {Requirements.min_ap:g}",
+    )
+    group.add_argument(
+        "--range",
+        type=float,
+        default=Requirements.range_m,
+        help=(
+            "maximum distance of the vehicles and roads that count, in metres; default: "
+            f"{Requirements.range_m:g}"
+        ),
+    )
+    group.add_argument(
+        "--latency",
+        type=float,
+        default=Requirements.latency_ms,
+        help=(
+            f"maximum median time per frame, in milliseconds; default: {Requirements.latency_ms:g}"
+        ),
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("report.html"),
+        help="HTML file to write; default: %(default)s",
+    )
 
 
 def run(args: argparse.Namespace) -> int:

@@ -13,7 +13,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Adds the triangles of a file (.obj, .glb, .gltf, .stl, .ply) to the meshes of a site."
     )
     parser.epilog = "example: pyinfra site mesh station.glb --out sites/corner --offset 20,35,0"
-    parser.add_argument("file", type=Path, metavar="FILE")
+    parser.add_argument("file", type=Path, metavar="FILE", help="3-D model")
     add = parser.add_argument
     add("--out", type=Path, required=True, metavar="SITE", help="folder of the site")
     add("--material", choices=MATERIALS, default="structure", help="material; default: structure")

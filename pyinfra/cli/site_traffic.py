@@ -11,7 +11,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "of the scene to the length of the trajectories."
     )
     parser.epilog = "example: pyinfra site traffic sites/corner --vehicles-per-hour 1200"
-    parser.add_argument("site", type=Path, metavar="SITE")
+    parser.add_argument("site", type=Path, metavar="SITE", help="folder of the site")
     add = parser.add_argument
     add(
         "--vehicles-per-hour",

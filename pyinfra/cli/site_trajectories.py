@@ -18,7 +18,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "example: pyinfra site trajectories tracks.csv --columns x=center_x,y=center_y "
         "--rate-hz 25 --degrees --out sites/corner"
     )
-    parser.add_argument("file", type=Path, metavar="FILE")
+    parser.add_argument(
+        "file",
+        type=Path,
+        metavar="FILE",
+        help=".csv, .xml or .gz file of trajectories, or a LiDAR's folder with labels",
+    )
     add = parser.add_argument
     add("--out", type=Path, required=True, metavar="SITE", help="folder of the site")
     add(
@@ -26,14 +31,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=_pairs,
         default={},
         metavar="x=NAME,...",
-        help="column names in the CSV file, such as x=center_x",
+        help="column names in the CSV file, such as x=center_x; default: x, y, z, heading, dx, dy, "
+        "dz, class, t or frame, and id",
     )
     add(
         "--class-of",
         type=_classes,
         default={},
         metavar="NAME=Car,...",
-        help="class for each class name in the file; =Car applies to objects without a class name",
+        help="class for each class name in the file; =Car applies to objects without a class name; "
+        "default: the same name",
     )
     add(
         "--rate-hz",

@@ -15,7 +15,10 @@ def main() -> None:
         epilog="example: python -m reproduction dataset --frames 500 --out data/paper",
     )
     parser.add_argument(
-        "--frames", type=int, default=FRAMES, help="maximum number of frames per scene"
+        "--frames",
+        type=int,
+        default=FRAMES,
+        help="maximum number of frames per scene (default: %(default)s)",
     )
     parser.add_argument(
         "--preset", default="paper", help="preset of the LiDARs (default: %(default)s)"

@@ -24,14 +24,19 @@ PATTERN_FRAMES = "0:20"
 def main() -> None:
     parser = argparse.ArgumentParser(
         description="Rebuilds the paper's table of hit points, simulates a few frames of each "
-        "scene and draws them.",
+        "scene and makes pictures of them.",
         epilog="example: python -m reproduction demo --out out/demo --frames 0:3",
     )
-    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="output folder")
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/demo"), help="output folder (default: %(default)s)"
+    )
     parser.add_argument(
         "--frames",
         default="0:3",
-        help="frames to write, A:B[:STEP], B excluded; the first frame is drawn",
+        help=(
+            "frames to write, from A to B without B, A:B[:STEP]; the pictures show the first "
+            "frame (default: %(default)s)"
+        ),
     )
     args = parser.parse_args()
     start = time.perf_counter()

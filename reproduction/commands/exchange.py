@@ -93,7 +93,9 @@ def row(way: str, name: str, lidar: str, frames: int, out: Path, seconds: float)
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     add_out(parser, "exchange.csv")
-    parser.add_argument("--frames", type=int, default=100, help="number of frames per LiDAR")
+    parser.add_argument(
+        "--frames", type=int, default=100, help="number of frames per LiDAR (default: %(default)s)"
+    )
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -37,9 +37,21 @@ def main() -> None:
     parser.add_argument(
         "--work", type=Path, required=True, help="working folder for frames, about 1 GB"
     )
-    parser.add_argument("--scenes", nargs="+", default=list(generalist.SCENES))
-    parser.add_argument("--lidars", nargs="+", default=list(LIDARS))
-    parser.add_argument("--seeds", type=int, nargs="+", default=[1])
+    parser.add_argument(
+        "--scenes",
+        nargs="+",
+        default=list(generalist.SCENES),
+        help="names of the scenes (default: all three)",
+    )
+    parser.add_argument(
+        "--lidars",
+        nargs="+",
+        default=list(LIDARS),
+        help="names of the LiDARs (default: " + " ".join(LIDARS) + ")",
+    )
+    parser.add_argument(
+        "--seeds", type=int, nargs="+", default=[1], help="traffic seeds (default: 1)"
+    )
     add_out(parser, "fairness.csv")
     args = parser.parse_args()
     columns = provenance(f"fairness --scenes {' '.join(args.scenes)}")

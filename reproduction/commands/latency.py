@@ -97,11 +97,21 @@ def measured(task: Task, workspace: Workspace, every: int) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("config", type=Path, help="benchmark file, as in configs/benchmarks")
-    parser.add_argument("--scenes", nargs="+", default=["highway", "crossroad", "curve"])
+    parser.add_argument(
+        "--scenes",
+        nargs="+",
+        default=["highway", "crossroad", "curve"],
+        help="names of the scenes (default: all three)",
+    )
     parser.add_argument(
         "--check", action="store_true", help="measure the experiments of CHECKED only"
     )
-    parser.add_argument("--work", type=Path, default=ROOT / "data/benchmark")
+    parser.add_argument(
+        "--work",
+        type=Path,
+        default=ROOT / "data/benchmark",
+        help="working folder of a benchmark (default: data/benchmark)",
+    )
     add_out(parser)
     parser.add_argument(
         "--every", type=int, default=3, help="use every Nth test frame (default: 3)"

@@ -149,7 +149,9 @@ def figures_of(table: pd.DataFrame) -> dict[str, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("run", type=Path, help="output folder of `pyinfra train --sites`")
-    parser.add_argument("--sites", type=int, default=60)
+    parser.add_argument(
+        "--sites", type=int, default=60, help="number of generated sites (default: %(default)s)"
+    )
     parser.add_argument("--frames", type=int, default=5, help="frames per LiDAR (default: 5)")
     add_out(parser, "generalist.safetensors", recorded="pyinfra/models/generalist.safetensors")
     add_out(parser, "generalist_sites.csv", "--table")

@@ -83,7 +83,13 @@ def main() -> None:
         "--work", type=Path, required=True, help="working folder for frames, about 5 GB"
     )
     add_out(parser, "places.csv")
-    parser.add_argument("--lidars", nargs="+", choices=LIDARS, default=LIDARS)
+    parser.add_argument(
+        "--lidars",
+        nargs="+",
+        choices=LIDARS,
+        default=LIDARS,
+        help="names of the LiDARs (default: all)",
+    )
     args = parser.parse_args()
     args.work.mkdir(parents=True, exist_ok=True)
     tables = []

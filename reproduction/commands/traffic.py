@@ -77,14 +77,24 @@ def row(figures: TrafficFigures) -> dict[str, object]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("sites", type=Path, nargs="*", help="site folders of `pyinfra site import`")
-    parser.add_argument("--vehicles-per-hour", type=float, default=1500)
+    parser.add_argument(
+        "--vehicles-per-hour",
+        type=float,
+        default=1500,
+        help="vehicles per hour (default: %(default)s)",
+    )
     parser.add_argument(
         "--people-per-hour",
         type=float,
         default=300,
-        help="pedestrians per hour; the number of cyclists is the same",
+        help="pedestrians per hour; the number of cyclists is the same (default: %(default)s)",
     )
-    parser.add_argument("--seconds", type=float, default=500)
+    parser.add_argument(
+        "--seconds",
+        type=float,
+        default=500,
+        help="duration of the traffic in seconds (default: %(default)s)",
+    )
     add_out(parser, "traffic.csv")
     args = parser.parse_args()
     demand = Demand(args.vehicles_per_hour, args.people_per_hour, args.people_per_hour)

@@ -83,7 +83,12 @@ def add_known(file: Path, detectors: tuple[str, ...], change: dict[str, object])
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=Path, default=ROOT / "data/benchmark")
+    parser.add_argument(
+        "--work",
+        type=Path,
+        default=ROOT / "data/benchmark",
+        help="working folder of a benchmark (default: data/benchmark)",
+    )
     add_out(parser)
     args = parser.parse_args()
     data = args.work / "data/highway_paper"

@@ -1,8 +1,11 @@
 """The `pyinfra` command: errors in one line, help."""
 
+import argparse
+import importlib
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -97,3 +100,25 @@ def test_closed_pipe_is_no_traceback(tmp_path: Path) -> None:
             cwd=tmp_path,
         )
     assert (done.returncode, done.stderr) == (1, "")
+
+
+def parsers() -> Iterator[argparse.ArgumentParser]:
+    """Yields the parser of every command and of every step of `site`."""
+    for command in main.COMMANDS:
+        parser = argparse.ArgumentParser(command.name)
+        importlib.import_module(command.module).add_arguments(parser)
+        steps = [a for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
+        yield from (p for step in steps for p in step.choices.values())
+        yield parser
+
+
+def test_every_option_has_a_help_text_that_names_its_default() -> None:
+    without = []
+    for parser in parsers():
+        for action in parser._actions:
+            if isinstance(action, argparse._SubParsersAction | argparse._HelpAction):
+                continue
+            has_default = action.default not in (None, False, "", []) and not action.required
+            if not action.help or (has_default and "default: " not in action.help.lower()):
+                without.append(f"{parser.prog} {action.dest}")
+    assert not without
