@@ -16,9 +16,9 @@ from pyinfra.metrics.row_selection import COUNTED
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Ranks the LiDARs and detectors of a benchmark that meet your requirements, by the AP of "
-        "all vehicles in the region. Brackets after an AP are its 95 % interval. Brackets after "
-        "metres of road are the metres if each window's AP were at the low end, or at the high "
-        "end, of its interval."
+        "all vehicles in the region. Brackets after an AP contain its 95 % interval. Brackets "
+        "after metres of road contain the metres for the low end and for the high end of the AP "
+        "of each window."
     )
     parser.epilog = "example: pyinfra recommend results --scene highway --budget 8000 --min-ap 85"
     parser.add_argument("results", type=Path, help="output folder of `pyinfra benchmark`")
@@ -73,11 +73,11 @@ def run(args: argparse.Namespace) -> int:
     print(
         f"{first.scene}, preset {first.preset}, {args.tier} tier: at most "
         f"{requirements.budget_usd:,.0f} USD, AP {requirements.min_ap:g} of "
-        f"{COUNTED[first.whole]}, {requirements.range_m:g} m either way, "
+        f"{COUNTED[first.whole]}, {requirements.range_m:g} m in each direction, "
         f"{requirements.latency_ms:g} ms a frame."
     )
     if names := ", ".join(sorted({option.detector for option in options if option.hardly_learnt})):
-        text = "Networks of the smoke tier have hardly learnt: nothing follows from the AP of "
+        text = "The smoke tier trains networks too little; do not use the AP of "
         print(f"{text}{names}.")
     for line in answer_lines(recommend(options, requirements), requirements):
         print(with_options(line, args.options))

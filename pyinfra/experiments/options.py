@@ -17,7 +17,7 @@ from pyinfra.experiments.requirements import Requirements
 from pyinfra.experiments.result_tables import Results, hardly_learnt, read_results
 from pyinfra.experiments.value import KEY, MOUNTS, SITE_ITEMS, mounts_of
 from pyinfra.metrics.comparison import Interval
-from pyinfra.metrics.replicates import difference, drawn, measure_of
+from pyinfra.metrics.replicates import bootstrapped_of, difference, measure_of
 from pyinfra.metrics.row_selection import (
     AP_OF,
     AP_R1000,
@@ -140,7 +140,9 @@ def read_tables(folder: Path, tier: str) -> Results:
     for suffix in ("", "_value", "_distance"):
         file = folder / f"{tier}{suffix}.csv"
         if not file.is_file():
-            raise FileNotFoundError(2, "No such table; `pyinfra benchmark` writes it", str(file))
+            raise FileNotFoundError(
+                2, "The table does not exist; `pyinfra benchmark` writes it", str(file)
+            )
     results = read_results(folder, tier)
     lidars = results.table("lidars")
     if len(lidars) and "preset" not in lidars:
@@ -262,7 +264,7 @@ def option(row: pd.Series, replicates: ExperimentReplicates) -> Option:
         recall=Interval(row.recall, row.recall_low, row.recall_high),
         covered_in=row.covered_in,
         no_interval=row.no_interval,
-        detected=None if recall is None else drawn(recall).measured(),
+        detected=None if recall is None else bootstrapped_of(recall).measured(),
         whole=row.whole,
         mounts=int(row[MOUNTS]),
         off_region_per_min=row[OFF_REGION],

@@ -61,19 +61,18 @@ def recommend(options: Sequence[Option], requirements: Requirements) -> Answer:
     remarks = [*too_slow(options, slow, requirements), *general_notes(options, requirements)]
     remarks += [*doubts(options, named, requirements), *left_out(options, table.drop(slow.index))]
     if len(more):
-        meet = "meets" if len(more) == 1 else "meet"
         others = names(options[i] for i in more.index)
-        remarks.insert(0, f"And {len(more)} more that {meet} this: {others}.")
+        remarks.insert(0, f"Further options that meet the requirements: {others}.")
     return Answer(True, [options[i] for i in named.index], [*named.relax], remarks)
 
 
 def answer_lines(answer: Answer, requirements: Requirements) -> Iterator[str]:
     """Yields a recommendation line by line."""
     if not answer.meets:
-        near = " The nearest, and what to relax:" if answer.named else ""
-        yield f"No option meets this.{near}"
+        near = " The nearest options, each with the requirement to relax:" if answer.named else ""
+        yield f"No option meets the requirements.{near}"
     for rank, (option, relax) in enumerate(zip(answer.named, answer.relax, strict=True), 1):
-        relaxed = f"; meets it with {relax}" if relax else ""
+        relaxed = f"; meets the requirements with {relax}" if relax else ""
         yield f"{rank}. {sentence(option, requirements)}{relaxed}"
     yield from answer.remarks
 
@@ -129,13 +128,13 @@ def general_notes(options: Sequence[Option], requirements: Requirements) -> Iter
     """Yields remarks that hold for all options: on AP, prices and latencies."""
     if options[0].whole == "all":
         yield (
-            "These results were measured without ground truth `present`: vehicles that the mount "
-            "cannot see are not counted; `pyinfra benchmark` of this version counts them."
+            "These results have no AP of the subset `present`: vehicles that are not visible from "
+            "the mount do not count. Run `pyinfra benchmark` again to count them."
         )
     if math.isnan(options[0].range_m) and requirements.range_m < REGION_M:
         yield (
-            "These results hold no AP within ranges: AP is of the whole region; `pyinfra "
-            "benchmark` of this version measures it."
+            "These results have no AP within ranges, so AP is of the whole region. Run `pyinfra "
+            "benchmark` again to compute AP within ranges."
         )
     unknown = [option for option in options if not option.ap_whole.is_known]
     if unknown:
@@ -149,11 +148,14 @@ def latency_note(options: Iterable[Option]) -> str:
     """Returns a remark on the computer and the load under which latencies were measured."""
     timed = [option for option in options if math.isfinite(option.latency_ms)]
     if not timed:
-        return "No latency was measured; a benchmark with `latency` measures it."
+        return "These results have no latency; a benchmark with `latency` measures it."
     machines = ", ".join(sorted({option.machine for option in timed} - {""}))
     where = f"one core of {machines}" if machines else "one core"
     load = load_text([option.other_cores for option in timed])
-    return f"Latency is of {where} ({load}); a benchmark with `latency` measures yours."
+    return (
+        f"Latencies were measured on {where} ({load}). A benchmark with `latency` measures them on "
+        "your computer."
+    )
 
 
 def too_slow(
@@ -163,24 +165,24 @@ def too_slow(
     for i, row in slow.iterrows():
         what = "not timed" if math.isnan(row.latency_ms) else "too slow"
         text = sentence(options[int(i)], requirements)
-        yield f"More accurate, but {what}: {text}; meets it with {row.relax}."
+        yield f"More accurate, but {what}: {text}; meets the requirements with {row.relax}."
 
 
 def cost_notes(option: Option) -> Iterator[str]:
     """Yields a remark on the costs besides LiDARs: which of them the prices include."""
     if not option.site_usd:
         items = ", ".join(map(item_name, SITE_ITEMS))
-        lidars = f"{option.mounts} LiDARs, a mount each," if option.mounts > 1 else "LiDARs alone"
-        yield f"Prices are of {lidars}: {items} are missing (`costs` of the benchmark)."
+        lidars = f"{option.mounts} LiDARs, one per mount" if option.mounts > 1 else "LiDARs only"
+        yield f"Prices include {lidars}, without {items} (`costs` of the benchmark adds them)."
         return
     mounts = f" with {option.mounts} mounts" if option.mounts > 1 else ""
-    text = f"In every price are {option.site_usd:,.0f} USD of the site{mounts}"
+    text = f"Every price includes {option.site_usd:,.0f} USD for the site{mounts}"
     if not option.site_items:
-        yield f"{text}; this table does not say for what."
+        yield f"{text}; these results do not list its items."
         return
     paid = [f"{item_name(i)} {usd:,.0f}" for i, usd in option.site_items.items() if usd]
     free = [item_name(item) for item in SITE_ITEMS if not option.site_items.get(item)]
-    missing = f"; missing: {', '.join(free)} (`costs` of the benchmark)" if free else ""
+    missing = f"; not included: {', '.join(free)} (`costs` of the benchmark)" if free else ""
     yield f"{text}: {', '.join(paid)}{missing}."
 
 
@@ -210,23 +212,23 @@ def doubts(
     yield from doubts_of_price(named, requirements)
     yield from doubts_of_latency(named, requirements)
     if first.covered_m.value < first.road_m:
-        more = "several LiDARs, a higher budget or a lower AP might"
+        more = "several LiDARs, a higher budget or a lower required AP might do so"
         what = "the road" if first.covered_in == ROAD else "the region"
-        yield f"The first does not cover the whole of {what}; {more}."
+        yield f"The first option does not cover the whole of {what}; {more}."
 
 
 def doubts_of_order(first: Option, others: Sequence[Option], table: pd.DataFrame) -> Iterator[str]:
     """Yields remarks on which other options may be as good as the first."""
     ends = zip(table.difference_low, table.difference_high, strict=True)
-    apart = [(o, Interval(0, *pair)) for o, pair in zip(others, ends, strict=True)]
-    equal = [o for o, interval in apart if interval.is_known and not interval.is_significant]
+    differences = [(o, Interval(0, *pair)) for o, pair in zip(others, ends, strict=True)]
+    equal = [o for o, interval in differences if interval.is_known and not interval.is_significant]
     if equal:
         text = f"The AP of {first.name} does not differ significantly from that of {names(equal)}"
         yield f"{text} (the 95 % intervals include 0); {cheapest([first, *equal])}."
-    unknown = [o for o, interval in apart if not interval.is_known]
+    unknown = [o for o, interval in differences if not interval.is_known]
     if unknown:
-        text = f"Whether {first.name} is better than {names(unknown)} is not known: no interval of "
-        yield f"{text}the difference (too short a test, or a table of an earlier version)."
+        text = f"It is not known whether {first.name} is better than {names(unknown)}"
+        yield f"{text}: the difference has no interval ({FEW_BLOCKS}, or an older table)."
 
 
 def cheapest(options: Sequence[Option]) -> str:
@@ -240,13 +242,13 @@ def cheapest(options: Sequence[Option]) -> str:
 
 def doubts_of_ap(named: Sequence[Option], requirements: Requirements) -> Iterator[str]:
     """Yields remarks on options that may miss the required AP."""
-    unsure = f"Not sure to reach AP {requirements.min_ap:g} of {COUNTED[named[0].whole]}"
+    unsure = f"May have less than AP {requirements.min_ap:g} of {COUNTED[named[0].whole]}"
     below = [o for o in named if o.ap_whole.is_known and o.ap_whole.low < requirements.min_ap]
     if below:
-        yield f"{unsure}: {names(below)}: the interval begins below it."
+        yield f"{unsure}: {names(below)} (the interval begins below)."
     unknown = [o for o in named if not o.ap_whole.is_known]
     if unknown:
-        yield f"{unsure}: {names(unknown)}: without an interval."
+        yield f"{unsure}: {names(unknown)} (no interval is available)."
 
 
 def doubts_of_price(named: Sequence[Option], requirements: Requirements) -> Iterator[str]:
@@ -262,7 +264,7 @@ def doubts_of_latency(named: Sequence[Option], requirements: Requirements) -> It
     late = [option for option in named if option.latency_p95_ms > requirements.latency_ms]
     if late:
         text = f"Above {requirements.latency_ms:g} ms in more than 5 % of the frames: {names(late)}"
-        yield f"{text}; the median is below."
+        yield f"{text}. Their median latency is lower."
 
 
 def left_out(options: Sequence[Option], table: pd.DataFrame) -> Iterator[str]:

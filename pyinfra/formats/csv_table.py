@@ -40,6 +40,7 @@ _RENAMED_COLUMNS = {
     "forgiven_ghosts": "forgiven_background",
     "found_percent": "recall_percent",
     "ghosts_per_frame": "background_per_frame",
+    "judge": "arm",
     "precision_said": "precision_predicted",
     "recall_said": "recall_predicted",
     "seam_turned_deg": "cut_angle_turned_deg",
@@ -51,6 +52,7 @@ _RENAMED_VALUES = {
     "arm": {"specialist": "site_trained"},
     "fails_first": {"ghosts": "background"},
     "largest_blame": {"ghosts": "background"},
+    "start": {"drawn": "random"},
     "stressor": {"seam": "cut_angle"},
 }
 

@@ -141,8 +141,8 @@ def _ap_of(
     for part, named in parts.items():
         ranking = match_result.ranking(part)
         (value,), (r1000,) = ap.r40_and_r1000(ranking)
-        drawn, r1000_replicates = ap.r40_and_r1000(ranking, match_result.weights)
-        low, high = match_result.interval(value, drawn, ranking.objects)
+        replicates, r1000_replicates = ap.r40_and_r1000(ranking, match_result.weights)
+        low, high = match_result.interval(value, replicates, ranking.objects)
         r1000_low, r1000_high = match_result.interval(r1000, r1000_replicates, ranking.objects)
         row = {
             **named,
@@ -276,8 +276,8 @@ def _error(match_result: MatchResult, values: FloatArray, slot: IntArray) -> dic
     counts = np.bincount(slot, minlength=weights.shape[1])
     some = len(values) > 0
     mean = float(absolute.mean()) if some else math.nan
-    drawn = _ratio(weights @ sums, weights @ counts)
-    low, high = match_result.interval(mean, drawn, counts, most=math.inf)
+    replicates = _ratio(weights @ sums, weights @ counts)
+    low, high = match_result.interval(mean, replicates, counts, most=math.inf)
     return {
         "mean": values.mean() if some else math.nan,
         "mean_absolute": mean,
@@ -299,8 +299,8 @@ def false_positive_table(match_result: MatchResult, iou: float, *, strict: bool)
         counts = np.bincount(slot[names == cause], minlength=weights.shape[1])
         count = int(counts.sum())
         share = 100 * count / len(names) if len(names) > 0 else math.nan
-        drawn = 100 * _ratio(weights @ counts, weights @ total)
-        low, high = map(float, match_result.interval(share, drawn, total))
+        replicates = 100 * _ratio(weights @ counts, weights @ total)
+        low, high = map(float, match_result.interval(share, replicates, total))
         rows.append({"cause": cause, "count": count, "share": share, "low": low, "high": high})
     return pd.DataFrame(rows)
 

@@ -139,21 +139,23 @@ def block_seconds(frame: IntArray, ids: IntArray, apart_s: float) -> float:
     return max(LEAST_BLOCK_S, BLOCK_STEP_S * math.ceil(seconds / BLOCK_STEP_S - 1e-9))
 
 
-def interval(value: FloatArray, drawn: FloatArray, blocks: float) -> tuple[FloatArray, FloatArray]:
+def interval(
+    value: FloatArray, replicates: FloatArray, blocks: float
+) -> tuple[FloatArray, FloatArray]:
     """Returns the ends of the 95 % intervals of figures (...) from their replicates (d, ...).
 
     blocks: the number of blocks n. The variance of the replicates is corrected by n / (n - 1). The
     ends are NaN if there are no replicates, or if fewer than half of the replicates are defined.
     """
     value = np.asarray(value, dtype=np.float64)
-    known = ~np.isnan(drawn)
+    known = ~np.isnan(replicates)
     count = known.sum(axis=0)
-    none = (count < max(2, LEAST_DEFINED * len(drawn))) | np.isnan(value)
-    if len(drawn) == 0 or blocks <= 1:
+    none = (count < max(2, LEAST_DEFINED * len(replicates))) | np.isnan(value)
+    if len(replicates) == 0 or blocks <= 1:
         return np.full_like(value, np.nan), np.full_like(value, np.nan)
     divisor = np.maximum(count, 2)
-    mean = np.where(known, drawn, 0.0).sum(axis=0) / divisor
-    variance = np.where(known, drawn - mean, 0.0) ** 2
+    mean = np.where(known, replicates, 0.0).sum(axis=0) / divisor
+    variance = np.where(known, replicates - mean, 0.0) ** 2
     error = np.sqrt(variance.sum(axis=0) / (divisor - 1))
     half = error * student(blocks) * math.sqrt(blocks / (blocks - 1))
     return np.where(none, np.nan, value - half), np.where(none, np.nan, value + half)

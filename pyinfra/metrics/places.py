@@ -19,7 +19,7 @@ from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import Subset
 from pyinfra.formats.csv_table import existing, read_csv
 from pyinfra.metrics.comparison import over_seeds
-from pyinfra.metrics.replicates import check_pair, drawn
+from pyinfra.metrics.replicates import bootstrapped_of, check_pair
 
 MEASURES = {
     "ap_r1000": "ap_r1000",
@@ -92,7 +92,7 @@ def read_place(folder: Path, which: Subset) -> Place:
             known = ", ".join(dict.fromkeys(table.ground_truth))
             raise Error(
                 f"{file}: expected ground truth {which} with recall, got {known}; "
-                f"`pyinfra evaluate` of this version writes it, by ground truth {which}"
+                f"run `pyinfra evaluate` again with ground truth {which}"
             )
         digest = str(rows.vehicles_digest.iloc[0])
         if digest in tables:
@@ -114,9 +114,9 @@ def check_pairs(places: Sequence[Place]) -> None:
             one = first.rows if set(first.rows) & alone else other.rows
             file = next(one[digest]["ap_r1000"]["origin"] for digest in one if digest in alone)
             raise Error(
-                f"{first.name} and {other.name}: expected the same vehicles and frames, got no "
-                f"partner of {file}: seed, frames or region differ (`regions` of the scene give "
-                "every pole the same region)"
+                f"{first.name} and {other.name}: expected the same vehicles and frames, got none "
+                f"for {file}: seed, frames or region differ (`regions` of the scene give every "
+                "pole the same region)"
             )
         for digest, rows in other.rows.items():
             check_pair(first.rows[digest]["ap_r1000"], rows["ap_r1000"])
@@ -126,8 +126,8 @@ def _row(place: Place, minus: Place | None, measure: str) -> dict[str, object]:
     name = MEASURES[measure]
     values = []
     for digest, rows in place.rows.items():
-        one = drawn(rows[name])
-        values.append(one.less(drawn(minus.rows[digest][name])) if minus else one)
+        one = bootstrapped_of(rows[name])
+        values.append(one.less(bootstrapped_of(minus.rows[digest][name])) if minus else one)
     interval = over_seeds(values)
     least = -100.0 if minus else 0.0
     ends = (

@@ -61,6 +61,6 @@ def recall(match_result: MatchResult, ranking: ap.Ranking) -> dict[str, float]:
     objects = ranking.objects.astype(np.float64)
     value = 100 * true_positives.sum() / objects.sum() if objects.sum() else math.nan
     weights = match_result.weights
-    drawn = 100 * intervals.ratio(weights @ true_positives, weights @ objects)
-    low, high = match_result.interval(value, drawn, ranking.objects)
+    replicates = 100 * intervals.ratio(weights @ true_positives, weights @ objects)
+    low, high = match_result.interval(value, replicates, ranking.objects)
     return {"recall": float(value), "recall_low": float(low), "recall_high": float(high)}

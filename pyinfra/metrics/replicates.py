@@ -134,10 +134,10 @@ def replicate_rows(
     rows = []
     for measure, one in estimates:
         head = {"ground_truth": which, "measure": measure, "value": one.value}
-        drawn = {
+        values = {
             f"replicate_{i + 1}": round(v, DIGITS) for i, v in enumerate(one.replicates.tolist())
         }
-        rows.append({**head, "blocks": one.blocks, **same, **drawn})
+        rows.append({**head, "blocks": one.blocks, **same, **values})
     return pd.DataFrame(rows)
 
 
@@ -184,7 +184,7 @@ def _same(row: pd.Series, name: str) -> str:
     return text or frames_version_of(str(row["version"])) if name == "frames_version" else text
 
 
-def drawn(row: pd.Series) -> Bootstrapped:
+def bootstrapped_of(row: pd.Series) -> Bootstrapped:
     """Returns a row of the table as a figure with its replicates."""
     names = [f"replicate_{i + 1}" for i in range(int(row.replicates))]
     return Bootstrapped(float(row.value), row[names].to_numpy(np.float64), float(row.blocks))
@@ -217,4 +217,4 @@ def difference(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> Bootstra
     also, Raises: as in `check_pair`.
     """
     check_pair(a, b, also)
-    return drawn(a).less(drawn(b))
+    return bootstrapped_of(a).less(bootstrapped_of(b))

@@ -12,7 +12,7 @@ from functools import partial
 import pandas as pd
 
 from pyinfra.metrics.comparison import Bootstrapped
-from pyinfra.metrics.replicates import check_pair, difference, drawn
+from pyinfra.metrics.replicates import bootstrapped_of, check_pair, difference
 from pyinfra.metrics.row_selection import first_seed, first_stress
 from reproduction.claims.scanning import (
     ABOVE_0,
@@ -103,7 +103,7 @@ def figures_of(replicates: pd.DataFrame) -> Figures:
         if row is None:
             return None
         check_pair(row, first, ("tier",))
-        return drawn(row)
+        return bootstrapped_of(row)
 
     return of
 

@@ -169,8 +169,8 @@ def figures(
     for name, boxes in by_detector.items():
         r = ranking(t, boxes, first, blocks)
         value = float(ap.average_precision(r, ap.R1000_RECALLS)[0])
-        drawn = ap.average_precision(r, ap.R1000_RECALLS, blocks.replicates)
-        out[name] = Bootstrapped(value, drawn, blocks.count)
+        replicates = ap.average_precision(r, ap.R1000_RECALLS, blocks.replicates)
+        out[name] = Bootstrapped(value, replicates, blocks.count)
     out["good less middling"] = out["good"].less(out["middling"])
     out["middling less poor"] = out["middling"].less(out["poor"])
     return out
@@ -221,7 +221,12 @@ def main() -> None:
     parser.add_argument(
         "--work", type=Path, required=True, help="working folder for simulated data"
     )
-    parser.add_argument("--studies", type=int, default=200)
+    parser.add_argument(
+        "--studies",
+        type=int,
+        default=200,
+        help="number of simulated studies (default: %(default)s)",
+    )
     add_out(parser, "coverage.csv")
     args = parser.parse_args()
     all_rows: list[dict[str, object]] = []

@@ -26,14 +26,14 @@ import matplotlib.pyplot as plt
 from matplotlib.patches import Rectangle
 
 from reproduction.commands.ladder import parts_of
-from reproduction.report.ladder import SEVERITIES
+from reproduction.report.ladder import SETTINGS
 
 LIDARS = ["livox_avia", "helios_16", "pandar_64", "ruby_plus"]
 PASSES = 5
 DETAILS: dict[str, dict[str, object]]
 DETAILS = {value: {"detail": value} for value in ("fine", "box", "low", "mid")}
 PART_MODELS: dict[str, dict[str, object]]
-PART_MODELS = {value: dict(parts_of(value)) for value in SEVERITIES["parts"]}
+PART_MODELS = {value: dict(parts_of(value)) for value in SETTINGS["parts"]}
 BINS = [10, 20, 40, 60, 80, 100]
 
 
@@ -188,7 +188,10 @@ def aggregation_picture(file: Path, number: int = 300) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "--frames", type=int, default=100, help="number of frames, evenly spaced over the run"
+        "--frames",
+        type=int,
+        default=100,
+        help="number of frames, evenly spaced over the run (default: %(default)s)",
     )
     add_out(parser)
     args = parser.parse_args()

@@ -190,7 +190,7 @@ def at_cut(match_result: MatchResult) -> dict[str, float]:
 
 def start_of(arm: str, model: Path) -> str:
     """Identifies the weights that an arm starts from."""
-    return "drawn" if arm == "site_trained" else checkpoint.digest(detect.model_file(model))
+    return "random" if arm == "site_trained" else checkpoint.digest(detect.model_file(model))
 
 
 def main() -> None:
@@ -199,14 +199,19 @@ def main() -> None:
         "--work", type=Path, required=True, help="working folder for frames, about 1 GB"
     )
     parser.add_argument(
-        "--model", type=Path, default=Path("generalist"), help="run folder, model file or name"
+        "--model",
+        type=Path,
+        default=Path("generalist"),
+        help="run folder, model file or name of the pretrained detector (default: %(default)s)",
     )
     add_out(parser, "generalist.csv")
     parser.add_argument(
         "--sites", type=int, default=13, help="number of generated sites (default: 13)"
     )
     parser.add_argument("--seeds", type=int, default=3, help="traffic seeds per site (default: 3)")
-    parser.add_argument("--arms", nargs="+", choices=ARMS, default=list(ARMS))
+    parser.add_argument(
+        "--arms", nargs="+", choices=ARMS, default=list(ARMS), help="arms to test (default: all)"
+    )
     parser.add_argument(
         "--paper", action="store_true", help="run the experiments of the first trial"
     )

@@ -35,7 +35,7 @@ from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
 from reproduction import ROOT, add_out
-from reproduction.report.ladder import SEVERITIES
+from reproduction.report.ladder import SETTINGS
 
 LIDARS = ["ruby_plus", "livox_avia", "pandar_64", "helios_16"]
 DEFAULT = {
@@ -65,7 +65,7 @@ def models(
     default = DEFAULT | {"frames": frames}
     yield default
     for severity in severities:
-        values = [v for v in SEVERITIES[severity] if severity != "frames" or int(v) < int(frames)]
+        values = [v for v in SETTINGS[severity] if severity != "frames" or int(v) < int(frames)]
         others = [v for v in values if v != default[severity] and (wanted is None or v in wanted)]
         yield from (default | {severity: value} for value in others)
 
@@ -125,17 +125,34 @@ def main() -> None:
         "--work", type=Path, required=True, help="working folder for frames, about 2 GB"
     )
     add_out(parser, "ladder.csv")
-    parser.add_argument("--preset", default="datasheet")
     parser.add_argument(
-        "--detector", default="background", help="name of a file in configs/detectors"
-    )
-    parser.add_argument("--lidars", nargs="+", default=LIDARS)
-    parser.add_argument("--severities", nargs="+", choices=SEVERITIES, default=list(SEVERITIES))
-    parser.add_argument(
-        "--frames", default="1000", help="frames of the default model; a divisor of 5,000"
+        "--preset", default="datasheet", help="preset of the LiDARs (default: %(default)s)"
     )
     parser.add_argument(
-        "--values", nargs="+", help="values of the severities to measure; default: all"
+        "--detector",
+        default="background",
+        help="name of a file in configs/detectors (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--lidars",
+        nargs="+",
+        default=LIDARS,
+        help="names of the LiDARs (default: the four of the study)",
+    )
+    parser.add_argument(
+        "--settings",
+        nargs="+",
+        choices=SETTINGS,
+        default=list(SETTINGS),
+        help="settings to vary (default: all)",
+    )
+    parser.add_argument(
+        "--frames",
+        default="1000",
+        help="number of frames of the default model, a divisor of 5,000 (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--values", nargs="+", help="values of the settings to measure (default: all)"
     )
     args = parser.parse_args()
     provenance = {
@@ -146,7 +163,7 @@ def main() -> None:
     }
     provenance |= {"command": command(args), "machine": machine()}
     table = pd.read_csv(args.out, dtype=str) if args.out.is_file() else pd.DataFrame()
-    for model in models(args.severities, args.frames, args.values):
+    for model in models(args.settings, args.frames, args.values):
         if len(table) and (table[list(model)] == pd.Series(model)).all(axis=1).any():
             continue
         name = "_".join([args.preset, *model.values()]).replace(":", "-")
@@ -162,6 +179,6 @@ def main() -> None:
 
 def command(args: argparse.Namespace) -> str:
     given = f"--preset {args.preset} --detector {args.detector} --frames {args.frames}"
-    given += f" --lidars {' '.join(args.lidars)} --severities {' '.join(args.severities)}"
+    given += f" --lidars {' '.join(args.lidars)} --settings {' '.join(args.settings)}"
     values = f" --values {' '.join(args.values)}" if args.values else ""
     return f"python -m reproduction ladder {given}{values}"

@@ -57,7 +57,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "pole errors": sites.pole_errors,
     "engines": networks.engines,
     "generalist": networks.generalist,
-    "beside specialists": networks.beside_site_trained,
+    "compared with site-trained detectors": networks.compared_with_site_trained,
     "stress_generalist": networks.stress_generalist,
     "unseen": networks.unseen,
     "unseen pose": networks.unseen_pose,

@@ -183,9 +183,9 @@ def rows(
         if not chosen.any():
             continue
         count = int(chosen.sum())
-        drawn = random.multinomial(count, np.ones(count) / count, REPLICATES)
+        counts = random.multinomial(count, np.ones(count) / count, REPLICATES)
         weights = np.zeros((1 + REPLICATES, len(chosen)), np.int64)
-        weights[0, chosen], weights[1:, chosen] = 1, drawn
+        weights[0, chosen], weights[1:, chosen] = 1, counts
         every = {key: boxes.ap(weights) for key, boxes in pooled.items()}
         for (condition, model, name, measure), boxes in pooled.items():
             ap = every[(condition, model, name, measure)]

@@ -30,7 +30,7 @@ from reproduction.paper_tables import paper_ap
 
 PAPER_DETECTORS = {"pointrcnn": "o", "pointpillars": "s", "pv-rcnn": "^", "dsvt": "D"}
 KEY = ["scene", "lidar", "detector"]
-BELOW = f" Below: the interval, {AP_R40} and the paper's {AP_R40}."
+BELOW = f" Below each value: its 95 % interval, {AP_R40} and the paper's {AP_R40}."
 
 
 def section(material: Material) -> Section | None:
@@ -62,8 +62,8 @@ def _agreement(material: Material) -> list[Block]:
     rows = material.results.table("paper")
     if rows.empty:
         return []
-    heads = ("Scene", "Cells", "Rank correlation", "Mean difference")
-    experiments: list[list[TableCell]] = [
+    heads = ("Scene", "Experiments", "Rank correlation", "Mean difference")
+    lines: list[list[TableCell]] = [
         [
             TableCell(str(row.scene)),
             number(float(row.experiments), "g"),
@@ -73,12 +73,12 @@ def _agreement(material: Material) -> list[Block]:
         for row in rows.itertuples()
     ]
     caption = (
-        "Whether LiDAR and detector stand in the paper's order, preset paper: Spearman's rank "
-        "correlation over the experiments that both have, and the mean of AP (R40) here less "
-        "the paper's."
+        "Agreement with the paper's AP under preset paper. The rank correlation is Spearman's, "
+        "over the experiments that the paper also has. The mean difference is the AP (R40) of "
+        "this benchmark minus the paper's."
     )
     columns = [Column(head, number=head != "Scene") for head in heads]
-    return [Table(caption, columns, experiments, TableFile(material.results.file("paper"), rows))]
+    return [Table(caption, columns, lines, TableFile(material.results.file("paper"), rows))]
 
 
 def _against_paper(material: Material, done: pd.DataFrame, paper: pd.Series) -> list[Block]:
@@ -103,8 +103,8 @@ def _against_paper(material: Material, done: pd.DataFrame, paper: pd.Series) -> 
         if d in set(rows.detector)
     ]
     caption = (
-        f"{AP_R40} measured here (preset paper, with intervals) against the paper's; equal on the "
-        "line."
+        f"{AP_R40} of this benchmark (preset paper, with 95 % intervals) against the paper's "
+        f"{AP_R40}. Both are equal on the line."
     )
     return [Figure("figure-ap-paper", caption, panels, source, legend)]
 
@@ -122,7 +122,10 @@ def _versus(material: Material, rows: pd.DataFrame) -> Panel:
             }
             ax.errorbar(row.paper_ap, row.ap, np.nan_to_num(ends).clip(min=0), **style)
         ax.set(
-            xlim=(0, 100), ylim=(0, 100), xlabel=f"{AP_R40}, the paper", ylabel=f"{AP_R40}, here"
+            xlim=(0, 100),
+            ylim=(0, 100),
+            xlabel=f"{AP_R40}, paper",
+            ylabel=f"{AP_R40}, this benchmark",
         )
-        label = f"AP measured against the paper's, {scene}, {len(rows)} pairs"
+        label = f"AP of this benchmark against the paper's, {scene}, {len(rows)} pairs"
         return Panel(scene, svg.inline(figure, svg.identifier("versus", scene), label))

@@ -16,16 +16,21 @@ from reproduction.report.scenes import are_of_the_paper
 CLAIMS = {
     "comparable": "The non-repetitive and the 128-line LiDAR have about the same AP",
     "far-range": "Beyond 90 m the non-repetitive LiDAR has about twice the points on a vehicle",
-    "near-range": "Close by, the 128 lines have the most points",
-    "ratio": "128, 64 and 16 lines get points on a vehicle as 8 : 4 : 1",
-    "gentle": "Points and AP of the non-repetitive LiDAR fall off more slowly with distance",
-    "areas": "It has as large a share of high-quality areas as the 128 lines, but fewer of them",
-    "algorithms": "PointRCNN is far behind; PV-RCNN and PointPillars lead",
-    "value": "The non-repetitive LiDAR is the better buy",
-    "deskew": "Points collected over a frame differ from a frozen instant on moving vehicles",
-    "tilt": "Tilting the non-repetitive LiDAR does not help overall",
-    "only-one": "Far vehicles are hit by the non-repetitive LiDAR alone",
-    "64-below": "128 lines and non-repetitive both stay above the 64 lines",
+    "near-range": "At short distance the 128 lines have the most points on a vehicle",
+    "ratio": "128, 64 and 16 lines have points on a vehicle in the ratio 8 : 4 : 1",
+    "gentle": "Points and AP of the non-repetitive LiDAR decrease more slowly with distance",
+    "areas": (
+        "The non-repetitive LiDAR has the same share of high-quality areas as the 128 lines, but "
+        "fewer of them"
+    ),
+    "algorithms": (
+        "PointRCNN has a much lower AP than the others; PV-RCNN and PointPillars have the highest"
+    ),
+    "value": "The non-repetitive LiDAR has the highest AP per dollar",
+    "deskew": "On moving vehicles, points collected over a frame differ from those of one instant",
+    "tilt": "Tilting the non-repetitive LiDAR does not raise the AP",
+    "only-one": "Only the non-repetitive LiDAR has points on some far vehicles",
+    "64-below": "The 128-line and the non-repetitive LiDAR have a higher AP than the 64 lines",
     "similar": "Pillar, voxel and transformer detectors are within a few points of each other",
 }
 VERDICTS = ("holds", "fails", "undecided")
@@ -42,16 +47,16 @@ def section(material: Material) -> Section | None:
     rows = pd.concat(parts, ignore_index=True)
     if rows.empty:
         return None
-    rows = rows.assign(key=[thing_tested(text) for text in rows.statement])
+    rows = rows.assign(key=[tested_statement(text) for text in rows.statement])
     if "scene" in rows:
         rows["key"] = [
             f"{s}, {k}" if isinstance(s, str) else k for s, k in rows[["scene", "key"]].values
         ]
     presets = in_order(rows.preset, PRESETS)
     table = Table(
-        "A row for each thing tested. A claim holds if its 95 % interval lies inside the stated "
-        "range, fails if outside, and is undecided otherwise.",
-        [Column("Claim"), Column("Tested on"), *(Column(f"Preset {p}") for p in presets)],
+        "One row per test. A claim holds if the 95 % interval lies inside the stated range. It "
+        "fails if the interval lies outside, and is undecided otherwise.",
+        [Column("Claim"), Column("Test"), *(Column(f"Preset {p}") for p in presets)],
         _table_rows(rows, presets, material.names),
         TableFile("report_claims.csv", rows.drop(columns=["key"])),
     )
@@ -61,7 +66,7 @@ def section(material: Material) -> Section | None:
     return Section("claims", "The paper's claims", _lead(rows, presets), [table, *more])
 
 
-def thing_tested(statement: str) -> str:
+def tested_statement(statement: str) -> str:
     """Returns a statement without the parts that differ between presets.
 
     These parts are numbers of vehicles and text in brackets.
@@ -93,9 +98,9 @@ def _table_rows(rows: pd.DataFrame, presets: list[str], names: Names) -> list[li
     lines = []
     for (claim, key), group in rows.groupby(["claim", "key"], sort=False):
         by_preset = {row.preset: row for row in group.itertuples()}
-        experiments = [_verdict(by_preset.get(preset)) for preset in presets]
+        cells = [_verdict(by_preset.get(preset)) for preset in presets]
         head = TableCell(str(claim), below=CLAIMS.get(str(claim), ""))
-        lines.append([head, TableCell(names.spelled(str(key))), *experiments])
+        lines.append([head, TableCell(names.spelled(str(key))), *cells])
     return lines
 
 

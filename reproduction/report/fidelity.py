@@ -71,15 +71,15 @@ def recommendation(ladder: pd.DataFrame) -> str:
     time = ladder.groupby("detail", sort=False).relative_time.mean()
     good = [d for d in worst.index if worst[d] <= ALLOWED_PERCENT and d != REFERENCE]
     rule = (
-        f"the points on a vehicle stay within {ALLOWED_PERCENT:g} % of those of the finest meshes "
-        "at every distance and for every LiDAR"
+        f"the number of points on a vehicle differs by at most {ALLOWED_PERCENT:g} % from that of "
+        "the finest meshes, at every distance and for every LiDAR"
     )
     if not good:
-        return f"No coarser model of the vehicles is recommended: with none of them {rule}."
+        return f"No coarser vehicle model is recommended, because with none of them {rule}."
     best = good[0]
     return (
-        f"Recommended: detail {best}, the coarsest model of the vehicles with which {rule} "
-        f"({worst[best]:.2f} % at most), in {time[best]:.2f} of their time."
+        f"Recommended: detail {best}, the coarsest vehicle model with which {rule}. The largest "
+        f"difference is {worst[best]:.2f} %, and a run takes {time[best]:.2f} times as long."
     )
 
 
@@ -91,12 +91,13 @@ def _cost_of_slices(table: pd.DataFrame) -> str:
         return ""
     exact = rows.loc["exact"]
     others = [
-        f"{name} takes {row.ms_per_frame_set:.1f} ms, with {row.outside_box_percent:.1f} %"
+        f"{name} takes {row.ms_per_frame_set:.1f} ms and has {row.outside_box_percent:.1f} %"
         for name, row in rows.drop(index="exact").iterrows()
     ]
     text = (
-        f"Aggregation exact takes {exact.ms_per_frame_set:.1f} ms for a frame of all LiDARs, with "
-        f"{exact.outside_box_percent:.1f} % of the points on moving vehicles outside their boxes"
+        f"Aggregation exact takes {exact.ms_per_frame_set:.1f} ms for a frame of all LiDARs and "
+        f"has {exact.outside_box_percent:.1f} % of the points on moving vehicles outside their "
+        "boxes"
     )
     return f"{text}; {'; '.join(others)}." if others else f"{text}."
 
@@ -119,18 +120,18 @@ def _figure(material: Material, ladder: pd.DataFrame, source: TableFile) -> Figu
         ax.set(ylabel="change of points (%)")
         log_ticks(ax.yaxis)
         label = "Change of the points on vehicles against time, by detail of the meshes"
-        drawn = Panel("", svg.inline(figure, "fidelity", label))
+        shown = Panel("", svg.inline(figure, "fidelity", label))
     caption = (
-        "Error against cost: mean change of the points on a vehicle against the finest meshes, "
-        f"and the time of the run. The line is the {ALLOWED_PERCENT:g} % that is allowed."
+        "Error against run time: mean change of the number of points on a vehicle, compared with "
+        f"the finest meshes. The dashed line is the allowed change of {ALLOWED_PERCENT:g} %."
     )
     lidars = material.names.sorted(ladder.lidar)
-    return Figure("figure-fidelity", caption, [drawn], source, legend(material.names, lidars))
+    return Figure("figure-fidelity", caption, [shown], source, legend(material.names, lidars))
 
 
 def _ladder_table(material: Material, ladder: pd.DataFrame, source: TableFile) -> Table:
     heads = [Column("Detail"), Column("LiDAR")]
-    titles = ("Mean change, %", "Largest change, %", "Time")
+    titles = ("Mean change, %", "Largest change, %", "Relative time")
     heads += [Column(c, number=True) for c in titles]
     rows = [
         [
@@ -142,13 +143,13 @@ def _ladder_table(material: Material, ladder: pd.DataFrame, source: TableFile) -
         ]
         for row in ladder.itertuples()
     ]
-    caption = "Change of the points on a vehicle, from fidelity.csv over its bins of distance."
+    caption = "Change of the number of points on a vehicle over the distance bins of fidelity.csv."
     return Table(caption, heads, rows, source, closed=True)
 
 
 def _aggregation(material: Material, table: pd.DataFrame) -> Table:
     heads = [Column("Aggregation"), Column("LiDAR")]
-    titles = ("Points per vehicle", "Outside its box, %", "Time of a frame set, ms")
+    titles = ("Points per vehicle", "Points outside the box, %", "Time of a frame set, ms")
     heads += [Column(c, number=True) for c in titles]
     rows = [
         [
@@ -161,15 +162,17 @@ def _aggregation(material: Material, table: pd.DataFrame) -> Table:
         for row in table.itertuples()
     ]
     caption = (
-        "How the points of a frame are collected: each at its own time (exact), in slices of a "
-        "frozen world, or in one instant."
+        "Aggregation of the points of a frame: each ray at its own firing time (exact), in slices "
+        "within which nothing moves, or all rays at one instant."
     )
     return Table(caption, heads, rows, material.results.source("aggregation"))
 
 
 def _beam(material: Material, table: pd.DataFrame) -> Table:
     heads = [Column("Rays of a beam"), Column("Distance, m")]
-    heads += [Column(c, number=True) for c in ("Vehicles", "Points per vehicle", "In its box")]
+    heads += [
+        Column(c, number=True) for c in ("Vehicles", "Points per vehicle", "Points in the box")
+    ]
     rows = [
         [
             TableCell(str(row.lidar).replace("_", " ")),
@@ -180,5 +183,5 @@ def _beam(material: Material, table: pd.DataFrame) -> Table:
         ]
         for row in table.itertuples()
     ]
-    caption = "The Avia's beam as one ray or as several side by side."
+    caption = "The Avia's beam, simulated as one ray or as several rays side by side."
     return Table(caption, heads, rows, material.results.source("beam"), closed=True)

@@ -50,26 +50,27 @@ def _table(
 ) -> Table:
     """Adds the paper's hit points and the difference as two columns to pyinfra's table."""
     first, second, *presets = table.columns
-    columns = [first, second, Column("The paper", number=True), *presets]
-    experiments = []
+    columns = [first, second, Column("Paper", number=True), *presets]
+    lines = []
     for row, (_, group) in zip(table.rows, hits.by_lidar(material, rows), strict=True):
         change = group[group.preset == "paper"].difference_percent
         paper = number(float(group.paper_hits.iloc[0]), ",.0f", "paper_hit_points.csv")
         difference = number(float(change.iloc[0]) if len(change) else np.nan, "+.1f")
-        experiments.append([*row[:2], paper, *row[2:], difference])
+        lines.append([*row[:2], paper, *row[2:], difference])
     caption = (
-        "Mean hit points of a frame. Difference: preset paper against the paper's table. " + remark
+        "Mean number of points per frame. The difference compares preset paper with the paper's "
+        "table. " + remark
     )
-    return Table(caption, [*columns, Column("Difference, %", number=True)], experiments, source)
+    return Table(caption, [*columns, Column("Difference, %", number=True)], lines, source)
 
 
 def _lead(rows: pd.DataFrame) -> str:
     change = rows[(rows.preset == "paper") & rows.paper_hits.notna()].difference_percent.abs()
     if change.empty:
-        return "The paper prints no hit points for these scenes and LiDARs under preset paper."
+        return "The paper has no number of points for these scenes and LiDARs under preset paper."
     return (
-        f"With the paper's settings (preset paper) the hits of a frame are on average "
-        f"{change.mean():.1f} % from the paper's, {change.max():.1f} % at most."
+        "With the paper's settings (preset paper), the number of points per frame differs from "
+        f"the paper's by {change.mean():.1f} % on average and by {change.max():.1f} % at most."
     )
 
 
@@ -79,7 +80,8 @@ def _figure(material: Material, rows: pd.DataFrame, source: TableFile) -> Figure
     lidars = material.names.sorted(rows.lidar)
     legend = [LegendEntry(material.names.label(x), _swatch(material, x)) for x in lidars]
     caption = (
-        "Hit points of a frame, simulated (preset paper) against the paper's; equal on the line."
+        "Points per frame, simulated (preset paper) against the paper's. Both are equal on the "
+        "line."
     )
     return Figure("figure-hits", caption, panels, source, legend)
 
@@ -98,8 +100,13 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
         for row in rows.itertuples():
             style: dict[str, Any] = material.names.look(str(row.lidar)).style()
             ax.plot(row.paper_hits, row.hits_per_frame, **style)
-        ax.set(xscale="log", yscale="log", xlabel="the paper", ylabel="simulated")
+        ax.set(
+            xscale="log",
+            yscale="log",
+            xlabel="points per frame, paper",
+            ylabel="points per frame, simulated",
+        )
         log_ticks(ax.xaxis)
         log_ticks(ax.yaxis)
-        label = f"Hit points simulated against the paper's, {scene}"
+        label = f"Points per frame, simulated against the paper's, {scene}"
         return Panel(scene, svg.inline(figure, svg.identifier("hits", scene), label))

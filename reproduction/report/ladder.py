@@ -9,7 +9,7 @@ import pandas as pd
 
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics import comparison
-from pyinfra.metrics.replicates import are_pairs, difference, drawn
+from pyinfra.metrics.replicates import are_pairs, bootstrapped_of, difference
 from pyinfra.metrics.row_selection import ap_name, with_r1000
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Block, Column, Figure, Panel, Table, TableCell, number
@@ -18,10 +18,11 @@ from pyinfra.viz.report.sections.distance import legend
 from pyinfra.viz.report.style import drawing, panel
 
 NOT_SIGNIFICANT = (
-    "The table keeps no replicates: which model leaves the conclusions as they are is not known."
+    "The table has no bootstrap replicates, so it is not known which scene models change no "
+    "conclusion."
 )
 # The values of each setting from cheap to expensive. The last value is the reference.
-SEVERITIES = {
+SETTINGS = {
     "detail": ("box", "low", "mid", "fine"),
     "aggregation": ("instant", "slices:100", "exact"),
     "parts": ("none", "glass", "gap", "coat", "tyres", "reflectors", "glass+gap+coat", "all"),
@@ -32,10 +33,10 @@ SEVERITIES = {
 
 
 @dataclass(frozen=True)
-class Rung:
+class ComparedValue:
     """One value of one setting, compared with the most expensive value."""
 
-    severity: str
+    setting: str
     value: str
     seconds: float  # CPU time of the simulation
     change: float  # largest change of AP over all LiDARs
@@ -52,62 +53,62 @@ def blocks(material: Material) -> tuple[str, list[Block]]:
     if table.empty:
         return "", []
     table = table.assign(seconds=table.ms_per_frame_set * table.frames.astype(float) / 1000)
-    all_rungs = rungs(table)
-    words = recommendation(all_rungs) if keeps_replicates(table) else NOT_SIGNIFICANT
-    return words, [_figure(material, table), _table(material, all_rungs)]
+    steps = compared_values(table)
+    words = recommendation(steps) if keeps_replicates(table) else NOT_SIGNIFICANT
+    return words, [_figure(material, table), _table(material, steps)]
 
 
-def rungs(table: pd.DataFrame) -> list[Rung]:
-    """Returns a Rung for every value of every setting.
+def compared_values(table: pd.DataFrame) -> list[ComparedValue]:
+    """Returns a ComparedValue for every value of every setting.
 
     All other settings have their most frequent values.
     """
     usual = usual_of(table)
     made = []
-    for severity, values in severities_of(table).items():
-        selected = _turned(table, severity, usual)
+    for setting, values in settings_of(table).items():
+        selected = _with_usual_others(table, setting, usual)
         selected = selected[selected.ap_r1000.notna()]
-        there = [value for value in values if value in set(selected[severity])]
+        there = [value for value in values if value in set(selected[setting])]
         if not there:
             continue
-        dearest = selected[selected[severity] == there[-1]].set_index("lidar")
+        reference = selected[selected[setting] == there[-1]].set_index("lidar")
         for value in there:
-            rows = selected[selected[severity] == value].set_index("lidar")
-            change = (rows.ap_r1000 - dearest.ap_r1000).abs().max()
+            rows = selected[selected[setting] == value].set_index("lidar")
+            change = (rows.ap_r1000 - reference.ap_r1000).abs().max()
             seconds = float(rows.seconds.mean())
             made.append(
-                Rung(
-                    severity,
+                ComparedValue(
+                    setting,
                     value,
                     seconds,
                     float(change),
-                    agrees(rows, dearest, of_frames=severity == "frames"),
+                    agrees(rows, reference, of_frames=setting == "frames"),
                     rows.ap_r1000_low.notna().all(),
                 )
             )
     return made
 
 
-def severities_of(table: pd.DataFrame) -> dict[str, tuple[str, ...]]:
+def settings_of(table: pd.DataFrame) -> dict[str, tuple[str, ...]]:
     """Returns the settings that a table has as columns."""
-    return {severity: values for severity, values in SEVERITIES.items() if severity in table}
+    return {setting: values for setting, values in SETTINGS.items() if setting in table}
 
 
 def usual_of(table: pd.DataFrame) -> dict[str, str]:
     """Returns the most frequent value of each setting."""
-    return {severity: table[severity].astype(str).mode()[0] for severity in severities_of(table)}
+    return {setting: table[setting].astype(str).mode()[0] for setting in settings_of(table)}
 
 
-def _turned(table: pd.DataFrame, severity: str, usual: dict[str, str]) -> pd.DataFrame:
-    """Returns the rows in which only `severity` differs from the most frequent values."""
+def _with_usual_others(table: pd.DataFrame, setting: str, usual: dict[str, str]) -> pd.DataFrame:
+    """Returns the rows in which only `setting` differs from the most frequent values."""
     keep = pd.Series(True, index=table.index)
     for other, value in usual.items():
-        if other != severity:
+        if other != setting:
             keep &= table[other].astype(str) == value
-    return table[keep].assign(**{severity: table[severity].astype(str)})
+    return table[keep].assign(**{setting: table[setting].astype(str)})
 
 
-def agrees(rows: pd.DataFrame, dearest: pd.DataFrame, *, of_frames: bool = False) -> bool:
+def agrees(rows: pd.DataFrame, reference: pd.DataFrame, *, of_frames: bool = False) -> bool:
     """Returns whether a cheaper model leads to the same conclusions as the most expensive one.
 
     Two conditions must hold. No LiDAR's AP differs significantly from its AP under the most
@@ -117,23 +118,23 @@ def agrees(rows: pd.DataFrame, dearest: pd.DataFrame, *, of_frames: bool = False
 
     Parameters
     ----------
-    rows, dearest : one row per LiDAR of the cheaper and of the most expensive model, both with the
-        same traffic
+    rows, reference : one row per LiDAR of the cheaper and of the most expensive model, both with
+        the same traffic
     of_frames : tests only the second condition, because models with different frames have no paired
         replicates
     """
-    if set(rows.index) != set(dearest.index) or not (
-        keeps_replicates(rows) and keeps_replicates(dearest)
+    if set(rows.index) != set(reference.index) or not (
+        keeps_replicates(rows) and keeps_replicates(reference)
     ):
         return False
     if not of_frames:
-        both = [(rows.loc[name], dearest.loc[name]) for name in dearest.index]
+        both = [(rows.loc[name], reference.loc[name]) for name in reference.index]
         if not all(are_pairs(a, b) for a, b in both):
             return False
-        apart = [difference(a, b).measured() for a, b in both]
-        if not all(interval.is_known and not interval.is_significant for interval in apart):
+        differences = [difference(a, b).measured() for a, b in both]
+        if not all(interval.is_known and not interval.is_significant for interval in differences):
             return False
-    ours, theirs = figures(rows), figures(dearest)
+    ours, theirs = figures(rows), figures(reference)
     return all(
         ours[a].less(ours[b]).measured().low > 0
         for a, b in itertools.permutations(theirs, 2)
@@ -146,29 +147,28 @@ def keeps_replicates(rows: pd.DataFrame) -> bool:
 
 
 def figures(rows: pd.DataFrame) -> dict[str, comparison.Bootstrapped]:
-    return {str(name): drawn(row) for name, row in rows.iterrows()}
+    return {str(name): bootstrapped_of(row) for name, row in rows.iterrows()}
 
 
-def recommendation(all_rungs: list[Rung]) -> str:
+def recommendation(steps: list[ComparedValue]) -> str:
     """Names the cheapest value of each setting that changes no conclusion.
 
     No more expensive value of the setting may change a conclusion either.
     """
     parts = []
-    for severity in dict.fromkeys(rung.severity for rung in all_rungs):
-        values = [rung for rung in all_rungs if rung.severity == severity]
-        good = list(itertools.takewhile(lambda rung: rung.same, reversed(values)))
+    for setting in dict.fromkeys(step.setting for step in steps):
+        values = [step for step in steps if step.setting == setting]
+        good = list(itertools.takewhile(lambda step: step.same, reversed(values)))
         if good:
-            best, dearest = min(good[::-1], key=lambda rung: rung.seconds), values[-1]
-            share = best.seconds / dearest.seconds
-            parts.append(f"{severity} {best.value} ({share:.2f} of the time of {dearest.value})")
+            best, reference = min(good[::-1], key=lambda step: step.seconds), values[-1]
+            share = best.seconds / reference.seconds
+            parts.append(f"{setting} {best.value} ({share:.2f} of the time of {reference.value})")
     if not parts:
-        return "No model of the scene leaves all conclusions as the dearest one has them."
+        return "Every cheaper scene model changes a conclusion of the most expensive model."
     return (
-        "The cheapest model of the scene that leaves all conclusions as they are (no AP can be "
-        "told from the dearest model's, and every order of two LiDARs that it decides stays): "
-        + ", ".join(parts)
-        + "."
+        f"The cheapest scene model that changes no conclusion: {', '.join(parts)}. No AP differs "
+        "significantly from that of the most expensive model, and every significant order of two "
+        "LiDARs is the same."
     )
 
 
@@ -176,48 +176,48 @@ def _figure(material: Material, table: pd.DataFrame) -> Figure:
     panels = []
     lidars = material.names.sorted(table.lidar)
     usual = usual_of(table)
-    for severity, values in severities_of(table).items():
-        selected = _turned(table, severity, usual)
+    for setting, values in settings_of(table).items():
+        selected = _with_usual_others(table, setting, usual)
         with drawing():
             figure, ax = panel(3.2, 2.7, bottom=0.58)
-            shown = [value for value in values if value in set(selected[severity])]
+            shown = [value for value in values if value in set(selected[setting])]
             for i, lidar in enumerate(lidars):
-                rows = selected[selected.lidar == lidar].set_index(severity).reindex(shown)
+                rows = selected[selected.lidar == lidar].set_index(setting).reindex(shown)
                 x = [tick + 0.12 * (i - (len(lidars) - 1) / 2) for tick in range(len(shown))]
                 spread = [rows.ap_r1000 - rows.ap_r1000_low, rows.ap_r1000_high - rows.ap_r1000]
                 look = material.names.look(lidar)
                 ax.errorbar(
                     x, rows.ap_r1000, spread, linewidth=0.8, **look.style() | {"linestyle": "-"}
                 )
-            seconds = selected.groupby(severity).seconds.mean().reindex(shown)
+            seconds = selected.groupby(setting).seconds.mean().reindex(shown)
             labels = [f"{v}\n{s:.3g} s" for v, s in zip(shown, seconds, strict=True)]
             ax.set_xticks(range(len(shown)), labels)
-            ax.set(xlabel=f"{severity}, and CPU time of the run", ylabel=ap_name(selected))
+            ax.set(xlabel=f"{setting}, and CPU time of the run", ylabel=ap_name(selected))
             panels.append(
-                Panel(severity, svg.inline(figure, f"ladder-{severity}", f"AP by {severity}"))
+                Panel(setting, svg.inline(figure, f"ladder-{setting}", f"AP by {setting}"))
             )
     caption = (
-        "Accuracy against the cost of the simulation: AP of Background on the highway with one "
-        "severity of the model turned at a time, with 95 % intervals."
+        "Accuracy against the cost of the simulation: AP of Background on the highway, with 95 % "
+        "intervals. Each panel varies one setting of the scene model."
     )
     source = material.results.source("ladder")
     return Figure("figure-ladder", caption, panels, source, legend(material.names, lidars))
 
 
-def _table(material: Material, all_rungs: list[Rung]) -> Table:
-    heads = [Column("Severity"), Column("Value")]
+def _table(material: Material, steps: list[ComparedValue]) -> Table:
+    heads = [Column("Setting"), Column("Value")]
     heads += [Column(c, number=True) for c in ("CPU time, s", "Largest change of AP")]
     rows = [
         [
-            TableCell(rung.severity),
-            TableCell(rung.value),
-            number(rung.seconds, ".1f"),
-            number(rung.change, ".2f"),
-            TableCell(("same" if rung.same else "change") if rung.known else "no interval"),
+            TableCell(step.setting),
+            TableCell(step.value),
+            number(step.seconds, ".1f"),
+            number(step.change, ".2f"),
+            TableCell(("same" if step.same else "changed") if step.known else "no interval"),
         ]
-        for rung in all_rungs
+        for step in steps
     ]
-    made = pd.DataFrame([vars(rung) for rung in all_rungs])
-    caption = "Conclusions with a cheaper model, from ladder.csv."
+    made = pd.DataFrame([vars(step) for step in steps])
+    caption = "Whether a cheaper scene model changes the conclusions, from ladder.csv."
     source = TableFile("report_ladder.csv", made)
     return Table(caption, [*heads, Column("Conclusions")], rows, source)

@@ -10,9 +10,10 @@ from pyinfra.viz.report.sections import methods
 from reproduction.report.scenes import are_of_the_paper
 
 LEAD = (
-    "Definitions and rules are in docs/conventions.md of the project; those of the claims "
-    "about scanning were written before the run, those about detection before all cells were "
-    "measured. Everything is simulated: no vegetation, one pole for each scene."
+    "The definitions and rules are in docs/conventions.md of the project. The rules of the claims "
+    "about scanning were written before the run. The rules of the claims about detection were "
+    "written before all experiments were measured. All data are simulated, without vegetation and "
+    "with one pole per scene."
 )
 # Each entry has the paper's figure or table, the start of its anchor in the report, and the input
 # that it requires.
@@ -31,14 +32,14 @@ ENTRIES = (
     Entry("Table: hit points", "hits", "the table of hits, or a data set"),
     Entry("Figure: boxes by number of points", "figure-sheet", "a data set"),
     Entry("Figure: points per vehicle", "points", "the table of points per vehicle, or a data set"),
-    Entry("Figure: its cut-outs of vehicles", "figure-cutouts", "a data set"),
+    Entry("Figure: cut-outs of vehicles", "figure-cutouts", "a data set"),
     Entry("Table: features of the detectors", "methods", ""),
     Entry(
         "Figure: detection areas on the road",
         "figure-plan-",
         "a data set and the table of distance",
     ),
-    Entry("Tables: AP in the three scenes", "accuracy", "the table of cells"),
+    Entry("Tables: AP in the three scenes", "accuracy", "the table of experiments"),
     Entry("Figure: predicted boxes", "figure-boxes", "a data set and runs"),
     Entry("Figure: AP by distance", "distance", "the table of distance"),
     Entry("Figures: high-quality areas", "areas", "the table of areas"),

@@ -34,7 +34,7 @@ def results(name: str) -> pd.DataFrame:
 
 
 def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [f"| {' | '.join(experiments)} |\n" for experiments in (heads, *rows)]
+    lines = [f"| {' | '.join(cells)} |\n" for cells in (heads, *rows)]
     return "".join([lines[0], "|" + "---|" * len(heads) + "\n", *lines[1:]])
 
 

@@ -23,71 +23,105 @@ Claims = Sequence[tuple[str, str, str, str]]
 # Claims about scanning. An entry has the paper's statement, the claim's name, and words that select
 # the test by its statement.
 SCANNING = (
-    ("the Avia has about twice the points far out", "far-range", " common,", "in reach of all"),
+    (
+        "the Avia has about twice the points at long distance",
+        "far-range",
+        " common,",
+        "within range of all",
+    ),
     ("", "far-range", " view,", "all vehicles"),
-    ("128 lines have more points close by", "near-range", "", ""),
+    ("128 lines have more points at short distance", "near-range", "", ""),
     ("twice the lines, twice the points", "ratio", "ruby_plus over pandar_64", "128 / 64"),
     ("four times the lines, four times the points", "ratio", "pandar_64 over helios_16", "64 / 16"),
-    ("the Avia's points fall off more gently", "gentle", "", "points"),
-    ("motion takes points out of the box", "deskew", "", ""),
-    ("the Avia alone sees some far vehicles", "only-one", "view,", "all vehicles"),
+    ("the Avia's points decrease more slowly with distance", "gentle", "", "points"),
+    ("motion moves points out of the box", "deskew", "", ""),
+    ("only the Avia has points on some far vehicles", "only-one", "view,", "all vehicles"),
 )
 # Claims about detection; an entry has the same form as in SCANNING.
 DETECTION = (
-    ("the Avia's AP is that of 128 lines", "comparable", "", ""),
-    ("64 lines are below both", "64-below", "", ""),
-    ("the Avia's share of high-quality areas is that of 128 lines", "areas", "share of", "share"),
-    ("but their number is lower", "areas", "number of", "number"),
-    ("the Avia's AP falls off more gently", "gentle", "", "AP"),
-    ("the Avia is the best value, alone", "value", ": AP per dollar of the Avia", "AP per dollar"),
+    ("the Avia has the same AP as 128 lines", "comparable", "", ""),
+    ("64 lines have a lower AP than both", "64-below", "", ""),
+    (
+        "the Avia has the same share of high-quality areas as 128 lines",
+        "areas",
+        "share of",
+        "share",
+    ),
+    ("the Avia has fewer high-quality areas", "areas", "number of", "number"),
+    ("the Avia's AP decreases more slowly with distance", "gentle", "", "AP"),
+    ("a single Avia is the best value", "value", ": AP per dollar of the Avia", "AP per dollar"),
     ("", "value", ": high-quality areas per dollar of the Avia", "areas per dollar"),
     (
-        "(not said) five Avias for a whole junction",
+        "(not in the paper) five Avias cover a whole junction",
         *("value", ": AP per dollar of five Avias", "AP per dollar"),
     ),
-    ("PointRCNN is far behind, the others near the best", "algorithms", "", ""),
-    ("pillars, voxels and transformer are alike", "similar", "", ""),
-    ("tilting the Avia does not help", "tilt", "", ""),
+    ("PointRCNN has a much lower AP; the others are near the best", "algorithms", "", ""),
+    ("pillar, voxel and transformer detectors have similar AP", "similar", "", ""),
+    ("tilting the Avia does not raise the AP", "tilt", "", ""),
 )
 # Rows of the table of one scene. An entry has the claim's name, words of its statement, the row's
 # label and the number format.
 OF_A_SCENE = (
-    ("comparable", "", "`comparable`: Avia less 128 lines within 3", "{:+.1f}"),
-    ("64-below", "", "`64-below`: the smaller of both less 64 lines above 0", "{:+.1f}"),
-    ("areas", "share of", "`areas`: share, Avia less 128 lines within 10", "{:+.1f}"),
-    ("areas", "number of", "`areas`: number, 128 lines less Avia above 0", "{:.0f}"),
-    ("gentle", "", "`gentle`: AP per 10 m, Avia less the best other above 0", "{:+.1f}"),
+    ("comparable", "", "`comparable`: AP, Avia minus 128 lines, between -3 and 3", "{:+.1f}"),
+    (
+        "64-below",
+        "",
+        "`64-below`: AP, lower of Avia and 128 lines minus 64 lines, above 0",
+        "{:+.1f}",
+    ),
+    (
+        "areas",
+        "share of",
+        "`areas`: share (%), Avia minus 128 lines, between -10 and 10",
+        "{:+.1f}",
+    ),
+    ("areas", "number of", "`areas`: number, 128 lines minus Avia, above 0", "{:.0f}"),
+    ("gentle", "", "`gentle`: AP change per 10 m, Avia minus the best other, above 0", "{:+.1f}"),
     (
         *("value", ": AP per dollar of the Avia"),
-        *("`value`: AP per dollar, Avia over the best other above 1", "{:.2f}"),
+        *("`value`: AP per dollar, Avia / best other, above 1", "{:.2f}"),
     ),
     (
         *("value", ": high-quality areas per dollar of the Avia"),
-        *("`value`: high-quality areas per dollar, likewise", "{:.1f}"),
+        *("`value`: high-quality areas per dollar, Avia / best other, above 1", "{:.1f}"),
     ),
     (
         *("value", ": AP per dollar of five Avias"),
-        *("`value`: AP per dollar, five Avias over the best other above 1", "{:.2f}"),
+        *("`value`: AP per dollar, five Avias / best other, above 1", "{:.2f}"),
     ),
 )
 # Rows of the table about scanning. An entry has the claim's name, words of its statement, the row's
 # label, and the subset and distance.
 OF_SCANNING = (
     (
-        *("far-range", " common,", "`far-range`: Avia / best other within 1.5 to 2.5"),
+        *("far-range", " common,", "`far-range`: Avia / best other, 1.5 to 2.5"),
         "common, 90 to 120 m (paper: to 100 m)",
     ),
     ("far-range", " view,", "", "view, 90 to 120 m"),
-    ("near-range", "", "`near-range`: 128 lines / Avia above 1", "common, 30 to 50 m"),
-    ("ratio", "ruby_plus over pandar_64", "`ratio`: 128 / 64 within 1.6 to 2.4", "common"),
-    ("ratio", "pandar_64 over helios_16", "`ratio`: 64 / 16 within 3.2 to 4.8", "common"),
-    ("gentle", "", "`gentle`: smallest other exponent less the Avia's above 0", "common"),
+    ("near-range", "", "`near-range`: 128 lines / Avia, above 1", "common, 30 to 50 m"),
+    ("ratio", "ruby_plus over pandar_64", "`ratio`: 128 / 64 lines, 1.6 to 2.4", "common"),
+    ("ratio", "pandar_64 over helios_16", "`ratio`: 64 / 16 lines, 3.2 to 4.8", "common"),
+    (
+        "gentle",
+        "",
+        "`gentle`: smallest exponent of the others minus that of the Avia, above 0",
+        "common",
+    ),
     *(
-        ("deskew", f"box of {name} ", f"`deskew`: {words}, points in the box, %", "common")
+        (
+            "deskew",
+            f"box of {name} ",
+            f"`deskew`: {words}, change of points in the box, %",
+            "common",
+        )
         for name, words in LIDARS.items()
     ),
     (
-        *("only-one", " common,", "`only-one`: Avia alone less another without it, per 100"),
+        *(
+            "only-one",
+            " common,",
+            "`only-one`: vehicles hit by the Avia alone minus those hit by others alone, per 100",
+        ),
         "common, 90 to 120 m (paper: to 100 m)",
     ),
     ("only-one", " view,", "", "view, 90 to 120 m"),
@@ -114,12 +148,12 @@ def detection_in_short() -> str:
     return _in_short(DETECTION, counted)
 
 
-def _in_short(claims: Claims, experiment: Callable[[str, str, str], str]) -> str:
+def _in_short(claims: Claims, verdict_of: Callable[[str, str, str], str]) -> str:
     rows = [
-        [statement, named(claim, note), *(experiment(claim, words, preset) for preset in PRESETS)]
+        [statement, named(claim, note), *(verdict_of(claim, words, preset) for preset in PRESETS)]
         for statement, claim, words, note in claims
     ]
-    return markdown(["the paper says", "claim", *(f"`{p}`" for p in PRESETS)], rows)
+    return markdown(["statement of the paper", "claim", *(f"`{p}`" for p in PRESETS)], rows)
 
 
 def named(claim: str, note: str) -> str:
@@ -149,9 +183,9 @@ def scanning() -> str:
     """Returns a table with the value, interval and verdict of each claim about scanning."""
     rows = []
     for claim, words, statement, where in OF_SCANNING:
-        experiments = (scanned_row(claim, words, preset) for preset in PRESETS)
-        rows.append([statement, where, *experiments])
-    return markdown(["claim", "set, distance", *PRESETS], rows)
+        cells = (scanned_row(claim, words, preset) for preset in PRESETS)
+        rows.append([statement, where, *cells])
+    return markdown(["claim", "vehicles, distance", *PRESETS], rows)
 
 
 def scanned_row(claim: str, words: str, preset: str) -> str:
@@ -166,9 +200,9 @@ def of_a_scene(scene: str, preset: str, names: Sequence[str]) -> str:
     """Returns a table of one scene with a column per detector, without empty rows."""
     rows = []
     for claim, words, statement, shape in OF_A_SCENE:
-        experiments = [verdict(scene, preset, claim, words, d, shape) for d in names]
-        if any(experiments):
-            rows.append([statement, *experiments])
+        cells = [verdict(scene, preset, claim, words, d, shape) for d in names]
+        if any(cells):
+            rows.append([statement, *cells])
     return markdown(["claim", *(DETECTORS[d] for d in names)], rows)
 
 
@@ -176,12 +210,12 @@ def of_scenes(preset: str, scenes: Sequence[str], names: Sequence[str]) -> str:
     """Returns a table with a column per scene; each table cell lists all detectors."""
     rows = []
     for claim, words, statement, shape in OF_A_SCENE:
-        experiments = [
+        cells = [
             " / ".join(filter(None, (verdict(s, preset, claim, words, d, shape) for d in names)))
             for s in scenes
         ]
-        if any(experiments):
-            rows.append([statement, *experiments])
+        if any(cells):
+            rows.append([statement, *cells])
     return markdown(["claim", *scenes], rows)
 
 
@@ -205,11 +239,11 @@ def detectors(scene: str, preset: str) -> str:
     rows = []
     for name, words in DETECTORS.items():
         by_lidar = table[table.detector == name].drop_duplicates("lidar").set_index("lidar")
-        experiments = [
+        cells = [
             with_interval_of_ap(*ends(by_lidar.loc[x], "ap_r1000")) if x in by_lidar.index else ""
             for x in LIDARS
         ]
         seconds = by_lidar.train_seconds.dropna()
         span = f"{seconds.min():.0f} to {seconds.max():.0f}" if len(seconds) else ""
-        rows.append([words, *experiments, span])
+        rows.append([words, *cells, span])
     return markdown([f"{ap_name(table)} of", *LIDARS.values(), "train, CPU s"], rows)

@@ -11,8 +11,8 @@ def coverage() -> str:
     table = table[table.rule == "as long as a stay"]
     rows = []
     for (scene, span), group in table.groupby(["scene", "span_s"], sort=False):
-        experiments = [f"{r.held_percent:.0f} ({r.width:.1f})" for r in group.itertuples()]
-        rows.append([scene, f"{span}", f"{group.block_s.iloc[0]:.0f}", *experiments])
+        cells = [f"{r.held_percent:.0f} ({r.width:.1f})" for r in group.itertuples()]
+        rows.append([scene, f"{span}", f"{group.block_s.iloc[0]:.0f}", *cells])
     figures = list(dict.fromkeys(table.figure))
     return markdown(["scene", "test, s", "block, s", *figures], rows)
 

@@ -22,14 +22,14 @@ from reproduction.tables.common import (
 )
 
 ARMS = {
-    "none": "as it comes",
-    "tuned_30": "30 s",
-    "tuned_120": "120 s",
-    "site_trained": "a site-trained detector",
+    "none": "not fine-tuned",
+    "tuned_30": "fine-tuned, 30 steps",
+    "tuned_120": "fine-tuned, 120 steps",
+    "site_trained": "site-trained",
 }
 STRESSED = {
     "background": "Background",
-    "centerpoint": "site_trained",
+    "centerpoint": "CenterPoint-Pillar",
     "generalist": "generalist",
 }  # label of a detector by the last part of its run's name
 HELD_OUT = (
@@ -49,17 +49,17 @@ def generalist_sites() -> str:
     for lidar, group in table[table["class"] == "vehicle"].groupby("lidar", sort=True):
         totals = group[["boxes", "objects"]].sum()
         right = (group.precision * group.boxes).sum()
-        stated = (group.precision_predicted * group.boxes).sum() / totals.boxes
+        predicted = (group.precision_predicted * group.boxes).sum() / totals.boxes
         low, high = group[group.boxes >= LEAST_BOXES].precision.quantile([0.1, 0.9])
         spread = f"{low:.2f} to {high:.2f}"
         shares = (
             f"{right / totals.boxes:.2f}",
             spread,
-            f"{stated:.2f}",
+            f"{predicted:.2f}",
             f"{right / totals.objects:.2f}",
         )
         rows.append([str(lidar), str(group.site.nunique()), f"{totals.objects:.0f}", *shares])
-    heads = ["precision", "of 80 % of the sites", "precision said", "recall"]
+    heads = ["precision", "80 % of the sites", "predicted precision", "recall"]
     return markdown(["LiDAR", "sites", "vehicles", *heads], rows)
 
 
@@ -71,16 +71,17 @@ def generalist_classes() -> str:
     rows, table = [], results("generalist_sites")
     for name, group in table.groupby("class", sort=False):
         group = group.assign(
-            right=group.precision * group.boxes, said=group.precision_predicted * group.boxes
+            right=group.precision * group.boxes,
+            predicted=group.precision_predicted * group.boxes,
         )
-        objects, boxes, right, stated = group[["objects", "boxes", "right", "said"]].sum()
-        sites = group.groupby("site")[["right", "said", "boxes"]].sum()
+        objects, boxes, right, predicted = group[["objects", "boxes", "right", "predicted"]].sum()
+        sites = group.groupby("site")[["right", "predicted", "boxes"]].sum()
         sites = sites[sites.boxes >= LEAST_BOXES]
-        off = (sites.said - sites.right).abs() / sites.boxes
-        shares = (f"{v:.2f}" for v in (right / boxes, stated / boxes, right / objects))
+        off = (sites.predicted - sites.right).abs() / sites.boxes
+        shares = (f"{v:.2f}" for v in (right / boxes, predicted / boxes, right / objects))
         close = f"{100 * (off <= 0.05).mean():.0f} % of {len(sites)}"
         rows.append([str(name), f"{objects:.0f}", f"{boxes:.0f}", *shares, close])
-    heads = ["class", "objects", "boxes", "precision", "said", "recall", "sites within 0.05"]
+    heads = ["class", "objects", "boxes", "precision", "predicted", "recall", "sites within 0.05"]
     return markdown(heads, rows)
 
 
@@ -88,17 +89,17 @@ def generalist() -> str:
     """Returns a table of AP (R1000) of pretrained, fine-tuned and site-trained detectors."""
     rows = []
     table = results("generalist").query("preset == 'datasheet'")
-    for (site, lidar, world), group in table.groupby(["site", "lidar", "seed"], sort=False):
+    for (site, lidar, seed), group in table.groupby(["site", "lidar", "seed"], sort=False):
         by_arm = group.set_index("arm")
-        experiments = (
+        cells = (
             with_interval_of_ap(*ends(by_arm.loc[arm], "ap_r1000")) if arm in by_arm.index else ""
             for arm in ARMS
         )
-        rows.append([str(site), str(lidar), str(world), *experiments])
-    return markdown(["site", "LiDAR", "world", *ARMS.values()], rows)
+        rows.append([str(site), str(lidar), str(seed), *cells])
+    return markdown(["site", "LiDAR", "seed", *ARMS.values()], rows)
 
 
-def beside_site_trained() -> str:
+def compared_with_site_trained() -> str:
     """Returns a table of differences in AP (R1000) to a site-trained detector.
 
     Each site is one replicate. Its value is the mean over its traffic seeds, because results of
@@ -107,17 +108,18 @@ def beside_site_trained() -> str:
     rows = []
     table = results("generalist").query("preset == 'datasheet'")
     key = ["site", "seed", "lidar"]
-    experiments = table.pivot_table("ap_r1000", key, "arm")
+    by_arm = table.pivot_table("ap_r1000", key, "arm")
     objects = table.groupby(key).objects.max()
-    generated = experiments.index.get_level_values("site").str.startswith("site_")
+    generated = by_arm.index.get_level_values("site").str.startswith("site_")
     kinds = {
         "generated": generated,
         f"generated, {MANY_LABELS} labels or more": generated & (objects >= MANY_LABELS),
-        "generated, LiDARs held out": generated & experiments.index.isin(HELD_OUT, level="lidar"),
-        "the study's": ~generated,
+        "generated, LiDARs excluded from training": generated
+        & by_arm.index.isin(HELD_OUT, level="lidar"),
+        "the study's scenes": ~generated,
     }
     for (kind, chosen), arm in itertools.product(kinds.items(), list(ARMS)[:-1]):
-        selected = experiments[chosen]
+        selected = by_arm[chosen]
         less = (selected[arm] - selected.site_trained).dropna()
         of_sites = less.groupby("site").mean().to_numpy()
         least, middle, most = (f"{v:+.1f}" for v in np.percentile(less, [0, 50, 100]))
@@ -125,7 +127,7 @@ def beside_site_trained() -> str:
         mean = with_interval_of_ap(*astuple(over_replicates(of_sites)))
         counts = f"{len(less)} of {len(of_sites)} sites"
         rows.append([kind, ARMS[arm], counts, mean, middle, spread])
-    heads = ["sites", "trained there", "experiments", "mean of sites", "median", "all cells"]
+    heads = ["sites", "detector", "experiments", "mean of sites", "median", "range"]
     return markdown(heads, rows)
 
 
@@ -185,7 +187,7 @@ def unseen_shown() -> str:
         recall = (f"{of.loc[model].recall_at_half:.2f}" for model in models)
         rows.append([name, kind, *false, *recall])
     names = [model.replace("_", " ") for model in models]
-    heads = [f"{what}, {m}" for what in ("false boxes a frame", "recall") for m in names]
+    heads = [f"{what}, {m}" for what in ("false positives per frame", "recall") for m in names]
     return markdown(["sites", "class", *heads], rows)
 
 
@@ -216,7 +218,9 @@ def fairness() -> str:
         rows.append(
             [site, str(seed), lidar, f"{before:.1f}", f"{after:.1f}", f"{after - before:+.1f}"]
         )
-    return markdown(["scene", "seed", "LiDAR", "as it comes", "after 120 steps", "gain"], rows)
+    return markdown(
+        ["scene", "seed", "LiDAR", "not fine-tuned", "fine-tuned, 120 steps", "gain"], rows
+    )
 
 
 def stress_generalist() -> str:
@@ -226,27 +230,29 @@ def stress_generalist() -> str:
     the severity at which it has fallen to half. Rows of named severities have the AP.
     """
     curves, trials = (
-        results(name).assign(who=lambda t: t.run.str.rsplit("_", n=1).str[-1])
+        results(name).assign(network=lambda t: t.run.str.rsplit("_", n=1).str[-1])
         for name in ("stress_generalist_summary", "stress_generalist")
     )
-    columns = [(lidar, who) for lidar in curves.lidar.unique() for who in STRESSED]
-    rows = [[f"{AP_R1000} without", *(_unstressed(trials, *pair) for pair in columns)]]
+    columns = [(lidar, network) for lidar in curves.lidar.unique() for network in STRESSED]
+    rows = [[f"{AP_R1000} without stress", *(_unstressed(trials, *pair) for pair in columns)]]
     for (stressor, unit), group in curves[curves.unit != "name"].groupby(
         ["stressor", "unit"], sort=False
     ):
-        experiments = group.set_index(["lidar", "who"])[["falls_by_10", "falls_to_half"]]
-        falls = (" / ".join(experiments.loc[c]) if c in experiments.index else "" for c in columns)
+        severities = group.set_index(["lidar", "network"])[["falls_by_10", "falls_to_half"]]
+        falls = (" / ".join(severities.loc[c]) if c in severities.index else "" for c in columns)
         rows.append([f"{stressor}, {unit}", *falls])
     names = trials[trials.unit == "name"]
     for (stressor, severity), group in names.groupby(["stressor", "severity"], sort=False):
-        ap = group.set_index(["lidar", "who"]).ap_r1000
-        experiments = (f"{ap[c]:.0f}" if c in ap.index else "" for c in columns)
-        rows.append([f"{stressor}: {severity}", *experiments])
-    return markdown(["", *(f"{LIDARS[a]}: {STRESSED[b]}" for a, b in columns)], rows)
+        ap = group.set_index(["lidar", "network"]).ap_r1000
+        cells = (f"{ap[c]:.0f}" if c in ap.index else "" for c in columns)
+        rows.append([f"{stressor}: {severity}", *cells])
+    return markdown(["stressor", *(f"{LIDARS[a]}: {STRESSED[b]}" for a, b in columns)], rows)
 
 
-def _unstressed(trials: pd.DataFrame, lidar: str, who: str) -> str:
-    selected = trials[(trials.stressor == "none") & (trials.lidar == lidar) & (trials.who == who)]
+def _unstressed(trials: pd.DataFrame, lidar: str, network: str) -> str:
+    selected = trials[
+        (trials.stressor == "none") & (trials.lidar == lidar) & (trials.network == network)
+    ]
     return with_interval_of_ap(*ends(selected.iloc[0], "ap_r1000"))
 
 

@@ -13,7 +13,7 @@ def speed() -> str:
     table = results("speed")
     now = table[~table.what.str.startswith("speed / before")]  # a comparison with another version
     rows = [[r.what, f"{r.value:.2f} {r.unit}"] for r in now.itertuples()]
-    return markdown(["what", "value"], rows)
+    return markdown(["measurement", "value"], rows)
 
 
 def ladder(name: str = "ladder") -> str:
@@ -23,18 +23,18 @@ def ladder(name: str = "ladder") -> str:
     table shows the AP of the other model. The times are CPU seconds of the simulation.
     """
     table = results(name)
-    severities = ["detail", "aggregation", "parts", "vegetation", "label_time", "frames"]
-    table = table.astype(dict.fromkeys(severities, str))
-    usual = {severity: table[severity].mode()[0] for severity in severities}
+    settings = ["detail", "aggregation", "parts", "vegetation", "label_time", "frames"]
+    table = table.astype(dict.fromkeys(settings, str))
+    usual = {setting: table[setting].mode()[0] for setting in settings}
     lidars = [lidar for lidar in LIDARS if lidar in set(table.lidar)]
     rows, default = [], None
-    for model, group in table.groupby(severities, sort=False):
-        other = [f"{d} `{v}`" for d, v in zip(severities, model, strict=True) if v != usual[d]]
+    for model, group in table.groupby(settings, sort=False):
+        other = [f"{d} `{v}`" for d, v in zip(settings, model, strict=True) if v != usual[d]]
         seconds = group.ms_per_frame_set.astype(float).iloc[0] * int(model[-1]) / 1000
         by_lidar = group.set_index("lidar")
         default = by_lidar if default is None else default
-        experiments = [_step(by_lidar.loc[x], default.loc[x] if other else None) for x in lidars]
-        rows.append([", ".join(other) or "the default", f"{seconds:.0f}", *experiments])
+        cells = [_step(by_lidar.loc[x], default.loc[x] if other else None) for x in lidars]
+        rows.append([", ".join(other) or "default", f"{seconds:.0f}", *cells])
     return markdown(["model", "CPU, s", *(LIDARS[lidar] for lidar in lidars)], rows)
 
 

@@ -18,7 +18,7 @@ from reproduction.tables.common import (
 )
 
 PEOPLE_POINTS, PEOPLE_BIN_M = 5, 10  # the same values as in the command `people`
-POLE_DETECTORS = DETECTORS | {"background-relearnt": "Background, learnt anew"}
+POLE_DETECTORS = DETECTORS | {"background-relearnt": "Background, trained again"}
 COMPARED = "6m"
 PLACES = {
     "back": "40 m before the crossing, 6 m",
@@ -29,10 +29,10 @@ PLACES = {
     "two": "two poles, 6 m",
 }
 POLE_ERRORS = {
-    "clock_20_ms": "clocks by 20 ms",
-    "clock_50_ms": "50 ms",
-    "yaw_0.2_deg": "yaw by 0.2 degrees",
-    "yaw_0.5_deg": "0.5 degrees",
+    "clock_20_ms": "clock, 20 ms",
+    "clock_50_ms": "clock, 50 ms",
+    "yaw_0.2_deg": "yaw, 0.2 degrees",
+    "yaw_0.5_deg": "yaw, 0.5 degrees",
 }
 
 
@@ -46,15 +46,15 @@ def people() -> str:
     rows = []
     for lidar, group in table.groupby("lidar", sort=False):
         walkers = group[group["class"] == "Pedestrian"].set_index("from_m").points
-        reached = [
-            people_reach(group[group["class"] == name]) for name in ("Pedestrian", "Cyclist")
+        distances = [
+            people_distance(group[group["class"] == name]) for name in ("Pedestrian", "Cyclist")
         ]
-        rows.append([str(lidar), *reached, *(f"{walkers.get(m, 0):g}" for m in at_m)])
+        rows.append([str(lidar), *distances, *(f"{walkers.get(m, 0):g}" for m in at_m)])
     heads = ["LiDAR", "pedestrian, m", "cyclist, m"]
     return markdown([*heads, *(f"points from {m} m" for m in at_m)], rows)
 
 
-def people_reach(bins: pd.DataFrame) -> str:
+def people_distance(bins: pd.DataFrame) -> str:
     """Returns the far end (m) of the last distance bin that has at least PEOPLE_POINTS points.
 
     If a nearer bin has fewer points, the text also gives the distance up to which all bins have
@@ -80,8 +80,8 @@ def traffic() -> str:
         figures = (f"{before[name]:.4g} / {after[name]:.4g}" for name in pairs)
         tracks = f"{after.vehicles_and_riders} + {after.pedestrians}"
         rows.append([net, str(seed), tracks, str(after.left_out), *figures, str(after.appearing)])
-    heads = ["network", "seed", "vehicles and riders + people on foot", "left out", "turn, degrees"]
-    return markdown([*heads, "acceleration, m/s2", "overlaps, %", "appear"], rows)
+    heads = ["network", "seed", "vehicles and riders + pedestrians", "left out", "turn, degrees"]
+    return markdown([*heads, "acceleration, m/s2", "overlaps, %", "appear inside"], rows)
 
 
 def sites() -> str:
@@ -126,7 +126,7 @@ def poles() -> str:
                 _less(by_poles.get(4), by_poles.get(2)),
             ]
         )
-    heads = ["1 pole", "2 poles", "4 poles", "2 less 1", "4 less 2"]
+    heads = ["1 pole", "2 poles", "4 poles", "2 minus 1", "4 minus 2"]
     return markdown(["LiDAR", "detector", *heads], rows)
 
 
@@ -138,7 +138,7 @@ def places() -> str:
     for lidar, group in table.groupby("lidar", sort=False):
         by_key = {tuple(row[key] for key in keys): row for _, row in group.iterrows()}
         for place, words in PLACES.items():
-            experiments = [
+            cells = [
                 with_interval_of_ap(*by_key[truth, place, "", measure][["value", "low", "high"]])
                 for truth, measure in (
                     ("all", "ap_r1000"),
@@ -154,9 +154,9 @@ def places() -> str:
                 less = _signed(after.value, after.low, after.high)
             elif before is not None:
                 less = _signed(-before.value, -before.high, -before.low)
-            rows.append([str(lidar), words, f"{hidden:.0f} %", *experiments, less])
-    heads = ["LiDAR", "place", "hidden", "AP of visible vehicles", "AP of every vehicle"]
-    return markdown([*heads, "found, %", "AP less that at the corner, 6 m"], rows)
+            rows.append([str(lidar), words, f"{hidden:.0f} %", *cells, less])
+    heads = ["LiDAR", "position", "hidden", "AP of visible vehicles", "AP of all vehicles"]
+    return markdown([*heads, "recall, %", "AP minus AP at the corner, 6 m"], rows)
 
 
 def _signed(value: float, low: float, high: float) -> str:
@@ -168,8 +168,8 @@ def pole_errors() -> str:
     rows = []
     for names, by_poles in of_poles():
         for right in (by_poles[n] for n in (2, 4) if n in by_poles):
-            experiments = [_less(wrong, right) for wrong in _errors(right)]
-            rows.append([*names, f"{right.poles}", *experiments])
+            cells = [_less(wrong, right) for wrong in _errors(right)]
+            rows.append([*names, f"{right.poles}", *cells])
     return markdown(["LiDAR", "detector", "poles", *POLE_ERRORS.values()], rows)
 
 

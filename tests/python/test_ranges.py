@@ -145,7 +145,7 @@ def test_a_range_that_was_not_measured_is_refused_with_those_that_were(
 def test_an_old_table_says_that_its_ap_is_of_the_whole_region(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    message = "These results hold no AP within ranges: AP is of the whole region"
+    message = "These results have no AP within ranges, so AP is of the whole region"
     near = output_lines(capsys, results, "--budget", 8000, "--range", 45)
     assert any(line.startswith(message) for line in near)
     assert not any(
@@ -177,7 +177,7 @@ def test_coverage_of_a_site_of_lanes_is_squares_within_the_range(
     ("low", "high", "reason"),
     [
         (None, None, "no interval: 41 of 41 windows have none: vehicles are in fewer than 4"),
-        (5.0, 99.0, "no interval: no window is decided at AP 85"),
+        (5.0, 99.0, "no interval: no window differs significantly from AP 85"),
     ],
 )
 def test_an_interval_that_says_nothing_is_not_printed_but_its_reason(

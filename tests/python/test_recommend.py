@@ -173,7 +173,9 @@ def test_real_time_is_asked_unless_another_latency_is(
     lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 75)
     assert "Left out: pandar_64 with pv-rcnn: 544 ms a frame." in lines
     assert "Left out: livox_avia with dsvt: no latency was measured." in lines
-    late = "livox_avia with pointpillars, pandar_64 with pointpillars; the median is below."
+    late = (
+        "livox_avia with pointpillars, pandar_64 with pointpillars. Their median latency is lower."
+    )
     assert f"Above 100 ms in more than 5 % of the frames: {late}" in lines
     slow = output_lines(capsys, results, "--budget", 8000, "--min-ap", 75, "--latency", 600)
     assert any(line.startswith("2. livox_avia with pv-rcnn") for line in slow)
@@ -185,24 +187,29 @@ def test_the_machine_of_the_latency_is_named(
 ) -> None:
     change(results / "quick.csv", "seed == 1", latency_machine="2 x A")
     lines = output_lines(capsys, results, "--budget", 8000)
-    where, hint = "Latency is of one core of 2 x A", "a benchmark with `latency` measures yours."
+    where, hint = (
+        "Latencies were measured on one core of 2 x A",
+        "A benchmark with `latency` measures them on your computer.",
+    )
     assert f"{where} (the load of the machine was not recorded); {hint}" in lines
 
 
 def test_what_a_price_holds_is_named_item_by_item_or_reported_missing(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    alone = "Prices are of LiDARs alone: computer, pole, installation, energy are missing "
-    assert f"{alone}(`costs` of the benchmark)." in output_lines(capsys, results, "--budget", 8000)
+    alone = "Prices include LiDARs only, without computer, pole, installation, energy "
+    assert f"{alone}(`costs` of the benchmark adds them)." in output_lines(
+        capsys, results, "--budget", 8000
+    )
     value = results / "quick_value.csv"
     change(value, "seed == 1", site_usd=900.0)
-    old = "In every price are 900 USD of the site; this table does not say for what."
+    old = "Every price includes 900 USD for the site; these results do not list its items."
     assert old in output_lines(capsys, results, "--budget", 8000)
     change(value, "seed == 1", computer_usd=800, pole_usd=100, installation_usd=0, energy_usd=0)
     lines = output_lines(capsys, results, "--budget", 8000)
     assert "; 2,000 USD (LiDAR 1,100); AP above" in lines[1]
-    items = "computer 800, pole 100; missing: installation, energy (`costs` of the benchmark)."
-    assert f"In every price are 900 USD of the site: {items}" in lines
+    items = "computer 800, pole 100; not included: installation, energy (`costs` of the benchmark)."
+    assert f"Every price includes 900 USD for the site: {items}" in lines
 
 
 def test_if_none_meets_the_requirements_the_nearest_three_say_what_to_relax(
@@ -210,15 +217,19 @@ def test_if_none_meets_the_requirements_the_nearest_three_say_what_to_relax(
 ) -> None:
     change(results / "quick.csv", "lidar == 'livox_avia'", latency_p50_ms=120.5)
     lines = output_lines(capsys, results, "--budget", 1500, "--min-ap", 85)
-    assert lines[1] == "No option meets this. The nearest, and what to relax:"
+    assert lines[1] == (
+        "No option meets the requirements. The nearest options, each with the requirement to relax:"
+    )
     near = [line for line in lines if line[0].isdigit()]
     assert [line.split(":")[0] for line in near] == [
         "1. helios_16 with pv-rcnn",
         "2. helios_16 with pointpillars",
         "3. livox_avia with pointpillars",  # what it costs too much counts, not its latency
     ]
-    assert near[0].endswith("; 50 ms a frame; meets it with --min-ap 62")
-    assert near[2].endswith("; 120 ms a frame; meets it with --budget 2000 --latency 121")
+    assert near[0].endswith("; 50 ms a frame; meets the requirements with --min-ap 62")
+    assert near[2].endswith(
+        "; 120 ms a frame; meets the requirements with --budget 2000 --latency 121"
+    )
     far = "costs 2,000 USD, 120 ms a frame."
     assert f"Left out: livox_avia with pv-rcnn: {far}" in lines
     assert not any(line.startswith("Left out: helios_16 with pv-rcnn") for line in lines)
@@ -228,7 +239,7 @@ def test_what_is_to_be_relaxed_is_enough(results: Path, capsys: pytest.CaptureFi
     change(results / "quick.csv", "lidar == 'livox_avia'", latency_p50_ms=120.4, ap_all=83.96)
     change(results / "quick_value.csv", "lidar == 'livox_avia'", price_usd=2000.7)
     (line,) = [x for x in output_lines(capsys, results, "--budget", 1900) if x.startswith("1.")]
-    words = line.split("meets it with ")[1].split()
+    words = line.split("meets the requirements with ")[1].split()
     assert words == ["--budget", "2001", "--min-ap", "83.9", "--latency", "121"]
     assert output_lines(capsys, results, "--budget", 1900, *words)[1].startswith("1. livox_avia")
 
@@ -247,11 +258,15 @@ def test_a_latency_that_is_not_known_is_asked_for_after_ap_and_budget(
 ) -> None:
     change(results / "quick.csv", "seed == 1", latency_p50_ms=None)
     lines = output_lines(capsys, results, "--budget", 8000)
-    assert lines[1] == "No option meets this. The nearest, and what to relax:"
+    assert lines[1] == (
+        "No option meets the requirements. The nearest options, each with the requirement to relax:"
+    )
     assert lines[2].startswith("1. livox_avia with pointpillars")
-    measured = "no latency was measured; meets it with a measured latency of 100 ms or less"
+    measured = (
+        "no latency was measured; meets the requirements with a measured latency of 100 ms or less"
+    )
     assert lines[2].endswith(measured)
-    assert "No latency was measured; a benchmark with `latency` measures it." in lines
+    assert "These results have no latency; a benchmark with `latency` measures it." in lines
 
 
 def test_the_best_by_ap_is_named_with_the_latency_that_it_misses(
@@ -264,11 +279,11 @@ def test_the_best_by_ap_is_named_with_the_latency_that_it_misses(
     )
     best = next(line for line in lines if line.startswith("More accurate, but too slow: "))
     assert "livox_avia with pointpillars: AP (R40) of all visible vehicles 94.0" in best
-    assert best.endswith("383 ms a frame; meets it with --latency 383.")
+    assert best.endswith("383 ms a frame; meets the requirements with --latency 383.")
     # Where nothing meets the requirements, AP and budget come first.
     none = output_lines(capsys, results, "--budget", 8000, "--min-ap", 80)
     assert none[2].startswith("1. livox_avia with pointpillars")
-    assert none[2].endswith("; meets it with --latency 383")
+    assert none[2].endswith("; meets the requirements with --latency 383")
 
 
 @pytest.mark.parametrize("latency", [None, 50.0, 101.0, 383.0])
@@ -287,7 +302,10 @@ def test_the_load_under_which_latency_was_measured_is_reported(
 ) -> None:
     change(results / "quick.csv", "seed == 1", latency_other_cores=0.04)
     change(results / "quick.csv", "detector == 'dsvt'", latency_other_cores=1.62)
-    where, hint = "Latency is of one core", "a benchmark with `latency` measures yours."
+    where, hint = (
+        "Latencies were measured on one core",
+        "A benchmark with `latency` measures them on your computer.",
+    )
     line = f"{where} (other processes used 0.0 to 1.6 cores); {hint}"
     assert line in output_lines(capsys, results, "--budget", 8000)
 
@@ -297,7 +315,7 @@ def test_options_after_the_fifth_are_named_in_a_line(
 ) -> None:
     lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 75)
     assert lines[5].startswith("5. livox_avia with dsvt")
-    assert lines[6] == "And 1 more that meets this: pandar_64 with dsvt."
+    assert lines[6] == "Further options that meet the requirements: pandar_64 with dsvt."
 
 
 def test_road_that_tells_options_apart_makes_no_doubt(
@@ -347,7 +365,8 @@ def test_an_ap_without_an_interval_is_reported_as_such(
         in lines[1]
     )
     assert (
-        f"Not sure to reach AP 89 of all visible vehicles: {first}: without an interval." in lines
+        f"May have less than AP 89 of all visible vehicles: {first} (no interval is available)."
+        in lines
     )
     equal = f"The AP of {first} does not differ significantly from that of {other} "
     assert any(line.startswith(equal) for line in lines)
@@ -359,8 +378,10 @@ def test_what_keeps_no_replicates_is_not_compared(
     (results / "quick_replicates.csv").unlink()
     lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 85)
     others = "livox_avia with pv-rcnn, pandar_64 with pv-rcnn, pandar_64 with pointpillars"
-    doubts = [line for line in lines if "is not known: no interval of the difference" in line]
-    assert doubts[0].startswith(f"Whether livox_avia with pointpillars is better than {others}")
+    doubts = [line for line in lines if "the difference has no interval" in line]
+    assert doubts[0].startswith(
+        f"It is not known whether livox_avia with pointpillars is better than {others}"
+    )
     assert not any("does not tell" in line for line in lines)
 
 
@@ -444,7 +465,7 @@ def test_nothing_follows_from_networks_of_the_smoke_tier(
 ) -> None:
     of_the_smoke_tier(results)
     names = ", ".join(sorted(set(pd.read_csv(results / "quick.csv").detector) - {"background"}))
-    line = f"Networks of the smoke tier have hardly learnt: nothing follows from the AP of {names}."
+    line = f"The smoke tier trains networks too little; do not use the AP of {names}."
     assert output_lines(capsys, results, "--budget", 8000, "--tier", "smoke")[1] == line
     assert line not in output_lines(capsys, results, "--budget", 8000)
 
@@ -622,7 +643,7 @@ def test_a_mount_that_sees_half_of_the_vehicles_does_not_win_by_that_half(
     left = "Left out: livox_avia with pointpillars: AP 50.0 of every vehicle."
     assert left in lines
     low = output_lines(capsys, results, "--budget", 8000, "--min-ap", 40)
-    assert not any("without ground truth `present`" in line for line in low)
+    assert not any("have no AP of the subset `present`" in line for line in low)
 
 
 def test_the_hidden_share_stands_beside_the_ap_of_visible_vehicles(
@@ -659,4 +680,4 @@ def test_results_without_every_vehicle_say_so_and_are_compared_as_before(
     assert lines[1].startswith(
         "1. livox_avia with pointpillars: AP (R40) of all visible vehicles 94.0"
     )
-    assert any("without ground truth `present`" in line for line in lines)
+    assert any("have no AP of the subset `present`" in line for line in lines)

@@ -13,7 +13,7 @@ from pyinfra.metrics.row_selection import with_r1000
 from pyinfra.viz.report.report_data import Material, read_material
 from reproduction.paper_tables import paper_ap
 from reproduction.report import TABLES, ladder
-from reproduction.report.claims import thing_tested
+from reproduction.report.claims import tested_statement
 from reproduction.report.fidelity import section as fidelity_section
 
 
@@ -48,7 +48,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_claims_follow_the_answer(whole: Path) -> None:
     text = Read(whole).text
-    assert text.index("Most accurate where it looks") < text.index("undecided 1.49")
+    assert text.index("Highest AP of the vehicles it captures") < text.index("undecided 1.49")
 
 
 def test_nothing_that_is_missing_is_shown_as_nan(whole: Path) -> None:
@@ -87,7 +87,7 @@ def test_what_the_paper_shows_and_this_page_does_not_is_named(tmp_path: Path) ->
 def test_a_claim_is_one_row_whatever_its_counts() -> None:
     statements = set(report_data.claims().statement)
     assert len(statements) == 3
-    (one,) = {thing_tested(statement) for statement in statements}
+    (one,) = {tested_statement(statement) for statement in statements}
     assert one == "APV of livox_avia over the best of the others is 1.5 to 2.5; common, 90 to 120 m"
 
 
@@ -109,7 +109,7 @@ def test_the_cheapest_model_whose_conclusions_stay_is_named(tmp_path: Path) -> N
     assert "aggregation instant (1.00 of the time of exact)" in words
     assert "frames 500 (0.50 of the time of 1000)" in words
     assert [block.kind for block in made] == ["figure", "table"]
-    same = {(r.severity, r.value): r.same for r in ladder.rungs(with_seconds(material))}
+    same = {(r.setting, r.value): r.same for r in ladder.compared_values(with_seconds(material))}
     assert not same["detail", "box"]
     assert not same["frames", "50"]
 
@@ -134,7 +134,7 @@ def test_the_parts_of_vehicles_are_a_severity_where_the_ladder_has_them(tmp_path
     material = read(tmp_path)
     words, _ = ladder.blocks(material)
     assert "parts glass+gap+coat (1.00 of the time of all)" in words
-    same = {(r.severity, r.value): r.same for r in ladder.rungs(with_seconds(material))}
+    same = {(r.setting, r.value): r.same for r in ladder.compared_values(with_seconds(material))}
     assert same["parts", "glass+gap+coat"]
     assert not same["parts", "none"]
     assert not same["detail", "box"]
@@ -168,5 +168,5 @@ def test_scenes_of_the_paper_beside_an_own_site_keep_their_cards(tmp_path: Path)
             both = pd.concat([pd.read_csv(results / name), table])
             both.to_csv(results / name, index=False)
     text = Read(report(results)).text
-    assert text.index("Bridge, preset paper") < text.index("Most accurate where it looks")
+    assert text.index("Bridge, preset paper") < text.index("Highest AP of the vehicles it captures")
     assert {"claims", "figure-hits"} <= set(Read(results.parent / "report.html").ids)

@@ -76,7 +76,7 @@ def _subtitle(material: Material) -> str:
     """Returns one line about what was compared."""
     experiments = material.results.table("experiments")
     if experiments.empty:
-        return "No experiment of a benchmark is among these results."
+        return "These results have no benchmark experiments."
     counts = [
         (experiments.scene.nunique(), "scene"),
         (experiments.lidar.nunique(), "LiDAR"),
@@ -86,7 +86,7 @@ def _subtitle(material: Material) -> str:
     parts = [f"{n} {what}{'s' if n != 1 else ''}" for n, what in counts]
     tier = material.results.tier
     names = ", ".join(sorted(set(experiments.detector[hardly_learnt(experiments)])))
-    short = f" Networks of this tier have hardly learnt: nothing follows from the AP of {names}."
+    short = f" This tier trains networks too little; do not use the AP of {names}."
     return f"{', '.join(parts)}; tier {tier}, simulated.{short if names else ''}"
 
 
@@ -95,9 +95,9 @@ def _footer(material: Material) -> str:
     versions = (
         "" if experiments.empty else ", ".join(sorted(experiments.version.astype(str).unique()))
     )
-    measured = f", whose experiments are of {versions}" if versions else ""
+    measured = f", measured with version {versions}" if versions else ""
     return (
         f"Written by infrasim {__version__} from tier {material.results.tier}{measured}. Each "
-        "number is in a row of a CSV file in the folder beside this page; a number says which row "
-        "when you point at it."
+        "number is from a row of a CSV file in the folder next to this page. Hover over a number "
+        "to see the row."
     )

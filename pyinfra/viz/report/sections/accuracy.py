@@ -58,12 +58,12 @@ def grids(material: Material, done: pd.DataFrame, note: Note = no_note) -> list[
 def _lead(experiments: pd.DataFrame, done: pd.DataFrame) -> str:
     finished = int(experiments.ap.notna().sum())
     text = (
-        f"{finished} of {len(experiments)} experiments have an {ap_name(done)} (0 to 100; IoU of "
-        "footprints at least 0.5; vehicles with at least one point), each with its 95 % interval "
-        "over blocks of time."
+        f"{finished} of {len(experiments)} experiments have an {ap_name(done)} with a 95 % "
+        "interval over blocks of time. AP is from 0 to 100, at an IoU of footprints of at least "
+        "0.5, over vehicles with at least one point."
     )
     seeds = experiments.seed.nunique()
-    return text + (f" Of {seeds} seeds the first is shown here." if seeds > 1 else "")
+    return text + (f" The tables show the first of {seeds} seeds." if seeds > 1 else "")
 
 
 def _grid(material: Material, rows: pd.DataFrame, note: Note) -> Table:
@@ -72,8 +72,8 @@ def _grid(material: Material, rows: pd.DataFrame, note: Note) -> Table:
     lines = []
     for lidar in material.names.sorted(rows.lidar):
         by_detector = rows[rows.lidar == lidar].set_index("detector", drop=False)
-        experiments = [_ap(by_detector, name, note) for name in detectors]
-        lines.append([TableCell(material.names.label(lidar)), *experiments])
+        cells = [_ap(by_detector, name, note) for name in detectors]
+        lines.append([TableCell(material.names.label(lidar)), *cells])
     scene, preset = str(rows.scene.iloc[0]), str(rows.preset.iloc[0])
     return Table(
         f"{scene.capitalize()}, preset {preset}: {ap_name(rows)}.",
@@ -100,7 +100,8 @@ def _failed(experiments: pd.DataFrame) -> list[Block]:
     names = [
         f"{r.scene}, {r.lidar}, {r.preset}, {r.detector}: {r.reason}" for r in rows.itertuples()
     ]
-    shown_names = "; ".join(names[:5]) + ("; and more, see below" if len(names) > 5 else "")
+    others = "; the others are in the table below" if len(names) > 5 else ""
+    shown_names = "; ".join(names[:5]) + others
     count = "One experiment has" if len(names) == 1 else f"{len(names)} experiments have"
     return [Text(f"{count} no AP. {shown_names}.")]
 
@@ -117,10 +118,10 @@ def _all(material: Material, experiments: pd.DataFrame) -> Table:
         f"{name}, present",
         "Hidden, %",
         "Objects",
-        "Off region, per min",
+        "Outside region, per min",
         "Training, s",
         "Median, ms",
-        "95 %, ms",
+        "95th percentile, ms",
     ]
     heads += [Column(c, number=True) for c in numbers]
     rows = []
@@ -147,10 +148,11 @@ def _all(material: Material, experiments: pd.DataFrame) -> Table:
             ]
         )
     caption = (
-        "Every experiment. Common: vehicles in the view of all LiDARs; all: every vehicle of the "
-        "region that the mount can see; present: every one; hidden: those that it cannot see; "
-        "off region: boxes of score 0.5 or more outside the region, each minute. "
-        "Training: CPU time of one core; latency: from points to boxes, one core "
-        f"({timing_load(experiments)})."
+        "All experiments. Common: AP of the vehicles in the field of view of all LiDARs. All: AP "
+        "of the vehicles of the region that are visible from the mount. Present: AP of all "
+        "vehicles of the region. Hidden: share of the vehicles that are not visible from the "
+        "mount. Outside region: boxes per minute with a score of at least 0.5 outside the region. "
+        "Training: CPU time of one core. Median and 95th percentile: latency from points to boxes "
+        f"on one core ({timing_load(experiments)})."
     )
     return Table(caption, heads, rows, material.results.source("experiments"), closed=True)

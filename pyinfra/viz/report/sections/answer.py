@@ -15,10 +15,10 @@ from pyinfra.viz.report.names import detector
 from pyinfra.viz.report.report_data import ANY_PRICE, Material
 from pyinfra.viz.report.sections import accuracy, recommendation
 
-TITLE = "Which LiDAR and detector for what"
+TITLE = "Recommended LiDAR and detector by purpose"
 NOT_SIGNIFICANT = (
-    "The version that wrote this table kept no bootstrap replicates, so it is not known whether "
-    "the best option differs significantly from the next. Run pyinfra benchmark again to know."
+    "These results have no bootstrap replicates, so it is not known whether the best option "
+    "differs significantly from the next. Run pyinfra benchmark again to compute them."
 )
 CLOSE_AP = 5.0  # a faster or cheaper choice may have an AP up to this much below the best AP
 
@@ -66,7 +66,10 @@ def _of_purposes(material: Material, done: pd.DataFrame) -> list[Block]:
     chosen = experiments.drop_duplicates(["scene", "preset"])
     named = ", ".join(f"{row.scene} {row.preset}" for row in chosen.itertuples())
     if len(done) > len(experiments):
-        text = f'Presets here: {named}. Others are under "{accuracy.TITLE}"; the choice can differ.'
+        text = (
+            f"Presets in this section: {named}. The choice can differ with the other presets of "
+            f'section "{accuracy.TITLE}".'
+        )
         blocks.append(Text(text))
     if material.results.table("replicates").empty:
         blocks.append(Text(NOT_SIGNIFICANT))
@@ -78,14 +81,16 @@ def _lead(material: Material, experiments: pd.DataFrame) -> str:
     scene = next(s for s in material.scenes() if s in set(experiments.scene))
     rows = experiments[experiments.scene == scene]
     best = rows.loc[rows.ap_r1000.idxmax()]
-    text = f"On the {scene}, preset {best.preset}, {_name(material, best)} finds vehicles best"
-    text += f" in its own field of view: {ap_name(rows)} {best.ap_r1000:.1f}"
+    text = f"On the {scene}, preset {best.preset}, {_name(material, best)} has the highest AP of"
+    text += f" the vehicles that a LiDAR captures: {ap_name(rows)} {best.ap_r1000:.1f}"
     text += (
         f" {span(best.ap_r1000_low, best.ap_r1000_high)}{_rest(material, rows, best, 'captured')}."
     )
     if rows.ap_whole_r1000.notna().any():
         whole = rows.loc[rows.ap_whole_r1000.idxmax()]
-        text += f" Of {COUNTED[whole.whole]} on the road, {_name(material, whole)} finds most"
+        text += (
+            f" {_name(material, whole)} has the highest AP of {COUNTED[whole.whole]} on the road"
+        )
         rest = _rest(material, rows, whole, whole.whole)
         text += f" ({ap_name(rows)} {whole.ap_whole_r1000:.1f}{rest})."
     return text
@@ -124,7 +129,7 @@ def _fastest(material: Material, rows: pd.DataFrame) -> CardLine | None:
     if near.empty:
         return None
     best = near.loc[near.latency_p50_ms.idxmin()]
-    late = f", not real time ({FRAME_MS:g} ms)" if best.latency_p50_ms > FRAME_MS else ""
+    late = f", more than the {FRAME_MS:g} ms of a frame" if best.latency_p50_ms > FRAME_MS else ""
     return _line(
         material,
         best,
@@ -174,11 +179,11 @@ def _to_compare(rows: pd.DataFrame) -> tuple[pd.DataFrame, str]:
 
 
 PURPOSES: tuple[tuple[str, Choice], ...] = (
-    ("Most accurate where it looks", _in_view),
-    ("Sees the whole road", _whole_road),
-    (f"Fastest within {CLOSE_AP:g} AP of the best", _fastest),
-    (f"Cheapest LiDAR within {CLOSE_AP:g} AP of the best", _cheapest),
-    ("Without labels to train on", _untrained),
+    ("Highest AP of the vehicles it captures", _in_view),
+    ("Highest AP of the whole road", _whole_road),
+    (f"Fastest with at most {CLOSE_AP:g} AP less than the best", _fastest),
+    (f"Cheapest LiDAR with at most {CLOSE_AP:g} AP less than the best", _cheapest),
+    ("Without labelled training data", _untrained),
 )
 
 
@@ -195,7 +200,9 @@ def _rest(material: Material, rows: pd.DataFrame, best: pd.Series, truth: str) -
     if replicates.row(best, truth) is None:
         return ""
     alike = replicates.alike(best, (row for _, row in others.iterrows()), truth)
-    return f"; cannot be told from {_listed(material, others.iloc[alike])}" if alike else ""
+    if not alike:
+        return ""
+    return f"; the difference to {_listed(material, others.iloc[alike])} is not significant"
 
 
 def _name(material: Material, row: pd.Series) -> str:

@@ -50,10 +50,11 @@ def section(material: Material) -> Section | None:
         blocks += [plan for data in material.data for plan in _plans(material, distance, data)]
     name = ap_name(distance)
     lead = (
-        f"An area is 20 m of road, one every 5 m. It is of high quality if its {name} is above 85, "
-        "and undecided if the interval of that holds 85. Counted on vehicles that the LiDAR "
-        "captured, and on all vehicles visible from the mount, where every LiDAR has the same "
-        "areas. The former must not be used to compare positions of a sensor."
+        "An area is 20 m of road, and an area begins every 5 m. It is of high quality if its "
+        f"{name} is above 85, and undecided if the 95 % interval includes 85. The tables use two "
+        "subsets of the vehicles: the vehicles that the LiDAR captured, and all vehicles visible "
+        "from the mount. With the second subset, every LiDAR has the same areas. The first subset "
+        "must not be used to compare positions of a sensor."
     )
     return Section(
         "areas", "High-quality areas", lead, [*blocks, _table(material, first_seed(areas))]
@@ -123,7 +124,7 @@ def _plans(material: Material, distance: pd.DataFrame, data: DataSet) -> list[Bl
         (distance.scene == data.scene)
         & (distance.preset == data.preset)
         & (distance.ground_truth == "all")
-        & (distance.road != LANES)  # areas of lanes are cells, not windows
+        & (distance.road != LANES)  # areas of lanes are squares, not windows
     ]
     if done.empty or rows.empty:
         return []
@@ -135,8 +136,8 @@ def _plans(material: Material, distance: pd.DataFrame, data: DataSet) -> list[Bl
         if lidar in data.names
     ]
     caption = (
-        f"Where the areas of high quality are, {data.scene}, preset {data.preset}, "
-        f"{detector(best)}: {MEANING['all']}. The triangle is the LiDAR."
+        f"Positions of the high-quality areas, {data.scene}, preset {data.preset}, "
+        f"{detector(best)}: {MEANING['all']}. The triangle marks the LiDAR."
     )
     source = material.results.source("distance")
     name = f"figure-plan-{data.scene}-{data.preset}"
@@ -156,10 +157,10 @@ def _plan(material: Material, data: DataSet, rows: pd.DataFrame) -> Panel:
         legend.remove()
     for patch in figure.findobj(Patch):
         patch.set_hatch(_hatch(patch.get_hatch()))
-    label = f"Plan of {data.scene} with {high} areas of {title} that are surely of high quality"
+    label = f"Plan of {data.scene} with {high} high-quality areas of {title}"
     keys = (data.scene, data.preset, lidar)
     return Panel(
-        f"{title}: surely {high} of {len(rows)}",
+        f"{title}: {high} of {len(rows)} of high quality",
         svg.inline(figure, svg.identifier("plan", *keys), label),
     )
 
@@ -173,8 +174,8 @@ def _table(material: Material, areas: pd.DataFrame) -> Table:
     heads = [Column(c) for c in ("Scene, road", "LiDAR", "Preset", "Detector", "Ground truth")]
     heads += [Column(c, number=True) for c in ("Areas", "High", "Undecided", "Share of high, %")]
     caption = (
-        "Detection areas with enough vehicles, and those of high quality among them. Ground truth "
-        "captured must not be used to compare positions of a sensor."
+        "Numbers of detection areas with enough vehicles, and of high-quality areas among them. "
+        "The subset captured must not be used to compare positions of a sensor."
     )
     rows = [_row(material, row) for row in areas.itertuples()]
     return Table(caption, heads, rows, material.results.source("areas"), closed=len(rows) > 24)

@@ -16,11 +16,11 @@ from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.style import FAINT, drawing, panel
 
 MEANING = {
-    "captured": "vehicles that the LiDAR captured, with at least one point; these differ between "
+    "captured": "vehicles on which the LiDAR has at least one point; these vehicles differ between "
     "LiDARs and mounts, so this AP must not be used to compare positions of a sensor",
-    "common": "vehicles in the view of all LiDARs",
-    "all": "all vehicles of the region that are visible from the mount, the same for every LiDAR "
-    "there; another mount sees others",
+    "common": "vehicles in the field of view of all LiDARs",
+    "all": "all vehicles of the region that are visible from the mount; these are the same for "
+    "every LiDAR of a mount, but differ between mounts",
 }
 
 
@@ -37,8 +37,9 @@ def section(material: Material) -> Section | None:
         if truth in ("captured", "all")
     ]
     lead = (
-        f"{ap_name(table)} in windows of {WINDOW_M:g} m along the road, s = 0 at the LiDAR and "
-        f"growing along its view; with 95 % intervals. The thin line is an AP of {HIGH_QUALITY:g}."
+        f"{ap_name(table)} in windows of {WINDOW_M:g} m along the road, with 95 % intervals. The "
+        "position s is 0 at the LiDAR and increases in its viewing direction. The thin line is at "
+        f"an AP of {HIGH_QUALITY:g}."
     )
     opened = [Figure(**vars(f) | {"closed": i > 0}) for i, f in enumerate(figures)]
     return Section("distance", "Distance", lead, opened)

@@ -14,7 +14,7 @@ from pyinfra.viz.report.names import in_order
 from pyinfra.viz.report.report_data import Material
 
 KEY = ["scene", "lidar"]
-LEAD = "How many points a frame has, on average over all frames."
+LEAD = "Number of points in a frame, averaged over all frames."
 
 
 def section(material: Material) -> Section | None:
@@ -34,8 +34,8 @@ def section(material: Material) -> Section | None:
         names = [TableCell(scene), TableCell(material.names.label(lidar))]
         cells.append([*names, *(_hits(by_preset, preset) for preset in presets)])
     source = TableFile("report_hits.csv", rows)
-    caption = f"Mean hit points of a frame. {remark}"
-    return Section("hits", "Hit points", LEAD, [Table(caption, heads, cells, source)])
+    caption = f"Mean number of points per frame. {remark}"
+    return Section("hits", "Points per frame", LEAD, [Table(caption, heads, cells, source)])
 
 
 def by_lidar(material: Material, rows: pd.DataFrame) -> list[tuple[tuple[str, str], pd.DataFrame]]:
@@ -64,7 +64,8 @@ def measured(material: Material) -> tuple[pd.DataFrame, str]:
     if not parts:
         return table, ""
     rows = pd.concat(parts, ignore_index=True)[[*KEY, "preset", "frames", "hits_per_frame"]]
-    return rows.assign(origin="summary.csv of the data set"), "From the summaries of the data sets."
+    remark = "The numbers are from the files summary.csv of the data sets."
+    return rows.assign(origin="summary.csv of the data set"), remark
 
 
 def _hits(by_preset: pd.DataFrame, preset: str) -> TableCell:

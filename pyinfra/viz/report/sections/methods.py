@@ -10,31 +10,43 @@ from pyinfra.viz.report.names import DETECTORS, detector, in_order
 from pyinfra.viz.report.report_data import Material
 
 LEAD = (
-    "Definitions and rules are in docs/conventions.md of the project. Everything is simulated: no "
-    "vegetation, one pole for each scene."
+    "The definitions and rules are in docs/conventions.md of the project. All data are simulated, "
+    "without vegetation and with one pole per scene."
 )
 STEPS = (
-    ("Scene", "Roads, traffic and one pole; every vehicle moves, also within a frame."),
-    ("LiDARs", "All at the pole at the same time; each ray is cast at its own firing time."),
-    ("Frames", "KITTI layout: points, boxes, and how many points each vehicle got."),
-    ("Scanning", "Hits, points per vehicle and their fall-off with distance."),
-    ("Detectors", "Each is trained on the first 400 s of a LiDAR, tested on the last 90 s."),
-    ("MatchResult", "AP with intervals, along the road, by area; latency and price."),
+    ("Scene", "Roads, traffic and one pole; vehicles also move within a frame."),
+    (
+        "LiDARs",
+        "All LiDARs are simulated at the same pole and time; each ray is cast at its firing time.",
+    ),
+    ("Frames", "KITTI layout: points, boxes and the number of points on each vehicle."),
+    ("Scanning", "Points per frame, and points per vehicle by distance."),
+    (
+        "Detectors",
+        "Each is trained on the first 400 s of a LiDAR's frames and tested on the last 90 s.",
+    ),
+    ("Evaluation", "AP with intervals, along the road and by area; latency and price."),
 )
 KINDS = {
-    "pointpillars": ("pillars, one stage", "columns of points become a picture from above"),
-    "pv-rcnn": ("voxels and points, two stages", "sparse voxels propose, key points refine"),
+    "pointpillars": ("pillars, one stage", "a bird's-eye-view image of columns of points"),
+    "pv-rcnn": (
+        "voxels and points, two stages",
+        "sparse voxels propose boxes, key points refine them",
+    ),
     "dsvt": ("pillars, transformer", "attention within sets of sparse pillars"),
     "pointrcnn": ("points, two stages", "every foreground point proposes a box"),
-    "pointrcnn-remedied": ("points, two stages", "PointRCNN with its faults at roadside mended"),
-    "centerpoint-pillar": ("pillars, one stage", "finds centres of vehicles, no anchors"),
+    "pointrcnn-remedied": ("points, two stages", "PointRCNN with changes for roadside frames"),
+    "centerpoint-pillar": (
+        "pillars, one stage",
+        "predicts the centres of vehicles, without anchors",
+    ),
     "background": ("no training", "a model of the empty site, clusters, fitted boxes"),
 }
 
 
 def section(material: Material) -> Section:
     """Returns the processing steps, the detectors and the provenance."""
-    blocks: list[Block] = [Steps("The way of the data", STEPS)]
+    blocks: list[Block] = [Steps("Processing steps", STEPS)]
     names = in_order(material.results.table("experiments").detector, DETECTORS)
     if names:
         blocks.append(_detectors(names))
@@ -44,7 +56,8 @@ def section(material: Material) -> Section:
 
 def _detectors(names: list[str]) -> Table:
     rows = [
-        [TableCell(detector(n)), *(TableCell(t) for t in KINDS.get(n, ("own", "")))] for n in names
+        [TableCell(detector(n)), *(TableCell(t) for t in KINDS.get(n, ("user's detector", "")))]
+        for n in names
     ]
     heads = [Column("Detector"), Column("Kind"), Column("How it works")]
     table = pd.DataFrame([[c.text for c in row] for row in rows], columns=["name", "kind", "how"])
@@ -69,7 +82,7 @@ def _provenance(material: Material) -> Table:
         for row in listed.itertuples()
     ]
     heads = [Column(c.capitalize(), number=c == "rows") for c in columns]
-    caption = "Where the numbers come from."
+    caption = "Provenance of each results table."
     return Table(caption, heads, cells, TableFile("report_provenance.csv", listed))
 
 

@@ -45,8 +45,11 @@ def section(material: Material) -> Section | None:
     blocks: list[Block] = [*_patterns(material, exact[0]), _plans(exact), _sheet(material, exact)]
     blocks += [_cutouts(material, d) for d in exact]
     blocks += [*_aggregations(material), *_boxes(material), _speeds(exact)]
-    lead = "Drawn from frames on disk; x is along the LiDAR's view, y to its left, in metres."
-    return Section("pictures", "What the LiDARs see", lead, blocks)
+    lead = (
+        "Pictures of frames on disk. The x axis points in the LiDAR's viewing direction, the y "
+        "axis to its left; both are in metres."
+    )
+    return Section("pictures", "Pictures of the frames", lead, blocks)
 
 
 def frame_of(material: Material, data: DataSet) -> int:
@@ -86,9 +89,11 @@ def _patterns(material: Material, data: DataSet) -> list[Block]:
     if not patterns:
         return []
     picture = pattern_picture(patterns)
-    drawn = _drawn(picture, "patterns", f"Rays of {', '.join(patterns)} in one frame")
-    caption = f"Scanning patterns, preset {data.preset}: a frame, and a car's rear 60 m ahead."
-    return [Figure("figure-patterns", caption, [drawn], layout="wide", plate=True)]
+    panel_of = _drawn(picture, "patterns", f"Rays of {', '.join(patterns)} in one frame")
+    caption = (
+        f"Scan patterns of one frame, preset {data.preset}, and the rays on a car's rear at 60 m."
+    )
+    return [Figure("figure-patterns", caption, [panel_of], layout="wide", plate=True)]
 
 
 def _plans(data_sets: Sequence[DataSet]) -> Block:
@@ -115,8 +120,8 @@ def _sheet(material: Material, data_sets: Sequence[DataSet]) -> Block:
             name = f"above {data.scene} {data.preset} {folder.name}"
             panels.append(_drawn(_above(view), name, f"{title}, from above", title))
     caption = (
-        "One frame from above. Boxes of vehicles are darker and more solid the more points they "
-        "have; those without a point are crossed out. Dashed: field of view and range."
+        "One frame from above. The box of a vehicle with more points is darker and more solid. "
+        "Boxes without points are crossed out. Dashed lines: field of view and range."
     )
     legend = _box_legend(views)
     return Figure("figure-sheet", caption, panels, legend=legend, layout="half", plate=True)
@@ -149,7 +154,7 @@ def _cutouts(material: Material, data: DataSet) -> Block:
     label = f"The same cars as each LiDAR sees them, {data.scene}"
     drawn = _drawn(picture, f"cutouts {data.scene} {data.preset} {data.aggregation}", label)
     name = f"figure-cutouts-{data.scene}-{data.preset}"
-    caption = f"Cars cut out, at five distances, {data.scene}, preset {data.preset}."
+    caption = f"Cut-outs of cars at five distances, {data.scene}, preset {data.preset}."
     return Figure(name, caption, [drawn], layout="wide", plate=True)
 
 
@@ -205,8 +210,8 @@ def _boxes_figure(material: Material, data: DataSet, runs: list[Run], frame: int
     view = read_snapshot(data.lidar_folder(lidar), frame)
     panels = [_boxes_panel(data, view, run, frame) for run in runs]
     caption = (
-        f"Predicted boxes (thick, score {SHOWN_SCORE:g} or more) on frame {frame} of "
-        f"{material.names.model(lidar)}, {data.scene}, preset {data.preset}. Thin: labels."
+        f"Predicted boxes (thick lines, score {SHOWN_SCORE:g} or more) and labels (thin lines) in "
+        f"frame {frame} of {material.names.model(lidar)}, {data.scene}, preset {data.preset}."
     )
     predicted = LegendEntry("predicted", svg.line_swatch(PREDICTED, "-", ""))
     entries = [predicted, *_box_legend([view])]
@@ -241,7 +246,7 @@ def _speeds(data_sets: Sequence[DataSet]) -> Block:
     first = list({d.scene: d for d in data_sets}.values())
     table = pd.concat([described(d, speed_table(d), above_road=False) for d in first])
     panels = [_speed_panel(rows) for _, rows in table.groupby("scene", sort=False)]
-    caption = "Speeds of all vehicles at the times of the frames."
+    caption = "Speeds of all vehicles at the middle of each frame."
     return Figure("figure-speeds", caption, panels, TableFile("report_speeds.csv", table))
 
 
@@ -259,4 +264,4 @@ def _speed_panel(rows: pd.DataFrame) -> Panel:
         ax.set(xlabel="speed (km/h)", ylabel="samples (%)")
         label = f"Speeds of vehicles, {scene}"
         drawn = svg.inline(figure, svg.identifier("speeds", scene), label)
-    return Panel(f"{scene}, {beyond:,} beyond" if beyond else scene, drawn)
+    return Panel(f"{scene}, {beyond:,} samples above the scale" if beyond else scene, drawn)

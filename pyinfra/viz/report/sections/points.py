@@ -32,9 +32,10 @@ def section(material: Material) -> Section | None:
     presets = in_order(table.preset, PRESETS)
     figures = [_figure(material, table, source, preset, presets) for preset in presets]
     lead = (
-        "The mean number of points on a vehicle, hit or not, in bins of 5 m of distance, with 95 % "
-        "intervals where there are frames enough. Common: vehicles in view and range of every "
-        "LiDAR; view: the same without the range, so what lies beyond a LiDAR's range counts."
+        "Mean number of points on a vehicle in distance bins of 5 m, with 95 % intervals where "
+        "there are enough frames. Vehicles without points count as 0. Common: vehicles in the "
+        "field of view and within the range of every LiDAR. View: vehicles in the field of view "
+        "of every LiDAR, at any range."
     )
     return Section("points", "Points per vehicle", lead, figures)
 

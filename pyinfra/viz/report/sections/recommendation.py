@@ -39,17 +39,20 @@ def _lead(material: Material, answer: Answer, any_one: Option) -> str:
         f"{any_one.scene.capitalize()}, preset {any_one.preset}, {_asked(material.requirements)}: "
     )
     if not answer.named:
-        return f"{text}no option meets this."
+        return f"{text}no option meets the requirements."
     first = answer.named[0]
     name = _name(material, first)
-    reach = (
+    result = (
         f"{first.ap_name} of {COUNTED[first.whole]} {with_interval(first.ap_whole)}, "
         f"{first.price_usd:,.0f} USD"
     )
     if answer.meets:
-        return f"{text}{name}. {reach}."
+        return f"{text}{name}. {result}."
     relaxed = answer.relax[0].replace("`", "")
-    return f"{text}no option meets this. The nearest is {name}: {reach}; it needs {relaxed}."
+    return (
+        f"{text}no option meets the requirements. The nearest is {name}: {result}. It meets the "
+        f"requirements with {relaxed}."
+    )
 
 
 def _asked(requirements: Requirements) -> str:
@@ -58,9 +61,9 @@ def _asked(requirements: Requirements) -> str:
         if math.isfinite(requirements.budget_usd)
         else "any price"
     )
-    ap = f"AP {requirements.min_ap:g} of the whole road's vehicles or more"
-    asked = f"{money}, {ap}, {requirements.range_m:g} m either way"
-    return f"{asked}, {requirements.latency_ms:g} ms a frame or less"
+    ap = f"AP of at least {requirements.min_ap:g} for the vehicles of the whole road"
+    asked = f"{money}, {ap}, {requirements.range_m:g} m in each direction"
+    return f"{asked}, at most {requirements.latency_ms:g} ms per frame"
 
 
 def _table(material: Material, answer: Answer) -> Table:
@@ -73,12 +76,12 @@ def _table(material: Material, answer: Answer) -> Table:
     pairs = zip(answer.named, answer.relax, strict=True)
     rows = [_row(material, option, relax) for option, relax in pairs]
     caption = (
-        f"What pyinfra recommend names, by {name} of {COUNTED[answer.named[0].whole]} (whole "
-        "road); the other AP is of those that the LiDAR captures. Road is covered where AP of the "
-        "whole road is above what is asked."
+        f"Options of pyinfra recommend, in order of {name} of {COUNTED[answer.named[0].whole]} "
+        f"(whole road). The other {name} is of the vehicles that the LiDAR captures. Road is "
+        "covered where the AP of the whole road is above the required AP."
     )
     if not answer.meets:
-        caption = f"The nearest, and what to relax. {caption}"
+        caption = f"The nearest options, and the requirement to relax for each. {caption}"
     return Table(caption, heads, rows, material.results.source("experiments"))
 
 

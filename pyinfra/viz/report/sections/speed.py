@@ -22,7 +22,7 @@ from pyinfra.viz.report.style import FAINT, GROUND, drawing, log_ticks, panel
 from pyinfra.viz.scanning_plots import MARKERS
 
 COSTS = {
-    "latency_p50_ms": ("latency", "median latency (ms)", "AP against median latency of a frame"),
+    "latency_p50_ms": ("latency", "median latency (ms)", "AP against median latency per frame"),
     "train_seconds": ("training", "training (s of one core)", "AP against training time"),
 }
 
@@ -39,9 +39,9 @@ def section(material: Material) -> Section | None:
     fronts = [_fronts(experiments[experiments.preset == preset]) for preset in presets]
     table = _table(material, pd.concat(fronts, ignore_index=True))
     lead = (
-        "Latency is from the points of a frame to its boxes, on one core; a LiDAR delivers a frame "
-        f"every {FRAME_MS:g} ms (the upright line). While it was measured "
-        f"{timing_load(experiments)}. Training is CPU time of one core."
+        "Latency is the time from the points of a frame to its boxes on one core "
+        f"({timing_load(experiments)}). A LiDAR delivers a frame every {FRAME_MS:g} ms (the "
+        "vertical line). Training time is CPU time of one core."
     )
     return Section("speed", "Speed against accuracy", lead, [*blocks, table])
 
@@ -77,11 +77,11 @@ def _figure(material: Material, experiments: pd.DataFrame, preset: str, cost: st
         return None
     name, _, what = COSTS[cost]
     caption = (
-        f"{what} (logarithmic), preset {preset}, with intervals. The line is the Pareto front: "
-        "filled marks are beaten by no other in both."
+        f"{what} (logarithmic), preset {preset}, with 95 % intervals. The line is the Pareto "
+        "front. Filled marks are on the front."
     )
     if cost == "latency_p50_ms":
-        caption += " A mark reaches to the right up to the 95th percentile of its latency."
+        caption += " The bar to the right of a mark ends at the 95th percentile of the latency."
     panels = [_panel(material, rows[rows.scene == s], cost) for s in in_order(rows.scene, SCENES)]
     source = material.results.source("experiments")
     legend = _legend(material, rows)
@@ -144,7 +144,8 @@ def _table(material: Material, rows: pd.DataFrame) -> Table:
     """Returns a table of the Pareto front of AP and latency."""
     heads = [Column(c) for c in ("Scene", "Preset", "LiDAR", "Detector")]
     heads += [
-        Column(c, number=True) for c in (ap_name(rows), "Median, ms", "95 %, ms", "Training, s")
+        Column(c, number=True)
+        for c in (ap_name(rows), "Median, ms", "95th percentile, ms", "Training, s")
     ]
     lines = []
     for row in rows.itertuples():

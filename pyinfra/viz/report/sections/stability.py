@@ -48,30 +48,30 @@ def section(material: Material) -> Section | None:
     if not blocks:
         return None
     lead = (
-        "Each stressor goes from no stress to failure; no detector was tuned against it. A robust "
-        "detector keeps its AP up to a high severity."
+        "AP by the severity of each stressor, from no stress to failure. No detector was tuned for "
+        "the stressors. The AP of a robust detector decreases only at a high severity."
     )
     return Section("stability", "Stability", lead, blocks)
 
 
 TITLES = {
-    "stress_ranking": "Detectors by how gently they fail: mean share of the AP that is left.",
+    "stress_ranking": "Detectors by mean share of the AP without stress, over all severities.",
     "stress_summary": (
-        "For each curve: the severity at which AP is down by 10 points and to half, and the error "
-        "that is to blame first."
+        "For each curve: the severities at which AP has fallen by 10 points and to half, and the "
+        "kind of error that increases first."
     ),
 }
 
 
 def _figure(material: Material, table: pd.DataFrame, scene: str, preset: str) -> list[Block]:
     stressors = [name for name in table.stressor.unique() if name != NONE.name]
-    drawn = [_panel(material.names, table, name) for name in stressors]
-    panels = [p for p in drawn if p is not None]
+    made = [_panel(material.names, table, name) for name in stressors]
+    panels = [p for p in made if p is not None]
     if not panels:
         return []
     caption = (
         f"{ap_name(table)} under stress, {scene}, preset {preset}, with 95 % intervals; colours "
-        "are LiDARs, lines detectors."
+        "distinguish LiDARs, line styles distinguish detectors."
     )
     source = material.results.source("stress")
     legend = _legend(material.names, table)
@@ -135,7 +135,7 @@ def _panel(names: Names, table: pd.DataFrame, stressor: str) -> Panel | None:
         for key, line in rows.groupby(["lidar", "detector"], sort=False):
             _line(names, ax, line, str(key[0]), str(key[1]), named=bool(named))
         if named:
-            ticks = ["own", *dict.fromkeys(stressed.severity)]
+            ticks = ["none", *dict.fromkeys(stressed.severity)]
             ax.set_xticks(range(len(ticks)), [names.model(t).split(" ")[-1] for t in ticks])
         if stressor == "training_frames":
             ax.invert_xaxis()
@@ -149,12 +149,12 @@ def _line(names: Names, ax: Any, rows: pd.DataFrame, lidar: str, by: str, *, nam
     line, marker = _style(by)
     style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 3.2, "linewidth": 1.1}
     if named:  # names have no order, so the markers are not joined by a line
-        reach = [
+        distances = [
             (rows.ap_r1000 - rows.ap_r1000_low).clip(lower=0),
             (rows.ap_r1000_high - rows.ap_r1000).clip(lower=0),
         ]
         shift = 0.07 * (list(DETECTORS).index(by) if by in DETECTORS else 0)
-        ends = np.nan_to_num(np.array(reach))
+        ends = np.nan_to_num(np.array(distances))
         ax.errorbar(rows["at"] + shift, rows.ap_r1000, ends, linestyle="", elinewidth=0.6, **style)
         return
     ax.plot(rows["at"], rows.ap_r1000, linestyle=line, **style)

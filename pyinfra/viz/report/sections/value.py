@@ -59,14 +59,18 @@ def _value(material: Material) -> pd.DataFrame:
 
 
 def _lead(material: Material, value: pd.DataFrame) -> str:
-    text = "Prices are of LiDARs alone, as their sources state them: no pole, computer or power."
+    text = (
+        "Prices are those of the LiDARs only, from the listed sources, without pole, computer and "
+        "power."
+    )
     if value.site_usd.max() > 0:
         site = f"US$ {value.site_usd.max():,.0f}"
         text = (
-            f"Prices are of LiDARs, as their sources state them, and {site} assumed for the site."
+            f"Prices are those of the LiDARs, from the listed sources, plus an assumed {site} for "
+            "the site."
         )
     if mounts_of(value).max() > 1:
-        text += " Of a scene with several mounts they are the sum over these."
+        text += " For a scene with several mounts, the price is the sum over all mounts."
     if value.empty:
         return text
     best = material.of_answers(value)
@@ -75,7 +79,7 @@ def _lead(material: Material, value: pd.DataFrame) -> str:
         rows = best[(best.scene == scene) & _on_front(best)]
         names = [material.names.model(x) for x in material.names.sorted(rows.lidar)]
         parts += [f"{scene} ({rows.preset.iloc[0]}): {', '.join(names)}"] if names else []
-    claim = "Beaten by no other in price and AP of the whole road"
+    claim = "On the Pareto front of price and AP of the whole road"
     return f"{text} {claim}: {'; '.join(parts)}." if parts else text
 
 
@@ -97,9 +101,9 @@ def _front(material: Material, value: pd.DataFrame, preset: str) -> Figure:
     panels = [_panel(material, rows[rows.scene == s]) for s in in_order(rows.scene, SCENES)]
     return Figure(
         f"figure-price-{preset}",
-        f"{ap_name(rows)} of the whole road's vehicles against price, preset {preset}. Every "
-        "detector is a mark; the line joins the choices that no other beats in both, and what is "
-        "beaten is hollow.",
+        f"{ap_name(rows)} of the vehicles of the whole road against price, preset {preset}, with "
+        "a mark for each detector. The line is the Pareto front. Options that are not on the "
+        "front have hollow marks.",
         panels,
         material.results.source("value"),
         legend(material.names, material.names.sorted(rows.lidar)),
@@ -131,8 +135,9 @@ def _table(material: Material, value: pd.DataFrame) -> Table:
     heads += [Column(title, number=True) for title, _ in HEADS.values()]
     rows = [_row(material, row) for _, row in value.iterrows()]
     return Table(
-        "What a dollar buys, and what beats a choice that is not on the Pareto front.",
-        [*heads, Column("Beaten by")],
+        "Performance per dollar. An option that is not on the Pareto front is dominated by the "
+        "option in the last column.",
+        [*heads, Column("Dominated by")],
         rows,
         material.results.source("value"),
         closed=len(rows) > 16,
@@ -142,13 +147,13 @@ def _table(material: Material, value: pd.DataFrame) -> Table:
 def _row(material: Material, row: pd.Series) -> list[TableCell]:
     texts = [row.scene, material.names.model(row.lidar), row.preset, detector(row.detector)]
     values = [number(float(row[c]), form, str(row.origin)) for c, (_, form) in HEADS.items()]
-    beaten = TableCell(spelled(material, str(row.dominated_by)))
+    dominating = TableCell(spelled(material, str(row.dominated_by)))
     return [
         *(TableCell(str(t)) for t in texts),
         number(row.ap_r1000),
         number(row.ap_whole_r1000),
         *values,
-        beaten,
+        dominating,
     ]
 
 

@@ -24,8 +24,8 @@ def section(material: Material) -> Section | None:
         return None
     blocks: list[Block] = [_view(material, data) for data in reversed(data_sets.values())]
     blocks.append(Embed(page.library(), ""))
-    lead = "One frame in 3-D: switch the LiDAR, the boxes, and what colours the points."
-    return Section("view", "Look around", lead, blocks)
+    lead = "One frame in 3-D. Choose the LiDAR, the boxes and the quantity that colours the points."
+    return Section("view", "3-D view", lead, blocks)
 
 
 def _view(material: Material, data: DataSet) -> Embed:
