@@ -145,7 +145,7 @@ def _check(args: argparse.Namespace) -> None:
     if (args.data is None) == (not args.cloud) or (args.data is not None and args.out is None):
         raise Error("detect: expected --data with --out, or clouds, got no or two inputs")
     if args.drop_standing and args.data is None:
-        raise Error("--drop-standing: expected --data, got clouds alone")
+        raise Error("--drop-standing: expected --data, got only clouds")
 
 
 def _in_folder(args: argparse.Namespace, model: Path) -> FolderDetections:
@@ -160,7 +160,7 @@ def _in_folder(args: argparse.Namespace, model: Path) -> FolderDetections:
         model, args.data, args.out, files=files, where=where, warn=progress, **how
     )
     if result.left_out is not None:
-        print(f"{result.left_out} boxes left out, as they stand where nothing moves")
+        print(f"{result.left_out} boxes removed, because they are where nothing moves")
     return result
 
 

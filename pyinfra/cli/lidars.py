@@ -18,7 +18,9 @@ NOTHING = "-"
 HEADS = ("lidar", "model", "lines", "view, deg", "range", "10 %", "USD", "", "presets")
 LEFT = (0, 1, 7, 8)  # indices of the text columns, which are left-aligned
 ASSUMED = "*"
-ASSUMPTION = f"{ASSUMED} the only range known: how it goes with reflectance and light is assumed"
+ASSUMPTION = (
+    f"{ASSUMED} the only published range: its dependence on reflectance and light is assumed"
+)
 LETTERS: dict[str, str] = {name: name[0] for name in PRESETS}
 LEGEND = ", ".join(f"{letter} {name}" for name, letter in LETTERS.items())
 

@@ -121,7 +121,9 @@ def main(words: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except KeyboardInterrupt:
-        print("pyinfra: interrupted; the same command goes on, or begins anew", file=sys.stderr)
+        print(
+            "pyinfra: interrupted; run the same command again to resume or restart", file=sys.stderr
+        )
         return 130
     except Exception as error:
         if "--traceback" in words:

@@ -87,7 +87,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="merged frame to which the labels belong; default: newest",
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for the trained detector")
-    parser.add_argument("--seed", type=int, default=OF_NETWORKS["seed"])
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=OF_NETWORKS["seed"],
+        help=(
+            "seed of the initial weights, the sample order and the augmentation; default: "
+            f"{OF_NETWORKS['seed']}"
+        ),
+    )
     parser.add_argument(
         "--device",
         default=OF_NETWORKS["device"],
@@ -119,7 +127,7 @@ def run(args: argparse.Namespace) -> int:
         recipe = recipe.begun_with(args.start) if args.start is not None else recipe
     elif given := [key for key, usual in OF_NETWORKS.items() if getattr(args, key) != usual]:
         words = ", ".join(f"`{key}`" for key in given)
-        note(f"{recipe.detector}: no use for {words}", args)
+        note(f"{recipe.detector} does not use {words}", args)
     sources = _sources(args, recipe)
     if not isinstance(sources, Stream):
         sources = _with_region(args, recipe, sources)
@@ -150,8 +158,8 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
     for source in sources:
         if source.region is None:
             note(
-                f"{recipe.detector}: {source.lidar}: no roads.csv and no `region`, so what "
-                "moves is a vehicle anywhere",
+                f"{recipe.detector}: {source.lidar}: no roads.csv and no `region`: every moving "
+                "object counts as a vehicle",
                 args,
             )
     return sources
@@ -166,8 +174,8 @@ def check_mount(mount: str, scene: Path | None) -> None:
         raise Error(f"--mount: expected --scene, got '{mount}' without it")
     if mount == "fused":
         raise Error(
-            "--mount: expected one mount's name, got 'fused': fused frames are learnt from "
-            "disk, `infrasim run SCENE --fuse --out OUT` and --data OUT/fused/LIDAR"
+            "--mount: expected one mount's name, got 'fused': train on fused frames with "
+            "`infrasim run SCENE --fuse --out OUT` and --data OUT/fused/LIDAR"
         )
 
 

@@ -73,7 +73,7 @@ def _trust(folder: Path, args: argparse.Namespace) -> None:
 
     rows = trust_of(folder, args.pred, args.split, allow_missing=args.allow_missing)
     table = pd.DataFrame([asdict(row) for row in rows])
-    print(f"{folder}: {table.frames[0]} frames; shares of boxes by the least score (no label used)")
+    print(f"{folder}: {table.frames[0]} frames; shares of boxes by minimum score (without labels)")
     print(table.drop(columns="frames").to_string(index=False, float_format=lambda v: f"{v:.3g}"))
     if args.out is not None:
         args.out.mkdir(parents=True, exist_ok=True)

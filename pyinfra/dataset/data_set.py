@@ -57,7 +57,9 @@ def read_data_set(folder: Path) -> DataSet:
     Raises Error if there is no LiDAR or no frame, or if the LiDARs have different frames.
     """
     if not (folder / "dataset.yaml").is_file():
-        raise FileNotFoundError(2, "No dataset.yaml in it, as `infrasim run` writes", str(folder))
+        raise FileNotFoundError(
+            2, "The folder has no dataset.yaml; `infrasim run` writes it", str(folder)
+        )
     top = kitti.read_yaml(folder / "dataset.yaml")
     folders = lidars_in(folder)
     if not folders:
@@ -67,8 +69,8 @@ def read_data_set(folder: Path) -> DataSet:
     for lidar, numbers in zip(folders, frames, strict=True):
         if numbers != frames[0]:
             raise Error(
-                f"{folder}: {lidar.name} has {len(numbers)} frames and {folders[0].name} "
-                f"has {len(frames[0])}, or others; expected the same frames for every LiDAR"
+                f"{folder}: expected the same frames for every LiDAR, got {len(numbers)} frames of "
+                f"{lidar.name} and {len(frames[0])} of {folders[0].name}"
             )
     if not frames[0]:
         raise Error(f"{folder}: expected a frame, got none")
@@ -137,15 +139,15 @@ def without_region(lidar_folder: Path) -> str | None:
     if not file.is_file():
         if not description.is_file():
             return None
-        return f"{file}: missing, so no region is known, although there is a dataset.yaml: copy it"
+        return f"{file}: expected this file beside dataset.yaml, got none: the region is not known"
     if roads.is_file():
         return _without_outlines(data_set)
     preset = kitti.read_yaml(file).at("preset")
     if preset.text() == kitti.RECORDED:
         return None
     return (
-        f"{preset.location()}: got '{preset.text()}', of a simulation, but no {roads}: every "
-        "vehicle in reach counts, also beyond the region, and AP is another; copy the file too"
+        f"{preset.location()}: expected {roads} for simulated frames, got none: vehicles outside "
+        "the evaluation region count too; copy the file"
     )
 
 
@@ -155,7 +157,7 @@ def _without_outlines(data_set: Path) -> str | None:
     named = kitti.read_yaml(description).maybe("regions") if description.is_file() else None
     if named is None or file.is_file():
         return None
-    return f"{named.location()}: got outlines of the region, but no {file}: copy the file too"
+    return f"{named.location()}: expected {file} for the outlines, got none: copy the file"
 
 
 def field_of_view_mask(

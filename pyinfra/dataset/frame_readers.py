@@ -81,7 +81,7 @@ def other_types(
     name = str(vehicles.names[first])
     words = (line.replace(",", " ").split() for line in lines_of(file))
     line = next((i for i, row in enumerate(words, start=1) if name in row), 1)
-    return f"{file}:{line}: counted nowhere: {listed}; expected {', '.join(types)}"
+    return f"{file}:{line}: classes that are not counted: {listed}; expected {', '.join(types)}"
 
 
 def read_predictions(files: Sequence[Path | None], cameras: Cameras) -> Predictions:

@@ -37,11 +37,12 @@ def height_warnings(clouds: Sequence[Points], height_m: float) -> Iterator[str]:
         return
     if abs(road.height_m - height_m) > HEIGHT_OFF_M:
         yield (
-            f"`height_m` says {height_m:g} m, the road of the clouds lies {road.height_m:.2f} m "
+            f"`height_m` is {height_m:g} m, but the road in the clouds is {road.height_m:.2f} m "
             "below the sensor"
         )
     lean = math.degrees(math.hypot(*road.tilt))
     if lean > LEAN_DEG:
         yield (
-            f"the sensor leans by {lean:.1f} degrees to the road; `pyinfra import` levels clouds"
+            f"the sensor is tilted by {lean:.1f} degrees to the road; `pyinfra import` levels "
+            "clouds"
         )

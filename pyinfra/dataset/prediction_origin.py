@@ -61,12 +61,12 @@ def read_origin(predictions: Path) -> dict[str, str] | None:
     return {key: str(value) for key, value in kitti.read_keys(file).items()}
 
 
-def write_origin(predictions: Path, origin: Mapping[str, str], *, anew: bool = False) -> None:
-    """Writes the origin. With `anew`, an existing file is replaced.
+def write_origin(predictions: Path, origin: Mapping[str, str], *, replace: bool = False) -> None:
+    """Writes the origin. With `replace`, an existing file is replaced.
 
-    Without `anew`, raises Error if the folder has predictions of another model or other frames.
+    Without `replace`, raises Error if the folder has predictions of another model or other frames.
     """
-    there = None if anew else read_origin(predictions)
+    there = None if replace else read_origin(predictions)
     if there is not None:
         _check(predictions, there, origin, OF_FRAMES + OF_MODEL, "choose another folder")
     write(predictions / ORIGIN_FILE, yaml.safe_dump(dict(origin), sort_keys=False))
@@ -81,7 +81,11 @@ def check_origin(predictions: Path, lidar_folder: Path) -> bool:
     if there is None:
         return False
     _check(
-        predictions, there, origin_of(lidar_folder), OF_FRAMES, f"they are not of {lidar_folder}"
+        predictions,
+        there,
+        origin_of(lidar_folder),
+        OF_FRAMES,
+        f"they are not predictions of {lidar_folder}",
     )
     return True
 

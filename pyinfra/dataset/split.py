@@ -52,7 +52,7 @@ def by_time(
     )
     if not split.train or not split.val:
         raise Error(
-            f"expected some before {train_until_s:g} s and some from {val_from_s:g} s on "
+            f"expected frames before {train_until_s:g} s and from {val_from_s:g} s on "
             f"(`pyinfra split` sets both), got frames from {min(starts, default=0):g} to "
             f"{max(starts, default=0):g} s"
         )

@@ -67,7 +67,7 @@ def _check_lines(file: Path, data: bytes) -> None:
     """Raises FormatError unless all lines are complete and have as many columns as the first."""
     if not is_whole(data[-1:]):
         raise FormatError(
-            f"{file}: expected the end of the last line, got that of the file: is it cut short?"
+            f"{file}: expected a complete last line, got the end of the file: is it incomplete?"
         )
     signs = np.frombuffer(data, np.uint8)
     ends = np.flatnonzero(signs == ord("\n"))

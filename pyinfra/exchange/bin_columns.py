@@ -36,7 +36,11 @@ def columns_of(files: Sequence[Path], options: Options, usual: int = USUAL) -> t
     file.
     """
     if options.columns is not None:
-        note = "points of .bin files have no intensity: taken as 0" if options.columns == 3 else ""
+        note = (
+            "points of .bin files have no intensity: intensities are set to 0"
+            if options.columns == 3
+            else ""
+        )
         return options.columns, note
     sizes = [file.stat().st_size for file in files]
     fit = [n for n in TRIED if all(size % (4 * n) == 0 for size in sizes)]
@@ -50,12 +54,12 @@ def columns_of(files: Sequence[Path], options: Options, usual: int = USUAL) -> t
         return usual, ""
     others = " and ".join(str(n) for n in sorted(fit) if n != columns)
     if columns == usual:
-        why = f"as usual; {others} fit the sizes too"
+        why = f"the usual number; {others} also fit the sizes"
     else:
-        why = f"as the values rule out {others}" if others else "as no other number fits the sizes"
-    zero = "; no intensity, taken as 0" if columns == 3 else ""
-    note = f"points of .bin files are {columns} float32, {why}{zero}"
-    return columns, f"{note}; `columns` of an import says another number"
+        why = f"because the values exclude {others}" if others else "the only number that fits"
+    zero = "; intensities are set to 0" if columns == 3 else ""
+    note = f"a point of a .bin file has {columns} float32 values, {why}{zero}"
+    return columns, f"{note}; the argument `columns` sets another number"
 
 
 def _chosen(values: FloatArray, fit: Sequence[int], usual: int) -> int | None:

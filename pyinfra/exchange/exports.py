@@ -23,13 +23,13 @@ def split_note(lidar_folder: Path, frames: Sequence[int], name: str) -> str:
     if any((lidar_folder / f"ImageSets/{part}.txt").is_file() for part in parts):
         return ""
     if name == NUSCENES:
-        how = f"all {len(frames)} frames are in the split infrasim_all"
+        how = f"the split infrasim_all has all {len(frames)} frames"
     elif name in SPLIT_BY_SHARE:
         lists = train_and_val(lidar_folder, list(frames))
-        how = f"the first {len(lists['train'])} frames train, the last {len(lists['val'])} are val"
+        how = f"train has the first {len(lists['train'])} frames, val the last {len(lists['val'])}"
     else:
         return ""
-    return f"{lidar_folder}: not split: {how}; `pyinfra split` first splits by time, with a gap"
+    return f"{lidar_folder}: not split: {how}; `pyinfra split` splits by time, with a gap"
 
 
 def export(lidar_folder: Path, frames: Sequence[int], name: str, out: Path) -> None:

@@ -63,7 +63,10 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
     times, notes = _times(recording)
     if times is None:
         if not (period_s or recording.period_s):
-            notes.append(f"frames are {USUAL_S:g} s apart, as no times say it: `period_s` does")
+            notes.append(
+                f"no times are known, so the time between frames is set to {USUAL_S:g} s; "
+                "`period_s` sets another"
+            )
         return recording, notes
     steps = np.diff(times)
     if (steps < 0).any():
@@ -71,14 +74,14 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
         if not _regular(np.diff(times[order])):
             at = int(steps.argmin())
             notes.append(
-                f"the clock steps back by {-steps[at]:.3g} s after {recording.names[at]}: frames "
-                "stay in the order of their names, and the clock is not used"
+                f"the clock steps back by {-steps[at]:.3g} s after {recording.names[at]}: the "
+                "clock is not used, and frames are in the order of their names"
             )
             return recording, notes
         late = int((steps < 0).sum())
         notes.append(
-            f"frames are out of order ({late} times a frame is older than the one before it): "
-            "taken in the order of their times"
+            f"frames are out of order ({late} frames are older than the frame before): they are "
+            "sorted by time"
         )
         recording, times = _reordered(recording, order), times[order]
         steps = np.diff(times)
@@ -91,8 +94,8 @@ def _times(recording: Recording) -> tuple[FloatArray | None, list[str]]:
     if times is not None and not (known := np.isfinite(times)).all():
         first = recording.names[int(known.argmin())]
         notes.append(
-            f"{int((~known).sum())} of {len(times)} frames have no time in them, as {first}: that "
-            "of the others is not used"
+            f"{int((~known).sum())} of {len(times)} frames, such as {first}, have no time: the "
+            "times of the other frames are not used"
         )
         times = None
     if times is None:
@@ -125,13 +128,14 @@ def _by_clock(
     if (steps == 0).any():
         at = int((steps == 0).argmax())
         notes.append(
-            f"{int((steps == 0).sum())} frames have the time of another, as {names[at + 1]}"
+            f"{int((steps == 0).sum())} frames, such as {names[at + 1]}, have the time of another "
+            "frame"
         )
     if not PERIOD_S[0] <= usual <= PERIOD_S[1]:
         return recording, notes
     if period_s and not REGULAR[0] < period_s / usual < REGULAR[1]:
         notes.append(
-            f"`period_s` says {period_s:g} s, the clock {usual:.4g} s: {period_s:g} is taken"
+            f"`period_s` is {period_s:g} s and the clock has {usual:.4g} s: {period_s:g} s is used"
         )
     period = period_s or recording.period_s or round(usual, 4)
     apart = np.maximum(np.round(steps / usual), 1).astype(np.int64)
@@ -140,9 +144,9 @@ def _by_clock(
         at = int(steps.argmax())
         numbered = slots[-1] <= MOST_NUMBER and (recording.counted or recording.slots is not None)
         notes.append(
-            f"the clock jumps {int((apart > 1).sum())} times, the most by {steps[at]:.4g} s after "
-            f"{names[at]}: "
-            + ("the numbers leave that time out" if numbered else "the numbers do not show it")
+            f"frames are missing at {int((apart > 1).sum())} times, the longest gap is "
+            f"{steps[at]:.4g} s after {names[at]}: the frame numbers "
+            + ("have gaps there" if numbered else "have no gaps")
         )
         if numbered:
             recording = replace(recording, slots=tuple(slots))

@@ -50,8 +50,8 @@ def import_recording(
     read, format = reader(name), FORMATS[name]
     if source.exists() and not source.is_dir():
         raise Error(
-            f"{source}: expected a folder, got a file: archives are not unpacked, and pickles "
-            "never read because reading one can run what is in it"
+            f"{source}: expected a folder, got a file: unpack archives first; pickles are not "
+            "read, because reading a pickle can run code"
         )
     if options.intensity_max is None:
         options = replace(options, intensity_max=format.intensity_max)
@@ -80,31 +80,34 @@ def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = No
     out = []
     if not labelled:
         out.append(
-            "no labels: statistics of vehicles, evaluation and networks that are to learn "
-            "here need them"
+            "the frames have no labels: vehicle statistics, evaluation and training of networks "
+            "require labels"
         )
     elif not set(summary.types) & set(VEHICLE_TYPES):
         names = ", ".join(summary.types) or "none"
-        out.append(f"no vehicle among {names}; `types` (NAME=Car) says what is one")
+        out.append(f"no vehicle among {names}; `types` (NAME=Car) maps a class name to a vehicle")
     elif unknown := sorted(set(summary.types) - set(VEHICLE_TYPES) - set(OTHER_TYPES)):
         names = ", ".join(f"{name} ({summary.types[name]})" for name in unknown)
-        out.append(f"not understood, and no vehicle: {names}; `types` (NAME=TYPE) says what it is")
+        out.append(
+            f"unknown classes, which do not count as vehicles: {names}; `types` (NAME=TYPE) maps "
+            "them"
+        )
     if summary.without_return:
         out.append(
-            f"left out {summary.without_return} points without a return (not finite, or 0 0 0)"
+            f"removed {summary.without_return} points without a return (not finite, or 0 0 0)"
         )
     if summary.without_intensity:
-        out.append(f"{summary.without_intensity} intensities are not finite: taken as 0")
+        out.append(f"{summary.without_intensity} intensities are not finite: set to 0")
     if summary.empty:
-        out.append(f"{_some(summary.empty)} without a return: frames where nothing is")
+        out.append(f"{_some(summary.empty)} without a return: written as empty frames")
     if summary.doubled:
-        kept = "kept, as they have labels" if labelled else "left out"
-        out.append(f"{_some(summary.doubled)} with the same points as another: {kept}")
+        kept = "kept because of their labels" if labelled else "left out"
+        out.append(f"{_some(summary.doubled)} with the same points as another frame: {kept}")
     below = summary.below_m
     if height_m is not None and below is not None and abs(below - height_m) > HEIGHT_OFF_M:
         out.append(
-            f"`height_m` says {height_m:g} m, but the labelled vehicles stand {below:.2f} m below "
-            "the sensor"
+            f"`height_m` is {height_m:g} m, but the labelled vehicles are {below:.2f} m below the "
+            "sensor"
         )
     return out
 
@@ -129,9 +132,11 @@ def facts_of(
     """Converts a user's arguments to LidarFacts. Raises Error for an argument out of range."""
     out = out.resolve()
     if not re.fullmatch(r"[\w.-]+", out.name) or out.name.startswith("."):
-        raise Error(f"out: expected a LiDAR of letters, digits and _ . -, got '{out.name}'")
+        raise Error(
+            f"out: expected a LiDAR name of letters, digits, '_', '.', '-', got '{out.name}'"
+        )
     if price_usd is not None and not 0 <= price_usd[0] <= price_usd[1] < math.inf:
-        raise Error(f"price_usd: expected low from 0 and high from low on, got {price_usd}")
+        raise Error(f"price_usd: expected 0 <= low <= high, got {price_usd}")
     least, most = PERIOD_S
     if period_s is not None and not least <= period_s <= most:
         raise Error(f"period_s: expected {least:g} to {most:g}, got {period_s:g}")

@@ -86,7 +86,7 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
     lost = sorted(set(tracks) - known)
     notes = [note] if note else []
     if lost:
-        notes.append(f"{len(lost)} labelled frames have no cloud, as {lost[0]}: left out")
+        notes.append(f"{len(lost)} labelled frames, such as {lost[0]}, have no cloud: left out")
 
     def frame(i: int) -> RecordedFrame:
         points = read_bin(clouds[i], columns, options)

@@ -36,7 +36,9 @@ def cloud_reader(clouds: Sequence[Path]) -> tuple[Callable[[Path], Points], list
     brightest = max(map(_brightest, chosen), default=0.0)
     highest = usual_intensity_max(brightest)
     if highest != 1:
-        notes.append(f"intensities reach {brightest:.6g}: divided by {highest:g}")
+        notes.append(
+            f"the highest intensity is {brightest:.6g}: intensities are divided by {highest:g}"
+        )
 
     def read(cloud: Path) -> Points:
         if cloud in pcds:

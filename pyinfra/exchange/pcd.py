@@ -120,16 +120,16 @@ class Headers:
             text = _viewpoint_note(moved[0].viewpoint, shifted=shifted)
             poses = [np.vstack([h.viewpoint.turn, h.viewpoint.shift]) for h in self._all]
             if any(not np.array_equal(pose, poses[0]) for pose in poses):
-                text += f" in {moved[0].file.name}; they differ"
+                text += f" in {moved[0].file.name}; other clouds differ"
             notes.append(f"VIEWPOINT of {len(moved)} of {len(self.files)} clouds: {text}")
             if self.labelled:
-                notes.append("labels are taken to stand where VIEWPOINT moves the points")
+                notes.append("labels are assumed to be in the frame of the moved points")
         dark = [h for h in self._all if not set(INTENSITIES) & set(h.record.names or ())]
         if dark:
             names = " ".join(dark[0].record.names or ())
             notes.append(
-                f"{len(dark)} of {len(self.files)} clouds have no field for the intensity "
-                f"({names}): taken as 0"
+                f"{len(dark)} of {len(self.files)} clouds have no intensity field ({names}): "
+                "intensities are set to 0"
             )
         return notes
 
@@ -138,9 +138,9 @@ def _viewpoint_note(viewpoint: Viewpoint, *, shifted: bool) -> str:
     shift = "({:.6g}, {:.6g}, {:.6g})".format(*viewpoint.shift)
     text = f"points are turned by {viewpoint.angle_deg:.2f} degrees"
     if viewpoint.is_far:
-        return f"{text}, its shift {shift} is left out, as it is beyond {FARTHEST_M:g} m"
+        return f"{text}, its shift {shift} is ignored because it is beyond {FARTHEST_M:g} m"
     if not shifted:
-        return f"{text}, its shift {shift} is left out, as the sensor is the origin"
+        return f"{text}, its shift {shift} is ignored because the sensor is the origin"
     return f"{text} and moved by {shift}"
 
 

@@ -93,7 +93,10 @@ def survey(source: Path, read: Read, options: Options, given: LidarFacts, *, roa
     if unit != options.unit_m:
         assumed.append(MILLIMETRES)
     if highest != 1 and options.intensity_max is None:
-        assumed.append(f"intensities reach {_brightest(clouds):.6g}: divided by {highest:g}")
+        assumed.append(
+            f"the highest intensity is {_brightest(clouds):.6g}: intensities are divided by "
+            f"{highest:g}"
+        )
     result = Survey(
         replace(options, intensity_max=highest, unit_m=unit),
         np.eye(3),
@@ -107,7 +110,7 @@ def survey(source: Path, read: Read, options: Options, given: LidarFacts, *, roa
     result = _with_road(source, result, [cloud[:, :3] * unit for cloud in clouds])
     if origin is None or result.plane is None:
         return result
-    text = "the sensor is the origin: points are moved back by ({:.6g}, {:.6g}, {:.6g}) m"
+    text = "the sensor becomes the origin: points are moved back by ({:.6g}, {:.6g}, {:.6g}) m"
     back_m = origin * unit
     return replace(result, back_m=back_m, assumed=(*result.assumed, text.format(*back_m)))
 
@@ -142,8 +145,8 @@ def check_region(file: Path, region: Region, recording: Recording, estimate: Sur
             return
         reach = max(reach, float(np.abs(xyz[:, :2]).max(initial=0)))
     raise Error(
-        f"{file}: outline_m: expected a place that the sensor sees, got no return inside in "
-        f"{len(chosen)} frames: metres from the sensor, x and y within {reach:.0f}"
+        f"{file}: outline_m: expected an area with returns, in metres from the sensor, got none "
+        f"inside in {len(chosen)} frames: returns have x and y within {reach:.0f} m"
     )
 
 
@@ -182,9 +185,8 @@ def _unit(source: Path, clouds: Sequence[Floats], options: Options) -> float:
     if middle >= NEAREST_MEDIAN_MM:
         return 1e-3
     raise Error(
-        f"{source}: expected up to {FARTHEST_MEDIAN_M:g} (metres) or from {NEAREST_MEDIAN_MM:g} "
-        f"on (millimetres), got returns {middle:.0f} from the sensor (median): `unit_m` says "
-        "what one is"
+        f"{source}: expected a median range up to {FARTHEST_MEDIAN_M:g} (metres) or from "
+        f"{NEAREST_MEDIAN_MM:g} on (millimetres), got {middle:.0f}: `unit_m` sets the unit"
     )
 
 
@@ -216,17 +218,20 @@ def _with_road(source: Path, estimate: Survey, clouds: Sequence[Floats]) -> Surv
             return estimate
         _check_millimetres(source, estimate, "no road was found")
         text = (
-            "no road was found: points are turned as `tilt_deg` says and no more"
+            "no road was found: points are turned by `tilt_deg` only"
             if facts.tilt
-            else "no road was found: points stay as they are, z up; in metres around the sensor?"
+            else (
+                "no road was found: points are not turned; are they in metres around the sensor, "
+                "z up?"
+            )
         )
-        height = "" if facts.height_m is not None else ", and the sensor's height is not known"
+        height = "" if facts.height_m is not None else "; the height of the sensor is not known"
         return replace(estimate, assumed=(*estimate.assumed, text + height))
     turn = np.array(UPS[up], dtype=np.float64)
     assumed = list(estimate.assumed)
     if up != "z up":
         assumed.append(
-            f"{up}: turned so that z is up (x, y, z are now {_axes(turn)} of the source)"
+            f"{up}: points are turned so that z is up (x, y, z are {_axes(turn)} of the source)"
         )
     if plane.height_m < LOWEST_M:
         return _from_road_level(source, replace(estimate, turn=turn, assumed=tuple(assumed)), plane)
@@ -243,8 +248,8 @@ def _shaped(estimate: Survey, clouds: Sequence[Floats]) -> Survey:
     if shape is None:
         return estimate
     text = (
-        "the road is no plane: its heights are followed where vehicles drive, "
-        f"{SHAPE_REACH_M:g} m around the sensor and straight on from there"
+        f"the road is not a plane: its height profile is used up to {SHAPE_REACH_M:g} m from the "
+        "sensor, and extended in straight lines beyond"
     )
     return replace(estimate, facts=replace(facts, shape=shape), assumed=(*estimate.assumed, text))
 
@@ -287,17 +292,17 @@ def _axes(turn: FloatArray) -> str:
 def _from_road_level(source: Path, estimate: Survey, plane: RoadPlane) -> Survey:
     """Moves clouds whose origin is on the road down by the sensor height that the user gave."""
     height = estimate.facts.height_m
-    below = f"the road lies {plane.height_m:.2f} m below the origin"
+    below = f"the road is {plane.height_m:.2f} m below the origin"
     _check_millimetres(source, estimate, below)
     if height is None or height < LOWEST_M:
         raise Error(
-            f"{source}: expected {LOWEST_M:g} m or more, got the road {plane.height_m:.2f} m "
-            "below the origin: are points in the road's frame? `height_m` says how high above "
-            "it the sensor stands, and moves them down"
+            f"{source}: expected the road {LOWEST_M:g} m or more below the origin, got "
+            f"{plane.height_m:.2f} m: if the origin is on the road, set `height_m` to the height "
+            "of the sensor above the road"
         )
     text = (
-        f"{below}, points are in the road's frame: "
-        f"moved down by {height - plane.height_m:.2f} m, as `height_m` says"
+        f"{below}: by `height_m`, points are moved down by {height - plane.height_m:.2f} m, so "
+        "that the sensor is the origin"
     )
     return replace(
         estimate, lift_m=plane.height_m - height, plane=plane, assumed=(*estimate.assumed, text)
@@ -311,8 +316,8 @@ def _check_millimetres(source: Path, estimate: Survey, why: str) -> None:
     """
     if MILLIMETRES in estimate.assumed:
         raise Error(
-            f"{source}: expected coordinates around the sensor, got some that as millimetres "
-            f"make no sense ({why}): `unit_m` says what one is"
+            f"{source}: expected coordinates around the sensor, got others, if the unit is "
+            f"millimetres ({why}): `unit_m` sets the unit"
         )
 
 
@@ -332,8 +337,8 @@ def _as_given(
     other = find_plane(clouds, near) if not facts.tilt else None
     if other is None or other.share < LEAST_SHARE or other.score < plane.score / 3:
         raise Error(
-            f"{source}: height_m: expected {plane.height_m:.2f} within {off:.2g} m, where "
-            f"the road lies, got {facts.height_m:g}: leave the option out to take it"
+            f"{source}: height_m: expected the height above the road, {plane.height_m:.2f} m, "
+            f"within {off:.2g} m, got {facts.height_m:g}: leave it out to use the estimate"
         )
     return other
 
@@ -341,20 +346,20 @@ def _as_given(
 def _level(estimate: Survey, plane: RoadPlane) -> Survey:
     given = estimate.facts
     pitch, roll = (math.degrees(angle) for angle in plane.tilt)
-    share = f"{100 * plane.share:.0f} % of the ground near the sensor lies on it"
+    share = f"{100 * plane.share:.0f} % of the ground near the sensor is on this plane"
     if not math.isnan(plane.moved_share):
-        share += f", {100 * plane.moved_share:.0f} % of that under traffic"
+        share += f", and {100 * plane.moved_share:.0f} % of the ground under traffic"
     notes = [
-        f"the road lies {plane.height_m:.2f} m below the sensor: {share}, "
-        f"{100 * plane.residual_m:.0f} cm off (root mean square within {FIT_M:g} m)"
+        f"the road is {plane.height_m:.2f} m below the sensor: {share}; its root mean square "
+        f"distance to the plane is {100 * plane.residual_m:.0f} cm within {FIT_M:g} m"
     ]
     if plane.crown:
         notes.append(f"the road falls by {100 * plane.crown:.1f} % to either side of its crown")
     lean = f"pitch {pitch:.2f} and roll {roll:.2f} degrees"
     if given.tilt:
-        notes.append(f"`tilt_deg` is taken as it is; the road leans by {lean} there")
+        notes.append(f"`tilt_deg` is used; with it, the road is tilted by {lean}")
     elif math.hypot(pitch, roll) >= WORTH_DEG:
-        notes.append(f"the sensor leans by {lean} to the road, which is taken to be level")
+        notes.append(f"the sensor is tilted by {lean} to the road, which is assumed to be level")
     tilt = given.tilt or (plane.tilt if math.hypot(pitch, roll) >= WORTH_DEG else None)
     facts = replace(given, height_m=round(plane.height_m, 3), tilt=tilt)
     return replace(estimate, facts=facts, plane=plane, assumed=(*estimate.assumed, *notes))

@@ -176,12 +176,12 @@ def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
     have, want = {stem(file) for file in clouds}, {stem(file) for file in labels}
     for file in labels:
         if stem(file) not in have:
-            raise Error(f"{file}: expected a cloud for each label, got none for this one")
+            raise Error(f"{file}: expected a cloud for each label file, got none for this file")
     for file in clouds:
         if stem(file) not in want:
             raise Error(
-                f"{file}: expected a label for each cloud (an empty file: no object), got none "
-                "of this cloud"
+                f"{file}: expected a label file for each cloud (an empty file if it has no "
+                "object), got none for this cloud"
             )
 
 

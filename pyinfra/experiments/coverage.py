@@ -66,7 +66,7 @@ def no_interval(row: pd.Series, requirements: Requirements) -> str:
     if row.low_m > 0 or row.high_m < row.road_m:
         return "" if row.unsure < row.parts else f"no {what} has one: {FEW_BLOCKS}"
     if row.unsure == 0:
-        return f"no {what} is decided at AP {requirements.min_ap:g}"
+        return f"no {what} differs significantly from AP {requirements.min_ap:g}"
     return f"{row.unsure:.0f} of {row.parts:.0f} {what}s have none: {FEW_BLOCKS}"
 
 

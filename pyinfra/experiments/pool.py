@@ -151,7 +151,7 @@ def run(
             raise
         except Exception as error:
             rest = left(group)
-            progress(f"pyinfra: a worker died, {len(rest)} tasks left: {error!r}")
+            progress(f"pyinfra: a worker stopped, {len(rest)} tasks are left: {error!r}")
             if len(rest) < len(group):
                 groups.append(rest)
             elif len(group) > 1:

@@ -57,7 +57,7 @@ def compare(
         raise Error("compare: expected two evaluations or two lists, got one of each")
     if len(a) != len(b) or len(a) < 2:
         raise Error(
-            f"compare: expected two lists of one length from 2 on, got {len(a)} and {len(b)}"
+            f"compare: expected two lists of equal length, 2 or more, got {len(a)} and {len(b)}"
         )
     pairs = zip(a, b, strict=True)
     return over_seeds([_difference(x, y, ground_truth) for x, y in pairs])

@@ -85,7 +85,7 @@ def evaluate(
     100.0
     """
     if settings and object_class:
-        raise Error("object_class: expected it or settings, got both")
+        raise Error("object_class: expected either object_class or settings, got both")
     in_memory = isinstance(gt, FrameSequence) or isinstance(pred, pd.DataFrame)
     sequence = _chosen(gt, pred, frames, split)
     folder = sequence.folder if isinstance(sequence, RecordedFrames) else None
@@ -122,7 +122,7 @@ def _chosen(
         if frames is None:
             return gt
         if other := sorted(set(frames) - set(gt.numbers)):
-            raise Error(f"frames: expected some of the {len(gt)} frames, got {other[0]}")
+            raise Error(f"frames: expected frames of the {len(gt)} given, got {other[0]}")
         return gt.of(sorted(frames))
     folder = path_of(gt, "gt")
     if isinstance(pred, pd.DataFrame):

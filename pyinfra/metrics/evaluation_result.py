@@ -112,7 +112,7 @@ class Evaluation:
     @cached_property
     def _results(self) -> dict[str, MatchResult]:
         if self.predictions is None or self.settings is None:
-            raise Error("result: expected one of evaluate(), got tables without predictions")
+            raise Error("result: expected a result of evaluate, got tables without predictions")
         first, metric = next(iter(self.settings.classes)), self.settings.metrics[0]
         one = match_input(self.truth, self.predictions, first, self.settings, metric)
         matches = one.match(threshold_of(metric, self.settings.ious[0]), strict=False)
@@ -263,8 +263,8 @@ def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> li
     blocks = max(every, key=lambda one: one.block_s)
     if len(blocks.replicates) == 0:
         text = (
-            f"expected {MIN_BLOCKS:g} or more, got {blocks.count:.1f} blocks of "
-            f"{blocks.block_s:g} s, as long as a vehicle stays: no intervals"
+            f"expected {MIN_BLOCKS:g} or more time blocks, got {blocks.count:.1f} of "
+            f"{blocks.block_s:g} s (the time that a vehicle stays): no intervals are computed"
         )
         warnings.append(("few-blocks", text))
     for name, row in zip(table["class"], table.itertuples(), strict=True):
@@ -273,12 +273,12 @@ def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> li
         what = f"{row.ground_truth}, {near}, {row.protocol}"
         value = shown_ap(row)[0]
         if math.isnan(value):
-            warnings.append(("no-objects", f"{what}: no {kind} to be found, so AP is undefined"))
+            warnings.append(("no-objects", f"{what}: no {kind} counts, so AP is undefined"))
         elif value == 0:
             text = f"{what}: AP is 0: {row.predictions} predictions, {row.objects} {kind}s"
-            warnings.append(("ap-zero", f"{text}; `pyinfra validate` names the usual causes"))
+            warnings.append(("ap-zero", f"{text}; `pyinfra validate` checks for common causes"))
         elif str(row.protocol).startswith("kitti") and row.objects < KITTI_LEAST:
             cap = 100 * (row.objects - 1) / (KITTI_LEAST - 1)
-            text = f"{what}: {row.objects} vehicles: the devkit's AP cannot pass {cap:g}"
+            text = f"{what}: {row.objects} vehicles: the AP of the devkit cannot exceed {cap:g}"
             warnings.append(("kitti-cap", text))
     return [Finding("warning", name, text) for name, text in warnings]

@@ -28,7 +28,7 @@ def summary(evaluation: Evaluation) -> str:
             f"{_hidden(evaluation, row)}"
         )
     wide = max([12, *(len(road) + 1 for road in evaluation.areas.road)])
-    lines.append(f"high-quality areas ({AP_R1000} > {HIGH_QUALITY:g}), undecided ones included")
+    lines.append(f"high-quality areas ({AP_R1000} > {HIGH_QUALITY:g}), including undecided ones")
     lines += [
         f"{row.road:<{wide}}{row.ground_truth:<14}{row.n_hqda:>5} of {row.n_tda:>3} "
         f"{row.p_hqda:>15.1f} %  {_span(row.p_low, row.p_high):<16}{row.undecided:>3} undecided"
@@ -40,7 +40,7 @@ def summary(evaluation: Evaluation) -> str:
         lines.append(f"false positives, {which}: {listed}")
     for name, rows in evaluation.off_region.groupby("class", sort=False):
         if rows.boxes.notna().all():
-            lines.append(f"boxes off the region a minute, {name}: {_off_region(rows)}")
+            lines.append(f"boxes outside the region per minute, {name}: {_off_region(rows)}")
     if "difference" in evaluation.distance_ap:
         worst = evaluation.distance_ap.difference.abs().max()
         lines.append(f"cutting before matching changes the AP of a window by up to {worst:.2f}")

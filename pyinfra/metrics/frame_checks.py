@@ -165,14 +165,12 @@ def _clouds(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
         boxes_with_points += sum(_points_in(box, points) > 0 for box in labels.boxes)
         bright |= bool((points[:, 3] > 1).any() or (points[:, 3] < 0).any())
     if bright:
-        text = (
-            f"{folder}: intensities outside 0 to 1: scale them, or a detector sees something else"
-        )
+        text = f"{folder}: intensities outside 0 to 1: scale them, because detectors expect 0 to 1"
         yield Finding("warning", "intensity", text)
     if boxes > 0 and boxes_with_points < 0.5 * boxes:
         text = (
-            f"{folder}: {boxes_with_points} of {boxes} labelled boxes hold a point: are labels and "
-            "points in the same frame (camera convention, bottom centre, heading)?"
+            f"{folder}: {boxes_with_points} of {boxes} labelled boxes contain a point: are labels "
+            "and points in the same frame (camera convention, bottom centre, heading)?"
         )
         yield Finding("warning", "labels-off-points", text)
 
@@ -194,7 +192,9 @@ def _sizes(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
     around = median_filter(points, size=min(NEIGHBOURS, len(points)), mode="nearest")
     small = np.flatnonzero((points < SMALL * around) & (points > 0))
     for i in small[:MOST_ERRORS]:
-        text = f"{files[i]}: {points[i]:g} points, the frames around have {around[i]:g}: is it cut?"
+        text = (
+            f"{files[i]}: {points[i]:g} points, but its neighbours have {around[i]:g}: is it cut?"
+        )
         yield Finding("warning", "small-cloud", text)
     yield from errors[:MOST_ERRORS]
 
@@ -262,7 +262,10 @@ def _ranges(folder: Path, vehicles: Vehicles) -> Iterator[Finding]:
     boxes = captured.boxes
     bottom, top = boxes[:, 2] - boxes[:, 5] / 2, boxes[:, 2] + boxes[:, 5] / 2
     cut = (boxes[:, 2] < USUAL_LOW_Z).mean()
-    text = f"{folder}: vehicles stand at z {np.median(bottom):.2f} m (median), {bottom.min():.2f} "
+    text = (
+        f"{folder}: the undersides of vehicles are at z {np.median(bottom):.2f} m (median), "
+        f"{bottom.min():.2f} "
+    )
     text += f"at the lowest, and end at {top.max():.2f}: anchors' bottom and point range must fit"
     if cut > 0:
         text += f"; {100 * cut:.0f} % have their centre below {USUAL_LOW_Z:g} m, where the usual "

@@ -93,8 +93,8 @@ class GroundTruth:
             return places.inside & (vehicles.points >= min_points)
         if not self.has_objects:
             raise Error(
-                f"{self.folder}: objects: expected the folder, got none; only ground "
-                "truth captured needs none"
+                f"{self.folder}: objects: expected this folder, got none; only the subset captured "
+                "does not need it"
             )
         if which == "present":
             return places.inside

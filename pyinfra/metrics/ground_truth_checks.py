@@ -21,7 +21,7 @@ def ground_truth_findings(
     """
     if len(vehicles) == 0:
         text = f"{lidar_folder}: no label in {len(frames)} frames, so there is no AP; "
-        text += "`pyinfra validate` of the predictions asks what moves"
+        text += "`pyinfra validate` can check predictions without labels"
         yield Finding("warning", "no-labels", text)
     if other := other_types(lidar_folder, frames, vehicles, types):
         yield Finding("warning", "other-types", other)

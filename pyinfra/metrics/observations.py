@@ -132,7 +132,7 @@ def ends_of_runs(frames: Sequence[int], count: int) -> IntArray:
     runs = np.lib.stride_tricks.sliding_window_view(every, min(count, len(every)))
     ends = runs[runs[:, -1] - runs[:, 0] == count - 1, -1]
     if len(ends) == 0:
-        raise Error(f"accumulate: expected {count} frames one after another, got none")
+        raise Error(f"accumulate: expected {count} consecutive frames, got none")
     return np.asarray(ends)
 
 

@@ -85,20 +85,20 @@ def find_files(
     if unknown:
         raise FormatError(
             f"{by_frame[unknown[0]]}: expected one of its {len(known)}, {min(known)} to "
-            f"{max(known)}, got a frame that the ground truth has not{_and_more(unknown)}"
+            f"{max(known)}, got a frame that is not in the ground truth{_and_more(unknown)}"
         )
     findings = []
     if lidar_folder is not None and not check_origin(folder, lidar_folder):
-        text = f"{folder}: no {ORIGIN_FILE} says which frames these predictions are of"
+        text = f"{folder}: no {ORIGIN_FILE}, so the frames of these predictions are not known"
         findings.append(Finding("note", "origin", text))
     named = set(by_frame.values())
     odd = [file for file in present if file not in named]
     if odd:
-        text = f"{odd[0]}{_and_more(odd)}: not named as a frame (six digits), left out"
+        text = f"{odd[0]}{_and_more(odd)}: expected six digits as file name, got another: left out"
         findings.append(Finding("warning", "other-files", text))
     outside = by_frame.keys() - set(frames)
     if outside:
-        text = f"{folder}: {len(outside)} files of frames outside the split, left out"
+        text = f"{folder}: {len(outside)} files of frames outside the split: left out"
         findings.append(Finding("note", "outside-split", text))
     missing = [frame for frame in frames if frame not in by_frame]
     if missing:
@@ -107,8 +107,10 @@ def find_files(
             f"of {len(frames)} frames"
         )
         if not allow_missing:
-            raise FormatError(f"{text}; an empty file says that nothing was found")
-        findings.append(Finding("warning", "missing-files", f"{text}; taken as nothing found"))
+            raise FormatError(f"{text}; write an empty file for a frame without boxes")
+        findings.append(
+            Finding("warning", "missing-files", f"{text}; treated as frames without boxes")
+        )
     return PredictionFiles(tuple(by_frame.get(frame) for frame in frames), tuple(findings))
 
 
@@ -161,7 +163,7 @@ def _names(
     if other.all():
         raise FormatError(text)
     if known[other].all():
-        text = f"not evaluated: {listed}; `classes` says what is"
+        text = f"not evaluated: {listed}; `classes` sets the evaluated classes"
         yield Finding("note", "other-classes", text)
     else:
         yield Finding("warning", "other-classes", text)
@@ -187,8 +189,9 @@ def _angles(predictions: Predictions, files: Sequence[Path | None]) -> Iterator[
     large = np.abs(predictions.angle) > 2 * math.pi + 0.01
     if large.any():
         text = (
-            f"{_first(predictions, files, large)}: {large.sum()} of {len(large)} headings beyond "
-            f"2 pi, the first is {predictions.angle[large][0]:g}: degrees? Allowed radians"
+            f"{_first(predictions, files, large)}: {large.sum()} of {len(large)} headings beyond 2 "
+            f"pi, the first is {predictions.angle[large][0]:g}: expected radians, are these "
+            "degrees?"
         )
         yield Finding("warning", "heading-degrees", text)
 
@@ -257,14 +260,12 @@ def _heights(boxes: FloatArray, truth: FloatArray) -> Iterator[tuple[str, str]]:
     half = float(np.median(truth[:, 5])) / 2
     if abs(off) <= HEIGHT_OFF_M:
         return
-    text = f"boxes lie {abs(off):.2f} m too {'high' if off > 0 else 'low'} (median)"
+    text = f"boxes are {abs(off):.2f} m too {'high' if off > 0 else 'low'} (median)"
     if abs(abs(off) - half) < 0.25:
-        text += (
-            ", half of their height: is the bottom's centre taken for the box's, or the reverse?"
-        )
+        text += ", half of their height: is z the bottom instead of the centre, or the reverse?"
     else:
-        text += ": road level taken for the sensor's, or an anchor height that does not fit?"
-    yield "height-offset", f"{text} BEV overlap does not see it, 3-D does"
+        text += ": is z relative to the road instead of the sensor, or is the anchor height wrong?"
+    yield "height-offset", f"{text} This changes the 3-D IoU, but not the BEV IoU"
 
 
 def _headings(boxes: FloatArray, truth: FloatArray) -> Iterator[tuple[str, str]]:

@@ -46,7 +46,7 @@ class Settings:
         for which in self.ground_truths:
             if which not in SUBSETS:
                 near = suggestion(which, SUBSETS)
-                raise Error(f"ground_truths: expected names of them, got '{which}'{near}")
+                raise Error(f"ground_truths: expected names of subsets, got '{which}'{near}")
         for iou in self.ious:
             if not 0.1 <= iou < 1:
                 raise Error(f"iou: expected 0.1 to below 1, got {iou:g}")

@@ -33,7 +33,7 @@ STYLES: dict[str, dict[str, Any]] = {
 }
 LABELS = {
     "high": f"AP > {HIGH_QUALITY:g}",
-    "undecided": f"undecided: interval holds {HIGH_QUALITY:g}, or none",
+    "undecided": f"undecided: the interval includes {HIGH_QUALITY:g}, or there is none",
     "low": f"AP <= {HIGH_QUALITY:g}",
     "few": "too few objects",
 }

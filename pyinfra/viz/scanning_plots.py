@@ -180,10 +180,10 @@ def dots(value: str, label: str, by: str) -> Callable[[pd.DataFrame], Figure]:
 
 
 FIGURES: dict[str, Callable[[pd.DataFrame], Figure]] = {
-    "hit_points": dots("hit_points", "hit points per frame", "above_road"),
+    "hit_points": dots("hit_points", "points per frame", "above_road"),
     "points_per_vehicle": points_per_vehicle,
     "quality": quality,
-    "only_one": dots("share_percent", "hit by it alone (%)", "set"),
+    "only_one": dots("share_percent", "hit by this LiDAR only (%)", "set"),
     "speed": speeds,
     "decay": dots("exponent", "decay exponent", "set"),
     "box_points": dots("outside_box_percent", "points outside the box (%)", "set"),

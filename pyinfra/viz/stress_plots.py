@@ -18,7 +18,7 @@ from pyinfra.metrics.row_selection import ap_name, with_r1000
 from pyinfra.viz.scanning_plots import LINES, MARKERS, STYLE, save
 
 ACROSS = 4
-UNITS = {"1/km": "extinction, 1/km", "times": "times the scene's own", "name": ""}
+UNITS = {"1/km": "extinction, 1/km", "times": "factor on the scene's value", "name": ""}
 
 
 def draw_all(table: pd.DataFrame, out: Path) -> list[Path]:

@@ -155,7 +155,7 @@ def test_what_stands_goes(frames: FrameSequence) -> None:
 def test_a_height_that_the_road_does_not_have_is_warned_of(written: Path) -> None:
     pytest.importorskip("torch", reason="the extra `detectors` is not installed")
     known = -float(pi.load_dataset(written).ground.height(np.zeros((1, 2)))[0])
-    with pytest.warns(UserWarning, match=f"`height_m` says {known - 1:g} m, the road"):
+    with pytest.warns(UserWarning, match=f"`height_m` is {known - 1:g} m, but the road"):
         pi.detect("generalist", pi.load_dataset(written)[:1], height_m=known - 1)
 
 

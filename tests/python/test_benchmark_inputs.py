@@ -87,7 +87,7 @@ def test_a_changed_price_counts_at_once_and_a_changed_pole_is_refused(
     changed(config.parent / "site.yaml", "z_m: 6", "z_m: 12")
     assert run(config) == 2
     error = capsys.readouterr().err
-    assert "site paper own: expected those of this benchmark, " in error
+    assert "site paper own: expected rows of this benchmark, " in error
     assert ", got rows of another scene, " in error
 
 
@@ -129,10 +129,7 @@ def test_another_lidar_changes_what_all_see(
     changed(config, "[own.yaml]", "[avia.yaml]")
     assert run(config) == 2
     error = capsys.readouterr().err
-    assert (
-        "site paper: expected avia, own, or another --out, got rows measured among the LiDARs own"
-        in error
-    )
+    assert "site paper: expected rows of the LiDARs avia, own, got rows measured with own" in error
     assert run(config, "--out", str(config.parent / "other")) == 0
     changed(config, "[avia.yaml]", "[own.yaml]")  # a part of the matrix, measured among both
     assert run(config, "--out", str(config.parent / "other")) == 0
@@ -213,7 +210,7 @@ def test_a_row_of_an_earlier_version_is_kept_with_a_warning(
     before = table.read_bytes()
     capsys.readouterr()
     assert run(config) == 0
-    assert "1 rows of an earlier version do not say of which recipe" in capsys.readouterr().err
+    assert "1 rows of an earlier version have no recipe" in capsys.readouterr().err
     assert table.read_bytes() == before
 
 
@@ -222,7 +219,7 @@ def test_a_training_of_another_recipe_does_not_go_on(tmp_path: Path) -> None:
     claim_run(tmp_path / "run", {"inputs": "a", "recipe": "c"})  # nothing was learnt yet
     (tmp_path / "run/last.safetensors").touch()
     claim_run(tmp_path / "run", {"inputs": "a", "recipe": "c"})
-    with pytest.raises(ConfigError, match=r"run: expected .*got a training of another recipe"):
+    with pytest.raises(ConfigError, match=r"run: expected a training of this recipe .*got another"):
         claim_run(tmp_path / "run", {"inputs": "a", "recipe": "b"})
 
 

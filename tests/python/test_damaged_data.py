@@ -146,7 +146,9 @@ def test_names_that_count_nowhere_are_named(tmp_path: Path, objects: bool) -> No
     (text,) = [f.text for f in evaluate(gt, pred).findings if f.name == "other-types"]
     line = 2 if objects else 1
     file = kitti.frame_file(gt, part, 3)
-    assert text.startswith(f"{file}:{line}: counted nowhere: car (72); expected Car, Van, ")
+    assert text.startswith(
+        f"{file}:{line}: classes that are not counted: car (72); expected Car, Van, "
+    )
     assert names_of(gt, pred)[1] == {"other-types"}
     custom = evaluate(gt, pred, Settings({"vehicle": ("Car", "car")}, ("captured",)))
     assert custom.ap.ap.iloc[0] > 95

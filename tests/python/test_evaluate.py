@@ -271,7 +271,7 @@ def test_labels_alone_give_captured_by_distance(tmp_path: Path) -> None:
     assert result.ap.ap.tolist() == [100]
     assert set(result.distance_ap.road) == {"distance"}
     assert result.distance_ap.s.min() == 10
-    with pytest.raises(ValueError, match="kitti: objects: expected the folder, got none"):
+    with pytest.raises(ValueError, match="kitti: objects: expected this folder, got none"):
         evaluate(gt, tmp_path / "pred", Settings(ground_truths=("common",)))
 
 
@@ -603,7 +603,7 @@ def test_missing_unknown_and_no_files(tmp_path: Path) -> None:
     assert evaluate(gt, pred).ap.ap[0] == pytest.approx(100 * 26 / 40)
     (pred / "000003.txt").write_text("")
     with pytest.raises(
-        FormatError, match=r"000003\.txt: expected .*got a frame that the ground truth has not"
+        FormatError, match=r"000003\.txt: expected .*got a frame that is not in the ground truth"
     ):
         evaluate(gt, pred)
     (tmp_path / "empty").mkdir()

@@ -194,7 +194,7 @@ def test_every_reader_of_clouds_applies_their_viewpoint_and_says_so(
     text = "; ".join(recording.notes())
     assert ("VIEWPOINT" in text) == bool(notes)
     assert all(note in text for note in notes)
-    assert text.endswith("2 of 2 clouds have no field for the intensity (x y z): taken as 0")
+    assert text.endswith("2 of 2 clouds have no intensity field (x y z): intensities are set to 0")
 
 
 def test_names_that_differ_in_capitals_alone_keep_them(tmp_path: Path) -> None:

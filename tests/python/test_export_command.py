@@ -38,9 +38,9 @@ def test_every_format_is_written_whole(
 @pytest.mark.parametrize(
     ("name", "how"),
     [
-        ("openpcdet", "the first 2 frames train, the last 1 are val"),
-        ("mmdet3d", "the first 2 frames train, the last 1 are val"),
-        ("nuscenes", "all 3 frames are in the split infrasim_all"),
+        ("openpcdet", "train has the first 2 frames, val the last 1"),
+        ("mmdet3d", "train has the first 2 frames, val the last 1"),
+        ("nuscenes", "the split infrasim_all has all 3 frames"),
     ],
 )
 def test_an_export_of_unsplit_frames_says_how_it_splits(

@@ -46,6 +46,9 @@ def test_a_lone_cloud_needs_the_height_of_the_sensor(
 ) -> None:
     cloud = str(next((frames / "training/velodyne").glob("*.bin")))
     assert main.main(["detect", "--model", "generalist", cloud]) == 2
-    assert "expected a height of the road, got none: --height-m" in capsys.readouterr().err
+    assert (
+        "expected the height of the sensor above the road, got none: set --height-m"
+        in capsys.readouterr().err
+    )
     assert main.main(["detect", "--model", "generalist", cloud, "--height-m", "6"]) == 0
     assert len(capsys.readouterr().out.splitlines()) > 30  # it has some 70 boxes of 45 vehicles

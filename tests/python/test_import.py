@@ -374,12 +374,12 @@ WRONG_FILES: dict[str, tuple[Callable[[Path], object], int, list[str]]] = {
     "label alone": (
         lambda f: (f / "labels/000009.txt").write_text(""),
         2,
-        ["labels/000009.txt: expected a cloud for each label, got none"],
+        ["labels/000009.txt: expected a cloud for each label file, got none"],
     ),
     "cloud alone": (
         lambda f: (f / "labels/000006.txt").unlink(),
         2,
-        ["points/000006.npy: expected a label for each cloud", "got none"],
+        ["points/000006.npy: expected a label file for each cloud", "got none"],
     ),
     "no clouds": (lambda f: shutil.rmtree(f / "points"), 1, ["points: No such file or directory"]),
     "height": (
@@ -464,7 +464,7 @@ def test_a_sequence_of_the_tracking_benchmark_keeps_its_tracks(tmp_path: Path) -
         import_recording(source, "kitti", out, FACTS, Options())
     summary, labelled = import_recording(source, "kitti", out, FACTS, Options(channel="0001"))
     assert labelled
-    assert "1 labelled frames have no cloud, as 3: left out" in summary.assumed
+    assert "1 labelled frames, such as 3, have no cloud: left out" in summary.assumed
     assert [objects(out, k).ids.tolist() for k in (0, 1, 2)] == [[7], [], [7, 8]]
     van = objects(out, 0).boxes[0]
     assert van == pytest.approx([25.27, 3, -1.06, 4.2, 1.8, 1.5, 0], abs=1e-4)
@@ -482,7 +482,7 @@ def test_a_file_is_refused_with_the_reason(
 @pytest.mark.parametrize(
     ("words", "part"),
     [
-        (["--price-usd", "5", "4"], "--price-usd: expected low from 0"),
+        (["--price-usd", "5", "4"], "--price-usd: expected 0 <= low <= high"),
         (["--period-s", "0"], "--period-s: expected 0.001 to 60"),
         (["--tilt-deg", "100", "0"], "--tilt-deg: expected -90 to 90"),
         (["--columns", "2"], "--columns: expected 3 to 64, got 2"),

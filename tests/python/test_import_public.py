@@ -172,7 +172,7 @@ def test_names_of_the_sets_and_those_that_are_not_understood(
     imported = kitti.read_objects(kitti.frame_file(tmp_path / "in/p", "objects", 2))
     assert imported.names.tolist() == [*kinds[:4], "Motorcycle", "Misc", "Misc", "Tank"]
     (line,) = warnings(summary, labelled)
-    assert line.startswith("not understood, and no vehicle: Tank (1)")
+    assert line.startswith("unknown classes, which do not count as vehicles: Tank (1)")
 
 
 def with_first(change: Callable[[dict[str, Any]], object]) -> Callable[[Any], Any]:

@@ -38,7 +38,7 @@ def test_a_row_is_what_the_simulator_makes_of_the_file(
     words = "ruby_plus RoboSense Ruby Plus 128 360 x 40 250 240* 24000 [1] p e D"
     assert first.split() == words.split()
     assert presets.startswith("presets: p paper, e equal, d datasheet")
-    assert assumption.startswith("* the only range known")
+    assert assumption.startswith("* the only published range")
     assert source == "[1] table of the paper 'Repetitive or Non-repetitive?', 2025"
 
 

@@ -163,7 +163,7 @@ def test_what_an_editor_deleted_is_not_built(tmp_path: Path) -> None:
     lanes = [import_map(tmp_path / f"{n}.osm", tmp_path / n).lanes for n in ("all", "gone")]
     assert lanes[1] < lanes[0]
     record = yaml.safe_load((tmp_path / "gone/map.yaml").read_text())
-    assert "elements that an editor deleted: left out" in " ".join(record["guessed"])
+    assert "elements marked as deleted by an editor: left out" in " ".join(record["guessed"])
 
 
 def nodes_behind(text: str) -> str:

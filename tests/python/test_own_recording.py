@@ -89,7 +89,10 @@ def test_the_road_of_a_leaning_sensor_is_detected(site: Path, lidar: str, tmp_pa
     assert kitti.read_lidar(folder).T_world_levelled.z == pytest.approx(HEIGHT_M, abs=0.03)
     assert "the road lies 6.0" in text or "the road lies 5.9" in text
     assert yaml.safe_load((folder / "lidar.yaml").read_text())["assumed"] == text.splitlines()[:3]
-    assert text.splitlines()[2] == "frames are 0.1 s apart, as no times say it: `period_s` does"
+    assert (
+        text.splitlines()[2]
+        == "no times are known, so the time between frames is set to 0.1 s; `period_s` sets another"
+    )
 
 
 def test_a_viewpoint_turns_clouds_and_the_sensor_stays_the_origin(
@@ -117,7 +120,7 @@ def test_a_viewpoint_turns_clouds_and_the_sensor_stays_the_origin(
     summary, _ = import_recording(source, "pcd", tmp_path / "in/pole", FACTS, Options())
     text = "\n".join(summary.assumed)
     assert "VIEWPOINT of 5 of 5 clouds: points are turned by 42.27 degrees" in text
-    assert "the sensor is the origin: points are moved back by (120, -50, 6) m" in text
+    assert "the sensor becomes the origin: points are moved back by (120, -50, 6) m" in text
     assert summary.without_return == 1
     assert road_at(tmp_path / "in/pole") == pytest.approx(-HEIGHT_M, abs=0.03)
     last = kitti.read_points(kitti.frame_file(tmp_path / "in/pole", "velodyne", 4))
@@ -132,8 +135,8 @@ def test_a_viewpoint_turns_clouds_and_the_sensor_stays_the_origin(
     words = ["detect", "--model", "generalist", str(source / "4.pcd"), "--height-m", "6"]
     assert main.main(words) == 0
     warned = capsys.readouterr().err
-    assert "is left out, as the sensor is the origin" in warned
-    assert "the road of the clouds lies" not in warned
+    assert "is ignored because the sensor is the origin" in warned
+    assert "the road in the clouds is" not in warned
 
 
 @pytest.mark.parametrize(
@@ -146,7 +149,7 @@ def test_any_axis_may_be_up(site: Path, lidar: str, up: str, tmp_path: Path) -> 
     )
     folder, text = taken(write(tmp_path / "source", clouds))
     assert road_at(folder) == pytest.approx(-HEIGHT_M, abs=0.03)
-    assert (f"{up}: turned so that z is up" in text) == (up != "z up")
+    assert (f"{up}: points are turned so that z is up" in text) == (up != "z up")
     first = kitti.read_points(kitti.frame_file(folder, "velodyne", 0))
     truth = clouds_of(site, lidar)[0]
     assert np.abs(first - truth).max() < 0.6  # turned back, but for a tilt below the road's noise
@@ -205,7 +208,7 @@ def test_the_road_over_a_crest_is_followed(site: Path, lidar: str, tmp_path: Pat
         return xyz - np.outer(xyz[:, 0] ** 2 / 3000, [0, 0, 1])
 
     folder, text = taken(write(tmp_path / "source", with_positions(clouds_of(site, lidar), bent)))
-    assert "the road is no plane: its heights are followed where vehicles drive, 60 m" in text
+    assert "the road is not a plane: its height profile is used up to 60 m" in text
     tilt = kitti.read_tilt(folder)  # of a sensor that looks one way: on the mean slope there
     positions = np.array([[10.0, -6], [30, -6], [55, -6], [55, 6]])
     road = -HEIGHT_M - positions[:, 0] ** 2 / 3000 + np.tan(tilt.pitch) * -positions[:, 0]
@@ -274,12 +277,12 @@ def test_a_wrong_height_of_a_lone_cloud_is_reported(
     assert "warning" not in capsys.readouterr().err
     assert main.main([*words, "--height-m", "5.5"]) == 0
     assert (
-        "--height-m says 5.5 m, the road of the clouds lies 6.00 m below" in capsys.readouterr().err
+        "--height-m is 5.5 m, but the road in the clouds is 6.00 m below" in capsys.readouterr().err
     )
     leaning = with_positions(clouds, lean.apply)
     words[-1] = str(write(tmp_path / "leaning", leaning) / "cloud_0.bin")
     assert main.main([*words, "--height-m", "6"]) == 0
-    assert "the sensor leans by 2.0 degrees to the road" in capsys.readouterr().err
+    assert "the sensor is tilted by 2.0 degrees to the road" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("up", ["z up", "z down"])
@@ -332,7 +335,7 @@ def test_points_without_a_place_or_intensity(site: Path, tmp_path: Path) -> None
     clouds[2] = np.zeros((9, 4), dtype=np.float32)
     folder, text = taken(write(tmp_path / "source", clouds))
     assert "left out 16 points without a return" in text
-    assert "5 intensities are not finite: taken as 0" in text
+    assert "5 intensities are not finite: set to 0" in text
     assert "1 frame (cloud_2) without a return" in text
     assert len(kitti.read_points(kitti.frame_file(folder, "velodyne", 2))) == 0
 
@@ -348,7 +351,7 @@ def test_no_road_is_reported(tmp_path: Path) -> None:
     draw = np.random.default_rng(1)
     clouds = [draw.uniform(-30, 30, (4000, 4)) % 30 + [0, 0, 1, 0] for _ in range(3)]
     _, text = taken(write(tmp_path / "source", clouds))
-    assert "no road was found: points stay as they are" in text
+    assert "no road was found: points are not turned" in text
 
 
 # --- regions
@@ -374,9 +377,7 @@ def test_an_outline_goes_with_the_frames(site: Path, tmp_path: Path) -> None:
 def test_an_empty_region_is_refused(site: Path, tmp_path: Path) -> None:
     source = write(tmp_path / "source", clouds_of(site, "helios_16"))
     far = outline(tmp_path, "[[900, 900], [960, 900], [960, 960]]")
-    with pytest.raises(
-        ValueError, match=r"outline\.yaml: outline_m: expected .*got no return inside"
-    ):
+    with pytest.raises(ValueError, match=r"outline\.yaml: outline_m: expected .*got none inside"):
         taken(source, region=far)
     assert not (tmp_path / "in_source/pole").exists()
 
@@ -418,7 +419,7 @@ def test_a_jump_of_the_clock_leaves_numbers_out(site: Path, tmp_path: Path) -> N
     clouds = clouds_of(site, "helios_16")[:6]
     times = [0, 0.1, 0.2, 3.2, 3.3, 3.4]
     folder, text = taken(write(tmp_path / "source", clouds, names_at(times)))
-    assert "the clock jumps 1 times, the most by 3 s after 1651673050.200000" in text
+    assert "frames are missing at 1 times, the longest gap is 3 s after 1651673050.200000" in text
     assert kitti.frames(folder) == [0, 1, 2, 32, 33, 34]
 
 
@@ -461,14 +462,14 @@ def test_times_are_those_of_the_names_where_clouds_have_none(site: Path, tmp_pat
         write_pcd(source / f"{name}.PCD", np.rec.fromarrays(cloud.T, dtype=kind))
     summary, _ = import_recording(source, "pcd", tmp_path / "in/pole", FACTS, Options())
     assert kitti.read_lidar(tmp_path / "in/pole").period_s == 0.5
-    assert not any("apart, as no times say it" in line for line in summary.assumed)
+    assert not any("no times are known" in line for line in summary.assumed)
 
 
 def test_one_cloud_without_a_time_is_reported(site: Path, tmp_path: Path) -> None:
     clouds = clouds_of(site, "helios_16")[:5]
     source = write_stamped(tmp_path / "source", [clouds[0][:0], *clouds[1:]], [0, 1, 2, 3, 4])
     summary, _ = import_recording(source, "pcd", tmp_path / "in/pole", FACTS, Options())
-    text = "1 of 5 frames have no time in them, as 000000: that of the others is not used"
+    text = "1 of 5 frames, such as 000000, have no time: the times of the other frames are not used"
     assert text in summary.assumed
     assert kitti.read_lidar(tmp_path / "in/pole").period_s == 0.1
 
@@ -483,7 +484,7 @@ def test_what_is_no_millimetre_either_is_refused(
     source = write(tmp_path / "source", clouds)
     facts = LidarFacts("pole", "junction", height_m=HEIGHT_M)
     with pytest.raises(
-        ValueError, match=r"source: expected coordinates .*, got some that as mill.* `unit_m` says"
+        ValueError, match=r"source: expected coordinates .*millimetres .* `unit_m` sets"
     ):
         import_recording(source, "bin", tmp_path / "in/pole", facts, Options())
     if unit_m != 1:
@@ -577,12 +578,12 @@ def test_boxes_of_a_lone_bin_do_not_depend_on_its_columns(
     np.column_stack([lone, ring]).tofile(tmp_path / "five.bin")
     its_names, its_boxes, said = detected(capsys, tmp_path / "five.bin")
     assert (its_names, its_boxes.tolist()) == (names, boxes.tolist())
-    assert "points of .bin files are 5 float32" in said
+    assert "a point of a .bin file has 5 float32" in said
 
     (lone * (1, 1, 1, 0)).astype("<f4").tofile(tmp_path / "dark.bin")
     names, boxes, _ = detected(capsys, tmp_path / "dark.bin")
     np.ascontiguousarray(lone[:, :3]).tofile(tmp_path / "three.bin")
     its_names, its_boxes, said = detected(capsys, tmp_path / "three.bin")
     assert (its_names, its_boxes.tolist()) == (names, boxes.tolist())
-    assert "points of .bin files are 3 float32" in said
-    assert "no intensity, taken as 0" in said
+    assert "a point of a .bin file has 3 float32" in said
+    assert "intensities are set to 0" in said

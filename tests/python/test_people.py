@@ -191,7 +191,7 @@ def test_boxes_off_the_region_are_reported_a_minute(
     gt, pred = scene(tmp_path, frames, [predictions] * FRAMES)
     words = ["evaluate", "--gt", str(gt), "--pred", str(pred), "--no-figures"]
     assert main.main([*words, "--out", str(tmp_path / "out")]) == 0
-    line = "boxes off the region a minute, vehicle: 1200.0 from score 0.1 (600.0 on people), "
+    line = "boxes outside the region per minute, vehicle: 1200.0 from score 0.1 (600.0 on people), "
     assert line + "600.0 from score 0.5 (600.0 on people)" in capsys.readouterr().out
     table = pyinfra.evaluate(gt, pred).off_region.set_index("score")
     assert table.boxes.tolist() == [2 * FRAMES, 2 * FRAMES, FRAMES, FRAMES, 0]
@@ -317,7 +317,9 @@ def test_an_unknown_class_and_two_ways_to_say_it_are_refused(tmp_path: Path) -> 
         match="object_class: expected a class, got 'dog'; names: cyclist, pedestrian, vehicle",
     ):
         evaluate(gt, pred, object_class="dog")
-    with pytest.raises(ValueError, match="object_class: expected it or settings, got both"):
+    with pytest.raises(
+        ValueError, match="object_class: expected either object_class or settings, got both"
+    ):
         evaluate(gt, pred, Settings(), object_class="cyclist")
 
 

@@ -183,7 +183,7 @@ def test_columns_that_the_user_names_are_taken(tmp_path: Path) -> None:
     recording = reader("bin")(tmp_path, Options(columns=3))
     assert np.array_equal(recording.read(0).points, np.column_stack([cloud, np.zeros(20)]))
     assert recording.notes is not None
-    assert recording.notes() == ["points of .bin files have no intensity: taken as 0"]
+    assert recording.notes() == ["points of .bin files have no intensity: intensities are set to 0"]
     assert columns_of([tmp_path / "0.bin"], Options(columns=5)) == (5, "")
 
 

@@ -126,7 +126,7 @@ def test_outlines_that_were_not_copied_are_named(tmp_path: Path, infrasim: Infra
     assert np.array(read_outlines(folder.parent)).tolist() == [OUTLINE]
     text = file.read_text()
     file.unlink()
-    assert f"but no {file}: copy the file too" in str(without_region(folder))
+    assert f"expected {file} for the outlines, got none" in str(without_region(folder))
     file.write_text(text[:-3])
     assert any("regions.csv:7: " in f.text for f in validate(folder))
 

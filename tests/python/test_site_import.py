@@ -537,7 +537,7 @@ def test_a_centre_in_either_order_is_one_site(tmp_path: Path) -> None:
     ]
     first, second = ((tmp_path / f"s{i}/lanes.csv").read_text() for i in (0, 1))
     assert first == second
-    swapped = "`centre` is lat,lon: taken as 8.4 east, 49 north"
+    swapped = "`centre` appears to be lat,lon: read as 8.4 east, 49 north"
     assert [swapped in m.record["guessed"] for m in made] == [False, True]
 
 

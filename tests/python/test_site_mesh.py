@@ -106,10 +106,10 @@ BROKEN = {
                     "millimetres? --scale 0.001 makes it 90 m"),
     "no area": ("a.obj", TRIANGLE.replace("v 0 1 0", "v 2 0 0"), "without an area"),
     "far": ("a.obj", TRIANGLE.replace("v ", "v 40000"), "--offset moves it"),
-    "cut": ("a.glb", b"glTF\x02\x00\x00\x00", "is no mesh that can be read"),
+    "cut": ("a.glb", b"glTF\x02\x00\x00\x00", "cannot be read as a mesh"),
     "bytes": ("a.stl", b"\x00\xff" * 100, "a.stl: "),
     "another ending": ("a.fbx", TRIANGLE, "got another ending"),
-    "not JSON": ("a.gltf", "{", "is no mesh that can be read"),
+    "not JSON": ("a.gltf", "{", "cannot be read as a mesh"),
 }  # fmt: skip
 
 

@@ -278,8 +278,8 @@ BROKEN = {
     "no size": (data.HEADER + GOOD.replace(",1.9,", ",0,"), ":2: dy: expected ..., got '0'"),
     "huge": (data.HEADER + GOOD.replace("4.5", "4500"), ":2: dx: expected ..., got '4500'"),
     "class": (data.HEADER + GOOD.replace("Car", "Tram"), ":2: class: expected ..., got 'Tram'"),
-    "order": (data.HEADER + "".join(reversed(GOOD.splitlines(True))), "expected times that rise"),
-    "twice": (data.HEADER + GOOD + GOOD, "expected times that rise"),
+    "order": (data.HEADER + "".join(reversed(GOOD.splitlines(True))), "expected ascending times"),
+    "twice": (data.HEADER + GOOD + GOOD, "expected ascending times"),
     "degrees": (
         data.HEADER + data.csv(data.drive() + np.array([0, 0, 0, 45])),
         "expected --degrees",
@@ -290,11 +290,11 @@ BROKEN = {
     ),
     "two classes": (
         data.HEADER + GOOD.replace("Car", "Bus", 9),
-        "expected one class for each object, got two of object 'a'",
+        "expected one class for each object, got two for object 'a'",
     ),
     "too short": (
         data.HEADER + data.csv(data.drive(0.5)),
-        "expected a track that can be used ..., got none",
+        "expected a usable track, got none",
     ),
     "bytes": ("\0\1\2\n", ":1: expected a column 'x'"),
 }
@@ -303,7 +303,7 @@ BROKEN_XML = {
     "other": ("<routes/>", "expected <fcd-export>"),
     "nobody": ("<fcd-export/>", "expected vehicles or people, got none"),
     "type": (data.fcd(data.drive(), "tram"), "got type 'tram'"),
-    "time": (FCD.replace('"0.20"', '"0.05"'), "expected times that rise"),
+    "time": (FCD.replace('"0.20"', '"0.05"'), "expected ascending times"),
     "clock": (FCD.replace('"0.20"', '"nan"'), "expected seconds"),
     "place": (FCD.replace('x="2.0000"', 'x="nan"'), "time 0.2: a: x: expected a number, got 'nan'"),
     "wrong angle": (

@@ -37,7 +37,7 @@ def test_few_seconds_are_a_warning(
     words = ["detect", "--model", "generalist", "--data", str(lidar), "--frames", "4"]
     assert main.main([*words, "--drop-standing", "--out", str(tmp_path / "detected")]) == 0
     printed = capsys.readouterr()
-    assert "boxes left out, as they stand where nothing moves" in printed.out
+    assert "boxes removed, because they are where nothing moves" in printed.out
     assert "is not split" not in printed.err  # it learnt from none of them
     assert "warning: --drop-standing: expected 60 s or more, got 14.8 s" in printed.err
 
@@ -93,7 +93,7 @@ def test_clouds_alone_say_nothing_of_what_stands(
 ) -> None:
     cloud = kitti.frame_file(lidar, "velodyne", 0)
     assert main.main(["detect", "run", str(cloud), "--drop-standing"]) != 0
-    assert "--drop-standing: expected --data, got clouds alone" in capsys.readouterr().err
+    assert "--drop-standing: expected --data, got only clouds" in capsys.readouterr().err
 
 
 def test_people_who_wait_stay(lidar: Path) -> None:

@@ -205,9 +205,7 @@ def test_points_add_up_over_frames_one_after_another() -> None:
     assert list(got) == [(1, 1, 11), (1, 2, 50), (2, 2, 110), (6, 1, 15), (7, 1, 17)]
     assert ends_of_runs(frames, 3).tolist() == [2, 7]
     assert accumulated(every, frames, 1).points.tolist() == every.points.tolist()
-    with pytest.raises(
-        ValueError, match="accumulate: expected 4 frames one after another, got none"
-    ):
+    with pytest.raises(ValueError, match="accumulate: expected 4 consecutive frames, got none"):
         ends_of_runs(frames, 4)
 
 
@@ -391,7 +389,7 @@ def test_points_at_road_level_can_be_left_out(tmp_path: Path) -> None:
         ("2,1,15", "2,1,fast", ": "),
         ("2,1,15", "2,1,nan", ":2: speed: expected 0 to 1000, got nan"),
         ("2,1,15", "2,1,1e30", r":2: speed: expected 0 to 1000, got 1e\+30"),
-        ("2,1,1\n", "2,1,1", ": expected the end of the last line, got that of the file"),
+        ("2,1,1\n", "2,1,1", ": expected a complete last line, got the end of the file"),
         ("t,id", "T,id", ": "),
         ("2,1,15", "2,1,15,7,7,7,7,7,7,7", ":2: expected 11 columns, got 18"),
     ],

@@ -267,7 +267,9 @@ def test_held_out_frames_leave_some_to_learn_from_and_show_vehicles(
     source = read_source(lidar_folder, "smoke")
     learning = dataclasses.replace(recipe().learning, validate_frames=8)
     every = dataclasses.replace(recipe(), learning=learning)
-    with pytest.raises(ValueError, match=r"validate_frames: expected below 8, .*, got 8"):
+    with pytest.raises(
+        ValueError, match=r"validate_frames: expected less than the 8 frames .*, got 8"
+    ):
         train.train(every, [source], tmp_path, quiet=True)
     boxes = source.read_boxes()[:6]
     none = dataclasses.replace(source, read_boxes=lambda: (*boxes, np.empty((0, 7)), boxes[0][:0]))
@@ -284,7 +286,9 @@ def test_a_finished_run_stays_as_it_is(lidar_folder: Path, trained: Path) -> Non
 
 def test_a_run_of_other_steps_does_not_go_on(lidar_folder: Path, trained: Path) -> None:
     before = files_of(trained)
-    with pytest.raises(ConfigError, match="expected the same run, got another: steps differ"):
+    with pytest.raises(
+        ConfigError, match="expected the same training, got another: different steps"
+    ):
         run(lidar_folder, trained, steps=7)
     assert files_of(trained) == before
 
@@ -296,10 +300,10 @@ def files_of(folder: Path) -> dict[Path, bytes]:
 @pytest.mark.parametrize(
     ("part", "change", "message"),
     [
-        ("learning", {"rate": 0.01}, "learning.rate: expected 0.01 to go on, got 0.003"),
-        ("learning", {"batch": 3}, "learning.batch: expected 3 to go on, got 2"),
-        ("augmentation", {"flip": False}, "augmentation.flip: expected False to go on, got True"),
-        ("augmentation", {"pasted": 0}, "augmentation.pasted: expected 0 to go on, got 3"),
+        ("learning", {"rate": 0.01}, "learning.rate: expected 0.01 to resume, got 0.003"),
+        ("learning", {"batch": 3}, "learning.batch: expected 3 to resume, got 2"),
+        ("augmentation", {"flip": False}, "augmentation.flip: expected False to resume, got True"),
+        ("augmentation", {"pasted": 0}, "augmentation.pasted: expected 0 to resume, got 3"),
     ],
 )
 def test_a_run_that_learns_otherwise_does_not_go_on(
@@ -325,7 +329,7 @@ def test_a_run_of_other_frames_does_not_go_on(lidar_folder: Path, trained: Path)
         clouds=source.clouds[:7],
         read_boxes=lambda: (*boxes[:6], np.concatenate(boxes[6:])),
     )
-    with pytest.raises(ConfigError, match=r"run.yaml: frames: expected 7 to go on, got 8"):
+    with pytest.raises(ConfigError, match=r"run.yaml: frames: expected 7 to resume, got 8"):
         train.train(recipe(), [fewer], trained, quiet=True)
     assert files_of(trained) == before
 
@@ -340,7 +344,7 @@ def test_a_run_in_half_the_bits_goes_on_in_half_the_bits(
     tensors = load_file(tmp_path / "last.safetensors").values()
     assert {t.dtype for t in tensors} <= {torch.float32, torch.int64}
     assert main.main([*words, "float32"]) == 2
-    message = "run.yaml: precision: expected float32 to go on, got bfloat16"
+    message = "run.yaml: precision: expected float32 to resume, got bfloat16"
     assert message in capsys.readouterr().err
     assert files_of(tmp_path) == before
     assert main.main([*words, "bfloat16"]) == 0
@@ -403,7 +407,7 @@ def test_gradients_that_are_no_numbers_never_reach_a_checkpoint(
         next(network.parameters()).grad.fill_(float("nan"))  # type: ignore[union-attr]
 
     monkeypatch.setattr(loop.distributed, "average_gradients", spoilt)
-    message = "step 0: the norm of the gradients is nan; no checkpoint is there"
+    message = "step 0: the norm of the gradients is nan; there is no checkpoint"
     with pytest.raises(loop.TrainingDiverged, match=message):
         run(lidar_folder, tmp_path)
     assert not (tmp_path / "last.safetensors").exists()
@@ -559,7 +563,7 @@ def test_frames_that_may_have_been_learnt_from_are_a_warning(
     shutil.rmtree(whole / "ImageSets")
     words = ["detect", str(trained), "--data", str(whole), "--out", str(tmp_path / "pred")]
     assert main.main(words) == 0
-    assert "is not split, so all frames are taken" in capsys.readouterr().err
+    assert "is not split, so all frames are used" in capsys.readouterr().err
     assert main.main([*words, "--split", "all"]) == 0
     assert "is not split" not in capsys.readouterr().err
 
@@ -573,7 +577,7 @@ def test_background_says_what_it_has_no_use_for(
     unused = "pyinfra: note: background: no use for --seed, --budget\n"
     anywhere = (
         f"pyinfra: note: background: {lidar_folder.name}: no roads.csv and no --region, so "
-        "what moves is a vehicle anywhere\n"
+        "every moving object counts as a vehicle\n"
     )
     assert capsys.readouterr().err == unused + anywhere
     assert main.main(words) == 0
@@ -582,7 +586,9 @@ def test_background_says_what_it_has_no_use_for(
 
 def test_a_folder_holds_one_kind_of_model(lidar_folder: Path, tmp_path: Path) -> None:
     (tmp_path / "background.npz").touch()
-    with pytest.raises(FileExistsError, match=r"background.npz: is there already, of another"):
+    with pytest.raises(
+        FileExistsError, match=r"expected no model of another detector, got .*background.npz"
+    ):
         run(lidar_folder, tmp_path)
 
 
@@ -638,7 +644,10 @@ def test_a_model_of_anywhere_needs_the_height_of_the_road(
 ) -> None:
     cloud = kitti.frame_file(lidar_folder, "velodyne", 9)
     assert main.main(["detect", "--model", str(sure), str(cloud)]) == 2
-    assert "expected a height of the road, got none: --height-m" in capsys.readouterr().err
+    assert (
+        "expected the height of the sensor above the road, got none: set --height-m"
+        in capsys.readouterr().err
+    )
     rows = rows_of(capsys, "--model", sure, cloud, "--height-m", 6)
     assert len(rows) > 1
     lower = rows_of(capsys, "--model", sure, cloud, "--height-m", 5.5)
@@ -676,14 +685,14 @@ def test_results_of_other_frames_and_labels_in_their_place_are_reported(
 ) -> None:
     words = ["detect", str(trained), "--data", str(lidar_folder), "--split", "all", "--out"]
     assert main.main([*words, str(lidar_folder / "training/label_2")]) == 2
-    assert "--out: expected another folder than that of labels" in capsys.readouterr().err
+    assert "--out: expected another folder than that of the labels" in capsys.readouterr().err
     assert main.main([*words, str(tmp_path), "--frames", "1"]) == 0
     error = capsys.readouterr().err
     assert "no box in any frame: are the sensor's height, its frame" in error
     assert "files of other frames" not in error
     (tmp_path / "000099.txt").touch()
     assert main.main([*words, str(tmp_path)]) == 0
-    assert "1 files of other frames were there and stay, as 000099" in capsys.readouterr().err
+    assert "1 files of other frames, such as 000099" in capsys.readouterr().err
     words[3] = str(lidar_folder.parent)
     assert main.main([*words, str(tmp_path)]) == 2
     assert "--data: expected a folder with training/velodyne" in capsys.readouterr().err
@@ -741,10 +750,12 @@ def test_a_recipe_without_steps_takes_a_network_as_it_comes(
     assert file.read_bytes() == (trained / "last.safetensors").read_bytes()
     assert train.train(still, [source], tmp_path / "as_is", quiet=True) == file  # once more
     other = still.begun_with(Path("generalist"))
-    with pytest.raises(FileExistsError, match=r"last\.safetensors: is there already, of another"):
+    with pytest.raises(
+        FileExistsError, match=r"expected no model of another network, got last\.safetensors"
+    ):
         train.train(other, [source], tmp_path / "as_is", quiet=True)
     assert file.read_bytes() == (trained / "last.safetensors").read_bytes()
-    with pytest.raises(FileNotFoundError, match="nor a model of the package"):
+    with pytest.raises(FileNotFoundError, match="and no model of the package"):
         train.train(still.begun_with(Path("nobody")), [source], tmp_path / "as_is", quiet=True)
 
 
@@ -993,7 +1004,7 @@ def test_a_training_needs_one_kind_of_source(
     [
         ("", "mount: expected west, east, south, north, got none"),
         ("middle", "mount: expected west, east, south, north, got 'middle'"),
-        ("fused", "expected one mount's name, got 'fused': fused frames are learnt from disk"),
+        ("fused", "expected one mount's name, got 'fused': train on fused frames with"),
     ],
 )
 def test_a_scene_with_several_mounts_is_learnt_at_one(

@@ -149,7 +149,7 @@ def test_people_beside_vehicles_are_noted(lidar: Path, tmp_path: Path) -> None:
     first = pred / "000000.txt"
     first.write_text(first.read_text().replace("vehicle", "Pedestrian", 1))
     (finding,) = (f for f in validate(lidar, pred) if f.name == "other-classes")
-    text = "not evaluated: Pedestrian (1); `classes` says what is"
+    text = "not evaluated: Pedestrian (1); `classes` sets the evaluated classes"
     assert str(finding) == f"note: other-classes: {text}"
 
 

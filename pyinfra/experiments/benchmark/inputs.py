@@ -143,9 +143,9 @@ def check_frames(hits: Path, wanted: pd.DataFrame) -> None:
     if len(other):
         row = other.iloc[0]
         raise ConfigError(
-            f"{hits}: {row.scene} {row.preset} {row.lidar}: expected those of this benchmark, or "
-            "another `out`, got rows of another scene, LiDAR, range of frames or split of these "
-            "names"
+            f"{hits}: {row.scene} {row.preset} {row.lidar}: expected rows of this benchmark, got "
+            "rows of another scene, LiDAR, range of frames or split with these names; choose "
+            "another `out`"
         )
 
 
@@ -162,9 +162,9 @@ def check_lidars(hits: Path, plan: Plan, folder_of: Callable[[str], Path]) -> No
         now = there | {experiment.lidar for experiment in experiments}
         if known and known != now:
             raise ConfigError(
-                f"{hits}: {scene} {preset}: expected {', '.join(sorted(now))}, or another `out`, "
-                f"got rows measured among the LiDARs {', '.join(sorted(known))}; trainings in "
-                "the folder of `work` are used again"
+                f"{hits}: {scene} {preset}: expected rows of the LiDARs {', '.join(sorted(now))}, "
+                f"got rows measured with {', '.join(sorted(known))}; choose another `out`. "
+                "Trainings in the folder of `work` are used again"
             )
 
 

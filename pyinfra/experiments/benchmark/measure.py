@@ -93,7 +93,7 @@ def detected(run: Path, folder: Path, device: str) -> None:
     """Writes the predictions for the test frames to the folder `predictions` of a run."""
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     (run / "predictions").mkdir(exist_ok=True)
-    write_origin(run / "predictions", origin_of(folder, detect.model_file(run)), anew=True)
+    write_origin(run / "predictions", origin_of(folder, detect.model_file(run)), replace=True)
     detect.detect(detect.detector_at(run, folder, device=device), files, run / "predictions")
 
 

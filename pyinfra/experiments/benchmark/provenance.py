@@ -93,14 +93,15 @@ def check_experiments(experiments: Path, plan: Plan, progress: Progress = silent
         names = [" ".join(map(str, row)) for row in old[KEY].head(SHOWN).to_numpy()]
         more = f" and {len(old) - SHOWN} more" if len(old) > SHOWN else ""
         raise ConfigError(
-            f"{experiments}: {', '.join(names)}{more}: expected rows of this benchmark, no such "
-            "rows, or another `out`, got rows of another recipe or other frames of these names"
+            f"{experiments}: {', '.join(names)}{more}: expected rows of this benchmark, got rows "
+            "of another recipe or other frames with these names; remove these rows or choose "
+            "another `out`"
         )
     unknown = int(table.ap.notna().sum() - knows(table).sum()) if len(table) else 0
     if unknown:
         progress(
-            f"pyinfra: warning: {experiments}: {unknown} rows of an earlier version do not say of "
-            "which recipe they are; taken as rows of the current recipe"
+            f"pyinfra: warning: {experiments}: {unknown} rows of an earlier version have no "
+            "recipe; they are read as rows of the current recipe"
         )
 
 
@@ -114,8 +115,8 @@ def claim_run(run: Path, inputs: Mapping[str, str]) -> None:
     begun = (run / "last.safetensors").exists() and file.exists()
     if begun and file.read_text(encoding="utf-8") != text:
         raise ConfigError(
-            f"{run}: expected the same, no such folder, or another `work`, got a training of "
-            "another recipe or other frames"
+            f"{run}: expected a training of this recipe and these frames, got another; remove the "
+            "folder or choose another `work`"
         )
     run.mkdir(parents=True, exist_ok=True)
     with replacing(file) as beside:

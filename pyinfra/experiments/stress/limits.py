@@ -14,19 +14,19 @@ from pyinfra.dataset.runs import SimulatorError, infrasim
 from pyinfra.experiments.stress import lidar
 from pyinfra.experiments.stress.altered_scenes import Base
 
-CLOUDS_ALONE = "expected stressors of clouds alone"
+ONLY_CLOUDS = "expected only stressors of clouds"
 
 
 def scene(base: Base) -> str:
     """Requires a simulated scene whose files, including recorded trajectories, are available."""
     folder = base.folder.parent
     if not base.scene:
-        return f"{folder}: {CLOUDS_ALONE}, got no dataset.yaml"
+        return f"{folder}: {ONLY_CLOUDS}, got no dataset.yaml"
     if "roads" not in base.scene:
-        return f"{folder / 'dataset.yaml'}: {CLOUDS_ALONE}, got no roads, as of a recording"
+        return f"{folder / 'dataset.yaml'}: {ONLY_CLOUDS}, got no roads (a recording)"
     for key in ("static_layers", "lanes", "meshes"):
         if base.scene.get(key):
-            problem = f"{folder / 'dataset.yaml'}: {key}: {CLOUDS_ALONE}"
+            problem = f"{folder / 'dataset.yaml'}: {key}: {ONLY_CLOUDS}"
             return f"{problem}, got files that a run does not copy"
     recorded = base.trajectories
     if recorded is not None and not recorded.is_file():
@@ -41,7 +41,7 @@ def rays(base: Base) -> str:
         return f"{file}: expected this file to simulate the fused frames again, got none"
     config = lidar.read(file)
     if not lidar.units_of(config):
-        return f"{file}: {CLOUDS_ALONE}, got no pattern, as of a recording"
+        return f"{file}: {ONLY_CLOUDS}, got no pattern (a recording)"
     for table in lidar.table_files(config, file.parent):
         if not table.is_file():
             return f"{file}: pattern.table.file: expected a copy of it there, got no file {table}"
@@ -85,7 +85,7 @@ def known_preset(base: Base) -> str:
     """Requires a preset that LiDARs of the catalogue have."""
     preset = base.lidar.preset
     if preset not in PRESETS:
-        allowed = f"{', '.join(PRESETS)}, which the catalogue has"
+        allowed = f"{', '.join(PRESETS)}, the presets of the catalogue"
         return f"{base.folder / lidar.FILE}: preset: expected {allowed}, got '{preset}'"
     return ""
 
@@ -102,5 +102,7 @@ def catalogue(base: Base) -> str:
         return str(error)
     key = lidar.difference(lidar.read(file), yaml.safe_load(text))
     if key:
-        return f"{file}: {key}: expected a LiDAR of the catalogue, got another than in {shipped}"
+        return (
+            f"{file}: {key}: expected a LiDAR of the catalogue, got another value than in {shipped}"
+        )
     return ""

@@ -106,8 +106,10 @@ def stress(
             failed[trial] = error
     if failed:
         first, error = next(iter(failed.items()))
-        text = f"{len(failed)} of {len(plan.every)} trials failed, as {first.title}: {error}"
-        warnings.warn(f"{text}; the same call tries them again", stacklevel=2)
+        text = (
+            f"{len(failed)} of {len(plan.every)} trials failed, the first is {first.title}: {error}"
+        )
+        warnings.warn(f"{text}; call the function again to repeat them", stacklevel=2)
     trials.write_summary(out)
     return summary.summary(trials.read(out / "stress.csv"))
 

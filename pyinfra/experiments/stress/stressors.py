@@ -78,7 +78,7 @@ def _severity(word: str) -> float:
     except ValueError:
         value = -1.0
     if not 0 <= value < float("inf"):
-        raise Error(f"severities: expected a number from 0 on, got '{word}'")
+        raise Error(f"severities: expected a number, 0 or more, got '{word}'")
     return value
 
 
@@ -209,6 +209,6 @@ def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Se
     if words is None:
         return {stressor: stressor.severities[1:] for stressor in selected}
     if len(selected) != 1 or selected[0].acts_on == "training":
-        text = "severities: expected with one stressor, of clouds or scenes, got with "
+        text = "severities: expected one stressor of clouds or scenes, got "
         raise Error(text + (", ".join(stressor.name for stressor in selected) or "none"))
     return {selected[0]: selected[0].parse(words)}

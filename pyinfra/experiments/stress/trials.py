@@ -255,8 +255,8 @@ def missing(trials: Sequence[Trial], base: Base, out: Path, seed: int) -> Iterat
             yield trial
         elif not rows.inputs.isin([inputs_of(trial, base)]).all() and rows.inputs.notna().all():
             raise Error(
-                f"{file}: {' '.join(key.values())}: expected the same, or another `out`, got a "
-                "row of another model, other frames or another data set of these names"
+                f"{file}: {' '.join(key.values())}: expected a row of this model, these frames and "
+                "this data set, got another with these names; choose another `out`"
             )
 
 

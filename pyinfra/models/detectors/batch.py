@@ -119,7 +119,7 @@ def make_batch(samples: Sequence[Sample], area: Area, columns: int = 4) -> Batch
         if sample.points.shape[1] < columns:
             raise Error(
                 f"points: expected {columns} columns, got {sample.points.shape[1]}: the network "
-                "looks at the ages of stacked frames"
+                "uses the age of points in stacked frames"
             )
     clouds = [area.crop(sample.points)[:, :columns] for sample in samples]
     counts = torch.tensor([len(cloud) for cloud in clouds])

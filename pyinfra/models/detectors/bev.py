@@ -28,7 +28,9 @@ class BevConfig:
 
     def __post_init__(self) -> None:
         if not 0 < len(self.layers) == len(self.widths) == len(self.strides):
-            raise Error("layers, widths, strides: expected lists of one length, got others")
+            raise Error(
+                "layers, widths, strides: expected lists of equal lengths, got different ones"
+            )
 
 
 class BevNetwork(nn.Module):

@@ -29,9 +29,7 @@ def fit(scores: FloatArray, right: BoolArray) -> tuple[float, float]:
     Error if all values of `right` are equal.
     """
     if right.all() or not right.any():
-        raise Error(
-            f"expected some but not all boxes to be right, got {right.sum()} of {len(right)}"
-        )
+        raise Error(f"expected true and false positives, got {right.sum()} of {len(right)}")
     logits = logit(scores)
 
     def unlikely(line: FloatArray) -> tuple[float, FloatArray]:

@@ -62,7 +62,7 @@ class Config:
         if self.width % self.heads != 0 or self.width % 2 != 0:
             raise Error(f"width: expected an even multiple of the heads, got {self.width}")
         if not 0 < len(self.windows) == len(self.shifts):
-            raise Error("windows, shifts: expected lists of one length, got others")
+            raise Error("windows, shifts: expected lists of equal lengths, got different ones")
 
 
 class Embedding(nn.Module):

@@ -54,7 +54,9 @@ def device_of(name: str) -> torch.device:
         return torch.device(name)
     if name != "cpu":
         allowed = (
-            f"cpu, cuda, cuda:0 to cuda:{gpus - 1}" if gpus else "cpu, as there is no GPU here"
+            f"cpu, cuda, cuda:0 to cuda:{gpus - 1}"
+            if gpus
+            else "cpu, because this machine has no GPU"
         )
         raise Error(f"device: expected {allowed}, got '{name}'")
     return torch.device(name)

@@ -59,7 +59,9 @@ def load_detector(
     if ground is None and provenance.ground is not None:
         ground = Ground(provenance.ground)
     if ground is None:
-        raise Error(f"{run}: expected a height of the road, got none: `height_m` says it")
+        raise Error(
+            f"{run}: expected the height of the sensor above the road, got none: set `height_m`"
+        )
     return OnRoad(fused(loaded.network(region)).to(device_of(device)), ground)
 
 
@@ -67,8 +69,8 @@ def check_single(run: Path, frames: int) -> None:
     """Raises Error for a model that needs stacked frames. frames: number in a stack."""
     if frames > 1:
         raise Error(
-            f"{run}: expected a model of single frames, got one of {frames} stacked frames: only "
-            "frames of a LiDAR's folder are stacked"
+            f"{run}: expected a model of single frames, got one of {frames} stacked frames: frames "
+            "are stacked only from the folder of a LiDAR"
         )
 
 
@@ -130,7 +132,7 @@ def model_file(run: Path, which: Literal["last", "best"] = "last") -> Path:
     if not run.exists():
         ours = ", ".join(shipped()) or "none"
         raise FileNotFoundError(
-            2, f"No such run or file, nor a model of the package ({ours})", str(run)
+            2, f"No such run or file, and no model of the package ({ours}) has this name", str(run)
         )
     names = (f"{which}.safetensors", "background.npz")
     for name in names:
@@ -168,7 +170,7 @@ def transfer(run: Path, lidar_folder: Path) -> str:
         "label time": (provenance.label_time, lidar.label_time),
     }
     return ", ".join(
-        f"{name} {theirs} (learnt on {ours})"
+        f"{name} {theirs} (trained on {ours})"
         for name, (ours, theirs) in pairs.items()
         if theirs not in ours.split()
     )

@@ -87,7 +87,7 @@ def detector_at_place(model: Path, where: Place, device: str = "cpu") -> Detecto
     """
     if model.suffix == ".npz" and where.given:
         name = where.given[0]
-        raise Error(f"{name}: expected none for background, which stands where it learnt")
+        raise Error(f"{name}: expected none for background, which is trained at one site")
     return load_detector(
         model, ground=where.ground, region=where.region, device=device, stacks=True
     )
@@ -125,7 +125,7 @@ def detect_folder(
     reduce accuracy.
     """
     if out.name == "label_2":
-        raise Error(f"out: expected another folder than that of labels, got {out}")
+        raise Error(f"out: expected another folder than that of the labels, got {out}")
     numbers = [int(file.stem) for file in files]
     detector = detector_at_place(model, where, device)
     read = stacking(lidar_folder, numbers, accumulation_of(model))
@@ -164,13 +164,13 @@ def learnt_warning(
     The text is empty if there is nothing to warn of.
     """
     if other := transfer(model, lidar_folder):
-        return "" if allow_transfer else f"{other}; `allow_transfer` if this is meant"
+        return "" if allow_transfer else f"{other}; set `allow_transfer` if this is intended"
     is_split = split or (lidar_folder / "ImageSets/val.txt").is_file()
     if is_split or not has_labels(lidar_folder) or is_of_anywhere(model):
         return ""
     return (
-        f"{lidar_folder} is not split, so all frames are taken, also those that were learnt from; "
-        "`pyinfra split` it first, or `split` all if this is meant"
+        f"{lidar_folder} is not split, so all frames are used, including the training frames; run "
+        "`pyinfra split` first, or set `split` to all"
     )
 
 
@@ -185,5 +185,8 @@ def others_warning(out: Path, files: Sequence[Path]) -> str:
     there = others(out, files)
     if not there:
         return ""
-    text = f"{out}: {len(there)} files of other frames were there and stay, as {there[0].name}"
-    return text if read_origin(out) else f"{text}; where they come from is not known"
+    text = (
+        f"{out}: {len(there)} files of other frames, such as {there[0].name}, were there and are "
+        "kept"
+    )
+    return text if read_origin(out) else f"{text}; their origin is not known"

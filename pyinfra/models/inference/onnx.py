@@ -83,7 +83,7 @@ def export(run: Path, file: Path) -> None:
             verbose=False,
         )
     if program is None:
-        raise RuntimeError(f"{run}: the exporter gave nothing")
+        raise RuntimeError(f"{run}: the exporter returned nothing")
     metadata = {
         "about": json.dumps(as_plain(loaded.provenance)),
         "area": json.dumps(as_plain(network.site)),

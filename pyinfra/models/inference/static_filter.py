@@ -60,8 +60,8 @@ def length_warning(numbers: Sequence[int], period_s: float) -> str:
     if seconds >= LEAST_S:
         return ""
     return (
-        f"drop_standing: expected {LEAST_S:g} s or more, got {seconds:g} s: who waits is left "
-        "out as well"
+        f"drop_standing: expected {LEAST_S:g} s or more, got {seconds:g} s: in less time, boxes of "
+        "waiting vehicles would be removed too"
     )
 
 

@@ -93,9 +93,7 @@ class _Layer(nn.Module):
 
     def _convolved(self, x: SparseTensor, rulebook: Rulebook) -> SparseTensor:
         if rulebook.source is not x.coordinates:
-            raise ValueError(
-                f"key {self.key}: expected the voxels that it was made for, got others"
-            )
+            raise ValueError(f"key {self.key}: expected the voxels of its first use, got others")
         features = convolve(x.features, self.weight, rulebook, self.bias)
         return replace(
             x, features=features, coordinates=rulebook.target, shape=rulebook.target_shape

@@ -33,7 +33,7 @@ class Accumulation:
             allowed = ", ".join(get_args(LabelAt))
             raise Error(f"label_at: expected {allowed}, got '{self.label_at}'")
         if self.frames == 1 and self.label_at != "newest":
-            raise Error(f"label_at: expected newest, got {self.label_at} of one frame")
+            raise Error(f"label_at: expected newest, got {self.label_at} for a single frame")
 
     def around(self, frame: int) -> range:
         """Returns the numbers of the frames that are stacked for a labelled frame."""
@@ -49,8 +49,8 @@ class Accumulation:
         groups = tuple([k for k in self.around(frame) if k in known] for frame in labelled)
         if self.frames > 1 and groups and max(map(len, groups)) == 1:
             raise Error(
-                "accumulate: expected a folder with frames one after another, got no two frames "
-                f"within {self.frames} numbers"
+                "accumulate: expected a folder with consecutive frames, got no two frames within "
+                f"{self.frames} numbers"
             )
         return groups
 

@@ -81,8 +81,8 @@ class SiteSamples:
                 raise Error(f"lidars: expected up to {len(chosen.files)}, got {self.plan.lidars}")
         if (self.plan.narrow > 0) != (self.narrow is not None):
             raise Error(
-                "narrow: expected LiDARs with a share above 0, and none with 0, got "
-                f"a share of {self.plan.narrow:g}"
+                "narrow: expected LiDARs if the share is above 0, and none if it is 0, got a "
+                f"share of {self.plan.narrow:g}"
             )
 
     def __len__(self) -> int:

@@ -146,7 +146,7 @@ def ahead(make: Callable[[int], Batch], steps: range) -> Generator[tuple[int, Ba
 def check_finite(name: str, value: float, step: int, last: Path) -> None:
     """Raises TrainingDiverged if a value is not finite. last: file of the last checkpoint."""
     if not math.isfinite(value):
-        good = f"the last good checkpoint is {last}" if last.exists() else "no checkpoint is there"
+        good = f"the last good checkpoint is {last}" if last.exists() else "there is no checkpoint"
         raise TrainingDiverged(f"step {step}: the {name} is {value}; {good}")
 
 
@@ -243,13 +243,13 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
     different = [key for key in theirs if key not in PASSING and theirs[key] != wanted[key]]
     if different:
         raise ConfigError(
-            f"{file}: expected the same run, got another: {', '.join(different)} differ"
+            f"{file}: expected the same training, got another: different {', '.join(different)}"
         )
     described = out / "run.yaml"
     before, now = (_ways(d) for d in (read_config(described, Description), ours))
     for key, value in before.items():
         if value != now[key]:
-            raise ConfigError(f"{described}: {key}: expected {now[key]} to go on, got {value}")
+            raise ConfigError(f"{described}: {key}: expected {now[key]} to resume, got {value}")
     return loaded
 
 

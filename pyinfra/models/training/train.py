@@ -57,7 +57,7 @@ def train(
     out.mkdir(parents=True, exist_ok=True)
     other = "last.safetensors" if recipe.detector == "background" else "background.npz"
     if (out / other).exists():
-        raise FileExistsError(f"{out}: {other}: is there already, of another detector")
+        raise FileExistsError(f"{out}: expected no model of another detector, got {other}")
     if recipe.detector == "background":
         return _learn_background(recipe, sources, out)
     if recipe.learning.steps == 0:
@@ -72,7 +72,7 @@ def _as_it_comes(start: Path, out: Path) -> Path:
     """
     source, model = model_file(start), out / "last.safetensors"
     if model.exists() and not filecmp.cmp(source, model, shallow=False):
-        raise FileExistsError(f"{out}: {model.name}: is there already, of another network")
+        raise FileExistsError(f"{out}: expected no model of another network, got {model.name}")
     with replacing(model) as beside:
         shutil.copyfile(source, beside)
     return model
@@ -80,14 +80,16 @@ def _as_it_comes(start: Path, out: Path) -> Path:
 
 def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: Path) -> Path:
     if isinstance(sources, Stream):
-        raise Error("background: expected one LiDAR, got a stream of sites: it stands there")
+        raise Error("background: expected one LiDAR, got a stream of sites")
     if len(sources) != 1:
-        raise Error(f"background: expected one LiDAR, got {len(sources)}: it stays where it learnt")
+        raise Error(
+            f"background: expected one LiDAR, got {len(sources)}: it is trained at one site"
+        )
     (source,) = sources
     if source.accumulation.frames > 1:
         raise Error(
-            f"accumulate: expected 1, got {source.accumulation.frames} for background: it knows "
-            "what moves by single frames"
+            f"accumulate: expected 1, got {source.accumulation.frames} for background, which uses "
+            "single frames"
         )
     chosen = spread(range(len(source.clouds)), BACKGROUND_FRAMES)
     file = out / "background.npz"
@@ -120,11 +122,11 @@ def _train_network(
         name = type(network).__name__
         raise Error(f"learning.balance: expected 0 for {name}, got {recipe.learning.balance:g}")
     if network.columns > 4 and stream.accumulation.frames == 1:
-        raise Error("network.age: expected with `accumulate`, got true of single frames")
+        raise Error("network.age: expected false for single frames, got true")
     if network.classes != stream.classes:
         raise Error(
-            f"network.classes: expected {', '.join(stream.classes)} as the boxes that are learnt "
-            f"from, got {', '.join(network.classes)}"
+            f"network.classes: expected {', '.join(stream.classes)} as in the labels, got "
+            f"{', '.join(network.classes)}"
         )
     provenance = _provenance(recipe, stream, seed)
     if recipe.learning.start:
@@ -269,7 +271,7 @@ def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Fram
 
     if isinstance(sources, Stream):
         if kept > 0:
-            raise Error(f"learning.validate_frames: expected 0, got {kept} of a stream")
+            raise Error(f"learning.validate_frames: expected 0, got {kept} for a stream")
         return sources, None
     sources = [on_road(source) for source in sources]
     frames, held_out = _frames(sources, kept)
@@ -302,7 +304,7 @@ def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None
         whole = Frames(source.clouds, source.read_boxes(), classes=classes, heights_m=heights_m)
         if 0 < len(whole) <= kept:
             raise Error(
-                f"learning.validate_frames: expected below {len(whole)}, the frames of "
+                f"learning.validate_frames: expected less than the {len(whole)} frames of "
                 f"{source.lidar}, got {kept}"
             )
         learnt += whole.part(slice(0, len(whole) - kept))

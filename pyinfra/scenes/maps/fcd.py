@@ -81,7 +81,7 @@ def _objects(
             if not np.isfinite(t) or abs(t) > 1e8:
                 raise refusal(f"expected seconds, got time '{element.get('time')}'")
             if t <= before:
-                raise refusal(f"expected times that rise, got time {t:g} after {before:g}")
+                raise refusal(f"expected ascending times, got time {t:g} after {before:g}")
             before = t
             for each in element:
                 if each.tag in ("vehicle", "person"):

@@ -155,7 +155,7 @@ def checked_lanes(lanes: Sequence[MapLane], source: str) -> list[MapLane]:
     for lane in lanes:
         both = np.concatenate([lane.left, lane.right])
         if not np.isfinite(both).all():
-            raise MapError(f"{source}: lane {lane.name}: expected numbers, got another place")
+            raise MapError(f"{source}: lane {lane.name}: expected finite coordinates, got others")
         if np.abs(both).max() > FARTHEST_M:
             most = np.abs(both).max()
             raise MapError(

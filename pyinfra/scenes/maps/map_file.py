@@ -65,7 +65,7 @@ def _root_of(file: Path) -> str:
             for _, node in ElementTree.iterparse(stream, events=("start",)):
                 return str(node.tag).rpartition("}")[2]
     except (ElementTree.ParseError, EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise MapError(f"{file}: not XML that can be read: {error}") from error
+        raise MapError(f"{file}: cannot be read as XML: {error}") from error
     return ""
 
 
@@ -82,9 +82,11 @@ def unpacked(file: Path, kind: str, scratch: Path) -> Path:
             while block := stream.read(1 << 20):
                 into.write(block)
                 if into.tell() > LONGEST_BYTES:
-                    raise MapError(f"{file}: expected up to {LONGEST_BYTES} bytes in it, got more")
+                    raise MapError(
+                        f"{file}: expected up to {LONGEST_BYTES} bytes after unpacking, got more"
+                    )
     except (EOFError, zlib.error, OSError) as error:
-        raise MapError(f"{file}: not a packed file that can be read: {error}") from error
+        raise MapError(f"{file}: cannot be unpacked: {error}") from error
     return out
 
 

@@ -52,7 +52,7 @@ def _from_opendrive(
     warnings = _shifted_network(file, arguments, offset, folder / NET)
     network = read_network(folder / NET, lanes=False)
     site_map.areas, site_map.junctions = _near(network, options.radius_m)
-    site_map.guessed.append("traffic lights, where the map says none")
+    site_map.guessed.append("traffic lights, which the map does not have")
     return site_map, {"offset_m": offset.tolist(), "network": warnings}
 
 
@@ -94,7 +94,7 @@ def _from_osm(
     site_map.guessed += ["sidewalks and crossings", "traffic lights", "widths of lanes"]
     if turned:
         site_map.guessed.append(
-            f"`centre` is lat,lon: taken as {centre[0]:g} east, {centre[1]:g} north"
+            f"`centre` appears to be lat,lon: read as {centre[0]:g} east, {centre[1]:g} north"
         )
     site_map.not_understood += levels.flat
     if levels.crossings:
@@ -106,7 +106,9 @@ def _from_osm(
     elif not any(np.ptp(lane.centre[:, 2]) > 0 for lane in site_map.lanes):
         site_map.guessed.append("all roads are level: the map has no heights")
     if streets.deleted:
-        site_map.guessed.append(f"{streets.deleted} elements that an editor deleted: left out")
+        site_map.guessed.append(
+            f"{streets.deleted} elements marked as deleted by an editor: left out"
+        )
     return site_map, {"projection": projection, "offset_m": [0.0, 0.0, 0.0], "network": warnings}
 
 

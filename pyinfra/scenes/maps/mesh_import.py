@@ -40,9 +40,7 @@ def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement)
     """
     name = f"meshes/{file.stem.lower()}.ply"
     if (site / name).exists():
-        raise FileExistsError(
-            f"{site / name}: expected a new name for {file}, got one that is there"
-        )
+        raise FileExistsError(f"{site / name}: expected a new name for {file}, got an existing one")
     mounts = feet(site)
     mesh = _placed(_read(file), file, placement)
     away = _away_m(mesh, mounts)
@@ -72,7 +70,7 @@ def _read(file: Path) -> Triangles:
         loaded = trimesh.load_scene(file, process=False).to_mesh()
     except Exception as error:  # the readers of trimesh raise exceptions of many types
         why = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise FormatError(f"{file}: is no mesh that can be read: {why}") from error
+        raise FormatError(f"{file}: cannot be read as a mesh: {why}") from error
     vertices = np.asarray(loaded.vertices, dtype=np.float64)
     faces = np.asarray(loaded.faces, dtype=np.int64)
     if not len(faces):
@@ -137,5 +135,7 @@ def with_mesh(file: Path, entry: dict[str, Any]) -> str:
     except yaml.YAMLError:
         right = False
     if not right:
-        raise FormatError(f"{file}: meshes: can't be added to; write there: {line}")
+        raise FormatError(
+            f"{file}: meshes: the list cannot be extended; add this entry by hand: {line}"
+        )
     return text

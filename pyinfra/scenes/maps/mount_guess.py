@@ -46,7 +46,7 @@ def guess_pole(site_map: SiteMap) -> tuple[Pole, str]:
     ]  # after the map was cut, some junctions have no lanes nearby
     if inside:
         ways, *centre = max(inside, key=lambda j: (j[0], -math.hypot(j[1], j[2])))
-        target, what = np.array(centre), f"the junction with most ways through ({ways})"
+        target, what = np.array(centre), f"the junction with most connections ({ways})"
     else:
         longest = max(driven, key=lambda lane: len(lane.centre))
         target, what = longest.centre[len(longest.centre) // 2, :2], f"lane {longest.name}"

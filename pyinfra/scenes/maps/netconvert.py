@@ -39,7 +39,7 @@ def netconvert(source: Path, arguments: Sequence[str], out: Path) -> list[str]:
     except subprocess.TimeoutExpired as error:
         raise MapError(f"{source}: SUMO took more than {LONGEST_S:g} s; cut the map") from error
     except SumoError as error:
-        raise MapError(f"{source}: SUMO can't read it: {error}") from error
+        raise MapError(f"{source}: netconvert of SUMO failed: {error}") from error
     if not out.exists():
-        raise MapError(f"{source}: SUMO can't read it: netconvert wrote no network")
+        raise MapError(f"{source}: netconvert of SUMO wrote no network")
     return warnings

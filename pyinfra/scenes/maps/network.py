@@ -41,7 +41,7 @@ def read_network(file: Path, *, lanes: bool = True) -> SiteMap:
                 _read_junction(node, site_map)
                 node.clear()
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
-        raise MapError(f"{file}: not XML that can be read: {error}") from error
+        raise MapError(f"{file}: cannot be read as XML: {error}") from error
     except MapError as error:
         raise MapError(f"{file}: {error}") from error
     return site_map

@@ -52,7 +52,7 @@ def read_opendrive(file: Path) -> SiteMap:
     try:
         root = ElementTree.parse(file).getroot()
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
-        raise MapError(f"{file}: not XML that can be read: {error}") from error
+        raise MapError(f"{file}: cannot be read as XML: {error}") from error
     for node in root.iter():
         node.tag = node.tag.rpartition("}")[2]  # removes the namespace that some writers add
     if root.tag != "OpenDRIVE":
@@ -87,7 +87,7 @@ def _read_road(node: Element, site_map: SiteMap) -> None:
     sections = node.findall("lanes/laneSection")
     starts = [number(section, "s") for section in sections]
     if any(b < a for a, b in itertools.pairwise(starts)):
-        raise MapError(f"road {road.id}: laneSection: s must rise")
+        raise MapError(f"road {road.id}: laneSection: expected ascending s")
     pieces: dict[tuple[int, int], Piece] = {}
     for i, (section, start) in enumerate(zip(sections, starts, strict=True)):
         end = starts[i + 1] if i + 1 < len(starts) else road.line.length
@@ -110,7 +110,7 @@ def _lengths_that_disagree(road: OpenDriveRoad, node: Element) -> list[str]:
     if abs(stated - length) > LENGTHS_APART * length + 0.1:
         notes.append(
             f"road {road.id}: length: expected {length:g} m as its geometry, got {stated:g} m; the "
-            "geometry holds"
+            "geometry is used"
         )
     for shape in node.iterfind("planView/geometry"):
         along, declared = curve_length(shape), number(shape, "length")

@@ -115,7 +115,7 @@ def _read_object(road: OpenDriveRoad, node: Element, site_map: SiteMap) -> None:
         else:
             leave_out(f"type {type_!r}, height {height:g} m")
     elif type_ not in STANDING:
-        text = f"objects of type {type_!r}: built as they stand"
+        text = f"objects of type {type_!r}: built in their position"
         site_map.guessed += [] if text in site_map.guessed else [text]
     if any(abs(number(node, k, 0.0)) > 0.1 for k in ("pitch", "roll")):
         leave_out("pitch, roll: built upright")

@@ -134,9 +134,9 @@ def all_elements(file: Path) -> Iterator[Element]:
                     yield node
                     root.clear()
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
-        raise MapError(f"{file}: not XML that can be read: {error}") from error
+        raise MapError(f"{file}: cannot be read as XML: {error}") from error
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise MapError(f"{file}: not a gzip file that can be read: {error}") from error
+        raise MapError(f"{file}: cannot be unpacked as gzip: {error}") from error
 
 
 def _read_element(node: Element, street_map: StreetMap, file: Path) -> None:
@@ -202,7 +202,7 @@ def add_surroundings(
     heights = []
     for name, ids, tags in map_.houses:
         if not all(i in map_.nodes for i in ids):
-            site_map.not_understood.append(f"way {name}: building with nodes that are not there")
+            site_map.not_understood.append(f"way {name}: building with missing nodes")
             continue
         outline = transverse_mercator(np.array([map_.nodes[i] for i in ids]), centre)
         outline = outline[:-1] if ids[0] == ids[-1] else outline
@@ -212,7 +212,7 @@ def add_surroundings(
         heights.append(is_known)
         if tags.get("min_height") or tags.get("building:min_level"):
             site_map.not_understood.append(
-                f"way {name}: building off the ground, built to the ground"
+                f"way {name}: building above the ground: extended to the ground"
             )
         x, y = outline.mean(0)
         if len(outline) < 3 or crosses_itself(outline):

@@ -80,7 +80,7 @@ def find_levels(map_: StreetMap, centre: tuple[float, float], radius_m: float) -
     net = _Net(map_, centre, radius_m)
     crossings = net.crossings()
     if crossings and any(i in map_.with_heights for way in map_.ways for i in way.nodes):
-        out.flat = [f"{_name(c)}: left at the heights of the map" for c in crossings]
+        out.flat = [f"{_name(c)}: heights of the map are kept" for c in crossings]
         return out
     if not crossings:
         return out
@@ -90,7 +90,7 @@ def find_levels(map_: StreetMap, centre: tuple[float, float], radius_m: float) -
     for c in crossings:
         gap = net.gap(c)
         if gap < LEAST_M:
-            out.flat.append(f"{_name(c)}: {gap:.1f} m apart, no room for ramps of {RAMP_M:g} m")
+            out.flat.append(f"{_name(c)}: {gap:.1f} m apart, too close for ramps of {RAMP_M:g} m")
     out.crossings = len(crossings) - len(out.flat)
     out.heights = {i: round(z, 3) for i, z in net.z.items() if abs(z) > 1e-3}
     out.places = {i: place for i, place in net.new.items() if i in out.heights}

@@ -27,7 +27,7 @@ def write_xml(file: Path, out: Path, most_bytes: int) -> None:
                 if count % _BETWEEN == 0 and out.stat().st_size > most_bytes:
                     break
     except RuntimeError as error:
-        raise MapError(f"{file}: not a PBF file that can be read: {error}") from error
+        raise MapError(f"{file}: cannot be read as PBF: {error}") from error
     if out.stat().st_size > most_bytes:
         raise MapError(
             f"{file}: expected up to {most_bytes} bytes as XML, got more; cut the map first, as by "

@@ -74,7 +74,9 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
         boxes[:, 6] = np.radians(boxes[:, 6])
     elif (np.abs(boxes[:, 6]) > 2 * np.pi + 1e-3).any():
         row = int(np.argmax(np.abs(boxes[:, 6]) > 2 * np.pi + 1e-3))
-        raise FormatError(f"{file}:{row + 2}: heading: expected `degrees` or radians, got degrees")
+        raise FormatError(
+            f"{file}:{row + 2}: heading: expected radians, got degrees: set `degrees`"
+        )
     classes = np.array([_class(file, i, name, how) for i, name in enumerate(words["class"])])
     ids = words["id"].to_numpy(str) if "id" in words.columns else link(times, boxes, classes)
     return _tracks(file, times, boxes, classes, ids)
@@ -138,12 +140,12 @@ def _tracks(
         if len(back):
             line = rows[back[0] + 1] + 2
             raise FormatError(
-                f"{file}:{line}: t: expected times that rise, got {times[rows[back[0] + 1]]:g} "
+                f"{file}:{line}: t: expected ascending times, got {times[rows[back[0] + 1]]:g} "
                 f"after {times[rows[back[0]]]:g} of object '{names[i]}'"
             )
         if len(set(classes[rows])) > 1:
             raise FormatError(
-                f"{file}: expected one class for each object, got two of object '{names[i]}'"
+                f"{file}: expected one class for each object, got two for object '{names[i]}'"
             )
         tracks.append(BoxTrack(str(names[i]), str(classes[rows[0]]), times[rows], boxes[rows]))
     return tracks

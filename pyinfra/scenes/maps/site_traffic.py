@@ -22,9 +22,9 @@ def write_traffic(site: Path, demand: Demand, seconds: float, seed: int) -> list
     traffic = simulate(site / NET, feet, demand, seconds, seed)
     write_trajectories(site / NAME, traffic.tracks)
     site_folder.set_duration(site, lasts_s(traffic.tracks))
-    notes = [f"{name}: left out: no average makes it smooth" for name in traffic.rough]
+    notes = [f"{name}: left out: smoothing failed" for name in traffic.rough]
     if traffic.unrouted:
         text = f"{len(traffic.unrouted)} of {traffic.asked} trips left out: no valid route"
         notes.insert(0, text)
-    notes += [f"{name}: left out: it stood in another" for name in traffic.overlapping]
+    notes += [f"{name}: left out: it overlaps another object" for name in traffic.overlapping]
     return list(report_lines(site / NAME, traffic.tracks, feet, notes))

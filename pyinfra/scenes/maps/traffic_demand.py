@@ -41,7 +41,7 @@ class Demand:
             if not 0 <= rate <= 20_000:
                 raise Error(f"{name}: expected 0 to 20000, got {rate:g}")
         if self.vehicles_per_hour + self.pedestrians_per_hour + self.bicycles_per_hour == 0:
-            raise Error("vehicles_per_hour: expected more than 0, got 0 of all")
+            raise Error("vehicles_per_hour: expected more than 0 in total, got 0")
 
 
 @dataclass(frozen=True)
@@ -223,7 +223,7 @@ def _too_small(net: RoadNet, feet: FloatArray, sumo_class: str) -> str:
     counts = f"{starts} edges begin and {ends} end there"
     why = counts if far >= reach else f"it reaches {far:.0f} m"
     return (
-        f"the map: expected maps with such ways, got no way for class '{sumo_class}' from "
+        f"the map: expected a route through the region, got none for class '{sumo_class}' from "
         f"{reach:.0f} m outside the mount's foot, through the region, to {reach:.0f} m outside "
         f"({why}): nothing may appear or vanish inside; import more of the map, or move the "
         "mount"

@@ -104,7 +104,7 @@ def _classes(
         ours = classes.get(o.type_name) or _SUMO_TYPES.get(o.type_name)
         if ours is None and (ours := _guessed_class(o)):
             of = f"type '{o.type_name}'" if o.type_name else f"{o.kind}s without a type"
-            out.notes.append(f"{of}: taken as {ours}")
+            out.notes.append(f"{of}: read as {ours}")
         if ours not in CLASSES:
             unknown.setdefault(o.type_name, o.name)
         class_of[o.kind, o.type_name] = ours or ""
@@ -146,7 +146,9 @@ def _to_metres(
     lon_lat = np.concatenate([o.rows[:, 1:3] for o in objects])
     if projection is not None:
         check_near_site(lon_lat, projection)
-        out.notes.append("positions were longitude and latitude: projected as the site's map")
+        out.notes.append(
+            "positions were longitude and latitude: projected like the map of the site"
+        )
     elif has_site:
         raise FormatError(
             "x, y: expected metres, got longitude and latitude, and the site's map has no "
@@ -186,12 +188,12 @@ def import_boxes(objects: list[BoxTrack], offset_m: FloatArray) -> ImportedTrack
     _check_length(start, max(float(o.times[-1]) for o in objects))
     without = [Motion(o.times, o.boxes[:, :2], np.full(len(o.times), np.nan)) for o in objects]
     if in_degrees(without, None):
-        raise FormatError("x, y: expected metres, got longitude and latitude by how little changes")
+        raise FormatError("x, y: expected metres, got values that look like longitude and latitude")
     for o in objects:
         size = np.median(o.boxes[:, 3:6], axis=0)
         apart = float(np.abs(o.boxes[:, 3:6] - size).max())
         if apart > _SAME_SIZE_M:
-            out.notes.append(f"{o.name}: its size varied by {apart:.2f} m: the median was taken")
+            out.notes.append(f"{o.name}: its size varied by {apart:.2f} m: the median is used")
         positions = o.boxes[:, [0, 1, 2, 6]].copy()
         ahead = np.stack([np.cos(positions[:, 3]), np.sin(positions[:, 3])], axis=1)
         positions[:, :2] += ahead * size[0] / 2
@@ -208,7 +210,7 @@ def _take(path: FrontPath, track: Track | None, out: ImportedTracks) -> None:
     if track is None:
         at = path.first * STEP_S
         out.notes.append(
-            f"{path.name}: dropped: it turns or accelerates too hard (from {at:.1f} s)"
+            f"{path.name}: dropped: it turns or accelerates too fast (from {at:.1f} s)"
         )
     else:
         out.tracks.append(track)
@@ -218,7 +220,7 @@ def _from_zero(out: ImportedTracks) -> ImportedTracks:
     """Shifts the time so that the first track starts at 0. Raises FormatError without a track."""
     if not out.tracks:
         why = out.notes[0] if out.notes else "no rows"
-        raise FormatError(f"expected a track that can be used ({why}), got none")
+        raise FormatError(f"expected a usable track, got none ({why})")
     out.tracks = from_zero(out.tracks)
     return out
 
@@ -249,6 +251,6 @@ def _pieces(
 def _check_length(start: float, end: float) -> None:
     if end - start > _LONGEST_S:
         raise FormatError(
-            f"expected {_LONGEST_S:g} s together, got times from {start:g} to {end:g} s: does "
-            "the clock jump, or is it in another unit?"
+            f"expected at most {_LONGEST_S:g} s in total, got times from {start:g} to {end:g} s: "
+            "does the clock jump, or is it in another unit?"
         )
