@@ -141,8 +141,8 @@ def _ap_of(
     for part, named in parts.items():
         ranking = match_result.ranking(part)
         (value,), (r1000,) = ap.r40_and_r1000(ranking)
-        replicates, r1000_replicates = ap.r40_and_r1000(ranking, match_result.weights)
-        low, high = match_result.interval(value, replicates, ranking.objects)
+        r40_replicates, r1000_replicates = ap.r40_and_r1000(ranking, match_result.weights)
+        low, high = match_result.interval(value, r40_replicates, ranking.objects)
         r1000_low, r1000_high = match_result.interval(r1000, r1000_replicates, ranking.objects)
         row = {
             **named,

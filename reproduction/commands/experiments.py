@@ -191,7 +191,7 @@ def rows_of_test(model: Path, folder: Path, predictions: Path) -> list[dict[str,
     numbers = kitti.frames(folder)
     predictions.mkdir(parents=True, exist_ok=True)
     files = [kitti.frame_file(folder, "velodyne", k) for k in numbers]
-    write_origin(predictions, origin_of(folder, detect.model_file(model)), anew=True)
+    write_origin(predictions, origin_of(folder, detect.model_file(model)), replace=True)
     detect.detect(detect.detector_at(model, folder), files, predictions)
     results = match_results_of(folder, predictions, SETTINGS, frames=numbers)
     return [

@@ -7,7 +7,7 @@ from reproduction.report.tables import TABLES
 __all__ = ["SECTIONS", "TABLES"]
 
 # The study's version of a section of pyinfra's report.
-_OF_THE_STUDY = {
+_OF_THE_STUDY: dict[contents.Maker, contents.Maker] = {
     sections.hits.section: hits.section,
     sections.accuracy.section: accuracy.section,
     sections.methods.section: methods.section,
