@@ -15,19 +15,17 @@ Messages go to stderr.
 import argparse
 import importlib
 import os
-import re
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn
 
+from pyinfra.cli.completion import SHELLS, completion_script
 from pyinfra.cli.messages import message_of, options_of, report_bug
+from pyinfra.cli.parser import Parser, check_options
 from pyinfra.core.errors import Error
 from pyinfra.core.version import __version__
 
-RENAMED_OPTIONS = {"--dials": "--severities", "--draws": "--replicates"}
 FAILED = 1
-WRONG = 2
 
 
 @dataclass(frozen=True)
@@ -62,31 +60,29 @@ COMMANDS = (
 )
 
 
-class _Parser(argparse.ArgumentParser):
-    """Reports wrong usage in one line, and accepts values such as `-13,5` that begin with `-`."""
-
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
-        # The pattern of argparse matches only a word that is a single negative number. No option
-        # begins with a digit, so every word that begins like a negative number is a value.
-        self._negative_number_matcher = re.compile(r"-\.?\d")
-
-    def error(self, message: str) -> NoReturn:
-        for old, current in RENAMED_OPTIONS.items():
-            if f"{old} " in f"{message} ":
-                message += f": {old} is called {current} since version 0.4"
-        self.exit(WRONG, f"{self.prog}: {message} (see --help)\n")
+# The groups of `pyinfra --help`, in the order of a project.
+GROUPS = {
+    "Simulate (with infrasim run)": ("lidars", "pictures", "view", "split"),
+    "Sites": ("site", "sites"),
+    "Detect": ("train", "detect", "onnx"),
+    "Evaluate": ("statistics", "validate", "evaluate", "stress"),
+    "Compare and choose": ("compare", "benchmark", "recommend", "report"),
+    "Exchange": ("import", "export"),
+}
 
 
-def make_parser(words: Sequence[str]) -> argparse.ArgumentParser:
+def make_parser(words: Sequence[str], *, whole: bool = False) -> argparse.ArgumentParser:
     """Returns the parser for a command line.
 
-    Only the subcommand in `words` gets its arguments, so that no other module is imported.
+    Only the subcommand in `words` gets its arguments, so that no other module is imported. whole:
+    whether every subcommand gets its arguments.
     """
-    parser = _Parser(
+    parser = Parser(
         prog="pyinfra",
+        usage="pyinfra [-h] [--version] [--traceback] [--completion SHELL] COMMAND ...",
         description="Trains and evaluates detectors on LiDAR frames, and compares LiDARs.",
-        epilog="example: pyinfra lidars --preset datasheet",
+        epilog=f"{group_text()}\n\nexample: pyinfra lidars --preset datasheet",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"pyinfra {__version__}")
     parser.add_argument(
@@ -94,15 +90,38 @@ def make_parser(words: Sequence[str]) -> argparse.ArgumentParser:
         action="store_true",
         help="show the traceback of an error; give it before COMMAND",
     )
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    parser.add_argument(
+        "--completion",
+        choices=SHELLS,
+        metavar="SHELL",
+        help="print a script that completes commands and options in bash or zsh",
+    )
+    # The groups in the epilog list the commands.
+    commands = parser.add_subparsers(
+        prog="pyinfra",
+        metavar="COMMAND",
+        required=True,
+        help=None if whole else argparse.SUPPRESS,
+    )
     asked = next((word for word in words if not word.startswith("-")), None)
     for command in COMMANDS:
         sub = commands.add_parser(command.name, help=command.summary)
-        if command.name == asked:
+        if whole or command.name == asked:
             module = importlib.import_module(command.module)
             module.add_arguments(sub)
             sub.set_defaults(run=module.run, options=options_of(sub))
+            if command.name == asked:
+                check_options(sub, words[words.index(asked) + 1 :])
     return parser
+
+
+def group_text() -> str:
+    """Returns the commands with their summaries, in groups."""
+    summaries = {command.name: command.summary for command in COMMANDS}
+    lines = []
+    for title, names in GROUPS.items():
+        lines += [f"{title}:", *(f"  {name:<12}{summaries[name]}" for name in names), ""]
+    return "\n".join(lines[:-1])
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -113,6 +132,8 @@ def main(words: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if words is None else words
     args = argparse.Namespace(options={})
     try:
+        if words and words[0].startswith("--completion"):
+            return print_completion(words)
         make_parser(words).parse_args(words, args)
         code = int(args.run(args))
         sys.stdout.flush()  # if the pipe was closed, this line raises BrokenPipeError
@@ -131,6 +152,13 @@ def main(words: Sequence[str] | None = None) -> int:
         text, code = _ended_by(error, words, args)
         print(f"pyinfra: {text}", file=sys.stderr)
         return code
+
+
+def print_completion(words: Sequence[str]) -> int:
+    """Prints the script of `--completion SHELL`. The option needs no command."""
+    shell = words[0].partition("=")[2] or "".join(words[1:2])
+    print(completion_script(make_parser([], whole=True), shell))
+    return 0
 
 
 def _ended_by(error: Exception, words: Sequence[str], args: argparse.Namespace) -> tuple[str, int]:

@@ -84,6 +84,25 @@ def test_help_of_every_command_has_an_example(
     assert f"example: pyinfra {command}" in capsys.readouterr().out
 
 
+def test_help_lists_every_command_in_one_group(capsys: pytest.CaptureFixture[str]) -> None:
+    grouped = [name for names in main.GROUPS.values() for name in names]
+    assert sorted(grouped) == sorted(command.name for command in main.COMMANDS)
+    with pytest.raises(SystemExit):
+        main.main(["--help"])
+    text = capsys.readouterr().out
+    assert all(f"{title}:" in text for title in main.GROUPS)
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+def test_completion_has_commands_steps_and_options(
+    shell: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("shtab", reason="shtab is not installed: extra `completion`")
+    assert main.main(["--completion", shell]) == 0
+    script = capsys.readouterr().out
+    assert all(word in script for word in ("recommend", "trajectories", "--min-ap", "--radius"))
+
+
 def test_closed_pipe_is_no_traceback(tmp_path: Path) -> None:
     data = tmp_path / "highway"
     lidar = ["--lidar", catalogue.lidar_file("helios_16"), "--preset", "paper"]

@@ -654,7 +654,7 @@ def test_the_devkits_cap_is_reported(run: Callable[..., Evaluation]) -> None:
         (["--class", "large="], "--class: expected .*, got 'large='"),
         (["--frames", "2-4"], "--frames: expected A:B.*, got '2-4'"),
         (["--frames", "7:9"], "--frames: expected .*, got '7:9'"),
-        (["--ground-truth", "seen"], "invalid choice: 'seen'"),
+        (["--ground-truth", "seen"], "got 'seen'"),
         (["--split", "all", "--frames", "0:2"], "not allowed with"),
     ],
 )

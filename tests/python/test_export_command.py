@@ -98,7 +98,7 @@ def test_an_unknown_format_lists_those_there_are(
         main.main(words(pole, tmp_path / "out", "las"))
     assert end.value.code == 2
     err = capsys.readouterr().err
-    assert "invalid choice: 'las'" in err
+    assert "got 'las'" in err
     assert all(name in err for name in formats.EXPORTS)
 
 

@@ -134,6 +134,9 @@ LAYERS = (
     ("cli",),
 )
 LAYER_OF = {package: i for i, layer in enumerate(LAYERS) for package in layer}
+SHARED_BY_COMMANDS = (
+    "completion", "main", "messages", "next_command", "number_option", "parser"
+)  # fmt: skip
 SUBCOMMANDS = ("site",)  # commands that have some
 
 
@@ -194,9 +197,7 @@ def test_each_command_is_a_module_of_commands() -> None:
     """A part of a command with subcommands is named after it: `site_traffic` of `site`."""
     files = {path.stem for path in (ROOT / "pyinfra/cli").glob("*.py")} - {
         "__init__",
-        "main",
-        "messages",
-        "number_option",
+        *SHARED_BY_COMMANDS,
     }
     files = {file for file in files if not (set(SUBCOMMANDS) & {file.split("_")[0]} - {file})}
     assert {command.module for command in COMMANDS} == {f"pyinfra.cli.{f}" for f in files}
@@ -205,7 +206,7 @@ def test_each_command_is_a_module_of_commands() -> None:
 def test_commands_import_no_other_command() -> None:
     for path in (ROOT / "pyinfra/cli").glob("*.py"):
         others = {name for name in imports(path) if name.startswith("pyinfra.cli.")}
-        shared = [f"pyinfra.cli.{name}" for name in ("main", "messages", "number_option")]
+        shared = [f"pyinfra.cli.{name}" for name in SHARED_BY_COMMANDS]
         allowed = (f"pyinfra.cli.{path.stem}_", *shared)
         assert {name for name in others if not name.startswith(allowed)} == set(), path
 

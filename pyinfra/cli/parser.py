@@ -1,0 +1,87 @@
+"""The parser of `pyinfra`: one-line messages that suggest names, and renamed options."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any, NoReturn
+
+from pyinfra.core.names import suggestion
+
+WRONG = 2
+MOST_LISTED = 8  # choices in a message that also suggests one
+
+# Maps an option of earlier versions to what replaces it. A key with a command holds for that
+# command alone.
+RENAMED = {
+    "--dials": "--severities",
+    "--draws": "--replicates",
+}
+
+
+class Parser(argparse.ArgumentParser):
+    """Reports wrong usage in one line, and accepts values such as `-13,5` that begin with `-`.
+
+    An option is only recognised by its full name, so that a new option never changes the meaning
+    of a command that is written down.
+    """
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, allow_abbrev=False, **kwargs)
+        # The pattern of argparse matches only a word that is a single negative number. No option
+        # begins with a digit, so every word that begins like a negative number is a value.
+        self._negative_number_matcher = re.compile(r"-\.?\d")
+
+    def error(self, message: str) -> NoReturn:
+        message = re.sub(r"^argument ([^:]+): ", r"\1: ", message)
+        self.exit(WRONG, f"{self.prog}: {message} (see --help)\n")
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Raises ArgumentError for a value that is not among the choices; suggests a choice."""
+        choices = [str(choice) for choice in action.choices or ()]
+        if choices and str(value) not in choices:
+            similar = near(str(value), choices)
+            # A long list hides the suggestion.
+            known = "a name" if similar and len(choices) > MOST_LISTED else listed(choices)
+            raise argparse.ArgumentError(action, f"expected {known}, got '{value}'{similar}")
+
+
+def check_options(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
+    """Ends the process with a message if `words` have an option that the command does not have.
+
+    argparse reports missing arguments before unknown options, which are often their cause.
+    """
+    command = parser.prog.partition(" ")[2]
+    known = list(options(parser, words))
+    for word in words:
+        name = word.partition("=")[0]
+        if word == "--":
+            return
+        if not re.match(r"--[a-zA-Z]", name) or name in known:
+            continue
+        current = RENAMED.get(f"{command.partition(' ')[0]} {name}") or RENAMED.get(name)
+        if current is not None:
+            parser.error(f"{name}: expected {current}; {name} has another name since version 0.4")
+        parser.error(f"{name}: no such option{near(name, known)}")
+
+
+def options(parser: argparse.ArgumentParser, words: Sequence[str]) -> Iterator[str]:
+    """Yields the options of a command and of those subcommands of it that are in `words`."""
+    for action in parser._actions:  # argparse has no public list of the actions
+        yield from action.option_strings
+        if isinstance(action, argparse._SubParsersAction):
+            named = [name for name in action.choices if name in words] or list(action.choices)
+            for name in named:
+                yield from options(action.choices[name], words)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Returns names as a text such as `a, b or c`."""
+    return " or ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+
+
+def near(word: str, names: Sequence[str]) -> str:
+    """Returns a text such as `; did you mean '--out'?`, or an empty text if no name is similar."""
+    text = suggestion(word, names)
+    return text if "did you mean" in text else ""
