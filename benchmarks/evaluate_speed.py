@@ -207,8 +207,8 @@ def evaluation(frames: int, random: np.random.Generator, *options: str) -> tuple
     """
     with tempfile.TemporaryDirectory() as name:
         lidar, predictions = write_data_set(Path(name), frames, random)
-        command = [sys.executable, "-m", "pyinfra", "evaluate", "--gt", str(lidar)]
-        command += ["--pred", str(predictions), "--out", f"{name}/out", *options]
+        command = [sys.executable, "-m", "pyinfra", "evaluate", str(lidar)]
+        command += [str(predictions), "--out", f"{name}/out", *options]
         cost = process.run(command, cwd=ROOT)
     return cost.cpu_s, cost.peak_mb
 

@@ -16,7 +16,7 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.core.names import StrPath, check_name, file_or_name
 from pyinfra.core.public import public
-from pyinfra.dataset.catalogue import configs
+from pyinfra.dataset.catalogue import shipped
 
 if TYPE_CHECKING:
     from pyinfra.core.vocabulary import Tier
@@ -79,7 +79,7 @@ def train(
     paths = [folders] if isinstance(folders, (str, os.PathLike)) else folders
     if not paths:
         raise Error("folders: expected one or more, got none")
-    recipe = read_recipe(file_or_name(config, _configs("detectors"), "config"), tier)
+    recipe = read_recipe(file_or_name(config, shipped("detectors"), "config"), tier)
     if start is not None:
         recipe = recipe.begun_with(Path(start))
     sources = [read_source(Path(path), tier, classes=recipe.classes) for path in paths]
@@ -144,7 +144,7 @@ def benchmark(
     check_name(tier, TIERS, "tier")
     if jobs < 1:
         raise Error(f"jobs: expected 1 or more, got {jobs}")
-    file = file_or_name(config, _configs("benchmarks"), "config")
+    file = file_or_name(config, shipped("benchmarks"), "config")
     plan = read_plan(file, tier, os.fspath(scene))
     workspace = Workspace(Path(work), Path(out), tier)
     if latency:
@@ -153,7 +153,3 @@ def benchmark(
         pool = Pool("local", jobs, "", gpu=device != "cpu")
         run(plan, workspace, pool, device=device, progress=progress or silent)
     return read(workspace.table("experiments"))
-
-
-def _configs(kind: str) -> dict[str, Path]:
-    return {file.stem: file for file in (configs() / kind).glob("*.yaml")}

@@ -10,7 +10,9 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.core.errors import Error
+from pyinfra.core.names import file_or_name
 from pyinfra.core.vocabulary import TIERS
+from pyinfra.dataset.catalogue import shipped
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark.dry_run import dry_run_lines
 from pyinfra.experiments.benchmark.latency import time_again
@@ -27,10 +29,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "writes one row of results each. A row holds everything needed to repeat its experiment. "
         "Run the same command again to resume."
     )
-    parser.epilog = (
-        "example: pyinfra benchmark configs/benchmarks/demo.yaml --tier smoke --out out/demo"
+    parser.epilog = "example: pyinfra benchmark demo --tier smoke --out out/demo"
+    parser.add_argument(
+        "config",
+        metavar="CONFIG",
+        help="a benchmark's name, such as demo, or a file as in configs/benchmarks",
     )
-    parser.add_argument("config", type=Path, help="a benchmark file, as in configs/benchmarks")
     parser.add_argument(
         "--tier", choices=TIERS, default="quick", help="size of the benchmark; default: quick"
     )
@@ -71,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="cpu, cuda (any free GPU) or one GPU such as cuda:1; default: cpu",
     )
     parser.add_argument(
-        "--latency",
+        "--only-latency",
         action="store_true",
         help="only measure the latency of finished experiments again, one at a time",
     )
@@ -94,12 +98,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     if args.jobs < 1:
         raise Error(f"--jobs: expected 1 or more, got {args.jobs}")
-    plan = read_plan(args.config, args.tier, args.scene)
+    file = file_or_name(args.config, shipped("benchmarks"), "CONFIG")
+    plan = read_plan(file, args.tier, args.scene)
     workspace = Workspace(args.work, args.out, args.tier)
     if args.dry_run:
         print(dry_run_lines(plan, workspace, args.jobs))
         return 0
-    if args.latency:
+    if args.only_latency:
         time_again(plan, workspace, device=args.device, progress=progress)
         return 0
     where = Pool(args.backend, args.jobs, args.address, gpu=args.device != "cpu")

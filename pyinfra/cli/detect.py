@@ -1,4 +1,4 @@
-"""`pyinfra detect RUN --data DATA/LIDAR --out DIR`, or `pyinfra detect RUN cloud.bin`."""
+"""`pyinfra detect DATA/LIDAR --model RUN --out DIR`, or `pyinfra detect cloud.bin`."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 from pyinfra.cli.messages import warn
 from pyinfra.core.errors import Error
 from pyinfra.core.machine_load import OtherLoad, other_load
+from pyinfra.dataset.frames import check_lidar_folder
 from pyinfra.exchange.lone_clouds import cloud_reader
 from pyinfra.models.inference.detect import (
     PERCENTILES,
@@ -36,6 +37,7 @@ NOTHING = (
     "no box in any frame: are the sensor's height, its frame (z up, origin at the sensor) and the "
     "region right?"
 )
+PRETRAINED = "generalist"
 # Minimum score of a box that is counted as likely. Before the calibration of scores, detectors
 # return boxes with scores of 0.1 or more.
 LIKELY = 0.5
@@ -44,42 +46,46 @@ LIKELY = 0.5
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = "Runs a trained detector on point clouds and prints its latency."
     parser.epilog = (
-        "example: pyinfra detect runs/pillars --data data/highway/ruby_plus "
+        "example: pyinfra detect data/highway/ruby_plus --model runs/pillars "
         "--out runs/pillars/predictions"
     )
     parser.add_argument(
-        "trained",
-        metavar="RUN",
-        nargs="?",
+        "inputs",
+        metavar="DATA",
+        nargs="+",
         type=Path,
-        help="output folder of `pyinfra train`; or use --model",
-    )
-    parser.add_argument(
-        "cloud",
-        nargs="*",
-        type=Path,
-        help="point clouds: .pcd files, or .bin files with x, y, z, intensity",
+        help="folder of one LiDAR, or point clouds: .pcd files, or .bin files with x, y, z, "
+        "intensity",
     )
     parser.add_argument(
         "--model",
         type=Path,
-        help="pretrained detector, such as generalist, or a model file; replaces RUN",
+        default=Path(PRETRAINED),
+        help="detector: an output folder of `pyinfra train`, a model file, or the name of a "
+        f"pretrained detector; default: {PRETRAINED}",
     )
-    parser.add_argument("--data", type=Path, help="folder of one LiDAR; replaces cloud files")
     parser.add_argument(
-        "--out", type=Path, help="folder for boxes as KITTI results; required with --data"
+        "--out",
+        type=Path,
+        help="folder for boxes as KITTI results; required if DATA is a folder, otherwise boxes are "
+        "printed",
     )
     parser.add_argument(
         "--split",
-        help="which frames of --data: val, train or all; default: val if the data set is split, "
-        "else all",
+        help="which frames of the folder: val, train or all; default: val if the data set is "
+        "split, else all",
     )
     parser.add_argument(
         "--frames",
+        metavar="A:B[:STEP]",
+        help="frame numbers from A to B, without B; default: all frames of the split",
+    )
+    parser.add_argument(
+        "--max-frames",
         type=int,
         default=0,
-        help="maximum number of frames of --data, evenly distributed; default: 0, which means all "
-        "frames",
+        metavar="N",
+        help="maximum number of frames, evenly distributed; default: 0, which means all frames",
     )
     parser.add_argument(
         "--checkpoint",
@@ -91,19 +97,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--height-m",
         type=float,
-        help="height of the sensor above a level road, in metres; default: taken from --data",
+        help="height of the sensor above a level road, in metres; default: taken from DATA",
     )
     parser.add_argument(
         "--region",
         type=Path,
         metavar="FILE",
         help="YAML file with the outline of the area where vehicles can be, "
-        "`outline_m: [[x, y], ...]`; default: taken from --data",
+        "`outline_m: [[x, y], ...]`; default: taken from DATA",
     )
     parser.add_argument(
         "--drop-standing",
         action="store_true",
-        help="remove vehicle boxes that recur at positions where nothing moves; needs --data, "
+        help="remove vehicle boxes that recur at positions where nothing moves; needs a folder, "
         "preferably a minute of frames or more",
     )
     parser.add_argument(
@@ -120,9 +126,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     _check(args)
-    model = model_file(args.model or args.trained, args.checkpoint)
+    model = model_file(args.model, args.checkpoint)
+    is_folder = args.inputs[0].is_dir()
     with other_load() as load:
-        detections = _in_clouds(args, model) if args.data is None else _in_folder(args, model)
+        detections = _in_folder(args, model) if is_folder else _in_clouds(args, model)
     if args.out is None:
         _print_boxes(detections)
     elif text := others_warning(args.out, detections.files):
@@ -134,31 +141,45 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Raises Error for arguments that exclude each other. With --model, RUN becomes a cloud."""
-    if args.frames < 0:
-        raise Error(f"frames: expected 0 or more, got {args.frames}")
-    # With --model, the first positional argument is a cloud, but argparse assigns it to RUN.
-    if args.model is not None and args.trained is not None:
-        args.trained, args.cloud = None, [args.trained, *args.cloud]
-    if args.model is None and args.trained is None:
-        raise Error("detect: expected RUN or --model, got no detector")
-    if (args.data is None) == (not args.cloud) or (args.data is not None and args.out is None):
-        raise Error("detect: expected --data with --out, or clouds, got no or two inputs")
-    if args.drop_standing and args.data is None:
-        raise Error("--drop-standing: expected --data, got only clouds")
+    """Raises Error for arguments that exclude each other."""
+    if args.max_frames < 0:
+        raise Error(f"max_frames: expected 0 or more, got {args.max_frames}")
+    if args.frames and args.split:
+        raise Error("--frames: expected no --split beside it, got both")
+    folders = [path for path in args.inputs if path.is_dir()]
+    for folder in folders:
+        _check_folder(folder)
+    if folders and len(args.inputs) > 1:
+        raise Error(f"DATA: expected one folder, or clouds alone, got {len(args.inputs)} inputs")
+    if folders and args.out is None:
+        raise Error("--out: expected a folder for the boxes, got none")
+    if not folders and args.drop_standing:
+        raise Error("--drop-standing: expected the folder of a LiDAR, got clouds alone")
+    if not folders and (args.frames or args.max_frames or args.split):
+        option = "--frames" if args.frames else "--max-frames" if args.max_frames else "--split"
+        raise Error(f"{option}: expected the folder of a LiDAR, got clouds alone")
+
+
+def _check_folder(folder: Path) -> None:
+    """Raises Error for the folder of a trained detector, and for a folder of other clouds."""
+    if any((folder / name).is_file() for name in ("last.safetensors", "background.npz")):
+        raise Error(
+            f"{folder}: expected the folder of a LiDAR or clouds, got a trained detector; "
+            f"use --model {folder}"
+        )
+    check_lidar_folder(folder)
 
 
 def _in_folder(args: argparse.Namespace, model: Path) -> FolderDetections:
-    files = frame_files(args.data, args.split, args.frames)
-    where = place(args.data, args.height_m, args.region)
+    (data,) = args.inputs
+    files = frame_files(data, args.split, args.max_frames, args.frames)
+    where = place(data, args.height_m, args.region)
     allowed = args.allow_transfer
-    if text := learnt_warning(model, args.data, args.split, allow_transfer=allowed):
+    if text := learnt_warning(model, data, args.split, allow_transfer=allowed):
         warn(text, args)
     how = {"drop_standing": args.drop_standing, "device": args.device}
     progress = partial(warn, args=args)
-    result = detect_folder(
-        model, args.data, args.out, files=files, where=where, warn=progress, **how
-    )
+    result = detect_folder(model, data, args.out, files=files, where=where, warn=progress, **how)
     if result.left_out is not None:
         print(f"{result.left_out} boxes removed, because they are where nothing moves")
     return result
@@ -168,11 +189,11 @@ def _in_clouds(args: argparse.Namespace, model: Path) -> FolderDetections:
     check_single(model, accumulation_of(model).frames)
     where = place(None, args.height_m, args.region)
     detector = detector_at_place(model, where, args.device)
-    read, notes = cloud_reader(args.cloud)
+    read, notes = cloud_reader(args.inputs)
     for note in notes:
         warn(note, args)
-    warn_of_height(args.cloud, read, where, partial(warn, args=args))
-    return FolderDetections(args.cloud, *detect(detector, args.cloud, args.out, read=read))
+    warn_of_height(args.inputs, read, where, partial(warn, args=args))
+    return FolderDetections(args.inputs, *detect(detector, args.inputs, args.out, read=read))
 
 
 def _print_summary(result: FolderDetections, load: OtherLoad, to: TextIO) -> None:

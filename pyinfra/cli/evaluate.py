@@ -1,4 +1,4 @@
-"""`pyinfra evaluate --gt DATA/LIDAR --pred DIR --out DIR`."""
+"""`pyinfra evaluate DATA/LIDAR PRED --out DIR`."""
 
 from __future__ import annotations
 
@@ -25,14 +25,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Computes the average precision of predictions, by distance and area, with 95 % intervals."
     )
     parser.epilog = (
-        "example: pyinfra evaluate --gt data/highway/livox_avia "
-        "--pred runs/pillars/predictions --out out/evaluation"
+        "example: pyinfra evaluate data/highway/livox_avia runs/pillars/predictions "
+        "--out out/evaluation"
     )
-    parser.add_argument("--gt", type=Path, required=True, help="folder of one LiDAR, KITTI layout")
     parser.add_argument(
-        "--pred",
+        "gt", metavar="DATA", type=Path, help="folder of one LiDAR with labels, KITTI layout"
+    )
+    parser.add_argument(
+        "pred",
+        metavar="PRED",
         type=Path,
-        required=True,
         help="folder of predictions, one file per frame: NNNNNN.txt (KITTI results) or NNNNNN.csv "
         "(class,x,y,z,dx,dy,dz,heading,score in the LiDAR frame)",
     )

@@ -31,8 +31,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         help="new folder for the frames, DATA/LIDAR: a data set's folder and a LiDAR's name",
     )
-    parser.add_argument("--scene", help="name of the site; default: the name of the folder DATA")
-    parser.add_argument("--model", help="model of the LiDAR; default: the name of its folder")
+    parser.add_argument(
+        "--scene-name", dest="scene", help="name of the site; default: the name of the folder DATA"
+    )
+    parser.add_argument(
+        "--lidar-model", dest="model", help="model of the LiDAR; default: the name of its folder"
+    )
     parser.add_argument(
         "--price-usd",
         type=float,
@@ -82,7 +86,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=TYPE",
         help="class names of the source and the object types that they map to, such as Lkw=Truck",
     )
-    parser.add_argument("--labels", type=Path, help="folder of labels; default: by the format")
+    parser.add_argument(
+        "--label-folder", dest="labels", type=Path, help="folder of labels; default: by the format"
+    )
     parser.add_argument(
         "--intensity-max",
         type=float,
@@ -97,7 +103,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "to be millimetres",
     )
     parser.add_argument(
-        "--columns",
+        "--point-values",
+        dest="columns",
         type=int,
         help="number of float32 values of a point in .bin files; default: 5 for nuscenes, else "
         "detected",

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from pyinfra.core.errors import Error
+from pyinfra.core.names import file_or_name
 from pyinfra.core.vocabulary import PRESETS
-from pyinfra.dataset.catalogue import lidar_file
-from pyinfra.dataset.lidars import LidarSheet, catalogue_files, read_catalogue, read_sheet
+from pyinfra.dataset.catalogue import shipped
+from pyinfra.dataset.lidars import LidarSheet, read_catalogue, read_sheet
 
 NOTHING = "-"
 HEADS = ("lidar", "model", "lines", "view, deg", "range", "10 %", "USD", "", "presets")
@@ -57,13 +57,9 @@ def run(args: argparse.Namespace) -> int:
 def file_of(word: str) -> Path:
     """Returns the file of a LiDAR from a name or a path of a .yaml file.
 
-    Raises Error if there is no such file. The message lists the known names.
+    Raises Error if there is no such file. The message suggests similar names.
     """
-    file = Path(word) if word.endswith(".yaml") else lidar_file(word)
-    if not file.is_file():
-        names = ", ".join(file.stem for file in catalogue_files())
-        raise Error(f"LIDAR: expected a file or {names}, got '{word}'")
-    return file
+    return file_or_name(word, shipped("lidars"), "LIDAR")
 
 
 def as_json(sheets: Sequence[LidarSheet]) -> str:

@@ -17,6 +17,21 @@ MOST_LISTED = 8  # choices in a message that also suggests one
 RENAMED = {
     "--dials": "--severities",
     "--draws": "--replicates",
+    "benchmark --latency": "--only-latency",
+    "detect --data": "DATA first, then --model RUN, as in `pyinfra detect DATA/LIDAR --model RUN`",
+    "evaluate --gt": "two folders, as in `pyinfra evaluate DATA/LIDAR PRED`",
+    "evaluate --pred": "two folders, as in `pyinfra evaluate DATA/LIDAR PRED`",
+    "import --columns": "--point-values",
+    "import --labels": "--label-folder",
+    "import --model": "--lidar-model",
+    "import --scene": "--scene-name",
+    "site --mount": "--mount-pose",
+    "stress --data": "DATA first, then --model RUN, as in `pyinfra stress DATA/LIDAR --model RUN`",
+    "stress --frames": "--max-frames",
+    "train --budget": "--step-factor",
+    "train --data": "the folders without an option, as in `pyinfra train CONFIG DATA/LIDAR`",
+    "train --from": "--start",
+    "view --most-points": "--max-points",
 }
 
 
@@ -28,12 +43,16 @@ class Parser(argparse.ArgumentParser):
     """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, allow_abbrev=False, **kwargs)
+        super().__init__(*args, **kwargs)
+        self.allow_abbrev = False
         # The pattern of argparse matches only a word that is a single negative number. No option
         # begins with a digit, so every word that begins like a negative number is a value.
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def error(self, message: str) -> NoReturn:
+        if message.startswith("unrecognized arguments: "):
+            extra = message.partition(": ")[2]
+            message = f"expected arguments without an option before the options, got '{extra}'"
         message = re.sub(r"^argument ([^:]+): ", r"\1: ", message)
         self.exit(WRONG, f"{self.prog}: {message} (see --help)\n")
 
@@ -62,7 +81,7 @@ def check_options(parser: argparse.ArgumentParser, words: Sequence[str]) -> None
             continue
         current = RENAMED.get(f"{command.partition(' ')[0]} {name}") or RENAMED.get(name)
         if current is not None:
-            parser.error(f"{name}: expected {current}; {name} has another name since version 0.4")
+            parser.error(f"{name}: expected {current}; renamed in version 0.4")
         parser.error(f"{name}: no such option{near(name, known)}")
 
 

@@ -72,12 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             f"maximum median time per frame, in milliseconds; default: {Requirements.latency_ms:g}"
         ),
     )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("report.html"),
-        help="HTML file to write; default: %(default)s",
-    )
+    parser.add_argument("--out", type=Path, required=True, help="HTML file to write")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -28,7 +28,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"radius around the centre to import, in metres; default: {RADIUS_M:g}",
     )
     parser.add_argument(
-        "--mount",
+        "--mount-pose",
+        dest="mount",
         type=numbers("X,Y,Z,YAW"),
         metavar="X,Y,Z,YAW",
         help="position of the sensor in the site, in metres, and its yaw in degrees; "

@@ -1,4 +1,4 @@
-"""`pyinfra stress RUN... --data DATA/LIDAR --out DIR`: finds where detectors fail.
+"""`pyinfra stress DATA/LIDAR --model RUN... --out DIR`: finds where detectors fail.
 
 The section "Stress" of docs/conventions.md defines the rules. The rules were written before the
 first run.
@@ -27,20 +27,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "printed and the exit status is 1."
     )
     parser.epilog = (
-        "example: pyinfra stress runs/background runs/pillars --data data/highway/ruby_plus "
+        "example: pyinfra stress data/highway/ruby_plus --model runs/background runs/pillars "
         "--out out/stress --stressors rain tilt"
     )
     parser.add_argument(
-        "runs",
+        "data", metavar="DATA", type=Path, help="folder of one LiDAR; its val frames are used"
+    )
+    parser.add_argument(
+        "--model",
+        dest="runs",
         nargs="+",
         type=Path,
+        required=True,
         metavar="RUN",
         help="output folders of `pyinfra train` for this LiDAR. If there are several runs of one "
         "detector, only the first is stressed. The other runs, with fewer training frames or "
         "another seed, are compared with the first",
-    )
-    parser.add_argument(
-        "--data", type=Path, required=True, help="folder of one LiDAR; its val frames are used"
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for tables and figures")
     parser.add_argument(
@@ -57,9 +59,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "those defined for the stressor",
     )
     parser.add_argument(
-        "--frames",
+        "--max-frames",
+        dest="frames",
         type=int,
         default=runner.FRAMES,
+        metavar="N",
         help="maximum number of frames, evenly distributed; default: 60",
     )
     parser.add_argument(

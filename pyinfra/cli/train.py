@@ -1,4 +1,4 @@
-"""`pyinfra train CONFIG --data DATA/LIDAR... --tier TIER --out RUN`."""
+"""`pyinfra train CONFIG DATA/LIDAR... --tier TIER --out RUN`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from typing import get_args
 
 from pyinfra.cli.messages import note, warn
 from pyinfra.core.errors import Error
+from pyinfra.core.names import file_or_name
 from pyinfra.core.vocabulary import TIERS
+from pyinfra.dataset.catalogue import shipped
 from pyinfra.dataset.regions import outline_region
 from pyinfra.models.detectors.catalogue import DETECTORS
 from pyinfra.models.training.accumulation import Accumulation, LabelAt
@@ -22,34 +24,34 @@ from pyinfra.models.training.train import OF_NETWORKS, train
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = "Trains a detector on frames. Run the same command again to resume."
     parser.epilog = (
-        "example: pyinfra train configs/detectors/pointpillars.yaml "
-        "--data data/highway/ruby_plus --tier quick --out runs/pillars"
+        "example: pyinfra train pointpillars data/highway/ruby_plus --tier quick --out runs/pillars"
     )
-    parser.add_argument("config", type=Path, help="a detector's file, as in configs/detectors")
     parser.add_argument(
-        "--data",
-        nargs="+",
+        "config",
+        metavar="CONFIG",
+        help="a detector's name, such as background or pointpillars, or a file as in "
+        "configs/detectors",
+    )
+    parser.add_argument(
+        "data",
+        metavar="DATA",
+        nargs="*",
         type=Path,
-        default=[],
-        help="folders of LiDARs whose training frames are used",
+        help="folders of LiDARs whose training frames are used; or use --scene or --sites",
     )
     parser.add_argument(
         "--scene",
-        type=Path,
-        help="scene file; its frames are simulated during training (instead of --data)",
+        help="scene, a file or a name; its frames are simulated during training (instead of DATA)",
     )
-    parser.add_argument(
-        "--lidar", type=Path, help="LiDAR file, as in configs/lidars; required with --scene"
-    )
+    parser.add_argument("--lidar", help="LiDAR, a file or a name; required with --scene")
     parser.add_argument(
         "--mount", default="", help="name of the mount; required if --scene has several mounts"
     )
     parser.add_argument(
         "--sites",
-        type=Path,
         metavar="FILE",
-        help="stream file, as in configs/streams; random sites are simulated during training "
-        "(instead of --data)",
+        help="stream, a name or a file as in configs/streams; random sites are simulated during "
+        "training (instead of DATA)",
     )
     parser.add_argument(
         "--preset", default="datasheet", help="preset of --lidar; default: datasheet"
@@ -63,8 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "data set",
     )
     parser.add_argument(
-        "--from",
-        dest="start",
+        "--start",
         type=Path,
         metavar="RUN",
         help="training folder, model file or name of a pretrained detector whose weights are the "
@@ -108,7 +109,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="number format of the network's layers; default: float32",
     )
     parser.add_argument(
-        "--budget",
+        "--step-factor",
+        dest="budget",
         type=float,
         default=OF_NETWORKS["budget"],
         help="number of steps as a multiple of the tier's steps; the learning rate schedule is "
@@ -118,10 +120,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if not 0 < args.budget <= 100:
-        raise Error(f"--budget: expected above 0 to 100, got {args.budget:g}")
+        raise Error(f"--step-factor: expected above 0 to 100, got {args.budget:g}")
     if args.seed < 0:
         raise Error(f"--seed: expected 0 or more, got {args.seed}")
-    recipe = read_recipe(args.config, args.tier)
+    recipe = read_recipe(file_or_name(args.config, shipped("detectors"), "CONFIG"), args.tier)
     if DETECTORS[recipe.detector].learnt:
         recipe = recipe.for_budget(args.budget)
         recipe = recipe.begun_with(args.start) if args.start is not None else recipe
@@ -165,7 +167,7 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
     return sources
 
 
-def check_mount(mount: str, scene: Path | None) -> None:
+def check_mount(mount: str, scene: str | None) -> None:
     """Raises Error for a mount without a scene, or for fused frames.
 
     Training does not simulate fused frames.
@@ -175,14 +177,16 @@ def check_mount(mount: str, scene: Path | None) -> None:
     if mount == "fused":
         raise Error(
             "--mount: expected one mount's name, got 'fused': train on fused frames with "
-            "`infrasim run SCENE --fuse --out OUT` and --data OUT/fused/LIDAR"
+            "`infrasim run SCENE --fuse --out OUT` and the folder OUT/fused/LIDAR"
         )
 
 
 def _sources(args: argparse.Namespace, recipe: Recipe) -> list[Source] | Stream:
     kinds = [bool(args.data), args.scene is not None, args.sites is not None]
     if sum(kinds) != 1 or (args.scene is None) != (args.lidar is None):
-        raise Error("expected --data, or --scene with --lidar, or --sites, got no or two sources")
+        raise Error(
+            "DATA: expected folders, or --scene with --lidar, or --sites, got no or two sources"
+        )
     check_mount(args.mount, args.scene)
     accumulation = Accumulation(args.accumulate, args.label_at)
     if args.sites is not None:
@@ -193,11 +197,13 @@ def _sources(args: argparse.Namespace, recipe: Recipe) -> list[Source] | Stream:
             )
         from pyinfra.models.training.generated_sites import read_stream
 
-        return read_stream(args.sites, recipe.classes)
+        return read_stream(file_or_name(args.sites, shipped("streams"), "sites"), recipe.classes)
     if args.scene is None:
         return [
             read_source(folder, args.tier, accumulation, recipe.classes) for folder in args.data
         ]
     how = {"preset": args.preset, "mount": args.mount}
     how |= {"accumulation": accumulation, "classes": recipe.classes}
-    return [simulated_source(args.scene, args.lidar, args.tier, **how)]
+    scene = file_or_name(args.scene, shipped("scenes"), "scene")
+    lidar = file_or_name(args.lidar, shipped("lidars"), "lidar")
+    return [simulated_source(scene, lidar, args.tier, **how)]

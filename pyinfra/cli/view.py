@@ -51,7 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "LIDAR=DIR for each",
     )
     parser.add_argument(
-        "--most-points",
+        "--max-points",
+        dest="most_points",
         type=int,
         metavar="N",
         help="maximum number of points per frame; larger frames are thinned, as the page states",
@@ -67,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if args.most_points is not None and args.most_points < 1:
-        raise Error(f"--most-points: expected 1 or more, got {args.most_points}")
+        raise Error(f"--max-points: expected 1 or more, got {args.most_points}")
     check_file(args.out)
     folders = chosen_folders(args.data, args.lidar)
     predictions = prediction_folders(args.pred, folders)

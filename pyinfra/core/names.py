@@ -38,7 +38,9 @@ def file_or_name(word: StrPath, files: dict[str, Path], argument: str) -> Path:
     path = Path(text)
     if path.is_file():
         return path
-    raise Error(f"{argument}: expected a file or a name, got '{text}'{suggestion(text, files)}")
+    raise Error(
+        f"{argument}: expected a file or a name, got '{text}'{suggestion(path.stem, files)}"
+    )
 
 
 def check_name(word: str, names: Collection[str], argument: str) -> None:

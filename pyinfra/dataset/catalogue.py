@@ -15,6 +15,11 @@ def configs() -> Path:
     return inside if inside.is_dir() else launch.PACKAGE.parent / "configs"
 
 
+def shipped(kind: str) -> dict[str, Path]:
+    """Returns the shipped files of a folder of configs, such as `scenes` or `lidars`, by name."""
+    return {file.stem: file for file in sorted((configs() / kind).glob("*.yaml"))}
+
+
 def scene_file(name: str) -> Path:
     """Returns the file of a shipped scene."""
     return configs() / "scenes" / f"{name}.yaml"

@@ -9,7 +9,7 @@ import numpy as np
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.vocabulary import LabelTime
-from pyinfra.dataset.frames import data_set_of, lidars_in
+from pyinfra.dataset.frames import check_data_set, data_set_of, lidars_in
 from pyinfra.dataset.outlines import OUTLINES_FILE
 from pyinfra.dataset.roads import read_roads
 from pyinfra.dataset.world_frame import rotation
@@ -57,6 +57,7 @@ def read_data_set(folder: Path) -> DataSet:
     Raises Error if there is no LiDAR or no frame, or if the LiDARs have different frames.
     """
     if not (folder / "dataset.yaml").is_file():
+        check_data_set(folder)
         raise FileNotFoundError(
             2, "The folder has no dataset.yaml; `infrasim run` writes it", str(folder)
         )

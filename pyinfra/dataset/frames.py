@@ -10,6 +10,7 @@ from pyinfra.core.errors import Error, FormatError
 from pyinfra.formats import kitti
 from pyinfra.formats.text_table import lines_of
 
+MOST_LISTED = 8  # folders in a message
 PERIOD_S = 0.1  # frame period of the simulator, and default of folders without lidar.yaml
 
 
@@ -45,6 +46,7 @@ def frame_numbers(folder: Path, split: str | None = None) -> list[int]:
         stems = (file.stem for file in (training / "label_2").glob("*.txt"))
         present = sorted(int(stem) for stem in stems if stem.isdecimal())
     else:
+        check_lidar_folder(folder)
         raise FileNotFoundError(2, "No training/velodyne or training/label_2 in it", str(folder))
     if split == "all" or (split is None and not (folder / "ImageSets/val.txt").is_file()):
         return present
@@ -70,6 +72,7 @@ def lidar_folders(data_set: Path) -> list[Path]:
     """
     folders = lidars_in(data_set)
     if not folders:
+        check_data_set(data_set)
         raise FileNotFoundError(
             errno.ENOENT, "expected a LiDAR folder with a lidar.yaml, got none", str(data_set)
         )
@@ -97,7 +100,34 @@ def has_labels(lidar_folder: Path) -> bool:
     return any(file.stat().st_size > 0 for file in files)
 
 
-def check_no_data_set(folder: Path) -> None:
-    """Raises Error if the folder is a data set instead of the folder of one LiDAR."""
-    if inside := ", ".join(lidar.name for lidar in lidars_in(folder)):
-        raise Error(f"{folder}: expected the folder of a LiDAR, got a data set: {inside}")
+def check_lidar_folder(folder: Path) -> None:
+    """Raises Error if a folder is no LiDAR's, and LiDARs are in it or it is in a LiDAR's folder."""
+    if (folder / "training").is_dir():
+        return
+    if inside := lidars_in(folder) or sorted(file.parent for file in folder.glob("*/*/lidar.yaml")):
+        names = ", ".join(str(lidar) for lidar in inside[:MOST_LISTED])
+        more = ", ..." if len(inside) > MOST_LISTED else ""
+        raise Error(f"{folder}: expected the folder of one LiDAR, got a data set of {names}{more}")
+    for parent in _parents(folder):
+        if (parent / "training").is_dir():
+            raise Error(
+                f"{folder}: expected the folder of one LiDAR, got a folder in it; use {parent}"
+            )
+
+
+def check_data_set(folder: Path) -> None:
+    """Raises Error if a folder is no data set, and it is in one or has several in it."""
+    if (folder / "dataset.yaml").is_file() or lidars_in(folder):
+        return
+    for parent in _parents(folder):
+        if (parent / "dataset.yaml").is_file():
+            raise Error(f"{folder}: expected a data set, got a folder in it; use {parent}")
+    if inside := sorted(file.parent for file in folder.glob("*/dataset.yaml")):
+        names = ", ".join(str(path) for path in inside[:MOST_LISTED])
+        raise Error(f"{folder}: expected one data set, got a folder of {names}")
+
+
+def _parents(folder: Path) -> list[Path]:
+    """Returns the three folders above a folder, relative if the folder is."""
+    named = [folder.parents[i] for i in range(len(folder.parts) - 1)]
+    return (named or list(folder.resolve().parents))[:3]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias, overload
 from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.names import file_or_name, path_of
 from pyinfra.core.public import public
-from pyinfra.dataset.catalogue import configs
+from pyinfra.dataset.catalogue import shipped
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
 from pyinfra.dataset.frames import frame_numbers, lidars_in
 
@@ -58,7 +58,7 @@ def load_scene(
     """
     from pyinfra.dataset import simulation
 
-    file = file_or_name(scene, _shipped("scenes"), "scene")
+    file = file_or_name(scene, shipped("scenes"), "scene")
     try:
         return simulation.load_scene(file, preset=preset, seed=seed, set=set, mount=mount)
     except ConfigError as error:  # the text names options of the binary instead of arguments
@@ -90,7 +90,7 @@ def load_lidar(lidar: str | os.PathLike[str], *, preset: str = "datasheet") -> s
     """
     from pyinfra.dataset import simulation
 
-    file = file_or_name(lidar, _shipped("lidars"), "lidar")
+    file = file_or_name(lidar, shipped("lidars"), "lidar")
     return simulation.load_lidar(file, preset)
 
 
@@ -242,7 +242,3 @@ def _recorded(folder: Path, argument: str) -> RecordedFrames:
     if not numbers:
         raise Error(f"{argument}: expected one or more frames, got none in '{folder}'")
     return RecordedFrames(folder, tuple(numbers))
-
-
-def _shipped(kind: str) -> dict[str, Path]:
-    return {file.stem: file for file in (configs() / kind).glob("*.yaml")}

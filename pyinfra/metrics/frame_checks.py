@@ -24,7 +24,7 @@ from pyinfra.dataset.frame_readers import (
     read_vehicles,
 )
 from pyinfra.dataset.frame_tables import Vehicles
-from pyinfra.dataset.frames import data_set_of, frame_numbers
+from pyinfra.dataset.frames import check_lidar_folder, data_set_of, frame_numbers
 from pyinfra.dataset.outlines import OUTLINES_FILE, read_outlines
 from pyinfra.dataset.roads import read_roads
 from pyinfra.formats import kitti
@@ -304,5 +304,6 @@ def folders_with_frames(data: Path) -> list[Path]:
     candidates = (path.parent for path in data.glob("*/training"))
     folders = sorted(folder for folder in candidates if not folder.name.startswith("."))
     if not folders:
+        check_lidar_folder(data)
         raise FileNotFoundError(2, "No training folder in it or in its folders", str(data))
     return folders

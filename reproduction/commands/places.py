@@ -72,9 +72,9 @@ def evaluate(lidar: str, run: str, seed: int, work: Path) -> None:
         out = work / "out" / lidar / place / str(seed)
         if not (out / "replicates.csv").is_file():
             if not predictions.is_dir():
-                pyinfra("detect", "--model", "generalist", "--data", gt, "--out", predictions)
+                pyinfra("detect", gt, "--model", "generalist", "--out", predictions)
             of = ("--ground-truth", "present", "all", "--no-figures")
-            pyinfra("evaluate", "--gt", gt, "--pred", predictions, *of, "--out", out)
+            pyinfra("evaluate", gt, predictions, *of, "--out", out)
 
 
 def main() -> None:

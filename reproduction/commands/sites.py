@@ -92,9 +92,9 @@ def measured(name: str, map_: Path, work: Path) -> Iterator[dict[str, object]]:
 def with_background(steps: Steps, data: Path, work: Path) -> dict[str, object]:
     """Trains and tests Background on a LiDAR's frames; returns its AP."""
     recipe, run = ROOT / "configs/detectors/background.yaml", work / "run"
-    steps.run("detect_s", "pyinfra", "train", recipe, "--data", data, "--out", run)
-    steps.run("detect_s", "pyinfra", "detect", run, "--data", data, "--out", run / "predictions")
-    words = ["--gt", data, "--pred", run / "predictions", "--out", work / "ap"]
+    steps.run("detect_s", "pyinfra", "train", recipe, data, "--out", run)
+    steps.run("detect_s", "pyinfra", "detect", data, "--model", run, "--out", run / "predictions")
+    words = [data, run / "predictions", "--out", work / "ap"]
     steps.run("evaluate_s", "pyinfra", "evaluate", *words, "--no-figures")
     table = pd.read_csv(work / "ap" / "ap.csv").set_index("ground_truth")
     measures: dict[str, object] = {"frames": table.frames["all"]}

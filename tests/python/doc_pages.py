@@ -159,7 +159,7 @@ def small_words(words: list[str]) -> list[str]:
 
 
 def small_word(option: str, word: str) -> str:
-    if option == "--frames" and ":" not in word:
+    if option == "--max-frames":
         return "2"
     if option == "--frames":
         ends = [int(part) for part in word.split(":")]

@@ -275,7 +275,7 @@ def test_sources_are_stacked_alike() -> None:
 def test_detect_stacks_data_and_refuses_lone_clouds(
     folder: Path, trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main.main(["detect", str(trained), "--data", str(folder), "--out", str(tmp_path)]) == 0
+    assert main.main(["detect", str(folder), "--model", str(trained), "--out", str(tmp_path)]) == 0
     assert len(list(tmp_path.glob("*.txt"))) == 4
     cloud = kitti.frame_file(folder, "velodyne", 9)
     assert main.main(["detect", str(trained), str(cloud)]) != 0
@@ -315,7 +315,7 @@ def test_wrong_words_say_what_is_allowed(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     name = "background" if words[0] == "background" else "pointpillars"
-    data = [] if "--sites" in words else ["--data", str(folder)]
+    data = [] if "--sites" in words else [str(folder)]
     rest = [word for word in words if word != "background"]
     config = str(ROOT / f"configs/detectors/{name}.yaml")
     assert main.main(["train", config, *data, "--out", str(tmp_path / "o"), *rest]) != 0

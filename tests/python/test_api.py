@@ -300,7 +300,7 @@ def test_predictions_of_other_frames_or_another_model_are_refused(
     """Where `pyinfra detect` wrote them: their origin.yaml says the LiDAR and the data set."""
     pytest.importorskip("torch", reason="the extra `detectors` is not installed")
     out = tmp_path / "pred"
-    words = ["detect", "--model", "generalist", "--data", str(written), "--out", str(out)]
+    words = ["detect", str(written), "--model", "generalist", "--out", str(out)]
     assert main.main(words) == 0
     assert not [f for f in pi.evaluate(written, out).findings if f.name == "origin"]
     other = Path(shutil.copytree(written.parent, tmp_path / "other"))
@@ -332,7 +332,7 @@ def test_whatever_reads_predictions_refuses_those_of_another_lidar(
     folder, pred = str(written), str(out)
     to = str(tmp_path / "to")
     for words in (
-        ["evaluate", "--gt", folder, "--pred", pred, "--out", to],
+        ["evaluate", folder, pred, "--out", to],
         ["validate", folder, "--pred", pred],
         ["view", folder, "--pred", pred, "--out", f"{to}.html"],
     ):

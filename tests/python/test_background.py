@@ -480,9 +480,9 @@ def recording(tmp_path: Path) -> Path:
 def centres_y(folder: Path, out: Path, *words: str) -> FloatArray:
     """y of what `pyinfra train` and then `pyinfra detect` find in the folder's frames."""
     recipe = ROOT / "configs/detectors/background.yaml"
-    assert main.main(["train", str(recipe), "--data", str(folder), "--out", str(out), *words]) == 0
+    assert main.main(["train", str(recipe), str(folder), "--out", str(out), *words]) == 0
     predictions = out / "predictions"
-    assert main.main(["detect", str(out), "--data", str(folder), "--out", str(predictions)]) == 0
+    assert main.main(["detect", str(folder), "--model", str(out), "--out", str(predictions)]) == 0
     files = sorted(predictions.glob("*.txt"))
     return np.concatenate([kitti.read_labels(file, scores=True).boxes[:, 1] for file in files])
 
@@ -517,6 +517,6 @@ def test_a_region_for_another_detector_is_an_error(
     recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recipe, file = ROOT / "configs/detectors/pointpillars.yaml", tmp_path / "region.yaml"
-    words = ["--data", str(recording), "--out", str(tmp_path / "run"), "--region", str(file)]
+    words = [str(recording), "--out", str(tmp_path / "run"), "--region", str(file)]
     assert main.main(["train", str(recipe), *words]) == 2
     assert "--region: expected none except for background" in capsys.readouterr().err

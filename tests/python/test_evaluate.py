@@ -492,7 +492,7 @@ def test_command_writes_tables_and_figures(
     write_roads(tmp_path)
     gt = write_lidar(tmp_path / "lidar", frames)
     pred = write_predictions(tmp_path / "pred", noisy(frames))
-    words = ["--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out")]
+    words = [str(gt), str(pred), "--out", str(tmp_path / "out")]
     options = ["--ground-truth", *SETS, "--iou", "0.5", "0.7", "--protocol", "definition", "kitti"]
     assert main.main(["evaluate", *words, *options]) == 0
     printed = capsys.readouterr()
@@ -518,7 +518,7 @@ def test_the_same_command_writes_the_same_bytes(tmp_path: Path) -> None:
     gt = write_lidar(tmp_path / "lidar", frames)
     pred = write_predictions(tmp_path / "pred", noisy(frames))
     for out in ("a", "b"):
-        words = ["--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / out)]
+        words = [str(gt), str(pred), "--out", str(tmp_path / out)]
         assert main.main(["evaluate", *words]) == 0
     for file in (tmp_path / "a").iterdir():
         assert file.read_bytes() == (tmp_path / "b" / file.name).read_bytes(), file.name
@@ -560,7 +560,7 @@ def test_a_wrong_line_is_named(
     pred = write_predictions(tmp_path / "pred", perfect(frames))
     file = pred / "000001.txt"
     file.write_text(spoiled(file.read_text(), change))
-    words = ["--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out")]
+    words = [str(gt), str(pred), "--out", str(tmp_path / "out")]
     assert main.main(["evaluate", *words]) == 2
     error = capsys.readouterr().err
     assert re.search(message, error)
@@ -664,7 +664,7 @@ def test_wrong_usage_is_one_line_and_exit_code_2(
     frames = traffic(2)
     gt = write_lidar(tmp_path / "lidar", frames)
     pred = write_predictions(tmp_path / "pred", perfect(frames))
-    words = ["--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out"), *options]
+    words = [str(gt), str(pred), "--out", str(tmp_path / "out"), *options]
     try:
         code: object = main.main(["evaluate", *words])
     except SystemExit as stop:
@@ -676,10 +676,10 @@ def test_wrong_usage_is_one_line_and_exit_code_2(
 
 
 def test_a_folder_that_is_none_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["--gt", str(tmp_path), "--pred", str(tmp_path), "--out", str(tmp_path / "out")]
+    words = [str(tmp_path), str(tmp_path), "--out", str(tmp_path / "out")]
     assert main.main(["evaluate", *words]) == 2
     assert capsys.readouterr().err == (
-        f"pyinfra: --gt: {tmp_path}: No training/velodyne or training/label_2 in it\n"
+        f"pyinfra: DATA: {tmp_path}: No training/velodyne or training/label_2 in it\n"
     )
 
 

@@ -177,11 +177,11 @@ COMMANDS = {
         for name in ("openpcdet", "mmdet3d", "pcd", "nuscenes", "openlabel", "mcap")
     },
     "import": ["import", "{gt}", "--from", "kitti", "--out", "{out}/a/pole"],
-    "evaluate": ["evaluate", "--gt", "{gt}", "--pred", "{pred}", "--out", "{out}"],
+    "evaluate": ["evaluate", "{gt}", "{pred}", "--out", "{out}"],
     "statistics": ["statistics", "{data}", "--out", "{out}"],
     "pictures": ["pictures", "{data}", "--out", "{out}"],
     "view": ["view", "{gt}", "--out", "{out}/a.html"],
-    "train": ["train", "configs/detectors/background.yaml", "--data", "{gt}", "--out", "{out}/a"],
+    "train": ["train", "background", "{gt}", "--out", "{out}/a"],
 }
 
 

@@ -35,7 +35,7 @@ def test_it_is_small_and_says_what_it_is() -> None:
 
 
 def test_it_finds_vehicles_of_a_site_that_it_never_saw(frames: Path, tmp_path: Path) -> None:
-    words = ["detect", "--model", "generalist", "--data", str(frames), "--split", "all"]
+    words = ["detect", str(frames), "--model", "generalist", "--split", "all"]
     assert main.main([*words, "--out", str(tmp_path)]) == 0
     ap = pyinfra.evaluate(frames, tmp_path, split="all").ap.set_index("ground_truth")
     assert ap.ap_r1000["captured"] > LEAST_AP

@@ -485,7 +485,7 @@ def test_a_file_is_refused_with_the_reason(
         (["--price-usd", "5", "4"], "--price-usd: expected 0 <= low <= high"),
         (["--period-s", "0"], "--period-s: expected 0.001 to 60"),
         (["--tilt-deg", "100", "0"], "--tilt-deg: expected -90 to 90"),
-        (["--columns", "2"], "--columns: expected 3 to 64, got 2"),
+        (["--point-values", "2"], "--point-values: expected 3 to 64, got 2"),
         (["--intensity-max", "-1"], "--intensity-max: expected above 0, got -1"),
         (["--type", "Lkw"], "--type: expected NAME=TYPE, got 'Lkw'"),
     ],

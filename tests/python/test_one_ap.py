@@ -83,7 +83,7 @@ def evaluated(
     folders: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> dict[str, tuple[str, ...]]:
     """By ground truth what `pyinfra evaluate` prints: AP (R1000) and its ends."""
-    words = ["--gt", folders[0], "--pred", folders[1], "--out", tmp_path, "--no-figures"]
+    words = [folders[0], folders[1], "--out", tmp_path, "--no-figures"]
     truths = ["--ground-truth", "captured", "all", "present"]
     assert main.main(["evaluate", *map(str, words), *truths]) == 0
     text = capsys.readouterr().out

@@ -505,8 +505,8 @@ def test_boxes_and_a_view_follow_at_once(
     recipe = Path("configs/detectors/background.yaml").resolve()
     for words in (
         ["import", source, "--from", "bin", "--out", data],
-        ["train", recipe, "--data", data, "--out", run],
-        ["detect", run, "--data", data, "--out", run / "predictions"],
+        ["train", recipe, data, "--out", run],
+        ["detect", data, "--model", run, "--out", run / "predictions"],
         ["pictures", data.parent, "--out", tmp_path / "pictures"],
         ["view", data, "--pred", run / "predictions", "--out", tmp_path / "view.html"],
     ):

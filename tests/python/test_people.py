@@ -189,7 +189,7 @@ def test_boxes_off_the_region_are_reported_a_minute(
     ]
     frames = [[car(40), walker(20, 30), car(80, 40)]] * FRAMES
     gt, pred = scene(tmp_path, frames, [predictions] * FRAMES)
-    words = ["evaluate", "--gt", str(gt), "--pred", str(pred), "--no-figures"]
+    words = ["evaluate", str(gt), str(pred), "--no-figures"]
     assert main.main([*words, "--out", str(tmp_path / "out")]) == 0
     line = "boxes outside the region per minute, vehicle: 1200.0 from score 0.1 (600.0 on people), "
     assert line + "600.0 from score 0.5 (600.0 on people)" in capsys.readouterr().out
@@ -299,7 +299,7 @@ def test_classes_of_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixtu
     person = walker(20, 12)
     predictions = [("Pedestrian", box(person), 0.9)]
     gt, pred = scene(tmp_path, [[person, car(40)]] * FRAMES, [predictions] * FRAMES)
-    words = ["evaluate", "--gt", str(gt), "--pred", str(pred), "--out", str(tmp_path / "out")]
+    words = ["evaluate", str(gt), str(pred), "--out", str(tmp_path / "out")]
     assert main.main([*words, "--no-figures", "--class", "pedestrian"]) == 0
     text = capsys.readouterr().out
     assert "pedestrian  captured       0.25 AP (R1000)" in text

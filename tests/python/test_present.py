@@ -85,7 +85,7 @@ def test_the_hidden_share_is_printed_beside_the_ap_of_visible_vehicles(
     hidden = [car(x, points=0, visibility=0.1) for x in (40, 50, 60)]
     folder = write_lidar(tmp_path / "lidar", [[car(20), *hidden]])
     predictions = write_predictions(tmp_path / "pred", [[(box(car(20)), 0.9)]])
-    paths = ["--gt", folder, "--pred", predictions, "--out", tmp_path / "out", "--no-figures"]
+    paths = [folder, predictions, "--out", tmp_path / "out", "--no-figures"]
     assert main.main(["evaluate", *map(str, paths), *asked]) == 0
     rows = {line.split()[1]: line for line in capsys.readouterr().out.splitlines()[2:4]}
     assert {which: line.endswith("75 %") for which, line in rows.items()} == {

@@ -516,7 +516,7 @@ def test_a_list_of_numbers_may_begin_with_a_minus(tmp_path: Path, value: str) ->
     file = write_map(tmp_path, "a.xodr", XODR)
     words = ["site", "import", str(file), "--out", str(tmp_path / "s"), "--centre", "-1000,2000"]
     assert make_parser(words).parse_args(words).centre == (-1000, 2000)
-    assert main([*words[:-2], "--mount", value]) == 0
+    assert main([*words[:-2], "--mount-pose", value]) == 0
     mount = yaml.safe_load((tmp_path / "s/site.yaml").read_text())["mounts"]["pole"]
     assert list(mount.values()) == [float(v) for v in value.split(",")]
 
@@ -525,8 +525,8 @@ def test_a_list_of_other_length_is_refused_by_the_names_of_its_numbers(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit):
-        main(["site", "import", "a.xodr", "--out", str(tmp_path / "s"), "--mount", "-1,2"])
-    assert "--mount: expected numbers X,Y,Z,YAW, got '-1,2'" in capsys.readouterr().err
+        main(["site", "import", "a.xodr", "--out", str(tmp_path / "s"), "--mount-pose", "-1,2"])
+    assert "--mount-pose: expected numbers X,Y,Z,YAW, got '-1,2'" in capsys.readouterr().err
 
 
 def test_a_centre_in_either_order_is_one_site(tmp_path: Path) -> None:

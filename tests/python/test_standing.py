@@ -34,7 +34,7 @@ def test_a_queue_on_a_lane_stays_and_a_hedge_beside_it_goes() -> None:
 def test_few_seconds_are_a_warning(
     lidar: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["detect", "--model", "generalist", "--data", str(lidar), "--frames", "4"]
+    words = ["detect", str(lidar), "--model", "generalist", "--max-frames", "4"]
     assert main.main([*words, "--drop-standing", "--out", str(tmp_path / "detected")]) == 0
     printed = capsys.readouterr()
     assert "boxes removed, because they are where nothing moves" in printed.out
@@ -45,8 +45,8 @@ def test_few_seconds_are_a_warning(
 def test_what_stands_goes_without_a_description_of_the_lidar(lidar: Path, tmp_path: Path) -> None:
     copy = tmp_path / "lidar"
     shutil.copytree(lidar / "training/velodyne", copy / "training/velodyne")
-    words = ["detect", "--model", "generalist", "--data", str(copy), "--height-m", "6"]
-    words += ["--frames", "3", "--drop-standing", "--out", str(tmp_path / "detected")]
+    words = ["detect", str(copy), "--model", "generalist", "--height-m", "6"]
+    words += ["--max-frames", "3", "--drop-standing", "--out", str(tmp_path / "detected")]
     assert main.main(words) == 0
     assert len(list((tmp_path / "detected").glob("*.txt"))) == 3
 

@@ -542,7 +542,7 @@ def test_a_scene_of_the_catalogue_must_be_as_long_as_the_frames(base: altered_sc
 
 
 def command(background: Path, data: Path, out: Path, *words: str) -> list[str]:
-    return ["stress", str(background), "--data", str(data), "--out", str(out), *words]
+    return ["stress", str(data), "--model", str(background), "--out", str(out), *words]
 
 
 def rows(out: Path) -> pd.DataFrame:
@@ -570,7 +570,9 @@ def test_every_severity_has_its_row(whole: Path) -> None:
     assert set(table.lidar) == {"helios_16"}
     assert set(table.frames) == {3}
     row = table[(table.stressor == "density") & (table.severity == "2")].iloc[0]
-    assert row.command == "pyinfra stress --stressors density --severities 2 --seed 1 --frames 3"
+    assert (
+        row.command == "pyinfra stress --stressors density --severities 2 --seed 1 --max-frames 3"
+    )
     for name in ("stress_summary.csv", "stress_ranking.csv", "stress_highway_paper_helios_16.svg"):
         assert (whole / name).stat().st_size > 50
     assert set(pd.read_csv(whole / "stress_summary.csv").stressor) == set(QUICK)
@@ -696,8 +698,8 @@ def untrained(folder: Path, frames: int, lidar: str = "helios_16") -> Path:
 
 def test_a_smaller_training_is_a_row_of_its_reference(data: Path, tmp_path: Path) -> None:
     runs = [untrained(tmp_path / "a", 800), untrained(tmp_path / "b", 200)]
-    words = ["--data", str(data), "--out", str(tmp_path), "--stressors", "training_frames"]
-    assert main.main(["stress", *map(str, runs), *words]) == 0
+    words = ["--model", *map(str, runs), "--stressors", "training_frames"]
+    assert main.main(["stress", str(data), *words, "--out", str(tmp_path)]) == 0
     table = pd.read_csv(tmp_path / "stress.csv")
     columns = ["detector", "run", "stressor", "severity", "trained_frames", "trained_seed"]
     assert table[columns].to_numpy().tolist() == [
@@ -712,7 +714,7 @@ def test_a_run_of_another_lidar_is_one_line(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run = untrained(tmp_path / "run", 800, "ruby_plus")
-    assert main.main(["stress", str(run), "--data", str(data), "--out", str(tmp_path)]) == 2
+    assert main.main(["stress", str(data), "--model", str(run), "--out", str(tmp_path)]) == 2
     assert capsys.readouterr().err.endswith("lidar: expected helios_16, got ruby_plus\n")
 
 
@@ -745,7 +747,7 @@ def test_the_own_lidar_scene_and_preset_are_no_stress(base: altered_scenes.Base)
             ["--stressors", "unseen_scene", "--severities", "moon"],
             "--severities: expected .*, got 'moon'",
         ),
-        (["--frames", "0"], "--frames: expected 1 or more, got 0"),
+        (["--max-frames", "0"], "--max-frames: expected 1 or more, got 0"),
     ],
 )
 def test_wrong_words_are_one_line(

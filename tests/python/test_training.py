@@ -337,8 +337,8 @@ def test_a_run_of_other_frames_does_not_go_on(lidar_folder: Path, trained: Path)
 def test_a_run_in_half_the_bits_goes_on_in_half_the_bits(
     lidar_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["train", str(CONFIG), "--data", str(lidar_folder), "--tier", "smoke"]
-    words += ["--budget", "0.07", "--out", str(tmp_path), "--precision"]
+    words = ["train", str(CONFIG), str(lidar_folder), "--tier", "smoke"]
+    words += ["--step-factor", "0.07", "--out", str(tmp_path), "--precision"]
     assert main.main([*words, "bfloat16"]) == 0
     before = files_of(tmp_path)
     tensors = load_file(tmp_path / "last.safetensors").values()
@@ -508,7 +508,7 @@ def test_no_vehicle_in_the_whole_training_set_is_an_error(tmp_path: Path) -> Non
 def test_detect_writes_results_that_evaluate_reads(
     lidar_folder: Path, trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["detect", str(trained), "--data", str(lidar_folder), "--out", str(tmp_path / "pred")]
+    words = ["detect", str(lidar_folder), "--model", str(trained), "--out", str(tmp_path / "pred")]
     assert main.main(words) == 0
     assert "4 frames" in capsys.readouterr().out
     names = sorted(file.name for file in (tmp_path / "pred").glob("*.txt"))
@@ -517,7 +517,7 @@ def test_detect_writes_results_that_evaluate_reads(
     for name in names:
         kitti.read_labels(tmp_path / "pred" / name, scores=True)
     cloud = kitti.frame_file(lidar_folder, "velodyne", 9)
-    assert main.main(["detect", str(trained), str(cloud)]) == 0
+    assert main.main(["detect", str(cloud), "--model", str(trained)]) == 0
     rows = capsys.readouterr().out.splitlines()
     assert rows[0] == "file,class,x,y,z,dx,dy,dz,heading,score"
     labels = kitti.read_labels(tmp_path / "pred/000009.txt", scores=True)
@@ -533,7 +533,7 @@ def test_results_are_in_the_camera_of_the_data(
     moved = calibration.Tr_velo_to_cam + np.array([[0, 0, 0, 0.3], [0, 0, 0, -0.1], [0, 0, 0, 2]])
     camera = dataclasses.replace(calibration, Tr_velo_to_cam=moved)
     kitti.write_calibration(kitti.frame_file(other, "calib", 9), camera)
-    words = ["detect", str(trained), "--data", str(other), "--out", str(tmp_path / "pred")]
+    words = ["detect", str(other), "--model", str(trained), "--out", str(tmp_path / "pred")]
     assert main.main(words) == 0
     ((detections,), _) = detect.detect(
         detect.load_detector(trained), [kitti.frame_file(lidar_folder, "velodyne", 9)], None
@@ -547,7 +547,7 @@ def test_two_clouds_of_one_name_are_not_written_over_one_another(
 ) -> None:
     cloud = kitti.frame_file(lidar_folder, "velodyne", 9)
     other = shutil.copy(cloud, tmp_path)
-    words = ["detect", str(trained), str(cloud), other, "--out", str(tmp_path / "pred")]
+    words = ["detect", str(cloud), other, "--model", str(trained), "--out", str(tmp_path / "pred")]
     assert main.main(words) == 2
     assert (
         f"{other}: expected another name with --out, got that of {cloud}" in capsys.readouterr().err
@@ -561,7 +561,7 @@ def test_frames_that_may_have_been_learnt_from_are_a_warning(
     whole = tmp_path / "road/ring"
     shutil.copytree(lidar_folder, whole)
     shutil.rmtree(whole / "ImageSets")
-    words = ["detect", str(trained), "--data", str(whole), "--out", str(tmp_path / "pred")]
+    words = ["detect", str(whole), "--model", str(trained), "--out", str(tmp_path / "pred")]
     assert main.main(words) == 0
     assert "is not split, so all frames are used" in capsys.readouterr().err
     assert main.main([*words, "--split", "all"]) == 0
@@ -571,10 +571,10 @@ def test_frames_that_may_have_been_learnt_from_are_a_warning(
 def test_background_says_what_it_has_no_use_for(
     lidar_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["train", str(ROOT / "configs/detectors/background.yaml"), "--data", str(lidar_folder)]
+    words = ["train", str(ROOT / "configs/detectors/background.yaml"), str(lidar_folder)]
     words += ["--out", str(tmp_path), "--tier", "smoke"]
-    assert main.main([*words, "--seed", "2", "--budget", "0.5"]) == 0
-    unused = "pyinfra: note: background: no use for --seed, --budget\n"
+    assert main.main([*words, "--seed", "2", "--step-factor", "0.5"]) == 0
+    unused = "pyinfra: note: background: no use for --seed, --step-factor\n"
     anywhere = (
         f"pyinfra: note: background: {lidar_folder.name}: no roads.csv and no --region, so "
         "every moving object counts as a vehicle\n"
@@ -652,7 +652,7 @@ def test_a_model_of_anywhere_needs_the_height_of_the_road(
     assert len(rows) > 1
     lower = rows_of(capsys, "--model", sure, cloud, "--height-m", 5.5)
     assert lower != rows
-    assert main.main(["detect", str(sure), str(cloud), "--height-m", "-6"]) == 2
+    assert main.main(["detect", str(cloud), "--model", str(sure), "--height-m", "-6"]) == 2
     assert "--height-m: expected more than 0 to 100, got -6" in capsys.readouterr().err
 
 
@@ -683,19 +683,22 @@ def test_weights_that_are_no_numbers_are_refused(sure: Path, tmp_path: Path) -> 
 def test_results_of_other_frames_and_labels_in_their_place_are_reported(
     trained: Path, lidar_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["detect", str(trained), "--data", str(lidar_folder), "--split", "all", "--out"]
+    words = ["detect", str(lidar_folder), "--model", str(trained), "--split", "all", "--out"]
     assert main.main([*words, str(lidar_folder / "training/label_2")]) == 2
     assert "--out: expected another folder than that of the labels" in capsys.readouterr().err
-    assert main.main([*words, str(tmp_path), "--frames", "1"]) == 0
+    assert main.main([*words, str(tmp_path), "--max-frames", "1"]) == 0
     error = capsys.readouterr().err
     assert "no box in any frame: are the sensor's height, its frame" in error
     assert "files of other frames" not in error
     (tmp_path / "000099.txt").touch()
     assert main.main([*words, str(tmp_path)]) == 0
     assert "1 files of other frames, such as 000099" in capsys.readouterr().err
-    words[3] = str(lidar_folder.parent)
+    words[1] = str(lidar_folder.parent)
     assert main.main([*words, str(tmp_path)]) == 2
-    assert "--data: expected a folder with training/velodyne" in capsys.readouterr().err
+    assert (
+        f"expected the folder of one LiDAR, got a data set of {lidar_folder}"
+        in capsys.readouterr().err
+    )
 
 
 def test_vehicles_are_looked_for_in_the_region(
@@ -767,7 +770,7 @@ def test_another_lidar_or_preset_is_a_warning_unless_it_is_meant(
     (other / "lidar.yaml").write_text(LIDAR.replace('"ring"', '"star"').replace("paper", "equal"))
     shutil.rmtree(other / "ImageSets")  # twelve frames are too few for a split by time
     assert detect.transfer(trained, lidar_folder) == ""
-    words = ["detect", str(trained), "--data", str(other), "--out", str(tmp_path / "pred")]
+    words = ["detect", str(other), "--model", str(trained), "--out", str(tmp_path / "pred")]
     assert main.main(words) == 0
     expected = "LiDAR star (learnt on ring), preset equal (learnt on paper); --allow-transfer"
     assert expected in capsys.readouterr().err
@@ -780,12 +783,12 @@ def test_another_lidar_or_preset_is_a_warning_unless_it_is_meant(
     [
         (["--tier", "huge"], "got 'huge'"),
         (["--seed", "-1"], "--seed: expected 0 or more, got -1"),
-        (["--budget", "0"], "--budget: expected above 0 to 100, got 0"),
+        (["--step-factor", "0"], "--step-factor: expected above 0 to 100, got 0"),
         (["--device", "tpu"], "--device: expected cpu, .*, got 'tpu'"),
         (["--device", "cuda:99"], "--device: expected cpu, .*, got 'cuda:99'"),
         (["--precision", "float16"], "got 'float16'"),
-        (["--data", "nowhere"], "nowhere/lidar.yaml: No such file"),
-        (["--data", "."], "expected the folder of a LiDAR, got a data set: ring"),
+        (["nowhere"], "nowhere/lidar.yaml: No such file"),
+        (["."], "expected the folder of one LiDAR, got a data set of .*/ring"),
     ],
 )
 def test_wrong_words_are_one_line(
@@ -795,9 +798,10 @@ def test_wrong_words_are_one_line(
     message: str,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    if "." in words:
-        words = [words[0], str(lidar_folder.parent)]
-    given = ["train", str(CONFIG), "--data", str(lidar_folder), "--out", str(tmp_path / "o")]
+    folder = str(lidar_folder)
+    if not words[0].startswith("-"):
+        folder, words = str(lidar_folder.parent) if words == ["."] else words[0], []
+    given = ["train", str(CONFIG), folder, "--out", str(tmp_path / "o")]
     try:
         code = main.main([*given, *words])
     except SystemExit as end:
@@ -993,10 +997,10 @@ def test_the_simulator_gives_the_frames_that_a_run_writes(
 def test_a_training_needs_one_kind_of_source(
     lidar_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    both = ["--data", str(lidar_folder), "--scene", "s.yaml", "--lidar", "l.yaml"]
+    both = [str(lidar_folder), "--scene", "s.yaml", "--lidar", "l.yaml"]
     for words in ([], both, ["--scene", "s.yaml"]):
-        assert main.main(["train", str(CONFIG), "--out", str(tmp_path / "o"), *words]) == 2
-        assert "expected --data, or --scene with --lidar" in capsys.readouterr().err
+        assert main.main(["train", str(CONFIG), *words, "--out", str(tmp_path / "o")]) == 2
+        assert "DATA: expected folders, or --scene with --lidar" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

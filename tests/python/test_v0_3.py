@@ -159,10 +159,10 @@ def test_it_is_validated_evaluated_and_stressed(
 ) -> None:
     folder, out = old / "data/turning", old / "predictions"
     assert main.main(["validate", str(folder)]) == 0
-    run = ["train", str(old / "inputs/untrained.yaml"), "--data", str(folder), "--tier", "smoke"]
+    run = ["train", str(old / "inputs/untrained.yaml"), str(folder), "--tier", "smoke"]
     assert main.main([*run, "--out", str(old / "model")]) == 0
-    assert main.main(["detect", str(old / "model"), "--data", str(folder), "--out", str(out)]) == 0
-    words = ["evaluate", "--gt", str(folder), "--pred", str(out), "--out", str(old / "ap")]
+    assert main.main(["detect", str(folder), "--model", str(old / "model"), "--out", str(out)]) == 0
+    words = ["evaluate", str(folder), str(out), "--out", str(old / "ap")]
     assert main.main(words) == 0
     assert "vehicle" in capsys.readouterr().out
     assert replicates.versions_of(read_ground_truth(folder, [15])) == ("3", "0.3.0")
@@ -257,7 +257,7 @@ def test_a_training_goes_on_with_its_optimisers_state(old: Path) -> None:
         "--out",
         str(old / "run"),
     ]
-    assert main.main([*words, "--data", str(old / "data/turning")]) == 0
+    assert main.main([words[0], words[1], str(old / "data/turning"), *words[2:]]) == 0
     after = load_file(last)
     steps = {key: float(value) for key, value in after.items() if key.endswith(".step")}
     assert set(steps.values()) == {4.0}

@@ -268,7 +268,7 @@ def test_a_run_of_the_simulator_has_time_and_objects(
         ("--pred one=there one=here", "--pred: expected .*, got 'one=here' beside another of one"),
         ("--pred three=there", "--pred: expected LIDAR=DIR .*, got 'three=there'"),
         ("DATA/one", "expected each LiDAR once, got DATA/one, DATA/two, DATA/one"),
-        ("--most-points 0", "--most-points: expected 1 or more, got 0"),
+        ("--max-points 0", "--max-points: expected 1 or more, got 0"),
     ],
 )
 def test_wrong_words_end_in_one_line_and_no_page(
@@ -309,7 +309,7 @@ def test_a_page_above_the_limit_is_refused_and_the_old_one_stays(
     assert main.main(["view", str(folder), "--out", str(out)]) == 2
     error = capsys.readouterr().err
     assert "view.html: expected up to 0.5 MB, got" in error
-    assert "MB: fewer --frames, one --lidar, or --most" in error
+    assert "MB: fewer --frames, one --lidar, or --max-points" in error
     assert out.read_text() == "old"
     assert set(tmp_path.iterdir()) == {tmp_path / "data", out}
 

@@ -13,7 +13,11 @@ import pandas as pd
 from pyinfra.dataset import split
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.runs import infrasim
-from pyinfra.experiments.benchmark.inputs import has_several_mounts, traffic_seed
+from pyinfra.experiments.benchmark.inputs import (
+    has_several_mounts,
+    name_of_scene,
+    traffic_seed,
+)
 from pyinfra.experiments.benchmark.matrix import Experiment, Parts, Plan, range_of
 from pyinfra.experiments.value import MOUNTS
 from pyinfra.formats import kitti
@@ -86,6 +90,7 @@ def simulate(shard: Shard) -> None:
     words = ["--preset", shard.preset, "--frames", shard.frames, "--threads", "1"]
     words += [] if shard.seed is None else ["--seed", str(shard.seed)]
     words += ["--fuse"] if has_several_mounts(shard.scene) else []
+    words += name_of_scene(shard.scene)
     infrasim("run", shard.scene, "--lidar", *shard.lidars, *words, "--out", shard.folder)
 
 

@@ -72,12 +72,13 @@ def traffic_seed(plan: Plan, scene: str) -> int | None:
 
 
 def check_names(plan: Plan) -> None:
-    """Raises ConfigError if the key `name` of a scene or LiDAR differs from the file's name.
+    """Raises ConfigError if the key `name` of a LiDAR differs from the file's name.
 
-    Rows and folders use the file's name.
+    Rows and folders use the file's name. A scene may have another name, because `infrasim run`
+    gets the file's name from `name_of_scene`.
     """
     for name in dict.fromkeys(experiment.scene for experiment in plan.experiments):
-        check_name(plan.files["scenes", name], resolved(plan.files["scenes", name]))
+        resolved(plan.files["scenes", name])  # raises an error for a wrong scene
     for name, preset in dict.fromkeys(
         (experiment.lidar, experiment.preset) for experiment in plan.experiments
     ):
@@ -89,8 +90,17 @@ def check_name(file: Path, text: str) -> None:
     """Raises ConfigError if the key `name` of a resolved text differs from the file's name."""
     given, name = yaml.safe_load(text)["name"], name_of(file)
     if given != name:
-        what = "file" if name == file.stem else "folder"
-        raise ConfigError(f"{file}: name: expected '{name}', as the {what}, got '{given}'")
+        raise ConfigError(
+            f"{file}: name: expected '{name}', as the file, got '{given}'; change the key `name`, "
+            "or rename the file"
+        )
+
+
+def name_of_scene(file: Path) -> list[str]:
+    """Returns words of `infrasim run` that give a scene the name of its file, such as a copy."""
+    name = name_of(file)
+    given = yaml.safe_load(resolved(file))["name"]
+    return [] if given == name else ["--set", f"name={name}"]
 
 
 def digests(plan: Plan) -> pd.DataFrame:

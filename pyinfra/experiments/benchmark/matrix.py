@@ -13,6 +13,7 @@ from typing import Any
 
 from pyinfra.core.config import checked, read_config, ruled
 from pyinfra.core.errors import ConfigError, Error
+from pyinfra.core.names import suggestion
 from pyinfra.core.vocabulary import Preset, Tier
 from pyinfra.dataset import split
 from pyinfra.dataset.catalogue import configs
@@ -40,8 +41,8 @@ def name_of(path: Path) -> str:
 def config_file(kind: str, benchmark: Path, word: str) -> Path:
     """Returns the file of a name such as `ruby_plus` in configs/, or of `own.yaml`.
 
-    A word that ends in .yaml is a path relative to the benchmark's file. Raises Error, which lists
-    the allowed names.
+    A word that ends in .yaml is a path relative to the benchmark's file. Raises Error, which
+    suggests similar names.
     """
     folder = configs() / kind
     path = benchmark.parent / word if word.endswith(".yaml") else folder / f"{word}.yaml"
@@ -51,8 +52,8 @@ def config_file(kind: str, benchmark: Path, word: str) -> Path:
             f"'{word}'"
         )
     if not path.is_file():
-        names = ", ".join(sorted(p.stem for p in folder.glob("*.yaml")))
-        raise Error(f"expected a file or {names}, got '{word}'")
+        known = [p.stem for p in folder.glob("*.yaml")]
+        raise Error(f"expected a file or a name, got '{word}'{suggestion(word, known)}")
     return path
 
 

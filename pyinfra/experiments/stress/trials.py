@@ -188,7 +188,7 @@ def row_of(
         "trained_seed": trial.run.seed,
         **scores,
         "inputs": inputs_of(trial, base),
-        "command": f"pyinfra stress{chosen} --seed {seed} --frames {len(base.frames)}",
+        "command": f"pyinfra stress{chosen} --seed {seed} --max-frames {len(base.frames)}",
         "version": __version__,
         "machine": machine(),
     }

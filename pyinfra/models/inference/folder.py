@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.core.errors import Error
-from pyinfra.dataset.frames import frame_numbers, has_labels, period_of
+from pyinfra.dataset.frames import frame_numbers, frame_range, has_labels, period_of
 from pyinfra.dataset.ground import Ground, level_ground
 from pyinfra.dataset.height_checks import CHECKED, check_height, height_warnings
 from pyinfra.dataset.prediction_origin import origin_of, read_origin, write_origin
@@ -93,14 +93,18 @@ def detector_at_place(model: Path, where: Place, device: str = "cpu") -> Detecto
     )
 
 
-def frame_files(lidar_folder: Path, split: str | None, most: int) -> list[Path]:
+def frame_files(
+    lidar_folder: Path, split: str | None, most: int, numbers_in: str | None = None
+) -> list[Path]:
     """Returns the clouds of a folder's frames, at most `most`, evenly spread; 0 means all.
 
-    Raises Error for a folder or a split without frames.
+    numbers_in: a range A:B[:STEP] of frames, which replaces the split. Raises Error for a folder,
+    a split or a range without frames.
     """
     if not (lidar_folder / "training/velodyne").is_dir():
         raise Error(f"data: expected a folder with training/velodyne, got {lidar_folder}")
-    numbers = frame_numbers(lidar_folder, split)
+    numbers = frame_range(numbers_in, lidar_folder) if numbers_in else None
+    numbers = frame_numbers(lidar_folder, split) if numbers is None else numbers
     chosen = spread(numbers, most) if most else numbers
     if not chosen:
         raise Error(f"{lidar_folder}: expected one or more frames in the split, got none")

@@ -18,7 +18,7 @@ from pyinfra.dataset.frame_sequence import SimulatedFrames, vehicles_of
 from pyinfra.dataset.frame_tables import Vehicles
 from pyinfra.dataset.frames import (
     PERIOD_S,
-    check_no_data_set,
+    check_lidar_folder,
     data_set_of,
     frame_numbers,
     has_labels,
@@ -91,7 +91,7 @@ def read_source(
 
     Raises FileNotFoundError, FormatError and Error.
     """
-    check_no_data_set(folder)
+    check_lidar_folder(folder)
     lidar = kitti.read_lidar(folder)
     numbers = _train_frames(folder, lidar.period_s)
     frames = spread(numbers, MOST_FRAMES[tier])
