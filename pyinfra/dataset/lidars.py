@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,8 @@ from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset import catalogue
 from pyinfra.dataset.runs import SimulatorError, infrasim
 from pyinfra.formats import kitti
+
+UNCONFIRMED = "unconfirmed"  # word in the source of a price that no vendor has confirmed
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,12 @@ class LidarSheet:
     # range at 10 %. If it is 1, the ranges at other reflectances are assumptions.
     published_ranges: int = 0
     problem: str = ""  # reason why the LiDAR could not be resolved
+
+
+def sum_source(sources: Iterable[str]) -> str:
+    """Returns the source of a bundle's price. It is unconfirmed if the price of a unit is."""
+    unsure = any(UNCONFIRMED in source for source in sources)
+    return "sum of the units" + (f", {UNCONFIRMED}" if unsure else "")
 
 
 def catalogue_files() -> list[Path]:
@@ -103,7 +111,7 @@ def _plain(file: Path) -> dict[str, Any]:
     price = top.get("price_usd") or {
         "low": sum(unit["price_low_usd"] for unit in units),
         "high": sum(unit["price_high_usd"] for unit in units),
-        "source": "sum of the units",
+        "source": sum_source(unit["price_source"] for unit in units),
     }
     return {
         "name": top["name"],

@@ -53,6 +53,7 @@ class Option:
     price_usd: float  # mean of low and high
     price_low_usd: float
     price_high_usd: float
+    price_source: str  # source of the LiDAR's price; empty if unknown
     site_usd: float  # part of the price that is not for LiDARs
     site_items: Mapping[str, float]  # items whose sum is site_usd; empty if unknown
     covered_m: Interval  # covered road; the interval is unknown if `no_interval` gives a reason
@@ -187,18 +188,22 @@ def joined(experiments: pd.DataFrame, more: pd.DataFrame, file: Path) -> pd.Data
 
 
 def prices(results: Results) -> pd.DataFrame:
-    """Returns the prices of LiDAR and site, and the site's costs, for each experiment.
+    """Returns the prices of LiDAR and site, their source, and the site's costs.
 
-    If the table of LiDARs has no row for an experiment, low and high are equal to the price.
+    Each experiment has a row. If the table of LiDARs has none for it, low and high are equal to
+    the price, and the source is empty.
     """
     columns = [*KEY, "price_usd", "site_usd", *SITE_ITEMS]
     value = results.table("value").dropna(subset="price_usd")
     value = value[columns].assign(**{MOUNTS: mounts_of(value)})
     lidars = results.table("lidars")
     if lidars.empty:
-        return value.assign(price_low_usd=value.price_usd, price_high_usd=value.price_usd)
+        price = value.price_usd
+        return value.assign(price_low_usd=price, price_high_usd=price, price_source="")
     ends = ["price_low_usd", "price_high_usd"]
-    value = value.merge(lidars[["lidar", "preset", *ends]], on=["lidar", "preset"], how="left")
+    columns = ["lidar", "preset", "price_source", *ends]
+    value = value.merge(lidars[columns], on=["lidar", "preset"], how="left")
+    value = value.assign(price_source=value.price_source.fillna("").astype(str))
     totals = {end: value[end] * value[MOUNTS] + value.site_usd for end in ends}
     return value.assign(**{end: usd.fillna(value.price_usd) for end, usd in totals.items()})
 
@@ -249,6 +254,7 @@ def option(row: pd.Series, replicates: ExperimentReplicates) -> Option:
         price_usd=row.price_usd,
         price_low_usd=row.price_low_usd,
         price_high_usd=row.price_high_usd,
+        price_source=row.price_source,
         site_usd=row.site_usd,
         site_items={item: row[item] for item in SITE_ITEMS if math.isfinite(row[item])},
         covered_m=Interval(row.covered_m, row.low_m, row.high_m),

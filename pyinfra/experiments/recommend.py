@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.machine_load import load_text
+from pyinfra.dataset.lidars import UNCONFIRMED
 from pyinfra.dataset.windows import REGION_M
 from pyinfra.experiments.coverage import ROAD
 from pyinfra.experiments.option_table import latency, option_table, price, price_range
@@ -141,6 +142,7 @@ def general_notes(options: Sequence[Option], requirements: Requirements) -> Iter
         why = f"{FEW_BLOCKS}, or the table has none"
         yield f"No interval is available for the AP of {names(unknown)}: {why}."
     yield from cost_notes(options[0])
+    yield from price_notes(options)
     yield latency_note(options)
 
 
@@ -184,6 +186,16 @@ def cost_notes(option: Option) -> Iterator[str]:
     free = [item_name(item) for item in SITE_ITEMS if not option.site_items.get(item)]
     missing = f"; not included: {', '.join(free)} (`costs` of the benchmark)" if free else ""
     yield f"{text}: {', '.join(paid)}{missing}."
+
+
+def price_notes(options: Iterable[Option]) -> Iterator[str]:
+    """Yields a remark on the LiDARs whose price is unconfirmed."""
+    unsure = dict.fromkeys(o.lidar for o in options if UNCONFIRMED in o.price_source)
+    if unsure:
+        yield (
+            f"Unconfirmed prices: {', '.join(unsure)}. Enter a quotation as `price_usd` of the "
+            "LiDAR's file."
+        )
 
 
 def item_name(column: str) -> str:

@@ -63,6 +63,14 @@ def test_a_bundle_adds_up_its_units_and_looks_all_ways() -> None:
     assert sheet.horizontal_fov_deg == pytest.approx(5 * 70.62, abs=0.1)
 
 
+def test_the_price_of_a_bundle_with_an_unconfirmed_unit_is_unconfirmed(tmp_path: Path) -> None:
+    units = [catalogue_files()[0].parent / f"{name}.yaml" for name in ("livox_avia", "hesai_xt32")]
+    file = tmp_path / "pair.yaml"
+    file.write_text(f"name: pair\nbundle: [{{lidar: {units[0]}}}, {{lidar: {units[1]}}}]\n")
+    sheet = read_sheet(file)
+    assert (sheet.price_low_usd, sheet.price_source) == (4079, "sum of the units, unconfirmed")
+
+
 def test_a_range_of_prices_is_reported_with_its_source(capsys: pytest.CaptureFixture[str]) -> None:
     lines = listed(capsys, "hesai_xt32")
     assert " 2000-8000 [1] " in lines[1]

@@ -212,6 +212,21 @@ def test_what_a_price_holds_is_named_item_by_item_or_reported_missing(
     assert f"Every price includes 900 USD for the site: {items}" in lines
 
 
+def test_an_answer_names_the_lidars_whose_price_is_unconfirmed(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert not [
+        line for line in output_lines(capsys, results, "--budget", 8000) if "nconfirmed" in line
+    ]
+    prices_of_lidars().assign(
+        price_source=["nominal, unconfirmed", *["a quotation"] * (len(PRICES) - 1)]
+    ).to_csv(results / "lidars.csv", index=False)
+    (line,) = (
+        text for text in output_lines(capsys, results, "--budget", 8000) if "nconfirmed" in text
+    )
+    assert line.startswith(f"Unconfirmed prices: {next(iter(PRICES))}. Enter a quotation")
+
+
 def test_if_none_meets_the_requirements_the_nearest_three_say_what_to_relax(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

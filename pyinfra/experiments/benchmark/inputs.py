@@ -15,6 +15,7 @@ import yaml
 from pyinfra.core.errors import ConfigError
 from pyinfra.core.files import replacing
 from pyinfra.dataset.frames import lidars_in
+from pyinfra.dataset.lidars import sum_source
 from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark.matrix import Plan, name_of
@@ -55,7 +56,7 @@ def price_of(lidar: Path, preset: str) -> dict[str, Any]:
             return dict(keys["price_usd"])
     units = [price_of(lidar.parent / unit["lidar"], preset) for unit in file["bundle"]]
     ends = {end: sum(unit[end] for unit in units) for end in ("low", "high")}
-    return {**ends, "source": "sum of the units", "date": ""}
+    return {**ends, "source": sum_source(str(unit["source"]) for unit in units), "date": ""}
 
 
 def has_several_mounts(scene: Path) -> bool:
