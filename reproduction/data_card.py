@@ -12,12 +12,14 @@ from pyinfra.formats import kitti
 TEXT = """\
 # Simulated roadside LiDAR frames
 
-{count} scenes ({scenes}), of each {frames} frames of 0.1 s,
-every {step_s:g} s from 0 to {until_s:g} s, seen at the same instants from one pole by {lidars}.
-All of it is simulated: no recording, no person, no number plate.
+This data set has simulated frames of {count} scenes ({scenes}), with labels. Each scene has
+{frames} frames of 0.1 s, every {step_s:g} s from 0 to {until_s:g} s. In each scene, {lidars} are
+on one pole and scan at the same times. The data contain no recording, real person or number
+plate.
 
-## What it holds
-Means per frame, from each scene's `summary.csv`; a vehicle in the LiDAR's range counts, hit or not.
+## Contents
+The table has means per frame, from the `summary.csv` of each scene. All vehicles within the range
+of the LiDAR count, with or without a hit.
 
 {composition}
 
@@ -25,8 +27,9 @@ Means per frame, from each scene's `summary.csv`; a vehicle in the LiDAR's range
 |---|---|---|---|
 {split}
 
-Train are the frames that start before {train_s:g} s, `val` those from {val_s:g} s on; those between
-are in neither, because neighbouring frames show the same vehicles (`ImageSets`).
+Frames that start before {train_s:g} s are for training, and frames from {val_s:g} s are `val`.
+Frames between them are in neither list of `ImageSets`, because neighbouring frames show the same
+vehicles.
 
 ```
 SCENE/        dataset.yaml (the resolved scene)   trajectories.csv   roads.csv   summary.csv
@@ -42,39 +45,51 @@ infrasim {version}, seed {seeds}, aggregation `{aggregation}`.
 {preset_text}
 
 The same command and version give the same bytes on the same kind of machine, for any number of
-threads. Another CPU, compiler or library moves last digits: compare ranges within 1e-3 m there.
-`sha256sum --quiet -c SHA256SUMS` checks a copy; `summary.csv` holds times and is not in the list.
+threads. With another CPU, compiler or library the last digits differ, so compare ranges within
+1e-3 m. `sha256sum --quiet -c SHA256SUMS` checks a copy. `summary.csv` is not in the list, because
+it contains run times.
 
 ## Frames of reference
-Points, boxes and objects are in the levelled LiDAR frame: origin at the sensor, z up, x along the
-mount's yaw, metres. `lidar.yaml` has the poses to the world and to the tilted sensor. A box is
-x y z dx dy dz heading, centre first; in `label_2` it is in KITTI's camera frame (x right, y down,
-z forward; rotation_y = -heading - pi/2; the location is the bottom centre) and the 2-D box is a
-stand-in. Each ray was cast at its own firing time. With `label_time: {label_time}` a label shows
-{label_text}.
-`objects/` has both poses.
+Points, boxes and objects are in the levelled LiDAR frame, in metres. Its origin is at the sensor,
+z is up, and x is along the mount's yaw. `lidar.yaml` has the poses of the world and of the tilted
+sensor. A box is x y z dx dy dz heading, with x y z of its centre. Files in `label_2` use KITTI's
+camera frame: x right, y down, z forward, rotation_y = -heading - pi/2, location at the bottom
+centre. Their 2-D box is a placeholder. Each ray was cast at its own firing time. With
+`label_time: {label_time}` a label shows {label_text}. `objects/` has both poses.
 
 ## Known limits
-- Vehicles are lofted bodies that reach down to the road; those longer than 6 m do not turn at a
-  junction, and traffic keeps its lanes. No vegetation, and nobody on foot or on a bicycle but for
-  `people` of the scene and those of its trajectories.
-- One echo a ray; no back-scatter from rain and fog, no wet-road mirror, no interference.
+- {plants_text}
+- Vehicles do not change lanes. A vehicle that cannot stay within its lane in a turn does not
+  turn.
+- Pedestrians and cyclists exist only if the scene has `people`, or its trajectories contain them.
+- Each ray has one echo. Back-scatter from rain and fog, mirror reflections on wet roads and
+  interference of LiDARs are not modelled.
 - Intensity is a model, not a calibrated reflectance.
-- One seed: one traffic. Motors of spinning LiDARs are locked to the clock, with the cut angle
-behind
-  their view; how many points leave a mid-frame box depends on where the cut angle is.
-- A LiDAR's range and drop-off are those of its preset and decide comparisons at a distance.
+- Each scene has one traffic seed. Motors of spinning LiDARs are locked to the clock, with the cut
+  angle behind their view. The number of points outside a mid-frame box depends on the cut angle.
+- The range and the drop-off of a LiDAR depend on the preset, and determine comparisons at a
+  distance.
 - Visibility is unknown (-1) outside the evaluation region (`region_half_length_m`).
 
 ## Licence
-The data: Creative Commons Attribution 4.0 (CC-BY-4.0). The software that made it: Apache-2.0.
+The licence of the data is Creative Commons Attribution 4.0 (CC-BY-4.0). That of the software is
+Apache-2.0.
 """
 PRESETS = {
-    "paper": "Evenly spaced channels; CARLA's drop-off of points and a range of 100 m for the\n"
-    "spinning LiDARs, none and 260 m for the Avia, as the study's hit points imply.",
-    "equal": "Evenly spaced channels, one range of 260 m and no drop-off for all.",
-    "datasheet": "The vendors' channels, firing times and ranges, detection by received power,\n"
-    "range noise, beam width.",
+    "paper": "Channels are evenly spaced. The spinning LiDARs have CARLA's drop-off of points and\n"
+    "a range of 100 m. The Avia has no drop-off and 260 m, as the study's hit points imply.",
+    "equal": "Channels are evenly spaced. All LiDARs have a range of 260 m and no drop-off.",
+    "datasheet": "Channels, firing times, ranges, range noise and beam width are the vendors'.\n"
+    "Received power decides whether a hit becomes a point.",
+}
+BODIES = (
+    "Vehicles are closed bodies down to the road, without windows. The scenes have no vegetation."
+)
+PLANTS = {
+    "paper": BODIES,
+    "equal": BODIES,
+    "datasheet": "Vehicles have windows and a gap below the body. Hedges and trees are\n"
+    "  volumes that stop a random share of the rays.",
 }
 LABEL_TIMES = {
     "frame": "the vehicle in the middle of the frame: when it moves, points lie partly outside",
@@ -105,6 +120,7 @@ def data_card(sets: Sequence[DataSet], summaries: Sequence[pd.DataFrame]) -> str
         val_s=VAL_FROM_S,
         preset=first.preset,
         preset_text=PRESETS[first.preset],
+        plants_text=PLANTS[first.preset],
         version=first.version,
         seeds=", ".join(sorted({str(data.seed) for data in sets})),
         aggregation=first.aggregation,

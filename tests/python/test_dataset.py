@@ -6,12 +6,14 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+import yaml
 
 from pyinfra.dataset import catalogue
 from pyinfra.dataset.split import VAL_FROM_S
 from pyinfra.formats import kitti
 from reproduction import __main__ as reproduction
 from reproduction import data_release
+from reproduction.data_card import PLANTS
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -104,6 +106,14 @@ def test_card_has_the_figures_of_the_frames(made: Path) -> None:
     for needed in ("CC-BY-4.0", "--preset paper --frames 2", "seed 1", "sha256sum"):
         assert needed in card
     assert max(map(len, card.splitlines())) < 200
+
+
+def test_card_has_vegetation_only_where_the_scenes_have_it() -> None:
+    for scene in catalogue.SCENES:
+        keys = yaml.safe_load(catalogue.scene_file(scene).read_text())
+        presets = {name for name, block in keys["presets"].items() if "vegetation" in block}
+        without = {name for name, text in PLANTS.items() if "no vegetation" in text}
+        assert ("vegetation" in keys, presets) == (False, set(PLANTS) - without)
 
 
 def test_stopped_run_goes_on_to_the_same_sums(made: Path) -> None:
