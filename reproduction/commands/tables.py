@@ -53,6 +53,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "correlation": measure.correlation,
     "people": sites.people,
     "poles": sites.poles,
+    "pole points": sites.pole_points,
     "places": sites.places,
     "pole errors": sites.pole_errors,
     "engines": networks.engines,

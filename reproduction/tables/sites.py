@@ -130,6 +130,23 @@ def poles() -> str:
     return markdown(["LiDAR", "detector", *heads], rows)
 
 
+def pole_points() -> str:
+    """Returns a table of the points on the median vehicle and of Background's false positives.
+
+    A table cell has the values for one, two and four poles.
+    """
+    rows = []
+    for (lidar, detector), by_poles in of_poles():
+        if detector == POLE_DETECTORS["background"]:
+            poles = [by_poles[n] for n in (1, 2, 4)]
+            points = " / ".join(f"{row.points_per_vehicle:.0f}" for row in poles)
+            background = " / ".join(f"{row.background_per_frame:.1f}" for row in poles)
+            misplaced = " / ".join(f"{row.misplaced_per_frame:.1f}" for row in poles)
+            rows.append([lidar, points, background, misplaced])
+    heads = ["points on the median vehicle", "boxes on background per frame"]
+    return markdown(["LiDAR", *heads, "misplaced boxes per frame"], rows)
+
+
 def places() -> str:
     """Returns a table of AP by LiDAR position, with paired differences to position COMPARED."""
     table = results("places").fillna({"minus": ""})
