@@ -62,7 +62,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "stress_generalist": networks.stress_generalist,
     "unseen": networks.unseen,
     "unseen pose": networks.unseen_pose,
-    "pilots": networks.pilots,
     "unseen shown": networks.unseen_shown,
     "fairness": networks.fairness,
     "traffic": sites.traffic,

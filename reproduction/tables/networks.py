@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
-from collections.abc import Sequence
 from dataclasses import astuple
 
 import numpy as np
@@ -131,43 +129,37 @@ def compared_with_site_trained() -> str:
     return markdown(heads, rows)
 
 
-def _unseen(name: str = "unseen") -> pd.DataFrame:
-    """Returns the rows of a table of unseen sites with BEV IoU 0.5 or centre distance 0.5 m."""
-    table = results(name)
-    return table[table.measure.isin(["BEV IoU 0.5", "centre 0.5 m"])]
+def _unseen() -> pd.DataFrame:
+    """Returns the rows of the pretrained detector at unseen sites, of its current version.
 
-
-def _pair(values: Sequence[float]) -> str:
-    """Formats a paired difference with its interval; returns "" if the difference is NaN."""
-    return "" if math.isnan(values[0]) else "{:+.1f} [{:.1f}, {:.1f}]".format(*values)
+    Vehicles are matched by BEV IoU 0.5, pedestrians and cyclists by centre distance 0.5 m.
+    """
+    table = results("unseen")
+    matched = table.measure.isin(["BEV IoU 0.5", "centre 0.5 m"])
+    return table[matched & (table.model == table.model.iloc[-1])]
 
 
 def unseen() -> str:
-    """Returns a table of AP (R1000) by class at unseen sites, for two versions of the detector."""
+    """Returns a table of AP (R1000) by class at unseen sites."""
     table, rows = _unseen(), []
-    models = list(dict.fromkeys(table.model))
     table = table[(table.condition == "as known") & (table.objects > 0)]
     kinds = (table["sites"] == "all") | (table["class"] == "vehicle")
-    for (name, sites, kind), group in table[kinds].groupby(["set", "sites", "class"], sort=False):
-        of = group.set_index("model")
-        ap = (with_interval_of_ap(*ends(of.loc[model], "ap_r1000")) for model in models)
-        count, objects = group[["count", "objects"]].iloc[0]
-        where = f"{name}, {sites} ({count})"
-        rows.append([where, kind, str(objects), *ap, _pair(ends(of.iloc[-1], "difference"))])
-    names = (model.replace("_", " ") for model in models)
-    return markdown(["sites", "class", "objects", *names, "difference"], rows)
+    for _, row in table[kinds].iterrows():
+        where = f"{row['set']}, {row.sites} ({row['count']})"
+        ap = with_interval_of_ap(*ends(row, "ap_r1000"))
+        rows.append([where, row["class"], str(row.objects), ap])
+    return markdown(["sites", "class", "objects", "AP (R1000)"], rows)
 
 
 def unseen_pose() -> str:
     """Returns a table of the AP that an unknown pose error costs at the plain sites."""
-    table, rows = _unseen(), []
-    models = list(dict.fromkeys(table.model))
+    table = _unseen()
     wrong = table[table.condition != "as known"]
-    for (condition, kind), group in wrong.groupby(["condition", "class"], sort=False):
-        of = group.set_index("model")
-        costs = (_pair(ends(of.loc[model], "cost")) for model in models)
-        rows.append([condition, kind, *costs])
-    return markdown(["error", "class", *(f"cost, {m.replace('_', ' ')}" for m in models)], rows)
+    rows = [
+        [row.condition, row["class"], "{:+.1f} [{:.1f}, {:.1f}]".format(*ends(row, "cost"))]
+        for _, row in wrong.iterrows()
+    ]
+    return markdown(["error", "class", "cost in AP"], rows)
 
 
 def unseen_shown() -> str:
@@ -175,37 +167,14 @@ def unseen_shown() -> str:
 
     Only boxes with a score of at least 0.5 count as false positives.
     """
-    table, rows = _unseen(), []
-    models = list(dict.fromkeys(table.model))
+    table = _unseen()
     table = table[(table.condition == "as known") & (table["sites"] == "all")]
-    for (name, kind), group in table.groupby(["set", "class"], sort=False):
-        of = group.set_index("model")
-        false = (
-            "{:.2f} [{:.2f}, {:.2f}]".format(*ends(of.loc[model], "false_per_frame"))
-            for model in models
-        )
-        recall = (f"{of.loc[model].recall_at_half:.2f}" for model in models)
-        rows.append([name, kind, *false, *recall])
-    names = [model.replace("_", " ") for model in models]
-    heads = [f"{what}, {m}" for what in ("false positives per frame", "recall") for m in names]
+    rows = []
+    for _, row in table.iterrows():
+        false = "{:.2f} [{:.2f}, {:.2f}]".format(*ends(row, "false_per_frame"))
+        rows.append([row["set"], row["class"], false, f"{row.recall_at_half:.2f}"])
+    heads = ["false positives per frame", "recall at a precision of 0.5"]
     return markdown(["sites", "class", *heads], rows)
-
-
-def pilots() -> str:
-    """Returns a table of AP after 2,000 training steps of two trial versions, by class."""
-    table, rows = _unseen("pilots"), []
-    table = table[(table["set"] == "plain") & (table["sites"] == "all")]
-    of = table.set_index(["model", "class", "condition"]).sort_index()
-    for model in dict.fromkeys(table.model):
-        for kind in ("vehicle", "vulnerable road user"):
-            at = of.loc[model, kind]
-            costs = [f"{at.loc[name].cost:+.1f}" for name in at.index if name != "as known"]
-            change = ends(at.loc["as known"], "difference")
-            difference = "" if model == "version_2" else _pair(change)
-            first = f"{at.loc['as known'].ap_r1000:.1f}"
-            rows.append([model.replace("_", " "), kind, first, difference, *costs])
-    heads = ["AP (R1000)", "difference", "cost of 0.25 m of height", "cost of 0.5 deg of pitch"]
-    return markdown(["pilot", "class", *heads], rows)
 
 
 def fairness() -> str:
