@@ -73,9 +73,22 @@ def run_page(page: Path, infrasim: Callable[..., object]) -> None:
             for command in commands(block.text):
                 run(command, infrasim)
         elif block.kind == "python":
-            exec(compile(block.text, page.name, "exec", dont_inherit=True), names)
+            run_python(block.text, page.name, names)
         elif block.kind == "yaml":
             assert yaml.safe_load(block.text)
+
+
+def run_python(text: str, name: str, names: dict[str, object]) -> None:
+    """Runs a block as a notebook does: it can import the files that the page saved."""
+    modules, folder = set(sys.modules), str(Path.cwd())
+    sys.path.insert(0, folder)
+    try:
+        exec(compile(text, name, "exec", dont_inherit=True), names)
+    finally:
+        sys.path.remove(folder)
+        for module in set(sys.modules) - modules:
+            if Path(f"{module}.py").is_file():
+                del sys.modules[module]
 
 
 def run(command: str, infrasim: Callable[..., object]) -> None:
