@@ -40,7 +40,6 @@ _RENAMED_COLUMNS = {
     "forgiven_ghosts": "forgiven_background",
     "found_percent": "recall_percent",
     "ghosts_per_frame": "background_per_frame",
-    "judge": "arm",
     "precision_said": "precision_predicted",
     "recall_said": "recall_predicted",
     "seam_turned_deg": "cut_angle_turned_deg",

@@ -93,6 +93,7 @@ JUDGES = {
 }
 MAIN = ("fine-tuned", "background", "pretrained")
 KEY = "scene preset lidar detector judge replicate seed subset label_time cut_angle_deg".split()
+TEXT = ["judge", "label_time", "subset"]  # columns of the key that hold text in each row
 SETTINGS = Settings(ground_truths=SUBSETS)
 
 

@@ -31,7 +31,7 @@ import pandas as pd
 
 from pyinfra.experiments import store
 from reproduction import add_out, provenance
-from reproduction.commands.experiments import KEY
+from reproduction.commands.experiments import TEXT
 from reproduction.commands.verdicts import WIDE
 
 CHOICES = ["judge", "scene", "preset", "label_time"]
@@ -99,6 +99,6 @@ def main() -> None:
     parser.add_argument("experiments", type=Path, help="table of `reproduction experiments`")
     add_out(parser, "variance.csv")
     args = parser.parse_args()
-    rows = pd.DataFrame(components(store.read(args.experiments, KEY))).dropna(subset="sd")
+    rows = pd.DataFrame(components(store.read(args.experiments, TEXT))).dropna(subset="sd")
     rows.assign(**provenance("variance")).to_csv(args.out, index=False, float_format="%.4g")
     print(rows.to_string(index=False, float_format=lambda sd: f"{sd:.2f}"))

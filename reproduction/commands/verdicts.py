@@ -24,7 +24,7 @@ from pyinfra.core.errors import Error
 from pyinfra.experiments import store
 from pyinfra.metrics.comparison import over_replicates
 from reproduction import add_out, provenance
-from reproduction.commands.experiments import KEY
+from reproduction.commands.experiments import TEXT
 from reproduction.tables.common import results
 
 LEVEL = 1 - 0.05 / 3  # confidence level of each test, after 3, 5 and 10 replicates
@@ -175,7 +175,7 @@ def main() -> None:
     parser.add_argument("experiments", type=Path, help="table of `reproduction experiments`")
     add_out(parser, "claims.csv")
     args = parser.parse_args()
-    table = store.read(args.experiments, KEY)
+    table = store.read(args.experiments, TEXT)
     check_pairs(table[table.cut_angle_deg == 0])
     for line in missing(table):
         print(f"warning: {line}", file=sys.stderr)

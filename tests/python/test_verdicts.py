@@ -12,7 +12,8 @@ from scipy import stats
 
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import SUBSETS
-from reproduction.commands import experiments, verdicts
+from pyinfra.experiments import store
+from reproduction.commands import experiments, variance, verdicts
 
 AVIA_LESS_WIDE = {1: -5.0, 2: -4.0, 3: -6.0}
 
@@ -157,3 +158,15 @@ def test_missing_replicates_are_named() -> None:
     lacking = (rows.lidar == "helios_16") & (rows.replicate > 1) & (rows.subset == "captured")
     (text,) = verdicts.missing(rows[~lacking])
     assert text.endswith("captured: helios_16 has no replicate 2, 3")
+
+
+def test_verdicts_and_variance_read_the_file_of_the_experiments(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "experiments.csv"
+    store.put(file, table().assign(ap_r1000_frames_sd=1.0), experiments.KEY)
+    for command in (verdicts, variance):
+        out = tmp_path / f"{command.__name__}.csv"
+        monkeypatch.setattr(sys, "argv", ["command", str(file), "--out", str(out)])
+        command.main()
+        assert len(pd.read_csv(out))
