@@ -17,7 +17,6 @@ from pathlib import Path
 from pyinfra.core.errors import Error
 from reproduction import ROOT
 from reproduction.tables import findings, front_page, measure, networks, simulator, sites, verdicts
-from reproduction.tables.findings import FOUR, TWO, of_a_scene, of_scenes
 
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 BLOCK = re.compile(r"(<!-- table (.+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
@@ -25,13 +24,7 @@ BLOCK = re.compile(r"(<!-- table (.+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 TABLES: dict[str, Callable[[], str]] = {
     "three findings": front_page.findings,
     "claims in short": findings.in_short,
-    "detection claims in short": findings.detection_in_short,
     "claims about scanning": findings.scanning,
-    "claims on the highway, paper": partial(of_a_scene, "highway", "paper", FOUR),
-    "claims on the crossroad, paper": partial(of_a_scene, "crossroad", "paper", FOUR),
-    "claims on the curve, paper": partial(of_a_scene, "curve", "paper", FOUR),
-    "claims on the highway, equal": partial(of_a_scene, "highway", "equal", TWO),
-    "claims, datasheet": partial(of_scenes, "datasheet", ("highway", "crossroad", "curve"), TWO),
     "AP of captured": verdicts.average_precision,
     "AP of present": partial(verdicts.average_precision, "present"),
     "verdicts, comparable": partial(verdicts.verdicts, "comparable"),

@@ -1,8 +1,6 @@
-"""Makes the tables of the paper's claims and their verdicts."""
+"""Makes the tables of the paper's claims about scanning, and of its detectors."""
 
 from __future__ import annotations
-
-from collections.abc import Callable, Sequence
 
 import pandas as pd
 
@@ -19,7 +17,6 @@ from reproduction.tables.common import (
     with_interval_of_ap,
 )
 
-Claims = Sequence[tuple[str, str, str, str]]
 # Claims about scanning. An entry has the paper's statement, the claim's name, and words that select
 # the test by its statement.
 SCANNING = (
@@ -36,59 +33,6 @@ SCANNING = (
     ("the Avia's points decrease more slowly with distance", "gentle", "", "points"),
     ("motion moves points out of the box", "deskew", "", ""),
     ("only the Avia has points on some far vehicles", "only-one", "view,", "all vehicles"),
-)
-# Claims about detection; an entry has the same form as in SCANNING.
-DETECTION = (
-    ("the Avia has the same AP as 128 lines", "comparable", "", ""),
-    ("64 lines have a lower AP than both", "64-below", "", ""),
-    (
-        "the Avia has the same share of high-quality areas as 128 lines",
-        "areas",
-        "share of",
-        "share",
-    ),
-    ("the Avia has fewer high-quality areas", "areas", "number of", "number"),
-    ("the Avia's AP decreases more slowly with distance", "gentle", "", "AP"),
-    ("a single Avia is the best value", "value", ": AP per dollar of the Avia", "AP per dollar"),
-    ("", "value", ": high-quality areas per dollar of the Avia", "areas per dollar"),
-    (
-        "(not in the paper) five Avias cover a whole junction",
-        *("value", ": AP per dollar of five Avias", "AP per dollar"),
-    ),
-    ("PointRCNN has a much lower AP; the others are near the best", "algorithms", "", ""),
-    ("pillar, voxel and transformer detectors have similar AP", "similar", "", ""),
-    ("tilting the Avia does not raise the AP", "tilt", "", ""),
-)
-# Rows of the table of one scene. An entry has the claim's name, words of its statement, the row's
-# label and the number format.
-OF_A_SCENE = (
-    ("comparable", "", "`comparable`: AP, Avia minus 128 lines, between -3 and 3", "{:+.1f}"),
-    (
-        "64-below",
-        "",
-        "`64-below`: AP, lower of Avia and 128 lines minus 64 lines, above 0",
-        "{:+.1f}",
-    ),
-    (
-        "areas",
-        "share of",
-        "`areas`: share (%), Avia minus 128 lines, between -10 and 10",
-        "{:+.1f}",
-    ),
-    ("areas", "number of", "`areas`: number, 128 lines minus Avia, above 0", "{:.0f}"),
-    ("gentle", "", "`gentle`: AP change per 10 m, Avia minus the best other, above 0", "{:+.1f}"),
-    (
-        *("value", ": AP per dollar of the Avia"),
-        *("`value`: AP per dollar, Avia / best other, above 1", "{:.2f}"),
-    ),
-    (
-        *("value", ": high-quality areas per dollar of the Avia"),
-        *("`value`: high-quality areas per dollar, Avia / best other, above 1", "{:.1f}"),
-    ),
-    (
-        *("value", ": AP per dollar of five Avias"),
-        *("`value`: AP per dollar, five Avias / best other, above 1", "{:.2f}"),
-    ),
 )
 # Rows of the table about scanning. An entry has the claim's name, words of its statement, the row's
 # label, and the subset and distance.
@@ -126,8 +70,6 @@ OF_SCANNING = (
     ),
     ("only-one", " view,", "", "view, 90 to 120 m"),
 )
-FOUR = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
-TWO = ("pointpillars", "centerpoint-pillar")
 
 
 def rows_of(table: pd.DataFrame, claim: str, words: str, **equal: str) -> pd.DataFrame:
@@ -140,18 +82,9 @@ def rows_of(table: pd.DataFrame, claim: str, words: str, **equal: str) -> pd.Dat
 
 def in_short() -> str:
     """Returns a table with the verdict of each claim about scanning under each preset."""
-    return _in_short(SCANNING, scanned)
-
-
-def detection_in_short() -> str:
-    """Returns a table that counts how often each claim about detection holds or fails."""
-    return _in_short(DETECTION, counted)
-
-
-def _in_short(claims: Claims, verdict_of: Callable[[str, str, str], str]) -> str:
     rows = [
-        [statement, named(claim, note), *(verdict_of(claim, words, preset) for preset in PRESETS)]
-        for statement, claim, words, note in claims
+        [statement, named(claim, note), *(scanned(claim, words, preset) for preset in PRESETS)]
+        for statement, claim, words, note in SCANNING
     ]
     return markdown(["statement of the paper", "claim", *(f"`{p}`" for p in PRESETS)], rows)
 
@@ -170,15 +103,6 @@ def scanned(claim: str, words: str, preset: str) -> str:
     return " / ".join(verdicts) + times
 
 
-def counted(claim: str, words: str, preset: str) -> str:
-    verdicts = rows_of(results("quick_claims"), claim, words, preset=preset).verdict
-    if verdicts.empty:
-        return ""
-    return " / ".join(
-        str((verdicts == verdict).sum()) for verdict in ("holds", "fails", "undecided")
-    )
-
-
 def scanning() -> str:
     """Returns a table with the value, interval and verdict of each claim about scanning."""
     rows = []
@@ -194,42 +118,6 @@ def scanned_row(claim: str, words: str, preset: str) -> str:
         index=False
     )
     return f"{with_interval(value, low, high)} {verdict}"
-
-
-def of_a_scene(scene: str, preset: str, names: Sequence[str]) -> str:
-    """Returns a table of one scene with a column per detector, without empty rows."""
-    rows = []
-    for claim, words, statement, shape in OF_A_SCENE:
-        cells = [verdict(scene, preset, claim, words, d, shape) for d in names]
-        if any(cells):
-            rows.append([statement, *cells])
-    return markdown(["claim", *(DETECTORS[d] for d in names)], rows)
-
-
-def of_scenes(preset: str, scenes: Sequence[str], names: Sequence[str]) -> str:
-    """Returns a table with a column per scene; each table cell lists all detectors."""
-    rows = []
-    for claim, words, statement, shape in OF_A_SCENE:
-        cells = [
-            " / ".join(filter(None, (verdict(s, preset, claim, words, d, shape) for d in names)))
-            for s in scenes
-        ]
-        if any(cells):
-            rows.append([statement, *cells])
-    return markdown(["claim", *scenes], rows)
-
-
-def verdict(scene: str, preset: str, claim: str, words: str, detector: str, shape: str) -> str:
-    """Formats the value and verdict of a claim about one detector.
-
-    Returns an empty string if the claim was not tested.
-    """
-    rows = rows_of(results("quick_claims"), claim, words, scene=scene, preset=preset)
-    rows = rows[rows.statement.str.startswith(f"{detector}:")]
-    if rows.empty:
-        return ""
-    ((value, text),) = rows[["value", "verdict"]].itertuples(index=False)
-    return f"{shape.format(value)} {text}"
 
 
 def detectors(scene: str, preset: str) -> str:
