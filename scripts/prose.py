@@ -79,8 +79,15 @@ def measure(texts: list[str]) -> Prose:
 
 def pages() -> list[Path]:
     """Returns README and the pages of docs that are written by hand."""
-    docs = (p for p in sorted((ROOT / "docs").rglob("*.md")) if "decisions" not in p.parts)
-    return [ROOT / "README.md", *(page for page in docs if page.name != GENERATED)]
+    docs = sorted((ROOT / "docs").rglob("*.md"))
+    return [ROOT / "README.md", *(page for page in docs if is_by_hand(page))]
+
+
+def is_by_hand(page: Path) -> bool:
+    """Returns whether a page is neither generated nor a decision."""
+    folders = page.relative_to(ROOT).parts[:-1]
+    built = any(folder.startswith(("_", ".")) for folder in folders)
+    return not built and "decisions" not in folders and page.name != GENERATED
 
 
 def line(name: str, prose: Prose) -> str:
