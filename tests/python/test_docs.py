@@ -1,6 +1,7 @@
 """README and docs do what they say: every command in them runs, or is parsed by its own parser."""
 
 import re
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -168,6 +169,12 @@ def test_the_first_screen_of_the_readme_is_short() -> None:
     sentences = re.split(r"[.:;](?=\s)|\n", text)
     numbers = [len(re.findall(r"(?<![\w.])\d[\d.]*", sentence)) for sentence in sentences]
     assert max(numbers) <= MOST_NUMBERS
+
+
+def test_the_citation_has_the_version_of_the_package() -> None:
+    citation = yaml.safe_load((doc_pages.ROOT / "CITATION.cff").read_text())
+    project = tomllib.loads((doc_pages.ROOT / "pyproject.toml").read_text())["project"]
+    assert [citation["version"], citation["license"]] == [project["version"], project["license"]]
 
 
 def test_the_detector_of_the_page_is_short() -> None:
