@@ -1,7 +1,9 @@
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 
+#include <array>
 #include <memory>
+#include <vector>
 
 #include "bindings.h"
 #include "infrasim/config/fields.h"
@@ -109,6 +111,17 @@ void bind_simulation(py::module_& m) {
           py::arg("first_frame"), py::arg("last_frame"), py::arg("step"),
           "Returns one warning if frames with this step show less of the scan pattern "
           "than other steps would, else none.")
+      .def(
+          "fields_of_view",
+          [](const LidarConfig& lidar) {
+            std::vector<std::array<double, 4>> views;
+            for (const FieldOfView& view : fields_of_view(lidar))
+              views.push_back({view.azimuth_min_deg, view.azimuth_max_deg, view.elevation_min_deg,
+                               view.elevation_max_deg});
+            return views;
+          },
+          "Returns azimuth minimum and maximum, then elevation minimum and maximum (deg) of the "
+          "rays of each unit.")
       .def_readonly("name", &LidarConfig::name)
       .def_readonly("preset", &LidarConfig::preset)
       .def("dump", &dump_lidar, "Returns every key with its value, as YAML.")

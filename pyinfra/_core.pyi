@@ -128,6 +128,10 @@ class Lidar:
         """
         Returns every key with its value, as YAML.
         """
+    def fields_of_view(self) -> list[typing.Annotated[list[float], "FixedSize(4)"]]:
+        """
+        Returns azimuth minimum and maximum, then elevation minimum and maximum (deg) of the rays of each unit.
+        """
     def pattern(self, first_frame: typing.SupportsInt | typing.SupportsIndex, last_frame: typing.SupportsInt | typing.SupportsIndex, step: typing.SupportsInt | typing.SupportsIndex, seed: typing.SupportsInt | typing.SupportsIndex | None = None, mount: str = 'pole') -> numpy.typing.NDArray[numpy.float64]:
         """
         Returns (n, 3) float64: azimuth, elevation (rad) and time (s) of every ray, column by column, sensor frame. Without a seed, free motors start as if locked.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,8 @@ import yaml
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset import catalogue
 from pyinfra.dataset.runs import SimulatorError, infrasim
-from pyinfra.formats import kitti
+
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # CSafeLoader is faster
 
 UNCONFIRMED = "unconfirmed"  # word in the source of a price that no vendor has confirmed
 
@@ -60,25 +60,31 @@ def presets_of(file: Path) -> tuple[str, ...]:
     return presets
 
 
-def read_sheet(file: Path, preset: str = "") -> LidarSheet:
+def read_sheet(file: Path, preset: str = "", *, every_preset: bool = True) -> LidarSheet:
     """Returns a LiDAR's summary. The default preset is `datasheet` if the LiDAR has that preset.
 
-    Raises SimulatorError if the LiDAR cannot be resolved, and FileNotFoundError if the file does
-    not exist.
+    every_preset: whether to check the presets that are not shown too. Raises SimulatorError if the
+    LiDAR cannot be resolved, and FileNotFoundError if the file does not exist.
     """
-    infrasim("check", file)  # raises an error that names the line of a wrong key
+    from pyinfra.dataset import simulation
+
+    if every_preset:
+        infrasim("check", file)  # raises an error that names the line of a wrong key
     plain = _plain(file)
     chosen = preset or _preset_of(plain["presets"])
-    resolved = yaml.safe_load(infrasim("check", file, *(["--preset", chosen] if chosen else [])))
-    units = _field_of_view(file, chosen)
-    widths = [math.degrees(unit.azimuth[1] - unit.azimuth[0]) for unit in units]
+    try:
+        lidar = simulation.load_lidar(file, chosen or "datasheet")
+        views = lidar.fields_of_view()
+    except (simulation.ConfigError, simulation.IoError) as error:
+        raise SimulatorError(str(error), 2) from None
+    resolved = yaml.load(lidar.dump(), _LOADER)
     return LidarSheet(
         **plain,
         preset=chosen,
         lines=_lines(resolved),
-        horizontal_fov_deg=min(360.0, sum(widths)),
-        vertical_fov_deg=max(math.degrees(u.elevation[1] - u.elevation[0]) for u in units),
-        range_m=max(unit.range_m[1] for unit in units),
+        horizontal_fov_deg=min(360.0, sum(round(view[1] - view[0], 2) for view in views)),
+        vertical_fov_deg=max(round(view[3] - view[2], 2) for view in views),
+        range_m=max(float(unit["returns"]["max_range_m"]) for unit in _units(resolved)),
         range_at_10_percent_m=float(_detection(resolved).get("range_at_10_percent_m", math.nan)),
         published_ranges=_published_ranges(_detection(resolved)),
     )
@@ -94,7 +100,7 @@ def read_catalogue(preset: str = "") -> list[LidarSheet]:
 
 def _read_or_say(file: Path, preset: str) -> LidarSheet:
     try:
-        return read_sheet(file, preset)
+        return read_sheet(file, preset, every_preset=False)
     except SimulatorError as error:
         plain = _plain(file)
         return LidarSheet(
@@ -104,7 +110,7 @@ def _read_or_say(file: Path, preset: str) -> LidarSheet:
 
 def _plain(file: Path) -> dict[str, Any]:
     """Returns the keys of a LiDAR file that depend on no preset: name, model, presets, price."""
-    top = yaml.safe_load(file.read_text(encoding="utf-8"))
+    top = yaml.load(file.read_text(encoding="utf-8"), _LOADER)
     units = [
         _plain(file.parent / unit["lidar"]) for unit in top.get("bundle", []) if "lidar" in unit
     ]
@@ -128,15 +134,8 @@ def _preset_of(presets: Sequence[str]) -> str:
     return next((name for name in reversed(PRESETS) if name in presets), "".join(presets[:1]))
 
 
-def _field_of_view(file: Path, preset: str) -> tuple[kitti.FieldOfView, ...]:
-    """Returns the field of view of each unit, as `infrasim run` writes it to lidar.yaml."""
-    words = ["--preset", preset] if preset else []
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "data"
-        scene = catalogue.scene_file(catalogue.FLAT)
-        infrasim("run", scene, "--lidar", file, *words, "--frames", "0:1", "--out", out)
-        (description,) = out.glob("*/lidar.yaml")
-        return kitti.read_lidar(description.parent).field_of_view
+def _units(resolved: dict[str, Any]) -> list[dict[str, Any]]:
+    return list(resolved.get("bundle") or [resolved])
 
 
 def _lines(resolved: dict[str, Any]) -> int | None:
@@ -149,7 +148,7 @@ def _detection(resolved: dict[str, Any]) -> dict[str, Any]:
 
     Returns an empty dict if every ray that hits a surface gives a point.
     """
-    detection = (resolved.get("bundle") or [resolved])[0].get("returns", {}).get("detection", {})
+    detection = _units(resolved)[0].get("returns", {}).get("detection", {})
     return dict(detection)
 
 
