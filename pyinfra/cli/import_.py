@@ -1,4 +1,4 @@
-"""`pyinfra import SOURCE --from FORMAT --out DATA/LIDAR`."""
+"""`pyinfra import SOURCE --out DATA/LIDAR [--from FORMAT]`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import get_args
 
 from pyinfra.cli.messages import warn, with_options
 from pyinfra.exchange.formats import IMPORTS
+from pyinfra.exchange.guess import guess_format
 from pyinfra.exchange.imports import Upright, checked, facts_of, import_recording, warnings
 from pyinfra.exchange.object_types import parse_types
 from pyinfra.exchange.rates import summary
@@ -18,12 +19,15 @@ from pyinfra.exchange.recording import Options
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = "Imports your own recording, or frames of another tool, as a data set."
     parser.epilog = (
-        "example: pyinfra import recordings/junction --from pcd --out data/junction/pole_1 "
+        "example: pyinfra import recordings/junction --out data/junction/pole_1 "
         "--period-s 0.1 --price-usd 1500 1500"
     )
     parser.add_argument("source", type=Path, help="folder of the recording")
     parser.add_argument(
-        "--from", dest="format", choices=IMPORTS, required=True, help="format of the recording"
+        "--from",
+        dest="format",
+        choices=IMPORTS,
+        help="format of the recording; default: guessed from the names of its files",
     )
     parser.add_argument(
         "--out",
@@ -127,9 +131,13 @@ def run(args: argparse.Namespace) -> int:
         tilt_deg=args.tilt_deg,
         types=parse_types(args.types),
     )
+    format = args.format
+    if format is None and args.source.is_dir():
+        format, reason = guess_format(args.source)
+        print(f"guessed: format {format}, because of {reason}; --from chooses another")
     imported, labelled = import_recording(
         args.source,
-        args.format,
+        format or "pcd",  # a source that is no folder is refused whatever its format
         args.out,
         facts,
         checked(options),

@@ -1,0 +1,68 @@
+"""Guesses the format of a recording from the names of its folders and files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from pyinfra.core.errors import Error
+from pyinfra.exchange.dair import SIDES
+from pyinfra.exchange.formats import IMPORTS
+from pyinfra.exchange.tumtraf import CLOUDS, LABELS
+
+MOST_LISTED = 8  # folders in a message
+
+
+def guess_format(source: Path) -> tuple[str, str]:
+    """Returns the name of the format of a folder, and what the folder has of that format.
+
+    Raises Error for a folder of no known format, and for a folder that several formats fit. The
+    message lists the formats and, if only folders in the folder fit, these folders.
+    """
+    candidates = dict(formats_of(source))
+    if len(candidates) == 1:
+        ((name, reason),) = candidates.items()
+        return name, reason
+    if candidates:
+        fits = ", ".join(f"{name} ({reason})" for name, reason in candidates.items())
+        raise Error(f"{source}: expected one format, got several that fit: {fits}; `format` says")
+    inside = [path for path in sorted(source.glob("*/")) if dict(formats_of(path))]
+    if inside:
+        names = ", ".join(str(path) for path in inside[:MOST_LISTED])
+        raise Error(f"{source}: expected the folder of one recording, got a folder of {names}")
+    raise Error(
+        f"{source}: expected the files of {', '.join(IMPORTS)}, got none of them; `format` says it"
+    )
+
+
+def formats_of(source: Path) -> Iterator[tuple[str, str]]:
+    """Yields each format that a folder may have, and what the folder has of that format."""
+    if any(source.glob("sample.json")) or any(source.glob("*/sample.json")):
+        yield "nuscenes", "sample.json"
+    for folder in ("training/velodyne", "velodyne"):
+        if has(source / folder, ".bin") or has(source / folder, "/*.bin"):
+            yield "kitti", f"{folder}/*.bin"
+    for folder in dict.fromkeys(f"{side}/velodyne".removeprefix("./") for side in SIDES):
+        if has(source / folder, ".pcd"):
+            yield "dair-v2x", f"{folder}/*.pcd"
+    for suffix in (".npy", ".bin"):
+        if has(source / "points", suffix):
+            yield "openpcdet", f"points/*{suffix}"
+    if has(source / "lidar", ".pcd"):
+        yield "rcooper", "lidar/*.pcd"
+    for folder in CLOUDS:
+        if has(source / folder, ".pcd") or has(source / folder, "/*.pcd"):
+            yield "tumtraf", f"{folder}/*.pcd"
+    for folder in ("", "points/"):
+        if has(source / folder, ".pcd"):
+            yield "pcd", f"{folder}*.pcd"
+            parents = source.resolve().parents[:2]
+            if any((parent / name).is_dir() for parent in parents for name in LABELS):
+                yield "tumtraf", f"*.pcd beside {' or '.join(LABELS)}"
+    if has(source, ".bin"):
+        yield "bin", "*.bin"
+
+
+def has(folder: Path, ending: str) -> bool:
+    """Returns whether a folder has a file with this ending, such as `.pcd` or `/*.pcd`."""
+    return any(True for _ in folder.glob(f"*{ending}"))

@@ -1,0 +1,72 @@
+"""`pyinfra import` guesses the format of a folder from its files, and says what it guessed."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pyinfra.cli import main
+from pyinfra.core.errors import Error
+from pyinfra.exchange.guess import guess_format
+
+FILES = {
+    "kitti": "training/velodyne/000000.bin",
+    "openpcdet": "points/000000.npy",
+    "pcd": "000000.pcd",
+    "nuscenes": "v1.0-mini/sample.json",
+    "bin": "000000.bin",
+    "dair-v2x": "infrastructure-side/velodyne/000000.pcd",
+    "tumtraf": "point_clouds/s110_lidar_ouster_south/1.pcd",
+    "rcooper": "lidar/1.pcd",
+}
+
+
+def with_files(folder: Path, *names: str) -> Path:
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).touch()
+    return folder
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_files_of_a_format_are_recognised(name: str, tmp_path: Path) -> None:
+    assert guess_format(with_files(tmp_path, FILES[name]))[0] == name
+
+
+def test_other_spellings_are_recognised(tmp_path: Path) -> None:
+    tracking = with_files(tmp_path / "a", "training/velodyne/0000/000000.bin")
+    assert guess_format(tracking)[0] == "kitti"
+    assert guess_format(with_files(tmp_path / "b", "points/1.pcd"))[0] == "pcd"
+    assert guess_format(with_files(tmp_path / "c", "velodyne/1.pcd"))[0] == "dair-v2x"
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (["1.pcd", "1.bin"], ["pcd (*.pcd)", "bin (*.bin)"]),
+        (["points/1.pcd", "points/1.npy"], ["openpcdet", "pcd"]),
+        (["notes.txt"], ["expected the files of kitti", "none"]),
+        (["monday/1.pcd", "tuesday/1.pcd"], ["a folder of", "monday", "tuesday"]),
+    ],
+)
+def test_an_ambiguous_or_unknown_folder_lists_candidates_and_exits_with_2(
+    names: list[str], words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = with_files(tmp_path / "source", *names)
+    with pytest.raises(Error):
+        guess_format(source)
+    assert main.main(["import", str(source), "--out", str(tmp_path / "data/pole")]) == 2
+    message = capsys.readouterr().err
+    assert all(word in message for word in words), message
+    assert not (tmp_path / "data").exists()
+
+
+def test_import_says_what_it_guessed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = tmp_path / "source"
+    source.mkdir()
+    points = np.random.default_rng(1).uniform(-20, 20, (500, 4)).astype(np.float32)
+    for k in range(2):
+        (points + np.float32(k)).tofile(source / f"{k}.bin")
+    words = ["import", str(source), "--out", str(tmp_path / "data/pole"), "--upright", "as-is"]
+    assert main.main([*words, "--height-m", "6"]) == 0
+    assert "guessed: format bin, because of *.bin" in capsys.readouterr().out
