@@ -46,7 +46,8 @@ def hashes_for(pins: list[str], python: str, environment: dict[str, str]) -> dic
 def hashes_of_all(pins: list[str]) -> dict[str, set[str]]:
     """Returns the hashes of each pin for every supported Python.
 
-    The hashes come from PyPI alone, and from the indexes in this machine's pip configuration.
+    The hashes are read once from PyPI only, and once with the indexes of this machine's pip
+    configuration.
     """
     added = {"PIP_FIND_LINKS", "PIP_EXTRA_INDEX_URL"}
     alone = {key: value for key, value in os.environ.items() if key not in added}

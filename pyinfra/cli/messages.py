@@ -34,7 +34,7 @@ def with_options(text: str, options: Options) -> str:
     """Returns a message of the library with option names in place of argument names.
 
     An argument name is replaced at the beginning of the message before a colon, as in `height_m:
-    expected 0 to 100, got -3`, and in backquotes, as in "`columns` says another number".
+    expected 0 to 100, got -3`, and in backquotes, as in "set `columns`".
     """
     text = re.sub(r"^(\w+)(?=: )", lambda m: options.get(m[1], m[1]), text)
     return re.sub(r"`(\w+)`", lambda m: options.get(m[1], m[0]), text)

@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if (args.by == "seed") != (args.val_data is not None):
-        raise Error("--by seed and --val-data go together")
+        raise Error("--val-data: expected with --by seed, and only with it")
     data = read_data_set(args.data)
     if args.by == "seed":
         other = read_data_set(args.val_data)

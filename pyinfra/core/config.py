@@ -89,9 +89,11 @@ def read_config(file: Path, kind: type[T]) -> T:
         node = compose(file.read_text(encoding="utf-8"))
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
-        raise ConfigError(f"{file}:{line}: is not YAML: {error.problem}") from None
+        raise ConfigError(f"{file}:{line}: cannot be read as YAML: {error.problem}") from None
     except yaml.YAMLError as error:  # a character that YAML does not allow
-        raise ConfigError(f"{file}: is not YAML: {' '.join(str(error).split())}") from None
+        raise ConfigError(
+            f"{file}: cannot be read as YAML: {' '.join(str(error).split())}"
+        ) from None
     except UnicodeDecodeError as error:
         raise ConfigError(f"{file}: expected UTF-8, got another byte at {error.start}") from None
     return _struct(_Location(str(file), node, ""), kind)

@@ -27,8 +27,8 @@ COLUMN_M = 1.0  # side of the vertical columns in which ground and motion are de
 LOW_SHARE = 0.05  # share of a column's points that may lie below its ground
 LOW_M = 0.1  # points lower than this below the ground of a column are ignored
 MOVED_M = 0.7  # height above a column's ground at which a return counts as an object
-# Share of frames in which a column with motion contains an object. A smaller share is noise, and
-# an object with a larger share is static.
+# Minimum and maximum share of the frames in which a column with motion contains an object. Below
+# the minimum the object is noise; above the maximum it is static.
 MOVED_SHARE = (0.03, 0.6)
 MOVED_COLUMNS = 30  # minimum number of columns with motion for `moved_share`
 MOVED_WEIGHT = 2.0  # weight of the ground with motion relative to the ground near the sensor

@@ -31,7 +31,7 @@ def read_json(file: Path) -> Any:
     try:
         return json.loads(file.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:  # the file is not JSON or not UTF-8, for example
-        raise FormatError(f"{file}: is not JSON: {error}") from None
+        raise FormatError(f"{file}: cannot be read as JSON: {error}") from None
 
 
 def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:

@@ -113,7 +113,7 @@ def _tracks(file: Path, calib: Path) -> dict[int, Boxes]:
     for number in np.unique(numbers):
         in_frame = numbers == number
         if len(np.unique(ids[in_frame])) < in_frame.sum():
-            raise FormatError(f"{file}: frame {number}: expected each track_id once")
+            raise FormatError(f"{file}: frame {number}: expected each track_id once, got one twice")
         seen = _visibility(values[in_frame, 3])
         by_frame[int(number)] = Boxes(names[in_frame], boxes[in_frame], ids[in_frame], seen)
     return by_frame

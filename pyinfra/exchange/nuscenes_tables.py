@@ -115,7 +115,7 @@ class Tables:
         try:
             rows = json.loads(file.read_text(encoding="utf-8"))
         except (ValueError, RecursionError) as error:  # the file is not JSON, for example
-            raise FormatError(f"{file}: is not JSON: {error}") from None
+            raise FormatError(f"{file}: cannot be read as JSON: {error}") from None
         if not isinstance(rows, list) or not all(
             isinstance(row, dict) and "token" in row for row in rows
         ):

@@ -121,7 +121,7 @@ def _read_cloud(file: Path, columns: int, options: Options) -> Points:
             # A memory map compares the file size with the header before it allocates memory.
             points = np.lib.format.open_memmap(file, mode="r")
     except _UNREADABLE as error:
-        raise FormatError(f"{file}: is no whole array of numbers: {error}") from None
+        raise FormatError(f"{file}: cannot be read as an array of numbers: {error}") from None
     if points.ndim != 2 or points.shape[1] < 4 or points.dtype.kind != "f":
         raise FormatError(
             f"{file}: expected (n, 4 or more) floats, got {points.shape} {points.dtype}: x y z "

@@ -74,7 +74,7 @@ class Recording:
     def counted(self) -> bool:
         """Whether frames are numbered by their order.
 
-        They are if the names are not unique numbers of up to 6 digits.
+        This is the case if the names are not unique numbers of up to 6 digits.
         """
         if not all(re.fullmatch("[0-9]{1,6}", name) for name in self.names):
             return True

@@ -74,7 +74,7 @@ class Option:
     detected: Interval | None = None
     whole: str = "present"  # ground truth of ap_whole (`with_whole`)
     mounts: int = 1  # number of LiDARs whose frames are fused
-    off_region_per_min: float = math.nan  # boxes off the region, score 0.5 or more
+    off_region_per_min: float = math.nan  # boxes outside the region, score 0.5 or more
     hardly_learnt: bool = False  # whether the detector is a network trained in the smoke tier
 
     @property

@@ -103,7 +103,7 @@ def _listen_on_loopback() -> None:
 
     Ray does so by default on other systems than Linux. On Linux only this variable sets it. Ray
     reads it at import, and so do the processes that Ray starts, so it stays set. Raises Error if
-    Ray was imported without it.
+    Ray was imported before the variable was set.
     """
     if "ray" in sys.modules and os.environ.get(RAY_CLUSTER) != "0":
         raise Error(

@@ -96,7 +96,7 @@ def read_words(file: Path) -> pd.DataFrame:
         with file.open(encoding="utf-8-sig", newline="") as stream:  # spreadsheets write a BOM
             rows = list(csv.reader(stream, strict=True))
     except (csv.Error, UnicodeDecodeError) as error:
-        raise FormatError(f"{file}: is no table: {error}") from None
+        raise FormatError(f"{file}: cannot be read as a table: {error}") from None
     header = rows[0] if rows else []
     for line, row in enumerate(rows, start=1):
         if len(row) != len(header) or not row:

@@ -41,11 +41,13 @@ def _parsed(file: Path, parse: Callable[[str], Any]) -> Any:
         return parse("\n".join(lines_of(file)))
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
-        raise FormatError(f"{file}:{line}: is not YAML: {error.problem}") from None
+        raise FormatError(f"{file}:{line}: cannot be read as YAML: {error.problem}") from None
     except FormatError:
         raise
     except (yaml.YAMLError, *NO_VALUE) as error:  # for example for the date 2025-13-45
-        raise FormatError(f"{file}: is not YAML: {' '.join(str(error).split())}") from None
+        raise FormatError(
+            f"{file}: cannot be read as YAML: {' '.join(str(error).split())}"
+        ) from None
 
 
 class YamlNode:

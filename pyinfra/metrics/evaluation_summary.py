@@ -60,7 +60,7 @@ def _hidden(evaluation: Evaluation, row: Any) -> str:
 
 
 def _off_region(rows: pd.DataFrame) -> str:
-    """Returns the boxes per minute off the region, at the lowest score and at 0.5, as text."""
+    """Returns the boxes per minute outside the region, at the lowest score and at 0.5, as text."""
     some = [row for row in rows.itertuples() if row.score in (rows.score.min(), 0.5)]
     return ", ".join(
         f"{row.boxes_per_min:.1f} from score {row.score:g} ({row.on_people_per_min:.1f} on people)"

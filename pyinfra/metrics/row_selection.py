@@ -19,7 +19,9 @@ CURVE = ("scene", "lidar", "preset", "detector")  # key of a curve of a stress t
 AP_OF = {"captured": "ap", "common": "ap_common", "all": "ap_all", "present": "ap_present"}
 AP_ENDS = ("", "_low", "_high", "_r1000", "_r1000_low", "_r1000_high")
 AP_COLUMNS = tuple(f"{name}{end}" for name in AP_OF.values() for end in AP_ENDS)
-OFF_REGION = "off_region_per_min"  # column of boxes off the region per minute, score 0.5 or more
+OFF_REGION = (
+    "off_region_per_min"  # column of boxes outside the region per minute, score 0.5 or more
+)
 AP_R1000, AP_R40 = "AP (R1000)", "AP (R40)"  # names of the measures in texts and figures
 
 
@@ -52,7 +54,7 @@ def ap_name(rows: pd.DataFrame) -> str:
     return "AP (R1000; R40 in rows of version 0.2)" if 40.0 in recalls else AP_R1000
 
 
-# Text that describes the vehicles that ap_whole counts, by ground truth (see `with_whole`).
+# Describes the vehicles that count for ap_whole, by ground-truth subset (see `with_whole`).
 COUNTED = {"present": "every vehicle", "all": "all visible vehicles"}
 
 

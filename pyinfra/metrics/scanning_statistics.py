@@ -1,4 +1,4 @@
-"""Scanning statistics of data sets: figures of the points alone, without a detector.
+"""Scanning statistics of data sets: statistics of points, which need no detector.
 
 They include returns per frame, points per vehicle and the coverage of the field of view.
 scanning_tables.py computes the statistics of vehicles, scan_patterns.py the statistics of rays.

@@ -256,7 +256,7 @@ def test_lidars_of_one_data_set_are_of_one_run(
             "seed: 1\nlabel_time: scan",
             "3: label_time: expected 'frame' of the LiDARs, got 'scan'",
         ),
-        ("name: a", "name: a\0", " is not YAML"),
+        ("name: a", "name: a\0", " cannot be read as YAML"),
     ],
 )
 def test_wrong_descriptions_are_errors(data_set: Path, old: str, new: str, message: str) -> None:

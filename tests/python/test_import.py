@@ -210,7 +210,7 @@ def test_tables_by_hand(tmp_path: Path) -> None:
 
 
 WRONG_TABLES: dict[str, tuple[str, Callable[[Any], Any], str]] = {
-    "no JSON": ("sample", lambda rows: None, "is not JSON"),
+    "no JSON": ("sample", lambda rows: None, "cannot be read as JSON"),
     "no list": ("sample", lambda rows: {"token": 1}, "expected a list of rows"),
     "no pose": ("ego_pose", lambda rows: [], "expected a row with token 'e', got none"),
     "no number": (
@@ -233,7 +233,7 @@ WRONG_TABLES: dict[str, tuple[str, Callable[[Any], Any], str]] = {
         lambda rows: [*rows, rows[0] | {"token": "new"}],
         "row 'new': instance_token: expected it once in a sample, got it twice",
     ),
-    "endless digits": ("ego_pose", lambda rows: f"[{'9' * 5000}]", "is not JSON"),
+    "endless digits": ("ego_pose", lambda rows: f"[{'9' * 5000}]", "cannot be read as JSON"),
     "no width": (
         "sample_annotation",
         lambda rows: [rows[0] | {"size": [0, 1, 1]}],
@@ -346,8 +346,8 @@ def test_hidden_files_are_no_frames(tmp_path: Path) -> None:
 
 
 WRONG_FILES: dict[str, tuple[Callable[[Path], object], int, list[str]]] = {
-    "truncated": (truncated, 2, ["points/000005.npy", "is no whole array"]),
-    "pickle": (with_pickle, 2, ["points/000005.npy", "is no whole array"]),
+    "truncated": (truncated, 2, ["points/000005.npy", "cannot be read as an array"]),
+    "pickle": (with_pickle, 2, ["points/000005.npy", "cannot be read as an array"]),
     "more rows than bytes": (
         header(b"(10, 4), }      ", b"(99999999, 4), }"),
         2,
@@ -358,7 +358,7 @@ WRONG_FILES: dict[str, tuple[Callable[[Path], object], int, list[str]]] = {
     "columns": (narrow, 2, ["expected (n, 4 or more) floats, got (9, 3) float32"]),
     "far": (far, 2, ["000005.npy: point 2: y: expected -10000 to 10000, got 3e+38"]),
     "bytes": (odd_bin, 2, ["000005.bin", "expected a multiple of 16 ", "got 28 bytes"]),
-    "archive": (archive, 2, ["points/000005.npy", "is no whole array"]),
+    "archive": (archive, 2, ["points/000005.npy", "cannot be read as an array"]),
     "label": (
         lambda f: (f / "labels/000005.txt").write_text("1 2 3 Car\n"),
         2,

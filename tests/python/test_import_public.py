@@ -219,7 +219,7 @@ def test_wrong_objects_are_named(case: str, motorway: Path, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("[", "is not JSON"),
+        ("[", "cannot be read as JSON"),
         ("{}", "expected openlabel.frames with objects, got none"),
         (
             '{"openlabel": {"frames": {"0": {}, "1": {}}}}',

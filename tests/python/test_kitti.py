@@ -132,7 +132,7 @@ def test_lidar_file_gives_radians_and_every_unit(tmp_path: Path) -> None:
         ('name: "two"', "name: [two]", "lidar.yaml:1: name: expected ..., got a collection"),
         ("period_s: 0.1\n", "", "lidar.yaml:1: expected a key 'period_s', got none"),
         ("label_time: frame\n", "", "lidar.yaml:1: expected a key 'label_time', got none"),
-        ("{low: 100", "{low: 100}}", "lidar.yaml:4: is not YAML"),
+        ("{low: 100", "{low: 100}}", "lidar.yaml:4: cannot be read as YAML"),
         (LIDAR, "", "lidar.yaml:1: expected a mapping"),
         ("period_s: 0.1", "period_s: 0", "lidar.yaml:5: period_s: expected 0.001 to 60, got 0"),
         (
@@ -154,11 +154,11 @@ def test_lidar_file_gives_radians_and_every_unit(tmp_path: Path) -> None:
             "lidar.yaml:6: T_world_levelled.yaw_deg: expected ..., got 1e30",
         ),
         ("[1, 2]", "[1, 1e9]", "lidar.yaml:10: field_of_view[1].range_m[1]: expected ..., got 1e9"),
-        ('"two"', '"t\0"', "lidar.yaml: is not YAML: "),
+        ('"two"', '"t\0"', "lidar.yaml: cannot be read as YAML: "),
         (
             LIDAR,
             "[" * 10**5 + "]" * 10**5,
-            "lidar.yaml:1: is not YAML: expected at most 100 levels",
+            "lidar.yaml:1: cannot be read as YAML: expected at most 100 levels",
         ),
     ],
 )

@@ -79,7 +79,7 @@ def test_all_tables_of_the_project_are_in_range() -> None:
         ("a,b\n1,2\n\n3,4\n", "t.csv:3: expected 2 columns, got 0"),
         ("a,a\n1,2\n", "t.csv:1: expected columns, each once, got column a twice"),
         ("a,b\n1,x\n", "t.csv:2: b: expected a number or nothing, got 'x'"),
-        ('a,b\n1,"2\n', "t.csv: is no table: unexpected end of data"),
+        ('a,b\n1,"2\n', "t.csv: cannot be read as a table: unexpected end of data"),
         ("a,b\n1,\0\n", "t.csv"),
     ],
 )

@@ -175,7 +175,7 @@ def check_lidars(hits: Path, plan: Plan, folder_of: Callable[[str], Path]) -> No
             raise ConfigError(
                 f"{hits}: {scene} {preset}: expected rows of the LiDARs {', '.join(sorted(now))}, "
                 f"got rows measured with {', '.join(sorted(known))}; choose another `out`. "
-                "Trainings in the folder of `work` are used again"
+                "Trainings in the folder `work` are used again"
             )
 
 

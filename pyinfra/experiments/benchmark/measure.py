@@ -162,7 +162,7 @@ def row(
 
 
 def off_region_per_min(evaluation: Evaluation) -> float:
-    """Returns the boxes off the region per minute; NaN if no region is known.
+    """Returns the boxes outside the region per minute; NaN if no region is known.
 
     Boxes with a score of OFF_REGION_SCORE or more count.
     """

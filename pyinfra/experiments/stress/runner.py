@@ -70,7 +70,8 @@ def stress(
     Returns
     -------
     DataFrame : a row for each detector and stressor, with AP without stress, the least AP, the
-        severities at which AP is 10 lower and at which it is half, and what fails first
+        severities at which AP is 10 lower and at which it is half, and the error that
+        increases first
 
     Raises
     ------

@@ -90,11 +90,11 @@ def fallen(curve: pd.DataFrame, stressor: Stressor, level: float) -> str:
 
 
 def first_failure(curve: pd.DataFrame) -> tuple[str, str, float]:
-    """Returns what fails first, the error whose cost grew most, and its share of the decrease.
+    """Returns the error that fails first, the error with the largest cost, and the share of it.
 
     They are computed at the first severity at which AP has decreased by FALL or more. If the share
-    is LEAST_SHARE or more, this error is what fails first. Otherwise `mixed` fails first. The text
-    is empty if AP does not decrease by FALL.
+    is LEAST_SHARE or more, the error with the largest cost fails first. Otherwise `mixed` fails
+    first. The texts are empty if AP does not decrease by FALL.
     """
     base = curve.iloc[0]
     down = curve[curve.ap_r1000 <= base.ap_r1000 - FALL]

@@ -227,7 +227,7 @@ def fill(trial: Trial, base: Base, out: Path, seed: int) -> bool:
 
 
 def attempt(trial: Trial, base: Base, out: Path, seed: int) -> Exception | None:
-    """Runs a trial as `fill` does. Returns its error and saves the traceback in out/tracebacks.
+    """Calls `fill` for a trial. Returns an error and saves its traceback in out/tracebacks.
 
     The error of a trial without stress is raised, because all other trials are compared with this
     trial.

@@ -364,7 +364,8 @@ def _ground(clouds: Sequence[Floats], s: Config, road: Ground | None, inside: Bo
     if not inside.all():
         stays &= ~inside | (z < plane + _OVERHEAD_M)
     real = stays | (z < plane + s.clearance_m) | (z == z.min())
-    # Permanent objects beside the road, such as crowns, must not affect the ground of the road.
+    # Permanent objects beside the road, such as tree crowns, must not affect the ground of the
+    # road.
     return np.where(inside, _filled(z, real & inside, plane, s), _filled(z, real, plane, s))
 
 

@@ -66,7 +66,7 @@ def load_detector(
 
 
 def check_single(run: Path, frames: int) -> None:
-    """Raises Error for a model that needs stacked frames. frames: number in a stack."""
+    """Raises Error for a model of stacked frames. frames: number of frames in a stack."""
     if frames > 1:
         raise Error(
             f"{run}: expected a model of single frames, got one of {frames} stacked frames: frames "

@@ -38,7 +38,7 @@ def detections_of_own(number: int, model: OwnDetector, points: Points) -> Detect
     try:
         numbers = table[BOX].assign(score=scores).to_numpy(dtype=np.float64)
     except (TypeError, ValueError):
-        raise Error(f"{where}: expected numbers in the columns of boxes") from None
+        raise Error(f"{where}: expected numbers in the columns of boxes, got others") from None
     if not np.isfinite(numbers).all():
         raise Error(f"{where}: expected finite numbers, got NaN or inf")
     boxes, values = numbers[:, :7], numbers[:, 7]

@@ -27,7 +27,7 @@ def format_of(file: Path) -> str:
         if name.endswith(ending):
             stem = file.name[: -len(ending)].removesuffix(".osm")
             raise MapError(
-                f"{file}: expected XML, got {ending}: convert it first, as by "
+                f"{file}: expected XML, got {ending}: convert it first, for example by "
                 f"`{command.format(file.name, stem)}`"
             )
     if name.endswith(PBF):

@@ -71,7 +71,8 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
         meshes, terrain = surfaces(site_map, KERB_M)
         if sum(len(m.faces) for m in meshes.values()) > MOST_TRIANGLES:
             raise MapError(
-                f"{file}: more than {MOST_TRIANGLES} triangles; take a smaller `radius_m`"
+                f"{file}: expected up to {MOST_TRIANGLES} triangles, got more: use a smaller "
+                "`radius_m`"
             )
         pole, what = _pole(site_map, options)
         site_map.guessed += [what] if what else []

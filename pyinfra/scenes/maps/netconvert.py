@@ -37,7 +37,9 @@ def netconvert(source: Path, arguments: Sequence[str], out: Path) -> list[str]:
     try:
         warnings = run_tool("netconvert", words, longest_s=LONGEST_S)
     except subprocess.TimeoutExpired as error:
-        raise MapError(f"{source}: SUMO took more than {LONGEST_S:g} s; cut the map") from error
+        raise MapError(
+            f"{source}: netconvert of SUMO took more than {LONGEST_S:g} s: use a smaller map"
+        ) from error
     except SumoError as error:
         raise MapError(f"{source}: netconvert of SUMO failed: {error}") from error
     if not out.exists():

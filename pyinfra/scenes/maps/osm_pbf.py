@@ -30,6 +30,6 @@ def write_xml(file: Path, out: Path, most_bytes: int) -> None:
         raise MapError(f"{file}: cannot be read as PBF: {error}") from error
     if out.stat().st_size > most_bytes:
         raise MapError(
-            f"{file}: expected up to {most_bytes} bytes as XML, got more; cut the map first, as by "
-            f"`osmium extract -b WEST,SOUTH,EAST,NORTH {file.name} -o site.osm.pbf`"
+            f"{file}: expected up to {most_bytes} bytes as XML, got more; cut the map first, for "
+            f"example by `osmium extract -b WEST,SOUTH,EAST,NORTH {file.name} -o site.osm.pbf`"
         )
