@@ -47,7 +47,7 @@ def section(material: Material) -> Section | None:
     rows = pd.concat(parts, ignore_index=True)
     if rows.empty:
         return None
-    rows = rows.assign(key=[tested_statement(text) for text in rows.statement])
+    rows = rows.assign(key=[common_statement(text) for text in rows.statement])
     if "scene" in rows:
         rows["key"] = [
             f"{s}, {k}" if isinstance(s, str) else k for s, k in rows[["scene", "key"]].values
@@ -66,7 +66,7 @@ def section(material: Material) -> Section | None:
     return Section("claims", "The paper's claims", _lead(rows, presets), [table, *more])
 
 
-def tested_statement(statement: str) -> str:
+def common_statement(statement: str) -> str:
     """Returns a statement without the parts that differ between presets.
 
     These parts are numbers of vehicles and text in brackets.

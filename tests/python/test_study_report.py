@@ -13,7 +13,7 @@ from pyinfra.metrics.row_selection import with_r1000
 from pyinfra.viz.report.report_data import Material, read_material
 from reproduction.paper_tables import paper_ap
 from reproduction.report import TABLES, ladder
-from reproduction.report.claims import tested_statement
+from reproduction.report.claims import common_statement
 from reproduction.report.fidelity import section as fidelity_section
 
 
@@ -76,7 +76,7 @@ def test_ap_stands_beside_the_papers(whole: Path) -> None:
 def test_hits_stand_beside_the_papers(whole: Path) -> None:
     text = Read(whole).text
     assert "10,529 11,582 +10.0" in text
-    assert "on average 10.0 % from the paper's, 10.0 % at most" in text
+    assert "by 10.0 % on average and by 10.0 % at most" in text
 
 
 def test_what_the_paper_shows_and_this_page_does_not_is_named(tmp_path: Path) -> None:
@@ -87,7 +87,7 @@ def test_what_the_paper_shows_and_this_page_does_not_is_named(tmp_path: Path) ->
 def test_a_claim_is_one_row_whatever_its_counts() -> None:
     statements = set(report_data.claims().statement)
     assert len(statements) == 3
-    (one,) = {tested_statement(statement) for statement in statements}
+    (one,) = {common_statement(statement) for statement in statements}
     assert one == "APV of livox_avia over the best of the others is 1.5 to 2.5; common, 90 to 120 m"
 
 
@@ -97,7 +97,7 @@ def test_the_coarsest_model_that_changes_nothing_is_recommended(tmp_path: Path) 
     made = fidelity_section(read(tmp_path))
     assert made is not None
     assert made.lead.startswith("Recommended: detail low, ")
-    assert "(0.50 % at most), in 0.90 of their time" in made.lead
+    assert "is 0.50 %, and a run takes 0.90 times as long" in made.lead
     assert "slices:100 takes 40.9 ms" in made.lead
 
 
