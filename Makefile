@@ -7,6 +7,8 @@ PRESET := paper
 OUT := data/$(PRESET)
 # ON: sources are compiled some at a time, in half the processor time, as for the wheel.
 UNITY := OFF
+# OFF: the site is built without running the gallery's scripts.
+GALLERY := ON
 
 # A build type's configure step; pybind11 comes from the virtual environment.
 configure = cmake --preset $(1) -DCMAKE_UNITY_BUILD=$(UNITY) -DPython_EXECUTABLE=$(CURDIR)/$(PYTHON) \
@@ -78,10 +80,12 @@ reference: build
 	@scripts/setup.sh detectors
 	$(PYTHON) scripts/reference.py
 
-# The tables of the pages that repeat a CSV of results/.
-docs:
-	@scripts/setup.sh build
+# The tables of the pages that repeat a CSV of results/, then the site: build/docs/index.html.
+docs: build
+	@scripts/setup.sh detectors docs
 	$(PYTHON) -m reproduction tables
+	GALLERY=$(GALLERY) MPLBACKEND=agg .venv/bin/sphinx-build -q -W --keep-going -j 2 -b html -d build/doctrees docs build/docs
+	@echo "build/docs/index.html"
 
 # Writes out/speed.csv; to record a measurement: benchmarks/run.py --out results/speed.csv.
 bench: build
