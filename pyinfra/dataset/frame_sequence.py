@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray
+from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray, Records
 from pyinfra.core.version import __version__
 from pyinfra.core.vocabulary import OBJECT_NAMES, LabelTime
 from pyinfra.dataset.frame_readers import read_vehicles
@@ -48,11 +48,14 @@ class LidarFrame:
     number : frame number in the scene or folder
     points : (n, 4) float32, x y z intensity
     objects : type, box, id, points and visibility of each known object, with or without points
+    fields : (n,) records of the points: time_s since the start of the frame, ring, class and
+        object_id (-1 for background); None if the folder has none
     """
 
     number: int
     points: Float32Array
     objects: pd.DataFrame
+    fields: Records | None = None
 
     @property
     def labels(self) -> pd.DataFrame:
@@ -154,7 +157,7 @@ class SimulatedFrames(FrameSequence):
     threads: int | None = None
     beside: Mapping[str, SimulatedFrames] = field(default_factory=dict)
     rows: dict[int, AnyArray] = field(default_factory=dict)  # objects of simulated frames
-    clouds: OrderedDict[int, Float32Array] = field(default_factory=OrderedDict)
+    clouds: OrderedDict[int, tuple[Float32Array, Records]] = field(default_factory=OrderedDict)
 
     @property
     def name(self) -> str:
@@ -220,12 +223,12 @@ class SimulatedFrames(FrameSequence):
 
     def frame(self, number: int) -> LidarFrame:
         if number in self.clouds and number in self.rows:
-            return self._frame(number, self.clouds[number])
-        (frame,) = (self._frame(*cast) for cast in self._cast([number]))
+            return self._frame(number, *self.clouds[number])
+        (frame,) = (self._frame(number, *cloud) for number, cloud in self._cast([number]))
         return frame
 
     def __iter__(self) -> Iterator[LidarFrame]:
-        return (self._frame(*cast) for cast in self._cast(self.numbers))
+        return (self._frame(number, *cloud) for number, cloud in self._cast(self.numbers))
 
     def vehicles(self) -> Vehicles:
         missing = [k for k in self.numbers if k not in self.rows]
@@ -248,23 +251,24 @@ class SimulatedFrames(FrameSequence):
 
         return simulation.label_time(self.world, self.unit)
 
-    def _cast(self, numbers: Sequence[int]) -> Iterator[tuple[int, Float32Array]]:
-        """Yields number and points of each simulated frame, and stores its objects in `rows`."""
+    def _cast(self, numbers: Sequence[int]) -> Iterator[tuple[int, tuple[Float32Array, Records]]]:
+        """Yields the number, and the points with their fields, of each simulated frame.
+
+        Stores the objects of each frame in `rows`.
+        """
         from pyinfra.dataset import simulation
 
         stream = simulation.simulate(self.world, [self.unit], numbers, threads=self.threads)
         for number, (frame,) in stream:
             self.rows[number] = frame.objects
-            points = simulation.points(frame)
-            self.clouds[number] = points
+            self.clouds[number] = cloud = simulation.points(frame), simulation.fields(frame)
             while len(self.clouds) > KEPT:
                 self.clouds.popitem(last=False)
-            yield number, points
+            yield number, cloud
 
-    def _frame(self, number: int, points: Float32Array) -> LidarFrame:
-        return LidarFrame(
-            number, points, table_of(vehicles_of(self.rows[number], 0, self.label_time))
-        )
+    def _frame(self, number: int, points: Float32Array, fields: Records) -> LidarFrame:
+        objects = table_of(vehicles_of(self.rows[number], 0, self.label_time))
+        return LidarFrame(number, points, objects, fields)
 
 
 @dataclass(eq=False)
@@ -300,7 +304,9 @@ class RecordedFrames(FrameSequence):
 
     def frame(self, number: int) -> LidarFrame:
         points = kitti.read_points(kitti.frame_file(self.folder, "velodyne", number))
-        return LidarFrame(number, points, table_of(read_vehicles(self.folder, [number])))
+        file = kitti.frame_file(self.folder, "fields", number)
+        fields = kitti.read_fields(file) if file.is_file() else None
+        return LidarFrame(number, points, table_of(read_vehicles(self.folder, [number])), fields)
 
     def vehicles(self) -> Vehicles:
         return read_vehicles(self.folder, self.numbers)

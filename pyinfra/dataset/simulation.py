@@ -31,9 +31,10 @@ from pyinfra._core import (
     learn_background,
     warnings,
 )
-from pyinfra.core.arrays import Float32Array, FloatArray, Points
+from pyinfra.core.arrays import Float32Array, FloatArray, Points, Records
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import LabelTime
+from pyinfra.formats import kitti
 
 __all__ = [
     "BackgroundModel",
@@ -51,6 +52,7 @@ __all__ = [
     "IoError",
     "Lidar",
     "World",
+    "fields",
     "filtered",
     "frames_version",
     "kept_rows",
@@ -167,6 +169,15 @@ def simulate(
 def points(frame: Frame) -> Float32Array:
     """Returns a copy of a frame's points for detectors: (n, 4) float32, x y z intensity."""
     return np.column_stack([frame.xyz, frame.intensity])
+
+
+def fields(frame: Frame) -> Records:
+    """Returns the records (n,) of a frame's points, as in the files of the folder `fields`."""
+    records = np.empty(len(frame), dtype=kitti.FIELDS)
+    columns = (frame.time, frame.ring, frame.class_id, frame.object_id)
+    for name, column in zip(kitti.FIELDS.names or (), columns, strict=True):
+        records[name] = column
+    return records
 
 
 def filtered(points: Points, *steps: Filter) -> Float32Array:

@@ -51,10 +51,13 @@ def noisy(frames: FrameSequence) -> pd.DataFrame:
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same frames on disk."""
-    out = tmp_path_factory.mktemp("api") / "highway"
+    return write_frames(tmp_path_factory.mktemp("api") / "highway", "--frames", "0:60:6")
+
+
+def write_frames(out: Path, *options: str) -> Path:
     scene = ROOT / "configs/scenes/highway.yaml"
     lidar = ROOT / "configs/lidars/helios_16.yaml"
-    words = ["run", scene, "--lidar", lidar, "--preset", "datasheet", "--frames", "0:60:6"]
+    words = ["run", scene, "--lidar", lidar, "--preset", "datasheet", *options]
     sets = [word for key, value in SHORT.items() for word in ("--set", f"{key}={value}")]
     command = [ROOT / ".venv/bin/infrasim", *words, "--seed", "1", *sets, "--out", out]
     subprocess.run([str(word) for word in command], check=True, capture_output=True)
@@ -67,6 +70,21 @@ def test_points_in_memory_are_those_on_disk(frames: FrameSequence, written: Path
     assert recorded.numbers == frames.numbers
     for ours, theirs in zip(frames, recorded, strict=True):
         np.testing.assert_array_equal(ours.points, theirs.points)
+
+
+def test_fields_in_memory_are_those_on_disk(
+    frames: FrameSequence, written: Path, tmp_path: Path
+) -> None:
+    with_fields = pi.load_dataset(write_frames(tmp_path, "--frames", "6:7", "--fields"))
+    assert isinstance(with_fields, FrameSequence)
+    ours, theirs = frames[1].fields, with_fields[0].fields
+    assert ours is not None
+    assert theirs is not None
+    assert len(ours) == len(frames[1].points)
+    assert ours.tobytes() == theirs.tobytes()
+    without_fields = pi.load_dataset(written)
+    assert isinstance(without_fields, FrameSequence)
+    assert without_fields[1].fields is None
 
 
 def test_labels_in_memory_are_those_on_disk(frames: FrameSequence, written: Path) -> None:
