@@ -84,7 +84,7 @@ reference: build
 docs: build
 	@scripts/setup.sh detectors docs
 	$(PYTHON) -m reproduction tables
-	GALLERY=$(GALLERY) MPLBACKEND=agg .venv/bin/sphinx-build -q -W --keep-going -j 2 -b html -d build/doctrees docs build/docs
+	GALLERY=$(GALLERY) MPLBACKEND=agg .venv/bin/sphinx-build -q -W --keep-going -b html -d build/doctrees docs build/docs
 	@echo "build/docs/index.html"
 
 # Writes out/speed.csv; to record a measurement: benchmarks/run.py --out results/speed.csv.
@@ -124,4 +124,4 @@ fuzz:
 		tests/python/test_core_fuzz.py
 
 clean:
-	rm -rf build pyinfra/_core*.so
+	rm -rf build docs/examples pyinfra/_core*.so

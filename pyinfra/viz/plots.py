@@ -179,7 +179,7 @@ def plot_stress(
     if missing:
         raise Error(f"rows: expected the column '{missing[0]}' of stress.csv, got none")
     stressor_curves = [(key["detector"], s, curve) for key, s, curve in curves(rows)]
-    known = [s.name for _, s, _ in stressor_curves]
+    known = list(dict.fromkeys(s.name for _, s, _ in stressor_curves))
     if stressor not in known:
         near = suggestion(stressor, known)
         raise Error(f"stressor: expected one with rows, got '{stressor}'{near}")

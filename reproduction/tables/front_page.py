@@ -28,7 +28,7 @@ def far_points() -> list[str]:
     )
     finding = (
         f"On far vehicles the Livox Avia has {paper} times the points of the best other LiDAR "
-        f"under [the study's settings](docs/quick_start.md#presets), {equal} times at equal range, "
+        f"under [the study's settings](docs/first_steps.md#presets), {equal} times at equal range, "
         f"{datasheet} times by data sheets."
     )
     where = (

@@ -146,12 +146,11 @@ def test_a_wrong_option_fails_though_it_is_only_parsed(infrasim: Callable[..., o
 
 
 def test_the_pages_name_each_other() -> None:
-    """Every page is in the README, and every link leads somewhere."""
-    readme = doc_pages.PAGES[0].read_text()
-    assert [p.name for p in doc_pages.PAGES[1:] if f"docs/{p.name}" not in readme] == []
+    """Every link leads somewhere. test_documentation_site.py: every page is listed."""
     for page in doc_pages.PAGES:
         for link in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text()):
-            assert (page.parent / link).exists(), f"{page.name}: {link}"
+            written = link.startswith("examples/")  # by sphinx-gallery
+            assert written or (page.parent / link).exists(), f"{page.name}: {link}"
 
 
 def test_tables_of_the_pages_are_what_make_docs_writes() -> None:

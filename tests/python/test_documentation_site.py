@@ -1,0 +1,63 @@
+"""The documentation site: every page is listed, and every gallery script makes a picture."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+import pyinfra as pi
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+SCRIPTS = sorted((DOCS / "gallery").glob("*.py"))
+GALLERY = "examples/index"  # written by sphinx-gallery
+MOST_PAGES = 30
+DRAWS = r"\bplt\.(subplots|figure)\(|\bsns\.\w+plot\(|\bpi\.plot_\w+\("
+
+
+def listed() -> list[str]:
+    """The pages in the tables of contents of the first page."""
+    text = (DOCS / "index.md").read_text()
+    trees = re.findall(r"^:::\{toctree\}\n(.*?)^:::$", text, re.DOTALL | re.MULTILINE)
+    lines = "\n".join(trees).splitlines()
+    return [line for line in lines if line and not line.startswith(":")]
+
+
+def test_each_page_is_listed_once() -> None:
+    pages = {page.stem for page in DOCS.glob("*.md")} - {"index"}
+    assert sorted(listed()) == sorted([*pages, GALLERY])
+    assert len(listed()) + 1 <= MOST_PAGES
+
+
+def test_the_api_page_has_each_public_name() -> None:
+    text = (DOCS / "api.md").read_text()
+    names = re.findall(r"^\.\. auto(?:function|class|exception|data):: (\w+)$", text, re.MULTILINE)
+    assert sorted(names) == sorted(pi.__all__)
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_a_gallery_script_has_a_title_a_text_and_a_picture(script: Path) -> None:
+    """`make docs` runs the script."""
+    tree = ast.parse(script.read_text())
+    title, underline, _, *text = (ast.get_docstring(tree) or "").splitlines()
+    assert underline == "=" * len(title)
+    assert text
+    assert re.search(DRAWS, script.read_text())
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_a_gallery_script_uses_the_public_api_alone(script: Path) -> None:
+    tree = ast.walk(ast.parse(script.read_text()))
+    modules = [
+        name
+        for node in tree
+        if isinstance(node, (ast.Import, ast.ImportFrom))
+        for name in (
+            [node.module]
+            if isinstance(node, ast.ImportFrom)
+            else [alias.name for alias in node.names]
+        )
+    ]
+    ours = {name for name in modules if name and name.split(".")[0] in ("pyinfra", "reproduction")}
+    assert ours <= {"pyinfra"}
+    assert len(SCRIPTS) == 12
