@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import get_args
 
 from pyinfra.cli.messages import warn, with_options
+from pyinfra.cli.number_option import usd
 from pyinfra.exchange.formats import IMPORTS
 from pyinfra.exchange.guess import guess_format
 from pyinfra.exchange.imports import Upright, checked, facts_of, import_recording, warnings
@@ -43,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--price-usd",
-        type=float,
+        type=usd,
         nargs=2,
         metavar=("LOW", "HIGH"),
         help="lowest and highest price of the LiDAR in US dollars; default: no price",

@@ -1,6 +1,7 @@
-"""Options whose value is a list of numbers, such as `--mount X,Y,Z,YAW`."""
+"""Options whose value is an amount of money, or a list of numbers such as `--centre X,Y`."""
 
 import argparse
+import re
 from collections.abc import Callable
 
 
@@ -17,3 +18,32 @@ def numbers(names: str) -> Callable[[str], tuple[float, ...]]:
         return values
 
     return read
+
+
+def usd(text: str) -> float:
+    """Parses an amount in US dollars, such as `9000`, `9,000`, `9k` or `1.5k`.
+
+    `9.000` is refused, because it is 9 in some countries and 9000 in others.
+    """
+    match = re.fullmatch(r"\$?(\d+|\d{1,3}(?:,\d{3})+)(\.\d+)?(k?)", text.strip(), re.IGNORECASE)
+    if match is None:
+        try:
+            return float(text)
+        except ValueError:
+            message = f"expected US dollars, such as 9000, 9,000 or 9k, got '{text[:60]}'"
+            raise argparse.ArgumentTypeError(message) from None
+    whole, fraction, thousands = match.groups(default="")
+    if re.fullmatch(r"\.\d{3}", fraction) and not thousands:
+        message = f"expected US dollars, got '{text}'; write {whole}{fraction[1:]} or {whole}"
+        raise argparse.ArgumentTypeError(message)
+    return float(whole.replace(",", "") + fraction) * (1000 if thousands else 1)
+
+
+def one_frame(text: str) -> int:
+    """Parses the number of one frame; a range gets a message that names the option for ranges."""
+    if not text.isdecimal():
+        ranged = re.fullmatch(r"\d+:\d+(:\d+)?", text)
+        more = f"; a range of frames is --frames {text} of pyinfra view" if ranged else ""
+        message = f"expected the number of one frame, got '{text[:60]}'{more}"
+        raise argparse.ArgumentTypeError(message)
+    return int(text)

@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from pyinfra.cli.number_option import one_frame
 from pyinfra.core.errors import Error
 from pyinfra.dataset.frames import lidar_folders
 from pyinfra.formats import kitti
@@ -17,7 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.epilog = "example: pyinfra pictures data/highway data/curve --frame 0 --out out/pictures"
     parser.add_argument("data", nargs="+", type=Path, help="data sets written by `infrasim run`")
-    parser.add_argument("--frame", type=int, default=0, help="number of the frame; default: 0")
+    parser.add_argument(
+        "--frame", type=one_frame, default=0, help="number of the frame; default: 0"
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder for the pictures")
 
 

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from pyinfra.cli.messages import with_options
+from pyinfra.cli.number_option import usd
 from pyinfra.core.vocabulary import TIERS
 from pyinfra.experiments.options import read_options
 from pyinfra.experiments.recommend import answer_lines, recommend
@@ -25,7 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--budget",
         dest="budget_usd",
-        type=float,
+        type=usd,
+        metavar="USD",
         required=True,
         help="highest price of LiDAR and site, in US dollars",
     )

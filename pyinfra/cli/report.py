@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from pyinfra.cli.number_option import usd
+from pyinfra.core.vocabulary import TIERS
 from pyinfra.experiments.requirements import Requirements, checked_requirements
 from pyinfra.viz.report.contents import page, read_sections
 from pyinfra.viz.report.page import write_page
@@ -38,14 +40,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "default: %(default)s",
     )
     parser.add_argument(
-        "--tier", help="tier of the benchmark: full, quick or smoke; default: the most complete"
+        "--tier", choices=TIERS, help="tier of the benchmark; default: the most complete"
     )
     group = parser.add_argument_group(
         "requirements of the recommendation, as in `pyinfra recommend`"
     )
     group.add_argument(
         "--budget",
-        type=float,
+        dest="budget_usd",
+        type=usd,
+        metavar="USD",
         default=Requirements.budget_usd,
         help="highest price of LiDAR and site, in US dollars; default: no limit",
     )
@@ -57,6 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--range",
+        dest="range_m",
         type=float,
         default=Requirements.range_m,
         help=(
@@ -66,6 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--latency",
+        dest="latency_ms",
         type=float,
         default=Requirements.latency_ms,
         help=(
@@ -76,7 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    requirements = checked_requirements(args.budget, args.min_ap, args.range, args.latency)
+    requirements = checked_requirements(args.budget_usd, args.min_ap, args.range_m, args.latency_ms)
     sections, tables = read_sections(args.sections)
     material = read_material(args.results, args.data, args.runs, args.tier, requirements, tables)
     args.out.parent.mkdir(parents=True, exist_ok=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from pyinfra.cli.number_option import one_frame
 from pyinfra.core.errors import Error
 from pyinfra.dataset.surroundings import read_surroundings
 from pyinfra.viz.viewer.page import check_file, write_page
@@ -33,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     frames = parser.add_mutually_exclusive_group()
     frames.add_argument(
         "--frame",
-        type=int,
+        type=one_frame,
         help="number of the frame; default: the first frame, or with --pred the first frame that "
         "has predictions",
     )

@@ -14,7 +14,7 @@ from pyinfra.core.errors import Error
 from pyinfra.experiments.benchmark.replicates import ExperimentReplicates
 from pyinfra.experiments.coverage import ROAD, coverage
 from pyinfra.experiments.requirements import Requirements
-from pyinfra.experiments.result_tables import Results, hardly_learnt, read_results
+from pyinfra.experiments.result_tables import Results, check_tier, hardly_learnt, read_results
 from pyinfra.experiments.value import KEY, MOUNTS, SITE_ITEMS, mounts_of
 from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.replicates import bootstrapped_of, difference, measure_of
@@ -141,6 +141,7 @@ def read_tables(folder: Path, tier: str) -> Results:
     for suffix in ("", "_value", "_distance"):
         file = folder / f"{tier}{suffix}.csv"
         if not file.is_file():
+            check_tier(folder, tier)
             raise FileNotFoundError(
                 2, "The table does not exist; `pyinfra benchmark` writes it", str(file)
             )

@@ -12,6 +12,9 @@ from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
 
 FRAME_MS = 1000 * PERIOD_S  # a detector that takes longer per frame is slower than its LiDAR
 
+# No detector is faster than this, so that a smaller number is probably in seconds.
+LEAST_LATENCY_MS = 1.0
+
 
 @dataclass(frozen=True)
 class Requirements:
@@ -39,4 +42,9 @@ def checked_requirements(
             text = f"{key}: expected above {least}{upper}, got {value:g}"
             share = key == "min_ap" and 0 < value <= 1
             raise Error(f"{text}; AP is 0 to 100, not a share" if share else text)
+    if latency_ms < LEAST_LATENCY_MS:
+        raise Error(
+            f"latency_ms: expected milliseconds, {LEAST_LATENCY_MS:g} or more, got "
+            f"{latency_ms:g}; {latency_ms:g} s are {1000 * latency_ms:g}"
+        )
     return Requirements(budget_usd, min_ap, range_m, latency_ms)

@@ -221,12 +221,20 @@ def read_results(
     kinds = {**KINDS, **(more or {})}
     tables = {name: _read(folder / k.file.format(tier=chosen), k) for name, k in kinds.items()}
     if tier is not None and tables["experiments"].empty:
+        check_tier(folder, tier)
         raise Error(f"{folder / f'{tier}.csv'}: expected a finished tier, got none")
     if all(table.empty for table in tables.values()):
         raise Error(f"{folder}: expected a table of results, got none")
     tables["experiments"] = _with_reasons(with_whole(with_r1000(tables["experiments"])))
     tables |= {name: with_r1000(tables[name]) for name in ("stress", "distance")}
     return Results(folder, chosen, tables, kinds)
+
+
+def check_tier(folder: Path, tier: str) -> None:
+    """Raises Error if a folder has tables of other tiers and none of this one."""
+    there = [name for name in TIERS if (folder / f"{name}.csv").is_file()]
+    if there and tier not in there:
+        raise Error(f"tier: expected {' or '.join(there)}, as in {folder}, got '{tier}'")
 
 
 def _richest(folder: Path) -> str:
