@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -12,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeVar, get_args
 
 import joblib
+from joblib.externals import loky
 
 from pyinfra.core.errors import Error
 
@@ -125,8 +128,41 @@ def _share(pool: Pool) -> float:
 
 def call_all(call: Callable[[Task], Any], tasks: Sequence[Task], pool: Pool) -> None:
     """Calls `call` once for each task. Raises the exception of a failed call."""
-    with workers(pool):
+    with workers(pool), stopped_by_interrupt():
         joblib.Parallel(batch_size=1)(joblib.delayed(call)(task) for task in tasks)
+
+
+@contextmanager
+def stopped_by_interrupt() -> Iterator[None]:
+    """Context manager in which Ctrl-C ends loky's local processes without messages of theirs.
+
+    A terminal sends Ctrl-C to all processes. A worker that is interrupted while it starts prints a
+    traceback and leaves a semaphore, which is reported as leaked. Workers therefore inherit that
+    the signal is ignored, and this process ends them.
+    """
+    kind = loky.process_executor.ProcessPoolExecutor
+    start_processes = kind._adjust_process_count
+
+    def start_ignoring(executor: Any) -> None:
+        if threading.current_thread() is not threading.main_thread():
+            start_processes(executor)  # handlers are set in the main thread alone
+            return
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            start_processes(executor)
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+    kind._adjust_process_count = start_ignoring
+    try:
+        yield
+    except KeyboardInterrupt:
+        executor = loky.reusable_executor._executor  # None without local processes
+        if executor is not None:
+            executor.shutdown(wait=True, kill_workers=True)
+        raise
+    finally:
+        kind._adjust_process_count = start_processes
 
 
 def run(
