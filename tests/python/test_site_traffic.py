@@ -21,7 +21,12 @@ from pyinfra.scenes.maps.smoothing import MAX_ACCELERATION_M_S2, MAX_TURN_DEG, s
 from pyinfra.scenes.maps.tracks import CLASSES, HEADING, PITCH, FrontPath, Track, lasts_s
 from pyinfra.scenes.maps.traffic import REACH_M, Traffic, simulate, without_route
 from pyinfra.scenes.maps.traffic_demand import Demand
-from pyinfra.scenes.maps.traffic_figures import MAX_OVERLAP_SHARE, traffic_figures, without_overlaps
+from pyinfra.scenes.maps.traffic_figures import (
+    MAX_OVERLAP_SHARE,
+    by_reason,
+    traffic_figures,
+    without_overlaps,
+)
 from pyinfra.scenes.maps.trajectory_file import write_trajectories
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -302,3 +307,14 @@ def test_the_box_is_half_a_length_behind_the_bumper() -> None:
     np.testing.assert_allclose(track.states[:, 0], rows[:, 1] - 2, atol=1e-6)
     np.testing.assert_allclose(track.states[:, 2], 0.75, atol=1e-6)
     np.testing.assert_allclose(track.states[:, 5], 10, atol=1e-6)
+
+
+def test_tracks_that_are_left_out_for_one_reason_share_a_line() -> None:
+    notes = [f"car{k}: left out: it stood in another" for k in range(20)]
+    notes += ["bus: cut at 3.1 s: gap of 2.0 s", "van: cut at 4.5 s: gap of 1.2 s"]
+    notes += ["3 of 40 trips left out: no valid route"]
+    assert by_reason(notes) == [
+        "20 tracks: left out: it stood in another (car0, car1, car2, ...)",
+        "2 tracks, such as bus: cut at 3.1 s: gap of 2.0 s",
+        "3 of 40 trips left out: no valid route",
+    ]

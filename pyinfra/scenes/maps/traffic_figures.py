@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ _TOUCH_M = 0.001
 _AT_ONCE = 500  # number of instants per batch, including those halfway between two instants
 MAX_OVERLAP_SHARE = 0.001
 MOST_NOTES = 20  # maximum number of notes in a report
+MOST_NAMES = 3  # names in a note about several tracks
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,32 @@ def report_lines(
     """Returns the lines of a report about the written file, its figures, and the first notes."""
     rows = traffic_figures(list(tracks), feet).rows()
     lines = [str(file), *(f"  {name:45} {value}" for name, value in rows)]
-    lines += [f"  {note}" for note in notes[:MOST_NOTES]]
-    if len(notes) > MOST_NOTES:
-        lines.append(f"  and {len(notes) - MOST_NOTES} more")
+    grouped = by_reason(notes)
+    lines += [f"  {note}" for note in grouped[:MOST_NOTES]]
+    if len(grouped) > MOST_NOTES:
+        lines.append(f"  and {len(grouped) - MOST_NOTES} more")
     return lines
+
+
+def by_reason(notes: Sequence[str]) -> list[str]:
+    """Returns the notes `NAME: REASON`, in which tracks with the same reason share one line.
+
+    Numbers in a reason do not count, so that `cut at 3.1 s` and `cut at 4.5 s` are one reason.
+    """
+    groups: dict[str, list[str]] = {}
+    for note in notes:
+        reason = re.sub(r"\d+(\.\d+)?", "#", note.partition(": ")[2] or note)
+        groups.setdefault(reason, []).append(note)
+    return [_one_line(group) for group in groups.values()]
+
+
+def _one_line(group: Sequence[str]) -> str:
+    """Returns one line for notes that differ in the name of the track, and perhaps in numbers."""
+    if len(group) == 1:
+        return group[0]
+    reasons = {note.partition(": ")[2] for note in group}
+    if len(reasons) > 1:
+        return f"{len(group)} tracks, such as {group[0]}"
+    listed = ", ".join(note.partition(": ")[0] for note in group[:MOST_NAMES])
+    more = ", ..." if len(group) > MOST_NAMES else ""
+    return f"{len(group)} tracks: {reasons.pop()} ({listed}{more})"
