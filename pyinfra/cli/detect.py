@@ -13,6 +13,7 @@ import numpy as np
 from pyinfra.cli.messages import warn
 from pyinfra.core.errors import Error
 from pyinfra.core.machine_load import OtherLoad, other_load
+from pyinfra.core.names import suggestion
 from pyinfra.dataset.frames import check_lidar_folder
 from pyinfra.exchange.lone_clouds import cloud_reader
 from pyinfra.models.inference.detect import (
@@ -21,6 +22,7 @@ from pyinfra.models.inference.detect import (
     check_single,
     detect,
     model_file,
+    shipped,
 )
 from pyinfra.models.inference.folder import (
     FolderDetections,
@@ -144,8 +146,17 @@ def _check(args: argparse.Namespace) -> None:
     """Raises Error for arguments that exclude each other."""
     if args.max_frames < 0:
         raise Error(f"max_frames: expected 0 or more, got {args.max_frames}")
+    if args.frames and args.frames.isdecimal():
+        raise Error(
+            f"--frames: expected A:B[:STEP], got '{args.frames}'; a number of frames is "
+            f"--max-frames {args.frames}"
+        )
     if args.frames and args.split:
         raise Error("--frames: expected no --split beside it, got both")
+    model = str(args.model)
+    if not args.model.exists() and args.model.name == model and model not in shipped():
+        near = suggestion(model, shipped())
+        raise Error(f"--model: expected a training, a file or a name, got '{model}'{near}")
     folders = [path for path in args.inputs if path.is_dir()]
     for folder in folders:
         _check_folder(folder)

@@ -7,6 +7,7 @@ import yaml
 
 from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
+from pyinfra.core.progress import track
 from pyinfra.scenes.generator.generate import make_site
 
 SHEET = "sheet.png"
@@ -38,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     from pyinfra.viz.site_sheet import sheet
 
     args.out.mkdir(parents=True, exist_ok=True)
-    sites = [make_site(seed) for seed in range(args.seed, args.seed + args.count)]
+    sites = [make_site(seed) for seed in track(range(args.seed, args.seed + args.count), "site")]
     for site in sites:
         file = args.out / f"{site['name']}.yaml"
         with replacing(file) as beside:

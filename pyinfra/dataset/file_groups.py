@@ -13,6 +13,7 @@ from typing import NoReturn
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, IntArray
+from pyinfra.core.progress import track
 from pyinfra.dataset.frame_tables import Table, concatenated
 from pyinfra.formats.text_table import is_whole, lines_of
 
@@ -35,7 +36,7 @@ def joined(
 
 def file_lines(files: Sequence[Path], *, whole: bool = False) -> list[list[str]]:
     """Returns the lines of each file, like `text_table.lines_of`."""
-    texts = [file.read_bytes() for file in files]
+    texts = [file.read_bytes() for file in track(files, "file")]
     try:
         lines = [text.decode("utf-8-sig").splitlines() for text in texts]
     except UnicodeDecodeError:

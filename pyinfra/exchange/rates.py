@@ -29,7 +29,9 @@ class Shown(Sequence[int]):
 
     def __iter__(self) -> Iterator[int]:
         # With disable=None, there is no progress bar if stderr is not a terminal.
-        return iter(tqdm(self.frames, unit="frame", disable=None, leave=False, file=sys.stderr))
+        return iter(
+            tqdm(self.frames, unit="frame", disable=None, leave=False, delay=2, file=sys.stderr)
+        )
 
 
 def summary(frames: int, folder: Path, since: float) -> str:

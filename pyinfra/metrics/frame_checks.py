@@ -15,6 +15,7 @@ from scipy.ndimage import median_filter
 
 from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.core.errors import FormatError
+from pyinfra.core.progress import track
 from pyinfra.dataset.data_set import read_data_set, read_lidars
 from pyinfra.dataset.frame_readers import (
     other_types,
@@ -87,7 +88,7 @@ def _unreadable(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
     for part, read in readers.items():
         if part != "label_2" and not (folder / "training" / part).is_dir():
             continue
-        for frame in frames:
+        for frame in track(frames, "frame"):
             try:
                 read(kitti.frame_file(folder, part, frame))
             except FileNotFoundError as error:

@@ -16,6 +16,7 @@ import pandas as pd
 
 from pyinfra.core.errors import FormatError
 from pyinfra.core.files import replacing
+from pyinfra.core.progress import track
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.data_set import DataSet, read_data_set
 from pyinfra.dataset.trajectories import read_rows
@@ -182,7 +183,9 @@ def statistics(
     ImportError if the compiled extension is not installed.
     """
     data_sets = [read_data_set(folder) for folder in folders]
-    vehicles = [read_observations(data, above_road=above_road) for data in data_sets]
+    vehicles = [
+        read_observations(data, above_road=above_road) for data in track(data_sets, "data set")
+    ]
     parts = [
         data_set_tables(data, v, above_road=above_road, accumulate=accumulate)
         for data, v in zip(data_sets, vehicles, strict=True)

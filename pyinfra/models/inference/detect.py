@@ -12,6 +12,7 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.core.errors import Error
+from pyinfra.core.progress import track
 from pyinfra.dataset.frames import frame_numbers, period_of
 from pyinfra.dataset.ground import Ground, ground_of
 from pyinfra.dataset.regions import Region, region_of
@@ -194,7 +195,7 @@ def detect(
     if out is not None:
         once(files)
         out.mkdir(parents=True, exist_ok=True)
-    for file in files:
+    for file in track(files, "frame"):
         points = read(file)
         detections, seconds = timed(detector, points)
         per_frame.append(detections)

@@ -19,6 +19,7 @@ from pyinfra.core.arrays import (
     Records,
 )
 from pyinfra.core.errors import FormatError
+from pyinfra.core.progress import track
 from pyinfra.dataset.frame_readers import read_cameras, read_predictions, read_vehicles
 from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.world_frame import to_world
@@ -60,7 +61,7 @@ def read_view_frames(
     counted = (lidar_folder / "training/objects").is_dir()
     per_frame = _predictions(lidar_folder, frames, predictions, pose)
     views = []
-    for i, frame in enumerate(frames):
+    for i, frame in enumerate(track(frames, "frame")):
         points = kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", frame))
         in_frame = vehicles.select(vehicles.frame == i)
         fields = _fields(lidar_folder, frame, len(points))

@@ -1,0 +1,40 @@
+"""Commands show progress on a terminal, after two seconds; the library shows none."""
+
+import io
+import sys
+
+import pytest
+
+from pyinfra.core import progress
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
+    monkeypatch.setattr(progress, "DELAY_S", 0.0)
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    assert isinstance(sys.stderr, Terminal)
+    return sys.stderr
+
+
+def test_a_command_shows_progress_on_a_terminal(terminal: Terminal) -> None:
+    with progress.shown():
+        assert list(progress.track(range(3), "frame")) == [0, 1, 2]
+    assert "0/3" in terminal.getvalue()
+
+
+def test_the_library_shows_no_progress(terminal: Terminal) -> None:
+    assert list(progress.track(range(3), "frame")) == [0, 1, 2]
+    assert terminal.getvalue() == ""
+
+
+def test_nothing_is_shown_in_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    with progress.shown():
+        assert list(progress.track(range(3), "frame")) == [0, 1, 2]
+    assert isinstance(sys.stderr, io.StringIO)
+    assert sys.stderr.getvalue() == ""
