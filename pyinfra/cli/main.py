@@ -21,7 +21,9 @@ from dataclasses import dataclass
 
 from pyinfra.cli.completion import SHELLS, completion_script
 from pyinfra.cli.messages import message_of, options_of, report_bug
+from pyinfra.cli.next_command import print_next
 from pyinfra.cli.parser import Parser, check_options
+from pyinfra.core import progress
 from pyinfra.core.errors import Error
 from pyinfra.core.version import __version__
 
@@ -109,7 +111,7 @@ def make_parser(words: Sequence[str], *, whole: bool = False) -> argparse.Argume
         if whole or command.name == asked:
             module = importlib.import_module(command.module)
             module.add_arguments(sub)
-            sub.set_defaults(run=module.run, options=options_of(sub))
+            sub.set_defaults(run=module.run, command=command.name, options=options_of(sub))
             if command.name == asked:
                 check_options(sub, words[words.index(asked) + 1 :])
     return parser
@@ -135,7 +137,10 @@ def main(words: Sequence[str] | None = None) -> int:
         if words and words[0].startswith("--completion"):
             return print_completion(words)
         make_parser(words).parse_args(words, args)
-        code = int(args.run(args))
+        with progress.shown():
+            code = int(args.run(args))
+        if code == 0:
+            print_next(args.command, args)
         sys.stdout.flush()  # if the pipe was closed, this line raises BrokenPipeError
         return code
     except BrokenPipeError:  # the reading program, such as `head`, has closed the pipe

@@ -135,7 +135,11 @@ int run_command(const RunOptions& o) {
   print_table(rows);
   if (!summary.empty()) write_file_atomically(summary, summary_csv(rows));
   const int signal = noted_signal();
-  if (signal == 0) return 0;
+  if (signal == 0) {
+    if (o.out && ::isatty(STDOUT_FILENO) != 0)
+      std::printf("next: pyinfra view %s --out %s/view.html\n", o.out->c_str(), o.out->c_str());
+    return 0;
+  }
   say_stopped(signal);
   return 128 + signal;
 }

@@ -1,0 +1,169 @@
+"""The command to type after another one, with its paths. It is printed on a terminal alone."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from pyinfra.dataset.frames import has_labels, lidars_in
+
+Words = list[object]
+BUDGET_USD = 10_000  # an example, as no requirement is known yet
+
+
+def print_next(command: str, args: argparse.Namespace) -> None:
+    """Prints the next command, if standard output is a terminal."""
+    if sys.stdout.isatty():
+        print(f"next: {next_command(command, args)}")
+
+
+def next_command(command: str, args: argparse.Namespace) -> str:
+    """Returns the command to type after `command` has run with `args`."""
+    return shlex.join(str(word) for word in NEXT[command](args))
+
+
+def _lidars(args: argparse.Namespace) -> Words:
+    lidar = args.lidars[0] if args.lidars else "ruby_plus"
+    run = ["infrasim", "run", "highway", "--lidar", lidar, "--frames", "0:100"]
+    return [*run, "--out", "data/highway"]
+
+
+def _pictures(args: argparse.Namespace) -> Words:
+    return ["pyinfra", "view", args.data[0], "--out", args.out / "view.html"]
+
+
+def _view(args: argparse.Namespace) -> Words:
+    folder = _lidar_of(args.data[0])
+    if args.pred and len(args.pred) == 1 and has_labels(folder):
+        pred = Path(args.pred[0].rpartition("=")[2])
+        return ["pyinfra", "evaluate", folder, pred, "--out", args.out.parent / "evaluation"]
+    return ["pyinfra", "detect", folder, "--out", args.out.parent / "boxes"]
+
+
+def _split(args: argparse.Namespace) -> Words:
+    name = "centerpoint-pillar"
+    return ["pyinfra", "train", name, _lidar_of(args.data), "--out", Path("runs") / name]
+
+
+def _site(args: argparse.Namespace) -> Words:
+    site = args.out if hasattr(args, "out") and not hasattr(args, "site") else args.site
+    scene = site / "site.yaml"
+    if not (site / "trajectories.csv").is_file():
+        return ["pyinfra", "site", "traffic", site]
+    if hasattr(args, "out") and hasattr(args, "site"):  # the plan is drawn
+        run = ["infrasim", "run", scene, "--lidar", "ruby_plus", "--frames", "0:100"]
+        return [*run, "--out", Path("data") / site.name]
+    return ["infrasim", "check", scene, "--lidar", "ruby_plus"]
+
+
+def _sites(args: argparse.Namespace) -> Words:
+    scene = next(iter(sorted(args.out.glob("*.yaml"))))
+    return ["infrasim", "check", scene, "--lidar", "ruby_plus"]
+
+
+def _train(args: argparse.Namespace) -> Words:
+    if not args.data:
+        return ["pyinfra", "onnx", args.out, "--out", args.out / "model.onnx"]
+    detect = ["pyinfra", "detect", args.data[0], "--model", args.out]
+    return [*detect, "--out", args.out / "predictions"]
+
+
+def _detect(args: argparse.Namespace) -> Words:
+    data = args.inputs[0]
+    if not data.is_dir():
+        folder = args.out or Path("boxes")
+        return ["pyinfra", "detect", *args.inputs, "--model", args.model, "--out", folder]
+    if has_labels(data):
+        evaluation = args.out.parent / f"{args.out.name}_evaluation"
+        return ["pyinfra", "evaluate", data, args.out, "--out", evaluation]
+    return ["pyinfra", "view", data, "--pred", args.out, "--out", args.out / "view.html"]
+
+
+def _onnx(args: argparse.Namespace) -> Words:
+    return ["pyinfra", "benchmark", "first_look", "--out", args.out.parent / "first_look"]
+
+
+def _statistics(args: argparse.Namespace) -> Words:
+    return ["pyinfra", "split", args.data[0]]
+
+
+def _validate(args: argparse.Namespace) -> Words:
+    if args.pred is not None and has_labels(args.data):
+        evaluation = args.pred.parent / f"{args.pred.name}_evaluation"
+        return ["pyinfra", "evaluate", args.data, args.pred, "--out", evaluation]
+    pred = ["--pred", args.pred] if args.pred is not None else []
+    return ["pyinfra", "view", args.data, *pred, "--out", "view.html"]
+
+
+def _evaluate(args: argparse.Namespace) -> Words:
+    return ["pyinfra", "view", args.gt, "--pred", args.pred, "--out", args.out / "view.html"]
+
+
+def _stress(args: argparse.Namespace) -> Words:
+    if args.dry_run:
+        return ["pyinfra", "stress", args.data, "--model", *args.runs, "--out", args.out]
+    return ["pyinfra", "detect", args.data, "--model", args.runs[0], "--out", args.out / "boxes"]
+
+
+def _compare(args: argparse.Namespace) -> Words:
+    file = args.out or Path(args.places[0]).parent / "places.csv"
+    return ["pyinfra", "compare", *args.places, "--ground-truth", "all", "--out", file]
+
+
+def _benchmark(args: argparse.Namespace) -> Words:
+    if args.dry_run:
+        scene = ["--scene", args.scene] if args.scene else []
+        tier = ["--tier", args.tier]
+        return ["pyinfra", "benchmark", args.config, *tier, *scene, "--out", args.out]
+    return ["pyinfra", "recommend", args.out, "--tier", args.tier, "--budget", BUDGET_USD]
+
+
+def _recommend(args: argparse.Namespace) -> Words:
+    budget = ["--budget", f"{args.budget_usd:g}"]
+    page = args.results / "report.html"
+    return ["pyinfra", "report", args.results, "--tier", args.tier, *budget, "--out", page]
+
+
+def _report(args: argparse.Namespace) -> Words:
+    tier = ["--tier", args.tier] if args.tier else []
+    known = f"{args.budget_usd:g}" if args.budget_usd < float("inf") else BUDGET_USD
+    return ["pyinfra", "recommend", args.results, *tier, "--budget", known]
+
+
+def _import(args: argparse.Namespace) -> Words:
+    return ["pyinfra", "validate", args.out]
+
+
+def _export(args: argparse.Namespace) -> Words:
+    return ["pyinfra", "validate", args.data]
+
+
+def _lidar_of(folder: Path) -> Path:
+    """Returns the folder of the first LiDAR of a data set, or the LiDAR's folder itself."""
+    return next(iter(lidars_in(folder)), folder)
+
+
+NEXT: dict[str, Callable[[argparse.Namespace], Words]] = {
+    "lidars": _lidars,
+    "pictures": _pictures,
+    "view": _view,
+    "split": _split,
+    "site": _site,
+    "sites": _sites,
+    "train": _train,
+    "detect": _detect,
+    "onnx": _onnx,
+    "statistics": _statistics,
+    "validate": _validate,
+    "evaluate": _evaluate,
+    "stress": _stress,
+    "compare": _compare,
+    "benchmark": _benchmark,
+    "recommend": _recommend,
+    "report": _report,
+    "import": _import,
+    "export": _export,
+}
