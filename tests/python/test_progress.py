@@ -13,21 +13,23 @@ class Terminal(io.StringIO):
         return True
 
 
-@pytest.fixture
-def terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
+def terminal_of(monkeypatch: pytest.MonkeyPatch) -> Terminal:
+    """Replaces stderr. A fixture cannot, because pytest replaces stderr again before the test."""
     monkeypatch.setattr(progress, "DELAY_S", 0.0)
     monkeypatch.setattr(sys, "stderr", Terminal())
     assert isinstance(sys.stderr, Terminal)
     return sys.stderr
 
 
-def test_a_command_shows_progress_on_a_terminal(terminal: Terminal) -> None:
+def test_a_command_shows_progress_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = terminal_of(monkeypatch)
     with progress.shown():
         assert list(progress.track(range(3), "frame")) == [0, 1, 2]
     assert "0/3" in terminal.getvalue()
 
 
-def test_the_library_shows_no_progress(terminal: Terminal) -> None:
+def test_the_library_shows_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = terminal_of(monkeypatch)
     assert list(progress.track(range(3), "frame")) == [0, 1, 2]
     assert terminal.getvalue() == ""
 
