@@ -5,6 +5,7 @@ from pathlib import Path
 
 from pyinfra.cli.number_option import numbers
 from pyinfra.core.errors import Error
+from pyinfra.scenes.maps.compass import looks_to
 from pyinfra.scenes.maps.map_import import import_map
 from pyinfra.scenes.maps.map_readers import RADIUS_M, ImportOptions
 
@@ -46,6 +47,7 @@ def run(args: argparse.Namespace) -> int:
     print(args.out / "site.yaml" if made.anew else f"{args.out}: the same import is there")
     print(f"{made.lanes} lanes, {made.triangles} triangles")
     print(f"pole at {pole.x_m:g} {pole.y_m:g} {pole.z_m:g} m, yaw {pole.yaw_deg:g} degrees")
+    print(f"pole looks to {looks_to(pole.yaw_deg)}")
     listed = [f"{len(rows)} {kind}" for kind, rows in made.record["features"].items()]
     if listed:
         print(f"features: {', '.join(listed)} (map.yaml)")

@@ -18,6 +18,7 @@ from conftest import Infrasim
 
 from pyinfra.cli.main import main, make_parser
 from pyinfra.formats.ply import Triangles, degenerate, read_ply
+from pyinfra.scenes.maps.compass import looks_to
 from pyinfra.scenes.maps.lane_map import MapError, MapLane, SiteMap
 from pyinfra.scenes.maps.map_import import import_map
 from pyinfra.scenes.maps.map_readers import ImportOptions
@@ -354,15 +355,16 @@ def test_the_same_import_is_accepted_and_another_refused(tmp_path: Path) -> None
 
 def test_a_mount_is_where_it_is_given(tmp_path: Path) -> None:
     file = write_map(tmp_path, "a.xodr", site_data.straight())
-    words = ["site", "import", str(file), "--out", str(tmp_path / "s"), "--mount=1,-9,7.5,80"]
+    words = ["site", "import", str(file), "--out", str(tmp_path / "s"), "--mount-pose=1,-9,7.5,80"]
     assert main(words) == 0
     pole = yaml.safe_load((tmp_path / "s/site.yaml").read_text())["mounts"]["pole"]
     assert pole == {"x_m": 1.0, "y_m": -9.0, "z_m": 7.5, "yaw_deg": 80.0}
 
 
-def test_plans_of_sites(district: Path, tmp_path: Path) -> None:
+def test_plans_of_sites(district: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "new/plan.svg"
     assert main(["site", "draw", str(district), "--out", str(out), "--radius", "60"]) == 0
+    assert re.search(r"mount pole looks to \d+ degrees \(\w+", capsys.readouterr().out)
     assert {t.text for t in ElementTree.parse(out).iter() if t.text}
     low, high = plan(district, 60).axes[0].get_xlim()
     assert high - low == pytest.approx(120)
@@ -594,3 +596,11 @@ def test_what_an_import_writes_passes_check_with_its_traffic(
     assert main([*words, "--seconds", "40"]) == 0
     done = infrasim("check", tmp_path / "site/site.yaml", "--traffic")
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("yaw_deg", "text"),
+    [(0, "90 degrees (east)"), (90, "0 degrees (north)"), (-135, "225 degrees (south-west)")],
+)
+def test_a_yaw_is_a_compass_bearing(yaw_deg: float, text: str) -> None:
+    assert looks_to(yaw_deg) == text

@@ -30,6 +30,15 @@ def feet(site: Path) -> FloatArray:
     return points
 
 
+def yaws(site: Path) -> dict[str, float]:
+    """Reads the yaw of each mount of site.yaml in degrees. Raises FormatError, OSError."""
+    mounts = read_keys(site / SCENE).get("mounts") or {}
+    try:
+        return {name: float(mount.get("yaw_deg", 0)) for name, mount in dict(mounts).items()}
+    except (AttributeError, TypeError, ValueError):
+        raise FormatError(f"{site / SCENE}: mounts: expected a map of mounts, got none") from None
+
+
 def offset(site: Path) -> FloatArray:
     """Reads the offset x y z (3,) that was subtracted from the imported map's coordinates.
 

@@ -1,0 +1,20 @@
+"""Compass bearings of mounts. In a site, x points east and y north."""
+
+from __future__ import annotations
+
+NAMES = (
+    "north",
+    "north-east",
+    "east",
+    "south-east",
+    "south",
+    "south-west",
+    "west",
+    "north-west",
+)
+
+
+def looks_to(yaw_deg: float) -> str:
+    """Returns where a mount looks, such as `90 degrees (east)` for yaw 0."""
+    bearing = (90 - yaw_deg) % 360
+    return f"{bearing:.0f} degrees ({NAMES[round(bearing / 45) % len(NAMES)]})"
