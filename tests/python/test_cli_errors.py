@@ -843,3 +843,42 @@ def test_a_file_is_named_with_a_slash_or_an_ending(site: Site) -> None:
     assert 'name: "tiny"' in site.infrasim("check", "./livox_avia", **here).stdout
     assert 'name: "livox_avia"' in site.infrasim("check", "livox_avia", **here).stdout
     assert site.infrasim("check", "scene.yaml", **here).returncode == 0
+
+
+def test_a_pole_in_centimetres_is_refused(site: Site) -> None:
+    site.scene.write_text(SCENE.replace("z_m: 6", "z_m: 600"))
+    words = ("mounts.pole.z_m: expected metres", "got 600", "600 centimetres are 6")
+    assert_one_line(site.run(), site, f"{site.scene}:", *words)
+    check = site.infrasim("check", site.scene)
+    assert check.returncode == 2
+    site.scene.write_text(SCENE.replace("z_m: 6", "z_m: 60"))
+    assert site.infrasim("check", site.scene).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("yaw_deg", "looks"),
+    [(0, "90 degrees (east)"), (90, "0 degrees (north)"), (45, "(north-east)")],
+)
+def test_check_says_where_a_mount_looks(yaw_deg: int, looks: str, site: Site) -> None:
+    site.scene.write_text(SCENE.replace("z_m: 6", f"z_m: 6, yaw_deg: {yaw_deg}"))
+    check = site.infrasim("check", site.scene, "--lidar", site.lidar)
+    pose, view = check.stderr.splitlines()
+    assert "mount pole: 6 m above the road, looks to " in pose
+    assert looks in pose
+    # 6 m / tan(20 degrees) = 16.5 m
+    assert "mount pole, tiny: sees all round; the lowest ray meets the ground at 16 m" in view
+    assert view.endswith("the highest above the horizon")
+
+
+def test_a_pitched_mount_sees_nearer_ground(site: Site) -> None:
+    site.scene.write_text(SCENE.replace("z_m: 6", "z_m: 6, pitch_deg: 10"))
+    view = site.infrasim("check", site.scene, "--lidar", site.lidar).stderr.splitlines()[1]
+    # 6 m / tan(30 degrees) = 10.4 m, 6 m / tan(10 degrees) = 34.0 m
+    assert "lowest ray meets the ground at 10 m, the highest at 34 m" in view
+
+
+def test_similar_names_and_renamed_options_are_suggested(site: Site) -> None:
+    assert "did you mean 'highway'?" in site.infrasim("check", "higway").stderr
+    old = site.infrasim("filter", "a.bin", "b.bin", "--range", "2,60")
+    assert old.returncode == 2
+    assert "--crop-range" in old.stderr

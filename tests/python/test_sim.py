@@ -228,7 +228,7 @@ def test_filters_keep_what_the_binary_keeps(tmp_path: Path) -> None:
         simulation.BackgroundModel.load(str(tmp_path / "model")),
     ]
     kept = simulation.filtered(clouds[0], *steps)
-    words = ["--range", "2,60", "--ground-plane", "0.3", "--background"]
+    words = ["--crop-range", "2,60", "--ground-plane", "0.3", "--background"]
     words += [str(tmp_path / f"{i}.bin") for i in range(len(clouds))]
     binary = [BINARY, "filter", tmp_path / "0.bin", *words]
     subprocess.run([*binary, "--out", tmp_path / "out.bin"], check=True, capture_output=True)

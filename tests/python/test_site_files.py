@@ -216,7 +216,7 @@ def test_scenes_are_not_simulated_again_without_the_files(
 
 def test_check_counts_triangles_without_an_area(tmp_path: Path, infrasim: Infrasim) -> None:
     scene = write_site(tmp_path / "site")
-    assert infrasim("check", scene).stderr == ""
+    assert "warning" not in infrasim("check", scene).stderr
     mesh = tmp_path / "site/meshes/verge.ply"
     mesh.write_text(mesh.read_text().replace("4 0 1 2 3", "4 0 1 2 2"))
     result = infrasim("check", scene)

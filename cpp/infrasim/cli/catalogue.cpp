@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <numeric>
+#include <utility>
 
 #include "infrasim/core/errors.h"
 
@@ -32,18 +34,44 @@ std::vector<std::string> names(const fs::path& folder) {
   return names;
 }
 
+/// Number of letters to change, insert or remove to turn one word into the other.
+std::size_t edits(const std::string& a, const std::string& b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), 0U);
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = std::exchange(row[0], i + 1);
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t changed = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({changed, row[j] + 1, row[j + 1] + 1});
+    }
+  }
+  return row.back();
+}
+
+/// Returns a text such as `; did you mean 'highway'?`, or an empty text if no name is similar.
+std::string suggestion(const std::string& word, const std::vector<std::string>& known) {
+  const auto nearest = std::ranges::min_element(
+      known, {}, [&](const std::string& name) { return edits(name, word); });
+  if (nearest == known.end() || edits(*nearest, word) > word.size() / 3) return "";
+  return "; did you mean '" + *nearest + "'?";
+}
+
 }  // namespace
 
 fs::path config_file(const std::string& word, const std::vector<std::string>& kinds) {
   if (word.find_first_of("/.") != std::string::npos) return word;
   const fs::path folder = catalogue();
-  std::string known;
+  std::vector<std::string> known;
   for (const std::string& kind : kinds)
     for (const std::string& name : names(folder / kind)) {
       if (name == word) return folder / kind / (name + ".yaml");
-      known += ", " + name;
+      known.push_back(name);
     }
-  throw ConfigError("(name): expected a path with a '/' or '.'" + known + ", got '" + word + "'");
+  std::string listed;
+  for (const std::string& name : known) listed += ", " + name;
+  throw ConfigError("(name): expected a path with a '/' or '.'" + listed + ", got '" + word + "'" +
+                    suggestion(word, known));
 }
 
 }  // namespace infrasim::cli

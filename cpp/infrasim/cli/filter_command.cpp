@@ -64,7 +64,7 @@ constexpr std::array kFilterOptions{
     FilterOption{"--crop-box", "xmin,ymin,zmin,xmax,ymax,zmax (m)", 6, 6, filter_of<CropBox>},
     FilterOption{"--crop-polygon", "x,y,x,y,... of an outline (m)", 6, 10000,
                  filter_of<CropPolygon>},
-    FilterOption{"--range", "min,max (m)", 2, 2, filter_of<CropRange>},
+    FilterOption{"--crop-range", "min,max (m)", 2, 2, filter_of<CropRange>},
     FilterOption{"--fov", "azimuth min,max,elevation min,max (deg)", 4, 4,
                  filter_of<CropFieldOfView>},
     FilterOption{"--ground-morphological", "remove roads, slopes and terrain", 0, 0,

@@ -1,5 +1,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -21,6 +22,7 @@
 #include "infrasim/pipeline/folder_identity.h"
 #include "infrasim/pipeline/world.h"
 #include "infrasim/scene/mesh_file.h"
+#include "infrasim/scene/sensor_rules.h"
 #include "infrasim/scene/site_rules.h"
 #include "infrasim/scene/state_source.h"
 #include "infrasim/sensor/pattern_table.h"
@@ -36,6 +38,7 @@ struct CheckOptions {
   std::vector<std::string> assignments;
   bool traffic = false;
   bool canonical = false;
+  std::vector<std::string> lidars;
 };
 
 /// maximum relative error of the detection law at a published range
@@ -129,6 +132,62 @@ SceneConfig checked_scene(const std::filesystem::path& file, const CheckOptions&
   return scene;
 }
 
+std::string compass(double bearing_deg) {
+  constexpr std::array<const char*, 8> kNames{"north", "north-east", "east", "south-east",
+                                              "south", "south-west", "west", "north-west"};
+  const auto at = static_cast<std::size_t>(std::lround(bearing_deg / 45)) % kNames.size();
+  return config::number_text(std::round(bearing_deg)) + " degrees (" + kNames.at(at) + ")";
+}
+
+/// Describes where a ray of this elevation meets level ground `height_m` below the sensor, in the
+/// direction in which the mount looks.
+std::string meets_ground(const MountConfig& mount, double elevation_deg, double height_m) {
+  const double e = rad(elevation_deg);
+  const Vec3 ray = rotation(0, rad(mount.pitch_deg), rad(mount.roll_deg)) *
+                   Vec3{std::cos(e), 0, std::sin(e)};
+  if (ray.z > -1e-3) return "above the horizon";
+  return "at " + config::number_text(std::round(height_m * std::hypot(ray.x, ray.y) / -ray.z)) +
+         " m";
+}
+
+/// Returns one line per mount about its compass bearing, and one line per mount and LiDAR about the
+/// ground in its view. North is the y axis of the scene.
+std::vector<std::string> views_of_mounts(const SceneConfig& scene, const CheckOptions& o) {
+  std::vector<std::string> lines;
+  const auto whole = [](double v) { return config::number_text(std::round(v * 10) / 10); };
+  const Site site = build_site(scene);
+  for (const auto& [name, mount] : scene.mounts) {
+    const Vec2 foot{mount.x_m, mount.y_m};
+    const double height = height_above_surface(site, foot, mount.z_m - site.profile.rise(foot));
+    const auto bearing = [&, yaw = mount.yaw_deg](double azimuth_deg) {
+      return std::fmod(std::fmod(90 - yaw - azimuth_deg, 360) + 360, 360);
+    };
+    lines.push_back("mount " + name + ": " + whole(height) + " m above the road, looks to " +
+                    compass(bearing(0)) + ", y is north");
+    for (const std::string& word : o.lidars) {
+      const LidarConfig lidar =
+          read_lidar(config_file(word, {"lidars"}), o.preset.value_or("datasheet"));
+      const std::vector<FieldOfView> views = fields_of_view(lidar);
+      for (std::size_t i = 0; i < views.size(); ++i) {
+        const FieldOfView& view = views[i];
+        const double width = view.azimuth_max_deg - view.azimuth_min_deg;
+        const double turn = lidar.units[i].yaw_deg;
+        const std::string seen =
+            width > 359 ? "sees all round"
+                        : "sees from " + compass(bearing(view.azimuth_max_deg + turn)) + " to " +
+                              compass(bearing(view.azimuth_min_deg + turn));
+        MountConfig unit = mount;
+        unit.pitch_deg += lidar.units[i].pitch_deg;
+        lines.push_back("mount " + name + ", " + lidar.name + ": " + seen +
+                        "; the lowest ray meets the ground " +
+                        meets_ground(unit, view.elevation_min_deg, height) + ", the highest " +
+                        meets_ground(unit, view.elevation_max_deg, height));
+      }
+    }
+  }
+  return lines;
+}
+
 /// Returns the identity of the frames of a scene or LiDAR. The file is a configuration file, or the
 /// dataset.yaml or lidar.yaml of a folder.
 std::string canonical_of(const std::filesystem::path& file, const config::Tree& tree, bool lidar,
@@ -155,6 +214,7 @@ void check_command(const CheckOptions& o) {
   if (lidar) {
     if (!o.assignments.empty()) throw ConfigError("--set: expected a scene, got a LiDAR file");
     if (o.traffic) throw ConfigError("--traffic: expected a scene, got a LiDAR file");
+    if (!o.lidars.empty()) throw ConfigError("--lidar: expected a scene, got a LiDAR file");
     std::fputs(dump_lidar(checked_lidar(file, o.preset)).c_str(), stdout);
     return;
   }
@@ -162,6 +222,8 @@ void check_command(const CheckOptions& o) {
   const SceneConfig scene = checked_scene(file, o, findings);
   for (const std::string& line : findings)
     std::fprintf(stderr, "infrasim: warning: %s\n", line.c_str());
+  for (const std::string& line : views_of_mounts(scene, o))
+    std::fprintf(stderr, "infrasim: %s\n", line.c_str());
   std::fputs(dump_scene(scene).c_str(), stdout);
 }
 
@@ -218,6 +280,8 @@ void add_check_command(CLI::App& app) {
   command->add_option("--preset", o->preset,
                       "preset of the file; else all are read, and datasheet is printed");
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of a scene");
+  command->add_option("--lidar", o->lidars,
+                      "LiDARs: files or names; print what they see of the ground from the mounts");
   command->add_flag("--canonical", o->canonical,
                     "only read the file, and print its keys by the names of version 0.3 and the "
                     "number of the frames: what results are told by");

@@ -15,6 +15,12 @@ namespace {
 
 using config::number_text;
 
+/// Highest allowed sensor above the nearest surface below it. A larger number is probably in
+/// centimetres.
+constexpr double kHighestPole_m = 200;
+/// A surface at most this far from a pole is the one that the pole stands on.
+constexpr double kNearPole_m = 50;
+
 std::string metres(double z) { return number_text(std::round(z * 1000) / 1000); }
 
 struct Sensor {
@@ -163,6 +169,23 @@ SurfacesAt surfaces_at_origin(const TriangleMesh& mesh) {
 
 }  // namespace
 
+double height_above_surface(const Site& site, Vec2 foot, double z) {
+  double lowest = kInf, under = -kInf;
+  const auto meet = [&](double surface, bool near) {
+    lowest = std::min(lowest, surface);
+    if (near && surface < z) under = std::max(under, surface);
+  };
+  for (std::size_t i = 0; i < site.centrelines.size(); ++i) {
+    const Curve& line = site.centrelines[i];
+    const double away = norm(foot - line.at(line.project(foot)).position);
+    meet(site.scene.roads[i].elevation_m, away < kNearPole_m);
+  }
+  for (const LaneLevel& lane : lane_levels(site.lanes, foot)) meet(lane.z, lane.away < kNearPole_m);
+  for (const GroundConfig& ground : site.scene.ground)
+    meet(ground.elevation_m, distance(ground.outline_m, foot) < kNearPole_m);
+  return z - (std::isfinite(under) ? under : lowest);
+}
+
 void check_sensor(const Site& site) {
   for (const auto& [name, mount] : site.scene.mounts) {
     // The rules use the heights of the scene file, before the profile raises the scene.
@@ -175,6 +198,11 @@ void check_sensor(const Site& site) {
     if (const double away = distance_to_surfaces(site, sensor); away > kLongestRange_m)
       fail("x_m", "expected up to " + number_text(kLongestRange_m) + ", where rays end, got it " +
                       number_text(std::round(away)) + " m from every road and ground");
+    const double height = height_above_surface(site, sensor.foot, sensor.z);
+    if (std::isfinite(height) && height > kHighestPole_m)
+      fail("z_m", "expected metres, up to " + number_text(kHighestPole_m) +
+                      " above the roads and the ground" + got + "; " + number_text(mount.z_m) +
+                      " centimetres are " + number_text(mount.z_m / 100));
     if (const auto over = ground_over(site, sensor))
       fail("z_m", "expected above, or under a bridge of " + number_text(kClearance_m) + " m" + got +
                       " below the ground or a road at " + metres(*over + rise) + " m");

@@ -10,6 +10,10 @@ namespace infrasim {
 ///   lane, or too far from all roads and objects
 void check_sensor(const Site& site);
 
+/// Returns the height of a point of the scene file above the highest road, lane or ground below it;
+/// above the lowest one if none is below it, and infinite without any.
+double height_above_surface(const Site& site, Vec2 foot, double z);
+
 /// @param background static surfaces in the levelled frame of the scene's mount
 /// @throws ConfigError for a sensor below a road, footway or terrain of a mesh that is not a bridge
 void check_sensor_above(const SceneConfig& scene, const TriangleMesh& background);
