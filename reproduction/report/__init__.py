@@ -1,13 +1,14 @@
 """Sections of the study's report: `pyinfra report RESULTS --sections reproduction.report`."""
 
 from pyinfra.viz.report import contents, sections
+from pyinfra.viz.report.contents import Maker
 from reproduction.report import accuracy, claims, fidelity, hits, methods
 from reproduction.report.tables import TABLES
 
 __all__ = ["SECTIONS", "TABLES"]
 
 # The study's version of a section of pyinfra's report.
-_OF_THE_STUDY: dict[contents.Maker, contents.Maker] = {
+_OF_THE_STUDY: dict[Maker, Maker] = {
     sections.hits.section: hits.section,
     sections.accuracy.section: accuracy.section,
     sections.methods.section: methods.section,
