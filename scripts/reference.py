@@ -208,27 +208,27 @@ def networks() -> str:
 def page() -> str:
     return f"""# Configuration keys
 
-Written by `make reference` from the code that reads the keys; do not edit it by hand. N stands
-for a place in a list, NAME for a name of your choice. A key is required where it says so; else it
-may be left out. Unknown keys, wrong types and values out of range are errors that name file, line
-and key. Paths inside a file are relative to it.
+`make reference` writes this page from the code that reads the keys; do not edit it by hand. N is
+an index in a list, and NAME is a name of your choice. A key without the default `required` is
+optional. Unknown keys, wrong types and values out of range are errors that name file, line and key.
+Paths inside a file are relative to that file.
 
 ## Scene (`configs/scenes`, read by `infrasim run`)
-`--set KEY=VALUE` overrides a key by its path, such as `--set mounts.pole.z_m=8`. Below `presets`
-stand blocks of keys (`datasheet`) that hold on top of the others where the run's LiDARs use that
-preset.
+`--set KEY=VALUE` overrides a key by its path, such as `--set mounts.pole.z_m=8`. The section
+`presets` has sections of keys by preset, such as `datasheet`. They override the other keys if the
+LiDARs of the run use this preset.
 
 {sections(simulator_keys("scene"))}
 ## LiDAR (`configs/lidars`, read by `infrasim run --lidar`)
-A file holds either `pattern`, `returns` and `price_usd`, or a `bundle`; and `pattern` holds one of
-`spinning`, `prisms` and `table`. Below `presets` stand blocks (`paper`, `equal`, `datasheet`) of
-the same keys, which are laid over the rest of the file when that preset is asked for.
+A file has either `pattern`, `returns` and `price_usd`, or a `bundle`. `pattern` has one of
+`spinning`, `prisms` and `table`. The section `presets` has sections of the same keys by preset
+(`paper`, `equal`, `datasheet`). They override the rest of the file if this preset is used.
 
 {sections(simulator_keys("lidar"))}
 ## Detector (`configs/detectors`, read by `pyinfra train`)
 `detector` is one of {", ".join(DETECTORS)}.
-`tiers` has the sections {", ".join(TIERS)}; each holds `network`, `learning` and `augmentation`,
-and what it leaves out keeps its default.
+`tiers` has the sections {", ".join(TIERS)}. Each has the sections `network`, `learning` and
+`augmentation`. Keys that are left out have their defaults.
 
 ### learning
 {table(dataclass_keys(Learning, values=Learning()))}

@@ -11,7 +11,7 @@ import pandas as pd
 import yaml
 
 from pyinfra.core.arrays import FloatArray, IntArray
-from pyinfra.formats.kitti import read_keys, read_lidar_keys
+from pyinfra.formats.kitti import read_keys, read_written_keys
 
 CELL_DEG = 0.28
 FIELD_S = 4.0
@@ -39,7 +39,7 @@ def read_rays(lidar_yaml: Path, seconds: float, period_s: float) -> Rays:
     """
     from pyinfra.dataset import simulation
 
-    written = read_lidar_keys(lidar_yaml)
+    written = read_written_keys(lidar_yaml)
     config = {key: written[key] for key in CONFIG_KEYS if written.get(key)}
     if table := config.get("pattern", {}).get("table"):
         table["file"] = str((lidar_yaml.parent / table["file"]).resolve())

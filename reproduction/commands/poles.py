@@ -93,7 +93,7 @@ def simulated(lidar: str, poles: int, work: Path, error: Error | None = None) ->
         return folder
     mounts = MOUNTS[poles]
     keys = yaml.safe_load(scene_file(SCENE).read_text("utf-8"))
-    keys["mounts"] = {name: keys["mounts"][name] | {"own_draws": True} for name in mounts}
+    keys["mounts"] = {name: keys["mounts"][name] | {"own_random_stream": True} for name in mounts}
     work.mkdir(parents=True, exist_ok=True)
     (scene := work / f"{SCENE}_{poles}.yaml").write_text(yaml.safe_dump(keys, sort_keys=False))
     words = ["--frames", TEST_FRAMES if error else LEARNT_FRAMES, "--threads", "1"]
@@ -195,8 +195,16 @@ def main() -> None:
         "--work", type=Path, required=True, help="working folder for frames, about 10 GB"
     )
     add_out(parser, "poles.csv")
-    parser.add_argument("--lidars", nargs="+", choices=LIDARS, default=LIDARS[:3])
-    parser.add_argument("--arms", nargs="+", choices=ARMS, default=ARMS)
+    parser.add_argument(
+        "--lidars",
+        nargs="+",
+        choices=LIDARS,
+        default=LIDARS[:3],
+        help="names of the LiDARs (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--arms", nargs="+", choices=ARMS, default=ARMS, help="detectors to test (default: all)"
+    )
     args = parser.parse_args()
     columns = provenance("poles")
     for arm in args.arms:

@@ -407,7 +407,7 @@ TEST(scene_at_mount, leaves_one_mount_with_draws_of_its_own) {
   const SceneConfig view = scene_at_mount(scene, "north");
   ASSERT_EQ(view.mounts.size(), 1U);
   EXPECT_EQ(view.mounts.at("north").y_m, 20);
-  EXPECT_EQ(view.mounts.at("north").own_draws, true);
+  EXPECT_EQ(view.mounts.at("north").own_random_stream, true);
   EXPECT_EQ(error_of([&] { scene_at_mount(scene, ""); }), "mount: expected south, north, got none");
   EXPECT_EQ(error_of([&] { scene_at_mount(scene, "west"); }),
             "mount: expected south, north, got 'west'");

@@ -83,7 +83,8 @@ TEST(parked, rows_in_one_place_are_refused) {
         with_parked("[{road: bend, offset_m: -9, class_shares: {Car: 1}}, "
                     "{road: bend, offset_m: -9.5, class_shares: {Car: 1}}]"));
   });
-  EXPECT_NE(message.find("got a parked vehicle in another"), std::string::npos) << message;
+  EXPECT_NE(message.find("got a parked vehicle that overlaps another"), std::string::npos)
+      << message;
 }
 
 TEST(parked, more_vehicles_than_are_looked_at_are_refused) {

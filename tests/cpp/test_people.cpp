@@ -230,7 +230,7 @@ TEST(people, in_lanes_or_in_what_stands_there_are_refused) {
   EXPECT_NE(lane.find("got people on a lane"), std::string::npos) << lane;
   const std::string row = std::string("{road: bend, offset_m: 11") + kRest;
   const std::string twice = refused(row + ", " + row);
-  EXPECT_NE(twice.find("got something in the way of people"), std::string::npos) << twice;
+  EXPECT_NE(twice.find("got an object in the way"), std::string::npos) << twice;
   const std::string unknown = refused(std::string("{road: lane, offset_m: 11") + kRest);
   EXPECT_NE(unknown.find("got unknown road 'lane'"), std::string::npos) << unknown;
 }

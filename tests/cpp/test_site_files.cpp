@@ -229,7 +229,8 @@ TEST_F(SiteFiles, RegionsNarrowIt) {
     return error_of([&] { testing::region_of(site(folder_, more)); });
   };
   expect_within(error("regions: [{name: far, outline_m: [[0, 50], [9, 50], [9, 60]]}]\n"),
-                "site.yaml:7:11: regions.0.outline_m: expected the middle of a road or lane");
+                "site.yaml:7:11: regions.0.outline_m: expected outlines that contain the middle of "
+                "a road or lane");
   expect_within(error("regions: []\n"), "regions: expected entries, got none");
   expect_within(error("regions: [{name: a, outline_m: [[0, 0], [9, 9]]}]\n"),
                 "expected an outline of 3 or more corners");

@@ -520,7 +520,7 @@ def test_the_trajectory_file_itself_is_right(site: Site) -> None:
         ("0.1,2,Car,31", "0,2,Car,31", 5, "t", ["before the row above"]),
         ("0.2,1,Car,12", "0.3,1,Car,12", 6, "id", ["after a gap", "0.1 s"]),
         ("0.2,1,Car,12", "0.15,1,Car,12", 6, "t", ["multiple of 0.1 s"]),
-        ("0.1,1,Car,11", "0.1,3,Car,11", 5, "id", ["expected ids that rise"]),
+        ("0.1,1,Car,11", "0.1,3,Car,11", 5, "id", ["expected ascending ids"]),
         ("0.1,1,Car,11", "0.1,1,Car,21", 4, "x", ["expected at most 10 m in 0.1 s, got a jump"]),
         ("0.1,1,Car,11,2,0.8,0", "0.1,1,Car,11,2,0.8,2", 4, "heading", ["60 degrees"]),
         (

@@ -90,7 +90,7 @@ def test_layout_is_that_of_the_design(data_set: Path) -> None:
 
 def test_a_scene_behind_the_lidars_is_asked_for_before_them(infrasim: Infrasim) -> None:
     result = infrasim("run", "--lidar", "livox_avia", "highway", "--frames", "0:1")
-    words = "scene is required before the options: --lidar takes all words after it"
+    words = "scene is required before the options, because --lidar takes all words after it"
     assert (result.returncode, words in result.stderr) == (2, True), result.stderr
     for without in (["run"], ["trajectories", "--out", "t.csv"]):
         assert "scene is required (see" in infrasim(*without).stderr

@@ -138,7 +138,7 @@ def test_each_mount_and_the_fused_one_keep_the_summary_of_an_earlier_lidar(runs:
 def test_a_mount_s_data_set_is_that_of_its_own_description(
     runs: Runs, digests: Digests, infrasim: Infrasim, tmp_path: Path
 ) -> None:
-    """Draws are the mount's own, and `dataset.yaml` says so."""
+    """The mount has its own random stream, and `dataset.yaml` has the key."""
     left = runs("out", preset="datasheet") / "left"
     keys = yaml.safe_load((left / "dataset.yaml").read_text())
     of_the_run = ("preset", "version", "frames_version")
@@ -150,7 +150,7 @@ def test_a_mount_s_data_set_is_that_of_its_own_description(
     assert digests(left) == digests(tmp_path / "again")
 
 
-def test_mounts_have_draws_of_their_own_and_a_lone_mount_the_scene_s(runs: Runs) -> None:
+def test_each_of_several_mounts_has_its_own_random_stream(runs: Runs) -> None:
     pose = {"x_m": -20, "y_m": -8, "z_m": 6}
     same = {"one": pose, "two": pose}
     both = runs("both", mounts=same)
@@ -158,8 +158,18 @@ def test_mounts_have_draws_of_their_own_and_a_lone_mount_the_scene_s(runs: Runs)
     clouds = [frame_of(folder)[0] for folder in (both / "one", both / "two", alone)]
     for a, b in ((0, 1), (0, 2), (1, 2)):
         assert clouds[a].tobytes() != clouds[b].tobytes()
-    shared = {name: pose | {"own_draws": False} for name in same}
+    shared = {name: pose | {"own_random_stream": False} for name in same}
     assert frame_of(runs("shared", mounts=shared) / "two")[0].tobytes() == clouds[2].tobytes()
+
+
+def test_the_current_name_of_a_renamed_key_of_a_mount_is_named(
+    infrasim: Infrasim, tmp_path: Path
+) -> None:
+    keys = {"mounts": {"one": {"x_m": 0, "y_m": 0, "z_m": 6, "own_draws": True}}}
+    (file := tmp_path / "scene.yaml").write_text(yaml.safe_dump({"name": "scene"} | keys))
+    result = infrasim("check", file)
+    assert result.returncode == 2
+    assert "mounts.one.own_draws: expected own_random_stream, " in result.stderr
 
 
 def test_all_mounts_see_one_scene(runs: Runs) -> None:
@@ -331,7 +341,7 @@ def test_a_stream_takes_a_mount_s_name(runs: Runs, tmp_path: Path) -> None:
         (
             [],
             {"left": {"y_m": 2, "z_m": 3}},
-            "mounts.left.z_m: expected ..., got 3 in the way of the vehicles",
+            "mounts.left.z_m: expected ..., got 3, where vehicles hit it",
         ),
         (
             [],

@@ -177,9 +177,9 @@ def test_a_recording_of_the_empty_site_gives_a_layer(
     words += ["--recording", data / "helios_16", "--out", tmp_path / "a.layer"]
     made = infrasim("static", scene, *words, *empty)
     assert made.returncode == 0, made.stderr
-    assert made.stdout.startswith("20 frames, elevations miss by 0.000 degrees at most\n")
+    assert made.stdout.startswith("20 frames, largest difference of elevations 0.000 degrees\n")
     assert (
-        "assumes that the sensor stood where the mount stands (x_m -30, y_m 10, z_m 6,"
+        "assumes that the pose of the sensor is that of the mount (x_m -30, y_m 10, z_m 6,"
         in made.stdout
     )
     (data / "helios_16/training/velodyne/000003.bin").unlink()

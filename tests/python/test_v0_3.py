@@ -24,6 +24,7 @@ from pyinfra.experiments.benchmark.matrix import read_plan
 from pyinfra.experiments.benchmark.provenance import recipe_digest
 from pyinfra.experiments.stress import altered_scenes, trials
 from pyinfra.experiments.stress.stressors import NONE
+from pyinfra.formats import kitti
 from pyinfra.formats.kitti import frame_file
 from pyinfra.metrics import replicates
 from pyinfra.metrics.ground_truth import read_ground_truth
@@ -96,6 +97,12 @@ def test_its_frames_are_the_bytes_of_now(
     assert digests(old / "data") == before
 
 
+def test_keys_of_a_folder_have_their_current_names() -> None:
+    mount = kitti.read_written_keys(V0_3 / "fused/north/dataset.yaml")["mounts"]["north"]
+    assert mount["own_random_stream"] is True
+    assert "own_draws" not in mount
+
+
 def test_a_fused_folder_is_resumed(
     old: Path, infrasim: Infrasim, digests: Callable[[Path], dict[str, str]]
 ) -> None:
@@ -138,7 +145,7 @@ def test_a_folder_whose_frames_have_changed_since_takes_no_more(
     refused = simulated(old, infrasim, "1:3", *rainy)
     assert refused.returncode == 1
     assert f"{file}: " in refused.stderr
-    assert "rain or fog, so simulate it anew" in refused.stderr
+    assert "rain or fog: simulate the scene again" in refused.stderr
     assert sorted((old / "data").rglob("*.bin")) == frames
     file.write_text(file.read_text() + "frames_version: 3\n")  # written since
     assert simulated(old, infrasim, "1:3", *rainy).returncode == 0

@@ -61,23 +61,27 @@ struct FilterOption {
 /// The options in the order of --help, which is also the order of the steps. Filters that require
 /// the ground points come before filters that remove them.
 constexpr std::array kFilterOptions{
-    FilterOption{"--crop-box", "xmin,ymin,zmin,xmax,ymax,zmax (m)", 6, 6, filter_of<CropBox>},
-    FilterOption{"--crop-polygon", "x,y,x,y,... of an outline (m)", 6, 10000,
+    FilterOption{"--crop-box", "keep the points in a box: xmin,ymin,zmin,xmax,ymax,zmax (m)", 6, 6,
+                 filter_of<CropBox>},
+    FilterOption{"--crop-polygon", "keep the points in an outline: x,y,x,y,... (m)", 6, 10000,
                  filter_of<CropPolygon>},
-    FilterOption{"--crop-range", "min,max (m)", 2, 2, filter_of<CropRange>},
-    FilterOption{"--fov", "azimuth min,max,elevation min,max (deg)", 4, 4,
-                 filter_of<CropFieldOfView>},
-    FilterOption{"--ground-morphological", "remove roads, slopes and terrain", 0, 0,
+    FilterOption{"--crop-range", "keep the points in a span of slant ranges: min,max (m)", 2, 2,
+                 filter_of<CropRange>},
+    FilterOption{"--fov",
+                 "keep the points in a field of view: azimuth min,max,elevation min,max (deg)", 4,
+                 4, filter_of<CropFieldOfView>},
+    FilterOption{"--ground-morphological", "remove the points of roads, slopes and terrain", 0, 0,
                  filter_of<GroundMorphological>},
-    FilterOption{"--ground-plane",
-                 "remove what is this close to a plane (m); a second number is the sensor's height "
-                 "above it",
-                 1, 2, filter_of<GroundPlane>},
-    FilterOption{"--below-z", "remove what is not above this height (m)", 1, 1,
+    FilterOption{
+        "--ground-plane",
+        "remove the points within this distance of the ground plane (m); an optional second "
+        "number is the height of the sensor above the plane (m)",
+        1, 2, filter_of<GroundPlane>},
+    FilterOption{"--below-z", "remove the points at or below this height (m)", 1, 1,
                  filter_of<GroundHeight>},
 };
 static_assert(kFilterOptions.size() + 1 == std::variant_size_v<FilterStep>,
-              "every filter but the background, which is learnt, has a row");
+              "every filter except the learnt background has a row");
 
 struct FilterOptions {
   std::string in;
@@ -119,7 +123,8 @@ void warn_without_plane(const FilterStep& step, std::size_t before, std::size_t 
   const double height_m = std::get<GroundPlane>(step).sensor_height_m;
   const std::string where =
       height_m > 0 ? " " + config::number_text(height_m) + " m below the sensor" : "";
-  std::fprintf(stderr, "infrasim: warning: --ground-plane: found no plane%s, kept every point\n",
+  std::fprintf(stderr,
+               "infrasim: warning: --ground-plane: found no plane%s, so all points are kept\n",
                where.c_str());
 }
 
@@ -130,14 +135,15 @@ void warn_of_bin(const FilterOptions& o, const CloudFile& cloud) {
   };
   const std::vector<float> intensity = cloud.intensity();
   if (o.in.ends_with(".bin") && std::ranges::any_of(intensity, [](float v) { return v < 0; }))
-    warn(o.in, "expected intensities of 0 or more, got others: are points no four float32?");
+    warn(o.in,
+         "expected intensities of 0 or more, got others: does a point have four float32 values?");
   if (!o.out.ends_with(".bin")) return;
-  if (intensity.empty()) warn(o.out, "found no field for the intensity, taken as 0");
+  if (intensity.empty()) warn(o.out, "the cloud has no intensity field: intensities are set to 0");
   const Viewpoint pose = cloud.pose();
   if (pose.is_identity()) return;
-  const std::string shift = pose.is_far() ? "; its shift is 10 km or more and left out" : "";
+  const std::string shift = pose.is_far() ? "; its shift of 10 km or more is ignored" : "";
   warn(o.out, "points are moved by VIEWPOINT " + cloud.viewpoint +
-                  ", filters see them as they are stored" + shift);
+                  ", but filters use the stored coordinates" + shift);
 }
 
 void filter_command(const FilterOptions& o) {
@@ -163,12 +169,12 @@ void filter_command(const FilterOptions& o) {
 void add_filter_command(CLI::App& app) {
   auto* command = app.add_subcommand(
       "filter",
-      "Crop a cloud, remove its ground or its background; steps run in this order.\n"
+      "Crop a cloud, or remove its ground or background. Steps run in the order below.\n"
       "Example: infrasim filter 000000.bin --out vehicles.pcd --range 1,100 "
       "--ground-morphological");
   auto o = std::make_shared<FilterOptions>();
-  command->add_option("in", o->in, ".bin (KITTI) or .pcd file")->required();
-  command->add_option("--out", o->out, ".bin or .pcd file")->required();
+  command->add_option("in", o->in, "cloud: .bin (KITTI) or .pcd file")->required();
+  command->add_option("--out", o->out, "output: .bin or .pcd file")->required();
   for (std::size_t i = 0; i < kFilterOptions.size(); ++i) {
     const FilterOption& row = kFilterOptions[i];
     if (row.numbers == 0)
@@ -181,11 +187,18 @@ void add_filter_command(CLI::App& app) {
   // Each of the two filters requires the ground points. If one removed them, the other would remove
   // roofs as ground.
   command->get_option("--ground-plane")->excludes(command->get_option("--ground-morphological"));
-  auto* background = command->add_option("--background", o->background,
-                                         "a saved model, or frames of the sensor to learn from");
-  command->add_option("--save-background", o->save_background, "write the learnt model")
+  auto* background =
+      command->add_option("--background", o->background,
+                          "remove the static background: a saved model, or frames of the sensor "
+                          "from which it is learnt");
+  command
+      ->add_option("--save-background", o->save_background,
+                   "file to which the learnt background model is written")
       ->needs(background);
-  command->add_option("--pcd", o->encoding, "ascii, binary or binary_compressed")
+  command
+      ->add_option("--pcd", o->encoding,
+                   "encoding of .pcd output: ascii, binary or binary_compressed; default: that of "
+                   "the input, or binary")
       ->check(CLI::IsMember({"ascii", "binary", "binary_compressed"}));
   command->callback([o] { filter_command(*o); });
 }

@@ -108,9 +108,10 @@ SceneConfig checked_scene(const std::filesystem::path& file, const CheckOptions&
   const auto lacks_trajectories = [&](const SceneConfig& scene) {
     const std::filesystem::path recorded = scene.folder / scene.trajectories;
     if (scene.traffic || std::filesystem::exists(recorded)) return false;
-    findings.insert("no-trajectories: " + recorded.string() +
-                    ": not there, so no vehicles are checked: `pyinfra site traffic` or `pyinfra "
-                    "site trajectories` writes it");
+    findings.insert(
+        "no-trajectories: " + recorded.string() +
+        ": file does not exist, so vehicles are not checked: `pyinfra site traffic` or `pyinfra "
+        "site trajectories` writes it");
     return true;
   };
   const auto checked = [&](const std::string& preset) {
@@ -277,27 +278,28 @@ void add_check_command(CLI::App& app) {
       "check configs/scenes/highway.yaml");
   auto o = std::make_shared<CheckOptions>();
   command->add_option("file", o->file, "scene or LiDAR: a file or a name")->required();
-  command->add_option("--preset", o->preset,
-                      "preset of the file; else all are read, and datasheet is printed");
+  command->add_option(
+      "--preset", o->preset,
+      "preset of the file; default: all presets are checked, and datasheet is printed");
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of a scene");
   command->add_option("--lidar", o->lidars,
                       "LiDARs: files or names; print what they see of the ground from the mounts");
   command->add_flag("--canonical", o->canonical,
-                    "only read the file, and print its keys by the names of version 0.3 and the "
-                    "number of the frames: what results are told by");
+                    "print the keys under the names of version 0.3, and the version of the frames, "
+                    "which identify results; check nothing else");
   command->add_flag(
       "--traffic", o->traffic,
-      "also look for vehicles in one place: a minute of traffic, or all trajectories");
+      "also check for overlapping vehicles, in one minute of traffic or in all trajectories");
   command->callback([o] { check_command(*o); });
 }
 
 void add_keys_command(CLI::App& app) {
   auto* command = app.add_subcommand(
       "keys",
-      "List every key: path, type, default, what is allowed, meaning, with tabs between.\n"
+      "List every key with path, type, default, allowed values and meaning, separated by tabs.\n"
       "Example: infrasim keys scene");
   auto kind = std::make_shared<std::string>();
-  command->add_option("kind", *kind, "scene or lidar")
+  command->add_option("kind", *kind, "kind of file: scene or lidar")
       ->required()
       ->check(CLI::IsMember({"scene", "lidar"}));
   command->callback([kind] {
@@ -316,22 +318,24 @@ void add_pattern_command(CLI::App& app) {
   auto o = std::make_shared<PatternOptions>();
   command->add_option("lidar", o->file, "LiDAR: a file or a name")->required();
   command->add_option("--preset", o->preset, "preset of the LiDAR")->capture_default_str();
-  command->add_option("--frames", o->frames, "A:B[:STEP], B excluded")->capture_default_str();
-  command->add_option("--out", o->out, ".npy file")->required();
+  command->add_option("--frames", o->frames, "frame numbers from A to B without B: A:B[:STEP]")
+      ->capture_default_str();
+  command->add_option("--out", o->out, "output: .npy file")->required();
   command->add_option("--seed", o->seed,
-                      "start free motors at this seed's draw; else as if locked");
-  command->add_option("--mount", o->mount, "mount of the draw")->capture_default_str();
+                      "seed of the start angles of free motors; default: all motors are locked");
+  command->add_option("--mount", o->mount, "mount of the LiDAR, which affects the start angles")
+      ->capture_default_str();
   command->callback([o] { pattern_command(*o); });
 }
 
 void add_trajectories_command(CLI::App& app) {
-  auto* command =
-      app.add_subcommand("trajectories",
-                         "Write the vehicles of a scene as .csv, 10 rows a second.\nExample: "
-                         "infrasim trajectories configs/scenes/curve.yaml --out curve.csv");
+  auto* command = app.add_subcommand(
+      "trajectories",
+      "Write the vehicles of a scene as .csv, with 10 rows per second.\nExample: "
+      "infrasim trajectories configs/scenes/curve.yaml --out curve.csv");
   auto o = std::make_shared<TrajectoriesOptions>();
   command->add_option("scene", o->scene, "scene: a file or a name")->required();
-  command->add_option("--out", o->out, ".csv file")->required();
+  command->add_option("--out", o->out, "output: .csv file")->required();
   command->add_option("--preset", o->preset, "preset of the scene")->capture_default_str();
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of the scene");
   command->callback([o] { trajectories_command(*o); });

@@ -156,27 +156,38 @@ void add_run_command(CLI::App& app, CommandResult& result) {
   command->add_option("--lidar", o->lidars, "LiDARs: files or names, such as livox_avia")
       ->required();
   command
-      ->add_option("--preset", o->preset, "preset of the LiDARs, and of the scene where it has it")
+      ->add_option("--preset", o->preset,
+                   "preset of the LiDARs, and of the scene if the scene has it")
       ->capture_default_str();
-  command->add_option("--frames", o->frames, "A:B[:STEP], B excluded")->capture_default_str();
-  command->add_option("--out", o->out, "data set folder; without it nothing is written");
-  command->add_option("--summary", o->summary, "also write the summary to this file");
-  command->add_option("--threads", o->threads, "frames computed at a time")
+  command->add_option("--frames", o->frames, "frame numbers from A to B without B: A:B[:STEP]")
+      ->capture_default_str();
+  command->add_option("--out", o->out, "folder of the data set; default: nothing is written");
+  command->add_option("--summary", o->summary, "CSV file to which the summary is also written");
+  command->add_option("--threads", o->threads, "number of frames computed at the same time")
       ->capture_default_str()
       ->check(CLI::Range(1, kMostThreads));
-  command->add_option("--mount", o->mounts, "of several mounts this one alone, or these: A,B")
+  command
+      ->add_option("--mount", o->mounts,
+                   "mounts to simulate, if the scene has several: A,B; default: all")
       ->delimiter(',')
       ->allow_extra_args(false);
-  command->add_flag("--fuse", o->fuse, "also write the frames of the mounts as one, OUT/fused");
-  command->add_option("--seed", o->seed, "overrides the scene's seed");
-  command->add_option("--aggregation", o->aggregation, "exact, instant or slices:N");
-  command->add_option("--detail", o->detail, "vehicles: box, low, mid or fine");
-  command->add_option("--labels", o->labels, "objects that get a label: hit or all");
-  command->add_option("--label-time", o->label_time,
-                      "pose of the labels: frame (its middle) or scan; by default as the preset");
+  command->add_flag("--fuse", o->fuse,
+                    "also merge the frames of all mounts and write them to OUT/fused");
+  command->add_option("--seed", o->seed, "seed; default: the seed of the scene");
+  command->add_option("--aggregation", o->aggregation,
+                      "aggregation: exact, instant or slices:N; default: that of the scene");
+  command->add_option(
+      "--detail", o->detail,
+      "level of detail of the vehicles: box, low, mid or fine; default: that of the scene");
+  command->add_option("--labels", o->labels,
+                      "objects that get a label: hit or all; default: that of the scene");
+  command->add_option(
+      "--label-time", o->label_time,
+      "time of the labels: frame (its middle) or scan; default: that of the scene and "
+      "preset");
   command->add_flag("--fields", o->fields, "write time, ring, class and object of every point");
   command->add_flag("--cast-all", o->cast_all,
-                    "cast what stands still in every frame: the same frames, slower");
+                    "cast the static scene in every frame too; slower, with the same frames");
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of the scene");
   command->callback([o, &result] { result.exit_code = run_command(*o); });
 }

@@ -33,7 +33,7 @@ struct StaticOptions {
 std::vector<StaticHits> recorded_units(const SceneConfig& scene, const LidarConfig& lidar,
                                        const StaticOptions& o) {
   RecordedLayer layer = recorded_static_layer(scene, lidar, *o.recording);
-  std::printf("%d frames, elevations miss by %.3f degrees at most\n", layer.frames,
+  std::printf("%d frames, largest difference of elevations %.3f degrees\n", layer.frames,
               layer.elevation_miss_deg);
   const MountConfig& mount = scene.mounts.begin()->second;
   const auto n = [](double v) { return config::number_text(v); };
@@ -41,15 +41,14 @@ std::vector<StaticHits> recorded_units(const SceneConfig& scene, const LidarConf
                            n(mount.z_m) + ", yaw_deg " + n(mount.yaw_deg) + ", pitch_deg " +
                            n(mount.pitch_deg) + ", roll_deg " + n(mount.roll_deg);
   std::printf(
-      "assumes that the sensor stood where the mount stands (%s); only pitch and roll are "
-      "checked, by the elevations\n",
+      "assumes that the pose of the sensor is that of the mount (%s); only pitch and roll are "
+      "checked, from the elevations\n",
       pose.c_str());
   for (std::size_t i = 0; i < layer.azimuth_offsets_deg.size(); ++i)
     std::printf("unit %zu: columns %+.4f degrees from the LiDAR's\n", i,
                 layer.azimuth_offsets_deg[i]);
   if (layer.too_far > 0)
-    std::fprintf(stderr,
-                 "infrasim: warning: %s: left out what %zu rays saw beyond the LiDAR's range\n",
+    std::fprintf(stderr, "infrasim: warning: %s: removed %zu returns beyond the LiDAR's range\n",
                  o.recording->c_str(), layer.too_far);
   return std::move(layer.units);
 }
@@ -78,16 +77,17 @@ void static_command(const StaticOptions& o) {
 void add_static_command(CLI::App& app) {
   auto* command = app.add_subcommand(
       "static",
-      "Write what stands still, as a LiDAR whose pattern repeats sees it, for a scene's "
-      "static_layers.\nExample: infrasim static highway --lidar ruby_plus --out ruby_plus.layer");
+      "Write the static points of a LiDAR whose scan pattern repeats, for the key static_layers of "
+      "a scene.\nExample: infrasim static highway --lidar ruby_plus --out ruby_plus.layer");
   auto o = std::make_shared<StaticOptions>();
   command->add_option("scene", o->scene, "scene: a file or a name")->required();
   command->add_option("--lidar", o->lidar, "LiDAR: a file or a name")->required();
   command->add_option("--preset", o->preset, "preset of the LiDAR and of the scene")
       ->capture_default_str();
-  command->add_option("--recording", o->recording,
-                      "DATA/LIDAR of the empty site: what it saw, in place of what the scene has");
-  command->add_option("--out", o->out, "file of the layer")->required();
+  command->add_option(
+      "--recording", o->recording,
+      "recording of the empty site (DATA/LIDAR), whose points replace those of the scene");
+  command->add_option("--out", o->out, "output: file of static points")->required();
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of the scene");
   command->callback([o] { static_command(*o); });
 }

@@ -32,9 +32,9 @@ struct CanonicalKeys {
   std::span<const LaterKey> later;
 };
 
-inline constexpr std::array kRenamedKeys{RenamedKey{"spinning.cut_angle_deg", "seam_deg"},
-                                         RenamedKey{"pattern.prisms", "wedges"},
-                                         RenamedKey{"prisms.prisms", "wedges"}};
+inline constexpr std::array kRenamedKeys{
+    RenamedKey{"spinning.cut_angle_deg", "seam_deg"}, RenamedKey{"pattern.prisms", "wedges"},
+    RenamedKey{"prisms.prisms", "wedges"}, RenamedKey{"mounts.*.own_random_stream", "own_draws"}};
 inline constexpr std::array<LaterKey, 0> kLaterKeys{};
 inline constexpr CanonicalKeys kCanonicalKeys{kRenamedKeys, kLaterKeys};
 

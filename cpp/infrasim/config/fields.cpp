@@ -256,7 +256,7 @@ Tree with_current_names(Tree tree, const CanonicalKeys& canonical, const std::st
       if (const auto now = current_name(tree.keys[i], path, canonical)) {
         if (tree.find(*now) != nullptr)
           fail(tree.items[i].place, tree.keys[i],
-               "expected " + *now + " alone, its current name, got both");
+               "expected " + *now + ", the current name, got both names");
         tree.keys[i] = *now;
       }
       inner += "." + tree.keys[i];

@@ -60,81 +60,100 @@ void for_each_filter(Of<std::variant<Filters...>>, const Use& use) {
 }
 
 inline auto declaration(Of<CropBox>) {
-  return declare("crop_box", "keep a box",
-                 "Keeps min_m <= point <= max_m, each (x, y, z) in metres.",
-                 required("min_m", &CropBox::min_m, "levelled LiDAR frame"),
-                 required("max_m", &CropBox::max_m, "levelled LiDAR frame"));
+  return declare(
+      "crop_box", "keeps the points in a box",
+      "Keeps min_m <= point <= max_m, each (x, y, z) in metres.",
+      required("min_m", &CropBox::min_m, "smallest coordinate, in the levelled LiDAR frame"),
+      required("max_m", &CropBox::max_m, "largest coordinate, in the levelled LiDAR frame"));
 }
 
 inline auto declaration(Of<CropPolygon>) {
-  return declare("crop_polygon", "keep an outline", "Keeps points inside corners (x, y) in metres.",
-                 required("outline_m", &CropPolygon::outline_m, "corners, levelled LiDAR frame"));
+  return declare("crop_polygon", "keeps the points in an outline",
+                 "Keeps points inside corners (x, y) in metres.",
+                 required("outline_m", &CropPolygon::outline_m,
+                          "corners x y in order, in the levelled LiDAR frame"));
 }
 
 inline auto declaration(Of<CropRange>) {
-  return declare("crop_range", "keep ranges", "Keeps min_m <= slant range <= max_m.",
-                 optional("min_m", &CropRange::min_m, "slant range", between(0, 1e5)),
-                 required("max_m", &CropRange::max_m, "slant range", positive(1e5)));
+  return declare("crop_range", "keeps the points in a span of ranges",
+                 "Keeps min_m <= slant range <= max_m.",
+                 optional("min_m", &CropRange::min_m, "lowest slant range", between(0, 1e5)),
+                 required("max_m", &CropRange::max_m, "highest slant range", positive(1e5)));
 }
 
 inline auto declaration(Of<CropFieldOfView>) {
   using Filter = CropFieldOfView;
   const Rule turn = between(-180, 180), tilt = between(-90, 90);
   return declare(
-      "crop_field_of_view", "keep angles",
+      "crop_field_of_view", "keeps the points in a span of angles",
       "Keeps an interval of azimuth, from min towards +y up to max, and of elevation; degrees.",
-      optional("azimuth_min_deg", &Filter::azimuth_min_deg, "from here towards +y", turn),
-      optional("azimuth_max_deg", &Filter::azimuth_max_deg, "up to here", turn),
-      optional("elevation_min_deg", &Filter::elevation_min_deg, "above the horizon", tilt),
-      optional("elevation_max_deg", &Filter::elevation_max_deg, "above the horizon", tilt));
+      optional("azimuth_min_deg", &Filter::azimuth_min_deg,
+               "azimuth at which the span begins; it runs from +x towards +y", turn),
+      optional("azimuth_max_deg", &Filter::azimuth_max_deg, "azimuth at which the span ends", turn),
+      optional("elevation_min_deg", &Filter::elevation_min_deg, "lowest angle above the horizon",
+               tilt),
+      optional("elevation_max_deg", &Filter::elevation_max_deg, "highest angle above the horizon",
+               tilt));
 }
 
 inline auto declaration(Of<GroundHeight>) {
-  return declare(
-      "ground_height", "keep what is above a height", "Keeps z > z_m; knows no slope.",
-      required("z_m", &GroundHeight::z_m, "levelled LiDAR frame; what is not above goes"));
+  return declare("ground_height", "keeps the points above a height",
+                 "Keeps points with z > z_m; ignores slopes.",
+                 required("z_m", &GroundHeight::z_m,
+                          "height in the levelled LiDAR frame; points at or below it are removed"));
 }
 
 inline auto declaration(Of<GroundPlane>) {
   return declare(
-      "ground_plane", "remove one plane",
-      "Removes what is within distance_m of the largest plane that is nearly level (PCL's RANSAC) "
-      "and sensor_height_m below the sensor, if that is not 0.",
-      optional("distance_m", &GroundPlane::distance_m, "half thickness", positive(10)),
-      optional("sensor_height_m", &GroundPlane::sensor_height_m,
-               "above the ground; 0 is the mount's above the first road", between(0, 1000)),
-      optional("max_tilt_deg", &GroundPlane::max_tilt_deg, "from horizontal", positive(89.9)));
+      "ground_plane", "removes the points of one plane",
+      "Removes points within distance_m of the largest nearly level plane (RANSAC of PCL). If "
+      "sensor_height_m is not 0, the plane must be this far below the sensor.",
+      optional("distance_m", &GroundPlane::distance_m,
+               "largest distance of removed points from the plane", positive(10)),
+      optional(
+          "sensor_height_m", &GroundPlane::sensor_height_m,
+          "height of the sensor above the ground; 0: the height of the mount above the first road",
+          between(0, 1000)),
+      optional("max_tilt_deg", &GroundPlane::max_tilt_deg,
+               "largest angle between the plane and the horizontal", positive(89.9)));
 }
 
 inline auto declaration(Of<GroundMorphological>) {
   using Filter = GroundMorphological;
   return declare(
-      "ground_morphological", "remove roads, slopes and terrain",
-      "Removes roads, slopes and terrain: what is wider than window_m, and height_m above it.",
-      optional("window_m", &Filter::window_m, "what is wider is ground", between(1, 100)),
-      optional("height_m", &Filter::height_m, "above the ground that goes too", positive(10)),
-      optional("cell_m", &Filter::cell_m, "grid cell", between(0.05, 10)),
-      optional("azimuth_cell_deg", &Filter::azimuth_cell_deg, "sectors in which gaps are filled",
-               between(0.05, 10)),
-      optional("max_range_m", &Filter::max_range_m, "farther points are kept", positive(600)));
+      "ground_morphological", "removes the points of roads, slopes and terrain",
+      "Removes roads, slopes and terrain: surfaces wider than window_m, and points up to height_m "
+      "above them.",
+      optional("window_m", &Filter::window_m, "objects wider than this are ground",
+               between(1, 100)),
+      optional("height_m", &Filter::height_m,
+               "points up to this height above the ground are removed too", positive(10)),
+      optional("cell_m", &Filter::cell_m, "side of a grid cell", between(0.05, 10)),
+      optional("azimuth_cell_deg", &Filter::azimuth_cell_deg,
+               "width of the sectors in which gaps are filled", between(0.05, 10)),
+      optional("max_range_m", &Filter::max_range_m, "points at a greater range are kept",
+               positive(600)));
 }
 
 /// Declares the background filter. In Python, and when points are filtered, it is a learnt model.
 inline auto declaration(Of<BackgroundFilter>) {
   using Filter = BackgroundFilter;
   return declare(
-      "background", "remove what stands without vehicles too",
-      "The static scene as one fixed sensor sees it; as a filter step it removes that scene.",
-      optional("frames", &Filter::frames, "frames without vehicles to learn from",
+      "background", "removes the points of the static scene",
+      "Model of the static scene for one fixed sensor; as a filter step, it removes the points of "
+      "this scene.",
+      optional("frames", &Filter::frames,
+               "number of frames without vehicles from which the model is learnt",
                between(1, 1000)),
-      optional("azimuth_cell_deg", &Filter::azimuth_cell_deg, "cell of the model",
+      optional("azimuth_cell_deg", &Filter::azimuth_cell_deg, "width of a cell of the model",
                between(0.05, 10)),
-      optional("elevation_cell_deg", &Filter::elevation_cell_deg, "cell of the model",
+      optional("elevation_cell_deg", &Filter::elevation_cell_deg, "height of a cell of the model",
                between(0.05, 10)),
-      optional("range_margin_m", &Filter::range_margin_m, "in front of it that goes too",
+      optional("range_margin_m", &Filter::range_margin_m,
+               "points up to this distance in front of the background are removed too",
                between(0, 10)),
-      optional("height_margin_m", &Filter::height_margin_m, "above it that goes too",
-               between(0, 10)));
+      optional("height_margin_m", &Filter::height_margin_m,
+               "points up to this height above the background are removed too", between(0, 10)));
 }
 
 }  // namespace infrasim::config

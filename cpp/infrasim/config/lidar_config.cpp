@@ -16,10 +16,10 @@ using config::required;
 
 template <class Fields>
 void visit(Fields& f, PriceConfig& c) {
-  f.field("low", c.low, "US dollars", required(between(0, 1e7)));
-  f.field("high", c.high, "US dollars", required(between(0, 1e7)));
-  f.field("source", c.source, "who says so", required());
-  f.field("date", c.date, "when", required());
+  f.field("low", c.low, "lowest price, in US dollars", required(between(0, 1e7)));
+  f.field("high", c.high, "highest price, in US dollars", required(between(0, 1e7)));
+  f.field("source", c.source, "source of the price", required());
+  f.field("date", c.date, "date of the price", required());
   f.check(c.high >= c.low, "high", "expected low or more, got less");
 }
 
@@ -47,12 +47,13 @@ struct LidarFile {
 template <class Fields>
 void visit(Fields& f, BundleEntry& c) {
   f.field("lidar", c.lidar, "LiDAR file, relative to this one");
-  f.field("yaw_deg", c.yaw_deg, "turned to the left on the mount", between(-360, 360));
-  f.field("pitch_deg", c.pitch_deg, "positive looks down", between(-90, 90));
+  f.field("yaw_deg", c.yaw_deg, "yaw on the mount, positive to the left", between(-360, 360));
+  f.field("pitch_deg", c.pitch_deg, "pitch; positive values point the LiDAR down",
+          between(-90, 90));
   if constexpr (!std::is_same_v<Fields, config::FieldLister>) {  // the key list has these keys
                                                                  // once, outside bundles
-    f.field("pattern", c.pattern, "directions and times of its rays");
-    f.field("returns", c.returns, "which hits become points");
+    f.field("pattern", c.pattern, "scan pattern: directions and times of the rays");
+    f.field("returns", c.returns, "return model: which ray hits become points");
   }
   const bool file = c.lidar && !c.lidar->empty() && !c.pattern && !c.returns;
   const bool whole = !c.lidar && c.pattern && c.returns;
@@ -73,7 +74,7 @@ bool is_bundle(const LidarFile& c) {
 
 template <class Fields>
 void visit(Fields& f, LidarFile& c) {
-  f.field("name", c.name, "name, and folder of its frames", required());
+  f.field("name", c.name, "name of the LiDAR and of the folder of its frames", required());
   f.check(c.name.find_first_of("/\\,\"\n") == std::string::npos && config::begins_as_name(c.name),
           "name",
           "expected a name that can be a folder and a word of a table, and begins "
@@ -81,10 +82,11 @@ void visit(Fields& f, LidarFile& c) {
               c.name + "'");
   f.field("model", c.model, "vendor and product");
   f.field("price_usd", c.price_usd, "price of one unit");
-  f.field("pattern", c.pattern, "directions and times of its rays");
-  f.field("returns", c.returns, "which hits become points");
-  f.field("bundle", c.bundle,
-          "several LiDARs cast as one; resolved, with pattern and returns in place of lidar");
+  f.field("pattern", c.pattern, "scan pattern: directions and times of the rays");
+  f.field("returns", c.returns, "return model: which ray hits become points");
+  f.field(
+      "bundle", c.bundle,
+      "several LiDARs that count as one; in a resolved file, pattern and returns replace lidar");
   const bool single = c.pattern && c.returns && c.price_usd && c.bundle.empty();
   f.check(single || is_bundle(c), "bundle",
           "expected pattern, returns and price_usd, or bundle alone, or price_usd "

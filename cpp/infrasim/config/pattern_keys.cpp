@@ -30,17 +30,19 @@ std::span<const char* const> enum_names(MotorPhase) {
 
 template <class Fields>
 void visit(Fields& f, Channel& c) {
-  f.field("elevation_deg", c.elevation_deg, "above the horizon", required(between(-90, 90)));
-  f.field("azimuth_offset_deg", c.azimuth_offset_deg, "in the sense of rotation",
+  f.field("elevation_deg", c.elevation_deg, "elevation above the horizon",
+          required(between(-90, 90)));
+  f.field("azimuth_offset_deg", c.azimuth_offset_deg, "azimuth offset in the direction of rotation",
           between(-180, 180));
-  f.field("fire_time_us", c.fire_time_us, "after the start of its column", between(0, 1e6));
+  f.field("fire_time_us", c.fire_time_us, "firing time after the start of the column",
+          between(0, 1e6));
 }
 
 template <class Fields>
 void visit(Fields& f, ChannelsConfig& c) {
-  f.field("count", c.count, "evenly spaced channels", between(0, 65535));
-  f.field("upper_deg", c.upper_deg, "elevation of the first", between(-90, 90));
-  f.field("lower_deg", c.lower_deg, "elevation of the last", between(-90, 90));
+  f.field("count", c.count, "number of evenly spaced channels", between(0, 65535));
+  f.field("upper_deg", c.upper_deg, "elevation of the first channel", between(-90, 90));
+  f.field("lower_deg", c.lower_deg, "elevation of the last channel", between(-90, 90));
   f.field("file", c.file, "table of channels, relative to this file");
   f.field("table", c.table, "channels, in the order of their points in a column");
   const int ways = (c.count > 0) + !c.file.empty() + !c.table.empty();
@@ -70,14 +72,17 @@ std::optional<Fraction> columns_per_turn(const SpinningConfig& spinning) {
 template <class Fields>
 void visit(Fields& f, SpinningConfig& c) {
   f.field("rate_hz", c.rate_hz, "turns per second", required(positive(1000)));
-  f.field("phase", c.phase, "locked: at time 0 it stands at cut_angle_deg; free: at a seeded draw");
+  f.field("phase", c.phase,
+          "locked: the motor is at cut_angle_deg at time 0; free: the motor starts at a random "
+          "angle, which depends on the seed");
   f.field("cut_angle_deg", c.cut_angle_deg,
-          "azimuth in the unit's own frame at which a turn begins", between(-360, 360));
-  f.field("azimuth_step_deg", c.azimuth_step_deg, "between two columns; or columns_per_turn",
-          positive(90));
-  f.field("columns_per_turn", c.columns_per_turn, "the step's exact form, such as 1800 or 8125/4",
+          "azimuth at which a frame begins and ends, in the frame of the unit", between(-360, 360));
+  f.field("azimuth_step_deg", c.azimuth_step_deg,
+          "angle between two columns; replaces columns_per_turn", positive(90));
+  f.field("columns_per_turn", c.columns_per_turn,
+          "number of columns per turn, such as 1800 or 8125/4; replaces azimuth_step_deg",
           between(4, 1e9));
-  f.field("channels", c.channels, "lasers", required());
+  f.field("channels", c.channels, "channels of the LiDAR", required());
   const char* step = c.columns_per_turn ? "columns_per_turn" : "azimuth_step_deg";
   const bool one = c.azimuth_step_deg.has_value() != c.columns_per_turn.has_value();
   f.check(one, step, "expected azimuth_step_deg or columns_per_turn, got both or neither");
@@ -92,21 +97,26 @@ void visit(Fields& f, SpinningConfig& c) {
 template <class Fields>
 void visit(Fields& f, PrismConfig& c) {
   f.field("rpm", c.rpm, "turns per minute, signed", required(between(-1e6, 1e6)));
-  f.field("angle_deg", c.angle_deg, "between its faces, signed", required(between(-45, 45)));
-  f.field("refractive_index", c.refractive_index, "of its glass", required(between(1, 4)));
-  f.field("faces", c.faces, "tilted_first or flat_first, as the light goes", required());
-  f.field("phase_deg", c.phase_deg, "at time 0", between(-360, 360));
+  f.field("angle_deg", c.angle_deg, "wedge angle between the faces, signed",
+          required(between(-45, 45)));
+  f.field("refractive_index", c.refractive_index, "refractive index of the glass",
+          required(between(1, 4)));
+  f.field("faces", c.faces, "which face the light passes first", required());
+  f.field("phase_deg", c.phase_deg, "angle at time 0", between(-360, 360));
 }
 
 template <class Fields>
 void visit(Fields& f, PrismsConfig& c) {
   f.field("steps_per_s", c.steps_per_s, "firings per second",
           required(between(kFewestPerSecond, 1e7)));
-  f.field("phase", c.phase, "free: a seeded draw of the start; locked: first_step at time 0");
+  f.field("phase", c.phase,
+          "locked: the firing first_step is at time 0; free: the pattern starts at a random "
+          "firing, which depends on the seed");
   f.field("first_step", c.first_step, "index of the firing at time 0", between(0, 1e6));
-  f.field("focal_length", c.focal_length, "in the unit of laser_offsets", positive());
-  f.field("laser_offsets", c.laser_offsets, "lasers fired at once, from the top", at_least_one());
-  f.field("prisms", c.prisms, "prisms, as the light goes", at_least_one());
+  f.field("focal_length", c.focal_length, "focal length, in the unit of laser_offsets", positive());
+  f.field("laser_offsets", c.laser_offsets,
+          "offsets of the lasers that fire at the same time, from the top", at_least_one());
+  f.field("prisms", c.prisms, "prisms in the order in which the light passes them", at_least_one());
   const double passages = c.steps_per_s * static_cast<double>(c.laser_offsets.size()) *
                           static_cast<double>(c.prisms.size());
   f.check(passages <= kMostPassagesPerSecond, "steps_per_s",
@@ -117,18 +127,21 @@ void visit(Fields& f, PrismsConfig& c) {
 
 template <class Fields>
 void visit(Fields& f, TableConfig& c) {
-  f.field("file", c.file, ".npy or .csv of azimuth, elevation and maybe time", required());
+  f.field("file", c.file, ".npy or .csv file with columns azimuth, elevation and optionally time",
+          required());
   f.field("rays_per_s", c.rays_per_s, "rays per second; needed for a table without times",
           between(kFewestPerSecond, kMostRaysPerSecond));
-  f.field("phase", c.phase, "free: a seeded draw of the start; locked: the first row at time 0");
-  f.field("digest", c.digest, "of the rows; written by a run, checked when given");
+  f.field("phase", c.phase,
+          "locked: the first row is at time 0; free: the pattern starts at a random row, which "
+          "depends on the seed");
+  f.field("digest", c.digest, "digest of the rows; a run writes it, and a given digest is checked");
 }
 
 template <class Fields>
 void visit(Fields& f, PatternConfig& c) {
-  f.field("spinning", c.spinning, "columns of channels around the circle");
-  f.field("prisms", c.prisms, "rotating prisms (Livox)");
-  f.field("table", c.table, "a list of directions");
+  f.field("spinning", c.spinning, "rotating LiDAR, which fires columns of channels");
+  f.field("prisms", c.prisms, "rotating Risley prisms (Livox)");
+  f.field("table", c.table, "ray directions from a file");
   f.check(c.spinning.has_value() + c.prisms.has_value() + c.table.has_value() == 1, "spinning",
           "expected one of spinning, prisms, table, got none or several");
 }

@@ -11,17 +11,19 @@ using config::required;
 
 template <class Fields>
 void visit(Fields& f, DropOffConfig& c) {
-  f.field("general_rate", c.general_rate, "share lost at random", required(between(0, 1)));
-  f.field("intensity_limit", c.intensity_limit, "kept above this intensity", required(positive(1)));
-  f.field("zero_intensity_rate", c.zero_intensity_rate, "share lost at intensity 0",
+  f.field("general_rate", c.general_rate, "share of the points that is lost at random",
           required(between(0, 1)));
+  f.field("intensity_limit", c.intensity_limit, "points with a higher intensity are kept",
+          required(positive(1)));
+  f.field("zero_intensity_rate", c.zero_intensity_rate,
+          "share of the points with intensity 0 that is lost", required(between(0, 1)));
 }
 
 template <class Fields>
 void visit(Fields& f, PublishedRange& c) {
-  f.field("range_m", c.range_m, "as the vendor publishes it", required(positive(2000)));
-  f.field("reflectance", c.reflectance, "of its target", required(positive(1)));
-  f.field("sunlight_klux", c.sunlight_klux, "on its target; 0 at night", between(0, 200));
+  f.field("range_m", c.range_m, "range from the data sheet", required(positive(2000)));
+  f.field("reflectance", c.reflectance, "reflectance of the target", required(positive(1)));
+  f.field("sunlight_klux", c.sunlight_klux, "illuminance of the target; 0: night", between(0, 200));
 }
 
 std::vector<PublishedRange> published_ranges(const DetectionConfig& detection) {
@@ -55,10 +57,13 @@ std::string contradiction(const DetectionConfig& detection) {
 template <class Fields>
 void visit(Fields& f, DetectionConfig& c) {
   f.field("range_at_10_percent_m", c.range_at_10_percent_m,
-          "range on a 10 % target in the sun (100 klx)", required(positive(2000)));
+          "range on a target with a reflectance of 10 % in full sun (100 klx)",
+          required(positive(2000)));
   f.field("further_ranges", c.further_ranges,
-          "on other targets or in other light; without one the law is an assumption");
-  f.field("steepness", c.steepness, "of detection over signal-to-noise ratio", positive(1000));
+          "ranges on other targets or in other light, which determine how range depends on "
+          "reflectance");
+  f.field("steepness", c.steepness,
+          "steepness of the detection probability over the signal-to-noise ratio", positive(1000));
   const std::string both = contradiction(c);
   f.check(both.empty(), "further_ranges",
           "expected ranges that grow with reflectance and shrink with sunlight, got " + both);
@@ -66,20 +71,24 @@ void visit(Fields& f, DetectionConfig& c) {
 
 template <class Fields>
 void visit(Fields& f, BeamConfig& c) {
-  f.field("vertical_deg", c.vertical_deg, "full width", required(between(0, 10)));
-  f.field("horizontal_deg", c.horizontal_deg, "full width", required(between(0, 10)));
-  f.field("sub_rays", c.sub_rays, "rays along its longer side", between(2, 64));
+  f.field("vertical_deg", c.vertical_deg, "full vertical divergence", required(between(0, 10)));
+  f.field("horizontal_deg", c.horizontal_deg, "full horizontal divergence",
+          required(between(0, 10)));
+  f.field("sub_rays", c.sub_rays, "number of rays along the longer side of the beam",
+          between(2, 64));
 }
 
 template <class Fields>
 void visit(Fields& f, ReturnsConfig& c) {
-  f.field("min_range_m", c.min_range_m, "blind zone", between(0, 1000));
-  f.field("max_range_m", c.max_range_m, "no return beyond", required(positive(kLongestRange_m)));
+  f.field("min_range_m", c.min_range_m, "shortest range of a return", between(0, 1000));
+  f.field("max_range_m", c.max_range_m, "longest range of a return",
+          required(positive(kLongestRange_m)));
   f.field("range_accuracy_m", c.range_accuracy_m,
-          "1 sigma of the faintest returns; bright ones have less", between(0, 10));
-  f.field("drop_off", c.drop_off, "random loss of points, as CARLA has it");
+          "standard deviation of the range of the weakest returns; strong returns have less",
+          between(0, 10));
+  f.field("drop_off", c.drop_off, "random loss of points, by the model of CARLA");
   f.field("detection", c.detection, "detection by received power");
-  f.field("beam", c.beam, "beam wider than a ray");
+  f.field("beam", c.beam, "beam with a divergence");
   f.check(c.max_range_m > c.min_range_m, "max_range_m",
           "expected above min_range_m, got at most that");
 }

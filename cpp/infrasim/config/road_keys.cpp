@@ -29,9 +29,10 @@ void visit(Fields& f, RoadStart& c) {
 
 template <class Fields>
 void visit(Fields& f, LanesConfig& c) {
-  f.field("each_way", c.each_way, "lanes on each side of the centreline; of a one-way road all",
+  f.field("each_way", c.each_way,
+          "number of lanes on each side of the centreline; on a one-way road, number of all lanes",
           required(between(1, 8)));
-  f.field("one_way", c.one_way, "traffic in the direction of the centreline alone");
+  f.field("one_way", c.one_way, "whether all traffic moves in the direction of the centreline");
   f.field("width_m", c.width_m, "width of a lane", between(2.5, 6));
   f.field("median_m", c.median_m, "strip between the two directions", between(0, 50));
   f.field("shoulder_m", c.shoulder_m, "strip outside the lanes", between(0, 20));
@@ -44,7 +45,7 @@ template <class Fields>
 void visit(Fields& f, EmbankmentConfig& c) {
   f.field("run_per_rise", c.run_per_rise, "horizontal length of the slope per metre of height",
           between(0, 20));
-  f.field("foot_elevation_m", c.foot_elevation_m, "where the slope ends", required());
+  f.field("foot_elevation_m", c.foot_elevation_m, "world z of the foot of the slope", required());
 }
 
 template <class Fields>
@@ -52,10 +53,10 @@ void visit(Fields& f, RoadConfig& c) {
   f.here(c.place);
   f.field("name", c.name, "name of the road", required());
   f.field("start", c.start, "first point of the centreline", required());
-  f.field("centreline", c.centreline, "lines and arcs, end to end", at_least_one());
+  f.field("centreline", c.centreline, "straight pieces and arcs in order", at_least_one());
   f.field("elevation_m", c.elevation_m, "world z of the road", between(-1e3, 1e4));
-  f.field("lanes", c.lanes, "cross-section", required());
-  f.field("embankment", c.embankment, "slopes down from both edges");
+  f.field("lanes", c.lanes, "cross-section of the road", required());
+  f.field("embankment", c.embankment, "slopes from both edges of the road down to the terrain");
   check_name(f, c.name);
   const LanesConfig& l = c.lanes;
   const double half = lanes_half_width(l) + l.shoulder_m + l.sidewalk_m;
@@ -67,13 +68,15 @@ void visit(Fields& f, RoadConfig& c) {
 
 template <class Fields>
 void visit(Fields& f, ProfileConfig& c) {
-  f.field("x_m", c.x_m, "world x where stations begin", between(-1e6, 1e6));
-  f.field("y_m", c.y_m, "world y where stations begin", between(-1e6, 1e6));
-  f.field("heading_deg", c.heading_deg, "direction that stations run in", between(-360, 360));
-  f.field("points_m", c.points_m, "station and rise of each change of grade; level beyond",
+  f.field("x_m", c.x_m, "world x of station 0", between(-1e6, 1e6));
+  f.field("y_m", c.y_m, "world y of station 0", between(-1e6, 1e6));
+  f.field("heading_deg", c.heading_deg, "direction in which stations increase", between(-360, 360));
+  f.field("points_m", c.points_m,
+          "station and elevation of each change of grade; beyond the first and the last point, the "
+          "profile is level",
           required(between(-1e5, 1e5)));
   f.field("vertical_curve_m", c.vertical_curve_m,
-          "length of the parabola that rounds each change of grade", between(1, 1e3));
+          "length of the vertical curve at each change of grade", between(1, 1e3));
   f.check(c.points_m.size() >= 2, "points_m", "expected 2 or more points, got fewer");
   for (std::size_t i = 1; i < c.points_m.size(); ++i) {
     const Vec2 step = c.points_m[i] - c.points_m[i - 1];
@@ -88,14 +91,15 @@ void visit(Fields& f, ProfileConfig& c) {
 
 template <class Fields>
 void visit(Fields& f, SignalConfig& c) {
-  f.field("green_s", c.green_s, "green of each approach", between(5, 200));
-  f.field("all_red_s", c.all_red_s, "shortest pause between two greens", between(1, 30));
+  f.field("green_s", c.green_s, "green time of each approach", between(5, 200));
+  f.field("all_red_s", c.all_red_s, "shortest time between the green phases of two approaches",
+          between(1, 30));
 }
 
 template <class Fields>
 void visit(Fields& f, RoundaboutConfig& c) {
-  f.field("radius_m", c.radius_m, "to the middle of its lane", between(12, 60));
-  f.field("width_m", c.width_m, "of its lane", between(4, 8));
+  f.field("radius_m", c.radius_m, "radius of the middle of its lane", between(12, 60));
+  f.field("width_m", c.width_m, "width of its lane", between(4, 8));
   f.field("island_m", c.island_m, "height of the island above the road", between(0.05, 3));
 }
 
@@ -104,25 +108,28 @@ void visit(Fields& f, JunctionConfig& c) {
   f.here(c.place);
   f.field("roads", c.roads, "names of the two roads that cross", required());
   f.field("signal", c.signal, "signal timing");
-  f.field("roundabout", c.roundabout, "ring in place of the crossing and its signals");
-  f.field("left_share", c.left_share, "share that turns left", between(0, 0.5));
-  f.field("right_share", c.right_share, "share that turns right", between(0, 0.5));
+  f.field("roundabout", c.roundabout, "roundabout, which replaces the crossing and its signals");
+  f.field("left_share", c.left_share, "share of the vehicles that turn left", between(0, 0.5));
+  f.field("right_share", c.right_share, "share of the vehicles that turn right", between(0, 0.5));
   f.check(c.roads.size() == 2, "roads", "expected 2 names, got " + std::to_string(c.roads.size()));
   f.check(!(c.signal && c.roundabout), "signal", "expected a signal or a roundabout, got both");
 }
 
 template <class Fields>
 void visit_ways(Fields& f, SceneConfig& c) {
-  f.field("lanes", c.lanes, "file of lanes with elevation, in place of roads; they are not drawn");
-  f.field("roads", c.roads, "roads; left out with lanes",
+  f.field("lanes", c.lanes,
+          "file of lanes with elevations, which replaces roads; lanes have no surface");
+  f.field("roads", c.roads, "roads; not used with lanes",
           c.lanes ? config::Rule{} : at_least_one());
   f.check(!c.lanes || c.roads.empty(), "roads", "expected roads or lanes, got both");
-  f.field("profile", c.profile, "rise along one direction, by which all that is level is lifted");
+  f.field(
+      "profile", c.profile,
+      "elevation profile along one direction; it raises roads, terrain and the objects on them");
 }
 
 template <class Fields>
 void visit_junctions(Fields& f, SceneConfig& c) {
-  f.field("junctions", c.junctions, "signals where roads cross");
+  f.field("junctions", c.junctions, "junctions of two roads");
 }
 
 template void visit_ways(config::FieldReader&, SceneConfig&);

@@ -49,12 +49,12 @@ LabelTime label_time_of(const SceneConfig& scene, const std::string& preset) {
 
 template <class Fields>
 void visit(Fields& f, CalibrationError& c) {
-  f.field("x_m", c.x_m, "of x_m", between(-10, 10));
-  f.field("y_m", c.y_m, "of y_m", between(-10, 10));
-  f.field("z_m", c.z_m, "of z_m", between(-10, 10));
-  f.field("yaw_deg", c.yaw_deg, "of yaw_deg", between(-180, 180));
-  f.field("pitch_deg", c.pitch_deg, "of pitch_deg", between(-90, 90));
-  f.field("roll_deg", c.roll_deg, "of roll_deg", between(-180, 180));
+  f.field("x_m", c.x_m, "error of x_m", between(-10, 10));
+  f.field("y_m", c.y_m, "error of y_m", between(-10, 10));
+  f.field("z_m", c.z_m, "error of z_m", between(-10, 10));
+  f.field("yaw_deg", c.yaw_deg, "error of yaw_deg", between(-180, 180));
+  f.field("pitch_deg", c.pitch_deg, "error of pitch_deg", between(-90, 90));
+  f.field("roll_deg", c.roll_deg, "error of roll_deg", between(-180, 180));
 }
 
 template <class Fields>
@@ -63,32 +63,35 @@ void visit(Fields& f, MountConfig& c) {
   f.field("x_m", c.x_m, "world x", required());
   f.field("y_m", c.y_m, "world y", required());
   f.field("z_m", c.z_m, "world z", required(between(-1e3, 1e4)));
-  f.field("yaw_deg", c.yaw_deg, "view direction, from +x towards +y", between(-360, 360));
-  f.field("pitch_deg", c.pitch_deg, "positive looks down", between(-90, 90));
-  f.field("roll_deg", c.roll_deg, "positive leans right", between(-180, 180));
-  f.field("clock_offset_s", c.clock_offset_s, "true time less what its stamps say; left out, 0",
-          between(-0.1, 0.1));
+  f.field("yaw_deg", c.yaw_deg, "viewing direction, from +x towards +y", between(-360, 360));
+  f.field("pitch_deg", c.pitch_deg, "pitch; positive values point the LiDAR down",
+          between(-90, 90));
+  f.field("roll_deg", c.roll_deg, "roll; positive values lean the LiDAR to the right",
+          between(-180, 180));
+  f.field("clock_offset_s", c.clock_offset_s,
+          "true time minus the time of the LiDAR's clock; default: 0", between(-0.1, 0.1));
   f.field("calibration_error", c.calibration_error,
-          "what `run --fuse` takes its pose to be, less what it is");
-  f.field("own_draws", c.own_draws,
-          "phases, noise and detection drawn for this mount; left out, if there are several");
+          "pose that `run --fuse` assumes minus the true pose");
+  f.field("own_random_stream", c.own_random_stream,
+          "whether the mount has its own random stream for phases, noise and detection; default: "
+          "true if there are several mounts");
 }
 
 template <class Fields>
 void visit(Fields& f, WeatherConfig& c) {
   f.field("rain_mm_per_h", c.rain_mm_per_h, "rain rate", between(0, 300));
-  f.field("visibility_m", c.visibility_m, "meteorological optical range; .inf is clear air",
+  f.field("visibility_m", c.visibility_m, "meteorological optical range; .inf: clear air",
           positive(kInf));
-  f.field("sunlight_klux", c.sunlight_klux, "on what the beams hit; 100 is full sun, 0 night",
+  f.field("sunlight_klux", c.sunlight_klux, "illuminance of the surfaces; 100: full sun, 0: night",
           between(0, 200));
 }
 
 template <class Fields>
 void visit(Fields& f, VehicleParts& c) {
-  f.field("glass", c.glass, "windows, and what lies behind them");
-  f.field("tyres", c.tyres, "dark rings");
-  f.field("gap", c.gap, "air between wheels, below 0.2 m");
-  f.field("coat", c.coat, "clear coat: less light at grazing angles");
+  f.field("glass", c.glass, "windows, and the surfaces behind them");
+  f.field("tyres", c.tyres, "dark tyres");
+  f.field("gap", c.gap, "gap between the wheels, below 0.2 m");
+  f.field("coat", c.coat, "clear coat, which returns less light at grazing angles");
   f.field("reflectors", c.reflectors, "number plates and lamps");
 }
 
@@ -118,7 +121,8 @@ void visit(Fields& f, RegionConfig& c) {
   f.here(c.place);
   f.field("name", c.name, "name of the region", required());
   check_name(f, c.name);
-  f.field("outline_m", c.outline_m, "corners x y in order, world", required(between(-1e6, 1e6)));
+  f.field("outline_m", c.outline_m, "corners x y in order, in the world frame",
+          required(between(-1e6, 1e6)));
   const bool area = c.outline_m.size() >= 3 && signed_area(c.outline_m) != 0;
   f.check(area, "outline_m",
           "expected an outline of 3 or more corners with an area, got fewer or no "
@@ -139,42 +143,48 @@ void visit(Fields& f, SceneConfig& c) {
   f.field("name", c.name, "name of the scene", required());
   f.check(config::begins_as_name(c.name), "name",
           "expected a name that begins with a letter, a digit or _, got '" + c.name + "'");
-  f.field("seed", c.seed, "seed of traffic, phases and returns");
-  f.field("duration_s", c.duration_s, "length of the run; a frame is 0.1 s",
+  f.field("seed", c.seed, "seed of the traffic, the phases of free motors and the returns");
+  f.field("duration_s", c.duration_s, "duration of the run; a frame lasts 0.1 s",
           between(0.1, kLongestScene_s));
   f.check(std::abs(10 * c.duration_s - std::round(10 * c.duration_s)) < 1e-6, "duration_s",
           "expected whole tenths of a second, got " + config::number_text(c.duration_s));
-  f.field("aggregation", c.aggregation.word, "exact, instant or slices:N");
+  f.field("aggregation", c.aggregation.word,
+          "times at which rays are cast. exact: each ray at its firing time; instant: all rays of "
+          "a frame at once; slices:N: N instants per frame");
   const auto aggregation = parse_aggregation(c.aggregation.word);
   f.check(aggregation.has_value(), "aggregation",
           std::string("expected ") + kAggregationWords + ", got '" + c.aggregation.word + "'");
   c.aggregation = aggregation.value_or(Aggregation{});
-  f.field("detail", c.detail, "level of detail of the vehicles: box, low, mid, fine");
-  f.field("vehicle_parts", c.vehicle_parts, "what returns.detection sees apart from paint");
-  f.field("labels", c.labels, "which objects get a label: hit or all");
+  f.field("detail", c.detail, "level of detail of the vehicle meshes");
+  f.field("vehicle_parts", c.vehicle_parts,
+          "vehicle parts with a reflectance of their own; used by LiDARs with returns.detection");
+  f.field("labels", c.labels, "which objects get a label: those with points (hit), or all");
   f.field(
       "label_time", c.label_time,
-      "pose of the labels: of mid-frame, or of the scan over the vehicle; left out, frame under "
-      "the presets paper and equal, else scan");
-  f.field("fields", c.point_fields, "write time, ring, class and object of every point");
+      "time of the labels: the middle of the frame (frame), or the time at which the beams pass "
+      "the vehicle (scan); default: frame under the presets paper and equal, otherwise scan");
+  f.field("fields", c.point_fields,
+          "whether time, ring, class and object of every point are written");
   f.field("region_half_length_m", c.region_half_length_m,
-          "half length of the evaluation region along each road; radius around the mount of lanes",
+          "half length of the evaluation region along each road; with lanes, the radius of the "
+          "region around the mount",
           between(1, 1e4));
-  f.field("regions", c.regions, "outlines that the evaluation region is narrowed to",
+  f.field("regions", c.regions, "outlines to which the evaluation region is restricted",
           config::Rule{.min_items = 1});
   check_regions(f, c.regions);
-  f.field("mounts", c.mounts, "sensor poses by name; each of several is a data set",
-          at_least_one());
+  f.field("mounts", c.mounts,
+          "sensor poses by name; with several mounts, each mount gets a data set", at_least_one());
   check_mounts(f, c);
   f.field("weather", c.weather,
-          "what attenuates or outshines the beams; no effect on LiDARs without returns.detection");
+          "rain, fog and sunlight; they have an effect on LiDARs with returns.detection only");
   visit_ways(f, c);
   visit_static_objects(f, c);
   visit_junctions(f, c);
-  f.field("filters", c.filters, "steps that thin out every frame, in order");
+  f.field("filters", c.filters, "filters that every frame passes, in order");
   visit_traffic(f, c);
   f.field("static_layers", c.static_layers,
-          "by LiDAR, a file of `infrasim static` in place of casting what stands still");
+          "for each LiDAR, a file of `infrasim static` with the static points, which replaces "
+          "casting the static scene");
   f.check(!c.lanes || !c.traffic, "traffic",
           "expected trajectories with lanes of a file, got traffic, which needs "
           "roads");
@@ -238,7 +248,7 @@ SceneConfig scene_at_mount(const SceneConfig& scene, const std::string& mount) {
   SceneConfig view = scene;
   view.mounts = {*entry};
   MountConfig& pose = view.mounts[entry->first];
-  if (several && !pose.own_draws) pose.own_draws = true;
+  if (several && !pose.own_random_stream) pose.own_random_stream = true;
   pose.calibration_error.reset();
   return view;
 }

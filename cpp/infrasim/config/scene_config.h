@@ -305,7 +305,8 @@ struct MountConfig {
   double roll_deg = 0;
   std::optional<double> clock_offset_s = std::nullopt;  ///< true time minus time stamp
   std::optional<CalibrationError> calibration_error = std::nullopt;
-  std::optional<bool> own_draws = std::nullopt;  ///< default: true if the scene has several mounts
+  std::optional<bool> own_random_stream =
+      std::nullopt;  ///< default: true if the scene has several mounts
   config::Place place = {};
 };
 

@@ -21,7 +21,7 @@ void check_name(Fields& f, const std::string& name) {
 template <class Fields, class Config>
 void visit_side(Fields& f, Config& c, const char* road = "name of its road") {
   f.field("road", c.road, road, config::required());
-  f.field("offset_m", c.offset_m, "to the left of the centreline",
+  f.field("offset_m", c.offset_m, "offset from the centreline, positive to the left",
           config::required(config::between(-100, 100)));
 }
 

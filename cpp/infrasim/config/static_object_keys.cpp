@@ -32,7 +32,7 @@ template <class Fields>
 void visit(Fields& f, MeshConfig& c) {
   f.here(c.place);
   f.field("file", c.file, ".ply in world coordinates, relative to the scene file", required());
-  f.field("material", c.material, "what its surface is of; glass is not there yet", required());
+  f.field("material", c.material, "material of the surface", required());
 }
 
 template <class Fields>
@@ -61,12 +61,13 @@ void visit(Fields& f, GantryConfig& c) {
   f.here(c.place);
   f.field("road", c.road, "name of its road", required());
   f.field("s_m", c.s_m, "station of the centreline", required(between(0, 1e5)));
-  f.field("clearance_m", c.clearance_m, "free height above the road", between(kClearance_m, 30));
+  f.field("clearance_m", c.clearance_m, "clear height above the road", between(kClearance_m, 30));
 }
 
 template <class Fields>
 void visit_density(Fields& f, double& density_per_m) {
-  f.field("density_per_m", density_per_m, "chance per metre that leaves stop a ray", positive(100));
+  f.field("density_per_m", density_per_m, "probability per metre that a leaf stops a ray",
+          positive(100));
 }
 
 template <class Fields>
@@ -88,14 +89,14 @@ void visit(Fields& f, HedgeAlongConfig& c) {
   visit_side(f, c);
   f.field("height_m", c.height_m, "height above its base", positive(100));
   f.field("width_m", c.width_m, "thickness", positive(100));
-  f.field("base_m", c.base_m, "its base above the road", between(-100, 100));
+  f.field("base_m", c.base_m, "height of its base above the road", between(-100, 100));
   visit_stations(f, c);
   visit_density(f, c.density_per_m);
 }
 
 template <class Fields>
 void visit_shape(Fields& f, TreeShape& c, const char* base) {
-  f.field("height_m", c.height_m, "of the crown's top above the base", positive(100));
+  f.field("height_m", c.height_m, "height of the crown's top above the base", positive(100));
   f.field("crown_m", c.crown_m, "width of the crown", positive(50));
   f.field("trunk_m", c.trunk_m, "height of the crown's lowest leaves", between(0, 100));
   f.field("trunk_width_m", c.trunk_width_m, "thickness of the trunk", positive(5));
@@ -116,8 +117,8 @@ template <class Fields>
 void visit(Fields& f, TreesAlongConfig& c) {
   f.here(c.place);
   visit_side(f, c, "name of their road");
-  f.field("every_m", c.every_m, "from one to the next", between(1, 1e5));
-  visit_stations(f, c, "station of the first");
+  f.field("every_m", c.every_m, "distance between neighbours", between(1, 1e5));
+  visit_stations(f, c, "station of the first tree");
   visit_shape(f, c.shape, "their base above the road");
 }
 
@@ -136,16 +137,16 @@ void visit(Fields& f, VegetationConfig& c) {
 
 template <class Fields>
 void visit_static_objects(Fields& f, SceneConfig& c) {
-  f.field("meshes", c.meshes, "surfaces from files", config::Rule{.min_items = 1});
+  f.field("meshes", c.meshes, "triangle meshes from files", config::Rule{.min_items = 1});
   f.check(!c.profile || !(c.lanes || c.meshes), "profile",
           "expected none with lanes or meshes, which have their own heights, got "
           "one");
-  f.field("ground", c.ground, "pieces of terrain");
-  f.field("buildings", c.buildings, "upright boxes");
+  f.field("ground", c.ground, "areas of terrain");
+  f.field("buildings", c.buildings, "buildings, which are upright boxes");
   f.field("barriers", c.barriers, "walls along roads");
-  f.field("gantries", c.gantries, "beams across roads");
+  f.field("gantries", c.gantries, "gantries across roads");
   f.field("vegetation", c.vegetation,
-          "hedges and trees; LiDARs without returns.detection see no leaves");
+          "hedges and trees; LiDARs without returns.detection get no points from leaves");
 }
 
 template void visit_static_objects(config::FieldReader&, SceneConfig&);

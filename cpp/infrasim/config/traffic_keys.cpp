@@ -14,14 +14,14 @@ using config::required;
 
 template <class Fields>
 void visit(Fields& f, SpeedConfig& c) {
-  f.field("mean_km_h", c.mean_km_h, "desired speed", required(positive(200)));
-  f.field("std_km_h", c.std_km_h, "its standard deviation", between(0, 50));
+  f.field("mean_km_h", c.mean_km_h, "mean of the desired speeds", required(positive(200)));
+  f.field("std_km_h", c.std_km_h, "standard deviation of the speeds", between(0, 50));
 }
 
 /// Visits the weights of vehicle classes. `why_not` is the error text for other classes.
 template <class Fields>
 void visit_shares(Fields& f, std::map<std::string, double>& shares, const std::string& why_not) {
-  f.field("class_shares", shares, "weight of each object class", [] {
+  f.field("class_shares", shares, "relative frequency of each object class", [] {
     auto rule = at_least_one();
     rule.min = 0;
     rule.max = 1;
@@ -46,9 +46,11 @@ void visit_shares(Fields& f, std::map<std::string, double>& shares, const std::s
 template <class Fields>
 void visit(Fields& f, TrafficConfig& c) {
   f.here(c.place);
-  f.field("vehicles_per_km_lane", c.vehicles_per_km_lane, "density", required(between(0, 100)));
+  f.field("vehicles_per_km_lane", c.vehicles_per_km_lane, "density of the traffic",
+          required(between(0, 100)));
   f.field("speed", c.speed, "desired speeds", required());
-  f.field("warm_up_s", c.warm_up_s, "driven before frame 0", between(0, 1e4));
+  f.field("warm_up_s", c.warm_up_s, "time for which the traffic is simulated before frame 0",
+          between(0, 1e4));
   visit_shares(f, c.class_shares, "has no speed and way of its own in traffic");
   double sum = 0, sum_of_lengths = 0;
   for (const auto& [name, share] : c.class_shares) {
@@ -68,17 +70,18 @@ void visit(Fields& f, ParkedConfig& c) {
   f.here(c.place);
   visit_side(f, c);
   visit_stations(f, c);
-  f.field("turn_deg", c.turn_deg, "of the vehicles from the road's direction", between(-90, 90));
-  f.field("gap_m", c.gap_m, "mean of the gaps between two", between(0.2, 1000));
-  f.field("occupied", c.occupied, "share of the places that a vehicle stands in", between(0, 1));
-  f.field("base_m", c.base_m, "their base above the road", between(-100, 100));
+  f.field("turn_deg", c.turn_deg, "angle between the vehicles and the direction of the road",
+          between(-90, 90));
+  f.field("gap_m", c.gap_m, "mean gap between two vehicles", between(0.2, 1000));
+  f.field("occupied", c.occupied, "share of the parking spaces that are occupied", between(0, 1));
+  f.field("base_m", c.base_m, "height of their base above the road", between(-100, 100));
   visit_shares(f, c.class_shares, "is no vehicle");
 }
 
 template <class Fields>
 void visit(Fields& f, PersonSpeedConfig& c) {
-  f.field("mean_km_h", c.mean_km_h, "mean of their own speeds", required(between(1, 50)));
-  f.field("std_km_h", c.std_km_h, "its standard deviation, at most a third of the mean",
+  f.field("mean_km_h", c.mean_km_h, "mean of the speeds", required(between(1, 50)));
+  f.field("std_km_h", c.std_km_h, "standard deviation of the speeds, at most a third of the mean",
           required(between(0, 20)));
   f.check(!(3 * c.std_km_h > c.mean_km_h), "std_km_h",
           "expected up to a third of mean_km_h, so that everybody moves, got " +
@@ -90,29 +93,29 @@ void visit(Fields& f, PeopleConfig& c) {
   f.here(c.place);
   visit_side(f, c);
   visit_stations(f, c);
-  f.field("per_km", c.per_km, "how many on a kilometre of the line, both ways together",
+  f.field("per_km", c.per_km, "number per kilometre, in both directions together",
           required(between(0, 60)));
-  f.field("class", c.kind, "on foot or on bicycles", required());
-  f.field("speed", c.speed, "constant, everybody's own", required());
+  f.field("class", c.kind, "object class", required());
+  f.field("speed", c.speed, "speeds; each person keeps one constant speed", required());
 }
 
 template <class Fields>
 void visit(Fields& f, StandingPeopleConfig& c) {
   f.here(c.place);
-  f.field("x_m", c.x_m, "world x of the middle of the group", required());
-  f.field("y_m", c.y_m, "world y of the middle of the group", required());
-  f.field("count", c.count, "pedestrians of the group", between(1, 50));
+  f.field("x_m", c.x_m, "world x of the centre of the group", required());
+  f.field("y_m", c.y_m, "world y of the centre of the group", required());
+  f.field("count", c.count, "number of pedestrians in the group", between(1, 50));
   f.field("spacing_m", c.spacing_m, "mean distance between neighbours", between(1.2, 5));
-  f.field("base_m", c.base_m, "world z that they stand on", between(-1e3, 1e4));
+  f.field("base_m", c.base_m, "world z of the ground under the group", between(-1e3, 1e4));
 }
 
 template <class Fields>
 void visit_traffic(Fields& f, SceneConfig& c) {
   f.field("traffic", c.traffic, "simulated vehicles");
-  f.field("parked", c.parked, "rows of standing vehicles along roads");
-  f.field("people", c.people, "on foot and on bicycles along roads");
-  f.field("standing_people", c.standing_people, "groups of pedestrians who stand");
-  f.field("trajectories", c.trajectories, "file of recorded vehicles instead of traffic");
+  f.field("parked", c.parked, "rows of parked vehicles along roads");
+  f.field("people", c.people, "pedestrians and cyclists who move along roads");
+  f.field("standing_people", c.standing_people, "groups of standing pedestrians");
+  f.field("trajectories", c.trajectories, "file of trajectories, which replaces simulated traffic");
 }
 
 template void visit_traffic(config::FieldReader&, SceneConfig&);

@@ -15,7 +15,7 @@ std::string_view version();
 /// shipped scene (tests/golden shows it). It does not increase for a release, for a new or renamed
 /// key, or for a scene that was rejected before. Frames of version 0.3 have the number 3.
 ///
-/// A correction that changes frames of some other scenes alone does not increase it. Then
+/// A correction that only changes frames of other scenes does not increase it. Then
 /// `folder_identity.cpp` refuses to add frames to earlier folders of such scenes. Since 0.3 these
 /// are scenes with traffic at several junctions, with rain or fog, or with parked or recorded
 /// vehicles whose gap below the body is modelled, LiDARs with a beam wider than that of the Avia,
@@ -23,7 +23,7 @@ std::string_view version();
 ///
 /// Two corrections since 0.3 depend on geometry, and such folders are resumed: echoes within
 /// `min_range_m` of a wide beam or in front of a pane, and surfaces that end at an azimuth of
-/// exactly 180 degrees. Rows of results and checkpoints hold the number alone.
+/// exactly 180 degrees. Rows of results and checkpoints contain only the number.
 inline constexpr int kFramesVersion = 3;
 
 }  // namespace infrasim

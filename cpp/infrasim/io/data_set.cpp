@@ -114,7 +114,7 @@ class Comparison {
   std::string name_;
   std::ifstream there_;
   int line_ = 1;
-  std::string begun_;  ///< start of the current line, equal in both
+  std::string begun_;  ///< start of the current line, which both texts have
 };
 
 }  // namespace

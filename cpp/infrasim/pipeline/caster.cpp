@@ -12,7 +12,7 @@ namespace {
 constexpr VehicleParts kNoParts{false, false, false, false, false};
 
 // offset of a ray's random numbers for leaves, which follow its other samples
-constexpr std::uint64_t kLeafDraws = 16;
+constexpr std::uint64_t kLeafStream = 16;
 
 /// Returns the end of the part of the frame that begins with group `first` and is processed at
 /// once.
@@ -45,18 +45,19 @@ namespace {
 /// @param unit       index in the LiDAR's units
 /// @param first_ring ring number of the unit's lowest laser
 ScannerUnit make_scanner_unit(const SceneConfig& scene, const LidarConfig& lidar, std::size_t unit,
-                              int first_ring, const std::string& draws) {
+                              int first_ring, const std::string& stream_prefix) {
   const LidarUnit& config = lidar.units[unit];
   const Mat3 pose = unit_pose(scene, config);
   const auto& [name, mount] = *scene.mounts.begin();
-  const std::string mount_prefix = mount.own_draws.value_or(false) ? "mount " + name + " " : "";
+  const std::string mount_prefix =
+      mount.own_random_stream.value_or(false) ? "mount " + name + " " : "";
   const auto& beam = config.returns.beam;
   return {
       ScanPattern(config.pattern, start_phase_s(scene.seed, name, lidar, unit), pose, first_ring),
       ReturnModel(config.returns, scene.weather),
       beam ? std::optional<Beam>(Beam(*beam, pose)) : std::nullopt,
       static_cast<float>(config.returns.max_range_m),
-      Rng::of(scene.seed, draws + mount_prefix + stream_name(lidar, unit)),
+      Rng::of(scene.seed, stream_prefix + mount_prefix + stream_name(lidar, unit)),
       {},
       {}};
 }
@@ -64,11 +65,11 @@ ScannerUnit make_scanner_unit(const SceneConfig& scene, const LidarConfig& lidar
 }  // namespace
 
 std::vector<ScannerUnit> make_scanner_units(const SceneConfig& scene, const LidarConfig& lidar,
-                                            const std::string& draws) {
+                                            const std::string& stream_prefix) {
   std::vector<ScannerUnit> scanners;
   int first_ring = 0;
   for (std::size_t i = 0; i < lidar.units.size(); ++i) {
-    scanners.push_back(make_scanner_unit(scene, lidar, i, first_ring, draws));
+    scanners.push_back(make_scanner_unit(scene, lidar, i, first_ring, stream_prefix));
     first_ring += scanners.back().pattern.group_size();
   }
   return scanners;
@@ -148,12 +149,12 @@ const RayBatch& Caster::rays_cast(const Part& part) const {
 void Caster::stop_in_leaves(const Part& part) {
   const auto width =
       part.scanner.beam ? static_cast<std::uint32_t>(part.scanner.beam->sub_rays()) : 0;
-  const auto draws_of = [&](std::uint32_t k) {
+  const auto rng_of = [&](std::uint32_t k) {
     const std::uint32_t ray = width > 0 ? selected_[k / width] : k,
                         sub_ray = width > 0 ? k % width : 0;
-    return part.frame.at(part.first_ray + ray).at(kLeafDraws + sub_ray);
+    return part.frame.at(part.first_ray + ray).at(kLeafStream + sub_ray);
   };
-  leaves_.stop(rays_cast(part), order_for_leaves(part), draws_of, hits_);
+  leaves_.stop(rays_cast(part), order_for_leaves(part), rng_of, hits_);
 }
 
 /// Returns the rays that may meet leaves. They include rays that are not cast.

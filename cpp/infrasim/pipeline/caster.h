@@ -49,9 +49,9 @@ struct ScannerUnit {
 Mat3 unit_pose(const SceneConfig& scene, const LidarUnit& unit);
 
 /// All units of a LiDAR.
-/// @param draws prefix of the names of the units' random streams
+/// @param stream_prefix prefix of the names of the units' random streams
 std::vector<ScannerUnit> make_scanner_units(const SceneConfig& scene, const LidarConfig& lidar,
-                                            const std::string& draws = "");
+                                            const std::string& stream_prefix = "");
 
 /// Casts the rays of LiDARs and converts hits to returns, one part of a frame after the other. The
 /// steps are: cast, stop in leaves, pass through panes, merge beams, detect. A caster keeps its

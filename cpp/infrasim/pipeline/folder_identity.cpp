@@ -14,7 +14,7 @@ namespace {
 
 bool is_0_3(const std::string& version) { return version.starts_with("0.3."); }
 
-/// What a scene has for which frames have changed since version 0.3; empty if there is nothing.
+/// The part of a scene for which frames have changed since version 0.3; empty if there is none.
 std::string changed_since_0_3(const config::Tree& scene) {
   const auto items = [&](const char* key) {
     const config::Tree* list = scene.find(key);
@@ -56,9 +56,9 @@ std::string changed_since_0_3(const LidarConfig& lidar, int end) {
 std::string frames_version_of(const std::string& version, const config::Tree& scene) {
   if (!is_0_3(version)) return "unknown, of version " + version;
   const std::string changed = changed_since_0_3(scene);
-  return changed.empty()
-             ? "3"
-             : "3 of version 0.3 before a change for " + changed + ", so simulate it anew";
+  return changed.empty() ? "3"
+                         : "3 of version 0.3, but frames have changed since for " + changed +
+                               ": simulate the scene again";
 }
 
 /// Removes the lines with paths of firing tables. The digests of the tables identify them.
@@ -106,10 +106,10 @@ void check_is_not_older(const std::filesystem::path& description,
   for (const LidarConfig& lidar : lidars)
     if (const std::string changed = changed_since_0_3(lidar, end); !changed.empty())
       throw IoError(description.string() +
-                    ": version: expected that of now, as frames have changed since 0.3 for a "
-                    "LiDAR with " +
+                    ": version: expected the current version, because frames have changed since "
+                    "0.3 for a LiDAR with " +
                     changed + ", got " + version->scalar + "; simulate " + lidar.name +
-                    " anew in another folder");
+                    " again in another folder");
 }
 
 std::string lidar_identity(const std::string& text, const std::string& file) {

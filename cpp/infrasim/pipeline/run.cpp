@@ -28,8 +28,8 @@ void check(const RunRequest& request) {
   for (const LidarConfig& lidar : request.lidars)
     if (request.cast_all && request.scene.static_layers &&
         request.scene.static_layers->contains(lidar.name))
-      throw ConfigError("--cast-all: expected a scene without it, got static_layers." + lidar.name +
-                        ": what a file holds can't be cast");
+      throw ConfigError("--cast-all: expected a scene without static_layers, got static_layers." +
+                        lidar.name + ": the static points of a file cannot be cast");
   std::set<std::string> names;
   for (const LidarConfig& lidar : request.lidars)
     if (!names.insert(lidar.name).second)
@@ -206,9 +206,8 @@ void warn_of_no_vehicles(const SceneConfig& scene, const std::vector<SummaryRow>
   for (const SummaryRow& row : rows)
     if (row.vehicle_points_per_frame == 0)
       warn("no-vehicle-points: " + row.lidar +
-           ": expected a mount that looks at the traffic, got no point on a "
-           "vehicle in the first " +
-           std::to_string(row.frames) + " frames");
+           ": expected points on vehicles, got none in the first " + std::to_string(row.frames) +
+           " frames");
 }
 
 void warn_without_plane(const std::vector<SummaryRow>& rows, const Warn& warn) {
@@ -217,7 +216,7 @@ void warn_without_plane(const std::vector<SummaryRow>& rows, const Warn& warn) {
       warn("no-ground-plane: " + row.lidar +
            ": expected a road at sensor_height_m below the sensor, got no plane in " +
            std::to_string(row.frames_without_plane) + " of " + std::to_string(row.frames) +
-           " frames, whose points are all kept");
+           " frames; these frames keep all points");
 }
 
 /// The summaries of a run's parts.

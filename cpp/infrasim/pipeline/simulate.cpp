@@ -39,12 +39,12 @@ UnitLayers layers_of(const StaticLayers& layers, std::size_t lidar) {
 }
 
 /// @param layers static layers of the units; if empty, all rays are cast
-/// @param draws  prefix of the random streams; the motors' phases do not depend on it
+/// @param stream_prefix  prefix of the random streams; the motors' phases do not depend on it
 Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config, const UnitLayers& layers,
-                 const std::string& draws = "") {
+                 const std::string& stream_prefix = "") {
   Lidar lidar;
   lidar.cut_s = cut_s(config);
-  lidar.scanners = make_scanner_units(scene, config, draws);
+  lidar.scanners = make_scanner_units(scene, config, stream_prefix);
   for (std::size_t i = 0; i < layers.size(); ++i) lidar.scanners[i].layer = layers[i];
   for (const LidarUnit& unit : config.units)
     lidar.reach = std::max(lidar.reach, unit.returns.max_range_m);

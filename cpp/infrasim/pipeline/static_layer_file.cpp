@@ -180,8 +180,8 @@ StaticLayerFile static_layer_from_bytes(std::string_view bytes, const std::strin
   Reader reader(bytes, name);
   if (bytes.starts_with(kFirstMagic))
     reader.fail_here(
-        "expected a static layer of version 2, got version 1, of infrasim 0.3, which does not say "
-        "at which mount it was made: write it again with infrasim static");
+        "expected a static layer of version 2, got version 1 of infrasim 0.3, which does not have "
+        "the mount: write it again with infrasim static");
   if (!bytes.starts_with(kLayerMagic))
     reader.fail_here("expected a static layer, got another kind of file");
   reader.skip(kLayerMagic.size());
@@ -213,7 +213,7 @@ void check_is_from(const StaticLayerFile& file, const LayerOrigin& here) {
   if (file.origin.scene != 0 && file.origin.scene != here.scene)
     throw ConfigError(file.name +
                       ": (roads, ground, buildings, barriers, gantries, trunks, meshes): expected "
-                      "those of the scene and preset of which the layer was made, got others");
+                      "those of the layer's scene and preset, got others");
 }
 
 void check_is_of(const StaticLayerFile& file, std::span<const StaticHits> units,

@@ -140,7 +140,7 @@ void take_frame(const std::filesystem::path& folder, int frame, std::vector<Unit
     if (ring == nullptr)
       throw ConfigError(folder.string() + ": frame " + frame_name(frame) + ", point " +
                         std::to_string(i) +
-                        ": ring: expected those of the LiDAR's lasers, counted from 0, got " +
+                        ": ring: expected the number of a laser, counted from 0, got " +
                         std::to_string(points.ring[i]));
     const float* p = &points.xyz[3 * i];
     take_point(*unit, *ring, {p[0], p[1], p[2]}, points.intensity[i]);
@@ -165,8 +165,8 @@ double check_elevations(const std::filesystem::path& folder, const LidarConfig& 
   if (worst <= kMostMiss_deg) return worst;
   throw ConfigError(folder.string() + ": ring " + std::to_string(worst_ring) + ": expected " +
                     config::number_text(kMostMiss_deg) +
-                    " (channels of the LiDAR's file, pitch and roll of the mount), got "
-                    "elevations that miss those of " +
+                    " (channels of the LiDAR's file, pitch and roll of the mount), got elevations "
+                    "that differ from those of " +
                     words_of(lidar) + " by " +
                     config::number_text(std::round(worst * 1000) / 1000) + " degrees on average");
 }

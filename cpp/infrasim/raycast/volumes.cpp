@@ -6,7 +6,7 @@ namespace infrasim {
 
 namespace {
 
-enum VolumeDraw : unsigned { kLeaf, kFirstVolume };
+enum VolumeSample : unsigned { kLeaf, kFirstVolume };
 
 }  // namespace
 
@@ -64,9 +64,9 @@ Volumes::Way Volumes::way_through(std::size_t volume, float dx, float dy, float 
 
 /// Stops a ray in a volume, with a random number of this volume. In overlapping volumes, the
 /// nearest stop therefore has the distribution of the summed density.
-void Volumes::stop_in(std::size_t volume, const Way& way, const Rng& draws, std::uint32_t ray,
+void Volumes::stop_in(std::size_t volume, const Way& way, const Rng& rng, std::uint32_t ray,
                       float max_range, HitBatch& hits) const {
-  const double depth = -std::log(draws.open_uniform(kFirstVolume + static_cast<unsigned>(volume)));
+  const double depth = -std::log(rng.open_uniform(kFirstVolume + static_cast<unsigned>(volume)));
   const double range = way.from + depth / volumes_[volume].density_per_m;
   const auto stop = static_cast<float>(range);
   if (!(range < way.to && stop < hits.range[ray] && stop <= max_range)) return;
@@ -75,7 +75,7 @@ void Volumes::stop_in(std::size_t volume, const Way& way, const Rng& draws, std:
   hits.class_id[ray] = static_cast<std::uint16_t>(Class::kVegetation);
   // Leaves have random orientations. A leaf that faces the ray is hit more often, so P(cos < c) =
   // c^2.
-  hits.cos_incidence[ray] = static_cast<float>(std::sqrt(draws.open_uniform(kLeaf)));
+  hits.cos_incidence[ray] = static_cast<float>(std::sqrt(rng.open_uniform(kLeaf)));
 }
 
 double Volumes::transmission(float dx, float dy, float dz, double range) const {

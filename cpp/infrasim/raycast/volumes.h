@@ -30,16 +30,16 @@ class Volumes {
   /// Replaces the hit of each ray that leaves stop before it. The result depends neither on the
   /// order of the rays nor on rays that meet no volume.
   /// @param order    rays that may meet a volume; neighbouring rays should be together
-  /// @param draws_of returns the random stream of a ray by its index
-  template <class DrawsOf>
-  void stop(const RayBatch& rays, std::span<const std::uint32_t> order, const DrawsOf& draws_of,
+  /// @param rng_of returns the random stream of a ray by its index
+  template <class RngOf>
+  void stop(const RayBatch& rays, std::span<const std::uint32_t> order, const RngOf& rng_of,
             HitBatch& hits) const {
     for_each_packet(order, [&](std::span<const std::uint32_t> packet) {
       index_.for_each_in(view_of(rays, packet), [&](std::size_t v) {
         for (const std::uint32_t k : packet) {
           const Way way = way_through(v, rays.dx[k], rays.dy[k], rays.dz[k]);
           if (way.from < way.to && way.from < std::min<double>(hits.range[k], rays.max_range))
-            stop_in(v, way, draws_of(k), k, rays.max_range, hits);
+            stop_in(v, way, rng_of(k), k, rays.max_range, hits);
         }
         return true;
       });
@@ -64,7 +64,7 @@ class Volumes {
   };
 
   Way way_through(std::size_t volume, float dx, float dy, float dz) const;
-  void stop_in(std::size_t volume, const Way& way, const Rng& draws, std::uint32_t ray,
+  void stop_in(std::size_t volume, const Way& way, const Rng& rng, std::uint32_t ray,
                float max_range, HitBatch& hits) const;
 
   std::vector<Volume> volumes_;

@@ -14,7 +14,7 @@ const ObjectClass& class_at(const std::map<std::string, double>& shares, double 
   return *find_class(shares.rbegin()->first);
 }
 
-VehicleSize draw_size(const ObjectClass& object_class, const Rng& rng) {
+VehicleSize sample_size(const ObjectClass& object_class, const Rng& rng) {
   const auto size = [&](const Spread& spread, unsigned j) {
     return spread.mean + spread.std * std::clamp(rng.normal(j), -2.0, 2.0);
   };

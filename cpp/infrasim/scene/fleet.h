@@ -18,6 +18,6 @@ struct VehicleSize {
 const ObjectClass& class_at(const std::map<std::string, double>& shares, double u);
 
 /// Returns a random size within two standard deviations, from samples 1 to 6 of a vehicle's stream.
-VehicleSize draw_size(const ObjectClass& object_class, const Rng& rng);
+VehicleSize sample_size(const ObjectClass& object_class, const Rng& rng);
 
 }  // namespace infrasim

@@ -100,7 +100,7 @@ std::string degrees_text(double angle) {
 void check_heights(const JunctionConfig& junction, const RoadConfig& a, const RoadConfig& b) {
   if (a.elevation_m != b.elevation_m)
     config::fail(junction.place, "roads",
-                 "expected roads at one height, got '" + a.name + "' at " +
+                 "expected roads at equal heights, got '" + a.name + "' at " +
                      config::number_text(a.elevation_m) + " m and '" + b.name + "' at " +
                      config::number_text(b.elevation_m) + " m");
 }
@@ -114,7 +114,7 @@ void check_angles(const JunctionConfig& junction, const RoadLine& a, const RoadL
     if (bend > kMostBend)
       config::fail(junction.place, "roads",
                    "expected up to " + degrees_text(kMostBend) + ", got '" + road->config->name +
-                       "' to bend by " + degrees_text(bend) + " in it");
+                       "' with a bend of " + degrees_text(bend) + " in it");
   }
   for (const double s : {a.cut->from, a.cut->to})
     for (const double t : {b.cut->from, b.cut->to}) {
@@ -133,8 +133,8 @@ Ring ring_at(const JunctionConfig& junction, Vec2 centre, const RoadConfig& a,
   for (const RoadConfig* road : {&a, &b})
     if (road->lanes.each_way > 1 || is_one_way(road->lanes))
       config::fail(junction.place, "roundabout",
-                   "expected roads with one lane each way, got it on '" + road->name +
-                       "' of several or one-way lanes");
+                   "expected roads with one lane each way, got '" + road->name +
+                       "' with several or one-way lanes");
   return {a.name + "_" + b.name + "_ring", centre, a.elevation_m, *junction.roundabout};
 }
 
@@ -145,9 +145,9 @@ std::optional<Ring> cut_roads(const SceneConfig& scene, int index, std::vector<R
   RoadLine& b = roads[road_index(scene, junction.roads[1], junction.place, "roads")];
   const auto point = meeting(a, b);
   if (&a == &b || !point)
-    config::fail(junction.place, "roads",
-                 "expected two that cross, or one that ends on the other, got roads that "
-                 "do not meet");
+    config::fail(
+        junction.place, "roads",
+        "expected two roads that cross, or one that ends on the other, got roads that do not meet");
   check_heights(junction, *a.config, *b.config);
   const std::array stations{a.curve.project(*point), b.curve.project(*point)};
   const double angle =

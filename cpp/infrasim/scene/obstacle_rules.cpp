@@ -99,10 +99,10 @@ class ObstacleRules {
                footprints_overlap(outline, footprint(other));
       };
       if (index.any_near(outline, shares_place))
-        config::fail(place, "offset_m",
-                     "expected where nothing is, got a parked vehicle in another, or in what "
-                     "stands there, near " +
-                         at_text({box.x, box.y}));
+        config::fail(
+            place, "offset_m",
+            "expected free ground, got a parked vehicle that overlaps another object near " +
+                at_text({box.x, box.y}));
       index.add(outline, solid.size());
       solid.push_back(box);
     }
@@ -134,11 +134,11 @@ class ObstacleRules {
       for (const Box3d& box : way) {
         if (scene.traffic) check_beside_lanes(box, row.place, "offset_m", "people");
         if (is_taken(box))
-          config::fail(row.place, "offset_m",
-                       "expected " + number_text(kPeopleBeside_m) +
-                           " m free to both sides of their line, got something in the way of "
-                           "people, near " +
-                           at_text({box.x, box.y}));
+          config::fail(
+              row.place, "offset_m",
+              "expected " + number_text(kPeopleBeside_m) +
+                  " m of free ground on both sides of the line, got an object in the way near " +
+                  at_text({box.x, box.y}));
       }
       for (const Box3d& box : way) take(box);
     }
@@ -151,7 +151,7 @@ class ObstacleRules {
       if (is_taken(box))
         config::fail(group.place, "x_m",
                      "expected free ground within " + number_text(radius_of(group)) +
-                         " m of the group's middle, got something that stands or walks there");
+                         " m of the group's centre, got another object there");
       take(box);
     }
   }

@@ -75,7 +75,7 @@ void EvaluationRegion::check_outlines(const SceneConfig& scene) const {
   for_each_row([&](const std::string&, const LaneRow& row) { meet |= in_outlines(row.place); });
   if (!meet)
     config::fail(scene.regions->front().place, "regions.0.outline_m",
-                 "expected the middle of a road or lane in it or in the others, got none within " +
+                 "expected outlines that contain the middle of a road or lane, got none within " +
                      config::number_text(half_length_) + " m of the mount");
 }
 

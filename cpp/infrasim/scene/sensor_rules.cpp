@@ -196,22 +196,24 @@ void check_sensor(const Site& site) {
     };
     const std::string got = ", got " + number_text(mount.z_m);
     if (const double away = distance_to_surfaces(site, sensor); away > kLongestRange_m)
-      fail("x_m", "expected up to " + number_text(kLongestRange_m) + ", where rays end, got it " +
-                      number_text(std::round(away)) + " m from every road and ground");
+      fail("x_m", "expected up to " + number_text(kLongestRange_m) +
+                      " (the longest range of a ray), got " + number_text(std::round(away)) +
+                      " m from every road and ground");
     const double height = height_above_surface(site, sensor.foot, sensor.z);
     if (std::isfinite(height) && height > kHighestPole_m)
       fail("z_m", "expected metres, up to " + number_text(kHighestPole_m) +
                       " above the roads and the ground" + got + "; " + number_text(mount.z_m) +
                       " centimetres are " + number_text(mount.z_m / 100));
     if (const auto over = ground_over(site, sensor))
-      fail("z_m", "expected above, or under a bridge of " + number_text(kClearance_m) + " m" + got +
-                      " below the ground or a road at " + metres(*over + rise) + " m");
+      fail("z_m", "expected a mount above the surface, or below a bridge with a clearance of " +
+                      number_text(kClearance_m) + " m" + got + " below the ground or a road at " +
+                      metres(*over + rise) + " m");
     if (const std::string what = what_holds(site, sensor); !what.empty())
-      fail("x_m", "expected a place outside, got one inside " + what);
+      fail("x_m", "expected a position outside objects, got one inside " + what);
     if (const auto lane = lane_around(site, sensor))
       fail("z_m", "expected " + metres(*lane + rise + kClearance_m) +
                       " or more, or beside the lanes" + got +
-                      " in the way of the vehicles of a lane at " + metres(*lane + rise));
+                      ", where vehicles hit it, above a lane at " + metres(*lane + rise));
   }
 }
 
@@ -222,9 +224,9 @@ void check_sensor_above(const SceneConfig& scene, const TriangleMesh& background
   if (!std::isfinite(over) || bridge) return;
   const auto& [name, mount] = *scene.mounts.begin();
   config::fail(mount.place, "mounts." + name + ".z_m",
-               "expected above, or under a bridge of " + number_text(kClearance_m) + " m, got " +
-                   number_text(mount.z_m) + " below a surface of the meshes at " +
-                   metres(mount.z_m + over) + " m");
+               "expected a mount above the surface, or below a bridge with a clearance of " +
+                   number_text(kClearance_m) + " m, got " + number_text(mount.z_m) +
+                   " below a surface of the meshes at " + metres(mount.z_m + over) + " m");
 }
 
 void check_sensor_is_free(const SceneConfig& scene, const std::vector<ObjectState>& states,
@@ -233,7 +235,7 @@ void check_sensor_is_free(const SceneConfig& scene, const std::vector<ObjectStat
     for (const ObjectState& s : states)
       if (holds(s.box, {{mount.x_m, mount.y_m}, mount.z_m}))
         config::fail(mount.place, "mounts." + name + ".x_m",
-                     "expected outside the ways of vehicles, got it inside vehicle " +
+                     "expected a position outside the paths of vehicles, got one inside vehicle " +
                          std::to_string(s.id) + " at " + number_text(instant / 10.0) + " s");
 }
 

@@ -66,7 +66,7 @@ class RoadRules {
             return other.of == i && other.from > strip.to + kStripLength_m / 2;
           }) != nullptr)
         config::fail(road.place, "centreline",
-                     "expected a road that does not, got it to cross itself near " +
+                     "expected a road that does not cross itself, got a crossing near " +
                          at_text(strip.middle()));
     check_ends_apart(road, wide);
   }
@@ -74,7 +74,7 @@ class RoadRules {
   void check_ends_apart(const RoadConfig& road, const std::vector<Strip>& wide) const {
     if (wide.size() > 3 && footprints_overlap(wide.front().outline, wide.back().outline))
       config::fail(road.place, "centreline",
-                   "expected a road with two ends, got it to end where it starts, near " +
+                   "expected a road with two ends, got a closed road near " +
                        at_text(wide.front().middle()));
   }
 
@@ -99,12 +99,12 @@ class RoadRules {
     const std::string where = ", got it on '" + other.name + "' near " + at_text(place);
     if (apart > 0)
       config::fail(road.place, "elevation_m",
-                   "expected " + number_text(kClearance_m) + " m of height or more" + where +
-                       " with " + number_text(apart) + " m between");
+                   "expected " + number_text(kClearance_m) + " m of height difference or more" +
+                       where + " with " + number_text(apart) + " m between");
     config::fail(road.place, "centreline",
-                 "expected a junction of both, " + number_text(kClearance_m) +
-                     " m of height between, or " + number_text(kApart) + " m beside it" + where +
-                     " without one");
+                 "expected a junction of both roads, " + number_text(kClearance_m) +
+                     " m of height difference, or " + number_text(kApart) + " m of distance" +
+                     where + " without one");
   }
 
   void check_ground(const GroundConfig& ground) const {
@@ -149,7 +149,7 @@ class RoadRules {
     });
     if (met != nullptr)
       config::fail(road.place, "embankment",
-                   "expected below roads and beside them, got its slope on '" +
+                   "expected a slope below and beside roads, got one on '" +
                        site_.scene.roads[met->of].name + "' near " + at_text(met->middle()));
   }
 

@@ -70,16 +70,16 @@ Vehicle TrafficPopulation::new_vehicle(int lane) {
   v.id = next_id_++;
   v.lane = lane;
   v.object_class = &class_at(config_.class_shares, rng.uniform(0));
-  const VehicleSize size = draw_size(*v.object_class, rng);
+  const VehicleSize size = sample_size(*v.object_class, rng);
   v.dx = size.dx;
   v.dy = size.dy;
   v.dz = size.dz;
   const double deviation = std::clamp(rng.normal(7), -2.5, 2.5);
   v.desired_speed =
       std::max(1.0, (config_.speed.mean_km_h + config_.speed.std_km_h * deviation) / 3.6);
-  const double room =
+  const double free_width =
       std::clamp((state_.network.lanes[lane].width_m - v.dy) / 2 - 0.25, 0.0, kMaxLateral);
-  v.lateral = room * (2 * rng.uniform(9) - 1);
+  v.lateral = free_width * (2 * rng.uniform(9) - 1);
   fit_lanes(v);
   v.turn_choice = rng.uniform(10);
   return v;
@@ -102,8 +102,8 @@ void TrafficPopulation::check_fits(const ObjectClass& row) const {
 void TrafficPopulation::fit_lanes(Vehicle& v) const {
   const double beside = half_width_in_bend(v, tightest_radius_, 0) - v.dy / 2;
   v.dy = std::min(v.dy, narrowest_m_ - 2 * beside);
-  const double free = narrowest_m_ / 2 - v.dy / 2 - beside;
-  v.lateral = std::clamp(v.lateral, -free, free);
+  const double free_width = narrowest_m_ / 2 - v.dy / 2 - beside;
+  v.lateral = std::clamp(v.lateral, -free_width, free_width);
 }
 
 void TrafficPopulation::spawn() {

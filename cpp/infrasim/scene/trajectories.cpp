@@ -237,7 +237,7 @@ class TrajectoryReader {
     if (std::abs(t - static_cast<double>(step) * kFramePeriod) > 1e-6)
       csv_.fail_row("t", "expected a multiple of 0.1 s, got another time");
     if (step + 1 < out_.rows.size())
-      csv_.fail_row("t", "expected times that rise, got one before the row above");
+      csv_.fail_row("t", "expected ascending times, got a time before that of the row above");
     if (out_.rows.empty() && step != 0) csv_.fail_row("t", "expected 0, got a start after 0");
     out_.rows.resize(std::max(out_.rows.size(), step + 1));  // an instant without rows is empty
   }
@@ -246,7 +246,7 @@ class TrajectoryReader {
     go_to(t);
     auto& row = out_.rows.back();
     if (!row.empty() && row.back().id >= s.id)
-      csv_.fail_row("id", "expected ids that rise within an instant, got others");
+      csv_.fail_row("id", "expected ascending ids within an instant, got others");
     const std::size_t step = out_.rows.size() - 1;
     check_motion(step, s);
     last_[s.id] = {step, s};

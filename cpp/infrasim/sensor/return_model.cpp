@@ -15,7 +15,7 @@ namespace {
 
 constexpr float kCarlaAttenuation = 0.004F;  // 1/m, CARLA's atmosphere_attenuation_rate
 
-enum ReturnDraw : unsigned { kLoss, kKeep, kDetection, kNoise };
+enum ReturnSample : unsigned { kLoss, kKeep, kDetection, kNoise };
 
 double extinction(const WeatherConfig& weather) {
   const double rain = 3.65e-4 * std::pow(weather.rain_mm_per_h, 0.63);
@@ -39,10 +39,10 @@ class Detector {
     }
   }
 
-  bool detects(double margin, const Rng& draw) const {
+  bool detects(double margin, const Rng& ray_rng) const {
     if (margin <= -kCertain) return false;
     if (!(margin < kCertain)) return true;
-    const double u = draw.open_uniform(kDetection);
+    const double u = ray_rng.open_uniform(kDetection);
     const auto step = static_cast<std::size_t>((margin + kCertain) * kStepsPerUnit);
     if (u < always_[step]) return true;
     if (u > never_[step + 1]) return false;
@@ -75,15 +75,15 @@ bool ReturnModel::is_recorded(const EchoBatch& echoes, std::size_t i) const {
          (!config_.detection || echoes.reflectance[i] >= 1);
 }
 
-bool ReturnModel::lost_at_random(const Rng& draw) const {
-  return draw.uniform(kLoss) < config_.drop_off->general_rate;
+bool ReturnModel::lost_at_random(const Rng& ray_rng) const {
+  return ray_rng.uniform(kLoss) < config_.drop_off->general_rate;
 }
 
-bool ReturnModel::dropped_when_faint(const Rng& draw, double intensity) const {
+bool ReturnModel::dropped_when_faint(const Rng& ray_rng, double intensity) const {
   const DropOffConfig& d = *config_.drop_off;
   if (intensity > d.intensity_limit) return false;
   const double slope = d.zero_intensity_rate / d.intensity_limit;
-  return draw.uniform(kKeep) >= slope * intensity + 1 - d.zero_intensity_rate;
+  return ray_rng.uniform(kKeep) >= slope * intensity + 1 - d.zero_intensity_rate;
 }
 
 double ReturnModel::snr(double range, double reflected, double sunlit) const {
@@ -103,22 +103,23 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const EchoBatch
   for (std::size_t i = 0; i < echoes.size(); ++i) {
     float range = echoes.range[i];
     if (!(range >= min_range && range <= max_range)) continue;
-    const Rng draw = rng.at(first_ray + i);
+    const Rng ray_rng = rng.at(first_ray + i);
     const bool recorded = is_recorded(echoes, i);
-    if (config_.drop_off && !recorded && lost_at_random(draw)) continue;
+    if (config_.drop_off && !recorded && lost_at_random(ray_rng)) continue;
     double intensity = 0, sigma = config_.range_accuracy_m;
     if (config_.detection) {
       intensity = echoes.reflectance[i] * echoes.gain[i];
       const double ratio = snr(range, intensity, sunlit[i]);
       const double margin = config_.detection->steepness * (ratio - 1);
-      if (!recorded && !detector.detects(margin, draw)) continue;
+      if (!recorded && !detector.detects(margin, ray_rng)) continue;
       // A detected signal, including its noise, is at least as strong as the threshold.
       sigma /= std::sqrt(2 * std::max(1.0, ratio));
     } else {
       intensity = std::exp(-kCarlaAttenuation * range);
     }
-    if (config_.drop_off && !recorded && dropped_when_faint(draw, intensity)) continue;
-    if (sigma > 0) range += static_cast<float>(sigma * normal_quantile(draw.open_uniform(kNoise)));
+    if (config_.drop_off && !recorded && dropped_when_faint(ray_rng, intensity)) continue;
+    if (sigma > 0)
+      range += static_cast<float>(sigma * normal_quantile(ray_rng.open_uniform(kNoise)));
     out.ray[n] = static_cast<std::uint32_t>(i);
     out.range[n] = std::max(0.0F, range);
     out.intensity[n++] = static_cast<float>(std::min(1.0, intensity));

@@ -52,8 +52,8 @@ class ReturnModel {
 
  private:
   bool is_recorded(const EchoBatch& echoes, std::size_t i) const;
-  bool lost_at_random(const Rng& draw) const;
-  bool dropped_when_faint(const Rng& draw, double intensity) const;
+  bool lost_at_random(const Rng& ray_rng) const;
+  bool dropped_when_faint(const Rng& ray_rng, double intensity) const;
   double snr(double range, double reflected, double sunlit) const;
 
   ReturnsConfig config_;

@@ -95,7 +95,7 @@ def read_base(folder: Path, most: int) -> Base:
     if not frames:
         raise Error(f"{folder}: expected a test frame, got none")
     description = folder.parent / "dataset.yaml"
-    scene = _scene(kitti.read_keys(description), folder) if description.is_file() else {}
+    scene = _scene(kitti.read_written_keys(description), folder) if description.is_file() else {}
     step = math.ceil(len(frames) / most)
     return Base(folder, kitti.read_lidar(folder), scene, tuple(frames[::step]))
 

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from pyinfra.core.errors import FormatError
-from pyinfra.formats.kitti import read_lidar_keys
+from pyinfra.formats.kitti import read_written_keys
 
 Keys = dict[str, Any]
 
@@ -21,7 +21,7 @@ FILE = "lidar.yaml"
 
 def read(file: Path) -> Keys:
     """Reads all keys of a `lidar.yaml` with its preset applied. Raises FormatError."""
-    return read_lidar_keys(file)
+    return read_written_keys(file)
 
 
 def units_of(config: Keys) -> list[Keys]:

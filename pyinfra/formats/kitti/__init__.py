@@ -34,9 +34,9 @@ from pyinfra.formats.kitti.lidar import (
     parse_lidar,
     read_label_time,
     read_lidar,
-    read_lidar_keys,
     read_road_shape,
     read_tilt,
+    read_written_keys,
 )
 from pyinfra.formats.kitti.read import read_fields, read_labels, read_objects, read_points
 from pyinfra.formats.kitti.write import (
@@ -75,11 +75,11 @@ __all__ = [
     "read_label_time",
     "read_labels",
     "read_lidar",
-    "read_lidar_keys",
     "read_objects",
     "read_points",
     "read_road_shape",
     "read_tilt",
+    "read_written_keys",
     "read_yaml",
     "simulated",
     "write_calibration",

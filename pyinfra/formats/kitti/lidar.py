@@ -101,11 +101,15 @@ class Lidar:
 
 
 # Maps keys of version 0.3 to their current names.
-_RENAMED_KEYS = {"seam_deg": "cut_angle_deg", "wedges": "prisms"}
+_RENAMED_KEYS = {
+    "own_draws": "own_random_stream",
+    "seam_deg": "cut_angle_deg",
+    "wedges": "prisms",
+}
 
 
-def read_lidar_keys(file: Path) -> dict[str, Any]:
-    """Returns all keys of a `lidar.yaml`. Keys of version 0.3 get their current names.
+def read_written_keys(file: Path) -> dict[str, Any]:
+    """Returns all keys of a `lidar.yaml` or `dataset.yaml`. Keys of 0.3 get their current names.
 
     Raises FormatError with file and line.
     """
