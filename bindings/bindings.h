@@ -7,6 +7,7 @@ namespace infrasim {
 // Each function binds one area. The stub pyinfra/_core.pyi describes the result in Python.
 void bind_filters(pybind11::module_& m);
 void bind_frames(pybind11::module_& m);
+void bind_observer(pybind11::module_& m);
 void bind_pointops(pybind11::module_& m);
 void bind_simulation(pybind11::module_& m);
 

@@ -16,4 +16,5 @@ PYBIND11_MODULE(_core, m) {
   infrasim::bind_frames(m);
   infrasim::bind_pointops(m);
   infrasim::bind_simulation(m);
+  infrasim::bind_observer(m);
 }

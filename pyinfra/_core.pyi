@@ -7,7 +7,7 @@ import numpy
 import numpy.typing
 import pyinfra.core.errors
 import typing
-__all__: list[str] = ['BackgroundModel', 'ConfigError', 'CropBox', 'CropFieldOfView', 'CropPolygon', 'CropRange', 'Frame', 'FrameStream', 'GroundHeight', 'GroundMorphological', 'GroundPlane', 'IoError', 'Lidar', 'World', 'ball_query', 'farthest_points', 'frames_version', 'kept_rows', 'learn_background', 'reached_voxels', 'shifted_pairs', 'suppress', 'version', 'warnings']
+__all__: list[str] = ['BackgroundModel', 'ConfigError', 'CropBox', 'CropFieldOfView', 'CropPolygon', 'CropRange', 'Frame', 'FrameStream', 'GroundHeight', 'GroundMorphological', 'GroundPlane', 'IoError', 'Lidar', 'Observer', 'World', 'ball_query', 'farthest_points', 'frames_version', 'kept_rows', 'learn_background', 'reached_voxels', 'shifted_pairs', 'suppress', 'version', 'warnings']
 class ConfigError(pyinfra.core.errors.ConfigError):
     pass
 class IoError(OSError):
@@ -208,6 +208,24 @@ class FrameStream:
         ...
     def __next__(self) -> tuple[int, list[Frame]]:
         ...
+class Observer:
+    """
+    What LiDARs see of the objects of one site from many poses. A pose is x, y, z (m, world frame), yaw and pitch (deg). Thread-safe.
+    """
+    def __init__(self, file: str, assignments: collections.abc.Sequence[str], preset: str, mount: str, frames: collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex]) -> None:
+        ...
+    def fault(self, pose: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(5)"]) -> str:
+        """
+        Returns why no sensor can be at a pose; empty if one can.
+        """
+    def observe(self, pose: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(5)"], lidars: collections.abc.Sequence[Lidar], frames: collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex]) -> numpy.ndarray:
+        """
+        Returns (n,) structured: each object with points, by frame and LiDAR. Extents are along the axes of the object's box. Raises ConfigError for a pose with a fault.
+        """
+    def present(self, frames: collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex]) -> numpy.ndarray:
+        """
+        Returns (n,) structured: every object in the evaluation region at the middle of each frame. World frame.
+        """
 def ball_query(points: numpy.typing.NDArray[numpy.float32], centres: numpy.typing.NDArray[numpy.float32], radius: typing.SupportsFloat | typing.SupportsIndex, limit: typing.SupportsInt | typing.SupportsIndex) -> tuple[numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.uint8]]:
     """
     Returns (m, limit) int64, the first rows of points closer than radius to each centre, and (m,) uint8, 1 for a centre without such points. Unused entries repeat the first row. points: (n, 3) float32. centres: (m, 3) float32.

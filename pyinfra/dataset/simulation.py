@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
 from warnings import warn
@@ -25,6 +25,7 @@ from pyinfra._core import (
     GroundPlane,
     IoError,
     Lidar,
+    Observer,
     World,
     frames_version,
     kept_rows,
@@ -51,6 +52,7 @@ __all__ = [
     "GroundPlane",
     "IoError",
     "Lidar",
+    "Observer",
     "World",
     "fields",
     "filtered",
@@ -59,6 +61,7 @@ __all__ = [
     "label_time",
     "learn_background",
     "load_lidar",
+    "load_observer",
     "load_scene",
     "make_world",
     "points",
@@ -102,6 +105,24 @@ def load_scene(
     if seed is not None:
         assignments.append(f"seed={seed}")
     return World(str(file), assignments, preset, mount)
+
+
+def load_observer(
+    file: str | Path,
+    frames: Sequence[int],
+    *,
+    preset: str = "datasheet",
+    seed: int | None = None,
+    mount: str = "",
+) -> Observer:
+    """Builds a site and the traffic of some frames, to be observed from many poses.
+
+    frames: the frames that may be observed. mount: the mount whose evaluation region counts; only
+    needed if the scene has several. The scene's filters have no effect. Raises ConfigError and
+    IoError.
+    """
+    assignments = [] if seed is None else [f"seed={seed}"]
+    return Observer(str(file), assignments, preset, mount, list(frames))
 
 
 def make_world(scene: Mapping[str, object], *, preset: str = "datasheet", mount: str = "") -> World:

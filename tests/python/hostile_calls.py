@@ -324,6 +324,27 @@ def frame_stream(lidars: list[Any], frames: list[int], threads: int) -> None:
             return
 
 
+OBSERVER = _core.Observer(str(INPUTS / "site.yaml"), ["duration_s=1"], "datasheet", "", [0, 5])
+
+
+@given(
+    st.lists(real, min_size=5, max_size=5) | st.just([-14.0, 9.5, 6.0, 0.0, 0.0]),
+    st.lists(st.sampled_from([*LIDARS, None]), max_size=2),
+    st.lists(st.sampled_from([0, 5]) | few, max_size=3),
+    word,
+)
+def observer(pose: list[float], lidars: list[Any], frames: list[int], preset: str) -> None:
+    fault = logged(OBSERVER.fault, pose)
+    rows = logged(OBSERVER.observe, pose, lidars, frames)
+    if rows is not None:
+        assert fault == ""
+        within(rows["lidar"], len(lidars))
+        assert (rows["points"] > 0).all()
+    objects = logged(OBSERVER.present, frames)
+    assert (objects is not None) == (set(frames) <= {0, 5})
+    logged(_core.Observer, str(INPUTS / "site.yaml"), ["duration_s=1"], preset, preset, frames)
+
+
 def numbers() -> None:
     assert logged(_core.version)
     assert logged(_core.frames_version) > 0
@@ -345,6 +366,7 @@ TESTS: tuple[Callable[[], None], ...] = (
     scene,
     mesh,
     frame_stream,
+    observer,
     numbers,
 )
 

@@ -1,6 +1,7 @@
 #include "infrasim/pipeline/caster.h"
 
 #include <algorithm>
+#include <limits>
 #include <numeric>
 
 #include "infrasim/sensor/pattern_table.h"
@@ -123,6 +124,7 @@ std::size_t Caster::cast_rays(const Part& part) {
 /// Selects the rays that must be cast, with neighbouring rays together. Rays above all objects in
 /// the scene are not selected.
 void Caster::select(const Part& part) {
+  if (bodies_only_) return select_for_bodies(part);
   ScannerUnit& scanner = part.scanner;
   const float spread = scanner.beam ? scanner.beam->half_width() : 0;
   const bool leaves = scanner.beam && part.by_power() && !leaves_.empty();
@@ -133,6 +135,21 @@ void Caster::select(const Part& part) {
   for (const std::uint32_t i : tile_order(scanner, part.groups()))
     if (below(raycaster_.horizon(), i) || (leaves && below(leaves_.horizon(), i)))
       selected_.push_back(i);
+}
+
+/// Selects the tiles of rays that may meet a body.
+void Caster::select_for_bodies(const Part& part) {
+  ScannerUnit& scanner = part.scanner;
+  const float spread = scanner.beam ? scanner.beam->half_width() : 0;
+  const std::span<const std::uint32_t> order = tile_order(scanner, part.groups());
+  selected_.clear();
+  for (std::size_t from = 0; from < order.size(); from += kPacketRays) {
+    const auto tile = order.subspan(from, std::min<std::size_t>(kPacketRays, order.size() - from));
+    ViewBounds view;
+    for (const std::uint32_t i : tile) view.add_cone(rays_.dx[i], rays_.dy[i], rays_.dz[i], spread);
+    if (raycaster_.bodies().any_in(view))
+      selected_.insert(selected_.end(), tile.begin(), tile.end());
+  }
 }
 
 void Caster::cast_moving(const StaticLayer& layer, const Part& part) {
@@ -160,6 +177,7 @@ void Caster::stop_in_leaves(const Part& part) {
 /// Returns the rays that may meet leaves. They include rays that are not cast.
 std::span<const std::uint32_t> Caster::order_for_leaves(const Part& part) {
   if (part.scanner.beam) return sub_selected_;
+  if (bodies_only_) return selected_;
   if (!part.scanner.layer) return tile_order(part.scanner, part.groups());
   part.scanner.layer->select(part.first, part.last, leaves_.index(), in_leaves_);
   return in_leaves_;
@@ -184,7 +202,10 @@ void Caster::merge_beams(const Part& part) {
 
 void Caster::detect(const Part& part, FrameBuilder& out) {
   const bool wide = part.scanner.beam.has_value();
-  const EchoBatch& echoes = wide ? beam_echoes_ : echoes_;
+  EchoBatch& echoes = wide ? beam_echoes_ : echoes_;
+  if (bodies_only_)
+    for (std::size_t i = 0; i < echoes.size(); ++i)
+      if (echoes.object[i] < 0) echoes.range[i] = std::numeric_limits<float>::infinity();
   part.scanner.returns.apply(part.frame, part.first_ray, echoes,
                              wide ? sunlit_ : echoes.reflectance, returns_);
   collect(part.vehicles.moving, wide, echoes, out);

@@ -63,6 +63,10 @@ class Caster {
   Caster(Raycaster& raycaster, const VehicleParts& parts, const Volumes& leaves)
       : raycaster_(raycaster), parts_(parts), leaves_(leaves), transparent_(raycaster) {}
 
+  /// Casts only rays that may meet a moving body, and adds only returns from bodies. These returns
+  /// equal those of all rays.
+  void see_bodies_only() { bodies_only_ = true; }
+
   /// Adds the returns of the rays that the unit fires in one slice of frame k.
   /// @param vehicles the vehicles that the raycaster has
   /// @return number of rays that were cast; a static layer makes it smaller, a wide beam larger
@@ -89,6 +93,7 @@ class Caster {
   void detect(const Part& part, FrameBuilder& out);
 
   void select(const Part& part);
+  void select_for_bodies(const Part& part);
   void cast_moving(const StaticLayer& layer, const Part& part);
   const RayBatch& rays_cast(const Part& part) const;
   std::span<const std::uint32_t> order_for_leaves(const Part& part);
@@ -98,6 +103,7 @@ class Caster {
   Raycaster& raycaster_;
   VehicleParts parts_;
   const Volumes& leaves_;
+  bool bodies_only_ = false;
   TransparentCaster transparent_;
   RayBatch rays_;
   std::vector<std::uint32_t> selected_;   ///< rays that must be cast

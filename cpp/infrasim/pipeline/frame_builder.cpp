@@ -87,4 +87,29 @@ std::vector<PointCount> FrameBuilder::count(std::span<const ObjectBoxes> boxes,
   return counts;
 }
 
+std::vector<PointSpread> FrameBuilder::spread(std::size_t objects, const BoxAt& box_at) const {
+  struct Ends {
+    Vec3 low{kInf, kInf, kInf}, high{-kInf, -kInf, -kInf};
+  };
+  std::vector<PointSpread> out(objects);
+  std::vector<Ends> ends(objects);
+  for (const Hit& hit : hits_) {
+    const auto k = static_cast<std::size_t>(hit.object);
+    const BoxFrame box(box_at(k, hit.time_s));
+    const Vec3 p = box.to_box(hit.wide ? box.nearest(hit.place) : hit.place);
+    auto& [low, high] = ends[k];
+    low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+    high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+    ++out[k].points;
+  }
+  for (std::size_t k = 0; k < objects; ++k) {
+    if (out[k].points == 0) continue;
+    const auto& [low, high] = ends[k];
+    out[k].along_m = high.x - low.x;
+    out[k].across_m = high.y - low.y;
+    out[k].up_m = high.z - low.z;
+  }
+  return out;
+}
+
 }  // namespace infrasim

@@ -40,6 +40,14 @@ struct PointCount {
   int points_in_scan_box = 0;
 };
 
+/// Points on an object, and their extents along the axes of its box, metres.
+struct PointSpread {
+  int points = 0;
+  double along_m = 0;
+  double across_m = 0;
+  double up_m = 0;
+};
+
 /// Collects the returns of one LiDAR in one frame, in the order in which they are added.
 class FrameBuilder {
  public:
@@ -80,6 +88,10 @@ class FrameBuilder {
   /// the positions without noise are used. For a wide beam, the hit is moved onto the object.
   /// Points up to 1 cm outside a box count as inside.
   std::vector<PointCount> count(std::span<const ObjectBoxes> boxes, const BoxAt& box_at) const;
+
+  /// Counts the points of each object, and measures their extent along the axes of its box at the
+  /// time of each point. Range noise has no effect.
+  std::vector<PointSpread> spread(std::size_t objects, const BoxAt& box_at) const;
 
  private:
   /// A return from an object, with its position.

@@ -116,6 +116,21 @@ struct FrameSimulator::Impl {
     return out;
   }
 
+  std::vector<Observation> observations(const Lidar& lidar) const {
+    const std::vector<PointSpread> points = lidar.builder.spread(
+        vehicles.size(), [&](std::size_t i, double time_s) { return box_at(i, time_s); });
+    std::vector<Observation> out;
+    for (std::size_t i = 0; i < vehicles.size(); ++i) {
+      if (points[i].points == 0 || vehicles.visibility[i] < 0) continue;
+      const Box3d& box = vehicles.boxes[i];
+      out.push_back({.id = vehicles.moving[i].id,
+                     .points = points[i],
+                     .distance = std::hypot(box.x, box.y),
+                     .visibility = vehicles.visibility[i]});
+    }
+    return out;
+  }
+
   Frame finish(Lidar& lidar, std::span<const FilterStep> steps) const {
     Frame frame;
     frame.rays_cast = lidar.rays_cast;
@@ -213,6 +228,21 @@ FrameSimulator::~FrameSimulator() = default;
 FrameSimulator::FrameSimulator(FrameSimulator&&) noexcept = default;
 
 const LidarFilters& FrameSimulator::filters() const { return impl_->filters; }
+
+std::vector<std::vector<Observation>> FrameSimulator::observe(int k) {
+  Impl& m = *impl_;
+  check_frame(m.world, k);
+  m.caster.see_bodies_only();
+  m.vehicles = set_vehicles(m.world, k, m.reach, m.raycaster);
+  for (Lidar& lidar : m.lidars) lidar.start();
+  for (const WorldSlice& slice : m.slices) {
+    if (slice.frozen) freeze_vehicles(m.world, m.vehicles, slice.middle(), m.raycaster);
+    for (Lidar& lidar : m.lidars) m.cast_slice(k, slice, lidar);
+  }
+  std::vector<std::vector<Observation>> out;
+  for (const Lidar& lidar : m.lidars) out.push_back(m.observations(lidar));
+  return out;
+}
 
 std::vector<Frame> FrameSimulator::simulate(int k, const std::vector<bool>& wanted) {
   Impl& m = *impl_;

@@ -10,6 +10,7 @@
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/core/frame.h"
 #include "infrasim/filter/filter.h"
+#include "infrasim/pipeline/frame_builder.h"
 #include "infrasim/pipeline/static_layer.h"
 #include "infrasim/pipeline/world.h"
 
@@ -29,6 +30,14 @@ StaticLayers make_static_layers(const World& world, std::span<const LidarConfig>
 
 /// The scene's filters for each LiDAR. The simulators of all threads share them.
 using LidarFilters = std::vector<std::shared_ptr<const std::vector<FilterStep>>>;
+
+/// One object of the evaluation region, as one LiDAR sees it in one frame.
+struct Observation {
+  int id = 0;
+  PointSpread points;
+  double distance = 0;    ///< horizontal, sensor to box centre at mid-frame, metres
+  double visibility = 0;  ///< visible share, [0, 1]
+};
 
 /// Computes frames of several LiDARs at one mount. Not thread-safe.
 class FrameSimulator {
@@ -53,6 +62,12 @@ class FrameSimulator {
   /// are empty. A frame is a pure function of scene, seed, LiDAR and k.
   /// @throws ConfigError if the scene has no frame k
   std::vector<Frame> simulate(int k, const std::vector<bool>& wanted);
+
+  /// Returns what each LiDAR sees of the objects of frame k, without the scene's filters. Only rays
+  /// that may meet an object are cast. The simulator must have neither layers nor filters, and must
+  /// not be used for `simulate` afterwards.
+  /// @throws ConfigError if the scene has no frame k
+  std::vector<std::vector<Observation>> observe(int k);
 
   const LidarFilters& filters() const;
 

@@ -61,12 +61,10 @@ StateSink checking_sensors(const SceneConfig& scene, const StateSink& sink) {
   };
 }
 
-/// @param scene        scene at one mount
-/// @param site         checked site of the scene
-/// @param surface      static surface of the site
-/// @param trajectories trajectories of the scene
-World world_of(const SceneConfig& scene, const std::shared_ptr<const Site>& site,
-               const Surface& surface, std::shared_ptr<const Trajectories> trajectories) {
+}  // namespace
+
+World build_world_at(const SceneConfig& scene, const std::shared_ptr<const Site>& site,
+                     const Surface& surface, std::shared_ptr<const Trajectories> trajectories) {
   if (const double late_s = clock_offset_s(scene); late_s != 0)
     trajectories =
         std::make_shared<const Trajectories>(resample_at_clock_offset(*trajectories, late_s));
@@ -95,8 +93,6 @@ World world_of(const SceneConfig& scene, const std::shared_ptr<const Site>& site
           read_static_layers(scene)};
 }
 
-}  // namespace
-
 std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts) {
   std::vector<int> all(static_cast<std::size_t>(frame_count(scene.duration_s)));
   std::iota(all.begin(), all.end(), 0);
@@ -118,7 +114,7 @@ std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std:
   const Surface surface = build_static_surface(*site);
   std::vector<World> worlds;
   for (const SceneConfig& view : views)
-    worlds.push_back(world_of(view, site, surface, trajectories));
+    worlds.push_back(build_world_at(view, site, surface, trajectories));
   return worlds;
 }
 
@@ -133,16 +129,16 @@ World build_lazy_world(const SceneConfig& scene, const std::string& mount) {
   auto lazy = std::make_shared<LazyTrajectories>(site, clock_offset_s(view));
   TrajectoryKeeper none(std::vector<bool>(static_cast<std::size_t>(lazy->frames()) + 1),
                         lazy->pitched());
-  World world = world_of(view, site, build_static_surface(*site),
-                         std::make_shared<const Trajectories>(none.finish()));
+  World world = build_world_at(view, site, build_static_surface(*site),
+                               std::make_shared<const Trajectories>(none.finish()));
   world.lazy_trajectories = std::move(lazy);
   return world;
 }
 
 World build_static_world(const SceneConfig& scene, const std::string& mount) {
   const auto site = std::make_shared<const Site>(checked_site(scene));
-  return world_of(scene_at_mount(scene, mount), site, build_static_surface(*site),
-                  std::make_shared<const Trajectories>());
+  return build_world_at(scene_at_mount(scene, mount), site, build_static_surface(*site),
+                        std::make_shared<const Trajectories>());
 }
 
 void check_worlds(const SceneConfig& scene, bool drive) {
@@ -150,7 +146,8 @@ void check_worlds(const SceneConfig& scene, bool drive) {
   if (drive) StateSource(*site).each(checking_sensors(scene, [](const auto&) {}));
   const Surface surface = build_static_surface(*site);
   for (const std::string& mount : mount_names(scene))
-    world_of(scene_at_mount(scene, mount), site, surface, std::make_shared<const Trajectories>());
+    build_world_at(scene_at_mount(scene, mount), site, surface,
+                   std::make_shared<const Trajectories>());
 }
 
 bool move_alike(const SceneConfig& a, const SceneConfig& b) {

@@ -50,6 +50,15 @@ World build_world(const SceneConfig& scene, const std::string& mount = "");
 /// @throws the exceptions of build_world, except those of traffic that is simulated later
 World build_lazy_world(const SceneConfig& scene, const std::string& mount = "");
 
+/// Builds the world of a checked site at one mount.
+/// @param view         the result of scene_at_mount
+/// @param site         site of the scene
+/// @param surface      static surface of the site
+/// @param trajectories trajectories of the scene
+/// @throws ConfigError
+World build_world_at(const SceneConfig& view, const std::shared_ptr<const Site>& site,
+                     const Surface& surface, std::shared_ptr<const Trajectories> trajectories);
+
 /// Builds a world without frames. It has no moving objects, so traffic and recorded trajectories
 /// are not required.
 /// @throws the exceptions of build_world

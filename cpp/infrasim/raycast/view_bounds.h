@@ -40,6 +40,20 @@ struct ViewBounds {
     low = std::min(low, dz);
     high = std::max(high, dz);
   }
+  /// Adds all directions of a cone.
+  /// @param spread tangent of half the cone's angle
+  void add_cone(float dx, float dy, float dz, float spread) {
+    if (!(spread > 0)) return add(dx, dy, dz);
+    // The bearing changes no faster than the azimuth, and the sine no faster than the angle.
+    const float level = std::sqrt(std::max(0.0F, 1 - dz * dz)), turn = 1.2F * spread;
+    const float aside = level > 2 * turn ? turn / (level - turn) : 4;
+    const float b = bearing(dx, dy);
+    const bool across = std::abs(b) + aside > 2;
+    left = std::min(left, across ? -2 : b - aside);
+    right = std::max(right, across ? 2 : b + aside);
+    low = std::min(low, dz - turn);
+    high = std::max(high, dz + turn);
+  }
   bool meets(const ViewBounds& o) const {
     return left <= o.right && o.left <= right && low <= o.high && o.low <= high;
   }

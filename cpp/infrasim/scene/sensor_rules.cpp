@@ -187,34 +187,36 @@ double height_above_surface(const Site& site, Vec2 foot, double z) {
 }
 
 void check_sensor(const Site& site) {
-  for (const auto& [name, mount] : site.scene.mounts) {
-    // The rules use the heights of the scene file, before the profile raises the scene.
-    const double rise = site.profile.rise({mount.x_m, mount.y_m});
-    const Sensor sensor{{mount.x_m, mount.y_m}, mount.z_m - rise};
-    const auto fail = [&](const char* key, const std::string& what) {
-      config::fail(mount.place, "mounts." + name + "." + key, what);
-    };
-    const std::string got = ", got " + number_text(mount.z_m);
-    if (const double away = distance_to_surfaces(site, sensor); away > kLongestRange_m)
-      fail("x_m", "expected up to " + number_text(kLongestRange_m) +
-                      " (the longest range of a ray), got " + number_text(std::round(away)) +
-                      " m from every road and ground");
-    const double height = height_above_surface(site, sensor.foot, sensor.z);
-    if (std::isfinite(height) && height > kHighestPole_m)
-      fail("z_m", "expected metres, up to " + number_text(kHighestPole_m) +
-                      " above the roads and the ground" + got + "; " + number_text(mount.z_m) +
-                      " centimetres are " + number_text(mount.z_m / 100));
-    if (const auto over = ground_over(site, sensor))
-      fail("z_m", "expected a mount above the surface, or below a bridge with a clearance of " +
-                      number_text(kClearance_m) + " m" + got + " below the ground or a road at " +
-                      metres(*over + rise) + " m");
-    if (const std::string what = what_holds(site, sensor); !what.empty())
-      fail("x_m", "expected a position outside objects, got one inside " + what);
-    if (const auto lane = lane_around(site, sensor))
-      fail("z_m", "expected " + metres(*lane + rise + kClearance_m) +
-                      " or more, or beside the lanes" + got +
-                      ", where vehicles hit it, above a lane at " + metres(*lane + rise));
-  }
+  for (const auto& [name, mount] : site.scene.mounts) check_sensor_at(site, name, mount);
+}
+
+void check_sensor_at(const Site& site, const std::string& name, const MountConfig& mount) {
+  // The rules use the heights of the scene file, before the profile raises the scene.
+  const double rise = site.profile.rise({mount.x_m, mount.y_m});
+  const Sensor sensor{{mount.x_m, mount.y_m}, mount.z_m - rise};
+  const auto fail = [&](const char* key, const std::string& what) {
+    config::fail(mount.place, "mounts." + name + "." + key, what);
+  };
+  const std::string got = ", got " + number_text(mount.z_m);
+  if (const double away = distance_to_surfaces(site, sensor); away > kLongestRange_m)
+    fail("x_m", "expected up to " + number_text(kLongestRange_m) +
+                    " (the longest range of a ray), got " + number_text(std::round(away)) +
+                    " m from every road and ground");
+  const double height = height_above_surface(site, sensor.foot, sensor.z);
+  if (std::isfinite(height) && height > kHighestPole_m)
+    fail("z_m", "expected metres, up to " + number_text(kHighestPole_m) +
+                    " above the roads and the ground" + got + "; " + number_text(mount.z_m) +
+                    " centimetres are " + number_text(mount.z_m / 100));
+  if (const auto over = ground_over(site, sensor))
+    fail("z_m", "expected a mount above the surface, or below a bridge with a clearance of " +
+                    number_text(kClearance_m) + " m" + got + " below the ground or a road at " +
+                    metres(*over + rise) + " m");
+  if (const std::string what = what_holds(site, sensor); !what.empty())
+    fail("x_m", "expected a position outside objects, got one inside " + what);
+  if (const auto lane = lane_around(site, sensor))
+    fail("z_m", "expected " + metres(*lane + rise + kClearance_m) +
+                    " or more, or beside the lanes" + got +
+                    ", where vehicles hit it, above a lane at " + metres(*lane + rise));
 }
 
 void check_sensor_above(const SceneConfig& scene, const TriangleMesh& background) {

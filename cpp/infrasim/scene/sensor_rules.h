@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string>
+
 #include "infrasim/core/triangle_mesh.h"
 #include "infrasim/scene/site.h"
 #include "infrasim/scene/trajectories.h"
@@ -9,6 +11,9 @@ namespace infrasim {
 /// @throws ConfigError for a sensor inside the ground or an object, in the path of vehicles on a
 ///   lane, or too far from all roads and objects
 void check_sensor(const Site& site);
+/// The rules for a sensor at a mount that the site's scene need not have.
+/// @throws the exceptions of check_sensor
+void check_sensor_at(const Site& site, const std::string& name, const MountConfig& mount);
 
 /// Returns the height of a point of the scene file above the highest road, lane or ground below it;
 /// above the lowest one if none is below it, and infinite without any.

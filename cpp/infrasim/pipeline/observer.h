@@ -1,0 +1,53 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "infrasim/config/lidar_config.h"
+#include "infrasim/config/scene_config.h"
+#include "infrasim/pipeline/simulate.h"
+#include "infrasim/scene/region.h"
+#include "infrasim/scene/site.h"
+#include "infrasim/scene/static_world.h"
+#include "infrasim/scene/trajectories.h"
+
+namespace infrasim {
+
+/// Measures what LiDARs see of the objects of one site from many poses. The site and the traffic
+/// are built once. Objects count if they are in the evaluation region of the scene's mount, so that
+/// all poses have the same objects. Thread-safe.
+class Observer {
+ public:
+  /// @param mount  name of the mount whose region counts; may be empty if the scene has one mount
+  /// @param frames the frames that may be observed
+  /// @throws the exceptions of build_worlds
+  Observer(const SceneConfig& scene, const std::string& mount, std::span<const int> frames);
+
+  /// Returns why a sensor can't be at a pose; empty if it can.
+  std::string fault(const MountConfig& pose) const;
+
+  /// Returns what each LiDAR sees in each frame: an entry per frame, and in it an entry per LiDAR.
+  /// @throws ConfigError for a pose with a fault, or a frame that can't be observed
+  std::vector<std::vector<std::vector<Observation>>> observe(const MountConfig& pose,
+                                                             std::span<const LidarConfig> lidars,
+                                                             std::span<const int> frames) const;
+
+  /// Returns the objects in the region at the middle of a frame, in the world frame.
+  /// @throws ConfigError for a frame that can't be observed
+  std::vector<MovingObject> present(int frame) const;
+
+ private:
+  void check(int frame) const;
+
+  SceneConfig view_;  ///< the scene at its mount
+  std::string mount_;
+  std::shared_ptr<const Site> site_;
+  std::optional<EvaluationRegion> region_;
+  std::shared_ptr<const Trajectories> trajectories_;
+  Surface surface_;
+};
+
+}  // namespace infrasim
