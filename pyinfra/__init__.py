@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from pyinfra.core.version import __version__
     from pyinfra.dataset.loading import load_dataset, load_lidar, load_scene, simulate
     from pyinfra.experiments.option_table import recommend
+    from pyinfra.experiments.planner.candidates import PoseGrid
+    from pyinfra.experiments.planner.plan import plan
     from pyinfra.experiments.stress.runner import stress
     from pyinfra.metrics.compare import compare
     from pyinfra.metrics.evaluate import evaluate
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "Error": "pyinfra.core.errors",
+    "PoseGrid": "pyinfra.experiments.planner.candidates",
     "Settings": "pyinfra.metrics.settings",
     "__version__": "pyinfra.core.version",
     "benchmark": "pyinfra.api",
@@ -43,6 +46,7 @@ _MODULES = {
     "load_detector": "pyinfra.models.inference.boxes_table",
     "load_lidar": "pyinfra.dataset.loading",
     "load_scene": "pyinfra.dataset.loading",
+    "plan": "pyinfra.experiments.planner.plan",
     "plot_ap_by_distance": "pyinfra.viz.plots",
     "plot_frame": "pyinfra.viz.frame_plot",
     "plot_scene": "pyinfra.viz.plots",
@@ -55,6 +59,7 @@ _MODULES = {
 
 __all__ = [
     "Error",
+    "PoseGrid",
     "Settings",
     "__version__",
     "benchmark",
@@ -68,6 +73,7 @@ __all__ = [
     "load_detector",
     "load_lidar",
     "load_scene",
+    "plan",
     "plot_ap_by_distance",
     "plot_frame",
     "plot_scene",

@@ -56,6 +56,7 @@ COMMANDS = (
     Command("onnx", "pyinfra.cli.onnx", "export a dense detector as an ONNX file"),
     Command("benchmark", "pyinfra.cli.benchmark", "measure accuracy, speed and price"),
     Command("recommend", "pyinfra.cli.recommend", "rank LiDARs and detectors within a budget"),
+    Command("plan", "pyinfra.cli.plan", "choose poles, heights and LiDARs within a budget"),
     Command("export", "pyinfra.cli.export", "write frames in other tools' formats"),
     Command("import", "pyinfra.cli.import_", "import a recording as a data set"),
     Command("split", "pyinfra.cli.split", "divide frames into training and validation"),

@@ -1,0 +1,327 @@
+"""The answer of a plan: tables, and sentences that are made of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.experiments.planner.candidates import POSE
+from pyinfra.experiments.planner.choice import Choice, Units
+from pyinfra.experiments.planner.costs import Costs, Range
+from pyinfra.experiments.planner.detectability import Detectability
+from pyinfra.experiments.planner.lidars import PlanLidar
+from pyinfra.experiments.planner.predict import Prediction
+from pyinfra.experiments.planner.race import FRAMES_PER_MINUTE
+from pyinfra.experiments.planner.request import Request
+from pyinfra.experiments.planner.site import PlanSite
+from pyinfra.metrics.comparison import Interval
+
+LISTED = 3  # options that are described in full
+REASONS = 4  # reasons of left-out poses that are listed
+Options = Sequence[tuple[Choice, Prediction]]
+
+
+def option_table(
+    options: Options,
+    stayed: pd.DataFrame,
+    poses: pd.DataFrame,
+    lidars: Sequence[PlanLidar],
+    units: Units,
+) -> pd.DataFrame:
+    """Returns a row for each unit of each option; the columns of the option are repeated."""
+    rows = []
+    for number, (choice, prediction) in enumerate(options, start=1):
+        for k, unit in enumerate(choice.units, start=1):
+            pose = poses.iloc[int(stayed.pose[unit])]
+            rows.append(
+                {
+                    "option": number,
+                    "unit": k,
+                    **{name: pose[name] for name in POSE},
+                    "height_m": pose.height_m,
+                    "existing": bool(pose.existing),
+                    "kind": pose.kind,
+                    "lidar": lidars[int(stayed.lidar[unit])].name,
+                    "poles": len({int(units.place[u]) for u in choice.units}),
+                    "price_usd": choice.price.middle,
+                    "price_usd_low": choice.price.low,
+                    "price_usd_high": choice.price.high,
+                    **ends("found", prediction.found, 100),
+                    **ends("people_found", prediction.people, 100),
+                    **ends("false_per_frame", prediction.false_per_frame),
+                    "score": prediction.cut,
+                    "keeps_false": prediction.keeps_false,
+                    **ends("ap_predicted", prediction.ap),
+                    "ap_simulated": math.nan,
+                    "ap_simulated_low": math.nan,
+                    "ap_simulated_high": math.nan,
+                    "found_simulated": math.nan,
+                    "people_found_simulated": math.nan,
+                    "false_per_frame_simulated": math.nan,
+                    "position_m_simulated": math.nan,
+                    "gap": 100 * choice.gap,
+                    "method": choice.method,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def ends(name: str, value: Interval, factor: float = 1.0) -> dict[str, float]:
+    return {
+        name: factor * value.value,
+        f"{name}_low": factor * value.low,
+        f"{name}_high": factor * value.high,
+    }
+
+
+def candidate_table(
+    table: pd.DataFrame, pairs: pd.DataFrame, poses: pd.DataFrame, lidars: Sequence[PlanLidar]
+) -> pd.DataFrame:
+    """Returns a row for each observed pair of pose and LiDAR, and one for each pose with a fault.
+
+    `found` is the share (percent) of the weighted objects that the pair finds, in `frames` frames.
+    """
+    columns = ["kind", "existing", *POSE, "height_m"]
+    observed = poses[columns].iloc[pairs.pose].reset_index(drop=True)
+    observed["lidar"] = [lidars[i].name for i in pairs.lidar]
+    observed["frames"], observed["found"] = pairs.frames, 100 * pairs.found
+    observed["left_out"] = pairs.left_out
+    order = observed.sort_values("found", ascending=False, kind="stable")
+    faulty = table[table.fault != ""]
+    others = faulty[columns].assign(lidar="", frames=0, found=np.nan, left_out=faulty.fault)
+    return pd.concat([part for part in (order, others) if len(part)], ignore_index=True)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The sentences of a plan."""
+
+    meets: bool  # whether the first option finds what was asked for
+    lines: tuple[str, ...]
+
+    @staticmethod
+    def of(
+        site: PlanSite,
+        request: Request,
+        law: Detectability,
+        costs: Costs,
+        options: Options,
+        rows: pd.DataFrame,
+        every: pd.DataFrame,
+        units: Units,
+    ) -> Answer:
+        prediction = options[0][1]
+        meets = prediction.found.value >= request.find and prediction.keeps_false
+        lines = [asked(site, request)]
+        if not meets:
+            lines.append(nearest(prediction, request))
+        kept = options[:LISTED]
+        lines += [
+            f"{i}. {sentence(one, rows[rows.option == i], request, law)}"
+            for i, one in enumerate(kept, start=1)
+        ]
+        lines += notes(options, rows, request, law, costs, units)
+        lines += left_out(every)
+        return Answer(meets, tuple(lines))
+
+
+def asked(site: PlanSite, request: Request) -> str:
+    x, y = site.centre
+    false = ""
+    if math.isfinite(request.false_per_minute):
+        false = f", at most {request.false_per_minute:g} false boxes a minute"
+    poles = f"{request.poles} pole{'s' if request.poles > 1 else ''}"
+    return (
+        f"{site.name}, preset {site.preset}, detector {request.detector}: "
+        f"{100 * request.find:g} of 100 vehicles within {request.within_m:g} m of ({x:.0f}, "
+        f"{y:.0f}) in a frame{false}; at most {usd(request.budget_usd)} over "
+        f"{request.years:g} years and {poles}."
+    )
+
+
+def nearest(prediction: Prediction, request: Request) -> str:
+    """Returns what the best option lacks, and what would have to be asked instead."""
+    reasons = []
+    if prediction.found.value < request.find:
+        reasons.append(
+            f"the best one finds {100 * prediction.found.value:.0f} of 100; a higher budget, more "
+            f"poles or `find` {math.floor(100 * prediction.found.value) / 100:g} would do"
+        )
+    if not prediction.keeps_false:
+        least = FRAMES_PER_MINUTE * prediction.false_per_frame.value
+        reasons.append(
+            f"no score keeps false boxes that rare; `false_per_minute` {math.ceil(least)} would do"
+        )
+    return f"No option meets this: {'; '.join(reasons)}."
+
+
+def sentence(
+    option: tuple[Choice, Prediction], rows: pd.DataFrame, request: Request, law: Detectability
+) -> str:
+    """Returns an option in an engineer's words."""
+    choice, prediction = option
+    where = " and ".join(
+        f"{row.lidar} at ({row.x_m:.1f}, {row.y_m:.1f}), {row.height_m:.1f} m above the road, yaw "
+        f"{row.yaw_deg:.0f} and pitch {row.pitch_deg:.0f} degrees"
+        f"{' on an existing mast or wall' if row.existing else ''}"
+        for row in rows.itertuples()
+    )
+    people = ""
+    if prediction.people.is_known:
+        people = f", {of_hundred(prediction.people)} pedestrians"
+    latency = law.latency_ms * len(choice.units)
+    return (
+        f"{where}: finds {of_hundred(prediction.found)} vehicles{people} within "
+        f"{request.within_m:g} m in a frame, {false_boxes(prediction.false_per_frame.value)}; "
+        f"about {latency:.0f} ms a frame on one core; {price(choice.price)} over "
+        f"{request.years:g} years; AP of all vehicles {prediction.ap.value:.0f} "
+        f"[{prediction.ap.low:.0f} to {prediction.ap.high:.0f}]."
+    )
+
+
+def of_hundred(share: Interval) -> str:
+    value = f"{100 * share.value:.0f} of 100"
+    return f"{value} [{100 * share.low:.0f} to {100 * share.high:.0f}]" if share.is_known else value
+
+
+def false_boxes(per_frame: float) -> str:
+    if per_frame <= 0:
+        return "no false box"
+    if per_frame >= 1:
+        return f"{per_frame:.1f} false boxes a frame"
+    return f"one false box in {1 / max(per_frame, 1e-9):,.0f} frames"
+
+
+def usd(value: float) -> str:
+    return f"US$ {value:,.0f}"
+
+
+def price(span: Range) -> str:
+    return f"{usd(span.middle)} ({span.low:,.0f} to {span.high:,.0f})"
+
+
+def notes(
+    options: Options,
+    rows: pd.DataFrame,
+    request: Request,
+    law: Detectability,
+    costs: Costs,
+    units: Units,
+) -> Iterator[str]:
+    choice, prediction = options[0]
+    if prediction.found.low < request.find <= prediction.found.value:
+        yield (
+            f"The interval of the first option begins below {100 * request.find:g} of 100, so it "
+            "may miss the requirement."
+        )
+    if choice.price.high > request.budget_usd:
+        yield f"The first option may cost up to {usd(choice.price.high)}, more than the budget."
+    yield from number_of_poles(options, rows)
+    yield from robustness(options, request, units)
+    if choice.method == "greedy":
+        yield (
+            f"The search for {len(choice.units)} LiDARs is greedy: no other set finds more than "
+            f"{100 * choice.bound:.1f} of 100; the gap is {100 * choice.gap:.1f}."
+        )
+    else:
+        yield "The choice is exact over all candidates that stayed in the race."
+    lidars = [units.lidars[u] for u in choice.units]
+    doubtful = list(dict.fromkeys(one.name for one in lidars if not one.confirmed))
+    if doubtful:
+        yield f"The price of {', '.join(doubtful)} is unconfirmed."
+    if costs.unconfirmed:
+        yield f"Unconfirmed costs: {', '.join(costs.unconfirmed)}; your own table replaces them."
+    if law.pilot:
+        yield (
+            f"The detectability is a pilot: it was fitted on {law.sites} sites, and its intervals "
+            "may be too narrow."
+        )
+
+
+def number_of_poles(options: Options, rows: pd.DataFrame) -> Iterator[str]:
+    """Yields the best option of each number of poles, if there are several."""
+    first = rows.drop_duplicates("option").sort_values("found", ascending=False)
+    best = first.drop_duplicates("poles").sort_values("poles")
+    if len(best) < 2:
+        return
+    texts = [
+        f"{row.poles} pole{'s' if row.poles > 1 else ''} find {row.found:.0f} of 100 for "
+        f"{usd(row.price_usd)}"
+        for row in best.itertuples()
+    ]
+    yield f"Most vehicles by number of poles: {'; '.join(texts)}."
+
+
+def robustness(options: Options, request: Request, units: Units) -> Iterator[str]:
+    """Yields how the choice moves with prices, and what is left when a LiDAR fails."""
+    first = options[0][0]
+    for change in (-20, 20):
+        chosen = chosen_at(options, request, 1 + change / 100)
+        if chosen is not None and chosen != 0:
+            other = options[chosen]
+            names = " and ".join(units.lidars[u].name for u in other[0].units)
+            yield (
+                f"With prices {change:+d} % the choice is option {chosen + 1} ({names}), which "
+                f"finds {100 * other[1].found.value:.0f} of 100."
+            )
+        elif chosen is None:
+            yield f"With prices {change:+d} % no option is within the budget."
+    if len(first.units) > 1:
+        rest = [units.value([u for u in first.units if u != lost]) for lost in first.units]
+        yield f"If one of its LiDARs fails, the first option finds {100 * min(rest):.0f} of 100."
+
+
+def chosen_at(options: Options, request: Request, factor: float) -> int | None:
+    """Returns the index of the choice if all prices are multiplied by a factor."""
+    within = [
+        i
+        for i, (choice, _) in enumerate(options)
+        if factor * choice.price.middle <= request.budget_usd
+    ]
+    good = [
+        i for i in within if options[i][1].found.value >= request.find and options[i][1].keeps_false
+    ]
+    if good:
+        return min(good, key=lambda i: options[i][0].price.middle)
+    return max(within, key=lambda i: options[i][1].found.value) if within else None
+
+
+def left_out(every: pd.DataFrame) -> Iterator[str]:
+    """Yields one line on what was left out, grouped by reason."""
+    faults = every[every.lidar == ""].left_out.value_counts()
+    if len(faults):
+        shown = [f"{reason} ({count})" for reason, count in faults.head(REASONS).items()]
+        more = faults.iloc[REASONS:].sum()
+        rest = f"; other reasons ({more})" if more else ""
+        yield f"{faults.sum()} poses are not possible: {'; '.join(shown)}{rest}."
+    raced = every[(every.lidar != "") & (every.left_out != "")].left_out.value_counts()
+    if len(raced):
+        texts = [f"{count} {reason}" for reason, count in raced.items()]
+        total = int((every.lidar != "").sum())
+        yield f"{raced.sum()} of {total} pairs of pose and LiDAR were left out: {'; '.join(texts)}."
+
+
+def checked_lines(options: pd.DataFrame, request: Request, frames: int) -> Iterator[str]:
+    """Yields prediction and measurement of each option that was simulated in full."""
+    first = options.drop_duplicates("option")
+    done = first[first.ap_simulated.notna()]
+    if len(done):
+        yield f"Simulated in full with other traffic, {frames} frames each:"
+    for row in done.itertuples():
+        people = ""
+        if math.isfinite(row.people_found_simulated):
+            people = f" and {row.people_found_simulated:.0f} of 100 pedestrians"
+        ap_ends = ""
+        if math.isfinite(row.ap_simulated_low):
+            ap_ends = f" [{row.ap_simulated_low:.0f} to {row.ap_simulated_high:.0f}]"
+        yield (
+            f"Option {row.option}: finds {row.found_simulated:.0f} of 100 vehicles (predicted "
+            f"{row.found:.0f}){people} within {request.within_m:g} m, "
+            f"{false_boxes(row.false_per_frame_simulated)}, 95 % of the positions within "
+            f"{row.position_m_simulated:.1f} m; AP {row.ap_simulated:.0f}{ap_ends} (predicted "
+            f"{row.ap_predicted:.0f})."
+        )

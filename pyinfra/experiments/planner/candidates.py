@@ -1,0 +1,200 @@
+"""Candidate poses: read from a file, or made along kerbs, medians and walls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import Error, FormatError
+from pyinfra.dataset.roads import Road, offset_curve
+from pyinfra.experiments.planner.site import PlanSite
+from pyinfra.formats.csv_table import read_csv
+
+POSE = ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"]
+KERB_M = 0.8  # distance of a pole from the edge of the carriageway
+WALL_M = 0.3  # distance of a LiDAR from the wall that carries it
+WALL_TO_ROAD_M = 20.0  # walls farther than this from every carriageway carry no LiDAR
+LEAST_MEDIAN_M = 1.0  # medians below this width carry no pole
+APART_M = 1.0  # positions closer than this to an earlier one are left out
+WORDS = frozenset({"existing", "kind", "name"})
+
+
+@dataclass(frozen=True)
+class PoseGrid:
+    """How poses are made."""
+
+    every_m: float = 15.0
+    heights_m: tuple[float, ...] = (4.0, 6.0, 8.0)
+    yaws: int = 3  # directions of narrow LiDARs: to the centre, and turned to both sides
+    yaw_step_deg: float = 45.0
+    pitches_deg: tuple[float, ...] = (0.0, 10.0)
+
+
+def make_candidates(site: PlanSite, within_m: float, grid: PoseGrid) -> pd.DataFrame:
+    """Returns poses along kerbs, medians and walls within a distance of the site's centre."""
+    places = [*_beside_roads(site, grid.every_m), *_on_walls(site, grid.every_m)]
+    rows: list[dict[str, object]] = []
+    taken = np.empty((0, 2))
+    for kind, x, y, ground, top in places:
+        away = math.hypot(x - site.centre[0], y - site.centre[1])
+        if away > within_m or (np.hypot(*(taken - (x, y)).T) < APART_M).any():
+            continue
+        taken = np.vstack([taken, (x, y)])
+        heights = [h for h in grid.heights_m if ground + h <= top]
+        rows += [
+            {"kind": kind, "existing": kind == "wall", "x_m": x, "y_m": y, "z_m": ground + h}
+            for h in heights
+        ]
+    if not rows:
+        raise Error(
+            f"within: expected a kerb, median or wall within {within_m:g} m of "
+            f"({site.centre[0]:.0f}, {site.centre[1]:.0f}), got none; poses from a file work"
+        )
+    return turned(pd.DataFrame(rows), site, grid)
+
+
+def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
+    """Reads poses from a CSV file. Heights, yaws or pitches that it does not give are made.
+
+    Columns: x_m, y_m; optional z_m, yaw_deg, pitch_deg, and existing (yes or no) for a mast that
+    needs no new pole. Raises FormatError with file, line and column.
+    """
+    table = read_csv(file, WORDS)
+    for name in ("x_m", "y_m"):
+        if name not in table:
+            raise FormatError(f"{file}:1: expected the column {name}, got {', '.join(table)}")
+    if table.empty:
+        raise FormatError(f"{file}: expected one pose or more, got none")
+    for name in [name for name in POSE if name in table]:
+        wrong = ~np.isfinite(table[name].to_numpy(float)) | (np.abs(table[name]) > 1e5)
+        if wrong.any():
+            row = int(np.flatnonzero(wrong)[0])
+            raise FormatError(
+                f"{file}:{row + 2}: {name}: expected a number, got {table[name][row]}"
+            )
+    existing = table["existing"] if "existing" in table else pd.Series("no", table.index)
+    unknown = ~existing.isin(["yes", "no"])
+    if unknown.any():
+        row = int(np.flatnonzero(unknown)[0])
+        raise FormatError(f"{file}:{row + 2}: existing: expected yes or no, got '{existing[row]}'")
+    poses = table.assign(kind="file", existing=existing == "yes")
+    if "z_m" not in poses:
+        ground = _ground(site.roads, poses[["x_m", "y_m"]].to_numpy(float))
+        parts = [poses.assign(z_m=ground + h) for h in grid.heights_m]
+        poses = pd.concat(parts, ignore_index=True)
+    return turned(poses, site, grid)
+
+
+def turned(poses: pd.DataFrame, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
+    """Returns the poses with each yaw and pitch, and the column `turn`.
+
+    `turn` is 0 for the pose of LiDARs that see all around, which need no other.
+    """
+    if "yaw_deg" not in poses:
+        to_centre = site.centre - poses[["x_m", "y_m"]].to_numpy(float)
+        yaw = np.degrees(np.arctan2(to_centre[:, 1], to_centre[:, 0])).round(1)
+        steps = [(i + 1) // 2 * (-1) ** i * grid.yaw_step_deg for i in range(grid.yaws)]
+        parts = [poses.assign(yaw_deg=_wrapped(yaw + s), turn=float(s != 0)) for s in steps]
+        poses = pd.concat(parts, ignore_index=True)
+    else:
+        poses = poses.assign(turn=0.0)
+    if "pitch_deg" not in poses:
+        parts = [poses.assign(pitch_deg=p) for p in grid.pitches_deg]
+        poses = pd.concat(parts, ignore_index=True)
+    columns = ["kind", "existing", *POSE, "turn"]
+    table = poses[columns].drop_duplicates(POSE).sort_values(POSE, ignore_index=True)
+    ground = _ground(site.roads, table[["x_m", "y_m"]].to_numpy(float))
+    table.insert(5, "height_m", table.z_m - ground)
+    return table.round(3)
+
+
+def with_faults(poses: pd.DataFrame, site: PlanSite) -> pd.DataFrame:
+    """Returns the poses with the column `fault`: why no sensor can be there; empty if one can.
+
+    The rules are those of a scene's mounts: outside buildings, trees and lanes, above the ground.
+    """
+    faults = [site.observer.fault([*row]) for row in poses[POSE].to_numpy(float)]
+    return poses.assign(fault=[fault.split(": ", 2)[-1] if fault else "" for fault in faults])
+
+
+def feasible(poses: pd.DataFrame) -> pd.DataFrame:
+    """Returns the poses without a fault. Raises Error if there is none."""
+    free = poses[poses.fault == ""].reset_index(drop=True)
+    if free.empty:
+        reasons = poses.fault.value_counts()
+        raise Error(
+            f"poses: expected a pose that is free, got {len(poses)} that are not; "
+            f"{reasons.iloc[0]} of them: {reasons.index[0]}"
+        )
+    return free
+
+
+def _beside_roads(
+    site: PlanSite, every_m: float
+) -> Iterator[tuple[str, float, float, float, float]]:
+    """Yields kind, x, y, height of the ground and highest z of positions on kerbs and medians."""
+    medians = {
+        str(road["name"]): float((road.get("lanes") or {}).get("median_m") or 0)
+        for road in site.keys.get("roads") or []
+    }
+    for road in site.roads:
+        lines: list[tuple[str, FloatArray]] = [
+            ("kerb", offset_curve(road.xy, road.heading, side * (road.half_width + KERB_M)))
+            for side in (1, -1)
+        ]
+        if medians.get(road.name, 0) >= LEAST_MEDIAN_M:
+            lines.append(("median", road.xy))
+        step = max(1, round(every_m / max(float(np.diff(road.s).mean()), 1e-6)))
+        first = int(np.abs(road.s).argmin()) % step
+        for kind, line in lines:
+            for i in range(first, len(line), step):
+                yield kind, float(line[i, 0]), float(line[i, 1]), float(road.z[i]), math.inf
+
+
+def _on_walls(site: PlanSite, every_m: float) -> Iterator[tuple[str, float, float, float, float]]:
+    """Yields positions in front of the walls of buildings that are near a carriageway."""
+    for house in site.keys.get("buildings") or []:
+        angle = math.radians(house.get("heading_deg", 0))
+        along, across = np.array([math.cos(angle), math.sin(angle)]), np.empty(2)
+        across = np.array([-along[1], along[0]])
+        middle = np.array([house["x_m"], house["y_m"]])
+        length, width = house["length_m"], house["width_m"]
+        top = float(house.get("base_m", 0)) + house["height_m"]
+        for way, side, half, wide in (
+            (along, across, width / 2, length),
+            (along, -across, width / 2, length),
+            (across, along, length / 2, width),
+            (across, -along, length / 2, width),
+        ):
+            count = max(1, int(wide // every_m))
+            for k in range(count):
+                at = middle + side * (half + WALL_M) + way * wide * ((k + 0.5) / count - 0.5)
+                ground, away = _nearest(site.roads, at)
+                if away <= WALL_TO_ROAD_M:
+                    yield "wall", float(at[0]), float(at[1]), ground, top
+
+
+def _nearest(roads: Sequence[Road], at: FloatArray) -> tuple[float, float]:
+    """Returns the height of the nearest road, and the distance from its carriageway."""
+    best = (0.0, math.inf)
+    for road in roads:
+        away = np.hypot(*(road.xy - at).T)
+        i = int(away.argmin())
+        outside = float(away[i] - road.half_width[i])
+        if outside < best[1]:
+            best = (float(road.z[i]), outside)
+    return best
+
+
+def _ground(roads: Sequence[Road], at: FloatArray) -> FloatArray:
+    return np.array([_nearest(roads, one)[0] for one in at])
+
+
+def _wrapped(degrees: FloatArray) -> FloatArray:
+    return np.asarray((degrees + 180) % 360 - 180)

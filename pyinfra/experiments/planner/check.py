@@ -1,0 +1,138 @@
+"""Simulates the best options of a plan in full and measures what the detector finds.
+
+The traffic has another seed than that of the plan, so that a choice that follows the vehicles of
+one seed is seen. Several LiDARs are fused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.dataset.world_frame import to_world
+from pyinfra.experiments.planner.candidates import POSE
+from pyinfra.experiments.planner.lidars import PlanLidar
+from pyinfra.experiments.planner.measure import Measured, measure
+from pyinfra.experiments.planner.site import PlanSite, frame_order
+from pyinfra.metrics.evaluation_result import Evaluation
+
+FRAMES = 30
+BEST = 3  # options that are simulated, and one more of another kind
+
+
+@dataclass(frozen=True)
+class Checked:
+    """Measured figures of an option; shares in percent, NaN without objects."""
+
+    ap: float
+    ap_low: float
+    ap_high: float
+    found: float
+    people_found: float
+    false_per_frame: float
+    position_m: float  # 95 % of the positions of found vehicles are within this distance
+
+
+def to_check(options: pd.DataFrame, best: int = BEST) -> list[int]:
+    """Returns the numbers of the best options, and of the best one of another kind.
+
+    The kind of an option is its LiDARs, and its number of poles.
+    """
+    first = options.drop_duplicates("option").option.tolist()[:best]
+    kinds = options.groupby("option").agg(lidars=("lidar", lambda x: tuple(sorted(x))))
+    poles = options.drop_duplicates("option").set_index("option").poles
+    kind = [(kinds.lidars[one], poles[one]) for one in kinds.index]
+    chosen = {kind[one - 1] for one in first}
+    other = next((n for n, one in zip(kinds.index, kind, strict=True) if one not in chosen), None)
+    return first if other is None else [*first, int(other)]
+
+
+def check(
+    site: PlanSite,
+    options: pd.DataFrame,
+    lidars: Sequence[PlanLidar],
+    detector: str,
+    within_m: float,
+    *,
+    frames: int = FRAMES,
+    progress: Callable[[str], None] = lambda _: None,
+) -> pd.DataFrame:
+    """Returns the options with the measured figures of those that were simulated."""
+    units = {lidar.name: lidar.unit for lidar in lidars}
+    seed = int(site.keys.get("seed", 1)) + 1
+    numbers = frame_order(site.every_frame, frames)
+    out = options.copy()
+    for number in to_check(options):
+        rows = out.option == number
+        parts = [
+            (list(row[POSE].to_numpy(float)), units[row.lidar]) for _, row in out[rows].iterrows()
+        ]
+        result = measure(site, parts, numbers, detector, seed=seed)
+        cut = float(out[rows].score.iloc[0])
+        one = figures(result, site.centre, within_m, cut)
+        out.loc[rows, ["ap_simulated", "ap_simulated_low", "ap_simulated_high"]] = [
+            one.ap,
+            one.ap_low,
+            one.ap_high,
+        ]
+        out.loc[rows, "found_simulated"] = one.found
+        out.loc[rows, "people_found_simulated"] = one.people_found
+        out.loc[rows, "false_per_frame_simulated"] = one.false_per_frame
+        out.loc[rows, "position_m_simulated"] = one.position_m
+        progress(f"option {number}: AP {one.ap:.1f} simulated")
+    return out
+
+
+def figures(result: Measured, centre: FloatArray, within_m: float, cut: float) -> Checked:
+    """Returns the figures of an option for boxes of a score of `cut` or above."""
+    ap = result.vehicles.ap.iloc[0]
+    false = result.false_scores()
+    return Checked(
+        float(ap.ap_r1000),
+        float(ap.ap_r1000_low),
+        float(ap.ap_r1000_high),
+        share_found(result.vehicles, centre, within_m, cut),
+        share_found(result.people, centre, within_m, cut) if result.people else float("nan"),
+        float((false >= cut).sum() / result.frames),
+        position_error(result.vehicles, cut),
+    )
+
+
+def share_found(result: Evaluation, centre: FloatArray, within_m: float, cut: float) -> float:
+    """Returns the percent of the present objects near the centre that have a box."""
+    matches = result.matches
+    counted = matches[matches.outcome.isin(["true positive", "missed"])]
+    near = counted[_near(result, counted, centre, within_m)]
+    if near.empty:
+        return float("nan")
+    return float(100 * ((near.outcome == "true positive") & (near.score >= cut)).mean())
+
+
+def position_error(result: Evaluation, cut: float) -> float:
+    """Returns the 95th percentile of the distance from a box to its vehicle, metres."""
+    matches = result.matches
+    found = matches[(matches.outcome == "true positive") & (matches.score >= cut)]
+    vehicles, numbers = result.truth.vehicles, np.array(result.truth.frames)
+    truth = pd.DataFrame(
+        {
+            "frame": numbers[vehicles.frame],
+            "object_id": vehicles.ids,
+            "true_x": vehicles.boxes[:, 0],
+            "true_y": vehicles.boxes[:, 1],
+        }
+    )
+    both = found.merge(truth, on=["frame", "object_id"])
+    if both.empty:
+        return float("nan")
+    return float(np.hypot(both.x - both.true_x, both.y - both.true_y).quantile(0.95))
+
+
+def _near(result: Evaluation, rows: pd.DataFrame, centre: FloatArray, within_m: float) -> BoolArray:
+    lidar = result.truth.lidar
+    xy = rows[["x", "y"]].to_numpy(float)
+    world = xy if lidar is None else to_world(xy, lidar.T_world_levelled)
+    return np.asarray(np.hypot(*(world - centre).T) <= within_m)

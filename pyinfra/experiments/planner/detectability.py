@@ -1,0 +1,197 @@
+"""How likely a detector finds an object that a LiDAR sees, and how many false boxes it makes.
+
+P(found at score s or above) is a logistic function of a few terms of the object's points, and of
+s. False boxes per frame at score s or above are a log-linear function of s and of the number of
+objects with points. Both are fitted by `python -m reproduction detectability`. The file of the
+coefficients has replicates of the fit over generated sites, for intervals.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import Error
+from pyinfra.core.names import check_name
+from pyinfra.experiments.planner.logistic import fit_logistic, fit_poisson, probability
+
+FILE = Path(__file__).with_name("detectability.json")
+CUTS = tuple(round(0.05 + 0.05 * i, 2) for i in range(19))  # scores of the laws
+CUT = 0.5  # score of a box that counts, if no rate of false alarms is asked for
+OBJECT_TERMS = (
+    "constant", "log_points", "log_points_2", "log_along", "log_up", "distance", "visibility",
+    "large", "small", "speed", "score", "score_log_points",
+)  # fmt: skip
+FALSE_TERMS = ("constant", "score", "score_2", "log_seen")
+LARGE, SMALL = ("Truck", "Bus"), ("Motorcycle", "Pedestrian")
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """Coefficients of a class: those of the fit in row 0, then those of its replicates."""
+
+    found: FloatArray  # (1 + replicates, OBJECT_TERMS)
+    false: FloatArray  # (1 + replicates, FALSE_TERMS)
+
+
+@dataclass(frozen=True, eq=False)
+class Detectability:
+    """The laws of one detector, and how they were measured."""
+
+    detector: str
+    pilot: bool  # whether the fit has fewer sites than a decision needs
+    sites: int
+    frames: int
+    note: str
+    latency_ms: float  # median time of a frame on one core of `machine`
+    latency_units: int  # LiDARs whose frames were timed
+    machine: str
+    vehicles: Law
+    people: Law | None
+
+    def law(self, *, person: bool) -> Law | None:
+        return self.people if person else self.vehicles
+
+
+def read_detectability(detector: str, file: Path = FILE) -> Detectability:
+    """Reads the laws of a detector. Raises Error for one that has none."""
+    every = json.loads(file.read_text(encoding="utf-8"))
+    check_name(detector, every, "detector")
+    one = every[detector]
+    people = one.get("people")
+    return Detectability(
+        detector,
+        bool(one["pilot"]),
+        int(one["sites"]),
+        int(one["frames"]),
+        str(one["note"]),
+        float(one["latency_ms"]),
+        int(one.get("latency_units", 1)),
+        str(one["machine"]),
+        _law(one["vehicles"], detector),
+        _law(people, detector) if people else None,
+    )
+
+
+def _law(plain: dict[str, list[list[float]]], detector: str) -> Law:
+    found, false = np.array(plain["found"]), np.array(plain["false"])
+    if found.shape[1:] != (len(OBJECT_TERMS),) or false.shape[1:] != (len(FALSE_TERMS),):
+        raise Error(f"detector: expected coefficients of this version, got others for {detector}")
+    return Law(found, false)
+
+
+def score_term(cut: float | FloatArray) -> FloatArray:
+    """Returns the log odds of a score."""
+    return np.asarray(np.log(cut) - np.log1p(-np.asarray(cut)))
+
+
+def object_terms(seen: pd.DataFrame) -> FloatArray:
+    """Returns the terms (n, OBJECT_TERMS) of seen objects, for a score of 0.5.
+
+    seen: columns points, along, up, distance, visibility, type, speed.
+    """
+    log_points = np.log(seen.points.to_numpy(float))
+    return np.column_stack(
+        [
+            np.ones(len(seen)),
+            log_points,
+            log_points**2 / 10,
+            np.log(0.1 + seen.along.to_numpy(float)),
+            np.log(0.1 + seen.up.to_numpy(float)),
+            seen.distance.to_numpy(float) / 50,
+            seen.visibility.to_numpy(float),
+            seen.type.isin(LARGE).to_numpy(float),
+            seen.type.isin(SMALL).to_numpy(float),
+            seen.speed.to_numpy(float) / 10,
+            np.zeros(len(seen)),
+            np.zeros(len(seen)),
+        ]
+    )
+
+
+def with_score(terms: FloatArray, cut: float | FloatArray) -> FloatArray:
+    """Returns object terms for another score, a number or one per object."""
+    out = terms.copy()
+    out[:, -2] = score_term(cut)
+    out[:, -1] = out[:, -2] * out[:, 1]
+    return out
+
+
+def find_probability(coefficients: FloatArray, terms: FloatArray, cut: float) -> FloatArray:
+    """Returns the probability (n,) that each object is found at a score of `cut` or above."""
+    return probability(with_score(terms, cut) @ coefficients)
+
+
+def false_terms(cut: float | FloatArray, seen_per_frame: float | FloatArray) -> FloatArray:
+    """Returns the terms (n, FALSE_TERMS) of false boxes at scores, or at numbers of objects."""
+    score, seen = np.broadcast_arrays(score_term(cut), np.log1p(seen_per_frame))
+    score, seen = np.atleast_1d(score), np.atleast_1d(seen)
+    return np.column_stack([np.ones(len(score)), score, score**2 / 10, seen])
+
+
+def false_per_frame(
+    coefficients: FloatArray, cut: float | FloatArray, seen_per_frame: float | FloatArray
+) -> FloatArray:
+    """Returns the expected number of false boxes in a frame at a score of `cut` or above."""
+    return np.exp(np.clip(false_terms(cut, seen_per_frame) @ coefficients, -30, 10))
+
+
+def highest_recall_cut(
+    coefficients: FloatArray, seen_per_frame: float, most_per_frame: float
+) -> tuple[float, bool]:
+    """Returns the lowest score with at most this rate of false boxes, and whether one exists."""
+    cuts = np.array(CUTS)
+    rates = false_per_frame(coefficients, cuts, seen_per_frame)
+    good = np.flatnonzero(rates <= most_per_frame)
+    return (float(cuts[good[0]]), True) if len(good) else (CUTS[-1], False)
+
+
+def average_precision(
+    coefficients: FloatArray,
+    false: FloatArray,
+    terms: FloatArray,
+    objects: int,
+    frames: int,
+) -> float:
+    """Returns the AP, 0 to 100, over all objects, seen or not.
+
+    terms: terms of the seen objects. objects: number of all objects in the frames.
+    """
+    if objects == 0:
+        return float("nan")
+    found = np.array([find_probability(coefficients, terms, cut).sum() for cut in CUTS])
+    wrong = frames * false_per_frame(false, np.array(CUTS), len(terms) / max(frames, 1))
+    recall = np.concatenate([[0], found[::-1] / objects])
+    precision = found[::-1] / np.maximum(found[::-1] + wrong[::-1], 1e-12)
+    envelope = np.maximum.accumulate(precision[::-1])[::-1]
+    return float(100 * (np.diff(recall).clip(0) * envelope).sum())
+
+
+def fit_found(
+    terms: FloatArray, best_score: FloatArray, weights: FloatArray | None = None
+) -> FloatArray:
+    """Fits the law of found objects. best_score: (n,) score of the match, 0 for a missed object."""
+    cuts = CUTS[1::2]
+    x = np.concatenate([with_score(terms, cut) for cut in cuts])
+    y = np.concatenate([(best_score >= cut).astype(float) for cut in cuts])
+    every = np.ones(len(terms)) if weights is None else weights
+    return fit_logistic(x, y, np.tile(every, len(cuts)) / len(cuts))
+
+
+def fit_false(
+    counts: FloatArray, seen: FloatArray, weights: FloatArray | None = None
+) -> FloatArray:
+    """Fits the law of false boxes.
+
+    counts: (n, CUTS) false boxes of each experiment per frame. seen: (n,) objects with points per
+    frame. weights: (n,) frames of each experiment.
+    """
+    cuts = np.array(CUTS)
+    x = np.concatenate([false_terms(cuts, one) for one in seen])
+    every = np.ones(len(seen)) if weights is None else weights
+    return fit_poisson(x, counts.ravel(), np.repeat(every, len(cuts)) / len(cuts))

@@ -1,0 +1,88 @@
+"""Frames of several LiDARs at several poses, put together in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray
+from pyinfra.dataset.frame_sequence import KEPT, SimulatedFrames
+from pyinfra.dataset.world_frame import to_levelled, to_world
+from pyinfra.formats.kitti import WorldPose
+
+AT_TIMES = ("", "scan_")  # prefixes of the columns of an object's poses
+
+
+@dataclass(eq=False)
+class FusedFrames(SimulatedFrames):
+    """The frames of a LiDAR with the points of others added, in the levelled frame of the first.
+
+    Clocks and poses are exact. The label of an object is that of the LiDAR with most points on it.
+    """
+
+    others: tuple[SimulatedFrames, ...] = field(default=())
+
+    def of(self, numbers: Sequence[int]) -> FusedFrames:
+        return replace(
+            self, numbers=tuple(numbers), others=tuple(one.of(numbers) for one in self.others)
+        )
+
+    def _cast(self, numbers: Sequence[int]) -> Iterator[tuple[int, Float32Array]]:
+        pose = self.lidar.T_world_levelled
+        streams = [super()._cast(numbers), *(one._cast(numbers) for one in self.others)]
+        for casts in zip(*streams, strict=True):
+            (number, points), clouds, rows = casts[0], [casts[0][1]], [self.rows[casts[0][0]]]
+            for one, (_, more) in zip(self.others, casts[1:], strict=True):
+                clouds.append(moved_points(more, one.lidar.T_world_levelled, pose))
+                rows.append(moved_rows(one.rows[number], one.lidar.T_world_levelled, pose))
+            points = np.concatenate(clouds)
+            self.rows[number], self.clouds[number] = merged_rows(rows), points
+            while len(self.clouds) > KEPT:
+                self.clouds.popitem(last=False)
+            yield number, points
+
+
+def fused(sequences: Sequence[SimulatedFrames]) -> SimulatedFrames:
+    """Returns one sequence of all points; a single sequence is returned unchanged."""
+    first, *others = sequences
+    if not others:
+        return first
+    one = FusedFrames(first.world, first.unit, first.numbers, first.threads, others=tuple(others))
+    one.roads = first.roads
+    return one
+
+
+def moved_points(points: Float32Array, pose: WorldPose, to: WorldPose) -> Float32Array:
+    """Transforms points (n, 4) from the levelled frame at `pose` to that at `to`."""
+    out = points.copy()
+    out[:, :2] = to_levelled(to_world(points[:, :2].astype(np.float64), pose), to)
+    out[:, 2] += np.float32(pose.z - to.z)
+    return out
+
+
+def moved_rows(rows: AnyArray, pose: WorldPose, to: WorldPose) -> AnyArray:
+    """Transforms the poses of object rows from the levelled frame at `pose` to that at `to`."""
+    out = rows.copy()
+    for at in AT_TIMES:
+        xy: FloatArray = np.stack([rows[f"{at}x"], rows[f"{at}y"]], axis=1).astype(np.float64)
+        out[f"{at}x"], out[f"{at}y"] = to_levelled(to_world(xy, pose), to).T
+        out[f"{at}z"] += pose.z - to.z
+        turned = rows[f"{at}heading"] + pose.yaw - to.yaw
+        out[f"{at}heading"] = (turned + np.pi) % (2 * np.pi) - np.pi
+    out["distance"] = np.hypot(out["x"], out["y"])
+    return out
+
+
+def merged_rows(parts: Sequence[AnyArray]) -> AnyArray:
+    """Returns one row per object: that with most points, with the sum of all points."""
+    every = np.concatenate(parts)
+    order = np.lexsort((-every["points"], every["id"]))
+    every = every[order]
+    first = np.flatnonzero(np.diff(every["id"], prepend=-(2**31)))
+    out = every[first].copy()
+    if len(out):
+        out["points"] = np.add.reduceat(every["points"], first)
+        out["visibility"] = np.maximum.reduceat(every["visibility"], first)
+    return np.asarray(out)

@@ -1,0 +1,112 @@
+"""Simulates poses in full, runs a detector and measures what it finds.
+
+Every pose has the evaluation region of the site's mount, so that the same objects count for all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.errors import Error
+from pyinfra.dataset import simulation
+from pyinfra.dataset.frame_sequence import SimulatedFrames
+from pyinfra.experiments.planner.candidates import POSE
+from pyinfra.experiments.planner.fused import fused
+from pyinfra.experiments.planner.site import PlanSite
+from pyinfra.metrics.evaluate import evaluate
+from pyinfra.metrics.evaluation_result import Evaluation
+from pyinfra.metrics.settings import Settings
+from pyinfra.models.detectors.background import DEFAULT, Background
+from pyinfra.models.inference.boxes_table import detect
+
+VEHICLES = Settings(ground_truths=("present",))
+PEOPLE = Settings(
+    classes={"pedestrian": ("Pedestrian",)}, ground_truths=("present",), metrics=("centre",)
+)
+LEARNING_FRAMES = 30  # frames from which Background learns, beside those that are measured
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What a detector found in the frames of an option."""
+
+    vehicles: Evaluation
+    people: Evaluation | None  # None without pedestrians in the frames
+    frames: int
+
+    def found(self, *, person: bool = False) -> pd.DataFrame:
+        """Returns frame, id and score of each found object that counts."""
+        result = self.people if person else self.vehicles
+        if result is None:
+            return pd.DataFrame({"frame": [], "id": [], "score": []})
+        rows = result.matches[result.matches.outcome == "true positive"]
+        table = rows[["frame", "object_id", "score"]]
+        return table.rename(columns={"object_id": "id"}).reset_index(drop=True)
+
+    def false_scores(self, *, person: bool = False) -> np.ndarray:
+        """Returns the scores of the false boxes."""
+        result = self.people if person else self.vehicles
+        if result is None:
+            return np.empty(0)
+        matches = result.matches
+        return np.asarray(matches.score[matches.outcome == "false positive"], float)
+
+
+def frames_at(
+    site: PlanSite,
+    pose: Sequence[float],
+    lidar: simulation.Lidar,
+    numbers: Sequence[int],
+    *,
+    seed: int | None = None,
+    threads: int = 1,
+) -> SimulatedFrames:
+    """Returns the frames of a LiDAR at a pose (x y z yaw pitch; m, deg), in ascending order."""
+    keys = {f"mounts.{site.mount}.{key}": float(v) for key, v in zip(POSE, pose, strict=True)}
+    keys[f"mounts.{site.mount}.roll_deg"] = 0.0
+    world = simulation.load_scene(
+        site.file,
+        preset=site.preset,
+        seed=site.seed if seed is None else seed,
+        set=keys,
+        mount=site.mount,
+    )
+    sequence = SimulatedFrames(world, lidar, tuple(sorted(numbers)), threads)
+    sequence.roads = site.roads
+    return sequence
+
+
+def measure(
+    site: PlanSite,
+    units: Sequence[tuple[Sequence[float], simulation.Lidar]],
+    numbers: Sequence[int],
+    detector: str = "generalist",
+    *,
+    seed: int | None = None,
+) -> Measured:
+    """Simulates an option, fused where it has several LiDARs, and evaluates a detector."""
+    frames = fused([frames_at(site, pose, lidar, numbers, seed=seed) for pose, lidar in units])
+    detections = _detections(frames, detector)
+    vehicles = evaluate(frames, detections, replace(VEHICLES, replicates=200))
+    types = vehicles.truth.vehicles.names
+    people = None
+    if "Pedestrian" in types and detector != "background":
+        people = evaluate(frames, detections, PEOPLE)
+    return Measured(vehicles, people, len(numbers))
+
+
+def _detections(frames: SimulatedFrames, detector: str) -> pd.DataFrame:
+    if detector != "background":
+        return detect(detector, frames)
+    every = [k for k in frames.known if k not in set(frames.numbers)]
+    if not every:
+        raise Error("detector: expected frames to learn the background from, got none")
+    step = max(1, len(every) // LEARNING_FRAMES)
+    learning = frames.of(every[::step][:LEARNING_FRAMES])
+    clouds = [frame.points for frame in learning]
+    model = Background.learn(clouds, DEFAULT, frames.region, frames.ground)
+    return detect(model, frames)

@@ -1,0 +1,319 @@
+"""The public function `plan`: where LiDARs stand, which, how high and how many."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.arrays import BoolArray
+from pyinfra.core.errors import Error
+from pyinfra.core.files import replacing
+from pyinfra.core.names import path_of
+from pyinfra.core.public import public
+from pyinfra.experiments.planner.answer import (
+    Answer,
+    candidate_table,
+    checked_lines,
+    option_table,
+)
+from pyinfra.experiments.planner.candidates import (
+    PoseGrid,
+    feasible,
+    make_candidates,
+    read_candidates,
+    with_faults,
+)
+from pyinfra.experiments.planner.check import check
+from pyinfra.experiments.planner.choice import Choice, Units, greedy, pairs, singles
+from pyinfra.experiments.planner.costs import Costs, read_costs
+from pyinfra.experiments.planner.detectability import Detectability, read_detectability
+from pyinfra.experiments.planner.lidars import PlanLidar, open_lidars
+from pyinfra.experiments.planner.predict import Prediction, predict
+from pyinfra.experiments.planner.race import Race, found_by, race
+from pyinfra.experiments.planner.request import Request, checked
+from pyinfra.experiments.planner.site import PlanSite, open_site
+
+SHOWN = 12  # options in the table, besides the best of each LiDAR
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The result of a plan.
+
+    Attributes
+    ----------
+    options : a row for each LiDAR of each option; the chosen option is number 1
+    candidates : a row for each pose and LiDAR that was considered
+    text : the answer in sentences
+    """
+
+    site: PlanSite
+    request: Request
+    options: pd.DataFrame
+    candidates: pd.DataFrame
+    answer: Answer
+
+    @property
+    def text(self) -> str:
+        return "\n".join(self.answer.lines)
+
+
+@public
+def plan(
+    scene: str | os.PathLike[str],
+    budget_usd: float,
+    *,
+    find: float = 0.9,
+    within_m: float = 60.0,
+    false_per_minute: float = math.inf,
+    poles: int = 1,
+    lidars_per_pole: int = 1,
+    lidars: Sequence[str | os.PathLike[str]] = (),
+    detector: str = "generalist",
+    poses: str | os.PathLike[str] | None = None,
+    grid: PoseGrid | None = None,
+    people: float = 0.0,
+    centre_m: tuple[float, float] | None = None,
+    costs: str | os.PathLike[str] | None = None,
+    years: float = 5.0,
+    preset: str = "datasheet",
+    seed: int | None = None,
+    frames: int = 96,
+    check_frames: int = 30,
+    out: str | os.PathLike[str] | None = None,
+    jobs: int = 1,
+    progress: Callable[[str], None] | None = None,
+) -> Plan:
+    """Chooses poles, heights and LiDARs for a site within a budget.
+
+    Many poses and LiDARs are observed in a few frames, and those that may be the best in more. A
+    detector's detectability turns what they see into the share of objects that it finds.
+
+    Parameters
+    ----------
+    scene : name or file of a scene, or a folder of `pyinfra site import`
+    budget_usd : highest price over the years, in US dollars
+    find : wanted share of the vehicles that are found in a frame, 0 to 1
+    within_m : distance from the centre of the site within which objects count
+    false_per_minute : most false boxes a minute; by default boxes of score 0.5 or more count
+    poles, lidars_per_pole : most poles, and most LiDARs on one pole
+    lidars : names or files of LiDARs; by default all of the catalogue
+    detector : `generalist` for the pretrained detector, or `background`
+    poses : CSV file of poses (x_m, y_m; z_m, yaw_deg, pitch_deg, existing); by default they are
+        made along kerbs, medians and walls
+    grid : spacing, heights and directions of the poses that are made
+    people : weight of a person relative to a vehicle in the choice
+    centre_m : x y from which `within_m` is measured; by default the middle of the first junction
+    costs : CSV file of costs (item, per, low, high, source); by default that of the package
+    years : years of use that the price includes
+    preset, seed : preset of the LiDARs, and seed of the traffic
+    frames : most frames of a pose
+    check_frames : frames in which the best options are simulated in full, with other traffic; 0
+        for none
+    out : folder for options.csv, candidates.csv and answer.txt; an interrupted plan resumes there
+    jobs : number of threads
+    progress : called with a line for each stage
+
+    Returns
+    -------
+    Plan : tables `options` and `candidates`, and the answer as `text`
+
+    Raises
+    ------
+    Error : if no pose is free, no LiDAR is within the budget, or the region has no traffic
+
+    Examples
+    --------
+    >>> import pyinfra as pi
+    >>> result = pi.plan("crossroad", 9000, lidars=["helios_16"], frames=6, check_frames=0,
+    ...                  grid=pi.PoseGrid(every_m=60, heights_m=(5,), pitches_deg=(0,)))
+    >>> result.options.lidar.iloc[0]
+    'helios_16'
+    """
+    request = checked(
+        Request(
+            budget_usd=budget_usd,
+            find=find,
+            within_m=within_m,
+            false_per_minute=false_per_minute,
+            poles=poles,
+            lidars_per_pole=lidars_per_pole,
+            people=people,
+            years=years,
+            detector=detector,
+            preset=preset,
+            frames=frames,
+        )
+    )
+    folder = None if out is None else path_of(out, "out")
+    law = read_detectability(detector)
+    table_of_costs = read_costs(None if costs is None else path_of(costs, "costs"), years, law)
+    site = open_site(scene, frames, preset=preset, seed=seed, centre_m=centre_m)
+    units = affordable(open_lidars(lidars, site), table_of_costs, request)
+    table = candidates(site, None if poses is None else path_of(poses, "poses"), request, grid)
+    run = race(
+        site,
+        feasible(table),
+        units,
+        possible(feasible(table), units),
+        request,
+        law,
+        jobs=jobs,
+        folder=None if folder is None else folder / "observations",
+        progress=progress or (lambda _: None),
+    )
+    result = decided(site, request, law, table_of_costs, table, units, run)
+    if check_frames:
+        result = simulated(result, units, check_frames, progress or (lambda _: None))
+    if folder is not None:
+        write(result, folder)
+    return result
+
+
+def simulated(
+    result: Plan, lidars: Sequence[PlanLidar], frames: int, progress: Callable[[str], None]
+) -> Plan:
+    """Returns the plan with the measured figures of its best options."""
+    request = result.request
+    options = check(
+        result.site,
+        result.options,
+        lidars,
+        request.detector,
+        request.within_m,
+        frames=frames,
+        progress=progress,
+    )
+    lines = (*result.answer.lines, *checked_lines(options, request, frames))
+    return replace(result, options=options, answer=replace(result.answer, lines=lines))
+
+
+def affordable(lidars: list[PlanLidar], costs: Costs, request: Request) -> list[PlanLidar]:
+    """Returns the LiDARs that the budget can pay for. Raises Error if there is none."""
+    prices = [costs.price([lidar], 0, 1).middle for lidar in lidars]
+    good = [one for one, price in zip(lidars, prices, strict=True) if price <= request.budget_usd]
+    if not good:
+        cheapest = int(np.argmin(prices))
+        raise Error(
+            f"budget_usd: expected {math.ceil(prices[cheapest]):,} or more, the price of "
+            f"{lidars[cheapest].name} on an existing mast, got {request.budget_usd:,.0f}"
+        )
+    return good
+
+
+def candidates(
+    site: PlanSite, file: Path | None, request: Request, grid: PoseGrid | None
+) -> pd.DataFrame:
+    """Returns the poses of a file, or made ones, with their faults."""
+    grid = grid or PoseGrid()
+    if file is not None:
+        return with_faults(read_candidates(file, site, grid), site)
+    return with_faults(make_candidates(site, request.within_m, grid), site)
+
+
+def possible(poses: pd.DataFrame, lidars: Sequence[PlanLidar]) -> BoolArray:
+    """Returns which pairs of pose and LiDAR are observed: (poses, lidars).
+
+    A LiDAR that sees all around needs no second yaw at the same place.
+    """
+    first = (poses.turn == 0).to_numpy()
+    return np.stack([first if lidar.all_around else np.ones_like(first) for lidar in lidars], 1)
+
+
+def decided(
+    site: PlanSite,
+    request: Request,
+    law: Detectability,
+    costs: Costs,
+    table: pd.DataFrame,
+    lidars: Sequence[PlanLidar],
+    run: Race,
+) -> Plan:
+    """Chooses among the pairs that stayed, and returns the plan."""
+    poses = feasible(table)
+    units = units_of(run, poses, lidars, costs, law, request, 1)
+    alone = singles(units, request.budget_usd)
+    if not alone:
+        best = min((units.price([u]).middle for u in range(len(units.found))), default=math.nan)
+        raise Error(
+            f"budget_usd: expected {math.ceil(best):,} or more for a pole with a LiDAR, got "
+            f"{request.budget_usd:,.0f}; an existing mast costs less"
+        )
+    options = alone[:SHOWN] + best_of_each_lidar(alone, units)
+    if request.units >= 2:
+        of_two = units_of(run, poses, lidars, costs, law, request, 2)
+        options += pairs(of_two, request.budget_usd, request.poles, request.lidars_per_pole)[:SHOWN]
+    if request.units > 2:
+        of_all = units_of(run, poses, lidars, costs, law, request, request.units)
+        more = greedy(of_all, request.budget_usd, request.poles, request.lidars_per_pole)
+        options += [more] if more else []
+    unique = list({tuple(sorted(one.units)): one for one in options}.values())
+    predicted = [(one, predict(run, one.units, law, request)) for one in unique]
+    ordered = in_order(predicted, request)
+    stayed = run.pairs[run.pairs.left_out == ""].reset_index(drop=True)
+    rows = option_table(ordered, stayed, poses, lidars, units)
+    every = candidate_table(table, run.pairs, poses, lidars)
+    answer = Answer.of(site, request, law, costs, ordered, rows, every, units)
+    return Plan(site, request, rows, every, answer)
+
+
+def units_of(
+    run: Race,
+    poses: pd.DataFrame,
+    lidars: Sequence[PlanLidar],
+    costs: Costs,
+    law: Detectability,
+    request: Request,
+    units: int,
+) -> Units:
+    """Returns the pairs that stayed as the units of a choice of some number of units."""
+    stayed = run.pairs[run.pairs.left_out == ""].reset_index(drop=True)
+    found, _ = found_by(run.seen, len(stayed), run.objects, law, request, units)
+    of_pose = poses.iloc[stayed.pose.to_numpy()]
+    place = of_pose.groupby(["x_m", "y_m"], sort=False).ngroup().to_numpy()
+    existing = of_pose.existing.to_numpy(bool)
+    return Units(
+        found, run.objects.weight, place, existing, [lidars[i] for i in stayed.lidar], costs
+    )
+
+
+def best_of_each_lidar(alone: Sequence[Choice], units: Units) -> list[Choice]:
+    """Returns the best option of each LiDAR alone."""
+    first: dict[str, Choice] = {}
+    for one in alone:
+        first.setdefault(units.lidars[one.units[0]].name, one)
+    return list(first.values())
+
+
+def in_order(
+    options: Sequence[tuple[Choice, Prediction]], request: Request
+) -> list[tuple[Choice, Prediction]]:
+    """Returns the options, the chosen one first.
+
+    Options that find enough come first, the cheapest first. The others follow, ordered by the
+    share that they find.
+    """
+
+    def key(one: tuple[Choice, Prediction]) -> tuple[float, float, float]:
+        choice, prediction = one
+        if prediction.found.value >= request.find and prediction.keeps_false:
+            return 0, choice.price.middle, -prediction.found.value
+        return 1, -prediction.found.value, choice.price.middle
+
+    return sorted(options, key=key)
+
+
+def write(result: Plan, folder: Path) -> None:
+    """Writes options.csv, candidates.csv and answer.txt."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, table in (("options", result.options), ("candidates", result.candidates)):
+        with replacing(folder / f"{name}.csv") as beside:
+            table.to_csv(beside, index=False, float_format="%.6g")
+    with replacing(folder / "answer.txt") as beside:
+        beside.write_text(result.text + "\n", encoding="utf-8")

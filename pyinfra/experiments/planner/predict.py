@@ -1,0 +1,159 @@
+"""Predicts what an option finds: shares, false boxes and AP, each with an interval.
+
+An interval has two parts: the fit of the detectability (replicates over generated sites) and the
+frames of the plan (their spread). Both are added as variances.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.experiments.planner.detectability import (
+    CUTS,
+    Detectability,
+    Law,
+    false_per_frame,
+    find_probability,
+    highest_recall_cut,
+    object_terms,
+)
+from pyinfra.experiments.planner.race import FRAMES_PER_MINUTE, Objects, Race
+from pyinfra.experiments.planner.request import Request
+from pyinfra.metrics.comparison import Interval
+
+Z95 = 1.959964
+UNKNOWN = Interval(float("nan"), float("nan"), float("nan"))
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What an option finds by the detectability, in shares (0 to 1) and AP (0 to 100)."""
+
+    found: Interval  # share of the vehicles within the distance of the request
+    people: Interval  # share of the pedestrians within it; unknown without any
+    false_per_frame: Interval
+    keeps_false: bool  # whether the asked rate of false boxes can be kept at any score
+    cut: float  # score above which a box counts
+    ap: Interval  # AP of all present vehicles of the region
+    per_object: FloatArray  # (objects,) probability that the object is found
+
+
+@dataclass(frozen=True, eq=False)
+class _Unit:
+    """The objects that one unit sees."""
+
+    object: np.ndarray
+    terms: FloatArray
+
+
+def predict(race: Race, units: Sequence[int], law: Detectability, request: Request) -> Prediction:
+    """Predicts an option of some pairs of a race that stayed."""
+    seen = [race.seen[race.seen.pair == u] for u in units]
+    objects = race.objects
+    near = objects.near  # people count in the answer even where they do not in the choice
+    person = objects.table.person.to_numpy(bool)
+    cut, keeps = _cut(seen, objects, law.vehicles, request, len(units))
+    replicates = len(law.vehicles.found)
+    of_vehicles = _units(seen, ~person)
+    found = [
+        _either(of_vehicles, law.vehicles.found[r], cut, len(person)) for r in range(replicates)
+    ]
+    per_object = found[0].copy()
+    vehicles = _interval(found, near & ~person, objects)
+    people = UNKNOWN
+    if law.people is not None and (near & person).any():
+        of_people = _units(seen, person)
+        shares = [
+            _either(of_people, law.people.found[r], cut, len(person)) for r in range(replicates)
+        ]
+        per_object[person] = shares[0][person]
+        people = _interval(shares, near & person, objects)
+    rates = [
+        sum(
+            float(false_per_frame(law.vehicles.false[r], cut, len(one.object) / objects.frames)[0])
+            for one in of_vehicles
+        )
+        for r in range(replicates)
+    ]
+    every = int((~person).sum())
+    aps = [
+        _ap(of_vehicles, law.vehicles, r, every, len(person), objects) for r in range(replicates)
+    ]
+    return Prediction(
+        vehicles, people, _spread(rates, 0, np.inf), keeps, cut, _spread(aps, 0, 100), per_object
+    )
+
+
+def _cut(
+    seen: Sequence[pd.DataFrame], objects: Objects, law: Law, request: Request, units: int
+) -> tuple[float, bool]:
+    """Returns the score above which a box counts, and whether false boxes are as rare as asked."""
+    if not np.isfinite(request.false_per_minute):
+        return 0.5, True
+    person = objects.table.person.to_numpy(bool)
+    most = request.false_per_minute / FRAMES_PER_MINUTE / units
+    cuts = [
+        highest_recall_cut(
+            law.false[0], (~person[one.object.to_numpy()]).sum() / objects.frames, most
+        )
+        for one in seen
+    ]
+    return max(cut for cut, _ in cuts), all(good for _, good in cuts)
+
+
+def _units(seen: Sequence[pd.DataFrame], counted: BoolArray) -> list[_Unit]:
+    some = [one[counted[one.object.to_numpy()]] for one in seen]
+    return [_Unit(one.object.to_numpy(), object_terms(one)) for one in some]
+
+
+def _either(units: Sequence[_Unit], law: FloatArray, cut: float, objects: int) -> FloatArray:
+    """Returns the probability (objects,) that one of the units finds the object."""
+    missed = np.ones(objects)
+    for unit in units:
+        missed[unit.object] *= 1 - find_probability(law, unit.terms, cut)
+    return 1 - missed
+
+
+def _ap(
+    units: Sequence[_Unit], law: Law, replicate: int, every: int, count: int, objects: Objects
+) -> float:
+    """Returns the AP (0 to 100) over all present vehicles of the region."""
+    if every == 0:
+        return float("nan")
+    found = np.array([_either(units, law.found[replicate], cut, count).sum() for cut in CUTS])
+    cuts = np.array(CUTS)
+    wrong = sum(
+        (false_per_frame(law.false[replicate], cuts, len(one.object) / objects.frames))
+        for one in units
+    )
+    precision = (found / np.maximum(found + objects.frames * wrong, 1e-12))[::-1]
+    recall = np.concatenate([[0], found[::-1] / every])
+    envelope = np.maximum.accumulate(precision[::-1])[::-1]
+    return float(100 * (np.diff(recall).clip(0) * envelope).sum())
+
+
+def _interval(found: Sequence[FloatArray], counted: BoolArray, objects: Objects) -> Interval:
+    """Returns the share of the counted objects that is found, with its interval."""
+    total = int(counted.sum())
+    if total == 0:
+        return UNKNOWN
+    shares = [float(one[counted].sum() / total) for one in found]
+    frame = objects.frame[counted]
+    sums = np.bincount(frame, found[0][counted], objects.frames)
+    counts = np.bincount(frame, minlength=objects.frames)
+    residual = sums - shares[0] * counts
+    frames = max(objects.frames, 2)
+    by_frames = float(residual.var(ddof=1)) * frames / total**2
+    return _spread(shares, 0, 1, by_frames)
+
+
+def _spread(values: Sequence[float], low: float, high: float, more: float = 0.0) -> Interval:
+    """Returns the first value with an interval from the others and a further variance."""
+    variance = float(np.var(values[1:], ddof=1)) if len(values) > 2 else 0.0
+    half = Z95 * float(np.sqrt(variance + more))
+    return Interval(values[0], max(low, values[0] - half), min(high, values[0] + half))

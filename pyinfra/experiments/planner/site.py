@@ -1,0 +1,131 @@
+"""The site of a plan: its roads, the objects that count, and the frames that are observed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import yaml
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import Error
+from pyinfra.core.names import StrPath, file_or_name
+from pyinfra.core.vocabulary import OBJECT_NAMES, PERSON_TYPES
+from pyinfra.dataset import simulation
+from pyinfra.dataset.catalogue import configs
+from pyinfra.dataset.frame_sequence import roads_of_world
+from pyinfra.dataset.roads import Road
+
+PATTERN_FRAMES = 200  # frames after which the prisms of the Livox LiDARs repeat
+GOLDEN = (math.sqrt(5) - 1) / 2
+
+
+@dataclass(frozen=True, eq=False)
+class PlanSite:
+    """A site under one preset and traffic seed, and its objects in the frames of a plan."""
+
+    file: Path
+    name: str
+    preset: str
+    seed: int | None
+    mount: str  # the scene's mount whose evaluation region counts
+    keys: dict[str, Any]  # resolved keys of the scene
+    roads: tuple[Road, ...]  # the evaluation region, world frame
+    every_frame: int  # number of frames of the scene
+    frames: tuple[int, ...]  # in the order in which they are observed
+    present: pd.DataFrame  # every object in the region: frame, id, type, person, x, y, speed
+    centre: FloatArray  # (2,) from which distances of the request are measured, world frame
+    observer: simulation.Observer
+
+    @property
+    def mount_keys(self) -> dict[str, float]:
+        return dict(self.keys["mounts"][self.mount])
+
+
+def open_site(
+    scene: StrPath,
+    frames: int,
+    *,
+    preset: str = "datasheet",
+    seed: int | None = None,
+    centre_m: tuple[float, float] | None = None,
+) -> PlanSite:
+    """Opens a scene, or the scene of a site folder. Raises Error without traffic in the region."""
+    file = scene_path(scene)
+    world = simulation.load_scene(file, preset=preset, seed=seed, mount=first_mount(file, preset))
+    keys = dict(yaml.safe_load(world.dump()))
+    mount = next(iter(keys["mounts"]))
+    count = world.frames
+    order = frame_order(count, frames)
+    observer = simulation.load_observer(file, order, preset=preset, seed=seed, mount=mount)
+    roads = tuple(roads_of_world(world, f"{file.name}: roads"))
+    present = present_objects(observer, order)
+    if present.empty:
+        raise Error(
+            f"scene: expected traffic in the evaluation region, got none in {len(order)} frames; "
+            "`traffic`, `trajectories` or `people` of the scene file add objects"
+        )
+    centre = np.array(centre_m if centre_m else middle_of(keys, roads))
+    name = str(keys.get("name", file.stem))
+    return PlanSite(
+        file, name, preset, seed, mount, keys, roads, count, order, present, centre, observer
+    )
+
+
+def scene_path(scene: StrPath) -> Path:
+    """Returns the scene file of a name, a file, or a folder of `pyinfra site import`."""
+    folder = Path(scene)
+    if folder.is_dir():
+        if not (folder / "site.yaml").is_file():
+            raise Error(f"scene: expected a scene file or a folder with site.yaml, got '{scene}'")
+        return folder / "site.yaml"
+    shipped = {file.stem: file for file in (configs() / "scenes").glob("*.yaml")}
+    return file_or_name(scene, shipped, "scene")
+
+
+def first_mount(file: Path, preset: str) -> str:
+    """Returns the name of the scene's first mount; empty if the file does not name it."""
+    text = yaml.safe_load(file.read_text(encoding="utf-8"))
+    plain = text if isinstance(text, dict) else {}
+    mounts = plain.get("mounts")
+    return str(next(iter(mounts))) if isinstance(mounts, dict) and mounts else ""
+
+
+def frame_order(count: int, wanted: int) -> tuple[int, ...]:
+    """Returns frames in an order in which each part of the list is spread over the whole scene.
+
+    The step is coprime to the number of frames and to PATTERN_FRAMES, so that the frames show
+    every phase of a scan pattern.
+    """
+    step = max(1, round(count * GOLDEN))
+    while math.gcd(step, count) > 1 or math.gcd(step, PATTERN_FRAMES) > 1:
+        step += 1
+    return tuple((i * step + count // 2) % count for i in range(min(wanted, count)))
+
+
+def present_objects(observer: simulation.Observer, frames: tuple[int, ...]) -> pd.DataFrame:
+    """Returns every object in the region, ordered as `frames`, then by id. World frame."""
+    rows = observer.present(list(frames))
+    table = pd.DataFrame({name: rows[name] for name in ("frame", "id", "x", "y", "speed")})
+    table["type"] = [OBJECT_NAMES[int(c)] for c in rows["class_id"]]
+    table["person"] = table.type.isin(PERSON_TYPES)
+    return table
+
+
+def middle_of(keys: dict[str, Any], roads: tuple[Road, ...]) -> FloatArray:
+    """Returns the middle of the first junction, or the region's road point next to the mount."""
+    mount = next(iter(keys["mounts"].values()))
+    foot = np.array([mount["x_m"], mount["y_m"]])
+    named = [one["roads"] for one in keys.get("junctions") or [] if one.get("roads")]
+    lines = {road.name: road.xy for road in roads}
+    if named and all(name in lines for name in named[0]) and len(named[0]) > 1:
+        a, b = (lines[name] for name in named[0][:2])
+        away = np.hypot(a[:, None, 0] - b[None, :, 0], a[:, None, 1] - b[None, :, 1])
+        i, j = np.unravel_index(away.argmin(), away.shape)
+        return np.asarray((a[i] + b[j]) / 2)
+    every = np.concatenate([road.xy for road in roads])
+    return np.asarray(every[np.hypot(*(every - foot).T).argmin()])

@@ -1,0 +1,233 @@
+"""The planner: candidates, observations, race, choice, costs and the answer."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import pyinfra as pi
+from pyinfra.cli import main
+from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.experiments.planner import detectability as laws
+from pyinfra.experiments.planner.candidates import POSE, make_candidates, with_faults
+from pyinfra.experiments.planner.choice import Units, greedy, pairs, singles, upper_bound
+from pyinfra.experiments.planner.costs import read_costs
+from pyinfra.experiments.planner.lidars import open_lidars
+from pyinfra.experiments.planner.race import is_worse
+from pyinfra.experiments.planner.site import PlanSite, frame_order, open_site
+
+FEW = pi.PoseGrid(every_m=40, heights_m=(5.0,), pitches_deg=(0.0,), yaws=1)
+
+
+@pytest.fixture(scope="module")
+def site() -> PlanSite:
+    return open_site("crossroad", 4)
+
+
+def test_the_same_objects_count_for_every_pose(site: PlanSite) -> None:
+    assert set(site.present.frame) == set(site.frames)
+    assert np.abs(site.present[["x", "y"]]).max().max() < 130
+
+
+def test_frames_show_every_phase_of_a_pattern_of_200_frames() -> None:
+    order = frame_order(5000, 400)
+    assert len(set(order)) == 400
+    assert len({k % 200 for k in order}) > 150
+    assert len({k // 500 for k in order[:20]}) == 10
+
+
+def test_candidates_stand_beside_the_carriageway(site: PlanSite) -> None:
+    table = with_faults(make_candidates(site, 60, FEW), site)
+    free = table[table.fault == ""]
+    assert len(free) >= 4
+    assert (free[["x_m", "y_m"]].abs().min(axis=1) > 7).all()
+    assert (np.hypot(free.x_m - site.centre[0], free.y_m - site.centre[1]) <= 60).all()
+
+
+def units(count: int = 12, objects: int = 40) -> Units:
+    rng = np.random.default_rng(3)
+    law = laws.read_detectability("generalist")
+    helios = open_lidars(["helios_16"], open_site("crossroad", 1))[0]
+    return Units(
+        found=rng.uniform(0, 0.8, (count, objects)).astype(np.float32),
+        weight=rng.uniform(0.5, 2, objects),
+        place=np.arange(count) // 2,
+        existing=np.zeros(count, bool),
+        lidars=[helios] * count,
+        costs=read_costs(None, 5, law),
+    )
+
+
+def test_pairs_are_the_best_of_all_pairs() -> None:
+    some = units()
+    every = [
+        some.value(pair)
+        for pair in itertools.combinations(range(12), 2)
+        if some.place[pair[0]] != some.place[pair[1]]
+    ]
+    best = pairs(some, 1e9, poles=2, per_pole=1)[0]
+    assert best.value == pytest.approx(max(every))
+    assert best.gap == pytest.approx(0, abs=1e-6)
+    assert singles(some, 1e9)[0].value == pytest.approx(max(some.value([u]) for u in range(12)))
+
+
+def test_prices_of_pairs_are_those_of_their_parts() -> None:
+    some = units()
+    best = pairs(some, 1e9, poles=2, per_pole=2)
+    assert any(some.place[a] == some.place[b] for a, b in (one.units for one in best))
+    least = min(one.price.middle for one in best)
+    assert pairs(some, least - 1, poles=2, per_pole=2) == []
+    assert pairs(some, least + 1, poles=2, per_pole=2)
+
+
+def test_no_set_exceeds_the_bound_of_the_greedy_search() -> None:
+    some = units()
+    found = greedy(some, 1e9, poles=3, per_pole=1)
+    assert found is not None
+    every = [
+        some.value(three)
+        for three in itertools.combinations(range(12), 3)
+        if len({some.place[u] for u in three}) == 3
+    ]
+    assert found.value <= max(every) + 1e-9 <= found.bound + 2e-9
+    assert upper_bound(some, [], 0, 3) == 0
+
+
+def test_a_pose_is_worse_only_by_the_interval_of_the_paired_difference() -> None:
+    best = np.array([10.0, 12, 9, 11, 10, 13])
+    same, lower = best + np.array([2, -2, 2, -2, 2, -2]), best - 3 + 0.1 * best
+    assert is_worse(np.stack([best, same, lower]), best, 0.99).tolist() == [False, False, True]
+
+
+def test_the_laws_recover_made_up_coefficients() -> None:
+    rng = np.random.default_rng(1)
+    count = 4000
+    seen = pd.DataFrame(
+        {
+            "points": rng.integers(1, 200, count),
+            "along": rng.uniform(0, 4, count),
+            "up": rng.uniform(0, 2, count),
+            "distance": rng.uniform(5, 100, count),
+            "visibility": rng.uniform(0, 1, count),
+            "type": "Car",
+            "speed": rng.uniform(0, 20, count),
+        }
+    )
+    terms = laws.object_terms(seen)
+    true = np.array([-3, 1.2, 0, 0.3, 0, -0.5, 0.5, 0, 0, 0, -1, 0])
+    odds = terms @ true + rng.logistic(size=count)
+    scores = 1 / (1 + np.exp(-odds))  # found at s where odds - score term > 0
+    fitted = laws.fit_found(terms, scores)
+    for cut in (0.2, 0.5, 0.8):
+        p = laws.find_probability(fitted, terms, cut)
+        assert p.mean() == pytest.approx((scores >= cut).mean(), abs=0.02)
+        assert p[seen.points < 10].mean() < p[seen.points > 100].mean()
+
+
+def test_a_perfect_detector_has_ap_100_and_a_blind_one_0() -> None:
+    seen = pd.DataFrame(
+        {"points": [99] * 9, "along": 4.0, "up": 1.0, "distance": 20.0, "visibility": 1.0,
+         "type": "Car", "speed": 1.0}
+    )  # fmt: skip
+    terms = laws.object_terms(seen)
+    sure, none = np.zeros(12), np.zeros(12)
+    sure[0], none[0] = 30, -30
+    never = np.array([-30.0, 0, 0, 0])
+    assert laws.average_precision(sure, never, terms, 9, 3) == pytest.approx(100)
+    assert laws.average_precision(sure, never, terms, 18, 3) == pytest.approx(50)
+    assert laws.average_precision(none, never, terms, 9, 3) == pytest.approx(0, abs=1e-6)
+
+
+def test_plan_writes_its_tables_and_resumes(tmp_path: Path) -> None:
+    words = {
+        "lidars": ["helios_16", "livox_avia"],
+        "frames": 6,
+        "grid": FEW,
+        "check_frames": 0,
+        "out": tmp_path,
+    }
+    first = pi.plan("crossroad", 12_000, poles=2, **words)
+    for name in (*POSE, "lidar", "price_usd_low", "price_usd_high", "ap_predicted", "gap"):
+        assert name in first.options
+    best = first.options[first.options.option == 1]
+    assert (best.price_usd <= 12_000).all()
+    assert (best.found_low <= best.found).all()
+    assert set(first.options.groupby("option").size()) <= {1, 2}
+    assert pd.read_csv(tmp_path / "candidates.csv").lidar.isin(["helios_16", "livox_avia"]).any()
+    kept = {file: file.stat().st_mtime_ns for file in (tmp_path / "observations").iterdir()}
+    again = pi.plan("crossroad", 12_000, poles=2, **words)
+    pd.testing.assert_frame_equal(first.options, again.options)
+    assert kept == {file: file.stat().st_mtime_ns for file in kept}
+
+
+def test_the_answer_says_what_an_engineer_asks(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    poses = tmp_path / "poses.csv"
+    poses.write_text("x_m,y_m,existing\n-14,9.5,yes\n-14,-9.5,no\n-20,0,no\n")
+    words = ["plan", "crossroad", "--budget", "9000", "--find", "0.9", "--within", "60", "--poses",
+             str(poses), "--lidar", "helios_16", "--frames", "6", "--heights", "5",
+             "--pitches", "0", "--check-frames", "4", "--out", str(tmp_path / "out")]  # fmt: skip
+    assert main.main(words) == 0
+    text = capsys.readouterr().out
+    assert "90 of 100 vehicles within 60 m" in text
+    assert "on an existing mast" in text
+    assert "Unconfirmed costs" in text
+    assert "Option 1: finds" in text
+    assert len((tmp_path / "out/answer.txt").read_text().splitlines()) == len(text.splitlines())
+    table = pd.read_csv(tmp_path / "out/options.csv")
+    assert (table.ap_simulated >= 0).all()
+    assert (table.found_simulated <= 100).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"budget_usd": 500}, "budget_usd: expected 5,.* or more"),
+        ({"find": 90}, "find: expected 0 to 1, got 90; it is a share"),
+        ({"poles": 0}, "poles: "),
+        ({"detector": "generalst"}, "detector: .*generalist"),
+        ({"lidars": ["helios_61"]}, "lidars: .*helios_16"),
+        ({"false_per_minute": 0}, "false_per_minute: "),
+        ({"scene": "crosroad"}, "scene: .*crossroad"),
+        ({"preset": "papr"}, "preset: .*paper"),
+    ],
+)
+def test_wrong_requests_say_what_works(change: dict[str, object], message: str) -> None:
+    words = {"scene": "crossroad", "budget_usd": 9000, "lidars": ["helios_16"], "frames": 6}
+    with pytest.raises(pi.Error, match=message):
+        pi.plan(**(words | {"grid": FEW} | change))
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("x_m,y_m\n0,0\n", "poses: expected a pose that is free"),
+        ("x_m\n0\n", "expected the column y_m"),
+        ("x_m,y_m\n", "expected one pose or more"),
+        ("x_m,y_m,existing\n-14,9.5,maybe\n", r":2: existing: expected yes or no"),
+        ("x_m,y_m\n-14,\n", r":2: y_m: expected a number"),
+    ],
+)
+def test_wrong_files_of_poses_say_what_works(tmp_path: Path, rows: str, message: str) -> None:
+    file = tmp_path / "poses.csv"
+    file.write_text(rows)
+    grid = pi.PoseGrid(heights_m=(3.0,))
+    with pytest.raises(pi.Error, match=message):
+        pi.plan("crossroad", 9000, lidars=["helios_16"], poses=file, frames=6, grid=grid)
+
+
+def test_a_lidar_without_a_price_and_a_scene_without_traffic_are_refused(tmp_path: Path) -> None:
+    text = lidar_file("livox_avia").read_text()
+    priceless = tmp_path / "mine.yaml"
+    priceless.write_text("\n".join(r for r in text.splitlines() if "price_usd" not in r))
+    with pytest.raises(pi.Error, match="price"):
+        pi.plan("crossroad", 9000, lidars=[priceless], frames=6, grid=FEW)
+    scene = tmp_path / "empty.yaml"
+    lines = scene_file("crossroad").read_text()
+    start, end = lines.index("traffic:"), lines.index("# Street trees")
+    scene.write_text(lines[:start] + lines[end:])
+    with pytest.raises(pi.Error, match="traffic"):
+        pi.plan(scene, 9000, lidars=["helios_16"], frames=6, grid=FEW)
