@@ -112,6 +112,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="weight of a person relative to a vehicle in the choice; default: 0",
     )
     parser.add_argument(
+        "--areas",
+        type=Path,
+        metavar="FILE",
+        help="CSV file of areas with other weights, such as crossings: name, x_m, y_m, radius_m, "
+        "and weight and class (vehicle, person, any)",
+    )
+    parser.add_argument(
         "--costs",
         type=Path,
         metavar="FILE",
@@ -155,6 +162,7 @@ def run(args: argparse.Namespace) -> int:
         poses=args.poses,
         grid=grid,
         people=args.people,
+        areas=args.areas,
         centre_m=None if args.centre_m is None else tuple(args.centre_m),
         costs=args.costs,
         years=args.years,

@@ -9,13 +9,18 @@ import pytest
 
 import pyinfra as pi
 from pyinfra.cli import main
+from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.experiments.planner import detectability as laws
+from pyinfra.experiments.planner.areas import crossings_of, of_name, read_areas
 from pyinfra.experiments.planner.candidates import POSE, make_candidates, with_faults
 from pyinfra.experiments.planner.choice import Units, greedy, pairs, singles, upper_bound
 from pyinfra.experiments.planner.costs import read_costs
+from pyinfra.experiments.planner.fused import fused
 from pyinfra.experiments.planner.lidars import open_lidars
-from pyinfra.experiments.planner.race import is_worse
+from pyinfra.experiments.planner.measure import frames_at
+from pyinfra.experiments.planner.race import is_worse, weighted_objects
+from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.site import PlanSite, frame_order, open_site
 
 FEW = pi.PoseGrid(every_m=40, heights_m=(5.0,), pitches_deg=(0.0,), yaws=1)
@@ -180,6 +185,50 @@ def test_the_answer_says_what_an_engineer_asks(
     table = pd.read_csv(tmp_path / "out/options.csv")
     assert (table.ap_simulated >= 0).all()
     assert (table.found_simulated <= 100).all()
+
+
+def test_areas_have_their_weights_and_their_share(tmp_path: Path, site: PlanSite) -> None:
+    file = tmp_path / "areas.csv"
+    file.write_text("name,x_m,y_m,radius_m,class,weight\nstop,-30,-3,20,vehicle,5\n")
+    areas = read_areas(file)
+    objects = weighted_objects(site, Request(9000, areas=areas), site.frames)
+    inside = of_name(areas, "stop", objects.table)
+    assert 0 < inside.sum() < len(inside)
+    assert (objects.weight[inside] == 5).all()
+    assert set(objects.weight[~inside]) <= {0, 1}
+    grid = {"grid": FEW, "check_frames": 0, "frames": 6}
+    plan = pi.plan("crossroad", 9000, lidars=["helios_16"], areas=file, **grid)
+    assert plan.options.found_stop.between(0, 100).all()
+    assert "at stop" in plan.text
+    file.write_text("name,x_m,y_m,radius_m,class\nstop,-30,-3,20,vehicles\n")
+    with pytest.raises(pi.Error, match=r":2: class: expected vehicle, person, any"):
+        read_areas(file)
+
+
+def test_crossings_of_a_map_are_one_area_of_people(tmp_path: Path) -> None:
+    assert crossings_of(tmp_path, 1.0) == ()
+    rows = "[{x_m: 1, y_m: 2}, {x_m: 5, y_m: 2}]"
+    (tmp_path / "map.yaml").write_text(f"features: {{crossing: {rows}}}\n")
+    assert {area.object_class for area in crossings_of(tmp_path, 1.0)} == {"person"}
+    assert len({area.name for area in crossings_of(tmp_path, 1.0)}) == 1
+
+
+def test_fused_frames_have_the_points_of_both_poses(site: PlanSite) -> None:
+    lidar = simulation.load_lidar(lidar_file("helios_16"))
+    poses = ([-14.0, 9.5, 5.0, -30.0, 0.0], [14.0, -9.5, 6.0, 120.0, 0.0])
+    alone = [frames_at(site, pose, lidar, site.frames[:1]) for pose in poses]
+    both = fused([frames_at(site, pose, lidar, site.frames[:1]) for pose in poses])[0]
+    assert len(both.points) == sum(len(one[0].points) for one in alone)
+    first, second = (one[0].objects.set_index("id") for one in alone)
+    for row in both.objects.itertuples():
+        parts = [one.points.get(row.id, 0) for one in (first, second)]
+        assert row.points == sum(parts)
+        if parts[0] > parts[1]:
+            assert (row.x, row.y) == (first.x[row.id], first.y[row.id])
+    inside = both.points[:, :2] - both.objects.query("points > 50").iloc[0][["x", "y"]].to_numpy(
+        float
+    )
+    assert (np.hypot(*inside.astype(float).T) < 6).sum() > 40
 
 
 @pytest.mark.parametrize(

@@ -52,6 +52,10 @@ def option_table(
                     "price_usd_high": choice.price.high,
                     **ends("found", prediction.found, 100),
                     **ends("people_found", prediction.people, 100),
+                    **{
+                        f"found_{name}": 100 * share.value
+                        for name, share in prediction.areas.items()
+                    },
                     **ends("false_per_frame", prediction.false_per_frame),
                     "score": prediction.cut,
                     "keeps_false": prediction.keeps_false,
@@ -173,13 +177,18 @@ def sentence(
     people = ""
     if prediction.people.is_known:
         people = f", {of_hundred(prediction.people)} pedestrians"
+    areas = "".join(
+        f", {of_hundred(share)} at {name}"
+        for name, share in prediction.areas.items()
+        if math.isfinite(share.value)
+    )
     latency = law.latency_ms * len(choice.units)
     return (
         f"{where}: finds {of_hundred(prediction.found)} vehicles{people} within "
-        f"{request.within_m:g} m in a frame, {false_boxes(prediction.false_per_frame.value)}; "
-        f"about {latency:.0f} ms a frame on one core; {price(choice.price)} over "
-        f"{request.years:g} years; AP of all vehicles {prediction.ap.value:.0f} "
-        f"[{prediction.ap.low:.0f} to {prediction.ap.high:.0f}]."
+        f"{request.within_m:g} m in a frame{areas}, "
+        f"{false_boxes(prediction.false_per_frame.value)}; about {latency:.0f} ms a frame on one "
+        f"core; {price(choice.price)} over {request.years:g} years; AP of all vehicles "
+        f"{prediction.ap.value:.0f} [{prediction.ap.low:.0f} to {prediction.ap.high:.0f}]."
     )
 
 

@@ -22,6 +22,7 @@ from pyinfra.experiments.planner.answer import (
     checked_lines,
     option_table,
 )
+from pyinfra.experiments.planner.areas import crossings_of, read_areas
 from pyinfra.experiments.planner.candidates import (
     PoseGrid,
     feasible,
@@ -37,7 +38,7 @@ from pyinfra.experiments.planner.lidars import PlanLidar, open_lidars
 from pyinfra.experiments.planner.predict import Prediction, predict
 from pyinfra.experiments.planner.race import Race, found_by, race
 from pyinfra.experiments.planner.request import Request, checked
-from pyinfra.experiments.planner.site import PlanSite, open_site
+from pyinfra.experiments.planner.site import PlanSite, open_site, scene_path
 
 SHOWN = 12  # options in the table, besides the best of each LiDAR
 
@@ -79,6 +80,7 @@ def plan(
     poses: str | os.PathLike[str] | None = None,
     grid: PoseGrid | None = None,
     people: float = 0.0,
+    areas: str | os.PathLike[str] | None = None,
     centre_m: tuple[float, float] | None = None,
     costs: str | os.PathLike[str] | None = None,
     years: float = 5.0,
@@ -109,6 +111,8 @@ def plan(
         made along kerbs, medians and walls
     grid : spacing, heights and directions of the poses that are made
     people : weight of a person relative to a vehicle in the choice
+    areas : CSV file of areas with other weights, such as crossings (name, x_m, y_m, radius_m;
+        weight, class); the answer has the share found in each
     centre_m : x y from which `within_m` is measured; by default the middle of the first junction
     costs : CSV file of costs (item, per, low, high, source); by default that of the package
     years : years of use that the price includes
@@ -145,6 +149,9 @@ def plan(
             poles=poles,
             lidars_per_pole=lidars_per_pole,
             people=people,
+            areas=crossings_of(scene_path(scene).parent, people)
+            if areas is None
+            else read_areas(path_of(areas, "areas")),
             years=years,
             detector=detector,
             preset=preset,

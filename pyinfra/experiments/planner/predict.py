@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.experiments.planner.areas import of_name
 from pyinfra.experiments.planner.detectability import (
     CUTS,
     Detectability,
@@ -36,11 +37,11 @@ class Prediction:
 
     found: Interval  # share of the vehicles within the distance of the request
     people: Interval  # share of the pedestrians within it; unknown without any
+    areas: dict[str, Interval]  # share of the objects that count in each area of the request
     false_per_frame: Interval
     keeps_false: bool  # whether the asked rate of false boxes can be kept at any score
     cut: float  # score above which a box counts
     ap: Interval  # AP of all present vehicles of the region
-    per_object: FloatArray  # (objects,) probability that the object is found
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,16 +64,11 @@ def predict(race: Race, units: Sequence[int], law: Detectability, request: Reque
     found = [
         _either(of_vehicles, law.vehicles.found[r], cut, len(person)) for r in range(replicates)
     ]
-    per_object = found[0].copy()
-    vehicles = _interval(found, near & ~person, objects)
-    people = UNKNOWN
-    if law.people is not None and (near & person).any():
+    if law.people is not None and person.any():
         of_people = _units(seen, person)
-        shares = [
-            _either(of_people, law.people.found[r], cut, len(person)) for r in range(replicates)
-        ]
-        per_object[person] = shares[0][person]
-        people = _interval(shares, near & person, objects)
+        for r in range(replicates):
+            found[r][person] = _either(of_people, law.people.found[r], cut, len(person))[person]
+    known = ~person | (law.people is not None)
     rates = [
         sum(
             float(false_per_frame(law.vehicles.false[r], cut, len(one.object) / objects.frames)[0])
@@ -85,7 +81,16 @@ def predict(race: Race, units: Sequence[int], law: Detectability, request: Reque
         _ap(of_vehicles, law.vehicles, r, every, len(person), objects) for r in range(replicates)
     ]
     return Prediction(
-        vehicles, people, _spread(rates, 0, np.inf), keeps, cut, _spread(aps, 0, 100), per_object
+        found=_interval(found, near & ~person, objects),
+        people=_interval(found, near & person & known, objects),
+        areas={
+            name: _interval(found, of_name(request.areas, name, objects.table) & known, objects)
+            for name in dict.fromkeys(area.name for area in request.areas)
+        },
+        false_per_frame=_spread(rates, 0, np.inf),
+        keeps_false=keeps,
+        cut=cut,
+        ap=_spread(aps, 0, 100),
     )
 
 

@@ -16,6 +16,7 @@ import pandas as pd
 from scipy import stats
 
 from pyinfra.core.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from pyinfra.experiments.planner.areas import weighted
 from pyinfra.experiments.planner.detectability import (
     CUT,
     Detectability,
@@ -62,8 +63,9 @@ def weighted_objects(site: PlanSite, request: Request, frames: Sequence[int]) ->
     away = np.hypot(table.x - site.centre[0], table.y - site.centre[1])
     near = np.asarray(away <= request.within_m)
     weight = np.where(table.person, request.people, 1.0) * near
+    weight = weighted(table, np.asarray(weight, float), request.areas)
     order = pd.Series(range(len(frames)), index=list(frames))
-    return Objects(table, np.asarray(weight, float), near, order[table.frame].to_numpy())
+    return Objects(table, weight, near, order[table.frame].to_numpy())
 
 
 def found_by(

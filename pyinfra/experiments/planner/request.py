@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pyinfra.core.errors import Error
 from pyinfra.core.names import check_name
 from pyinfra.core.vocabulary import PRESETS
+from pyinfra.experiments.planner.areas import Area
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,7 @@ class Request:
     poles: int = 1  # most poles
     lidars_per_pole: int = 1  # most LiDARs on a pole
     people: float = 0.0  # weight of a person relative to a vehicle in the choice
+    areas: tuple[Area, ...] = ()  # areas of other weights, such as crossings
     years: float = 5.0
     detector: str = "generalist"
     preset: str = "datasheet"
