@@ -29,7 +29,7 @@ Observer::Observer(const SceneConfig& scene, const std::string& mount, std::span
     : view_(scene_at_mount(scene, mount)), mount_(view_.mounts.begin()->first) {
   MountConfig& pose = view_.mounts[mount_];
   pose.clock_offset_s.reset();
-  pose.own_draws.reset();
+  pose.own_random_stream.reset();
   view_.static_layers.reset();
   view_.filters.clear();
   site_ = std::make_shared<const Site>(checked_site(scene));

@@ -94,7 +94,8 @@ def crossings_of(folder: Path, weight: float) -> tuple[Area, ...]:
 
 def of_name(areas: tuple[Area, ...], name: str, objects: pd.DataFrame) -> BoolArray:
     """Returns which objects count in the areas of a name: (n,)."""
-    return np.any([area.holds(objects) for area in areas if area.name == name], axis=0)
+    inside: BoolArray = np.any([a.holds(objects) for a in areas if a.name == name], axis=0)
+    return inside
 
 
 def weighted(objects: pd.DataFrame, weight: FloatArray, areas: tuple[Area, ...]) -> FloatArray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray
+from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray, Records
 from pyinfra.dataset.frame_sequence import KEPT, SimulatedFrames
 from pyinfra.dataset.world_frame import to_levelled, to_world
 from pyinfra.formats.kitti import WorldPose
@@ -29,19 +29,21 @@ class FusedFrames(SimulatedFrames):
             self, numbers=tuple(numbers), others=tuple(one.of(numbers) for one in self.others)
         )
 
-    def _cast(self, numbers: Sequence[int]) -> Iterator[tuple[int, Float32Array]]:
+    def _cast(self, numbers: Sequence[int]) -> Iterator[tuple[int, tuple[Float32Array, Records]]]:
         pose = self.lidar.T_world_levelled
         streams = [super()._cast(numbers), *(one._cast(numbers) for one in self.others)]
         for casts in zip(*streams, strict=True):
-            (number, points), clouds, rows = casts[0], [casts[0][1]], [self.rows[casts[0][0]]]
-            for one, (_, more) in zip(self.others, casts[1:], strict=True):
+            (number, (points, fields)), rows = casts[0], [self.rows[casts[0][0]]]
+            clouds, every_field = [points], [fields]
+            for one, (_, (more, more_fields)) in zip(self.others, casts[1:], strict=True):
                 clouds.append(moved_points(more, one.lidar.T_world_levelled, pose))
+                every_field.append(more_fields)
                 rows.append(moved_rows(one.rows[number], one.lidar.T_world_levelled, pose))
-            points = np.concatenate(clouds)
-            self.rows[number], self.clouds[number] = merged_rows(rows), points
+            cloud = np.concatenate(clouds), np.concatenate(every_field)
+            self.rows[number], self.clouds[number] = merged_rows(rows), cloud
             while len(self.clouds) > KEPT:
                 self.clouds.popitem(last=False)
-            yield number, points
+            yield number, cloud
 
 
 def fused(sequences: Sequence[SimulatedFrames]) -> SimulatedFrames:
