@@ -349,7 +349,7 @@ def test_a_task_that_always_kills_its_worker_is_lost_alone(tmp_path: Path) -> No
     where = pool.Pool("local", 2)
     pool.run(dies, tasks, where, not_there, lambda task, _: lost.append(task), messages.append)
     assert lost == [tmp_path / "victim"]
-    assert [line.split(":")[1] for line in messages][-1] == " a worker died, 1 tasks left"
+    assert [line.split(":")[1] for line in messages][-1] == " a worker stopped, 1 tasks are left"
     assert not_there(tasks) == lost
 
 

@@ -158,7 +158,9 @@ def test_labels_are_looked_at_beside_objects(tmp_path: Path) -> None:
     gt = write_lidar(tmp_path / "data/pole", traffic(12))
     replace(kitti.frame_file(gt, "label_2", 4), "Car", "car")
     (text,) = [f.text for f in validate(gt) if f.name == "other-types"]
-    assert text.startswith(f"{kitti.frame_file(gt, 'label_2', 4)}:1: counted nowhere: car (8)")
+    assert text.startswith(
+        f"{kitti.frame_file(gt, 'label_2', 4)}:1: classes that are not counted: car (8)"
+    )
 
 
 def test_training_says_which_names_are_no_vehicle(tmp_path: Path) -> None:
@@ -169,7 +171,7 @@ def test_training_says_which_names_are_no_vehicle(tmp_path: Path) -> None:
     replace(kitti.frame_file(gt, "objects", 4), "Car", "car")
     warning = read_source(gt, "smoke").read_warning()
     assert warning is not None
-    assert "000004.csv:2: counted nowhere: car (8)" in warning
+    assert "000004.csv:2: classes that are not counted: car (8)" in warning
 
 
 # --- which folders are LiDARs

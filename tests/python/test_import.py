@@ -351,10 +351,18 @@ WRONG_FILES: dict[str, tuple[Callable[[Path], object], int, list[str]]] = {
     "more rows than bytes": (
         header(b"(10, 4), }      ", b"(99999999, 4), }"),
         2,
-        ["points/000005.npy", "is no whole"],
+        ["points/000005.npy", "cannot be read as an array"],
     ),
-    "keys of two kinds": (header(b"'shape'", b"1234567"), 2, ["points/000005.npy", "is no whole"]),
-    "open bracket": (header(b"'shape'", b"((((((("), 2, ["points/000005.npy", "is no whole"]),
+    "keys of two kinds": (
+        header(b"'shape'", b"1234567"),
+        2,
+        ["points/000005.npy", "cannot be read as an array"],
+    ),
+    "open bracket": (
+        header(b"'shape'", b"((((((("),
+        2,
+        ["points/000005.npy", "cannot be read as an array"],
+    ),
     "columns": (narrow, 2, ["expected (n, 4 or more) floats, got (9, 3) float32"]),
     "far": (far, 2, ["000005.npy: point 2: y: expected -10000 to 10000, got 3e+38"]),
     "bytes": (odd_bin, 2, ["000005.bin", "expected a multiple of 16 ", "got 28 bytes"]),
@@ -475,7 +483,7 @@ def test_a_file_is_refused_with_the_reason(
 ) -> None:
     (tmp_path / "infos.pkl").write_bytes(b"cos\nsystem\n(S'false'\ntR.")
     words = ["import", tmp_path / "infos.pkl", "--from", "kitti", "--out", tmp_path / "in/pole"]
-    fails(words, capsys, 2, "expected a folder, got a file", "pickles never read")
+    fails(words, capsys, 2, "expected a folder, got a file", "pickles are not read")
     assert not (tmp_path / "in/pole").exists()
 
 

@@ -87,7 +87,7 @@ def test_the_road_of_a_leaning_sensor_is_detected(site: Path, lidar: str, tmp_pa
     tilt = kitti.read_tilt(folder)
     assert np.degrees([tilt.pitch, tilt.roll]) == pytest.approx([12, -4], abs=0.1)
     assert kitti.read_lidar(folder).T_world_levelled.z == pytest.approx(HEIGHT_M, abs=0.03)
-    assert "the road lies 6.0" in text or "the road lies 5.9" in text
+    assert "the road is 6.0" in text or "the road is 5.9" in text
     assert yaml.safe_load((folder / "lidar.yaml").read_text())["assumed"] == text.splitlines()[:3]
     assert (
         text.splitlines()[2]
@@ -257,7 +257,8 @@ def test_a_wrong_height_is_refused(site: Path, tmp_path: Path) -> None:
     source = write(tmp_path / "source", clouds_of(site, "helios_16"))
     facts = LidarFacts("pole", "junction", height_m=9)
     with pytest.raises(
-        ValueError, match=r"source: height_m: expected (6\.0|5\.9)\d within .*, got 9: "
+        ValueError,
+        match=r"source: height_m: expected the height .* (6\.0|5\.9)\d m, within .*, got 9: ",
     ):
         import_recording(source, "bin", tmp_path / "in/pole", facts, Options())
     assert not (tmp_path / "in/pole").exists()
@@ -292,7 +293,7 @@ def test_clouds_at_road_level_need_the_height(site: Path, up: str, tmp_path: Pat
         clouds_of(site, "helios_16"), lambda p: np.add(p, (0, 0, HEIGHT_M)) @ turn
     )
     source = write(tmp_path / "source", clouds)
-    with pytest.raises(ValueError, match=r"got the road -?0\.0\d m below the origin"):
+    with pytest.raises(ValueError, match=r"expected the road .*, got -?0\.0\d m: "):
         taken(source)
     facts = LidarFacts("pole", "junction", height_m=HEIGHT_M)
     summary, _ = import_recording(source, "bin", tmp_path / "in/pole", facts, Options())
@@ -343,7 +344,7 @@ def test_points_without_a_place_or_intensity(site: Path, tmp_path: Path) -> None
 def test_doubled_frames_are_left_out(site: Path, tmp_path: Path) -> None:
     clouds = clouds_of(site, "helios_16")[:6]
     folder, text = taken(write(tmp_path / "source", [*clouds[:4], clouds[3], *clouds[4:]]))
-    assert "1 frame (cloud_4) with the same points as another: left out" in text
+    assert "1 frame (cloud_4) with the same points as another frame: left out" in text
     assert kitti.frames(folder) == [0, 1, 2, 3, 5, 6]
 
 
@@ -491,7 +492,7 @@ def test_what_is_no_millimetre_either_is_refused(
         summary, _ = import_recording(
             source, "bin", tmp_path / "in/pole", facts, Options(unit_m=unit_m)
         )
-        assert summary.assumed[0].startswith("the road lies 6.0")
+        assert summary.assumed[0].startswith("the road is 6.0")
 
 
 # --- at once
@@ -513,7 +514,7 @@ def test_boxes_and_a_view_follow_at_once(
         assert main.main([str(word) for word in words]) == 0, words
     assert len(list((tmp_path / "pictures").iterdir())) == 2  # of the LiDAR, and the sheet
     printed = capsys.readouterr()
-    assert "assumed: the road lies" in printed.out
+    assert "assumed: the road is" in printed.out
     assert "not split" not in printed.err
     labels = [kitti.read_labels(f, scores=True) for f in (run / "predictions").glob("*.txt")]
     assert sum(map(len, labels)) > 100
@@ -566,7 +567,7 @@ def test_boxes_of_a_lone_pcd_are_those_of_its_turned_and_scaled_points(
         assert its_boxes == pytest.approx(boxes, abs=0.05)
         assert "VIEWPOINT of 1 of 1 clouds: points are turned by 42.27 degrees" in said
         assert "its shift ({:g}, {:g}, {:g}) is left out".format(*shift) in said
-        assert "intensities reach 255: divided by 255" in said
+        assert "the highest intensity is 255: intensities are divided by 255" in said
 
 
 def test_boxes_of_a_lone_bin_do_not_depend_on_its_columns(

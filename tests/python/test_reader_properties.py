@@ -172,7 +172,7 @@ def test_the_columns_of_bin_files_are_read_off_and_reported(tmp_path: Path) -> N
             assert np.array_equal(points[:, :3], cloud[:, :3])
             assert np.array_equal(points[:, 3], cloud[:, 3] if columns > 3 else 0 * cloud[:, 0])
         assert recording.notes is not None
-        assert columns == 4 or any(f"are {columns} float32" in note for note in recording.notes())
+        assert columns == 4 or any(f"has {columns} float32" in note for note in recording.notes())
 
     tried(holds)
 

@@ -158,7 +158,7 @@ def test_frames_beyond_every_scene_are_refused_at_once(world: simulation.World) 
 
 
 def test_a_built_world_takes_no_further_settings(world: simulation.World) -> None:
-    with pytest.raises(ValueError, match="already built"):
+    with pytest.raises(ValueError, match="got a World"):
         simulation.simulate(world, [], [0], seed=1)
 
 

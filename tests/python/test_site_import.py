@@ -505,7 +505,7 @@ def test_roads_that_contradict_each_other_are_named(tmp_path: Path) -> None:
     made = import_map(write_map(tmp_path, "a.xodr", both), tmp_path / "s")
     notes = made.record["not_understood"]
     assert len(notes) == 2
-    assert all(re.match(r"lane road1_0_\w+: lies 0.30 m under lane road2_0", s) for s in notes)
+    assert all(re.match(r"lane road1_0_\w+: 0.30 m below lane road2_0", s) for s in notes)
 
 
 def test_errors_are_map_errors(tmp_path: Path) -> None:

@@ -139,7 +139,10 @@ def test_what_is_there_stays(
     flow = "meshes: [{file: meshes/sheet.ply, material: road}]\n"
     (site / "site.yaml").write_text(SCENE.partition("# surfaces")[0] + flow)
     assert main(words) == 2
-    assert "write there: - {file: meshes/road.ply, material: structure}" in capsys.readouterr().err
+    assert (
+        "add this entry by hand: - {file: meshes/road.ply, material: structure}"
+        in capsys.readouterr().err
+    )
     assert not (site / "meshes").exists()
 
 

@@ -772,7 +772,7 @@ def test_another_lidar_or_preset_is_a_warning_unless_it_is_meant(
     assert detect.transfer(trained, lidar_folder) == ""
     words = ["detect", str(other), "--model", str(trained), "--out", str(tmp_path / "pred")]
     assert main.main(words) == 0
-    expected = "LiDAR star (learnt on ring), preset equal (learnt on paper); --allow-transfer"
+    expected = "LiDAR star (trained on ring), preset equal (trained on paper); set --allow-transfer"
     assert expected in capsys.readouterr().err
     assert main.main([*words, "--allow-transfer"]) == 0
     assert "--allow-transfer" not in capsys.readouterr().err

@@ -158,7 +158,7 @@ def test_a_folder_takes_no_lidar_whose_frames_have_changed_since(
     file.write_text(file.read_text().replace("returns: {", f"returns: {{{beam}, "))
     refused = simulated(old, infrasim, "1:3")
     assert refused.returncode == 1
-    assert "a beam wider than 0.28 degrees, got 0.3.0; simulate turning anew" in refused.stderr
+    assert "a beam wider than 0.28 degrees, got 0.3.0; simulate turning again" in refused.stderr
 
 
 def test_it_is_validated_evaluated_and_stressed(

@@ -111,7 +111,7 @@ def test_a_bottom_centre_is_not_taken_for_another_height(lidar: Path, tmp_path: 
         for f in validate(lidar, write_predictions(tmp_path / "low", predictions))
         if f.name == "height-offset"
     ]
-    assert "bottom's centre" in warning.text
+    assert "is z the bottom" in warning.text
 
 
 def test_degrees_are_named_with_file_and_line(lidar: Path, tmp_path: Path) -> None:
