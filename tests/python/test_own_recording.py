@@ -335,7 +335,7 @@ def test_points_without_a_place_or_intensity(site: Path, tmp_path: Path) -> None
     clouds[1][:5, 3] = np.nan
     clouds[2] = np.zeros((9, 4), dtype=np.float32)
     folder, text = taken(write(tmp_path / "source", clouds))
-    assert "left out 16 points without a return" in text
+    assert "removed 16 points without a return" in text
     assert "5 intensities are not finite: set to 0" in text
     assert "1 frame (cloud_2) without a return" in text
     assert len(kitti.read_points(kitti.frame_file(folder, "velodyne", 2))) == 0
