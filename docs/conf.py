@@ -19,6 +19,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_gallery.gen_gallery",
     "commands",
+    "docstrings",
     "external_links",
 ]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
@@ -32,6 +33,7 @@ myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3
 
 autodoc_member_order = "bysource"
+autodoc_class_signature = "separated"
 add_module_names = False
 autodoc_typehints = "none"  # the parameters' descriptions say the types
 autodoc_preserve_defaults = True
@@ -49,6 +51,7 @@ sphinx_gallery_conf = {
     "plot_gallery": os.environ.get("GALLERY", "ON") != "OFF",
     "abort_on_example_error": True,
     "download_all_examples": False,
+    "capture_repr": (),
     "show_memory": False,
     "show_signature": False,
     "write_computation_times": False,
@@ -58,7 +61,7 @@ sphinx_gallery_conf = {
 }
 
 html_theme = "furo"
-html_title = f"infrasim {release}"
+html_title = "infrasim"
 html_static_path = ["site/static"]
 html_css_files = ["site.css"]
 html_show_sourcelink = False

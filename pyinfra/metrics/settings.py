@@ -12,31 +12,44 @@ from pyinfra.core.names import suggestion
 from pyinfra.core.vocabulary import OBJECT_CLASSES, SUBSETS, Subset
 from pyinfra.metrics.matching import IOU, Metric
 
-# `definition` is AP at 40 and at 1,000 recalls. `r11` is AP at 11 recalls. `kitti` is AP at 40
-# recalls, with the sampling and the strict threshold of KITTI's devkit.
 Protocol = Literal["definition", "r11", "kitti"]
 PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings of an evaluation; the first element of each list is the primary one."""
+    """Settings of an evaluation; the first element of each list is the primary one.
+
+    Attributes
+    ----------
+    classes : names of classes, and the KITTI types that they include
+    ground_truths : `captured`, `all`, `common` or `present`
+    ious : thresholds of the overlap, 0.1 to below 1
+    protocols : `definition` is AP at 40 and at 1,000 recalls, `r11` AP at 11 recalls. `kitti` is AP
+        at 40 recalls, with the sampling and the strict threshold of KITTI's devkit
+    metrics : `bev`, `3d` or `centre`
+    min_score : least score of a prediction that counts
+    min_points : least number of points on a captured vehicle
+    min_objects : least number of objects in an area that gets a quality
+    cut_first : whether to also compute AP from boxes that are cut by window before matching
+    block_s : block length of the bootstrap in seconds; by default the stay of a vehicle
+    replicates : number of bootstrap replicates
+    seed : seed of the bootstrap
+    """
 
     classes: Mapping[str, tuple[str, ...]] = field(
         default_factory=lambda: {"vehicle": OBJECT_CLASSES["vehicle"]}
-    )  # names of classes and the KITTI types that they include
+    )
     ground_truths: tuple[Subset, ...] = ("captured", "all")
     ious: tuple[float, ...] = (IOU,)
     protocols: tuple[Protocol, ...] = ("definition",)
     metrics: tuple[Metric, ...] = ("bev",)
-    min_score: float = 0.0  # least score of a prediction that counts
-    min_points: int = 1  # least number of points on a captured vehicle
-    min_objects: int = 20  # least number of objects in an area that gets a quality
-    cut_first: bool = (
-        False  # whether to also compute AP from boxes that are cut by window before matching
-    )
-    block_s: float | None = None  # block length of the bootstrap; default: the stay of a vehicle
-    replicates: int = 200  # number of bootstrap replicates
+    min_score: float = 0.0
+    min_points: int = 1
+    min_objects: int = 20
+    cut_first: bool = False
+    block_s: float | None = None
+    replicates: int = 200
     seed: int = 1
 
     def __post_init__(self) -> None:

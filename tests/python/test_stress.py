@@ -480,6 +480,8 @@ def test_a_notebook_stresses_a_detector_as_the_command_does(
     assert len(pi.plot_stress(tmp_path / "b", "drop_out").lines) == 1
     with pytest.raises(pi.Error, match="did you mean 'drop_out'"):
         pi.plot_stress(tmp_path / "b", "drop_uot")
+    with pytest.raises(pi.Error, match=r"names: drop_out$"):
+        pi.plot_stress(tmp_path / "b", "unlike_any_name")
 
 
 @pytest.mark.parametrize(
