@@ -20,7 +20,8 @@ def listed() -> list[str]:
     text = (DOCS / "index.md").read_text()
     trees = re.findall(r"^:::\{toctree\}\n(.*?)^:::$", text, re.DOTALL | re.MULTILINE)
     lines = "\n".join(trees).splitlines()
-    return [line for line in lines if line and not line.startswith(":")]
+    entries = [line for line in lines if line and not line.startswith(":")]
+    return [re.sub(r"^.* <(.*)>$", r"\1", entry) for entry in entries]
 
 
 def test_each_page_is_listed_once() -> None:
