@@ -113,15 +113,18 @@ def load_observer(
     *,
     preset: str = "datasheet",
     seed: int | None = None,
+    set: Mapping[str, object] | None = None,
     mount: str = "",
 ) -> Observer:
     """Builds a site and the traffic of some frames, to be observed from many poses.
 
     frames: the frames that may be observed. mount: the mount whose evaluation region counts; only
-    needed if the scene has several. The scene's filters have no effect. Raises ConfigError and
-    IoError.
+    needed if the scene has several. set: overrides of keys, as in `load_scene`. The scene's
+    filters have no effect. Raises ConfigError and IoError.
     """
-    assignments = [] if seed is None else [f"seed={seed}"]
+    assignments = [f"{key}={_yaml(value)}" for key, value in (set or {}).items()]
+    if seed is not None:
+        assignments.append(f"seed={seed}")
     return Observer(str(file), assignments, preset, mount, list(frames))
 
 

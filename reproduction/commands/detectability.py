@@ -91,7 +91,7 @@ def poses_of(site: PlanSite, count: int) -> FloatArray:
     mount = site.mount_keys
     own = [mount["x_m"], mount["y_m"], mount["z_m"], mount["yaw_deg"], mount["pitch_deg"]]
     grid = PoseGrid(every_m=8.0, heights_m=(4.0, 5.0, 6.0, 7.0, 8.0, 10.0))
-    made = feasible(with_faults(make_candidates(site, 60.0, grid), site))
+    made = feasible(with_faults(make_candidates(site, 60.0, grid), site), site)
     rng = np.random.default_rng(int(site.keys["seed"]))
     others = made[POSE].to_numpy(float)[rng.permutation(len(made))]
     return np.concatenate([[own], others])[:count]

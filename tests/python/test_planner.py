@@ -159,6 +159,8 @@ def test_plan_writes_its_tables_and_resumes(tmp_path: Path) -> None:
     best = first.options[first.options.option == 1]
     assert (best.price_usd <= 12_000).all()
     assert (best.found_low <= best.found).all()
+    assert (best.found_in_rain <= best.found + 2).all()
+    assert "In rain of 25 mm/h" in first.text
     assert set(first.options.groupby("option").size()) <= {1, 2}
     assert pd.read_csv(tmp_path / "candidates.csv").lidar.isin(["helios_16", "livox_avia"]).any()
     kept = {file: file.stat().st_mtime_ns for file in (tmp_path / "observations").iterdir()}
@@ -253,7 +255,7 @@ def test_wrong_requests_say_what_works(change: dict[str, object], message: str) 
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        ("x_m,y_m\n0,0\n", "poses: expected a pose that is free"),
+        ("x_m,y_m\n-30,5\n", r"poses: expected a pose that is free.*lane.*; free is \(-"),
         ("x_m\n0\n", "expected the column y_m"),
         ("x_m,y_m\n", "expected one pose or more"),
         ("x_m,y_m,existing\n-14,9.5,maybe\n", r":2: existing: expected yes or no"),
@@ -266,6 +268,22 @@ def test_wrong_files_of_poses_say_what_works(tmp_path: Path, rows: str, message:
     grid = pi.PoseGrid(heights_m=(3.0,))
     with pytest.raises(pi.Error, match=message):
         pi.plan("crossroad", 9000, lidars=["helios_16"], poses=file, frames=6, grid=grid)
+
+
+def test_a_mast_inside_a_house_is_refused_with_a_place_outside(tmp_path: Path) -> None:
+    scene = tmp_path / "house.yaml"
+    house = "{x_m: -30, y_m: 25, length_m: 10, width_m: 10, height_m: 9}"
+    scene.write_text(scene_file("crossroad").read_text() + f"buildings: [{house}]\n")
+    file = tmp_path / "poses.csv"
+    file.write_text("x_m,y_m,z_m\n-30,23,5\n")
+    with pytest.raises(pi.Error, match=r"inside a building.*; free is \(-3"):
+        pi.plan(scene, 9000, lidars=["helios_16"], poses=file, frames=6)
+    site = open_site(scene, 1)
+    walls = make_candidates(site, 60, pi.PoseGrid(every_m=5, heights_m=(6,)))
+    on_wall = with_faults(walls[walls.kind == "wall"], site)
+    assert len(on_wall) > 0
+    assert (on_wall.fault == "").all()
+    assert on_wall.existing.all()
 
 
 def test_a_lidar_without_a_price_and_a_scene_without_traffic_are_refused(tmp_path: Path) -> None:

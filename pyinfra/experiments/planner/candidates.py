@@ -21,6 +21,7 @@ KERB_M = 0.8  # distance of a pole from the edge of the carriageway
 WALL_M = 0.3  # distance of a LiDAR from the wall that carries it
 WALL_TO_ROAD_M = 20.0  # walls farther than this from every carriageway carry no LiDAR
 LEAST_MEDIAN_M = 1.0  # medians below this width carry no pole
+SEARCH_M = 20.0  # distance within which a free place is searched
 APART_M = 1.0  # positions closer than this to an earlier one are left out
 WORDS = frozenset({"existing", "kind", "name"})
 
@@ -123,16 +124,31 @@ def with_faults(poses: pd.DataFrame, site: PlanSite) -> pd.DataFrame:
     return poses.assign(fault=[fault.split(": ", 2)[-1] if fault else "" for fault in faults])
 
 
-def feasible(poses: pd.DataFrame) -> pd.DataFrame:
-    """Returns the poses without a fault. Raises Error if there is none."""
+def feasible(poses: pd.DataFrame, site: PlanSite) -> pd.DataFrame:
+    """Returns the poses without a fault. Raises Error, with the nearest free place, without any."""
     free = poses[poses.fault == ""].reset_index(drop=True)
     if free.empty:
         reasons = poses.fault.value_counts()
+        pose = poses.iloc[0]
+        place = nearest_free(site, pose[POSE].to_numpy(float))
+        near = "" if place is None else f"; free is ({place[0]:.1f}, {place[1]:.1f})"
         raise Error(
             f"poses: expected a pose that is free, got {len(poses)} that are not; "
-            f"{reasons.iloc[0]} of them: {reasons.index[0]}"
+            f"{reasons.iloc[0]} of them: {reasons.index[0]}; next to ({pose.x_m:g}, {pose.y_m:g})"
+            f"{near or ': nothing is free'}"
         )
     return free
+
+
+def nearest_free(site: PlanSite, pose: FloatArray) -> tuple[float, float] | None:
+    """Returns the nearest x, y within SEARCH_M, beside the roads, that is free at this height."""
+    for away in np.arange(0.5, SEARCH_M + 0.1, 0.5):
+        for angle in np.arange(0, 2 * np.pi, np.pi / 8):
+            x, y = pose[0] + away * np.cos(angle), pose[1] + away * np.sin(angle)
+            beside = _nearest(site.roads, np.array([x, y]))[1] > 0
+            if beside and not site.observer.fault([float(x), float(y), *pose[2:]]):
+                return float(x), float(y)
+    return None
 
 
 def _beside_roads(

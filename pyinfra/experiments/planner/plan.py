@@ -37,6 +37,7 @@ from pyinfra.experiments.planner.detectability import Detectability, read_detect
 from pyinfra.experiments.planner.lidars import PlanLidar, open_lidars
 from pyinfra.experiments.planner.predict import Prediction, predict
 from pyinfra.experiments.planner.race import Race, found_by, race
+from pyinfra.experiments.planner.rain import WITH_WEATHER, found_in_rain, rain_lines
 from pyinfra.experiments.planner.request import Request, checked
 from pyinfra.experiments.planner.site import PlanSite, open_site, scene_path
 
@@ -164,11 +165,12 @@ def plan(
     site = open_site(scene, frames, preset=preset, seed=seed, centre_m=centre_m)
     units = affordable(open_lidars(lidars, site), table_of_costs, request)
     table = candidates(site, None if poses is None else path_of(poses, "poses"), request, grid)
+    free = feasible(table, site)
     run = race(
         site,
-        feasible(table),
+        free,
         units,
-        possible(feasible(table), units),
+        possible(free, units),
         request,
         law,
         jobs=jobs,
@@ -243,7 +245,7 @@ def decided(
     run: Race,
 ) -> Plan:
     """Chooses among the pairs that stayed, and returns the plan."""
-    poses = feasible(table)
+    poses = feasible(table, site)
     units = units_of(run, poses, lidars, costs, law, request, 1)
     alone = singles(units, request.budget_usd)
     if not alone:
@@ -267,6 +269,12 @@ def decided(
     rows = option_table(ordered, stayed, poses, lidars, units)
     every = candidate_table(table, run.pairs, poses, lidars)
     answer = Answer.of(site, request, law, costs, ordered, rows, every, units)
+    if site.preset == WITH_WEATHER:
+        choices = [choice for choice, _ in ordered]
+        wet = found_in_rain(site, stayed, poses, lidars, choices, law, request)
+        answer = replace(answer, lines=(*answer.lines, *rain_lines(wet)))
+        shares = pd.Series([100 * one.value for one in wet], index=range(1, len(wet) + 1))
+        rows["found_in_rain"] = shares[rows.option].to_numpy()
     return Plan(site, request, rows, every, answer)
 
 
