@@ -94,8 +94,7 @@ def crossings_of(folder: Path, weight: float) -> tuple[Area, ...]:
 
 def of_name(areas: tuple[Area, ...], name: str, objects: pd.DataFrame) -> BoolArray:
     """Returns which objects count in the areas of a name: (n,)."""
-    inside: BoolArray = np.any([a.holds(objects) for a in areas if a.name == name], axis=0)
-    return inside
+    return np.asarray(np.any([one.holds(objects) for one in areas if one.name == name], axis=0))
 
 
 def weighted(objects: pd.DataFrame, weight: FloatArray, areas: tuple[Area, ...]) -> FloatArray:
