@@ -44,7 +44,7 @@ BOUNDS = {
     "lidars_per_pole": (1, 8),
     "people": (0, 1000),
     "years": (0, 100),
-    "frames": (6, 5000),
+    "frames": (2, 5000),
     "most": (10, 100_000),
     "keep": (0.5, 0.9999),
 }
