@@ -258,7 +258,7 @@ def number_of_poles(options: Options, rows: pd.DataFrame) -> Iterator[str]:
     if len(best) < 2:
         return
     texts = [
-        f"{row.poles} pole{'s' if row.poles > 1 else ''} find {row.found:.0f} of 100 for "
+        f"{row.poles} {'poles find' if row.poles > 1 else 'pole finds'} {row.found:.0f} of 100 for "
         f"{usd(row.price_usd)}"
         for row in best.itertuples()
     ]

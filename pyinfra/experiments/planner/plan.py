@@ -246,7 +246,7 @@ def decided(
 ) -> Plan:
     """Chooses among the pairs that stayed, and returns the plan."""
     poses = feasible(table, site)
-    units = units_of(run, poses, lidars, costs, law, request, 1)
+    units = units_of(run, poses, lidars, costs, law, request)
     alone = singles(units, request.budget_usd)
     if not alone:
         best = min((units.price([u]).middle for u in range(len(units.found))), default=math.nan)
@@ -256,11 +256,9 @@ def decided(
         )
     options = alone[:SHOWN] + best_of_each_lidar(alone, units)
     if request.units >= 2:
-        of_two = units_of(run, poses, lidars, costs, law, request, 2)
-        options += pairs(of_two, request.budget_usd, request.poles, request.lidars_per_pole)[:SHOWN]
+        options += pairs(units, request.budget_usd, request.poles, request.lidars_per_pole)[:SHOWN]
     if request.units > 2:
-        of_all = units_of(run, poses, lidars, costs, law, request, request.units)
-        more = greedy(of_all, request.budget_usd, request.poles, request.lidars_per_pole)
+        more = greedy(units, request.budget_usd, request.poles, request.lidars_per_pole)
         options += [more] if more else []
     unique = list({tuple(sorted(one.units)): one for one in options}.values())
     predicted = [(one, predict(run, one.units, law, request)) for one in unique]
@@ -285,11 +283,10 @@ def units_of(
     costs: Costs,
     law: Detectability,
     request: Request,
-    units: int,
 ) -> Units:
-    """Returns the pairs that stayed as the units of a choice of some number of units."""
+    """Returns the pairs that stayed as the units of a choice."""
     stayed = run.pairs[run.pairs.left_out == ""].reset_index(drop=True)
-    found, _ = found_by(run.seen, len(stayed), run.objects, law, request, units)
+    found = found_by(run.seen, len(stayed), run.objects, law, request)
     of_pose = poses.iloc[stayed.pose.to_numpy()]
     place = of_pose.groupby(["x_m", "y_m"], sort=False).ngroup().to_numpy()
     existing = of_pose.existing.to_numpy(bool)

@@ -15,6 +15,7 @@ import pandas as pd
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.experiments.planner.areas import of_name
 from pyinfra.experiments.planner.detectability import (
+    CUT,
     CUTS,
     Detectability,
     Law,
@@ -58,7 +59,8 @@ def predict(race: Race, units: Sequence[int], law: Detectability, request: Reque
     objects = race.objects
     near = objects.near  # people count in the answer even where they do not in the choice
     person = objects.table.person.to_numpy(bool)
-    cut, keeps = _cut(seen, objects, law.vehicles, request, len(units))
+    seen_per_frame = _seen_per_frame(seen, ~person, objects)
+    cut, keeps = _cut(seen_per_frame, law.vehicles, request)
     replicates = len(law.vehicles.found)
     of_vehicles = _units(seen, ~person)
     found = [
@@ -70,15 +72,12 @@ def predict(race: Race, units: Sequence[int], law: Detectability, request: Reque
             found[r][person] = _either(of_people, law.people.found[r], cut, len(person))[person]
     known = ~person | (law.people is not None)
     rates = [
-        sum(
-            float(false_per_frame(law.vehicles.false[r], cut, len(one.object) / objects.frames)[0])
-            for one in of_vehicles
-        )
+        float(false_per_frame(law.vehicles.false[r], cut, seen_per_frame)[0])
         for r in range(replicates)
     ]
     every = int((~person).sum())
     aps = [
-        _ap(of_vehicles, law.vehicles, r, every, len(person), objects) for r in range(replicates)
+        _ap(of_vehicles, law.vehicles, r, every, seen_per_frame, objects) for r in range(replicates)
     ]
     return Prediction(
         found=_interval(found, near & ~person, objects),
@@ -94,21 +93,23 @@ def predict(race: Race, units: Sequence[int], law: Detectability, request: Reque
     )
 
 
-def _cut(
-    seen: Sequence[pd.DataFrame], objects: Objects, law: Law, request: Request, units: int
-) -> tuple[float, bool]:
+def _seen_per_frame(seen: Sequence[pd.DataFrame], counted: BoolArray, objects: Objects) -> float:
+    """Returns the number of counted objects in a frame that a unit sees.
+
+    The detector runs on the fused points, so that an object that several units see counts once.
+    """
+    every = np.zeros(len(counted), bool)
+    for one in seen:
+        every[one.object.to_numpy()] = True
+    return float((every & counted).sum()) / max(objects.frames, 1)
+
+
+def _cut(seen_per_frame: float, law: Law, request: Request) -> tuple[float, bool]:
     """Returns the score above which a box counts, and whether false boxes are as rare as asked."""
     if not np.isfinite(request.false_per_minute):
-        return 0.5, True
-    person = objects.table.person.to_numpy(bool)
-    most = request.false_per_minute / FRAMES_PER_MINUTE / units
-    cuts = [
-        highest_recall_cut(
-            law.false[0], (~person[one.object.to_numpy()]).sum() / objects.frames, most
-        )
-        for one in seen
-    ]
-    return max(cut for cut, _ in cuts), all(good for _, good in cuts)
+        return CUT, True
+    most = request.false_per_minute / FRAMES_PER_MINUTE
+    return highest_recall_cut(law.false[0], seen_per_frame, most)
 
 
 def _units(seen: Sequence[pd.DataFrame], counted: BoolArray) -> list[_Unit]:
@@ -125,17 +126,19 @@ def _either(units: Sequence[_Unit], law: FloatArray, cut: float, objects: int) -
 
 
 def _ap(
-    units: Sequence[_Unit], law: Law, replicate: int, every: int, count: int, objects: Objects
+    units: Sequence[_Unit],
+    law: Law,
+    replicate: int,
+    every: int,
+    seen_per_frame: float,
+    objects: Objects,
 ) -> float:
     """Returns the AP (0 to 100) over all present vehicles of the region."""
     if every == 0:
         return float("nan")
+    count, cuts = len(objects.table), np.array(CUTS)
     found = np.array([_either(units, law.found[replicate], cut, count).sum() for cut in CUTS])
-    cuts = np.array(CUTS)
-    wrong = sum(
-        (false_per_frame(law.false[replicate], cuts, len(one.object) / objects.frames))
-        for one in units
-    )
+    wrong = false_per_frame(law.false[replicate], cuts, seen_per_frame)
     precision = (found / np.maximum(found + objects.frames * wrong, 1e-12))[::-1]
     recall = np.concatenate([[0], found[::-1] / every])
     envelope = np.maximum.accumulate(precision[::-1])[::-1]

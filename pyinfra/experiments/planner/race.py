@@ -74,12 +74,11 @@ def found_by(
     objects: Objects,
     law: Detectability,
     request: Request,
-    units: int,
-    replicate: int = 0,
-) -> tuple[Float32Array, FloatArray]:
-    """Returns the probability (pairs, objects) that each pair finds each object, and the cuts.
+) -> Float32Array:
+    """Returns the probability (pairs, objects) that each pair finds each object.
 
-    units: number of LiDARs of an option, which share the allowed rate of false boxes.
+    Boxes count from a score of CUT or, if the request limits false boxes, from the lowest score of
+    the pair that keeps them that rare.
     """
     out = np.zeros((pairs, len(objects.table)), np.float32)
     cuts = np.full(pairs, CUT)
@@ -87,7 +86,7 @@ def found_by(
     person = objects.table.person.to_numpy()[at]
     if np.isfinite(request.false_per_minute):
         per_frame = np.bincount(pair[~person], minlength=pairs) / max(objects.frames, 1)
-        most = request.false_per_minute / FRAMES_PER_MINUTE / units
+        most = request.false_per_minute / FRAMES_PER_MINUTE
         false = law.vehicles.false[0]
         cuts = np.array([highest_recall_cut(false, float(n), most)[0] for n in per_frame])
     terms = object_terms(seen)
@@ -98,9 +97,9 @@ def found_by(
             continue
         for cut in np.unique(cuts):
             some = rows[cuts[pair[rows]] == cut]
-            p = find_probability(one.found[replicate], terms[some], float(cut))
+            p = find_probability(one.found[0], terms[some], float(cut))
             out[pair[some], at[some]] = p
-    return out, cuts
+    return out
 
 
 def race(
@@ -131,7 +130,7 @@ def race(
         seen = seen[alive[seen.pair]]
         pairs.loc[alive, "frames"] = end
         done = end
-        found, _ = found_by(seen, len(pairs), objects, law, request, 1)
+        found = found_by(seen, len(pairs), objects, law, request)
         per_frame = frame_sums(found, objects)
         total = float(objects.weight.sum())
         pairs.loc[alive, "found"] = per_frame[alive].sum(1) / max(total, 1e-12)
