@@ -15,7 +15,7 @@ constexpr double kAside_m = 0.15;  // maximum lateral offset of a vehicle from i
 constexpr double kAskew_deg = 2;   // maximum rotation from the row's direction
 constexpr std::size_t kMost =
     2'000;  // maximum number per scene, because each vehicle is processed in every frame
-constexpr unsigned kAfterSize = 7;  // first sample after those of class and size
+constexpr unsigned kAfterParkedSize = 7;  // first sample after those of class and size
 
 /// The line through the centres of a row's vehicles.
 Curve line_of(const Curve& whole, const ParkedConfig& row) {
@@ -37,11 +37,11 @@ class Row {
       const Rng rng = rng_.at(place);
       const ObjectClass& kind = class_at(config_.class_shares, rng.uniform(0));
       const VehicleSize size = sample_size(kind, rng);
-      const double askew = rad(kAskew_deg) * (2 * rng.uniform(kAfterSize) - 1);
+      const double askew = rad(kAskew_deg) * (2 * rng.uniform(kAfterParkedSize) - 1);
       const double turn = rad(config_.turn_deg) + askew;
       const double taken = std::abs(std::cos(turn)) * size.dx + std::abs(std::sin(turn)) * size.dy;
       if (s + taken > line_.length()) return;
-      if (rng.uniform(kAfterSize + 1) < config_.occupied) {
+      if (rng.uniform(kAfterParkedSize + 1) < config_.occupied) {
         if (out.size() == kMost)
           config::fail(config_.place, "to_m",
                        "expected at most " + std::to_string(kMost) +
@@ -49,7 +49,7 @@ class Row {
         const int id = kFirstParkedId + static_cast<int>(out.size());
         out.push_back({state(id, kind, size, s + taken / 2, turn, rng), config_.place});
       }
-      s += taken + config_.gap_m * (0.6 + 0.8 * rng.uniform(kAfterSize + 2));
+      s += taken + config_.gap_m * (0.6 + 0.8 * rng.uniform(kAfterParkedSize + 2));
     }
   }
 
@@ -57,10 +57,10 @@ class Row {
   ObjectState state(int id, const ObjectClass& kind, const VehicleSize& size, double s, double turn,
                     const Rng& rng) const {
     const CurvePoint p = line_.at(s);
-    const double aside = kAside_m * (2 * rng.uniform(kAfterSize + 3) - 1);
+    const double aside = kAside_m * (2 * rng.uniform(kAfterParkedSize + 3) - 1);
     const Vec2 xy = p.position + aside * heading_vector(p.heading + kPi / 2);
     const bool along = config_.turn_deg == 0;
-    const bool back = along ? config_.offset_m > 0 : rng.uniform(kAfterSize + 4) < 0.5;
+    const bool back = along ? config_.offset_m > 0 : rng.uniform(kAfterParkedSize + 4) < 0.5;
     const double z = road_.elevation_m + config_.base_m + size.dz / 2;
     const double heading = p.heading + turn + (back ? kPi : 0);
     return rounded({id, kind.id, {xy.x, xy.y, z, size.dx, size.dy, size.dz, heading}, 0});

@@ -19,7 +19,7 @@ constexpr double kAhead_m = 0.4;  // free length along the line before two peopl
 constexpr double kMakesWay_s = 1.5;  // duration of a lateral step, nominal
 constexpr double kShortestWay =
     3;  // minimum length of a lateral step, in body lengths, for almost equal speeds
-constexpr unsigned kAfterSize = 7;  // first sample after those of the size
+constexpr unsigned kAfterPersonSize = 7;  // first sample after those of the size
 
 double fastest_of(const PersonSpeedConfig& speed) {
   return (speed.mean_km_h + 2 * speed.std_km_h) / 3.6;
@@ -61,13 +61,13 @@ PeopleRow::PeopleRow(const Road& road, const PeopleConfig& row, const Rng& rng)
   for (std::int64_t i = 0; i < n; ++i) {
     const std::int64_t pair = i / 2;  // one person in each direction
     const Rng person_rng = rng.at(static_cast<std::uint64_t>(i) + 1);
-    const double spread = std::clamp(person_rng.normal(kAfterSize), -2.0, 2.0);
+    const double spread = std::clamp(person_rng.normal(kAfterPersonSize), -2.0, 2.0);
     people_.push_back(
         {sample_size(*object_class_, person_rng),
-         circle_m_ * (static_cast<double>(pair) + person_rng.uniform(kAfterSize + 2)) * 2 /
+         circle_m_ * (static_cast<double>(pair) + person_rng.uniform(kAfterPersonSize + 2)) * 2 /
              static_cast<double>(n),
          (row.speed.mean_km_h + spread * row.speed.std_km_h) / 3.6, i % 2 == 1,
-         kOffLine_m * (2 * person_rng.uniform(kAfterSize + 3) - 1)});
+         kOffLine_m * (2 * person_rng.uniform(kAfterPersonSize + 3) - 1)});
   }
 }
 
@@ -235,12 +235,12 @@ std::vector<ObjectState> standing_people(const SceneConfig& scene) {
       const Rng person_rng = of_group.at(static_cast<std::uint64_t>(i) + 1);
       const VehicleSize size = sample_size(pedestrian, person_rng);
       const double radius = group.spacing_m * kSpiral * std::sqrt(i + 0.5);
-      const Vec2 off = {2 * person_rng.uniform(kAfterSize) - 1,
-                        2 * person_rng.uniform(kAfterSize + 1) - 1};
+      const Vec2 off = {2 * person_rng.uniform(kAfterPersonSize) - 1,
+                        2 * person_rng.uniform(kAfterPersonSize + 1) - 1};
       const Vec2 xy = Vec2{group.x_m, group.y_m} +
                       radius * heading_vector(turn + i * kGoldenAngle) +
                       kOffSpiral * group.spacing_m / std::sqrt(2.0) * off;
-      const double heading = kPi * (2 * person_rng.uniform(kAfterSize + 2) - 1);
+      const double heading = kPi * (2 * person_rng.uniform(kAfterPersonSize + 2) - 1);
       const Box3d box{xy.x, xy.y, group.base_m + size.dz / 2, size.dx, size.dy, size.dz, heading};
       out.push_back(
           rounded({kFirstStandingPersonId + static_cast<int>(out.size()), pedestrian.id, box, 0}));
