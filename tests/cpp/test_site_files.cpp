@@ -325,7 +325,7 @@ TEST_F(SiteFiles, ASensorBelowASurfaceOrInALanesWayIsRefused) {
   scene.mounts.begin()->second.y_m = -2;
   scene.mounts.begin()->second.z_m = 3;
   expect_within(error_of([&] { checked_site(scene); }),
-                "expected 4.5 or more, or beside the lanes, got 3 in the way");
+                "expected 4.5 or more, or beside the lanes, got 3, where vehicles hit it");
 }
 
 TEST_F(SiteFiles, NothingStandsOnALaneOfAFile) {

@@ -205,8 +205,8 @@ TEST(trajectories, in_a_scene_file_are_relative_to_it) {
 
 TEST(trajectory_file, rows_out_of_order_are_an_error) {
   expect_error(row("0", 1, "0") + row("0.1", 1, "1") + row("0", 2, "5"), 4, "t", "before");
-  expect_error(row("0", 2, "0") + row("0", 1, "9") + row("0.1", 1, "9"), 3, "id", "rise");
-  expect_error(row("0", 2, "0") + row("0", 2, "0"), 3, "id", "rise");
+  expect_error(row("0", 2, "0") + row("0", 1, "9") + row("0.1", 1, "9"), 3, "id", "ascending ids");
+  expect_error(row("0", 2, "0") + row("0", 2, "0"), 3, "id", "ascending ids");
 }
 
 TEST(trajectory_file, a_vehicle_that_comes_back_after_a_gap_is_an_error) {
