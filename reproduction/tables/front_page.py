@@ -72,8 +72,9 @@ def same_vehicles() -> list[str]:
         for name in ("paper", "datasheet")
     )
     finding = (
-        "For vehicles that all LiDARs can see, the AP (average precision, in percent) of the Avia differs "
-        f"from that of 128 lines by {paper} under the study's settings, and by {datasheet} by data sheets."
+        "For vehicles that all LiDARs can see, the AP (average precision, in percent) of the Avia "
+        f"differs from that of 128 lines by {paper} under the study's settings, and by "
+        f"{datasheet} by data sheets."
     )
     where = (
         "[highway](docs/results/detection.md), a detector fine-tuned for each LiDAR, "

@@ -11,13 +11,14 @@ import pyinfra as pi
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 SCRIPTS = sorted((DOCS / "gallery").glob("*.py"))
 GALLERY = "examples/index"  # written by sphinx-gallery
-MOST_PAGES = 30
+RESULTS = "results/index"  # one page per question, with a table of contents of its own
+MOST_PAGES = 30  # without the pages of single results
 DRAWS = r"\bplt\.(subplots|figure)\(|\bsns\.\w+plot\(|\bpi\.plot_\w+\("
 
 
-def listed() -> list[str]:
-    """The pages in the tables of contents of the first page."""
-    text = (DOCS / "index.md").read_text()
+def listed(index: Path = DOCS / "index.md") -> list[str]:
+    """The pages in the tables of contents of a page."""
+    text = index.read_text()
     trees = re.findall(r"^:::\{toctree\}\n(.*?)^:::$", text, re.DOTALL | re.MULTILINE)
     lines = "\n".join(trees).splitlines()
     entries = [line for line in lines if line and not line.startswith(":")]
@@ -26,8 +27,13 @@ def listed() -> list[str]:
 
 def test_each_page_is_listed_once() -> None:
     pages = {page.stem for page in DOCS.glob("*.md")} - {"index"}
-    assert sorted(listed()) == sorted([*pages, GALLERY])
+    assert sorted(listed()) == sorted([*pages, GALLERY, RESULTS])
     assert len(listed()) + 1 <= MOST_PAGES
+
+
+def test_each_page_of_results_is_listed_once() -> None:
+    pages = {page.stem for page in (DOCS / "results").glob("*.md")} - {"index"}
+    assert sorted(listed(DOCS / f"{RESULTS}.md")) == sorted(pages)
 
 
 def test_the_api_page_has_each_public_name() -> None:
