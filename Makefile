@@ -25,11 +25,11 @@ build:
 	cmake --build --preset dev
 
 setup: build
-	scripts/setup.sh detectors exchange test dev
+	scripts/setup.sh train exchange test dev
 
 # The paper's hit points, then a benchmark of the smallest tier and its report.
 demo: build
-	@scripts/setup.sh detectors
+	@scripts/setup.sh train
 	$(PYTHON) -m reproduction demo --out out/demo
 	$(PYTHON) -m pyinfra benchmark configs/benchmarks/demo.yaml --tier smoke --work out/demo/work --out out/demo/results
 	$(PYTHON) -m pyinfra report out/demo/results --tier smoke --data out/demo/work/data/highway_paper --sections reproduction.report --out out/demo/report.html
@@ -40,7 +40,7 @@ dataset: build
 
 # The model that comes with the package: some two hours of two cores with AMX, more of others; a stopped one goes on.
 generalist: build
-	@scripts/setup.sh detectors
+	@scripts/setup.sh train
 	$(PYTHON) -m pyinfra train configs/detectors/generalist.yaml --sites configs/streams/generalist.yaml --tier full --precision bfloat16 --out out/generalist
 	$(PYTHON) -m reproduction pack_generalist out/generalist
 
@@ -53,13 +53,13 @@ debian13: wheels
 	scripts/debian13.sh
 
 test: build
-	@scripts/setup.sh detectors exchange test
+	@scripts/setup.sh train exchange test
 	ctest --preset dev --no-tests=error
 	$(PYTHON) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # clang-tidy reads how the files are compiled from the dev build.
 lint:
-	@scripts/setup.sh build detectors exchange dev
+	@scripts/setup.sh build train exchange dev
 	@mkdir -p build
 	@$(call configure,dev)
 	.venv/bin/pre-commit run --all-files --show-diff-on-failure
@@ -77,7 +77,7 @@ viewer:
 
 # Every configuration key, from the code that reads it.
 reference: build
-	@scripts/setup.sh detectors
+	@scripts/setup.sh train
 	$(PYTHON) scripts/reference.py
 
 # The tables of the pages that repeat a CSV of results/, then the site: build/docs/index.html.
@@ -110,7 +110,7 @@ sanitize:
 
 # Each target, each reader of Python, and the functions of the extension together, for FUZZ_SECONDS; the shipped configurations are seeds.
 fuzz:
-	@scripts/setup.sh build detectors exchange test fuzz
+	@scripts/setup.sh build train exchange test fuzz
 	cmake --preset fuzz -DCMAKE_CXX_COMPILER=$$(command -v clang++-16 >/dev/null && echo clang++-16 || echo clang++-19)
 	cmake --build --preset fuzz
 	@mkdir -p build/fuzz/corpus

@@ -8,6 +8,7 @@
 #include "bindings.h"
 #include "pointops/ball_query.h"
 #include "pointops/farthest_points.h"
+#include "pointops/pillars.h"
 #include "pointops/suppression.h"
 #include "pointops/voxel_pairs.h"
 
@@ -114,6 +115,34 @@ Array<std::int64_t> suppress(const Array<double>& boxes, double iou, std::int64_
   return moved(std::move(rows));
 }
 
+void pillar_map(const Array<float>& points, std::pair<float, float> low, float middle_z, float side,
+                const Array<float>& weight, const Array<float>& bias, std::int64_t first,
+                const Array<float>& layer_weight, const Array<float>& layer_bias,
+                std::int64_t stride, Array<float>& map) {
+  if (points.ndim() != 2 || map.ndim() != 3 || stride < 1)
+    throw std::invalid_argument(
+        "points, map, stride: expected shapes (n, columns) and (outputs, rows, columns) and a "
+        "stride from 1, got others");
+  const pointops::PillarGrid grid{.low_x = low.first,
+                                  .low_y = low.second,
+                                  .middle_z = middle_z,
+                                  .side = side,
+                                  .rows = map.shape(1) * stride,
+                                  .columns = map.shape(2) * stride};
+  const pointops::PillarLayer encoder{.weight = values_of(weight, "weight", bias.size()),
+                                      .bias = values_of(bias, "bias"),
+                                      .first = first};
+  const auto outputs = layer_bias.size();
+  const pointops::CanvasLayer layer{.weight = values_of(layer_weight, "layer_weight", outputs),
+                                    .bias = values_of(layer_bias, "layer_bias"),
+                                    .stride = stride};
+  const auto values = values_of(points, "points", points.shape(1));
+  const std::int64_t columns = points.shape(1);
+  const std::span<float> cells{map.mutable_data(), static_cast<std::size_t>(map.size())};
+  const py::gil_scoped_release release;
+  pointops::pillar_map(values, columns, grid, encoder, layer, cells);
+}
+
 }  // namespace
 
 void bind_pointops(py::module_& m) {
@@ -140,6 +169,15 @@ void bind_pointops(py::module_& m) {
         "Non-maximum suppression: returns (k,) int64, increasing, k <= limit: the "
         "rows of boxes that no kept better box overlaps by more than iou. boxes: (n, "
         "7) float64, best first.");
+  m.def("pillar_map", &pillar_map, py::arg("points").noconvert(), py::arg("low"),
+        py::arg("middle_z"), py::arg("side"), py::arg("weight").noconvert(),
+        py::arg("bias").noconvert(), py::arg("first"), py::arg("layer_weight").noconvert(),
+        py::arg("layer_bias").noconvert(), py::arg("stride"), py::arg("map").noconvert(),
+        "Overwrites map (outputs, rows, columns) float32 with the first convolution on the pillars "
+        "of a cloud. points: (n, 3 or more) float32. low, side: x, y of the grid's corner, side of "
+        "a cell. weight: (inputs, features), bias: (features,) of the linear layer of a point. "
+        "first: number of inputs that are left out. layer_weight: (9 * features, outputs), "
+        "layer_bias: (outputs,) of a 3 x 3 convolution.");
 }
 
 }  // namespace infrasim

@@ -50,7 +50,7 @@ python_tests() {
 
 make_root $root trixie
 copy_source
-there scripts/setup.sh build detectors exchange test
+there scripts/setup.sh build train exchange test
 build_and_test
 simulate
 .venv/bin/python benchmarks/same_points.py $work/here $root/infrasim/out --out results/debian13.csv

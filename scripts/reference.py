@@ -7,7 +7,6 @@ test compares the page with the script's output.
 
 import ast
 import dataclasses
-import importlib
 import inspect
 import math
 import subprocess
@@ -195,9 +194,7 @@ def sections(keys: list[Key]) -> str:
 
 def networks() -> str:
     """Returns a table for each detector's Config; detectors with the same class share a table."""
-    named = {
-        name: importlib.import_module(entry.module).Config for name, entry in DETECTORS.items()
-    }
+    named = {name: entry.config for name, entry in DETECTORS.items()}
     text = ""
     for config, names in groupby(named, lambda name: named[name]):
         title = ", ".join(names)

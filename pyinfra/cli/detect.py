@@ -34,6 +34,7 @@ from pyinfra.models.inference.folder import (
     place,
     warn_of_height,
 )
+from pyinfra.models.inference.threads import checked_threads
 
 NOTHING = (
     "no box in any frame: are the sensor's height, its frame (z up, origin at the sensor) and the "
@@ -120,6 +121,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="device of a network: cpu, cuda, cuda:1, ...; default: cpu",
     )
     parser.add_argument(
+        "--threads",
+        type=int,
+        help="threads of a frame, for the pretrained detector and those of its kind; default: one "
+        "per core, at most 4",
+    )
+    parser.add_argument(
         "--allow-transfer",
         action="store_true",
         help="do not warn if the detector was trained on another LiDAR, preset or scene",
@@ -188,7 +195,11 @@ def _in_folder(args: argparse.Namespace, model: Path) -> FolderDetections:
     allowed = args.allow_transfer
     if text := learnt_warning(model, data, args.split, allow_transfer=allowed):
         warn(text, args)
-    how = {"drop_standing": args.drop_standing, "device": args.device}
+    how = {
+        "drop_standing": args.drop_standing,
+        "device": args.device,
+        "threads": checked_threads(args.threads),
+    }
     progress = partial(warn, args=args)
     result = detect_folder(model, data, args.out, files=files, where=where, warn=progress, **how)
     if result.left_out is not None:
@@ -199,7 +210,7 @@ def _in_folder(args: argparse.Namespace, model: Path) -> FolderDetections:
 def _in_clouds(args: argparse.Namespace, model: Path) -> FolderDetections:
     check_single(model, accumulation_of(model).frames)
     where = place(None, args.height_m, args.region)
-    detector = detector_at_place(model, where, args.device)
+    detector = detector_at_place(model, where, args.device, checked_threads(args.threads))
     read, notes = cloud_reader(args.inputs)
     for note in notes:
         warn(note, args)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pyinfra.models.inference.onnx import export
+from pyinfra.models.pytorch import need_pytorch
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -16,6 +16,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    need_pytorch()
+    from pyinfra.models.inference.onnx import export
+
     export(args.model, args.out)
     print(args.out)
     return 0

@@ -5,7 +5,7 @@ all other computations are the same. The test uses frames of three scenes on one
 processed by all engines in turn. The command also measures the AP with each engine. The int8
 variants are quantised with activations of frames that are not tested. Writes out/engines.csv:
 
-    .venv/bin/pip install onnxruntime openvino
+    .venv/bin/pip install openvino
     python -m reproduction engines --work data/engines
 """
 
@@ -29,14 +29,19 @@ from torch import Tensor, nn
 from pyinfra.core.arrays import FloatArray
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.ground import Ground
 from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store
 from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import match_results_of
 from pyinfra.metrics.evaluation_tables import ap_r1000_of
 from pyinfra.metrics.settings import Settings
+from pyinfra.models.detectors.centerpoint_pillar import CenterPointPillar
+from pyinfra.models.detectors.fuse_batchnorm import fused
+from pyinfra.models.detectors.ground_adapter import OnRoad
 from pyinfra.models.detectors.network import one_thread
 from pyinfra.models.inference import detect
+from pyinfra.models.training import checkpoint
 from reproduction import add_out, provenance
 
 CELLS = (("highway", "ruby_plus"), ("crossroad", "pandar_64"), ("curve", "livox_avia"))
@@ -119,8 +124,10 @@ def simulated(scene: str, lidar: str, work: Path) -> Path:
 
 
 def rows(folder: Path, work: Path) -> Iterator[dict[str, object]]:
-    network_on_road = detect.detector_at(Path("generalist"), folder)
-    network = network_on_road.detector  # type: ignore[attr-defined]
+    ground, region = detect.ground_and_region_of(folder)
+    network = checkpoint.load(detect.model_file(Path("generalist"))).network(region)
+    network_on_road = OnRoad(fused(network), ground or Ground())
+    assert isinstance(network, CenterPointPillar)
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder, "all")]
     seen: list[FloatArray] = []
     hook = network.bev.register_forward_pre_hook(lambda _, given: seen.append(given[0].numpy()))
@@ -132,7 +139,7 @@ def rows(folder: Path, work: Path) -> Iterator[dict[str, object]]:
     for file in files[QUANTISED_BY:]:
         points = kitti.read_points(file)
         for name, engine in by_engine.items():
-            network.bev = engine
+            network.register_module("bev", engine)
             start = time.perf_counter()
             boxes = network_on_road.predict(points)
             times[name].append(1000 * (time.perf_counter() - start))

@@ -3,8 +3,8 @@
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, Points
-from pyinfra.models.detectors.batch import Area, Sample
-from pyinfra.models.detectors.detection_area import Site
+from pyinfra.models.detectors.detection_area import Area, Site
+from pyinfra.models.detectors.sample import Sample
 
 FLOOR_Z = -6.0
 SITE = Site(Area((0.0, -12.8, -7.0), (38.4, 12.8, -1.0)), FLOOR_Z)

@@ -17,7 +17,8 @@ from detector_data import SITE, road_sample
 from torch import Tensor
 
 from pyinfra.models.detectors import distributed
-from pyinfra.models.detectors.batch import Sample, make_batch
+from pyinfra.models.detectors.batch import make_batch
+from pyinfra.models.detectors.sample import Sample
 from pyinfra.models.training import checkpoint, loop, train
 from pyinfra.models.training.recipe import Recipe, read_recipe
 from pyinfra.models.training.samples import Augmentation

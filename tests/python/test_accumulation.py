@@ -20,8 +20,9 @@ from pyinfra.core.errors import ConfigError  # noqa: E402
 from pyinfra.dataset.ground import level_ground  # noqa: E402
 from pyinfra.formats import kitti  # noqa: E402
 from pyinfra.models.detectors import windows  # noqa: E402
-from pyinfra.models.detectors.batch import Sample, Windows, make_batch  # noqa: E402
+from pyinfra.models.detectors.batch import Windows, make_batch  # noqa: E402
 from pyinfra.models.detectors.network import Network  # noqa: E402
+from pyinfra.models.detectors.sample import Sample  # noqa: E402
 from pyinfra.models.inference import (  # noqa: E402
     detect,
     onnx,

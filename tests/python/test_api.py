@@ -171,14 +171,14 @@ def test_what_stands_goes(frames: FrameSequence) -> None:
 
 
 def test_a_height_that_the_road_does_not_have_is_warned_of(written: Path) -> None:
-    pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+    pytest.importorskip("torch", reason="the extra `train` is not installed")
     known = -float(pi.load_dataset(written).ground.height(np.zeros((1, 2)))[0])
     with pytest.warns(UserWarning, match=f"`height_m` is {known - 1:g} m, but the road"):
         pi.detect("generalist", pi.load_dataset(written)[:1], height_m=known - 1)
 
 
 def test_a_region_is_where_vehicles_are_looked_for(frames: FrameSequence) -> None:
-    pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+    pytest.importorskip("torch", reason="the extra `train` is not installed")
     everywhere = pi.detect("generalist", frames[:2])
     behind = [[-40.0, -30.0], [0.0, -30.0], [0.0, 30.0], [-40.0, 30.0]]
     within = pi.detect("generalist", frames[:2], region=behind)
@@ -278,7 +278,7 @@ assert not written, written
 
 
 def test_nothing_is_written_and_no_process_started() -> None:
-    pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+    pytest.importorskip("torch", reason="the extra `train` is not installed")
     command = [sys.executable, "-c", IN_MEMORY]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stderr
@@ -316,7 +316,7 @@ def test_predictions_of_other_frames_or_another_model_are_refused(
     written: Path, tmp_path: Path
 ) -> None:
     """Where `pyinfra detect` wrote them: their origin.yaml says the LiDAR and the data set."""
-    pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+    pytest.importorskip("torch", reason="the extra `train` is not installed")
     out = tmp_path / "pred"
     words = ["detect", str(written), "--model", "generalist", "--out", str(out)]
     assert main.main(words) == 0

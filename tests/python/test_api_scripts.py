@@ -26,7 +26,7 @@ def _close() -> Iterator[None]:
 
 def test_simulate_detect_evaluate_plot() -> None:
     """The script of the documentation: 10 lines."""
-    pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+    pytest.importorskip("torch", reason="the extra `train` is not installed")
     scene = pi.load_scene("highway", seed=1, set=QUICK)
     lidar = pi.load_lidar("ruby_plus", preset="datasheet")
     frames = pi.simulate(scene, lidar, range(0, 300, 30))
@@ -76,7 +76,7 @@ def clusters_as_boxes(points: np.ndarray) -> pd.DataFrame:
 
 def test_an_own_detector_is_compared_with_the_pretrained_one() -> None:
     """DBSCAN and boxes along the road: paired, with an interval."""
-    pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+    pytest.importorskip("torch", reason="the extra `train` is not installed")
     frames = pi.simulate("highway", "ruby_plus", range(0, 5000, 100))
     ours = pi.evaluate(frames, pi.detect(clusters_as_boxes, frames))
     theirs = pi.evaluate(frames, pi.detect("generalist", frames))

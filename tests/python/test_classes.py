@@ -15,14 +15,16 @@ from pyinfra.core.errors import ConfigError  # noqa: E402
 from pyinfra.core.vocabulary import OBJECT_CLASSES, ObjectClass  # noqa: E402
 from pyinfra.dataset.frame_tables import Vehicles  # noqa: E402
 from pyinfra.models.detectors import Detections, calibration  # noqa: E402
-from pyinfra.models.detectors.batch import Sample, Windows, make_batch  # noqa: E402
-from pyinfra.models.detectors.bev import BevConfig  # noqa: E402
+from pyinfra.models.detectors.batch import Windows, make_batch  # noqa: E402
+from pyinfra.models.detectors.bev_config import BevConfig  # noqa: E402
+from pyinfra.models.detectors.catalogue import config_of  # noqa: E402
 from pyinfra.models.detectors.centerpoint_pillar import CenterPointPillar, Config  # noqa: E402
 from pyinfra.models.detectors.centre_head import AxisHead  # noqa: E402
 from pyinfra.models.detectors.classes import TYPES, numbers_of  # noqa: E402
+from pyinfra.models.detectors.sample import Sample  # noqa: E402
 from pyinfra.models.detectors.windows import view_of  # noqa: E402
 from pyinfra.models.training import checkpoint, train, validation  # noqa: E402
-from pyinfra.models.training.checkpoint import Provenance, config_of  # noqa: E402
+from pyinfra.models.training.provenance import Provenance  # noqa: E402
 from pyinfra.models.training.recipe import Learning, Recipe  # noqa: E402
 from pyinfra.models.training.samples import Augmentation, Frames, augmented  # noqa: E402
 from pyinfra.models.training.sources import Source, hit_boxes  # noqa: E402

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+torch = pytest.importorskip("torch", reason="the extra `train` is not installed")
 
 from detector_data import FLOOR_Z, SITE, road_sample, vehicle_points  # noqa: E402
 
@@ -21,13 +21,14 @@ from pyinfra.formats.kitti import WorldPose  # noqa: E402
 from pyinfra.models.detectors import Detections  # noqa: E402
 from pyinfra.models.detectors import network as network_module  # noqa: E402
 from pyinfra.models.detectors.anchors import AnchorConfig, Anchors, decode, encode, is_backwards  # noqa: E402
-from pyinfra.models.detectors.batch import Area, Sample, make_batch  # noqa: E402
+from pyinfra.models.detectors.batch import make_batch  # noqa: E402
 from pyinfra.models.detectors.catalogue import DETECTORS  # noqa: E402
 from pyinfra.models.detectors.centre_head import AxisHead, CentreHead  # noqa: E402
-from pyinfra.models.detectors.detection_area import Site, site_of  # noqa: E402
+from pyinfra.models.detectors.detection_area import Area, Site, site_of  # noqa: E402
 from pyinfra.models.detectors.fuse_batchnorm import fused  # noqa: E402
 from pyinfra.models.detectors.network import Network, one_thread  # noqa: E402
 from pyinfra.models.detectors.pillars import PillarEncoder  # noqa: E402
+from pyinfra.models.detectors.sample import Sample  # noqa: E402
 from pyinfra.models.training import checkpoint  # noqa: E402
 from pyinfra.models.training.recipe import read_recipe  # noqa: E402
 

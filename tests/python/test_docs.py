@@ -17,7 +17,7 @@ from pyinfra.formats import kitti
 from pyinfra.formats.pcd_file import write_pcd
 from reproduction.commands import tables
 
-pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+pytest.importorskip("torch", reason="the extra `train` is not installed")
 
 WITH_COMMANDS = [
     page

@@ -6,15 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+torch = pytest.importorskip("torch", reason="the extra `train` is not installed")
 
 from detector_data import SITE, road_sample  # noqa: E402
 from torch import Tensor  # noqa: E402
 
 from pyinfra.core.config import from_plain  # noqa: E402
 from pyinfra.core.errors import ConfigError  # noqa: E402
-from pyinfra.models.detectors.batch import Sample, make_batch  # noqa: E402
+from pyinfra.models.detectors.batch import make_batch  # noqa: E402
 from pyinfra.models.detectors.dsvt import Config, Dsvt, IouHead, SetAttention, Transformer  # noqa: E402
+from pyinfra.models.detectors.sample import Sample  # noqa: E402
 from pyinfra.models.ops.sets import Sets, VoxelWindows, partition, windows_of  # noqa: E402
 from pyinfra.models.training.recipe import read_recipe  # noqa: E402
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+torch = pytest.importorskip("torch", reason="the extra `train` is not installed")
 onnxruntime = pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
 
 from detector_data import SITE, road_sample  # noqa: E402
@@ -16,6 +16,7 @@ from pyinfra.core.config import as_plain  # noqa: E402
 from pyinfra.core.vocabulary import Tier  # noqa: E402
 from pyinfra.models.detectors.batch import make_batch  # noqa: E402
 from pyinfra.models.training import checkpoint  # noqa: E402
+from pyinfra.models.training.provenance import Provenance  # noqa: E402
 from pyinfra.models.training.recipe import read_recipe  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -34,9 +35,7 @@ def saved(name: str, folder: Path, steps: int = 0) -> Path:
         torch.stack(list(losses.values())).sum().backward()
         optimizer.step()
     plain = as_plain(recipe.network)
-    provenance = checkpoint.Provenance(
-        recipe.detector, plain, SITE, "ring", "paper", "road", 1, 1, 1
-    )
+    provenance = Provenance(recipe.detector, plain, SITE, "ring", "paper", "road", 1, 1, 1)
     folder.mkdir()
     checkpoint.save(folder / "last.safetensors", network, {}, provenance)
     return folder

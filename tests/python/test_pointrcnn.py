@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+torch = pytest.importorskip("torch", reason="the extra `train` is not installed")
 
 from detector_data import FLOOR_Z, SITE, road_sample  # noqa: E402
 
-from pyinfra.models.detectors.batch import Area, Sample, make_batch  # noqa: E402
-from pyinfra.models.detectors.detection_area import Site  # noqa: E402
+from pyinfra.models.detectors.batch import make_batch  # noqa: E402
+from pyinfra.models.detectors.detection_area import Area, Site  # noqa: E402
 from pyinfra.models.detectors.pointnet import (  # noqa: E402
     Ball,
     Clouds,
@@ -39,6 +39,7 @@ from pyinfra.models.detectors.pointrcnn import (  # noqa: E402
     turned_into,
     turned_out_of,
 )
+from pyinfra.models.detectors.sample import Sample  # noqa: E402
 
 SMALL = Config(
     points=1024, levels=(256, 128, 64, 16), width=0.2, rois=16, rois_detected=16, roi_points=64

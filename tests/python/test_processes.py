@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+torch = pytest.importorskip("torch", reason="the extra `train` is not installed")
 
 from detector_data import road_sample  # noqa: E402
 from test_training import LIDAR  # noqa: E402

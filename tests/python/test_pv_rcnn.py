@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+torch = pytest.importorskip("torch", reason="the extra `train` is not installed")
 
 from detector_data import FLOOR_Z, SITE, road_sample  # noqa: E402
 
-from pyinfra.models.detectors.batch import Batch, Sample, make_batch  # noqa: E402
+from pyinfra.models.detectors.batch import Batch, make_batch  # noqa: E402
 from pyinfra.models.detectors.pointnet import Clouds, neighbours, shuffled  # noqa: E402
 from pyinfra.models.detectors.pv_rcnn import (  # noqa: E402
     FOREGROUND_IOU,
@@ -29,6 +29,7 @@ from pyinfra.models.detectors.pv_rcnn import (  # noqa: E402
     spread_by_overlap,
     wanted_residuals,
 )
+from pyinfra.models.detectors.sample import Sample  # noqa: E402
 from pyinfra.models.training import checkpoint  # noqa: E402
 from pyinfra.models.training.recipe import read_recipe  # noqa: E402
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+pytest.importorskip("torch", reason="the extra `train` is not installed")
 
 from scripts import reference
 

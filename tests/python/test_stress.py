@@ -681,15 +681,16 @@ def test_runs_of_one_detector_are_severities_of_the_training(base: altered_scene
 
 def untrained(folder: Path, frames: int, lidar: str = "helios_16") -> Path:
     """A run of a small PointPillars that learnt nothing."""
-    pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+    pytest.importorskip("torch", reason="the extra `train` is not installed")
     from pyinfra.core.config import as_plain
     from pyinfra.models.detectors import pointpillars
     from pyinfra.models.training import checkpoint
+    from pyinfra.models.training.provenance import Provenance
 
     config = pointpillars.Config()
     network = checkpoint.build("pointpillars", config, SITE)
     names = {"lidar": lidar, "preset": "paper", "scene": "highway"}
-    provenance = checkpoint.Provenance(
+    provenance = Provenance(
         "pointpillars", as_plain(config), SITE, **names, seed=1, step=1, steps=1
     )
     folder.mkdir()

@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 import yaml
 
-torch = pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+torch = pytest.importorskip("torch", reason="the extra `train` is not installed")
 
 from detector_data import road_sample  # noqa: E402
 from safetensors.torch import load_file, save_file  # noqa: E402
@@ -30,8 +30,10 @@ from pyinfra.formats import (  # noqa: E402
     pcd_file,
 )
 from pyinfra.models.detectors import Detections, windows  # noqa: E402
-from pyinfra.models.detectors.batch import Area, Batch, Sample, make_batch  # noqa: E402
-from pyinfra.models.detectors.network import MIN_SCORE  # noqa: E402
+from pyinfra.models.detectors.batch import Batch, make_batch  # noqa: E402
+from pyinfra.models.detectors.detection_area import Area  # noqa: E402
+from pyinfra.models.detectors.sample import Sample  # noqa: E402
+from pyinfra.models.detectors.suppression import MIN_SCORE  # noqa: E402
 from pyinfra.models.inference import detect  # noqa: E402
 from pyinfra.models.training import checkpoint, loop, train, validation  # noqa: E402
 from pyinfra.models.training.recipe import Recipe, read_recipe  # noqa: E402

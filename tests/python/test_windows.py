@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="the extra `detectors` is not installed")
+torch = pytest.importorskip("torch", reason="the extra `train` is not installed")
 
 from detector_data import FLOOR_Z, SITE, road_sample  # noqa: E402
 
 from pyinfra.models.detectors import windows  # noqa: E402
-from pyinfra.models.detectors.batch import Area, Batch, Windows, make_batch  # noqa: E402
-from pyinfra.models.detectors.detection_area import Site  # noqa: E402
+from pyinfra.models.detectors.batch import Batch, Windows, make_batch  # noqa: E402
+from pyinfra.models.detectors.detection_area import Area, Site  # noqa: E402
 from pyinfra.models.detectors.network import Network  # noqa: E402
 from pyinfra.models.training import checkpoint  # noqa: E402
 from pyinfra.models.training.recipe import read_recipe  # noqa: E402

@@ -24,6 +24,7 @@ from pyinfra.formats.csv_table import WORDS, read_csv
 from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.models.detectors import Detector
 from pyinfra.models.inference.detect import detect, detector_at, model_file
+from pyinfra.models.training.provenance import read_provenance
 
 # Key of a row. A trial that has a row is not computed again.
 KEY = "detector run lidar preset scene stressor severity seed frames".split()
@@ -92,9 +93,7 @@ def read_run(folder: Path, base: Base) -> TrainedRun:
     """
     if model_file(folder).suffix == ".npz":
         return TrainedRun(folder, "background", -1, -1)
-    from pyinfra.models.training import checkpoint
-
-    provenance = checkpoint.load(model_file(folder)).provenance
+    provenance = read_provenance(model_file(folder))
     if not provenance.anywhere and base.lidar.name not in provenance.lidar.split():
         raise Error(f"{folder}: lidar: expected {base.lidar.name}, got {provenance.lidar}")
     description = folder / "run.yaml"

@@ -18,6 +18,7 @@ from torch import Tensor
 from pyinfra.core.boxes import CAR_M, LONG_M
 from pyinfra.core.config import ruled
 from pyinfra.models.detectors.detection_area import Site
+from pyinfra.models.detectors.head_settings import PART
 
 HEADINGS = (0.0, math.pi / 2)
 
@@ -136,11 +137,6 @@ def decode(residuals: Tensor, anchors: Tensor, backwards: Tensor) -> Tensor:
     heading = in_half_turn(residuals[:, 6] + anchors[:, 6]) + math.pi * backwards
     heading = (heading + math.pi) % (2 * math.pi) - math.pi
     return torch.cat([xy, z, sizes, heading[:, None]], dim=1)
-
-
-# Angle that divides the two halves of a turn. Headings along the road are near 0 or pi, so this
-# angle must be far from both.
-PART = -math.pi / 4
 
 
 def in_half_turn(heading: Tensor) -> Tensor:

@@ -3,68 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from pyinfra.core.arrays import BoolArray, FloatArray, Floats, IntArray, Points
 from pyinfra.core.errors import Error
-
-
-@dataclass(frozen=True)
-class Area:
-    """The part of the levelled LiDAR frame that a detector uses, in metres."""
-
-    low: tuple[float, float, float]  # x y z
-    high: tuple[float, float, float]
-
-    def __post_init__(self) -> None:
-        if not all(a < b for a, b in zip(self.low, self.high, strict=True)):
-            raise Error(f"area: expected low below high, got {self.low} to {self.high}")
-
-    @property
-    def size(self) -> tuple[float, float, float]:
-        x, y, z = (b - a for a, b in zip(self.low, self.high, strict=True))
-        return x, y, z
-
-    def holds(self, xyz: Floats) -> BoolArray:
-        """Returns which points xyz (n, 3) are finite and inside: (n,) bool. `high` is excluded."""
-        low, high = np.array(self.low, xyz.dtype), np.array(self.high, xyz.dtype)
-        inside = np.ones(len(xyz), dtype=np.bool_)
-        for axis in range(3):  # column by column, which is five times as fast as all(axis=1)
-            inside &= (xyz[:, axis] >= low[axis]) & (xyz[:, axis] < high[axis])
-        return inside
-
-    def crop(self, points: Points) -> Points:
-        """Returns the points (n, 4 or more) that are inside and have finite intensities."""
-        keep = self.holds(points[:, :3]) & np.isfinite(points[:, 3])
-        return points[keep]
-
-    def grown(self, step: float) -> Area:
-        """Returns the area enlarged around its middle, so that x and y are multiples of `step`."""
-        low, high = list(self.low), list(self.high)
-        for axis in (0, 1):
-            size = high[axis] - low[axis]
-            more = (np.ceil(size / step - 1e-6) * step - size) / 2
-            low[axis], high[axis] = float(low[axis] - more), float(high[axis] + more)
-        return Area((low[0], low[1], low[2]), (high[0], high[1], high[2]))
-
-
-@dataclass(frozen=True, eq=False)
-class Sample:
-    """One training frame."""
-
-    points: Points  # (n, 4); for stacked frames (n, 5) with ages
-    boxes: FloatArray  # (k, 7) boxes of the objects with a point of this LiDAR
-    classes: IntArray | None = None  # (k,) class numbers of the boxes; None: all 0
-    height_m: float = field(default=0.0, kw_only=True)  # height of the sensor above z = 0
-
-    @property
-    def numbers(self) -> IntArray:
-        """(k,) class numbers of the boxes."""
-        return np.zeros(len(self.boxes), np.int64) if self.classes is None else self.classes
+from pyinfra.models.detectors.detection_area import Area
+from pyinfra.models.detectors.sample import Sample
 
 
 @dataclass(frozen=True, eq=False)

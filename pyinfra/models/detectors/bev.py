@@ -8,29 +8,11 @@ blocks are upsampled to one resolution and concatenated.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
 
-from pyinfra.core.config import ruled
-from pyinfra.core.errors import Error
-
-
-@dataclass(frozen=True)
-class BevConfig:
-    """Two-dimensional network on the bird's-eye canvas; lists have one value per block."""
-
-    layers: tuple[int, ...] = ruled((3, 5, 5), 0, 20)  # convolutions after the strided one
-    widths: tuple[int, ...] = ruled((64, 128, 256), 1, 1024)  # channels
-    strides: tuple[int, ...] = ruled((2, 2, 2), 1, 4)  # stride of the first convolution
-    up_width: int = ruled(128, 1, 1024)  # channels that each block adds to the output
-
-    def __post_init__(self) -> None:
-        if not 0 < len(self.layers) == len(self.widths) == len(self.strides):
-            raise Error(
-                "layers, widths, strides: expected lists of equal lengths, got different ones"
-            )
+from pyinfra.models.detectors.bev_config import BevConfig
 
 
 class BevNetwork(nn.Module):
@@ -87,8 +69,3 @@ class Residual(nn.Module):
 
 def norm(width: int) -> nn.BatchNorm2d:
     return nn.BatchNorm2d(width, eps=1e-3)
-
-
-def multiple(config: BevConfig, cell_m: float) -> float:
-    """Returns a length in metres. The sides of the area must be multiples of it."""
-    return math.prod(config.strides) * cell_m

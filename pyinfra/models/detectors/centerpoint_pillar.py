@@ -11,42 +11,18 @@ Deviations from the paper:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 from torch import Tensor
 
-from pyinfra.core.config import ruled
-from pyinfra.core.errors import Error
-from pyinfra.core.vocabulary import VEHICLES, ObjectClass
 from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors.batch import Batch
-from pyinfra.models.detectors.bev import BevConfig, BevNetwork, multiple
+from pyinfra.models.detectors.bev import BevNetwork
+from pyinfra.models.detectors.bev_config import multiple
+from pyinfra.models.detectors.centerpoint_config import Config
 from pyinfra.models.detectors.centre_head import AxisHead, CentreHead
 from pyinfra.models.detectors.detection_area import Site
 from pyinfra.models.detectors.network import Losses, Network
 from pyinfra.models.detectors.pillars import PillarEncoder
 from pyinfra.models.detectors.windows import view_of
-
-
-@dataclass(frozen=True)
-class Config:
-    """Sizes of the network; the defaults are the published ones."""
-
-    pillar_m: float = ruled(0.2, 0.05, 2)  # side of a pillar
-    pillar_width: int = ruled(64, 1, 512)  # channels of a pillar
-    intensity: bool = True  # whether intensity is an input; each LiDAR has its own scale
-    place: bool = True  # whether x and y are inputs; networks for many sites do not use them
-    age: bool = False  # whether the age of points in stacked frames is an input (--accumulate)
-    bev: BevConfig = field(default_factory=BevConfig)
-    head_width: int = ruled(64, 1, 512)  # channels of the layer that heat map and boxes share
-    # whether the axis and the direction of a box are predicted separately; useful if traffic moves
-    # in all directions
-    axis: bool = False
-    classes: tuple[ObjectClass, ...] = ruled(VEHICLES, once=True)  # classes that are distinguished
-
-    def __post_init__(self) -> None:
-        if not self.classes:
-            raise Error("classes: expected one or more, got none")
 
 
 class CenterPointPillar(Network):

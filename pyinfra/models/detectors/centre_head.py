@@ -26,15 +26,11 @@ from pyinfra.models.detectors.bev import conv
 from pyinfra.models.detectors.classes import ALONG_ROADS
 from pyinfra.models.detectors.detection_area import Site
 from pyinfra.models.detectors.distributed import of_all
+from pyinfra.models.detectors.head_settings import BOX, PEAKS, ROAD_WEIGHT
 from pyinfra.models.detectors.losses import heat_map_focal, start_rare
 from pyinfra.models.detectors.network import Losses
 
 BOX_WEIGHT, DIRECTION_WEIGHT = 0.5, 0.2
-BOX = 8  # x y z, log sizes (3), sine and cosine of the heading
-PEAKS = 512  # number of highest peaks that become boxes
-# Weight of the road's axis if the predicted axis has length 0. With a weight of 1, AP is 0 to 2
-# lower.
-ROAD_WEIGHT = 3.0
 LEAST_CELLS = 0.6  # least standard deviation of a Gaussian, in cells
 
 

@@ -23,13 +23,16 @@ from torch.nn import functional
 from pyinfra.core.config import ruled
 from pyinfra.core.errors import Error
 from pyinfra.models.detectors.batch import Batch, CanvasPart
-from pyinfra.models.detectors.bev import BevConfig, BevNetwork, conv, multiple
-from pyinfra.models.detectors.centre_head import BOX, CentreHead
+from pyinfra.models.detectors.bev import BevNetwork, conv
+from pyinfra.models.detectors.bev_config import BevConfig, multiple
+from pyinfra.models.detectors.centre_head import CentreHead
 from pyinfra.models.detectors.detection_area import Site
 from pyinfra.models.detectors.distributed import LocalNorm
+from pyinfra.models.detectors.head_settings import BOX
 from pyinfra.models.detectors.losses import start_rare
-from pyinfra.models.detectors.network import MIN_SCORE, Losses, Network
+from pyinfra.models.detectors.network import Losses, Network
 from pyinfra.models.detectors.pillars import PillarEncoder
+from pyinfra.models.detectors.suppression import MIN_SCORE
 from pyinfra.models.detectors.windows import view_of
 from pyinfra.models.ops.boxes import iou_3d_pairs
 from pyinfra.models.ops.sets import Sets, partition, windows_of

@@ -6,7 +6,6 @@ import abc
 import ctypes
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -18,16 +17,19 @@ from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import VEHICLES, ObjectClass
 from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors import Detections
-from pyinfra.models.detectors.batch import Batch, Sample, make_batch
-from pyinfra.models.detectors.calibration import calibrated
+from pyinfra.models.detectors.batch import Batch, make_batch
 from pyinfra.models.detectors.classes import TYPES
 from pyinfra.models.detectors.detection_area import Site
+from pyinfra.models.detectors.sample import Sample
+from pyinfra.models.detectors.suppression import (
+    CANDIDATES,
+    MIN_SCORE,
+    MOST_BOXES,
+    NMS_IOU,
+    empty,
+    of_classes,
+)
 from pyinfra.models.ops.boxes import nms
-
-MIN_SCORE = 0.1  # least score of returned boxes, before calibration
-NMS_IOU = 0.1  # largest IoU of footprints of two boxes of a frame, as vehicles do not overlap
-CANDIDATES = 4096  # number of best boxes that enter the suppression
-MOST_BOXES = 200  # most boxes of a frame and class
 
 Losses = dict[str, Tensor]  # tensors of one element, whose sum is minimised
 
@@ -125,26 +127,12 @@ class Network(nn.Module, abc.ABC):
         parts = []
         for i, name in enumerate(self.classes):
             mask = slice(None) if numbers is None else numbers == i
-            detections = suppressed(boxes[mask], scores[mask], TYPES[name], self.min_score)
-            if self.calibration is not None:
-                line = self.calibration[2 * i], self.calibration[2 * i + 1]
-                detections = replace(detections, scores=calibrated(detections.scores, line))
-            parts.append(detections)
-        return parts[0] if len(parts) == 1 else best_first(parts)
+            parts.append(suppressed(boxes[mask], scores[mask], TYPES[name], self.min_score))
+        return of_classes(parts, self.calibration)
 
     def predict(self, points: Points) -> Detections:
         """See pyinfra.models.detectors.Detector."""
         return self.find([points])[0]
-
-
-def best_first(parts: Sequence[Detections]) -> Detections:
-    """Merges detections, best first. Boxes of equal score are in the order of `parts`."""
-    order = np.argsort(np.concatenate([-part.scores for part in parts]), kind="stable")
-    return Detections(
-        boxes=np.concatenate([part.boxes for part in parts])[order],
-        scores=np.concatenate([part.scores for part in parts])[order],
-        names=np.concatenate([part.names for part in parts])[order],
-    )
 
 
 def suppressed(
@@ -163,7 +151,3 @@ def suppressed(
         scores=scores[kept].double().cpu().numpy(),
         names=np.full(len(kept), name),
     )
-
-
-def empty() -> Detections:
-    return Detections(np.empty((0, 7)), np.empty(0), np.empty(0, dtype=np.str_))

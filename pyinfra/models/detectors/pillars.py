@@ -11,7 +11,8 @@ import torch
 from torch import Tensor, nn
 
 from pyinfra.models.detectors import distributed
-from pyinfra.models.detectors.batch import Area, Batch, CanvasPart
+from pyinfra.models.detectors.batch import Batch, CanvasPart
+from pyinfra.models.detectors.detection_area import Area
 
 
 class PillarEncoder(nn.Module):

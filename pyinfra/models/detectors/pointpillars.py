@@ -17,7 +17,8 @@ from torch import Tensor, nn
 from pyinfra.core.config import ruled
 from pyinfra.models.detectors.anchors import AnchorConfig, Anchors, decode, encode, is_backwards
 from pyinfra.models.detectors.batch import Batch
-from pyinfra.models.detectors.bev import BevConfig, BevNetwork, multiple
+from pyinfra.models.detectors.bev import BevNetwork
+from pyinfra.models.detectors.bev_config import BevConfig, multiple
 from pyinfra.models.detectors.detection_area import Site
 from pyinfra.models.detectors.losses import focal, smooth_l1, start_rare
 from pyinfra.models.detectors.network import Losses, Network

@@ -30,9 +30,10 @@ from torch.nn import functional
 
 from pyinfra.core.config import ruled
 from pyinfra.models.detectors.anchors import AnchorConfig, Anchors, encode
-from pyinfra.models.detectors.batch import Area, Batch
-from pyinfra.models.detectors.bev import BevConfig, BevNetwork, multiple
-from pyinfra.models.detectors.detection_area import Site
+from pyinfra.models.detectors.batch import Batch
+from pyinfra.models.detectors.bev import BevNetwork
+from pyinfra.models.detectors.bev_config import BevConfig, multiple
+from pyinfra.models.detectors.detection_area import Area, Site
 from pyinfra.models.detectors.distributed import of_all
 from pyinfra.models.detectors.losses import focal, smooth_l1
 from pyinfra.models.detectors.network import Losses, Network

@@ -15,7 +15,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from pyinfra.models.detectors.batch import Area, Batch, CanvasPart
+from pyinfra.models.detectors.batch import Batch, CanvasPart
+from pyinfra.models.detectors.detection_area import Area
 from pyinfra.models.detectors.pointnet import Clouds, Norm
 from pyinfra.models.ops.sparse import SparseConv3d, SparseTensor, SubmanifoldConv3d
 

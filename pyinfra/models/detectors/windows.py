@@ -14,7 +14,9 @@ import torch
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
-from pyinfra.models.detectors.batch import Area, Batch, CanvasPart, Sample
+from pyinfra.models.detectors.batch import Batch, CanvasPart
+from pyinfra.models.detectors.detection_area import Area
+from pyinfra.models.detectors.sample import Sample
 
 if TYPE_CHECKING:
     from pyinfra.models.detectors.network import Network

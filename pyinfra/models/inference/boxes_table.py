@@ -28,6 +28,7 @@ from pyinfra.models.inference import detect as inference
 from pyinfra.models.inference.folder import Place, detector_at_place
 from pyinfra.models.inference.own_detector import OwnDetector, detections_of_own
 from pyinfra.models.inference.static_filter import length_warning, without_standing
+from pyinfra.models.inference.threads import checked_threads
 from pyinfra.models.training.sources import spread
 
 COLUMNS = ["frame", "type", *BOX, "score"]
@@ -40,11 +41,15 @@ class TrainedDetector:
 
     file: Path
     device: str = "cpu"
+    threads: int = 1
 
 
 @public
 def load_detector(
-    model: str | os.PathLike[str] = "generalist", *, device: str = "cpu"
+    model: str | os.PathLike[str] = "generalist",
+    *,
+    device: str = "cpu",
+    threads: int | None = None,
 ) -> TrainedDetector:
     """Selects a detector for `detect`: a pretrained detector of the package, or a trained one.
 
@@ -52,6 +57,8 @@ def load_detector(
     ----------
     model : `generalist` for the pretrained detector, or the folder of a training, or a file in it
     device : device of PyTorch, such as `cpu` or `cuda`
+    threads : number of threads of a frame, for the pretrained detector and those of its kind on a
+        CPU; by default one per core, at most 4. Boxes do not depend on it
 
     Returns
     -------
@@ -59,7 +66,7 @@ def load_detector(
 
     Raises
     ------
-    Error : for a name, folder or file without a model
+    Error : for a name, folder or file without a model, and for less than one thread
 
     Examples
     --------
@@ -68,10 +75,11 @@ def load_detector(
     'generalist.safetensors'
     """
     try:
-        return TrainedDetector(inference.model_file(path_of(model, "model")), device)
+        file = inference.model_file(path_of(model, "model"))
     except FileNotFoundError:
         near = suggestion(os.fspath(model), inference.shipped())
         raise Error(f"model: expected a model or a name, got '{model}'{near}") from None
+    return TrainedDetector(file, device, checked_threads(threads))
 
 
 @public
@@ -134,7 +142,7 @@ def detect(
             warnings.warn(text, stacklevel=2)
     numbers = frames.numbers
     if isinstance(model, TrainedDetector):
-        detector = detector_at_place(model.file, where, model.device)
+        detector = detector_at_place(model.file, where, model.device, model.threads)
         per_frame = [detector.predict(points) for points in _stacked(model.file, frames)]
     elif hasattr(model, "predict"):
         per_frame = [model.predict(frame.points) for frame in frames]

@@ -20,7 +20,10 @@ from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Labels
 from pyinfra.models.detectors import Detections, Detector
 from pyinfra.models.detectors.background import Background
+from pyinfra.models.detectors.ground_adapter import OnRoad
+from pyinfra.models.pytorch import need_pytorch
 from pyinfra.models.training.accumulation import Accumulation
+from pyinfra.models.training.provenance import read_provenance
 from pyinfra.models.training.sources import read_frame, scene_of
 
 MODELS = Path(__file__).resolve().parents[1]  # folder of the pretrained detectors
@@ -34,27 +37,25 @@ def load_detector(
     region: Region | None = None,
     device: str = "cpu",
     stacks: bool = False,
+    threads: int = 1,
 ) -> Detector:
     """Loads a detector.
 
     run: the folder of a training, a model's file, or the name of a pretrained detector. ground,
     region: ground and region of the site where the detector is used; by default those of the site
     where it was trained, if known. stacks: whether the caller stacks frames as `accumulation_of`
-    describes; otherwise the detector gets single frames.
+    describes; otherwise the detector gets single frames. threads: number of threads of a frame,
+    with ONNX Runtime. A centerpoint-pillar on a CPU runs with ONNX Runtime, other networks with
+    PyTorch on one thread.
 
-    Raises FileNotFoundError, and Error for a file that is not a model, if no ground is known, and
-    if a model of stacked frames would get single frames.
+    Raises FileNotFoundError, MissingPackage if PyTorch is needed and not installed, and Error for a
+    file that is not a model, if no ground is known, and if a model of stacked frames would get
+    single frames.
     """
     file = model_file(run)
     if file.suffix == ".npz":
         return Background.load(file)
-    from pyinfra.models.detectors.fuse_batchnorm import fused
-    from pyinfra.models.detectors.ground_adapter import OnRoad
-    from pyinfra.models.detectors.network import device_of
-    from pyinfra.models.training import checkpoint
-
-    loaded = checkpoint.load(file)
-    provenance = loaded.provenance
+    provenance = read_provenance(file)
     if not stacks:
         check_single(run, provenance.accumulate)
     if ground is None and provenance.ground is not None:
@@ -63,7 +64,31 @@ def load_detector(
         raise Error(
             f"{run}: expected the height of the sensor above the road, got none: set `height_m`"
         )
-    return OnRoad(fused(loaded.network(region)).to(device_of(device)), ground)
+    if device == "cpu" and runs_with_onnx(provenance.detector):
+        from pyinfra.models.onnx.detector import load
+
+        return OnRoad(load(file, region, threads), ground)
+    return OnRoad(load_network(file, region, device), ground)
+
+
+def runs_with_onnx(detector: str) -> bool:
+    """Returns whether a detector runs with ONNX Runtime, which needs the extension."""
+    from pyinfra.models.ops.kernels import kernels
+
+    return detector == "centerpoint-pillar" and kernels is not None
+
+
+def load_network(file: Path, region: Region | None = None, device: str = "cpu") -> Detector:
+    """Loads a network with PyTorch; its z is measured from the road.
+
+    Raises the errors of load_detector, and MissingPackage.
+    """
+    need_pytorch()
+    from pyinfra.models.detectors.fuse_batchnorm import fused
+    from pyinfra.models.detectors.network import device_of
+    from pyinfra.models.training import checkpoint
+
+    return fused(checkpoint.load(file).network(region)).to(device_of(device))
 
 
 def check_single(run: Path, frames: int) -> None:
@@ -79,9 +104,7 @@ def accumulation_of(file: Path) -> Accumulation:
     """Returns how a model's frames are stacked. Raises the errors of checkpoint.load."""
     if file.suffix == ".npz":
         return Accumulation()
-    from pyinfra.models.training import checkpoint
-
-    provenance = checkpoint.load(file).provenance
+    provenance = read_provenance(file)
     return Accumulation(provenance.accumulate, provenance.label_at)
 
 
@@ -146,9 +169,7 @@ def is_of_anywhere(file: Path) -> bool:
     """Returns whether a model was trained at many sites, to be used at others."""
     if file.suffix == ".npz":
         return False
-    from pyinfra.models.training import checkpoint
-
-    return checkpoint.load(file).provenance.anywhere
+    return read_provenance(file).anywhere
 
 
 def transfer(run: Path, lidar_folder: Path) -> str:
@@ -159,9 +180,7 @@ def transfer(run: Path, lidar_folder: Path) -> str:
     file = model_file(run)
     if file.suffix == ".npz" or not (lidar_folder / "lidar.yaml").is_file():
         return ""
-    from pyinfra.models.training import checkpoint
-
-    provenance, lidar = checkpoint.load(file).provenance, kitti.read_lidar(lidar_folder)
+    provenance, lidar = read_provenance(file), kitti.read_lidar(lidar_folder)
     if provenance.anywhere:
         return ""
     pairs = {

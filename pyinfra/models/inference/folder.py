@@ -79,7 +79,7 @@ def place(
     return Place(ground, region, height_m, tuple(key for key, v in said.items() if v is not None))
 
 
-def detector_at_place(model: Path, where: Place, device: str = "cpu") -> Detector:
+def detector_at_place(model: Path, where: Place, device: str = "cpu", threads: int = 1) -> Detector:
     """Loads a detector for a site. The detector may need stacked frames.
 
     Raises Error if the user gives height or region for a background model, which can only be used
@@ -89,7 +89,12 @@ def detector_at_place(model: Path, where: Place, device: str = "cpu") -> Detecto
         name = where.given[0]
         raise Error(f"{name}: expected none for background, which is trained at one site")
     return load_detector(
-        model, ground=where.ground, region=where.region, device=device, stacks=True
+        model,
+        ground=where.ground,
+        region=where.region,
+        device=device,
+        stacks=True,
+        threads=threads,
     )
 
 
@@ -120,18 +125,19 @@ def detect_folder(
     where: Place,
     drop_standing: bool = False,
     device: str = "cpu",
+    threads: int = 1,
     warn: Warn,
 ) -> FolderDetections:
     """Runs a model on frames of a folder, and writes its boxes and origin.yaml to `out`.
 
     Frames are stacked if the model needs stacked frames. drop_standing: whether to remove vehicle
-    boxes that recur where nothing ever moves. warn: called with a text for each problem that may
-    reduce accuracy.
+    boxes that recur where nothing ever moves. threads: as of load_detector. warn: called with a
+    text for each problem that may reduce accuracy.
     """
     if out.name == "label_2":
         raise Error(f"out: expected another folder than that of the labels, got {out}")
     numbers = [int(file.stem) for file in files]
-    detector = detector_at_place(model, where, device)
+    detector = detector_at_place(model, where, device, threads)
     read = stacking(lidar_folder, numbers, accumulation_of(model))
     out.mkdir(parents=True, exist_ok=True)
     if read_origin(out) is not None or not others(out, files):

@@ -13,55 +13,20 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from safetensors import SafetensorError, safe_open
+from safetensors import SafetensorError
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
-from pyinfra.core.config import as_plain, from_plain
+from pyinfra.core.config import as_plain
 from pyinfra.core.errors import ConfigError
 from pyinfra.core.files import replacing
-from pyinfra.core.version import __version__
 from pyinfra.core.vocabulary import ObjectClass
 from pyinfra.dataset.regions import Region
-from pyinfra.models.detectors.catalogue import DETECTORS
+from pyinfra.models.detectors.catalogue import DETECTORS, config_of
 from pyinfra.models.detectors.classes import classes_of
 from pyinfra.models.detectors.detection_area import Site, around
 from pyinfra.models.detectors.network import Network
-from pyinfra.models.training.accumulation import LabelAt
-
-FORMAT = 1
-CONVENTION = "levelled LiDAR frame: x forward, y left, z up, metres, origin at the sensor"
-
-
-@dataclass(frozen=True)
-class Provenance:
-    """The description of a checkpoint."""
-
-    detector: str
-    network: Any  # the detector's Config as plain values
-    site: Site
-    lidar: str
-    preset: str
-    scene: str
-    seed: int
-    step: int
-    steps: int
-    label_time: str = "frame"
-    above_road: bool = True  # whether z of the network's input is measured from the road
-    # a, b, c of the road z = a x + b y + c at the training site, if the road is one plane. It is
-    # used at sites whose ground is unknown.
-    ground: tuple[float, float, float] | None = None
-    anywhere: bool = False  # whether the network was trained at many sites, for use at other sites
-    accumulate: int = 1  # frames that are stacked into one cloud
-    label_at: LabelAt = "newest"  # which of the stacked frames has the labels
-    start: str = ""  # digest of the weights that the training started from; empty: random
-    # a, b of logit(score) -> a logit(score) + b, which makes a score the probability of a true
-    # positive. If there are several classes, each has one pair.
-    calibration: tuple[float, ...] | None = None
-    figures: Any = None  # measured figures, by name
-    format: int = FORMAT
-    convention: str = CONVENTION
-    version: str = __version__
+from pyinfra.models.training.provenance import Provenance, opened, provenance_of, tensors_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,14 +88,6 @@ def build(detector: str, config: Any, site: Site) -> Network:
     return network
 
 
-def config_of(detector: str, config: Any) -> Any:
-    """Returns a detector's Config from plain values; missing keys get their defaults."""
-    kind = importlib.import_module(DETECTORS[detector].module).Config
-    if isinstance(config, kind):
-        return config
-    return from_plain(config, kind, f"{detector}: network")
-
-
 def digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
 
@@ -158,22 +115,5 @@ def load(file: Path) -> Checkpoint:
 
     Raises FileNotFoundError, and ConfigError for a file that is not a checkpoint of this format.
     """
-    if not file.is_file():
-        raise FileNotFoundError(2, "No such checkpoint", str(file))
-    try:
-        with safe_open(file, framework="pt") as opened:
-            text = (opened.metadata() or {}).get("about", "")
-            tensors = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118
-    except SafetensorError as error:
-        raise ConfigError(f"{file}: expected a checkpoint, got something else ({error})") from None
-    try:
-        plain = yaml.safe_load(text)
-    except yaml.YAMLError:
-        plain = None
-    if not isinstance(plain, dict) or "format" not in plain:
-        raise ConfigError(f"{file}: expected weights of pyinfra, got a file without a description")
-    written = {"format": FORMAT, "convention": CONVENTION, "above_road": True}
-    for key, wanted in written.items():
-        if plain.get(key) != wanted:
-            raise ConfigError(f"{file}: {key}: expected '{wanted}', got '{plain.get(key)}'")
-    return Checkpoint(from_plain(plain, Provenance, str(file)), tensors)
+    with opened(file, "pt") as weights:
+        return Checkpoint(provenance_of(weights, file), tensors_of(weights))

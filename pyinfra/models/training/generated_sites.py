@@ -21,8 +21,7 @@ from pyinfra.core.vocabulary import VEHICLES, LabelTime, ObjectClass
 from pyinfra.dataset import regions, simulation
 from pyinfra.dataset.frame_sequence import roads_of_world
 from pyinfra.dataset.ground import ground_of_roads
-from pyinfra.models.detectors.batch import Area
-from pyinfra.models.detectors.detection_area import Site
+from pyinfra.models.detectors.detection_area import Area, Site
 from pyinfra.models.training.samples import SiteSample
 from pyinfra.models.training.sources import Stream, labels_of_frame, pose_of
 from pyinfra.scenes.generator import lidar_catalogue

@@ -27,9 +27,11 @@ from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.files import naming, replacing
 from pyinfra.models.detectors import distributed, windows
 from pyinfra.models.detectors.batch import Batch, Windows, make_batch
+from pyinfra.models.detectors.catalogue import config_of
 from pyinfra.models.detectors.network import Network, keep_memory, one_thread
 from pyinfra.models.training import checkpoint
-from pyinfra.models.training.checkpoint import Checkpoint, Provenance
+from pyinfra.models.training.checkpoint import Checkpoint
+from pyinfra.models.training.provenance import Provenance
 from pyinfra.models.training.recipe import Learning, Precision, Recipe
 from pyinfra.models.training.samples import Augmentation, Frames, Samples, augmented
 from pyinfra.models.training.validation import Checks
@@ -239,7 +241,7 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
     loaded = checkpoint.load(file)
     theirs, wanted = as_plain(loaded.provenance), as_plain(ours)
     if loaded.provenance.detector == ours.detector:  # adds keys that an earlier version lacks
-        theirs["network"] = as_plain(checkpoint.config_of(ours.detector, theirs["network"]))
+        theirs["network"] = as_plain(config_of(ours.detector, theirs["network"]))
     different = [key for key in theirs if key not in PASSING and theirs[key] != wanted[key]]
     if different:
         raise ConfigError(

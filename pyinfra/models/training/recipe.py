@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -115,7 +114,7 @@ def read_recipe(file: Path, tier: Tier) -> Recipe:
     Raises FileNotFoundError, and ConfigError with file, line and key.
     """
     whole = read_config(file, DetectorFile)
-    kind = importlib.import_module(DETECTORS[whole.detector].module).Config
+    kind = DETECTORS[whole.detector].config
     parts = {name: getattr(whole.tiers, name) for name in TIERS}
     networks = {name: part.network.read(kind) for name, part in parts.items()}
     chosen = parts[tier]

@@ -14,7 +14,7 @@ from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, Points
 from pyinfra.core.boxes import bev_iou, points_in_box, points_in_boxes
 from pyinfra.core.config import ruled
 from pyinfra.dataset.regions import Region
-from pyinfra.models.detectors.batch import Sample
+from pyinfra.models.detectors.sample import Sample
 from pyinfra.models.training import sensor_faults
 
 MOST_STD = 3.3  # errors of the pose are clipped to this many standard deviations

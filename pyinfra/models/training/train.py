@@ -20,6 +20,7 @@ from pyinfra.core.files import replacing
 from pyinfra.core.vocabulary import LabelTime
 from pyinfra.models.detectors.background import Background
 from pyinfra.models.inference.detect import model_file
+from pyinfra.models.pytorch import need_pytorch
 from pyinfra.models.training.accumulation import Accumulation
 from pyinfra.models.training.recipe import Precision, Recipe
 from pyinfra.models.training.samples import Frames
@@ -27,8 +28,8 @@ from pyinfra.models.training.sources import Source, Stream, on_road, spread
 
 if TYPE_CHECKING:
     from pyinfra.models.detectors.network import Network
-    from pyinfra.models.training.checkpoint import Provenance
     from pyinfra.models.training.loop import Description, Progress
+    from pyinfra.models.training.provenance import Provenance
 
 
 BACKGROUND_FRAMES = 100
@@ -107,6 +108,7 @@ def _train_network(
     precision: Precision,
     quiet: bool,
 ) -> Path:
+    need_pytorch()
     import torch
 
     from pyinfra.models.detectors import distributed, windows
@@ -156,9 +158,9 @@ def _train_network(
 
 def _provenance(recipe: Recipe, stream: Stream, seed: int) -> Provenance:
     """Returns the description of the checkpoint before the first step."""
-    from pyinfra.models.training import checkpoint
+    from pyinfra.models.training.provenance import Provenance
 
-    return checkpoint.Provenance(
+    return Provenance(
         detector=recipe.detector,
         network=as_plain(recipe.network),
         site=stream.site,

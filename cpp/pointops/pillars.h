@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+namespace pointops {
+
+/// Cells of a bird's-eye canvas, in metres.
+struct PillarGrid {
+  float low_x, low_y;  // corner of the first cell
+  float middle_z;      // middle of the area
+  float side;          // of a cell
+  std::int64_t rows, columns;
+};
+
+/// The linear layer of a pillar encoder. Its inputs are x y z of a point, offset to the mean of its
+/// pillar (3), offset to the middle of the pillar (3), the other columns of the point from the last
+/// to the first.
+struct PillarLayer {
+  std::span<const float> weight;  // inputs * features
+  std::span<const float> bias;    // features
+  std::int64_t first;             // number of inputs that are left out at the beginning
+};
+
+/// A 3 x 3 convolution of the canvas with a border of zeros, followed by ReLU.
+struct CanvasLayer {
+  std::span<const float> weight;  // 3 rows * 3 columns * features * outputs
+  std::span<const float> bias;    // outputs
+  std::int64_t stride;
+};
+
+/// Computes the first convolution on the canvas of a cloud. A cell of the canvas has the maximum of
+/// ReLU(linear layer) over its points; a cell without points is 0. Only cells with points are
+/// computed, so the canvas itself is never made.
+/// @param points  n * point_columns, row-major
+/// @param map     outputs * (rows / stride) * (columns / stride), channel by channel; is
+/// overwritten
+/// @throws std::invalid_argument if the sizes do not fit or a point is outside the grid
+void pillar_map(std::span<const float> points, std::int64_t point_columns, const PillarGrid& grid,
+                const PillarLayer& encoder, const CanvasLayer& layer, std::span<float> map);
+
+}  // namespace pointops

@@ -1,0 +1,28 @@
+"""Sizes of the two-dimensional network on a bird's-eye canvas (bev.py)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from pyinfra.core.config import ruled
+from pyinfra.core.errors import Error
+
+
+@dataclass(frozen=True)
+class BevConfig:
+    """Two-dimensional network on the bird's-eye canvas; lists have one value per block."""
+
+    layers: tuple[int, ...] = ruled((3, 5, 5), 0, 20)  # convolutions after the strided one
+    widths: tuple[int, ...] = ruled((64, 128, 256), 1, 1024)  # channels
+    strides: tuple[int, ...] = ruled((2, 2, 2), 1, 4)  # stride of the first convolution
+    up_width: int = ruled(128, 1, 1024)  # channels that each block adds to the output
+
+    def __post_init__(self) -> None:
+        if not 0 < len(self.layers) == len(self.widths) == len(self.strides):
+            raise Error("layers, widths, strides: expected lists of equal lengths, got different ones")
+
+
+def multiple(config: BevConfig, cell_m: float) -> float:
+    """Returns a length in metres. The sides of the area must be multiples of it."""
+    return math.prod(config.strides) * cell_m

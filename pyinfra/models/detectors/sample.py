@@ -1,0 +1,24 @@
+"""A frame with its boxes, as networks are trained on it; this module needs no PyTorch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray, IntArray, Points
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One training frame."""
+
+    points: Points  # (n, 4); for stacked frames (n, 5) with ages
+    boxes: FloatArray  # (k, 7) boxes of the objects with a point of this LiDAR
+    classes: IntArray | None = None  # (k,) class numbers of the boxes; None: all 0
+    height_m: float = field(default=0.0, kw_only=True)  # height of the sensor above z = 0
+
+    @property
+    def numbers(self) -> IntArray:
+        """(k,) class numbers of the boxes."""
+        return np.zeros(len(self.boxes), np.int64) if self.classes is None else self.classes

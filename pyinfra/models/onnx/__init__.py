@@ -1,0 +1,1 @@
+"""Runs a trained CenterPoint on pillars with ONNX Runtime, without PyTorch."""

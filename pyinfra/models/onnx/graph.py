@@ -1,0 +1,111 @@
+"""The two-dimensional part of CenterPoint on pillars as an ONNX model.
+
+The model begins after the first convolution, which the extension computes on the pillars alone.
+The layers are those of `detectors/bev.py` and `detectors/centre_head.py`. Batch norms are fused
+into the layers before them, as `detectors/fuse_batchnorm.py` does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pyinfra.core.arrays import Float32Array
+from pyinfra.models.detectors.centerpoint_config import Config
+from pyinfra.models.onnx.model_bytes import Model, Node, Tensor
+
+Weights = Mapping[str, Float32Array]
+EPSILON = np.float32(1e-3)  # of all batch norms
+
+
+def model_of(config: Config, weights: Weights) -> Model:
+    """Returns the model. weights: as in the checkpoint.
+
+    The input `map` is (1, C, H, W), row = y: the output of the first convolution. The output `maps`
+    is (1, classes + 8 or 9, H, W): logits of the heat, followed by the numbers of a box.
+    """
+    layers = _Layers(weights)
+    x, upsampled, factor = "map", list[str](), 1
+    for i, n in enumerate(config.bev.layers):
+        for j in range(1 if i == 0 else 0, n + 1):
+            stride = config.bev.strides[i] if j == 0 else 1
+            x = layers.convolution(x, f"bev.blocks.{i}.{j}.0", f"bev.blocks.{i}.{j}.1", stride)
+        factor *= config.bev.strides[i] if i > 0 else 1
+        upsampled.append(layers.enlarged(x, f"bev.ups.{i}.0", f"bev.ups.{i}.1", factor))
+    x = layers.joined(upsampled)
+    x = layers.convolution(x, "head.shared.0", "head.shared.1")
+    layers.maps(x, "head.heat", "head.box")
+    maps = len(config.classes) + len(weights["head.box.bias"])
+    return Model(
+        layers.nodes,
+        layers.constants,
+        [Tensor("map", (1, config.bev.widths[0], "rows", "columns"))],
+        [Tensor("maps", (1, maps, "rows", "columns"))],
+    )
+
+
+def fused(
+    weights: Weights, layer: str, norm: str, *, axis: int = 0
+) -> tuple[Float32Array, Float32Array]:
+    """Returns weight and bias of a layer without a bias and of the batch norm after it.
+
+    axis: axis of the weight that has the outputs.
+    """
+    scale = weights[f"{norm}.weight"] / np.sqrt(weights[f"{norm}.running_var"] + EPSILON)
+    weight = weights[f"{layer}.weight"]
+    shape = [-1 if i == axis else 1 for i in range(weight.ndim)]
+    bias = weights[f"{norm}.bias"] - weights[f"{norm}.running_mean"] * scale
+    return weight * scale.reshape(shape), bias
+
+
+class _Layers:
+    """Collects nodes and constants. Each method adds a layer and returns the name of its output."""
+
+    def __init__(self, weights: Weights) -> None:
+        self.weights = weights
+        self.nodes: list[Node] = []
+        self.constants: dict[str, Float32Array] = {}
+
+    def convolution(self, x: str, layer: str, norm: str, stride: int = 1) -> str:
+        """3 x 3 convolution, batch norm, ReLU."""
+        inputs = self._with(layer, x, *fused(self.weights, layer, norm))
+        shape = {"kernel_shape": (3, 3), "pads": (1, 1, 1, 1), "strides": (stride, stride)}
+        return self._relu(Node("Conv", inputs, layer, shape))
+
+    def enlarged(self, x: str, layer: str, norm: str, factor: int) -> str:
+        """Transposed convolution whose kernel is as wide as its stride, batch norm, ReLU."""
+        weight, bias = fused(self.weights, layer, norm, axis=1)
+        sides = {"kernel_shape": (factor, factor), "strides": (factor, factor)}
+        if factor == 1:  # the same as a convolution, which is faster
+            inputs = self._with(layer, x, weight.swapaxes(0, 1), bias)
+            return self._relu(Node("Conv", inputs, layer, sides))
+        inputs = self._with(layer, x, weight, bias)
+        return self._relu(Node("ConvTranspose", inputs, layer, sides))
+
+    def joined(self, parts: list[str]) -> str:
+        return self._add(Node("Concat", tuple(parts), "joined", axis=1))
+
+    def maps(self, x: str, heat: str, box: str) -> str:
+        """The convolutions of heat and box as one."""
+        weight, bias = (
+            np.concatenate([self.weights[f"{name}.{kind}"] for name in (heat, box)])
+            for kind in ("weight", "bias")
+        )
+        shape = {"kernel_shape": (3, 3), "pads": (1, 1, 1, 1)}
+        return self._add(Node("Conv", self._with("maps", x, weight, bias), "maps", shape))
+
+    def _with(
+        self, layer: str, x: str, weight: Float32Array, bias: Float32Array
+    ) -> tuple[str, ...]:
+        names = f"{layer}.weight", f"{layer}.bias"
+        self.constants |= dict(zip(names, (weight, bias), strict=True))
+        return x, *names
+
+    def _relu(self, node: Node) -> str:
+        self._add(node)
+        return self._add(Node("Relu", (node.output,), f"{node.output}.relu"))
+
+    def _add(self, node: Node) -> str:
+        self.nodes.append(node)
+        return node.output

@@ -1,0 +1,119 @@
+"""Writes an ONNX model as bytes, with NumPy alone.
+
+An ONNX file is a message of Protocol Buffers (`onnx.proto` of the ONNX project). A message is a
+sequence of fields. Each field has a key, which is its number and its kind, and a value. Two kinds
+are enough here: a number of variable length, and bytes with their length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pyinfra.core.arrays import Float32Array
+
+OPSET, IR_VERSION = 18, 8
+NUMBER, BYTES = 0, 2  # kinds of fields
+FLOAT = 1  # type of the elements of a tensor
+INTEGERS = 7  # type of an attribute
+Dimension = int | str  # a size, or the name of a size that is known when the model runs
+
+
+@dataclass(frozen=True)
+class Node:
+    """An operation: its type, the names of its inputs and output, and its integer attributes."""
+
+    operation: str
+    inputs: tuple[str, ...]
+    output: str
+    attributes: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    axis: int | None = None
+
+
+@dataclass(frozen=True)
+class Tensor:
+    """An input or output of a model."""
+
+    name: str
+    shape: tuple[Dimension, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A graph of operations. weights: the constant inputs, by name."""
+
+    nodes: Sequence[Node]
+    weights: Mapping[str, Float32Array]
+    inputs: Sequence[Tensor]
+    outputs: Sequence[Tensor]
+
+    def __bytes__(self) -> bytes:
+        return b"".join(_model(self))
+
+
+def _model(model: Model) -> Iterator[bytes]:
+    yield _number(1, IR_VERSION)
+    yield _text(2, "pyinfra")
+    yield _bytes(7, b"".join(_graph(model)))
+    yield _bytes(8, _number(2, OPSET))
+
+
+def _graph(model: Model) -> Iterator[bytes]:
+    for node in model.nodes:
+        yield _bytes(1, b"".join(_node(node)))
+    yield _text(2, "detector")
+    for name, array in model.weights.items():
+        yield _bytes(5, b"".join(_constant(name, array)))
+    for number, tensors in ((11, model.inputs), (12, model.outputs)):
+        for tensor in tensors:
+            yield _bytes(number, _text(1, tensor.name) + _bytes(2, _type(tensor)))
+
+
+def _node(node: Node) -> Iterator[bytes]:
+    for name in node.inputs:
+        yield _text(1, name)
+    yield _text(2, node.output)
+    yield _text(4, node.operation)
+    for name, values in node.attributes.items():
+        numbers = b"".join(_number(8, value) for value in values)
+        yield _bytes(5, _text(1, name) + numbers + _number(20, INTEGERS))
+    if node.axis is not None:
+        yield _bytes(5, _text(1, "axis") + _number(3, node.axis) + _number(20, 2))
+
+
+def _constant(name: str, array: Float32Array) -> Iterator[bytes]:
+    for size in array.shape:
+        yield _number(1, size)
+    yield _number(2, FLOAT)
+    yield _text(8, name)
+    yield _bytes(9, np.ascontiguousarray(array, "<f4").tobytes())
+
+
+def _type(tensor: Tensor) -> bytes:
+    sizes = [_number(1, size) if isinstance(size, int) else _text(2, size) for size in tensor.shape]
+    shape = b"".join(_bytes(1, size) for size in sizes)
+    return _bytes(1, _number(1, FLOAT) + _bytes(2, shape))
+
+
+def _text(number: int, text: str) -> bytes:
+    return _bytes(number, text.encode())
+
+
+def _bytes(number: int, content: bytes) -> bytes:
+    return _variable(number << 3 | BYTES) + _variable(len(content)) + content
+
+
+def _number(number: int, value: int) -> bytes:
+    return _variable(number << 3 | NUMBER) + _variable(value)
+
+
+def _variable(value: int) -> bytes:
+    """Returns a non-negative number, seven bits a byte, lowest first."""
+    digits = bytearray()
+    while value >= 0x80:
+        digits.append(value & 0x7F | 0x80)
+        value >>= 7
+    digits.append(value)
+    return bytes(digits)
