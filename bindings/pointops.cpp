@@ -21,6 +21,12 @@ namespace {
 template <typename T>
 using Array = py::array_t<T, py::array::c_style>;
 
+template <typename T>
+void check_aligned(const Array<T>& array, const char* name) {
+  if (reinterpret_cast<std::uintptr_t>(array.data()) % alignof(T) != 0)
+    throw std::invalid_argument(std::string(name) + ": expected aligned numbers, got others");
+}
+
 /// Returns the row-major values of an array with shape (n) or (n, columns).
 template <typename T>
 std::span<const T> values_of(const Array<T>& array, const char* name, py::ssize_t columns = 0) {
@@ -30,8 +36,7 @@ std::span<const T> values_of(const Array<T>& array, const char* name, py::ssize_
     throw std::invalid_argument(std::string(name) + ": expected shape (n" +
                                 (columns == 0 ? ")" : ", " + std::to_string(columns) + ")") +
                                 ", got " + py::str(array.attr("shape")).cast<std::string>());
-  if (reinterpret_cast<std::uintptr_t>(array.data()) % alignof(T) != 0)
-    throw std::invalid_argument(std::string(name) + ": expected aligned numbers, got others");
+  check_aligned(array, name);
   return {array.data(), static_cast<std::size_t>(array.size())};
 }
 
@@ -115,14 +120,17 @@ Array<std::int64_t> suppress(const Array<double>& boxes, double iou, std::int64_
   return moved(std::move(rows));
 }
 
+constexpr std::int64_t kMostStride = 16;
+
 void pillar_map(const Array<float>& points, std::pair<float, float> low, float middle_z, float side,
                 const Array<float>& weight, const Array<float>& bias, std::int64_t first,
                 const Array<float>& layer_weight, const Array<float>& layer_bias,
                 std::int64_t stride, Array<float>& map) {
-  if (points.ndim() != 2 || map.ndim() != 3 || stride < 1)
+  check_aligned(map, "map");
+  if (points.ndim() != 2 || map.ndim() != 3 || stride < 1 || stride > kMostStride)
     throw std::invalid_argument(
         "points, map, stride: expected shapes (n, columns) and (outputs, rows, columns) and a "
-        "stride from 1, got others");
+        "stride of 1 to 16, got others");
   const pointops::PillarGrid grid{.low_x = low.first,
                                   .low_y = low.second,
                                   .middle_z = middle_z,

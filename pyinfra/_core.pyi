@@ -7,7 +7,7 @@ import numpy
 import numpy.typing
 import pyinfra.core.errors
 import typing
-__all__: list[str] = ['BackgroundModel', 'ConfigError', 'CropBox', 'CropFieldOfView', 'CropPolygon', 'CropRange', 'Frame', 'FrameStream', 'GroundHeight', 'GroundMorphological', 'GroundPlane', 'IoError', 'Lidar', 'Observer', 'World', 'ball_query', 'farthest_points', 'frames_version', 'kept_rows', 'learn_background', 'reached_voxels', 'shifted_pairs', 'suppress', 'version', 'warnings']
+__all__: list[str] = ['BackgroundModel', 'ConfigError', 'CropBox', 'CropFieldOfView', 'CropPolygon', 'CropRange', 'Frame', 'FrameStream', 'GroundHeight', 'GroundMorphological', 'GroundPlane', 'IoError', 'Lidar', 'Observer', 'World', 'ball_query', 'farthest_points', 'frames_version', 'kept_rows', 'learn_background', 'pillar_map', 'reached_voxels', 'shifted_pairs', 'suppress', 'version', 'warnings']
 class ConfigError(pyinfra.core.errors.ConfigError):
     pass
 class IoError(OSError):
@@ -245,6 +245,10 @@ def kept_rows(points: numpy.ndarray, steps: collections.abc.Sequence[CropBox | C
 def learn_background(frames: collections.abc.Sequence[numpy.ndarray], *, azimuth_cell_deg: typing.SupportsFloat | typing.SupportsIndex = 0.2, elevation_cell_deg: typing.SupportsFloat | typing.SupportsIndex = 0.2, range_margin_m: typing.SupportsFloat | typing.SupportsIndex = 0.3, height_margin_m: typing.SupportsFloat | typing.SupportsIndex = 0.15) -> BackgroundModel:
     """
     Learns a BackgroundModel from frames of one fixed sensor, each (n, 3) or (n, 4) float32, levelled LiDAR frame. Raises ValueError.
+    """
+def pillar_map(points: numpy.typing.NDArray[numpy.float32], low: tuple[typing.SupportsFloat | typing.SupportsIndex, typing.SupportsFloat | typing.SupportsIndex], middle_z: typing.SupportsFloat | typing.SupportsIndex, side: typing.SupportsFloat | typing.SupportsIndex, weight: numpy.typing.NDArray[numpy.float32], bias: numpy.typing.NDArray[numpy.float32], first: typing.SupportsInt | typing.SupportsIndex, layer_weight: numpy.typing.NDArray[numpy.float32], layer_bias: numpy.typing.NDArray[numpy.float32], stride: typing.SupportsInt | typing.SupportsIndex, map: numpy.typing.NDArray[numpy.float32]) -> None:
+    """
+    Overwrites map (outputs, rows, columns) float32 with the first convolution on the pillars of a cloud. points: (n, 3 or more) float32. low, side: x, y of the grid's corner, side of a cell. weight: (inputs, features), bias: (features,) of the linear layer of a point. first: number of inputs that are left out. layer_weight: (9 * features, outputs), layer_bias: (outputs,) of a 3 x 3 convolution.
     """
 def reached_voxels(coordinates: numpy.typing.NDArray[numpy.int64], shape: typing.Annotated[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex], "FixedSize(3)"], kernel: typing.Annotated[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex], "FixedSize(3)"], stride: typing.Annotated[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex], "FixedSize(3)"], padding: typing.Annotated[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex], "FixedSize(3)"], target_shape: typing.Annotated[collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex], "FixedSize(3)"]) -> tuple[tuple[numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.int64], list[int]], numpy.typing.NDArray[numpy.int64]]:
     """

@@ -42,7 +42,7 @@ simulate() {
 
 # The wheel's files over those of the source: its extension, its binary and their libraries.
 python_tests() {
-  .venv/bin/python -m zipfile -e build/wheel/infrasim-*-cp313-*.whl $root/infrasim
+  .venv/bin/python -m zipfile -e dist/infrasim-*-cp313-*.whl $root/infrasim
   chmod +x $root/infrasim/pyinfra/bin/infrasim
   there ln -sfn ../../pyinfra/bin/infrasim .venv/bin/infrasim
   there .venv/bin/python -m pytest -n 2 --dist loadfile

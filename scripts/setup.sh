@@ -2,7 +2,8 @@
 # Installs what the named groups need, and only what is missing:
 #   scripts/setup.sh build test dev
 # A group is a group of scripts/apt-packages.txt, an extra of pyproject.toml, or both.
-# `build` stands for the package's own requirements and comes first.
+# `build` stands for the package's own requirements and comes first; `compile` is the part of it that
+# the compiler needs.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 constraints=scripts/constraints.txt
@@ -11,7 +12,7 @@ install_system_packages() {
   local missing=() group name only debian sudo=()
   debian=$(. /etc/os-release && echo "${VERSION_ID:-}")
   while read -r group name only; do
-    [[ " $* " == *" $group "* && ${only:-$debian} == "$debian" ]] || continue
+    [[ " ${*/#compile/build} " == *" $group "* && ${only:-$debian} == "$debian" ]] || continue
     dpkg-query -W -f '${Status}' "$name" 2>/dev/null | grep -q 'ok installed' || missing+=("$name")
   done < <(grep -v '^#' scripts/apt-packages.txt)
   [[ ${#missing[@]} -gt 0 ]] || return 0
@@ -50,8 +51,9 @@ requirements() {
 import pathlib, sys, tomllib
 config = tomllib.loads(pathlib.Path("pyproject.toml").read_text())
 project, group = config["project"], sys.argv[1]
-own = config["build-system"]["requires"] + project["dependencies"]
-print(*(own if group == "build" else project["optional-dependencies"].get(group, [])), sep="\n")
+tools = config["build-system"]["requires"]
+groups = {"compile": tools, "build": tools + project["dependencies"]}
+print(*groups.get(group, project["optional-dependencies"].get(group, [])), sep="\n")
 EOF
 }
 

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Makes this Python's wheel in build/wheel and tries it in a clean environment, away from the source tree.
+# Makes this Python's wheel in dist and tries it in a clean environment, away from the source tree.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 try=$PWD/build/wheel-env
 
-rm -rf build/wheel "$try"
+rm -rf build/wheel dist "$try"
 .venv/bin/python -m pip wheel -qq . --no-deps -w build/wheel/raw --build-constraint scripts/constraints.txt
-wheel=$PWD/$(.venv/bin/python scripts/bundle.py build/wheel/raw/*.whl build/wheel)
+wheel=$PWD/$(.venv/bin/python scripts/bundle.py build/wheel/raw/*.whl dist)
 .venv/bin/python -m venv --without-pip "$try"
 .venv/bin/python -m pip --python "$try/bin/python" install -qq --no-compile -c scripts/constraints.txt \
   "infrasim @ file://$wheel#sha256=$(sha256sum "$wheel" | cut -c1-64)"
@@ -22,5 +22,14 @@ fi
 "$try/bin/infrasim" --version
 "$try/bin/python" -c "import pyinfra, pyinfra._core as core; assert core.version() == pyinfra.__version__"
 "$try/bin/python" -c "from pyinfra.viz.viewer.page import library; library()"
+# It detects without PyTorch, and finds scene, LiDAR and detector by name.
+"$try/bin/python" - <<'EOF'
+import sys
+import pyinfra as pi
+frames = pi.simulate(pi.load_scene("highway"), pi.load_lidar("helios_16"), range(0, 20, 10))
+assert len(pi.detect("generalist", frames)) > 0
+assert "torch" not in sys.modules
+EOF
 ls "$package/configs"
+du -sm "$try"
 ls -l "$wheel"

@@ -6,7 +6,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 . scripts/roots.sh
 roots=build/roots
-wheels=build/wheel
+wheels=dist
 run=(run configs/scenes/highway.yaml --lidar configs/lidars/{livox_avia,helios_16,pandar_64,ruby_plus}.yaml
   --frames "0:${FRAMES:-20}" --fields --threads 1)
 
@@ -26,10 +26,10 @@ python_of_trixie() {
 }
 
 wheel_of_trixie() {
-  rm -rf $wheels/raw313
-  .venv/bin/python -m pip --python "$(python_of_trixie)" wheel -qq . --no-deps -w $wheels/raw313 \
+  rm -rf build/wheel/raw313
+  .venv/bin/python -m pip --python "$(python_of_trixie)" wheel -qq . --no-deps -w build/wheel/raw313 \
     --build-constraint scripts/constraints.txt
-  .venv/bin/python scripts/bundle.py $wheels/raw313/*.whl $wheels
+  .venv/bin/python scripts/bundle.py build/wheel/raw313/*.whl $wheels
 }
 
 # try_wheel SUITE TAG: installs the wheel with that tag in a fresh environment of the root, and runs it.

@@ -40,6 +40,7 @@ class Command:
 
 
 COMMANDS = (
+    Command("demo", "pyinfra.cli.demo", "compare four LiDARs at a junction in a minute"),
     Command("pictures", "pyinfra.cli.pictures", "draw frames from above, scenes and close-ups"),
     Command("lidars", "pyinfra.cli.lidars", "list LiDARs: lines, field of view, range, price"),
     Command("site", "pyinfra.cli.site", "make a site from a map, and add traffic to it"),

@@ -9,6 +9,7 @@
 
 #include "pointops/ball_query.h"
 #include "pointops/farthest_points.h"
+#include "pointops/pillars.h"
 #include "pointops/suppression.h"
 #include "pointops/voxel_pairs.h"
 
@@ -114,6 +115,42 @@ TEST(reached_voxels, are_those_whose_kernel_covers_a_voxel) {
   EXPECT_EQ(reached.pairs.inputs, (Rows{0, 0, 1}));
   EXPECT_EQ(reached.pairs.outputs, (Rows{2, 1, 0}));
   EXPECT_TRUE(reached_voxels({}, reach).keys.empty());
+}
+
+TEST(pillar_map, is_the_convolution_of_the_highest_point_of_each_cell) {
+  // One input, the height: the canvas has the highest z of each cell, which is 3 at row 1, column 2
+  // and 5 at row 3, column 0. The kernel counts its taps.
+  const std::vector<float> points{2.2F, 1.5F, 3, 2.9F, 1.1F, 2, 0.5F, 3.5F, 5};
+  const PillarGrid grid{.low_x = 0, .low_y = 0, .middle_z = 0, .side = 1, .rows = 4, .columns = 4};
+  const std::vector<float> height{1}, none{0}, taps{1, 2, 3, 4, 5, 6, 7, 8, 9}, bias{-9.5F};
+  const PillarLayer encoder{.weight = height, .bias = none, .first = 2};
+  for (const std::int64_t stride : {1, 2}) {
+    std::vector<float> canvas(16, 0.0F), map(static_cast<std::size_t>(16 / (stride * stride)));
+    canvas[4 + 2] = 3;
+    canvas[12] = 5;
+    pillar_map(points, 3, grid, encoder, {.weight = taps, .bias = bias, .stride = stride}, map);
+    const auto at = [&](std::int64_t row, std::int64_t column) {
+      const bool inside = row >= 0 && row < 4 && column >= 0 && column < 4;
+      return inside ? canvas[static_cast<std::size_t>(4 * row + column)] : 0.0F;
+    };
+    std::size_t i = 0;
+    for (std::int64_t row = 0; row < 4; row += stride)
+      for (std::int64_t column = 0; column < 4; column += stride) {
+        float sum = bias[0];
+        for (std::int64_t k = 0; k < 9; ++k)
+          sum += taps[static_cast<std::size_t>(k)] * at(row + k / 3 - 1, column + k % 3 - 1);
+        EXPECT_FLOAT_EQ(map[i++], std::max(0.0F, sum)) << row << ' ' << column;
+      }
+  }
+}
+
+TEST(pillar_map, refuses_points_outside_the_grid) {
+  const std::vector<float> one{1}, nine(9, 1.0F), outside{4.5F, 9, 0};
+  std::vector<float> map(16);
+  const PillarGrid grid{.low_x = 0, .low_y = 0, .middle_z = 0, .side = 1, .rows = 4, .columns = 4};
+  EXPECT_THROW(pillar_map(outside, 3, grid, {.weight = one, .bias = one, .first = 0},
+                          {.weight = nine, .bias = one, .stride = 1}, map),
+               std::invalid_argument);
 }
 
 std::vector<double> car(double x, double y, double heading) {

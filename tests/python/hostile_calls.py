@@ -176,6 +176,34 @@ def suppress(boxes: Any, iou: float, limit: int) -> None:
         within(result, len(boxes))
 
 
+single = st.sampled_from([0.0, 0.5, -1.0])
+odd_single = st.sampled_from([np.nan, np.inf, -np.inf, 1e38, -1e38])
+maps = st.builds(np.zeros, st.tuples(*[st.integers(0, 3)] * 3), st.just(np.float32))
+
+
+@given(
+    table(4, np.float32, single, odd_single),
+    st.tuples(st.tuples(real, real), real, real),
+    st.tuples(
+        table(2, np.float32, single, odd_single), table(None, np.float32, single, odd_single), few
+    ),
+    st.tuples(
+        table(2, np.float32, single, odd_single), table(None, np.float32, single, odd_single), few
+    ),
+    maps | table(2, np.float32, single, odd_single),
+)
+def pillar_map(points: Any, grid: Any, encoder: Any, layer: Any, cells: Any) -> None:
+    logged(_core.pillar_map, points, *grid, *encoder, *layer, cells)
+
+
+@given(table(4, np.float32, single, odd_single), maps, st.integers(-1, 5), st.integers(0, 3))
+def pillar_map_that_fits(points: Any, cells: Any, first: int, stride: int) -> None:
+    weight, bias = np.ones((4, 5), np.float32), np.ones(5, np.float32)
+    outputs = cells.shape[0]
+    layer = np.ones((45, outputs), np.float32), np.ones(outputs, np.float32), stride
+    logged(_core.pillar_map, points, (-2.0, -2.0), 0.0, 0.5, weight, bias, first, *layer, cells)
+
+
 corners = st.lists(st.tuples(real, real), max_size=5)
 reals = st.lists(real, min_size=3, max_size=3)
 SIZES = st.sampled_from("window_m height_m cell_m azimuth_cell_deg max_range_m".split())
@@ -356,6 +384,8 @@ TESTS: tuple[Callable[[], None], ...] = (
     shifted_pairs,
     reached_voxels,
     suppress,
+    pillar_map,
+    pillar_map_that_fits,
     each_filter,
     kept_rows,
     learn_background,

@@ -462,6 +462,7 @@ def test_every_benchmark_of_the_package_has_its_files() -> None:
         "datasheet": 48,
         "example": 1,
         "first_look": 4,
+        "junction": 4,
     }
 
 
