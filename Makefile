@@ -94,7 +94,7 @@ reference: build
 
 # The tables of the pages that repeat a CSV of results/, then the site: build/docs/index.html.
 docs: build
-	@scripts/setup.sh detectors docs
+	@scripts/setup.sh train docs
 	$(PYTHON) -m reproduction tables
 	GALLERY=$(GALLERY) MPLBACKEND=agg .venv/bin/sphinx-build -q -W --keep-going -b html -d build/doctrees docs build/docs
 	@echo "build/docs/index.html"

@@ -23,6 +23,7 @@ from pyinfra.models.inference.detect import (
     detect,
     model_file,
     shipped,
+    threads_of,
 )
 from pyinfra.models.inference.folder import (
     FolderDetections,
@@ -145,7 +146,9 @@ def run(args: argparse.Namespace) -> int:
         warn(text, args)
     if not any(map(len, detections.detections)):
         warn(NOTHING, args)
-    _print_summary(detections, load, sys.stderr if args.out is None else sys.stdout)
+    threads = threads_of(model, args.device, checked_threads(args.threads))
+    to = sys.stderr if args.out is None else sys.stdout
+    _print_summary(detections, threads, load, to)
     return 0
 
 
@@ -218,13 +221,14 @@ def _in_clouds(args: argparse.Namespace, model: Path) -> FolderDetections:
     return FolderDetections(args.inputs, *detect(detector, args.inputs, args.out, read=read))
 
 
-def _print_summary(result: FolderDetections, load: OtherLoad, to: TextIO) -> None:
+def _print_summary(result: FolderDetections, threads: int, load: OtherLoad, to: TextIO) -> None:
     boxes = result.detections
     likely = sum(int((one.scores >= LIKELY).sum()) for one in boxes)
     low, high = np.percentile(result.times_ms, PERCENTILES)
     print(
         f"{len(boxes)} frames, {sum(map(len, boxes))} boxes ({likely} with a score of {LIKELY} or "
-        f"more), {low:.1f} ms a frame (median), {high:.1f} ms (95 %); {load.text}",
+        f"more), {low:.1f} ms a frame (median), {high:.1f} ms (95 %), "
+        f"{threads} thread{'s'[: threads > 1]}; {load.text}",
         file=to,
     )
 

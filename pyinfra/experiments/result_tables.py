@@ -96,7 +96,7 @@ KINDS = {
         "ap ap_low ap_high ap_common ap_all objects train_seconds latency_p50_ms latency_p95_ms",
         _EXPERIMENT,
         f"{' '.join(AP_COLUMNS)} objects_all objects_present {OFF_REGION} train_steps "
-        "latency_other_cores latency_frames",
+        "latency_other_cores latency_frames latency_threads",
     ),
     "replicates": kind(
         "{tier}_replicates.csv",

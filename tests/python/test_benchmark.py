@@ -133,6 +133,7 @@ def test_detectors_are_timed_one_by_one_after_the_last_experiment(
     assert (table.latency_p50_ms > 0).all()
     assert (table.latency_other_cores >= 0).all()
     assert (table.latency_frames > 0).all()
+    assert (table.latency_threads == 1).all()
 
 
 def test_a_benchmark_stopped_before_the_timing_is_timed_by_the_same_command(

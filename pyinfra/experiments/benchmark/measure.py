@@ -33,7 +33,9 @@ Tables = dict[str, pd.DataFrame]
 SETTINGS = Settings(ground_truths=SUBSETS)
 TIMED_FRAMES = 100
 OFF_REGION_SCORE = 0.5
-LATENCY = tuple(f"latency_{w}" for w in "p50_ms p95_ms other_cores frames version machine".split())
+LATENCY = tuple(
+    f"latency_{w}" for w in "p50_ms p95_ms other_cores frames threads version machine".split()
+)
 MEASURED = (
     *AP_COLUMNS,
     *("objects", "objects_all", "objects_present", OFF_REGION),
@@ -100,7 +102,7 @@ def detected(run: Path, folder: Path, device: str) -> None:
 def timed_alone(
     run: Path, folder: Path, device: str, *, every: int | None = None
 ) -> tuple[dict[str, object], OtherLoad]:
-    """Measures the latency from points to boxes.
+    """Measures the latency from points to boxes, on one thread.
 
     Returns the columns of the latency, and the load by other processes. every: n to use every n-th
     test frame; by default at most TIMED_FRAMES frames are used. The caller must make sure that
@@ -123,6 +125,7 @@ def latency_columns(times: FloatArray, load: OtherLoad) -> dict[str, object]:
         "latency_p95_ms": round(p95, 2),
         "latency_other_cores": round(load.cores, 2),
         "latency_frames": len(times),
+        "latency_threads": 1,
         "latency_version": __version__,
         "latency_machine": machine(),
     }

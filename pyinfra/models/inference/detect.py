@@ -71,6 +71,12 @@ def load_detector(
     return OnRoad(load_network(file, region, device), ground)
 
 
+def threads_of(file: Path, device: str, threads: int) -> int:
+    """Returns the number of threads that a model uses if the user asks for `threads`."""
+    with_onnx = device == "cpu" and file.suffix != ".npz"
+    return threads if with_onnx and runs_with_onnx(read_provenance(file).detector) else 1
+
+
 def runs_with_onnx(detector: str) -> bool:
     """Returns whether a detector runs with ONNX Runtime, which needs the extension."""
     from pyinfra.models.ops.kernels import kernels

@@ -17,19 +17,19 @@ from pyinfra.core.arrays import Float32Array
 OPSET, IR_VERSION = 18, 8
 NUMBER, BYTES = 0, 2  # kinds of fields
 FLOAT = 1  # type of the elements of a tensor
-INTEGERS = 7  # type of an attribute
+INTEGER, STRING, INTEGERS = 2, 3, 7  # types of an attribute
+Attribute = int | str | tuple[int, ...]
 Dimension = int | str  # a size, or the name of a size that is known when the model runs
 
 
 @dataclass(frozen=True)
 class Node:
-    """An operation: its type, the names of its inputs and output, and its integer attributes."""
+    """An operation: its type, the names of its inputs and output, and its attributes."""
 
     operation: str
     inputs: tuple[str, ...]
     output: str
-    attributes: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    axis: int | None = None
+    attributes: Mapping[str, Attribute] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -76,11 +76,16 @@ def _node(node: Node) -> Iterator[bytes]:
         yield _text(1, name)
     yield _text(2, node.output)
     yield _text(4, node.operation)
-    for name, values in node.attributes.items():
-        numbers = b"".join(_number(8, value) for value in values)
-        yield _bytes(5, _text(1, name) + numbers + _number(20, INTEGERS))
-    if node.axis is not None:
-        yield _bytes(5, _text(1, "axis") + _number(3, node.axis) + _number(20, 2))
+    for name, value in node.attributes.items():
+        yield _bytes(5, _text(1, name) + _value(value))
+
+
+def _value(value: Attribute) -> bytes:
+    if isinstance(value, int):
+        return _number(3, value) + _number(20, INTEGER)
+    if isinstance(value, str):
+        return _text(4, value) + _number(20, STRING)
+    return b"".join(_number(8, one) for one in value) + _number(20, INTEGERS)
 
 
 def _constant(name: str, array: Float32Array) -> Iterator[bytes]:
