@@ -16,7 +16,7 @@ configure = cmake --preset $(1) $(2) -DCMAKE_UNITY_BUILD=$(or $(3),$(UNITY)) -DP
 	-Dpybind11_DIR=$$($(PYTHON) -m pybind11 --cmakedir) >build/$(1)-configure.log 2>&1 \
 	|| { cat build/$(1)-configure.log; exit 1; }
 
-.PHONY: setup build demo dataset generalist debian13 test lint stubs reference docs viewer bench wheel wheels hashes sanitize fuzz clean
+.PHONY: setup build demo dataset generalist debian13 test lint stubs reference tables docs viewer bench wheel wheels hashes sanitize fuzz clean
 .NOTPARALLEL:
 
 build:
@@ -92,10 +92,14 @@ reference: build
 	@scripts/setup.sh train
 	$(PYTHON) scripts/reference.py
 
-# The tables of the pages that repeat a CSV of results/, then the site: build/docs/index.html.
-docs: build
-	@scripts/setup.sh train docs
+# The tables of the pages, from results/*.csv.
+tables:
+	@scripts/setup.sh build
 	$(PYTHON) -m reproduction tables
+
+# The documentation site with current tables: build/docs/index.html.
+docs: build tables
+	@scripts/setup.sh train docs
 	GALLERY=$(GALLERY) MPLBACKEND=agg .venv/bin/sphinx-build -q -W --keep-going -b html -d build/doctrees docs build/docs
 	@echo "build/docs/index.html"
 

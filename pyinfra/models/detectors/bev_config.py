@@ -20,7 +20,9 @@ class BevConfig:
 
     def __post_init__(self) -> None:
         if not 0 < len(self.layers) == len(self.widths) == len(self.strides):
-            raise Error("layers, widths, strides: expected lists of equal lengths, got different ones")
+            raise Error(
+                "layers, widths, strides: expected lists of equal lengths, got different ones"
+            )
 
 
 def multiple(config: BevConfig, cell_m: float) -> float:
