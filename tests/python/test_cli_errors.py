@@ -517,7 +517,7 @@ def test_the_trajectory_file_itself_is_right(site: Site) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "line", "key", "words"),
     [
-        ("0.1,2,Car,31", "0,2,Car,31", 5, "t", ["before the row above"]),
+        ("0.1,2,Car,31", "0,2,Car,31", 5, "t", ["a time before that of the row above"]),
         ("0.2,1,Car,12", "0.3,1,Car,12", 6, "id", ["after a gap", "0.1 s"]),
         ("0.2,1,Car,12", "0.15,1,Car,12", 6, "t", ["multiple of 0.1 s"]),
         ("0.1,1,Car,11", "0.1,3,Car,11", 5, "id", ["expected ascending ids"]),

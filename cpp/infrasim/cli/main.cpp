@@ -49,7 +49,7 @@ int parse(CLI::App& app, int argc, char** argv) {
     const std::vector<std::string_view> words(argv, argv + argc);
     const bool taken = what == "scene is required" && words.at(1) == "run" &&
                        std::ranges::count(words, "--lidar") > 0;
-    if (words.at(1) == "filter" && std::ranges::count(words, "--range") > 0)
+    if (words.size() > 1 && words[1] == "filter" && std::ranges::count(words, "--range") > 0)
       return complain("infrasim: --range: expected --crop-range; renamed in version 0.4", kWrong);
     const char* more = taken ? " before the options, because --lidar takes all words after it" : "";
     return complain("infrasim: " + what + more + " (see --help)", kWrong);
