@@ -279,7 +279,7 @@ def test_detect_stacks_data_and_refuses_lone_clouds(
     assert main.main(["detect", str(folder), "--model", str(trained), "--out", str(tmp_path)]) == 0
     assert len(list(tmp_path.glob("*.txt"))) == 4
     cloud = kitti.frame_file(folder, "velodyne", 9)
-    assert main.main(["detect", str(trained), str(cloud)]) != 0
+    assert main.main(["detect", str(cloud), "--model", str(trained)]) != 0
     assert (
         "expected a model of single frames, got one of 3 stacked frames" in capsys.readouterr().err
     )

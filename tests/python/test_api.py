@@ -326,7 +326,7 @@ def test_predictions_of_other_frames_or_another_model_are_refused(
     (other / "dataset.yaml").write_text(text.replace("seed: 1", "seed: 2"))
     with pytest.raises(pi.Error, match=r"origin.yaml: seed: expected 2, got 1"):
         pi.evaluate(other / "helios_16", out)
-    assert main.main([*words[:4], str(other / "helios_16"), *words[5:]]) == 2
+    assert main.main(["detect", str(other / "helios_16"), *words[2:]]) == 2
     origin = (out / "origin.yaml").read_text()
     assert "model: generalist\n" in origin
     (out / "origin.yaml").write_text(origin.replace("model_sha256: ", "model_sha256: 0"))

@@ -81,6 +81,8 @@ MODELS: dict[str, tuple[Any, str]] = {
     "name": ("generalst", "did you mean 'generalist'"),
 }
 CALLS: dict[str, tuple[Call, str]] = {
+    "plan: scene": (lambda g: pi.plan("hiway", 9000), "scene: "),
+    "plan: find": (lambda g: pi.plan("crossroad", 9000, find=90), "find: expected 0 to 1"),
     "load_scene: name": (lambda g: pi.load_scene("highwy"), "scene: .*did you mean 'highway'"),
     "load_scene: type": (lambda g: pi.load_scene(3), "scene: expected a name or a path, got int"),
     "load_scene: key": (lambda g: pi.load_scene("highway", set={"duraton_s": 1}), "duraton_s"),

@@ -498,7 +498,7 @@ def test_train_takes_the_region_from_the_roads_or_a_file_or_says_that_there_is_n
         outline(tmp_path)
         words = ["--region", str(tmp_path / "region.yaml")]
     y = centres_y(recording, tmp_path / "run", *words)
-    refused = "background: pole: no roads.csv and no --region, so" in capsys.readouterr().err
+    refused = "background: pole: no roads.csv and no --region" in capsys.readouterr().err
     assert refused == (known_by == "nothing")
     assert (np.abs(y - 3) < 1).sum() >= 10
     assert (y > HEDGE_Y_M - 2).any() == (known_by == "nothing")
@@ -508,7 +508,7 @@ def test_a_height_or_region_for_what_learnt_its_own_is_an_error(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     (tmp_path / "background.npz").touch()
-    words = ["detect", str(tmp_path), str(tmp_path / "cloud.bin"), "--height-m", "6"]
+    words = ["detect", str(tmp_path / "cloud.bin"), "--model", str(tmp_path), "--height-m", "6"]
     assert main.main(words) == 2
     assert "--height-m: expected none for background" in capsys.readouterr().err
 

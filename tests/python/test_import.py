@@ -542,5 +542,5 @@ def test_without_labels_there_is_a_warning(
     words = ["import", source, "--from", "openpcdet", "--out", tmp_path / "in/pole"]
     words += ["--upright", "as-is"]  # made-up points have no road
     assert main.main([str(word) for word in words]) == 0
-    assert "source: no labels: " in capsys.readouterr().err
+    assert "source: the frames have no labels: " in capsys.readouterr().err
     assert len(objects(tmp_path / "in/pole", 5)) == 0

@@ -82,7 +82,7 @@ def test_the_highest_ap_of_all_vehicles_comes_first(
     lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 85)
     assert lines[0] == (
         "road, preset paper, quick tier: at most 8,000 USD, AP 85 of all visible vehicles, "
-        "100 m either way, 100 ms a frame."
+        "100 m in each direction, 100 ms a frame."
     )
     assert lines[1] == (
         "1. livox_avia with pointpillars: AP (R40) of all visible vehicles 94.0 [93.0, 95.0], of "

@@ -196,9 +196,9 @@ def test_the_best_checkpoint_changes_nothing_of_the_last_one_and_survives_a_kill
     assert not (without / "best.safetensors").exists()
     cloud = str(kitti.frame_file(lidar_folder, "velodyne", 9))
     assert detect.model_file(whole).name == last
-    assert main.main(["detect", str(whole), cloud, "--checkpoint", "best"]) == 0
+    assert main.main(["detect", cloud, "--model", str(whole), "--checkpoint", "best"]) == 0
     capsys.readouterr()
-    assert main.main(["detect", str(without), cloud, "--checkpoint", "best"]) == 1
+    assert main.main(["detect", cloud, "--model", str(without), "--checkpoint", "best"]) == 1
     assert "without: No best.safetensors or background.npz in it" in capsys.readouterr().err
 
 
@@ -576,9 +576,9 @@ def test_background_says_what_it_has_no_use_for(
     words = ["train", str(ROOT / "configs/detectors/background.yaml"), str(lidar_folder)]
     words += ["--out", str(tmp_path), "--tier", "smoke"]
     assert main.main([*words, "--seed", "2", "--step-factor", "0.5"]) == 0
-    unused = "pyinfra: note: background: no use for --seed, --step-factor\n"
+    unused = "pyinfra: note: background does not use --seed, --step-factor\n"
     anywhere = (
-        f"pyinfra: note: background: {lidar_folder.name}: no roads.csv and no --region, so "
+        f"pyinfra: note: background: {lidar_folder.name}: no roads.csv and no --region: "
         "every moving object counts as a vehicle\n"
     )
     assert capsys.readouterr().err == unused + anywhere
@@ -708,7 +708,7 @@ def test_vehicles_are_looked_for_in_the_region(
 ) -> None:
     (tmp_path / "near.yaml").write_text("outline_m: [[10, -4], [14, -4], [14, 4], [10, 4]]\n")
     cloud = kitti.frame_file(lidar_folder, "velodyne", 9)
-    words = [sure, cloud, "--height-m", 6]
+    words = [cloud, "--model", sure, "--height-m", 6]
     everywhere = np.array(rows_of(capsys, *words)[1:])[:, 1:3].astype(float)
     near = rows_of(capsys, *words, "--region", tmp_path / "near.yaml")[1:]
     x = np.array(near)[:, 1].astype(float)
