@@ -132,7 +132,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=int, help="seed of the traffic; default: the scene's")
     parser.add_argument(
-        "--frames", type=int, default=Request.frames, help="most frames of a pose; default: 96"
+        "--max-frames",
+        dest="frames",
+        type=int,
+        default=Request.frames,
+        help="most frames of a pose; default: 96",
     )
     parser.add_argument(
         "--check-frames",

@@ -300,7 +300,7 @@ def test_single_frames_are_not_given_to_a_model_of_stacked_ones(
     ("words", "message"),
     [
         (["--accumulate", "0"], "accumulate: expected 1 to 100, got 0"),
-        (["--label-at", "middle"], "label-at: expected newest, got middle of one frame"),
+        (["--label-at", "middle"], "label-at: expected newest, got middle for a single frame"),
         (
             ["--sites", "f.yaml", "--accumulate", "2"],
             "--accumulate: expected 1, got 2 with --sites",

@@ -311,7 +311,7 @@ def test_millimetres_are_metres_afterwards(site: Path, tmp_path: Path) -> None:
 def test_other_units_are_refused_and_can_be_given(site: Path, tmp_path: Path) -> None:
     clouds = with_positions(clouds_of(site, "helios_16"), lambda p: p * 30)
     source = write(tmp_path / "source", clouds)
-    with pytest.raises(ValueError, match=r"returns \d+ from the sensor .* `unit_m`"):
+    with pytest.raises(ValueError, match=r"expected a median range .* `unit_m`"):
         taken(source)
     import_recording(source, "bin", tmp_path / "in/pole", FACTS, Options(unit_m=1 / 30))
     assert road_at(tmp_path / "in/pole") == pytest.approx(-HEIGHT_M, abs=0.03)
@@ -441,7 +441,7 @@ def test_frames_out_of_order_are_sorted(site: Path, tmp_path: Path) -> None:
     clouds = clouds_of(site, "helios_16")[:5]
     source = write_stamped(tmp_path / "source", clouds, [0, 0.1, 0.3, 0.2, 0.4])
     summary, _ = import_recording(source, "pcd", tmp_path / "in/pole", FACTS, Options())
-    assert any("out of order (1 times" in line for line in summary.assumed)
+    assert any("out of order (1 frames" in line for line in summary.assumed)
     rows = (tmp_path / "in/pole/sources.csv").read_text().splitlines()[1:]
     assert rows == ["0,000000", "1,000001", "2,000003", "3,000002", "4,000004"]
 
@@ -566,7 +566,7 @@ def test_boxes_of_a_lone_pcd_are_those_of_its_turned_and_scaled_points(
         assert its_names == names
         assert its_boxes == pytest.approx(boxes, abs=0.05)
         assert "VIEWPOINT of 1 of 1 clouds: points are turned by 42.27 degrees" in said
-        assert "its shift ({:g}, {:g}, {:g}) is left out".format(*shift) in said
+        assert "its shift ({:g}, {:g}, {:g}) is ignored".format(*shift) in said
         assert "the highest intensity is 255: intensities are divided by 255" in said
 
 

@@ -175,7 +175,7 @@ def test_the_answer_says_what_an_engineer_asks(
     poses = tmp_path / "poses.csv"
     poses.write_text("x_m,y_m,existing\n-14,9.5,yes\n-14,-9.5,no\n-20,0,no\n")
     words = ["plan", "crossroad", "--budget", "9000", "--find", "0.9", "--within", "60", "--poses",
-             str(poses), "--lidar", "helios_16", "--frames", "6", "--heights", "5",
+             str(poses), "--lidar", "helios_16", "--max-frames", "6", "--heights", "5",
              "--pitches", "0", "--check-frames", "4", "--out", str(tmp_path / "out")]  # fmt: skip
     assert main.main(words) == 0
     text = capsys.readouterr().out
