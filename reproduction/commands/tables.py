@@ -26,7 +26,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "claims in short": findings.in_short,
     "claims about scanning": findings.scanning,
     "AP of captured": verdicts.average_precision,
-    "AP of present": partial(verdicts.average_precision, "present"),
     "verdicts, comparable": partial(verdicts.verdicts, "comparable"),
     "verdicts, comparable on common": partial(verdicts.verdicts, "comparable", "common"),
     "verdicts, 64-below": partial(verdicts.verdicts, "64-below"),

@@ -30,10 +30,7 @@ def far_points() -> list[str]:
         f"under [the study's settings](docs/first_steps.md#presets), {equal} times at equal range, "
         f"{datasheet} times by data sheets."
     )
-    where = (
-        "[highway](docs/results/points.md), beyond 90 m, within range of all LiDARs; "
-        "five traffic seeds"
-    )
+    where = "[highway](docs/results/points.md), beyond 90 m; five traffic seeds"
     return [finding, where]
 
 
@@ -53,7 +50,7 @@ def wrong_yaw() -> list[str]:
     )
     where = (
         f"[highway](docs/results/failures.md), {WORDS[detectors]} detectors, "
-        f"{WORDS[turned.lidar.nunique()]} LiDARs; one seed and training, no intervals"
+        f"{WORDS[turned.lidar.nunique()]} LiDARs; one seed"
     )
     return [finding, where]
 
@@ -72,12 +69,11 @@ def same_vehicles() -> list[str]:
         for name in ("paper", "datasheet")
     )
     finding = (
-        "For vehicles that all LiDARs can see, the AP (average precision, in percent) of the Avia "
-        f"differs from that of 128 lines by {paper} under the study's settings, and by "
-        f"{datasheet} by data sheets."
+        "For vehicles that all LiDARs can see, AP (average precision, %) of the Avia less that of "
+        f"128 lines is {paper} under the study's settings, {datasheet} by data sheets."
     )
     where = (
-        "[highway](docs/results/detection.md), a detector fine-tuned for each LiDAR, "
-        f"{rows.replicates.min()} replicates of traffic and training; {100 * LEVEL:.1f} % intervals"
+        "[highway](docs/results/detection.md), fine-tuned detector; "
+        f"{rows.replicates.min()} replicates, {100 * LEVEL:.1f} % intervals"
     )
     return [finding, where]

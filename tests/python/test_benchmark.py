@@ -190,7 +190,7 @@ def test_the_load_of_others_is_what_they_compute_and_not_what_is_timed(
 def test_latency_can_be_measured_again_alone(results: Path) -> None:
     before = pd.read_csv(results / "smoke.csv")
     before.assign(latency_p50_ms=-1.0).to_csv(results / "smoke.csv", index=False)
-    assert main.main([*words(results.parent / "small.yaml", results), "--latency"]) == 0
+    assert main.main([*words(results.parent / "small.yaml", results), "--only-latency"]) == 0
     after = pd.read_csv(results / "smoke.csv")
     assert (after.latency_p50_ms > 0).all()
     assert list(after.columns) == list(before.columns)
@@ -200,7 +200,7 @@ def test_latency_can_be_measured_again_alone(results: Path) -> None:
 def test_latency_without_a_run_is_an_error(
     results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    again = ["--work", str(tmp_path), "--latency"]
+    again = ["--work", str(tmp_path), "--only-latency"]
     assert main.main([*words(results.parent / "small.yaml", results), *again]) == 1
     assert f"No run of the {EXPERIMENTS} finished experiments is in" in capsys.readouterr().err
 

@@ -594,7 +594,9 @@ def test_missing_unknown_and_no_files(tmp_path: Path) -> None:
     gt = write_lidar(tmp_path / "lidar", frames)
     pred = write_predictions(tmp_path / "pred", perfect(frames))
     (pred / "000001.txt").unlink()
-    with pytest.raises(FormatError, match=r"pred/000001\.txt: missing of 3 frames; write an empty file"):
+    with pytest.raises(
+        FormatError, match=r"pred/000001\.txt: missing of 3 frames; write an empty file"
+    ):
         evaluate(gt, pred)
     allowed = evaluate(gt, pred, allow_missing=True)
     assert allowed.ap.ap[0] == pytest.approx(100 * 26 / 40)

@@ -169,9 +169,21 @@ def written(folder: Path, viewpoints: list[str], fields: str) -> Path:
         (["0 0 0 1 0 0 0"] * 2, (1, 2, 3), []),
         (["10 0 5 0.5 0.5 0.5 0.5"] * 2, (13, 1, 7), ["turned by 120.00 degrees and moved by (10"]),
         (["0 0 5 0 0 0 0"] * 2, (1, 2, 8), ["turned by 0.00 degrees and moved by (0, 0, 5)"]),
-        (["691000 5e6 520 0 1 0 0"] * 2, (1, -2, -3), ["its shift (691000, 5e+06, 520) is ignored"]),
-        (["0 0 5 1 0 0 0", "0 0 6 1 0 0 0"], (1, 2, 8), ["2 of 2", "in 0.pcd; other clouds differ"]),
-        (["0 0 5 1 0 0 0", "0 0 0 1 0 0 0"], (1, 2, 8), ["1 of 2", "in 0.pcd; other clouds differ"]),
+        (
+            ["691000 5e6 520 0 1 0 0"] * 2,
+            (1, -2, -3),
+            ["its shift (691000, 5e+06, 520) is ignored"],
+        ),
+        (
+            ["0 0 5 1 0 0 0", "0 0 6 1 0 0 0"],
+            (1, 2, 8),
+            ["2 of 2", "in 0.pcd; other clouds differ"],
+        ),
+        (
+            ["0 0 5 1 0 0 0", "0 0 0 1 0 0 0"],
+            (1, 2, 8),
+            ["1 of 2", "in 0.pcd; other clouds differ"],
+        ),
     ],
 )
 def test_every_reader_of_clouds_applies_their_viewpoint_and_says_so(

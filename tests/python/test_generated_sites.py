@@ -482,5 +482,5 @@ def test_background_learns_from_no_stream(tmp_path: Path) -> None:
 def test_nothing_is_kept_of_a_stream_to_validate_by(tmp_path: Path) -> None:
     recipe = read_recipe(configs() / "detectors/pointpillars.yaml", "smoke")
     recipe = replace(recipe, learning=replace(recipe.learning, validate_frames=3))
-    with pytest.raises(ValueError, match="validate_frames: expected 0, got 3 of a stream"):
+    with pytest.raises(ValueError, match="validate_frames: expected 0, got 3 for a stream"):
         train(recipe, site_stream(PLAN, FEW), tmp_path / "run")

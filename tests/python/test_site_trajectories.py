@@ -282,7 +282,7 @@ BROKEN = {
     "twice": (data.HEADER + GOOD + GOOD, "expected ascending times"),
     "degrees": (
         data.HEADER + data.csv(data.drive() + np.array([0, 0, 0, 45])),
-        "expected --degrees",
+        "set --degrees",
     ),
     "clock": (
         data.HEADER + GOOD + data.csv(data.drive() + np.array([99999, 0, 0, 0])),
