@@ -15,8 +15,8 @@ BUDGET_USD = 10_000  # an example, as no requirement is known yet
 
 
 def print_next(command: str, args: argparse.Namespace) -> None:
-    """Prints the next command, if standard output is a terminal."""
-    if sys.stdout.isatty():
+    """Prints the next command, if standard output is a terminal; `demo` prints its own."""
+    if command in NEXT and sys.stdout.isatty():
         print(f"next: {next_command(command, args)}")
 
 
@@ -121,6 +121,11 @@ def _benchmark(args: argparse.Namespace) -> Words:
     return ["pyinfra", "recommend", args.out, "--tier", args.tier, "--budget", BUDGET_USD]
 
 
+def _plan(args: argparse.Namespace) -> Words:
+    words = ["pyinfra", "benchmark", "first_look", "--scene", args.scene]
+    return [*words, "--out", args.out / "benchmark"]
+
+
 def _recommend(args: argparse.Namespace) -> Words:
     budget = ["--budget", f"{args.budget_usd:g}"]
     page = args.results / "report.html"
@@ -162,6 +167,7 @@ NEXT: dict[str, Callable[[argparse.Namespace], Words]] = {
     "stress": _stress,
     "compare": _compare,
     "benchmark": _benchmark,
+    "plan": _plan,
     "recommend": _recommend,
     "report": _report,
     "import": _import,

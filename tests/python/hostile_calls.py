@@ -281,6 +281,7 @@ def pattern(lidar: Any, first: int, last: int, step: int, seed: int | None, moun
     result = logged(lidar.pattern, first, last, step, seed, mount)
     assert result is None or np.isfinite(result).all()
     logged(lidar.period_warnings, first, last, step)
+    assert logged(lidar.fields_of_view)
     free = logged(lidar.with_free_motors)
     logged(free.pattern, first, first + 1, step, seed, mount)
     assert free.name == lidar.name

@@ -97,7 +97,7 @@ def test_other_costs_of_the_site_do_not_change_prices_in_silence(
     config.write_text(f"{MATRIX}costs: {{pole_usd: 1500}}\n")
     assert run(config) == 2
     assert (
-        "site_usd: expected 1500 as in this benchmark, or another --out, got 0"
+        "site_usd: expected 1500 as in this benchmark, got 0; choose another --out"
         in capsys.readouterr().err
     )
 
@@ -190,7 +190,7 @@ def test_rows_of_an_edited_recipe_are_named_and_not_kept(
     changed(recipe, "smoke: {}", "smoke: {network: {range_m: 50}}")
     capsys.readouterr()
     assert run(config, "--dry-run") == 0
-    assert "site own paper mine smoke 1: stale" in capsys.readouterr().out
+    assert "site own paper mine smoke 1: out of date" in capsys.readouterr().out
     assert run(config) == 2
     error = capsys.readouterr().err
     assert "smoke.csv: site own paper mine smoke 1: expected rows of this benchmark, " in error
@@ -298,7 +298,7 @@ def test_a_lidar_is_named_as_its_file(config: Path, capsys: pytest.CaptureFixtur
         (
             "0:20:5",
             "0:10:5",
-            "frames, split: expected some before 1 s .*, got frames from 0 to 0.5 s",
+            "frames, split: expected frames before 1 s .*, got frames from 0 to 0.5 s",
         ),
         (
             "val_from_s: 1.5",

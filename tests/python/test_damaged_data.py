@@ -77,7 +77,8 @@ def test_a_lidar_copied_without_its_roads_is_named(data_set: Path, tmp_path: Pat
     assert ap < 95
     assert names == {"no-roads"}
     (warning,) = [f for f in evaluate(copy, pred).findings if f.name == "no-roads"]
-    assert warning.text.startswith(f"{copy / 'lidar.yaml'}:3: preset: got 'paper', of a simul")
+    assert warning.text.startswith(f"{copy / 'lidar.yaml'}:3: preset: expected ")
+    assert "/copy/roads.csv for simulated frames, got none" in warning.text
 
 
 def test_a_lidar_without_its_description_is_named(data_set: Path, tmp_path: Path) -> None:

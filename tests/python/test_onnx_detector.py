@@ -151,9 +151,9 @@ assert len(pi.detect(pi.load_detector("generalist"), frames)) > 0
 folder = sys.argv[1]
 pi.export(frames, "pcd", folder + "/recording")
 pi.import_recording(folder + "/recording", "pcd", folder + "/data/pole", height_m=6.0)
-words = ["detect", "--model", "generalist", "--data", folder + "/data/pole"]
+words = ["detect", folder + "/data/pole", "--model", "generalist"]
 assert main.main([*words, "--out", folder + "/boxes", "--height-m", "6"]) == 0
-train = ["train", "configs/detectors/pointpillars.yaml", "--data", folder + "/data/pole"]
+train = ["train", "configs/detectors/pointpillars.yaml", folder + "/data/pole"]
 assert main.main([*train, "--out", folder + "/run", "--tier", "smoke"]) == 2
 assert main.main(["onnx", "generalist", "--out", folder + "/model.onnx"]) == 2
 """

@@ -98,7 +98,7 @@ def test_boxes_off_the_region_are_in_the_table_of_experiments(tmp_path: Path) ->
 def test_captions_say_that_captured_vehicles_do_not_compare_positions(whole: Path) -> None:
     text = Read(whole).text
     for figure in ("AP along the road, preset paper: ", "Areas by quality, preset paper: "):
-        caption = text[text.index(f"{figure}vehicles that the LiDAR captured") :][:220]
+        caption = text[text.index(f"{figure}vehicles on which the LiDAR has") :][:240]
         assert "must not be used to compare positions of a sensor" in caption
 
 
@@ -327,7 +327,10 @@ def test_the_report_of_an_own_site_takes_the_limits_of_recommend(
         "USD." in text
     )
     assert "Left out: RoboSense Ruby Plus with PointPillars: costs 24,000 USD." in text
-    assert main.main(["report", str(results), "--min-ap", "0.85"]) == 2
+    assert (
+        main.main(["report", str(results), "--min-ap", "0.85", "--out", str(tmp_path / "a.html")])
+        == 2
+    )
     assert "--min-ap: expected above 1 to 100, got 0.85" in capsys.readouterr().err
 
 
@@ -353,7 +356,7 @@ def test_other_presets_are_under_a_section_of_that_name(tmp_path: Path) -> None:
         if name in ("quick.csv", "quick_value.csv")
     }
     file = report(report_data.write(tmp_path / "results", tables))
-    (title,) = re.findall(r'Others are under "([^"]+)"', Read(file).text)
+    (title,) = re.findall(r'other presets of section "([^"]+)"', Read(file).text)
     titles = re.findall(r"<h2 id=[^>]*>([^<]+)</h2>", file.read_text())
     assert title in titles
 
@@ -392,7 +395,12 @@ def test_a_module_of_sections_takes_the_place_of_the_usual(
     assert "1 row Mine." in page.text
     assert (tmp_path / "report_data/mine.csv").is_file()
     for wrong in ("no_sections", "nowhere", "nowhere.at_all"):
-        assert main.main(["report", str(results), "--sections", wrong]) == 2
+        assert (
+            main.main(
+                ["report", str(results), "--sections", wrong, "--out", str(tmp_path / "a.html")]
+            )
+            == 2
+        )
         assert f"got {wrong}" in capsys.readouterr().err
 
 

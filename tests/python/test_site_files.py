@@ -288,7 +288,7 @@ def test_a_site_without_its_trajectories_yet_is_checked_but_for_them(
     file.unlink()
     result = infrasim("check", scene)
     assert result.returncode == 0
-    assert f"warning: no-trajectories: {file}: not there" in result.stderr
+    assert f"warning: no-trajectories: {file}: file does not exist" in result.stderr
     for words in (
         ["check", scene, "--traffic"],
         ["run", scene, "--lidar", "livox_avia", "--frames", "0:1", "--out", tmp_path / "data"],

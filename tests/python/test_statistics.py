@@ -427,7 +427,7 @@ def test_speeds_are_those_at_the_frames(tmp_path: Path) -> None:
 
 def test_different_frames_are_an_error(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "data", {"a": {0: [], 1: []}, "b": {0: []}})
-    with pytest.raises(ValueError, match="b has 1 frames and a has 2"):
+    with pytest.raises(ValueError, match="got 1 frames of b and 2 of a"):
         read_data_set(folder)
 
 

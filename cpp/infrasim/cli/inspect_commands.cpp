@@ -223,9 +223,10 @@ void check_command(const CheckOptions& o) {
   const SceneConfig scene = checked_scene(file, o, findings);
   for (const std::string& line : findings)
     std::fprintf(stderr, "infrasim: warning: %s\n", line.c_str());
-  for (const std::string& line : views_of_mounts(scene, o))
-    std::fprintf(stderr, "infrasim: %s\n", line.c_str());
+  const std::vector<std::string> views = views_of_mounts(scene, o);
   std::fputs(dump_scene(scene).c_str(), stdout);
+  if (std::fflush(stdout) != 0) return;  // main reports the error
+  for (const std::string& line : views) std::fprintf(stderr, "infrasim: %s\n", line.c_str());
 }
 
 struct PatternOptions {

@@ -58,7 +58,7 @@ std::string frames_version_of(const std::string& version, const config::Tree& sc
   const std::string changed = changed_since_0_3(scene);
   return changed.empty() ? "3"
                          : "3 of version 0.3, but frames have changed since for " + changed +
-                               ": simulate the scene again";
+                               ": simulate again";
 }
 
 /// Removes the lines with paths of firing tables. The digests of the tables identify them.
