@@ -38,25 +38,25 @@ class CropFieldOfView:
         ...
 class GroundHeight:
     """
-    Keeps z > z_m; knows no slope.
+    Keeps points with z > z_m; ignores slopes.
     """
     def __init__(self, z_m: typing.SupportsFloat | typing.SupportsIndex) -> None:
         ...
 class GroundPlane:
     """
-    Removes what is within distance_m of the largest plane that is nearly level (PCL's RANSAC) and sensor_height_m below the sensor, if that is not 0.
+    Removes points within distance_m of the largest nearly level plane (RANSAC of PCL). If sensor_height_m is not 0, the plane must be this far below the sensor.
     """
     def __init__(self, distance_m: typing.SupportsFloat | typing.SupportsIndex = 0.25, sensor_height_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, max_tilt_deg: typing.SupportsFloat | typing.SupportsIndex = 10.0) -> None:
         ...
 class GroundMorphological:
     """
-    Removes roads, slopes and terrain: what is wider than window_m, and height_m above it.
+    Removes roads, slopes and terrain: surfaces wider than window_m, and points up to height_m above them.
     """
     def __init__(self, window_m: typing.SupportsFloat | typing.SupportsIndex = 6.0, height_m: typing.SupportsFloat | typing.SupportsIndex = 0.25, cell_m: typing.SupportsFloat | typing.SupportsIndex = 0.3, azimuth_cell_deg: typing.SupportsFloat | typing.SupportsIndex = 0.5, max_range_m: typing.SupportsFloat | typing.SupportsIndex = 300.0) -> None:
         ...
 class BackgroundModel:
     """
-    The static scene as one fixed sensor sees it; as a filter step it removes that scene.
+    Model of the static scene for one fixed sensor; as a filter step, it removes the points of this scene.
     """
     @staticmethod
     def load(file: str) -> BackgroundModel:

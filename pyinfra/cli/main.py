@@ -70,7 +70,7 @@ GROUPS = {
     "Sites": ("site", "sites"),
     "Detect": ("train", "detect", "onnx"),
     "Evaluate": ("statistics", "validate", "evaluate", "stress"),
-    "Compare and choose": ("compare", "benchmark", "recommend", "report"),
+    "Compare and choose": ("demo", "compare", "benchmark", "recommend", "plan", "report"),
     "Exchange": ("import", "export"),
 }
 

@@ -30,7 +30,7 @@ def far_points() -> list[str]:
         f"under [the study's settings](docs/first_steps.md#presets), {equal} times at equal range, "
         f"{datasheet} times by data sheets."
     )
-    where = "[highway](docs/results/points.md), beyond 90 m; five traffic seeds"
+    where = "[highway](docs/results/points.md), beyond 90 m; five seeds"
     return [finding, where]
 
 
@@ -45,7 +45,7 @@ def wrong_yaw() -> list[str]:
     costs = before - turned.set_index("run").ap_r1000
     detectors = turned.run.str.rsplit("_", n=1).str[-1].nunique()
     finding = (
-        f"An unknown yaw error of {YAW_DEG:g} degrees costs a detector {costs.min():.0f} to "
+        f"A yaw error of {YAW_DEG:g} degrees costs a detector {costs.min():.0f} to "
         f"{costs.max():.0f} AP."
     )
     where = (
@@ -64,16 +64,16 @@ def same_vehicles() -> list[str]:
     keep = (table.claim == "comparable") & (table.subset == "common") & table.primary
     keep &= (table.scene == "highway") & (table.label_time == "scan")
     rows = table[keep].set_index("preset")
-    paper, datasheet = (
-        f"{rows.value[name]:+.1f} [{rows.low[name]:.1f}, {rows.high[name]:.1f}]"
-        for name in ("paper", "datasheet")
+    paper, datasheet = (f"{rows.value[name]:+.1f}" for name in ("paper", "datasheet"))
+    intervals = "; ".join(
+        f"{rows.low[name]:.1f} to {rows.high[name]:.1f}" for name in ("paper", "datasheet")
     )
     finding = (
-        "For vehicles that all LiDARs can see, AP (average precision, %) of the Avia less that of "
-        f"128 lines is {paper} under the study's settings, {datasheet} by data sheets."
+        "For vehicles that all LiDARs can see, the Avia's AP (average precision, %) less that of "
+        f"128 lines is {paper} under the study's settings; by data sheets {datasheet}."
     )
     where = (
-        "[highway](docs/results/detection.md), fine-tuned detector; "
-        f"{rows.replicates.min()} replicates, {100 * LEVEL:.1f} % intervals"
+        f"[highway](docs/results/detection.md), fine-tuned, {rows.replicates.min()} replicates; "
+        f"{100 * LEVEL:.1f} % intervals {intervals}"
     )
     return [finding, where]

@@ -27,7 +27,7 @@ def pyinfra(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         ([], 2),
         (["nothing"], 2),
         (["report", "results", "--tier"], 2),
-        (["report", "missing"], 1),
+        (["report", "missing", "--out", "out.html"], 1),
         (["pictures", "missing", "--out", "out"], 1),
     ],
 )

@@ -27,8 +27,8 @@ def test_pictures_of_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[s
         seen = {colour for _, colour in colours}
         assert (0, 32, 91) in seen, "no box of a vehicle with many points"  # 00205B
         assert (213, 94, 0) in seen, "no crossed-out box of a missed vehicle"  # D55E00
-    assert main.main(["pictures", str(data), "--frame", "-1", "--out", str(tmp_path / "out")]) == 2
-    assert "--frame: expected 2 to 2, got -1" in capsys.readouterr().err
+    assert main.main(["pictures", str(data), "--frame", "1", "--out", str(tmp_path / "out")]) == 2
+    assert "--frame: expected 2 to 2, got 1" in capsys.readouterr().err
     (data / "helios_16/training/velodyne/000002.bin").unlink()
     assert main.main(["pictures", str(data), "--frame", "2", "--out", str(tmp_path / "out")]) == 2
     assert "expected none, as the folder has no frame, got 2" in capsys.readouterr().err

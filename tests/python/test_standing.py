@@ -93,7 +93,10 @@ def test_clouds_alone_say_nothing_of_what_stands(
 ) -> None:
     cloud = kitti.frame_file(lidar, "velodyne", 0)
     assert main.main(["detect", "run", str(cloud), "--drop-standing"]) != 0
-    assert "--drop-standing: expected --data, got only clouds" in capsys.readouterr().err
+    assert (
+        "--drop-standing: expected the folder of a LiDAR, got clouds alone"
+        in capsys.readouterr().err
+    )
 
 
 def test_people_who_wait_stay(lidar: Path) -> None:
