@@ -1,4 +1,5 @@
-// Rates of the simulator against a bare loop over Embree, and their growth; see docs/results/speed.md.
+// Rates of the simulator against a bare loop over Embree, and their growth; see
+// docs/results/speed.md.
 
 #include <benchmark/benchmark.h>
 #include <malloc.h>

@@ -209,7 +209,8 @@ TEST(folder_identity, of_version_0_3_takes_no_lidar_whose_frames_have_changed_si
     try {
       check_is_not_older(file, {lidar}, end);
     } catch (const IoError& error) {
-      EXPECT_NE(std::string(error.what()).find("in another folder"), std::string::npos) << error.what();
+      EXPECT_NE(std::string(error.what()).find("in another folder"), std::string::npos)
+          << error.what();
       return true;
     }
     return false;

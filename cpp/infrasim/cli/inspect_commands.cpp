@@ -144,8 +144,8 @@ std::string compass(double bearing_deg) {
 /// direction in which the mount looks.
 std::string meets_ground(const MountConfig& mount, double elevation_deg, double height_m) {
   const double e = rad(elevation_deg);
-  const Vec3 ray = rotation(0, rad(mount.pitch_deg), rad(mount.roll_deg)) *
-                   Vec3{std::cos(e), 0, std::sin(e)};
+  const Vec3 ray =
+      rotation(0, rad(mount.pitch_deg), rad(mount.roll_deg)) * Vec3{std::cos(e), 0, std::sin(e)};
   if (ray.z > -1e-3) return "above the horizon";
   return "at " + config::number_text(std::round(height_m * std::hypot(ray.x, ray.y) / -ray.z)) +
          " m";
