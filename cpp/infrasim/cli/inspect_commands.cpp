@@ -7,6 +7,7 @@
 #include <optional>
 #include <set>
 #include <span>
+#include <sstream>
 
 #include "infrasim/cli/catalogue.h"
 #include "infrasim/cli/commands.h"
@@ -179,10 +180,12 @@ std::vector<std::string> views_of_mounts(const SceneConfig& scene, const CheckOp
                               compass(bearing(view.azimuth_min_deg + turn));
         MountConfig unit = mount;
         unit.pitch_deg += lidar.units[i].pitch_deg;
-        lines.push_back("mount " + name + ", " + lidar.name + ": " + seen +
-                        "; the lowest ray meets the ground " +
-                        meets_ground(unit, view.elevation_min_deg, height) + ", the highest " +
-                        meets_ground(unit, view.elevation_max_deg, height));
+        std::ostringstream line;
+        line << "mount " << name << ", " << lidar.name << ": " << seen
+             << "; the lowest ray meets the ground "
+             << meets_ground(unit, view.elevation_min_deg, height) << ", the highest "
+             << meets_ground(unit, view.elevation_max_deg, height);
+        lines.push_back(line.str());
       }
     }
   }
