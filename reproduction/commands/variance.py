@@ -11,7 +11,8 @@ the LiDAR with 128 lines. The components are standard deviations:
 - judge, scene, preset, label_time: between the means over replicates, while everything else is
   equal. These include what is left of the variation of replicates.
 
-Of the networks that are trained from nothing, only PointPillars is used.
+Groups with fewer than three replicates are left out. Of the networks that are trained from
+nothing, only PointPillars is used.
 
 Components are averaged as variances over all groups that have them. The command writes
 results/variance.csv:
@@ -32,7 +33,7 @@ import pandas as pd
 from pyinfra.experiments import store
 from reproduction import add_out, provenance
 from reproduction.commands.experiments import TEXT
-from reproduction.commands.verdicts import WIDE
+from reproduction.commands.verdicts import LEAST_REPLICATES, WIDE
 
 CHOICES = ["judge", "scene", "preset", "label_time"]
 DIFFERENCE = "avia less ruby_plus"
@@ -44,6 +45,8 @@ def quantities(table: pd.DataFrame) -> pd.DataFrame:
     The columns are those of CHOICES, replicate, seed, quantity, value and frames_sd.
     """
     rows = table[(table.cut_angle_deg == 0) & (table.subset == "captured")]
+    replicates = rows.groupby(CHOICES).replicate.transform("nunique")
+    rows = rows[replicates >= LEAST_REPLICATES]
     rows = rows[(rows.judge != "from nothing") | (rows.detector == "pointpillars")]
     rows = rows.assign(quantity=rows.lidar.where(~rows.lidar.str.contains("avia"), "avia"))
     rows = rows.rename(columns={"ap_r1000": "value", "ap_r1000_frames_sd": "frames_sd"})

@@ -33,6 +33,7 @@ LEVEL_AP = 80.0  # the AP that the claim `value` requires
 WIDE, MIDDLE = "ruby_plus", "pandar_64"
 SPINNING = [WIDE, MIDDLE, "helios_16"]
 MEASURES = ["ap_r1000", "ap_r1000_near", "ap_r1000_far", "p_hqda"]
+TOO_FEW = "too few replicates"
 CHEAPER = "fails, as a cheaper LiDAR reaches it"
 GROUP = ["scene", "preset", "judge", "detector", "label_time", "subset"]
 
@@ -101,7 +102,7 @@ def interval(values: FloatArray) -> tuple[float, float]:
 
 def verdict(claim: Claim, low: float, high: float) -> str:
     if math.isnan(low):
-        return "too few replicates"
+        return TOO_FEW
     if claim.low <= low and high <= claim.high:
         return "holds"
     if low > claim.high:

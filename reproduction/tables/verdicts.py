@@ -10,7 +10,7 @@ import pandas as pd
 from pyinfra.metrics.comparison import over_replicates
 from pyinfra.metrics.intervals import student
 from reproduction.commands.variance import DIFFERENCE
-from reproduction.commands.verdicts import LEVEL, LEVEL_AP
+from reproduction.commands.verdicts import LEAST_REPLICATES, LEVEL, LEVEL_AP, TOO_FEW
 from reproduction.tables.common import LIDARS, markdown, results
 
 JUDGES = {
@@ -33,7 +33,7 @@ REPLICATES = (3, 5, 10)
 
 def verdicts(claim: str, subset: str = "captured") -> str:
     """Returns a table with one row per scene and preset, and one column per judge."""
-    table = results("claims")
+    table = _claims_with_enough_replicates()
     rows = table[
         (table.claim == claim) & (table.subset == subset) & (table.label_time == "scan")
     ].set_index(["scene", "preset", "judge"])
@@ -44,12 +44,16 @@ def verdicts(claim: str, subset: str = "captured") -> str:
     )
 
 
+def _claims_with_enough_replicates() -> pd.DataFrame:
+    """Returns the claims that have enough replicates for a verdict."""
+    table = results("claims")
+    return table[table.verdict != TOO_FEW]
+
+
 def _verdict(rows: pd.DataFrame, key: tuple[str, ...]) -> str:
     if key not in rows.index:
         return ""
     row = rows.loc[key]
-    if math.isnan(row.low):
-        return f"{row.value:+.1f}, {row.verdict}"
     return f"{row.value:+.1f} [{row.low:.1f}, {row.high:.1f}], {row.verdict}"
 
 
@@ -64,7 +68,8 @@ def _aps(subset: str, judge: str = "fine-tuned") -> Iterator[tuple[tuple[str, st
     ]
     for (scene, preset), rows in table.groupby(["scene", "preset"], sort=False):
         wide = rows.pivot_table(index="replicate", columns="lidar", values="ap_r1000")
-        yield (str(scene), str(preset)), wide
+        if len(wide) >= LEAST_REPLICATES:
+            yield (str(scene), str(preset)), wide
 
 
 def _name(lidar: str) -> str:
@@ -72,10 +77,8 @@ def _name(lidar: str) -> str:
 
 
 def _mean(values: pd.Series) -> str:
-    """Formats the mean over replicates with its 95 % interval, if there are three replicates."""
+    """Formats the mean over replicates with its 95 % interval."""
     mean = over_replicates(values.dropna().to_list())
-    if values.count() < min(REPLICATES):
-        return f"{mean.value:.1f}"
     return f"{mean.value:.1f} [{mean.low:.1f}, {mean.high:.1f}]"
 
 
@@ -120,8 +123,6 @@ def value(preset: str) -> str:
 
 
 def _reached(values: pd.Series) -> str:
-    if values.count() < min(REPLICATES):
-        return "too few replicates"
     mean = over_replicates(values.to_list(), LEVEL)
     return "yes" if mean.low > LEVEL_AP else "no" if mean.high < LEVEL_AP else "undecided"
 
@@ -163,9 +164,9 @@ def _half_width(sd: pd.Series, replicates: int, tests: int = 2) -> float:
 
 def decided(subsets: Sequence[str] = ("captured", "common", "present")) -> str:
     """Returns how many primary rows are decided, and how many are known to their precision."""
-    table = results("claims")
+    table = _claims_with_enough_replicates()
     table = table[table.primary & table.subset.isin(subsets) & (table.label_time == "scan")]
-    clear = ~table.verdict.isin(("undecided", "too few replicates"))
+    clear = table.verdict != "undecided"
     rows = [
         [
             str(preset),
