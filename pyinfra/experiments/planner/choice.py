@@ -170,15 +170,32 @@ def upper_bound(units: Units, chosen: list[int], budget_usd: float, most: int) -
     missed = np.prod(1 - units.found[chosen].astype(float), axis=0)
     value = float(((1 - missed) * units.weight).sum())
     gains = units.found @ (missed * units.weight)
-    # A unit adds at least the price of its LiDAR, whatever else the option has.
-    least = np.array([lidar.price_usd for lidar in units.lidars])
-    by_number = float(np.sort(gains)[::-1][:most].sum())
+    least, left_usd = least_prices(units, budget_usd)
+    by_number = float(np.sort(gains)[::-1][: min(most, most_units(units, budget_usd))].sum())
     order = np.argsort(-gains / np.maximum(least, 1e-9))
     spent = np.cumsum(least[order])
-    whole = spent <= budget_usd
+    whole = spent <= left_usd
     by_price = float(gains[order][whole].sum())
     if not whole.all():
         first = int(np.argmin(whole))
-        left = budget_usd - (spent[first - 1] if first else 0.0)
+        left = max(0.0, left_usd - (spent[first - 1] if first else 0.0))
         by_price += float(gains[order][first]) * left / max(float(least[order][first]), 1e-9)
     return min(1.0, (value + min(by_number, by_price)) / total)
+
+
+def least_prices(units: Units, budget_usd: float) -> tuple[FloatArray, float]:
+    """Returns the least that each unit adds to a price (n,), and what is left for all of them.
+
+    A unit adds at least its LiDAR and cable. Every option has at least one pole, one computer and
+    the rest of the cheapest option of one unit.
+    """
+    cable = units.costs.lines["cable_usd"].middle
+    least = np.array([lidar.price_usd + cable * lidar.units for lidar in units.lidars])
+    alone = np.array([units.price([u]).middle for u in range(len(least))])
+    return least, budget_usd - float((alone - least).min())
+
+
+def most_units(units: Units, budget_usd: float) -> int:
+    """Returns how many units the budget can pay for at most."""
+    least, left_usd = least_prices(units, budget_usd)
+    return int(max(0.0, left_usd) // max(float(least.min()), 1e-9))

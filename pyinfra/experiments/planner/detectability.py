@@ -48,8 +48,7 @@ class Detectability:
     sites: int
     frames: int
     note: str
-    latency_ms: float  # median time of a frame on one core of `machine`
-    latency_units: int  # LiDARs whose frames were timed
+    latency_ms: float  # CPU time of a frame of one LiDAR on `machine`
     machine: str
     vehicles: Law
     people: Law | None
@@ -71,7 +70,6 @@ def read_detectability(detector: str, file: Path = FILE) -> Detectability:
         int(one["frames"]),
         str(one["note"]),
         float(one["latency_ms"]),
-        int(one.get("latency_units", 1)),
         str(one["machine"]),
         _law(one["vehicles"], detector),
         _law(people, detector) if people else None,

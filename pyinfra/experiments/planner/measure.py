@@ -90,7 +90,7 @@ def measure(
 ) -> Measured:
     """Simulates an option, fused where it has several LiDARs, and evaluates a detector."""
     frames = fused([frames_at(site, pose, lidar, numbers, seed=seed) for pose, lidar in units])
-    detections = _detections(frames, detector)
+    detections = detect(detector_for(frames, detector), frames)
     vehicles = evaluate(frames, detections, replace(VEHICLES, replicates=200))
     types = vehicles.truth.vehicles.names
     people = None
@@ -99,14 +99,14 @@ def measure(
     return Measured(vehicles, people, len(numbers))
 
 
-def _detections(frames: SimulatedFrames, detector: str) -> pd.DataFrame:
+def detector_for(frames: SimulatedFrames, detector: str) -> str | Background:
+    """Returns the detector for the frames; Background learns from other frames of the scene."""
     if detector != "background":
-        return detect(detector, frames)
+        return detector
     every = [k for k in frames.known if k not in set(frames.numbers)]
     if not every:
         raise Error("detector: expected frames to learn the background from, got none")
     step = max(1, len(every) // LEARNING_FRAMES)
     learning = frames.of(every[::step][:LEARNING_FRAMES])
     clouds = [frame.points for frame in learning]
-    model = Background.learn(clouds, DEFAULT, frames.region, frames.ground)
-    return detect(model, frames)
+    return Background.learn(clouds, DEFAULT, frames.region, frames.ground)

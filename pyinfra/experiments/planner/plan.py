@@ -31,7 +31,7 @@ from pyinfra.experiments.planner.candidates import (
     with_faults,
 )
 from pyinfra.experiments.planner.check import check
-from pyinfra.experiments.planner.choice import Choice, Units, greedy, pairs, singles
+from pyinfra.experiments.planner.choice import Choice, Units, greedy, most_units, pairs, singles
 from pyinfra.experiments.planner.costs import Costs, read_costs
 from pyinfra.experiments.planner.detectability import Detectability, read_detectability
 from pyinfra.experiments.planner.lidars import PlanLidar, open_lidars
@@ -257,7 +257,7 @@ def decided(
     options = alone[:SHOWN] + best_of_each_lidar(alone, units)
     if request.units >= 2:
         options += pairs(units, request.budget_usd, request.poles, request.lidars_per_pole)[:SHOWN]
-    if request.units > 2:
+    if min(request.units, most_units(units, request.budget_usd)) > 2:
         more = greedy(units, request.budget_usd, request.poles, request.lidars_per_pole)
         options += [more] if more else []
     unique = list({tuple(sorted(one.units)): one for one in options}.values())
