@@ -163,6 +163,7 @@ def test_plan_writes_its_tables_and_resumes(tmp_path: Path) -> None:
     assert "In rain of 25 mm/h" in first.text
     assert set(first.options.groupby("option").size()) <= {1, 2}
     assert pd.read_csv(tmp_path / "candidates.csv").lidar.isin(["helios_16", "livox_avia"]).any()
+    assert set(pd.read_csv(tmp_path / "candidates.csv").existing) <= {"yes", "no"}
     kept = {file: file.stat().st_mtime_ns for file in (tmp_path / "observations").iterdir()}
     again = pi.plan("crossroad", 12_000, poles=2, **words)
     pd.testing.assert_frame_equal(first.options, again.options)

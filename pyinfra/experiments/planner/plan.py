@@ -322,10 +322,14 @@ def in_order(
 
 
 def write(result: Plan, folder: Path) -> None:
-    """Writes options.csv, candidates.csv and answer.txt."""
+    """Writes options.csv, candidates.csv and answer.txt.
+
+    `existing` is yes or no there, so that rows can be a file of poses.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     for name, table in (("options", result.options), ("candidates", result.candidates)):
         with replacing(folder / f"{name}.csv") as beside:
-            table.to_csv(beside, index=False, float_format="%.6g")
+            words = np.where(table.existing.to_numpy(bool), "yes", "no")
+            table.assign(existing=words).to_csv(beside, index=False, float_format="%.6g")
     with replacing(folder / "answer.txt") as beside:
         beside.write_text(result.text + "\n", encoding="utf-8")
