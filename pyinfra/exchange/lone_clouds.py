@@ -11,8 +11,9 @@ from pyinfra.core.arrays import Points
 from pyinfra.exchange import pcd
 from pyinfra.exchange.bin_columns import USUAL, columns_of
 from pyinfra.exchange.data_set import has_return
-from pyinfra.exchange.pose_estimation import WIDE, usual_intensity_max
+from pyinfra.exchange.pose_estimation import WIDE
 from pyinfra.exchange.recording import Options, read_bin
+from pyinfra.exchange.units import usual_intensity_max
 from pyinfra.formats import kitti, pcd_file
 
 CHECKED = 5  # number of .pcd clouds in which the highest intensity is searched

@@ -29,6 +29,7 @@ from pyinfra.dataset.road_plane import (
 from pyinfra.exchange.data_set import LidarFacts, levelled
 from pyinfra.exchange.recording import Options, RecordedFrame, Recording
 from pyinfra.exchange.road_shape import shape_of
+from pyinfra.exchange.units import brightest_of, unit_of, usual_intensity_max
 
 Read = Callable[[Path, Options], Recording]
 
@@ -36,9 +37,6 @@ FRAMES = 30  # number of frames used, evenly distributed
 # Options with which clouds in any unit pass the range checks of the reader.
 WIDE = Options(unit_m=1e-3, intensity_max=65535.0)
 MILLIMETRES = "coordinates are millimetres: divided by 1000"
-INTENSITIES_MAX = (1.0, 255.0, 65535.0)
-FARTHEST_MEDIAN_M = 400.0  # largest median range of a roadside sensor in metres
-NEAREST_MEDIAN_MM = 2000.0
 # Possible rotations to the upright frame. Their rows are the axes x, y, z of the upright frame in
 # the source's frame.
 UPS: dict[str, list[list[int]]] = {
@@ -87,14 +85,14 @@ def survey(source: Path, read: Read, options: Options, given: LidarFacts, *, roa
     origin = recording.origin() if road and recording.origin is not None else None
     if origin is not None:
         clouds = [cloud - [*origin, 0] for cloud in clouds]
-    unit = _unit(source, clouds, options) if road else 1.0
-    highest = options.intensity_max or usual_intensity_max(_brightest(clouds))
+    unit = unit_of(source, clouds, options) if road else 1.0
+    highest = options.intensity_max or usual_intensity_max(brightest_of(clouds))
     assumed = []
     if unit != options.unit_m:
         assumed.append(MILLIMETRES)
     if highest != 1 and options.intensity_max is None:
         assumed.append(
-            f"the highest intensity is {_brightest(clouds):.6g}: intensities are divided by "
+            f"the highest intensity is {brightest_of(clouds):.6g}: intensities are divided by "
             f"{highest:g}"
         )
     result = Survey(
@@ -172,37 +170,6 @@ def _clouds(recording: Recording) -> list[Floats]:
         scale = [1 / WIDE.unit_m] * 3 + [WIDE.intensity_max or 1]
         clouds.append(points.astype(np.float64) * scale)
     return clouds
-
-
-def _unit(source: Path, clouds: Sequence[Floats], options: Options) -> float:
-    """Returns the length unit of the source in metres."""
-    if options.unit_m != 1 or sum(map(len, clouds)) == 0:
-        return options.unit_m
-    slant = np.linalg.norm(np.concatenate([cloud[:, :3] for cloud in clouds]), axis=1)
-    middle = float(np.median(slant))
-    if middle <= FARTHEST_MEDIAN_M:
-        return 1.0
-    if middle >= NEAREST_MEDIAN_MM:
-        return 1e-3
-    raise Error(
-        f"{source}: expected a median range up to {FARTHEST_MEDIAN_M:g} (metres) or from "
-        f"{NEAREST_MEDIAN_MM:g} on (millimetres), got {middle:.0f}: `unit_m` sets the unit"
-    )
-
-
-def _brightest(clouds: Sequence[Floats]) -> float:
-    """Returns the highest finite intensity, or 0."""
-    values = [cloud[np.isfinite(cloud[:, 3]), 3] for cloud in clouds]
-    return max((float(intensities.max(initial=0)) for intensities in values), default=0.0)
-
-
-def usual_intensity_max(brightest: float) -> float:
-    """Returns the smallest of 1, 255 and 65535 that is at least `brightest`.
-
-    Returns 1 if all three are smaller.
-    """
-    brightest *= 1 - 1e-6  # tolerates rounding, since the value was divided and multiplied again
-    return next((top for top in INTENSITIES_MAX if brightest <= top), 1.0)
 
 
 def _with_road(source: Path, estimate: Survey, clouds: Sequence[Floats]) -> Survey:

@@ -1,0 +1,47 @@
+"""Estimates the length unit and the highest intensity of a recording's clouds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.core.arrays import Floats
+from pyinfra.core.errors import Error
+from pyinfra.exchange.recording import Options
+
+INTENSITIES_MAX = (1.0, 255.0, 65535.0)
+FARTHEST_MEDIAN_M = 400.0  # largest median range of a roadside sensor in metres
+NEAREST_MEDIAN_MM = 2000.0
+
+
+def unit_of(source: Path, clouds: Sequence[Floats], options: Options) -> float:
+    """Returns the length unit of the source in metres."""
+    if options.unit_m != 1 or sum(map(len, clouds)) == 0:
+        return options.unit_m
+    slant = np.linalg.norm(np.concatenate([cloud[:, :3] for cloud in clouds]), axis=1)
+    middle = float(np.median(slant))
+    if middle <= FARTHEST_MEDIAN_M:
+        return 1.0
+    if middle >= NEAREST_MEDIAN_MM:
+        return 1e-3
+    raise Error(
+        f"{source}: expected a median range up to {FARTHEST_MEDIAN_M:g} (metres) or from "
+        f"{NEAREST_MEDIAN_MM:g} on (millimetres), got {middle:.0f}: `unit_m` sets the unit"
+    )
+
+
+def brightest_of(clouds: Sequence[Floats]) -> float:
+    """Returns the highest finite intensity, or 0."""
+    values = [cloud[np.isfinite(cloud[:, 3]), 3] for cloud in clouds]
+    return max((float(intensities.max(initial=0)) for intensities in values), default=0.0)
+
+
+def usual_intensity_max(brightest: float) -> float:
+    """Returns the smallest of 1, 255 and 65535 that is at least `brightest`.
+
+    Returns 1 if all three are smaller.
+    """
+    brightest *= 1 - 1e-6  # tolerates rounding, since the value was divided and multiplied again
+    return next((top for top in INTENSITIES_MAX if brightest <= top), 1.0)
