@@ -129,9 +129,10 @@ def load_observer(
 
 
 def make_world(scene: Mapping[str, object], *, preset: str = "datasheet", mount: str = "") -> World:
-    """Builds a scene from its keys as plain data. Messages show the scene's name as the file.
+    """Builds a world from the keys of a scene, given as a mapping.
 
-    Paths in the keys are relative to the working folder. Raises ConfigError and IoError.
+    Messages show the scene's name in place of a file. Paths in the keys are relative to the working
+    folder. Raises ConfigError and IoError.
     """
     text = yaml.dump(dict(scene), Dumper=_DUMPER, sort_keys=False, default_flow_style=None)
     return World.of_text(text, str(scene.get("name", "scene")), preset, mount)

@@ -59,7 +59,7 @@ World build_lazy_world(const SceneConfig& scene, const std::string& mount = "");
 World build_world_at(const SceneConfig& view, const std::shared_ptr<const Site>& site,
                      const Surface& surface, std::shared_ptr<const Trajectories> trajectories);
 
-/// Builds a world without frames. It has no moving objects, so traffic and recorded trajectories
+/// Builds a world of static objects only, which has no frames. Traffic and recorded trajectories
 /// are not required.
 /// @throws the exceptions of build_world
 World build_static_world(const SceneConfig& scene, const std::string& mount = "");

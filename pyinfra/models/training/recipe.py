@@ -32,7 +32,7 @@ def _model(_: Path, word: str) -> None:
 class Learning:
     """Settings of the training, which uses AdamW with a one-cycle learning rate."""
 
-    steps: int = ruled(1000, 0, 10_000_000)  # training steps; 0: use network `start` untrained
+    steps: int = ruled(1000, 0, 10_000_000)  # 0: `start` without further training
     start: str = checked(
         _model, ""
     )  # network to start from: a training's folder, a file, or a pretrained detector's name

@@ -41,7 +41,7 @@ class MountRanges:
 class RingRanges:
     """Single-lane roundabouts with outer diameters from 30 to 60 m.
 
-    The German guideline `Merkblatt Kreisverkehre` has 26 to 40 m.
+    The German guideline `Merkblatt Kreisverkehre` specifies outer diameters of 26 to 40 m.
     """
 
     radius_m: Range = (12.5, 26)

@@ -209,7 +209,7 @@ def _ends(net: RoadNet, feet: FloatArray, sumo_class: str) -> tuple[list[Edge], 
 
 
 def _distance(points: FloatArray, feet: FloatArray) -> float:
-    """Returns the smallest distance of points (n, 2) from feet (k, 2)."""
+    """Returns the smallest horizontal distance of points (n, 2) from mounts (k, 2), in metres."""
     return float(np.linalg.norm(points[:, None] - feet, axis=2).min())
 
 
