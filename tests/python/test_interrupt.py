@@ -9,8 +9,10 @@ from pathlib import Path
 
 import pytest
 
+# A shell starts background commands with SIGINT ignored, and the tests may be one.
 SCRIPT = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)
 from pyinfra.cli import lidars, main
 from pyinfra.experiments.pool import Pool, call_all
 
