@@ -160,12 +160,21 @@ def average_precision(
 
     terms: terms of the seen objects. objects: number of all objects in the frames.
     """
+    true_positives = np.array([find_probability(coefficients, terms, cut).sum() for cut in CUTS])
+    false_positives = frames * false_per_frame(false, np.array(CUTS), len(terms) / max(frames, 1))
+    return ap_of_counts(true_positives, false_positives, objects)
+
+
+def ap_of_counts(true_positives: FloatArray, false_positives: FloatArray, objects: int) -> float:
+    """Returns the AP, 0 to 100; NaN without objects.
+
+    true_positives, false_positives: (CUTS,) expected numbers of boxes at each score or above.
+    """
     if objects == 0:
         return float("nan")
-    found = np.array([find_probability(coefficients, terms, cut).sum() for cut in CUTS])
-    wrong = frames * false_per_frame(false, np.array(CUTS), len(terms) / max(frames, 1))
-    recall = np.concatenate([[0], found[::-1] / objects])
-    precision = found[::-1] / np.maximum(found[::-1] + wrong[::-1], 1e-12)
+    boxes = np.maximum(true_positives + false_positives, 1e-12)
+    recall = np.concatenate([[0], true_positives[::-1] / objects])
+    precision = (true_positives / boxes)[::-1]
     envelope = np.maximum.accumulate(precision[::-1])[::-1]
     return float(100 * (np.diff(recall).clip(0) * envelope).sum())
 

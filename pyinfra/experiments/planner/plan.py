@@ -263,13 +263,12 @@ def decided(
     unique = list({tuple(sorted(one.units)): one for one in options}.values())
     predicted = [(one, predict(run, one.units, law, request)) for one in unique]
     ordered = in_order(predicted, request)
-    stayed = run.pairs[run.pairs.left_out == ""].reset_index(drop=True)
-    rows = option_table(ordered, stayed, poses, lidars, units)
+    rows = option_table(ordered, run.stayed, poses, lidars, units)
     every = candidate_table(table, run.pairs, poses, lidars)
     answer = Answer.of(site, request, law, costs, ordered, rows, every, units)
     if site.preset == WITH_WEATHER:
         choices = [choice for choice, _ in ordered]
-        wet = found_in_rain(site, stayed, poses, lidars, choices, law, request)
+        wet = found_in_rain(site, run.stayed, poses, lidars, choices, law, request)
         answer = replace(answer, lines=(*answer.lines, *rain_lines(wet)))
         shares = pd.Series([100 * one.value for one in wet], index=range(1, len(wet) + 1))
         rows["found_in_rain"] = shares[rows.option].to_numpy()
@@ -285,7 +284,7 @@ def units_of(
     request: Request,
 ) -> Units:
     """Returns the pairs that stayed as the units of a choice."""
-    stayed = run.pairs[run.pairs.left_out == ""].reset_index(drop=True)
+    stayed = run.stayed
     found = found_by(run.seen, len(stayed), run.objects, law, request)
     of_pose = poses.iloc[stayed.pose.to_numpy()]
     place = of_pose.groupby(["x_m", "y_m"], sort=False).ngroup().to_numpy()

@@ -19,6 +19,7 @@ from pyinfra.experiments.planner.detectability import (
     CUTS,
     Detectability,
     Law,
+    ap_of_counts,
     false_per_frame,
     find_probability,
     highest_recall_cut,
@@ -134,15 +135,10 @@ def _ap(
     objects: Objects,
 ) -> float:
     """Returns the AP (0 to 100) over all present vehicles of the region."""
-    if every == 0:
-        return float("nan")
-    count, cuts = len(objects.table), np.array(CUTS)
-    found = np.array([_either(units, law.found[replicate], cut, count).sum() for cut in CUTS])
-    wrong = false_per_frame(law.false[replicate], cuts, seen_per_frame)
-    precision = (found / np.maximum(found + objects.frames * wrong, 1e-12))[::-1]
-    recall = np.concatenate([[0], found[::-1] / every])
-    envelope = np.maximum.accumulate(precision[::-1])[::-1]
-    return float(100 * (np.diff(recall).clip(0) * envelope).sum())
+    count, coefficients = len(objects.table), law.found[replicate]
+    true_positives = np.array([_either(units, coefficients, cut, count).sum() for cut in CUTS])
+    rates = false_per_frame(law.false[replicate], np.array(CUTS), seen_per_frame)
+    return ap_of_counts(true_positives, objects.frames * rates, every)
 
 
 def _interval(found: Sequence[FloatArray], counted: BoolArray, objects: Objects) -> Interval:

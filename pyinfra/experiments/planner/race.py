@@ -56,6 +56,11 @@ class Race:
     seen: pd.DataFrame  # observations of the pairs that stayed, with `pair` and `object`
     objects: Objects
 
+    @property
+    def stayed(self) -> pd.DataFrame:
+        """The pairs that were not left out, numbered as `pair` in `seen`."""
+        return self.pairs[self.pairs.left_out == ""].reset_index(drop=True)
+
 
 def weighted_objects(site: PlanSite, request: Request, frames: Sequence[int]) -> Objects:
     """Returns the objects of some frames. Those farther than asked for have weight 0."""
