@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from pathlib import Path
 
 import pandas as pd
 
+from pyinfra.cli.messages import progress
 from pyinfra.core.errors import Error
 from pyinfra.core.names import file_or_name
 from pyinfra.core.vocabulary import TIERS
@@ -133,7 +133,3 @@ def comparison_lines(table: pd.DataFrame, half_width_ap: float) -> list[str]:
         + ("" if row.half_width <= half_width_ap else f"; not known to {half_width_ap:g} AP")
         for row in table.itertuples()
     ]
-
-
-def progress(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)

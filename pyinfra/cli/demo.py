@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import os
 import shlex
-import sys
 from pathlib import Path
 
 from pyinfra.api import benchmark
+from pyinfra.cli.messages import progress
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import Tier
 from pyinfra.viz.report.contents import page
@@ -54,7 +54,3 @@ def view_command(out: Path, data: Path, lidar: str) -> list[str]:
     (run_folder,) = (out / "work/runs").glob(f"*_{lidar}_*/predictions")
     files = [str(data / lidar), "--pred", str(run_folder), "--out", str(out / "view.html")]
     return ["pyinfra", "view", *files]
-
-
-def progress(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)

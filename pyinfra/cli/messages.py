@@ -65,6 +65,11 @@ def note(text: str, args: argparse.Namespace) -> None:
     print(f"pyinfra: note: {with_options(text, args.options)}", file=sys.stderr)
 
 
+def progress(line: str) -> None:
+    """Prints a line of a benchmark's progress to standard error."""
+    print(line, file=sys.stderr, flush=True)
+
+
 def report_bug(error: Exception, words: Sequence[str]) -> str:
     """Saves the traceback of an internal error to a file, and returns the message to print."""
     text = f"internal error: {type(error).__name__}: {message_of(error)}"

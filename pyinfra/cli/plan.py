@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 from pyinfra.cli.messages import note, with_options
+from pyinfra.cli.number_option import usd
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.experiments.planner.candidates import PoseGrid
 from pyinfra.experiments.planner.plan import plan
@@ -26,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--budget",
         dest="budget_usd",
-        type=float,
+        type=usd,
         required=True,
         help="highest price over the years, in US dollars: LiDARs, poles, installation, computer, "
         "power and upkeep",

@@ -38,6 +38,8 @@ MISTAKES = {
         ["--latency: expected milliseconds", "500"]),
     "AP as a share": ("recommend results --budget 9000 --min-ap 0.85", ["AP is 0 to 100"]),
     "budget with a decimal comma": ("recommend results --budget 9.000", ["write 9000 or 9"]),
+    "budget of a plan in words": ("plan crossroad --budget cheap --out o",
+        ["such as 9000, 9,000 or 9k"]),
     "budget in words": ("recommend results --budget cheap", ["such as 9000, 9,000 or 9k"]),
     "range of frames for one frame": ("view data/site --frame 0:10 --out o.html",
         ["one frame", "--frames 0:10"]),
@@ -107,7 +109,10 @@ def test_a_mistake_is_answered_with_what_to_do(
     assert sorted(folder.rglob("*")) == before
 
 
+@pytest.mark.parametrize(
+    "command", ["recommend results", "report results --out o", "plan x --out o"]
+)
 @pytest.mark.parametrize("text", ["9000", "9,000", "9k", "9K", "$9,000", "9000.0"])
-def test_an_amount_of_money_may_be_written_in_several_ways(text: str) -> None:
-    words = ["recommend", "results", "--budget", text]
+def test_an_amount_of_money_may_be_written_in_several_ways(command: str, text: str) -> None:
+    words = [*command.split(), "--budget", text]
     assert main.make_parser(words).parse_args(words).budget_usd == 9000
