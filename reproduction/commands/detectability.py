@@ -129,8 +129,8 @@ def objects_of(site: PlanSite, pose: FloatArray, lidar: Lidar, result: Measured)
     """Returns every present object with what the LiDAR sees of it, and its score (0: missed)."""
     seen = pd.DataFrame(site.observer.observe([*pose], [lidar], [*site.frames]))
     table = site.present.merge(seen.drop(columns="lidar"), how="left", on=["frame", "id"])
-    found = [result.found(), result.found(person=True)]
-    scores = pd.concat([part for part in found if len(part)] or found[:1])
+    detected = [result.detected(), result.detected(person=True)]
+    scores = pd.concat([part for part in detected if len(part)] or detected[:1])
     table = table.merge(scores.astype({"frame": int, "id": int}), how="left", on=["frame", "id"])
     table["type"] = table["type"].astype("S12")
     return table.fillna({"points": 0, "score": 0.0})
@@ -169,15 +169,15 @@ def fit(done: list[Experiment], work: Path, *, person: bool) -> dict[str, list[l
     x, y, site = np.concatenate(terms), np.concatenate(scores), np.concatenate(sites)
     counts, per_frame, weights = np.array(false), np.array(seen), np.array(of_frames)
     places = np.unique(of_site)
-    found_fits = [laws.fit_found(x, y)]
+    detection_fits = [laws.fit_detection(x, y)]
     false_fits = [laws.fit_false(counts, per_frame, weights)]
     for _ in range(REPLICATES):
         times = np.bincount(rng.integers(len(places), size=len(places)), minlength=len(places))
         of_row = times[np.searchsorted(places, site)].astype(float)
-        found_fits.append(laws.fit_found(x, y, of_row))
+        detection_fits.append(laws.fit_detection(x, y, of_row))
         of_run = times[np.searchsorted(places, of_site)].astype(float)
         false_fits.append(laws.fit_false(counts, per_frame, weights * of_run))
-    return {"found": np.round(found_fits, 4).tolist(), "false": np.round(false_fits, 4).tolist()}
+    return {"detection": np.round(detection_fits, 4).tolist(), "false": np.round(false_fits, 4).tolist()}
 
 
 def checked(one: Experiment, law: laws.Law, work: Path) -> dict[str, object]:
@@ -188,8 +188,8 @@ def checked(one: Experiment, law: laws.Law, work: Path) -> dict[str, object]:
     vehicles = table[~table.person]
     seen = vehicles[vehicles.points > 0]
     terms, frames = laws.object_terms(seen), int(np.asarray(data["frames"]))
-    p = laws.find_probability(law.found[0], terms, laws.CUT)
-    ap = laws.average_precision(law.found[0], law.false[0], terms, len(vehicles), frames)
+    p = laws.detection_probability(law.detection[0], terms, laws.CUT)
+    ap = laws.average_precision(law.detection[0], law.false[0], terms, len(vehicles), frames)
     rate = laws.false_per_frame(law.false[0], laws.CUT, len(seen) / frames)[0]
     return {
         "site": one.site,
@@ -262,7 +262,7 @@ def main() -> None:
             "vehicles": vehicles,
             **({"people": people} if people else {}),
         }
-        law = laws.Law(np.array(vehicles["found"]), np.array(vehicles["false"]))
+        law = laws.Law(np.array(vehicles["detection"]), np.array(vehicles["false"]))
         of_check = [one for one in done["check"] if one.detector == detector]
         for part, some in (("fit", of_it), ("check", of_check)):
             rows += [{"part": part, **checked(one, law, args.work)} for one in some]

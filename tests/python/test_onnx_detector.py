@@ -105,9 +105,9 @@ def test_a_network_of_any_settings_gives_the_same_boxes(config: Config) -> None:
 
 
 def test_a_cloud_without_points_in_the_area_has_no_boxes() -> None:
-    found = onnx_detector.load(FILE).predict(np.full((5, 4), 1e6, np.float32))
-    assert len(found) == 0
-    assert found.boxes.shape == (0, 7)
+    boxes = onnx_detector.load(FILE).predict(np.full((5, 4), 1e6, np.float32))
+    assert len(boxes) == 0
+    assert boxes.boxes.shape == (0, 7)
 
 
 def test_a_network_of_ages_refuses_clouds_without() -> None:

@@ -56,7 +56,7 @@ def units(count: int = 12, objects: int = 40) -> Units:
     law = laws.read_detectability("generalist")
     helios = open_lidars(["helios_16"], open_site("crossroad", 1))[0]
     return Units(
-        found=rng.uniform(0, 0.8, (count, objects)).astype(np.float32),
+        probability=rng.uniform(0, 0.8, (count, objects)).astype(np.float32),
         weight=rng.uniform(0.5, 2, objects),
         place=np.arange(count) // 2,
         existing=np.zeros(count, bool),
@@ -89,14 +89,14 @@ def test_prices_of_pairs_are_those_of_their_parts() -> None:
 
 def test_no_set_exceeds_the_bound_of_the_greedy_search() -> None:
     some = units()
-    found = greedy(some, 1e9, poles=3, per_pole=1)
-    assert found is not None
+    option = greedy(some, 1e9, poles=3, per_pole=1)
+    assert option is not None
     every = [
         some.value(three)
         for three in itertools.combinations(range(12), 3)
         if len({some.place[u] for u in three}) == 3
     ]
-    assert found.value <= max(every) + 1e-9 <= found.bound + 2e-9
+    assert option.value <= max(every) + 1e-9 <= option.bound + 2e-9
     assert upper_bound(some, [], 0, 3) == 0
 
 
@@ -124,9 +124,9 @@ def test_the_laws_recover_made_up_coefficients() -> None:
     true = np.array([-3, 1.2, 0, 0.3, 0, -0.5, 0.5, 0, 0, 0, -1, 0])
     odds = terms @ true + rng.logistic(size=count)
     scores = 1 / (1 + np.exp(-odds))  # found at s where odds - score term > 0
-    fitted = laws.fit_found(terms, scores)
+    fitted = laws.fit_detection(terms, scores)
     for cut in (0.2, 0.5, 0.8):
-        p = laws.find_probability(fitted, terms, cut)
+        p = laws.detection_probability(fitted, terms, cut)
         assert p.mean() == pytest.approx((scores >= cut).mean(), abs=0.02)
         assert p[seen.points < 10].mean() < p[seen.points > 100].mean()
 
@@ -158,8 +158,8 @@ def test_plan_writes_its_tables_and_resumes(tmp_path: Path) -> None:
         assert name in first.options
     best = first.options[first.options.option == 1]
     assert (best.price_usd <= 12_000).all()
-    assert (best.found_low <= best.found).all()
-    assert (best.found_in_rain <= best.found + 2).all()
+    assert (best.recall_low <= best.recall).all()
+    assert (best.recall_in_rain <= best.recall + 2).all()
     assert "In rain of 25 mm/h" in first.text
     assert set(first.options.groupby("option").size()) <= {1, 2}
     assert pd.read_csv(tmp_path / "candidates.csv").lidar.isin(["helios_16", "livox_avia"]).any()
@@ -187,7 +187,7 @@ def test_the_answer_says_what_an_engineer_asks(
     assert len((tmp_path / "out/answer.txt").read_text().splitlines()) == len(text.splitlines())
     table = pd.read_csv(tmp_path / "out/options.csv")
     assert (table.ap_simulated >= 0).all()
-    assert (table.found_simulated <= 100).all()
+    assert (table.recall_simulated <= 100).all()
 
 
 def test_areas_have_their_weights_and_their_share(tmp_path: Path, site: PlanSite) -> None:
@@ -201,7 +201,7 @@ def test_areas_have_their_weights_and_their_share(tmp_path: Path, site: PlanSite
     assert set(objects.weight[~inside]) <= {0, 1}
     grid = {"grid": FEW, "check_frames": 0, "frames": 6}
     plan = pi.plan("crossroad", 9000, lidars=["helios_16"], areas=file, **grid)
-    assert plan.options.found_stop.between(0, 100).all()
+    assert plan.options.recall_stop.between(0, 100).all()
     assert "at stop" in plan.text
     file.write_text("name,x_m,y_m,radius_m,class\nstop,-30,-3,20,vehicles\n")
     with pytest.raises(pi.Error, match=r":2: class: expected vehicle, person, any"):

@@ -50,10 +50,10 @@ def option_table(
                     "price_usd": choice.price.middle,
                     "price_usd_low": choice.price.low,
                     "price_usd_high": choice.price.high,
-                    **ends("found", prediction.found, 100),
-                    **ends("people_found", prediction.people, 100),
+                    **ends("recall", prediction.recall, 100),
+                    **ends("people_recall", prediction.people, 100),
                     **{
-                        f"found_{name}": 100 * share.value
+                        f"recall_{name}": 100 * share.value
                         for name, share in prediction.areas.items()
                     },
                     **ends("false_per_frame", prediction.false_per_frame),
@@ -63,8 +63,8 @@ def option_table(
                     "ap_simulated": math.nan,
                     "ap_simulated_low": math.nan,
                     "ap_simulated_high": math.nan,
-                    "found_simulated": math.nan,
-                    "people_found_simulated": math.nan,
+                    "recall_simulated": math.nan,
+                    "people_recall_simulated": math.nan,
                     "false_per_frame_simulated": math.nan,
                     "position_m_simulated": math.nan,
                     "gap": 100 * choice.gap,
@@ -87,16 +87,16 @@ def candidate_table(
 ) -> pd.DataFrame:
     """Returns a row for each observed pair of pose and LiDAR, and one for each pose with a fault.
 
-    `found` is the share (percent) of the weighted objects that the pair finds, in `frames` frames.
+    `recall` is the share (percent) of the weighted objects that the pair finds, in `frames` frames.
     """
     columns = ["kind", "existing", *POSE, "height_m"]
     observed = poses[columns].iloc[pairs.pose].reset_index(drop=True)
     observed["lidar"] = [lidars[i].name for i in pairs.lidar]
-    observed["frames"], observed["found"] = pairs.frames, 100 * pairs.found
+    observed["frames"], observed["recall"] = pairs.frames, 100 * pairs.recall
     observed["left_out"] = pairs.left_out
-    order = observed.sort_values("found", ascending=False, kind="stable")
+    order = observed.sort_values("recall", ascending=False, kind="stable")
     faulty = table[table.fault != ""]
-    others = faulty[columns].assign(lidar="", frames=0, found=np.nan, left_out=faulty.fault)
+    others = faulty[columns].assign(lidar="", frames=0, recall=np.nan, left_out=faulty.fault)
     return pd.concat([part for part in (order, others) if len(part)], ignore_index=True)
 
 
@@ -119,7 +119,7 @@ class Answer:
         units: Units,
     ) -> Answer:
         prediction = options[0][1]
-        meets = prediction.found.value >= request.find and prediction.keeps_false
+        meets = prediction.recall.value >= request.find and prediction.keeps_false
         lines = [asked(site, request)]
         if not meets:
             lines.append(nearest(prediction, request))
@@ -150,10 +150,10 @@ def asked(site: PlanSite, request: Request) -> str:
 def nearest(prediction: Prediction, request: Request) -> str:
     """Returns what the best option lacks, and what would have to be asked instead."""
     reasons = []
-    if prediction.found.value < request.find:
+    if prediction.recall.value < request.find:
         reasons.append(
-            f"the best one finds {100 * prediction.found.value:.0f} of 100; a higher budget, more "
-            f"poles or `find` {math.floor(100 * prediction.found.value) / 100:g} would do"
+            f"the best one finds {100 * prediction.recall.value:.0f} of 100; a higher budget, more "
+            f"poles or `find` {math.floor(100 * prediction.recall.value) / 100:g} would do"
         )
     if not prediction.keeps_false:
         least = FRAMES_PER_MINUTE * prediction.false_per_frame.value
@@ -184,7 +184,7 @@ def sentence(
     )
     latency = law.latency_ms * len(choice.units)
     return (
-        f"{where}: finds {of_hundred(prediction.found)} vehicles{people} within "
+        f"{where}: finds {of_hundred(prediction.recall)} vehicles{people} within "
         f"{request.within_m:g} m in a frame{areas}, "
         f"{false_boxes(prediction.false_per_frame.value)}; about {latency:.0f} ms a frame on one "
         f"core; {price(choice.price)} over {request.years:g} years; AP of all vehicles "
@@ -222,7 +222,7 @@ def notes(
     units: Units,
 ) -> Iterator[str]:
     choice, prediction = options[0]
-    if prediction.found.low < request.find <= prediction.found.value:
+    if prediction.recall.low < request.find <= prediction.recall.value:
         yield (
             f"The interval of the first option begins below {100 * request.find:g} of 100, so it "
             "may miss the requirement."
@@ -253,12 +253,12 @@ def notes(
 
 def number_of_poles(options: Options, rows: pd.DataFrame) -> Iterator[str]:
     """Yields the best option of each number of poles, if there are several."""
-    first = rows.drop_duplicates("option").sort_values("found", ascending=False)
+    first = rows.drop_duplicates("option").sort_values("recall", ascending=False)
     best = first.drop_duplicates("poles").sort_values("poles")
     if len(best) < 2:
         return
     texts = [
-        f"{row.poles} {'poles find' if row.poles > 1 else 'pole finds'} {row.found:.0f} of 100 for "
+        f"{row.poles} {'poles find' if row.poles > 1 else 'pole finds'} {row.recall:.0f} of 100 for "
         f"{usd(row.price_usd)}"
         for row in best.itertuples()
     ]
@@ -275,7 +275,7 @@ def robustness(options: Options, request: Request, units: Units) -> Iterator[str
             names = " and ".join(units.lidars[u].name for u in other[0].units)
             yield (
                 f"With prices {change:+d} % the choice is option {chosen + 1} ({names}), which "
-                f"finds {100 * other[1].found.value:.0f} of 100."
+                f"finds {100 * other[1].recall.value:.0f} of 100."
             )
         elif chosen is None:
             yield f"With prices {change:+d} % no option is within the budget."
@@ -292,11 +292,11 @@ def chosen_at(options: Options, request: Request, factor: float) -> int | None:
         if factor * choice.price.middle <= request.budget_usd
     ]
     good = [
-        i for i in within if options[i][1].found.value >= request.find and options[i][1].keeps_false
+        i for i in within if options[i][1].recall.value >= request.find and options[i][1].keeps_false
     ]
     if good:
         return min(good, key=lambda i: options[i][0].price.middle)
-    return max(within, key=lambda i: options[i][1].found.value) if within else None
+    return max(within, key=lambda i: options[i][1].recall.value) if within else None
 
 
 def left_out(every: pd.DataFrame) -> Iterator[str]:
@@ -322,14 +322,14 @@ def checked_lines(options: pd.DataFrame, request: Request, frames: int) -> Itera
         yield f"Simulated in full with other traffic, {frames} frames each:"
     for row in done.itertuples():
         people = ""
-        if math.isfinite(row.people_found_simulated):
-            people = f" and {row.people_found_simulated:.0f} of 100 pedestrians"
+        if math.isfinite(row.people_recall_simulated):
+            people = f" and {row.people_recall_simulated:.0f} of 100 pedestrians"
         ap_ends = ""
         if math.isfinite(row.ap_simulated_low):
             ap_ends = f" [{row.ap_simulated_low:.0f} to {row.ap_simulated_high:.0f}]"
         yield (
-            f"Option {row.option}: finds {row.found_simulated:.0f} of 100 vehicles (predicted "
-            f"{row.found:.0f}){people} within {request.within_m:g} m, "
+            f"Option {row.option}: finds {row.recall_simulated:.0f} of 100 vehicles (predicted "
+            f"{row.recall:.0f}){people} within {request.within_m:g} m, "
             f"{false_boxes(row.false_per_frame_simulated)}, 95 % of the positions within "
             f"{row.position_m_simulated:.1f} m; AP {row.ap_simulated:.0f}{ap_ends} (predicted "
             f"{row.ap_predicted:.0f})."

@@ -31,8 +31,8 @@ class Checked:
     ap: float
     ap_low: float
     ap_high: float
-    found: float
-    people_found: float
+    recall: float
+    people_recall: float
     false_per_frame: float
     position_m: float  # 95 % of the positions of found vehicles are within this distance
 
@@ -79,8 +79,8 @@ def check(
             one.ap_low,
             one.ap_high,
         ]
-        out.loc[rows, "found_simulated"] = one.found
-        out.loc[rows, "people_found_simulated"] = one.people_found
+        out.loc[rows, "recall_simulated"] = one.recall
+        out.loc[rows, "people_recall_simulated"] = one.people_recall
         out.loc[rows, "false_per_frame_simulated"] = one.false_per_frame
         out.loc[rows, "position_m_simulated"] = one.position_m
         progress(f"option {number}: AP {one.ap:.1f} simulated")
@@ -95,14 +95,14 @@ def figures(result: Measured, centre: FloatArray, within_m: float, cut: float) -
         float(ap.ap_r1000),
         float(ap.ap_r1000_low),
         float(ap.ap_r1000_high),
-        share_found(result.vehicles, centre, within_m, cut),
-        share_found(result.people, centre, within_m, cut) if result.people else float("nan"),
+        recall_near(result.vehicles, centre, within_m, cut),
+        recall_near(result.people, centre, within_m, cut) if result.people else float("nan"),
         float((false >= cut).sum() / result.frames),
         position_error(result.vehicles, cut),
     )
 
 
-def share_found(result: Evaluation, centre: FloatArray, within_m: float, cut: float) -> float:
+def recall_near(result: Evaluation, centre: FloatArray, within_m: float, cut: float) -> float:
     """Returns the percent of the present objects near the centre that have a box."""
     matches = result.matches
     counted = matches[matches.outcome.isin(["true positive", "missed"])]
@@ -115,7 +115,7 @@ def share_found(result: Evaluation, centre: FloatArray, within_m: float, cut: fl
 def position_error(result: Evaluation, cut: float) -> float:
     """Returns the 95th percentile of the distance from a box to its vehicle, metres."""
     matches = result.matches
-    found = matches[(matches.outcome == "true positive") & (matches.score >= cut)]
+    detected = matches[(matches.outcome == "true positive") & (matches.score >= cut)]
     vehicles, numbers = result.truth.vehicles, np.array(result.truth.frames)
     truth = pd.DataFrame(
         {
@@ -125,7 +125,7 @@ def position_error(result: Evaluation, cut: float) -> float:
             "true_y": vehicles.boxes[:, 1],
         }
     )
-    both = found.merge(truth, on=["frame", "object_id"])
+    both = detected.merge(truth, on=["frame", "object_id"])
     if both.empty:
         return float("nan")
     return float(np.hypot(both.x - both.true_x, both.y - both.true_y).quantile(0.95))

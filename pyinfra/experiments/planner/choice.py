@@ -23,7 +23,7 @@ BEST_PAIRS = 200  # options of two units that are kept for the table
 class Units:
     """What a choice needs to know of n units."""
 
-    found: Float32Array  # (n, objects) probability that the unit finds the object
+    probability: Float32Array  # (n, objects) probability that the unit finds the object
     weight: FloatArray  # (objects,)
     place: IntArray  # (n,) number of the pole
     existing: BoolArray  # (n,) whether the pole exists already
@@ -38,7 +38,7 @@ class Units:
 
     def value(self, units: Sequence[int]) -> float:
         """Returns the weighted share of the objects that an option finds."""
-        missed = np.prod(1 - self.found[list(units)].astype(float), axis=0)
+        missed = np.prod(1 - self.probability[list(units)].astype(float), axis=0)
         return float(((1 - missed) * self.weight).sum() / max(self.weight.sum(), 1e-12))
 
 
@@ -60,7 +60,7 @@ class Choice:
 def singles(units: Units, budget_usd: float) -> list[Choice]:
     """Returns all options of one unit within the budget, best first."""
     total = max(float(units.weight.sum()), 1e-12)
-    values = units.found @ units.weight / total
+    values = units.probability @ units.weight / total
     prices = [units.price([u]) for u in range(len(values))]
     within = [u for u in range(len(values)) if prices[u].middle <= budget_usd]
     best = max((float(values[u]) for u in within), default=0.0)
@@ -70,8 +70,8 @@ def singles(units: Units, budget_usd: float) -> list[Choice]:
 
 def pairs(units: Units, budget_usd: float, poles: int, per_pole: int) -> list[Choice]:
     """Returns the best options of two units within the budget, over all pairs; best first."""
-    count = len(units.found)
-    missed = 1 - units.found
+    count = len(units.probability)
+    missed = 1 - units.probability
     total = max(float(units.weight.sum()), 1e-12)
     both = total - (missed * units.weight.astype(np.float32)) @ missed.T
     same = units.place[:, None] == units.place[None, :]
@@ -95,7 +95,7 @@ def pairs(units: Units, budget_usd: float, poles: int, per_pole: int) -> list[Ch
 
 def _pair_prices(units: Units, same: BoolArray) -> FloatArray:
     """Returns the middle price of each pair of units: (n, n)."""
-    costs, count = units.costs, len(units.found)
+    costs, count = units.costs, len(units.probability)
     alone = np.array([units.price([u]).middle for u in range(count)])
     poles = np.array([costs.parts([], not there, 1)["pole_usd"].middle for there in units.existing])
     shared = costs.lines["installation_usd"].middle + costs.lines["upkeep_usd"].middle * costs.years
@@ -123,14 +123,14 @@ def greedy(units: Units, budget_usd: float, poles: int, per_pole: int) -> Choice
     The bound is value + the largest sum of gains that the limits of number and price allow. Gains
     only shrink as units are added, so that no option can exceed it.
     """
-    found = [
+    options = [
         _search(units, budget_usd, poles, per_pole, per_dollar=per_dollar)
         for per_dollar in (False, True)
     ]
-    best = max(found, key=units.value)
+    best = max(options, key=units.value)
     if not best:
         return None
-    bound = min(upper_bound(units, list(part), budget_usd, poles * per_pole) for part in found)
+    bound = min(upper_bound(units, list(part), budget_usd, poles * per_pole) for part in options)
     return Choice(tuple(best), units.value(best), units.price(best), bound, "greedy")
 
 
@@ -140,7 +140,7 @@ def _search(
     chosen: list[int] = []
     missed = np.ones(len(units.weight))
     while len(chosen) < poles * per_pole:
-        gains = units.found @ (missed * units.weight)
+        gains = units.probability @ (missed * units.weight)
         before = units.price(chosen).middle if chosen else 0.0
         best, score = -1, 0.0
         for u in np.argsort(-gains, kind="stable"):
@@ -155,7 +155,7 @@ def _search(
         if best < 0:
             break
         chosen.append(best)
-        missed = missed * (1 - units.found[best])
+        missed = missed * (1 - units.probability[best])
     return chosen
 
 
@@ -167,9 +167,9 @@ def _fits(units: Units, chosen: Sequence[int], poles: int, per_pole: int) -> boo
 def upper_bound(units: Units, chosen: list[int], budget_usd: float, most: int) -> float:
     """Returns a share that no option of at most `most` units within the budget exceeds."""
     total = max(float(units.weight.sum()), 1e-12)
-    missed = np.prod(1 - units.found[chosen].astype(float), axis=0)
+    missed = np.prod(1 - units.probability[chosen].astype(float), axis=0)
     value = float(((1 - missed) * units.weight).sum())
-    gains = units.found @ (missed * units.weight)
+    gains = units.probability @ (missed * units.weight)
     least, left_usd = least_prices(units, budget_usd)
     by_number = float(np.sort(gains)[::-1][: min(most, most_units(units, budget_usd))].sum())
     order = np.argsort(-gains / np.maximum(least, 1e-9))

@@ -35,7 +35,7 @@ LARGE, SMALL = ("Truck", "Bus"), ("Motorcycle", "Pedestrian")
 class Law:
     """Coefficients of a class: those of the fit in row 0, then those of its replicates."""
 
-    found: FloatArray  # (1 + replicates, OBJECT_TERMS)
+    detection: FloatArray  # (1 + replicates, OBJECT_TERMS)
     false: FloatArray  # (1 + replicates, FALSE_TERMS)
 
 
@@ -77,10 +77,10 @@ def read_detectability(detector: str, file: Path = FILE) -> Detectability:
 
 
 def _law(plain: dict[str, list[list[float]]], detector: str) -> Law:
-    found, false = np.array(plain["found"]), np.array(plain["false"])
-    if found.shape[1:] != (len(OBJECT_TERMS),) or false.shape[1:] != (len(FALSE_TERMS),):
+    detection, false = np.array(plain["detection"]), np.array(plain["false"])
+    if detection.shape[1:] != (len(OBJECT_TERMS),) or false.shape[1:] != (len(FALSE_TERMS),):
         raise Error(f"detector: expected coefficients of this version, got others for {detector}")
-    return Law(found, false)
+    return Law(detection, false)
 
 
 def score_term(cut: float | FloatArray) -> FloatArray:
@@ -120,7 +120,7 @@ def with_score(terms: FloatArray, cut: float | FloatArray) -> FloatArray:
     return out
 
 
-def find_probability(coefficients: FloatArray, terms: FloatArray, cut: float) -> FloatArray:
+def detection_probability(coefficients: FloatArray, terms: FloatArray, cut: float) -> FloatArray:
     """Returns the probability (n,) that each object is found at a score of `cut` or above."""
     return probability(with_score(terms, cut) @ coefficients)
 
@@ -160,7 +160,7 @@ def average_precision(
 
     terms: terms of the seen objects. objects: number of all objects in the frames.
     """
-    true_positives = np.array([find_probability(coefficients, terms, cut).sum() for cut in CUTS])
+    true_positives = np.array([detection_probability(coefficients, terms, cut).sum() for cut in CUTS])
     false_positives = frames * false_per_frame(false, np.array(CUTS), len(terms) / max(frames, 1))
     return ap_of_counts(true_positives, false_positives, objects)
 
@@ -179,7 +179,7 @@ def ap_of_counts(true_positives: FloatArray, false_positives: FloatArray, object
     return float(100 * (np.diff(recall).clip(0) * envelope).sum())
 
 
-def fit_found(
+def fit_detection(
     terms: FloatArray, best_score: FloatArray, weights: FloatArray | None = None
 ) -> FloatArray:
     """Fits the law of found objects. best_score: (n,) score of the match, 0 for a missed object."""

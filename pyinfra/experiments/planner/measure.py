@@ -38,7 +38,7 @@ class Measured:
     people: Evaluation | None  # None without pedestrians in the frames
     frames: int
 
-    def found(self, *, person: bool = False) -> pd.DataFrame:
+    def detected(self, *, person: bool = False) -> pd.DataFrame:
         """Returns frame, id and score of each found object that counts."""
         result = self.people if person else self.vehicles
         if result is None:

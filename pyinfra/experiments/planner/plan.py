@@ -36,8 +36,8 @@ from pyinfra.experiments.planner.costs import Costs, read_costs
 from pyinfra.experiments.planner.detectability import Detectability, read_detectability
 from pyinfra.experiments.planner.lidars import PlanLidar, open_lidars
 from pyinfra.experiments.planner.predict import Prediction, predict
-from pyinfra.experiments.planner.race import Race, found_by, race
-from pyinfra.experiments.planner.rain import WITH_WEATHER, found_in_rain, rain_lines
+from pyinfra.experiments.planner.race import Race, detection_probabilities, race
+from pyinfra.experiments.planner.rain import WITH_WEATHER, recall_in_rain, rain_lines
 from pyinfra.experiments.planner.request import Request, checked
 from pyinfra.experiments.planner.site import PlanSite, open_site, scene_path
 
@@ -249,7 +249,7 @@ def decided(
     units = units_of(run, poses, lidars, costs, law, request)
     alone = singles(units, request.budget_usd)
     if not alone:
-        best = min((units.price([u]).middle for u in range(len(units.found))), default=math.nan)
+        best = min((units.price([u]).middle for u in range(len(units.probability))), default=math.nan)
         raise Error(
             f"budget_usd: expected {math.ceil(best):,} or more for a pole with a LiDAR, got "
             f"{request.budget_usd:,.0f}; an existing mast costs less"
@@ -268,10 +268,10 @@ def decided(
     answer = Answer.of(site, request, law, costs, ordered, rows, every, units)
     if site.preset == WITH_WEATHER:
         choices = [choice for choice, _ in ordered]
-        wet = found_in_rain(site, run.stayed, poses, lidars, choices, law, request)
+        wet = recall_in_rain(site, run.stayed, poses, lidars, choices, law, request)
         answer = replace(answer, lines=(*answer.lines, *rain_lines(wet)))
         shares = pd.Series([100 * one.value for one in wet], index=range(1, len(wet) + 1))
-        rows["found_in_rain"] = shares[rows.option].to_numpy()
+        rows["recall_in_rain"] = shares[rows.option].to_numpy()
     return Plan(site, request, rows, every, answer)
 
 
@@ -285,12 +285,12 @@ def units_of(
 ) -> Units:
     """Returns the pairs that stayed as the units of a choice."""
     stayed = run.stayed
-    found = found_by(run.seen, len(stayed), run.objects, law, request)
+    probability = detection_probabilities(run.seen, len(stayed), run.objects, law, request)
     of_pose = poses.iloc[stayed.pose.to_numpy()]
     place = of_pose.groupby(["x_m", "y_m"], sort=False).ngroup().to_numpy()
     existing = of_pose.existing.to_numpy(bool)
     return Units(
-        found, run.objects.weight, place, existing, [lidars[i] for i in stayed.lidar], costs
+        probability, run.objects.weight, place, existing, [lidars[i] for i in stayed.lidar], costs
     )
 
 
@@ -313,9 +313,9 @@ def in_order(
 
     def key(one: tuple[Choice, Prediction]) -> tuple[float, float, float]:
         choice, prediction = one
-        if prediction.found.value >= request.find and prediction.keeps_false:
-            return 0, choice.price.middle, -prediction.found.value
-        return 1, -prediction.found.value, choice.price.middle
+        if prediction.recall.value >= request.find and prediction.keeps_false:
+            return 0, choice.price.middle, -prediction.recall.value
+        return 1, -prediction.recall.value, choice.price.middle
 
     return sorted(options, key=key)
 

@@ -21,7 +21,7 @@ from pyinfra.experiments.planner.detectability import (
     Law,
     ap_of_counts,
     false_per_frame,
-    find_probability,
+    detection_probability,
     highest_recall_cut,
     object_terms,
 )
@@ -37,7 +37,7 @@ UNKNOWN = Interval(float("nan"), float("nan"), float("nan"))
 class Prediction:
     """What an option finds by the detectability, in shares (0 to 1) and AP (0 to 100)."""
 
-    found: Interval  # share of the vehicles within the distance of the request
+    recall: Interval  # share of the vehicles within the distance of the request
     people: Interval  # share of the pedestrians within it; unknown without any
     areas: dict[str, Interval]  # share of the objects that count in each area of the request
     false_per_frame: Interval
@@ -62,15 +62,15 @@ def predict(race: Race, units: Sequence[int], law: Detectability, request: Reque
     person = objects.table.person.to_numpy(bool)
     seen_per_frame = _seen_per_frame(seen, ~person, objects)
     cut, keeps = _cut(seen_per_frame, law.vehicles, request)
-    replicates = len(law.vehicles.found)
+    replicates = len(law.vehicles.detection)
     of_vehicles = _units(seen, ~person)
-    found = [
-        _either(of_vehicles, law.vehicles.found[r], cut, len(person)) for r in range(replicates)
+    detected = [
+        _either(of_vehicles, law.vehicles.detection[r], cut, len(person)) for r in range(replicates)
     ]
     if law.people is not None and person.any():
         of_people = _units(seen, person)
         for r in range(replicates):
-            found[r][person] = _either(of_people, law.people.found[r], cut, len(person))[person]
+            detected[r][person] = _either(of_people, law.people.detection[r], cut, len(person))[person]
     known = ~person | (law.people is not None)
     rates = [
         float(false_per_frame(law.vehicles.false[r], cut, seen_per_frame)[0])
@@ -81,10 +81,10 @@ def predict(race: Race, units: Sequence[int], law: Detectability, request: Reque
         _ap(of_vehicles, law.vehicles, r, every, seen_per_frame, objects) for r in range(replicates)
     ]
     return Prediction(
-        found=_interval(found, near & ~person, objects),
-        people=_interval(found, near & person & known, objects),
+        recall=_interval(detected, near & ~person, objects),
+        people=_interval(detected, near & person & known, objects),
         areas={
-            name: _interval(found, of_name(request.areas, name, objects.table) & known, objects)
+            name: _interval(detected, of_name(request.areas, name, objects.table) & known, objects)
             for name in dict.fromkeys(area.name for area in request.areas)
         },
         false_per_frame=_spread(rates, 0, np.inf),
@@ -122,7 +122,7 @@ def _either(units: Sequence[_Unit], law: FloatArray, cut: float, objects: int) -
     """Returns the probability (objects,) that one of the units finds the object."""
     missed = np.ones(objects)
     for unit in units:
-        missed[unit.object] *= 1 - find_probability(law, unit.terms, cut)
+        missed[unit.object] *= 1 - detection_probability(law, unit.terms, cut)
     return 1 - missed
 
 
@@ -135,20 +135,20 @@ def _ap(
     objects: Objects,
 ) -> float:
     """Returns the AP (0 to 100) over all present vehicles of the region."""
-    count, coefficients = len(objects.table), law.found[replicate]
+    count, coefficients = len(objects.table), law.detection[replicate]
     true_positives = np.array([_either(units, coefficients, cut, count).sum() for cut in CUTS])
     rates = false_per_frame(law.false[replicate], np.array(CUTS), seen_per_frame)
     return ap_of_counts(true_positives, objects.frames * rates, every)
 
 
-def _interval(found: Sequence[FloatArray], counted: BoolArray, objects: Objects) -> Interval:
+def _interval(detected: Sequence[FloatArray], counted: BoolArray, objects: Objects) -> Interval:
     """Returns the share of the counted objects that is found, with its interval."""
     total = int(counted.sum())
     if total == 0:
         return UNKNOWN
-    shares = [float(one[counted].sum() / total) for one in found]
+    shares = [float(one[counted].sum() / total) for one in detected]
     frame = objects.frame[counted]
-    sums = np.bincount(frame, found[0][counted], objects.frames)
+    sums = np.bincount(frame, detected[0][counted], objects.frames)
     counts = np.bincount(frame, minlength=objects.frames)
     residual = sums - shares[0] * counts
     frames = max(objects.frames, 2)

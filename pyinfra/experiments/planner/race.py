@@ -20,7 +20,7 @@ from pyinfra.experiments.planner.areas import weighted
 from pyinfra.experiments.planner.detectability import (
     CUT,
     Detectability,
-    find_probability,
+    detection_probability,
     highest_recall_cut,
     object_terms,
 )
@@ -52,7 +52,7 @@ class Objects:
 class Race:
     """The result of a race: the pairs of pose and LiDAR, and what those that stayed see."""
 
-    pairs: pd.DataFrame  # pose, lidar, frames, found, low, high, left_out
+    pairs: pd.DataFrame  # pose, lidar, frames, recall, low, high, left_out
     seen: pd.DataFrame  # observations of the pairs that stayed, with `pair` and `object`
     objects: Objects
 
@@ -73,7 +73,7 @@ def weighted_objects(site: PlanSite, request: Request, frames: Sequence[int]) ->
     return Objects(table, weight, near, order[table.frame].to_numpy())
 
 
-def found_by(
+def detection_probabilities(
     seen: pd.DataFrame,
     pairs: int,
     objects: Objects,
@@ -102,7 +102,7 @@ def found_by(
             continue
         for cut in np.unique(cuts):
             some = rows[cuts[pair[rows]] == cut]
-            p = find_probability(one.found[0], terms[some], float(cut))
+            p = detection_probability(one.detection[0], terms[some], float(cut))
             out[pair[some], at[some]] = p
     return out
 
@@ -135,14 +135,14 @@ def race(
         seen = seen[alive[seen.pair]]
         pairs.loc[alive, "frames"] = end
         done = end
-        found = found_by(seen, len(pairs), objects, law, request)
-        per_frame = frame_sums(found, objects)
+        probability = detection_probabilities(seen, len(pairs), objects, law, request)
+        per_frame = frame_sums(probability, objects)
         total = float(objects.weight.sum())
-        pairs.loc[alive, "found"] = per_frame[alive].sum(1) / max(total, 1e-12)
+        pairs.loc[alive, "recall"] = per_frame[alive].sum(1) / max(total, 1e-12)
         progress(f"{alive.sum()} pairs of pose and LiDAR, {end} frames")
         if end >= min(request.frames, len(site.frames)):
             break
-        stay = contenders(found, per_frame, pairs, alive, objects, request)
+        stay = contenders(probability, per_frame, pairs, alive, objects, request)
         pairs.loc[alive & ~stay, "left_out"] = f"worse after {end} frames"
         limited = limit(stay, pairs, request, end)
         pairs.loc[stay & ~limited, "left_out"] = f"over the limit of pairs after {end} frames"
@@ -171,15 +171,15 @@ def joined(rows: pd.DataFrame, pairs: pd.DataFrame, objects: Objects) -> pd.Data
     return out.drop(columns=["pose", "lidar"])
 
 
-def frame_sums(found: Float32Array, objects: Objects) -> FloatArray:
+def frame_sums(probability: Float32Array, objects: Objects) -> FloatArray:
     """Returns the weighted number of found objects in each frame: (pairs, frames)."""
     weights = np.zeros((len(objects.weight), objects.frames), np.float32)
     weights[np.arange(len(objects.weight)), objects.frame] = objects.weight
-    return np.asarray(found @ weights, float)
+    return np.asarray(probability @ weights, float)
 
 
 def contenders(
-    found: Float32Array,
+    probability: Float32Array,
     per_frame: FloatArray,
     pairs: pd.DataFrame,
     alive: BoolArray,
@@ -195,15 +195,15 @@ def contenders(
         stay[rows[~is_worse(per_frame[rows], per_frame[order[0]], request.keep)]] = True
     if request.units > 1:
         rows = np.flatnonzero(alive)
-        with_partner = partner_sums(found[rows], objects)
+        with_partner = partner_sums(probability[rows], objects)
         best = with_partner[with_partner.sum(1).argmax()]
         stay[rows[~is_worse(with_partner, best, request.keep)]] = True
     return stay
 
 
-def partner_sums(found: Float32Array, objects: Objects) -> FloatArray:
+def partner_sums(probability: Float32Array, objects: Objects) -> FloatArray:
     """Returns the weighted number of objects that each row finds with its best partner."""
-    missed = 1 - found
+    missed = 1 - probability
     both = (missed * objects.weight.astype(np.float32)) @ missed.T
     partner = both.argmin(1)
     return frame_sums(1 - missed * missed[partner], objects)
@@ -226,7 +226,7 @@ def limit(stay: BoolArray, pairs: pd.DataFrame, request: Request, frames: int) -
         return stay
     # Each LiDAR keeps its share, so that no LiDAR is left out before its best pose is known.
     kept = np.zeros_like(stay)
-    rank = pairs.found.where(stay).groupby(pairs.lidar).rank(ascending=False, method="first")
-    order = np.lexsort((-pairs.found.fillna(-1).to_numpy(), rank.fillna(1e9).to_numpy()))
+    rank = pairs.recall.where(stay).groupby(pairs.lidar).rank(ascending=False, method="first")
+    order = np.lexsort((-pairs.recall.fillna(-1).to_numpy(), rank.fillna(1e9).to_numpy()))
     kept[order[:most]] = True
     return kept & stay

@@ -24,7 +24,7 @@ FRAMES = 24
 WITH_WEATHER = "datasheet"  # the preset whose LiDARs detect by received power
 
 
-def found_in_rain(
+def recall_in_rain(
     site: PlanSite,
     stayed: pd.DataFrame,
     poses: pd.DataFrame,
@@ -54,14 +54,14 @@ def found_in_rain(
     rows = observe(rainy, poses, lidars, wanted, frames)
     objects = weighted_objects(rainy, request, frames)
     wet = Race(stayed, joined(rows, stayed, objects), objects)
-    return [predict(wet, option.units, law, request).found for option in options]
+    return [predict(wet, option.units, law, request).recall for option in options]
 
 
-def rain_lines(found: Sequence[Interval]) -> Iterator[str]:
+def rain_lines(recalls: Sequence[Interval]) -> Iterator[str]:
     """Yields what the first option finds in rain, and which other one finds more."""
-    first, best = found[0].value, int(np.argmax([one.value for one in found]))
+    first, best = recalls[0].value, int(np.argmax([one.value for one in recalls]))
     text = f"In rain of {RAIN_MM_PER_H:g} mm/h the first option finds {100 * first:.0f} of 100"
-    more = found[best].value
+    more = recalls[best].value
     if round(100 * more) > round(100 * first):
         text += f"; option {best + 1} finds most then, {100 * more:.0f}"
     yield f"{text}."

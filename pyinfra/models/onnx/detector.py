@@ -75,8 +75,8 @@ class OnnxDetector:
         logits, boxes = maps[: len(self.classes)], maps[len(self.classes) :]
         parts = []
         for logit, name in zip(logits, self.classes, strict=True):
-            found = self.peaks.of(logit, boxes, self.min_score, along_road=name in ALONG_ROADS)
-            parts.append(suppressed(*found, TYPES[name], self.min_score))
+            peaks = self.peaks.of(logit, boxes, self.min_score, along_road=name in ALONG_ROADS)
+            parts.append(suppressed(*peaks, TYPES[name], self.min_score))
         return of_classes(parts, self.calibration)
 
 
