@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 BOX = ["x", "y", "z", "dx", "dy", "dz", "heading"]
 LABEL_COLUMNS = ["type", *BOX, "id", "points", "visibility"]
-KEPT = 16  # number of clouds kept in memory
+KEPT = 16  # clouds that a sequence keeps in memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,13 +148,15 @@ def table_of(vehicles: Vehicles) -> pd.DataFrame:
 class SimulatedFrames(FrameSequence):
     """Frames that are simulated on demand and not written to disk.
 
-    `beside` maps the name of each other LiDAR in the same scene to its sequence.
+    `beside` maps the name of each other LiDAR in the same scene to its sequence. `kept` is the number
+    of clouds that stay in memory.
     """
 
     world: simulation.World
     unit: simulation.Lidar
     numbers: tuple[int, ...]
     threads: int | None = None
+    kept: int = KEPT
     beside: Mapping[str, SimulatedFrames] = field(default_factory=dict)
     rows: dict[int, AnyArray] = field(default_factory=dict)  # objects of simulated frames
     clouds: OrderedDict[int, tuple[Float32Array, Records]] = field(default_factory=OrderedDict)
@@ -262,7 +264,7 @@ class SimulatedFrames(FrameSequence):
         for number, (frame,) in stream:
             self.rows[number] = frame.objects
             self.clouds[number] = cloud = simulation.points(frame), simulation.fields(frame)
-            while len(self.clouds) > KEPT:
+            while len(self.clouds) > self.kept:
                 self.clouds.popitem(last=False)
             yield number, cloud
 

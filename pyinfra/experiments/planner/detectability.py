@@ -71,12 +71,12 @@ def read_detectability(detector: str, file: Path = FILE) -> Detectability:
         str(one["note"]),
         float(one["latency_ms"]),
         str(one["machine"]),
-        _law(one["vehicles"], detector),
-        _law(people, detector) if people else None,
+        law_of(one["vehicles"], detector),
+        law_of(people, detector) if people else None,
     )
 
 
-def _law(plain: dict[str, list[list[float]]], detector: str) -> Law:
+def law_of(plain: dict[str, list[list[float]]], detector: str) -> Law:
     detection, false = np.array(plain["detection"]), np.array(plain["false"])
     if detection.shape[1:] != (len(OBJECT_TERMS),) or false.shape[1:] != (len(FALSE_TERMS),):
         raise Error(f"detector: expected coefficients of this version, got others for {detector}")

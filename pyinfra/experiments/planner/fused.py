@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray, Records
-from pyinfra.dataset.frame_sequence import KEPT, SimulatedFrames
+from pyinfra.dataset.frame_sequence import SimulatedFrames
 from pyinfra.dataset.world_frame import to_levelled, to_world
 from pyinfra.formats.kitti import WorldPose
 
@@ -41,7 +41,7 @@ class FusedFrames(SimulatedFrames):
                 rows.append(moved_rows(one.rows[number], one.lidar.T_world_levelled, pose))
             cloud = np.concatenate(clouds), np.concatenate(every_field)
             self.rows[number], self.clouds[number] = merged_rows(rows), cloud
-            while len(self.clouds) > KEPT:
+            while len(self.clouds) > self.kept:
                 self.clouds.popitem(last=False)
             yield number, cloud
 
@@ -51,7 +51,9 @@ def fused(sequences: Sequence[SimulatedFrames]) -> SimulatedFrames:
     first, *others = sequences
     if not others:
         return first
-    one = FusedFrames(first.world, first.unit, first.numbers, first.threads, others=tuple(others))
+    one = FusedFrames(
+        first.world, first.unit, first.numbers, first.threads, first.kept, others=tuple(others)
+    )
     one.roads = first.roads
     return one
 

@@ -21,7 +21,7 @@ from pyinfra.metrics.evaluate import evaluate
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.detectors.background import DEFAULT, Background
-from pyinfra.models.inference.boxes_table import detect
+from pyinfra.models.inference.boxes_table import TrainedDetector, detect, load_detector
 
 VEHICLES = Settings(ground_truths=("present",))
 PEOPLE = Settings(
@@ -63,7 +63,7 @@ def frames_at(
     numbers: Sequence[int],
     *,
     seed: int | None = None,
-    threads: int = 1,
+    threads: int | None = None,
 ) -> SimulatedFrames:
     """Returns the frames of a LiDAR at a pose (x y z yaw pitch; m, deg), in ascending order."""
     keys = {f"mounts.{site.mount}.{key}": float(v) for key, v in zip(POSE, pose, strict=True)}
@@ -90,19 +90,24 @@ def measure(
 ) -> Measured:
     """Simulates an option, fused where it has several LiDARs, and evaluates a detector."""
     frames = fused([frames_at(site, pose, lidar, numbers, seed=seed) for pose, lidar in units])
+    return measure_frames(frames, detector)
+
+
+def measure_frames(frames: SimulatedFrames, detector: str) -> Measured:
+    """Evaluates a detector on the frames of an option."""
     detections = detect(detector_for(frames, detector), frames)
     vehicles = evaluate(frames, detections, replace(VEHICLES, replicates=200))
     types = vehicles.truth.vehicles.names
     people = None
     if "Pedestrian" in types and detector != "background":
         people = evaluate(frames, detections, PEOPLE)
-    return Measured(vehicles, people, len(numbers))
+    return Measured(vehicles, people, len(frames))
 
 
-def detector_for(frames: SimulatedFrames, detector: str) -> str | Background:
+def detector_for(frames: SimulatedFrames, detector: str) -> TrainedDetector | Background:
     """Returns the detector for the frames; Background learns from other frames of the scene."""
     if detector != "background":
-        return detector
+        return load_detector(detector, threads=frames.threads)
     every = [k for k in frames.known if k not in set(frames.numbers)]
     if not every:
         raise Error("detector: expected frames to learn the background from, got none")

@@ -1,0 +1,1 @@
+"""The measurements behind the detectability of `pyinfra plan`: its fit and its check."""

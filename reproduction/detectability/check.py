@@ -1,0 +1,252 @@
+"""Compares predicted AP and recall with measured ones at sites that the fit has not seen.
+
+A prediction uses what the LiDAR sees of the site's own traffic. AP and recall are measured with
+other seeds of the traffic. A group is one site and LiDAR with several poses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.dataset.catalogue import lidar_file
+from pyinfra.dataset.simulation import load_lidar
+from pyinfra.experiments.planner import detectability as laws
+from reproduction.detectability import empty_scene
+from reproduction.detectability.runs import (
+    CHECK_SEEDS,
+    Outcome,
+    Run,
+    pose_of,
+    read,
+    scene_file_of,
+    site_of,
+)
+
+GROUP = ["site", "lidar"]
+PREDICTORS = ("ap_predicted", "ten_points_percent", "coverage_percent", "information_bits")
+REPLICATES = 2000
+BINS = 10
+
+
+def predicted(outcome: Outcome, law: laws.Law) -> dict[str, float]:
+    """Returns predicted figures of the vehicles, from what the LiDAR sees of them."""
+    vehicles = outcome.objects[~outcome.objects.person]
+    seen = vehicles[vehicles.points > 0]
+    terms = laws.object_terms(seen)
+    p = laws.detection_probability(law.detection[0], terms, laws.CUT)
+    ap = laws.average_precision(
+        law.detection[0], law.false[0], terms, len(vehicles), outcome.frames
+    )
+    rate = laws.false_per_frame(law.false[0], laws.CUT, len(seen) / outcome.frames)
+    return {
+        "ap_predicted": ap,
+        "recall_predicted": 100 * float(p.sum()) / len(vehicles),
+        "false_predicted": float(rate[0]),
+        "ten_points_percent": 100 * float((vehicles.points >= 10).mean()),
+        "vehicles_per_frame": len(vehicles) / outcome.frames,
+    }
+
+
+def measured(outcome: Outcome, detector: str) -> dict[str, float]:
+    """Returns measured figures of the vehicles."""
+    vehicles = outcome.objects[~outcome.objects.person]
+    score = vehicles[f"score_{detector}"]
+    return {
+        "ap_measured": outcome.ap[detector],
+        "recall_measured": 100 * float((score >= laws.CUT).mean()),
+        "false_measured": float((outcome.false[detector] >= laws.CUT).sum()) / outcome.frames,
+    }
+
+
+def empty_scene_measures(runs: list[Run], frames: int, work: Path) -> dict[Run, dict[str, float]]:
+    """Returns coverage and information of the runs with the site's own traffic."""
+    out = {}
+    for site in sorted({run.site for run in runs}):
+        file = scene_file_of(site, work)
+        plan_site, filled = site_of(site, frames, work), empty_scene.occupancy(file)
+        empty = empty_scene.empty_scene(file)
+        for run in (one for one in runs if one.site == site):
+            lidar = load_lidar(lidar_file(run.lidar), plan_site.preset)
+            coverage, bits = empty_scene.measures(
+                plan_site, empty, filled, pose_of(run, plan_site), lidar
+            )
+            out[run] = {"coverage_percent": 100 * coverage, "information_bits": bits}
+    return out
+
+
+def check_table(
+    runs: list[Run], detector: str, law: laws.Law, empty: dict[Run, dict[str, float]], work: Path
+) -> pd.DataFrame:
+    """Returns a row for each site, LiDAR, pose and measured traffic seed.
+
+    Columns end in `_predicted` where the prediction uses the site's own traffic, and in
+    `_same_traffic` where it uses the traffic of the measurement.
+    """
+    rows = []
+    for own in (run for run in runs if run.seed == 0):
+        first = predicted(read(own, work), law) | empty[own]
+        for seed in CHECK_SEEDS:
+            outcome = read(Run(own.site, own.pose, own.lidar, seed), work)
+            same = predicted(outcome, law)
+            rows.append(
+                {
+                    "detector": detector,
+                    "site": own.site,
+                    "lidar": own.lidar,
+                    "pose": own.pose,
+                    "seed": seed,
+                    **first,
+                    "ap_same_traffic": same["ap_predicted"],
+                    "recall_same_traffic": same["recall_predicted"],
+                    **measured(outcome, detector),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def summary(table: pd.DataFrame) -> Iterator[dict[str, object]]:
+    """Yields measures of the prediction with 95 % intervals over groups, one row each."""
+    for figure in ("ap", "recall"):
+        each = {
+            f"mean error, {figure}": lambda t, f=figure: _error(t, f"{f}_predicted", f),
+            f"mean error with the same traffic, {figure}": lambda t, f=figure: _paired(t, f),
+            f"bias, {figure}": lambda t, f=figure: _bias(t, f),
+            f"mean error of another seed, {figure}": lambda t, f=figure: _seed_error(t, f),
+        }
+        for name, of in each.items():
+            yield row(name, "", per_group(table, of))
+    for predictor in PREDICTORS:
+        yield row("r within a site", predictor, per_group(table, lambda t, p=predictor: _r(t, p)))
+        regret = per_group(table, lambda t, p=predictor: _regret(t, p))
+        yield row("regret of the best pose, AP", predictor, regret)
+    yield row("r within a site", "another seed", per_group(table, _seed_r))
+    yield row("regret of the best pose, AP", "another seed", per_group(table, _seed_regret))
+
+
+def row(measure: str, predictor: str, values: FloatArray) -> dict[str, object]:
+    """Returns the mean over groups with its 95 % interval, from resampled groups."""
+    values = values[np.isfinite(values)]
+    rng = np.random.default_rng(1)
+    means = rng.choice(values, (REPLICATES, len(values))).mean(1)
+    low, high = np.quantile(means, [0.025, 0.975])
+    return {
+        "measure": measure,
+        "predictor": predictor,
+        "groups": len(values),
+        "value": values.mean(),
+        "low": low,
+        "high": high,
+        "median": np.median(values),
+    }
+
+
+def per_group(table: pd.DataFrame, of: Callable[[pd.DataFrame], float]) -> FloatArray:
+    return np.array([of(group) for _, group in table.groupby(GROUP)])
+
+
+def _means(group: pd.DataFrame, *columns: str) -> list[FloatArray]:
+    """Returns columns averaged over seeds, one value per pose."""
+    means = group.groupby("pose")[list(columns)].mean()
+    return [means[name].to_numpy() for name in columns]
+
+
+def _error(group: pd.DataFrame, predictor: str, figure: str) -> float:
+    a, b = _means(group, predictor, f"{figure}_measured")
+    return float(np.abs(a - b).mean())
+
+
+def _paired(group: pd.DataFrame, figure: str) -> float:
+    return float((group[f"{figure}_same_traffic"] - group[f"{figure}_measured"]).abs().mean())
+
+
+def _bias(group: pd.DataFrame, figure: str) -> float:
+    a, b = _means(group, f"{figure}_predicted", f"{figure}_measured")
+    return float((a - b).mean())
+
+
+def _by_seed(group: pd.DataFrame, column: str) -> FloatArray:
+    """Returns a measured column: (poses, seeds)."""
+    return group.pivot(index="pose", columns="seed", values=column).to_numpy()
+
+
+def _one_against_others(values: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yields the values of each seed (poses,), and the mean of the other seeds."""
+    for s in range(values.shape[1]):
+        yield values[:, s], np.delete(values, s, axis=1).mean(1)
+
+
+def _seed_error(group: pd.DataFrame, figure: str) -> float:
+    pairs = _one_against_others(_by_seed(group, f"{figure}_measured"))
+    return float(np.mean([np.abs(a - b).mean() for a, b in pairs]))
+
+
+def _r(group: pd.DataFrame, predictor: str) -> float:
+    return _correlation(*_means(group, predictor, "ap_measured"))
+
+
+def _seed_r(group: pd.DataFrame) -> float:
+    pairs = _one_against_others(_by_seed(group, "ap_measured"))
+    return float(np.mean([_correlation(a, b) for a, b in pairs]))
+
+
+def _correlation(a: FloatArray, b: FloatArray) -> float:
+    if np.ptp(a) == 0 or np.ptp(b) == 0:
+        return float("nan")
+    return float(stats.pearsonr(a, b).statistic)
+
+
+def _regret(group: pd.DataFrame, predictor: str) -> float:
+    """Returns how much AP the pose of the best prediction has less than the best pose."""
+    a, b = _means(group, predictor, "ap_measured")
+    return float(b.max() - b[a.argmax()])
+
+
+def _seed_regret(group: pd.DataFrame) -> float:
+    pairs = _one_against_others(_by_seed(group, "ap_measured"))
+    return float(np.mean([b.max() - b[a.argmax()] for a, b in pairs]))
+
+
+def reliability(
+    runs: list[Run], detector: str, law: laws.Law, work: Path, *, person: bool
+) -> pd.DataFrame:
+    """Returns predicted and measured shares of detected objects, in bins of the prediction.
+
+    The intervals resample sites.
+    """
+    parts = []
+    for run in runs:
+        objects = read(run, work).objects
+        some = objects[(objects.person == person) & (objects.points > 0)]
+        p = laws.detection_probability(law.detection[0], laws.object_terms(some), laws.CUT)
+        hit = (some[f"score_{detector}"] >= laws.CUT).to_numpy(float)
+        parts.append(pd.DataFrame({"site": run.site, "p": p, "detected": hit}))
+    table = pd.concat(parts)
+    table["bin"] = np.minimum((table.p * BINS).astype(int), BINS - 1)
+    sums = table.groupby(["bin", "site"]).agg(
+        n=("p", "size"), p=("p", "sum"), hit=("detected", "sum")
+    )
+    rng, rows = np.random.default_rng(1), []
+    for number, some in sums.groupby("bin"):
+        picks = rng.integers(len(some), size=(REPLICATES, len(some)))
+        n, hit = some.n.to_numpy(), some.hit.to_numpy()
+        low, high = np.quantile(hit[picks].sum(1) / n[picks].sum(1), [0.025, 0.975])
+        rows.append(
+            {
+                "detector": detector,
+                "class": "pedestrian" if person else "vehicle",
+                "bin": number,
+                "objects": int(n.sum()),
+                "sites": len(some),
+                "predicted_percent": 100 * some.p.sum() / n.sum(),
+                "measured_percent": 100 * hit.sum() / n.sum(),
+                "measured_low": 100 * low,
+                "measured_high": 100 * high,
+            }
+        )
+    return pd.DataFrame(rows)
