@@ -31,7 +31,8 @@ VOXEL_M = (1.0, 1.0, 0.5)
 STEP_M = 0.25  # between the samples of a beam
 BEAMS_AT_ONCE = 4096
 OCCUPANCY_FRAMES = 400
-MOVING = ("traffic", "people", "standing_people", "trajectories")  # keys of a scene
+PEOPLE = ("people", "standing_people")  # keys of a scene
+RARE = 1e-3  # vehicles per km and lane of a scene without traffic, where the key is required
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +85,10 @@ def empty_scene(file: Path) -> Path:
     out = file.with_name(f"{file.stem}_empty.yaml")
     if not out.is_file():
         keys = yaml.safe_load(file.read_text(encoding="utf-8"))
+        keys = {name: value for name, value in keys.items() if name not in PEOPLE}
+        keys["traffic"]["vehicles_per_km_lane"] = RARE
         with replacing(out) as beside:
-            beside.write_text(yaml.safe_dump({k: v for k, v in keys.items() if k not in MOVING}))
+            beside.write_text(yaml.safe_dump(keys))
     return out
 
 
