@@ -55,7 +55,7 @@ def bev_overlap(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def points_in_box(points: Floats, box: FloatArray, around_m: float = AROUND_M) -> BoolArray:
-    """Returns (n,) whether each point (n, 3 or more) belongs to the vehicle in a box (7,).
+    """Returns a mask (n,) of the points (n, 3 or more) that belong to the vehicle in a box (7,).
 
     Such points lie at most `around_m` outside the sides and the top of the box. They also lie at
     least `around_m` above its bottom, which excludes returns from the road.
@@ -69,7 +69,10 @@ def points_in_box(points: Floats, box: FloatArray, around_m: float = AROUND_M) -
 
 
 def points_in_boxes(points: Floats, boxes: FloatArray) -> IntArray:
-    """Returns (k,) how many points (n, 3 or more) belong to the vehicle in each box (k, 7)."""
+    """Returns the number (k,) of points (n, 3 or more) of the vehicle in each box (k, 7).
+
+    `points_in_box` defines which points belong to a vehicle.
+    """
     x = np.ascontiguousarray(points[:, 0])
     counts = np.zeros(len(boxes), dtype=np.int64)
     for i, box in enumerate(boxes):
@@ -115,9 +118,9 @@ def pair_bev_overlap(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def centres_within_reach(a: FloatArray, b: FloatArray) -> BoolArray:
-    """Returns whether the circumscribed circles of the footprints touch. Rows of a and b broadcast.
+    """Returns whether the circumscribed circles of the footprints meet. Rows of a and b broadcast.
 
-    Where the result is False, the footprints cannot touch.
+    Where the result is False, the footprints neither touch nor overlap.
     """
     apart = (a[..., 0] - b[..., 0]) ** 2 + (a[..., 1] - b[..., 1]) ** 2
     reach = _half_diagonal(a) + _half_diagonal(b)

@@ -76,7 +76,7 @@ def checked(
     *,
     once: bool = False,
 ) -> Any:
-    """Returns a dataclass field whose texts must pass a check (see Rule).
+    """Returns a dataclass field whose text, or each of whose texts, must pass a check (see Rule).
 
     The key is required if it has no default.
     """
@@ -106,8 +106,8 @@ def compose(text: str) -> Any:
         level += isinstance(event, yaml.CollectionStartEvent)
         level -= isinstance(event, yaml.CollectionEndEvent)
         if level > _MOST_LEVELS:
-            what = f"expected at most {_MOST_LEVELS} levels, got more"
-            raise yaml.MarkedYAMLError(problem=what, problem_mark=event.start_mark)
+            problem = f"expected at most {_MOST_LEVELS} levels, got more"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
     return yaml.compose(text, Loader=_LOADER)
 
 
@@ -200,7 +200,7 @@ def _struct(location: _Location, kind: type[T]) -> T:
     values = {key: _value(here, hints[key], rules[key]) for key, here in locations.items()}
     try:
         return kind(**values)
-    except ValueError as error:  # a check of several keys together
+    except ValueError as error:  # the class raised it, after a check of several keys together
         location.fail(str(error))
 
 

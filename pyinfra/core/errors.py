@@ -15,11 +15,11 @@ class Error(ValueError):
 
 
 class FormatError(Error):
-    """A file violates its format: `file:line: expected, got`."""
+    """A file violates its format. The message is `file:line: expected ..., got ...`."""
 
 
 class ConfigError(Error):
-    """A wrong configuration: `file:line: key: expected, got`."""
+    """A wrong configuration. The message is `file:line: key: expected ..., got ...`."""
 
 
 class MissingPackage(Error, ImportError):
@@ -35,6 +35,6 @@ def missing(package: str | None, extra: str) -> MissingPackage:
 
 
 def keep_traceback(error: BaseException, file: Path) -> None:
-    """Writes the traceback of an error to a file; used for failures that do not stop the run."""
+    """Writes the traceback of an error to a file, for failures that do not stop the run."""
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text("".join(traceback.format_exception(error)), errors="backslashreplace")

@@ -28,18 +28,18 @@ def _prefix(path: Path) -> str:
 def _remove_leftovers(path: Path) -> None:
     """Removes hidden folders of `new_folder` left by processes of this machine that have died."""
     prefix = _prefix(path)
-    for left in [p for p in path.parent.iterdir() if p.name.startswith(prefix)]:
-        pid = left.name.removeprefix(prefix).split(".")[0]
+    for leftover in [p for p in path.parent.iterdir() if p.name.startswith(prefix)]:
+        pid = leftover.name.removeprefix(prefix).split(".")[0]
         if pid.isdecimal() and not Path("/proc", pid).exists():
-            shutil.rmtree(left, ignore_errors=True)
+            shutil.rmtree(leftover, ignore_errors=True)
 
 
 @contextmanager
 def replacing(file: Path) -> Iterator[Path]:
-    """Yields a hidden path to write to; it replaces the file when the block ends.
+    """Yields a hidden path to write to. The file at this path replaces `file` at the block's end.
 
-    If the block raises, the new content is deleted and the old file stays. An OSError, such as a
-    full disk, names the file.
+    If the block raises, the new content is deleted and the old file stays. Each OSError, for
+    example for a full disk, names `file`.
     """
     beside = _beside(file)
     try:
@@ -59,15 +59,15 @@ def write(file: Path, data: bytes | str) -> None:
 
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
-    """Yields a hidden folder to write to; it is renamed to `folder` when the block ends.
+    """Yields a hidden folder to write to. It is renamed to `folder` when the block ends.
 
     If the block raises, the hidden folder is deleted. An OSError names the file or the folder.
     Raises FileExistsError if `folder` exists and is not an empty folder, at the start or at the
     end of the block.
     """
-    there = FileExistsError(f"{folder}: expected a new or an empty folder, got one with files")
+    exists = FileExistsError(f"{folder}: expected a new or an empty folder, got one with files")
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
-        raise there
+        raise exists
     folder.parent.mkdir(parents=True, exist_ok=True)
     _remove_leftovers(folder)
     beside = _beside(folder)
@@ -79,7 +79,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
                 beside.replace(folder)
             except OSError as error:
                 if error.errno in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR):
-                    raise there from error
+                    raise exists from error
                 raise
     except BaseException:
         shutil.rmtree(beside, ignore_errors=True)
@@ -88,10 +88,10 @@ def new_folder(folder: Path) -> Iterator[Path]:
 
 @contextmanager
 def naming(path: Path, beside: Path | None = None) -> Iterator[None]:
-    """Makes each OSError from the block name a file: `path`, if the error names none.
+    """Ensures that each OSError from the block names a file. An error without a name gets `path`.
 
-    beside: the hidden path that will replace `path`. An error that names it, or a file inside it,
-    is changed to name the final path.
+    beside: the hidden path that will replace `path`. If an error names this path, or a file inside
+    it, the name is changed to the final path.
     """
     try:
         yield
@@ -110,8 +110,8 @@ def naming(path: Path, beside: Path | None = None) -> Iterator[None]:
 def held(file: Path, *, wait: bool) -> Iterator[bool]:
     """Yields whether this process holds an exclusive lock on the file.
 
-    With `wait`, the function waits for the lock. Without it, the function yields False at once if
-    another process holds the lock. The lock is released at the end of the block, and when the
+    With `wait`, the function waits for the lock. Without `wait`, it yields False at once if another
+    process holds the lock. The lock is released at the end of the block, and when the
     process dies.
     """
     file.parent.mkdir(parents=True, exist_ok=True)

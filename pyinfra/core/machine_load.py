@@ -34,7 +34,7 @@ def other_load() -> Iterator[OtherLoad]:
     yield load
     wall = time.perf_counter() - started
     others = (_busy_seconds() - busy) - (time.process_time() - process_s)
-    if not math.isnan(others):  # the clip is needed because the CPU clock is coarse
+    if not math.isnan(others):  # clipped, because the resolution of the CPU clock is coarse
         load.cores = min(max(0.0, others / wall), float(os.cpu_count() or math.inf))
 
 

@@ -30,7 +30,7 @@ def file_or_name(word: StrPath, files: dict[str, Path], argument: str) -> Path:
 
     Raises
     ------
-    Error : if `word` is neither; the message suggests the nearest names
+    Error : if `word` is neither a file nor a key; the message suggests similar keys
     """
     text = str(path_of(word, argument)) if not isinstance(word, str) else word
     if text in files:
@@ -44,7 +44,7 @@ def file_or_name(word: StrPath, files: dict[str, Path], argument: str) -> Path:
 
 
 def check_name(word: str, names: Collection[str], argument: str) -> None:
-    """Raises Error unless `word` is one of the names; the message suggests the nearest names."""
+    """Raises Error unless `word` is one of the names. The message suggests similar names."""
     if word not in names:
         raise Error(f"{argument}: expected a name, got '{word}'{suggestion(word, names)}")
 

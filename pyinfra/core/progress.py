@@ -25,7 +25,7 @@ def shown() -> Iterator[None]:
 
 
 def track(items: Collection[Item], unit: str) -> Iterator[Item]:
-    """Yields the items. Shows how many are done, the rate and the time left on a terminal.
+    """Yields the items. On a terminal, shows their number so far, the rate and the time left.
 
     unit: singular name of an item, such as `frame`.
     """

@@ -44,7 +44,10 @@ def public(function: F) -> F:
 
 
 def _paths(given: dict[str, Any]) -> Iterator[tuple[str, Path]]:
-    """Returns the name and path of each path argument, including paths in lists, longest first."""
+    """Returns the name and path of each path argument, the longest path first.
+
+    Paths in lists are included.
+    """
     paths = []
     for name, value in given.items():
         values = value if isinstance(value, (list, tuple)) else [value]

@@ -11,7 +11,7 @@ _CODE = ("cpp", "bindings", "pyinfra", "configs")
 
 
 def _source_version() -> str:
-    """Returns the git commit of a source tree, with "-dirty" if its code has changes."""
+    """Returns "0+COMMIT" for a source tree, with "-dirty" if its code has uncommitted changes."""
     root = Path(__file__).resolve().parents[2]
     commit = _git(root, "rev-parse", "--short", "HEAD") or "source"
     return f"0+{commit}" + ("-dirty" if _git(root, "diff", "--stat", "HEAD", "--", *_CODE) else "")
