@@ -45,8 +45,8 @@ _RENAMED_COLUMNS = {
     "seam_turned_deg": "cut_angle_turned_deg",
     "world": "vehicles_digest",
 }
-# Maps, for each column, values of version 0.3 to the current ones. Values of the column `measure`
-# are column names and are renamed like columns.
+# Maps values of version 0.3 to current values, by column. The values of the column `measure` are
+# column names. They are renamed like columns.
 _RENAMED_VALUES = {
     "arm": {"specialist": "site_trained"},
     "fails_first": {"ghosts": "background"},
@@ -57,7 +57,7 @@ _RENAMED_VALUES = {
 
 
 def current_name(column: str) -> str:
-    """Returns the current name of a column that version 0.3 wrote."""
+    """Returns the current name of a column. Only names of version 0.3 change."""
     column = re.sub(r"^ap_((?:all|common|present|whole)_)?fine", r"ap_\1r1000", column)
     column = re.sub(r"^draw_(?=\d+$)", "replicate_", column)
     return _RENAMED_COLUMNS.get(column, column)
@@ -71,7 +71,7 @@ def _with_current_values(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def existing(file: Path) -> Path:
-    """Returns the file if it exists, else the file in which version 0.3 wrote the same table."""
+    """Returns `file`, or the file of version 0.3 with the same table if only that file exists."""
     older = file.with_name(re.sub(r"replicates\.csv$", "draws.csv", file.name))
     return older if older.is_file() and not file.is_file() else file
 

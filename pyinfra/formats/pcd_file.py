@@ -29,7 +29,7 @@ KEYS = (*NEEDED, "VERSION", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT")
 MOST_LINES = 50  # maximum number of lines of a header
 MOST_POINTS = 999_999_999
 MOST_LZF = 90  # largest compression ratio: LZF expands 3 bytes to at most 264
-FARTHEST = 1e9  # of a VIEWPOINT; squares of larger numbers may overflow
+FARTHEST = 1e9  # largest absolute value in a VIEWPOINT; squares of huge numbers overflow
 QUATERNION = (0.9, 1.1)  # allowed length of a rounded unit quaternion
 
 
@@ -42,7 +42,7 @@ class Viewpoint:
 
     @property
     def is_far(self) -> bool:
-        """Whether the shift exceeds the largest coordinate of a cloud (geographic coordinates)."""
+        """Whether the shift exceeds the largest allowed coordinate, as in geographic frames."""
         return bool(np.abs(self.shift).max() >= FARTHEST_M)
 
     @property
@@ -58,7 +58,7 @@ class Viewpoint:
         return not self.shift.any() and np.array_equal(self.turn, np.eye(3))
 
     def apply(self, columns: list[AnyArray], *, shifted: bool = True) -> list[AnyArray]:
-        """Transforms x, y, z, (n,) each, to the site's frame; 0 0 0 (no return) is unchanged."""
+        """Transforms x, y, z, (n,) each, to the site's frame. Points 0 0 0 (no return) stay 0 0 0."""
         stored = np.stack([column.astype(np.float64) for column in columns], axis=1)
         with np.errstate(invalid="ignore"):  # rays without return may have NaN coordinates
             moved = stored @ self.turn.T + (self.applied_shift if shifted else 0)
@@ -105,8 +105,8 @@ def read_pcd(file: Path) -> Records:
     """Reads an ascii, binary or compressed file into records (n,) with the file's fields.
 
     The viewpoint is not applied. Field names are in lower case, as `Header` describes. Raises
-    FormatError with the line of the header. Raises ImportError for a compressed file if the extra
-    `exchange` is not installed.
+    FormatError; for some errors in the header, the message names the line. Raises ImportError for a
+    compressed file if the extra `exchange` is not installed.
     """
     with file.open("rb") as stream:
         header = _read_header(file, stream)
@@ -117,7 +117,7 @@ def read_pcd(file: Path) -> Records:
 
 
 def read_header(file: Path) -> Header:
-    """Reads the header of a file. Raises FormatError with the line of the header."""
+    """Reads the header of a file. Raises FormatError."""
     with file.open("rb") as stream:
         return _read_header(file, stream)
 
@@ -164,8 +164,9 @@ def _viewpoint(file: Path, words: list[str], line: int | None) -> Viewpoint:
         return Viewpoint(shift, np.eye(3))
     if not QUATERNION[0] <= length <= QUATERNION[1]:
         _fail(file, f"VIEWPOINT: expected a quaternion of length 1, got {length:g}", line)
-    upright = (w, x, y, z) == (w, 0, 0, 0)
-    return Viewpoint(shift, np.eye(3) if upright else Rotation.from_quat([x, y, z, w]).as_matrix())
+    unrotated = (x, y, z) == (0, 0, 0)
+    turn = np.eye(3) if unrotated else Rotation.from_quat([x, y, z, w]).as_matrix()
+    return Viewpoint(shift, turn)
 
 
 def _record(file: Path, words: dict[str, list[str]]) -> np.dtype[np.void]:
@@ -220,10 +221,10 @@ def _binary(header: Header, stream: BinaryIO) -> Records:
 
 
 def _check_end(header: Header, got: int, expected: int) -> None:
-    """Raises FormatError for extra data, from a wrong header or from two files that were joined."""
+    """Raises FormatError for extra data. The cause is a wrong header or two joined files."""
     if got > expected:
-        what = f"expected {expected} bytes of points, got {got}"
-        _fail(header.file, f"{what}: do FIELDS, SIZE, COUNT and POINTS fit?")
+        mismatch = f"expected {expected} bytes of points, got {got}"
+        _fail(header.file, f"{mismatch}: do FIELDS, SIZE, COUNT and POINTS fit?")
 
 
 def _compressed(header: Header, stream: BinaryIO) -> Records:

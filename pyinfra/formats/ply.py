@@ -10,7 +10,7 @@ from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.files import write
 
 FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
-SMALLEST_M2 = 1e-6
+SMALLEST_M2 = 1e-6  # triangles with a smaller area are degenerate
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +22,7 @@ class Triangles:
 
 
 def degenerate(mesh: Triangles) -> BoolArray:
-    """Returns (m,) whether each triangle is a line or a point after rounding to float32."""
+    """Returns a mask (m,) of triangles that are almost a line or a point, rounded to float32."""
     a, b, c = (mesh.vertices.astype("f4").astype(float)[mesh.faces[:, k]] for k in range(3))
     twice = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     longest = np.maximum.reduce(
@@ -32,7 +32,7 @@ def degenerate(mesh: Triangles) -> BoolArray:
 
 
 def together(meshes: list[Triangles]) -> Triangles:
-    """Joins meshes. Drops degenerate triangles, and the vertices that no other triangle uses."""
+    """Joins meshes. Drops degenerate triangles, and vertices that no remaining triangle uses."""
     starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
     faces = [m.faces + s for m, s in zip(meshes, starts, strict=False)]
     mesh = Triangles(

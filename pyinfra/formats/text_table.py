@@ -22,7 +22,7 @@ class ColumnRule:
     """The allowed values of each of the named columns."""
 
     columns: tuple[str, ...]
-    # Called with the column and the columns in `beside`; works elementwise.
+    # Called with the column (n,) and those in `beside`. Returns a mask (n,) of allowed values.
     holds: Callable[..., BoolArray]
     allowed: str  # allowed values, for messages
     beside: tuple[str, ...] = ()  # other columns that the rule depends on
@@ -136,7 +136,7 @@ class NamedRows:
 def rows_by_name(
     lines: Sequence[str], file: Path, columns: Sequence[str], rules: Sequence[ColumnRule]
 ) -> dict[str, FloatArray]:
-    """Parses a CSV table; returns the rows (n, columns - 1) of each name in the first column.
+    """Parses a CSV table. Maps each name in the first column to its rows (n, columns - 1).
 
     The first line names the columns. Raises FormatError, also for a table without rows.
     """

@@ -28,7 +28,7 @@ def parse_yaml(text: str, name: str) -> "YamlNode":
 
 def read_keys(file: Path) -> dict[str, Any]:
     """Returns all keys and values of a YAML file. Raises FormatError with file and line."""
-    _parsed(file, compose)  # its error messages are more precise than those of safe_load
+    _parsed(file, compose)  # `compose` gives more precise error messages than `safe_load`
     parsed = _parsed(file, yaml.safe_load)
     if not isinstance(parsed, dict):
         raise FormatError(f"{file}:1: expected keys and values, got something else")
@@ -36,7 +36,7 @@ def read_keys(file: Path) -> dict[str, Any]:
 
 
 def _parsed(file: Path, parse: Callable[[str], Any]) -> Any:
-    """Parses a file, and turns every exception of PyYAML into a FormatError that names the file."""
+    """Parses a file. Each exception of PyYAML becomes a FormatError that names the file."""
     try:
         return parse("\n".join(lines_of(file)))
     except yaml.MarkedYAMLError as error:
@@ -84,7 +84,10 @@ class YamlNode:
         return node.items() if node and node.node and node.node.value else []
 
     def values(self, key: str) -> "list[YamlNode]":
-        """Returns the values of the mapping under a key, in file order; empty if it is absent."""
+        """Returns the values of the mapping under a key, in file order.
+
+        The list is empty if the key is absent.
+        """
         mapping = self.maybe(key)
         if mapping is None:
             return []
@@ -102,7 +105,7 @@ class YamlNode:
     def number(
         self, low: float = -math.inf, high: float = math.inf, *, or_nan: bool = False
     ) -> float:
-        """Returns a finite number from low to high. `or_nan` also allows .nan, for unknown."""
+        """Returns a finite number from low to high. `or_nan` also allows .nan (unknown)."""
         text = self.text()
         try:
             value = float(text.replace(".inf", "inf").replace(".nan", "nan"))

@@ -29,14 +29,15 @@ OTHER_NAMES = {
     "Tr_imu_velo": "Tr_imu_to_velo",
     "Tr": "Tr_velo_to_cam",
 }
-NOT_NEEDED = ("Tr_cam_to_road", "calib_time")  # in KITTI's road benchmark and raw data; ignored
+# Names in KITTI's road benchmark and raw data. Their lines are ignored.
+NOT_NEEDED = ("Tr_cam_to_road", "calib_time")
 _NOT_A_ROTATION = 0.01  # tolerance of the elements of R R^T against the identity
-_MOST = 1e6  # largest absolute value in a matrix, pixels or metres
+_MOST = 1e6  # largest absolute value in a matrix, in pixels or metres
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """The seven matrices of a calib file. Matrices that boxes do not need may be defaults."""
+    """The seven matrices of a calib file. Matrices that boxes do not need may be default values."""
 
     P: FloatArray  # (4, 3, 4) projection matrices of the four cameras, pixels
     R0_rect: FloatArray  # (3, 3)

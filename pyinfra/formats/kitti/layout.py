@@ -43,12 +43,12 @@ class Objects:
     speed: FloatArray  # (k,) m/s
     points: IntArray  # (k,) number of returns from the object
     points_in_box: IntArray  # (k,) number of those returns inside its box
-    distance: FloatArray  # (k,) horizontal, sensor to box centre
+    distance: FloatArray  # (k,) horizontal distance from the sensor to the box centre, metres
     visibility: FloatArray  # (k,) visible share in [0, 1]; -1 outside the evaluation region
     scan_boxes: FloatArray  # (k, 7) boxes at scan_time_s
-    scan_time_s: FloatArray  # (k,) mean time of the returns, since the start of the frame
-    points_in_scan_box: IntArray  # (k,)
-    # (k,) pitch of the vehicle, positive with the nose down; None if all vehicles are level.
+    scan_time_s: FloatArray  # (k,) mean time of the returns, from the start of the frame
+    points_in_scan_box: IntArray  # (k,) number of returns inside the box at scan_time_s
+    # (k,) pitch in radians, positive with the nose down. None if no vehicle can pitch.
     pitch: FloatArray | None = None
 
     def __len__(self) -> int:
@@ -87,5 +87,5 @@ def frames(lidar_folder: Path) -> list[int]:
 
 
 def extent(frames: Sequence[int]) -> str:
-    """Describes the allowed range of ascending frame numbers as text."""
+    """Returns the first and last of ascending frame numbers as text, for messages."""
     return f"{frames[0]} to {frames[-1]}" if frames else "none, as the folder has no frame"

@@ -1,4 +1,4 @@
-"""Reads `lidar.yaml`, the description of a LiDAR that stands beside its frames."""
+"""Reads `lidar.yaml`, the description of a LiDAR in the folder of its frames."""
 
 import math
 from dataclasses import dataclass, fields

@@ -175,10 +175,10 @@ def read_labels(
 ) -> Labels:
     """Reads the boxes of a label file, or of a prediction file (`scores`), in the LiDAR frame.
 
-    `calibration` is that of the frame's camera; the default is that of a simulated LiDAR. DontCare
-    regions are only returned with `dont_care`. Blank lines are skipped. An empty file gives k = 0.
-    Raises FormatError with file and line, also for scores in a label file, for missing scores in a
-    prediction file, and for a label whose rotation_y is too large for radians.
+    `calibration` describes the frame's camera. The default is the camera of a simulated LiDAR.
+    DontCare regions are only returned with `dont_care`. Blank lines are skipped. An empty file
+    gives k = 0. Raises FormatError with file and line. Scores in a label file, missing scores in a
+    prediction file, and a label with a rotation_y that is too large for radians are also errors.
     """
     columns = [*LABEL_COLUMNS, "score"] if scores else LABEL_COLUMNS
     rows = {i: line.split() for i, line in enumerate(lines_of(file), start=1) if line.strip()}

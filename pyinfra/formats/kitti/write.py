@@ -41,7 +41,10 @@ def write_points(file: Path, points: Points) -> None:
 
 
 def write_fields(file: Path, fields: Records) -> None:
-    """Writes the additional fields of points, records (n,) of FIELDS. Raises Error for others."""
+    """Writes the additional fields of points, records (n,) of FIELDS.
+
+    Raises Error for another shape or type.
+    """
     if fields.dtype != FIELDS or fields.ndim != 1:
         raise Error(f"fields: expected (n,) {FIELDS}, got {fields.shape} {fields.dtype}")
     write(file, fields.tobytes())
@@ -83,8 +86,8 @@ def write_labels(file: Path, labels: Labels, calibration: Calibration | None = N
     """Writes labels, or predictions if they have scores, in the calibration's camera frame.
 
     The default calibration is that of a simulated LiDAR. Truncation, occlusion, alpha and image
-    box come from `labels.image`. If it is None, they are 0, 0, the observation angle, and 50 x 50
-    pixels.
+    box come from `labels.image`. If `labels.image` is None, truncation and occlusion are 0, alpha
+    is the observation angle, and the image box has 50 x 50 pixels.
     Raises Error for numbers that are not finite, and for sizes of 0 or less.
     """
     camera = boxes_to_camera(labels.boxes, calibration or simulated())
@@ -117,7 +120,7 @@ def write_frame(
 ) -> None:
     """Writes all parts of a frame. The cloud is written last, because it marks a complete frame.
 
-    Missing folders are created. Raises Error like the writers of the parts.
+    Missing folders are created. Raises the errors of the functions that write the parts.
     """
 
     def path_of(part: Part) -> Path:
@@ -135,7 +138,7 @@ def write_frame(
 
 
 def _image_columns(camera: FloatArray) -> FloatArray:
-    """Returns truncated occluded alpha x1 y1 x2 y2 (k, 7) for boxes without an image."""
+    """Returns truncated occluded alpha x1 y1 x2 y2 (k, 7) for boxes that have no such values."""
     x, z, rotation_y = camera[:, 3], camera[:, 5], camera[:, 6]
     alpha = rotation_y - np.arctan2(x, z)
     alpha = (alpha + np.pi) % (2 * np.pi) - np.pi
