@@ -16,8 +16,8 @@ from pyinfra.dataset.world_frame import rotation
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Tilt
 
-MIN_VISIBILITY = 0.2
-FULL_CIRCLE_DEG = 359.0
+MIN_VISIBILITY = 0.2  # vehicles with a smaller visibility are not in the subsets `all` and `common`
+FULL_CIRCLE_DEG = 359.0  # a field of view at least this wide contains all azimuths
 
 
 @dataclass(frozen=True)
@@ -98,9 +98,9 @@ def read_data_set(folder: Path) -> DataSet:
 def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
     """Reads the LiDARs of a data set and their tilts, sorted by folder name.
 
-    Raises FormatError with file and line. It is also raised if the LiDARs differ in preset, period
-    or label time, if a LiDAR's name is not that of its folder, and if a folder with frames has no
-    lidar.yaml.
+    All LiDARs must have the same preset, period and label time. Each LiDAR must have the name of
+    its folder, and each folder with frames must have a lidar.yaml. Raises FormatError with file
+    and line.
     """
     for frames in sorted(folder.glob("[!.]*/training/velodyne")):
         if not (file := frames.parents[1] / "lidar.yaml").is_file():
@@ -129,10 +129,10 @@ def is_of_lanes(data_set: Path) -> bool:
 
 
 def without_region(lidar_folder: Path) -> str | None:
-    """Returns a text about a file without which the evaluation region of a folder is unknown.
+    """Returns a message if a file that defines a folder's evaluation region is missing, else None.
 
-    The text is about lidar.yaml, roads.csv or regions.csv. Returns None if nothing is missing. A
-    recording needs no roads.csv.
+    The file is lidar.yaml, roads.csv or regions.csv. A recording needs no roads.csv. A folder
+    without lidar.yaml and without dataset.yaml beside it needs none of them.
     """
     file = lidar_folder / "lidar.yaml"
     data_set = data_set_of(lidar_folder)
@@ -153,7 +153,7 @@ def without_region(lidar_folder: Path) -> str | None:
 
 
 def _without_outlines(data_set: Path) -> str | None:
-    """Returns a text if the scene has region outlines but their file is missing, else None."""
+    """Returns a message if the scene has region outlines but their file is missing, else None."""
     description, file = data_set / "dataset.yaml", data_set / OUTLINES_FILE
     named = kitti.read_yaml(description).maybe("regions") if description.is_file() else None
     if named is None or file.is_file():
@@ -201,7 +201,7 @@ def road_level(data: DataSet, lidar: kitti.Lidar) -> float:
 
 
 def read_owners(folder: Path, frame: int, count: int) -> IntArray:
-    """Returns the object_id (count,) of each point of a frame; it is -1 for background.
+    """Returns the object_id (count,) of each point of a frame. The id of background is -1.
 
     Raises FileNotFoundError if `fields` has no file of the frame, and FormatError if the file does
     not have `count` records.

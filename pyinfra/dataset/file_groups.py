@@ -1,7 +1,7 @@
 """Reads many small text files as groups.
 
-Files are parsed in groups of some hundred, which is about ten times as fast as one by one. If a
-group cannot be parsed, its files are read again one by one, so that the error names file and line.
+Files are parsed in groups of a few hundred, which is about ten times as fast as one by one. If a
+group cannot be parsed, its files are read again one by one to find the file and line for the error.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def numbers_of(rows: Sequence[Sequence[str]], width: int, first: int) -> FloatAr
 
 
 def fail_with_line(files: Sequence[Path], read: Callable[[Path], object]) -> NoReturn:
-    """Reads the files one by one, to raise the error that names file and line."""
+    """Reads the files one by one. One of them raises the error, which names file and line."""
     for file in files:
         read(file)
     raise AssertionError(f"{files[0]}: read alone but not in a group")

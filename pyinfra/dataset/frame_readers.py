@@ -35,7 +35,7 @@ class Cameras:
     of_frame: IntArray  # (frames,) index into `different`
 
     def boxes(self, values: FloatArray, frame: IntArray) -> FloatArray:
-        """Converts h w l x y z rotation_y (n, 7) of the frames (n,) to boxes (n, 7)."""
+        """Converts h w l x y z rotation_y (n, 7) in the frames (n,) to boxes (n, 7)."""
         out = np.empty_like(values)
         for i, calibration in enumerate(self.different):
             rows = self.of_frame[frame] == i
@@ -65,10 +65,10 @@ def read_labelled(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
 def other_types(
     lidar_folder: Path, frames: Sequence[int], vehicles: Vehicles, types: Sequence[str]
 ) -> str | None:
-    """Returns a text about unknown class names in the ground truth that are not in `types` either.
+    """Returns a message about class names in the ground truth that are unknown and not in `types`.
 
     Objects with an unknown class name are never counted; for example, `car` is not `Car`. Returns
-    None if all names are known.
+    None if there are no such names.
     """
     other = ~np.isin(vehicles.names, [*types, *VEHICLE_TYPES, *OTHER_TYPES])
     if not other.any():
@@ -96,7 +96,7 @@ def read_predictions(files: Sequence[Path | None], cameras: Cameras) -> Predicti
 
 
 def read_cameras(lidar_folder: Path, frames: Sequence[int]) -> Cameras:
-    """Reads the frames' calibrations. A frame without a file gets that of a simulated LiDAR.
+    """Reads the frames' calibrations. A frame without a calib file gets that of a simulated LiDAR.
 
     Raises FormatError with file and line.
     """
@@ -167,7 +167,10 @@ def _predictions(files: Sequence[Path], frames: IntArray, cameras: Cameras) -> P
 def _kitti(
     files: Sequence[Path], frames: IntArray, *, scores: bool
 ) -> tuple[IntArray, IntArray, NameArray, FloatArray]:
-    """Reads label or result files: frame, line, class, and the numbers from the column h on."""
+    """Reads label or result files: frame, line and class (n,), and the columns from h on.
+
+    Rows of the class DontCare are left out.
+    """
     texts = [
         [(i, content) for i, content in enumerate(text, 1) if content.strip()]
         for text in file_lines(files)

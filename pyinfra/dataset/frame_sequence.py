@@ -158,7 +158,8 @@ class SimulatedFrames(FrameSequence):
     threads: int | None = None
     kept: int = KEPT
     beside: Mapping[str, SimulatedFrames] = field(default_factory=dict)
-    rows: dict[int, AnyArray] = field(default_factory=dict)  # objects of simulated frames
+    rows: dict[int, AnyArray] = field(default_factory=dict)  # objects of all simulated frames
+    # The points and fields of the last KEPT simulated frames.
     clouds: OrderedDict[int, tuple[Float32Array, Records]] = field(default_factory=OrderedDict)
 
     @property
@@ -218,8 +219,8 @@ class SimulatedFrames(FrameSequence):
 
     def of(self, numbers: Sequence[int]) -> SimulatedFrames:
         beside = {
-            name: replace(one, numbers=tuple(numbers), beside={})
-            for name, one in self.beside.items()
+            name: replace(other, numbers=tuple(numbers), beside={})
+            for name, other in self.beside.items()
         }
         return replace(self, numbers=tuple(numbers), beside=beside)
 
@@ -254,7 +255,7 @@ class SimulatedFrames(FrameSequence):
         return simulation.label_time(self.world, self.unit)
 
     def _cast(self, numbers: Sequence[int]) -> Iterator[tuple[int, tuple[Float32Array, Records]]]:
-        """Yields the number, and the points with their fields, of each simulated frame.
+        """Simulates frames. Yields the number, the points and the fields of each frame.
 
         Stores the objects of each frame in `rows`.
         """

@@ -10,7 +10,7 @@ from pyinfra.core.errors import Error, FormatError
 from pyinfra.formats import kitti
 from pyinfra.formats.text_table import lines_of
 
-MOST_LISTED = 8  # folders in a message
+MOST_LISTED = 8  # maximum number of folders in a message
 PERIOD_S = 0.1  # frame period of the simulator, and default of folders without lidar.yaml
 
 
@@ -21,7 +21,10 @@ def period_of(lidar_folder: Path) -> float:
 
 
 def frame_range(word: str, gt: Path) -> list[int]:
-    """Returns the frames of a folder in a range A:B[:STEP]. Raises Error if it has none there."""
+    """Returns the frames of a folder in a range A:B[:STEP], without B.
+
+    Raises Error if the folder has no frame in the range.
+    """
     parts = word.split(":")
     if len(parts) not in (2, 3) or not all(part.isdecimal() for part in parts):
         raise Error(f"frames: expected A:B[:STEP], got '{word}'")
@@ -36,8 +39,8 @@ def frame_numbers(folder: Path, split: str | None = None) -> list[int]:
     """Returns the frame numbers of a folder, ascending.
 
     `split` selects the frames of ImageSets/SPLIT.txt, and `all` selects all frames. By default,
-    the frames are those of val.txt if it exists, else all. Raises FileNotFoundError, and
-    FormatError with file and line.
+    the frames of val.txt are returned if the file exists, else all frames. Raises
+    FileNotFoundError, and FormatError with file and line.
     """
     training = folder / "training"
     if (training / "velodyne").is_dir():
@@ -101,7 +104,10 @@ def has_labels(lidar_folder: Path) -> bool:
 
 
 def check_lidar_folder(folder: Path) -> None:
-    """Raises Error if a folder is no LiDAR's, and LiDARs are in it or it is in a LiDAR's folder."""
+    """Raises Error for a folder that contains LiDAR folders, or lies inside a LiDAR folder.
+
+    A folder that contains `training` is a LiDAR folder and is accepted.
+    """
     if (folder / "training").is_dir():
         return
     if inside := lidars_in(folder) or sorted(file.parent for file in folder.glob("*/*/lidar.yaml")):
@@ -116,7 +122,10 @@ def check_lidar_folder(folder: Path) -> None:
 
 
 def check_data_set(folder: Path) -> None:
-    """Raises Error if a folder is no data set, and it is in one or has several in it."""
+    """Raises Error for a folder that lies inside a data set, or contains data sets.
+
+    A folder that contains dataset.yaml or LiDAR folders is a data set and is accepted.
+    """
     if (folder / "dataset.yaml").is_file() or lidars_in(folder):
         return
     for parent in _parents(folder):
@@ -128,6 +137,9 @@ def check_data_set(folder: Path) -> None:
 
 
 def _parents(folder: Path) -> list[Path]:
-    """Returns the three folders above a folder, relative if the folder is."""
+    """Returns at most three parent folders, the nearest first.
+
+    The parents of a relative path are relative, unless the path has only one part.
+    """
     named = [folder.parents[i] for i in range(len(folder.parts) - 1)]
     return (named or list(folder.resolve().parents))[:3]

@@ -30,11 +30,11 @@ MOST_HEIGHT_M = 100.0  # largest height of a sensor above the road that a user m
 CELL_M = 1.0  # cell size of a relief, equal to the point spacing of road centrelines
 RIM_M = 20.0  # margin of a relief around the centrelines
 LEVEL_M = 0.01  # roads whose z varies by less than this are treated as level
-# Ridge term of the fit of a plane, in m2. It has little effect if the positions of the vehicles
-# spread over much more than its square root, 4 m.
+# Ridge term of the plane fit, in m2. It has little effect if the standard deviation of vehicle
+# positions is much larger than 4 m, the square root of the term.
 STEADY = 16.0
 FAR_M = 0.5  # vehicles farther than this from the plane may be outliers of the fit
-SHAPE_REACH_M = 60.0  # radius within which a recording's road shape is quadratic
+SHAPE_REACH_M = 60.0  # a recording's road shape is quadratic up to this radius, then linear
 SHAPE_END_M = 150.0  # half width of the relief that is computed from a road shape
 
 
@@ -79,7 +79,7 @@ class Ground:
         return self._moved(positions, -1)
 
     def back(self, positions: npt.NDArray[F]) -> npt.NDArray[F]:
-        """Returns a copy with z measured from the sensor, the inverse of `above`."""
+        """Returns a copy with z measured from the sensor. This is the inverse of `above`."""
         return self._moved(positions, 1)
 
     def _moved(self, positions: npt.NDArray[F], sign: int) -> npt.NDArray[F]:
@@ -145,20 +145,20 @@ def ground_of_roads(roads: Sequence[Road], pose: WorldPose) -> Ground:
 
 
 def ground_of_boxes(boxes: Iterable[FloatArray]) -> Ground:
-    """Fits a plane to the bottoms of the vehicles in all frames, with boxes (k, 7) for each frame.
+    """Fits a plane to the bottoms of the vehicles in all frames. Each frame has boxes (k, 7).
 
     If the vehicles are too close together to determine the slope of the plane, the slope is kept
     small. Raises Error if there is no vehicle.
     """
-    every = np.concatenate([np.empty((0, 7)), *boxes])
-    if len(every) == 0:
+    all_boxes = np.concatenate([np.empty((0, 7)), *boxes])
+    if len(all_boxes) == 0:
         raise Error("expected a vehicle in the training frames, got none")
-    xy, z = every[:, :2], every[:, 2] - every[:, 5] / 2
+    xy, z = all_boxes[:, :2], all_boxes[:, 2] - all_boxes[:, 5] / 2
     off = np.abs(z - np.median(z))
     for _ in range(3):
         kept = off <= max(FAR_M, 2 * float(np.median(off)))
         plane = _plane(xy[kept], z[kept])
-        off = np.abs(z - plane.height(every))
+        off = np.abs(z - plane.height(all_boxes))
     return plane
 
 

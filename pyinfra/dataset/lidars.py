@@ -44,7 +44,7 @@ class LidarSheet:
 
 
 def sum_source(sources: Iterable[str]) -> str:
-    """Returns the source of a bundle's price. It is unconfirmed if the price of a unit is."""
+    """Returns the source of a bundle's price, unconfirmed if any unit's price is unconfirmed."""
     unsure = any(UNCONFIRMED in source for source in sources)
     return "sum of the units" + (f", {UNCONFIRMED}" if unsure else "")
 
@@ -63,8 +63,9 @@ def presets_of(file: Path) -> tuple[str, ...]:
 def read_sheet(file: Path, preset: str = "", *, every_preset: bool = True) -> LidarSheet:
     """Returns a LiDAR's summary. The default preset is `datasheet` if the LiDAR has that preset.
 
-    every_preset: whether to check the presets that are not shown too. Raises SimulatorError if the
-    LiDAR cannot be resolved, and FileNotFoundError if the file does not exist.
+    every_preset: whether to check all presets of the file, and not only the returned preset.
+    Raises SimulatorError if the LiDAR cannot be resolved. Raises FileNotFoundError if the file does
+    not exist.
     """
     from pyinfra.dataset import simulation
 
@@ -109,7 +110,7 @@ def _read_or_say(file: Path, preset: str) -> LidarSheet:
 
 
 def _plain(file: Path) -> dict[str, Any]:
-    """Returns the keys of a LiDAR file that depend on no preset: name, model, presets, price."""
+    """Returns name, model, presets and price of a LiDAR file, which no preset changes."""
     top = yaml.load(file.read_text(encoding="utf-8"), _LOADER)
     units = [
         _plain(file.parent / unit["lidar"]) for unit in top.get("bundle", []) if "lidar" in unit

@@ -163,12 +163,13 @@ def simulate(
     if threads is not None and threads < 1:
         raise Error(f"threads: expected 1 or more, got {threads}")
     simulation.simulate(world, units, [])  # raises for presets that do not fit the scene
-    every = {unit.name: SimulatedFrames(world, unit, numbers, threads) for unit in units}
-    if len(every) < len(units):
+    sequences = {unit.name: SimulatedFrames(world, unit, numbers, threads) for unit in units}
+    if len(sequences) < len(units):
         raise Error("lidar: expected different LiDARs, got one twice")
-    for sequence in every.values():
-        sequence.beside = {name: other for name, other in every.items() if other is not sequence}
-    return every if several else next(iter(every.values()))
+    for sequence in sequences.values():
+        others = {name: other for name, other in sequences.items() if other is not sequence}
+        sequence.beside = others
+    return sequences if several else next(iter(sequences.values()))
 
 
 @public
@@ -186,7 +187,7 @@ def load_dataset(folder: str | os.PathLike[str]) -> RecordedFrames | dict[str, R
 
     Raises
     ------
-    Error : if the folder has no frame
+    Error : if the folder does not exist or has no frame
 
     Examples
     --------
@@ -203,7 +204,7 @@ def load_dataset(folder: str | os.PathLike[str]) -> RecordedFrames | dict[str, R
 
 
 def one_lidar(frames: FrameSequence | str | os.PathLike[str], argument: str) -> FrameSequence:
-    """Opens a LiDAR's folder; returns a sequence unchanged. Raises Error for a data set."""
+    """Opens a LiDAR's folder, or returns a given frame sequence. Raises Error for a data set."""
     if isinstance(frames, FrameSequence):
         return frames
     loaded = _loaded(frames, argument)
@@ -219,7 +220,7 @@ def _loaded(
     if not path.is_dir():
         raise Error(f"{argument}: expected a folder, got '{path}'")
     if lidars := lidars_in(path):
-        return {one.name: _recorded(one, argument) for one in lidars}
+        return {lidar.name: _recorded(lidar, argument) for lidar in lidars}
     return _recorded(path, argument)
 
 

@@ -19,10 +19,12 @@ from pyinfra.dataset.frames import data_set_of
 from pyinfra.formats import kitti
 
 ORIGIN_FILE = "origin.yaml"
+# Keys that identify the frames, and the model.
 OF_FRAMES = ("lidar", "preset", "scene", "seed", "dataset_sha256", "lidar_sha256")
 OF_MODEL = ("model_sha256",)
 # Model files with these names are identified by the name of their training folder.
 RUN_FILES = ("last", "best", "background")
+# The prices in a lidar.yaml.
 PRICES = re.compile(rb"^price_usd:\n(?:  .*\n)+|^price_total_usd: .*\n", re.MULTILINE)
 
 
@@ -51,9 +53,9 @@ def origin_of(lidar_folder: Path, model: Path | None = None) -> dict[str, str]:
 
 
 def read_origin(predictions: Path) -> dict[str, str] | None:
-    """Reads the origin of a folder of predictions, or returns None without the file.
+    """Reads the origin of a folder of predictions.
 
-    Raises FormatError.
+    Returns None if the folder has no origin file. Raises FormatError.
     """
     file = predictions / ORIGIN_FILE
     if not file.is_file():
@@ -66,9 +68,9 @@ def write_origin(predictions: Path, origin: Mapping[str, str], *, replace: bool 
 
     Without `replace`, raises Error if the folder has predictions of another model or other frames.
     """
-    there = None if replace else read_origin(predictions)
-    if there is not None:
-        _check(predictions, there, origin, OF_FRAMES + OF_MODEL, "choose another folder")
+    stored = None if replace else read_origin(predictions)
+    if stored is not None:
+        _check(predictions, stored, origin, OF_FRAMES + OF_MODEL, "choose another folder")
     write(predictions / ORIGIN_FILE, yaml.safe_dump(dict(origin), sort_keys=False))
 
 
@@ -77,12 +79,12 @@ def check_origin(predictions: Path, lidar_folder: Path) -> bool:
 
     Raises Error if the predictions were made for other frames than those of the LiDAR's folder.
     """
-    there = read_origin(predictions)
-    if there is None:
+    stored = read_origin(predictions)
+    if stored is None:
         return False
     _check(
         predictions,
-        there,
+        stored,
         origin_of(lidar_folder),
         OF_FRAMES,
         f"they are not predictions of {lidar_folder}",

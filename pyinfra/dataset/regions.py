@@ -28,7 +28,8 @@ REGION_FILE = "region.yaml"  # file in a LiDAR's folder with an outline drawn by
 # Width of the strip beside a carriageway in which pedestrians and cyclists also count, as in the
 # simulator.
 FOOTWAYS_M = 6.0
-# Width of the strip beside a carriageway that has the road's axis, for vehicles at the edge.
+# Width of the strip beside a carriageway in which `Region.axes` still gives the road's axis. It is
+# for vehicles at the edge of the road.
 AXES_MARGIN_M = 2.0
 
 
@@ -36,8 +37,8 @@ AXES_MARGIN_M = 2.0
 class Region:
     """The evaluation region, in the levelled LiDAR frame."""
 
-    # Called with positions (n, 2 or more) and a margin in metres. Returns (n,) whether each
-    # position lies in the region, or outside it by at most the margin.
+    # Called with positions (n, 2 or more) and a margin in metres. Returns a mask (n,) of the
+    # positions that lie in the region, or outside it by at most the margin.
     holds: Callable[[FloatArray, float], BoolArray]
     corners: FloatArray  # (k, 2) points whose extent encloses the region
     # Maps positions (n, 2) to axes (n, 2), which are sine and cosine of twice the heading of the
@@ -140,9 +141,10 @@ def region_within(corners: FloatArray) -> Region:
 
 
 def drawn_outline(lidar_folder: Path) -> FloatArray | None:
-    """Reads the user's outline (m, 2) in a LiDAR's folder, or returns None without the file.
+    """Reads the user's outline (m, 2) in a LiDAR's folder.
 
-    The outline is in the levelled frame. Raises ConfigError with file, line and key.
+    The outline is in the levelled frame. Returns None if the folder has no outline file. Raises
+    ConfigError with file, line and key.
     """
     file = lidar_folder / REGION_FILE
     return read_outline(file) if file.is_file() else None

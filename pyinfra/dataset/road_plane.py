@@ -2,7 +2,7 @@
 
 The largest plane need not be the road, because fields beside the road are larger and often lower.
 The estimate therefore tests random planes (RANSAC, Fischler and Bolles 1981). The best plane
-contains most of the ground near the sensor and most of the ground over which something moved.
+contains most of the ground near the sensor and most of the ground over which objects moved.
 
 Many roads are crowned, that is, higher in their middle. A crown is modelled as two slopes that
 fall away from a line. If a crown fits much better than a plane, the result is the mean plane of
@@ -33,15 +33,15 @@ MOVED_SHARE = (0.03, 0.6)
 MOVED_COLUMNS = 30  # minimum number of columns with motion for `moved_share`
 MOVED_WEIGHT = 2.0  # weight of the ground with motion relative to the ground near the sensor
 HALF_WEIGHT_M = 20.0  # horizontal distance at which ground has half the weight
-ON_M = 0.15  # maximum distance of ground from a plane on which it lies
+ON_M = 0.15  # ground within this distance of a plane lies on the plane
 TRIES = 1500  # number of random planes
-REFINED = 10  # number of best planes that are fitted to the ground before the choice of one
+REFINED = 10  # number of best random planes that are fitted to the ground
 APART_M = 4.0  # minimum distance between the three points of a random plane
 MOST_TILT_DEG = 40.0
 SETTLED_DEG = 5.0  # maximum rotation by the second fit
 HEIGHTS_M = (-2.0, 40.0)  # allowed height of the sensor above a plane
 FIT_M = 40.0  # horizontal distance up to which a plane is fitted to the ground
-NEAR_M = 0.3  # maximum distance from the plane of the ground that a fit uses
+NEAR_M = 0.3  # a fit uses ground within this distance of the plane
 SOFT_M = 0.1  # scale of the fit's Cauchy weights
 CROWN = (0.005, 0.05)  # allowed slopes of a crown
 CROWN_GAIN = 0.25  # minimum share by which a crown must reduce the sum of squares
@@ -57,8 +57,8 @@ class RoadPlane:
     height_m: float  # height of the origin above the plane
     residual_m: float  # root mean square distance of the road from the plane or its crown
     share: float  # weighted share of the ground near the sensor that lies on the plane
-    # Weighted share of the ground over which something moved that lies on the plane; NaN if there
-    # is too little such ground.
+    # Weighted share of the ground with motion above it that lies on the plane. It is NaN if there
+    # is too little ground with motion.
     moved_share: float
     above: float  # share of the used points that are more than MOVED_M above the ground
     crown: float = 0.0  # slope on both sides of the crown; 0 without a crown
@@ -80,7 +80,7 @@ class LowestPoints:
 
     xyz: FloatArray  # (n, 3)
     near: FloatArray  # (n,) weight that decreases with distance
-    moved: BoolArray  # (n,) whether something moved above the point
+    moved: BoolArray  # (n,) whether an object moved above the point
     above: float  # share of all points that are more than MOVED_M above their column's ground
 
 
@@ -182,7 +182,7 @@ def _low(z: FloatArray, column: IntArray, columns: int) -> FloatArray:
 def _moved(
     over: FloatArray, column: IntArray, frame: IntArray, columns: int, frames: int
 ) -> BoolArray:
-    """Returns (columns,) whether the share of frames with an object is within MOVED_SHARE."""
+    """Returns a mask of the columns in which objects moved, as MOVED_SHARE defines."""
     high = np.full(columns * frames, -np.inf)
     np.maximum.at(high, column * frames + frame, over)
     top = high.reshape(columns, frames)
@@ -236,7 +236,7 @@ def _shares(ground: LowestPoints, plane: FloatArray) -> tuple[float, float]:
 
 
 def _fitted(ground: LowestPoints, plane: FloatArray) -> FloatArray:
-    """Refits a plane several times to the ground near it, with a decreasing limit of distance."""
+    """Refits a plane several times to the ground near it, with a decreasing distance limit."""
     for near in (3 * NEAR_M, 2 * NEAR_M, NEAR_M, NEAR_M, NEAR_M):
         rows, off = _near_plane(ground, plane, near)
         x, y, z = ground.xyz[rows].T
@@ -310,9 +310,9 @@ def _roof(ground: LowestPoints, plane: FloatArray) -> tuple[float, FloatArray, f
 
 
 def _folds(xy: FloatArray, weight: FloatArray) -> Iterator[FloatArray]:
-    """Yields the distances (n,) of points (n, 2) from possible middle lines of a crown.
+    """Yields the distances (n,) of points (n, 2) from each possible middle line of a crown.
 
-    Each line has enough of the points on both sides.
+    Each line has at least LEAST_SIDE of the points' total weight on both sides.
     """
     total = float(weight.sum())
     for angle in np.radians(np.arange(0, 180, 10)):

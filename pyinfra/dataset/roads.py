@@ -1,8 +1,8 @@
 """The roads of a data set, and the positions of points along them.
 
 Roads are the polylines of `roads.csv` in the world frame, with one point per metre. The station s
-of a road is 0 at the foot of the sensor. Lanes from a file have two additional points, one at each
-end. The station s of a lane is 0 where the lane is nearest to the foot.
+of a road or lane is 0 at its point nearest to the sensor. Lanes from a file have two additional
+points, one at each end.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pyinfra.core.errors import FormatError
 from pyinfra.dataset.outlines import in_any
 from pyinfra.formats.text_table import ColumnRule, between, lines_of, rows_by_name
 
-_CHUNK = 20_000
+_CHUNK = 20_000  # points per batch
 
 ROAD_COLUMNS = ["road", "s", "x", "y", "z", "heading", "half_width"]
 _RULES = (
@@ -63,7 +63,7 @@ def read_roads(file: Path) -> list[Road]:
 
 
 def roads_of(lines: Sequence[str], file: Path) -> list[Road]:
-    """Parses roads from lines of text; messages show `file`. Raises FormatError."""
+    """Parses roads from lines of text. Raises FormatError, whose message names `file`."""
     roads = rows_by_name(lines, file, ROAD_COLUMNS, _RULES)
     return [_road(name, values, file) for name, values in roads.items()]
 
@@ -117,7 +117,7 @@ def locate(
 
 
 def _near(points: FloatArray, road: Road, margin_m: float) -> BoolArray:
-    """Returns which points (n, 2) lie in the bounding rectangle of a road with its margin."""
+    """Returns which points (n, 2) lie in the bounding rectangle of a road plus the margin."""
     reach = road.half_width.max() + 2 * margin_m + 1e-6
     low, high = road.xy.min(axis=0) - reach, road.xy.max(axis=0) + reach
     return np.asarray(((points >= low) & (points <= high)).all(axis=1))
@@ -138,7 +138,7 @@ def by_distance(
 
 
 def _project(points: FloatArray, road: Road) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Returns station, distance from the centreline, and half width of the road, (n,) each.
+    """Returns station, distance from the centreline and half width of the road, (n,) each.
 
     The first and last segments of the road are extended as straight lines, so that s is also
     defined beyond the ends.

@@ -21,7 +21,8 @@ class SimulatorError(Error):
 def infrasim(*words: str | Path) -> str:
     """Runs the binary and returns its standard output.
 
-    Raises SimulatorError if there is no binary, and with the binary's message if the binary fails.
+    Raises SimulatorError if there is no binary or the binary fails. The message of a failure is the
+    last line of the binary's standard error.
     """
     binary = launch.binary()
     if binary is None:

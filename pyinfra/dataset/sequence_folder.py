@@ -23,27 +23,27 @@ def write_folder(frames: SimulatedFrames, data_set: Path) -> Path:
     lidar_folder.mkdir()
     label_time = frames.label_time
     version, package = frames.versions
-    about = (
+    more_keys = (
         f'label_time: {label_time}\npreset: "{frames.unit.preset}"\nversion: "{package}"\n'
         f"frames_version: {version}\n"
     )
-    write(data_set / "dataset.yaml", frames.world.dump() + about)
+    write(data_set / "dataset.yaml", frames.world.dump() + more_keys)
     write(data_set / "roads.csv", frames.world.roads_csv())
     if outlines := frames.world.regions_csv():
         write(data_set / OUTLINES_FILE, outlines)
     write(lidar_folder / "lidar.yaml", frames.world.lidar_yaml(frames.unit))
     for frame in frames:
         objects = objects_of(frames.rows[frame.number])
-        seen = objects.points > 0
-        boxes = objects.label_boxes(label_time)[seen]
-        labels = kitti.Labels(objects.names[seen], boxes, None)
+        with_points = objects.points > 0
+        boxes = objects.label_boxes(label_time)[with_points]
+        labels = kitti.Labels(objects.names[with_points], boxes, None)
         kitti.write_frame(lidar_folder, frame.number, frame.points, labels, objects=objects)
     return lidar_folder
 
 
 def objects_of(rows: AnyArray) -> kitti.Objects:
     """Converts the structured object rows of a simulated frame to `Objects`."""
-    same = "speed points points_in_box distance visibility scan_time_s points_in_scan_box".split()
+    copied = "speed points points_in_box distance visibility scan_time_s points_in_scan_box".split()
     box = ["x", "y", "z", "dx", "dy", "dz", "heading"]
     scan = ["scan_x", "scan_y", "scan_z", "dx", "dy", "dz", "scan_heading"]
     boxes, scan_boxes = (
@@ -56,5 +56,5 @@ def objects_of(rows: AnyArray) -> kitti.Objects:
         boxes=boxes,
         scan_boxes=scan_boxes,
         pitch=rows["pitch"] if "pitch" in (rows.dtype.names or ()) else None,
-        **{name: rows[name] for name in same},
+        **{name: rows[name] for name in copied},
     )

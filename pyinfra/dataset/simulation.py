@@ -1,4 +1,4 @@
-"""The simulator in Python. Its frames equal those of the `infrasim` binary byte for byte."""
+"""Python interface of the simulator. Its frames equal those of the `infrasim` binary exactly."""
 
 from __future__ import annotations
 
@@ -97,9 +97,9 @@ def load_scene(
     preset: preset of the LiDARs; a scene may have special keys for a preset.
     set: overrides of keys, such as `{"traffic.vehicles_per_km_lane": 20}`.
     mount: name of the mount; only needed if the scene has several mounts.
-    Raises ConfigError with `file:line:col: key: expected, got`, and IoError. An error about a
-    vehicle that hits the sensor is raised later, by the request for that frame or a later frame, or
-    by `drive`.
+    Raises ConfigError with `file:line:col: key: expected ..., got ...`, and IoError. If a vehicle
+    hits the sensor, the error is raised later: by `drive`, or by a request for the frame of the hit
+    or a later frame.
     """
     assignments = [f"{key}={_yaml(value)}" for key, value in (set or {}).items()]
     if seed is not None:
@@ -163,7 +163,7 @@ def simulate(
     mount: str = "",
     threads: int | None = None,
 ) -> Iterator[tuple[int, list[Frame]]]:
-    """Yields number and frames in the given order, with one `Frame` per LiDAR.
+    """Yields each frame's number and a list of one `Frame` per LiDAR, in the given order.
 
     Threads compute the next frames while the caller processes the current one. The columns of a
     frame are read-only views of the frame's memory, which stays allocated while a view exists.
@@ -224,9 +224,10 @@ def scan_pattern(
     seed: int | None = None,
     mount: str = "pole",
 ) -> FloatArray:
-    """Returns azimuth, elevation (rad) and time (s) of each ray: (n, 3) float64, column by column.
+    """Returns azimuth, elevation (rad) and time (s) of each ray, (n, 3) float64.
 
-    Angles are in the sensor frame. Time counts from the start of the run. Without a seed, motors
+    The rays are in the order of firing, one unit of the LiDAR after the other. Angles are in the
+    sensor frame. Time counts from the start of the run. Without a seed, motors
     start at the same angle as with phase lock. With a seed, motors start as in runs with that seed
     at the mount.
     """

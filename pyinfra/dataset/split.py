@@ -39,8 +39,8 @@ def by_time(
 ) -> Split:
     """Splits by the start time of the frames.
 
-    Frames before train_until_s are train, and frames from val_from_s on are val. Raises Error if
-    both parts overlap or one part is empty.
+    Frames that start before train_until_s are train. Frames that start at val_from_s or later are
+    val. Raises Error if both parts overlap or one part is empty.
     """
     if val_from_s < train_until_s:
         raise Error(f"val: expected {train_until_s:g} s or later, got {val_from_s:g} s")
@@ -66,7 +66,10 @@ def by_random(frames: Sequence[int], seed: int, val_share: float = VAL_SHARE) ->
     fewer than two frames or a share outside (0, 1).
     """
     if len(frames) < 2 or not 0 < val_share < 1:
-        raise Error(f"expected 2, 0-1, got {len(frames)} frames and a share of {val_share:g}")
+        raise Error(
+            f"expected 2 or more frames and a share between 0 and 1, got {len(frames)} frames and "
+            f"a share of {val_share:g}"
+        )
     count = min(max(round(val_share * len(frames)), 1), len(frames) - 1)
     val = np.random.default_rng(seed).choice(np.array(frames), count, replace=False)
     chosen = set(val.tolist())

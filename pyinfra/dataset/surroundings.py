@@ -46,7 +46,7 @@ class Surroundings:
     roads: tuple[Road, ...]
     lanes: dict[str, Lanes]  # maps road names to lanes; empty for a recording
     buildings: FloatArray  # (k, 7) boxes
-    further_mounts: FloatArray  # (k, 3) positions of all mounts of a fused data set but the first
+    further_mounts: FloatArray  # (k, 3) positions of a fused data set's mounts, except the first
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ def read_surroundings(data_set: Path) -> Surroundings:
 def surroundings_of(top: YamlNode, roads: Sequence[Road]) -> Surroundings:
     """Builds the surroundings from a scene's keys and its roads. Raises FormatError."""
     lanes = {road.at("name").text(): _lanes(road.at("lanes")) for road in top.entries("roads")}
-    buildings = np.array([_building(own) for own in top.entries("buildings")]).reshape(-1, 7)
+    buildings = np.array([_building(node) for node in top.entries("buildings")]).reshape(-1, 7)
     mounts = [_position(mount) for mount in top.values("mounts")]
     if (profile := top.maybe("profile")) is not None:
         buildings[:, 2] += profile_of(profile).rise_m(buildings[:, :2])

@@ -58,7 +58,7 @@ def read_rows(file: Path, columns: Sequence[str]) -> pd.DataFrame:
     numbers = {name: np.float64 for name in columns if name != "class"}
     try:
         rows = pd.read_csv(io.BytesIO(data), usecols=list(columns), dtype=numbers)
-    except ValueError as error:  # a cell is not a number, a column is missing, or no UTF-8 text
+    except ValueError as error:  # a cell is no number, a column is missing, or the text is no UTF-8
         raise FormatError(f"{file}: {error}") from None
     return rows[rows[[name for name in columns if name != "t"]].notna().any(axis=1)]
 
@@ -69,9 +69,9 @@ def _check_lines(file: Path, data: bytes) -> None:
         raise FormatError(
             f"{file}: expected a complete last line, got the end of the file: is it incomplete?"
         )
-    signs = np.frombuffer(data, np.uint8)
-    ends = np.flatnonzero(signs == ord("\n"))
-    commas = np.diff(np.searchsorted(np.flatnonzero(signs == ord(",")), ends), prepend=0)
+    characters = np.frombuffer(data, np.uint8)
+    ends = np.flatnonzero(characters == ord("\n"))
+    commas = np.diff(np.searchsorted(np.flatnonzero(characters == ord(",")), ends), prepend=0)
     wrong = np.flatnonzero(commas != commas[0])
     if len(wrong) > 0:
         line, actual, expected = wrong[0] + 1, commas[wrong[0]] + 1, commas[0] + 1

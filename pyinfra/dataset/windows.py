@@ -25,7 +25,7 @@ class Window:
     middle: float
 
     def holds(self, places: Places) -> BoolArray:
-        """Returns (n,) whether each position lies in the window."""
+        """Returns a mask (n,) of the positions in the window."""
         ahead = places.s - self.middle
         near = (ahead >= -WINDOW_M / 2) & (ahead < WINDOW_M / 2)
         return np.asarray(near & ((places.road == self.road) | (self.road == EVERY_ROAD)))
@@ -42,7 +42,7 @@ class GridCell:
     y: float
 
     def holds(self, places: Places) -> BoolArray:
-        """Returns (n,) whether each position lies in the square and in the region."""
+        """Returns a mask (n,) of the positions in the square and in the region."""
         ahead = places.xy - (self.x, self.y)
         near = (ahead >= -WINDOW_M / 2) & (ahead < WINDOW_M / 2)
         return np.asarray(near.all(axis=1) & places.inside)
@@ -61,7 +61,7 @@ class Near:
     centre: tuple[float, float] | None = None
 
     def holds(self, places: Places) -> BoolArray:
-        """Returns (n,) whether each position lies in this part."""
+        """Returns a mask (n,) of the positions in this part."""
         if self.range_m >= REGION_M:
             return places.inside
         if self.centre is None:
@@ -82,9 +82,10 @@ def road_windows(roads: list[Road]) -> list[Window]:
 
 
 def lane_windows(roads: Sequence[Road]) -> list[Window]:
-    """Returns windows of 20 m across all roads together, with middles at multiples of 5 m.
+    """Returns windows of 20 m that cover all roads together, with middles at multiples of 5 m.
 
-    They are used at sites of lanes. Such a site has hundreds of lanes, some only a few metres long.
+    These windows are used at sites of lanes, which have hundreds of lanes. Some lanes are only a
+    few metres long.
     """
     low, high = min(road.s[0] for road in roads), max(road.s[-1] for road in roads)
     steps = np.arange(np.ceil(low / WINDOW_STEP_M - 1e-9), high / WINDOW_STEP_M + 1e-9)
@@ -105,6 +106,9 @@ def region_cells(roads: Sequence[Road], outlines: Sequence[FloatArray]) -> list[
 
 
 def distance_windows(farthest: float) -> list[Window]:
-    """Returns at least one window of 20 m, every 5 m from the sensor to the farthest object."""
+    """Returns windows of 20 m at steps of 5 m, from the sensor to the farthest object.
+
+    There is at least one window.
+    """
     middles = np.arange(WINDOW_M / 2, max(farthest, 1e-9) + WINDOW_M / 2, WINDOW_STEP_M)
     return [Window(0, float(middle)) for middle in middles]

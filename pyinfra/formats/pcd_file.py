@@ -58,7 +58,7 @@ class Viewpoint:
         return not self.shift.any() and np.array_equal(self.turn, np.eye(3))
 
     def apply(self, columns: list[AnyArray], *, shifted: bool = True) -> list[AnyArray]:
-        """Transforms x, y, z, (n,) each, to the site's frame. Points 0 0 0 (no return) stay 0 0 0."""
+        """Transforms x, y, z, (n,) each, to the site's frame. Points 0 0 0 (no return) stay."""
         stored = np.stack([column.astype(np.float64) for column in columns], axis=1)
         with np.errstate(invalid="ignore"):  # rays without return may have NaN coordinates
             moved = stored @ self.turn.T + (self.applied_shift if shifted else 0)

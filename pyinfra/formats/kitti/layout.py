@@ -47,7 +47,7 @@ class Objects:
     visibility: FloatArray  # (k,) visible share in [0, 1]; -1 outside the evaluation region
     scan_boxes: FloatArray  # (k, 7) boxes at scan_time_s
     scan_time_s: FloatArray  # (k,) mean time of the returns, from the start of the frame
-    points_in_scan_box: IntArray  # (k,) number of returns inside the box at scan_time_s
+    points_in_scan_box: IntArray  # (k,) number of those returns inside the scan box
     # (k,) pitch in radians, positive with the nose down. None if no vehicle can pitch.
     pitch: FloatArray | None = None
 
