@@ -227,9 +227,8 @@ def scan_pattern(
     """Returns azimuth, elevation (rad) and time (s) of each ray, (n, 3) float64.
 
     The rays are in the order of firing, one unit of the LiDAR after the other. Angles are in the
-    sensor frame. Time counts from the start of the run. Without a seed, motors
-    start at the same angle as with phase lock. With a seed, motors start as in runs with that seed
-    at the mount.
+    sensor frame. Time counts from the start of the run. Without a seed, motors start at the same
+    angle as with phase lock. With a seed, motors start as in runs with that seed at the mount.
     """
     unit = lidar if isinstance(lidar, Lidar) else load_lidar(lidar, preset)
     return unit.pattern(frames.start, frames.stop, frames.step, seed, mount)

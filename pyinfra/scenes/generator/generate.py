@@ -1,4 +1,4 @@
-"""Generates the site of a seed, as the plain data of a scene file.
+"""Generates a random site from a seed, as the keys and values of a scene file.
 
 The same seed and version always give the same site. Each part of a site (roads, sensor, traffic,
 each side of each road) has a separate random stream. A new kind of object in one part therefore
@@ -20,9 +20,9 @@ from pyinfra.scenes.generator.ranges import RANGES, Ranges
 from pyinfra.scenes.generator.road_types import ROAD_TYPES, RoadType
 from pyinfra.scenes.generator.roadside import Roadside
 
-DURATION_S = 60.0  # queues can form and dissolve within this time
+DURATION_S = 60.0  # duration of a run, in which queues can form and dissolve
 WARM_UP_S = 60.0
-BOX_OF_SENSOR_M = 2.0
+BOX_OF_SENSOR_M = 2.0  # side of the square around the sensor that stays free
 
 # Mean length and width of the vehicles of each class, equal to the simulator's table.
 MEAN_SIZE_M = {
@@ -105,7 +105,7 @@ def _scene(
 
 
 def _embank(stream: RandomStream, road_type: RoadType, ranges: Ranges, layout: Layout) -> float:
-    """Returns the elevation of the ground.
+    """Returns the elevation of the ground in metres.
 
     The function may add an embankment to the road of a layout without junctions.
     """
@@ -175,7 +175,7 @@ def _aim(
 ) -> float:
     """Returns the sensor's yaw relative to the road in degrees.
 
-    With the aim `along`, the sensor looks towards the junction, if there is one.
+    With the aim `along`, the sensor faces the junction, if there is one.
     """
     word = stream.one_of(ranges.mount.aims)
     if word == "anywhere":
@@ -193,8 +193,8 @@ def _traffic(seed: int, road_type: RoadType, ranges: Ranges, layout: Layout) -> 
     fastest = 3.6 * float(np.sqrt(ranges.lateral_m_s2 * radius))
     speed = min(stream.within(road_type.speed_km_h, 1), round(fastest, 1))
     shares = {name: stream.within(weight, 3) for name, weight in road_type.classes.items()}
-    if (many := fleet.one_of(ranges.fleets)) in shares:
-        shares[many] = fleet.within(ranges.fleet_weight, 3)
+    if (frequent := fleet.one_of(ranges.fleets)) in shares:
+        shares[frequent] = fleet.within(ranges.fleet_weight, 3)
     return {
         "vehicles_per_km_lane": stream.within(road_type.vehicles_per_km_lane, 1),
         "speed": {

@@ -297,15 +297,16 @@ class FreeSpace:
     def off_roads(
         self, points: FloatArray, margin_m: float, host: tuple[PlannedRoad, float] | None = None
     ) -> BoolArray:
-        """Returns which points (n, 2) are off junctions and roads.
+        """Returns which points (n, 2) lie outside all junctions and roads.
 
-        `host` is the road along which the points lie, and the distance of the points to its left.
+        `host` is the road along which the points lie, and their distance to the left of its
+        centreline.
         """
         free = np.hypot(*(points - self.centre).T) >= self.layout.junction_m + margin_m
         for road in self.layout.roads:
             away = road.distance(points)
             if host is not None and road is host[0]:
-                # Points that are nearer than this lie beside another part of a bend.
+                # Points nearer than this to the centreline lie beside another part of a bend.
                 free &= away >= abs(host[1]) - 0.3
             else:
                 free &= away >= road.outer_half_m + margin_m + 0.3
@@ -324,7 +325,10 @@ def within(points: FloatArray, box: FloatArray, margin_m: float) -> BoolArray:
 
 
 def runs(s: FloatArray, free: BoolArray, part: Stretch = WHOLE) -> list[Stretch]:
-    """Returns the free sections of stations, shortened by a metre at both ends."""
+    """Returns the free sections of stations `s` (n,), each shortened by a metre at both ends.
+
+    `free` is a mask (n,). Sections shorter than SHORTEST_M are left out.
+    """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], free, [False]]).astype(int)))
     intervals = []
     for first, end in edges.reshape(-1, 2):

@@ -40,9 +40,9 @@ class Sensors:
         return [self._lidar(self.files[i], random.random()) for i in chosen]
 
     def _lidar(self, file: Path, u: float) -> simulation.Lidar:
-        there = {name: self.presets.get(name, 0.0) for name in _presets(file)}
-        ends = np.cumsum(list(there.values())) / sum(there.values())
-        name = list(there)[int(np.searchsorted(ends, u, side="right"))]
+        weights = {name: self.presets.get(name, 0.0) for name in _presets(file)}
+        ends = np.cumsum(list(weights.values())) / sum(weights.values())
+        name = list(weights)[int(np.searchsorted(ends, u, side="right"))]
         return _loaded(file, name)
 
 
@@ -74,18 +74,18 @@ def only(names: Collection[str], presets: Mapping[str, float] | None = None) -> 
 
 
 def _can_be_cast(file: Path, presets: Mapping[str, float]) -> bool:
-    """Returns whether a LiDAR has one of the presets and can be loaded with it.
+    """Returns whether a LiDAR has any of the presets, and can be loaded with each of them.
 
     Loading fails, for example, if a table of the LiDAR is missing.
     """
-    there = [name for name in _presets(file) if presets.get(name, 0) > 0]
+    allowed = [name for name in _presets(file) if presets.get(name, 0) > 0]
     try:
-        return bool([_loaded(file, name) for name in there])
+        return bool([_loaded(file, name) for name in allowed])
     except (ValueError, OSError):
         return False
 
 
-_presets = cache(presets_of)  # cached, since each choice of a LiDAR calls it
+_presets = cache(presets_of)  # cached, because each choice of a LiDAR calls it
 
 
 @cache

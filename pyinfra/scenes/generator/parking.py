@@ -18,7 +18,7 @@ TRIES = 6  # positions that are tried for each car park
 
 
 class Parking:
-    """Places parked vehicles. It is called before other objects are placed, which avoid them."""
+    """Places parked vehicles. Other objects are placed later, and avoid the vehicles."""
 
     def __init__(self, placement: Placement, road_type: RoadType, how: ParkingRanges) -> None:
         self.placement, self.road_type, self.how = placement, road_type, how

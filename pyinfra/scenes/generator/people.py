@@ -22,7 +22,7 @@ from pyinfra.scenes.generator.random_stream import RandomStream
 from pyinfra.scenes.generator.road_types import RoadType, WalkRanges
 from pyinfra.scenes.generator.roadside_ranges import WayRanges
 
-HALF_WAY_M = 1.35  # free width on each side of a line; the simulator requires 1.2
+HALF_WAY_M = 1.35  # free width on each side of a row; the simulator requires 1.2
 STEP_M = 0.25  # distance between the lines that are tested
 Things = Mapping[str, Sequence[Keys]]
 
@@ -30,7 +30,8 @@ Things = Mapping[str, Sequence[Keys]]
 class Walks:
     """Rows of pedestrians and cyclists of a site.
 
-    Each row uses the longest free line beside its road. Of equally long lines, it uses the nearest.
+    Each row uses the longest free line beside its road. Of equally long lines, it uses the line
+    nearest to the road.
     """
 
     def __init__(
@@ -92,9 +93,9 @@ class Walks:
         for box in self.boxes[_reached(self.boxes, line[near])]:
             free &= ~within(line, box, HALF_WAY_M + 0.2)
         for tree in self.lines:
-            there = np.flatnonzero(free)
-            away = tree.query(line[there], distance_upper_bound=HALF_WAY_M)[0]
-            free[there] = away > HALF_WAY_M  # the query returns inf for distances beyond its bound
+            rows = np.flatnonzero(free)
+            away = tree.query(line[rows], distance_upper_bound=HALF_WAY_M)[0]
+            free[rows] = away > HALF_WAY_M  # the query returns inf for distances beyond its bound
         intervals = runs(road.stations[:, 0], free)
         return [(a, b) for a, b in intervals if b - a >= self.how.shortest_m]
 
@@ -127,7 +128,7 @@ def _along(road: PlannedRoad, part: Stretch) -> BoolArray:
 
 
 def _widened(line: FloatArray, half_m: float) -> FloatArray:
-    """Returns points at a radius `half_m` around a line (n, 2)."""
+    """Returns points on circles with radius `half_m` around the points (n, 2) of a line."""
     turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     around = half_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     return np.asarray((line[:, None] + around).reshape(-1, 2))

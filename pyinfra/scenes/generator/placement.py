@@ -61,7 +61,7 @@ class Placement:
             self.building(self.base(road, s, left_m), size, turn_deg)
 
     def building(self, base: Base, size: BuildingSize, turn_deg: float = 0.0) -> None:
-        """Adds a box without a test of whether its position is free."""
+        """Adds a box. Does not test whether its position is free."""
         x, y, heading, base_m = base
         self.keys["buildings"].append(
             {
@@ -79,7 +79,7 @@ class Placement:
         return *road.pose_at(s, left_m), self.slope_m(road, left_m)
 
     def slope_m(self, road: PlannedRoad, left_m: float) -> float:
-        """Returns the height beside a road of the road itself, its embankment, or the ground."""
+        """Returns the height at `left_m`, which is that of road, embankment or ground."""
         if abs(left_m) <= road.carriageway_half_m:
             return 0.0
         slope = road.keys.get("embankment")
@@ -89,7 +89,10 @@ class Placement:
         return round(float(max(min(0.0, -down), self.foot_m)), 2)
 
     def beyond_mount(self, road: PlannedRoad, side: int) -> float:
-        """Returns the distance from the centreline beyond which objects are behind the sensor."""
+        """Returns the distance from the centreline beyond which objects are behind the sensor.
+
+        It is 0 if the sensor is on the other side of the road or far from it.
+        """
         foot = np.array([[self.mount["x_m"], self.mount["y_m"]]])
         left = road.beside(1.0) - road.stations[:, 1:3]
         nearest = np.hypot(*(road.stations[:, 1:3] - foot).T).argmin()

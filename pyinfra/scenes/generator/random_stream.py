@@ -8,8 +8,9 @@ from typing import TypeVar
 
 import numpy as np
 
-VERSION = 5  # version of the sites; it is increased when the same seed gives another site
-# Key of the random streams. It does not change, so that a new version only adds to older sites.
+VERSION = 5  # version of the generator; it increases if the site of a seed changes
+# Key of the random streams. It is the same in all versions, so that a new version changes little in
+# the sites of older versions.
 KEY = 1
 
 T = TypeVar("T")

@@ -2,7 +2,7 @@
 
 A range is a uniform distribution, a share is a probability, and a mapping contains weights. `RAA`,
 `RAL` and `RASt` are the German guidelines for motorways, rural roads and town roads. Ranges without
-a source are assumptions. They are rather too wide than too narrow.
+a source are assumptions, which are wide rather than narrow.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ class RoadType:
     """The distributions of the roads, traffic and roadside objects of a road type."""
 
     layouts: Weights
-    each_way: Mapping[int, float]
+    each_way: Mapping[int, float]  # weights of the numbers of lanes each way
     lane_m: Range
     median: float  # share of roads with a median
     median_m: Range
     shoulder_m: Range
-    sidewalk: float
+    sidewalk: float  # share of roads with a footway
     sidewalk_m: Range
     radius_m: Range
     turn_deg: Range
@@ -41,19 +41,19 @@ class RoadType:
     vehicles_per_km_lane: Range
     classes: Mapping[str, Range]  # weights of the vehicle classes
     in_median: Weights
-    embankment: float
+    embankment: float  # share of roads on an embankment, at sites without junctions
     embankment_m: Range  # depth of the embankment's foot below the road
     rail: float  # share of road sides with a guard rail; the next shares are also of road sides
     noise_wall: float
     hedge: float
     trees: float
     houses: float
-    posts: float
+    posts: float  # sign posts and lamp posts
     boxes: tuple[int, int]  # number of cabinets, shelters and containers, which resemble vehicles
     wood: float  # share with a wood among the road sides without houses
     wild: tuple[int, int]  # number of single bushes and trees per side
     kerb_parking: float  # share of roads with a parking lane
-    car_park: float
+    car_park: float  # share of road sides with a car park
     gantry: float  # share of roads with a gantry
     walks: Mapping[str, WalkRanges]  # maps the class Pedestrian or Cyclist to its rows
     furniture: Mapping[str, tuple[int, int]]  # number of pieces of each kind per side

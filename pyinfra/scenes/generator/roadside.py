@@ -34,7 +34,7 @@ class Roadside:
             self._side(road, side, seed, f"{road.name} {word} ")
 
     def _side(self, road: PlannedRoad, side: int, seed: int, part: str) -> None:
-        """Adds rows of objects from the inside out, each with a separate random stream.
+        """Adds rows of objects from the road outwards, each with a separate random stream.
 
         The next row begins at the distance `out_m` from the centreline.
         """
@@ -134,7 +134,7 @@ class Roadside:
         return left_m + size["width_m"] / 2
 
     def _wood(self, stream: RandomStream, road: PlannedRoad, side: int, out_m: float) -> None:
-        """Adds the edge of a wood, or other growth of that height."""
+        """Adds the edge of a wood, or other vegetation of that height."""
         things = self.things
         size = {
             "height_m": stream.within(things.wood_height_m),
@@ -148,19 +148,19 @@ class Roadside:
 
     def _posts(self, stream: RandomStream, road: PlannedRoad, side: int, kerb: bool) -> None:
         things = self.things
-        every, height = stream.within(things.post_every_m), stream.within(things.post_height_m)
+        spacing, height = stream.within(things.post_every_m), stream.within(things.post_height_m)
         width = stream.within(things.post_width_m)
         edge = road.lanes_half_m + KERB_REACH_M if kerb else road.carriageway_half_m
         left_m = side * (edge + stream.within(things.post_away_m))
         nearest = self.free_space.nearest_station(road)
         rows = self.free_space.rows(road, left_m, 0.3)
-        s = nearest - things.within_m + stream.within((0, every))
+        s = nearest - things.within_m + stream.within((0, spacing))
         while s < nearest + things.within_m:
             if any(start <= s <= end for start, end in rows):
                 self.placement.building(
                     self.placement.base(road, s, left_m), (width, width, height)
                 )
-            s += every
+            s += spacing
 
     def _boxes(self, stream: RandomStream, road: PlannedRoad, side: int, out_m: float) -> None:
         """Adds cabinets, shelters, containers and stalls of about the size of vehicles."""
@@ -247,8 +247,8 @@ class Roadside:
         reaches = abs(left_m) - shape["crown_m"] / 2 < road.lanes_half_m + 0.3
         if reaches or self.free_space.layout.junctions:
             shape = self._raised(shape)
-        every = {"every_m": stream.within(self.things.tree_every_m)}
-        self.placement.trees(road, left_m, shape | every)
+        spacing = {"every_m": stream.within(self.things.tree_every_m)}
+        self.placement.trees(road, left_m, shape | spacing)
 
     def _part(
         self, stream: RandomStream, road: PlannedRoad, share: float, long_m: Range

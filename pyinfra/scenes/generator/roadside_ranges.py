@@ -1,7 +1,7 @@
 """Distributions of roadside objects, parked vehicles, pedestrians, cyclists and furniture.
 
 A range is a uniform distribution, a share is a probability, and a mapping contains weights. Ranges
-without a source are assumptions. They are rather too wide than too narrow.
+without a source are assumptions, which are wide rather than narrow.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Links boxes of successive frames to tracks, by their predicted positions."""
+"""Links boxes of successive frames to tracks, by the predicted positions of the tracks."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Reads SUMO's floating car data, which are front bumper positions per time step.
 
-The file is XML, or XML in .gz.
+The file is XML, plain or compressed as .gz.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def _opened(file: Path) -> BinaryIO:
 def _objects(
     stream: BinaryIO, refusal: Callable[[str], FormatError]
 ) -> Iterator[tuple[float, ElementTree.Element]]:
-    """Yields the elements of vehicles and persons, with the time of their step."""
+    """Yields the time of each step with each element of a vehicle or person in the step."""
     before = -np.inf
     root: ElementTree.Element | None = None
     for event, element in ElementTree.iterparse(stream, events=("start", "end")):
@@ -83,9 +83,9 @@ def _objects(
             if t <= before:
                 raise refusal(f"expected ascending times, got time {t:g} after {before:g}")
             before = t
-            for each in element:
-                if each.tag in ("vehicle", "person"):
-                    yield t, each
+            for child in element:
+                if child.tag in ("vehicle", "person"):
+                    yield t, child
             root.clear()
 
 

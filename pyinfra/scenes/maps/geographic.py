@@ -58,14 +58,14 @@ def in_degrees(objects: Iterable[Motion], projection: Projection | None) -> bool
     xy = np.concatenate([o.xy for o in objects])
     if not fits(xy):
         return False
-    walked = driven = fastest = 0.0
+    moved = expected = fastest = 0.0
     for o in objects:
         seconds, step = np.diff(o.times), np.hypot(*np.diff(o.xy, axis=0).T)
-        walked += float(step.sum())
-        driven += float(np.nansum(o.speeds[1:] * seconds))
+        moved += float(step.sum())
+        expected += float(np.nansum(o.speeds[1:] * seconds))
         fastest = max(fastest, float((step / seconds.clip(1e-6)).max(initial=0.0)))
-    if walked > 0:
-        return walked < driven * _SHARE if driven > 1 else fastest < _CRAWL
+    if moved > 0:
+        return moved < expected * _SHARE if expected > 1 else fastest < _CRAWL
     return projection is not None and bool(_away_m(xy, projection) < NEAR_M)
 
 
@@ -92,13 +92,16 @@ def check_near_site(lon_lat: FloatArray, projection: Projection) -> None:
 
 
 def _away_m(lon_lat: FloatArray, projection: Projection) -> float:
-    """Returns the smallest distance from the site's origin, or infinity if it is very large."""
+    """Returns the smallest distance of positions (n, 2) from the site's origin, in metres.
+
+    It is infinite if all positions are more than 10 degrees of longitude away.
+    """
     near = lon_lat[np.abs(lon_lat[:, 0] - projection.centre[0]) < 10]
     return float(np.hypot(*projection.metres(near).T).min(initial=math.inf))
 
 
 def network_projection(net_file: Path) -> Projection | None:
-    """Reads the projection of a SUMO network, or returns None if the network states none.
+    """Reads the projection of a SUMO network. Returns None if the network has no projection.
 
     Raises FormatError for a projection that is not a transverse Mercator, and OSError.
     """
@@ -120,15 +123,15 @@ def _of_location(words: str, offset: str) -> Projection | None:
     ellipsoid = keys.get("ellps", keys.get("datum", "WGS84"))
     if keys.get("proj") not in ("utm", "tmerc") or ellipsoid not in _ELLIPSOIDS:
         raise Error(f"'{words[:80]}' (utm and tmerc on WGS84 are known)")
-    more = [float(v) for v in offset.split(",")]
+    net_offset = [float(v) for v in offset.split(",")]
     if keys["proj"] == "utm":
         north = 1e7 if "south" in keys else 0.0
         zone = float(keys["zone"]) if "zone" in keys else math.nan
-        return _checked((6 * zone - 183, 0.0), 0.9996, (5e5 + more[0], north + more[1]))
+        return _checked((6 * zone - 183, 0.0), 0.9996, (5e5 + net_offset[0], north + net_offset[1]))
     centre = (float(keys.get("lon_0", 0)), float(keys.get("lat_0", 0)))
     scale = float(keys.get("k", keys.get("k_0", 1)))
     false = [float(keys.get(k, 0)) for k in ("x_0", "y_0")]
-    return _checked(centre, scale, (false[0] + more[0], false[1] + more[1]))
+    return _checked(centre, scale, (false[0] + net_offset[0], false[1] + net_offset[1]))
 
 
 def _checked(

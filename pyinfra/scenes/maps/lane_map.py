@@ -48,7 +48,7 @@ class MapBody:
 
     outline: FloatArray  # (n, 2), counter-clockwise, n >= 3
     height_m: float
-    base_m: float | None = None  # z of the base; None if it stands on the terrain
+    base_m: float | None = None  # z of the base; None if the body stands on the terrain
     hangs: bool = False  # whether the space below its base is open
 
 
@@ -59,7 +59,7 @@ class MapTree:
     x_m: float
     y_m: float
     height_m: float
-    base_m: float | None = None
+    base_m: float | None = None  # z of the base; None if the tree stands on the terrain
 
 
 @dataclass(frozen=True)
@@ -98,10 +98,10 @@ def lane_name(*words: object) -> str:
 
 def with_unique_names(lanes: Sequence[MapLane]) -> list[MapLane]:
     """Returns the lanes with unique names. A number is added to repeated names."""
-    seen: dict[str, int] = {}
+    counts: dict[str, int] = {}
     named = []
     for lane in lanes:
-        count = seen[lane.name] = seen.get(lane.name, 0) + 1
+        count = counts[lane.name] = counts.get(lane.name, 0) + 1
         named.append(lane if count == 1 else replace(lane, name=f"{lane.name}_again{count}"))
     return named
 
@@ -111,9 +111,10 @@ def without_folds(
 ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     """Removes backward steps of the borders of a lane.
 
-    In a bend tighter than the lane's width, the inner border turns back. Its points there are moved
-    to the previous point. Rows at which the centreline stops or turns back are removed. Returns
-    both borders, and the left point (x y z) where the centreline first turns back, or None.
+    In a bend tighter than the lane's width, the inner border runs backwards. Each of its points
+    there is moved to the previous point. Rows at which the centreline stops or runs backwards are
+    removed. Returns both borders, and the left point (x y z) at which the centreline first runs
+    backwards, or None.
     """
     folded = None
     for _ in range(len(left)):
@@ -151,13 +152,13 @@ def steep_lanes(lanes: Sequence[MapLane]) -> list[str]:
 
 
 def checked_lanes(lanes: Sequence[MapLane], source: str) -> list[MapLane]:
-    """Returns the lanes unchanged. Raises MapError that names the lane for an impossible lane."""
+    """Returns the lanes unchanged. Raises MapError that names the lane if a lane is impossible."""
     for lane in lanes:
-        both = np.concatenate([lane.left, lane.right])
-        if not np.isfinite(both).all():
+        borders = np.concatenate([lane.left, lane.right])
+        if not np.isfinite(borders).all():
             raise MapError(f"{source}: lane {lane.name}: expected finite coordinates, got others")
-        if np.abs(both).max() > FARTHEST_M:
-            most = np.abs(both).max()
+        if np.abs(borders).max() > FARTHEST_M:
+            most = np.abs(borders).max()
             raise MapError(
                 f"{source}: lane {lane.name}: expected up to {FARTHEST_M:g} (a wrong "
                 f"projection?), got a place {most:.4g} m from the origin"

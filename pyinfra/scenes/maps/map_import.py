@@ -1,4 +1,4 @@
-"""Imports a map file as a site folder with scene, lanes, meshes, network and a record."""
+"""Imports a map file as a site folder with scene, lanes, meshes, network and import record."""
 
 import tempfile
 from dataclasses import asdict, dataclass
@@ -36,7 +36,7 @@ class Imported:
     triangles: int
     pole: Pole
     record: dict[str, Any]  # content of map.yaml
-    anew: bool  # False if the folder already had the result of the same import
+    anew: bool  # whether the import ran; False if the folder already had its result
 
 
 def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> Imported:
@@ -74,8 +74,8 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
                 f"{file}: expected up to {MOST_TRIANGLES} triangles, got more: use a smaller "
                 "`radius_m`"
             )
-        pole, what = _pole(site_map, options)
-        site_map.guessed += [what] if what else []
+        pole, assumption = _pole(site_map, options)
+        site_map.guessed += [assumption] if assumption else []
         write_site(folder, out.name, site_map, meshes, (pole, options), terrain)
         counts = {
             "lanes": len(site_map.lanes),
@@ -89,11 +89,12 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
 
 
 def _listed(site_map: SiteMap) -> dict[str, list[dict[str, Any]]]:
-    """Maps each kind to its features, each with name in the map, position and tags."""
+    """Maps each kind to the list of its features, with their name in the map, position and tags."""
     by_kind: dict[str, list[dict[str, Any]]] = {}
-    for each in site_map.features:
-        position = {"x_m": round(each.x_m, 2), "y_m": round(each.y_m, 2)}
-        by_kind.setdefault(each.kind, []).append({"id": each.source, **position, **each.tags})
+    for feature in site_map.features:
+        position = {"x_m": round(feature.x_m, 2), "y_m": round(feature.y_m, 2)}
+        row = {"id": feature.source, **position, **feature.tags}
+        by_kind.setdefault(feature.kind, []).append(row)
     return dict(sorted(by_kind.items()))
 
 
@@ -104,5 +105,5 @@ def _options_as_keys(options: ImportOptions) -> dict[str, Any]:
 def _pole(site_map: SiteMap, options: ImportOptions) -> tuple[Pole, str]:
     if options.mount is not None:
         return Pole(*options.mount), ""
-    pole, what = guess_pole(site_map)
-    return pole, f"the pole, {HEIGHT_M:g} m high, beside {what}"
+    pole, beside = guess_pole(site_map)
+    return pole, f"the pole, {HEIGHT_M:g} m high, beside {beside}"

@@ -1,4 +1,4 @@
-"""Reads a map of each format as a `SiteMap`, and writes its network with netconvert."""
+"""Readers of each map format. They return a `SiteMap`, and write the network with netconvert."""
 
 import math
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from pyinfra.scenes.maps.opendrive import read_opendrive
 from pyinfra.scenes.maps.opendrive_mending import mended_for_netconvert
 from pyinfra.scenes.maps.site_folder import NET
 
-RADIUS_M = 1000.0
+RADIUS_M = 1000.0  # default radius of the imported area
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def _shifted_network(
 
 
 def _network_map(file: Path, folder: Path, options: ImportOptions) -> SiteMap:
-    """Returns the written network around the origin."""
+    """Reads the network that netconvert wrote, within the radius around the origin."""
     site_map = read_network(folder / NET)
     _cut(site_map, options.radius_m, file)
     site_map.areas, site_map.junctions = _near(site_map, options.radius_m)
@@ -158,7 +158,7 @@ def _moved_body(thing: Any, offset: FloatArray) -> Any:
 def _cut(site_map: SiteMap, radius_m: float, file: Path) -> None:
     """Removes objects outside the radius around the origin.
 
-    A lane that is partly inside is not cut.
+    A lane that is partly inside is kept whole. Raises MapError if no lane for vehicles is left.
     """
     site_map.lanes = [x for x in site_map.lanes if np.hypot(*x.centre[:, :2].T).min() <= radius_m]
     if not any(lane.driveable for lane in site_map.lanes):

@@ -117,7 +117,7 @@ def _away_m(mesh: Triangles, mounts: FloatArray) -> float:
 def with_mesh(file: Path, entry: dict[str, Any]) -> str:
     """Returns the text of a scene file with an entry added to `meshes`, and no other change.
 
-    Raises FormatError if no line can be added to `meshes` because of its YAML style.
+    Raises FormatError if the YAML style of `meshes` does not allow another line.
     """
     lines = file.read_text().splitlines()
     before = read_keys(file)
@@ -131,10 +131,10 @@ def with_mesh(file: Path, entry: dict[str, Any]) -> str:
     text = "\n".join(lines) + "\n"
     wanted = {**before, "meshes": [entry, *(before.get("meshes") or [])]}
     try:
-        right = yaml.safe_load(text) == wanted
+        is_extended = yaml.safe_load(text) == wanted
     except yaml.YAMLError:
-        right = False
-    if not right:
+        is_extended = False
+    if not is_extended:
         raise FormatError(
             f"{file}: meshes: the list cannot be extended; add this entry by hand: {line}"
         )

@@ -15,7 +15,7 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.scenes.maps.lane_map import MapLane, SiteMap
 from pyinfra.scenes.maps.surfaces import contains
 
-HEIGHT_M = 6.0
+HEIGHT_M = 6.0  # height of the sensor above the road
 NEAREST_M, FARTHEST_M = 12.0, 80.0  # minimum and maximum distance from the junction's middle
 CLEAR_M = 1.0  # minimum distance from lane edges and buildings
 CLEAR_OF_TREES_M = 5.0
@@ -46,16 +46,16 @@ def guess_pole(site_map: SiteMap) -> tuple[Pole, str]:
     ]  # after the map was cut, some junctions have no lanes nearby
     if inside:
         ways, *centre = max(inside, key=lambda j: (j[0], -math.hypot(j[1], j[2])))
-        target, what = np.array(centre), f"the junction with most connections ({ways})"
+        target, beside = np.array(centre), f"the junction with most connections ({ways})"
     else:
         longest = max(driven, key=lambda lane: len(lane.centre))
-        target, what = longest.centre[len(longest.centre) // 2, :2], f"lane {longest.name}"
+        target, beside = longest.centre[len(longest.centre) // 2, :2], f"lane {longest.name}"
     foot = _clear_position(target, strips, site_map)
     dense = np.concatenate([lane.centre for lane in driven])
     road_z = dense[np.hypot(*(dense[:, :2] - foot).T).argmin(), 2]
     x, y, z = (round(float(v), 2) for v in (*foot, road_z + HEIGHT_M))
     off_deg = JUNCTION_OFF_DEG if inside else LANE_OFF_DEG
-    return Pole(x, y, z, _yaw_deg(foot, target, driven, off_deg)), what
+    return Pole(x, y, z, _yaw_deg(foot, target, driven, off_deg)), beside
 
 
 def _yaw_deg(foot: FloatArray, target: FloatArray, lanes: list[MapLane], off_deg: float) -> float:
@@ -71,8 +71,8 @@ def _yaw_deg(foot: FloatArray, target: FloatArray, lanes: list[MapLane], off_deg
     to_target = math.degrees(math.atan2(*(target - foot)[::-1]))
     yaws = to_target + np.arange(-off_deg, off_deg + 1, YAW_STEP_DEG)
     off = np.abs((at - yaws[:, None] + 180) % 360 - 180)
-    seen = ((off < SEEN_DEG / 2) * weights[near]).sum(1)
-    best = np.flatnonzero(seen >= seen.max() - 1)
+    seen_m = ((off < SEEN_DEG / 2) * weights[near]).sum(1)
+    best = np.flatnonzero(seen_m >= seen_m.max() - 1)
     run = best[: int(np.argmax(np.diff(best, append=np.inf) > 1)) + 1]
     return round(math.remainder(float(yaws[run[len(run) // 2]]), 360), 1)
 
@@ -82,7 +82,8 @@ def _clear_position(
 ) -> FloatArray:
     """Returns the free position nearest to the target.
 
-    If there is no free position nearby, the search extends farther.
+    If there is no free position within `farthest_m`, the search is repeated with twice the default
+    radius. If this search fails too, the position that is farthest from the lanes is returned.
     """
     axis = np.arange(-farthest_m, farthest_m + 1, 1.0)
     offsets = np.stack(np.meshgrid(axis, axis), -1).reshape(-1, 2)
@@ -116,7 +117,7 @@ def _clear_position(
 
 @dataclass(frozen=True)
 class _Strips:
-    """Segments of lane centrelines, and the minimum distance of free positions from each one."""
+    """Segments of lane centrelines, and the minimum distance of a free position from each."""
 
     start: FloatArray  # (n, 2)
     end: FloatArray  # (n, 2)
@@ -132,11 +133,11 @@ class _Strips:
         return _Strips(ends[0], ends[1], np.concatenate(half))
 
     def near(self, position: FloatArray, metres: float) -> _Strips:
-        some = np.hypot(*(self.start - position).T) < metres
-        return _Strips(self.start[some], self.end[some], self.clear[some])
+        is_near = np.hypot(*(self.start - position).T) < metres
+        return _Strips(self.start[is_near], self.end[is_near], self.clear[is_near])
 
     def free_m(self, position: FloatArray) -> float:
-        """Returns by how much the distance of a position from the lanes exceeds the minimum."""
+        """Returns the distance of a position from the lanes minus the minimum distance, metres."""
         along = self.end - self.start
         part = ((position - self.start) * along).sum(1) / np.maximum((along**2).sum(1), 1e-12)
         away = self.start + part.clip(0, 1)[:, None] * along - position

@@ -8,7 +8,7 @@ from xml.sax.saxutils import quoteattr
 from pyinfra.scenes.maps.lane_map import MapError
 from pyinfra.scenes.maps.sumo import SumoError, run_tool
 
-LONGEST_S = 600.0
+LONGEST_S = 600.0  # maximum run time of netconvert
 DETAIL = ["--junctions.internal-link-detail", "20"]
 OPENDRIVE = ["--opendrive.import-all-lanes", "--opendrive.internal-shapes", "--tls.guess"]
 OSM = (

@@ -21,9 +21,9 @@ from pyinfra.scenes.maps.lane_map import (
 from pyinfra.scenes.maps.opendrive_geometry import number
 
 DEFAULT_WIDTH_M = 3.2  # SUMO's default lane width
-KERB_M = 0.15
-STEP_M = 4.0
-CLOSE_M = 0.05
+KERB_M = 0.15  # height of sidewalks above the road
+STEP_M = 4.0  # maximum distance between successive points of a lane
+CLOSE_M = 0.05  # minimum distance between successive points of a lane
 CARS = frozenset({"passenger", "private", "taxi", "bus", "delivery", "truck", "custom1", "all"})
 WALKERS = frozenset({"pedestrian"})
 

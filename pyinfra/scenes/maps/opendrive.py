@@ -32,8 +32,8 @@ from pyinfra.scenes.maps.opendrive_geometry import (
 from pyinfra.scenes.maps.opendrive_objects import read_objects
 from pyinfra.scenes.maps.opendrive_unread import unread_elements
 
-STEP_M = 1.0
-STRAIGHT_STEP_M = 4.0
+STEP_M = 1.0  # distance between samples of a road that bends
+STRAIGHT_STEP_M = 4.0  # distance between samples of any other road
 LENGTHS_APART = 0.01  # relative difference of two lengths that counts as rounding
 KERB_M = 0.15  # default height of sidewalks above the road
 DRIVEN = frozenset(
@@ -196,21 +196,21 @@ def _samples(road: OpenDriveRoad, cubics: list[Cubics], start: float, end: float
 def _joined(
     road: OpenDriveRoad, pieces: dict[tuple[int, int], Piece], left_hand: bool, site_map: SiteMap
 ) -> list[MapLane | None]:
-    """Joins lanes of equal type and kerb that continue in the next section."""
+    """Joins the pieces of lanes that continue with the same type and kerb in the next section."""
     lanes = []
-    left = dict(pieces)
+    remaining = dict(pieces)
     for i, number_ in sorted(pieces):
-        if (i, number_) not in left:
+        if (i, number_) not in remaining:
             continue
-        chain = [left.pop((i, number_))]
+        chain = [remaining.pop((i, number_))]
         last = i
         while chain[-1].successor is not None:
-            after = left.get((last + 1, chain[-1].successor))
+            after = remaining.get((last + 1, chain[-1].successor))
             if after is None or (after.type, after.kerb_m) != (chain[-1].type, chain[-1].kerb_m):
                 break
             if np.abs(after.inner[0] - chain[-1].inner[-1]).max() > 0.01:
                 break
-            chain.append(left.pop((last + 1, chain[-1].successor)))
+            chain.append(remaining.pop((last + 1, chain[-1].successor)))
             last += 1
         lanes.append(_lane(road, i, chain, left_hand, site_map))
     return lanes

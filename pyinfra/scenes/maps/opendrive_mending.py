@@ -21,8 +21,8 @@ JUNCTIONS = frozenset({"default", ""})  # junctions of other types are removed
 def mended_for_netconvert(file: Path, out: Path) -> tuple[Path, list[str]]:
     """Returns a file that netconvert can read, and notes about changes.
 
-    It is `file` if no change is needed. Otherwise it is `out`, without the content that netconvert
-    refuses.
+    If no change is needed, the returned file is `file`. Otherwise it is `out`, without the content
+    that netconvert refuses.
     """
     root = ElementTree.parse(file).getroot()
     for node in root.iter():
@@ -75,13 +75,13 @@ def _signals(root: Element) -> list[str]:
                         kept.add(name)
                         continue
                     signals.remove(signal)
-                    of = f"road {road.get('id')}: {tag} {signal.get('id')}"
-                    notes.append(f"{of}: {why}: not in the network")
+                    where = f"road {road.get('id')}: {tag} {signal.get('id')}"
+                    notes.append(f"{where}: {why}: not in the network")
     return notes
 
 
 def _lack(signal: Element) -> str:
-    """Describes why netconvert would refuse a signal, or returns an empty text if it would not."""
+    """Returns why netconvert would refuse a signal, or an empty text if it would accept it."""
     for key in _NEEDED[signal.tag]:
         if not (signal.get(key) or "").strip():
             return f"{key} is empty"
@@ -132,11 +132,11 @@ def _as_default(root: Element, junction: Element) -> None:
         if incoming is None or linked is None:
             continue
         near_end = _end_at(incoming, junction.get("id"))
-        its = connection.get("contactPoint", "start")
+        contact = connection.get("contactPoint", "start")
         for pair in connection.iterfind("laneLink"):
             ends = [
                 (incoming, near_end, int(number(pair, "from"))),
-                (linked, its, int(number(pair, "to"))),
+                (linked, contact, int(number(pair, "to"))),
             ]
             outwards = (ends[0][2] < 0) == (near_end == "end")
             if incoming.get("rule") == "LHT":

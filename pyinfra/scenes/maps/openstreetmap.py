@@ -16,7 +16,7 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.scenes.maps.lane_map import MapBody, MapError, MapTree, SiteMap
 from pyinfra.scenes.maps.map_file import opened
 
-LEVEL_M = 3.0
+LEVEL_M = 3.0  # height of a storey
 HOUSE_M = 6.0  # default height of a building
 TREE_M = 9.0  # default height of a tree
 BESIDE_DEG = 0.05  # maximum distance of a centre from the map's roads
@@ -73,10 +73,11 @@ class StreetMap:
     """The content of an OSM file. Positions are lon, lat in degrees."""
 
     nodes: dict[str, tuple[float, float]] = field(default_factory=dict)
+    # Id, node ids and tags of each building.
     houses: list[tuple[str, list[str], dict[str, str]]] = field(default_factory=list)
-    trees: list[tuple[str, dict[str, str]]] = field(default_factory=list)
+    trees: list[tuple[str, dict[str, str]]] = field(default_factory=list)  # node ids and tags
     ways: list[Way] = field(default_factory=list)
-    # Ids and tags of nodes at streets.
+    # Ids and tags of nodes with street features, such as stops and signals.
     things: list[tuple[str, dict[str, str]]] = field(default_factory=list)
     lines: list[Way] = field(default_factory=list)  # platforms
     others: list[str] = field(default_factory=list)  # texts about ignored elements
@@ -86,7 +87,7 @@ class StreetMap:
     rearranged: bool = False
 
     def of_highways(self) -> list[str]:
-        """Returns the nodes of roads that have a position."""
+        """Returns the ids of the road nodes whose position is known."""
         return [i for w in self.ways if "highway" in w.tags for i in w.nodes if i in self.nodes]
 
     def place_of(self, centre: tuple[float, float] | None) -> tuple[tuple[float, float], bool]:

@@ -42,10 +42,10 @@ def sides_without(tags: dict[str, str]) -> dict[str, str]:
 
     `separate` means that the map has the sidewalk as another way.
     """
-    whole = tags.get("sidewalk", "")
+    general = tags.get("sidewalk", "")
     sides = {}
     for side, other in (("left", "right"), ("right", "left")):
-        value = tags.get(f"sidewalk:{side}") or tags.get("sidewalk:both") or whole
+        value = tags.get(f"sidewalk:{side}") or tags.get("sidewalk:both") or general
         value = "no" if value == other else value
         if value in _NONE or value == "separate":
             sides[side] = "no" if value in _NONE else value

@@ -105,17 +105,17 @@ def write_levelled(file: Path, out: Path, map_: StreetMap, levels: Levels) -> No
 
     Nodes are written first, because netconvert requires that.
     """
-    seen, taken = set[str](), set[tuple[str, str]]()
+    written, taken = set[str](), set[tuple[str, str]]()
     with out.open("w", encoding="utf-8") as stream:
         stream.write('<?xml version="1.0" encoding="UTF-8"?>\n<osm version="0.6">\n')
         for element in _kept(file, {"node"}):
-            seen.add(element.get("id", ""))
+            written.add(element.get("id", ""))
             height = levels.heights.get(element.get("id", ""))
             if height is not None or (element.get("lon"), element.get("lat")) not in taken:
                 _place(element, taken)
             _set_height(element, height)
             stream.write(ElementTree.tostring(element, encoding="unicode"))
-        more = {i: place for i, place in map_.nodes.items() if i not in seen}
+        more = {i: place for i, place in map_.nodes.items() if i not in written}
         for name, (lon, lat) in {**more, **levels.places}.items():
             element = Element("node", {"id": name, "lon": repr(lon), "lat": repr(lat)})
             _set_height(element, levels.heights.get(name))
@@ -205,9 +205,9 @@ class _Net:
                 u, v = (i, j) if on[i] > on[j] else (j, i)
                 upper, lower = (self.ways[pieces[k][0]][0] for k in (u, v))
                 xy = _meeting(start[u], end[u], start[v], end[v])
-                both = (pieces[u][1], pieces[u][2]), (pieces[v][1], pieces[v][2])
+                segments = (pieces[u][1], pieces[u][2]), (pieces[v][1], pieces[v][2])
                 key = (upper.id, lower.id, round(xy[0]), round(xy[1]))
-                by_pair.setdefault(key, _Crossing(upper, lower, xy, *both))
+                by_pair.setdefault(key, _Crossing(upper, lower, xy, *segments))
         return list(by_pair.values())
 
     def divide(self, crossings: list[_Crossing]) -> None:
@@ -216,7 +216,7 @@ class _Net:
         most = max(abs(level(way.tags)) for c in crossings for way in (c.upper, c.lower))
         reach = 2 * RAMP_M * (1 + min(most, 5))
         for _, nodes in self.ways:
-            whole = nodes[:1]
+            extended = nodes[:1]
             for a, b in itertools.pairwise(nodes):
                 p, q = np.array(self.xy[a]), np.array(self.xy[b])
                 if np.isfinite([p, q]).all() and _away(at, p, q) < reach:
@@ -224,13 +224,13 @@ class _Net:
                     parts = np.arange(1, count) / count
                     apart = [np.hypot(*(p + (q - p) * u - at).T).min() for u in parts]
                     # No node is added close to a crossing, because netconvert merges such nodes.
-                    whole += [
+                    extended += [
                         self._put(a, b, float(u))
                         for u, metres in zip(parts, apart, strict=True)
                         if metres > APART_M
                     ]
-                whole.append(b)
-            nodes[:] = whole
+                extended.append(b)
+            nodes[:] = extended
 
     def _put(self, a: str, b: str, part: float) -> str:
         name = str(next(self._fresh))
@@ -270,8 +270,8 @@ class _Net:
                 return
             high, low = dict[str, float](), dict[str, float]()
             for name, z in goal.items():
-                side, still = (high if z > 0 else low), pinned[name] - set(ways[name])
-                for node, share in _ramps(next_, ways[name], still, abs(z)).items():
+                side, fixed = (high if z > 0 else low), pinned[name] - set(ways[name])
+                for node, share in _ramps(next_, ways[name], fixed, abs(z)).items():
                     side[node] = max(side.get(node, 0.0), abs(z) * share)
             self.z = {i: high.get(i, 0.0) - low.get(i, 0.0) for i in {*high, *low}}
 
@@ -296,8 +296,8 @@ def _ramps(
     back = _distances(next_, still, length)
     shares = {}
     for node, metres in _distances(next_, way, length).items():
-        whole = min(length, metres + back.get(node, math.inf))
-        u = min(1.0, metres / whole) if whole > 0 else 1.0
+        ramp = min(length, metres + back.get(node, math.inf))
+        u = min(1.0, metres / ramp) if ramp > 0 else 1.0
         shares[node] = 1 - u * u * (3 - 2 * u)
     return shares
 
@@ -324,11 +324,11 @@ def _crossed(start: FloatArray, end: FloatArray, i: int) -> IntArray:
     a, b = start[i], end[i]
     low, high = np.minimum(a, b), np.maximum(a, b)
     near = ((np.minimum(start, end) <= high) & (np.maximum(start, end) >= low)).all(1)
-    some = np.flatnonzero(near)
-    p, q = start[some], end[some]
+    candidates = np.flatnonzero(near)
+    p, q = start[candidates], end[candidates]
     across = (side_of(a, b, p) * side_of(a, b, q) <= 0) & (side_of(p, q, a) * side_of(p, q, b) <= 0)
     across &= side_of(p, q, a) != side_of(p, q, b)  # excludes collinear segments
-    return np.asarray(some[across])
+    return np.asarray(candidates[across])
 
 
 def _meeting(a: FloatArray, b: FloatArray, p: FloatArray, q: FloatArray) -> tuple[float, float]:

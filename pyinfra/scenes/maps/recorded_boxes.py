@@ -31,10 +31,12 @@ _RULES = {
 
 @dataclass(frozen=True)
 class BoxColumns:
-    """Options for reading a CSV file."""
+    """Options for reading a CSV file with other column and class names."""
 
-    names: dict[str, str] = field(default_factory=dict)  # column names here to those of the file
-    classes: dict[str, str] = field(default_factory=dict)  # class names of the file to those here
+    # Maps column names of this package to those of the file.
+    names: dict[str, str] = field(default_factory=dict)
+    # Maps class names of the file to those of this package.
+    classes: dict[str, str] = field(default_factory=dict)
     rate_hz: float | None = None  # frame rate, if the file has `frame` instead of `t`
     degrees: bool = False  # whether headings are in degrees
 

@@ -1,4 +1,4 @@
-"""The graph of a SUMO network, with permitted classes and lengths, from which routes are made."""
+"""The graph of a SUMO network, with permitted classes and lengths, for computing routes."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class RoadNet:
     turn_speed_limited: bool  # whether lateral acceleration in junctions is limited
 
     def sources(self, sumo_class: str) -> list[Edge]:
-        """Returns the edges where traffic enters the map. No edge but a U-turn leads to them."""
+        """Returns the edges where traffic enters the map. Only a U-turn may lead to them."""
         led = {to for name, targets in self.links.items() for to in targets}
         turns = {to for to in led if not self._leads_on(to)}
         return [e for e in self._of(sumo_class) if e.name not in led or e.name in turns]
@@ -85,8 +85,8 @@ class RoadNet:
                 continue
             best[edge.name] = way
             seconds += edge.length_m / edge.speed_m_s
-            for to, borne in sorted(self.links.get(edge.name, {}).items()):
-                if to not in best and (borne is None or sumo_class in borne):
+            for to, permitted in sorted(self.links.get(edge.name, {}).items()):
+                if to not in best and (permitted is None or sumo_class in permitted):
                     heapq.heappush(heap, (seconds, [*way, to]))
         return best
 
@@ -123,10 +123,10 @@ def _net(root: ElementTree.Element) -> RoadNet:
     for link in root.findall("connection"):
         if link.attrib["from"] in edges and link.attrib["to"] in edges:
             start, end = edges[link.attrib["from"]], edges[link.attrib["to"]]
-            borne = _led(link, start, end)
+            classes = _led(link, start, end)
             before = links.setdefault(start.name, {}).get(end.name, frozenset())
-            both = None if borne is None or before is None else before | borne
-            links[start.name][end.name] = both
+            permitted = None if classes is None or before is None else before | classes
+            links[start.name][end.name] = permitted
     location = root.find("location")
     offset = "0,0" if location is None else location.attrib["netOffset"]
     x, y = (float(v) for v in offset.split(","))
@@ -159,10 +159,11 @@ def _led(link: ElementTree.Element, start: Edge, end: Edge) -> frozenset[str] | 
     """
     lanes = [_lane(start, link.get("fromLane")), _lane(end, link.get("toLane")), _borne(link)]
     walks = start.lanes_for("pedestrian") and end.lanes_for("pedestrian")
-    some = [lane for lane in lanes if lane is not None]
-    if not some:
+    restricted = [lane for lane in lanes if lane is not None]
+    if not restricted:
         return None
-    return frozenset.intersection(*some) | (frozenset({"pedestrian"}) if walks else frozenset())
+    permitted = frozenset.intersection(*restricted)
+    return permitted | {"pedestrian"} if walks else permitted
 
 
 def _lane(edge: Edge, index: str | None) -> frozenset[str] | None:
@@ -170,6 +171,7 @@ def _lane(edge: Edge, index: str | None) -> frozenset[str] | None:
     return edge.lanes[number] if 0 <= number < len(edge.lanes) else frozenset()
 
 
+# SUMO classes of the objects for which routes are computed.
 _ASKED = {"passenger", "delivery", "truck", "bus", "motorcycle", "bicycle", "pedestrian"}
 
 

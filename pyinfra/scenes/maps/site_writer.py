@@ -17,7 +17,7 @@ from pyinfra.scenes.maps.mount_guess import Pole
 from pyinfra.scenes.maps.site_folder import SCENE
 from pyinfra.scenes.maps.surfaces import Sheet
 
-# Maps a mesh to its material. The name of any other mesh is also that of its material.
+# Maps mesh names to materials. The material of any other mesh has the name of the mesh.
 MATERIALS = {"buildings": "structure"}
 
 

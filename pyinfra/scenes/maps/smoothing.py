@@ -1,6 +1,6 @@
 """Converts front bumper positions of a traffic simulator to boxes with realistic motion.
 
-A sideways jump, which is a lane change in one step, is replaced by a ramp over some seconds.
+A sideways jump, which is a lane change in one step, is replaced by a ramp over 3 seconds.
 Positions are averaged over a short time. The rear axle follows the front axle, so that heading and
 centre are those of a body on two axles. A track that still turns or accelerates too hard is
 averaged over longer times. If no averaging helps, the track is refused.
@@ -145,7 +145,7 @@ def _track(path: FrontPath, points: FloatArray) -> Track:
 def _axles(path: FrontPath, points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Returns the paths (n, 3) of front and rear axle.
 
-    Both are points of a rod whose front end, the bumper, pulls it along the path.
+    Both axles are points of a rod. The front end of the rod, the bumper, is pulled along the path.
     """
     length = float(path.size_m[0])
     reach = (1 - _OVERHANG) * length
@@ -198,7 +198,7 @@ def _walking_headings(path: FrontPath, points: FloatArray) -> FloatArray:
 
 
 def _slewed(heading: FloatArray) -> FloatArray:
-    """Returns the heading with a limited turn per step."""
+    """Returns the headings (n,) with a limited turn per step."""
     if (np.abs(wrap(np.diff(heading))) <= _SLEW_RAD).all():
         return heading
     out = heading.tolist()

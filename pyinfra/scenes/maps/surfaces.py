@@ -8,10 +8,10 @@ from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.formats.ply import Triangles, together
 from pyinfra.scenes.maps.lane_map import MapBody, MapLane, SiteMap
 
-TERRAIN_CELL_M = 4.0
-TERRAIN_MARGIN_M = 60.0
+TERRAIN_CELL_M = 4.0  # cell size of the terrain grid
+TERRAIN_MARGIN_M = 60.0  # margin of the terrain around the lanes
 TERRAIN_BELOW_M = 0.08  # depth of the terrain below the road
-FILL_CELL_M = 1.0
+FILL_CELL_M = 1.0  # cell size of a junction's paving
 FILL_BELOW_M = 0.01  # depth of a junction's paving below its lanes
 JOIN_M = 0.02  # length by which each lane overlaps the next
 SINK_M = 0.5  # depth of a building's walls below the ground
@@ -135,7 +135,7 @@ def contains(outline: FloatArray, xy: FloatArray) -> BoolArray:
 
 
 def junction_fill(areas: list[FloatArray], points: FloatArray) -> list[Triangles]:
-    """Returns paving between the lanes of each junction, slightly below them."""
+    """Returns paving between the lanes of each junction, slightly below the lanes."""
     meshes = []
     points = points[np.argsort(points[:, 0])]
     for outline in areas:

@@ -21,7 +21,7 @@ class ObjectClass:
     sumo_class: str
 
 
-# The sizes equal those in core/classes.h, as a test checks.
+# A test checks that the sizes equal those in core/classes.h.
 CLASSES = {
     "Car": ObjectClass((4.53, 1.95, 1.57), (0.71, 0.16, 0.17), "passenger"),
     "Van": ObjectClass((5.30, 2.05, 2.25), (0.85, 0.21, 0.25), "delivery"),
@@ -51,7 +51,11 @@ class FrontPath:
 
 @dataclass(frozen=True)
 class Track:
-    """A moving box. `states` (n, 6) are x y z of the box centre, heading, pitch and speed."""
+    """A moving box in the world frame, metres, radians and m/s.
+
+    `states` (n, 6) are x y z of the box centre, heading, pitch and speed. `first` is the instant of
+    the first state.
+    """
 
     name: str
     object_class: str

@@ -84,7 +84,7 @@ def record(net_file: Path, feet: FloatArray, demand: Demand, seconds: float, see
 
 
 def cleaned(sumo_run: SumoRun, feet: FloatArray) -> Traffic:
-    """Smooths the paths, cuts them in time and around the mounts, and removes overlaps."""
+    """Smooths the paths, keeps their parts near the mounts after the warm-up, removes overlaps."""
     tracks, rough = [], []
     start, end = sumo_run.start, sumo_run.start + sumo_run.count
     for path in sumo_run.paths:

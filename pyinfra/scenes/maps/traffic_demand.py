@@ -190,16 +190,16 @@ def _is_far(point: FloatArray, feet: FloatArray) -> bool:
 
 def _far_edges(net: RoadNet, feet: FloatArray, sumo_class: str) -> tuple[list[Edge], list[Edge]]:
     """Returns the edges that begin, and the edges that end, far enough from the region."""
-    every = [e for e in net.edges.values() if e.lanes_for(sumo_class)]
-    starts = [e for e in every if _is_far(e.shape[0], feet)]
-    return starts, [e for e in every if _is_far(e.shape[-1], feet)]
+    edges = [e for e in net.edges.values() if e.lanes_for(sumo_class)]
+    starts = [e for e in edges if _is_far(e.shape[0], feet)]
+    return starts, [e for e in edges if _is_far(e.shape[-1], feet)]
 
 
 def _ends(net: RoadNet, feet: FloatArray, sumo_class: str) -> tuple[list[Edge], list[Edge]]:
     """Returns the edges where trips begin and end.
 
-    They are at the map's ends. If the map has none, or for pedestrians, they are all edges that are
-    far enough from the region.
+    The edges are at the map's ends. For pedestrians, and if there are no such edges, they are all
+    edges that are far enough from the region.
     """
     starts = [e for e in net.sources(sumo_class) if _is_far(e.shape[0], feet)]
     ends = [e for e in net.sinks(sumo_class) if _is_far(e.shape[-1], feet)]
@@ -219,7 +219,7 @@ def _too_small(net: RoadNet, feet: FloatArray, sumo_class: str) -> str:
     if not edges:
         return f"the map: expected a road for class '{sumo_class}', got none"
     far = max(float(np.linalg.norm(e.shape[:, None] - feet, axis=2).min(1).max()) for e in edges)
-    starts, ends = (len(some) for some in _far_edges(net, feet, sumo_class))
+    starts, ends = (len(far_edges) for far_edges in _far_edges(net, feet, sumo_class))
     counts = f"{starts} edges begin and {ends} end there"
     why = counts if far >= reach else f"it reaches {far:.0f} m"
     return (

@@ -17,12 +17,12 @@ from pyinfra.scenes.maps.smoothing import accelerations, turns_deg
 from pyinfra.scenes.maps.tracks import Track, TrackTable, table, wrap
 
 REGION_M = 100.0  # radius of the region around a mount's foot
-_NEIGHBOURS_M = 30.0
-_TOUCH_M = 0.001
+_NEIGHBOURS_M = 30.0  # maximum distance between the boxes of a pair
+_TOUCH_M = 0.001  # boxes are shrunk by this length, so that touching boxes do not overlap
 _AT_ONCE = 500  # number of instants per batch, including those halfway between two instants
-MAX_OVERLAP_SHARE = 0.001
+MAX_OVERLAP_SHARE = 0.001  # maximum allowed `overlap_share`
 MOST_NOTES = 20  # maximum number of notes in a report
-MOST_NAMES = 3  # names in a note about several tracks
+MOST_NAMES = 3  # maximum number of names in a note about several tracks
 
 
 @dataclass(frozen=True)
@@ -64,13 +64,16 @@ def traffic_figures(tracks: list[Track], feet: FloatArray) -> TrafficFigures:
 
 
 def appearing(tracks: list[Track], feet: FloatArray) -> int:
-    """Returns how many tracks begin or end in the region, except at the first or last instant."""
+    """Returns the number of tracks that appear or vanish in the region.
+
+    Tracks may begin in the region at the first instant, and end there at the last instant.
+    """
     end = max((t.first + len(t.states) for t in tracks), default=0)
     count = 0
     for t in tracks:
-        comes = t.first > 0 and _in_region(t.states[0, :2], feet)
-        goes = t.first + len(t.states) < end and _in_region(t.states[-1, :2], feet)
-        count += comes or goes
+        appears = t.first > 0 and _in_region(t.states[0, :2], feet)
+        vanishes = t.first + len(t.states) < end and _in_region(t.states[-1, :2], feet)
+        count += appears or vanishes
     return count
 
 
@@ -104,9 +107,9 @@ def _pairs(rows: TrackTable) -> tuple[int, IntArray]:
     touch = np.array([0, 0, 0, _TOUCH_M, _TOUCH_M, 0, 0])
     last = int(rows.instant.max(initial=-1))
     for start in range(0, last + 1, _AT_ONCE):
-        some = slice(*np.searchsorted(rows.instant, [start, start + _AT_ONCE]))
-        boxes, track = rows.boxes[some], rows.track[some]
-        apart = 2 * _NEIGHBOURS_M * rows.instant[some]  # separates boxes of different instants
+        batch = slice(*np.searchsorted(rows.instant, [start, start + _AT_ONCE]))
+        boxes, track = rows.boxes[batch], rows.track[batch]
+        apart = 2 * _NEIGHBOURS_M * rows.instant[batch]  # separates boxes of different instants
         tree = cKDTree(np.column_stack([boxes[:, :2], apart]))
         pairs = tree.query_pairs(_NEIGHBOURS_M, output_type="ndarray")
         a, b = boxes[pairs[:, 0]], boxes[pairs[:, 1]]
@@ -149,9 +152,9 @@ def report_lines(
 
 
 def by_reason(notes: Sequence[str]) -> list[str]:
-    """Returns the notes `NAME: REASON`, in which tracks with the same reason share one line.
+    """Joins the notes `NAME: REASON` of tracks with the same reason into one line.
 
-    Numbers in a reason do not count, so that `cut at 3.1 s` and `cut at 4.5 s` are one reason.
+    Numbers in a reason are ignored: `cut at 3.1 s` and `cut at 4.5 s` are the same reason.
     """
     groups: dict[str, list[str]] = {}
     for note in notes:
@@ -161,7 +164,7 @@ def by_reason(notes: Sequence[str]) -> list[str]:
 
 
 def _one_line(group: Sequence[str]) -> str:
-    """Returns one line for notes that differ in the name of the track, and perhaps in numbers."""
+    """Returns one line for notes that differ only in the track's name or in numbers."""
     if len(group) == 1:
         return group[0]
     reasons = {note.partition(": ")[2] for note in group}

@@ -12,9 +12,9 @@ from pyinfra.core.errors import Error
 from pyinfra.scenes.maps.tracks import CLASSES, HEADING, PITCH, SPEED, STEP_S, Track, table, wrap
 
 NAME = "trajectories.csv"
-_MAX_STEP_M, _MAX_TURN_RAD = 10.0, np.pi / 3
-_SIZES_M = (0.1, 50.0)
-_LEVEL_RAD = 1e-4
+_MAX_STEP_M, _MAX_TURN_RAD = 10.0, np.pi / 3  # maximum movement and turn in 0.1 s
+_SIZES_M = (0.1, 50.0)  # minimum and maximum side of a box
+_LEVEL_RAD = 1e-4  # maximum pitch of a box that counts as level
 
 
 def write_trajectories(file: Path, tracks: list[Track]) -> None:

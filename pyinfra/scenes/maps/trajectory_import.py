@@ -26,10 +26,9 @@ from pyinfra.scenes.maps.tracks import CLASSES, STEP_S, FrontPath, Track, from_z
 
 FILLED_S = 1.0  # gaps up to this length are filled; longer gaps split a track
 _FASTEST_M_S = 70.0  # a faster step is a change to another object, or a jump of the clock
-_SHORTEST_S = 1.0
-_SAME_SIZE_M = 0.05
-_LONGEST_S = 7200.0
-
+_SHORTEST_S = 1.0  # minimum duration of a track
+_SAME_SIZE_M = 0.05  # larger variations of an object's size are reported
+_LONGEST_S = 7200.0  # maximum duration of a recording
 _MOVED_M = 0.5  # minimum movement from which a heading is derived
 
 # Maps class names of this package, SUMO's classes and SUMO's default types to classes of this
@@ -67,8 +66,8 @@ def import_fcd(
     """Converts SUMO's front bumper positions to tracks, with the mean sizes of their classes.
 
     `classes` maps SUMO types that are not known by name to classes of this package. `offset_m` (3,)
-    is subtracted from the file's coordinates. `projection` is that of the site, for longitude and
-    latitude. Without a site, longitude and latitude become metres from their middle. Raises
+    is subtracted from the file's coordinates. `projection` is the site's projection of longitude
+    and latitude. Without a site, longitude and latitude become metres from their middle. Raises
     FormatError for a type without a class.
     """
     out = ImportedTracks()
@@ -119,7 +118,7 @@ def _classes(
 
 
 def _guessed_class(o: Recorded) -> str | None:
-    """Guesses the class from the name of a type in any case, or from the name's last word.
+    """Guesses the class from the type's name, or from its last word, in upper or lower case.
 
     For example, the last word of `veh_passenger` is `passenger`.
     """
@@ -167,7 +166,7 @@ def _moves(positions: FloatArray) -> bool:
 
 
 def _headings(positions: FloatArray) -> FloatArray:
-    """Returns headings (n,) in rad from the motion of positions (n, 4). Without motion, it is 0."""
+    """Returns the headings (n,) in rad of moving positions (n, 4), or 0 without motion."""
     heading = np.zeros(len(positions))
     i = 0
     for k in range(1, len(positions)):
@@ -186,8 +185,8 @@ def import_boxes(objects: list[BoxTrack], offset_m: FloatArray) -> ImportedTrack
     out = ImportedTracks()
     start = min(float(o.times[0]) for o in objects)
     _check_length(start, max(float(o.times[-1]) for o in objects))
-    without = [Motion(o.times, o.boxes[:, :2], np.full(len(o.times), np.nan)) for o in objects]
-    if in_degrees(without, None):
+    motions = [Motion(o.times, o.boxes[:, :2], np.full(len(o.times), np.nan)) for o in objects]
+    if in_degrees(motions, None):
         raise FormatError("x, y: expected metres, got values that look like longitude and latitude")
     for o in objects:
         size = np.median(o.boxes[:, 3:6], axis=0)
@@ -234,8 +233,8 @@ def _pieces(
     long = gap_s > FILLED_S + 1e-6
     jump = ~long & (step_m > _FASTEST_M_S * gap_s)
     for k in np.flatnonzero(long | jump):
-        what = f"gap of {gap_s[k]:.1f} s" if long[k] else f"jump of {step_m[k]:.1f} m"
-        out.notes.append(f"{name}: cut at {times[k]:.1f} s: {what}")
+        cause = f"gap of {gap_s[k]:.1f} s" if long[k] else f"jump of {step_m[k]:.1f} m"
+        out.notes.append(f"{name}: cut at {times[k]:.1f} s: {cause}")
     cuts = np.flatnonzero(long | jump) + 1
     for t, rows in zip(np.split(times, cuts), np.split(positions, cuts), strict=True):
         first, last = int(np.ceil(t[0] / STEP_S - 1e-6)), int(np.floor(t[-1] / STEP_S + 1e-6))
