@@ -35,7 +35,8 @@ struct Members {
   std::vector<std::int32_t> pillar_of;
 };
 
-/// Returns the cell of a position along one axis. A position on the upper border is in the last.
+/// Returns the cell of a position along one axis. A position on the upper border is in the last
+/// cell.
 std::int64_t cell_along(float at, float low, float side, std::int64_t cells) {
   const float cell = (at - low) / side;
   if (!(cell > -1 && cell < static_cast<float>(cells) + 1))

@@ -33,8 +33,8 @@ struct CanvasLayer {
 /// ReLU(linear layer) over its points; a cell without points is 0. Only cells with points are
 /// computed, so the canvas itself is never made.
 /// @param points  n * point_columns, row-major
-/// @param map     outputs * (rows / stride) * (columns / stride), channel by channel; is
-/// overwritten
+/// @param map     outputs * (rows / stride) * (columns / stride), channel by channel; its
+///   previous values are overwritten
 /// @throws std::invalid_argument if the sizes do not fit or a point is outside the grid
 void pillar_map(std::span<const float> points, std::int64_t point_columns, const PillarGrid& grid,
                 const PillarLayer& encoder, const CanvasLayer& layer, std::span<float> map);

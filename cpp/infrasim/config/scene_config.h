@@ -84,7 +84,8 @@ struct ProfileConfig {
   double vertical_curve_m = 40;
 };
 
-/// A level piece of terrain with a convex outline. A ray that meets no terrain has no return.
+/// A level piece of terrain with a convex outline. Where a scene has no terrain, rays towards the
+/// ground have no return.
 struct GroundConfig {
   double elevation_m = 0;
   std::vector<Vec2> outline_m;

@@ -49,9 +49,8 @@ struct GroundHeight {
 /// `sensor_height_m` below the sensor, within 0.5 m. If `sensor_height_m` is 0, a plane at any
 /// height is accepted. On an embankment, the plane is then the road or the terrain, whichever has
 /// more points. In a scene file, 0 means the mount's height above the first road. The filter
-/// removes
-/// **one** plane. If no plane is found, every point is kept. The filter must run before any other
-/// ground filter, because without ground points the largest plane is a roof.
+/// removes only one plane. If no plane is found, every point is kept. The filter must run before
+/// any other ground filter, because without ground points the largest plane is a roof.
 struct GroundPlane {
   double distance_m = 0.25;
   double sensor_height_m = 0;
@@ -90,10 +89,10 @@ struct GroundMorphological {
 struct BackgroundLearning {
   double azimuth_cell_deg = 0.2;
   double elevation_cell_deg = 0.2;
-  /// points up to this much closer than the background count as background
+  /// points that are at most this much nearer than the background count as background
   double range_margin_m = 0.3;
   double height_margin_m =
-      0.15;  ///< points up to this much above a level surface count as background
+      0.15;  ///< points at most this far above a level surface count as background
 };
 
 /// A background learnt from frames of the scene without vehicles.

@@ -13,7 +13,7 @@ struct PointCloud {
   std::vector<float> intensity;         ///< [0, 1]
   std::vector<float> time;              ///< seconds since the start of the frame
   std::vector<std::uint16_t> ring;      ///< index of the laser, 0 at the lowest elevation
-  std::vector<std::uint16_t> class_id;  ///< ObjectClass, or Material of the background
+  std::vector<std::uint16_t> class_id;  ///< value of Class
   std::vector<std::int32_t> object_id;  ///< -1 for background
 
   std::size_t size() const { return intensity.size(); }

@@ -7,8 +7,8 @@
 
 namespace infrasim {
 
-/// Rays from the origin of the levelled frame. Each attribute is a column. The groups of rays
-/// follow each other.
+/// Rays from the origin of the levelled frame. Each attribute is a column. The rays of a
+/// group are adjacent.
 struct RayBatch {
   std::vector<float> dx, dy, dz;  ///< unit direction, levelled frame
   std::vector<float> time;        ///< seconds since the start of the frame

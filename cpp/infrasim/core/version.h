@@ -15,15 +15,21 @@ std::string_view version();
 /// shipped scene (tests/golden shows it). It does not increase for a release, for a new or renamed
 /// key, or for a scene that was rejected before. Frames of version 0.3 have the number 3.
 ///
-/// A correction that only changes frames of other scenes does not increase it. Then
-/// `folder_identity.cpp` refuses to add frames to earlier folders of such scenes. Since 0.3 these
-/// are scenes with traffic at several junctions, with rain or fog, or with parked or recorded
-/// vehicles whose gap below the body is modelled, LiDARs with a beam wider than that of the Avia,
-/// and frames from 1,000 on of LiDARs with `azimuth_step_deg`.
+/// The number does not increase for a correction that changes only frames of other scenes. In this
+/// case, `folder_identity.cpp` refuses to add frames to earlier folders of such scenes. Corrections
+/// since 0.3 concern:
+/// - scenes with traffic at several junctions;
+/// - scenes with rain or fog;
+/// - scenes with parked or recorded vehicles whose gap below the body is modelled;
+/// - LiDARs with a beam wider than that of the Livox Avia;
+/// - frames from 1,000 on of LiDARs with `azimuth_step_deg`.
 ///
-/// Two corrections since 0.3 depend on geometry, and such folders are resumed: echoes within
-/// `min_range_m` of a wide beam or in front of a pane, and surfaces that end at an azimuth of
-/// exactly 180 degrees. Rows of results and checkpoints contain only the number.
+/// Two further corrections since 0.3 concern only some geometries, and frames are added to earlier
+/// folders without a check:
+/// - echoes of a wide beam, or in front of a pane, within `min_range_m`;
+/// - surfaces that end at an azimuth of exactly 180 degrees.
+///
+/// Rows of results and checkpoints contain only the number.
 inline constexpr int kFramesVersion = 3;
 
 }  // namespace infrasim

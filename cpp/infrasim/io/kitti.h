@@ -9,7 +9,7 @@
 
 #include "infrasim/core/frame.h"
 
-// The KITTI object layout, with the additional folders `objects` and `fields`. Only this file knows
+// The KITTI object layout, with the additional folders `objects` and `fields`. Only this file uses
 // the camera frame: x right, y down, z forward, at the sensor.
 
 namespace infrasim {

@@ -64,7 +64,7 @@ class Caster {
       : raycaster_(raycaster), parts_(parts), leaves_(leaves), transparent_(raycaster) {}
 
   /// Casts only rays that may meet a moving body, and adds only returns from bodies. These returns
-  /// equal those of all rays.
+  /// are the same as when all rays are cast.
   void see_bodies_only() { bodies_only_ = true; }
 
   /// Adds the returns of the rays that the unit fires in one slice of frame k.

@@ -14,7 +14,7 @@ namespace {
 
 bool is_0_3(const std::string& version) { return version.starts_with("0.3."); }
 
-/// The part of a scene for which frames have changed since version 0.3; empty if there is none.
+/// The property of a scene for which frames have changed since version 0.3; empty if there is none.
 std::string changed_since_0_3(const config::Tree& scene) {
   const auto items = [&](const char* key) {
     const config::Tree* list = scene.find(key);
@@ -36,7 +36,7 @@ std::string changed_since_0_3(const config::Tree& scene) {
   return "";
 }
 
-/// As above for a LiDAR.
+/// The property of a LiDAR for which frames have changed since version 0.3; empty if there is none.
 /// @param end one past the last frame
 std::string changed_since_0_3(const LidarConfig& lidar, int end) {
   constexpr double kAviaBeam_deg = 0.28;
@@ -52,7 +52,7 @@ std::string changed_since_0_3(const LidarConfig& lidar, int end) {
   return "";
 }
 
-/// The frames' version number of a folder without one: version 0.3 did not write it.
+/// The version number of the frames in a folder whose files, from version 0.3, have no such number.
 std::string frames_version_of(const std::string& version, const config::Tree& scene) {
   if (!is_0_3(version)) return "unknown, of version " + version;
   const std::string changed = changed_since_0_3(scene);

@@ -6,15 +6,16 @@
 
 #include "infrasim/config/lidar_config.h"
 
-// Finds out whether a folder contains the frames of a run. The files of the folder may come from
-// another version, with other key names and additional values. Therefore identities are compared
-// instead of texts.
+// Determines whether a folder contains the frames of a run. The files of the folder may come from
+// another version, which has other key names and fewer or more values. Therefore the identities of
+// the files are compared, and not their texts.
 
 namespace infrasim {
 
 /// The identity of the frames in a dataset.yaml, by canonical keys: the scene, the preset and the
 /// frames' version number (kFramesVersion). A file without that number gets the number of its
-/// version. If frames of its scene have changed without a new number, the identity says so.
+/// version. If frames of its scene have changed without a new number, the identity contains
+/// the reason instead of a number.
 /// @throws ConfigError if the text is not a dataset.yaml
 std::string data_set_identity(const std::string& text, const std::string& file);
 

@@ -144,8 +144,7 @@ class FrameWork {
  private:
   /// @param absent whether the frame of each LiDAR is missing on disk
   /// @param fuse   whether each LiDAR is computed even if its frame exists, so that a fused frame
-  /// is
-  ///   always made from the same numbers
+  ///   is always made from the same numbers
   static std::vector<FrameTally> at_mount(const RunRequest& part, FrameSimulator& simulator, int k,
                                           const std::vector<bool>& absent,
                                           const std::vector<bool>& fuse,

@@ -42,8 +42,8 @@ using Warn = std::function<void(const std::string&)>;
 
 /// Simulates the frames that are not on disk yet, several at a time. A scene with several mounts
 /// gets a folder per mount. Stops after the current frames when `stop` becomes non-zero. Warns of
-/// LiDARs that see no vehicle in the first 10 frames. Also warns of frame steps with which only
-/// some of the different frames of a scan pattern occur.
+/// LiDARs that see no vehicle in the first 10 frames. Also warns of frame steps that
+/// select only a part of the different frames of a scan pattern.
 /// @return one row per LiDAR over all requested frames that exist afterwards; with several mounts
 ///   the rows are named MOUNT/LIDAR and fused/LIDAR
 /// @throws ConfigError if the request does not fit the scene

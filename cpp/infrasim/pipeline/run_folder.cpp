@@ -28,7 +28,8 @@ std::string digest(const std::vector<T>& values) {
   return text.data();
 }
 
-/// Returns the line with the digest of surfaces from files. Other surfaces make another data set.
+/// Returns the line with the digest of surfaces from files. Data sets with different surfaces have
+/// different digests.
 std::string surfaces_text(const World& world) {
   if (!world.scene.meshes) return "";
   const TriangleMesh& mesh = world.background;

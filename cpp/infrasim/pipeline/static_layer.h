@@ -65,8 +65,8 @@ class StaticLayer {
 
   /// Returns the hits of the rays in a run of groups, which `part_end` has determined.
   StaticSlice slice(std::int64_t first_group, std::int64_t last_group) const;
-  /// Copies the same hits to a HitBatch. The incidence of recorded surfaces is not a cosine. For
-  /// them, use the gain of the slice.
+  /// Copies the same hits to a HitBatch, with the gain as cosine of incidence. The gain of a
+  /// recorded surface is not a cosine.
   void hits(std::int64_t first_group, std::int64_t last_group, bool incidence, HitBatch& out) const;
 
   /// Selects the rays of a run from `part_end` that may meet a body, with neighbouring rays

@@ -40,8 +40,7 @@ struct StaticLayerFile {
 /// - for each unit: digest of the directions (uint64), groups per period (int32), rays per group
 ///   (int32) and max_range_m (float32);
 /// - for each unit: range_m (float32), cos_incidence (float32) and class_id (uint16) of all rays of
-/// a
-///   period.
+///   a period.
 std::string static_layer_to_bytes(const LayerOrigin& origin, std::span<const StaticHits> units);
 
 /// @param name path of the file, for messages
@@ -56,7 +55,7 @@ void check_is_at(const StaticLayerFile& file, const MountConfig& mount);
 
 /// @param here  origin of the scene that uses the file
 /// @throws ConfigError if the scene has other static surfaces, unless the file comes from a
-/// recording
+///   recording
 void check_is_from(const StaticLayerFile& file, const LayerOrigin& here);
 
 /// @param units expected units of the LiDAR; their hits are not used

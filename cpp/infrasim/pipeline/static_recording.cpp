@@ -22,7 +22,8 @@ constexpr double kMostMiss_deg = 0.1;
 constexpr double kAgree_m = 0.3;  // m; 6 sigma of the range noise is used if it is more
 constexpr double kColumnReach =
     0.75;  // in columns, so that a return is not assigned to the next column
-// length of the mean unit vector; 0.7 corresponds to a spread of an eighth of a column
+// minimum length of the mean phase vector for a constant offset; a length of 0.7 corresponds to a
+// spread of an eighth of a column
 constexpr double kConstantEnough = 0.7;
 
 struct RecordedReturn {

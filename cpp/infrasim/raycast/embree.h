@@ -5,7 +5,8 @@
 #include <stdexcept>
 #include <string>
 
-// The differences between Embree 3 (Debian 12) and Embree 4 (Debian 13). CMake prefers 4 too.
+// The differences between Embree 3 (Debian 12) and Embree 4 (Debian 13). If both are installed,
+// Embree 4 is used, as in CMake.
 
 #if __has_include(<embree4/rtcore.h>)
 #include <embree4/rtcore.h>

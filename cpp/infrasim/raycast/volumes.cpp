@@ -52,7 +52,7 @@ Volumes::Way Volumes::way_through(std::size_t volume, float dx, float dy, float 
   Way way{0, kInf};
   const auto slab = [&](double origin, double direction) {
     const double near = (-1 - origin) / direction, far = (1 - origin) / direction;
-    // A ray within a side gives NaN. Comparisons with NaN leave the range unchanged.
+    // A ray in the plane of a side gives NaN. Comparisons with NaN leave the range unchanged.
     way.from = std::max(way.from, std::min(near, far));
     way.to = std::min(way.to, std::max(near, far));
   };

@@ -16,8 +16,8 @@ constexpr double kLookahead = 100;
 // m into a junction from which on a turning vehicle's tail no longer blocks the lane
 constexpr double kTailClear = 10;
 
-/// What limits a driver: the free distance in front of the bumper, and the speed of the object at
-/// its end.
+/// The object that limits a driver: the free distance between the front bumper and the object, and
+/// the speed of the object.
 struct Leader {
   double gap = kInf;
   double speed = 0;

@@ -15,7 +15,8 @@ inline constexpr double kTimeGap = 1.2;  ///< s
 /// Chooses the next lane of every vehicle that has no next lane yet.
 void choose_next_lanes(TrafficState& state, const TrafficSignals& signals);
 
-/// Marks vehicles that could no longer stop if their green signal turned red. They will not stop.
+/// Marks vehicles that could no longer stop if their green signal turned red. These vehicles do not
+/// stop at the signal.
 void commit_at_green(TrafficState& state, const TrafficSignals& signals);
 
 /// Acceleration (m/s2) of vehicle i of a lane.

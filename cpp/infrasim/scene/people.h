@@ -75,8 +75,7 @@ class People {
  public:
   /// @param centrelines centrelines of the scene's roads
   /// @throws ConfigError for an unknown road, for a row beyond a road's end, and for more people
-  /// than a
-  ///   scene may have
+  ///   than a scene may have
   People(const SceneConfig& scene, std::span<const Curve> centrelines);
 
   bool empty() const { return step_ == 0; }

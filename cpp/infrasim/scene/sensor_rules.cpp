@@ -15,10 +15,10 @@ namespace {
 
 using config::number_text;
 
-/// Highest allowed sensor above the nearest surface below it. A larger number is probably in
+/// Maximum height of a sensor above the nearest surface below it. A larger number is probably in
 /// centimetres.
 constexpr double kHighestPole_m = 200;
-/// A surface at most this far from a pole is the one that the pole stands on.
+/// Maximum horizontal distance between a pole and the surface on which it stands.
 constexpr double kNearPole_m = 50;
 
 std::string metres(double z) { return number_text(std::round(z * 1000) / 1000); }
@@ -134,7 +134,7 @@ std::optional<double> lane_around(const Site& site, const Sensor& sensor) {
   return std::nullopt;
 }
 
-/// Heights of the road, footway or terrain above and below the origin; infinite without any.
+/// Heights of the road, footway or terrain above and below the origin; infinite if there is none.
 struct SurfacesAt {
   double over = kInf;
   double under = -kInf;

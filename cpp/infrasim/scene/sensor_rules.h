@@ -11,12 +11,13 @@ namespace infrasim {
 /// @throws ConfigError for a sensor inside the ground or an object, in the path of vehicles on a
 ///   lane, or too far from all roads and objects
 void check_sensor(const Site& site);
-/// The rules for a sensor at a mount that the site's scene need not have.
+/// Like check_sensor, for a mount that need not be in the site's scene.
 /// @throws the exceptions of check_sensor
 void check_sensor_at(const Site& site, const std::string& name, const MountConfig& mount);
 
-/// Returns the height of a point of the scene file above the highest road, lane or ground below it;
-/// above the lowest one if none is below it, and infinite without any.
+/// Returns the height of a point above the highest road, lane or ground below it. If there are only
+/// higher surfaces, the height is relative to the lowest surface. Without any surface it is
+/// infinite. All heights are those of the scene file, before the profile raises the scene.
 double height_above_surface(const Site& site, Vec2 foot, double z);
 
 /// @param background static surfaces in the levelled frame of the scene's mount

@@ -4,7 +4,7 @@
 
 namespace infrasim {
 
-/// Attenuation on the way to an echo, apart from the square of the range.
+/// Attenuation between the LiDAR and an echo, without the decrease with the square of the range.
 struct EchoPath {
   float min_range_m = 0;        ///< end of the blind zone; nearer echoes do not count
   double extinction_per_m = 0;  ///< extinction of the air

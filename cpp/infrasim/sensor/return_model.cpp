@@ -22,7 +22,7 @@ double extinction(const WeatherConfig& weather) {
   return rain + std::log(20.0) / weather.visibility_m;
 }
 
-/// Larger than any quantile of a sample, in both directions.
+/// Larger than the absolute value of the normal quantile of any sample.
 constexpr double kCertain = 8.5;
 
 /// Decides whether a target is detected, with probability Phi(margin). The target is detected if
