@@ -190,4 +190,4 @@ def _check(boxes: FloatArray) -> None:
     if boxes.ndim != 2 or boxes.shape[1] != 7:
         raise Error(f"boxes: expected (n, 7), got shape {boxes.shape}")
     if not np.isfinite(boxes).all() or (boxes[:, 3:6] < 0).any():
-        raise Error("boxes: expected finite values and sizes from 0, got others")
+        raise Error("boxes: expected finite values and sizes of 0 or more, got other values")

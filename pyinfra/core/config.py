@@ -95,7 +95,7 @@ def read_config(file: Path, kind: type[T]) -> T:
             f"{file}: cannot be read as YAML: {' '.join(str(error).split())}"
         ) from None
     except UnicodeDecodeError as error:
-        raise ConfigError(f"{file}: expected UTF-8, got another byte at {error.start}") from None
+        raise ConfigError(f"{file}: expected UTF-8, got an invalid byte at {error.start}") from None
     return _struct(_Location(str(file), node, ""), kind)
 
 

@@ -157,7 +157,7 @@ def simulate(
     if not numbers:
         raise Error("frames: expected one or more numbers, got none")
     if list(numbers) != sorted(set(numbers)):
-        raise Error("frames: expected ascending numbers, each once, got others")
+        raise Error("frames: expected ascending numbers, each once, got another order")
     if numbers[0] < 0 or numbers[-1] >= world.frames:
         raise Error(f"frames: expected 0 to {world.frames - 1}, got {numbers[0]} to {numbers[-1]}")
     if threads is not None and threads < 1:

@@ -70,7 +70,7 @@ def roads_of(lines: Sequence[str], file: Path) -> list[Road]:
 
 def _road(name: str, values: FloatArray, file: Path) -> Road:
     if len(values) < 2 or not (np.diff(values[:, 0]) > 0).all():
-        raise FormatError(f"{file}: road {name}: s: expected ascending values, got others")
+        raise FormatError(f"{file}: road {name}: s: expected ascending values, got other values")
     s, x, y, z, heading, half_width = values.T
     return Road(name, s, np.column_stack([x, y]), z, heading, half_width)
 

@@ -110,7 +110,7 @@ def write(data: DataSet, split: Split, *, force: bool = False, grown: bool = Fal
     for file, text in files.items():
         old = file.read_text(encoding="utf-8") if file.exists() and not force else text
         if old != text and not (grown and set(old.splitlines()) <= set(text.splitlines())):
-            raise FileExistsError(f"{file}: expected none without `force`, got another split")
+            raise FileExistsError(f"{file}: expected no file without `force`, got another split")
     for file, text in files.items():
         file.parent.mkdir(exist_ok=True)
         with replacing(file) as beside:

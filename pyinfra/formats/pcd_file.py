@@ -240,8 +240,8 @@ def _compressed(header: Header, stream: BinaryIO) -> Records:
         return np.empty(0, dtype=header.record)
     packed, unpacked = struct.unpack("<II", lengths) if len(lengths) == 8 else (0, 0)
     if unpacked != size or len(data) < packed or len(lengths) < 8 or size > MOST_LZF * packed:
-        amount = f"{len(data)} of {packed} packed bytes for {unpacked}"
-        _fail(header.file, f"expected all points for {size}, got {amount}: is it cut short?")
+        amount = f"{len(data)} of {packed} compressed bytes for {unpacked} bytes"
+        _fail(header.file, f"expected {size} bytes of points, got {amount}: is it cut short?")
     _check_end(header, len(data), packed)
     try:
         plain = lzf.decompress(data[:packed], size)

@@ -59,7 +59,7 @@ def lines_of(file: Path, *, whole: bool = False) -> list[str]:
     try:
         lines = data.decode().removeprefix("\ufeff").splitlines()
     except UnicodeDecodeError as error:
-        raise FormatError(f"{file}: expected UTF-8, got another byte at {error.start}") from None
+        raise FormatError(f"{file}: expected UTF-8, got an invalid byte at {error.start}") from None
     if whole and not is_whole(data):
         raise FormatError(
             f"{file}:{len(lines)}: expected the end of a line, got the end of the file: "

@@ -330,7 +330,7 @@ def test_objects_cut_within_their_last_number_are_an_error(tmp_path: Path) -> No
     [
         (b"000001\n000001\n", ":2: expected ..., got 000001 twice"),
         (b"000001\n" + b"9" * 5000, ":2: expected ..., got '999"),
-        (b"000001\n\xff", ": expected UTF-8, got another byte at 7"),
+        (b"000001\n\xff", ": expected UTF-8, got an invalid byte at 7"),
         ("000001\n²\n".encode(), ":2: expected ..., got '²'"),
     ],
 )

@@ -387,7 +387,7 @@ def test_empty_label_file_is_a_frame_without_objects(tmp_path: Path) -> None:
         (f"{LABEL}\n{LABEL.replace(' 10 ', ' far ')}\n", ":2: z: expected a number, got 'far'"),
         (LABEL.replace("1.6 1.8", "1.6 0"), ":1: w: expected more than 0.001 to 1000, got 0"),
         (LABEL.replace(" 10 ", " inf "), ":1: z: expected a finite number, got inf"),
-        (b"Car \xff", ": expected UTF-8, got another byte at 4"),
+        (b"Car \xff", ": expected UTF-8, got an invalid byte at 4"),
     ],
 )
 def test_wrong_label_file_is_named_by_line_and_column(

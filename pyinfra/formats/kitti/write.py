@@ -36,7 +36,7 @@ def write_points(file: Path, points: Points) -> None:
     if points.dtype != np.float32 or points.ndim != 2 or points.shape[1] != 4:
         raise Error(f"points: expected (n, 4) float32, got {points.shape} {points.dtype}")
     if not (np.abs(points) <= FARTHEST_M).all():
-        raise Error("points: expected finite values within 10 km, got others")
+        raise Error("points: expected finite values within 10 km, got other values")
     write(file, np.ascontiguousarray(points, dtype="<f4").tobytes())
 
 
@@ -61,9 +61,9 @@ def write_objects(file: Path, objects: Objects) -> None:
     values = [o.boxes, o.speed, o.points, o.points_in_box, o.distance, o.visibility]
     values += [pose, o.scan_time_s, o.points_in_scan_box]
     if not rules_hold(np.column_stack([o.ids, *values]), OBJECT_NUMBERS, OBJECT_RULES):
-        raise Error("objects: expected values in range, got others")
+        raise Error("objects: expected values in range, got a value out of range")
     if pitch is not None and not (np.abs(pitch) <= 2 * np.pi).all():
-        raise Error("objects: expected a pitch within a turn, got another")
+        raise Error("objects: expected a pitch from -2 pi to 2 pi, got another value")
     if len(np.unique(o.ids)) < len(o):
         raise Error("objects: expected each id once in a frame, got one twice")
     lines = [",".join(OBJECT_COLUMNS) if pitch is None else PITCHED_HEADER]
@@ -148,7 +148,7 @@ def _image_columns(camera: FloatArray) -> FloatArray:
 
 def _check(values: FloatArray, boxes: FloatArray) -> None:
     if not np.isfinite(values).all():
-        raise Error("expected finite values, got others")
+        raise Error("expected finite values, got a value that is not finite")
     if (boxes[:, 3:6] <= 0).any():
         raise Error("boxes: expected sizes above 0, got 0 or less")
 

@@ -156,7 +156,9 @@ def checked_lanes(lanes: Sequence[MapLane], source: str) -> list[MapLane]:
     for lane in lanes:
         borders = np.concatenate([lane.left, lane.right])
         if not np.isfinite(borders).all():
-            raise MapError(f"{source}: lane {lane.name}: expected finite coordinates, got others")
+            raise MapError(
+                f"{source}: lane {lane.name}: expected finite coordinates, got another value"
+            )
         if np.abs(borders).max() > FARTHEST_M:
             most = np.abs(borders).max()
             raise MapError(

@@ -55,7 +55,7 @@ def shape_of(text: str, where: str) -> FloatArray:
     except ValueError as error:
         raise MapError(f"{where}: shape: expected x,y or x,y,z, got {text[:40]!r}") from error
     if not np.isfinite(shape).all():
-        raise MapError(f"{where}: shape: expected numbers, got another")
+        raise MapError(f"{where}: shape: expected finite numbers, got another value")
     return shape
 
 
