@@ -132,7 +132,7 @@ def without_region(lidar_folder: Path) -> str | None:
     """Returns a message if a file that defines a folder's evaluation region is missing, else None.
 
     The file is lidar.yaml, roads.csv or regions.csv. A recording needs no roads.csv. A folder
-    without lidar.yaml and without dataset.yaml beside it needs none of them.
+    without lidar.yaml needs none of these files if its data set has no dataset.yaml.
     """
     file = lidar_folder / "lidar.yaml"
     data_set = data_set_of(lidar_folder)
