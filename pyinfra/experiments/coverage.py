@@ -60,14 +60,14 @@ def coverage(
 
 def no_interval(row: pd.Series, requirements: Requirements) -> str:
     """Returns why the coverage has no valid interval; empty if the interval is valid."""
-    what = "window" if row.covered_in == ROAD else "square"
+    part = "window" if row.covered_in == ROAD else "square"
     if row.parts == 0:
         return "no vehicle is there"
     if row.low_m > 0 or row.high_m < row.road_m:
-        return "" if row.unsure < row.parts else f"no {what} has one: {FEW_BLOCKS}"
+        return "" if row.unsure < row.parts else f"no {part} has one: {FEW_BLOCKS}"
     if row.unsure == 0:
-        return f"no {what} differs significantly from AP {requirements.min_ap:g}"
-    return f"{row.unsure:.0f} of {row.parts:.0f} {what}s have none: {FEW_BLOCKS}"
+        return f"no {part} differs significantly from AP {requirements.min_ap:g}"
+    return f"{row.unsure:.0f} of {row.parts:.0f} {part}s have none: {FEW_BLOCKS}"
 
 
 def road(distance: pd.DataFrame, requirements: Requirements, truth: str) -> pd.DataFrame:

@@ -108,12 +108,12 @@ def option_table(options: Sequence[Option], requirements: Requirements) -> pd.Da
     does, it is relative to the first option.
     """
     broken = [shortfalls(option, requirements) for option in options]
-    good = [option for option, own in zip(options, broken, strict=True) if not own]
+    good = [option for option, missed in zip(options, broken, strict=True) if not missed]
     first = good[0] if good else options[0]
     return pd.DataFrame(
         [
-            _row(option, own, first, requirements)
-            for option, own in zip(options, broken, strict=True)
+            _row(option, missed, first, requirements)
+            for option, missed in zip(options, broken, strict=True)
         ]
     )
 
@@ -121,9 +121,10 @@ def option_table(options: Sequence[Option], requirements: Requirements) -> pd.Da
 def _row(
     option: Option, broken: Sequence[Shortfall], first: Option, requirements: Requirements
 ) -> dict[str, object]:
-    over = {one.of: one for one in broken}
-    hard = [one for one in broken if one.of != "latency"]
-    first_over = sum(one.share for one in hard) if all(one.relax for one in hard) else math.inf
+    over = {missed.of: missed for missed in broken}
+    hard = [missed for missed in broken if missed.of != "latency"]
+    can_be_met = all(missed.relax for missed in hard)
+    first_over = sum(missed.share for missed in hard) if can_be_met else math.inf
     return {
         "lidar": option.lidar,
         "detector": option.detector,
@@ -131,7 +132,7 @@ def _row(
         "price_usd": option.price_usd,
         "latency_ms": option.latency_ms,
         "meets": not broken,
-        "reason": ", ".join(one.reason for one in broken),
+        "reason": ", ".join(missed.reason for missed in broken),
         "relax": relaxation(broken, requirements),
         "meets_price": "price" not in over,
         "meets_ap": "ap" not in over,
@@ -184,8 +185,8 @@ def relaxation(broken: Sequence[Shortfall], requirements: Requirements) -> str:
 
     If no argument would help, the text asks for a measured latency.
     """
-    words = " ".join(one.relax for one in broken if one.relax)
-    unknown = any(not one.relax for one in broken)
+    words = " ".join(missed.relax for missed in broken if missed.relax)
+    unknown = any(not missed.relax for missed in broken)
     measured = f"a measured latency of {requirements.latency_ms:g} ms or less" if unknown else ""
     return " and ".join(text for text in (words, measured) if text)
 

@@ -70,7 +70,7 @@ class Option:
     covered_in: str = ROAD  # what covered_m and road_m count
     no_interval: str = ""  # why covered_m has no interval
     ap_name: str = AP_R1000  # name of the AP measure; in tables of version 0.2 it is AP (R40)
-    # Percent of all vehicles of the region that boxes of any score found.
+    # Percent of all vehicles of the region that a box of any score matches.
     detected: Interval | None = None
     whole: str = "present"  # ground truth of ap_whole (`with_whole`)
     mounts: int = 1  # number of LiDARs whose frames are fused
@@ -167,11 +167,11 @@ def chosen(done: pd.DataFrame, scene: str, preset: str) -> tuple[str, str]:
             got = f"'{scene}'" if scene else "none"
             raise Error(f"scene: expected {', '.join(scenes)}, got {got}")
         (scene,) = scenes
-    here = done[done.scene == scene]
-    presets = sorted(set(here.preset))
+    of_scene = done[done.scene == scene]
+    presets = sorted(set(of_scene.preset))
     if preset and preset not in presets:
         raise Error(f"preset: expected {', '.join(presets)}, got '{preset}'")
-    return scene, preset or preset_of_answers(here)
+    return scene, preset or preset_of_answers(of_scene)
 
 
 def joined(experiments: pd.DataFrame, more: pd.DataFrame, file: Path) -> pd.DataFrame:
@@ -191,8 +191,8 @@ def joined(experiments: pd.DataFrame, more: pd.DataFrame, file: Path) -> pd.Data
 def prices(results: Results) -> pd.DataFrame:
     """Returns the prices of LiDAR and site, their source, and the site's costs.
 
-    Each experiment has a row. If the table of LiDARs has none for it, low and high are equal to
-    the price, and the source is empty.
+    The result has a row for each experiment. If the table of LiDARs has no row for the
+    experiment, low and high are equal to the price, and the source is empty.
     """
     columns = [*KEY, "price_usd", "site_usd", *SITE_ITEMS]
     value = results.table("value").dropna(subset="price_usd")
@@ -223,19 +223,19 @@ def within(
         return experiments.assign(
             range_m=math.nan, recall=math.nan, recall_low=math.nan, recall_high=math.nan
         )
-    there = sorted(set(by_range.range_m))
-    if requirements.range_m not in there:
-        allowed = ", ".join(f"{range_m:g}" for range_m in there)
+    measured_m = sorted(set(by_range.range_m))
+    if requirements.range_m not in measured_m:
+        allowed = ", ".join(f"{range_m:g}" for range_m in measured_m)
         raise Error(f"range_m: expected one of {allowed} m, got {requirements.range_m:g}")
     by_range = by_range[by_range.range_m == requirements.range_m]
     merged = experiments[KEY].assign(range_m=requirements.range_m, recalls=1000.0)
     for truth, name in (*AP_OF.items(), ("whole", "ap_whole")):
-        of = by_range.ground_truth == (by_range.whole if truth == "whole" else truth)
+        is_counted = by_range.ground_truth == (by_range.whole if truth == "whole" else truth)
         columns = {f"ap_r1000{end}": f"{name}_r1000{end}" for end in ("", "_low", "_high")}
         columns |= {"objects": f"objects_{truth}"}
         if truth == "whole":
             columns |= {name: name for name in ("recall", "recall_low", "recall_high")}
-        rows = by_range[of][[*KEY, *columns]].rename(columns=columns)
+        rows = by_range[is_counted][[*KEY, *columns]].rename(columns=columns)
         merged = merged.merge(rows, on=KEY, how="left")
     others = [name for name in experiments if name not in merged or name in KEY]
     return experiments[others].merge(merged, on=KEY)

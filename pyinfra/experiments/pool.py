@@ -23,7 +23,7 @@ Task = TypeVar("Task")
 Progress = Callable[[str], None]
 Backend = Literal["local", "ray", "dask"]
 BACKENDS: tuple[Backend, ...] = get_args(Backend)
-RAY_CLUSTER = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"  # 0: of this machine alone
+RAY_CLUSTER = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"  # 0: only this machine
 # A cluster that this module starts listens on this address only, because a cluster runs code from
 # any sender.
 LOOPBACK = "127.0.0.1"
@@ -104,9 +104,9 @@ def workers(pool: Pool) -> Iterator[None]:
 def _listen_on_loopback() -> None:
     """Makes a Ray cluster that this process starts listen on the loopback address only.
 
-    Ray does so by default on other systems than Linux. On Linux only this variable sets it. Ray
-    reads it at import, and so do the processes that Ray starts, so it stays set. Raises Error if
-    Ray was imported before the variable was set.
+    Ray does this by default on other systems than Linux. On Linux it requires the environment
+    variable RAY_CLUSTER. The variable stays set, because Ray and the processes that it starts read
+    it at import. Raises Error if Ray was imported before the variable was set.
     """
     if "ray" in sys.modules and os.environ.get(RAY_CLUSTER) != "0":
         raise Error(
@@ -134,18 +134,18 @@ def call_all(call: Callable[[Task], Any], tasks: Sequence[Task], pool: Pool) -> 
 
 @contextmanager
 def stopped_by_interrupt() -> Iterator[None]:
-    """Context manager in which Ctrl-C ends loky's local processes without messages of theirs.
+    """Context manager in which Ctrl-C ends loky's local processes without messages from them.
 
     A terminal sends Ctrl-C to all processes. A worker that is interrupted while it starts prints a
-    traceback and leaves a semaphore, which is reported as leaked. Workers therefore inherit that
-    the signal is ignored, and this process ends them.
+    traceback and leaves a semaphore, which is reported as leaked. Workers are therefore started
+    with the signal ignored, and this process ends them.
     """
     kind = loky.process_executor.ProcessPoolExecutor
     start_processes = kind._adjust_process_count
 
     def start_ignoring(executor: Any) -> None:
         if threading.current_thread() is not threading.main_thread():
-            start_processes(executor)  # handlers are set in the main thread alone
+            start_processes(executor)  # signal handlers can be set only in the main thread
             return
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:

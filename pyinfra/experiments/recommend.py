@@ -1,4 +1,4 @@
-"""A recommendation in words: which LiDARs and detectors meet some requirements.
+"""The recommendation as text: which LiDARs and detectors meet the requirements.
 
 All figures come from the tables of `pyinfra benchmark`. Options are compared by the AP of all
 vehicles in the region, visible or not (ground truth `present`). Tables of version 0.3 do not have
@@ -45,7 +45,7 @@ class Answer:
 
 
 def recommend(options: Sequence[Option], requirements: Requirements) -> Answer:
-    """Returns the recommendation for some requirements.
+    """Returns the options that meet the requirements or, if there are none, the nearest options.
 
     options: one or more, of one scene and preset, ordered by AP.
     """
@@ -79,14 +79,14 @@ def answer_lines(answer: Answer, requirements: Requirements) -> Iterator[str]:
 
 
 def nearest(table: pd.DataFrame) -> pd.DataFrame:
-    """Returns the rows that miss budget and AP by the smallest sum of shares.
+    """Returns the rows with the smallest sum of relative violations of budget and AP.
 
     Rows with equal sums are ordered by how far they miss the latency. The latency has the least
     weight, because a detector can run on a faster computer with the same AP. Options that would not
     meet the requirements with any budget and AP are left out.
     """
-    can = table[np.isfinite(table.share_over)]
-    return can.sort_values(["share_over", "latency_over"], kind="stable")[:NEAREST]
+    reachable = table[np.isfinite(table.share_over)]
+    return reachable.sort_values(["share_over", "latency_over"], kind="stable")[:NEAREST]
 
 
 def sentence(option: Option, requirements: Requirements) -> str:
@@ -165,9 +165,9 @@ def too_slow(
 ) -> Iterator[str]:
     """Yields a remark for each option that meets budget and AP, but not the latency."""
     for i, row in slow.iterrows():
-        what = "not timed" if math.isnan(row.latency_ms) else "too slow"
+        problem = "not timed" if math.isnan(row.latency_ms) else "too slow"
         text = sentence(options[int(i)], requirements)
-        yield f"More accurate, but {what}: {text}; meets the requirements with {row.relax}."
+        yield f"More accurate, but {problem}: {text}; meets the requirements with {row.relax}."
 
 
 def cost_notes(option: Option) -> Iterator[str]:
@@ -225,8 +225,8 @@ def doubts(
     yield from doubts_of_latency(named, requirements)
     if first.covered_m.value < first.road_m:
         more = "several LiDARs, a higher budget or a lower required AP might do so"
-        what = "the road" if first.covered_in == ROAD else "the region"
-        yield f"The first option does not cover the whole of {what}; {more}."
+        area = "the road" if first.covered_in == ROAD else "the region"
+        yield f"The first option does not cover the whole of {area}; {more}."
 
 
 def doubts_of_order(first: Option, others: Sequence[Option], table: pd.DataFrame) -> Iterator[str]:

@@ -232,9 +232,9 @@ def read_results(
 
 def check_tier(folder: Path, tier: str) -> None:
     """Raises Error if a folder has tables of other tiers and none of this one."""
-    there = [name for name in TIERS if (folder / f"{name}.csv").is_file()]
-    if there and tier not in there:
-        raise Error(f"tier: expected {' or '.join(there)}, as in {folder}, got '{tier}'")
+    tiers = [name for name in TIERS if (folder / f"{name}.csv").is_file()]
+    if tiers and tier not in tiers:
+        raise Error(f"tier: expected {' or '.join(tiers)}, as in {folder}, got '{tier}'")
 
 
 def _richest(folder: Path) -> str:
@@ -275,8 +275,8 @@ def _checked(file: Path, kind: Kind) -> pd.DataFrame:
     if missing:
         raise Error(f"{file}:1: expected {', '.join(columns)}, got no column {missing[0]}")
     origin = [f"{file.name}, row {row}" for row in range(1, len(table) + 1)]
-    there = [*kind.numbers, *(name for name in kind.later if name in table)]
-    values = {name: _in_range(file, table[name], kind.ranges) for name in there}
+    present = [*kind.numbers, *(name for name in kind.later if name in table)]
+    values = {name: _in_range(file, table[name], kind.ranges) for name in present}
     _check_order(file, values)
     _check_key(file, table, kind.key)
     return table.assign(origin=origin, **dict.fromkeys(kind.later, np.nan) | values)

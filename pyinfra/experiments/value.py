@@ -143,9 +143,10 @@ def covered(
     begin = pieces.piece.clip(lower=pieces.begin.clip(lower=-within_m))
     end = (pieces.piece + WINDOW_STEP_M).clip(upper=pieces.end.clip(upper=within_m))
     pieces["covered_m"] = (end - begin).clip(lower=0)
-    every = distance[KEY].drop_duplicates()
+    experiments = distance[KEY].drop_duplicates()
     metres = pieces.groupby(KEY).covered_m.sum()
-    merged = every.merge(metres.reset_index(), on=KEY, how="left").fillna({"covered_m": 0.0})
+    merged = experiments.merge(metres.reset_index(), on=KEY, how="left")
+    merged = merged.fillna({"covered_m": 0.0})
     return merged if lanes.empty else pd.concat([merged, lanes], ignore_index=True)
 
 

@@ -149,8 +149,8 @@ def check_frames(hits: Path, wanted: pd.DataFrame) -> None:
     table = store.read(hits)
     if "inputs" not in table:
         return
-    both = table.dropna(subset="inputs").merge(wanted, on=FRAMES_OF, suffixes=("", "_now"))
-    other = both[both.inputs != both.inputs_now]
+    with_digest = table.dropna(subset="inputs").merge(wanted, on=FRAMES_OF, suffixes=("", "_now"))
+    other = with_digest[with_digest.inputs != with_digest.inputs_now]
     if len(other):
         row = other.iloc[0]
         raise ConfigError(
@@ -169,8 +169,8 @@ def check_lidars(hits: Path, plan: Plan, folder_of: Callable[[str], Path]) -> No
     for data_set, experiments in plan.data_sets().items() if len(table) else ():
         scene, preset = experiments[0].scene, experiments[0].preset
         known = set(table.lidar[(table.scene == scene) & (table.preset == preset)])
-        there = {lidar.name for lidar in lidars_in(folder_of(data_set))}
-        now = there | {experiment.lidar for experiment in experiments}
+        on_disk = {lidar.name for lidar in lidars_in(folder_of(data_set))}
+        now = on_disk | {experiment.lidar for experiment in experiments}
         if known and known != now:
             raise ConfigError(
                 f"{hits}: {scene} {preset}: expected rows of the LiDARs {', '.join(sorted(now))}, "

@@ -27,8 +27,8 @@ from pyinfra.models.inference.detect import model_file
 from pyinfra.models.training.recipe import Recipe, read_recipe
 
 SHOWN = 5  # experiments that a message names
-# Ground truths of version 0.3. Ground truths that later versions added do not change the figures of
-# these, so digests leave the added ones out.
+# Ground truths of version 0.3. Digests leave out ground truths that later versions added, because
+# these do not change the values of the others.
 FIRST_TRUTHS: tuple[Subset, ...] = ("captured", "common", "all")
 
 

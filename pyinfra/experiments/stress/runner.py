@@ -26,7 +26,10 @@ Model = TrainedDetector | str | os.PathLike[str]
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """The trials of a stress test. Trials in `wrong` cannot be simulated."""
+    """The trials of a stress test.
+
+    `every` has all trials, and `todo` the trials to run. Trials in `wrong` cannot be simulated.
+    """
 
     base: Base
     every: Sequence[Trial]

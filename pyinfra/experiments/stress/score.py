@@ -53,16 +53,16 @@ def scored(
     """Returns the values of COLUMNS for detections, and the bootstrap replicates of their AP.
 
     detections: one element for each frame of `truth`. types: KITTI types that count as vehicle. AP
-    is AP (R1000). A figure is NaN if there is nothing to measure. Columns forgiven_* are the gain
-    in AP when errors of this kind are corrected.
+    is AP (R1000). A value is NaN if nothing can be measured. Columns forgiven_* are the gain in AP
+    when errors of this kind are corrected.
     """
     settings = Settings(classes={"vehicle": tuple(types)}, ground_truths=("captured",))
-    one = match_input(truth, as_predictions(detections), "vehicle", settings, "bev")
-    match_result = _match_result(one)
+    inputs = match_input(truth, as_predictions(detections), "vehicle", settings, "bev")
+    match_result = _match_result(inputs)
     row = ap_row(match_result, IOU, "definition")
     false_positive = causes(match_result, IOU, strict=False)
     gains = forgiven(match_result)
-    same = same_of(truth, one.blocks, settings.seed)
+    same = same_of(truth, inputs.blocks, settings.seed)
     return {
         **{name: row[name] for name in COLUMNS[: COLUMNS.index("objects") + 1]},
         "background_per_frame": np.count_nonzero(false_positive == "background")
@@ -75,14 +75,14 @@ def scored(
 
 def as_predictions(detections: Sequence[Detections]) -> Predictions:
     """Returns the detections of all frames as one table."""
-    counts = [len(one) for one in detections]
-    boxes = np.concatenate([np.empty((0, 7)), *(one.boxes for one in detections)])
+    counts = [len(frame) for frame in detections]
+    boxes = np.concatenate([np.empty((0, 7)), *(frame.boxes for frame in detections)])
     return Predictions(
         frame=np.repeat(np.arange(len(detections)), counts),
         line=np.array([n + 1 for count in counts for n in range(count)], dtype=np.int64),
-        names=np.concatenate([np.empty(0, "<U1"), *(one.names for one in detections)]),
+        names=np.concatenate([np.empty(0, "<U1"), *(frame.names for frame in detections)]),
         boxes=boxes,
-        scores=np.concatenate([np.empty(0), *(one.scores for one in detections)]).astype(
+        scores=np.concatenate([np.empty(0), *(frame.scores for frame in detections)]).astype(
             np.float64
         ),
         angle=boxes[:, 6],
@@ -90,27 +90,28 @@ def as_predictions(detections: Sequence[Detections]) -> Predictions:
 
 
 def forgiven(match_result: MatchResult) -> dict[str, float]:
-    """Returns for each of ERRORS the gain in AP (R1000) when errors of this kind are corrected.
+    """Returns for each of ERRORS the gain in AP (R1000) from correcting errors of this kind.
 
     - background: false positives without a partner (see `partners`) are removed
     - misses_*: missed vehicles in a band of distance do not count
     - position, heading: false positives get the position or heading of their partner
     """
-    one, partner = match_result.match_input, partners(match_result)
-    has = partner >= 0
-    reached = np.zeros(len(one.vehicles), dtype=np.bool_)
-    reached[match_result.matches[match_result.matches >= 0]] = True
-    reached[partner[has]] = True
-    distance = _distance(one)
-    better = {"background": replace(match_result, false_positive=match_result.false_positive & has)}
+    inputs, partner = match_result.match_input, partners(match_result)
+    paired = partner >= 0  # false positives with a partner
+    detected = np.zeros(len(inputs.vehicles), dtype=np.bool_)
+    detected[match_result.matches[match_result.matches >= 0]] = True
+    detected[partner[paired]] = True
+    distance = _distance(inputs)
+    near_vehicle = match_result.false_positive & paired
+    better = {"background": replace(match_result, false_positive=near_vehicle)}
     for band, (low, high) in BANDS_M.items():
-        out = ~reached & (distance >= low) & (distance < high)
+        out = ~detected & (distance >= low) & (distance < high)
         better[f"misses_{band}"] = replace(match_result, counted=match_result.counted & ~out)
     for error, columns in (("position", slice(0, 2)), ("heading", slice(6, 7))):
-        boxes = one.predictions.boxes.copy()
-        boxes[has, columns] = one.vehicles.boxes[partner[has], columns]
+        boxes = inputs.predictions.boxes.copy()
+        boxes[paired, columns] = inputs.vehicles.boxes[partner[paired], columns]
         better[error] = _match_result(
-            replace(one, predictions=replace(one.predictions, boxes=boxes))
+            replace(inputs, predictions=replace(inputs.predictions, boxes=boxes))
         )
     now = _ap(match_result)
     return {error: _ap(better[error]) - now for error in ERRORS}
@@ -119,11 +120,11 @@ def forgiven(match_result: MatchResult) -> dict[str, float]:
 def partners(match_result: MatchResult) -> IntArray:
     """Returns the partner of each false positive: (p,) row of a vehicle, -1 for none.
 
-    It is the vehicle with the nearest centre, if no prediction is matched with it. The distance is
-    at most PARTNER_M, or half the vehicle's length if that is larger.
+    The partner is the vehicle with the nearest centre. Its distance must be at most PARTNER_M, or
+    half the vehicle's length if that is larger. If a prediction is matched with this vehicle, the
+    false positive has no partner.
     """
-    one = match_result.match_input
-    v, p = one.vehicles, one.predictions
+    v, p = match_result.match_input.vehicles, match_result.match_input.predictions
     free = np.ones(len(v), dtype=np.bool_)
     free[match_result.matches[match_result.matches >= 0]] = False
     partner = np.full(len(p), -1, dtype=np.int64)
@@ -166,8 +167,8 @@ def box_errors(match_result: MatchResult) -> dict[str, float]:
     v = match_result.match_input.vehicles.boxes[match_result.matches[match_result.true_positive]]
     apart = np.hypot(p[:, 0] - v[:, 0], p[:, 1] - v[:, 1])
     turn = np.abs((np.degrees(p[:, 6] - v[:, 6]) + 90) % 180 - 90)
-    some = len(p) > 0
+    has_matches = len(p) > 0
     return {
-        "position_error_m": float(np.median(apart)) if some else math.nan,
-        "heading_error_deg": float(np.median(turn)) if some else math.nan,
+        "position_error_m": float(np.median(apart)) if has_matches else math.nan,
+        "heading_error_deg": float(np.median(turn)) if has_matches else math.nan,
     }

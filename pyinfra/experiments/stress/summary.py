@@ -90,11 +90,12 @@ def fallen(curve: pd.DataFrame, stressor: Stressor, level: float) -> str:
 
 
 def first_failure(curve: pd.DataFrame) -> tuple[str, str, float]:
-    """Returns the error that fails first, the error with the largest cost, and the share of it.
+    """Returns the kind of error that fails first, the kind with the largest cost, and its share.
 
-    They are computed at the first severity at which AP has decreased by FALL or more. If the share
-    is LEAST_SHARE or more, the error with the largest cost fails first. Otherwise `mixed` fails
-    first. The texts are empty if AP does not decrease by FALL.
+    They are determined at the first severity at which AP has decreased by FALL or more. The share
+    is the cost divided by the decrease of AP. If it is LEAST_SHARE or more, the kind with the
+    largest cost fails first. Otherwise the first text is `mixed`. Both texts are empty, and the
+    share is NaN, if AP does not decrease by FALL.
     """
     base = curve.iloc[0]
     down = curve[curve.ap_r1000 <= base.ap_r1000 - FALL]
@@ -166,8 +167,8 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
         by_run = part.pivot(
             index=["detector", "run"], columns="stressor", values=["gentleness", "severities"]
         )
-        whole = by_run["severities"].notna().all() & (by_run["severities"].nunique() == 1)
-        common = by_run["gentleness"].loc[:, _names(whole)].astype(float)
+        is_common = by_run["severities"].notna().all() & (by_run["severities"].nunique() == 1)
+        common = by_run["gentleness"].loc[:, _names(is_common)].astype(float)
         if common.shape[1] == 0:
             continue
         mean = common.mean(axis=1).sort_values(ascending=False)
