@@ -75,11 +75,12 @@ def cutouts(scene: Scene, frame: int) -> Figure:
                 axes.spines[:].set_visible(False)
                 if vehicle is not None:
                     _draw_cutout(axes, vehicle.box, cloud)
-                    seen = (
-                        vehicle.in_view[i] or len(cloud) > 0
-                    )  # a vehicle can have points although its centre is outside the view
+                    # A vehicle can have points although its centre is outside the view.
+                    is_in_view = vehicle.in_view[i] or len(cloud) > 0
                     caption = f"{len(cloud):,} points, {vehicle.distance:.0f} m"
-                    axes.set_xlabel(caption if seen else f"{caption}, out of view", labelpad=1)
+                    axes.set_xlabel(
+                        caption if is_in_view else f"{caption}, out of view", labelpad=1
+                    )
         title = f"{scene.name}: the same {CLASS.lower()} in each column, front at the upper right"
         figure.suptitle(title, fontsize=9)
     return figure

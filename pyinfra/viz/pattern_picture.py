@@ -60,10 +60,10 @@ def pattern_picture(patterns: Mapping[str, FloatArray]) -> Figure:
 
 
 def _draw_rays(axes: Axes, degrees: FloatArray, window: DrawnArea, size: float) -> None:
-    seen = degrees[window.holds(degrees)]
+    drawn = degrees[window.holds(degrees)]
     axes.plot(
-        seen[:, 0],
-        seen[:, 1],
+        drawn[:, 0],
+        drawn[:, 1],
         linestyle="none",
         marker="o",
         markersize=size,

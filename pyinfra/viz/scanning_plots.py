@@ -72,8 +72,8 @@ def points_per_vehicle(table: pd.DataFrame) -> Figure:
 def quality(table: pd.DataFrame) -> Figure:
     """Draws stacked shares of missed, low, medium and high vehicles by distance, set `common`."""
     table = table[(table["set"] == "common") & (table.quality != "hit")]
-    whole = table.from_m.min(), table.to_m.max()
-    table = table[~((table.from_m == whole[0]) & (table.to_m == whole[1]))]
+    first_m, last_m = table.from_m.min(), table.to_m.max()  # of the row over all distances
+    table = table[~((table.from_m == first_m) & (table.to_m == last_m))]
     figure, axes = _panels(table.lidar.unique(), _data_sets(table).unique(), size=(3, 2.4))
     greys = sns.color_palette("cividis_r", len(QUALITIES))
     for ax, column, row in axes:

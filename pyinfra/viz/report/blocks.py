@@ -129,7 +129,7 @@ class Cards:
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Steps that follow one another."""
+    """Processing steps in their order: the title and a description of each."""
 
     label: str
     steps: Sequence[tuple[str, str]]

@@ -1,5 +1,5 @@
 "use strict";
-/* Tables sort by the column whose head is pressed; cells without a value stay at the end. */
+/* A click on the head of a column sorts the table by this column. Cells without a value are last. */
 for (const table of document.querySelectorAll("table")) {
   const heads = [...table.querySelectorAll("thead th")];
   heads.forEach((head, place) => head.querySelector("button")?.addEventListener("click", () => {
@@ -21,14 +21,14 @@ function sortRows(body, place, up, numbers) {
   body.append(...rows);
 }
 
-/* What is wider than its place says so, whenever its size changes: folded parts have none. */
+/* Marks elements whose content is wider than the element. Sizes change when details are opened. */
 const scrollers = document.querySelectorAll(".scroll, figure.wide .drawing");
 const sizes = new ResizeObserver((entries) => {
   for (const { target } of entries) target.classList.toggle("wider", target.scrollWidth > target.clientWidth + 1);
 });
 for (const scroller of scrollers) sizes.observe(scroller);
 
-/* What is folded opens for the printer. */
+/* Opens all closed details for printing, and closes them afterwards. */
 addEventListener("beforeprint", () => {
   for (const part of document.querySelectorAll("details:not([open])")) {
     part.open = true;

@@ -103,11 +103,11 @@ def read_run(folder: Path, data: Iterable[DataSet]) -> Run:
         top = kitti.read_yaml(folder / "run.yaml")
         fields = {key: top.at(key).text() for key in ("scene", "lidar", "preset", "detector")}
         return Run(folder, **fields)
-    for one in data:
-        for lidar in one.names:
-            start = re.escape(f"{one.scene}_{lidar}_{one.preset}_")
+    for data_set in data:
+        for lidar in data_set.names:
+            start = re.escape(f"{data_set.scene}_{lidar}_{data_set.preset}_")
             if match := re.match(rf"{start}([^_]+)", folder.name):
-                return Run(folder, one.scene, lidar, one.preset, match[1])
+                return Run(folder, data_set.scene, lidar, data_set.preset, match[1])
     raise Error(
         f"{folder}: expected one, or a name SCENE_LIDAR_PRESET_DETECTOR of a data set that is "
         "given, got no run.yaml"

@@ -36,10 +36,11 @@ def pack_points(view: ViewFrame, most_points: int | None = None) -> dict[str, An
     points = view.points[keep].astype(np.float64)
     origin = points.min(axis=0, initial=np.inf) if len(points) else np.zeros(3)
     step = max(STEP_M, float((points - origin).max(initial=0)) / _LARGEST)
-    whole = np.rint((points - origin) / step).astype(np.uint16)
-    order = np.lexsort((whole[:, 0], *(whole[:, 1:] // np.uint16(CELL_M / STEP_M)).T))
-    keep, whole = keep[order], whole[order]
-    steps = np.diff(whole, axis=0, prepend=np.zeros((1, 3), np.uint16))
+    coordinates = np.rint((points - origin) / step).astype(np.uint16)
+    cells = coordinates[:, 1:] // np.uint16(CELL_M / STEP_M)
+    order = np.lexsort((coordinates[:, 0], *cells.T))
+    keep, coordinates = keep[order], coordinates[order]
+    steps = np.diff(coordinates, axis=0, prepend=np.zeros((1, 3), np.uint16))
     columns = [*map(_split, steps.T), _byte(view.intensity[keep])]
     packed: dict[str, Any] = {"count": len(keep), "of": len(view.points), "step_m": step}
     packed["origin"] = origin.tolist()

@@ -35,8 +35,8 @@ def section(material: Material) -> Section | None:
         return None
     lead, blocks = "", list[Block]()
     asked = material.requirements != ANY_PRICE  # requirements apply to every scene
-    there = [scene for scene in material.scenes() if scene in set(done.scene)]
-    user_scenes = [scene for scene in there if asked or scene not in SCENES]
+    measured = [scene for scene in material.scenes() if scene in set(done.scene)]
+    user_scenes = [scene for scene in measured if asked or scene not in SCENES]
     if recommendation.can_answer(material):
         lead, blocks = _of_user_scenes(material, user_scenes)
         done = done[~done.scene.isin(user_scenes)]

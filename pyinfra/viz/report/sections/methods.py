@@ -10,20 +10,22 @@ from pyinfra.viz.report.names import DETECTORS, detector, in_order
 from pyinfra.viz.report.report_data import Material
 
 LEAD = (
-    "The definitions and rules are in docs/conventions.md of the project. All data are simulated, "
-    "without vegetation and with one pole per scene."
+    "The definitions and rules are in docs/conventions.md of the project. The data of the "
+    "benchmark are simulated."
 )
 STEPS = (
-    ("Scene", "Roads, traffic and one pole; vehicles also move within a frame."),
+    ("Scene", "Roads, traffic and poles; vehicles also move within a frame."),
     (
         "LiDARs",
-        "All LiDARs are simulated at the same pole and time; each ray is cast at its firing time.",
+        "All LiDARs are simulated at the same poles and times; each ray is cast at its firing "
+        "time.",
     ),
     ("Frames", "KITTI layout: points, boxes and the number of points on each vehicle."),
     ("Scanning", "Points per frame, and points per vehicle by distance."),
     (
         "Detectors",
-        "Each is trained on the first 400 s of a LiDAR's frames and tested on the last 90 s.",
+        "By default, each is trained on the first 400 s of a LiDAR's frames and tested on the last "
+        "90 s.",
     ),
     ("Evaluation", "AP with intervals, along the road and by area; latency and price."),
 )
