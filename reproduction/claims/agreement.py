@@ -28,8 +28,8 @@ def paper_table(experiments: pd.DataFrame) -> pd.DataFrame:
     test); mean_difference (AP of the benchmark minus AP of the paper).
     """
     ours = first_seed(experiments[(experiments.preset == "paper") & experiments.ap.notna()])
-    both = ours.merge(paper_ap(), on=CASE, suffixes=("", "_paper"))
-    groups = [*both.groupby("scene", sort=False), ("all", both)]
+    pairs = ours.merge(paper_ap(), on=CASE, suffixes=("", "_paper"))
+    groups = [*pairs.groupby("scene", sort=False), ("all", pairs)]
     rows = [{"scene": s, "preset": "paper", **agreement(t)} for s, t in groups]
     return pd.DataFrame([row for row in rows if row["experiments"] >= LEAST_EXPERIMENTS])
 

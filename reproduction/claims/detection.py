@@ -109,8 +109,10 @@ def figures_of(replicates: pd.DataFrame) -> Figures:
 
 
 def tested(claim: str, text: str, bootstrapped: Bootstrapped, inside: tuple[float, float]) -> Row:
-    one = bootstrapped.measured()
-    return Row(claim, text, one.value, one.low, one.high, partial(verdict, inside=inside))
+    interval = bootstrapped.measured()
+    return Row(
+        claim, text, interval.value, interval.low, interval.high, partial(verdict, inside=inside)
+    )
 
 
 def across_lidars(of: Figures, detector: str, truth: str) -> Iterator[Row]:
@@ -129,8 +131,9 @@ def across_lidars(of: Figures, detector: str, truth: str) -> Iterator[Row]:
 
 def across_detectors(of: Figures, lidar: str) -> Iterator[Row]:
     """Tests the claims `algorithms` and `similar` for one LiDAR."""
-    every = {name: of(lidar, name, "captured", "ap_r1000") for name in (*PUBLISHED, "pointrcnn")}
-    known = {name: one for name, one in every.items() if one is not None}
+    names = (*PUBLISHED, "pointrcnn")
+    figures = {name: of(lidar, name, "captured", "ap_r1000") for name in names}
+    known = {name: figure for name, figure in figures.items() if figure is not None}
     by_detector = {name: known[name] for name in PUBLISHED if name in known}
     if len(by_detector) < len(PUBLISHED):
         return
@@ -163,7 +166,7 @@ def gentle(of: Figures, detector: str) -> Iterator[Row]:
     """Compares the change of AP with distance between the Avia and the best spinning LiDAR."""
     avia = of(AVIA, detector, "captured", "ap_slope")
     others = [of(name, detector, "captured", "ap_slope") for name in SPINNING]
-    known = [one for one in others if one is not None]
+    known = [figure for figure in others if figure is not None]
     if avia and len(known) == len(SPINNING):
         best = max(known, key=lambda f: f.value)
         text = f"{detector}: AP per 10 m of the Avia less the highest of the spinning LiDARs"
@@ -187,7 +190,7 @@ def value(of: Figures, table: pd.DataFrame, detector: str) -> Iterator[Row]:
             ("high-quality areas", "all", "n_hqda"),
         ):
             bought = {name: of(name, detector, truth, measure) for name in rivals}
-            known = {name: one for name, one in bought.items() if one is not None}
+            known = {name: figure for name, figure in bought.items() if figure is not None}
             if len(known) == len(rivals):
                 yield from per_dollar(f"{detector}: {what} per dollar of {words}", known, usd)
 

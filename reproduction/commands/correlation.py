@@ -71,17 +71,17 @@ def correlation(folder: Path, pred: Path) -> Iterator[dict[str, object]]:
     truth = read_ground_truth(folder, frames, beyond_range=True)
     files = find_files(pred, frames, frames).files
     detections = read_predictions(files, read_cameras(folder, frames))
-    one = match_input(truth, detections, "vehicle", Settings(), "bev")
-    matches = one.match(Settings().ious[0], strict=False)
+    inputs = match_input(truth, detections, "vehicle", Settings(), "bev")
+    matches = inputs.match(Settings().ious[0], strict=False)
     for which in SUBSETS:
-        match_result = count_matches(one, which, matches, 1)
+        match_result = count_matches(inputs, which, matches, 1)
         use = np.flatnonzero(match_result.true_positive | match_result.false_positive)
-        counts = np.bincount(one.vehicles.frame[match_result.counted], minlength=len(frames))
+        counts = np.bincount(inputs.vehicles.frame[match_result.counted], minlength=len(frames))
         ranking = ap.rank(
-            one.predictions.scores[use],
+            inputs.predictions.scores[use],
             match_result.true_positive[use],
             counts,
-            one.predictions.frame[use],
+            inputs.predictions.frame[use],
         )
         without = np.ones((len(frames), len(frames)), np.int64) - np.eye(
             len(frames), dtype=np.int64
@@ -89,7 +89,7 @@ def correlation(folder: Path, pred: Path) -> Iterator[dict[str, object]]:
         influence = ap.average_precision(ranking, ap.R1000_RECALLS, without)
         apart_s = float(np.median(np.diff(frames))) * truth.period_s
         lasts = apart_s * integrated(influence)
-        figures = {"correlation_s": round(lasts, 2), "block_s": one.blocks.block_s}
+        figures = {"correlation_s": round(lasts, 2), "block_s": inputs.blocks.block_s}
         yield {"ground_truth": which, **figures}
 
 

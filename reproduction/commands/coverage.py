@@ -147,9 +147,9 @@ def studies(scene: str, count: int, work: Path) -> Iterator[tuple[Traffic, dict[
 
 def ranking(t: Traffic, boxes: ScoredBoxes, first: int, blocks: intervals.Blocks) -> ap.Ranking:
     """Ranks the boxes in frame `first` and all frames after it by score."""
-    use, there = boxes.frame >= first, t.frame >= first
+    use, later = boxes.frame >= first, t.frame >= first
     slots = blocks.replicates.shape[1]
-    objects = np.bincount(blocks.slot[t.frame[there] - first], minlength=slots)
+    objects = np.bincount(blocks.slot[t.frame[later] - first], minlength=slots)
     at = blocks.slot[boxes.frame[use] - first]
     return ap.rank(boxes.scores[use], boxes.true_positive[use], objects, at)
 
@@ -194,17 +194,17 @@ def truths(every: list[tuple[Traffic, dict[str, ScoredBoxes]]]) -> dict[str, flo
 
 
 def rows(scene: str, count: int, work: Path) -> Iterator[dict[str, object]]:
-    every = list(studies(scene, count, work))
-    truth = truths(every)
-    stay_s = float(np.median([block_s(t) for t, _ in every]))
+    runs = list(studies(scene, count, work))
+    truth = truths(runs)
+    stay_s = float(np.median([block_s(t) for t, _ in runs]))
     for span_s in SPANS_S:
         if span_s < intervals.MIN_BLOCKS * stay_s:
             continue
         ends: dict[str, list[tuple[float, float]]] = {name: [] for name in truth}
-        for t, by_detector in every:
-            for name, one in figures(t, by_detector, span_s, stay_s).items():
-                m = one.measured()
-                ends[name].append((m.low, m.high))
+        for t, by_detector in runs:
+            for name, figure in figures(t, by_detector, span_s, stay_s).items():
+                interval = figure.measured()
+                ends[name].append((interval.low, interval.high))
         for name, bounds in ends.items():
             low, high = np.array(bounds).T
             held = 100 * np.mean((low <= truth[name]) & (truth[name] <= high))

@@ -320,13 +320,13 @@ def main() -> None:
         args.scenes, args.label_times, range(1, args.replicates + 1), args.presets
     ):
         replicate = Replicate(scene, preset, label_time, number)
-        every = [
+        detectors = [
             Trained(judge, replicate, lidar, tuple(args.cut_angles))
             for lidar, judge in itertools.product(replicate.named(args.lidars), args.judges)
         ]
-        for trained in every:
+        for trained in detectors:
             fill(trained, args.work, args.out)
-        if not all(trained.is_done(args.out) for trained in every):
+        if not all(trained.is_done(args.out) for trained in detectors):
             continue  # another process still uses the frames
         for made in (args.work / "data").glob(f"{replicate.name}_*"):
             if made.is_dir():

@@ -173,7 +173,7 @@ def main() -> None:
         table = pd.concat([table, pd.DataFrame(rows).assign(**provenance)], ignore_index=True)
         with replacing(args.out) as beside:
             table.to_csv(beside, index=False)
-        print(name, *(f"{one['lidar']} {one['ap_r1000']}" for one in rows), flush=True)
+        print(name, *(f"{cells['lidar']} {cells['ap_r1000']}" for cells in rows), flush=True)
         shutil.rmtree(folder)
 
 

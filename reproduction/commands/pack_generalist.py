@@ -83,8 +83,12 @@ def right_of(
     """Returns scores (n,), correctness (n,) and the number of objects of a class in a sample."""
     margin_m = 0.0 if name in VEHICLES else FOOTWAYS_M
     inside = (detections.names == TYPES[name]) & sample.region.holds(detections.boxes, margin_m)
-    there = (sample.numbers == number) & sample.region.holds(sample.boxes, margin_m)
-    boxes, scores, truth = detections.boxes[inside], detections.scores[inside], sample.boxes[there]
+    counted = (sample.numbers == number) & sample.region.holds(sample.boxes, margin_m)
+    boxes, scores, truth = (
+        detections.boxes[inside],
+        detections.scores[inside],
+        sample.boxes[counted],
+    )
     frames = np.zeros(len(boxes), np.int64), np.zeros(len(truth), np.int64)
     right = matching.true_positives(frames[0], boxes, scores, frames[1], truth, metric, iou)
     return scores, right, len(truth)

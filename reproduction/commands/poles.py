@@ -119,9 +119,9 @@ def truth_of(folder: Path, reference: Path) -> GroundTruth:
     truth = read_ground_truth(folder, frame_numbers(folder))
     others = read_vehicles(reference, truth.frames)
     vehicles = with_unreached(truth.vehicles, others)
-    seen = dict(zip(zip(others.frame, others.ids, strict=True), others.visibility, strict=True))
+    visible = dict(zip(zip(others.frame, others.ids, strict=True), others.visibility, strict=True))
     pairs = zip(vehicles.frame, vehicles.ids, strict=True)
-    visibility = np.array([seen.get(pair, -1.0) for pair in pairs])
+    visibility = np.array([visible.get(pair, -1.0) for pair in pairs])
     return replace(truth, vehicles=replace(vehicles, visibility=visibility))
 
 
@@ -139,10 +139,11 @@ def match_results_of(model: Path, folder: Path, reference: Path) -> tuple[list[M
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     detections, times = detect.detect(detect.detector_at(model, folder), files, None)
     truth = truth_of(folder, reference)
-    one = match_input(truth, as_predictions(detections), "vehicle", SETTINGS, "bev")
-    matches = one.match(IOU, strict=False)
+    inputs = match_input(truth, as_predictions(detections), "vehicle", SETTINGS, "bev")
+    matches = inputs.match(IOU, strict=False)
     rows = [
-        count_matches(one, which, matches, SETTINGS.min_points) for which in SETTINGS.ground_truths
+        count_matches(inputs, which, matches, SETTINGS.min_points)
+        for which in SETTINGS.ground_truths
     ]
     return rows, float(np.median(times))
 
@@ -186,7 +187,7 @@ def filled(lidar: str, poles: int, arm: str, args: argparse.Namespace) -> Iterat
         ]
         more = {"points_per_frame": round(float(np.mean(points))), "train_cpu_s": round(seconds, 1)}
         more |= {"latency_p50_ms": round(ms, 1)}
-        yield pd.DataFrame([{**experiment, **asdict(error), **more, **one} for one in rows])
+        yield pd.DataFrame([{**experiment, **asdict(error), **more, **figures} for figures in rows])
 
 
 def main() -> None:

@@ -145,8 +145,12 @@ def scored_boxes(
     margin_m = 0.0 if names == VEHICLES else FOOTWAYS_M
     types, numbers = [TYPES[name] for name in names], [CLASSES.index(name) for name in names]
     inside = np.isin(detections.names, types) & sample.region.holds(detections.boxes, margin_m)
-    there = np.isin(sample.numbers, numbers) & sample.region.holds(sample.boxes, margin_m)
-    boxes, scores, truth = detections.boxes[inside], detections.scores[inside], sample.boxes[there]
+    counted = np.isin(sample.numbers, numbers) & sample.region.holds(sample.boxes, margin_m)
+    boxes, scores, truth = (
+        detections.boxes[inside],
+        detections.scores[inside],
+        sample.boxes[counted],
+    )
     frames = np.zeros(len(boxes), np.int64), np.zeros(len(truth), np.int64)
     right = matching.true_positives(frames[0], boxes, scores, frames[1], truth, metric, limit)
     return scores, right, len(truth)

@@ -9,10 +9,10 @@ the LiDAR with 128 lines. The components are standard deviations:
 - training: between replicates, without `seed` and `frames`. A replicate has its own training seed
   and training traffic.
 - judge, scene, preset, label_time: between the means over replicates, while everything else is
-  equal. These include what is left of the variation of replicates.
+  equal. They include the remaining variation of the replicates.
 
-Groups with fewer than three replicates are left out. Of the networks that are trained from
-nothing, only PointPillars is used.
+Groups with fewer than three replicates are left out. Of the networks of the judge
+`from nothing`, which are trained from random weights, only PointPillars is used.
 
 Components are averaged as variances over all groups that have them. The command writes
 results/variance.csv:

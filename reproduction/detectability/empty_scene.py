@@ -45,9 +45,7 @@ class Occupancy:
     @cached_property
     def entropy(self) -> FloatArray:
         p = np.clip(self.probability, 1e-12, 1 - 1e-12)
-        return np.where(
-            self.probability > 0, -p * np.log2(p) - (1 - p) * np.log2(1 - p), 0.0
-        )
+        return np.where(self.probability > 0, -p * np.log2(p) - (1 - p) * np.log2(1 - p), 0.0)
 
 
 def occupancy(file: Path, frames: int = OCCUPANCY_FRAMES) -> Occupancy:

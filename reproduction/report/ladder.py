@@ -68,11 +68,11 @@ def compared_values(table: pd.DataFrame) -> list[ComparedValue]:
     for setting, values in settings_of(table).items():
         selected = _with_usual_others(table, setting, usual)
         selected = selected[selected.ap_r1000.notna()]
-        there = [value for value in values if value in set(selected[setting])]
-        if not there:
+        present = [value for value in values if value in set(selected[setting])]
+        if not present:
             continue
-        reference = selected[selected[setting] == there[-1]].set_index("lidar")
-        for value in there:
+        reference = selected[selected[setting] == present[-1]].set_index("lidar")
+        for value in present:
             rows = selected[selected[setting] == value].set_index("lidar")
             change = (rows.ap_r1000 - reference.ap_r1000).abs().max()
             seconds = float(rows.seconds.mean())
@@ -128,10 +128,10 @@ def agrees(rows: pd.DataFrame, reference: pd.DataFrame, *, of_frames: bool = Fal
     ):
         return False
     if not of_frames:
-        both = [(rows.loc[name], reference.loc[name]) for name in reference.index]
-        if not all(are_pairs(a, b) for a, b in both):
+        pairs = [(rows.loc[name], reference.loc[name]) for name in reference.index]
+        if not all(are_pairs(a, b) for a, b in pairs):
             return False
-        differences = [difference(a, b).measured() for a, b in both]
+        differences = [difference(a, b).measured() for a, b in pairs]
         if not all(interval.is_known and not interval.is_significant for interval in differences):
             return False
     ours, theirs = figures(rows), figures(reference)

@@ -12,8 +12,7 @@ from reproduction.report.scenes import are_of_the_paper
 LEAD = (
     "The definitions and rules are in docs/conventions.md of the project. The rules of the claims "
     "about scanning were written before the run. The rules of the claims about detection were "
-    "written before all experiments were measured. All data are simulated, without vegetation and "
-    "with one pole per scene."
+    "written before all experiments were measured. All data are simulated, with one pole per scene."
 )
 # Each entry has the paper's figure or table, the start of its anchor in the report, and the input
 # that it requires.

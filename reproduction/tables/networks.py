@@ -231,8 +231,8 @@ def engines() -> str:
     rows = []
     for engine, group in table.groupby("engine", sort=False):
         by_scene = group.set_index("scene")
-        both = (f"{row.speed:.2f}, {row.ap_r1000:.1f}" for _, row in by_scene.iterrows())
-        rows.append([str(engine), *both])
+        cells = (f"{row.speed:.2f}, {row.ap_r1000:.1f}" for _, row in by_scene.iterrows())
+        rows.append([str(engine), *cells])
     scenes = table.drop_duplicates("scene")
     heads = (f"{r.scene}, {LIDARS[r.lidar]}" for r in scenes.itertuples())
     return markdown(["engine", *heads], rows)

@@ -1,4 +1,4 @@
-"""Makes the tables of the study's verdicts, from results/experiments.csv and the tables of it."""
+"""Makes the tables of the study's verdicts, from results/experiments.csv and derived tables."""
 
 from __future__ import annotations
 

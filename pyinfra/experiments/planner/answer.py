@@ -292,7 +292,9 @@ def chosen_at(options: Options, request: Request, factor: float) -> int | None:
         if factor * choice.price.middle <= request.budget_usd
     ]
     good = [
-        i for i in within if options[i][1].recall.value >= request.find and options[i][1].keeps_false
+        i
+        for i in within
+        if options[i][1].recall.value >= request.find and options[i][1].keeps_false
     ]
     if good:
         return min(good, key=lambda i: options[i][0].price.middle)

@@ -160,7 +160,9 @@ def average_precision(
 
     terms: terms of the seen objects. objects: number of all objects in the frames.
     """
-    true_positives = np.array([detection_probability(coefficients, terms, cut).sum() for cut in CUTS])
+    true_positives = np.array(
+        [detection_probability(coefficients, terms, cut).sum() for cut in CUTS]
+    )
     false_positives = frames * false_per_frame(false, np.array(CUTS), len(terms) / max(frames, 1))
     return ap_of_counts(true_positives, false_positives, objects)
 

@@ -249,7 +249,9 @@ def decided(
     units = units_of(run, poses, lidars, costs, law, request)
     alone = singles(units, request.budget_usd)
     if not alone:
-        best = min((units.price([u]).middle for u in range(len(units.probability))), default=math.nan)
+        best = min(
+            (units.price([u]).middle for u in range(len(units.probability))), default=math.nan
+        )
         raise Error(
             f"budget_usd: expected {math.ceil(best):,} or more for a pole with a LiDAR, got "
             f"{request.budget_usd:,.0f}; an existing mast costs less"

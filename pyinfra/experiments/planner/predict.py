@@ -70,7 +70,9 @@ def predict(race: Race, units: Sequence[int], law: Detectability, request: Reque
     if law.people is not None and person.any():
         of_people = _units(seen, person)
         for r in range(replicates):
-            detected[r][person] = _either(of_people, law.people.detection[r], cut, len(person))[person]
+            detected[r][person] = _either(of_people, law.people.detection[r], cut, len(person))[
+                person
+            ]
     known = ~person | (law.people is not None)
     rates = [
         float(false_per_frame(law.vehicles.false[r], cut, seen_per_frame)[0])
