@@ -1,5 +1,5 @@
-// Rates of the simulator against a bare loop over Embree, and their growth; see
-// docs/results/speed.md.
+// Measures the rays per second of the simulator and of a bare loop over Embree, and how the rate
+// depends on triangles and vehicles; see docs/results/speed.md.
 
 #include <benchmark/benchmark.h>
 #include <malloc.h>
@@ -18,11 +18,11 @@ namespace {
 
 using namespace infrasim;
 
-constexpr int kFrames = 20;  // different frames, so that no single one decides
+constexpr int kFrames = 20;  // several frames, because the rate differs between frames
 
 std::string configs(const std::string& name) { return std::string(INFRASIM_CONFIGS) + "/" + name; }
 
-/// Worlds by their overrides of the highway, each built once.
+/// Returns the world of the highway with these overrides. Each world is built once.
 const World& world(const std::vector<std::string>& assignments) {
   static std::mutex mutex;
   static std::map<std::vector<std::string>, World> worlds;
@@ -51,7 +51,7 @@ std::vector<std::string> with(const std::vector<std::string>& more) {
   return all;
 }
 
-/// The scene of one frame, built by hand: static triangles and moving instances.
+/// The scene of one frame, made with Embree alone: static triangles and moving instances.
 class BareScene {
  public:
   BareScene(const World& w, int k)
@@ -82,7 +82,7 @@ class BareScene {
   BareScene(const BareScene&) = delete;
   BareScene& operator=(const BareScene&) = delete;
 
-  /// Packets of 16 in firing order; returns a sum that keeps the work alive.
+  /// Casts packets of 16 rays in firing order. Returns a sum, so that the compiler keeps the casts.
   float cast(const RayBatch& rays) const {
     float sum = 0;
     alignas(64) std::array<int, 16> valid;
@@ -169,7 +169,7 @@ void bare_loop(benchmark::State& state) {
   state.SetItemsProcessed(cast);
 }
 
-/// Everything of a frame but the file system.
+/// Measures the whole computation of frames, without writing files.
 void pipeline(benchmark::State& state, const std::vector<std::string>& names,
               const std::vector<std::string>& overrides, const char* preset, bool format) {
   const World& w = world(with(overrides));

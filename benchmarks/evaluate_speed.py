@@ -55,7 +55,7 @@ def random_boxes(random: np.random.Generator, n: int) -> FloatArray:
 
 
 def box_pairs(random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """Returns 50,000 random pairs of boxes and 50,000 special ones.
+    """Returns 50,000 random pairs of boxes and 50,000 special pairs.
 
     The boxes of a special pair are equal, nearly equal or touching, or both boxes lie on a grid.
     """
@@ -64,17 +64,17 @@ def box_pairs(random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     for share, quarters in itertools.product(
         [(0, 0), (1, 0), (0, 1), (1, 1), (0.5, 0), (1 / 3, 0)], [0, 1, 2, 4]
     ):
-        one = random_boxes(random, 1250)
-        two = one.copy()
-        cos, sin = np.cos(one[:, 6]), np.sin(one[:, 6])
-        ahead, left = share[0] * one[:, 3], share[1] * one[:, 4]
-        two[:, 0] += cos * ahead - sin * left
-        two[:, 1] += sin * ahead + cos * left
-        two[:, 6] += quarters * math.pi / 2
-        parts.append((one, two))
+        boxes = random_boxes(random, 1250)
+        moved = boxes.copy()
+        cos, sin = np.cos(boxes[:, 6]), np.sin(boxes[:, 6])
+        ahead, left = share[0] * boxes[:, 3], share[1] * boxes[:, 4]
+        moved[:, 0] += cos * ahead - sin * left
+        moved[:, 1] += sin * ahead + cos * left
+        moved[:, 6] += quarters * math.pi / 2
+        parts.append((boxes, moved))
     for exponent in range(-16, -3):
-        one = random_boxes(random, 1000)
-        parts.append((one, one + random.uniform(-1, 1, (1000, 7)) * 10.0**exponent))
+        boxes = random_boxes(random, 1000)
+        parts.append((boxes, boxes + random.uniform(-1, 1, (1000, 7)) * 10.0**exponent))
     grid = np.round(random_boxes(random, 7000) * 2) / 2
     grid[:, 3:6] = np.maximum(grid[:, 3:6], 0.5)
     grid[:, 6] = np.round(grid[:, 6] / (math.pi / 4)) * (math.pi / 4)
@@ -230,7 +230,7 @@ def matching_rows(random: np.random.Generator, frames: int) -> list[Row]:
     """
     data = [frame(random) for _ in range(frames)]
     ours, fast = timed(lambda: match_ours(data))
-    theirs, slow = timed(lambda: [match_shapely(*one) for one in data])
+    theirs, slow = timed(lambda: [match_shapely(*arrays) for arrays in data])
     if ours != sum(theirs):
         raise RuntimeError(f"expected {sum(theirs)} matches as of shapely, got {ours}")
     return [

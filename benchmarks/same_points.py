@@ -48,15 +48,15 @@ def compare_frame(a: Path, b: Path, frame: int) -> dict[str, float]:
     The result also has the largest distance (mm) between two points of a ray on the same surface.
     """
     here, there = points(a, frame), points(b, frame)
-    both = here.merge(there, on=["ring", "time_s"], suffixes=("_0", "_1"), validate="one_to_one")
-    surface = (both.object_id_0 == both.object_id_1) & (both.class_0 == both.class_1)
-    apart = distances(both)
+    rays = here.merge(there, on=["ring", "time_s"], suffixes=("_0", "_1"), validate="one_to_one")
+    surface = (rays.object_id_0 == rays.object_id_1) & (rays.class_0 == rays.class_1)
+    apart = distances(rays)
     return {
         "points": len(here),
         "points_other": len(there),
         "vehicle_points": int((here.object_id >= 0).sum()),
         "vehicle_points_other": int((there.object_id >= 0).sum()),
-        "rays_in_one_only": len(here) + len(there) - 2 * len(both),
+        "rays_in_one_only": len(here) + len(there) - 2 * len(rays),
         "other_surface": int((~surface).sum()),
         "same_surface_apart": int((surface & (apart > SAME_POINT_M)).sum()),
         "equal_bits": int((apart == 0).sum()),

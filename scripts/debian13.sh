@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Proves that the simulator builds, passes its tests and gives the same points on Debian 13 as here, and
-# that the Python tests pass there with the wheel of its Python:
+# Tests the project in a Debian 13 root: the simulator must build, pass its tests and give the same points
+# as on this machine, and the Python tests must pass with the wheel for Debian 13's Python:
 #   sudo scripts/debian13.sh        (Debian 12 with debootstrap, after `make wheels`; 15 GB in build/roots)
-# Runs ctest, pytest and `infrasim run` in a Debian 13 root; JOBS compilers at a time, FRAMES frames a preset.
+# Runs ctest, pytest and `infrasim run`, with JOBS compilers at a time and FRAMES frames for each preset.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 . scripts/roots.sh
@@ -11,7 +11,7 @@ root=build/roots/debian13
 frames=${FRAMES:-20}
 lidars=(configs/lidars/{livox_avia,helios_16,pandar_64,ruby_plus}.yaml)
 
-# In the root, in the copy of the source.
+# Runs a command in the root, in the copy of the source.
 there() {
   inside $root /infrasim "$@"
 }
@@ -28,7 +28,7 @@ build_and_test() {
   there ctest --test-dir build/release --output-on-failure --no-tests=error
 }
 
-# The same frames by both; the folders must not hold those of an earlier build.
+# Simulates the same frames with both builds. Frames of earlier builds are removed first.
 simulate() {
   local preset run
   rm -rf $root/infrasim/out $work/here
@@ -40,7 +40,7 @@ simulate() {
   done
 }
 
-# The wheel's files over those of the source: its extension, its binary and their libraries.
+# Unpacks the wheel over the source: its extension, its binary and their libraries replace those there.
 python_tests() {
   .venv/bin/python -m zipfile -e dist/infrasim-*-cp313-*.whl $root/infrasim
   chmod +x $root/infrasim/pyinfra/bin/infrasim

@@ -1,6 +1,7 @@
-# For scripts that try the project in a Debian of its own, as root on Debian 12 with debootstrap.
+# Functions for scripts that test the project in a separate Debian root. They need Debian 12 with debootstrap,
+# and the rights of the user root.
 
-# make_root FOLDER SUITE PACKAGE...: a minimal Debian with these packages.
+# make_root FOLDER SUITE PACKAGE...: makes a minimal Debian with these packages unless the folder exists.
 make_root() {
   local root=$1 suite=$2
   [[ ! -d $root ]] || return 0
@@ -8,16 +9,16 @@ make_root() {
   mkdir -p "$(dirname "$root")"
   debootstrap --variant=minbase --include="$(IFS=,; echo "ca-certificates,${*:3}")" "$suite" "$root.part" \
     >"$root.log"
-  # What this machine trusts besides Debian's certificates, for one behind a proxy.
+  # Adds the certificates that this machine trusts besides Debian's, for machines behind a proxy.
   mkdir -p "$root.part/usr/local/share/ca-certificates"
   cp -r /usr/local/share/ca-certificates/. "$root.part/usr/local/share/ca-certificates"
   chroot "$root.part" update-ca-certificates >>"$root.log" 2>&1
-  # Nothing in there needs to survive a power cut.
+  # The root can be made again, so dpkg need not sync its files to the disk.
   echo force-unsafe-io >"$root.part/etc/dpkg/dpkg.cfg.d/unsafe-io"
   mv "$root.part" "$root"
 }
 
-# inside ROOT FOLDER COMMAND...: in that folder of the root; mounts end with the command.
+# inside ROOT FOLDER COMMAND...: runs a command in a folder of the root. Its mounts end with the command.
 inside() {
   local root
   root=$(realpath "$1")

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Installs what the named groups need, and only what is missing:
+# Installs the missing packages of the named groups:
 #   scripts/setup.sh build test dev
 # A group is a group of scripts/apt-packages.txt, an extra of pyproject.toml, or both.
-# `build` stands for the package's own requirements and comes first; `compile` is the part of it that
-# the compiler needs.
+# `build` has the package's own requirements and comes first. `compile` is the part of it that compiling
+# needs.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 constraints=scripts/constraints.txt
@@ -31,7 +31,7 @@ install_system_packages() {
   "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive "${install[@]}" </dev/null >/dev/null
 }
 
-# The first python3 that is new enough and can build extensions and environments.
+# Prints the first python3 that is new enough and can build extensions and environments.
 find_python() {
   local python
   for python in python3 /usr/bin/python3 python3.11 python3.12 python3.13; do
@@ -45,7 +45,7 @@ EOF
   return 1
 }
 
-# Requirements of a group as pyproject.toml has them.
+# Prints the requirements of a group from pyproject.toml.
 requirements() {
   .venv/bin/python - "$1" <<'EOF'
 import pathlib, sys, tomllib
@@ -61,8 +61,8 @@ pip_install() {
   .venv/bin/python -m pip install -qq -c $constraints --build-constraint $constraints "$@"
 }
 
-# PyTorch's build for a CPU, where pip is set up with an index or a folder that has it; PyPI has only
-# the one with CUDA, which pip would choose for its hash.
+# Installs PyTorch's CPU build if pip is configured with an index or a folder that has it. PyPI has only
+# the CUDA build, which pip would otherwise choose because its hash is in the constraints.
 install_torch_for_cpu() {
   pip_install "$(sed -n 's/^\(torch==[0-9.]*\) .*/\1+cpu/p' $constraints)" 2>/dev/null ||
     echo "setup: pip finds no PyTorch for a CPU; PyPI's brings CUDA"
@@ -72,12 +72,12 @@ make_environment() {
   "$(find_python)" -m venv --clear .venv
   # The source tree is importable without installing the package.
   pwd >"$(.venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/infrasim.pth"
-  # The system's pip does not read hashes of constraints: it gets those of pip alone, as requirements.
+  # The system's pip does not read hashes of constraints, so pip and its hashes are passed as requirements.
   sed -n '/^pip==/,/[^\\]$/p' $constraints | .venv/bin/python -m pip install -qq -r /dev/stdin
   touch .venv/.setup
 }
 
-# The commands of the source tree, beside its Python.
+# Links the commands of the source tree beside its Python.
 link_commands() {
   ln -sfn ../../build/dev/cpp/infrasim .venv/bin/infrasim
   printf '#!/bin/sh\nexec "${0%%/*}/python" -P -m pyinfra "$@"\n' >.venv/bin/pyinfra

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes this Python's wheel in dist and tries it in a clean environment, away from the source tree.
+# Makes the wheel for this Python in dist, and tests it in a clean environment outside the source tree.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 try=$PWD/build/wheel-env
@@ -13,7 +13,7 @@ wheel=$PWD/$(.venv/bin/python scripts/bundle.py build/wheel/raw/*.whl dist)
 
 cd /
 package=$("$try/bin/python" -c 'import pyinfra; print(*pyinfra.__path__)')
-# All libraries are the wheel's but those that each Linux has.
+# The wheel must contain all libraries except those that every Linux has.
 if ldd "$package"/_core*.so "$package/bin/infrasim" |
   grep -vE "^/|/infrasim\.libs/|linux-vdso|ld-linux|lib(c|m|gcc_s|stdc\+\+)\.so"; then
   echo "wheel: needs the system's libraries above" >&2
@@ -22,7 +22,7 @@ fi
 "$try/bin/infrasim" --version
 "$try/bin/python" -c "import pyinfra, pyinfra._core as core; assert core.version() == pyinfra.__version__"
 "$try/bin/python" -c "from pyinfra.viz.viewer.page import library; library()"
-# It detects without PyTorch, and finds scene, LiDAR and detector by name.
+# The package must detect without PyTorch, and know scene, LiDAR and detector by name.
 "$try/bin/python" - <<'EOF'
 import sys
 import pyinfra as pi

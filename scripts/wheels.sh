@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Makes a wheel for each Python, and tries each in a Debian that has that Python and nothing else:
+# Makes a wheel for each Python, and tests it in a minimal Debian root with this Python:
 #   sudo scripts/wheels.sh        (Debian 12 with debootstrap, after `make wheel`; 2 GB in build/roots)
-# The binary there must write the bytes of `make build` here, and the bindings those of the binary.
+# The binary in the root must write the same bytes as the build of this machine, and so must the bindings.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 . scripts/roots.sh
@@ -10,8 +10,9 @@ wheels=dist
 run=(run configs/scenes/highway.yaml --lidar configs/lidars/{livox_avia,helios_16,pandar_64,ruby_plus}.yaml
   --frames "0:${FRAMES:-20}" --fields --threads 1)
 
-# Debian 13's Python 3.13 out of its root, on the libraries of that root: it builds with the compiler
-# and the libraries of this machine. Debian keeps pyconfig.h in a folder that a root's compiler knows.
+# Prints a command that runs Debian 13's Python 3.13 outside its root, with the libraries of the root. It
+# builds with the compiler and the libraries of this machine. This compiler does not search the folder in
+# which Debian has pyconfig.h, so the file is copied.
 python_of_trixie() {
   local root python
   root=$(realpath $roots/headers)
@@ -32,7 +33,7 @@ wheel_of_trixie() {
   .venv/bin/python scripts/bundle.py build/wheel/raw313/*.whl $wheels
 }
 
-# try_wheel SUITE TAG: installs the wheel with that tag in a fresh environment of the root, and runs it.
+# try_wheel SUITE TAG: installs the wheel with this tag in a new environment of the root, and tests it.
 try_wheel() {
   local root=$roots/$1
   make_root "$root" "$1" python3 python3-venv
