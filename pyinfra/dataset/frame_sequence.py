@@ -148,8 +148,8 @@ def table_of(vehicles: Vehicles) -> pd.DataFrame:
 class SimulatedFrames(FrameSequence):
     """Frames that are simulated on demand and not written to disk.
 
-    `beside` maps the name of each other LiDAR in the same scene to its sequence. `kept` is the number
-    of clouds that stay in memory.
+    `beside` maps the name of each other LiDAR in the same scene to its sequence. `kept` is the
+    number of clouds that stay in memory.
     """
 
     world: simulation.World

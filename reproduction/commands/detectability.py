@@ -20,6 +20,7 @@ import argparse
 import json
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -135,9 +136,9 @@ def main() -> None:
         table.assign(**made_by).to_csv(file, index=False, float_format="%.4g")
 
 
-def fit_all(runs: list[Run], frames: int, work: Path) -> dict[str, dict[str, object]]:
+def fit_all(runs: list[Run], frames: int, work: Path) -> dict[str, dict[str, Any]]:
     """Returns the content of the file of the laws, by detector."""
-    plain: dict[str, dict[str, object]] = {}
+    plain: dict[str, dict[str, Any]] = {}
     sites = len({run.site for run in runs})
     for detector in DETECTORS:
         plain[detector] = {
@@ -155,7 +156,7 @@ def fit_all(runs: list[Run], frames: int, work: Path) -> dict[str, dict[str, obj
 
 
 def check_tables(
-    runs: list[Run], plain: dict[str, dict[str, object]], frames: int, work: Path
+    runs: list[Run], plain: dict[str, dict[str, Any]], frames: int, work: Path
 ) -> dict[str, pd.DataFrame]:
     """Returns the tables of the check by the suffix of their file's name."""
     own = [run for run in runs if run.seed == 0]

@@ -7,6 +7,7 @@ other seeds of the traffic. A group is one site and LiDAR with several poses.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -112,19 +113,20 @@ def check_table(
 
 def summary(table: pd.DataFrame) -> Iterator[dict[str, object]]:
     """Yields measures of the prediction with 95 % intervals over groups, one row each."""
+    each = {
+        "mean error": _error,
+        "mean error with the same traffic": _same_traffic_error,
+        "bias": _bias,
+        "mean error of another seed": _seed_error,
+    }
     for figure in ("ap", "recall"):
-        each = {
-            f"mean error, {figure}": lambda t, f=figure: _error(t, f"{f}_predicted", f),
-            f"mean error with the same traffic, {figure}": lambda t, f=figure: _paired(t, f),
-            f"bias, {figure}": lambda t, f=figure: _bias(t, f),
-            f"mean error of another seed, {figure}": lambda t, f=figure: _seed_error(t, f),
-        }
         for name, of in each.items():
-            yield row(name, "", per_group(table, of))
+            yield row(f"{name}, {figure}", "", per_group(table, partial(of, figure=figure)))
     for predictor in PREDICTORS:
-        yield row("r within a site", predictor, per_group(table, lambda t, p=predictor: _r(t, p)))
-        regret = per_group(table, lambda t, p=predictor: _regret(t, p))
-        yield row("regret of the best pose, AP", predictor, regret)
+        values = per_group(table, partial(_r, predictor=predictor))
+        yield row("r within a site", predictor, values)
+        values = per_group(table, partial(_regret, predictor=predictor))
+        yield row("regret of the best pose, AP", predictor, values)
     yield row("r within a site", "another seed", per_group(table, _seed_r))
     yield row("regret of the best pose, AP", "another seed", per_group(table, _seed_regret))
 
@@ -156,12 +158,12 @@ def _means(group: pd.DataFrame, *columns: str) -> list[FloatArray]:
     return [means[name].to_numpy() for name in columns]
 
 
-def _error(group: pd.DataFrame, predictor: str, figure: str) -> float:
-    a, b = _means(group, predictor, f"{figure}_measured")
+def _error(group: pd.DataFrame, figure: str) -> float:
+    a, b = _means(group, f"{figure}_predicted", f"{figure}_measured")
     return float(np.abs(a - b).mean())
 
 
-def _paired(group: pd.DataFrame, figure: str) -> float:
+def _same_traffic_error(group: pd.DataFrame, figure: str) -> float:
     return float((group[f"{figure}_same_traffic"] - group[f"{figure}_measured"]).abs().mean())
 
 
@@ -172,7 +174,7 @@ def _bias(group: pd.DataFrame, figure: str) -> float:
 
 def _by_seed(group: pd.DataFrame, column: str) -> FloatArray:
     """Returns a measured column: (poses, seeds)."""
-    return group.pivot(index="pose", columns="seed", values=column).to_numpy()
+    return np.asarray(group.pivot(index="pose", columns="seed", values=column), float)
 
 
 def _one_against_others(values: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:

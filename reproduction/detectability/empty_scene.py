@@ -94,7 +94,7 @@ def measures(
     site: PlanSite, empty: Path, filled: Occupancy, pose: FloatArray, lidar: Lidar
 ) -> tuple[float, float]:
     """Returns coverage (0 to 1) and information (bits) of one frame of a LiDAR at a pose."""
-    frames = frames_at(replace(site, file=empty), pose, lidar, site.frames[:1])
+    frames = frames_at(replace(site, file=empty), [*pose], lidar, site.frames[:1])
     points = frames[0].points[:, :3].astype(float)
     to = frames.lidar.T_world_levelled
     ends = np.column_stack([to_world(points[:, :2], to), points[:, 2] + to.z])
@@ -106,7 +106,7 @@ def measures(
 def reached_voxels(start: FloatArray, ends: FloatArray, filled: Occupancy) -> BoolArray:
     """Returns which voxels of the grid the beams from `start` to `ends` (n, 3) pass or hit."""
     reached = np.zeros(filled.probability.shape, bool)
-    top = filled.corner[2] + reached.shape[2] * VOXEL_M[2]
+    top = filled.corner[2] + filled.probability.shape[2] * VOXEL_M[2]
     fall = (start[2] - top) / np.maximum(start[2] - ends[:, 2], 1e-9)
     # The share of its length at which a beam comes down to the height of the grid.
     enters = np.clip(fall, 0, 1) if start[2] > top else np.zeros(len(ends))

@@ -121,7 +121,8 @@ def poses_of(site: PlanSite, count: int) -> FloatArray:
     made = feasible(with_faults(make_candidates(site, WITHIN_M, grid), site), site)
     rng = np.random.default_rng(int(yaml.safe_load(site.file.read_text())["seed"]))
     others = made[POSE].to_numpy(float)[rng.permutation(len(made))]
-    return np.concatenate([[scene_pose], others])[:count]
+    poses: FloatArray = np.concatenate([[scene_pose], others])[:count]
+    return poses
 
 
 def pose_of(run: Run, site: PlanSite) -> FloatArray:
@@ -140,7 +141,7 @@ def store(run: Run, frames: int, work: Path) -> None:
     lidar = load_lidar(lidar_file(run.lidar), site.preset)
     results: dict[str, Measured] = {}
     if run.detect:
-        sequence = frames_at(site, pose, lidar, site.frames, threads=1)
+        sequence = frames_at(site, [*pose], lidar, site.frames, threads=1)
         sequence.kept = 2 * frames + 1  # both detectors read clouds that are simulated once
         results = {name: measure_frames(sequence, name) for name in DETECTORS}
     objects = objects_of(site, pose, lidar, results)
@@ -189,9 +190,8 @@ def read(run: Run, work: Path) -> Outcome:
 def detection_ms(run: Run, detector: str, frames: int, work: Path) -> float:
     """Returns the CPU time (ms) of a detector per frame, without simulation and evaluation."""
     site = site_of(run.site, frames, work)
-    sequence = frames_at(
-        site, pose_of(run, site), load_lidar(lidar_file(run.lidar)), site.frames[:TIMED_FRAMES]
-    )
+    pose, lidar = pose_of(run, site), load_lidar(lidar_file(run.lidar))
+    sequence = frames_at(site, [*pose], lidar, site.frames[:TIMED_FRAMES])
     model = detector_for(sequence, detector)
     detect(model, sequence)  # simulated frames stay in memory, and weights are read
     started = time.process_time()

@@ -258,8 +258,8 @@ def number_of_poles(options: Options, rows: pd.DataFrame) -> Iterator[str]:
     if len(best) < 2:
         return
     texts = [
-        f"{row.poles} {'poles find' if row.poles > 1 else 'pole finds'} {row.recall:.0f} of 100 for "
-        f"{usd(row.price_usd)}"
+        f"{row.poles} {'poles find' if row.poles > 1 else 'pole finds'} {row.recall:.0f} of 100 "
+        f"for {usd(row.price_usd)}"
         for row in best.itertuples()
     ]
     yield f"Most vehicles by number of poles: {'; '.join(texts)}."

@@ -37,7 +37,7 @@ from pyinfra.experiments.planner.detectability import Detectability, read_detect
 from pyinfra.experiments.planner.lidars import PlanLidar, open_lidars
 from pyinfra.experiments.planner.predict import Prediction, predict
 from pyinfra.experiments.planner.race import Race, detection_probabilities, race
-from pyinfra.experiments.planner.rain import WITH_WEATHER, recall_in_rain, rain_lines
+from pyinfra.experiments.planner.rain import WITH_WEATHER, rain_lines, recall_in_rain
 from pyinfra.experiments.planner.request import Request, checked
 from pyinfra.experiments.planner.site import PlanSite, open_site, scene_path
 

@@ -20,8 +20,8 @@ from pyinfra.experiments.planner.detectability import (
     Detectability,
     Law,
     ap_of_counts,
-    false_per_frame,
     detection_probability,
+    false_per_frame,
     highest_recall_cut,
     object_terms,
 )
