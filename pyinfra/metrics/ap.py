@@ -29,10 +29,10 @@ _CHUNK = 4_000_000  # operating points times replicates that are computed togeth
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Counted predictions in order of descending score, and the objects to be found.
+    """Counted predictions in order of descending score, and the number of objects in each slot.
 
-    Only scores with at least one true positive are operating points. Between two operating points
-    precision only falls, so no definition of AP needs the other scores.
+    Only a score of at least one true positive is an operating point. Between two operating points
+    precision only falls, so AP does not depend on the other scores.
     """
 
     scores: FloatArray  # (k,) scores of the operating points, descending
@@ -167,7 +167,7 @@ def _over_replicates(
     """Returns the values of `measure` for all replicates: (replicates, width).
 
     measure: maps true positives (d, k), precision (d, k) and objects (d,) of d replicates to
-    (d, width). It is called for chunks of replicates.
+    (d, width). It is called once for each chunk of replicates.
     """
     if weights is None:
         objects = ranking.objects.sum(keepdims=True)
@@ -197,7 +197,7 @@ def _chunks(replicates: int, points: int) -> Iterator[slice]:
 def _per_slot(ranking: Ranking) -> tuple[FloatArray, FloatArray]:
     """Returns cumulative numbers of true positives and predictions, (slots, points) each.
 
-    They are counted in each slot, up to each operating point of `_some_points`.
+    An entry is the number in one slot, up to one operating point of `_some_points`.
     """
     points = _some_points(ranking)
     true_positives_upto, upto = ranking.true_positives_upto[points], ranking.upto[points]
@@ -205,8 +205,8 @@ def _per_slot(ranking: Ranking) -> tuple[FloatArray, FloatArray]:
 
     def cumulated(slot: IntArray, upto: IntArray) -> FloatArray:
         point = np.repeat(np.arange(len(upto)), np.diff(upto, prepend=0))
-        cell = slot[: len(point)] * len(upto) + point
-        counts = np.bincount(cell, minlength=slots * len(upto)).reshape(slots, len(upto))
+        slot_and_point = slot[: len(point)] * len(upto) + point
+        counts = np.bincount(slot_and_point, minlength=slots * len(upto)).reshape(slots, len(upto))
         return np.cumsum(counts, axis=1, dtype=np.float64)
 
     return cumulated(ranking.true_positive_slot, true_positives_upto), cumulated(ranking.slot, upto)

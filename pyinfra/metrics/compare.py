@@ -18,20 +18,21 @@ def compare(
     *,
     ground_truth: str | None = None,
 ) -> Interval:
-    """Returns the paired difference in AP (R1000), the first evaluation less the second.
+    """Returns the paired difference in AP (R1000): AP of `a` less AP of `b`.
 
     Parameters
     ----------
     a, b : two evaluations of the same frames and objects, for instance of two detectors, or of two
         LiDARs in one scene. Two lists of evaluations are also accepted, with one evaluation per
-        seed, in the same order
-    ground_truth : `captured`, `all`, ...; by default the first that both evaluations have
+        seed. The seeds must have the same order in both lists
+    ground_truth : name of a ground-truth subset, such as `captured`; by default the first subset
+        that both evaluations have
 
     Returns
     -------
-    value, low, high : the difference and its 95 % interval. For single evaluations the interval is
-        a bootstrap over blocks of time. For lists it is Student's t over the seeds' differences.
-        The difference is significant if the interval excludes 0.
+    value, low, high : the difference and its 95 % interval. For two single evaluations the interval
+        comes from a bootstrap over blocks of time. For two lists it is Student's t interval of the
+        seeds' differences. The difference is significant if the interval excludes 0.
 
     Raises
     ------
@@ -41,16 +42,18 @@ def compare(
     --------
     >>> import pyinfra as pi
     >>> frames = pi.simulate(pi.load_scene("highway"), "helios_16", range(0, 500, 100))
-    >>> every = pi.evaluate(frames, frames.labels.assign(score=1.0))
-    >>> some = pi.evaluate(frames, frames.labels[::2].assign(score=1.0))
-    >>> pi.compare(every, some).value > 0
+    >>> all_boxes = pi.evaluate(frames, frames.labels.assign(score=1.0))
+    >>> half_of_boxes = pi.evaluate(frames, frames.labels[::2].assign(score=1.0))
+    >>> pi.compare(all_boxes, half_of_boxes).value > 0
     True
     """
     for name, value in (("a", a), ("b", b)):
-        several = value if isinstance(value, (list, tuple)) else [value]
-        for one in several:
-            if not isinstance(one, Evaluation):
-                raise Error(f"{name}: expected results of evaluate, got {type(one).__name__}")
+        evaluations = value if isinstance(value, (list, tuple)) else [value]
+        for evaluation in evaluations:
+            if not isinstance(evaluation, Evaluation):
+                raise Error(
+                    f"{name}: expected results of evaluate, got {type(evaluation).__name__}"
+                )
     if isinstance(a, Evaluation) and isinstance(b, Evaluation):
         return over_seeds([_difference(a, b, ground_truth)])
     if isinstance(a, Evaluation) or isinstance(b, Evaluation):
@@ -64,15 +67,16 @@ def compare(
 
 
 def _difference(a: Evaluation, b: Evaluation, ground_truth: str | None) -> Bootstrapped:
-    names = [set(one.ap.ground_truth) for one in (a, b)]
+    names = [set(evaluation.ap.ground_truth) for evaluation in (a, b)]
     common = [name for name in a.ap.ground_truth if name in names[1]]
-    which = ground_truth or (common[0] if common else "")
-    if which not in common:
-        raise Error(f"ground_truth: expected one of {', '.join(common)}, got '{which}'")
+    subset = ground_truth or (common[0] if common else "")
+    if subset not in common:
+        raise Error(f"ground_truth: expected one of {', '.join(common)}, got '{subset}'")
     rows = []
-    for one in (a, b):
-        table = one.replicates[
-            (one.replicates.ground_truth == which) & (one.replicates.measure == "ap_r1000")
+    for evaluation in (a, b):
+        table = evaluation.replicates[
+            (evaluation.replicates.ground_truth == subset)
+            & (evaluation.replicates.measure == "ap_r1000")
         ]
         rows.append(table.iloc[0])
     try:

@@ -20,7 +20,7 @@ from pyinfra.metrics import intervals
 
 @dataclass(frozen=True)
 class Interval:
-    """A figure and its 95 % interval, whose ends are NaN if it is unknown."""
+    """A figure and its 95 % interval. Both ends are NaN if the interval is unknown."""
 
     value: float
     low: float
@@ -28,7 +28,7 @@ class Interval:
 
     @property
     def is_known(self) -> bool:
-        """Whether there is an interval."""
+        """Whether the interval is known."""
         return math.isfinite(self.low) and math.isfinite(self.high)
 
     @property
@@ -43,7 +43,7 @@ class Bootstrapped:
 
     value: float
     replicates: FloatArray  # (d,) value in each replicate; NaN where undefined
-    blocks: float  # number of blocks in the whole time
+    blocks: float  # number of time blocks in the evaluated frames
 
     def less(self, other: Bootstrapped) -> Bootstrapped:
         """Returns this figure less another one with replicates of the same blocks."""
@@ -56,8 +56,9 @@ class Bootstrapped:
 
     def over(self, other: Bootstrapped) -> Bootstrapped:
         """Returns this figure divided by another one with replicates of the same blocks."""
-        both = np.append(self.replicates, self.value), np.append(other.replicates, other.value)
-        *replicates, value = intervals.ratio(*both)
+        above = np.append(self.replicates, self.value)
+        below = np.append(other.replicates, other.value)
+        *replicates, value = intervals.ratio(above, below)
         return Bootstrapped(float(value), np.array(replicates), self.blocks)
 
     def measured(self) -> Interval:
@@ -74,9 +75,10 @@ def over_seeds(values: Sequence[Bootstrapped]) -> Interval:
 
 
 def over_replicates(per_seed: Sequence[float], level: float = intervals.LEVEL) -> Interval:
-    """Returns the mean of a figure over seeds, with Student's t interval of a confidence level.
+    """Returns the mean of a figure over seeds, with Student's t interval at confidence `level`.
 
-    Each seed has its own traffic and training.
+    The seeds must be independent: each seed has its own traffic and training. Both ends are NaN for
+    fewer than two seeds.
     """
     values = np.asarray(per_seed, dtype=np.float64)
     if len(values) < 2:

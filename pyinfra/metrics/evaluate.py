@@ -1,8 +1,8 @@
 """Average precision of predictions.
 
 Predictions can come from any detector, as KITTI result files or as CSV in the LiDAR frame.
-match_results.py defines which predictions and vehicles count. ap.py defines AP. The section
-"Evaluation" of docs/conventions.md has the other rules.
+match_results.py defines which predictions and vehicles count. ap.py defines AP. The other rules are
+in the section "Evaluation" of docs/conventions.md.
 """
 
 from __future__ import annotations
@@ -56,13 +56,14 @@ def evaluate(
     gt : frames in memory (`simulate`, `load_dataset`), or a LiDAR's folder
     pred : a table with the columns frame, type, x y z dx dy dz heading, score (levelled LiDAR
         frame, metres, radians), or a folder of KITTI results or CSV files
-    settings : classes, ground truths, thresholds; by default vehicles at BEV IoU 0.5
+    settings : classes, ground-truth subsets, thresholds; by default vehicles at BEV IoU 0.5
     object_class : a name of OBJECT_CLASSES (`vehicle`, `pedestrian`, `cyclist`), by default
         `vehicle`. Give either this or `settings`
     frames : frame numbers to evaluate; by default all frames in memory, or those of the split
-    split : name of a list in ImageSets of a folder, or `all`; by default `val` if it exists
+    split : name of a list in the folder's ImageSets, or `all`; by default `val` if it exists
     allow_missing : whether a frame without a prediction file counts as a frame without boxes
-    ranges : whether to compute AP and recall within ranges of the sensor (`result.ranges`)
+    ranges : whether to also compute AP and recall within 10, 20 ... 100 m of the sensor
+        (`result.ranges`)
 
     Returns
     -------
@@ -139,22 +140,22 @@ def _predictions(
     *,
     allow_missing: bool,
 ) -> tuple[PredictionFiles, Predictions]:
-    """Returns the predictions of a table or of files.
+    """Returns the prediction files and the predictions, read from a table or from a folder.
 
-    folder: the LiDAR's folder, if the frames are on disk.
+    folder: the LiDAR's folder; None if the frames are in memory.
     """
     numbers = sequence.numbers
     if isinstance(pred, pd.DataFrame):
         names = tuple(Path(f"frame {k}") for k in numbers)
         return PredictionFiles(names, ()), predictions_of(pred, numbers)
-    known = frame_numbers(folder, "all") if folder else numbers
+    all_frames = frame_numbers(folder, "all") if folder else numbers
     if not isinstance(pred, (str, os.PathLike)):
         raise Error(f"pred: expected a table or a folder, got {type(pred).__name__}")
     prediction_files = find_files(
-        Path(pred), numbers, known, lidar_folder=folder, allow_missing=allow_missing
+        Path(pred), numbers, all_frames, lidar_folder=folder, allow_missing=allow_missing
     )
-    one = Cameras((kitti.simulated(),), np.zeros(len(numbers), dtype=np.int64))
-    cameras = read_cameras(folder, numbers) if folder else one
+    simulated_camera = Cameras((kitti.simulated(),), np.zeros(len(numbers), dtype=np.int64))
+    cameras = read_cameras(folder, numbers) if folder else simulated_camera
     return prediction_files, read_predictions(prediction_files.files, cameras)
 
 
@@ -166,26 +167,27 @@ def match_results_of(
     frames: Sequence[int] | None = None,
     split: str | None = None,
 ) -> list[MatchResult]:
-    """Returns the match result of each ground truth in the settings.
+    """Returns the match result of each ground-truth subset in the settings.
 
-    Boxes are matched by footprints, for the first class and IoU of the settings. frames, split and
-    errors are as in `evaluate`.
+    Boxes are matched by the IoU of their footprints, for the first class and the first threshold of
+    the settings. The arguments `frames` and `split` and the exceptions are as in `evaluate`.
     """
     frames = frame_numbers(gt, split) if frames is None else sorted(frames)
     truth = read_ground_truth(gt, frames, beyond_range=True)
     files = find_files(pred, frames, frame_numbers(gt, "all"), lidar_folder=gt).files
     predictions = read_predictions(files, read_cameras(gt, frames))
-    one = match_input(truth, predictions, next(iter(settings.classes)), settings, "bev")
-    matches = one.match(settings.ious[0], strict=False)
+    class_input = match_input(truth, predictions, next(iter(settings.classes)), settings, "bev")
+    matches = class_input.match(settings.ious[0], strict=False)
     return [
-        count_matches(one, which, matches, settings.min_points) for which in settings.ground_truths
+        count_matches(class_input, which, matches, settings.min_points)
+        for which in settings.ground_truths
     ]
 
 
 def default_settings(gt: Path, object_class: str = "vehicle") -> Settings:
-    """Returns the default settings of a class.
+    """Returns the default settings of a class for the LiDAR's folder `gt`.
 
-    If the folder has no objects, the only ground truth is `captured`.
+    If the folder has no training/objects, `captured` is the only ground-truth subset.
     """
     return settings_of(object_class, has_objects=(gt / "training/objects").is_dir())
 
@@ -203,8 +205,8 @@ def class_settings(classes: Mapping[str, tuple[str, ...]], *, custom_iou: bool =
     """Returns the default settings of classes.
 
     Pedestrians and cyclists have a lower IoU threshold than vehicles, and are also matched by
-    centres. custom_iou: whether the user gives an IoU. If not, raises Error for vehicles together
-    with pedestrians or cyclists, because their IoU thresholds differ.
+    centres. Because the thresholds differ, the function raises Error for vehicles together with
+    pedestrians or cyclists. With custom_iou it does not, because the user gives the threshold.
     """
     of_people = [are_people(types) for types in classes.values()]
     if not any(of_people) or (custom_iou and not all(of_people)):

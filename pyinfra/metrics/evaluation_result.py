@@ -47,7 +47,7 @@ KITTI_LEAST = 41  # with fewer objects the AP of KITTI's devkit cannot reach 100
 class Evaluation:
     """The tables of an evaluation, and findings about its inputs.
 
-    A table has the name of its CSV file.
+    The attribute of a table has the name of its CSV file.
     """
 
     truth: GroundTruth
@@ -81,7 +81,9 @@ class Evaluation:
 
     @cached_property
     def matches(self) -> pd.DataFrame:
-        """Match results of predictions and missed objects, for the first ground truth and IoU.
+        """Match results of predictions and missed objects.
+
+        They are those of the first ground-truth subset, metric and threshold of the settings.
 
         Columns: frame, outcome (`true positive`, `false positive`, `missed`, `ignored`), type,
         x y z dx dy dz heading, score (NaN for a missed object), object_id (-1 if unmatched).
@@ -90,10 +92,10 @@ class Evaluation:
 
     @cached_property
     def hidden_percent(self) -> dict[str, float]:
-        """Share of the region's objects that `all` leaves out, for each class, 0 to 100.
+        """Percentage of the region's objects that are hidden from the mount, for each class.
 
-        These objects are hidden from the mount. The share is NaN if no object is in the region. The
-        result is empty if the frames do not list hidden objects.
+        These objects are in subset `present` but not in `all`. The percentage is NaN if no object
+        is in the region. The result is empty if the frames do not list hidden objects.
         """
         if self.settings is None or not self.truth.has_objects:
             return {}
@@ -114,10 +116,10 @@ class Evaluation:
         if self.predictions is None or self.settings is None:
             raise Error("result: expected a result of evaluate, got tables without predictions")
         first, metric = next(iter(self.settings.classes)), self.settings.metrics[0]
-        one = match_input(self.truth, self.predictions, first, self.settings, metric)
-        matches = one.match(threshold_of(metric, self.settings.ious[0]), strict=False)
+        class_input = match_input(self.truth, self.predictions, first, self.settings, metric)
+        matches = class_input.match(threshold_of(metric, self.settings.ious[0]), strict=False)
         return {
-            which: count_matches(one, which, matches, self.settings.min_points)
+            which: count_matches(class_input, which, matches, self.settings.min_points)
             for which in self.settings.ground_truths
         }
 
@@ -138,9 +140,9 @@ def evaluate_tables(
 ) -> Evaluation:
     """Evaluates predictions in memory.
 
-    predictions.frame are indices of truth.frames. ranges: whether to evaluate within ranges of the
-    sensor too, except for ground truth `common`. The replicates of the AP within each range are
-    then added to table `replicates`.
+    predictions.frame are indices of truth.frames. ranges: whether to also compute AP and recall
+    within ranges of the sensor, except for ground truth `common`. Table `replicates` then also has
+    the AP within each range.
     """
     match_inputs = {
         (name, metric): match_input(truth, predictions, name, settings, metric)
@@ -172,10 +174,10 @@ def _ap_rows(
     The first row is the primary result.
     """
     rows = []
-    for (name, metric), one in match_inputs.items():
+    for (name, metric), class_input in match_inputs.items():
         ious = settings.ious_of(metric)
         matches = {
-            (iou, strict): one.match(threshold_of(metric, iou), strict=strict)
+            (iou, strict): class_input.match(threshold_of(metric, iou), strict=strict)
             for iou in ious
             for strict in {protocol == "kitti" for protocol in settings.protocols}
         }
@@ -183,7 +185,7 @@ def _ap_rows(
             for iou in ious:
                 for protocol in settings.protocols:
                     matched = matches[iou, protocol == "kitti"]
-                    match_result = count_matches(one, which, matched, settings.min_points)
+                    match_result = count_matches(class_input, which, matched, settings.min_points)
                     row = ap_row(match_result, iou, protocol)
                     rows.append({"class": name, "ground_truth": which, **row})
     return rows
@@ -197,9 +199,9 @@ def _off_region(
     enough = threshold_of(metric, settings.ious[0])
     parts = []
     for name in settings.classes:
-        one = match_inputs[name, metric]
-        rows = off_region_table(one, one.match(enough, strict=False))
-        rows.insert(0, "lidar", one.truth.name)
+        class_input = match_inputs[name, metric]
+        rows = off_region_table(class_input, class_input.match(enough, strict=False))
+        rows.insert(0, "lidar", class_input.truth.name)
         rows.insert(1, "class", name)
         parts.append(rows)
     return pd.concat(parts, ignore_index=True)
@@ -208,9 +210,9 @@ def _off_region(
 def _primary_tables(
     one: MatchInput, settings: Settings, *, ranges: bool
 ) -> dict[str, pd.DataFrame]:
-    """Returns the tables other than `ap` and `off_region`, for each ground truth.
+    """Returns all tables except `ap` and `off_region`, with rows for each ground-truth subset.
 
-    They use the first class, metric and threshold, and protocol `definition`.
+    The tables use the first class, metric and threshold, and protocol `definition`.
     """
     enough = threshold_of(one.metric, settings.ious[0])
     matches = one.match(enough, strict=False)
@@ -235,7 +237,7 @@ def _primary_tables(
             by_table["ranges"] = pd.DataFrame([row for row, _ in near])
             measures += [(measure_of(row["range_m"]), r1000) for row, r1000 in near]
         same = same_of(one.truth, match_result.blocks, settings.seed)
-        kept = replicate_rows(same, which, measures)
+        replicate_table = replicate_rows(same, which, measures)
         by_table |= {
             "areas": area_table(match_result, *areas),
             "errors": error_table(match_result),
@@ -244,7 +246,7 @@ def _primary_tables(
         for name, rows in by_table.items():
             rows.insert(0, "ground_truth", which)
             tables.setdefault(name, []).append(rows)
-        tables.setdefault("replicates", []).append(kept)
+        tables.setdefault("replicates", []).append(replicate_table)
     return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()}
 
 
@@ -259,8 +261,8 @@ def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> li
     """Returns warnings about the results."""
     warnings = []
     kinds = {which == "present" for which in settings.ground_truths}
-    every = [blocks_of(truth, settings, present=kind) for kind in kinds]
-    blocks = max(every, key=lambda one: one.block_s)
+    blocks_of_kinds = [blocks_of(truth, settings, present=kind) for kind in kinds]
+    blocks = max(blocks_of_kinds, key=lambda candidate: candidate.block_s)
     if len(blocks.replicates) == 0:
         text = (
             f"expected {MIN_BLOCKS:g} or more time blocks, got {blocks.count:.1f} of "
@@ -270,15 +272,15 @@ def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> li
     for name, row in zip(table["class"], table.itertuples(), strict=True):
         kind = name if are_people(settings.classes[name]) else "vehicle"
         near = f"centres within {CENTRE_M:g} m" if math.isnan(row.iou) else f"IoU {row.iou:g}"
-        what = f"{row.ground_truth}, {near}, {row.protocol}"
+        case = f"{row.ground_truth}, {near}, {row.protocol}"
         value = shown_ap(row)[0]
         if math.isnan(value):
-            warnings.append(("no-objects", f"{what}: no {kind} counts, so AP is undefined"))
+            warnings.append(("no-objects", f"{case}: no {kind} counts, so AP is undefined"))
         elif value == 0:
-            text = f"{what}: AP is 0: {row.predictions} predictions, {row.objects} {kind}s"
+            text = f"{case}: AP is 0: {row.predictions} predictions, {row.objects} {kind}s"
             warnings.append(("ap-zero", f"{text}; `pyinfra validate` checks for common causes"))
         elif str(row.protocol).startswith("kitti") and row.objects < KITTI_LEAST:
             cap = 100 * (row.objects - 1) / (KITTI_LEAST - 1)
-            text = f"{what}: {row.objects} vehicles: the AP of the devkit cannot exceed {cap:g}"
+            text = f"{case}: {row.objects} vehicles: the AP of the devkit cannot exceed {cap:g}"
             warnings.append(("kitti-cap", text))
     return [Finding("warning", name, text) for name, text in warnings]

@@ -20,10 +20,10 @@ def summary(evaluation: Evaluation) -> str:
     iou = [f"{v:g}" if v > 0 else "" for v in evaluation.ap.iou]  # empty for metric `centre`
     head = f"{'class':<12}{'ground truth':<14}{'IoU':>5} {'measure':<26}{'':>5}  "
     lines.append(f"{head}{'95 % interval':<14}{'objects':>8}{'predictions':>12}  hidden")
-    for at, (_, row) in enumerate(evaluation.ap.iterrows()):
+    for i, (_, row) in enumerate(evaluation.ap.iterrows()):
         value, low, high = shown_ap(row)
         lines.append(
-            f"{row['class']:<12}{row.ground_truth:<14}{iou[at]:>5} {measure(row.protocol):<26}"
+            f"{row['class']:<12}{row.ground_truth:<14}{iou[i]:>5} {measure(row.protocol):<26}"
             f"{value:>5.1f}  {_span(low, high):<14}{row.objects:>8}{row.predictions:>12}"
             f"{_hidden(evaluation, row)}"
         )
@@ -54,17 +54,20 @@ def measure(protocol: str) -> str:
 
 
 def _hidden(evaluation: Evaluation, row: Any) -> str:
-    """Returns the share of objects that the row does not count because they are hidden."""
+    """Returns the percentage of hidden objects as text; empty unless the row is of subset `all`."""
     share = evaluation.hidden_percent.get(row["class"], math.nan)
     return f"{share:>6.0f} %" if row.ground_truth == "all" and share >= 0 else ""
 
 
 def _off_region(rows: pd.DataFrame) -> str:
-    """Returns the boxes per minute outside the region, at the lowest score and at 0.5, as text."""
-    some = [row for row in rows.itertuples() if row.score in (rows.score.min(), 0.5)]
+    """Returns as text the boxes per minute outside the region.
+
+    Only boxes with at least a given score are counted, for the lowest score limit and for 0.5.
+    """
+    shown = [row for row in rows.itertuples() if row.score in (rows.score.min(), 0.5)]
     return ", ".join(
         f"{row.boxes_per_min:.1f} from score {row.score:g} ({row.on_people_per_min:.1f} on people)"
-        for row in some
+        for row in shown
     )
 
 

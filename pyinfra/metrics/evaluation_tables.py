@@ -1,4 +1,4 @@
-"""Tables of an evaluation. AP and shares are 0 to 100; low and high are 95 % interval ends."""
+"""Tables of an evaluation. AP and shares are 0 to 100; low and high end the 95 % intervals."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ AP_COLUMNS = (
     "class ground_truth iou protocol ap ap_low ap_high ap_r1000 ap_r1000_low ap_r1000_high "
     "objects predictions frames block_s"
 ).split()
-# An area has quality `high` or `low` if its whole interval is above or below HIGH_QUALITY. Other
-# areas are `undecided`. An area with too few objects is `few`.
+# An area with too few objects has quality `few`. Otherwise its quality is `high` or `low` if the
+# whole interval of its AP is above or below HIGH_QUALITY, and else `undecided`.
 QUALITIES = ("high", "undecided", "low", "few")
 
 
@@ -82,10 +82,10 @@ def shown_ap(row: Any) -> tuple[float, float, float]:
 
 
 def pr_table(match_result: MatchResult) -> pd.DataFrame:
-    """Returns the highest precision at or above each of the recalls 0.01 .. 1.
+    """Returns the highest precision (0 to 1) at or above each of the recalls 0.01 .. 1.
 
-    The precision is 0 for a recall that is not reached. Column score is the score of the operating
-    point at which a recall is reached.
+    The precision is 0 for a recall that is not reached. Column score is the highest score threshold
+    at which the recall is reached, or NaN.
     """
     ranking = match_result.ranking()
     recalls = np.arange(1, PR_RECALLS + 1)
@@ -93,8 +93,8 @@ def pr_table(match_result: MatchResult) -> pd.DataFrame:
     replicates = ap.precision_at_recalls(ranking, PR_RECALLS, weights=match_result.weights)
     low, high = match_result.interval(100 * value, 100 * replicates, ranking.objects)
     needed = -(-recalls * match_result.objects // PR_RECALLS)
-    at = np.searchsorted(ranking.true_positives_upto, needed)
-    score = np.append(ranking.scores, np.nan)[at]
+    point = np.searchsorted(ranking.true_positives_upto, needed)
+    score = np.append(ranking.scores, np.nan)[point]
     ends = {"precision_low": low / 100, "precision_high": high / 100}
     columns = {"precision": value, **ends, "score": score}
     return pd.DataFrame({"recall": recalls / PR_RECALLS, **columns})
@@ -115,7 +115,8 @@ def distance_table(match_result: MatchResult, min_objects: int) -> tuple[pd.Data
 def cell_table(match_result: MatchResult, min_objects: int) -> tuple[pd.DataFrame, FloatArray]:
     """Returns AP of each grid cell, and its replicates, in the form of `distance_table`.
 
-    Columns x, y are the middle of a cell. Column distance_m is its distance from the sensor.
+    Columns x, y are the middle of a cell in the world frame, in metres. Column distance_m is the
+    horizontal distance of the middle from the sensor.
     """
     truth = match_result.match_input.truth
     pose = truth.lidar.T_world_levelled if truth.lidar else None
@@ -190,17 +191,17 @@ def area_table(
 ) -> pd.DataFrame:
     """Returns the number of high-quality areas of each road, and of all roads (road `all`).
 
-    n_tda counts the areas with enough objects. Among these, n_hqda counts the areas with an AP
-    above HIGH_QUALITY, significantly or not. Also among these, `undecided` counts the areas whose
-    interval includes HIGH_QUALITY, or that have no interval.
+    - n_tda: areas with enough objects
+    - n_hqda: those of the n_tda areas with an AP above HIGH_QUALITY, significantly or not
+    - undecided: those of the n_tda areas whose interval includes HIGH_QUALITY or is unknown
     """
     names = list(dict.fromkeys(distance.road))
     groups = [(EVERYWHERE, np.ones(len(distance), dtype=np.bool_))] if len(names) > 1 else []
     groups += [(name, (distance.road == name).to_numpy()) for name in names]
     return pd.DataFrame(
         [
-            {"road": name, **_areas(match_result, distance[at], replicates[at])}
-            for name, at in groups
+            {"road": name, **_areas(match_result, distance[in_road], replicates[in_road])}
+            for name, in_road in groups
         ]
     )
 
@@ -228,8 +229,8 @@ def _areas(
 def high_quality_share(distance: pd.DataFrame, replicates: FloatArray) -> FloatArray:
     """Returns the percentage of high-quality areas in each replicate.
 
-    Only areas with an interval count. The percentage is NaN for a replicate in which no area has an
-    AP.
+    Only areas with enough objects and a known interval count. The percentage is NaN for a replicate
+    in which no area has an AP.
     """
     shown = ((distance.quality != "few") & distance.ap_r1000_low.notna()).to_numpy()
     defined = (~np.isnan(replicates[shown])).sum(0)
@@ -237,10 +238,11 @@ def high_quality_share(distance: pd.DataFrame, replicates: FloatArray) -> FloatA
 
 
 def error_table(match_result: MatchResult) -> pd.DataFrame:
-    """Returns the errors of true positives, prediction less vehicle, along the vehicle's axes.
+    """Returns the errors of true positives: the predicted box less the vehicle's box.
 
-    Rows ahead, left and up are errors of the centre. Row heading is the error modulo 180 degrees.
-    Row reversed is the share of boxes that point backwards. The interval is that of mean_absolute.
+    Rows ahead, left and up are errors of the centre along the vehicle's axes. Row horizontal is the
+    horizontal distance of the centres. Row heading is the error modulo 180 degrees. Row reversed is
+    the share of boxes that point backwards. Columns low and high belong to mean_absolute.
     """
     match_input = match_result.match_input
     p = match_input.predictions.boxes[match_result.true_positive]
@@ -274,16 +276,16 @@ def _error(match_result: MatchResult, values: FloatArray, slot: IntArray) -> dic
     absolute = np.abs(values)
     sums = np.bincount(slot, absolute, minlength=weights.shape[1])
     counts = np.bincount(slot, minlength=weights.shape[1])
-    some = len(values) > 0
-    mean = float(absolute.mean()) if some else math.nan
+    has_values = len(values) > 0
+    mean = float(absolute.mean()) if has_values else math.nan
     replicates = _ratio(weights @ sums, weights @ counts)
     low, high = match_result.interval(mean, replicates, counts, most=math.inf)
     return {
-        "mean": values.mean() if some else math.nan,
+        "mean": values.mean() if has_values else math.nan,
         "mean_absolute": mean,
         "low": float(low),
         "high": float(high),
-        "absolute_95_percent": np.percentile(absolute, 95) if some else math.nan,
+        "absolute_95_percent": np.percentile(absolute, 95) if has_values else math.nan,
         "objects": len(values),
     }
 
@@ -306,11 +308,11 @@ def false_positive_table(match_result: MatchResult, iou: float, *, strict: bool)
 
 
 def off_region_table(match_input: MatchInput, matches: IntArray) -> pd.DataFrame:
-    """Returns how many unmatched boxes have their centre outside the region, by least score.
+    """Returns the number of unmatched boxes with their centre outside the region, by least score.
 
-    Columns *_per_min are numbers per minute of the frames' time. Columns on_people count boxes of
-    vehicles on labelled pedestrians and cyclists, which are false positives. Counts are NaN if no
-    region is known.
+    Columns *_per_min are numbers per minute of the frames' time. Columns on_people* count the
+    vehicle boxes on labelled pedestrians and cyclists; these boxes are false positives. Counts are
+    NaN if no region is known.
     """
     truth, scores = match_input.truth, match_input.predictions.scores
     off = (matches < 0) & ~match_input.prediction_places.inside
@@ -318,8 +320,8 @@ def off_region_table(match_input: MatchInput, matches: IntArray) -> pd.DataFrame
     rows = []
     for cut in CUTS:
         row: dict[str, Any] = {"score": cut, "minutes": minutes}
-        for name, which in (("boxes", off), ("on_people", off & match_input.on_people)):
-            count = np.count_nonzero(which & (scores >= cut)) if truth.has_region else math.nan
+        for name, counted in (("boxes", off), ("on_people", off & match_input.on_people)):
+            count = np.count_nonzero(counted & (scores >= cut)) if truth.has_region else math.nan
             row |= {name: count, f"{name}_per_min": count / minutes}
         rows.append(row)
     return pd.DataFrame(rows)

@@ -1,7 +1,8 @@
 """Checks of frames and predictions.
 
-Files that do not follow their format are errors. The checks also report common causes of an AP of 0
-on roadside frames: heights, point ranges, filters by image size, headings, frames of reference.
+A file that does not follow its format is an error. The checks also report common causes of an AP of
+0 on roadside frames. Examples are wrong heights, short point ranges, filters by image size, wrong
+headings and wrong frames of reference.
 """
 
 from __future__ import annotations
@@ -34,18 +35,19 @@ from pyinfra.metrics.ground_truth_checks import ground_truth_findings
 from pyinfra.metrics.prediction_checks import Finding, check_predictions, find_files
 from pyinfra.metrics.settings import Settings
 
-MOST_ERRORS = 20  # errors that are listed
-CLOUDS = 50  # clouds that are read, evenly spread
-COUNTED = 1000  # clouds whose points in boxes are counted, evenly spread
+MOST_ERRORS = 20  # largest number of errors that one check lists
+# Every n-th cloud is checked, where n is the number of clouds // CLOUDS (or // COUNTED).
+CLOUDS = 50  # clouds whose format, intensities and points in labelled boxes are checked
+COUNTED = 1000  # clouds whose points in the objects' boxes are counted
 POINT_BYTES, FIELD_BYTES = 16, kitti.FIELDS.itemsize
 NEIGHBOURS = 21  # a cloud's size is compared with the median of this many frames
 SMALL = 0.5  # clouds smaller than this share of the median are reported
-FEW_POINTS = 10  # up to this many missing points in the objects of a cloud are no error
+FEW_POINTS = 10  # up to this many points may be missing in the objects' boxes of a cloud
 LOST_SHARE = 0.05
-FAR_MARGIN_M = 5.0  # points may be this far beyond the LiDAR's range, because of range noise
+FAR_MARGIN_M = 5.0  # tolerance for points beyond the LiDAR's range, because of range noise
 USUAL_LOW_Z = -3.0  # lower end of the point range in common configurations for cars
-USUAL_FAR_M = 70.4  # far end of that point range
-HEIGHT_FILTER_PX = 25.0  # KITTI's tools leave out labels with a lower 2-D box
+USUAL_FAR_M = 70.4  # far end of the point range in common configurations for cars
+HEIGHT_FILTER_PX = 25.0  # KITTI's tools ignore labels whose 2-D box is lower than this
 MARGIN_M = 0.1  # margin around a box when points in it are counted
 
 
@@ -210,7 +212,7 @@ def _counts(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
         return
     lidar = kitti.read_lidar(folder)
     if lidar.preset == kitti.RECORDED:
-        return  # in a recording, the import counted the points in objects from the same cloud
+        return  # the import of a recording counted these points in the same cloud
     farthest = max(unit.range_m[1] for unit in lidar.field_of_view) + FAR_MARGIN_M
     farthest += max(float(np.hypot(sensor.x, sensor.y)) for sensor in lidar.sensors)
     errors = []
@@ -256,7 +258,7 @@ def _points_in(box: FloatArray, points: Points) -> int:
 
 
 def _ranges(folder: Path, vehicles: Vehicles) -> Iterator[Finding]:
-    """Yields notes on the ranges of z, x and y that a detector's configuration must include."""
+    """Yields notes on the point range (z, x, y) that a detector's configuration must cover."""
     captured = vehicles.select(vehicles.points > 0)
     if len(captured) == 0:
         return
@@ -282,10 +284,10 @@ def _ranges(folder: Path, vehicles: Vehicles) -> Iterator[Finding]:
 
 
 def _predictions(folder: Path, pred: Path, split: str | None, allow_missing: bool) -> list[Finding]:
-    chosen, known = frame_numbers(folder, split), frame_numbers(folder, "all")
+    chosen, all_frames = frame_numbers(folder, split), frame_numbers(folder, "all")
     try:
         prediction_files = find_files(
-            pred, chosen, known, lidar_folder=folder, allow_missing=allow_missing
+            pred, chosen, all_frames, lidar_folder=folder, allow_missing=allow_missing
         )
         predictions = read_predictions(prediction_files.files, read_cameras(folder, chosen))
         vehicles = read_vehicles(folder, chosen)
@@ -296,9 +298,9 @@ def _predictions(folder: Path, pred: Path, split: str | None, allow_missing: boo
 
 
 def folders_with_frames(data: Path) -> list[Path]:
-    """Returns the folder itself if it has frames, else the folders in it that have frames.
+    """Returns the folder `data` if it has frames, else its subfolders that have frames.
 
-    Raises FileNotFoundError if there are none.
+    Raises FileNotFoundError if no folder has frames.
     """
     if (data / "training").is_dir():
         return [data]

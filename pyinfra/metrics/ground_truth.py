@@ -1,4 +1,4 @@
-"""The vehicles to be found in the frames of one LiDAR, and which of them count."""
+"""The ground-truth objects in the frames of one LiDAR, and which of them count."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ from pyinfra.formats import kitti
 
 @dataclass(frozen=True, eq=False)
 class GroundTruth:
-    """The vehicles in the frames of one LiDAR, and the data needed to select those that count."""
+    """The objects in the frames of one LiDAR, and the data that decide which objects count."""
 
     folder: Path
     name: str
     period_s: float
-    frames: tuple[int, ...]  # ascending; `vehicles.frame` are indices of it
+    frames: tuple[int, ...]  # frame numbers, ascending; `vehicles.frame` are indices of `frames`
     vehicles: Vehicles  # all vehicles, counted or not
     has_objects: bool  # if False, vehicles are the labels, and only `captured` can be evaluated
-    lidar: kitti.Lidar | None  # None without lidar.yaml
+    lidar: kitti.Lidar | None  # None if the folder has no lidar.yaml
     neighbours: tuple[tuple[kitti.Lidar, kitti.Tilt], ...]  # all LiDARs of the data set
-    roads: tuple[Road, ...]  # empty without roads.csv
+    roads: tuple[Road, ...]  # empty if the data set has no roads.csv
     outlines: tuple[FloatArray, ...]  # outlines that narrow the region, world frame
-    drawn: FloatArray | None  # (m, 2) levelled: outline of the region if no roads are known
+    drawn: FloatArray | None  # (m, 2) outline of a region without roads, levelled LiDAR frame
     of_lanes: bool  # whether each road is one lane, read from a file of lanes
     versions: tuple[str, str] | None = None  # frames_version and version, for frames in memory
 
@@ -57,7 +57,7 @@ class GroundTruth:
     def places(self, boxes: FloatArray, beside_m: float = 0.0) -> Places:
         """Returns where boxes (n, 7) of the levelled LiDAR frame lie on the roads.
 
-        beside_m: width that is added to each side of the roads.
+        beside_m: width in metres that is added to each side of the roads.
         """
         if not self.roads or self.lidar is None:
             return by_distance(boxes, self.drawn, margin_m=beside_m)
@@ -103,10 +103,10 @@ class GroundTruth:
 
     def in_common_view(self, boxes: FloatArray) -> BoolArray:
         """Returns which centres are in the field of view and range of all LiDARs: (n,) bool."""
-        seen = np.ones(len(boxes), dtype=np.bool_)
+        in_view = np.ones(len(boxes), dtype=np.bool_)
         for lidar, tilt in self.neighbours:
-            seen &= field_of_view_mask(lidar, tilt, boxes[:, :3])[1]
-        return seen
+            in_view &= field_of_view_mask(lidar, tilt, boxes[:, :3])[1]
+        return in_view
 
 
 def read_ground_truth(
@@ -162,8 +162,8 @@ def ground_truth_of(frames: FrameSequence) -> GroundTruth:
     if not isinstance(frames, SimulatedFrames):
         raise Error(f"frames: expected a sequence of frames, got {type(frames).__name__}")
     vehicles = frames.vehicles()
-    every = [frames, *frames.beside.values()]
-    farthest = max(every, key=lambda one: (_reach(one.lidar), one.name))
+    sequences = [frames, *frames.beside.values()]
+    farthest = max(sequences, key=lambda sequence: (_reach(sequence.lidar), sequence.name))
     if _reach(farthest.lidar) > _reach(frames.lidar):
         vehicles = with_unreached(vehicles, farthest.of(frames.numbers).vehicles())
     everybody = frames.everybody()
@@ -175,7 +175,10 @@ def ground_truth_of(frames: FrameSequence) -> GroundTruth:
         vehicles=_with(vehicles, everybody.select(_unknown(vehicles, everybody))),
         has_objects=True,
         lidar=frames.lidar,
-        neighbours=tuple((one.lidar, one.tilt) for one in sorted(every, key=lambda one: one.name)),
+        neighbours=tuple(
+            (sequence.lidar, sequence.tilt)
+            for sequence in sorted(sequences, key=lambda sequence: sequence.name)
+        ),
         roads=frames.roads,
         outlines=frames.outlines,
         drawn=None,
@@ -189,9 +192,9 @@ def _reach(lidar: kitti.Lidar) -> float:
 
 
 def with_unreached(vehicles: Vehicles, others: Vehicles) -> Vehicles:
-    """Returns `vehicles`, and the rows of `others` in the region that `vehicles` lacks.
+    """Returns `vehicles`, plus the rows of `others` in the region that are not in `vehicles`.
 
-    The added vehicles have 0 points, and their boxes are those at mid-frame.
+    The added vehicles have 0 points and their boxes at mid-frame.
     """
     return _with(vehicles, others.select(_unknown(vehicles, others) & (others.visibility >= 0)))
 
@@ -199,7 +202,7 @@ def with_unreached(vehicles: Vehicles, others: Vehicles) -> Vehicles:
 def with_absent(
     vehicles: Vehicles, file: Path, frames: Sequence[int], lidar: kitti.Lidar
 ) -> Vehicles:
-    """Returns `vehicles`, and the vehicles of the file trajectories.csv that they lack."""
+    """Returns `vehicles`, plus the vehicles of trajectories.csv that are not in `vehicles`."""
     if not file.is_file():
         return vehicles
     others = read_objects_at(file, frames, lidar.T_world_levelled)
@@ -207,7 +210,7 @@ def with_absent(
 
 
 def _unknown(vehicles: Vehicles, others: Vehicles) -> BoolArray:
-    """Returns which of `others` are not among `vehicles`: (n,) bool."""
+    """Returns which rows of `others` have no row of the same frame and id in `vehicles`: (n,)."""
     base = 1 + max(vehicles.ids.max(initial=0), others.ids.max(initial=0))
     return ~np.isin(others.frame * base + others.ids, vehicles.frame * base + vehicles.ids)
 

@@ -1,4 +1,4 @@
-"""Checks of ground truth for problems that do not make a file unreadable."""
+"""Checks of ground truth for problems in files that can be read."""
 
 from __future__ import annotations
 

@@ -3,10 +3,10 @@
 Neighbouring frames show the same vehicles, so intervals use the circular block bootstrap (Politis
 and Romano 1992). A bootstrap replicate consists of runs of one block length that begin at random
 times. The time is circular: the first frame follows the last one. The standard deviation of a
-figure over the replicates is its standard error. The interval is Student's t with as many samples
-as there are blocks. A block is as long as a vehicle stays (`block_seconds`), because errors are
-correlated for that long. reproduction/commands/coverage.py measures how often these intervals
-include the true value.
+figure over the replicates is its standard error. The interval is Student's t interval, with the
+number of blocks as the number of samples. The block length is the mean time that a vehicle stays
+in view (`block_seconds`), because errors are correlated over that time.
+reproduction/commands/coverage.py measures how often these intervals include the true value.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ BLOCK_STEP_S = 5.0  # block lengths are multiples of this, so that they agree be
 LEAST_BLOCK_S = 20.0  # least block length, because false positives can outlast vehicles
 REPLICATES = 1000
 SEED = 1
-MIN_BLOCKS = 4.0  # with fewer blocks there is no interval
+MIN_BLOCKS = 4.0  # least number of blocks for an interval
 FEW_BLOCKS = f"vehicles are in fewer than {MIN_BLOCKS:g} blocks of time"
 NO_INTERVAL = f"(no interval: {FEW_BLOCKS})"
 LEVEL = 0.95
@@ -35,7 +35,7 @@ LEAST_DEFINED = 0.5  # least share of replicates in which a figure must be defin
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """A figure or an array of figures with 95 % intervals, NaN where an interval is missing."""
+    """A figure or an array of figures with 95 % intervals; unknown intervals have NaN ends."""
 
     value: FloatArray
     low: FloatArray
@@ -54,11 +54,11 @@ class Blocks:
 
     @property
     def count(self) -> float:
-        """The number of blocks in the whole time."""
+        """The number of blocks in the time of all frames; it need not be whole."""
         return int(self.replicates.shape[1]) / self.length
 
     def sums(self, frame: IntArray, values: AnyArray) -> FloatArray:
-        """Sums values (n, ...) over the slot of their frame (n,): (slots, ...) float64."""
+        """Sums values (n, ...) of frames (n,) within each slot: (slots, ...) float64."""
         out = np.zeros((self.replicates.shape[1], *values.shape[1:]))
         np.add.at(out, self.slot[np.searchsorted(self.frames, frame)], values)
         return out
@@ -72,9 +72,9 @@ class Blocks:
     ) -> Estimate:
         """Returns a statistic of sums with its interval.
 
-        sums: (slots, ...), as the method `sums` returns. statistic: maps the sums (m, ...) of m
-        samples to values (m, ...), NaN where undefined. within: range to which the interval is
-        clipped. Replicates without a value are left out.
+        sums: (slots, ...), the result of the method `sums`. statistic: maps the sums (m, ...) of m
+        replicates to values (m, ...), NaN where undefined. within: range to which the interval is
+        clipped. Replicates with an undefined value are left out.
         """
         value = statistic(sums.sum(axis=0)[None])[0]
         low, high = interval(
@@ -91,10 +91,10 @@ def time_blocks(
     replicates: int = REPLICATES,
     seed: int = SEED,
 ) -> Blocks:
-    """Returns the time slots that contain frames, and seeded bootstrap replicates of them.
+    """Returns the time slots that contain frames, and bootstrap replicates of these slots.
 
-    There are no replicates if the time has fewer than MIN_BLOCKS blocks. Raises Error if the frames
-    are not in ascending order.
+    frames: (f,) frame numbers. There are no replicates if the slots make fewer than MIN_BLOCKS
+    blocks. Raises Error if the frame numbers are not ascending.
     """
     if np.any(np.diff(frames) <= 0):
         raise Error("frames: expected ascending numbers, got others")
@@ -102,7 +102,7 @@ def time_blocks(
     numbers = np.floor(frames * period_s / SLOT_S + 1e-9)
     _, first, slot = np.unique(numbers, return_index=True, return_inverse=True)
     count = len(first)
-    # For frames that are 2.5 s apart, the numbers of their slots differ by 2 and 3 in turn.
+    # The median of the differences is used: frames 2.5 s apart have slots that differ by 2 or 3.
     apart_s = period_s * float(np.median(np.diff(frames[first]))) if count > 1 else SLOT_S
     length = max(1, round(block_s / max(SLOT_S, apart_s)))
     enough = count >= MIN_BLOCKS * length
@@ -112,27 +112,28 @@ def time_blocks(
 
 
 def _runs(count: int, length: int, replicates: int, random: np.random.Generator) -> IntArray:
-    """Returns how often each slot is in a replicate: (replicates, count).
+    """Returns how often each replicate contains each slot: (replicates, count).
 
-    A replicate consists of random runs of `length` slots, cut to `count` slots in all.
+    A replicate consists of runs of `length` slots that begin at random slots. The last run is cut,
+    so that the replicate has `count` slots.
     """
     runs = -(-count // length)
     starts = random.integers(0, count, size=(replicates, runs))
     slots = (starts[:, :, None] + np.arange(length)).reshape(replicates, runs * length)
     slots = slots[:, :count] % count
-    cell = slots + count * np.arange(replicates)[:, None]
-    return np.bincount(cell.ravel(), minlength=replicates * count).reshape(replicates, count)
+    flat = slots + count * np.arange(replicates)[:, None]
+    return np.bincount(flat.ravel(), minlength=replicates * count).reshape(replicates, count)
 
 
 def block_seconds(frame: IntArray, ids: IntArray, apart_s: float) -> float:
     """Returns the block length in seconds: the mean stay of a vehicle, rounded up.
 
     The mean is over all rows, so a vehicle that stays longer has a higher weight. The length is a
-    multiple of BLOCK_STEP_S, and LEAST_BLOCK_S or more. Errors are correlated for as long as a
-    vehicle stays if it is found either in all of its frames or in none.
+    multiple of BLOCK_STEP_S, and at least LEAST_BLOCK_S. If a vehicle is detected either in all of
+    its frames or in none, errors are correlated for as long as the vehicle stays.
 
-    frame, ids: (n,) frame and id of every vehicle that any LiDAR can find. apart_s: time between
-    two frames.
+    frame, ids: (n,) frame and id of each vehicle that any LiDAR can detect. apart_s: time between
+    two frames, in seconds.
     """
     stay = np.unique(ids, return_counts=True)[1].astype(np.float64)
     seconds = apart_s * float((stay**2).sum() / stay.sum()) if len(stay) else 0.0
@@ -148,23 +149,23 @@ def interval(
     ends are NaN if there are no replicates, or if fewer than half of the replicates are defined.
     """
     value = np.asarray(value, dtype=np.float64)
-    known = ~np.isnan(replicates)
-    count = known.sum(axis=0)
-    none = (count < max(2, LEAST_DEFINED * len(replicates))) | np.isnan(value)
+    defined = ~np.isnan(replicates)
+    count = defined.sum(axis=0)
+    undefined = (count < max(2, LEAST_DEFINED * len(replicates))) | np.isnan(value)
     if len(replicates) == 0 or blocks <= 1:
         return np.full_like(value, np.nan), np.full_like(value, np.nan)
     divisor = np.maximum(count, 2)
-    mean = np.where(known, replicates, 0.0).sum(axis=0) / divisor
-    variance = np.where(known, replicates - mean, 0.0) ** 2
+    mean = np.where(defined, replicates, 0.0).sum(axis=0) / divisor
+    variance = np.where(defined, replicates - mean, 0.0) ** 2
     error = np.sqrt(variance.sum(axis=0) / (divisor - 1))
     half = error * student(blocks) * math.sqrt(blocks / (blocks - 1))
-    return np.where(none, np.nan, value - half), np.where(none, np.nan, value + half)
+    return np.where(undefined, np.nan, value - half), np.where(undefined, np.nan, value + half)
 
 
 def student(samples: float, level: float = LEVEL) -> float:
-    """Returns half the width of Student's interval, in standard errors.
+    """Returns half the width of Student's t interval, in standard errors.
 
-    samples: number of independent samples. level: confidence level, by default 95 %.
+    samples: number of independent samples. level: confidence level, 0 to 1.
     """
     return float(stats.t.ppf((1 + level) / 2, samples - 1))
 

@@ -1,13 +1,15 @@
 """Quality measures of a detector on frames without labels.
 
-Predictions are compared with moving points, which are found by subtracting the static background of
-a fixed sensor. Standing vehicles have no moving points, but moving leaves have some. Therefore no
-measure is an error rate by itself. All measures depend on the least score of the boxes.
+Predictions are compared with moving points: the points that remain when the static background of a
+fixed sensor is subtracted. Standing vehicles have no moving points, but moving leaves have some.
+Therefore no measure is an error rate by itself. All measures depend on the least score of the
+boxes.
 
-- A box is *confirmed* if at least POINTS points in it move.
-- A cluster of moving points *travels* if it is tracked over TRACK consecutive frames or more, moves
-  at least TRAVELLED_M away from its first position, and its path is not longer than that distance
-  divided by STRAIGHT. Moving leaves do not meet these conditions.
+- A box is *confirmed* if it contains at least POINTS moving points.
+- A cluster of moving points *travels* if it meets three conditions. It is tracked over TRACK
+  consecutive frames or more. It moves at least TRAVELLED_M away from its first position. Its path
+  is not longer than the largest distance from that position divided by STRAIGHT. Moving leaves do
+  not meet these conditions.
 - A cluster is *found* if a box overlaps it, or if the centre of a box is within NEAR_M.
 - A box *flickers* if neither the previous nor the next frame has a box of the same object.
 - A box *stands* if boxes are at its position in at least HALF of all frames and less than HALF of
@@ -30,7 +32,7 @@ POINTS = 3
 TRACK = 4
 TRAVELLED_M = 3.0
 STRAIGHT = 0.7
-STEP_M = 0.3  # smaller steps of a path are jitter and do not count
+STEP_M = 0.3  # steps up to this length are position noise and do not add to the path
 NEAR_M = 2.0
 HERE_M = 1.0  # boxes whose centres are at most this far apart are at the same position
 HALF = 0.5
@@ -56,9 +58,9 @@ class BoxSeries:
 
 @dataclass(frozen=True)
 class Trust:
-    """A row of `trust.csv`, for boxes with a score of `score` or more.
+    """A row of `trust.csv`: the measures of all boxes with a score of `score` or more.
 
-    A share is NaN if its denominator is 0.
+    Shares are 0 to 1. A share is NaN if its denominator is 0.
     """
 
     score: float
@@ -68,7 +70,7 @@ class Trust:
     recall: float  # share of travelling clusters that are found
     travelling_per_frame: float  # travelling clusters per frame
     off_region_share: float  # share of boxes outside the region; NaN if no region is known
-    flicker_share: float  # share of boxes that flicker, in frames with both neighbours
+    flicker_share: float  # share of boxes that flicker, in frames with a previous and a next frame
     standing_share: float  # share of boxes that stand
 
 
@@ -114,11 +116,11 @@ def trust(
 
 
 def links(seen: BoxSeries, period_s: float) -> IntArray:
-    """Returns the box of the next frame that each box is linked to: (n,), -1 for none.
+    """Returns the index of the box in the next frame that each box is linked to: (n,), -1 for none.
 
-    The last step of a box predicts its next position. Two boxes are linked if the second is the
-    nearest to the predicted position of the first, and the reverse. Their distance must be at most
-    SLACK_M plus the distance that FASTEST_M_S covers in one period.
+    The last step of a box predicts its next position. A box is linked to the box that is nearest to
+    its predicted position, if no other prediction is nearer to that box. The distance must be at
+    most SLACK_M plus the distance that an object of speed FASTEST_M_S covers in one period.
     """
     after = np.full(len(seen), -1)
     numbers, start = np.unique(seen.frame, return_index=True)
@@ -128,15 +130,15 @@ def links(seen: BoxSeries, period_s: float) -> IntArray:
     for i in range(len(numbers) - 1):
         if numbers[i + 1] != numbers[i] + 1:
             continue
-        here, there = np.arange(start[i], ends[i]), np.arange(start[i + 1], ends[i + 1])
-        expected = seen.boxes[here, :2] + moved[here]
-        gap = np.linalg.norm(expected[:, None] - seen.boxes[None, there, :2], axis=2)
+        current, following = np.arange(start[i], ends[i]), np.arange(start[i + 1], ends[i + 1])
+        expected = seen.boxes[current, :2] + moved[current]
+        gap = np.linalg.norm(expected[:, None] - seen.boxes[None, following, :2], axis=2)
         best, back = gap.argmin(axis=1), gap.argmin(axis=0)
-        rows = np.arange(len(here))
+        rows = np.arange(len(current))
         paired = (back[best] == rows) & (gap[rows, best] <= reach)
-        after[here[paired]] = there[best[paired]]
-        step = seen.boxes[there[best], :2] - seen.boxes[here, :2]
-        moved[there[best[paired]]] = step[paired]
+        after[current[paired]] = following[best[paired]]
+        step = seen.boxes[following[best], :2] - seen.boxes[current, :2]
+        moved[following[best[paired]]] = step[paired]
     return after
 
 
@@ -158,7 +160,7 @@ def travels(seen: BoxSeries, period_s: float) -> BoolArray:
 
 
 def tracks(after: IntArray) -> IntArray:
-    """Returns the number of each box's track: (n,). after: the result of `links`."""
+    """Returns the track number of each box: (n,). after: the result of `links`."""
     track = np.full(len(after), -1)
     count = 0
     for i, following in enumerate(after):
@@ -171,7 +173,7 @@ def tracks(after: IntArray) -> IntArray:
 
 
 def stands(seen: BoxSeries, confirmed: BoolArray, frames: int) -> BoolArray:
-    """Returns which boxes stand: (n,) bool. frames: number of frames."""
+    """Returns which boxes stand: (n,) bool. confirmed: (n,). frames: number of all frames."""
     out = np.zeros(len(seen), np.bool_)
     if len(seen) == 0 or frames < LEAST_FRAMES:
         return out
@@ -186,18 +188,21 @@ def _has_box(clusters: BoxSeries, detections: BoxSeries) -> BoolArray:
     """Returns which clusters are found by a box of their frame: (c,) bool."""
     out = np.zeros(len(clusters), np.bool_)
     for number in np.unique(clusters.frame):
-        here = np.flatnonzero(clusters.frame == number)
+        in_frame = np.flatnonzero(clusters.frame == number)
         boxes = detections.boxes[detections.frame == number]
         if len(boxes) == 0:
             continue
-        targets = clusters.boxes[here]
+        targets = clusters.boxes[in_frame]
         gap = np.linalg.norm(targets[:, None, :2] - boxes[None, :, :2], axis=2)
-        out[here] = ((gap <= NEAR_M) | (bev_overlap(targets, boxes) > 0)).any(axis=1)
+        out[in_frame] = ((gap <= NEAR_M) | (bev_overlap(targets, boxes) > 0)).any(axis=1)
     return out
 
 
 def _flicker(detections: BoxSeries, numbers: IntArray, period_s: float) -> float:
-    """Returns the share of boxes that flicker, among boxes of frames with both neighbours."""
+    """Returns the share of boxes that flicker, in frames with a previous and a next frame.
+
+    numbers: numbers of all frames, ascending. The share is NaN if there are too few such frames.
+    """
     inner = np.isin(numbers - 1, numbers) & np.isin(numbers + 1, numbers)
     if inner.sum() < LEAST_FRAMES - 2:
         return float("nan")

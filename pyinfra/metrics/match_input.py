@@ -31,7 +31,7 @@ from pyinfra.metrics.matching import (
 )
 from pyinfra.metrics.settings import Settings
 
-# Block length, suited to a motorway, if vehicles have no ids, so that their stay is unknown.
+# Block length in seconds if vehicles have no ids, so that their stay is unknown; for a motorway.
 LABELS_BLOCK_S = 20.0
 
 
@@ -51,7 +51,7 @@ class MatchInput:
     present_blocks: Blocks  # blocks for ground truth `present`, the same for all mounts
     metric: Metric
     of_people: bool  # whether the class is pedestrians or cyclists
-    people: Vehicles  # labelled pedestrians and cyclists; a vehicle's box there is a false positive
+    people: Vehicles  # labelled pedestrians and cyclists; vehicle boxes on them are false positives
 
     @property
     def beside_m(self) -> float:
@@ -67,7 +67,7 @@ class MatchInput:
 
     @cached_property
     def pairs(self) -> Pairs:
-        """Overlapping pairs in the order of matching."""
+        """Overlapping pairs of a prediction and a vehicle, in the order of matching."""
         v, p = self.vehicles, self.predictions
         pairs = overlapping_pairs(p.frame, p.boxes, v.frame, v.boxes, self.metric)
         return in_order(pairs, p.scores, p.boxes, v.boxes)
@@ -78,13 +78,13 @@ class MatchInput:
 
     @cached_property
     def on_people(self) -> BoolArray:
-        """(p,) whether a box contains the centre of one of `people` and overlaps no vehicle."""
+        """(p,) whether a box contains the centre of a box of `people` and overlaps no vehicle."""
         p, who = self.predictions, self.people
         on = holding_centres(p.frame, p.boxes, who.frame, who.boxes)
         return on & (self.best_overlap < LEAST_OVERLAP - TIE)
 
     def on_detected(self, detected: BoolArray) -> BoolArray:
-        """Returns which predictions overlap a vehicle of the mask `detected` (v,): (p,)."""
+        """Returns which predictions overlap a detected vehicle: (p,). detected: (v,) mask."""
         on = np.zeros(len(self.predictions), dtype=np.bool_)
         on[self.pairs.prediction[detected[self.pairs.vehicle]]] = True
         return on
@@ -92,7 +92,8 @@ class MatchInput:
     def match(self, iou: float, *, strict: bool, within: Window | None = None) -> IntArray:
         """Returns the vehicle that each prediction is matched with: (p,), -1 for none.
 
-        strict: as in `matching.match`. within: only boxes in this window are matched.
+        iou: threshold of the overlap. strict: as in `matching.match`. within: if given, only boxes
+        in this window are matched.
         """
         pairs = self.pairs
         if within is not None:
@@ -104,9 +105,10 @@ class MatchInput:
 def match_input(
     truth: GroundTruth, predictions: Predictions, name: str, settings: Settings, metric: Metric
 ) -> MatchInput:
-    """Returns the vehicles and predictions of a class, without predictions below `min_score`.
+    """Returns the vehicles and predictions of the class `name`.
 
-    The name of a prediction may be a type of the class or the class itself.
+    Predictions with a score below `min_score` are left out. A prediction can have the name of the
+    class or of one of its types.
     """
     types = settings.classes[name]
     is_vehicle = np.isin(truth.vehicles.names, types)
@@ -143,20 +145,21 @@ def blocks_of(truth: GroundTruth, settings: Settings, *, present: bool = False) 
 def block_seconds(truth: GroundTruth, *, people: bool = False, present: bool = False) -> float:
     """Returns the block length: the stay of visible vehicles, or LABELS_BLOCK_S without ids.
 
-    people: use the stay of pedestrians and cyclists only. Otherwise objects beside the carriageway
-    are left out, because they stay longer. present: use all vehicles of the region, visible or not.
+    people: whether to use the stay of pedestrians and cyclists only. Otherwise pedestrians and
+    cyclists beside the carriageway are left out, because they stay longer. present: whether to use
+    all vehicles of the region, visible or not.
     """
     if not truth.has_objects:
         return LABELS_BLOCK_S
     if present:
         beside_m = FOOTWAYS_M if people else 0.0
-        there = truth.vehicles.select(truth.places(truth.vehicles.mid_frame, beside_m).inside)
+        vehicles = truth.vehicles.select(truth.places(truth.vehicles.mid_frame, beside_m).inside)
     else:
-        there = truth.vehicles.select(truth.vehicles.visibility >= MIN_VISIBILITY)
-    on_foot = np.isin(there.names, PERSON_TYPES)
+        vehicles = truth.vehicles.select(truth.vehicles.visibility >= MIN_VISIBILITY)
+    on_foot = np.isin(vehicles.names, PERSON_TYPES)
     if people:
-        there = there.select(on_foot)
+        vehicles = vehicles.select(on_foot)
     elif on_foot.any():
-        there = there.select(~on_foot | truth.places(there.mid_frame).inside)
+        vehicles = vehicles.select(~on_foot | truth.places(vehicles.mid_frame).inside)
     apart = float(np.median(np.diff(truth.frames))) if len(truth.frames) > 1 else 1.0
-    return intervals.block_seconds(there.frame, there.ids, apart * truth.period_s)
+    return intervals.block_seconds(vehicles.frame, vehicles.ids, apart * truth.period_s)

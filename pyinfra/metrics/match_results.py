@@ -9,7 +9,7 @@ beside the carriageway.
 - An unmatched prediction is a false positive if its centre is inside the region. For ground truth
   `common` its centre must also be in the common field of view. Otherwise the prediction is ignored.
 
-Two kinds of unmatched predictions are false positives outside the region too: a vehicle's box on a
+Two kinds of unmatched predictions are false positives even outside the region: a vehicle box on a
 labelled pedestrian or cyclist, and a second box on a pedestrian or cyclist that counts.
 """
 
@@ -36,7 +36,7 @@ class Part(typing.Protocol):
     """A part of the region: a window of a road, a grid cell, a ring around the sensor."""
 
     def holds(self, places: Places) -> BoolArray:
-        """Returns which of n positions lie in the part: (n,) bool."""
+        """Returns which positions lie in the part: (n,) bool."""
         ...
 
 
@@ -82,7 +82,7 @@ class MatchResult:
 
     @property
     def weights(self) -> IntArray:
-        """Number of times that each replicate contains each slot: (replicates, slots)."""
+        """How often each replicate contains each slot: (replicates, slots)."""
         return self.blocks.replicates
 
     def per_slot(self, frame: IntArray) -> IntArray:
@@ -106,8 +106,10 @@ class MatchResult:
         computed from. The ends are NaN if too few blocks have objects.
         """
         blocks = self.blocks
-        held = np.count_nonzero(np.add.reduceat(objects, np.arange(0, len(objects), blocks.length)))
-        few = held < intervals.MIN_BLOCKS
+        blocks_with_objects = np.count_nonzero(
+            np.add.reduceat(objects, np.arange(0, len(objects), blocks.length))
+        )
+        few = blocks_with_objects < intervals.MIN_BLOCKS
         low, high = intervals.interval(
             np.asarray(value), replicates[: 0 if few else None], blocks.count
         )
@@ -122,13 +124,13 @@ def count_matches(
         which, match_input.vehicles, match_input.vehicle_places, min_points
     )
     matched = matches >= 0
-    # An unmatched box at these positions is a false positive.
-    amiss = match_input.prediction_places.inside | match_input.on_people
+    # Boxes that are false positives if they are unmatched.
+    false_if_unmatched = match_input.prediction_places.inside | match_input.on_people
     if match_input.of_people:
         detected = np.zeros(len(counted), dtype=np.bool_)
         detected[matches[matched]] = counted[matches[matched]]
-        amiss |= match_input.on_detected(detected)
-    false_positive = ~matched & amiss
+        false_if_unmatched |= match_input.on_detected(detected)
+    false_positive = ~matched & false_if_unmatched
     if which == "common":
         false_positive &= match_input.truth.in_common_view(match_input.predictions.boxes)
     true_positive = matched.copy()
@@ -138,7 +140,10 @@ def count_matches(
 
 
 def precision(ranking: ap.Ranking, protocol: Protocol, weights: IntArray | None) -> FloatArray:
-    """Returns AP of each replicate; without weights, the AP of all frames."""
+    """Returns AP of each replicate by the rules of a protocol, (replicates,).
+
+    If `weights` is None, the result has one element, the AP of all frames.
+    """
     if protocol == "kitti":
         return ap.kitti_average_precision(ranking, weights)
     return ap.average_precision(ranking, 11 if protocol == "r11" else 40, weights)
@@ -147,9 +152,9 @@ def precision(ranking: ap.Ranking, protocol: Protocol, weights: IntArray | None)
 def causes(match_result: MatchResult, iou: float, *, strict: bool) -> NameArray:
     """Returns the cause of each false positive: (false positives,).
 
-    A `duplicate` overlaps a vehicle enough, but another prediction is matched with that vehicle.
-    A false positive of cause `localisation` overlaps a vehicle by LEAST_OVERLAP or more, but not
-    enough. With cause `background` the overlap with every vehicle is below LEAST_OVERLAP.
+    - `duplicate`: it overlaps a vehicle enough, but another prediction is matched with that vehicle
+    - `localisation`: it overlaps a vehicle by LEAST_OVERLAP or more, but not enough
+    - `background`: its overlap with each vehicle is below LEAST_OVERLAP
     """
     best = match_result.match_input.best_overlap[match_result.false_positive]
     names = np.full(len(best), "background", dtype="<U12")

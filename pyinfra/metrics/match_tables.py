@@ -27,7 +27,7 @@ class Ring:
     high_m: float
 
     def holds(self, places: Places) -> BoolArray:
-        """Returns which of n positions lie in the ring and in the region: (n,) bool."""
+        """Returns which positions lie in the ring and in the region: (n,) bool."""
         distance = np.hypot(places.xy[:, 0] - self.x, places.xy[:, 1] - self.y)
         return np.asarray(places.inside & (distance >= self.low_m) & (distance < self.high_m))
 
@@ -77,10 +77,10 @@ def match_table(result: MatchResult) -> pd.DataFrame:
     taken = np.zeros(len(vehicles), np.bool_)
     taken[result.matches[result.matches >= 0]] = True
     missed = np.flatnonzero(result.counted & ~taken)
-    others = pd.DataFrame({"frame": numbers[vehicles.frame[missed]], "outcome": "missed"})
-    others["type"] = vehicles.names[missed].astype(object)
-    others[BOX] = vehicles.boxes[missed]
-    others["score"], others["object_id"] = np.nan, vehicles.ids[missed]
-    parts = [part for part in (rows, others) if len(part) > 0] or [rows]
+    missed_rows = pd.DataFrame({"frame": numbers[vehicles.frame[missed]], "outcome": "missed"})
+    missed_rows["type"] = vehicles.names[missed].astype(object)
+    missed_rows[BOX] = vehicles.boxes[missed]
+    missed_rows["score"], missed_rows["object_id"] = np.nan, vehicles.ids[missed]
+    parts = [part for part in (rows, missed_rows) if len(part) > 0] or [rows]
     joined = pd.concat(parts, ignore_index=True)
     return joined.sort_values(["frame", "score"], ascending=[True, False], ignore_index=True)

@@ -2,7 +2,7 @@
 
 Matching is greedy, in order of descending score. Each prediction is matched with the unmatched
 vehicle that it overlaps most, if the overlap reaches the threshold. Metric `centre` uses closeness
-instead of overlap: 1 less the horizontal distance of the centres in metres, similar to nuScenes.
+instead of overlap: 1 minus the horizontal distance of the centres in metres, similar to nuScenes.
 Predictions of equal score are ordered by descending overlap, then by the values of their boxes.
 Therefore their order in the files does not matter. All vehicles of a frame can be matched, even
 vehicles that the evaluation does not count.
@@ -27,8 +27,8 @@ TIE = 1e-9
 IOU = 0.5  # least IoU of footprints for a match with a vehicle
 PERSON_IOU = 0.25  # the same for pedestrians and cyclists, whose footprints are small
 CENTRE_M = 0.5  # largest distance of centres for a match by metric `centre`
-LEAST_OVERLAP = 0.1  # a false positive with a lower overlap is not related to a vehicle
-_PAIRS = 500_000  # pairs that are processed together
+LEAST_OVERLAP = 0.1  # least overlap of a pair; a lower overlap counts as none
+_PAIRS = 500_000  # number of pairs that are processed together
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +134,10 @@ def true_positives(
 
 
 def reaches(iou: FloatArray, threshold: float, *, strict: bool) -> BoolArray:
-    """Returns whether an overlap reaches the threshold; a difference below TIE is ignored."""
+    """Returns whether an overlap reaches the threshold. Differences below TIE count as equal.
+
+    strict: whether the overlap must be above the threshold.
+    """
     return np.asarray(iou > threshold + TIE if strict else iou >= threshold - TIE)
 
 
@@ -151,7 +154,8 @@ def holding_centres(
     """Returns which predictions contain the centre of a box (n, 7) of their frame: (p,).
 
     Only footprints are compared. Frames are ascending, as in overlapping_pairs. The function is
-    used for pedestrians and cyclists, whose boxes are too small for an IoU with a vehicle's box.
+    used for pedestrians and cyclists, because the IoU of their small boxes with a vehicle box is
+    always low.
     """
     holding = np.zeros(len(predictions), dtype=np.bool_)
     for p, b in pairs_of_frames(prediction_frame, frame):

@@ -1,4 +1,4 @@
-"""The vehicles of a data set with the points of all its LiDARs, and subsets for comparisons."""
+"""The vehicles of a data set, the points of each LiDAR on them, and subsets for comparisons."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ class Observations:
     distance: FloatArray  # (n,) horizontal, sensor to box centre, metres
     speed: FloatArray  # (n,) m/s
     visibility: FloatArray  # (n,) [0, 1]; -1 outside the evaluation region
-    points: IntArray  # (n, L) returns from the vehicle; 0 also beyond the LiDAR's range
+    points: IntArray  # (n, L) returns from the vehicle; 0 if it is beyond the LiDAR's range
     points_in_box: IntArray  # (n, L) returns from the vehicle that lie in its box
     in_angles: BoolArray  # (n, L) whether the LiDAR's azimuths and elevations include the centre
     in_range: BoolArray  # (n, L) whether the centre is also within the LiDAR's range
@@ -75,13 +75,15 @@ _COLUMNS = (
 def blocks_of(data: DataSet, vehicles: Observations, frames: IntArray | None = None) -> Blocks:
     """Returns the bootstrap blocks of a data set's frames.
 
-    vehicles: all vehicles of the data set. A block is as long as a visible vehicle stays. frames:
-    numbers of the frames to use; by default all.
+    vehicles: all vehicles of the data set. The block length is the mean stay of a visible vehicle.
+    frames: numbers of the frames to use; by default all.
     """
-    there, every = vehicles.visible(), np.array(data.frames, dtype=np.int64)
-    apart_s = data.period_s * float(np.median(np.diff(every))) if len(every) > 1 else data.period_s
-    block_s = block_seconds(vehicles.frame[there], vehicles.ids[there], apart_s)
-    return time_blocks(every if frames is None else frames, data.period_s, block_s=block_s)
+    visible, numbers = vehicles.visible(), np.array(data.frames, dtype=np.int64)
+    apart_s = (
+        data.period_s * float(np.median(np.diff(numbers))) if len(numbers) > 1 else data.period_s
+    )
+    block_s = block_seconds(vehicles.frame[visible], vehicles.ids[visible], apart_s)
+    return time_blocks(numbers if frames is None else frames, data.period_s, block_s=block_s)
 
 
 def read_observations(data: DataSet, *, above_road: bool = False) -> Observations:
@@ -128,8 +130,8 @@ def ends_of_runs(frames: Sequence[int], count: int) -> IntArray:
 
     Raises Error if there are not `count` consecutive frames.
     """
-    every = np.array(sorted(frames), dtype=np.int64)
-    runs = np.lib.stride_tricks.sliding_window_view(every, min(count, len(every)))
+    numbers = np.array(sorted(frames), dtype=np.int64)
+    runs = np.lib.stride_tricks.sliding_window_view(numbers, min(count, len(numbers)))
     ends = runs[runs[:, -1] - runs[:, 0] == count - 1, -1]
     if len(ends) == 0:
         raise Error(f"accumulate: expected {count} consecutive frames, got none")
@@ -137,20 +139,20 @@ def ends_of_runs(frames: Sequence[int], count: int) -> IntArray:
 
 
 def accumulated(vehicles: Observations, frames: Sequence[int], count: int) -> Observations:
-    """Returns the vehicles at the end of each run of `count` consecutive frames.
+    """Returns the vehicles in the last frame of each run of `count` consecutive frames.
 
     The points on a vehicle are summed over the run. All other columns are those of the last frame.
-    Raises Error as `ends_of_runs` does.
+    Raises Error if there is no such run.
     """
     newest = vehicles.select(np.isin(vehicles.frame, ends_of_runs(frames, count)))
     keys = np.stack([vehicles.frame, vehicles.ids], axis=1)
     points, in_box = np.zeros_like(newest.points), np.zeros_like(newest.points_in_box)
     for back in range(count):
         wanted = np.stack([newest.frame - back, newest.ids], axis=1)
-        at = np.minimum(_rows(keys, wanted), len(keys) - 1)
-        there = (keys[at] == wanted).all(axis=1)
-        points[there] += vehicles.points[at[there]]
-        in_box[there] += vehicles.points_in_box[at[there]]
+        row = np.minimum(_rows(keys, wanted), len(keys) - 1)
+        has_row = (keys[row] == wanted).all(axis=1)
+        points[has_row] += vehicles.points[row[has_row]]
+        in_box[has_row] += vehicles.points_in_box[row[has_row]]
     return replace(newest, points=points, points_in_box=in_box)
 
 
@@ -192,18 +194,18 @@ def _read_objects(data: DataSet, lidar: int, level: float | None) -> _ObjectTabl
 
 
 def _points_above(folder: Path, frame: int, ids: IntArray, level: float) -> IntArray:
-    """Counts the points on each vehicle above a height: (k,)."""
+    """Counts the points on each vehicle whose z is above `level` in metres: (k,)."""
     points = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
     owner = read_owners(folder, frame, len(points))
     owners, counts = np.unique(owner[points[:, 2] > level], return_counts=True)
     per_vehicle = np.zeros(len(ids), dtype=np.int64)
-    _, at, among = np.intersect1d(ids, owners, return_indices=True)
-    per_vehicle[at] = counts[among]
+    _, vehicle_index, owner_index = np.intersect1d(ids, owners, return_indices=True)
+    per_vehicle[vehicle_index] = counts[owner_index]
     return per_vehicle
 
 
 def _rows(sorted_keys: IntArray, keys: IntArray) -> IntArray:
-    """Returns the position of each key (m, 2) in sorted keys (n, 2): (m,)."""
+    """Returns the first row of sorted keys (n, 2) that is not below each key (m, 2): (m,)."""
     base = int(sorted_keys[:, 1].max(initial=0)) + 1
     return np.searchsorted(
         sorted_keys[:, 0] * base + sorted_keys[:, 1], keys[:, 0] * base + keys[:, 1]

@@ -24,7 +24,7 @@ from pyinfra.metrics.replicates import bootstrapped_of, check_pair
 MEASURES = {
     "ap_r1000": "ap_r1000",
     "recall_percent": "recall",
-}  # names in the result: in replicates.csv
+}  # name of a measure in the result: name in replicates.csv
 COLUMNS = ["place", "minus", "measure", "value", "low", "high", "seeds", "frames"]
 
 
@@ -38,21 +38,21 @@ class Place:
 
 
 def compare_places(folders: Sequence[Path], which: Subset = "present") -> pd.DataFrame:
-    """Compares mounts: AP and share of vehicles found, and paired differences of all pairs.
+    """Compares the AP and recall of mounts, with the paired differences of all pairs of mounts.
 
     Parameters
     ----------
     folders : a folder for each mount: an output folder of `pyinfra evaluate`, or a folder that has
         one output folder per traffic seed
-    which : ground truth; `present` is the same for all mounts of a region
+    which : ground-truth subset; `present` is the same for all mounts of a region
 
     Returns
     -------
     DataFrame : columns COLUMNS. If column `minus` is empty, the row has the figure of one mount.
         Otherwise the row has the difference of two mounts, `place` less `minus`. The measures are
-        ap_r1000, recall_percent and hidden_percent, 0 to 100, with the ends of the 95 % interval.
-        For one seed the interval is a bootstrap over blocks of time. For several seeds it is
-        Student's t over the seeds.
+        ap_r1000, recall_percent and hidden_percent, 0 to 100. Columns low and high are the ends of
+        the 95 % interval; they are NaN for hidden_percent. For one seed the interval comes from a
+        bootstrap over blocks of time. For several seeds it is Student's t interval over the seeds.
 
     Raises
     ------
@@ -74,9 +74,10 @@ def compare_places(folders: Sequence[Path], which: Subset = "present") -> pd.Dat
 
 
 def read_place(folder: Path, which: Subset) -> Place:
-    """Reads the evaluations of a place.
+    """Reads the evaluations of a place, for one ground-truth subset.
 
-    Raises Error, which names the file, and FileNotFoundError for a folder without an evaluation.
+    Raises Error if an evaluation lacks the subset, or if two evaluations have the same frames and
+    vehicles. Raises FileNotFoundError for a folder without an evaluation.
     """
     files = [existing(folder / "replicates.csv")]
     if not files[0].is_file():
@@ -89,9 +90,9 @@ def read_place(folder: Path, which: Subset) -> Place:
         table = read_csv(file)
         rows = table[table.ground_truth == which]
         if not set(MEASURES.values()) <= set(rows.measure):
-            known = ", ".join(dict.fromkeys(table.ground_truth))
+            present = ", ".join(dict.fromkeys(table.ground_truth))
             raise Error(
-                f"{file}: expected ground truth {which} with recall, got {known}; "
+                f"{file}: expected ground truth {which} with recall, got {present}; "
                 f"run `pyinfra evaluate` again with ground truth {which}"
             )
         digest = str(rows.vehicles_digest.iloc[0])
@@ -111,8 +112,10 @@ def check_pairs(places: Sequence[Place]) -> None:
     for other in places[1:]:
         alone = set(first.rows) ^ set(other.rows)
         if alone:
-            one = first.rows if set(first.rows) & alone else other.rows
-            file = next(one[digest]["ap_r1000"]["origin"] for digest in one if digest in alone)
+            unpaired = first.rows if set(first.rows) & alone else other.rows
+            file = next(
+                unpaired[digest]["ap_r1000"]["origin"] for digest in unpaired if digest in alone
+            )
             raise Error(
                 f"{first.name} and {other.name}: expected the same vehicles and frames, got none "
                 f"for {file}: seed, frames or region differ (`regions` of the scene give every "
@@ -126,8 +129,8 @@ def _row(place: Place, minus: Place | None, measure: str) -> dict[str, object]:
     name = MEASURES[measure]
     values = []
     for digest, rows in place.rows.items():
-        one = bootstrapped_of(rows[name])
-        values.append(one.less(bootstrapped_of(minus.rows[digest][name])) if minus else one)
+        figure = bootstrapped_of(rows[name])
+        values.append(figure.less(bootstrapped_of(minus.rows[digest][name])) if minus else figure)
     interval = over_seeds(values)
     least = -100.0 if minus else 0.0
     ends = (
@@ -140,5 +143,5 @@ def _row(place: Place, minus: Place | None, measure: str) -> dict[str, object]:
 
 
 def _frames(place: Place) -> int:
-    """Returns the number of frames of all seeds together."""
+    """Returns the total number of frames of all seeds."""
     return int(sum(rows["ap_r1000"]["frames"] for rows in place.rows.values()))

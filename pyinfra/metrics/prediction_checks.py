@@ -21,14 +21,14 @@ from pyinfra.dataset.frame_tables import Predictions, Vehicles
 from pyinfra.dataset.prediction_origin import ORIGIN_FILE, check_origin
 from pyinfra.metrics.matching import pairs_of_frames
 
-NEAR_M = 2.0  # a prediction this close to a vehicle counts as near
-FAR_M = 20.0  # largest common displacement of all boxes that is recognised
-LEAST_NEAR = 0.3  # with a smaller share of near predictions, other positions are tried
-FAR_OFF = 0.1  # with a smaller share, a warning reports that boxes are far from all vehicles
-MUCH_BETTER = 0.25  # a warning names a cause if correcting it increases the share by this much
+NEAR_M = 2.0  # largest horizontal distance of a near prediction from the centre of a vehicle
+FAR_M = 20.0  # largest common displacement of all boxes in x or y that is recognised
+LEAST_NEAR = 0.3  # below this share of near predictions, common errors of position are looked for
+FAR_OFF = 0.1  # below this share, a warning says that the boxes are far from all vehicles
+MUCH_BETTER = 0.25  # a warning names an error if its correction adds more than this to the share
 HEIGHT_OFF_M = 0.5
 QUARTER_DEG = 60.0
-LEAST_RATIO = 1.2  # least ratio of length to width at which the two are distinguished
+LEAST_RATIO = 1.2  # above this length-to-width ratio of vehicles, swapped sizes are reported
 CHANGES = {  # matrices for x and y that correct boxes with wrong axes
     "mirrored-left-right": [[1, 0], [0, -1]],
     "mirrored-front-back": [[-1, 0], [0, 1]],
@@ -37,7 +37,7 @@ CHANGES = {  # matrices for x and y that correct boxes with wrong axes
     "turned-quarter-left": [[0, -1], [1, 0]],
     "turned-quarter-right": [[0, 1], [-1, 0]],
 }
-FRAMES = 300  # number of frames to check, evenly spread
+FRAMES = 300  # every n-th frame is checked, where n is the number of frames // FRAMES
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,12 @@ def find_files(
     lidar_folder: Path | None = None,
     allow_missing: bool = False,
 ) -> PredictionFiles:
-    """Returns the prediction files NNNNNN.txt (KITTI results) or NNNNNN.csv of some frames.
+    """Returns the prediction files NNNNNN.txt (KITTI results) or NNNNNN.csv of the given frames.
 
-    frames: numbers to evaluate. known: all numbers of the ground truth. lidar_folder: folder of the
-    frames. Raises FormatError for an unknown frame, for a missing file unless that is allowed, and
-    for a folder without predictions. Raises Error if origin.yaml names other frames.
+    frames: frame numbers to evaluate. known: all frame numbers of the ground truth. lidar_folder:
+    the LiDAR's folder. allow_missing: whether a frame may have no prediction file. Raises
+    FormatError for a file of an unknown frame, for a missing file, and for a folder without
+    predictions. Raises Error if origin.yaml says that the predictions belong to other frames.
     """
     present = [file for file in sorted(folder.iterdir()) if file.suffix in (".txt", ".csv")]
     by_frame = {int(file.stem): file for file in present if _of_frame(file)}
@@ -149,20 +150,19 @@ def check_predictions(
 def _names(
     predictions: Predictions, files: Sequence[Path | None], types: Sequence[str]
 ) -> Iterator[Finding]:
-    other = ~np.isin(predictions.names, types)
-    if not other.any():
+    unevaluated = ~np.isin(predictions.names, types)
+    if not unevaluated.any():
         return
     known = np.isin(predictions.names, (*VEHICLE_TYPES, *PERSON_TYPES))
-    if (other & ~known).any() and not other.all():
-        other &= ~known  # if there are unknown names, known classes are not reported
-    names, counts = np.unique(predictions.names[other], return_counts=True)
+    if (unevaluated & ~known).any() and not unevaluated.all():
+        unevaluated &= ~known  # unknown names are reported first, without the known classes
+    names, counts = np.unique(predictions.names[unevaluated], return_counts=True)
     listed = ", ".join(f"{name} ({count})" for name, count in zip(names, counts, strict=True))
-    text = (
-        f"{_first(predictions, files, other)}: not evaluated: {listed}; expected {', '.join(types)}"
-    )
-    if other.all():
+    location = _first(predictions, files, unevaluated)
+    text = f"{location}: not evaluated: {listed}; expected {', '.join(types)}"
+    if unevaluated.all():
         raise FormatError(text)
-    if known[other].all():
+    if known[unevaluated].all():
         text = f"not evaluated: {listed}; `classes` sets the evaluated classes"
         yield Finding("note", "other-classes", text)
     else:
@@ -218,7 +218,10 @@ def _position_findings(predictions: Predictions, vehicles: Vehicles) -> Iterator
 def _elsewhere(
     boxes: FloatArray, truth: FloatArray, p: IntArray, v: IntArray, share: float
 ) -> tuple[str, str] | None:
-    """Returns the change of axes or position that moves predictions near vehicles, if any."""
+    """Returns the name and text of a warning about the positions of predictions; None if good.
+
+    The text names the change of axes, or the shift, that moves the predictions near vehicles.
+    """
     text = f"{100 * share:.0f} % of the predictions lie within {NEAR_M:g} m of a vehicle"
     shares = {}
     for name, matrix in CHANGES.items():
@@ -231,19 +234,22 @@ def _elsewhere(
     dx, dy = _shift(boxes[p, :2] - truth[v, :2])
     moved = boxes.copy()
     moved[:, :2] -= (dx, dy)
-    there = _share_near(moved, truth, p, v)
-    if there > share + MUCH_BETTER:
+    shifted_share = _share_near(moved, truth, p, v)
+    if shifted_share > share + MUCH_BETTER:
         return (
             "displaced",
-            f"{text}, but {100 * there:.0f} % less a shift of ({dx:.1f}, {dy:.1f}) m",
+            f"{text}, but {100 * shifted_share:.0f} % less a shift of ({dx:.1f}, {dy:.1f}) m",
         )
     if share > FAR_OFF:
-        return None  # the positions are right, but the detector is poor
+        return None  # the frame of reference is right, but the detector is poor
     return "far-from-vehicles", f"{text}: another frame of reference, other frames, or bad boxes?"
 
 
 def _shift(between: FloatArray) -> tuple[float, float]:
-    """Returns the most frequent difference between centres, at most FAR_M. between: (n, 2)."""
+    """Returns the most frequent difference between centres in x and y, at most FAR_M each.
+
+    between: (n, 2) differences of centres, metres.
+    """
     edges = np.arange(-FAR_M, FAR_M + 1)
     counts, _, _ = np.histogram2d(between[:, 0], between[:, 1], bins=(edges, edges))
     i, j = np.unravel_index(counts.argmax(), counts.shape)
@@ -284,7 +290,10 @@ def _headings(boxes: FloatArray, truth: FloatArray) -> Iterator[tuple[str, str]]
 
 
 def _median_turn(turn: FloatArray) -> float:
-    """Returns the median angle between headings in degrees, modulo 180."""
+    """Returns the median absolute difference of headings in degrees, 0 to 90.
+
+    turn: differences of headings, radians. A box that points backwards has a difference of 0.
+    """
     return float(np.median(np.abs((np.degrees(turn) + 90) % 180 - 90)))
 
 
@@ -302,8 +311,8 @@ def _share_near(boxes: FloatArray, truth: FloatArray, p: IntArray, v: IntArray) 
 
 
 def _first(predictions: Predictions, files: Sequence[Path | None], which: BoolArray) -> str:
-    at = int(np.flatnonzero(which)[0])
-    return f"{files[predictions.frame[at]]}:{predictions.line[at]}"
+    first = int(np.flatnonzero(which)[0])
+    return f"{files[predictions.frame[first]]}:{predictions.line[first]}"
 
 
 def _folder(files: Sequence[Path | None]) -> str:

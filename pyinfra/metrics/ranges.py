@@ -20,10 +20,10 @@ RANGES_M = tuple(range(STEP_M, int(REGION_M) + 1, STEP_M))
 
 
 def sensor_of(truth: GroundTruth) -> tuple[float, float] | None:
-    """Returns x, y of the sensor in the world frame, for a site of lanes.
+    """Returns x, y of the sensor in the world frame, in metres, for a site of lanes.
 
-    At other sites ranges are measured along roads, so the result is None. It is also None if the
-    pose of the sensor is unknown.
+    At other sites ranges are measured along the roads, so the result is None. The result is also
+    None if the pose of the sensor is unknown.
     """
     if not truth.of_lanes or truth.lidar is None:
         return None
@@ -34,7 +34,7 @@ def sensor_of(truth: GroundTruth) -> tuple[float, float] | None:
 def by_range(match_result: MatchResult) -> Iterator[tuple[dict[str, Any], Bootstrapped]]:
     """Yields a row for each range, and the replicates of its AP.
 
-    A row has AP (R1000), the recall in percent of predictions of any score, and counts.
+    A row has AP (R1000), the recall in percent of all counted predictions, and counts.
     """
     centre = sensor_of(match_result.match_input.truth)
     for range_m in RANGES_M:
@@ -54,7 +54,7 @@ def by_range(match_result: MatchResult) -> Iterator[tuple[dict[str, Any], Bootst
 
 
 def recall(match_result: MatchResult, ranking: ap.Ranking) -> dict[str, float]:
-    """Returns the percentage of objects that predictions of any score found, with interval."""
+    """Returns the recall of all counted predictions in percent, with its 95 % interval."""
     true_positives = np.bincount(ranking.true_positive_slot, minlength=len(ranking.objects)).astype(
         np.float64
     )

@@ -1,6 +1,7 @@
 """Bootstrap replicates of an evaluation's figures, stored for paired comparisons.
 
-A row holds one figure of one detector and LiDAR; the columns `replicate_1` .. are its replicates.
+A row has one figure of one detector and LiDAR. Columns `replicate_1`, `replicate_2` ... are the
+values of this figure in the bootstrap replicates.
 All LiDARs and detectors that are evaluated on the same traffic and frames use the same blocks of
 time. Two rows can be compared if they agree in the columns SAME.
 """
@@ -23,7 +24,7 @@ from pyinfra.metrics.ground_truth import GroundTruth
 from pyinfra.metrics.intervals import Blocks, ratio
 from pyinfra.metrics.match_results import MatchResult
 
-# Columns that must agree between two rows; otherwise their replicates cannot be compared.
+# Columns that must be equal in two rows; otherwise their replicates cannot be compared.
 SAME = (
     "vehicles_digest",
     "frames_version",
@@ -53,10 +54,10 @@ def figures(
 
     - ap_r1000: AP (R1000)
     - n_hqda, p_hqda: number and percentage of high-quality areas
-    - ap_slope: change of AP per 10 m ahead of the sensor, if there are enough windows
-    - recall: percentage of objects that boxes of any score found
+    - ap_slope: change of AP per 10 m along the first road, if there are enough windows
+    - recall: recall in percent of all counted predictions
 
-    distance, areas: tables with their replicates, in the form of `distance_table`.
+    distance, areas: tables with their replicates, each as `distance_table` returns them.
     """
     blocks = match_result.blocks.count
     yield "ap_r1000", ap_r1000_of(match_result)
@@ -75,15 +76,15 @@ def figures(
 
 
 def recall(match_result: MatchResult) -> Bootstrapped:
-    """Returns the percentage of objects that predictions of any score found."""
+    """Returns the recall in percent of all counted predictions."""
     ranking, weights = match_result.ranking(), match_result.weights
     objects = ranking.objects.astype(np.float64)
     true_positives = np.bincount(ranking.true_positive_slot, minlength=len(objects)).astype(
         np.float64
     )
-    every = np.ones((1, len(objects)))
+    ones = np.ones((1, len(objects)))
     value, *replicates = 100 * ratio(
-        np.vstack([every, weights]) @ true_positives, np.vstack([every, weights]) @ objects
+        np.vstack([ones, weights]) @ true_positives, np.vstack([ones, weights]) @ objects
     )
     return Bootstrapped(float(value), np.array(replicates), match_result.blocks.count)
 
@@ -100,7 +101,8 @@ def _slope_ahead(
 def slope(windows: pd.DataFrame, replicates: FloatArray, blocks: float) -> Bootstrapped:
     """Returns the change of AP per 10 m, from a weighted least-squares line.
 
-    The weights of the windows follow from their intervals. replicates: (windows, replicates).
+    The weight of a window is 1 over the square of its interval's width. replicates: (windows,
+    replicates).
     """
     weight = 1 / (windows.ap_r1000_high - windows.ap_r1000_low).to_numpy() ** 2
     tens = windows.s.to_numpy() / 10
@@ -132,12 +134,12 @@ def replicate_rows(
     same: the result of `same_of`.
     """
     rows = []
-    for measure, one in estimates:
-        head = {"ground_truth": which, "measure": measure, "value": one.value}
+    for measure, figure in estimates:
+        head = {"ground_truth": which, "measure": measure, "value": figure.value}
         values = {
-            f"replicate_{i + 1}": round(v, DIGITS) for i, v in enumerate(one.replicates.tolist())
+            f"replicate_{i + 1}": round(v, DIGITS) for i, v in enumerate(figure.replicates.tolist())
         }
-        rows.append({**head, "blocks": one.blocks, **same, **values})
+        rows.append({**head, "blocks": figure.blocks, **same, **values})
     return pd.DataFrame(rows)
 
 
@@ -147,16 +149,19 @@ def vehicles_digest(truth: GroundTruth) -> str:
     It is the same for all LiDARs that see the same traffic.
     """
     v = truth.vehicles
-    there = v.visibility >= 0 if truth.has_objects else np.ones(len(v), np.bool_)
-    frames = np.array(truth.frames)[v.frame[there]]
-    sizes = np.round(v.mid_frame[there, 3:6] * 100).astype(np.int64)
-    rows = np.unique(np.column_stack([frames, v.ids[there], sizes]), axis=0)
+    in_region = v.visibility >= 0 if truth.has_objects else np.ones(len(v), np.bool_)
+    frames = np.array(truth.frames)[v.frame[in_region]]
+    sizes = np.round(v.mid_frame[in_region, 3:6] * 100).astype(np.int64)
+    rows = np.unique(np.column_stack([frames, v.ids[in_region], sizes]), axis=0)
     parts = [np.array(truth.frames, np.int64), rows.astype(np.int64)]
     return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()[:16]
 
 
 def versions_of(truth: GroundTruth) -> tuple[str, str]:
-    """Returns frames_version and the version that wrote the frames; empty without dataset.yaml."""
+    """Returns frames_version and the package version that wrote the frames.
+
+    Both are empty if the data set has no dataset.yaml.
+    """
     if truth.versions is not None:
         return truth.versions
     file = data_set_of(truth.folder) / "dataset.yaml"
@@ -167,10 +172,10 @@ def versions_of(truth: GroundTruth) -> tuple[str, str]:
 
 
 def frames_version_of(version: str) -> str:
-    """Returns the frames_version of a package version that did not write it.
+    """Returns the frames_version of a data set whose dataset.yaml does not have this key.
 
-    For version 0.3 it is "3". For other versions it is unknown. The function then returns the
-    package version, so that only frames of the same version can be compared.
+    For data sets of package version 0.3 it is "3". For others it is unknown. The function then
+    returns the package version, so that only frames of the same version can be compared.
     """
     return "3" if version.startswith("0.3.") else version
 
@@ -196,16 +201,16 @@ def are_pairs(a: pd.Series, b: pd.Series) -> bool:
 
 
 def check_pair(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> None:
-    """Raises Error, which names the difference, if two rows cannot be compared in pairs.
+    """Raises Error if the replicates of two rows cannot be paired. The error names the column.
 
-    also: further columns that must agree.
+    also: further columns that must be equal.
     """
     for name in (*also, *SAME):
         if _same(a, name) != _same(b, name):
             origins = [str(row["origin"]) for row in (a, b) if "origin" in row]
-            where = f"{' and '.join(origins)}: " if origins else ""
+            prefix = f"{' and '.join(origins)}: " if origins else ""
             raise Error(
-                f"{where}{name}: expected the same, got {_same(a, name)} and {_same(b, name)}: "
+                f"{prefix}{name}: expected the same, got {_same(a, name)} and {_same(b, name)}: "
                 "bootstrap replicates are paired only with the same vehicles, number of frames and "
                 "label time"
             )

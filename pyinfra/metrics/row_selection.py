@@ -1,4 +1,4 @@
-"""Selects the rows and AP columns of a table of results that represent each experiment."""
+"""Selects the rows and AP columns that stand for each experiment in a table of results."""
 
 from __future__ import annotations
 
@@ -54,23 +54,23 @@ def ap_name(rows: pd.DataFrame) -> str:
     return "AP (R1000; R40 in rows of version 0.2)" if 40.0 in recalls else AP_R1000
 
 
-# Describes the vehicles that count for ap_whole, by ground-truth subset (see `with_whole`).
+# Description of the vehicles that count for ap_whole, by ground-truth subset (see `with_whole`).
 COUNTED = {"present": "every vehicle", "all": "all visible vehicles"}
 
 
 def with_whole(experiments: pd.DataFrame) -> pd.DataFrame:
     """Adds the columns used to compare LiDARs, poles and sites.
 
-    Column `whole` is a ground truth. Columns ap_whole* are its AP and the ends of its interval
-    (AP_ENDS). The ground truth is `present`, which has the same vehicles for all LiDARs and mounts.
-    Rows of version 0.3 have no AP of `present`. If a finished row lacks it, the ground truth of all
-    rows is `all`, the vehicles that are visible from the mount. experiments: the result of
-    `with_r1000`.
+    Column `whole` is the name of a ground-truth subset. Columns ap_whole* are the AP of this subset
+    and the ends of its interval (AP_ENDS). The subset is `present`, which has the same vehicles for
+    all LiDARs and mounts. Rows of version 0.3 have no AP of `present`. If any finished row lacks
+    it, the subset of all rows is `all`, the vehicles that are visible from the mount. experiments:
+    the result of `with_r1000`.
     """
     done = experiments.ap.notna()
     r1000 = experiments.get("ap_present_r1000")
-    known = r1000 is not None and bool(done.any()) and bool(r1000[done].notna().all())
-    truth = "present" if known else "all"
+    has_present = r1000 is not None and bool(done.any()) and bool(r1000[done].notna().all())
+    truth = "present" if has_present else "all"
     names = {end: f"{AP_OF[truth]}{end}" for end in AP_ENDS}
     columns = {
         f"ap_whole{end}": experiments[name] for end, name in names.items() if name in experiments
@@ -94,9 +94,9 @@ def first_seed(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def first_stress(rows: pd.DataFrame) -> pd.DataFrame:
-    """Returns the rows of the first run, seed and frames for each key of CURVE."""
-    way = rows[["run", "seed", "frames"]].astype(str).agg(" ".join, axis=1)
-    return rows[way == way.groupby([rows[name] for name in CURVE]).transform("first")]
+    """Returns the rows of the first run, seed and frames of each curve (columns CURVE)."""
+    run_key = rows[["run", "seed", "frames"]].astype(str).agg(" ".join, axis=1)
+    return rows[run_key == run_key.groupby([rows[name] for name in CURVE]).transform("first")]
 
 
 def each_road_once(areas: pd.DataFrame) -> pd.DataFrame:
@@ -105,8 +105,8 @@ def each_road_once(areas: pd.DataFrame) -> pd.DataFrame:
     These rows are sums over the roads, so areas would be counted twice.
     """
     truth = [areas[name] for name in (*EXPERIMENT, "seed", "ground_truth")]
-    several = areas.groupby(truth).road.transform("nunique") > 1
-    return areas[~((areas.road == "all") & several)]
+    has_several_roads = areas.groupby(truth).road.transform("nunique") > 1
+    return areas[~((areas.road == "all") & has_several_roads)]
 
 
 def preset_of_answers(rows: pd.DataFrame) -> str:

@@ -62,9 +62,9 @@ def lit_share(rays: Rays, times_s: tuple[float, ...] = TIMES_S) -> pd.DataFrame:
     """Returns the share of the field of view that rays have covered after each time.
 
     The field of view is divided into cells of CELL_DEG of azimuth and elevation. A ray covers the
-    cell in which it lies. In each row of cells, the field of view extends between the outermost
-    rays. A row without rays has the width of the row below. Columns: time_s, lit_percent,
-    field_deg2 (product of azimuth and elevation, not solid angle).
+    cell in which it lies. A row of cells has one elevation. In each row, the field of view extends
+    between the outermost rays. A row without rays has the width of the row below. Columns: time_s,
+    lit_percent, field_deg2 (product of azimuth and elevation in square degrees, not a solid angle).
     """
     column = np.floor(rays.azimuth_deg / CELL_DEG).astype(np.int64)
     row = np.floor(rays.elevation_deg / CELL_DEG).astype(np.int64)
@@ -124,9 +124,10 @@ def _density(
 
 
 def _field_cells(row: IntArray, column: IntArray) -> int:
-    """Returns the number of cells between the outermost ones of each row.
+    """Returns the number of cells in the field of view.
 
-    An empty row counts as many as the row below it.
+    A row has the cells between its outermost rays. A row without rays has as many cells as the row
+    below it. row, column: cell indices of the rays.
     """
     rows = int(row.max()) + 1
     low, high = np.full(rows, np.iinfo(np.int64).max), np.full(rows, -1)

@@ -1,9 +1,9 @@
 """Scanning statistics of data sets: statistics of points, which need no detector.
 
 They include returns per frame, points per vehicle and the coverage of the field of view.
-scanning_tables.py computes the statistics of vehicles, scan_patterns.py the statistics of rays.
-This module combines both and writes CSV files. The section "Scanning statistics" of
-docs/conventions.md has the definitions.
+scanning_tables.py computes the statistics of vehicles. scan_patterns.py computes the statistics of
+rays. This module combines their tables and writes CSV files. The definitions are in the section
+"Scanning statistics" of docs/conventions.md.
 """
 
 import itertools
@@ -82,9 +82,9 @@ def _speeds(file: Path) -> pd.DataFrame:
 
 
 def pattern_tables(data: DataSet) -> Tables:
-    """Returns lit_share and angular_density of the LiDARs whose pattern is known.
+    """Returns lit_share and angular_density of the LiDARs whose scan pattern is known.
 
-    Raises ImportError without the extension.
+    Raises ImportError if the compiled extension is not installed.
     """
     from pyinfra.metrics import scan_patterns
 
@@ -115,10 +115,12 @@ def data_set_tables(
     tables = vehicle_tables(accumulated(vehicles, data.frames, accumulate), blocks)
     counts = {}
     for lidar in data.lidars:
-        each = hit_counts(data, lidar, above_road=above_road)
-        runs = np.convolve(each, np.ones(accumulate, np.int64), "valid")  # gaps are removed below
+        returns = hit_counts(data, lidar, above_road=above_road)
+        run_returns = np.convolve(
+            returns, np.ones(accumulate, np.int64), "valid"
+        )  # gaps are removed below
         last = np.array(data.frames)[accumulate - 1 :]
-        counts[lidar.name] = runs[np.isin(last, ends)]
+        counts[lidar.name] = run_returns[np.isin(last, ends)]
     tables["hit_points"] = statistics_tables.hit_points(counts, blocks)
     if data.preset != RECORDED or (data.folder / "trajectories.csv").is_file():
         tables["speed"] = speed_table(data)
@@ -131,7 +133,9 @@ def data_set_tables(
 def aggregation_table(
     data_sets: Sequence[DataSet], vehicles: Sequence[Observations], *, above_road: bool = False
 ) -> pd.DataFrame:
-    """Returns the change of points from other aggregation modes to `exact`, for set `common`.
+    """Returns the change in the number of points from another aggregation mode to `exact`.
+
+    The vehicles are those of set `common`.
 
     Data sets are paired if they have the same scene, preset, seed and LiDARs. A pair is compared on
     the frames that both data sets have. The table is empty if there is no pair.
@@ -154,7 +158,7 @@ def aggregation_table(
 
 
 def described(data: DataSet, rows: pd.DataFrame, above_road: bool) -> pd.DataFrame:
-    """Returns rows with the columns scene, preset, aggregation, seed, above_road in front."""
+    """Returns rows with the added first columns scene, preset, aggregation, seed, above_road."""
     key = {
         "scene": data.scene,
         "preset": data.preset,
@@ -214,13 +218,13 @@ def write(tables: Tables, out: Path) -> list[Path]:
 
 def _patterns_once(data_sets: Sequence[DataSet], above_road: bool) -> Tables:
     """Returns the tables of patterns, once for each preset and set of LiDARs."""
-    seen: dict[tuple[str, tuple[str, ...]], DataSet] = {}
+    first_data_sets: dict[tuple[str, tuple[str, ...]], DataSet] = {}
     for data in data_sets:
-        seen.setdefault((data.preset, data.names), data)
+        first_data_sets.setdefault((data.preset, data.names), data)
     return _joined(
         [
             {name: described(data, rows, above_road) for name, rows in pattern_tables(data).items()}
-            for data in seen.values()
+            for data in first_data_sets.values()
         ]
     )
 

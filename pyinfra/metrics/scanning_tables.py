@@ -1,4 +1,4 @@
-"""Scanning statistics as tidy tables: one row per figure, with its vehicles and 95 % interval.
+"""Scanning statistics as tidy tables: one row per figure, with its 95 % interval.
 
 docs/conventions.md defines the sets of vehicles, the bootstrap blocks and the decay. In all tables
 ci_low and ci_high are the ends of the interval. They are NaN if the interval is unknown.
@@ -46,7 +46,7 @@ def points_per_vehicle(
 ) -> pd.DataFrame:
     """Returns the Average Points per Vehicle (APV) in bins of distance.
 
-    It is computed over all vehicles, and over vehicles with at least one point (columns `*_hit`).
+    APV is computed over all vehicles, and over vehicles with at least one point (columns `*_hit`).
     Columns: lidar, from_m, to_m, vehicles, apv, ci_low, ci_high, vehicles_hit, apv_hit,
     ci_low_hit, ci_high_hit. A bin without vehicles has NaN.
     """
@@ -74,8 +74,8 @@ def points_per_vehicle(
 def quality(vehicles: Observations, blocks: Blocks, edges: FloatArray = EDGES_M) -> pd.DataFrame:
     """Returns the share of vehicles by number of points and by distance.
 
-    Column quality depends on the number of points: missed (0), low (1 to 4), medium (5 to 20), high
-    (more than 20), hit (1 or more).
+    Column quality is a class of the number of points on a vehicle: missed (0), low (1 to 4), medium
+    (5 to 20), high (more than 20), hit (1 or more).
     Columns: lidar, from_m, to_m, quality, vehicles (in the bin), share_percent, ci_low, ci_high.
     The last bin is the whole range of distances.
     """
@@ -140,8 +140,8 @@ def only_one(vehicles: Observations, blocks: Blocks, from_m: float = FAR_M) -> p
 def alone_and_another(vehicles: Observations) -> tuple[IntArray, IntArray]:
     """Returns two arrays (n, L) of 0 and 1 for each vehicle and LiDAR.
 
-    The first is 1 if only this LiDAR hit the vehicle. The second is 1 if another LiDAR hit it but
-    this one did not.
+    The first is 1 if only this LiDAR hit the vehicle. The second is 1 if another LiDAR hit the
+    vehicle, but this LiDAR did not.
     """
     hit = vehicles.points > 0
     hits = hit.sum(axis=1, keepdims=True)
@@ -241,9 +241,9 @@ def speed_distribution(
 
 
 def box_points(vehicles: Observations, blocks: Blocks) -> pd.DataFrame:
-    """Returns the points on moving vehicles, and how many of them lie outside the box.
+    """Returns the mean number of points on moving vehicles, and the share outside the box.
 
-    The box is the vehicle's box at the middle of the frame.
+    The box is the vehicle's box at mid-frame.
 
     Columns: lidar, vehicles, apv, apv_in_box, outside_box_percent, ci_low, ci_high.
     """
@@ -269,11 +269,11 @@ def box_points(vehicles: Observations, blocks: Blocks) -> pd.DataFrame:
 
 
 def aggregation_change(before: Observations, after: Observations, blocks: Blocks) -> pd.DataFrame:
-    """Returns the change in points on moving vehicles, and in their boxes, between two tables.
+    """Returns the change in the number of points on moving vehicles and in their boxes.
 
-    Replicates are paired, because both tables have the same frames. Columns: lidar, counted (points
-    or points_in_box), vehicles, before, after (per vehicle), change_percent, ci_low, ci_high.
-    Raises Error if the LiDARs differ.
+    The change is that from `before` to `after`. Replicates are paired, because both tables have the
+    same frames. Columns: lidar, counted (points or points_in_box), vehicles, before and after (mean
+    per vehicle), change_percent, ci_low, ci_high. Raises Error if the LiDARs differ.
     """
     if before.lidars != after.lidars:
         raise Error(f"expected the same LiDARs, got {before.lidars} and {after.lidars}")
@@ -300,7 +300,7 @@ def aggregation_change(before: Observations, after: Observations, blocks: Blocks
 
 
 def _fit_bins(sums: FloatArray) -> BoolArray:
-    """Returns which bins the fit of the decay uses: (..., bins, L). sums: (..., bins, L, 4)."""
+    """Returns which bins the decay's fit uses: (..., bins, L). sums: as in `decay_lines`."""
     return np.asarray((sums[..., 1] >= MIN_VEHICLES_FOR_DECAY) & (sums[..., 0] > 0))
 
 

@@ -23,16 +23,17 @@ class Settings:
     Attributes
     ----------
     classes : names of classes, and the KITTI types that they include
-    ground_truths : `captured`, `all`, `common` or `present`
-    ious : thresholds of the overlap, 0.1 to below 1
-    protocols : `definition` is AP at 40 and at 1,000 recalls, `r11` AP at 11 recalls. `kitti` is AP
-        at 40 recalls, with the sampling and the strict threshold of KITTI's devkit
+    ground_truths : names of ground-truth subsets: `captured`, `all`, `common` or `present`
+    ious : IoU thresholds, 0.1 to below 1
+    protocols : `definition` is AP at 40 and at 1,000 recalls. `r11` is AP at 11 recalls. `kitti` is
+        AP at 40 recalls, with the sampling and the strict threshold of KITTI's devkit
     metrics : `bev`, `3d` or `centre`
     min_score : least score of a prediction that counts
     min_points : least number of points on a captured vehicle
-    min_objects : least number of objects in an area that gets a quality
-    cut_first : whether to also compute AP from boxes that are cut by window before matching
-    block_s : block length of the bootstrap in seconds; by default the stay of a vehicle
+    min_objects : least number of objects in an area whose quality is determined
+    cut_first : whether to also compute the AP of each window from the boxes in this window alone,
+        without the boxes outside it in the matching
+    block_s : block length of the bootstrap in seconds; by default the mean stay of a vehicle
     replicates : number of bootstrap replicates
     seed : seed of the bootstrap
     """
@@ -78,5 +79,5 @@ class Settings:
     @property
     def types(self) -> list[str]:
         """The distinct names of vehicles and predictions that are evaluated."""
-        every = (t for name, types in self.classes.items() for t in (*types, name))
-        return list(dict.fromkeys(every))
+        names = (t for name, types in self.classes.items() for t in (*types, name))
+        return list(dict.fromkeys(names))
