@@ -1,4 +1,4 @@
-"""Whether PyTorch is installed: it trains networks, and runs all but one of them."""
+"""Checks that PyTorch is installed. Training needs it, and so do all networks but one."""
 
 from importlib.util import find_spec
 

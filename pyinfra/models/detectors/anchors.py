@@ -2,9 +2,9 @@
 
 The module follows SECOND, Yan et al., Sensors 2018, as implemented in OpenPCDet. Anchors are
 assigned by the IoU of footprints that are turned to their nearest axis. Residuals are relative to
-the anchor's diagonal, height and sizes. Headings are predicted modulo half a turn; a separate class
-says which half it is. There are two sizes of anchors instead of one, because the IoU of a bus with
-an anchor for cars is too low.
+the anchor's diagonal, height and sizes. Headings are predicted modulo half a turn; a separate
+classification predicts the half. There are two sizes of anchors instead of one, because the IoU of
+a bus with an anchor for cars is too low.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class AnchorConfig:
     long_m: tuple[float, float, float] = ruled(LONG_M, 0.1, 30)  # size for trucks and buses
     matched: float = ruled(0.6, 0, 1)  # least IoU of an anchor that is assigned to a box
     unmatched: float = ruled(0.45, 0, 1)  # anchors with a lower IoU are background
-    candidates: int = ruled(4096, 1, 4096)  # number of best anchors that enter the suppression
+    candidates: int = ruled(4096, 1, 4096)  # most anchors that enter the non-maximum suppression
 
     @property
     def sizes(self) -> tuple[tuple[float, float, float], ...]:
@@ -47,12 +47,12 @@ class Targets:
     """The assignment of anchors to the boxes of one frame."""
 
     positive: Tensor  # (...) bool: assigned to a box
-    negative: Tensor  # (...) bool: background. Anchors that are neither do not enter the loss.
+    negative: Tensor  # (...) bool: background. All other anchors are left out of the loss.
     box: Tensor  # (...) int64: row of the assigned box
 
 
 class Anchors:
-    """Anchors (rows, columns, per_cell, 7), standing on the site's floor."""
+    """Anchors (rows, columns, per_cell, 7) that stand on the road (z = `Site.floor_z`)."""
 
     def __init__(self, config: AnchorConfig, site: Site, cell_m: float, grid: tuple[int, int]):
         self.config = config
@@ -72,22 +72,22 @@ class Anchors:
     def targets(self, boxes: Tensor, grid: tuple[int, int] | None = None) -> Targets:
         """Assigns anchors to boxes (k, 7); returns tensors (rows, columns, per_cell).
 
-        grid: numbers of rows and columns to use, from the first on; by default all.
+        grid: numbers of the first rows and columns to use; by default all.
         """
         rows, columns = grid or self.boxes.shape[:2]
         shape = (rows, columns, self.config.per_cell)
         if len(boxes) == 0:
-            none = torch.zeros(shape, dtype=torch.bool)
-            return Targets(none, ~none, torch.zeros(shape, dtype=torch.int64))
+            no_anchor = torch.zeros(shape, dtype=torch.bool)
+            return Targets(no_anchor, ~no_anchor, torch.zeros(shape, dtype=torch.int64))
         overlap = self.axis_aligned_iou(boxes, grid)  # (rows, columns, per_cell, k)
         best, box = overlap.max(dim=-1)
         positive = best >= self.config.matched
         # A box without a matched anchor is assigned to the anchors that overlap it most.
         most = overlap.flatten(0, 2).amax(dim=0)
         forced = (overlap == most) & (most > 0)
-        hit, forced_box = forced.max(dim=-1)
-        box = torch.where(hit, forced_box, box)
-        positive = positive | hit
+        is_forced, forced_box = forced.max(dim=-1)
+        box = torch.where(is_forced, forced_box, box)
+        positive = positive | is_forced
         return Targets(positive, ~positive & (best < self.config.unmatched), box)
 
     def axis_aligned_iou(self, boxes: Tensor, grid: tuple[int, int] | None = None) -> Tensor:
@@ -110,7 +110,7 @@ class Anchors:
 
 
 def _shared(centre: Tensor, length: float, other: Tensor, other_length: Tensor) -> Tensor:
-    """Returns the length that intervals share, for all pairs."""
+    """Returns the length of the overlap of two intervals, for all pairs of intervals."""
     low = torch.maximum(centre[:, None] - length / 2, other - other_length / 2)
     high = torch.minimum(centre[:, None] + length / 2, other + other_length / 2)
     return (high - low).clamp(min=0)
@@ -128,7 +128,7 @@ def encode(boxes: Tensor, anchors: Tensor) -> Tensor:
 def decode(residuals: Tensor, anchors: Tensor, backwards: Tensor) -> Tensor:
     """Returns the boxes (n, 7) of residuals (n, 7), the inverse of encode.
 
-    backwards: (n,) bool, the half of a turn in which the heading lies.
+    backwards: (n,) bool, whether the heading is in the second half of the turn.
     """
     diagonal = anchors[:, 3:5].norm(dim=1, keepdim=True)
     xy = residuals[:, :2] * diagonal + anchors[:, :2]

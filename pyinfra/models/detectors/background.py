@@ -5,7 +5,7 @@ points in most frames. The other points are clustered. Each cluster gets a recta
 search of Zhang et al., "Efficient L-Shape Fitting for Vehicle Detection Using Laser Scanners" (IV
 2017). Deviations from the paper:
 
-- the closeness of points to the sides is saturated
+- in the closeness score, all points within 0.1 m of a side count as on the side
 - the heading is biased towards the directions of known roads and of vehicles at this position in
   training, because few points do not determine a heading
 - all clusters and headings of a frame are searched together
@@ -55,15 +55,15 @@ _CAR, _MOTORCYCLE, _TRUCK, _BUS, _PEDESTRIAN, _CYCLIST = range(6)
 _LEAST_ALONE = 5  # least points of a pedestrian or cyclist; fewer may be part of a distant object
 
 _ROAD_CELL_M = 5.0  # cell size of the grid of directions
-_KNOWN_ROAD = 1.0  # weight of a known road in this grid; a vehicle in the cell has about 0.07
+_KNOWN_ROAD = 1.0  # weight of a known road in this grid; a vehicle in the cell adds about 0.07
 _THIN_M = 0.4  # cell size in which points are merged before clustering
 _OFFSETS = np.radians(np.arange(-90, 90, 4)).astype(np.float32)  # headings of the search
 _BONNET_M = 1.2  # length of the low front or rear of a car
 _ON_SIDE_M = 0.1  # a point this close to a side lies on it
 _NEIGHBOUR_M = 10.0  # largest distance from which the height of hidden ground is taken
-_OVERHEAD_M = 2.0  # higher permanent points above a road are crowns, gantries or signs
-_SHARED = 0.1  # two boxes are the same vehicle if they share more than this of the smaller box
-_MOST = 1000  # most boxes of a frame; limits the time for a wrong background or heavy rain
+_OVERHEAD_M = 2.0  # permanent points higher than this above a road are trees, gantries or signs
+_SHARED = 0.1  # boxes are the same vehicle if the overlap exceeds this share of the smaller box
+_MOST = 1000  # most boxes of a frame; limits the time if the background is wrong or in heavy rain
 
 # Exceptions of NumPy for a file that is not an .npz file, is incomplete or has other arrays.
 _UNREADABLE = (ValueError, TypeError, KeyError, EOFError, ArithmeticError, BadZipFile, zlib.error)
@@ -77,14 +77,14 @@ class Config:
     cell_m: float = ruled(1.0, 0.1, 20)  # cell size of the grid of the ground
     clearance_m: float = ruled(0.15, 0, 5)  # points lower than this above the ground are ground
     ceiling_m: float = ruled(5.0, 0.1, 50)  # points higher than this above the ground are ignored
-    # share of the frames: a voxel that has points in more of them is background
+    # A voxel is background if it has points in more than this share of the frames.
     permanent_share: float = ruled(0.7, 0, 1)
     # largest gap between points of a vehicle across the road; it grows with distance
     gap_m: float = ruled(0.8, 0.05, 10)
-    gap_along_m: float = ruled(1.2, 0.05, 10)  # the same along the road
+    gap_along_m: float = ruled(1.2, 0.05, 10)  # largest gap along the road, at short distance
     within_region: bool = True  # whether boxes outside the roads or the outline are left out
     region_margin_m: float = ruled(1.0, 0, 20)  # margin around roads or outline for inexact boxes
-    # whether small clusters become Pedestrian or Cyclist; the margin must include the footways
+    # whether small clusters become Pedestrian or Cyclist; region_margin_m must cover the footways
     people: bool = False
 
     def __post_init__(self) -> None:
@@ -107,8 +107,8 @@ class Background:
     ground: Floats  # (n, n) z of the ground, metres
     permanent: BoolArray  # (n, n, layers of 1 m above the ground) voxels of permanent objects
     region: BoolArray  # (n, n) where vehicles can be; everywhere if unknown
-    road: Floats  # (m, m, 2) mean cos, sin of twice the heading; the length is the certainty
-    expected: Floats  # (2,) points on a vehicle: ln points = [0] + [1] * ln distance
+    road: Floats  # (m, m, 2) mean cos, sin of twice the heading; a longer vector is more certain
+    expected: Floats  # (2,) expected points of a vehicle: ln points = [0] + [1] * ln distance
 
     @classmethod
     def learn(
@@ -120,11 +120,12 @@ class Background:
     ) -> Background:
         """Learns the background of a site.
 
-        frames: clouds (k, 4) of one fixed sensor, spread over minutes. The ground of a cell is
-        found if it is visible in at least one frame.
+        frames: clouds (k, 4) of one fixed sensor, spread over minutes. The ground of a cell must be
+        visible in at least one frame.
         region: where vehicles can be; by default everywhere. It is ignored if the setting
         `within_region` is false. Known roads in the region influence the directions of traffic.
-        road: height of the road. Only a relief is used. A level road is estimated from the frames.
+        road: height of the road. It is only used if it has a relief; otherwise the height is
+        estimated from the frames.
         Raises Error if no frame has a point in range.
         """
         clouds = [_usable(frame, settings) for frame in frames]
@@ -136,12 +137,14 @@ class Background:
         permanent = _permanent(clouds, ground, settings)
         roads = _known_roads(region, settings)
         inside = _inside_region(region, settings, settings.region_margin_m)
-        none = np.zeros(2, np.float32)
-        known = cls(settings, ground, permanent, inside, _mean_direction(roads), none)
-        for _ in range(2):  # the second time uses directions, which separate clusters better
-            rectangles = _joined([known._rectangles(cloud) for cloud in clouds])
-            known = replace(known, road=_road(rectangles, roads), expected=_expected(rectangles))
-        return known
+        no_expected = np.zeros(2, np.float32)
+        background = cls(settings, ground, permanent, inside, _mean_direction(roads), no_expected)
+        for _ in range(2):  # the second pass uses learnt directions, which separate clusters better
+            rectangles = _joined([background._rectangles(cloud) for cloud in clouds])
+            background = replace(
+                background, road=_road(rectangles, roads), expected=_expected(rectangles)
+            )
+        return background
 
     def predict(self, points: Points) -> Detections:
         """Returns the boxes in a cloud, as `Detector.predict` does."""
@@ -175,17 +178,17 @@ class Background:
 
     @classmethod
     def load(cls, file: Path) -> Background:
-        """Reads a file that `save` wrote. For other files, raises Error, which names the file."""
+        """Reads a file that `save` wrote. Raises Error with the file's name for other files."""
         try:
             with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
                 contents = [data[f.name] for f in fields(cls)]
-            known = cls(_settings(contents[0]), *contents[1:])
-            known._check()
+            background = cls(_settings(contents[0]), *contents[1:])
+            background._check()
         except _UNREADABLE as error:
             raise Error(
                 f"{file}: expected a background of this detector, got something else: {error}"
             ) from error
-        return known
+        return background
 
     def _check(self) -> None:
         """Raises Error if the shapes or types of the arrays differ from those of `learn`."""
@@ -207,7 +210,10 @@ class Background:
                 )
 
     def _moving(self, cloud: Floats) -> tuple[IntArray, Floats]:
-        """Returns the indices of points (k, 3) that are not background, and all heights (k,)."""
+        """Returns the indices of points (k, 3) that are not background.
+
+        The second result is the height of each point above the ground: (k,).
+        """
         s = self.settings
         cell = _cell(cloud, s)
         height = cloud[:, 2] - self.ground.reshape(-1).take(cell)
@@ -244,7 +250,7 @@ class _Rectangles:
 
     @property
     def centre(self) -> Floats:
-        """(c, 2) x y."""
+        """(c, 2) x y in the levelled LiDAR frame, metres."""
         return _turned((self.low + self.high) / 2, self.heading)
 
     @property
@@ -290,7 +296,7 @@ def _road_cells(s: Config) -> int:
 def _numbers(settings: Config) -> FloatArray:
     """Returns the settings as numbers.
 
-    `people` is left out if it is false, because files of earlier versions do not have it.
+    If `people` is false, it is left out, as in the files of earlier versions.
     """
     numbers = np.array(astuple(settings))
     return numbers if settings.people else numbers[:-1]
@@ -315,13 +321,13 @@ def _cell(cloud: Floats, s: Config) -> Int32Array:
 
 
 def _centres(s: Config) -> tuple[Floats, Floats]:
-    """Returns x (n, 1) and y (1, n) of the cells of the ground."""
-    at = ((np.arange(_cells(s)) + 0.5) * s.cell_m - s.range_m).astype(np.float32)
-    return at[:, None], at[None]
+    """Returns x (n, 1) and y (1, n) of the centres of the ground's cells."""
+    centres = ((np.arange(_cells(s)) + 0.5) * s.cell_m - s.range_m).astype(np.float32)
+    return centres[:, None], centres[None]
 
 
 def _cell_positions(s: Config) -> FloatArray:
-    """Returns x, y of the cells of the ground, row by row: (n * n, 2)."""
+    """Returns x, y of the centres of the ground's cells, row by row: (n * n, 2)."""
     n = _cells(s)
     x, y = (np.broadcast_to(a, (n, n)).ravel() for a in _centres(s))
     return np.column_stack([x, y]).astype(np.float64)
@@ -338,27 +344,28 @@ def _inside_region(region: Region | None, s: Config, margin_m: float) -> BoolArr
 def _ground(clouds: Sequence[Floats], s: Config, road: Ground | None, inside: BoolArray) -> Floats:
     """Returns z of the ground in each cell: (n, n).
 
-    It is the lowest return of a cell, if this return is from the ground. It is not from the ground
-    if it is well above the road and the cell has no return in most frames. Inside the region,
-    permanent returns far above the road are not from the ground either. A cell without a ground
-    return gets z of a neighbour or of the road. The road is its relief if known, else a fitted
-    plane. inside: (n, n) cells in the region; all cells if the region is unknown.
+    z is that of the lowest return of a cell, if this return is from the ground. A return is not
+    from the ground if it is well above the road and the cell has no return in most frames. Inside
+    the region, permanent returns far above the road are not from the ground either. A cell without
+    a ground return gets z of a neighbour or of the road. The height of the road is the relief of
+    `road` if it is known, else a fitted plane. inside: (n, n) cells in the region; all cells if the
+    region is unknown.
     """
     n = _cells(s)
     lowest = np.full(n * n, np.inf, np.float32)
-    seen = np.zeros(n * n, np.int32)
+    frames_with_return = np.zeros(n * n, np.int32)
     for cloud in clouds:
         cell = _cell(cloud, s)
         np.minimum.at(lowest, cell, cloud[:, 2])
-        seen += np.bincount(cell, minlength=n * n) > 0
+        frames_with_return += np.bincount(cell, minlength=n * n) > 0
     z = lowest.reshape(n, n)
-    share = (seen / len(clouds)).reshape(n, n)
+    share = (frames_with_return / len(clouds)).reshape(n, n)
     if road is not None and road.relief is not None:
         plane = road.height(_cell_positions(s)).reshape(n, n).astype(np.float32)
     else:
-        # Plants and slopes beside the road are visible in all frames, distant lanes in few frames.
-        # Therefore cells outside the region are left out.
-        trusted = inside & (seen > 0).reshape(n, n)
+        # Plants and slopes beside the road have returns in all frames, and distant lanes in few
+        # frames. Therefore cells outside the region are left out of the fit.
+        trusted = inside & (frames_with_return > 0).reshape(n, n)
         plane = _plane(z, np.where(trusted, share, 0) if trusted.any() else share, s)
     stays = share > s.permanent_share
     if not inside.all():
@@ -384,10 +391,12 @@ def _plane(lowest: Floats, share: Floats, s: Config) -> Floats:
     Returns above the plane, such as returns from vehicles, have less weight.
     """
     x, y = (np.broadcast_to(a, lowest.shape) for a in _centres(s))
-    known = share > 0
-    distance = np.hypot(x, y)[known]
-    a = np.stack([x[known], y[known], np.ones(known.sum())], axis=1).astype(np.float64)
-    z, trust = lowest[known].astype(np.float64), share[known].astype(np.float64) ** 2
+    has_return = share > 0
+    distance = np.hypot(x, y)[has_return]
+    a = np.stack([x[has_return], y[has_return], np.ones(has_return.sum())], axis=1).astype(
+        np.float64
+    )
+    z, trust = lowest[has_return].astype(np.float64), share[has_return].astype(np.float64) ** 2
     near = distance <= max(45, distance.min())
     order = np.argsort(z[near])
     total = np.cumsum(trust[near][order])
@@ -406,26 +415,27 @@ def _plane(lowest: Floats, share: Floats, s: Config) -> Floats:
 def _permanent(clouds: Sequence[Floats], ground: Floats, s: Config) -> BoolArray:
     """Returns which voxels have a return in most frames: (n, n, layers)."""
     n, layers = _cells(s), _layers(s)
-    seen = np.zeros(n * n * layers, np.int32)
+    frames_with_return = np.zeros(n * n * layers, np.int32)
     for cloud in clouds:
         cell = _cell(cloud, s)
         height = cloud[:, 2] - ground.reshape(-1).take(cell)
         high = (height > s.clearance_m) & (height < s.ceiling_m)
         voxel = cell[high] * layers + height[high].astype(np.int32)
-        seen[np.unique(voxel)] += 1
-    return np.asarray(seen > s.permanent_share * len(clouds)).reshape(n, n, layers)
+        frames_with_return[np.unique(voxel)] += 1
+    return np.asarray(frames_with_return > s.permanent_share * len(clouds)).reshape(n, n, layers)
 
 
 def _known_roads(region: Region | None, s: Config) -> FloatArray:
     """Returns the directions of the region's roads as votes (m, m, 3), for `_road`.
 
-    The weight of a vote is almost 0 where no road is known and where several roads cross.
+    A vote is a weight times (cos, sin of twice the heading, 1). The weight is almost 0 where no
+    road is known and where several roads cross.
     """
     cells = _road_cells(s)
     votes = np.full((cells, cells, 3), 1e-6) * [0, 0, 1]
     if region is not None and region.axes is not None:
-        at = (np.arange(cells) - cells // 2 + 0.5) * _ROAD_CELL_M
-        positions = np.stack(np.meshgrid(at, at, indexing="ij"), axis=-1)
+        centres = (np.arange(cells) - cells // 2 + 0.5) * _ROAD_CELL_M
+        positions = np.stack(np.meshgrid(centres, centres, indexing="ij"), axis=-1)
         sin, cos = region.axes(positions.reshape(-1, 2)).T.reshape(2, cells, cells)
         votes += _KNOWN_ROAD * np.stack([cos, sin, np.hypot(cos, sin)], axis=-1)
     return votes
@@ -437,11 +447,11 @@ def _mean_direction(votes: FloatArray) -> Floats:
 
 
 def _road(rectangles: _Rectangles, roads: FloatArray) -> Floats:
-    """Returns the mean cos, sin of twice the heading of long clusters: (m, m, 2).
+    """Returns the mean cos, sin of twice the heading of roads and long clusters: (m, m, 2).
 
     The vector is shorter where headings differ. roads: (m, m, 3) votes of known roads. At large
-    distances a few votes are not reliable, because clusters mostly show the rear of a vehicle or
-    merge two vehicles side by side.
+    distances a small number of votes is not reliable, because a cluster mostly is the rear of a
+    vehicle or two vehicles side by side.
     """
     cells = len(roads)
     length, width = rectangles.size.T
@@ -465,10 +475,10 @@ def _road_cell(xy: Floats, cells: int) -> tuple[IntArray, IntArray]:
 
 
 def _expected(rectangles: _Rectangles) -> Floats:
-    """Returns the line through ln points over ln distance of the clusters: (2,).
+    """Returns intercept and slope of a line: ln points over ln distance of the clusters, (2,).
 
-    The fit has a weak prior for the slope -1.5. It matters if there are few clusters, or if all
-    clusters are at one distance.
+    The fit has a weak prior for the slope -1.5. The prior matters if there are few clusters, or if
+    all clusters are at one distance.
     """
     good = rectangles.count >= 2
     x, y = np.log(rectangles.distance[good]), np.log(rectangles.count[good])
@@ -479,7 +489,7 @@ def _expected(rectangles: _Rectangles) -> Floats:
 
 
 def _fit(cloud: Floats, height: Floats, road: Floats, s: Config) -> _Rectangles:
-    """Returns the clusters of a cloud (k, 3) with heights (k,) above the ground."""
+    """Returns the clusters of a cloud (k, 3). height: (k,) heights above the ground, metres."""
     if len(cloud) == 0:
         none = np.empty(0, np.float32)
         pair = np.empty((0, 2), np.float32)
@@ -491,12 +501,12 @@ def _fit(cloud: Floats, height: Floats, road: Floats, s: Config) -> _Rectangles:
     label = label[thin_of]
     order = np.argsort(label, kind="stable")
     start = np.flatnonzero(np.diff(label[order], prepend=-1))
-    seen = _turned(cloud[order, :2], -heading[label[order]])
+    in_axes = _turned(cloud[order, :2], -heading[label[order]])
     height = height[order]
     return _Rectangles(
         heading=heading,
-        low=np.minimum.reduceat(seen, start),
-        high=np.maximum.reduceat(seen, start),
+        low=np.minimum.reduceat(in_axes, start),
+        high=np.maximum.reduceat(in_axes, start),
         bottom=np.minimum.reduceat(cloud[order, 2] - height, start),
         lowest=np.minimum.reduceat(height, start),
         height=np.maximum.reduceat(height, start),
@@ -507,7 +517,7 @@ def _fit(cloud: Floats, height: Floats, road: Floats, s: Config) -> _Rectangles:
 def _thinned(cloud: Floats) -> tuple[Floats, IntArray]:
     """Merges the points in each cell of _THIN_M.
 
-    Returns their means (t, 2), and the index of the mean of each point (k,).
+    Returns the mean x, y of each cell (t, 2), and the index of each point's cell (k,).
     """
     cell = np.floor(cloud[:, :2] / np.float32(_THIN_M)).astype(np.int64)
     _, owner, count = np.unique(
@@ -520,9 +530,9 @@ def _thinned(cloud: Floats) -> tuple[Floats, IntArray]:
 def _clusters(xy: Floats, road: Floats, s: Config) -> Int32Array:
     """Returns the cluster of each point, numbered from 0: (t,).
 
-    Two points are in one cluster if one lies in an ellipse around the other. The ellipse is
-    elongated along the road. It grows with distance, as the gaps between rays do. If the direction
-    is unknown it is a circle.
+    Two points are in one cluster if one point lies in an ellipse around the other. The ellipse is
+    elongated along the road. It grows with the distance from the sensor, because the gaps between
+    rays grow. If the direction of the road is unknown, the ellipse is a circle.
     """
     distance = np.hypot(xy[:, 0], xy[:, 1])
     grow = 1 + distance / np.float32(100)
@@ -530,10 +540,10 @@ def _clusters(xy: Floats, road: Floats, s: Config) -> Int32Array:
     i, j = cKDTree(xy).query_pairs(reach, output_type="ndarray").T
     x, y = (xy[i] - xy[j]).T
     cos, sin = road[_road_cell(xy, len(road))].T
-    both = x * x + y * y
+    squared = x * x + y * y
     # (along^2 - across^2) of the step, times the certainty of the direction.
     tilt = (x * x - y * y) * cos[i] + 2 * x * y * sin[i]
-    size = (both + tilt) / (2 * s.gap_along_m**2) + (both - tilt) / (2 * s.gap_m**2)
+    size = (squared + tilt) / (2 * s.gap_along_m**2) + (squared - tilt) / (2 * s.gap_m**2)
     near = size < grow[i] ** 2
     shape = (len(xy), len(xy))
     graph = coo_array((np.ones(near.sum(), np.int8), (i[near], j[near])), shape)
@@ -563,16 +573,17 @@ def _headings(xy: Floats, label: Int32Array, road: Floats) -> Floats:
 
 
 def _inside(at: Floats, start: IntArray, label: Int32Array) -> tuple[Floats, Floats]:
-    """Returns the distances of points to the nearer end of their cluster, and cluster extents.
+    """Returns the distances of points from the nearer end of their cluster, and cluster extents.
 
-    Both are along one axis, for h headings. The shapes are (t, h) and (c, h).
+    Distances (t, h) and extents (c, h) are measured along one axis, for h headings. at: (t, h)
+    coordinates of the points along this axis.
     """
     low, high = np.minimum.reduceat(at, start), np.maximum.reduceat(at, start)
     return np.minimum(at - low[label], high[label] - at), high - low
 
 
 def _turned(xy: Floats, heading: Floats) -> Floats:
-    """Returns points (n, 2), turned by (n,) radians about the sensor."""
+    """Returns points (n, 2), turned about the sensor by the headings (n,) in radians."""
     cos, sin = np.cos(heading), np.sin(heading)
     return np.stack([cos * xy[:, 0] - sin * xy[:, 1], sin * xy[:, 0] + cos * xy[:, 1]], axis=1)
 
@@ -603,7 +614,7 @@ def _boxes(rectangles: _Rectangles, kinds: IntArray) -> FloatArray:
     missing = np.maximum(SIZES[kinds, :2] - rectangles.size, 0)
     # If the sensor is beside a vehicle, front and rear are equally far and are both extended.
     away = np.clip((rectangles.low + rectangles.high) / 2 / SIZES[kinds, :2], -1, 1)
-    # If only the cabin has points, rays passed above the bonnet, which is nearer to the sensor.
+    # If only the cabin has points, the rays passed above the bonnet, which is nearer to the sensor.
     over = np.where(kinds == _CAR, np.clip(2 * rectangles.lowest - 1, 0, 1), 0)
     nearer = np.minimum(over[:, None] * [_BONNET_M, 0], missing)
     middle = (rectangles.low + rectangles.high) / 2 + away * (missing / 2 - nearer)
@@ -617,8 +628,8 @@ def _boxes(rectangles: _Rectangles, kinds: IntArray) -> FloatArray:
 def _scores(rectangles: _Rectangles, kinds: IntArray, expected: Floats) -> FloatArray:
     """Returns scores in [0.1, 1]: (c,).
 
-    A score depends on the ratio of the number of points to the expected number, and on the ratio of
-    the size to the size of the class.
+    A score rises with the ratio of the number of points to the expected number. It falls if the
+    cluster is much longer or wider than its class. expected: as in `Background`.
     """
     ratio = rectangles.count / np.exp(expected[0] + expected[1] * np.log(rectangles.distance))
     excess = np.maximum(rectangles.size - SIZES[kinds, :2] - [1.5, 0.5], 0).sum(1)
@@ -626,7 +637,10 @@ def _scores(rectangles: _Rectangles, kinds: IntArray, expected: Floats) -> Float
 
 
 def _without_overlap(boxes: FloatArray, scores: FloatArray) -> IntArray:
-    """Returns the indices of at most _MOST boxes that no better box overlaps, best first."""
+    """Returns the indices of at most _MOST boxes, best first.
+
+    Boxes are removed if they overlap a remaining box of a higher score by more than _SHARED.
+    """
     order = np.argsort(-scores, kind="stable")[:_MOST]
     best = boxes[order]
     area = best[:, 3] * best[:, 4]

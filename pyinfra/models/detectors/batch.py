@@ -28,7 +28,7 @@ class CanvasPart:
 
     sides: tuple[int, int]  # rows, columns
     first: Tensor | None  # (B, 2) row, column of the part's first cell; None for the whole canvas
-    boxes: tuple[Tensor, ...]  # (k, 7) boxes of each frame in the part, shifted as the part is
+    boxes: tuple[Tensor, ...]  # (k, 7) boxes of each frame in the part, shifted with the part
     classes: tuple[Tensor, ...]  # (k,) class numbers of these boxes
 
 
@@ -39,7 +39,7 @@ class Batch:
     points: Tensor  # (n, 4) float32; (n, 5) for a network that uses ages
     frame: Tensor  # (n,) int64, frame of each point, ascending
     boxes: tuple[Tensor, ...]  # (k, 7) float32 for each frame
-    windows: Windows | None = None  # None: the whole area
+    windows: Windows | None = None  # None: the whole canvas is used
     classes: tuple[Tensor, ...] = ()  # (k,) int64 class numbers of the boxes of each frame
     balance: float = 0.0  # weighting of frames in the loss: see `Learning.balance`
 

@@ -33,8 +33,8 @@ class BevNetwork(nn.Module):
             channels = width
         self.channels = len(config.layers) * config.up_width
         self.step = math.prod(config.strides)  # the canvas's sides must be multiples of this
-        # The memory layout of the canvas makes the network a sixth faster on a CPU. The type stub
-        # of `to` lacks this overload.
+        # This memory layout makes the network a sixth faster on a CPU. The type stub of `to` lacks
+        # this overload.
         self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def forward(self, x: Tensor) -> Tensor:

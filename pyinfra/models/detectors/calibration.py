@@ -12,7 +12,7 @@ from scipy.special import expit
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.errors import Error
 
-STEADY = 1e-3  # weight of the prior for unchanged scores; it only matters with very few boxes
+STEADY = 1e-3  # weight of the prior for unchanged scores; only matters if there are few boxes
 LEAST = 1e-7  # scores are clipped to LEAST .. 1 - LEAST
 
 

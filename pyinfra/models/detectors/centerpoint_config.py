@@ -21,8 +21,8 @@ class Config:
     age: bool = False  # whether the age of points in stacked frames is an input (--accumulate)
     bev: BevConfig = field(default_factory=BevConfig)
     head_width: int = ruled(64, 1, 512)  # channels of the layer that heat map and boxes share
-    # whether the axis and the direction of a box are predicted separately; useful if traffic moves
-    # in all directions
+    # whether the axis of a box and its direction along this axis are predicted separately; useful
+    # if traffic moves in all directions
     axis: bool = False
     classes: tuple[ObjectClass, ...] = ruled(VEHICLES, once=True)  # classes that are distinguished
 

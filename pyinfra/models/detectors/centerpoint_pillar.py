@@ -4,8 +4,8 @@ Deviations from the paper:
 
 - dynamic pillars with one layer (pillars.py)
 - one head for all classes, and no second stage
-- Gaussians aligned with the vehicles, a simpler head, another weight of the box loss
-  (centre_head.py)
+- Gaussians are aligned with the vehicles, the head has fewer layers, and the box loss has another
+  weight (centre_head.py)
 - pillars are 0.2 m wide, and the grid of boxes has half their resolution
 """
 

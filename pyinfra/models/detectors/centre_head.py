@@ -4,8 +4,8 @@ The head follows the first stage of CenterPoint, Yin et al., CVPR 2021. Deviatio
 
 - the heat of a vehicle is not a circular Gaussian, but one with the length, width and heading of
   the vehicle
-- after a shared layer, the heat and the box have one layer each; the published branches have two
-  layers each
+- after a shared layer, the heat and the box have one layer each; in the paper they have two layers
+  each
 - the loss of the box has the weight 0.5; the published weight is 0.25 or 2, depending on the data
   set
 """
@@ -72,8 +72,8 @@ class CentreHead(nn.Module):
         """Returns the losses of a canvas.
 
         boxes: (k, 7) for each frame. classes: class numbers (k,) of these boxes. balance: a frame
-        with n boxes has the weight n ** -balance. With balance 0 all boxes have the same weight,
-        with balance 1 all frames.
+        with n boxes has the weight n ** -balance. With balance 0 all boxes have the same weight.
+        With balance 1 all frames have the same weight.
         """
         logits, residuals = self(x)
         counts = torch.tensor([len(b) for b in boxes])
@@ -93,21 +93,27 @@ class CentreHead(nn.Module):
         return {name: part / count for name, part in (heat | parts).items()}
 
     def heat_loss(self, logits: Tensor, boxes: Sequence[Tensor], weights: Tensor) -> Tensor:
-        """Returns the loss of one class's heat (B, H, W), summed with the frames' weights (B,)."""
+        """Returns the loss of one class's heat: the sum over frames, weighted by `weights` (B,).
+
+        logits: (B, H, W). boxes: (k, 7) boxes of the class in each frame.
+        """
         heat = torch.stack([self.heat_of(b, logits.shape[1:]) for b in boxes])
         return (weights * heat_map_focal(logits, heat)).sum()
 
     def box_losses(
         self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor, weights: Tensor
     ) -> Losses:
-        """Returns the losses summed over boxes (k, 7). at: predictions (k, 8) at box centres."""
+        """Returns the losses, summed over boxes (k, 7) with `weights` (k,).
+
+        at: predictions (k, 8) in the cells `row`, `column` of the boxes' centres.
+        """
         box = (at[:, :BOX] - self.encode(boxes, row, column)).abs().sum(dim=1)
         return {"box": BOX_WEIGHT * (weights * box).sum()}
 
     def cells_of(self, boxes: Tensor, shape: Sequence[int]) -> tuple[Tensor, Tensor]:
         """Returns the cells of the boxes' centres: row and column, (k,) each.
 
-        Rounding may move a centre onto the border of the canvas, so the cells are clipped.
+        Rounding may move a centre beyond the last cell, so rows and columns are clipped.
         """
         low = boxes.new_tensor(self.site.area.low[:2])
         cell = ((boxes[:, :2] - low) / self.cell_m).long()
@@ -196,9 +202,9 @@ class AxisHead(CentreHead):
 
     The axis is the sine and cosine of twice the heading. If traffic can come from any direction, a
     network often cannot distinguish front and rear. The mean of two opposite headings is
-    meaningless, but their axis is the same. If a vehicle has few points, as a distant car, the
-    predicted axis vector is short. If the roads are known, the axis of the road is added in
-    proportion to the missing length.
+    meaningless, but their axis is the same. If a vehicle has few points, the predicted axis vector
+    is shorter than 1. If the roads are known, the axis of the road is added, multiplied by the
+    missing length.
     """
 
     def __init__(
@@ -214,7 +220,7 @@ class AxisHead(CentreHead):
         self.road_axes: Tensor | None = None
 
     def know(self, region: Region, shape: tuple[int, int]) -> None:
-        """Stores the axes of the region's roads for (H, W) cells, or None if it has no roads."""
+        """Stores the axes of the region's roads in the cells (H, W); None if no roads are known."""
         self.road_axes = None
         if region.axes is None:
             return

@@ -16,8 +16,8 @@ TYPES: dict[ObjectClass, str] = {
     "pedestrian": "Pedestrian",
     "cyclist": "Cyclist",
 }
-# Metric that matches boxes of each class. Pedestrians and cyclists are matched by their centres,
-# because their footprints are as small as the errors of boxes.
+# Metric by which boxes of each class are matched. Pedestrians and cyclists are matched by their
+# centres, because the errors of boxes are as large as their footprints.
 METRICS: dict[ObjectClass, Metric] = {"vehicle": "bev", "pedestrian": "centre", "cyclist": "centre"}
 ALONG_ROADS = ("vehicle", "cyclist")  # classes that move along roads; others move in any direction
 

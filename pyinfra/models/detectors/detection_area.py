@@ -70,19 +70,23 @@ def site_of(boxes: Iterable[FloatArray], regions: Sequence[Region] = ()) -> Site
     boxes with a margin of 1 m. boxes: (k, 7) each, with z measured from the road. Raises Error if
     there is no box.
     """
-    every = np.concatenate([np.empty((0, 7)), *boxes])
-    if len(every) == 0:
+    all_boxes = np.concatenate([np.empty((0, 7)), *boxes])
+    if len(all_boxes) == 0:
         raise Error("expected a vehicle in the training frames, got none")
-    cos, sin = np.abs(np.cos(every[:, 6])), np.abs(np.sin(every[:, 6]))
+    cos, sin = np.abs(np.cos(all_boxes[:, 6])), np.abs(np.sin(all_boxes[:, 6]))
     half = (
         np.stack(
-            [cos * every[:, 3] + sin * every[:, 4], sin * every[:, 3] + cos * every[:, 4]], axis=1
+            [
+                cos * all_boxes[:, 3] + sin * all_boxes[:, 4],
+                sin * all_boxes[:, 3] + cos * all_boxes[:, 4],
+            ],
+            axis=1,
         )
         / 2
     )
-    bottom = every[:, 2] - every[:, 5] / 2
-    low = [*(every[:, :2] - half).min(axis=0), bottom.min()]
-    high = [*(every[:, :2] + half).max(axis=0), (bottom + every[:, 5]).max()]
+    bottom = all_boxes[:, 2] - all_boxes[:, 5] / 2
+    low = [*(all_boxes[:, :2] - half).min(axis=0), bottom.min()]
+    high = [*(all_boxes[:, :2] + half).max(axis=0), (bottom + all_boxes[:, 5]).max()]
     x0, y0, z0 = (float(v) - MARGIN_M for v in low)
     x1, y1, z1 = (float(v) + MARGIN_M for v in high)
     if regions:

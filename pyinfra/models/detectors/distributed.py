@@ -2,9 +2,9 @@
 
 torch.distributed is used directly instead of DistributedDataParallel, because networks have
 `losses` and no `forward`, and some parameters are not used in some batches. Apart from rounding,
-the weights are the same as with one process. Therefore losses are normalised by the number of
-objects of the whole batch. Batch norms use the statistics of the whole batch. PyTorch's
-SyncBatchNorm is not used for this purpose, because it needs a GPU.
+the weights are the same as with one process. For this purpose, a loss is normalised by the number
+of objects of the whole batch, or it is a mean over frames. Batch norms use the statistics of the
+whole batch. They are not PyTorch's SyncBatchNorm, because SyncBatchNorm needs a GPU.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from pyinfra.core.errors import Error
 
 @contextmanager
 def joined(device: torch.device) -> Iterator[torch.device]:
-    """Joins the processes that torchrun started, if any; yields the device of this process.
+    """Connects the processes if torchrun started several; yields the device of this process.
 
-    Raises Error if the device has a number, because each process uses another device.
+    Raises Error if the user's device has a number, because each process uses another device.
     """
     if int(os.environ.get("WORLD_SIZE", "1")) == 1:
         yield device
@@ -59,11 +59,12 @@ def count() -> int:
 
 
 def of_all(number: Tensor) -> Tensor:
-    """Returns the number by which the loss of a batch is divided, 1 or more.
+    """Returns the number by which the loss of a batch is divided.
 
-    number: number of objects in this process's share of the batch. With several processes, the
-    result is the number of objects of the whole batch divided by the number of processes. The mean
-    of the processes' losses is then the loss of the whole batch.
+    number: number of objects in this process's share of the batch. With one process, the result is
+    this number, but at least 1. With several processes, the result is the number of objects of the
+    whole batch divided by the number of processes. The mean of the processes' losses is then the
+    loss of the whole batch.
     """
     if count() == 1:
         return number.clamp(min=1)
@@ -85,16 +86,16 @@ def mean(values: Tensor) -> Tensor:
 def average_gradients(network: nn.Module) -> None:
     """Averages the gradients over the processes.
 
-    A parameter that no process used gets no gradient and keeps its value.
+    A parameter that no process used gets no gradient, so the optimiser does not change it.
     """
     if count() == 1:
         return
     parameters = [p for p in network.parameters() if p.requires_grad]
     used = torch.tensor([float(p.grad is not None) for p in parameters])
     flat = [(torch.zeros_like(p) if p.grad is None else p.grad).flatten() for p in parameters]
-    every = torch.cat([*flat, used.to(flat[0].device)])
-    dist.all_reduce(every)
-    *parts, by_any = every.split_with_sizes([*(p.numel() for p in parameters), len(parameters)])
+    sums = torch.cat([*flat, used.to(flat[0].device)])
+    dist.all_reduce(sums)
+    *parts, by_any = sums.split_with_sizes([*(p.numel() for p in parameters), len(parameters)])
     for parameter, part, by in zip(parameters, parts, by_any.tolist(), strict=True):
         parameter.grad = part.view_as(parameter) / count() if by > 0 else None
 

@@ -2,14 +2,15 @@
 
 Deviations from the paper:
 
-- one class; the area includes the vehicles of the training frames
+- one class; the area is chosen to include the vehicles of the training frames
 - each layer uses the position embedding of the window in which it attends; in the published code
   every second layer uses the embedding of the other window
 - the embedding is normalised over the cells of a window, not over the voxels
-- one branch of the head for the whole box, whose loss has the weight 0.5 instead of 2
-- Gaussians aligned with the vehicles (centre_head.py)
-- the overlap loss is the IoU of rotated boxes only, without the distance of their centres
-- learning rate cycle and non-maximum suppression (IoU 0.1) as for all detectors of this package
+- one branch of the head predicts the whole box; its loss has the weight 0.5 instead of 2
+- Gaussians are aligned with the vehicles (centre_head.py)
+- the overlap loss is 1 minus the IoU of rotated boxes, without the distance of their centres
+- the learning rate cycle and the non-maximum suppression (IoU 0.1) are those of all detectors of
+  this package
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ class Config:
     blocks: int = ruled(4, 1, 16)  # attention blocks
     heads: int = ruled(8, 1, 64)  # heads of each attention
     feed_width: int = ruled(384, 1, 4096)  # channels between the two layers after an attention
-    set_size: int = ruled(36, 1, 1024)  # pillars in a set; pillars of a set attend to each other
+    set_size: int = ruled(36, 1, 1024)  # pillars of a set, which attend to each other
     windows: tuple[int, ...] = ruled((12, 24), 1, 1024)  # window sides in cells; blocks alternate
     shifts: tuple[int, ...] = ruled((0, 6), 0, 1024)  # shifts of the windows, in cells
     bev: BevConfig = field(default_factory=_bev)
@@ -104,8 +105,8 @@ class SetAttention(nn.Module):
         gathered = projected.index_select(0, sets.voxel.flatten())
         shape = (*sets.voxel.shape, 3, self.heads, x.shape[1] // self.heads)
         query, key, value = gathered.view(shape).permute(2, 0, 3, 1, 4)  # (s, heads, size, C)
-        # An additive mask is faster than a boolean mask. It never hides a whole set, because the
-        # first slot of a set does not repeat a voxel.
+        # An additive mask is faster than a boolean mask. The mask never hides a whole set, because
+        # the first slot of a set does not repeat a voxel.
         hidden = query.new_zeros(sets.repeats.shape).masked_fill(sets.repeats, -torch.inf)
         attention_out = functional.scaled_dot_product_attention(
             query, key, value, attn_mask=hidden[:, None, None, :]
@@ -239,8 +240,8 @@ class Dsvt(Network):
         """Returns the canvas (B, width, H, W), or the part of it in `view`."""
         features, pillar = self.encoder.occupied(batch)  # (n, width), (n,)
         if view is not None:
-            seen = self.encoder.seen(pillar, view)
-            features, pillar = features[seen], pillar[seen]
+            in_view = self.encoder.seen(pillar, view)
+            features, pillar = features[in_view], pillar[in_view]
         if len(pillar) > 0:
             features = self.transformer(features, *self.encoder.cells_of(pillar))
         return self.encoder.canvas(features, pillar, batch.size, view)

@@ -1,4 +1,4 @@
-"""Fuses the batch norms of a network into the layers before them, for inference."""
+"""Fuses batch norms into the layers before them, which makes inference faster."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from pyinfra.models.detectors.pillars import PillarEncoder
 
 
 def fused(network: Network) -> Network:
-    """Fuses the batch norms of a network in eval mode and returns the network, which is faster.
+    """Fuses batch norms of a network in eval mode, in place, and returns the network.
 
-    Boxes change by rounding errors of less than 1e-4 m. Only networks on pillars are changed. In
+    The fused batch norms are those after convolutions and after the last layer of a pillar encoder.
+    Boxes change by less than 1e-4 m, because of rounding. Only networks on pillars are changed. In
     other networks, rounding errors may change which points are sampled.
     """
     modules = list(network.modules())

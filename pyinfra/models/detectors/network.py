@@ -71,8 +71,8 @@ MMAP_THRESHOLD, TRIM_THRESHOLD = -3, -1  # parameters of mallopt, from <malloc.h
 def keep_memory() -> None:
     """Makes glibc keep the memory of freed tensors.
 
-    By default glibc returns the memory of each large tensor to the system and requests it again
-    page by page. This takes a quarter of the time of a frame. Results do not change.
+    By default glibc returns the memory of each large tensor to the system and later requests it
+    page by page again. This takes a quarter of the time of a frame. Results do not change.
     """
     try:
         mallopt = ctypes.CDLL(None).mallopt
@@ -104,16 +104,16 @@ class Network(nn.Module, abc.ABC):
     def candidates(self, batch: Batch) -> Sequence[tuple[Tensor, ...]]:
         """Returns boxes (k, 7) and scores (k,) of each frame, before suppression.
 
-        If there is more than one class, the third element of a tuple has class numbers (k,).
+        If there is more than one class, the third element of a tuple has the class numbers (k,).
         """
 
     def know(self, region: Region) -> None:
-        """Prepares the network for frames of a region; by default does nothing."""
+        """Prepares the network for frames of a region. The base class does nothing."""
 
     @torch.inference_mode()
     @one_thread()
     def find(self, clouds: Sequence[Points]) -> list[Detections]:
-        """Returns the objects in some frames. The network must be in eval mode."""
+        """Returns the detections in each cloud (n, 4 or 5). The network must be in eval mode."""
         keep_memory()
         samples = [Sample(cloud, np.empty((0, 7))) for cloud in clouds]
         batch = make_batch(samples, self.site.area, self.columns)
@@ -145,9 +145,9 @@ def suppressed(
     good = torch.isfinite(boxes).all(dim=1) & (scores >= min_score)
     boxes, scores = boxes[good], scores[good]
     best = scores.topk(min(CANDIDATES, len(scores))).indices
-    kept = best[nms(boxes[best], scores[best], NMS_IOU, MOST_BOXES)]
+    remaining = best[nms(boxes[best], scores[best], NMS_IOU, MOST_BOXES)]
     return Detections(
-        boxes=boxes[kept].double().cpu().numpy(),
-        scores=scores[kept].double().cpu().numpy(),
-        names=np.full(len(kept), name),
+        boxes=boxes[remaining].double().cpu().numpy(),
+        scores=scores[remaining].double().cpu().numpy(),
+        names=np.full(len(remaining), name),
     )

@@ -20,11 +20,11 @@ class PillarEncoder(nn.Module):
 
     The inputs of each point are x y z, offset to the mean of its pillar (3), offset to the middle
     of the pillar (3), age, intensity. The inputs pass a linear layer, batch norm and ReLU, followed
-    by the maximum over the pillar. If there are several layers, each except the last is half as
-    wide. It returns the features of the point together with the features of its pillar.
+    by the maximum over the pillar. If there are several layers, each layer except the last is half
+    as wide. Its output is the features of the point together with the features of its pillar.
 
-    intensity, age, with_xy: whether these inputs are used. If x and y are not used, the features of
-    a vehicle do not depend on its position.
+    intensity, age, with_xy: whether the intensity, the age, and x and y are inputs. If x and y are
+    not used, the features of a vehicle do not depend on its position.
     """
 
     def __init__(
@@ -53,9 +53,9 @@ class PillarEncoder(nn.Module):
     def occupied(self, batch: Batch) -> tuple[Tensor, Tensor]:
         """Returns features (p, width) and ascending numbers (p,) of the p pillars with points."""
         pillar, member = torch.unique(self.pillar_of(batch), return_inverse=True)
-        # There is no point, or in training a single point, for which a batch norm is undefined. If
-        # there are several processes, the shared batch norm handles this case. It must run in all
-        # processes.
+        # A batch norm is undefined without points, and in training also for a single point. If
+        # there are several processes, the shared batch norm handles this case, because it must run
+        # in all processes.
         if len(batch.points) < (2 if self.training else 1) and distributed.count() == 1:
             return batch.points.new_zeros(0, self.width), pillar[:0]
         features = self.point_features(batch, pillar, member)  # (n, 7 to 11)
@@ -85,7 +85,10 @@ class PillarEncoder(nn.Module):
         return canvas.view(frames, rows, columns, self.width).permute(0, 3, 1, 2)
 
     def seen(self, pillar: Tensor, view: CanvasPart) -> Tensor:
-        """Returns which pillars, by number, are in the part of the canvas to fill: (p,) bool."""
+        """Returns which pillars are in the part `view` of the canvas: (p,) bool.
+
+        pillar: (p,) numbers of pillars on the canvas.
+        """
         if view.first is None:
             return torch.ones_like(pillar, dtype=torch.bool)
         frame, row, column = self.cells_of(pillar)
@@ -94,7 +97,7 @@ class PillarEncoder(nn.Module):
         return (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
 
     def cells_of(self, pillar: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Returns frame, row and column of pillars by number, (p,) each."""
+        """Returns frame, row and column of pillars, (p,) each. pillar: (p,) numbers of pillars."""
         row = pillar // self.columns
         return row // self.rows, row % self.rows, pillar % self.columns
 

@@ -39,7 +39,7 @@ class Clouds:
 
 
 class Norm(nn.BatchNorm1d):
-    """Batch norm that uses its running statistics for a single row."""
+    """Batch norm that uses its running statistics if the input has a single row."""
 
     def forward(self, x: Tensor) -> Tensor:
         if not self.training or len(x) > 1:
@@ -49,7 +49,7 @@ class Norm(nn.BatchNorm1d):
 
 
 def mlp(channels: int, widths: Sequence[int]) -> nn.Sequential:
-    """Returns layers that map each point of (n, channels) to (n, widths[-1]), not negative."""
+    """Returns layers that map points (n, channels) to features (n, widths[-1]), 0 or more."""
     layers: list[nn.Module] = []
     for width in widths:
         linear = nn.Linear(channels, width, bias=False)
@@ -62,7 +62,7 @@ def mlp(channels: int, widths: Sequence[int]) -> nn.Sequential:
 def sampled(clouds: Clouds, most: int) -> tuple[Tensor, list[int]]:
     """Samples at most `most` points of each cloud by farthest point sampling.
 
-    Returns their rows (m,) and the number of each cloud.
+    Returns the rows (m,) of the sampled points and their number in each cloud.
     """
     xyz = clouds.xyz.detach().cpu()
     indices, start = [torch.zeros(0, dtype=torch.int64)], 0
@@ -78,8 +78,8 @@ def sampled(clouds: Clouds, most: int) -> tuple[Tensor, list[int]]:
 def shuffled(clouds: Clouds) -> Clouds:
     """Returns the points of each cloud in a random order, which depends on their number only.
 
-    `neighbours` returns the first points of a ball by row. Voxels are ordered by height, so that in
-    this order a ball would get its lowest voxels only.
+    `neighbours` returns the first points of a ball by row. Voxels are ordered by height. Without a
+    random order, a ball would therefore get its lowest voxels only.
     """
     orders, start = [torch.zeros(0, dtype=torch.int64)], 0
     for count in clouds.counts:
@@ -93,10 +93,11 @@ def shuffled(clouds: Clouds) -> Clouds:
 def neighbours(
     clouds: Clouds, centres: Tensor, counts: Sequence[int], radius: float, most: int
 ) -> tuple[Tensor, Tensor]:
-    """Returns pairs of a point and a centre within a radius: rows (p,) of both, ordered by centre.
+    """Returns the pairs of a point and a centre that are closer than a radius.
 
-    centres: (m, 3). counts: number of centres in each cloud. most: largest number of points of a
-    centre. If there are more points, the first points by row are returned.
+    The results are rows of points (p,) and rows of centres (p,), ordered by centre. centres: (m,
+    3). counts: number of centres in each cloud. radius: metres. most: largest number of points of a
+    centre; if there are more, the first points by row are returned.
     """
     xyz, middles = clouds.xyz.detach().cpu(), centres.detach().cpu()
     points, owners = [torch.zeros(0, dtype=torch.int64)], [torch.zeros(0, dtype=torch.int64)]
@@ -116,12 +117,12 @@ def neighbours(
 
 
 class LocalMax(nn.Module):
-    """Layers on the offsets and features of points around centres, then the maximum."""
+    """Layers on the offsets and features of the points around a centre, and their maximum."""
 
     def __init__(self, channels: int, widths: Sequence[int]) -> None:
         super().__init__()
-        # These are two parts of one linear layer, so that the features of a point are multiplied
-        # only once.
+        # One linear layer in two parts, so that the features of a point are multiplied only once,
+        # even if the point is near several centres.
         self.offset = nn.Linear(3, widths[0], bias=False)
         self.feature = nn.Linear(channels, widths[0], bias=False)
         nn.init.normal_(self.offset.weight, std=(2 / (3 + channels)) ** 0.5)
@@ -186,7 +187,7 @@ class WholeAbstraction(nn.Module):
 
 
 class FeaturePropagation(nn.Module):
-    """Interpolates features of sampled points at the points that they were sampled from."""
+    """Interpolates the features of sampled points at all points of the cloud before sampling."""
 
     def __init__(self, fine: int, coarse: int, widths: Sequence[int]) -> None:
         super().__init__()
@@ -204,12 +205,12 @@ class FeaturePropagation(nn.Module):
 
 def propagated(fine: Clouds, coarse: Clouds) -> Tensor:
     """Returns features (n, c) from the three nearest coarse points, weighted by 1 / distance."""
-    xyz, known = fine.xyz.detach().cpu(), coarse.xyz.detach().cpu()
+    xyz, coarse_xyz = fine.xyz.detach().cpu(), coarse.xyz.detach().cpu()
     distances, rows = [xyz.new_zeros(0, 3)], [torch.zeros(0, 3, dtype=torch.int64)]
     start = first = 0
     for n, m in zip(fine.counts, coarse.counts, strict=True):
         if n > 0:
-            apart, nearest = three_nearest(xyz[start : start + n], known[first : first + m])
+            apart, nearest = three_nearest(xyz[start : start + n], coarse_xyz[first : first + m])
             distances.append(apart)
             rows.append(nearest + first)
         start, first = start + n, first + m

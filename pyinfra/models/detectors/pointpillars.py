@@ -2,9 +2,9 @@
 
 Deviations from the paper:
 
-- dynamic pillars, without a limit on pillars and on points in one (pillars.py)
+- dynamic pillars, without a limit on the number of pillars or of points in a pillar (pillars.py)
 - anchors of two sizes and one class (anchors.py)
-- the area includes the vehicles of the training frames, and the anchors stand on its floor
+- the area is chosen to include the vehicles of the training frames; the anchors stand on the road
 """
 
 from __future__ import annotations
@@ -62,7 +62,11 @@ class AnchorHead(nn.Module):
         return flat(self.score(x), 1)[..., 0], flat(self.box(x), 7), flat(self.direction(x), 2)
 
     def losses(self, x: Tensor, boxes: tuple[Tensor, ...]) -> Losses:
-        """Returns the losses of a canvas (B, C, H, W), or of windows shifted to its first cell."""
+        """Returns the losses of a canvas (B, C, H, W), which may be smaller than the area.
+
+        A smaller canvas has the windows of the frames, shifted to the first cell. boxes: (k, 7) of
+        each frame, shifted in the same way.
+        """
         scores, residuals, directions = self(x)
         grid = (x.shape[2], x.shape[3])
         anchors = self.anchors.boxes[: grid[0], : grid[1]].flatten(0, 2)

@@ -9,9 +9,9 @@ Deviations from the paper:
   are trained together, and the second stage gets scores instead of a mask
 - offsets are in metres; relative to the diagonal of a box, half a metre would give almost no loss
 - both stages have batch norm
-- the features of a point are its intensity, its height above the site's floor and its position in
-  the area; a roadside sensor sees vehicles from all sides, and one or two points alone do not
-  determine the side of a vehicle that they are on
+- the features of a point are its intensity, its height above the road and its position in the area;
+  the position is used because a roadside sensor measures vehicles from all sides, and one or two
+  points alone do not show which side of a vehicle they are on
 - points up to 5 cm outside a box belong to its vehicle
 - training proposals are sampled without repetition, from the proposals and from slightly shifted
   labels
@@ -19,12 +19,13 @@ Deviations from the paper:
 
 `sampling: faithful` samples a fixed number of points of the whole frame with equal probability, as
 in the paper. If most points are on the ground, distant vehicles lose their few points, and the
-farthest point sampling of the set abstractions covers the ground. OpenPCDet keeps all points
-beyond 40 m, which helps with its range of 70 m. At a roadside site most of the area is beyond 40 m.
+farthest point sampling of the set abstractions mostly selects points on the ground. OpenPCDet keeps
+all points beyond 40 m, which is useful for its range of 70 m. At a roadside site most of the area
+is beyond 40 m.
 
 `sampling: remedied` is the same network with other points. Points lower than `clearance_m` above
-the site's floor are left out, so the road must be level. The other points are sampled evenly by
-area: one point is sampled from each square of `cell_m`, then a second point from each, and so on.
+the road are left out, so the road must be level. The other points are sampled evenly by area: one
+point is sampled from each square of `cell_m`, then a second point from each square, and so on.
 """
 
 from __future__ import annotations
@@ -75,8 +76,8 @@ MERGED = (128,)
 ROI_LEVELS = ((128, Ball(0.2, 16, (128, 128, 128))), (32, Ball(0.4, 16, (128, 128, 256))))
 ROI_WHOLE = (256, 256, 512)
 
-BEFORE_NMS = 9000  # largest number of boxes that enter the suppression
-DOUBT_M = 0.2  # points between AROUND_M and this distance outside a box do not count
+BEFORE_NMS = 9000  # largest number of boxes that enter the non-maximum suppression
+DOUBT_M = 0.2  # points from AROUND_M to this distance outside a box are left out of the loss
 CONTEXT_M = 1.0  # proposals are enlarged by this in all dimensions when points are collected
 DEPTH_M = 100.0
 
@@ -95,7 +96,7 @@ class Config:
     sampling: Literal["faithful", "remedied"] = "faithful"
     points: int = ruled(16384, 64, 1_000_000)  # points sampled from a frame
     clearance_m: float = ruled(0.2, 0, 5)  # remedied: lower points are ground
-    cell_m: float = ruled(1.0, 0.1, 20)  # remedied: side of a square
+    cell_m: float = ruled(1.0, 0.1, 20)  # remedied: side of a square of the sampling by area
     levels: tuple[int, int, int, int] = ruled((4096, 1024, 256, 64), 4, 65536)  # points per level
     width: float = ruled(1.0, 0.05, 4)  # factor on the published widths of layers
     size_m: tuple[float, float, float] = ruled(CAR_M, 0.1, 30)  # size that residuals refer to
@@ -104,7 +105,7 @@ class Config:
     proposals: int = ruled(512, 1, 4096)  # proposals of a training frame, to sample from
     rois: int = ruled(128, 2, 1024)  # sampled proposals of a training frame
     rois_detected: int = ruled(100, 1, 1024)  # proposals of a frame that are refined in detection
-    roi_points: int = ruled(512, 16, 4096)  # most points of a proposal
+    roi_points: int = ruled(512, 16, 4096)  # largest number of points used in a proposal
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +123,7 @@ class SampledRois:
     """The sampled training proposals of all frames."""
 
     rois: Tensor  # (r, 7)
-    counts: list[int]  # number in each frame
+    counts: list[int]  # number of proposals in each frame
     overlap: Tensor  # (r,) highest 3-D IoU with a vehicle
     boxes: Tensor  # (r, 7) box of the vehicle with the highest IoU; undefined if overlap is 0
 
@@ -218,8 +219,8 @@ class PointRCNN(Network):
         self.score = head(self.backbone.channels, 1, config.width)
         self.box = head(self.backbone.channels, 8, config.width)
         self.refiner = Refiner(config, self.backbone.channels)
-        # Number of random samplings so far. It seeds the next sampling. It is saved with the
-        # weights, so that a resumed training gives the same result.
+        # Number of random samplings so far, which seeds the next sampling. The number is saved with
+        # the weights, so that a resumed training gives the same result.
         self.register_buffer("draws", torch.zeros((), dtype=torch.int64))
 
     def losses(self, batch: Batch) -> Losses:
@@ -231,11 +232,11 @@ class PointRCNN(Network):
         seen = self.seen(batch)
         rois = self.proposals(seen, self.config.rois_detected)
         counts = [len(r) for r in rois]
-        every = torch.cat(rois)
-        logits, residuals, held = self.refiner(detached(seen), every, counts)
+        all_rois = torch.cat(rois)
+        logits, residuals, point_counts = self.refiner(detached(seen), all_rois, counts)
         # A proposal without points gets the score 0.
-        scores = torch.sigmoid(logits) * (held > 0)
-        boxes = refined(residuals, every)
+        scores = torch.sigmoid(logits) * (point_counts > 0)
+        boxes = refined(residuals, all_rois)
         return list(
             zip(boxes.split_with_sizes(counts), scores.split_with_sizes(counts), strict=True)
         )
@@ -296,8 +297,8 @@ class PointRCNN(Network):
         ):
             best = logits.topk(min(BEFORE_NMS, len(logits)))
             boxes = decode(residuals[best.indices], xyz[best.indices], size)
-            whole = torch.isfinite(boxes).all(dim=1)
-            boxes, scores = boxes[whole], best.values[whole]
+            is_finite = torch.isfinite(boxes).all(dim=1)
+            boxes, scores = boxes[is_finite], best.values[is_finite]
             proposals.append(boxes[nms(boxes, scores, self.config.proposal_iou, most)])
         return proposals
 
@@ -333,13 +334,13 @@ class PointRCNN(Network):
         return SampledRois(rois, [len(part[0]) for part in parts], overlap, assigned)
 
     def roi_losses(self, seen: Seen, sampled: SampledRois) -> Losses:
-        logits, residuals, held = self.refiner(detached(seen), sampled.rois, sampled.counts)
+        logits, residuals, point_counts = self.refiner(detached(seen), sampled.rois, sampled.counts)
         good = sampled.overlap >= GOOD
-        counts = (good | (sampled.overlap < BAD)) & (held > 0)
+        counts = (good | (sampled.overlap < BAD)) & (point_counts > 0)
         confidence = functional.binary_cross_entropy_with_logits(
             logits[counts], good[counts].to(logits.dtype), reduction="sum"
         ) / of_all(counts.sum())
-        near = (sampled.overlap >= REFINED) & (held > 0)
+        near = (sampled.overlap >= REFINED) & (point_counts > 0)
         number = of_all(near.sum())
         rois, boxes, predicted = sampled.rois[near], sampled.boxes[near], residuals[near]
         refinement = smooth_l1(predicted, refinements(boxes, rois)).sum() / number
@@ -368,10 +369,10 @@ def detached(seen: Seen) -> Seen:
 
 
 def by_area(xy: Tensor, cell_m: float) -> Tensor:
-    """Returns the rows (n,) of positions (n, 2), ordered evenly by area.
+    """Returns an order of positions (n, 2) that is even by area, as rows (n,).
 
-    The first rows are one position of each square, followed by a second position of each square,
-    and so on.
+    The order begins with one position of each square of side `cell_m`. A second position of each
+    square follows, and so on.
     """
     cell = torch.floor(xy / cell_m).long()
     _, square = torch.unique(cell, dim=0, return_inverse=True)
@@ -379,9 +380,9 @@ def by_area(xy: Tensor, cell_m: float) -> Tensor:
 
 
 def rank_in(group: Tensor) -> Tensor:
-    """Returns for each row how many rows before it have the same number: (n,).
+    """Returns for each row the number of earlier rows of the same group: (n,).
 
-    group: (n,) int64, not negative.
+    group: (n,) int64 group numbers, 0 or more.
     """
     order = torch.argsort(group, stable=True)
     sizes = torch.bincount(group)
@@ -397,10 +398,11 @@ def grown(boxes: Tensor, by_m: float) -> Tensor:
 
 
 def pooled(clouds: Clouds, rois: Tensor, counts: Sequence[int], most: int) -> tuple[Tensor, Tensor]:
-    """Returns pairs of a point and the proposal that it is in or near: rows (p,) of both.
+    """Returns the pairs of a point and a proposal, enlarged by CONTEXT_M, that contains the point.
 
-    The pairs are ordered by proposal. rois: (r, 7). counts: number of proposals in each frame.
-    most: largest number of points of a proposal; if there are more, the first ones are returned.
+    The results are rows of points (p,) and rows of proposals (p,), ordered by proposal. rois: (r,
+    7). counts: number of proposals in each frame. most: largest number of points of a proposal; if
+    there are more, the first points by row are returned.
     """
     rows, owners = [], []
     start = first = 0
@@ -423,7 +425,7 @@ def turned_into(xyz: Tensor, boxes: Tensor) -> Tensor:
 
 
 def turned_out_of(xyz: Tensor, boxes: Tensor) -> Tensor:
-    """Returns points (n, 3) given in the frames of boxes (n, 7), the inverse of turned_into."""
+    """Returns points (n, 3) from the frames of boxes (n, 7), the inverse of turned_into."""
     x, y, z = xyz.unbind(1)
     cos, sin = boxes[:, 6].cos(), boxes[:, 6].sin()
     return torch.stack([cos * x - sin * y, sin * x + cos * y, z], dim=1) + boxes[:, :3]
@@ -469,11 +471,11 @@ def corner_distances(a: Tensor, b: Tensor) -> Tensor:
 
     b is turned by half a turn where this gives a smaller sum.
     """
-    there = corners(b)
+    target = corners(b)
     back = corners(torch.cat([b[:, :6], b[:, 6:] + math.pi], dim=1))
-    here = corners(a)
-    # A small constant is added, because the gradient of the root is infinite at 0.
-    straight, turned = (((here - c) ** 2).sum(2).add(1e-12).sqrt() for c in (there, back))
+    predicted = corners(a)
+    # A small constant is added, because the gradient of the square root is infinite at 0.
+    straight, turned = (((predicted - c) ** 2).sum(2).add(1e-12).sqrt() for c in (target, back))
     return torch.where((straight.sum(1) <= turned.sum(1))[:, None], straight, turned)
 
 
@@ -495,14 +497,14 @@ def moved(boxes: Tensor, generator: torch.Generator) -> Tensor:
 def balanced(overlap: Tensor, most: int, generator: torch.Generator) -> Tensor:
     """Samples at most `most` proposals by their overlap (n,); returns their rows (k,).
 
-    At most half of them have an overlap of REFINED or more. HARD_SHARE of the other proposals are
-    hard background, if there are enough hard ones.
+    At most half of them have an overlap of REFINED or more. A share HARD_SHARE of the others is
+    hard background, if there is enough hard background.
     """
     order = torch.randperm(len(overlap), generator=generator)
-    at = overlap[order]
-    near, hard = order[at >= REFINED], order[(at < REFINED) & (at >= HARD)]
-    easy = order[at < HARD]
+    overlaps = overlap[order]
+    near, hard = order[overlaps >= REFINED], order[(overlaps < REFINED) & (overlaps >= HARD)]
+    easy = order[overlaps < HARD]
     near = near[: most // 2]
-    rest = most - len(near)
-    few = min(len(hard), max(round(HARD_SHARE * rest), rest - len(easy)))
-    return torch.cat([near, hard[:few], easy[: rest - few]])
+    background = most - len(near)
+    few = min(len(hard), max(round(HARD_SHARE * background), background - len(easy)))
+    return torch.cat([near, hard[:few], easy[: background - few]])

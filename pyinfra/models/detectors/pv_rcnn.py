@@ -1,18 +1,18 @@
 """PV-RCNN: Point-Voxel Feature Set Abstraction for 3D Object Detection, Shi et al., CVPR 2020.
 
-Anchors on sparse voxels propose boxes. Each key point collects features of the raw points, voxels
-of each level and canvas around it. A grid in each proposal collects features from the key points. A
-second stage refines the box and predicts its confidence.
+Anchors on sparse voxels propose boxes. Each key point collects the features around it: of the raw
+points, of the voxels of each level, and of the canvas. Grid points in each proposal collect
+features from the key points. A second stage refines the box and predicts its confidence.
 
 Deviations from the paper:
 
 - all points of a voxel are used, and x y z are scaled to -1 to 1 over the area before the first
   layer (voxel_backbone.py)
 - every strided layer has padding along the height, because areas differ in height
-- anchors of two sizes and one class, which stand on the site's floor (anchors.py)
-- for a reproducible training, proposals for the second stage are evenly spaced instead of random,
-  there is no dropout, and the points of a full ball (16 at every level) are not sampled again each
-  time
+- anchors of two sizes and one class, which stand on the road (anchors.py)
+- so that a training can be reproduced, proposals for the second stage are evenly spaced instead of
+  random, there is no dropout, and the points of a full ball (16 at every level) are the same in
+  each step
 - the same number of proposals is refined in detection as in training
 - balls and frames with few points are not filled with copies of points (pointnet.py)
 - with `around_m`, key points are sampled only around proposals, as in PV-RCNN++ (Shi et al., IJCV
@@ -44,18 +44,18 @@ from pyinfra.models.detectors.windows import cut, view_of
 from pyinfra.models.ops.boxes import best_overlap, nms
 from pyinfra.models.ops.points import box_of_points
 
-# Radii in metres: around a key point, for raw points and each level of voxels; and around a grid
-# point.
+# Radii in metres around a key point, for the raw points and for each level of voxels. GRID_RADII
+# are radii around a grid point, for key points.
 RADII = ((0.4, 0.8), (0.4, 0.8), (0.8, 1.2), (1.2, 2.4), (2.4, 4.8))
 GRID_RADII = (0.8, 1.6)
 
 LEARNT_NMS_IOU, INFERENCE_NMS_IOU = 0.8, 0.7  # suppression of proposals in training and detection
-FOREGROUND_IOU = 0.55  # least IoU of proposals whose refinement is trained
-FOREGROUND_SHARE = 0.5  # largest share of refined proposals among those of a training frame
+FOREGROUND_IOU = 0.55  # least IoU of foreground proposals, whose refinement is trained
+FOREGROUND_SHARE = 0.5  # largest share of foreground proposals in a training frame
 BACKGROUND_IOU = 0.1  # background proposals with a higher IoU are hard
 HARD_SHARE = 0.8  # share of hard proposals among the background proposals
-POOR_IOU, GOOD_IOU = 0.25, 0.75  # IoU for which the confidence should be 0 and 1
-UNSURE_M = 0.1  # key points up to this far outside a vehicle do not count
+POOR_IOU, GOOD_IOU = 0.25, 0.75  # IoU at which the target of the confidence is 0 and 1
+UNSURE_M = 0.1  # key points up to this far outside a vehicle are left out of the loss
 LARGEST = 5.0  # largest logarithm of a size relative to that of the proposal
 
 
@@ -76,7 +76,7 @@ class Config:
     anchors: AnchorConfig = field(default_factory=AnchorConfig)
     key_points: int = ruled(2048, 1, 65536)  # key points of a frame
     around_m: float = ruled(0.0, 0, 100)  # largest distance of key points from proposals; 0: any
-    neighbours: int = ruled(16, 1, 256)  # most points in each ball
+    neighbours: int = ruled(16, 1, 256)  # largest number of points in each ball
     key_width: int = ruled(128, 1, 1024)  # channels of a key point
     proposals: int = ruled(128, 1, 1024)  # proposals of a frame that are refined
     grid: int = ruled(6, 1, 16)  # grid points along each side of a proposal
@@ -106,7 +106,8 @@ class KeyPoints(nn.Module):
     ) -> tuple[Clouds, Tensor]:
         """Returns the key points with features, and their foreground logits (m,).
 
-        clouds: raw points and the voxels of each level.
+        clouds: the raw points, followed by the voxels of each level. xyz: (m, 3) key points.
+        counts: number of key points in each frame.
         """
         gathered_levels = [
             source(shuffled(cloud), xyz, counts).features
@@ -118,15 +119,15 @@ class KeyPoints(nn.Module):
         return Clouds(xyz, features, counts), logits
 
     def seen_from_above(self, canvas: Tensor, xyz: Tensor, counts: list[int]) -> Tensor:
-        """Returns the canvas (B, C, H, W), interpolated at the key points: (m, C)."""
+        """Returns the features of the canvas (B, C, H, W), interpolated at key points: (m, C)."""
         low = xyz.new_tensor(self.area.low[:2])
         size = xyz.new_tensor([canvas.shape[3] * self.cell_m, canvas.shape[2] * self.cell_m])
-        at = 2 * (xyz[:, :2] - low) / size - 1  # (m, 2)
+        positions = 2 * (xyz[:, :2] - low) / size - 1  # (m, 2)
         features = [
             functional.grid_sample(
                 canvas[i : i + 1], part[None, None], padding_mode="border", align_corners=False
             )[0, :, 0].t()
-            for i, part in enumerate(at.split_with_sizes(counts))
+            for i, part in enumerate(positions.split_with_sizes(counts))
             if len(part)
         ]
         return torch.cat([canvas.new_zeros(0, canvas.shape[1]), *features])
@@ -149,7 +150,10 @@ class Refinement(nn.Module):
         self.box = nn.Sequential(mlp(width, [width, width]), last)
 
     def forward(self, key: Clouds, boxes: Tensor, counts: list[int]) -> tuple[Tensor, Tensor]:
-        """Returns confidences and residuals. boxes: (r, 7) proposals. counts: number per frame."""
+        """Returns confidences and residuals of the proposals `boxes` (r, 7).
+
+        counts: number of proposals in each frame.
+        """
         grid = grid_points(boxes, self.grid)  # (r, g, 3)
         each = grid.shape[1]
         features = self.pool(key, grid.flatten(0, 1), [each * n for n in counts]).features
@@ -214,12 +218,12 @@ class PvRcnn(Network):
     @torch.no_grad()
     def proposals(self, x: Tensor, iou: float) -> list[Tensor]:
         """Returns the proposals (r, 7) of each frame after suppression with `iou`, best first."""
-        kept = []
+        remaining = []
         for boxes, scores in self.head.candidates(x):
             good = torch.isfinite(boxes).all(dim=1) & torch.isfinite(scores)
             boxes, scores = boxes[good], scores[good]
-            kept.append(boxes[nms(boxes, scores, iou, len(boxes))])
-        return kept
+            remaining.append(boxes[nms(boxes, scores, iou, len(boxes))])
+        return remaining
 
     def gather(
         self, batch: Batch, levels: list[Clouds], canvas: Tensor, proposals: list[Tensor]
@@ -236,17 +240,17 @@ class PvRcnn(Network):
 
         Key points are selected by farthest point sampling.
         """
-        kept, counts = torch.arange(len(raw.xyz), device=raw.xyz.device), raw.counts
+        candidates, counts = torch.arange(len(raw.xyz), device=raw.xyz.device), raw.counts
         if self.config.around_m > 0:
             near = [
                 is_around(xyz, boxes, self.config.around_m)
                 for xyz, boxes in zip(raw.xyz.split_with_sizes(counts), proposals, strict=True)
             ]
-            kept, counts = torch.cat(near).nonzero()[:, 0], [int(part.sum()) for part in near]
+            candidates, counts = torch.cat(near).nonzero()[:, 0], [int(part.sum()) for part in near]
         rows, counts = sampled(
-            Clouds(raw.xyz[kept], raw.features[kept], counts), self.config.key_points
+            Clouds(raw.xyz[candidates], raw.features[candidates], counts), self.config.key_points
         )
-        return kept[rows], counts
+        return candidates[rows], counts
 
 
 def raw_points(batch: Batch) -> Clouds:
@@ -256,9 +260,10 @@ def raw_points(batch: Batch) -> Clouds:
 
 
 def is_around(xyz: Tensor, boxes: Tensor, margin_m: float) -> Tensor:
-    """Returns which points are in the upright cylinder around a box (r, 7): (n,) bool.
+    """Returns which points are in the vertical cylinder around a box (r, 7): (n,) bool.
 
-    The cylinder circumscribes the box and is enlarged by the margin.
+    The circle of the cylinder circumscribes the footprint, with a radius that is larger by
+    `margin_m`. The height does not matter.
     """
     if not len(boxes):
         return torch.zeros(len(xyz), dtype=torch.bool, device=xyz.device)
@@ -277,7 +282,7 @@ def grid_points(boxes: Tensor, grid: int) -> Tensor:
 
 
 def refined(boxes: Tensor, residuals: Tensor) -> Tensor:
-    """Returns boxes (r, 7) changed by residuals (r, 7) in the frames of the boxes."""
+    """Returns the boxes (r, 7) that residuals (r, 7), in the frames of `boxes` (r, 7), define."""
     diagonal = boxes[:, 3:5].norm(dim=1, keepdim=True)
     scale = torch.cat([diagonal, diagonal, boxes[:, 5:6]], dim=1)
     xyz = boxes[:, :3] + _turned(residuals[:, :3] * scale, boxes[:, 6])
@@ -292,16 +297,17 @@ def wanted_residuals(boxes: Tensor, truth: Tensor) -> Tensor:
     Headings are modulo half a turn, because the first stage already predicts which end is the
     front.
     """
-    here = torch.cat([torch.zeros_like(boxes[:, :3]), boxes[:, 3:6], boxes[:, :1] * 0], dim=1)
+    at_origin = torch.cat([torch.zeros_like(boxes[:, :3]), boxes[:, 3:6], boxes[:, :1] * 0], dim=1)
     offset = _turned(truth[:, :3] - boxes[:, :3], -boxes[:, 6])
     turn = (truth[:, 6:] - boxes[:, 6:] + math.pi / 2) % math.pi - math.pi / 2
-    return encode(torch.cat([offset, truth[:, 3:6], turn], dim=1), here)
+    return encode(torch.cat([offset, truth[:, 3:6], turn], dim=1), at_origin)
 
 
 def spread_by_overlap(overlap: Tensor, most: int) -> Tensor:
-    """Returns at most `most` rows of proposals for training.
+    """Returns the rows of at most `most` proposals for training.
 
-    They are foreground, hard background and other background, in this order.
+    The order is foreground, hard background, other background. overlap: (r,) highest IoU of each
+    proposal.
     """
     rows = torch.arange(len(overlap), device=overlap.device)
     on = rows[overlap >= FOREGROUND_IOU]
@@ -356,7 +362,7 @@ def corner_loss(predicted: Tensor, truth: Tensor) -> Tensor:
 def grid_corners(boxes: Tensor) -> Tensor:
     """Returns the corners of boxes: (r, 8, 3).
 
-    The middles of a 2 x 2 x 2 grid lie halfway between the centre and the corners.
+    The grid points of a 2 x 2 x 2 grid lie halfway between the centre and the corners.
     """
     middle = boxes[:, None, :3]
     return middle + 2 * (grid_points(boxes, 2) - middle)

@@ -1,4 +1,4 @@
-"""A frame with its boxes, as networks are trained on it; this module needs no PyTorch."""
+"""A training frame of networks: points and boxes. This module needs no PyTorch."""
 
 from __future__ import annotations
 

@@ -14,8 +14,8 @@ from pyinfra.models.ops.kernels import kernels
 
 MIN_SCORE = 0.1  # least score of returned boxes, before calibration
 NMS_IOU = 0.1  # largest IoU of footprints of two boxes of a frame, as vehicles do not overlap
-CANDIDATES = 4096  # number of best boxes that enter the suppression
-MOST_BOXES = 200  # most boxes of a frame and class
+CANDIDATES = 4096  # largest number of boxes that enter the suppression, best first
+MOST_BOXES = 200  # largest number of returned boxes of a frame and class
 
 
 def suppressed(
@@ -29,16 +29,18 @@ def suppressed(
     good = np.flatnonzero(np.isfinite(boxes).all(axis=1) & (scores >= min_score))
     best = good[np.argsort(-scores[good], kind="stable")][:CANDIDATES]
     candidates = np.ascontiguousarray(boxes[best], np.float64)
-    kept: IntArray = kernels.suppress(candidates, NMS_IOU, MOST_BOXES)
+    remaining: IntArray = kernels.suppress(candidates, NMS_IOU, MOST_BOXES)
     return Detections(
-        candidates[kept], scores[best][kept].astype(np.float64), np.full(len(kept), name)
+        candidates[remaining],
+        scores[best][remaining].astype(np.float64),
+        np.full(len(remaining), name),
     )
 
 
 def of_classes(parts: Sequence[Detections], calibration: Sequence[float] | None) -> Detections:
     """Returns the detections of all classes, best first, with calibrated scores.
 
-    calibration: a, b of each class (see `calibrated`); None: scores stay as they are.
+    calibration: a, b of each class (see `calibrated`). If it is None, scores do not change.
     """
     if calibration is not None:
         lines = [(calibration[2 * i], calibration[2 * i + 1]) for i in range(len(parts))]

@@ -114,9 +114,9 @@ class VoxelBackbone(nn.Module):
     def middles(self, x: SparseTensor, stride: tuple[int, int, int]) -> Clouds:
         """Returns the voxels as points at their centres. stride: of the level, along x, y, z."""
         low, size = x.features.new_tensor(self.area.low), x.features.new_tensor(self.size)
-        at = (x.coordinates[:, [3, 2, 1]] + 0.5) * size.new_tensor(stride)
+        cells = (x.coordinates[:, [3, 2, 1]] + 0.5) * size.new_tensor(stride)
         counts = torch.bincount(x.coordinates[:, 0], minlength=x.batch_size).tolist()
-        return Clouds(low + at * size, x.features, counts)
+        return Clouds(low + cells * size, x.features, counts)
 
 
 def _halving(channels: int, width: int, key: str, stride: int) -> SparseConv3d:

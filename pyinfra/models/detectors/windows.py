@@ -1,4 +1,4 @@
-"""Training on windows of the canvas, so that a step costs the same for a large site.
+"""Training on windows of the canvas, so that a step takes the same time at sites of any size.
 
 The receptive field of the convolutions is about 30 m around a cell. Therefore training on a window
 differs from training on the whole canvas only near the border of the window. Detection uses the
@@ -32,10 +32,10 @@ def check(network: Network, most_m2: float) -> None:
 def centre_of(
     sample: Sample, area: Area, rng: np.random.Generator, rare: float = 0.0
 ) -> FloatArray:
-    """Returns the centre of a window, (2,): that of a random object of the sample.
+    """Returns the centre of a window, (2,): the centre of a random object of the sample.
 
     If the sample has no objects, the centre is a random position. rare: share of the samples for
-    which a class is chosen first, with equal probability, and then one of its objects.
+    which a random class is chosen first, and then a random object of this class.
     """
     if rare > 0 and len(sample.boxes) > 0 and rng.random() < rare:
         of_class = np.flatnonzero(sample.numbers == rng.choice(np.unique(sample.numbers)))
@@ -79,8 +79,8 @@ def cut(batch: Batch, view: CanvasPart, area: Area, cell_m: float) -> Batch:
         return batch
     points = batch.points.clone()
     points[:, :2] -= (view.first.flip(1) * cell_m)[batch.frame].to(points)
-    at = points[:, :2] - points.new_tensor(area.low[:2])
-    inside = ((at >= 0) & (at < at.new_tensor(view.sides[::-1]) * cell_m)).all(dim=1)
+    offset = points[:, :2] - points.new_tensor(area.low[:2])
+    inside = ((offset >= 0) & (offset < offset.new_tensor(view.sides[::-1]) * cell_m)).all(dim=1)
     return Batch(points[inside], batch.frame[inside], view.boxes, classes=view.classes)
 
 

@@ -57,8 +57,9 @@ def load_detector(
     ----------
     model : `generalist` for the pretrained detector, or the folder of a training, or a file in it
     device : device of PyTorch, such as `cpu` or `cuda`
-    threads : number of threads of a frame, for the pretrained detector and those of its kind on a
-        CPU; by default one per core, at most 4. Boxes do not depend on it
+    threads : number of threads that process a frame; by default one per core, at most 4. It is only
+        used by `centerpoint-pillar` on a CPU, the kind of the pretrained detector. Boxes do not
+        depend on it
 
     Returns
     -------
@@ -93,24 +94,24 @@ def detect(
 ) -> pd.DataFrame:
     """Runs a detector on frames and returns its boxes.
 
-    For a trained detector, z of the points is converted to height above the road. Frames are
+    For a trained detector, z of the points is converted to height above the road, and frames are
     stacked as in the training of the detector. The function warns if the road in the clouds is not
-    `height_m` below the sensor, or if there are too few frames for `drop_standing`.
+    `height_m` below the sensor. It also warns if the frames are too short for `drop_standing`.
 
     Parameters
     ----------
-    model : a result of `load_detector`, or an argument of `load_detector`, or any callable. A
-        callable gets points (n, 4) float32, x y z intensity. It returns a table with the columns
-        type (default `vehicle`), x y z dx dy dz heading, score (default 1), in metres and radians
-        in the levelled LiDAR frame
+    model : a result of `load_detector`, the argument `model` of `load_detector`, or any callable. A
+        callable gets points (n, 4) float32, x y z intensity, in the levelled LiDAR frame. It
+        returns a table in the same frame with the columns type (default `vehicle`), x y z dx dy dz
+        heading, score (default 1), in metres and radians
     frames : frames of `simulate` or `load_dataset`, or a LiDAR's folder
     height_m : height of the sensor above a level road, for a trained detector; by default the
         height is read from the frames
-    region : area where vehicles can be, for a trained detector. It is given as the corners (m, 2)
-        of an outline in the levelled LiDAR frame, metres, or as a file with
-        `outline_m: [[x, y], ...]`. By default it is the roads of the frames
-    drop_standing : whether to remove vehicle boxes that recur where nothing ever moves, such as
-        boxes on hedges; needs frames of a minute or more
+    region : area where vehicles can be, for a trained detector. The argument is the corners (m, 2)
+        of an outline in the levelled LiDAR frame, metres, or a file with
+        `outline_m: [[x, y], ...]`. By default the area is the roads of the frames
+    drop_standing : whether to remove vehicle boxes that recur at a position where no box ever
+        moves, such as boxes on hedges; needs frames that span a minute or more
 
     Returns
     -------
@@ -135,14 +136,14 @@ def detect(
     frames = one_lidar(frames, "frames")
     if isinstance(model, (str, os.PathLike)):
         model = load_detector(model)
-    where = _place(frames, height_m, region)
-    if where.height_m is not None:
+    site = _place(frames, height_m, region)
+    if site.height_m is not None:
         clouds = [frames.frame(k).points for k in spread(frames.numbers, CHECKED)]
-        for text in height_warnings(clouds, where.height_m):
+        for text in height_warnings(clouds, site.height_m):
             warnings.warn(text, stacklevel=2)
     numbers = frames.numbers
     if isinstance(model, TrainedDetector):
-        detector = detector_at_place(model.file, where, model.device, model.threads)
+        detector = detector_at_place(model.file, site, model.device, model.threads)
         per_frame = [detector.predict(points) for points in _stacked(model.file, frames)]
     elif hasattr(model, "predict"):
         per_frame = [model.predict(frame.points) for frame in frames]
@@ -154,12 +155,12 @@ def detect(
         if text := length_warning(numbers, frames.period_s):
             warnings.warn(text, stacklevel=2)
         reads = [partial(_points, frames, k) for k in numbers]
-        per_frame = without_standing(reads, per_frame, where.region, where.ground)
+        per_frame = without_standing(reads, per_frame, site.region, site.ground)
     return _table(numbers, per_frame)
 
 
 def _place(frames: FrameSequence, height_m: float | None, region: AnyRegion | None) -> Place:
-    """Returns ground and region of the frames; arguments of the user replace them."""
+    """Returns ground and region of the frames. Arguments that are not None replace them."""
     ground, inside, given = frames.ground, frames.region, list[str]()
     if height_m is not None:
         check_height(height_m)
@@ -170,7 +171,7 @@ def _place(frames: FrameSequence, height_m: float | None, region: AnyRegion | No
 
 
 def _corners(region: AnyRegion) -> npt.NDArray[np.float64]:
-    """Returns the corners of an outline: (m, 2). Raises Error for another argument."""
+    """Returns the corners of an outline: (m, 2). Raises Error for an invalid outline."""
     if isinstance(region, (str, os.PathLike)):
         return read_outline(Path(region))
     try:

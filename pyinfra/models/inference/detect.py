@@ -44,13 +44,13 @@ def load_detector(
     run: the folder of a training, a model's file, or the name of a pretrained detector. ground,
     region: ground and region of the site where the detector is used; by default those of the site
     where it was trained, if known. stacks: whether the caller stacks frames as `accumulation_of`
-    describes; otherwise the detector gets single frames. threads: number of threads of a frame,
-    with ONNX Runtime. A centerpoint-pillar on a CPU runs with ONNX Runtime, other networks with
-    PyTorch on one thread.
+    describes; otherwise the detector gets single frames. threads: number of threads of ONNX
+    Runtime. The detector centerpoint-pillar on a CPU runs with ONNX Runtime. Other networks run
+    with PyTorch on one thread.
 
-    Raises FileNotFoundError, MissingPackage if PyTorch is needed and not installed, and Error for a
-    file that is not a model, if no ground is known, and if a model of stacked frames would get
-    single frames.
+    Raises FileNotFoundError, and MissingPackage if PyTorch is needed and not installed. Raises
+    Error for a file that is not a model, if no ground is known, and if a model of stacked frames
+    would get single frames.
     """
     file = model_file(run)
     if file.suffix == ".npz":
@@ -72,7 +72,7 @@ def load_detector(
 
 
 def threads_of(file: Path, device: str, threads: int) -> int:
-    """Returns the number of threads that a model uses if the user asks for `threads`."""
+    """Returns the number of threads that a model uses if the user sets `threads`."""
     with_onnx = device == "cpu" and file.suffix != ".npz"
     return threads if with_onnx and runs_with_onnx(read_provenance(file).detector) else 1
 
@@ -119,10 +119,11 @@ def stacking(
 ) -> Callable[[Path], Points]:
     """Returns a function that reads the stacked cloud of a frame's file.
 
-    Neighbouring frames of any split are stacked. Raises Error if no frame has a neighbour.
+    Neighbouring frames are stacked even if they belong to another split. Raises Error if no frame
+    has a neighbour.
     """
-    there, period_s = frame_numbers(lidar_folder, "all"), period_of(lidar_folder)
-    clouds = accumulation.clouds(partial(read_frame, lidar_folder), frames, there, period_s)
+    existing, period_s = frame_numbers(lidar_folder, "all"), period_of(lidar_folder)
+    clouds = accumulation.clouds(partial(read_frame, lidar_folder), frames, existing, period_s)
     files = [kitti.frame_file(lidar_folder, "velodyne", k) for k in frames]
     by_file = dict(zip(files, clouds, strict=True))
     return lambda file: by_file[file]()
@@ -151,9 +152,10 @@ def shipped() -> list[str]:
 
 
 def model_file(run: Path, which: Literal["last", "best"] = "last") -> Path:
-    """Returns the model file of a training's folder, of a file, or of a pretrained detector.
+    """Returns the model file of a training's folder or of a pretrained detector.
 
-    Raises FileNotFoundError.
+    run: a folder, the name of a pretrained detector, or a model file, which is returned. which:
+    which checkpoint of a training. Raises FileNotFoundError.
     """
     if run.is_file():
         return run
@@ -179,9 +181,10 @@ def is_of_anywhere(file: Path) -> bool:
 
 
 def transfer(run: Path, lidar_folder: Path) -> str:
-    """Returns a text on how a folder differs from the training data of a model.
+    """Returns a text that lists how a folder differs from the training data of a model.
 
-    The text is empty if there is no difference.
+    Compared are the LiDAR, the preset, the scene and the label time. The text is empty if there is
+    no difference, or if the model was trained at many sites.
     """
     file = model_file(run)
     if file.suffix == ".npz" or not (lidar_folder / "lidar.yaml").is_file():
@@ -209,12 +212,12 @@ def detect(
     *,
     read: Callable[[Path], Points] = kitti.read_points,
 ) -> tuple[list[Detections], FloatArray]:
-    """Runs a detector; returns the detections and the milliseconds of each cloud.
+    """Runs a detector; returns the detections in each cloud and the computing time of each cloud.
 
-    The time covers the steps from points to boxes. The boxes are also written as KITTI results to
-    `out`, in the camera frame of the frame's calib file. If there is no calib file, the camera
-    frame of a simulated LiDAR is used. Raises FormatError for an invalid cloud, and Error for two
-    clouds of the same name.
+    The time in milliseconds covers the steps from points to boxes. If `out` is given, the boxes are
+    also written there as KITTI results, in the camera frame of the frame's calib file. If there is
+    no calib file, the camera frame of a simulated LiDAR is used. Raises FormatError for an invalid
+    cloud, and Error for two clouds of the same name.
     """
     per_frame, times = [], []
     if out is not None:
@@ -246,9 +249,10 @@ def once(files: Sequence[Path]) -> None:
 
 
 def calibration_of(cloud: Path) -> kitti.Calibration | None:
-    """Reads the calibration of a cloud in `velodyne`, from the folder `calib` next to it.
+    """Reads the calibration of a cloud in a folder `velodyne`, from the folder `calib` beside it.
 
-    The result is None if the file does not exist. Raises FormatError.
+    The result is None if the cloud is in another folder, or if the file does not exist. Raises
+    FormatError.
     """
     file = cloud.parent.parent / "calib" / f"{cloud.stem}.txt"
     beside = cloud.parent.name == "velodyne" and file.is_file()

@@ -37,9 +37,9 @@ Warn = Callable[[str], None]
 class Place:
     """Ground and region of the site where a detector is used.
 
-    None means unknown. The detector then uses the value of its training site. height_m: height of
-    the sensor above the road, if the user gives it. given: names of the arguments that the user
-    gives.
+    If a value is None, it is unknown, and the detector uses the value of its training site.
+    height_m: height of the sensor above the road, if the user sets it. given: names of the
+    arguments that the user sets.
     """
 
     ground: Ground | None = None
@@ -50,7 +50,7 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class FolderDetections:
-    """The detections in each file, and the time of each."""
+    """The detections in each cloud file, and the computing time of each file."""
 
     files: Sequence[Path]
     detections: Sequence[Detections]
@@ -61,7 +61,7 @@ class FolderDetections:
 def place(
     lidar_folder: Path | None, height_m: float | None = None, outline: Path | None = None
 ) -> Place:
-    """Returns ground and region of a folder; arguments of the user replace them.
+    """Returns ground and region of a folder. Arguments that are not None replace them.
 
     height_m: height of the sensor above a level road. outline: file with `outline_m: [[x, y],
     ...]`. Raises Error for a height out of range, FormatError, and ConfigError for an invalid
@@ -75,15 +75,17 @@ def place(
     if height_m is not None:
         ground = level_ground(-height_m)
     region = outline_region(outline) if outline is not None else region
-    said = {"height_m": height_m, "region": outline}
-    return Place(ground, region, height_m, tuple(key for key, v in said.items() if v is not None))
+    arguments = {"height_m": height_m, "region": outline}
+    return Place(
+        ground, region, height_m, tuple(key for key, v in arguments.items() if v is not None)
+    )
 
 
 def detector_at_place(model: Path, where: Place, device: str = "cpu", threads: int = 1) -> Detector:
     """Loads a detector for a site. The detector may need stacked frames.
 
-    Raises Error if the user gives height or region for a background model, which can only be used
-    at the site of its training.
+    Raises Error if the user sets height or region for a background model, because this model can
+    only be used at the site of its training.
     """
     if model.suffix == ".npz" and where.given:
         name = where.given[0]
@@ -101,10 +103,11 @@ def detector_at_place(model: Path, where: Place, device: str = "cpu", threads: i
 def frame_files(
     lidar_folder: Path, split: str | None, most: int, numbers_in: str | None = None
 ) -> list[Path]:
-    """Returns the clouds of a folder's frames, at most `most`, evenly spread; 0 means all.
+    """Returns the cloud files of a folder's frames.
 
-    numbers_in: a range A:B[:STEP] of frames, which replaces the split. Raises Error for a folder,
-    a split or a range without frames.
+    most: largest number of files, which are evenly spread; 0 means all. numbers_in: a range
+    A:B[:STEP] of frames, which replaces the split. Raises Error for a folder, a split or a range
+    without frames.
     """
     if not (lidar_folder / "training/velodyne").is_dir():
         raise Error(f"data: expected a folder with training/velodyne, got {lidar_folder}")
@@ -131,8 +134,8 @@ def detect_folder(
     """Runs a model on frames of a folder, and writes its boxes and origin.yaml to `out`.
 
     Frames are stacked if the model needs stacked frames. drop_standing: whether to remove vehicle
-    boxes that recur where nothing ever moves. threads: as of load_detector. warn: called with a
-    text for each problem that may reduce accuracy.
+    boxes that recur at a position where no box ever moves. threads: as in load_detector. warn:
+    called with a text for each problem that may reduce accuracy.
     """
     if out.name == "label_2":
         raise Error(f"out: expected another folder than that of the labels, got {out}")
@@ -146,20 +149,22 @@ def detect_folder(
     if not drop_standing:
         return FolderDetections(files, *detect(detector, files, out, read=read))
     once(files)
-    every, times = detect(detector, files, None, read=read)
+    detections_of_all, times = detect(detector, files, None, read=read)
     clouds = [partial(kitti.read_points, file) for file in files]
-    kept = without_standing(clouds, every, where.region, where.ground)
+    filtered = without_standing(clouds, detections_of_all, where.region, where.ground)
     if text := length_warning(numbers, period_of(lidar_folder)):
         warn(text)
-    for file, detections in zip(files, kept, strict=True):
+    for file, detections in zip(files, filtered, strict=True):
         write(out, file, detections)
-    return FolderDetections(files, kept, times, sum(map(len, every)) - sum(map(len, kept)))
+    return FolderDetections(
+        files, filtered, times, sum(map(len, detections_of_all)) - sum(map(len, filtered))
+    )
 
 
 def warn_of_height(
     files: Sequence[Path], read: Callable[[Path], Points], where: Place, warn: Warn
 ) -> None:
-    """Warns if the road in some clouds is not at the height that the user gives."""
+    """Warns if the road in some clouds is not at the height that the user sets."""
     if where.height_m is not None:
         clouds = [read(files[i])[:, :4] for i in spread(range(len(files)), CHECKED)]
         for text in height_warnings(clouds, where.height_m):
@@ -169,12 +174,12 @@ def warn_of_height(
 def learnt_warning(
     model: Path, lidar_folder: Path, split: str | None, *, allow_transfer: bool
 ) -> str:
-    """Returns a warning if a model was trained on other data, or on the frames to detect.
+    """Returns a warning if a model was trained on other data or on the frames to detect.
 
-    The text is empty if there is nothing to warn of.
+    The text is empty if neither is true.
     """
-    if other := transfer(model, lidar_folder):
-        return "" if allow_transfer else f"{other}; set `allow_transfer` if this is intended"
+    if difference := transfer(model, lidar_folder):
+        return "" if allow_transfer else f"{difference}; set `allow_transfer` if this is intended"
     is_split = split or (lidar_folder / "ImageSets/val.txt").is_file()
     if is_split or not has_labels(lidar_folder) or is_of_anywhere(model):
         return ""
@@ -192,11 +197,11 @@ def others(out: Path, files: Sequence[Path]) -> list[Path]:
 
 def others_warning(out: Path, files: Sequence[Path]) -> str:
     """Returns a warning about result files of other frames in `out`; empty if there are none."""
-    there = others(out, files)
-    if not there:
+    other_files = others(out, files)
+    if not other_files:
         return ""
     text = (
-        f"{out}: {len(there)} files of other frames, such as {there[0].name}, were there and are "
-        "kept"
+        f"{out}: {len(other_files)} files of other frames, such as {other_files[0].name}, existed "
+        "before and are kept"
     )
     return text if read_origin(out) else f"{text}; their origin is not known"

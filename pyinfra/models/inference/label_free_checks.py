@@ -22,8 +22,8 @@ from pyinfra.models.detectors.background import DEFAULT, Background
 from pyinfra.models.training.sources import spread
 from pyinfra.models.training.train import BACKGROUND_FRAMES
 
-CLUSTER_SCORE = 0.3  # clusters of moving points with a lower score are too small to use
-OFF_M = 1.0  # a box's centre may be this far outside the region
+CLUSTER_SCORE = 0.3  # clusters of moving points with a lower score are not used
+OFF_M = 1.0  # a box is outside the region if its centre is farther outside than this
 
 
 def trust_of(

@@ -27,7 +27,7 @@ from pyinfra.models.inference.detect import check_single, model_file
 from pyinfra.models.training import checkpoint
 
 DENSE = (PointPillars, CenterPointPillar)
-OPSET = 18  # the first opset whose scatter operation has a maximum
+OPSET = 18  # the first version of the ONNX operators whose scatter operation has a maximum
 
 
 class Graph(nn.Module):
@@ -49,15 +49,15 @@ def whole_canvas(encoder: PillarEncoder, points: Tensor) -> Tensor:
     cells = encoder.rows * encoder.columns
     member = encoder.pillar_of(batch)
     features = encoder.point_features(batch, torch.arange(cells), member)
-    every = encoder.pooled(features, member, cells)
-    return every.view(1, encoder.rows, encoder.columns, -1).permute(0, 3, 1, 2)
+    features_of_cells = encoder.pooled(features, member, cells)
+    return features_of_cells.view(1, encoder.rows, encoder.columns, -1).permute(0, 3, 1, 2)
 
 
 def export(run: Path, file: Path) -> None:
     """Writes a trained detector as an ONNX file.
 
-    Raises Error for a detector that is not dense or that needs stacked frames, and ImportError
-    without onnxscript.
+    Raises Error for a detector that is not dense or that needs stacked frames. Raises ImportError
+    if onnxscript is not installed.
     """
     loaded = checkpoint.load(model_file(run))
     check_single(run, loaded.provenance.accumulate)

@@ -23,31 +23,31 @@ def detections_of_own(number: int, model: OwnDetector, points: Points) -> Detect
     number: frame number, for messages. points: (n, 4) float32. Raises Error if the callable fails
     or does not return a table of boxes.
     """
-    where = f"model: frame {number}"
+    prefix = f"model: frame {number}"
     try:
         table = model(points)
     except Exception as error:
-        raise Error(f"{where}: {type(error).__name__}: {error}") from error
+        raise Error(f"{prefix}: {type(error).__name__}: {error}") from error
     if not isinstance(table, pd.DataFrame):
-        raise Error(f"{where}: expected a table of boxes, got {type(table).__name__}")
+        raise Error(f"{prefix}: expected a table of boxes, got {type(table).__name__}")
     for name in BOX:
         if name not in table.columns:
             near = suggestion(name, map(str, table.columns))
-            raise Error(f"{where}: expected the column '{name}', got none{near}")
+            raise Error(f"{prefix}: expected the column '{name}', got none{near}")
     scores = table["score"] if "score" in table.columns else pd.Series(1.0, table.index)
     try:
         numbers = table[BOX].assign(score=scores).to_numpy(dtype=np.float64)
     except (TypeError, ValueError):
-        raise Error(f"{where}: expected numbers in the columns of boxes, got others") from None
+        raise Error(f"{prefix}: expected numbers in the columns of boxes, got others") from None
     if not np.isfinite(numbers).all():
-        raise Error(f"{where}: expected finite numbers, got NaN or inf")
+        raise Error(f"{prefix}: expected finite numbers, got NaN or inf")
     boxes, values = numbers[:, :7], numbers[:, 7]
     if (boxes[:, 3:6] <= 0).any():
-        raise Error(f"{where}: dx, dy, dz: expected above 0, got {boxes[:, 3:6].min():g}")
+        raise Error(f"{prefix}: dx, dy, dz: expected above 0, got {boxes[:, 3:6].min():g}")
     if ((values < 0) | (values > 1)).any():
-        raise Error(f"{where}: score: expected 0 to 1, got {values.min():g} to {values.max():g}")
+        raise Error(f"{prefix}: score: expected 0 to 1, got {values.min():g} to {values.max():g}")
     kinds = table["type"] if "type" in table.columns else pd.Series("vehicle", table.index)
     if not all(isinstance(kind, str) for kind in kinds):
-        raise Error(f"{where}: type: expected names, got something else")
+        raise Error(f"{prefix}: type: expected names, got something else")
     order = np.argsort(-values, kind="stable")
     return Detections(boxes[order], values[order], kinds.to_numpy(dtype=np.str_)[order])

@@ -1,4 +1,4 @@
-"""Removes vehicle boxes that recur where nothing ever moves, such as hedges and rails."""
+"""Removes vehicle boxes that recur where no box ever moves, such as boxes on hedges and rails."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from pyinfra.models.training.train import BACKGROUND_FRAMES
 
 LEAST_S = 60.0  # least duration of the frames for a reliable result
 SAME_POSITION_M = 0.7  # boxes whose centres are at most this far apart have the same position
-COMES_BACK = 3  # boxes recur at a position if there are at least this many
-MOVING_SHARE = 0.2  # a box moves if a larger share of its points moves; leaves have smaller shares
+COMES_BACK = 3  # boxes recur at a position if at least this many boxes are at the position
+MOVING_SHARE = 0.2  # a box moves if more than this share of its points moves; leaves have less
 LEAST_SCORE = 0.1  # boxes with a lower score are neither used nor removed
 
 
@@ -31,12 +31,12 @@ def without_standing(
     region: Region | None,
     road: Ground | None = None,
 ) -> list[Detections]:
-    """Returns the detections without vehicle boxes that recur where nothing ever moves.
+    """Returns the detections without vehicle boxes that recur where no box ever moves.
 
     clouds: functions that return points (n, 4). Each function is called once or twice. The
-    background is learnt from these clouds, so they should span LEAST_S or more. Vehicles that stand
-    for most of the time at a position where nothing drives past are removed too. Pedestrians and
-    cyclists are never removed. Raises Error if there is no point.
+    background is learnt from these clouds, so they should span LEAST_S or more. A vehicle that
+    stands for most of the time is also removed, unless another vehicle drives through its position.
+    Pedestrians and cyclists are never removed. Raises Error if there is no point.
     """
     chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
     learnt = [clouds[i]() for i in chosen]
@@ -79,14 +79,17 @@ def standing(boxes: FloatArray, moves: BoolArray) -> BoolArray:
     reach_m = max(SAME_POSITION_M, float(np.hypot(*moving[:, 3:5].T).max(initial=0)) / 2)
     near = cKDTree(moving[:, :2]).query_ball_point(boxes[:, :2], reach_m)
     driven = [
-        _hold(moving[some], box[:2]).any() if len(some) else False
-        for box, some in zip(boxes, near, strict=True)
+        _hold(moving[neighbours], box[:2]).any() if len(neighbours) else False
+        for box, neighbours in zip(boxes, near, strict=True)
     ]
     return np.asarray(comes_back & ~np.array(driven, np.bool_))
 
 
 def _hold(boxes: FloatArray, point: FloatArray) -> BoolArray:
-    """Returns which boxes (k, 7) contain a point (2,) in their footprint, or are centred at it."""
+    """Returns which boxes (k, 7) contain a point (2,) in their footprint: (k,) bool.
+
+    Boxes whose centre is within SAME_POSITION_M of the point are also included.
+    """
     dx, dy = (point - boxes[:, :2]).T
     cos, sin = np.cos(boxes[:, 6]), np.sin(boxes[:, 6])
     ahead, left = np.abs(cos * dx + sin * dy), np.abs(cos * dy - sin * dx)

@@ -6,13 +6,13 @@ import os
 
 from pyinfra.core.errors import Error
 
-MOST_THREADS = 4  # default on machines with more cores: a frame is too small for many
+MOST_THREADS = 4  # largest default, because a frame is too small for many threads
 
 
 def checked_threads(threads: int | None) -> int:
-    """Returns the number of threads, by default one per available core, at most MOST_THREADS.
+    """Returns `threads`, or by default one thread per available core, at most MOST_THREADS.
 
-    Raises Error for less than one.
+    Raises Error for less than one thread.
     """
     if threads is None:
         return min(MOST_THREADS, len(os.sched_getaffinity(0)))

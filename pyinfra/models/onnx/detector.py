@@ -1,8 +1,8 @@
 """CenterPoint on pillars with ONNX Runtime: the pretrained detector without PyTorch.
 
 The steps are those of `detectors/centerpoint_pillar.py`, and the boxes are equal except for
-rounding. The extension computes the pillars and the first convolution, ONNX Runtime the other
-layers, and NumPy the boxes at the peaks of the heat.
+rounding. The compiled extension computes the pillars and the first convolution. ONNX Runtime
+computes the other layers. NumPy computes the boxes at the peaks of the heat.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class OnnxDetector:
 class PillarMap:
     """The pillar encoder (`detectors/pillars.py`) and the first convolution, without batch norms.
 
-    The map (1, C, H, W) is one array, which each frame overwrites.
+    The map (1, C, H, W) is a single array that each frame overwrites.
     """
 
     def __init__(self, config: Config, weights: Weights, area: Area) -> None:
@@ -108,13 +108,13 @@ class PillarMap:
 
 
 def session_of(model: bytes, threads: int) -> Any:
-    """Returns a session of ONNX Runtime for a model. threads: number of threads of a frame."""
+    """Returns a session of ONNX Runtime for a model. threads: number of threads per frame."""
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.log_severity_level = 3  # errors
-    # Waiting threads sleep, so that they leave the cores to other programs.
+    # Waiting threads sleep, so that other programs can use the cores.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     return onnxruntime.InferenceSession(model, options, ["CPUExecutionProvider"])
 

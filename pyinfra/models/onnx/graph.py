@@ -16,7 +16,7 @@ from pyinfra.models.detectors.centerpoint_config import Config
 from pyinfra.models.onnx.model_bytes import Model, Node, Tensor
 
 Weights = Mapping[str, Float32Array]
-EPSILON = np.float32(1e-3)  # of all batch norms
+EPSILON = np.float32(1e-3)  # added to the variance in all batch norms
 
 
 def model_of(config: Config, weights: Weights) -> Model:
@@ -48,7 +48,7 @@ def model_of(config: Config, weights: Weights) -> Model:
 def fused(
     weights: Weights, layer: str, norm: str, *, axis: int = 0
 ) -> tuple[Float32Array, Float32Array]:
-    """Returns weight and bias of a layer without a bias and of the batch norm after it.
+    """Returns the weight and bias of a layer without a bias, fused with the batch norm after it.
 
     axis: axis of the weight that has the outputs.
     """
@@ -76,8 +76,8 @@ class _Layers:
     def enlarged(self, x: str, layer: str, norm: str, factor: int) -> str:
         """Transposed convolution whose kernel is as wide as its stride, batch norm, ReLU.
 
-        As no kernels overlap, it is a 1 x 1 convolution whose channels are then spread over the
-        cells. ONNX Runtime computes this faster than a transposed convolution.
+        Because the kernels do not overlap, the layer equals a 1 x 1 convolution whose channels are
+        then spread over the cells. ONNX Runtime computes this faster than a transposed convolution.
         """
         weight, bias = fused(self.weights, layer, norm, axis=1)  # (inputs, outputs, rows, columns)
         inputs = len(weight)
@@ -93,7 +93,7 @@ class _Layers:
         return self._add(Node("Concat", tuple(parts), "joined", {"axis": 1}))
 
     def maps(self, x: str, heat: str, box: str) -> str:
-        """The convolutions of heat and box as one."""
+        """The convolutions of heat and box as one convolution."""
         weight, bias = (
             np.concatenate([self.weights[f"{name}.{kind}"] for name in (heat, box)])
             for kind in ("weight", "bias")

@@ -85,7 +85,7 @@ def _value(value: Attribute) -> bytes:
         return _number(3, value) + _number(20, INTEGER)
     if isinstance(value, str):
         return _text(4, value) + _number(20, STRING)
-    return b"".join(_number(8, one) for one in value) + _number(20, INTEGERS)
+    return b"".join(_number(8, number) for number in value) + _number(20, INTEGERS)
 
 
 def _constant(name: str, array: Float32Array) -> Iterator[bytes]:
@@ -115,7 +115,7 @@ def _number(number: int, value: int) -> bytes:
 
 
 def _variable(value: int) -> bytes:
-    """Returns a non-negative number, seven bits a byte, lowest first."""
+    """Returns a number of 0 or more as bytes with seven bits each, the lowest bits first."""
     digits = bytearray()
     while value >= 0x80:
         digits.append(value & 0x7F | 0x80)

@@ -33,7 +33,7 @@ class Peaks:
 
         logits: (H, W). maps: (8 or 9, H, W).
         """
-        # The logit of a cell that is left out is lower than that of `min_score`.
+        # The logits of the cells that are left out are lower than the logit of `min_score`.
         high = np.flatnonzero(logits >= math.log(min_score / (1 - min_score)) - 1e-3)
         row, column = high // logits.shape[1], high % logits.shape[1]
         peak = is_peak(logits, row, column)

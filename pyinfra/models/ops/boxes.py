@@ -26,7 +26,7 @@ def best_overlap(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
     """Returns the highest 3-D IoU of each box of a with a box of b, and the row of that box.
 
     a: (n, 7), b: (m, 7), in the same frame. The results are (n,) in [0, 1] and (n,) int64. A box
-    without overlap has IoU 0, exactly, and row 0. If b is empty, this holds for all boxes.
+    without overlap has an IoU of exactly 0, and row 0. If b is empty, all boxes have these values.
     """
     if not len(b):
         return a.new_zeros(len(a)), torch.zeros_like(a[:, 0], dtype=torch.int64)
@@ -84,16 +84,16 @@ def bev_overlap_pairs(a: Tensor, b: Tensor) -> Tensor:
 def nms(boxes: Tensor, scores: Tensor, iou: float, limit: int) -> Tensor:
     """Returns the rows of boxes that remain after greedy non-maximum suppression.
 
-    A box is removed if a remaining box with a higher score overlaps it by more than `iou`. Of equal
-    scores, the score of the first row counts as higher. boxes: (n, 7), scores: (n,), all finite.
-    The result is (k,) int64 by descending score, with k <= limit.
+    A box is removed if its IoU with a remaining box of a higher score is above `iou`. If two boxes
+    have equal scores, the first row counts as the higher score. boxes: (n, 7), scores: (n,), all
+    finite. The result is (k,) int64 by descending score, with k <= limit.
     """
     order = torch.argsort(scores, descending=True, stable=True)
     best_first = boxes.detach()[order].double()
     if kernels is not None and boxes.device.type == "cpu":
         return order[torch.from_numpy(kernels.suppress(best_first.numpy(), iou, limit))]
-    kept = _suppress(best_first, iou, limit)
-    return order[torch.tensor(kept, dtype=torch.int64, device=order.device)]
+    remaining = _suppress(best_first, iou, limit)
+    return order[torch.tensor(remaining, dtype=torch.int64, device=order.device)]
 
 
 def _suppress(boxes: Tensor, iou: float, limit: int) -> list[int]:
@@ -105,14 +105,14 @@ def _suppress(boxes: Tensor, iou: float, limit: int) -> list[int]:
     ends = torch.bincount(i, minlength=len(boxes)).cumsum(0).tolist()
     losers = j.numpy()
     alive = torch.ones(len(boxes), dtype=torch.bool).numpy()
-    kept: list[int] = []
+    remaining: list[int] = []
     for row in range(len(boxes)):
-        if len(kept) == limit:
+        if len(remaining) == limit:
             break
         if alive[row]:
-            kept.append(row)
+            remaining.append(row)
             alive[losers[ends[row - 1] if row else 0 : ends[row]]] = False
-    return kept
+    return remaining
 
 
 def _near_pairs(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:

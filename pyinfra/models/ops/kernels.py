@@ -1,4 +1,4 @@
-"""The compiled extension, or None if it is not built; PyTorch code is then used instead."""
+"""The compiled extension, or None if it is not installed. PyTorch code is then used instead."""
 
 from __future__ import annotations
 

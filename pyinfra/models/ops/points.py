@@ -20,9 +20,9 @@ _CHUNK = 1 << 22  # distances that are computed together
 def farthest_points(xyz: Tensor, k: int) -> Tensor:
     """Returns k rows of xyz (n, 3) by farthest point sampling.
 
-    The first row is row 0. Each next row is the point that is farthest from all previous points. Of
-    equally far points it is the lowest row. If k > n, row 0 is repeated. Raises ValueError for
-    n = 0.
+    The first row is row 0. Each next row is the point that is farthest from all previous points. If
+    several points are equally far, it is the lowest of their rows. If k > n, row 0 is repeated.
+    Raises ValueError for n = 0.
     """
     _check(xyz)
     if not len(xyz):
@@ -33,7 +33,7 @@ def farthest_points(xyz: Tensor, k: int) -> Tensor:
     chosen = torch.zeros(k, dtype=torch.int64, device=xyz.device)
     apart = torch.full_like(columns[0], torch.inf)
     for count in range(1, k):
-        # Indexed with a slice, because reading a number would make the GPU wait.
+        # The index is a slice, because reading a single number would make the CPU wait for the GPU.
         last = columns.index_select(1, chosen[count - 1 : count])  # (3, 1)
         torch.minimum(apart, _squared(*(columns - last)), out=apart)
         chosen[count] = apart.argmax()
@@ -44,9 +44,9 @@ def farthest_points(xyz: Tensor, k: int) -> Tensor:
 def ball_query(points: Tensor, centres: Tensor, radius: float, k: int) -> tuple[Tensor, Tensor]:
     """Returns the first k points, by row, that are closer to each centre than the radius (metres).
 
-    points: (n, 3), centres: (m, 3). The results are rows (m, k) and a mask (m,) bool, true for an
-    empty ball. In a ball with fewer points the first point is repeated. An empty ball has only
-    row 0.
+    points: (n, 3), centres: (m, 3). The results are rows (m, k) and a mask (m,) bool, which is true
+    for an empty ball. If a ball has fewer than k points, its first point is repeated. The rows of
+    an empty ball are 0.
     """
     _check(points)
     _check(centres)
@@ -61,8 +61,8 @@ def ball_query(points: Tensor, centres: Tensor, radius: float, k: int) -> tuple[
     limit = points.new_tensor(radius) ** 2
     row = torch.arange(n, device=points.device)
     parts = [row.new_zeros(0, k)]
-    for some in _parts(centres, n):
-        near = torch.where(_squared_distances(some, points) < limit, row, n)  # (some, n)
+    for part in _parts(centres, n):
+        near = torch.where(_squared_distances(part, points) < limit, row, n)  # (some, n)
         first = near.topk(min(k, n), largest=False).values.sort().values
         parts.append(torch.nn.functional.pad(first, (0, k - min(k, n)), value=n))
     indices = torch.cat(parts)
@@ -127,20 +127,20 @@ def box_of_points(points: Tensor, boxes: Tensor) -> Tensor:
 
 
 def _nearest_of_all(points: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
-    """Computes `three_nearest` from all distances, without a tree."""
-    some = min(3, len(known))
-    squared, indices = [points.new_zeros(0, some)], [points.new_zeros(0, some).long()]
+    """Computes `three_nearest` from the distances of all pairs, without a search tree."""
+    most = min(3, len(known))
+    squared, indices = [points.new_zeros(0, most)], [points.new_zeros(0, most).long()]
     for part in _parts(points, len(known)):
-        nearest = _squared_distances(part, known).topk(some, largest=False)
+        nearest = _squared_distances(part, known).topk(most, largest=False)
         squared.append(nearest.values)
         indices.append(nearest.indices)
     distances = torch.cat(squared).sqrt()
     pad = torch.nn.functional.pad
-    return pad(distances, (0, 3 - some), value=torch.inf), pad(torch.cat(indices), (0, 3 - some))
+    return pad(distances, (0, 3 - most), value=torch.inf), pad(torch.cat(indices), (0, 3 - most))
 
 
 def _parts(xyz: Tensor, others: int) -> list[Tensor]:
-    """Divides xyz into parts whose distances to `others` points fit into memory."""
+    """Divides xyz into parts, so that the distances to `others` points fit into memory."""
     rows = max(1, _CHUNK // max(1, others))
     return [xyz[start : start + rows] for start in range(0, len(xyz), rows)]
 

@@ -60,7 +60,7 @@ class SparseTensor:
     rulebooks: dict[str, Rulebook] = field(default_factory=dict)  # rulebooks of all levels by key
 
     def with_features(self, features: Tensor) -> SparseTensor:
-        """Returns the same voxels with other features (n, any)."""
+        """Returns the same voxels with other features (n, c), for any c."""
         return replace(self, features=features)
 
     def to_dense(self) -> Tensor:
@@ -246,7 +246,7 @@ def strided_rulebook(
 
 
 def _shifted_pairs(keys: Tensor, steps: list[int]) -> tuple[Tensor, Tensor, list[int]]:
-    """Returns the rows with keys[first] == keys[second] + step, and their number for each step.
+    """Returns the row pairs with keys[first] == keys[second] + step, and their number per step.
 
     keys: ascending.
     """

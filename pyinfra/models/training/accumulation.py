@@ -1,6 +1,6 @@
 """Stacks frames of a fixed sensor into one cloud.
 
-This is useful if the scan pattern of the sensor does not repeat.
+Stacking is useful if the scan pattern of the sensor does not repeat.
 """
 
 from __future__ import annotations
@@ -43,10 +43,11 @@ class Accumulation:
     def stacks(self, labelled: Sequence[int], there: Collection[int]) -> tuple[list[int], ...]:
         """Returns the existing frames of each labelled frame's stack, ascending.
 
-        The labelled frame is always in its stack. Raises Error if every stack has only one frame.
+        there: numbers of existing frames. The labelled frame is always in its stack. Raises Error
+        if every stack has only one frame.
         """
-        known = {*there, *labelled}
-        groups = tuple([k for k in self.around(frame) if k in known] for frame in labelled)
+        existing = {*there, *labelled}
+        groups = tuple([k for k in self.around(frame) if k in existing] for frame in labelled)
         if self.frames > 1 and groups and max(map(len, groups)) == 1:
             raise Error(
                 "accumulate: expected a folder with consecutive frames, got no two frames within "
@@ -78,7 +79,7 @@ def _read_stack(
 
 
 def stacked(clouds: Sequence[Points], ages_s: Sequence[float]) -> Points:
-    """Concatenates clouds (k, 4), with the age of each in a fifth column: (n, 5) float32.
+    """Concatenates clouds (k, 4) and adds the age of each cloud as a fifth column: (n, 5) float32.
 
     The age in seconds is 0 for the labelled frame, positive for earlier and negative for later
     frames.

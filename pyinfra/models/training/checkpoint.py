@@ -52,7 +52,7 @@ class Checkpoint:
     def network(self, region: Region | None = None) -> Network:
         """Returns the network in eval mode.
 
-        region: the region of the frames that it will get; by default the region of its training.
+        region: the region of the frames to process; by default the region of its training.
         Raises ConfigError if the weights do not fit the Config.
         """
         site = self.provenance.site if region is None else around(region, self.provenance.site)
@@ -95,7 +95,7 @@ def digest(file: Path) -> str:
 def save(
     file: Path, network: nn.Module, optimizer: dict[str, Tensor], provenance: Provenance
 ) -> None:
-    """Writes a checkpoint. If it fails, raises OSError and leaves an existing file unchanged."""
+    """Writes a checkpoint. If this fails, raises OSError; an existing file does not change."""
     tensors = {f"network.{k}": v.contiguous() for k, v in network.state_dict().items()}
     tensors |= {f"optimizer.{k}": v.contiguous() for k, v in optimizer.items()}
     write(file, tensors, provenance)

@@ -2,8 +2,8 @@
 
 A visit is one site with some LiDARs and some frames of each LiDAR. The scene of a visit is built
 once, all samples of the visit are simulated, and the scene is discarded. A group of visits is held
-in memory, and its samples are returned in random order. Sample n depends only on n and on the plan,
-so a training can resume at any n by simulating one group.
+in memory, and its samples are returned in random order. Sample n depends only on n and on the plan.
+Therefore a training can resume at any sample by simulating one group.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class StreamPlan:
     first_site: int = ruled(0, 0, RESAMPLED - 1)  # seed of the first site
     lidars: int = ruled(4, 1, 100)  # number of LiDARs in a visit
     frames: int = ruled(2, 1, 100)  # frames of each LiDAR in a visit
-    mixed: int = ruled(6, 1, 1000)  # visits that are held in memory and mixed
+    mixed: int = ruled(6, 1, 1000)  # visits of a group, whose samples are mixed in memory
     label_time: LabelTime | None = None  # None: the label time of each site's scene
     # Share of the visits that use only narrow LiDARs (`StreamFile.narrow`). Narrow LiDARs are aimed
     # along a road, where vehicles are. The other visits use no narrow LiDAR.
@@ -125,8 +125,8 @@ class SiteSamples:
         keys, world = world_of(seed, self.plan.label_time, make_keys)
         samples = []
         for lidar in sensors.draw(random, self.plan.lidars):
-            # Frames are random instead of evenly spaced. Otherwise the samples of a LiDAR whose
-            # pattern almost repeats would have only few phases of the pattern.
+            # Frames are random instead of evenly spaced. If the scan pattern of a LiDAR almost
+            # repeats, evenly spaced frames would have only few phases of the pattern.
             frames = sorted(random.choice(world.frames, self.plan.frames, replace=False).tolist())
             samples += samples_of(world, keys, lidar, frames, self.classes)
         return samples
@@ -233,15 +233,15 @@ def site_stream(
 ) -> Stream:
     """Returns a stream of samples, which `training.train.train` accepts instead of sources.
 
-    narrow: LiDARs of the plan's narrow visits. Raises Error if a visit needs more LiDARs than there
-    are.
+    narrow: LiDARs of the plan's narrow visits. Raises Error if a visit needs more LiDARs than
+    `sensors` or `narrow` has.
     """
     chosen = sensors or lidar_catalogue.sensors()
     samples = SiteSamples(plan, chosen, classes, narrow=narrow)
     files = (*chosen.files, *(narrow.files if narrow else ()))
     drawn = asdict(plan)
     if plan.narrow == 0:
-        del drawn["narrow"]  # trainings begun by versions without narrow visits can then resume
+        del drawn["narrow"]  # so that trainings of versions without narrow visits can resume
     of_narrow = {"of_narrow": lidar_catalogue.names_of(narrow.files)} if narrow else {}
     last = plan.first_site + plan.sites - 1
     return Stream(

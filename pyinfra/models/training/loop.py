@@ -37,12 +37,12 @@ from pyinfra.models.training.samples import Augmentation, Frames, Samples, augme
 from pyinfra.models.training.validation import Checks
 
 WARM_UP = 0.4  # share of the steps in which the rate rises
-DIVIDED = 10.0  # the first rate is the highest rate divided by this
-LAST = 1e-4  # the last rate is the first rate times this
+DIVIDED = 10.0  # ratio of the highest learning rate to the first
+LAST = 1e-4  # ratio of the last learning rate to the first
 MOMENTA = (0.95, 0.85)
-SAVES = 20  # checkpoints in a training
+SAVES = 20  # number of checkpoints in a training
 AHEAD = 16  # batches made in advance; a stream makes the samples of about 12 batches at once
-PASSING = ("step", "version")  # fields that may differ when a training resumes
+PASSING = ("step", "version")  # fields of a checkpoint that may differ when a training resumes
 
 
 class TrainingDiverged(Error):
@@ -60,7 +60,7 @@ class Progress:
     rate: float
     loss: float
     parts: dict[str, float]
-    seconds: float  # time since this process started the training or resumed it
+    seconds: float  # time since this process started or resumed the training
     cpu_seconds: float  # CPU time since the previous step, including batches made in advance
 
 
@@ -79,9 +79,9 @@ def train(
 ) -> Network:
     """Trains a network to the last step; writes `out`/last.safetensors at intervals.
 
-    held_out: frames that select best.safetensors; they do not affect the training. begun: the
-    checkpoint to resume from, as `read_begun` returns it. Raises TrainingDiverged, which names the
-    step, the loss and the last good checkpoint.
+    held_out: frames whose AP selects best.safetensors; they do not affect the training. begun: the
+    checkpoint to resume from, as `read_begun` returns it. Raises TrainingDiverged with the step,
+    the loss and the last checkpoint.
     """
     learning, device = recipe.learning, device or torch.device("cpu")
     first = distributed.rank() == 0  # only the first process writes files
@@ -102,8 +102,8 @@ def train(
                 parts = network.losses(batch)
             loss = torch.stack(list(parts.values())).sum()
             # The loss of the whole batch is checked, so that all processes stop together.
-            whole = distributed.mean(torch.stack([loss, *parts.values()])).tolist()
-            check_finite("loss", whole[0], step, last)
+            loss_values = distributed.mean(torch.stack([loss, *parts.values()])).tolist()
+            check_finite("loss", loss_values[0], step, last)
             optimizer.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
             distributed.average_gradients(network)
@@ -111,26 +111,26 @@ def train(
             check_finite("norm of the gradients", norm.item(), step, last)
             optimizer.step()
             done = step + 1
-            here = dataclasses.replace(provenance, step=done)
-            # The check comes before last.safetensors is written. If the process ends in between,
-            # the check is repeated.
+            described = dataclasses.replace(provenance, step=done)
+            # The check is made before last.safetensors is written. If the process ends after the
+            # check and before the writing, a resumed training repeats the check.
             if first and checks is not None and checks.find_best(network, done, learning.steps):
-                checkpoint.save(out / "best.safetensors", network, {}, here)
+                checkpoint.save(out / "best.safetensors", network, {}, described)
             if first and (done % max(1, learning.steps // SAVES) == 0 or done == learning.steps):
-                checkpoint.save(last, network, optimizer_tensors(optimizer), here)
+                checkpoint.save(last, network, optimizer_tensors(optimizer), described)
             if report is None:
                 continue
-            numbers = dict(zip(parts, whole[1:], strict=True))
+            numbers = dict(zip(parts, loss_values[1:], strict=True))
             now = time.process_time()
             times, before = (time.monotonic() - start, now - before), now
-            report(Progress(done, learning.steps, rate, whole[0], numbers, *times))
+            report(Progress(done, learning.steps, rate, loss_values[0], numbers, *times))
     return network.eval()
 
 
 def ahead(make: Callable[[int], Batch], steps: range) -> Generator[tuple[int, Batch]]:
-    """Yields the steps with their batches, which a second thread makes in advance.
+    """Yields each step with its batch. A second thread makes the batches in advance.
 
-    An error in making a batch is raised at its step.
+    If making a batch fails, the error is raised when its step is due.
     """
     pool, begun = ThreadPoolExecutor(1), deque[tuple[int, Future[Batch]]]()
     try:
@@ -153,9 +153,9 @@ def check_finite(name: str, value: float, step: int, last: Path) -> None:
 
 
 def batch_of(frames: Samples, recipe: Recipe, network: Network, seed: int, step: int) -> Batch:
-    """Returns the augmented samples of a step.
+    """Returns the augmented samples of a step as a batch.
 
-    If there are several processes, the result is this process's share.
+    If there are several processes, the batch is this process's share.
     """
     learning = recipe.learning
     size = learning.batch
@@ -172,8 +172,8 @@ def batch_of(frames: Samples, recipe: Recipe, network: Network, seed: int, step:
     batch = dataclasses.replace(batch, balance=learning.balance)
     if learning.window_m2 == 0:
         return batch
-    seen = Windows(learning.window_m2, torch.tensor(np.array(centres)))
-    return dataclasses.replace(batch, windows=seen)
+    training_windows = Windows(learning.window_m2, torch.tensor(np.array(centres)))
+    return dataclasses.replace(batch, windows=training_windows)
 
 
 def set_rate(optimizer: torch.optim.Optimizer, learning: Learning, step: int) -> float:
@@ -240,7 +240,7 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
         return None
     loaded = checkpoint.load(file)
     theirs, wanted = as_plain(loaded.provenance), as_plain(ours)
-    if loaded.provenance.detector == ours.detector:  # adds keys that an earlier version lacks
+    if loaded.provenance.detector == ours.detector:  # adds keys that earlier versions did not have
         theirs["network"] = as_plain(config_of(ours.detector, theirs["network"]))
     different = [key for key in theirs if key not in PASSING and theirs[key] != wanted[key]]
     if different:
@@ -256,10 +256,10 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
 
 
 def _ways(description: Description) -> dict[str, object]:
-    """Returns the settings of a training by dotted keys."""
+    """Returns the settings of a training by key, such as `learning.steps`."""
     plain = as_plain(description)
-    kept = {key: plain[key] for key in ("frames", "precision", "drawn")}
-    return kept | {
+    settings = {key: plain[key] for key in ("frames", "precision", "drawn")}
+    return settings | {
         f"{name}.{key}": value
         for name in ("learning", "augmentation")
         for key, value in plain[name].items()
@@ -285,7 +285,7 @@ class Log:
     def __init__(self, file: Path, done: int) -> None:
         self.file = file
         rows = file.read_text().splitlines() if file.exists() else []
-        # An incomplete row, for example after a full disk, does not belong to a finished step.
+        # A row can be incomplete, for example if the disk was full. Its step is not finished.
         whole = [row for row in rows if row.count(",") == rows[0].count(",")]
         kept = [row for row in whole[1:] if int(row.split(",")[0]) <= done]
         with replacing(file) as beside:

@@ -38,13 +38,13 @@ class Provenance:
     steps: int
     label_time: str = "frame"
     above_road: bool = True  # whether z of the network's input is measured from the road
-    # a, b, c of the road z = a x + b y + c at the training site, if the road is one plane. It is
-    # used at sites whose ground is unknown.
+    # a, b, c of the road z = a x + b y + c at the training site, if the road is one plane. This
+    # plane is used at sites whose ground is unknown.
     ground: tuple[float, float, float] | None = None
     anywhere: bool = False  # whether the network was trained at many sites, for use at other sites
     accumulate: int = 1  # frames that are stacked into one cloud
     label_at: LabelAt = "newest"  # which of the stacked frames has the labels
-    start: str = ""  # digest of the weights that the training started from; empty: random
+    start: str = ""  # digest of the weights that the training started from; empty: random weights
     # a, b of logit(score) -> a logit(score) + b, which makes a score the probability of a true
     # positive. If there are several classes, each has one pair.
     calibration: tuple[float, ...] | None = None

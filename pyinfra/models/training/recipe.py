@@ -14,7 +14,7 @@ from pyinfra.models.detectors.classes import classes_of
 from pyinfra.models.inference.detect import model_file, shipped
 from pyinfra.models.training.samples import Augmentation
 
-# Precision of the layers. Cells of points, searches, losses and boxes always use 32 bits.
+# Precision of the layers. The cells of points, searches, losses and boxes always use 32 bits.
 Precision = Literal["float32", "bfloat16"]
 
 
@@ -41,15 +41,15 @@ class Learning:
     weight_decay: float = ruled(0.01, 0, 1)  # weight decay of AdamW
     clip: float = ruled(10.0, 1e-6, 1e6)  # largest norm of the gradients; larger ones are scaled
     window_m2: float = ruled(0.0, 0, 1e9)  # area of a frame that a step uses; 0: the whole area
-    # share of the windows for which a class is sampled first (each class of the frame equally
-    # often), and then one of its objects
+    # Share of the windows that are centred on an object of a random class of the frame. The other
+    # windows are centred on a random object of any class.
     rare_windows: float = ruled(0.0, 0, 1)
-    # exponent of the weight n ** -balance of a frame with n objects; 0: all objects have the same
-    # weight
+    # Exponent of the weight n ** -balance of a frame with n objects. With 0, all objects have the
+    # same weight.
     balance: float = ruled(0.0, 0, 1)
-    # number of last frames of each LiDAR that select best.safetensors and are not used for
-    # training. The default is 0, because the networks of the published figures were trained on all
-    # frames.
+    # Number of last frames of each LiDAR that are left out of the training and select
+    # best.safetensors. The default is 0, because the networks of the published figures were trained
+    # on all frames.
     validate_frames: int = ruled(0, 0, 100_000)
 
     def __post_init__(self) -> None:
@@ -72,12 +72,12 @@ class Recipe:
         return classes_of(self.network)
 
     def for_budget(self, share: float) -> Recipe:
-        """Returns the recipe with a share of its steps; the learning rate schedule is scaled."""
+        """Returns the recipe with a share of its steps and a shorter learning rate schedule."""
         steps = max(min(1, self.learning.steps), round(share * self.learning.steps))
         return replace(self, learning=replace(self.learning, steps=steps))
 
     def begun_with(self, start: Path) -> Recipe:
-        """Returns the recipe with another start: a training, a file, or a pretrained detector."""
+        """Returns the recipe with another network to start from (see `Learning.start`)."""
         return replace(self, learning=replace(self.learning, start=str(start)))
 
 
@@ -113,9 +113,9 @@ def read_recipe(file: Path, tier: Tier) -> Recipe:
 
     Raises FileNotFoundError, and ConfigError with file, line and key.
     """
-    whole = read_config(file, DetectorFile)
-    kind = DETECTORS[whole.detector].config
-    parts = {name: getattr(whole.tiers, name) for name in TIERS}
+    config = read_config(file, DetectorFile)
+    kind = DETECTORS[config.detector].config
+    parts = {name: getattr(config.tiers, name) for name in TIERS}
     networks = {name: part.network.read(kind) for name, part in parts.items()}
     chosen = parts[tier]
-    return Recipe(whole.detector, networks[tier], chosen.learning, chosen.augmentation)
+    return Recipe(config.detector, networks[tier], chosen.learning, chosen.augmentation)

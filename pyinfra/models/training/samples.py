@@ -26,8 +26,8 @@ class Augmentation:
     """Random changes of a frame; the defaults change nothing."""
 
     flip: bool = False  # whether half of the frames are mirrored left to right
-    rotation_deg: float = ruled(0.0, 0, 180)  # largest rotation, either way
-    scale: float = ruled(0.0, 0, 0.5)  # largest change of scale, as a share, either way
+    rotation_deg: float = ruled(0.0, 0, 180)  # largest rotation in both directions
+    scale: float = ruled(0.0, 0, 0.5)  # largest relative change of scale, up and down
     pasted: int = ruled(0, 0, 100)  # most objects pasted from another frame, at the same positions
     least_points: int = ruled(5, 0, 1000)  # least number of points on a pasted object
     shadows: bool = False  # whether pasted objects hide the points behind them
@@ -54,7 +54,7 @@ class Samples(Protocol):
         ...
 
     def nth(self, seed: int, n: int) -> int:
-        """Returns the number of the n-th sample in the order of training; n has no limit."""
+        """Returns the number of the n-th sample in the order of training; n may be any number."""
         ...
 
     def sample(self, i: int) -> Sample: ...
@@ -69,7 +69,7 @@ class Frames:
     """Frames of one or more LiDARs as samples; clouds are read on demand."""
 
     clouds: tuple[Callable[[], Points], ...]
-    boxes: tuple[FloatArray, ...]  # (k, 7) boxes of each frame, with a point of this LiDAR
+    boxes: tuple[FloatArray, ...]  # (k, 7) boxes of each frame's objects with a point
     starts: tuple[int, ...] = (0,)  # first frame of each LiDAR
     classes: tuple[IntArray, ...] = ()  # (k,) class numbers of each frame's boxes; empty: all 0
     heights_m: tuple[float, ...] = ()  # height of each frame's sensor above z = 0; empty: all 0
@@ -85,12 +85,12 @@ class Frames:
         return Frames(clouds, boxes, starts, classes, heights_m)
 
     def part(self, rows: slice) -> Frames:
-        """Returns some of the frames; all must be of one LiDAR."""
+        """Returns the frames `rows`, which must be of one LiDAR."""
         classes, heights_m = self.classes[rows], self.heights_m[rows]
         return Frames(self.clouds[rows], self.boxes[rows], classes=classes, heights_m=heights_m)
 
     def nth(self, seed: int, n: int) -> int:
-        """Returns the n-th frame in random order; all frames occur before one is repeated."""
+        """Returns the n-th frame in random order. All frames occur before a frame is repeated."""
         turn, position = divmod(n, len(self))
         return int(np.random.default_rng([seed, turn]).permutation(len(self))[position])
 
@@ -210,7 +210,7 @@ def with_pasted(
 ) -> Sample:
     """Pastes objects of the other frame, with their points, where this frame has no objects.
 
-    Objects are pasted from each class in turn, so that rare classes are pasted as often.
+    Objects are pasted from each class in turn, so that rare classes are pasted as often as others.
     """
     order = rng.permutation(len(other.boxes))
     order = order[np.argsort(_ranks_in_class(other.numbers[order]), kind="stable")]
@@ -224,10 +224,10 @@ def with_pasted(
         pasted = other.points[points_in_box(other.points, other.boxes[i])]
         if len(pasted) < how.least_points:
             continue
-        here = points_in_box(points[0], other.boxes[i], 0)
+        replaced = points_in_box(points[0], other.boxes[i], 0)
         if how.shadows:
-            here |= hidden_by(pasted, points[0], sample.height_m)
-        points[0] = points[0][~here]
+            replaced |= hidden_by(pasted, points[0], sample.height_m)
+        points[0] = points[0][~replaced]
         points.append(pasted)
         boxes.append(other.boxes[i : i + 1])
         numbers.append(other.numbers[i : i + 1])
@@ -240,7 +240,7 @@ def with_pasted(
 
 
 def _ranks_in_class(numbers: IntArray) -> IntArray:
-    """Returns for each element how many elements before it have the same class: (n,)."""
+    """Returns for each element the number of earlier elements of the same class: (n,)."""
     ranks = np.zeros(len(numbers), np.int64)
     for number in np.unique(numbers):
         of_class = numbers == number
@@ -251,8 +251,8 @@ def _ranks_in_class(numbers: IntArray) -> IntArray:
 def hidden_by(hiding: Points, points: Points, height_m: float) -> BoolArray:
     """Returns which points (n, 4) are hidden behind the points `hiding` (m, 4): (n,).
 
-    A point is hidden if its range is longer than the shortest range of `hiding` in the same cell of
-    directions or in a neighbouring one. height_m: height of the sensor above z = 0.
+    A point is hidden if its range exceeds the shortest range of `hiding` in the same cell of
+    directions or in a neighbouring cell. height_m: height of the sensor above z = 0.
     """
     columns, rows, near = _directions(hiding, height_m)
     around = [(columns + i, rows + k) for i in (-1, 0, 1) for k in (-1, 0, 1)]
@@ -261,9 +261,9 @@ def hidden_by(hiding: Points, points: Points, height_m: float) -> BoolArray:
     cells, first = np.unique(cells[order], return_index=True)
     nearest = np.tile(near, len(around))[order][first]
     columns, rows, ranges = _directions(points, height_m)
-    there = _cell(columns, rows)
-    index = np.searchsorted(cells, there).clip(max=len(cells) - 1)
-    return np.asarray((cells[index] == there) & (ranges > nearest[index]))
+    cells_of_points = _cell(columns, rows)
+    index = np.searchsorted(cells, cells_of_points).clip(max=len(cells) - 1)
+    return np.asarray((cells[index] == cells_of_points) & (ranges > nearest[index]))
 
 
 def _directions(points: Points, height_m: float) -> tuple[IntArray, IntArray, FloatArray]:

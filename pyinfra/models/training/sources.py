@@ -50,7 +50,7 @@ class Source:
     clouds: tuple[Callable[[], Points], ...]
     # (k, 7) boxes of each frame's objects that have a point and belong to `classes`
     read_boxes: Callable[[], tuple[FloatArray, ...]]
-    read_warning: Callable[[], str | None] = lambda: None  # warns of unknown object names
+    read_warning: Callable[[], str | None] = lambda: None  # returns a warning of other object names
     region: regions.Region | None = None  # where vehicles can be, if known
     ground: Ground | None = None  # height of the road; None: taken from the vehicles
     accumulation: Accumulation = ONE_FRAME  # clouds are (n, 4) for one frame, (n, 5) if stacked
@@ -69,9 +69,9 @@ class Stream:
     scene: str
     label_time: str
     samples: Samples
-    site: Site  # the area around each sensor that a network sees
+    site: Site  # the area around each sensor that a network uses
     ground: Ground | None = None  # ground that is the same for all samples, if any
-    anywhere: bool = False  # whether the sites are so many that the network works at other sites
+    anywhere: bool = False  # whether there are many sites, so that the network suits other sites
     accumulation: Accumulation = ONE_FRAME
     classes: tuple[ObjectClass, ...] = VEHICLES  # classes of the samples' boxes
     drawn: str = ""  # how samples are chosen; it must be the same when a training resumes
@@ -87,7 +87,7 @@ def read_source(
 
     They are the frames of ImageSets/train.txt. If this file does not exist, they are the training
     frames of the split by time, or all frames if the folder has no labels. Only training frames and
-    frames between them are stacked, never test frames.
+    frames between them are stacked. Test frames are never stacked.
 
     Raises FileNotFoundError, FormatError and Error.
     """
@@ -95,18 +95,18 @@ def read_source(
     lidar = kitti.read_lidar(folder)
     numbers = _train_frames(folder, lidar.period_s)
     frames = spread(numbers, MOST_FRAMES[tier])
-    there = _stackable(folder, numbers) if accumulation.frames > 1 else numbers
+    stackable = _stackable(folder, numbers) if accumulation.frames > 1 else numbers
     read = partial(read_frame, folder)
     vehicles = cache(partial(read_vehicles, folder, frames))
-    known = [name for class_name in classes for name in OBJECT_CLASSES[class_name]]
+    names = [name for class_name in classes for name in OBJECT_CLASSES[class_name]]
     return Source(
         lidar=lidar.name,
         preset=lidar.preset,
         scene=scene_of(folder),
         label_time=lidar.label_time,
-        clouds=accumulation.clouds(read, frames, there, lidar.period_s),
+        clouds=accumulation.clouds(read, frames, stackable, lidar.period_s),
         read_boxes=lambda: hit_boxes(vehicles(), len(frames), classes)[0],
-        read_warning=lambda: other_types(folder, frames, vehicles(), known),
+        read_warning=lambda: other_types(folder, frames, vehicles(), names),
         region=regions.region_of(folder, lidar.T_world_levelled),
         ground=ground_of(folder),
         accumulation=accumulation,
@@ -126,8 +126,8 @@ def _train_frames(folder: Path, period_s: float) -> Sequence[int]:
 def _stackable(folder: Path, train: Sequence[int]) -> set[int]:
     """Returns the training frames, and the frames between them that are not test frames.
 
-    If there is a list of training frames but no list of test frames, every other frame may be a
-    test frame. Only training frames are returned then.
+    If there is a list of training frames but no list of test frames, any frame that is not in the
+    list may be a test frame. Then only the training frames are returned.
     """
     lists = folder / "ImageSets"
     named = [part for part in ("val", "test") if (lists / f"{part}.txt").is_file()]
@@ -164,7 +164,7 @@ def _above(ground: Ground, cloud: Callable[[], Points]) -> Points:
 
 
 def scene_of(folder: Path) -> str:
-    """Returns the name of the scene of a LiDAR's folder; `unknown` without dataset.yaml."""
+    """Returns the scene name of a LiDAR's folder; `unknown` if there is no dataset.yaml."""
     description = data_set_of(folder) / "dataset.yaml"
     return read_yaml(description).at("name").text() if description.is_file() else "unknown"
 
@@ -172,9 +172,9 @@ def scene_of(folder: Path) -> str:
 def hit_boxes(
     vehicles: Vehicles, frames: int, classes: tuple[ObjectClass, ...] = VEHICLES
 ) -> tuple[tuple[FloatArray, ...], tuple[IntArray, ...]]:
-    """Returns the boxes (k, 7) and class numbers (k,) of each frame's objects of some classes.
+    """Returns the boxes (k, 7) and class numbers (k,) of the objects in each frame.
 
-    Only objects with at least one point are included.
+    Only objects of `classes` with at least one point are included. frames: number of frames.
     """
     numbers = numbers_of(vehicles.names, classes)
     hit = (numbers >= 0) & (vehicles.points > 0)

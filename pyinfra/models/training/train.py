@@ -50,15 +50,15 @@ def train(
     precision: Precision = "float32",
     quiet: bool = False,
 ) -> Path:
-    """Trains a detector in the folder `out`, or resumes there; returns the model's file.
+    """Trains a detector and writes it to the folder `out`; returns the model's file.
 
-    If the recipe has 0 steps, the network `start` of the recipe is copied. Raises the errors of
-    reading frames and of training.
+    If `out` has a checkpoint of this training, the training resumes. If the recipe has 0 steps, the
+    network `start` of the recipe is copied. Raises the errors of reading frames and of training.
     """
     out.mkdir(parents=True, exist_ok=True)
-    other = "last.safetensors" if recipe.detector == "background" else "background.npz"
-    if (out / other).exists():
-        raise FileExistsError(f"{out}: expected no model of another detector, got {other}")
+    other_model = "last.safetensors" if recipe.detector == "background" else "background.npz"
+    if (out / other_model).exists():
+        raise FileExistsError(f"{out}: expected no model of another detector, got {other_model}")
     if recipe.detector == "background":
         return _learn_background(recipe, sources, out)
     if recipe.learning.steps == 0:
@@ -67,7 +67,7 @@ def train(
 
 
 def _as_it_comes(start: Path, out: Path) -> Path:
-    """Copies a network without training; returns the file.
+    """Copies the network `start` to the folder `out` without training; returns the new file.
 
     Raises FileNotFoundError, and FileExistsError if the folder has another network.
     """
@@ -134,9 +134,9 @@ def _train_network(
     if recipe.learning.start:
         provenance = _begun_with(network, Path(recipe.learning.start), provenance)
     description = loop.describe(provenance, recipe, len(frames), precision, stream.drawn)
-    with distributed.joined(device_of(device)) as where:
+    with distributed.joined(device_of(device)) as torch_device:
         distributed.check_batch(recipe.learning.batch)
-        # All processes have joined, so all read the same checkpoint.
+        # All processes are connected here, so all of them read the same checkpoint.
         begun = loop.read_begun(out, description)
         done = begun.provenance.step if begun is not None else 0
         first = distributed.rank() == 0
@@ -149,7 +149,7 @@ def _train_network(
                 out,
                 begun=begun,
                 held_out=held_out,
-                device=where,
+                device=torch_device,
                 precision=precision,
                 report=report,
             )
@@ -179,11 +179,11 @@ def _provenance(recipe: Recipe, stream: Stream, seed: int) -> Provenance:
 
 
 def _begun_with(network: Network, start: Path, provenance: Provenance) -> Provenance:
-    """Loads the weights of another network; returns the changed description of the checkpoint.
+    """Loads the weights of the network `start`; returns the changed description of the checkpoint.
 
-    The new network may have classes that the other network lacks. The weights of these classes stay
-    random. The calibration is copied if the classes are the same. Raises FileNotFoundError, and
-    ConfigError for weights that do not fit.
+    `network` may have classes that `start` lacks. The weights of these classes stay random. The
+    calibration is copied if the classes are the same. Raises FileNotFoundError, and ConfigError for
+    weights that do not fit.
     """
     import torch
 
@@ -210,7 +210,7 @@ def _begun_with(network: Network, start: Path, provenance: Provenance) -> Proven
 
 
 def common_label_time(sources: Sequence[Source]) -> LabelTime:
-    """Returns the label time of all sources. Raises Error if it differs."""
+    """Returns the label time of all sources. Raises Error if the sources have different ones."""
     first = sources[0]
     for other in sources:
         if other.label_time != first.label_time:
@@ -222,7 +222,7 @@ def common_label_time(sources: Sequence[Source]) -> LabelTime:
 
 
 def common_accumulation(sources: Sequence[Source]) -> Accumulation:
-    """Returns the accumulation of all sources. Raises Error if it differs."""
+    """Returns the accumulation of all sources. Raises Error if the sources have different ones."""
     first = sources[0]
     for other in sources:
         if other.accumulation != first.accumulation:
@@ -264,10 +264,10 @@ def _reporting(
 
 
 def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Frames | None]:
-    """Returns the training samples, and the held-out frames; None if `kept` is 0.
+    """Returns the training samples, and the held-out frames, which are None if `kept` is 0.
 
-    kept: number of frames of each LiDAR to hold out; it must be 0 for a stream. Raises Error for a
-    stream with another value, and as `_frames` does.
+    kept: number of frames of each LiDAR to hold out. Raises Error for a stream if `kept` is not 0,
+    and for the reasons of `_frames`.
     """
     from pyinfra.models.detectors.detection_area import site_of
 
@@ -294,7 +294,9 @@ def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Fram
 
 
 def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None]:
-    """Returns the training frames, and the last `kept` frames of each LiDAR; None if `kept` is 0.
+    """Returns the training frames, and the held-out frames, which are None if `kept` is 0.
+
+    The held-out frames are the last `kept` frames of each LiDAR.
 
     Raises Error if no frame is left to train on, or if the held-out frames have no vehicle.
     """
@@ -303,14 +305,14 @@ def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None
         classes = source.read_classes() if len(source.classes) > 1 else ()
         height_m = source.ground.sensor_m if source.ground else 0.0
         heights_m = (height_m,) * len(source.clouds)
-        whole = Frames(source.clouds, source.read_boxes(), classes=classes, heights_m=heights_m)
-        if 0 < len(whole) <= kept:
+        of_lidar = Frames(source.clouds, source.read_boxes(), classes=classes, heights_m=heights_m)
+        if 0 < len(of_lidar) <= kept:
             raise Error(
-                f"learning.validate_frames: expected less than the {len(whole)} frames of "
+                f"learning.validate_frames: expected less than the {len(of_lidar)} frames of "
                 f"{source.lidar}, got {kept}"
             )
-        learnt += whole.part(slice(0, len(whole) - kept))
-        held_out += whole.part(slice(len(whole) - kept, None))
+        learnt += of_lidar.part(slice(0, len(of_lidar) - kept))
+        held_out += of_lidar.part(slice(len(of_lidar) - kept, None))
     if kept > 0 and not any(map(len, held_out.boxes)):
         raise Error(f"expected a vehicle in the last {kept} frames, got none")
     return learnt, held_out if kept > 0 else None

@@ -19,7 +19,7 @@ from pyinfra.models.detectors.classes import METRICS, TYPES
 from pyinfra.models.detectors.network import Network
 from pyinfra.models.training.samples import Frames
 
-CHECKS = 5  # checks per training; with 40 frames they take 4 % of a quick PointPillars training
+CHECKS = 5  # checks per training; with 40 frames they take 4 % of the time of a quick PointPillars
 
 
 def is_due(done: int, steps: int) -> bool:
@@ -40,15 +40,15 @@ def average_precision(network: Network, frames: Frames) -> float:
     values = []
     for number, name in enumerate(network.classes):
         masks = [detections.names == TYPES[name] for detections in per_frame]
-        boxes = [d.boxes[of] for d, of in zip(per_frame, masks, strict=True)]
-        scores = np.concatenate([d.scores[of] for d, of in zip(per_frame, masks, strict=True)])
+        boxes = [d.boxes[mask] for d, mask in zip(per_frame, masks, strict=True)]
+        scores = np.concatenate([d.scores[mask] for d, mask in zip(per_frame, masks, strict=True)])
         truth = [b[frames.numbers(i) == number] for i, b in enumerate(frames.boxes)]
         if not any(map(len, truth)):
             continue
         columns = _frame_of(boxes), np.concatenate(boxes), scores
-        there = _frame_of(truth), np.concatenate(truth)
-        true_positive = matching.true_positives(*columns, *there, METRICS[name])
-        ranking = ap.rank(scores, true_positive, len(there[1]))
+        objects = _frame_of(truth), np.concatenate(truth)
+        true_positive = matching.true_positives(*columns, *objects, METRICS[name])
+        ranking = ap.rank(scores, true_positive, len(objects[1]))
         values.append(ap.average_precision(ranking, ap.R1000_RECALLS)[0])
     return float(np.mean(values))
 
@@ -71,7 +71,7 @@ class Checks:
         self.history = [(int(step), float(value)) for step, value in cells if int(step) <= done]
 
     def find_best(self, network: Network, done: int, steps: int) -> bool:
-        """Makes a check if one is due; returns whether its AP is the highest so far."""
+        """Makes a check if it is due; returns whether no earlier check has a higher AP."""
         if not is_due(done, steps):
             return False
         value = average_precision(network, self.frames)
