@@ -2,8 +2,8 @@
 
 The first three columns are x y z, and the fourth is usually intensity. The sizes of all files
 restrict the possible numbers of columns. The values of some files decide between the possible
-numbers. Values within a column are similar, and values of different columns are not. The right
-number of columns therefore explains most of the variance. An intensity is never negative.
+numbers. Values within a column are similar, and values of different columns are not. Therefore the
+right number of columns explains most of the variance. An intensity is never negative.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ TRIED = (4, 5, 6, 3)  # possible numbers of columns
 FILES = 30  # maximum number of files whose values are read, evenly distributed
 VALUES = 60 * 1000  # number of values read per file, a multiple of all numbers in TRIED
 MOST = 1e7  # largest plausible coordinate: 10 km in millimetres
-# Two numbers of columns are distinguished if their shares of explained variance differ by CLEARLY
-# plus FEWER over the square root of the number of values.
+# Two numbers of columns are distinguished if their shares of explained variance differ by more than
+# CLEARLY + FEWER / sqrt(number of values).
 CLEARLY = 0.1
 FEWER = 2.0
 FEW = 200  # with fewer values than this, no minimum of the explained variance is required
 
 
 def columns_of(files: Sequence[Path], options: Options, usual: int = USUAL) -> tuple[int, str]:
-    """Returns the number of float32 per point of .bin files, and a note about the assumption.
+    """Returns the number of float32 values per point in .bin files, and a note on the assumption.
 
     The note is empty if no assumption was needed. If no number fits, the function returns the usual
     number, and the reader raises an error that names the file. Raises OSError for an unreadable
@@ -52,11 +52,15 @@ def columns_of(files: Sequence[Path], options: Options, usual: int = USUAL) -> t
     columns = _chosen(np.concatenate(values).astype(np.float64), fit, usual)
     if columns is None:
         return usual, ""
-    others = " and ".join(str(n) for n in sorted(fit) if n != columns)
+    other_fits = " and ".join(str(n) for n in sorted(fit) if n != columns)
     if columns == usual:
-        why = f"the usual number; {others} also fit the sizes"
+        why = f"the usual number; {other_fits} also fit the sizes"
     else:
-        why = f"because the values exclude {others}" if others else "the only number that fits"
+        why = (
+            f"because the values exclude {other_fits}"
+            if other_fits
+            else "the only number that fits"
+        )
     zero = "; intensities are set to 0" if columns == 3 else ""
     note = f"a point of a .bin file has {columns} float32 values, {why}{zero}"
     return columns, f"{note}; the argument `columns` sets another number"
@@ -81,11 +85,14 @@ def _is_likely(values: FloatArray, columns: int) -> bool:
 
 
 def explained(values: FloatArray, columns: int) -> float:
-    """Returns the share of the variance that the columns explain, about 0 for similar columns."""
+    """Returns the share of the variance that the columns explain; about 0 if columns are similar.
+
+    values: (n,) values of several files, where n is a multiple of `columns`.
+    """
     size = np.log1p(np.abs(np.where(np.isfinite(values), values, 0)))
-    whole = (values == np.floor(values)).astype(np.float64)
+    is_whole = (values == np.floor(values)).astype(np.float64)
     shares = []
-    for feature in (size, whole, np.sign(np.nan_to_num(values))):
+    for feature in (size, is_whole, np.sign(np.nan_to_num(values))):
         rows = feature.reshape(-1, columns)
         total = rows.var()
         shares.append(0.0 if total == 0 else float(rows.mean(axis=0).var() / total))

@@ -13,7 +13,7 @@ from pyinfra.formats.kitti import FieldOfView
 
 MOST_POINTS = 20_000  # maximum number of points used per frame, evenly distributed
 ROUNDING_DEG = 1e-4  # keeps a direction of 0 out of the cell below 0
-FULL_GAP_DEG = 30  # an azimuth gap without returns as wide as this is outside the field of view
+FULL_GAP_DEG = 30  # least width of a gap in azimuth that is outside the field of view
 
 
 @dataclass
@@ -52,9 +52,10 @@ class Coverage:
 
 
 def _seen(cells: IntArray) -> tuple[float, float]:
-    """Returns the azimuth interval (radians) outside the widest gap.
+    """Returns the azimuth interval (radians) outside the widest gap between cells with returns.
 
-    The interval may begin below -pi.
+    cells: numbers of the 1 degree cells with returns, ascending. If no gap has FULL_GAP_DEG, the
+    interval is the full circle. The interval may begin below -pi.
     """
     gaps = np.diff(np.append(cells, cells[0] + 360)) - 1
     widest = int(gaps.argmax())

@@ -38,8 +38,8 @@ def read(source: Path, options: Options) -> Recording:
     """
     side = next((source / n for n in SIDES if (source / n / "velodyne").is_dir()), source)
     clouds = sorted_files(side / "velodyne", [".pcd"])
-    there = (side / name for name in LABELS if (side / name).is_dir())
-    folder = options.labels or next(there, None)
+    label_folders = (side / name for name in LABELS if (side / name).is_dir())
+    folder = options.labels or next(label_folders, None)
     if folder is not None:
         check_pairs(clouds, sorted_files(folder, [".json"]))
     names = tuple(stem(file) for file in clouds)
@@ -64,10 +64,10 @@ def _times(side: Path, names: tuple[str, ...]) -> FloatArray | None:
     """Reads pointcloud_timestamp of data_info.json in seconds, or None if a frame has none."""
     file = side / "data_info.json"
     rows = read_json(file) if file.is_file() else []
-    known = {}
+    stamps = {}
     for row in rows if isinstance(rows, list) else []:
         stamp = row.get("pointcloud_timestamp") if isinstance(row, dict) else None
         if str(stamp).isdecimal() and len(str(stamp)) < 20:
-            known[Path(str(row.get("pointcloud_path"))).stem] = seconds_of_stamp(float(str(stamp)))
-    times = [known.get(name) for name in names]
+            stamps[Path(str(row.get("pointcloud_path"))).stem] = seconds_of_stamp(float(str(stamp)))
+    times = [stamps.get(name) for name in names]
     return None if None in times else np.array(times, dtype=np.float64)

@@ -35,7 +35,7 @@ SEEN = 1.0  # visibility of a labelled object if the recording states none
 
 @dataclass(frozen=True)
 class LidarFacts:
-    """Properties of the LiDAR that the user gave or that were estimated. None means unknown."""
+    """Properties of the LiDAR that the user set or that were estimated. None means unknown."""
 
     name: str
     scene: str
@@ -55,8 +55,8 @@ class ImportSummary:
 
     frames: int = 0
     points: int = 0
-    without_return: int = 0  # number of points that were dropped because they are no return
-    without_intensity: int = 0  # number of points with an invalid intensity, which is written as 0
+    without_return: int = 0  # number of dropped points, which are not finite or 0 0 0
+    without_intensity: int = 0  # number of points whose intensity is not finite; written as 0
     empty: list[str] = field(default_factory=list)  # names of frames without a return
     # Names of frames with the same points as another frame.
     doubled: list[str] = field(default_factory=list)
@@ -67,8 +67,9 @@ class ImportSummary:
 
     @property
     def below_m(self) -> float | None:
-        """Median depth of the labelled vehicles' bottoms below the sensor; None if there is
-        none.
+        """Median depth of the labelled vehicles' bottoms below the sensor, in metres.
+
+        The depth is None if there is no labelled vehicle.
         """
         bottoms = np.concatenate([np.empty(0), *self.bottoms])
         return -float(np.median(bottoms)) if len(bottoms) else None
@@ -80,7 +81,8 @@ def write_lidar(
     """Writes frames, ImageSets and lidar.yaml to the folder `out`, and returns a summary.
 
     `indices` are the positions of the frames in the recording; the default is all. Raises the
-    errors of reading the frames, and Error if the tilt is given twice or there is no return at all.
+    errors of reading the frames. Raises Error if both `recording` and `facts` have a tilt, or if no
+    frame has a return.
     """
     if facts.tilt and recording.tilt:
         raise Error("expected one tilt, got one in the recording and one in the options")
@@ -112,8 +114,8 @@ def write_lidar(
 def write_description(data: Path, scene: str, *, ids_are_tracks: bool) -> None:
     """Writes dataset.yaml, unless the data set already has a LiDAR.
 
-    Raises Error if the data set already has a LiDAR and the new one cannot join it. This is the
-    case if the data set is simulated, or if the LiDARs do not share the ids of tracks.
+    Raises Error if the data set has a LiDAR and the new LiDAR cannot be added. This is the case if
+    the data set is simulated, or if the LiDARs do not share the ids of tracks.
     """
     file = data / "dataset.yaml"
     ids = "tracks" if ids_are_tracks else "rows"
@@ -189,10 +191,10 @@ def has_return(points: Points) -> BoolArray:
 def objects_of(points: Points, boxes: Boxes, types: NameArray, period_s: float) -> Objects:
     """Returns the labelled objects, with the number of points in their boxes.
 
-    Annotators draw boxes around the points, so the boxes are those at scan time. The scan time is
-    unknown, so the boxes are also used for mid-frame. It is unknown which point belongs to which
-    object, so all counts are the number of points in the box. The speed is unknown and written as
-    0.
+    Annotators draw boxes around the points, so the boxes are those at scan time. Because the scan
+    time is unknown, the same boxes are used for mid-frame. Recordings do not state which point
+    belongs to which object, so all counts are the number of points in the box. The speed is unknown
+    and written as 0.
     """
     n = len(boxes)
     counts = points_in_boxes(points, boxes.boxes)
@@ -278,7 +280,7 @@ def _period_s(recording: Recording, facts: LidarFacts) -> float:
 def _height(facts: LidarFacts, summary: ImportSummary) -> float:
     """Returns the height of the sensor above the road, or 0 if the height is unknown.
 
-    The height given by the user takes precedence over that above the labelled vehicles' bottoms.
+    The height in `facts` takes precedence over the height above the labelled vehicles' bottoms.
     """
     if facts.height_m is not None:
         return facts.height_m

@@ -36,7 +36,7 @@ def export(lidar_folder: Path, frames: Sequence[int], name: str, out: Path) -> N
     """Writes the frames in a format of EXPORTS to a new folder.
 
     Nothing is written if an error occurs. Raises the errors of the format, Error if there is no
-    frame, and FileExistsError.
+    frame, and FileExistsError if the folder exists.
     """
     write = exporter(name)
     if not frames:

@@ -28,7 +28,7 @@ class Format:
     export: str = ""
     read: str = ""
     extra: str = ""  # extra of pyproject.toml that installs the optional packages
-    # Whether clouds of the format are level. None means that they are if they have labels.
+    # Whether clouds of the format are level. None means that they are level if they have labels.
     level: bool | None = None
     # Largest intensity in the format. None means that it is determined from the clouds.
     intensity_max: float | None = None

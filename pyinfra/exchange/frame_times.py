@@ -12,8 +12,8 @@ from pyinfra.dataset.frames import PERIOD_S as USUAL_S
 from pyinfra.exchange.recording import Recording
 from pyinfra.formats.kitti.lidar import PERIOD_S
 
-# Units in seconds, by the number of digits. FRACTIONS is for a fraction that follows ten digits,
-# WHOLE for a time that is one whole number.
+# Units in seconds, by the number of digits. FRACTIONS is for the digits after `_`, which follow
+# ten digits of whole seconds. WHOLE is for a time without `_` and without a decimal point.
 FRACTIONS = {3: 1e-3, 6: 1e-6, 9: 1e-9}
 WHOLE = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}
 EARLIEST_S, LATEST_S = 1e8, 1e11  # plausible seconds since 1970
@@ -29,11 +29,11 @@ def seconds_of(name: str) -> float | None:
     """
     match = re.match(r"\D*(\d{10})(?:\.(\d+)|_(\d+))?(?!\d)", name)
     if match:
-        whole, decimals, counted = match.groups()
-        if counted is not None:
-            unit = FRACTIONS.get(len(counted))
-            return None if unit is None else int(whole) + int(counted) * unit
-        return float(f"{whole}.{decimals or 0}")
+        seconds, decimals, digits = match.groups()
+        if digits is not None:
+            unit = FRACTIONS.get(len(digits))
+            return None if unit is None else int(seconds) + int(digits) * unit
+        return float(f"{seconds}.{decimals or 0}")
     match = re.match(r"\D*(\d{13,19})(?!\d)", name)
     unit = WHOLE.get(len(match[1])) if match else None
     return int(match[1]) * unit if match and unit else None
@@ -53,10 +53,11 @@ def seconds_of_stamp(value: float) -> float | None:
 def timed(recording: Recording, period_s: float | None = None) -> tuple[Recording, list[str]]:
     """Orders a recording by time, and derives frame period and frame numbers from its clock.
 
-    Returns the recording and notes about findings. A `period_s` given by the user takes precedence.
-    Times come from the files, else from the file names. Without times, the recording is returned
-    unchanged. If times step back but are regular when sorted, the frames are reordered. If sorting
-    does not help, the clock is considered wrong, and the frames stay in the order of their names.
+    Returns the recording and notes on its clock. `period_s` takes precedence over the clock. Times
+    come from the files, else from the file names. If there are no times, the recording is returned
+    unchanged. If times step back but are regular when sorted, the frames are sorted by time. If
+    sorted times are not regular, the clock is assumed to be wrong, and the frames stay in the order
+    of their names.
     """
     if len(recording.names) < 2:
         return recording, []
@@ -72,10 +73,10 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
     if (steps < 0).any():
         order = np.argsort(times, kind="stable")
         if not _regular(np.diff(times[order])):
-            at = int(steps.argmin())
+            before = int(steps.argmin())
             notes.append(
-                f"the clock steps back by {-steps[at]:.3g} s after {recording.names[at]}: the "
-                "clock is not used, and frames are in the order of their names"
+                f"the clock steps back by {-steps[before]:.3g} s after {recording.names[before]}: "
+                "the clock is not used, and frames are in the order of their names"
             )
             return recording, notes
         late = int((steps < 0).sum())
@@ -89,12 +90,12 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
 
 
 def _times(recording: Recording) -> tuple[FloatArray | None, list[str]]:
-    """Returns the times from the files, else from the file names, and notes about findings."""
+    """Returns the times from the files, else from the file names, and notes on missing times."""
     times, notes = recording.times() if recording.times is not None else None, []
-    if times is not None and not (known := np.isfinite(times)).all():
-        first = recording.names[int(known.argmin())]
+    if times is not None and not (has_time := np.isfinite(times)).all():
+        first = recording.names[int(has_time.argmin())]
         notes.append(
-            f"{int((~known).sum())} of {len(times)} frames, such as {first}, have no time: the "
+            f"{int((~has_time).sum())} of {len(times)} frames, such as {first}, have no time: the "
             "times of the other frames are not used"
         )
         times = None

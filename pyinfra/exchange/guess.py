@@ -14,10 +14,10 @@ MOST_LISTED = 8  # folders in a message
 
 
 def guess_format(source: Path) -> tuple[str, str]:
-    """Returns the name of the format of a folder, and what the folder has of that format.
+    """Returns the name of the format of a folder, and the files that show this format.
 
     Raises Error for a folder of no known format, and for a folder that several formats fit. The
-    message lists the formats and, if only folders in the folder fit, these folders.
+    message lists the formats. If only subfolders fit a format, it lists these subfolders.
     """
     candidates = dict(formats_of(source))
     if len(candidates) == 1:
@@ -25,18 +25,18 @@ def guess_format(source: Path) -> tuple[str, str]:
         return name, reason
     if candidates:
         fits = ", ".join(f"{name} ({reason})" for name, reason in candidates.items())
-        raise Error(f"{source}: expected one format, got several that fit: {fits}; `format` says")
+        raise Error(f"{source}: expected one format, got several: {fits}; `format` selects one")
     inside = [path for path in sorted(source.glob("*/")) if dict(formats_of(path))]
     if inside:
         names = ", ".join(str(path) for path in inside[:MOST_LISTED])
         raise Error(f"{source}: expected the folder of one recording, got a folder of {names}")
     raise Error(
-        f"{source}: expected the files of {', '.join(IMPORTS)}, got none of them; `format` says it"
+        f"{source}: expected the files of {', '.join(IMPORTS)}, got none of them; `format` sets it"
     )
 
 
 def formats_of(source: Path) -> Iterator[tuple[str, str]]:
-    """Yields each format that a folder may have, and what the folder has of that format."""
+    """Yields each format that a folder may have, and the files that show this format."""
     if any(source.glob("sample.json")) or any(source.glob("*/sample.json")):
         yield "nuscenes", "sample.json"
     for folder in ("training/velodyne", "velodyne"):

@@ -26,7 +26,7 @@ from pyinfra.formats.kitti.lidar import PERIOD_S
 # How points are levelled. `road` estimates the road and levels the points to it, and `as-is` leaves
 # the points unchanged.
 Upright = Literal["auto", "road", "as-is"]
-HEIGHT_OFF_M = 0.5  # tolerated difference between the vehicles' bottoms and the given height
+HEIGHT_OFF_M = 0.5  # tolerated difference of the user's height from the vehicles' bottoms
 
 
 def import_recording(
@@ -41,11 +41,12 @@ def import_recording(
 ) -> tuple[ImportSummary, bool]:
     """Writes a recording in a format of IMPORTS to the new folder DATA/LIDAR.
 
-    With `upright` = `auto`, the road is estimated unless the points are assumed to be level. They
-    are if the format says so. If the format leaves this open, they are if the recording has labels.
+    With `upright` = `auto`, the road is estimated unless the points are assumed to be level. This
+    is assumed if `Format.level` is true, or if it is None and the recording has labels.
     `region` is a file with an outline in the levelled frame, which is copied to the folder.
     Returns a summary, and whether the recording has labels. Raises the errors of the format and of
-    `survey`, and FileExistsError. The new folder is removed if an error occurs.
+    `survey`, and FileExistsError if the folder exists. The new folder is removed if an error
+    occurs.
     """
     read, format = reader(name), FORMATS[name]
     if source.exists() and not source.is_dir():
@@ -76,7 +77,7 @@ def import_recording(
 
 
 def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = None) -> list[str]:
-    """Returns warnings about the imported frames. The user gave the sensor height `height_m`."""
+    """Returns warnings about the imported frames. height_m: sensor height that the user set."""
     out = []
     if not labelled:
         out.append(
@@ -101,8 +102,8 @@ def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = No
     if summary.empty:
         out.append(f"{_some(summary.empty)} without a return: written as empty frames")
     if summary.doubled:
-        kept = "kept because of their labels" if labelled else "left out"
-        out.append(f"{_some(summary.doubled)} with the same points as another frame: {kept}")
+        outcome = "kept because of their labels" if labelled else "left out"
+        out.append(f"{_some(summary.doubled)} with the same points as another frame: {outcome}")
     below = summary.below_m
     if height_m is not None and below is not None and abs(below - height_m) > HEIGHT_OFF_M:
         out.append(

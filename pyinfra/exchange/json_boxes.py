@@ -37,16 +37,17 @@ def read_json(file: Path) -> Any:
 def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:
     """Reads the objects of a file.
 
-    `ids` maps track names to numbers, and new tracks are added to it. With None, boxes get no ids.
+    `ids` maps track names to numbers, and new tracks are added to it. If `ids` is None, boxes get
+    no ids.
 
-    Raises FormatError that names the object and the key.
+    Raises FormatError with the object and the key.
     """
     objects = read_json(file)
     if not isinstance(objects, list) or not all(isinstance(entry, dict) for entry in objects):
         raise FormatError(f"{file}: expected a list of objects, got something else")
     rows = [_box(file, i, entry) for i, entry in enumerate(objects)]
     names = [str(entry.get("type", "unknown")) or "unknown" for entry in objects]
-    seen = [VISIBILITY.get(_state(entry), 1.0) for entry in objects]
+    visibility = [VISIBILITY.get(_state(entry), 1.0) for entry in objects]
     tracks = None
     if ids is not None:
         words = [_key(file, i, entry, "track_id") for i, entry in enumerate(objects)]
@@ -54,11 +55,13 @@ def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:
         if len(set(tracks.tolist())) < len(tracks):
             raise FormatError(f"{file}: track_id: expected each once in a file, got one twice")
     boxes = np.array(rows, dtype=np.float64).reshape(-1, 7)
-    return Boxes(np.array(names, dtype=np.str_), boxes, tracks, np.array(seen, dtype=np.float64))
+    return Boxes(
+        np.array(names, dtype=np.str_), boxes, tracks, np.array(visibility, dtype=np.float64)
+    )
 
 
 def checked_box(location: str, values: FloatArray) -> FloatArray:
-    """Checks a box (7,) and returns it. Raises FormatError with `location` before the text."""
+    """Checks a box (7,) and returns it. Raises FormatError that begins with `location`."""
     xyz, sizes = values[:3], values[3:6]
     finite = np.isfinite(values).all() and np.abs(xyz).max() <= FARTHEST_M
     if not finite or sizes.min() <= LEAST_M or sizes.max() > MOST_M:
@@ -83,7 +86,7 @@ def _box(file: Path, i: int, entry: Mapping[str, Any]) -> FloatArray:
 
 
 def number(location: str, raw: object) -> float:
-    """Converts a number or text to float. Raises FormatError with `location` before the text."""
+    """Converts a number or text to float. Raises FormatError that begins with `location`."""
     try:
         value = float(raw)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):

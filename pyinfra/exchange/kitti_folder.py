@@ -82,8 +82,8 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
     file = (options.labels or training / "label_02") / f"{chosen[0].name}.txt"
     calib = training / f"calib/{chosen[0].name}.txt"
     tracks = _tracks(file, calib) if file.is_file() else {}
-    known = {int(name) for name in names if name.isdecimal()}
-    lost = sorted(set(tracks) - known)
+    with_cloud = {int(name) for name in names if name.isdecimal()}
+    lost = sorted(set(tracks) - with_cloud)
     notes = [note] if note else []
     if lost:
         notes.append(f"{len(lost)} labelled frames, such as {lost[0]}, have no cloud: left out")
@@ -114,8 +114,8 @@ def _tracks(file: Path, calib: Path) -> dict[int, Boxes]:
         in_frame = numbers == number
         if len(np.unique(ids[in_frame])) < in_frame.sum():
             raise FormatError(f"{file}: frame {number}: expected each track_id once, got one twice")
-        seen = _visibility(values[in_frame, 3])
-        by_frame[int(number)] = Boxes(names[in_frame], boxes[in_frame], ids[in_frame], seen)
+        visibility = _visibility(values[in_frame, 3])
+        by_frame[int(number)] = Boxes(names[in_frame], boxes[in_frame], ids[in_frame], visibility)
     return by_frame
 
 

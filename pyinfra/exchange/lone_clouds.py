@@ -22,9 +22,9 @@ CHECKED = 5  # number of .pcd clouds in which the highest intensity is searched
 def cloud_reader(clouds: Sequence[Path]) -> tuple[Callable[[Path], Points], list[str]]:
     """Returns a function that reads .bin and .pcd files, and notes about assumptions.
 
-    The returned function gives points (n, 4), x y z intensity. It rotates .pcd points by the
-    file's VIEWPOINT, scales intensities like an import, and drops points that are no return. Raises
-    OSError, and FormatError for an invalid file.
+    The returned function maps a file to points (n, 4), x y z intensity. It rotates .pcd points by
+    the file's VIEWPOINT, scales intensities as an import does, and drops points that are not finite
+    or 0 0 0. Raises OSError, and FormatError for an invalid file.
     """
     pcds = [cloud for cloud in clouds if cloud.suffix.lower() == ".pcd"]
     bins = [cloud for cloud in clouds if cloud not in pcds]
@@ -32,7 +32,7 @@ def cloud_reader(clouds: Sequence[Path]) -> tuple[Callable[[Path], Points], list
     notes = [assumed] if columns != USUAL else []
     notes += pcd.Headers(pcds, labelled=False).notes(shifted=False)
     chosen = pcds
-    if len(pcds) > CHECKED:  # checks files that are evenly distributed
+    if len(pcds) > CHECKED:  # selects files that are evenly distributed
         chosen = [pcds[i * len(pcds) // CHECKED] for i in range(CHECKED)]
     brightest = max(map(_brightest, chosen), default=0.0)
     highest = usual_intensity_max(brightest)

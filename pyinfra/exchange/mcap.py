@@ -2,17 +2,17 @@
 
 The file NAME.mcap has the topics
     /NAME/points  sensor_msgs/PointCloud2            all available point fields
-    /NAME/boxes   visualization_msgs/MarkerArray     one cube per object, after a marker to clear
+    /NAME/boxes   visualization_msgs/MarkerArray     a marker that deletes all, one cube per object
     /tf           tf2_msgs/TFMessage                 world to the levelled LiDAR frame, `NAME`
 A cloud is stamped with the start of its frame. The field `time` counts from this stamp. Boxes are
 stamped with the middle of the frame. With label time `scan`, this is only approximate, because
 each object has a different scan time. All messages are logged at the end of the frame, when a
 real sensor would send them.
 
-The pose is sent with every frame for both stamps, so that a player can start at any frame. The
-topic `/tf_static` would not work, because ROS keeps its messages only for a quality of service
-that file players do not restore by default. Names and types of the fields are those of the ROS 2
-interfaces (Humble and later).
+The pose is written in every frame for both stamps, so that a player can start at any frame. The
+topic `/tf_static` cannot be used, because its messages are only kept with a quality of service that
+file players do not set by default. Names and types of the fields are those of the ROS 2 interfaces
+(Humble and later).
 """
 
 from collections.abc import Sequence

@@ -12,7 +12,7 @@ The files follow the public description of the schema (docs/schema_nuscenes.md o
 - The global frame is the world frame. The ego is on the plane z = 0 of the world, below the sensor,
   with the sensor's yaw. The frame of LIDAR_TOP is the levelled LiDAR frame, x forward.
 - Intensity is 0 to 255. The ring is -1 if the folder has no `fields`.
-- Annotations are all objects within range, including those without points, which the devkit's
+- Annotations are all objects within range. They include objects without points, which the devkit's
   evaluation ignores. `num_lidar_pts` is `points_in_box` of the objects. An unknown visibility is an
   empty token.
 - Classes have nuScenes names. For example, a Van is a vehicle.car. Unknown classes keep their
@@ -44,7 +44,7 @@ Add = Callable[[Row], None]  # adds a row to a table
 VERSION = "v1.0-infrasim"
 CHANNEL = "LIDAR_TOP"  # the only LiDAR name that the devkit knows
 MAX_INTENSITY = 255
-STILL_MPS = 0.2  # up to this speed an object counts as standing
+STILL_MPS = 0.2  # highest speed of a standing object
 TABLES = (
     "attribute calibrated_sensor category ego_pose instance log map sample sample_annotation "
     "sample_data scene sensor visibility"
@@ -111,17 +111,19 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 
 
 def parts_of(lidar_folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
-    """Returns the frames in `train` and `val` of ImageSets. `all` contains the remaining frames.
+    """Returns the frames of `train` and `val` in ImageSets, and the remaining frames as `all`.
 
     nuScenes splits by scene, so each part becomes one scene. Raises FormatError for a frame that is
     in both lists.
     """
     listed = {part: lidar_folder / f"ImageSets/{part}.txt" for part in ("train", "val")}
-    there = [part for part, file in listed.items() if file.is_file()]
-    numbers = {part: frame_numbers(lidar_folder, part) for part in there}
-    both = set(numbers.get("train", ())) & set(numbers.get("val", ()))
-    if both:
-        raise FormatError(f"{listed['val']}: expected no frame of train.txt, got frame {min(both)}")
+    existing = [part for part, file in listed.items() if file.is_file()]
+    numbers = {part: frame_numbers(lidar_folder, part) for part in existing}
+    in_both = set(numbers.get("train", ())) & set(numbers.get("val", ()))
+    if in_both:
+        raise FormatError(
+            f"{listed['val']}: expected no frame of train.txt, got frame {min(in_both)}"
+        )
     parts = {part: sorted(set(frames) & set(members)) for part, members in numbers.items()}
     parts["all"] = sorted(set(frames).difference(*numbers.values()))
     return {part: members for part, members in parts.items() if members}
@@ -129,7 +131,7 @@ def parts_of(lidar_folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
 
 @contextmanager
 def _table(file: Path) -> Iterator[Add]:
-    """Yields a function that appends a row to the list in a JSON file."""
+    """Opens a JSON file for writing and yields a function that appends a row to its list."""
     with replacing(file) as beside, beside.open("w", encoding="utf-8") as stream:
         before = "[\n"
 
@@ -151,7 +153,7 @@ class _Common:
         self.categories: set[str] = set()
 
     def token(self, kind: str, key: object) -> str:
-        """Returns a token of 32 hex digits, which depends only on the series, kind and key."""
+        """Returns a token of 32 hexadecimal digits that depends only on series, kind and key."""
         name = [self.name, *self.series.provenance.values(), kind, str(key)]
         return uuid.uuid5(uuid.NAMESPACE_URL, "/".join(name)).hex
 
@@ -216,7 +218,7 @@ class _Scene:
         self.name = f"{common.name}-{part}"
         self.following = dict(pairwise(frames))
         self.preceding = dict(pairwise(reversed(frames)))
-        self.last: dict[int, Row] = {}  # latest annotation of each object, which is not written yet
+        self.last: dict[int, Row] = {}  # latest annotation of each object, not yet written
         self.instances: dict[int, Row] = {}
 
     def token(self, kind: str, key: object) -> str:
@@ -281,7 +283,7 @@ class _Scene:
             self.count(number, row, category)
 
     def chain(self, number: int, row: Row) -> None:
-        """Links an annotation to the object's previous one, and writes the previous one."""
+        """Links an annotation to the previous annotation of the object, and writes the latter."""
         last = self.last.get(number)
         if last is not None:
             row["prev"], last["next"] = last["token"], row["token"]
@@ -321,7 +323,7 @@ class _Scene:
 
 
 def visibility_token(visibility: float) -> str:
-    """Returns the level of a visible share in [0, 1], or an empty text for -1 (unknown)."""
+    """Returns the token of the level of a visible share in [0, 1]; empty for -1 (unknown)."""
     levels = sum(visibility >= least for least in VISIBILITY.values())
     return str(levels) if levels else ""
 

@@ -37,7 +37,7 @@ Row = dict[str, Any]
 def read(source: Path, options: Options) -> Recording:
     """Opens a folder with the tables, or with exactly one subfolder that has them.
 
-    Frames are in order of time. Raises FileNotFoundError, and FormatError that names table and row.
+    Frames are in order of time. Raises FileNotFoundError, and FormatError with the table and row.
     Raises Error if there are several LiDARs and `options.channel` does not select one of them.
     """
     tables = Tables(_table_folder(source))
@@ -72,7 +72,7 @@ def read(source: Path, options: Options) -> Recording:
 
 
 class Tables:
-    """The JSON tables of a folder, with rows by token. Errors name table, row and key."""
+    """The JSON tables of a folder, with rows by token. Messages of errors have table, row, key."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -95,7 +95,10 @@ class Tables:
         return str(row[key])
 
     def numbers(self, table: str, row: Row, key: str, shape: int | tuple[()]) -> FloatArray:
-        """Returns a cell as an array of finite numbers. Shape () means a single number."""
+        """Returns the value of `key` in a row as an array of finite numbers of a shape.
+
+        Shape () means a single number.
+        """
         raw = row.get(key)
         want = (shape,) if isinstance(shape, int) else shape
         try:
@@ -150,7 +153,7 @@ def _table_folder(source: Path) -> Path:
 
 
 def _sensor(tables: Tables, channel: str | None) -> str:
-    """Returns the token of the selected LiDAR. Raises Error unless exactly one fits."""
+    """Returns the token of the selected LiDAR. Raises Error unless exactly one LiDAR fits."""
     lidars = [row for row in tables.rows("sensor") if row.get("modality") == "lidar"]
     chosen = [row for row in lidars if channel in (None, row.get("channel"))]
     if len(chosen) != 1:
@@ -212,18 +215,18 @@ def _boxes(tables: Tables, rows: list[Row], pose: Pose) -> Boxes:
     """Converts global boxes with sizes width length height to the levelled LiDAR frame."""
     table = "sample_annotation"
     names, boxes, ids, visibility = [], [], [], []
-    seen: set[str] = set()
+    instances: set[str] = set()
     back = Rotation.from_euler("Z", -pose.yaw).as_matrix()
     for row in rows:
         instance = tables.row("instance", row.get("instance_token"))
         category = tables.row("category", instance.get("category_token"))
         names.append(tables.cell("category", category, "name"))
         location = f"{tables.folder / table}.json: row '{row['token']}'"
-        if str(instance["token"]) in seen:
+        if str(instance["token"]) in instances:
             raise FormatError(
                 f"{location}: instance_token: expected it once in a sample, got it twice"
             )
-        seen.add(str(instance["token"]))
+        instances.add(str(instance["token"]))
         centre = back @ (tables.numbers(table, row, "translation", 3) - pose.origin)
         width, length, height = tables.numbers(table, row, "size", 3)
         sizes = np.array([width, length, height])

@@ -27,7 +27,7 @@ TYPES = {
 }
 
 
-# Maps names in public roadside data sets that TYPES does not contain or would map wrongly.
+# Maps names in public roadside data sets that are not in TYPES or that TYPES would map wrongly.
 _CHINESE = {
     "tricyclist": "Misc",
     "barrowlist": "Misc",
@@ -48,19 +48,25 @@ PUBLIC = {
 
 
 def with_public_types(format: str, user_types: Mapping[str, str]) -> dict[str, str]:
-    """Maps the names of a public data set, in all spellings, to types. Adds the user's types."""
-    known = PUBLIC.get(format, {})
-    written = {way(name): kind for name, kind in known.items() for way in (str, *_WAYS)}
+    """Returns the types by name of a public data set, in all spellings, and the user's types.
+
+    The user's types take precedence.
+    """
+    public = PUBLIC.get(format, {})
+    written = {spelling(name): kind for name, kind in public.items() for spelling in (str, *_WAYS)}
     return {**written, **user_types}
 
 
 def types_of(names: NameArray, user_types: Mapping[str, str]) -> NameArray:
-    """Returns the types (k,) of names (k,) by `user_types`, else by TYPES, else the name itself."""
+    """Returns the types (k,) of names (k,): by `user_types`, else by TYPES, else the name itself.
+
+    In a name that is returned itself, `_` replaces blanks.
+    """
     return np.array([_type(str(name), user_types) for name in names], dtype=np.str_)
 
 
 def parse_types(words: Sequence[str]) -> dict[str, str]:
-    """Parses texts `NAME=TYPE` into a dict of types by name. Raises Error for another form."""
+    """Parses texts `NAME=TYPE` into a dict of types by name. Raises Error for other texts."""
     types = {}
     for word in words:
         name, equals, kind = word.rpartition("=")
@@ -74,5 +80,5 @@ def _type(name: str, user_types: Mapping[str, str]) -> str:
     if name in user_types:
         return user_types[name]
     parts = reversed(name.lower().split("."))
-    known = (TYPES[part] for part in parts if part in TYPES)
-    return next(known, "_".join(name.split()))
+    types = (TYPES[part] for part in parts if part in TYPES)
+    return next(types, "_".join(name.split()))

@@ -7,8 +7,8 @@
 - Times are seconds since the start of the run. The time of a frame is its middle, and the time of a
   cloud is the start of its frame. Times are strings, because more readers accept strings than
   fractional numbers.
-- A cuboid is x y z, quaternion x y z w, length width height, in the LiDAR's coordinate system. The
-  LiDAR's system has a pose in the coordinate system `world` of the scene.
+- A cuboid is x y z, quaternion x y z w, length width height, in the LiDAR's coordinate system. This
+  system has a pose in the coordinate system `world` of the scene.
 - Attributes are `points_in_box` of the objects, and speed (m/s) and visibility if known.
 """
 
@@ -72,7 +72,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 
 
 class Presence:
-    """The closed intervals of frames in which each object is present."""
+    """The intervals of frames, both ends included, in which each object is present."""
 
     def __init__(self) -> None:
         self.names: dict[int, str] = {}
@@ -129,16 +129,16 @@ def _cuboids(coordinate_system: str, o: Objects) -> Iterator[Item]:
     """Yields the id and object_data of each object of a frame."""
     for i, number in enumerate(o.ids.tolist()):
         box = o.boxes[i].tolist()
-        known = {"points_in_box": int(o.points_in_box[i])}
+        numbers = {"points_in_box": int(o.points_in_box[i])}
         if not np.isnan(o.speed[i]):
-            known["speed"] = o.speed[i]
+            numbers["speed"] = o.speed[i]
         if o.visibility[i] >= 0:
-            known["visibility"] = o.visibility[i]
+            numbers["visibility"] = o.visibility[i]
         cuboid = {
             "name": CUBOID,
             "val": [*box[:3], *quaternion(box[6]), *box[3:6]],
             "coordinate_system": coordinate_system,
-            "attributes": {"num": [{"name": name, "val": val} for name, val in known.items()]},
+            "attributes": {"num": [{"name": name, "val": val} for name, val in numbers.items()]},
         }
         yield str(number), {"object_data": {"cuboid": [cuboid]}}
 

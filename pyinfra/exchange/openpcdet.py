@@ -51,10 +51,10 @@ _UNREADABLE = (
 
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
-    """Writes the frames with the road at z = 0. Raises Error if the frames have no vehicle."""
+    """Writes the frames with the road at z = 0. Raises Error if no frame has a vehicle."""
     labels = read_labels(lidar_folder, frames)
     site = site_of(lidar_folder, labels)
-    # OpenPCDet's info script fails on a frame without a label. Frames without a label are therefore
+    # OpenPCDet's info script fails on a frame without a label. Therefore frames without a label are
     # written, but not listed in ImageSets.
     listed = {k for k, entries in zip(frames, labels, strict=True) if len(entries) > 0}
     lists = train_and_val(lidar_folder, frames)
@@ -71,9 +71,9 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 def read(source: Path, options: Options) -> Recording:
     """Opens a folder in this layout. Clouds may also be points/*.bin. labels/ is optional.
 
-    If there is a `sensor.yaml`, z is converted from above the road to above the sensor. Raises
-    FileNotFoundError, and Error for labels that do not pair with clouds. Reading a frame raises
-    FormatError.
+    If there is a `sensor.yaml`, z is converted from height above the road to height above the
+    sensor. Raises FileNotFoundError, and Error for labels that do not pair with clouds. Reading a
+    frame raises FormatError.
     """
     clouds = sorted_files(source / "points", [".npy", ".bin"])
     folder = label_files(clouds, source / "labels", options)
@@ -92,7 +92,10 @@ def read(source: Path, options: Options) -> Recording:
 
 
 def _lowered(points: Points, height: float) -> Points:
-    """Moves points with z above the road down by the sensor's height."""
+    """Converts z of points from height above the road to height above the sensor.
+
+    height: height of the sensor above the road, metres.
+    """
     if height != 0:
         points = points.copy()
         points[:, 2] -= np.float32(height)
@@ -106,7 +109,7 @@ def _lowered_boxes(original: Boxes, height: float) -> Boxes:
 
 
 def _write_cloud(file: Path, points: Points) -> None:
-    """Writes a .npy file with `write`, because `np.save` may not report a full disk."""
+    """Writes a .npy file with `write`, because `np.save` may not raise an error for a full disk."""
     buffer = io.BytesIO()
     np.save(buffer, points)
     write(file, buffer.getvalue())

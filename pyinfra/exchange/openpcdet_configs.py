@@ -28,11 +28,11 @@ LAYERS = 40  # number of voxel layers in z
 LOW_Z_M, HIGH_Z_M = -2.0, 4.0  # the z range above the road covers at least this interval
 MARGIN_M = 0.5  # vertical margin above and below the vehicles
 AROUND_M = 2.0  # horizontal margin around the vehicles
-# Margin beyond the LiDAR's range, for vehicles of which the LiDAR only sees the near end.
+# Margin beyond the LiDAR's range, because the centre of a vehicle can be farther than its near end.
 BEYOND_M = 12.0
 
-# Vehicles longer than this have a separate anchor, because a car's anchor overlaps a bus too
-# little.
+# Vehicles longer than this have a separate anchor, because the IoU of a bus with a car's anchor is
+# too low.
 LONG_FROM_M = 6.0
 
 
@@ -85,7 +85,7 @@ def sizes_of(vehicles: FloatArray) -> list[list[float]]:
 
 
 def values(vehicles: FloatArray, reach_m: float) -> dict[str, str]:
-    """Returns the values of the placeholders in the templates."""
+    """Returns the values of the placeholders in the templates. reach_m: range of the LiDAR."""
     area = area_of(vehicles, reach_m)
     pillars, voxels = area.on_grid(PILLAR_M), area.on_grid(VOXEL_M)
     height = area.high[2] - area.low[2]
@@ -106,13 +106,13 @@ def values(vehicles: FloatArray, reach_m: float) -> dict[str, str]:
 def write_configs(out: Path, vehicles: FloatArray, lidar: kitti.Lidar) -> None:
     """Writes the folder `cfgs` for OpenPCDet/tools, and a README with the commands."""
     reach = max(unit.range_m[1] for unit in lidar.field_of_view)
-    known = values(vehicles, reach)
+    placeholders = values(vehicles, reach)
     folders = {"custom_dataset": "cfgs/dataset_configs"}
     folders |= dict.fromkeys(MODELS, "cfgs/custom_models")
     for name, folder in folders.items():
         text = (TEMPLATES / f"{name}.yaml").read_text(encoding="utf-8")
         (out / folder).mkdir(parents=True, exist_ok=True)
-        write(out / folder / f"{name}.yaml", Template(text).substitute(known))
+        write(out / folder / f"{name}.yaml", Template(text).substitute(placeholders))
     write(out / "README.md", (TEMPLATES / "README.md").read_bytes())
 
 

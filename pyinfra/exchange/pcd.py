@@ -37,8 +37,8 @@ INTENSITIES = (
     *("intensity", "reflectivity", "i", "intensities", "reflectance", "remission"),
     *("scalar_intensity", "scalar_reflectivity", "scalar_reflectance"),
 )
-# Number of first clouds that are checked for time stamps. One is not enough, because an empty cloud
-# has no time stamp.
+# Number of first clouds that are checked for time stamps. A single cloud is not enough, because an
+# empty cloud has no time stamp.
 FIRST = 3
 STAMPS = ("timestamp", "time_stamp", "time", "t")  # fields of absolute or relative point times
 
@@ -65,7 +65,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 
 
 def read(source: Path, options: Options) -> Recording:
-    """Opens a folder of clouds, or with clouds in points/. Boxes in labels/ are optional.
+    """Opens a folder of clouds, or a folder with clouds in points/. Boxes in labels/ are optional.
 
     Raises FileNotFoundError, and Error for labels that do not pair with clouds. Reading a frame
     raises FormatError.
@@ -145,7 +145,7 @@ def _viewpoint_note(viewpoint: Viewpoint, *, shifted: bool) -> str:
 
 
 def stamps(clouds: Sequence[Path]) -> FloatArray | None:
-    """Returns the first time stamp of each cloud in seconds since 1970, or NaN without one.
+    """Returns the first time stamp of each cloud in seconds since 1970; NaN if it has none.
 
     Returns None if the first clouds have no time stamps.
     """

@@ -34,7 +34,7 @@ from pyinfra.exchange.units import brightest_of, unit_of, usual_intensity_max
 Read = Callable[[Path, Options], Recording]
 
 FRAMES = 30  # number of frames used, evenly distributed
-# Options with which clouds in any unit pass the range checks of the reader.
+# Options with which clouds in metres or millimetres pass the range checks of the reader.
 WIDE = Options(unit_m=1e-3, intensity_max=65535.0)
 MILLIMETRES = "coordinates are millimetres: divided by 1000"
 # Possible rotations to the upright frame. Their rows are the axes x, y, z of the upright frame in
@@ -51,11 +51,11 @@ UPS: dict[str, list[list[int]]] = {
 SURE_SHARE = 0.3
 # Lowest height of a sensor. If the estimate is lower, the origin of the clouds is on the road.
 LOWEST_M = 1.0
-# Tolerated error of a height that the user gives, in metres and as a share of the height. The
-# larger of both applies.
+# Tolerated error of a height that the user sets, in metres and as a share of the height. The larger
+# tolerance applies.
 AS_GIVEN_M = 0.5
 AS_GIVEN_SHARE = 0.15
-GIVEN_TILT_DEG = 10.0  # largest tilt of the road after the correction by a tilt that the user gives
+GIVEN_TILT_DEG = 10.0  # largest tilt of the road after the correction by the user's tilt
 WORTH_DEG = 0.05  # tilts smaller than this are not corrected
 
 
@@ -76,9 +76,9 @@ class Survey:
 def survey(source: Path, read: Read, options: Options, given: LidarFacts, *, road: bool) -> Survey:
     """Estimates the properties of a recording from some of its frames.
 
-    `road` states whether to estimate unit, axes and road. Without it, only the intensity scale is
-    estimated. Raises Error if the unit or height cannot be determined. The message names the
-    argument that helps.
+    `road` states whether to estimate unit, axes and road. If it is false, only the intensity scale
+    is estimated. Raises Error if the unit or height cannot be determined. The message names the
+    argument that sets it.
     """
     recording = read(source, _wide(options))
     clouds = _clouds(recording)
@@ -123,8 +123,8 @@ def turned(recording: Recording, estimate: Survey) -> Recording:
 
     def frame(i: int) -> RecordedFrame:
         recorded = levelled(read(i), estimate.turn)
-        there = recorded.points[:, :3].any(axis=1)  # the point 0 0 0 means no return
-        recorded.points[there, :3] += shift.astype(np.float32)
+        is_return = recorded.points[:, :3].any(axis=1)  # the point 0 0 0 means no return
+        recorded.points[is_return, :3] += shift.astype(np.float32)
         recorded.boxes.boxes[:, :3] += shift
         return recorded
 
@@ -158,7 +158,7 @@ def _spread(recording: Recording) -> list[int]:
 
 
 def _clouds(recording: Recording) -> list[Floats]:
-    """Returns points (k, 4) of some frames in the source's units. Skips invalid frames."""
+    """Returns the points (k, 4) of some frames in the source's units, without invalid frames."""
     clouds: list[Floats] = []
     for i in _spread(recording):
         try:
@@ -257,7 +257,7 @@ def _axes(turn: FloatArray) -> str:
 
 
 def _from_road_level(source: Path, estimate: Survey, plane: RoadPlane) -> Survey:
-    """Moves clouds whose origin is on the road down by the sensor height that the user gave."""
+    """Moves clouds whose origin is on the road down by the sensor height that the user set."""
     height = estimate.facts.height_m
     below = f"the road is {plane.height_m:.2f} m below the origin"
     _check_millimetres(source, estimate, below)
@@ -279,7 +279,7 @@ def _from_road_level(source: Path, estimate: Survey, plane: RoadPlane) -> Survey
 def _check_millimetres(source: Path, estimate: Survey, why: str) -> None:
     """Raises Error if millimetres were assumed.
 
-    The function is called if the result is no sensor above a road.
+    The function is called if the estimate has no road at least LOWEST_M below the origin.
     """
     if MILLIMETRES in estimate.assumed:
         raise Error(
@@ -291,9 +291,10 @@ def _check_millimetres(source: Path, estimate: Survey, why: str) -> None:
 def _as_given(
     source: Path, facts: LidarFacts, clouds: Sequence[Floats], plane: RoadPlane
 ) -> RoadPlane:
-    """Returns the plane near the sensor height that the user gave.
+    """Returns the road plane near the sensor height that the user set.
 
-    Raises Error if there is no such plane.
+    plane: the estimated plane, which is returned if the user set no height. Raises Error if there
+    is no plane near this height.
     """
     if facts.height_m is None:
         return plane
@@ -301,17 +302,17 @@ def _as_given(
     near = (facts.height_m - off, facts.height_m + off)
     if near[0] <= plane.height_m <= near[1]:
         return plane
-    other = find_plane(clouds, near) if not facts.tilt else None
-    if other is None or other.share < LEAST_SHARE or other.score < plane.score / 3:
+    near_given = find_plane(clouds, near) if not facts.tilt else None
+    if near_given is None or near_given.share < LEAST_SHARE or near_given.score < plane.score / 3:
         raise Error(
             f"{source}: height_m: expected the height above the road, {plane.height_m:.2f} m, "
             f"within {off:.2g} m, got {facts.height_m:g}: leave it out to use the estimate"
         )
-    return other
+    return near_given
 
 
 def _level(estimate: Survey, plane: RoadPlane) -> Survey:
-    given = estimate.facts
+    user_facts = estimate.facts
     pitch, roll = (math.degrees(angle) for angle in plane.tilt)
     share = f"{100 * plane.share:.0f} % of the ground near the sensor is on this plane"
     if not math.isnan(plane.moved_share):
@@ -323,10 +324,10 @@ def _level(estimate: Survey, plane: RoadPlane) -> Survey:
     if plane.crown:
         notes.append(f"the road falls by {100 * plane.crown:.1f} % to either side of its crown")
     lean = f"pitch {pitch:.2f} and roll {roll:.2f} degrees"
-    if given.tilt:
+    if user_facts.tilt:
         notes.append(f"`tilt_deg` is used; with it, the road is tilted by {lean}")
     elif math.hypot(pitch, roll) >= WORTH_DEG:
         notes.append(f"the sensor is tilted by {lean} to the road, which is assumed to be level")
-    tilt = given.tilt or (plane.tilt if math.hypot(pitch, roll) >= WORTH_DEG else None)
-    facts = replace(given, height_m=round(plane.height_m, 3), tilt=tilt)
+    tilt = user_facts.tilt or (plane.tilt if math.hypot(pitch, roll) >= WORTH_DEG else None)
+    facts = replace(user_facts, height_m=round(plane.height_m, 3), tilt=tilt)
     return replace(estimate, facts=facts, plane=plane, assumed=(*estimate.assumed, *notes))

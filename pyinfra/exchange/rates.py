@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 
 class Shown(Sequence[int]):
-    """Frame numbers that show a progress bar on stderr during iteration, if it is a terminal."""
+    """Frame numbers whose iteration shows a progress bar on stderr, if stderr is a terminal."""
 
     def __init__(self, frames: Sequence[int]) -> None:
         self.frames = frames

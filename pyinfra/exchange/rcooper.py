@@ -68,7 +68,7 @@ def read(source: Path, options: Options) -> Recording:
 
 
 def _pose(file: Path) -> tuple[WorldPose | None, tuple[float, float] | None]:
-    """Reads the LiDAR's pose and tilt. Both are None without the file. Raises FormatError."""
+    """Reads the LiDAR's pose and tilt; both are None if the file is missing. Raises FormatError."""
     if not file.is_file():
         return None, None
     content = read_json(file)

@@ -1,4 +1,4 @@
-"""The representation of a recording that all readers return. It is read frame by frame."""
+"""The representation of a recording that all readers return. Frames are read one by one."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Recording:
     names: tuple[str, ...]  # names of the frames in the source, in order of time
     read: Callable[[int], RecordedFrame]  # reads a frame by its index in `names`
     labelled: bool
-    splits: dict[str, tuple[str, ...]] = field(default_factory=dict)  # frame names, train and val
+    splits: dict[str, tuple[str, ...]] = field(default_factory=dict)  # frame names of train and val
     period_s: float | None = None
     pose: WorldPose | None = None
     # Pitch and roll (rad) of the sensor, which were already removed from the points.
@@ -105,14 +105,14 @@ def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
 def read_splits(folder: Path, names: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """Reads the frame names of train and val in an ImageSets folder, limited to `names`.
 
-    Returns an empty dict unless both files exist.
+    Returns an empty dict unless both lists have a frame of `names`.
     """
-    known = set(names)
+    existing = set(names)
     splits = {}
     for part in ("train", "val"):
         file = folder / f"{part}.txt"
         listed = lines_of(file) if file.is_file() else []
-        splits[part] = tuple(name for line in listed for name in line.split() if name in known)
+        splits[part] = tuple(name for line in listed for name in line.split() if name in existing)
     return splits if all(splits.values()) else {}
 
 
@@ -122,8 +122,8 @@ def as_points(
     """Converts columns x, y, z and intensity, (n,) each, to points (n, 4) in metres.
 
     Intensities are divided by the source's largest intensity. Points with non-finite values stay in
-    the result, although they are no return. Raises FormatError for a point beyond 10 km, or an
-    intensity above 10,000 times the largest intensity.
+    the result. Raises FormatError for a coordinate beyond 10 km, or an intensity above 10,000 times
+    the largest intensity.
     """
     highest = usual if options.intensity_max is None else options.intensity_max
     for name, column in zip(("x", "y", "z", "intensity"), columns, strict=True):
@@ -145,7 +145,7 @@ def read_bin(file: Path, columns: int, options: Options, usual: float = 1.0) -> 
     """Reads the first four columns of a float32 .bin file and converts them with `as_points`.
 
     `options.columns` overrides `columns`. If there are three columns, the intensity is 0. Raises
-    FormatError for a truncated file and for values that `as_points` refuses.
+    FormatError for a truncated file and for values that `as_points` does not accept.
     """
     columns, size = options.columns or columns, file.stat().st_size
     if size % (4 * columns) != 0:
@@ -160,7 +160,9 @@ def read_bin(file: Path, columns: int, options: Options, usual: float = 1.0) -> 
 
 
 def label_files(clouds: Sequence[Path], usual: Path, options: Options) -> Path | None:
-    """Returns the folder of .txt labels, by default `usual`; None if there is none.
+    """Returns the folder of .txt labels: `options.labels` if it is set, else `usual` if it exists.
+
+    The result is None if neither applies.
 
     Raises Error for labels that do not pair with clouds.
     """
@@ -186,7 +188,7 @@ def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
 
 
 def stem(file: Path) -> str:
-    """Returns a file name without its extension. `.pcd.bin`, in any case, is one extension."""
+    """Returns a file name without its extension. `.pcd.bin` counts as one, in any letter case."""
     return re.sub(r"(\.pcd)?(\.bin)?$", "", file.name, flags=re.I).removesuffix(file.suffix)
 
 

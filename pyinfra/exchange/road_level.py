@@ -1,7 +1,8 @@
 """Frames with the road at z = 0, for tools whose ranges and anchors expect the road at z = 0.
 
-Below a 6 m pole, vehicles are at z = -6. Common configurations ignore points at that height. Clouds
-and boxes are therefore moved up. `sensor.yaml` beside them states by how much.
+For a sensor on a 6 m pole, vehicles are at z = -6. Common configurations ignore points at this
+height. Therefore clouds and boxes are moved up by the height of the sensor above the road, which is
+written to `sensor.yaml` beside them.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from pyinfra.formats.kitti import Labels
 # Class names of OpenPCDet and MMDetection3D. Objects of other classes are left out.
 CLASSES = ("Vehicle", "Pedestrian", "Cyclist")
 SENSOR_FILE = "sensor.yaml"
-TRAIN_SHARE = 0.8  # share of the frames, from the first on, that are train without ImageSets
+TRAIN_SHARE = 0.8  # share of the first frames that are train if there are no ImageSets
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,16 +47,16 @@ class RoadSite:
 
 
 def read_labels(folder: Path, frames: Sequence[int]) -> list[Labels]:
-    """Reads the labels of the frames, with the names of CLASSES. Drops all other classes."""
+    """Reads the labels of the frames, with the names of CLASSES. Other classes are dropped."""
     cameras = read_cameras(folder, frames)
-    kept = []
+    per_frame = []
     for frame, camera in zip(frames, cameras.of_frame, strict=True):
         file = kitti.frame_file(folder, "label_2", frame)
         labels = kitti.read_labels(file, calibration=cameras.different[camera])
         names = np.where(np.isin(labels.names, VEHICLE_TYPES), "Vehicle", labels.names)
         keep = np.isin(names, CLASSES)
-        kept.append(Labels(names[keep], labels.boxes[keep], None))
-    return kept
+        per_frame.append(Labels(names[keep], labels.boxes[keep], None))
+    return per_frame
 
 
 def site_of(folder: Path, labels: Sequence[Labels]) -> RoadSite:
@@ -89,14 +90,17 @@ def road_frames(
 def write_sensor(out: Path, site: RoadSite) -> None:
     """Writes the sensor's pose in the exported frames to sensor.yaml."""
     text = (
-        "# z of a point here = its z in the LiDAR frame + z_m; predictions go back with - z_m.\n"
+        "# z in this folder = z in the LiDAR frame + z_m. Subtract z_m from z of predictions.\n"
         f"T_road_lidar: {{x_m: 0, y_m: 0, z_m: {-site.floor_z:g}, yaw_deg: 0}}\n"
     )
     write(out / SENSOR_FILE, text)
 
 
 def read_sensor_height(folder: Path) -> float:
-    """Reads the sensor's height above z = 0; it is 0 without sensor.yaml. Raises FormatError."""
+    """Reads the sensor's height above z = 0 from sensor.yaml. Raises FormatError.
+
+    The height is 0 if the file does not exist.
+    """
     file = folder / SENSOR_FILE
     if not file.is_file():
         return 0.0
@@ -106,8 +110,8 @@ def read_sensor_height(folder: Path) -> float:
 def train_and_val(folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
     """Returns the frames of train and val, as listed in ImageSets.
 
-    Without ImageSets, the first 80 % of the frames are train, and the rest is val. A random split
-    is not used, because neighbouring frames show the same vehicles.
+    If there are no ImageSets, the first 80 % of the frames are train, and the others are val. A
+    random split is not used, because neighbouring frames show the same vehicles.
     """
     if not (folder / "ImageSets/train.txt").is_file():
         count = round(TRAIN_SHARE * len(frames))

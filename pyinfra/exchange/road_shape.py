@@ -1,7 +1,7 @@
 """Fits a quadratic surface to a road that is not a plane, for example at a crest, dip or crown.
 
-Only ground under traffic is certain to be road. The surface is therefore fitted to the ground in
-columns in which something moved. Static objects beside the road have no influence on the fit.
+Only ground under traffic is certain to be road. Therefore the surface is fitted to the ground in
+the columns in which an object moved. Static objects beside the road do not change the fit.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ STEEPEST = 0.2  # maximum slope at the radius where the surface becomes linear
 def shape_of(clouds: Sequence[Floats], height_m: float) -> RoadShape | None:
     """Fits the road shape to clouds (k, 3) of a levelled sensor, `height_m` above the road plane.
 
-    Returns None if the plane fits about as well, if too few objects moved, or if the surface is
-    implausible.
+    Returns None if the plane fits about as well, if there are too few columns with traffic, or if
+    the surface is implausible.
     """
     ground = lowest_points(clouds)
     xyz = ground.xyz[ground.moved]

@@ -63,9 +63,9 @@ def read_cuboids(file: Path, ids: dict[str, int]) -> Boxes:
 
     `ids` maps object keys to numbers. New objects are added to it.
 
-    Raises FormatError that names the object.
+    Raises FormatError with the object.
     """
-    names, rows, track_ids, seen = [], [], [], []
+    names, rows, track_ids, visibility = [], [], [], []
     for key, data in _objects(file):
         cuboid = data.get("cuboid")
         cuboid = cuboid[0] if isinstance(cuboid, list) and cuboid else cuboid
@@ -82,13 +82,13 @@ def read_cuboids(file: Path, ids: dict[str, int]) -> Boxes:
         rows.append(checked_box(location, np.array([x, y, z, length, width, height, heading])))
         names.append(str(data.get("type") or "unknown"))
         track_ids.append(ids.setdefault(key, len(ids)))
-        seen.append(_visibility(cuboid))
+        visibility.append(_visibility(cuboid))
     boxes = np.array(rows, dtype=np.float64).reshape(-1, 7)
     return Boxes(
         np.array(names, dtype=np.str_),
         boxes,
         np.array(track_ids, dtype=np.int64),
-        np.array(seen, dtype=np.float64),
+        np.array(visibility, dtype=np.float64),
     )
 
 
@@ -133,7 +133,7 @@ def _cloud_folder(source: Path, channel: str | None) -> Path:
 
 
 def _label_folder(clouds: Path) -> Path | None:
-    """Returns the folder of the labels, beside that of the clouds, or None without labels."""
+    """Returns the folder of the labels beside the folder of the clouds; None if there is none."""
     for top, inside in ((clouds.parent.parent, clouds.name), (clouds.parent, "")):
         for name in LABELS:
             if (top / name / inside).is_dir():

@@ -12,7 +12,7 @@ from pyinfra.core.errors import Error
 from pyinfra.exchange.recording import Options
 
 INTENSITIES_MAX = (1.0, 255.0, 65535.0)
-FARTHEST_MEDIAN_M = 400.0  # largest median range of a roadside sensor in metres
+FARTHEST_MEDIAN_M = 400.0  # largest plausible median range of a roadside sensor, metres
 NEAREST_MEDIAN_MM = 2000.0
 
 
@@ -41,7 +41,7 @@ def brightest_of(clouds: Sequence[Floats]) -> float:
 def usual_intensity_max(brightest: float) -> float:
     """Returns the smallest of 1, 255 and 65535 that is at least `brightest`.
 
-    Returns 1 if all three are smaller.
+    Returns 1 if `brightest` is above 65535.
     """
-    brightest *= 1 - 1e-6  # tolerates rounding, since the value was divided and multiplied again
+    brightest *= 1 - 1e-6  # tolerates rounding, because the value was divided and multiplied again
     return next((top for top in INTENSITIES_MAX if brightest <= top), 1.0)
