@@ -107,18 +107,18 @@ def run(args: argparse.Namespace) -> int:
     if args.only_latency:
         time_again(plan, workspace, device=args.device, progress=progress)
         return 0
-    where = Pool(args.backend, args.jobs, args.address, gpu=args.device != "cpu")
-    if where.gpu and where.backend == "local":
+    pool = Pool(args.backend, args.jobs, args.address, gpu=args.device != "cpu")
+    if pool.gpu and pool.backend == "local":
         from pyinfra.models.detectors.network import device_of
 
         device_of(args.device)
     if args.until_ap is not None:
         table = benchmark_until(
-            plan, workspace, where, args.until_ap, device=args.device, progress=progress
+            plan, workspace, pool, args.until_ap, device=args.device, progress=progress
         )
         print("\n".join(comparison_lines(table, args.until_ap)))
         return 0
-    benchmark(plan, workspace, where, device=args.device, progress=progress)
+    benchmark(plan, workspace, pool, device=args.device, progress=progress)
     table = workspace.finished()
     done = store.has_each(table, [vars(experiment) for experiment in plan.experiments])
     print(f"{sum(done)} of {len(plan.experiments)} experiments in {workspace.table('experiments')}")
@@ -126,7 +126,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def comparison_lines(table: pd.DataFrame, half_width_ap: float) -> list[str]:
-    """Returns one sentence per scene and preset of the table of `benchmark_until`."""
+    """Returns a sentence for each row (scene and preset) of the table of `benchmark_until`."""
     return [
         f"{row.scene}, {row.preset}: AP of {row.first} less that of {row.second}, {row.subset}: "
         f"{row.difference:+.1f} [{row.low:.1f}, {row.high:.1f}] over {row.replicates} replicates"

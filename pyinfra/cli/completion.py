@@ -11,7 +11,7 @@ SHELLS = ("bash", "zsh")
 
 
 def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
-    """Returns the script for a shell; values of options with a path are completed as files.
+    """Returns the completion script for a shell. Values of options with a path complete to files.
 
     Raises Error for an unknown shell, and MissingPackage if shtab is not installed.
     """
@@ -26,7 +26,7 @@ def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
 
 
 def complete_files(parser: argparse.ArgumentParser, how: object) -> None:
-    """Marks the arguments of a parser and of its subcommands whose values are paths."""
+    """Marks the arguments whose values are paths, in a parser and in its subcommands."""
     for action in parser._actions:  # argparse has no public list of the actions
         if isinstance(action, argparse._SubParsersAction):
             for sub in action.choices.values():

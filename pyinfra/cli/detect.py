@@ -42,8 +42,8 @@ NOTHING = (
     "region right?"
 )
 PRETRAINED = "generalist"
-# Minimum score of a box that is counted as likely. Before the calibration of scores, detectors
-# return boxes with scores of 0.1 or more.
+# Minimum score of a box that the summary counts separately. Detectors return boxes with scores of
+# 0.1 or more before the calibration of scores.
 LIKELY = 0.5
 
 
@@ -124,8 +124,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--threads",
         type=int,
-        help="threads of a frame, for the pretrained detector and those of its kind; default: one "
-        "per core, at most 4",
+        help="number of threads per frame, used by detectors centerpoint-pillar on a CPU, such as "
+        "the pretrained detector; default: one per core, at most 4",
     )
     parser.add_argument(
         "--allow-transfer",
@@ -182,7 +182,7 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _check_folder(folder: Path) -> None:
-    """Raises Error for the folder of a trained detector, and for a folder of other clouds."""
+    """Raises Error for the folder of a trained detector, and as `check_lidar_folder` does."""
     if any((folder / name).is_file() for name in ("last.safetensors", "background.npz")):
         raise Error(
             f"{folder}: expected the folder of a LiDAR or clouds, got a trained detector; "
@@ -194,7 +194,7 @@ def _check_folder(folder: Path) -> None:
 def _in_folder(args: argparse.Namespace, model: Path) -> FolderDetections:
     (data,) = args.inputs
     files = frame_files(data, args.split, args.max_frames, args.frames)
-    where = place(data, args.height_m, args.region)
+    site = place(data, args.height_m, args.region)
     allowed = args.allow_transfer
     if text := learnt_warning(model, data, args.split, allow_transfer=allowed):
         warn(text, args)
@@ -204,7 +204,7 @@ def _in_folder(args: argparse.Namespace, model: Path) -> FolderDetections:
         "threads": checked_threads(args.threads),
     }
     progress = partial(warn, args=args)
-    result = detect_folder(model, data, args.out, files=files, where=where, warn=progress, **how)
+    result = detect_folder(model, data, args.out, files=files, where=site, warn=progress, **how)
     if result.left_out is not None:
         print(f"{result.left_out} boxes removed, because they are where nothing moves")
     return result
@@ -212,18 +212,18 @@ def _in_folder(args: argparse.Namespace, model: Path) -> FolderDetections:
 
 def _in_clouds(args: argparse.Namespace, model: Path) -> FolderDetections:
     check_single(model, accumulation_of(model).frames)
-    where = place(None, args.height_m, args.region)
-    detector = detector_at_place(model, where, args.device, checked_threads(args.threads))
+    site = place(None, args.height_m, args.region)
+    detector = detector_at_place(model, site, args.device, checked_threads(args.threads))
     read, notes = cloud_reader(args.inputs)
     for note in notes:
         warn(note, args)
-    warn_of_height(args.inputs, read, where, partial(warn, args=args))
+    warn_of_height(args.inputs, read, site, partial(warn, args=args))
     return FolderDetections(args.inputs, *detect(detector, args.inputs, args.out, read=read))
 
 
 def _print_summary(result: FolderDetections, threads: int, load: OtherLoad, to: TextIO) -> None:
     boxes = result.detections
-    likely = sum(int((one.scores >= LIKELY).sum()) for one in boxes)
+    likely = sum(int((detections.scores >= LIKELY).sum()) for detections in boxes)
     low, high = np.percentile(result.times_ms, PERCENTILES)
     print(
         f"{len(boxes)} frames, {sum(map(len, boxes))} boxes ({likely} with a score of {LIKELY} or "
@@ -235,7 +235,9 @@ def _print_summary(result: FolderDetections, threads: int, load: OtherLoad, to: 
 
 def _print_boxes(per_frame: FolderDetections) -> None:
     print("file,class,x,y,z,dx,dy,dz,heading,score")
-    for file, own in zip(per_frame.files, per_frame.detections, strict=True):
-        for name, box, score in zip(own.names, own.boxes, own.scores, strict=True):
+    for file, detections in zip(per_frame.files, per_frame.detections, strict=True):
+        for name, box, score in zip(
+            detections.names, detections.boxes, detections.scores, strict=True
+        ):
             numbers = ",".join(f"{v:.3f}" for v in box)
             print(f"{file},{name},{numbers},{score:.4f}")

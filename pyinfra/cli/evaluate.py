@@ -177,10 +177,10 @@ def run(args: argparse.Namespace) -> int:
     )
     for finding in evaluation.findings:
         print(f"pyinfra: {with_options(str(finding), args.options)}", file=sys.stderr)
-    drawn = not args.no_figures and bool((evaluation.ap.objects > 0).any())
+    has_figures = not args.no_figures and bool((evaluation.ap.objects > 0).any())
     write(evaluation, args.out)
-    if drawn:
-        # The import is here because it takes a second.
+    if has_figures:
+        # The import takes a second, so it is only done if figures are drawn.
         from pyinfra.viz.evaluation_plots import draw_all
 
         draw_all(evaluation, args.out)

@@ -138,7 +138,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"guessed: format {format}, because of {reason}; --from chooses another")
     imported, labelled = import_recording(
         args.source,
-        format or "pcd",  # a source that is no folder is refused whatever its format
+        format or "pcd",  # a source that is not a folder is an error in all formats
         args.out,
         facts,
         checked(options),

@@ -64,11 +64,11 @@ def file_of(word: str) -> Path:
 
 def as_json(sheets: Sequence[LidarSheet]) -> str:
     """Returns the sheets as a JSON list of objects, in which unknown values are null."""
-    known = [
+    rows = [
         {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in asdict(sheet).items()}
         for sheet in sheets
     ]
-    return json.dumps(known, indent=2)
+    return json.dumps(rows, indent=2)
 
 
 def lines(sheets: Sequence[LidarSheet]) -> list[str]:
@@ -86,7 +86,7 @@ def lines(sheets: Sequence[LidarSheet]) -> list[str]:
     notes = [f"[{index}] {text}" for index, text in enumerate(sources, 1)]
     problems = [f"{sheet.name}: {sheet.problem}" for sheet in sheets if sheet.problem]
     assumption = [ASSUMPTION] if any(sheet.published_ranges == 1 for sheet in sheets) else []
-    legend = f"presets: {LEGEND}; in capitals that of the figures"
+    legend = f"presets: {LEGEND}; the numbers are those of the preset in capitals"
     return [*table, "", legend, *assumption, *notes, *problems]
 
 

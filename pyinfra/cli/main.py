@@ -7,9 +7,10 @@ Messages go to stderr.
 `main` turns an exception into one line on stderr and an exit code:
 
 - 0: the command succeeded
-- 1: a file could not be read or written, a package is missing, an experiment failed, or a bug
-  occurred; the traceback of a bug is saved to a file
+- 1: a file could not be read or written, a package is missing, an experiment failed, or the error
+  is a bug; the traceback of a bug is saved to a file
 - 2: an error that the user can correct (`pyinfra.Error`, wrong usage)
+- 130: the user interrupted the command
 """
 
 import argparse
@@ -64,7 +65,7 @@ COMMANDS = (
 )
 
 
-# The groups of `pyinfra --help`, in the order of a project.
+# The groups of `pyinfra --help`, in the order in which a project uses them.
 GROUPS = {
     "Simulate (with infrasim run)": ("lidars", "pictures", "view", "split"),
     "Sites": ("site", "sites"),
@@ -78,8 +79,8 @@ GROUPS = {
 def make_parser(words: Sequence[str], *, whole: bool = False) -> argparse.ArgumentParser:
     """Returns the parser for a command line.
 
-    Only the subcommand in `words` gets its arguments, so that no other module is imported. whole:
-    whether every subcommand gets its arguments.
+    Only the subcommand in `words` gets its arguments, so that the modules of the others are not
+    imported. whole: whether to add the arguments of all subcommands.
     """
     parser = Parser(
         prog="pyinfra",
@@ -107,15 +108,15 @@ def make_parser(words: Sequence[str], *, whole: bool = False) -> argparse.Argume
         required=True,
         help=None if whole else argparse.SUPPRESS,
     )
-    asked = next((word for word in words if not word.startswith("-")), None)
+    chosen = next((word for word in words if not word.startswith("-")), None)
     for command in COMMANDS:
         sub = commands.add_parser(command.name, help=command.summary)
-        if whole or command.name == asked:
+        if whole or command.name == chosen:
             module = importlib.import_module(command.module)
             module.add_arguments(sub)
             sub.set_defaults(run=module.run, command=command.name, options=options_of(sub))
-            if command.name == asked:
-                check_options(sub, words[words.index(asked) + 1 :])
+            if command.name == chosen:
+                check_options(sub, words[words.index(chosen) + 1 :])
     return parser
 
 
@@ -162,7 +163,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def print_completion(words: Sequence[str]) -> int:
-    """Prints the script of `--completion SHELL`. The option needs no command."""
+    """Prints the script of `--completion SHELL`, an option without a subcommand."""
     shell = words[0].partition("=")[2] or "".join(words[1:2])
     print(completion_script(make_parser([], whole=True), shell))
     return 0
@@ -178,6 +179,6 @@ def _ended_by(error: Exception, words: Sequence[str], args: argparse.Namespace) 
 
 
 def is_missing_package(error: Exception) -> bool:
-    """Returns whether the error is a third-party package that is not installed."""
+    """Returns whether the cause of an error is a third-party package that is not installed."""
     name = error.name if isinstance(error, ImportError) else None
     return isinstance(error, ModuleNotFoundError) and not str(name).startswith("pyinfra")

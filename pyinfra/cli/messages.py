@@ -1,4 +1,4 @@
-"""Messages of a command on stderr. They name options instead of the library's arguments."""
+"""Messages of a command on stderr. Names of arguments are replaced by names of options."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def note(text: str, args: argparse.Namespace) -> None:
 
 
 def progress(line: str) -> None:
-    """Prints a line of a benchmark's progress to standard error."""
+    """Prints a line of a benchmark's progress to stderr."""
     print(line, file=sys.stderr, flush=True)
 
 

@@ -1,4 +1,4 @@
-"""The command to type after another one, with its paths. It is printed on a terminal alone."""
+"""The suggested next command after a command. It is printed only if stdout is a terminal."""
 
 from __future__ import annotations
 
@@ -11,17 +11,20 @@ from pathlib import Path
 from pyinfra.dataset.frames import has_labels, lidars_in
 
 Words = list[object]
-BUDGET_USD = 10_000  # an example, as no requirement is known yet
+BUDGET_USD = 10_000  # example of a budget, used if the user has not set a budget
 
 
 def print_next(command: str, args: argparse.Namespace) -> None:
-    """Prints the next command, if standard output is a terminal; `demo` prints its own."""
+    """Prints the suggested next command if stdout is a terminal.
+
+    Commands that are not in NEXT print nothing here.
+    """
     if command in NEXT and sys.stdout.isatty():
         print(f"next: {next_command(command, args)}")
 
 
 def next_command(command: str, args: argparse.Namespace) -> str:
-    """Returns the command to type after `command` has run with `args`."""
+    """Returns the suggested command line after `command` has run with `args`."""
     return shlex.join(str(word) for word in NEXT[command](args))
 
 
@@ -53,7 +56,7 @@ def _site(args: argparse.Namespace) -> Words:
     scene = site / "site.yaml"
     if not (site / "trajectories.csv").is_file():
         return ["pyinfra", "site", "traffic", site]
-    if hasattr(args, "out") and hasattr(args, "site"):  # the plan is drawn
+    if hasattr(args, "out") and hasattr(args, "site"):  # the command was `site draw`
         run = ["infrasim", "run", scene, "--lidar", "ruby_plus", "--frames", "0:100"]
         return [*run, "--out", Path("data") / site.name]
     return ["infrasim", "check", scene, "--lidar", "ruby_plus"]
@@ -134,8 +137,8 @@ def _recommend(args: argparse.Namespace) -> Words:
 
 def _report(args: argparse.Namespace) -> Words:
     tier = ["--tier", args.tier] if args.tier else []
-    known = f"{args.budget_usd:g}" if args.budget_usd < float("inf") else BUDGET_USD
-    return ["pyinfra", "recommend", args.results, *tier, "--budget", known]
+    budget = f"{args.budget_usd:g}" if args.budget_usd < float("inf") else BUDGET_USD
+    return ["pyinfra", "recommend", args.results, *tier, "--budget", budget]
 
 
 def _import(args: argparse.Namespace) -> Words:

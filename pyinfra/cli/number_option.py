@@ -6,7 +6,10 @@ from collections.abc import Callable
 
 
 def numbers(names: str) -> Callable[[str], tuple[float, ...]]:
-    """Returns a function that parses one number for each of `names`, with commas between them."""
+    """Returns a function that parses a text of numbers with commas between them.
+
+    names: names of the numbers for messages, such as `X,Y`; the text must have as many numbers.
+    """
 
     def read(text: str) -> tuple[float, ...]:
         try:
@@ -23,7 +26,7 @@ def numbers(names: str) -> Callable[[str], tuple[float, ...]]:
 def usd(text: str) -> float:
     """Parses an amount in US dollars, such as `9000`, `9,000`, `9k` or `1.5k`.
 
-    `9.000` is refused, because it is 9 in some countries and 9000 in others.
+    Raises ArgumentTypeError for `9.000`, because it is 9 in some countries and 9000 in others.
     """
     match = re.fullmatch(r"\$?(\d+|\d{1,3}(?:,\d{3})+)(\.\d+)?(k?)", text.strip(), re.IGNORECASE)
     if match is None:
@@ -32,15 +35,15 @@ def usd(text: str) -> float:
         except ValueError:
             message = f"expected US dollars, such as 9000, 9,000 or 9k, got '{text[:60]}'"
             raise argparse.ArgumentTypeError(message) from None
-    whole, fraction, thousands = match.groups(default="")
+    dollars, fraction, thousands = match.groups(default="")
     if re.fullmatch(r"\.\d{3}", fraction) and not thousands:
-        message = f"expected US dollars, got '{text}'; write {whole}{fraction[1:]} or {whole}"
+        message = f"expected US dollars, got '{text}'; write {dollars}{fraction[1:]} or {dollars}"
         raise argparse.ArgumentTypeError(message)
-    return float(whole.replace(",", "") + fraction) * (1000 if thousands else 1)
+    return float(dollars.replace(",", "") + fraction) * (1000 if thousands else 1)
 
 
 def one_frame(text: str) -> int:
-    """Parses the number of one frame; a range gets a message that names the option for ranges."""
+    """Parses the number of a single frame. For a range, the message names the option for ranges."""
     if not text.isdecimal():
         ranged = re.fullmatch(r"\d+:\d+(:\d+)?", text)
         more = f"; a range of frames is --frames {text} of pyinfra view" if ranged else ""

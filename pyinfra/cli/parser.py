@@ -12,8 +12,8 @@ from pyinfra.core.names import suggestion
 WRONG = 2
 MOST_LISTED = 8  # choices in a message that also suggests one
 
-# Maps an option of earlier versions to what replaces it. A key with a command holds for that
-# command alone.
+# Maps an option of earlier versions to its replacement. A key that begins with a command only
+# applies to this command.
 RENAMED = {
     "--dials": "--severities",
     "--draws": "--replicates",
@@ -38,15 +38,15 @@ RENAMED = {
 class Parser(argparse.ArgumentParser):
     """Reports wrong usage in one line, and accepts values such as `-13,5` that begin with `-`.
 
-    An option is only recognised by its full name, so that a new option never changes the meaning
-    of a command that is written down.
+    An option is only recognised by its full name. Therefore a new option never changes the meaning
+    of an existing command line.
     """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.allow_abbrev = False
-        # The pattern of argparse matches only a word that is a single negative number. No option
-        # begins with a digit, so every word that begins like a negative number is a value.
+        # The pattern of argparse only matches a word that is a single negative number. No option
+        # begins with a digit, so each word that begins with `-` and a digit is a value.
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def error(self, message: str) -> NoReturn:
@@ -57,36 +57,43 @@ class Parser(argparse.ArgumentParser):
         self.exit(WRONG, f"{self.prog}: {message} (see --help)\n")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """Raises ArgumentError for a value that is not among the choices; suggests a choice."""
+        """Raises ArgumentError for a value that is not among the choices.
+
+        The message suggests a similar choice, if there is one.
+        """
         choices = [str(choice) for choice in action.choices or ()]
         if choices and str(value) not in choices:
             similar = near(str(value), choices)
             # A long list hides the suggestion.
-            known = "a name" if similar and len(choices) > MOST_LISTED else listed(choices)
-            raise argparse.ArgumentError(action, f"expected {known}, got '{value}'{similar}")
+            allowed = "a name" if similar and len(choices) > MOST_LISTED else listed(choices)
+            raise argparse.ArgumentError(action, f"expected {allowed}, got '{value}'{similar}")
 
 
 def check_options(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
     """Ends the process with a message if `words` have an option that the command does not have.
 
-    argparse reports missing arguments before unknown options, which are often their cause.
+    Without this check, argparse reports missing arguments before unknown options. Unknown options
+    are often the cause of missing arguments.
     """
     command = parser.prog.partition(" ")[2]
-    known = list(options(parser, words))
+    names = list(options(parser, words))
     for word in words:
         name = word.partition("=")[0]
         if word == "--":
             return
-        if not re.match(r"--[a-zA-Z]", name) or name in known:
+        if not re.match(r"--[a-zA-Z]", name) or name in names:
             continue
         current = RENAMED.get(f"{command.partition(' ')[0]} {name}") or RENAMED.get(name)
         if current is not None:
             parser.error(f"{name}: expected {current}; renamed in version 0.4")
-        parser.error(f"{name}: no such option{near(name, known)}")
+        parser.error(f"{name}: no such option{near(name, names)}")
 
 
 def options(parser: argparse.ArgumentParser, words: Sequence[str]) -> Iterator[str]:
-    """Yields the options of a command and of those subcommands of it that are in `words`."""
+    """Yields the options of a command and of its subcommands.
+
+    If `words` has names of subcommands, only the options of these subcommands are included.
+    """
     for action in parser._actions:  # argparse has no public list of the actions
         yield from action.option_strings
         if isinstance(action, argparse._SubParsersAction):

@@ -27,9 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     data_sets = [lidar_folders(data) for data in args.data]
     for folders in data_sets:
-        there = kitti.frames(folders[0])
-        if args.frame not in there:
-            problem = f"{folders[0]}: --frame: expected {kitti.extent(there)}"
+        existing = kitti.frames(folders[0])
+        if args.frame not in existing:
+            problem = f"{folders[0]}: --frame: expected {kitti.extent(existing)}"
             raise Error(f"{problem}, got {args.frame}")
     files = clouds.draw_frames(data_sets, args.frame, args.out)
     files += draw_scenes(data_sets, args.frame, args.out)

@@ -16,9 +16,10 @@ from pyinfra.experiments.planner.request import Request
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Chooses where LiDARs stand at a site, how high, how many and which, within a budget. "
-        "Predicts the share of vehicles that a detector finds, and simulates the best options in "
-        "full. Writes options.csv, candidates.csv and answer.txt. Run it again to resume."
+        "Chooses the positions, heights, number and models of LiDARs at a site, within a budget. "
+        "Predicts the share of vehicles that a detector detects, and simulates the best options in "
+        "full. Writes options.csv, candidates.csv and answer.txt. Run the same command again to "
+        "resume."
     )
     parser.epilog = (
         "example: pyinfra plan crossroad --budget 9000 --find 0.9 --within 60 --out out/plan"
@@ -29,15 +30,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="budget_usd",
         type=usd,
         required=True,
-        help="highest price over the years, in US dollars: LiDARs, poles, installation, computer, "
-        "power and upkeep",
+        help="highest cost over the years of use, in US dollars: LiDARs, poles, installation, "
+        "computer, power and upkeep",
     )
     parser.add_argument("--out", type=Path, required=True, help="folder of the results")
     parser.add_argument(
         "--find",
         type=float,
         default=Request.find,
-        help=f"share of the vehicles to be found in a frame, 0 to 1; default: {Request.find:g}",
+        help="required share of the vehicles of a frame that are detected, 0 to 1; "
+        f"default: {Request.find:g}",
     )
     parser.add_argument(
         "--within",
@@ -53,23 +55,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs=2,
         type=float,
         metavar=("X", "Y"),
-        help="the centre, world frame, metres; default: the middle of the first junction",
+        help="centre for --within, world frame, metres; default: the middle of the first junction",
     )
     parser.add_argument(
         "--false-per-minute",
         type=float,
         default=math.inf,
-        help="most false boxes a minute; default: boxes of score 0.5 or more count",
+        help="maximum number of false boxes per minute, which sets the minimum score; default: no "
+        "maximum, and a minimum score of 0.5",
     )
-    parser.add_argument("--poles", type=int, default=Request.poles, help="most poles; default: 1")
+    parser.add_argument(
+        "--poles", type=int, default=Request.poles, help="maximum number of poles; default: 1"
+    )
     parser.add_argument(
         "--lidars-per-pole",
         type=int,
         default=Request.lidars_per_pole,
-        help="most LiDARs on one pole; default: 1",
+        help="maximum number of LiDARs on a pole; default: 1",
     )
     parser.add_argument(
-        "--lidar", dest="lidars", nargs="+", default=[], help="LiDARs; default: the catalogue"
+        "--lidar",
+        dest="lidars",
+        nargs="+",
+        default=[],
+        help="LiDARs to choose from, files or names; default: all LiDARs of the catalogue",
     )
     parser.add_argument(
         "--detector",
@@ -80,15 +89,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--poses",
         type=Path,
         metavar="FILE",
-        help="CSV file of poses: x_m, y_m, and z_m, yaw_deg, pitch_deg, existing (yes, no); "
-        "default: along kerbs, medians and walls",
+        help="CSV file of candidate poses with the columns x_m, y_m and optionally z_m, yaw_deg, "
+        "pitch_deg, existing (yes or no); default: poses along kerbs, medians and walls",
     )
     parser.add_argument(
         "--every",
         dest="every_m",
         type=float,
         default=PoseGrid.every_m,
-        help=f"metres between poles that are made; default: {PoseGrid.every_m:g}",
+        help="distance between candidate poles, in metres, without --poses; "
+        f"default: {PoseGrid.every_m:g}",
     )
     parser.add_argument(
         "--heights",
@@ -96,7 +106,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         type=float,
         default=list(PoseGrid.heights_m),
-        help="heights above the road in metres; default: 4 6 8",
+        help="heights of candidates above the road, in metres; default: 4 6 8",
     )
     parser.add_argument(
         "--pitches",
@@ -104,20 +114,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         type=float,
         default=list(PoseGrid.pitches_deg),
-        help="pitches in degrees, positive looks down; default: 0 10",
+        help="pitches of candidates in degrees, positive looks down; default: 0 10",
     )
     parser.add_argument(
         "--people",
         type=float,
         default=Request.people,
-        help="weight of a person relative to a vehicle in the choice; default: 0",
+        help="weight of a pedestrian or cyclist relative to a vehicle in the choice; default: 0",
     )
     parser.add_argument(
         "--areas",
         type=Path,
         metavar="FILE",
-        help="CSV file of areas with other weights, such as crossings: name, x_m, y_m, radius_m, "
-        "and weight and class (vehicle, person, any)",
+        help="CSV file of areas with other weights, such as crossings, with the columns name, x_m, "
+        "y_m, radius_m and optionally weight and class (vehicle, person, any)",
     )
     parser.add_argument(
         "--costs",
@@ -137,13 +147,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="frames",
         type=int,
         default=Request.frames,
-        help="most frames of a pose; default: 96",
+        help="maximum number of frames in which a pose is evaluated; default: 96",
     )
     parser.add_argument(
         "--check-frames",
         type=int,
         default=30,
-        help="frames in which the best options are simulated in full; 0: none; default: 30",
+        help="number of frames in which the best options are simulated in full; 0: no simulation; "
+        "default: 30",
     )
     parser.add_argument("--jobs", type=int, default=1, help="number of threads; default: 1")
 

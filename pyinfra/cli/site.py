@@ -18,9 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     steps = parser.add_subparsers(title="steps", metavar="STEP", required=True)
     for name, (module, summary) in STEPS.items():
         step = importlib.import_module(module)
-        one = steps.add_parser(name, help=summary)
-        step.add_arguments(one)
-        one.set_defaults(step=step)
+        step_parser = steps.add_parser(name, help=summary)
+        step.add_arguments(step_parser)
+        step_parser.set_defaults(step=step)
 
 
 def run(args: argparse.Namespace) -> int:

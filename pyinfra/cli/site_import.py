@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     options = ImportOptions(centre=args.centre, radius_m=args.radius_m, mount=args.mount)
     made = import_map(args.file, args.out, options)
     pole = made.pole
-    print(args.out / "site.yaml" if made.anew else f"{args.out}: the same import is there")
+    print(args.out / "site.yaml" if made.anew else f"{args.out}: has the same import already")
     print(f"{made.lanes} lanes, {made.triangles} triangles")
     print(f"pole at {pole.x_m:g} {pole.y_m:g} {pole.z_m:g} m, yaw {pole.yaw_deg:g} degrees")
     print(f"pole looks to {looks_to(pole.yaw_deg)}")

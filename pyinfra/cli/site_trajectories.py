@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _classes(text: str) -> dict[str, str]:
-    """Parses `a=Car,b=Bus` to a mapping from class names of the file to classes of CLASSES.
+    """Parses `a=Car,b=Bus` to a mapping from class names in the file to names in CLASSES.
 
     A class name of the file may be empty, and may contain `=`.
     """

@@ -41,8 +41,8 @@ def run(args: argparse.Namespace) -> int:
         raise Error("--val-data: expected with --by seed, and only with it")
     data = read_data_set(args.data)
     if args.by == "seed":
-        other = read_data_set(args.val_data)
-        pairs = list(zip((data, other), by_seed(data, other), strict=True))
+        validation = read_data_set(args.val_data)
+        pairs = list(zip((data, validation), by_seed(data, validation), strict=True))
     elif args.by == "random":
         pairs = [(data, by_random(data.frames, args.seed))]
     else:

@@ -1,7 +1,7 @@
 """`pyinfra stress DATA/LIDAR --model RUN... --out DIR`: finds where detectors fail.
 
-The section "Stress" of docs/conventions.md defines the rules. The rules were written before the
-first run.
+The rules are in the section "Stress" of docs/conventions.md. They were written before the first
+stress test.
 """
 
 from __future__ import annotations
@@ -96,9 +96,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _fill(plan: runner.Prepared, out: Path, seed: int) -> int:
-    """Runs the trials and returns how many failed. Each failure is one line on stderr.
+    """Runs the trials and returns the number of failed trials. A failure prints a line on stderr.
 
-    A progress bar is only shown on a terminal.
+    A progress bar is only shown if stderr is a terminal.
     """
     failed = 0
     bar = tqdm(plan.todo, unit="trial", disable=None, file=sys.stderr)

@@ -127,8 +127,8 @@ def run(args: argparse.Namespace) -> int:
     if DETECTORS[recipe.detector].learnt:
         recipe = recipe.for_budget(args.budget)
         recipe = recipe.begun_with(args.start) if args.start is not None else recipe
-    elif given := [key for key, usual in OF_NETWORKS.items() if getattr(args, key) != usual]:
-        words = ", ".join(f"`{key}`" for key in given)
+    elif unused := [key for key, usual in OF_NETWORKS.items() if getattr(args, key) != usual]:
+        words = ", ".join(f"`{key}`" for key in unused)
         note(f"{recipe.detector} does not use {words}", args)
     sources = _sources(args, recipe)
     if not isinstance(sources, Stream):
@@ -143,9 +143,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]) -> list[Source]:
-    """Returns the sources with the region of --region, if this option is given.
+    """Returns the sources, with the region of --region if this option is given.
 
-    Prints a note for each source without a region, if the detector uses regions.
+    If the detector uses regions, prints a note for each source without a region.
     """
     if DETECTORS[recipe.detector].learnt or not recipe.network.within_region:
         if args.region is not None:
@@ -168,9 +168,9 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
 
 
 def check_mount(mount: str, scene: str | None) -> None:
-    """Raises Error for a mount without a scene, or for fused frames.
+    """Raises Error for --mount without --scene, and for the mount `fused`.
 
-    Training does not simulate fused frames.
+    Training cannot simulate fused frames.
     """
     if mount and scene is None:
         raise Error(f"--mount: expected --scene, got '{mount}' without it")

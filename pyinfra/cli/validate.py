@@ -68,7 +68,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _trust(folder: Path, args: argparse.Namespace) -> None:
-    """Prints the label-free quality measures of the predictions, and writes them with --out."""
+    """Prints the label-free quality measures of the predictions.
+
+    If --out is given, also writes them to trust.csv.
+    """
     from pyinfra.models.inference.label_free_checks import trust_of
 
     rows = trust_of(folder, args.pred, args.split, allow_missing=args.allow_missing)
