@@ -1,10 +1,10 @@
 """Average precision (AP) from matched predictions, 0 to 100.
 
 AP (R40) is the mean precision at the recalls 1/40 .. 40/40, where the precision at a recall is the
-highest one at this or a higher recall. AP (R1000) uses the recalls 1/1000 .. 1, which avoids the
-steps of 2.5 of AP (R40). Recall is true positives over objects. Precision is true positives over
-counted predictions. Each operating point is a score threshold, so predictions of equal score are
-counted together. Without objects AP is undefined (NaN).
+highest precision at this or any higher recall. AP (R1000) uses the recalls 1/1000 .. 1, which
+avoids the steps of 2.5 of AP (R40). Recall is true positives over objects. Precision is true
+positives over counted predictions. Each operating point is a score threshold, so predictions of
+equal score are counted together. If there are no objects, AP is undefined (NaN).
 Sources: the KITTI object benchmark since 2019 (40 recalls); PASCAL VOC 2007 (11 recalls).
 
 Functions take weights of time slots, so that one call computes all bootstrap replicates: a slot
@@ -36,7 +36,7 @@ class Ranking:
     """
 
     scores: FloatArray  # (k,) scores of the operating points, descending
-    upto: IntArray  # (k,) number of predictions with this score or a higher one
+    upto: IntArray  # (k,) number of predictions with at least this score
     true_positives_upto: IntArray  # (k,) number of true positives among these predictions
     slot: IntArray  # (n,) slot of each prediction
     true_positive_slot: IntArray  # (h,) slot of each true positive
@@ -117,12 +117,12 @@ def precision_at_recalls(
 def kitti_average_precision(ranking: Ranking, weights: IntArray | None = None) -> FloatArray:
     """Returns AP (R40) as KITTI's devkit computes it, (replicates,); NaN without objects.
 
-    The devkit (evaluate_object.cpp, getThresholds) samples up to 41 scores of true positives: those
-    whose recall is nearest to 0, 1/40 .. 40/40, and always the last score. The precision at each
-    sample is raised to the highest precision at any later sample. AP is the mean of the 2nd to the
-    41st sample. A missing sample counts as 0, so AP cannot exceed (n - 1)/40 with n < 41 objects. A
-    detector that does not reach recall 1 is credited with one recall too many. True positives must
-    have been matched with an IoU strictly above the threshold.
+    The devkit (evaluate_object.cpp, getThresholds) samples up to 41 scores of true positives. Their
+    recalls are nearest to 0, 1/40 .. 40/40, and the last score is always sampled. The precision at
+    each sample is raised to the highest precision at any later sample. AP is the mean of the 2nd to
+    the 41st sample. A missing sample counts as 0, so AP cannot exceed (n - 1)/40 of 100 with n < 41
+    objects. A detector that does not reach recall 1 is credited with one recall too many. True
+    positives must have been matched with an IoU strictly above the threshold.
     """
 
     def sampled(true_positives: FloatArray, precision: FloatArray, objects: IntArray) -> FloatArray:

@@ -46,7 +46,7 @@ class Bootstrapped:
     blocks: float  # number of time blocks in the evaluated frames
 
     def less(self, other: Bootstrapped) -> Bootstrapped:
-        """Returns this figure less another one with replicates of the same blocks."""
+        """Returns this figure less another figure with replicates of the same blocks."""
         return Bootstrapped(
             self.value - other.value, self.replicates - other.replicates, self.blocks
         )
@@ -55,7 +55,7 @@ class Bootstrapped:
         return Bootstrapped(self.value * factor, self.replicates * factor, self.blocks)
 
     def over(self, other: Bootstrapped) -> Bootstrapped:
-        """Returns this figure divided by another one with replicates of the same blocks."""
+        """Returns this figure divided by another figure with replicates of the same blocks."""
         above = np.append(self.replicates, self.value)
         below = np.append(other.replicates, other.value)
         *replicates, value = intervals.ratio(above, below)

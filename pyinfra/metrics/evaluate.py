@@ -59,7 +59,7 @@ def evaluate(
     settings : classes, ground-truth subsets, thresholds; by default vehicles at BEV IoU 0.5
     object_class : a name of OBJECT_CLASSES (`vehicle`, `pedestrian`, `cyclist`), by default
         `vehicle`. Give either this or `settings`
-    frames : frame numbers to evaluate; by default all frames in memory, or those of the split
+    frames : frame numbers to evaluate; by default all frames in memory, or all frames of the split
     split : name of a list in the folder's ImageSets, or `all`; by default `val` if it exists
     allow_missing : whether a frame without a prediction file counts as a frame without boxes
     ranges : whether to also compute AP and recall within 10, 20 ... 100 m of the sensor
@@ -206,7 +206,8 @@ def class_settings(classes: Mapping[str, tuple[str, ...]], *, custom_iou: bool =
 
     Pedestrians and cyclists have a lower IoU threshold than vehicles, and are also matched by
     centres. Because the thresholds differ, the function raises Error for vehicles together with
-    pedestrians or cyclists. With custom_iou it does not, because the user gives the threshold.
+    pedestrians or cyclists. custom_iou: whether the user sets the threshold; then no error is
+    raised.
     """
     of_people = [are_people(types) for types in classes.values()]
     if not any(of_people) or (custom_iou and not all(of_people)):

@@ -83,7 +83,7 @@ class Evaluation:
     def matches(self) -> pd.DataFrame:
         """Match results of predictions and missed objects.
 
-        They are those of the first ground-truth subset, metric and threshold of the settings.
+        The results belong to the first ground-truth subset, metric and threshold of the settings.
 
         Columns: frame, outcome (`true positive`, `false positive`, `missed`, `ignored`), type,
         x y z dx dy dz heading, score (NaN for a missed object), object_id (-1 if unmatched).

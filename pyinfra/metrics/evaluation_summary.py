@@ -62,7 +62,8 @@ def _hidden(evaluation: Evaluation, row: Any) -> str:
 def _off_region(rows: pd.DataFrame) -> str:
     """Returns as text the boxes per minute outside the region.
 
-    Only boxes with at least a given score are counted, for the lowest score limit and for 0.5.
+    The text has two numbers: of boxes with at least the lowest score of the table, and of boxes
+    with a score of 0.5 or more.
     """
     shown = [row for row in rows.itertuples() if row.score in (rows.score.min(), 0.5)]
     return ", ".join(

@@ -113,7 +113,7 @@ def preset_of_answers(rows: pd.DataFrame) -> str:
     """Returns the last preset of PRESETS that has results of two LiDARs or more, else the first.
 
     Later presets of PRESETS are closer to real LiDARs. A preset with only one detector is skipped
-    if another preset has several, because its benchmark has only begun. rows: rows of one scene,
+    if another preset has several, because its benchmark is not complete. rows: rows of one scene,
     with columns preset, lidar and detector.
     """
     counts = rows.groupby("preset")[["lidar", "detector"]].nunique()

@@ -18,7 +18,7 @@ PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings of an evaluation; the first element of each list is the primary one.
+    """Settings of an evaluation. The first element of each list defines the primary result.
 
     Attributes
     ----------
@@ -31,8 +31,8 @@ class Settings:
     min_score : least score of a prediction that counts
     min_points : least number of points on a captured vehicle
     min_objects : least number of objects in an area whose quality is determined
-    cut_first : whether to also compute the AP of each window from the boxes in this window alone,
-        without the boxes outside it in the matching
+    cut_first : whether to also compute the AP of each window after all boxes outside the window
+        are removed before matching
     block_s : block length of the bootstrap in seconds; by default the mean stay of a vehicle
     replicates : number of bootstrap replicates
     seed : seed of the bootstrap
