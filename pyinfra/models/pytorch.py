@@ -1,4 +1,7 @@
-"""Checks that PyTorch is installed. Training needs it, and so do all networks but one."""
+"""Checks that PyTorch is installed. All trainings of networks need PyTorch.
+
+All networks except centerpoint-pillar also need it for detection.
+"""
 
 from importlib.util import find_spec
 

@@ -20,7 +20,7 @@ Limitations:
 - vehicles that touch are merged
 - the height of ground that is hidden in all frames is taken from neighbouring cells or from the
   plane of the road; if no region is known, plants beside the road may raise this plane
-- if no roads are known, distant vehicles side by side may be merged into one across the road
+- if no roads are known, distant vehicles side by side may be merged into a single vehicle
 
 The detector needs neither PyTorch nor the extension.
 """
@@ -449,8 +449,8 @@ def _mean_direction(votes: FloatArray) -> Floats:
 def _road(rectangles: _Rectangles, roads: FloatArray) -> Floats:
     """Returns the mean cos, sin of twice the heading of roads and long clusters: (m, m, 2).
 
-    The vector is shorter where headings differ. roads: (m, m, 3) votes of known roads. At large
-    distances a small number of votes is not reliable, because a cluster mostly is the rear of a
+    The vector is shorter where headings differ. roads: (m, m, 3) votes of known roads. A small
+    number of votes is not reliable at large distances. There, a cluster mostly is the rear of a
     vehicle or two vehicles side by side.
     """
     cells = len(roads)

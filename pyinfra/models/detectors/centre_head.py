@@ -2,8 +2,8 @@
 
 The head follows the first stage of CenterPoint, Yin et al., CVPR 2021. Deviations from the paper:
 
-- the heat of a vehicle is not a circular Gaussian, but one with the length, width and heading of
-  the vehicle
+- the heat of a vehicle is not a circular Gaussian, but a Gaussian with the length, width and
+  heading of the vehicle
 - after a shared layer, the heat and the box have one layer each; in the paper they have two layers
   each
 - the loss of the box has the weight 0.5; the published weight is 0.25 or 2, depending on the data

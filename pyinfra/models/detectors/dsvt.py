@@ -47,7 +47,7 @@ def _bev() -> BevConfig:
 
 @dataclass(frozen=True)
 class Config:
-    """Sizes of the network; the defaults are the published ones."""
+    """Sizes of the network; the defaults are the published sizes."""
 
     pillar_m: float = ruled(0.32, 0.05, 2)  # side of a pillar
     point_layers: int = ruled(2, 1, 4)  # layers of the pillar encoder

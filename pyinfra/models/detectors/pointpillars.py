@@ -30,7 +30,7 @@ BOX_WEIGHT, DIRECTION_WEIGHT = 2.0, 0.2
 
 @dataclass(frozen=True)
 class Config:
-    """Sizes of the network; the defaults are the published ones."""
+    """Sizes of the network; the defaults are the published sizes."""
 
     pillar_m: float = ruled(0.16, 0.05, 2)  # side of a pillar
     pillar_width: int = ruled(64, 1, 512)  # channels of a pillar

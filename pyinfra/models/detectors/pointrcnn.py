@@ -5,13 +5,13 @@ transforms the points around a proposal into its frame, refines the proposal and
 
 Deviations from the paper:
 
-- as in OpenPCDet, boxes are residuals from the point or the proposal instead of bins, both stages
-  are trained together, and the second stage gets scores instead of a mask
+- as in OpenPCDet: boxes are residuals from the point or the proposal instead of bins; both stages
+  are trained together; the second stage gets scores instead of a mask
 - offsets are in metres; relative to the diagonal of a box, half a metre would give almost no loss
 - both stages have batch norm
 - the features of a point are its intensity, its height above the road and its position in the area;
-  the position is used because a roadside sensor measures vehicles from all sides, and one or two
-  points alone do not show which side of a vehicle they are on
+  the position is useful, because one or two points alone do not show which side of a vehicle they
+  are on, and a roadside sensor measures vehicles from all sides
 - points up to 5 cm outside a box belong to its vehicle
 - training proposals are sampled without repetition, from the proposals and from slightly shifted
   labels
@@ -89,7 +89,7 @@ HARD, HARD_SHARE = 0.05, 0.8  # least IoU of hard background, and its share of t
 
 @dataclass(frozen=True)
 class Config:
-    """Sizes of the network; the defaults are the published ones, except for `size_m`."""
+    """Sizes of the network; the defaults are the published sizes, except for `size_m`."""
 
     # faithful: all points are equally likely; remedied: points are sampled evenly by area, without
     # the ground

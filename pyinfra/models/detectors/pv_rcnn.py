@@ -10,9 +10,9 @@ Deviations from the paper:
   layer (voxel_backbone.py)
 - every strided layer has padding along the height, because areas differ in height
 - anchors of two sizes and one class, which stand on the road (anchors.py)
-- so that a training can be reproduced, proposals for the second stage are evenly spaced instead of
-  random, there is no dropout, and the points of a full ball (16 at every level) are the same in
-  each step
+- so that a training can be reproduced: proposals for the second stage are evenly spaced instead of
+  random; there is no dropout; the points of a full ball (16 at every level) are the same in each
+  step
 - the same number of proposals is refined in detection as in training
 - balls and frames with few points are not filled with copies of points (pointnet.py)
 - with `around_m`, key points are sampled only around proposals, as in PV-RCNN++ (Shi et al., IJCV
@@ -65,7 +65,7 @@ def _published_bev() -> BevConfig:
 
 @dataclass(frozen=True)
 class Config:
-    """Sizes of the network; the defaults are the published ones."""
+    """Sizes of the network; the defaults are the published sizes."""
 
     voxel_m: float = ruled(0.05, 0.02, 1)  # side of a voxel
     voxel_height_m: float = ruled(0.1, 0.02, 2)  # height of a voxel

@@ -2,7 +2,7 @@
 
 The network follows SECOND, Yan et al., Sensors 2018, with the widths and strides of PV-RCNN, Shi et
 al., CVPR 2020. It has several levels. Each level has half the resolution of the previous level. A
-last layer halves only the height and gives a bird's-eye canvas.
+last layer halves only the height; its output is the bird's-eye canvas.
 """
 
 from __future__ import annotations

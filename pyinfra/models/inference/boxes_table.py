@@ -51,7 +51,7 @@ def load_detector(
     device: str = "cpu",
     threads: int | None = None,
 ) -> TrainedDetector:
-    """Selects a detector for `detect`: a pretrained detector of the package, or a trained one.
+    """Selects a detector for `detect`: the pretrained detector of the package, or a trained model.
 
     Parameters
     ----------

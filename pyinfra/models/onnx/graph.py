@@ -1,6 +1,6 @@
 """The two-dimensional part of CenterPoint on pillars as an ONNX model.
 
-The model begins after the first convolution, which the extension computes on the pillars alone.
+The model begins after the first convolution, which the extension computes only at the pillars.
 The layers are those of `detectors/bev.py` and `detectors/centre_head.py`. Batch norms are fused
 into the layers before them, as `detectors/fuse_batchnorm.py` does.
 """

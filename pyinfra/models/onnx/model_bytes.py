@@ -1,4 +1,4 @@
-"""Writes an ONNX model as bytes, with NumPy alone.
+"""Writes an ONNX model as bytes; needs only NumPy.
 
 An ONNX file is a message of Protocol Buffers (`onnx.proto` of the ONNX project). A message is a
 sequence of fields. Each field has a key, which is its number and its kind, and a value. Two kinds

@@ -2,7 +2,7 @@
 
 A box is `x y z dx dy dz heading` as in `pyinfra.core.boxes`, which has the same functions for
 NumPy. The overlaps are differentiable in all seven numbers of both boxes, except for equal or
-touching boxes. For these the gradient is finite and equal to a one-sided gradient.
+touching boxes. For such boxes the gradient is finite and equal to a one-sided gradient.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def best_overlap(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
 def bev_iou_pairs(a: Tensor, b: Tensor) -> Tensor:
     """Returns the IoU of the footprints, row by row: (n, 7) and (n, 7) to (n,) in [0, 1].
 
-    A pair without overlap gives exactly 0.
+    The IoU of a pair without overlap is exactly 0.
     """
     a, b = _at_least_float32(a), _at_least_float32(b)
     overlap = bev_overlap_pairs(a, b)

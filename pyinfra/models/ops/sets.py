@@ -36,7 +36,7 @@ class Sets:
     """The assignment of n voxels to s sets."""
 
     voxel: Tensor  # (s, size) int64; smaller sets repeat some of their voxels in adjacent slots
-    repeats: Tensor  # (s, size) bool: whether the slot has the same voxel as the one before
+    repeats: Tensor  # (s, size) bool: whether the slot has the same voxel as the previous slot
     slot: Tensor  # (n,) int64: the first of the s * size slots that has the voxel
 
 

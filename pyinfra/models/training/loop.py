@@ -233,7 +233,7 @@ def describe(
 def read_begun(out: Path, ours: Description) -> Checkpoint | None:
     """Returns the last checkpoint of a training; None if there is none.
 
-    Raises ConfigError if the checkpoint is from another training, or from one with other settings.
+    Raises ConfigError if the checkpoint is from another training or has other settings.
     """
     file = out / "last.safetensors"
     if not file.exists():

@@ -46,7 +46,7 @@ class Provenance:
     label_at: LabelAt = "newest"  # which of the stacked frames has the labels
     start: str = ""  # digest of the weights that the training started from; empty: random weights
     # a, b of logit(score) -> a logit(score) + b, which makes a score the probability of a true
-    # positive. If there are several classes, each has one pair.
+    # positive. If there are several classes, each class has a pair a, b.
     calibration: tuple[float, ...] | None = None
     figures: Any = None  # measured figures, by name
     format: int = FORMAT

@@ -39,7 +39,7 @@ class Learning:
     batch: int = ruled(4, 1, 1024)  # frames in a batch
     rate: float = ruled(0.003, 1e-7, 1)  # highest learning rate
     weight_decay: float = ruled(0.01, 0, 1)  # weight decay of AdamW
-    clip: float = ruled(10.0, 1e-6, 1e6)  # largest norm of the gradients; larger ones are scaled
+    clip: float = ruled(10.0, 1e-6, 1e6)  # gradients with a larger norm are scaled to this norm
     window_m2: float = ruled(0.0, 0, 1e9)  # area of a frame that a step uses; 0: the whole area
     # Share of the windows that are centred on an object of a random class of the frame. The other
     # windows are centred on a random object of any class.

@@ -210,7 +210,7 @@ def _begun_with(network: Network, start: Path, provenance: Provenance) -> Proven
 
 
 def common_label_time(sources: Sequence[Source]) -> LabelTime:
-    """Returns the label time of all sources. Raises Error if the sources have different ones."""
+    """Returns the label time of all sources. Raises Error if the sources do not have the same."""
     first = sources[0]
     for other in sources:
         if other.label_time != first.label_time:
@@ -222,7 +222,7 @@ def common_label_time(sources: Sequence[Source]) -> LabelTime:
 
 
 def common_accumulation(sources: Sequence[Source]) -> Accumulation:
-    """Returns the accumulation of all sources. Raises Error if the sources have different ones."""
+    """Returns the accumulation of all sources. Raises Error if the sources do not have the same."""
     first = sources[0]
     for other in sources:
         if other.accumulation != first.accumulation:
