@@ -5,9 +5,9 @@
     samples/LIDAR_TOP/*.pcd.bin    float32 x y z intensity ring
     maps/none.png                  an empty mask, because the devkit needs a file
 The files follow the public description of the schema (docs/schema_nuscenes.md of the devkit):
-- Every frame is a sample. The frames of ImageSets/train.txt form one scene, those of val.txt a
-  second, and the remaining frames a third. An object in two scenes is two instances. Timestamps are
-  microseconds since the start of the run, at mid-frame.
+- Every frame is a sample. The frames of ImageSets/train.txt form a scene, the frames of val.txt a
+  second scene, and the remaining frames a third scene. An object in two scenes is two instances.
+  Timestamps are microseconds since the start of the run, at mid-frame.
 - Splits have the prefix `infrasim_`, because the devkit reserves `train` and `val` for nuScenes.
 - The global frame is the world frame. The ego is on the plane z = 0 of the world, below the sensor,
   with the sensor's yaw. The frame of LIDAR_TOP is the levelled LiDAR frame, x forward.
@@ -88,8 +88,8 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     for folder in (VERSION, f"samples/{CHANNEL}", "maps"):
         (out / folder).mkdir(parents=True)
     matplotlib.image.imsave(out / "maps/none.png", np.zeros((1, 1)), cmap="gray")
-    # `frames[:]` avoids the progress bar that iterating over `frames` may show. The loop below is
-    # the one that should show it.
+    # Iterating over `frames` may show a progress bar, which only the loop below needs. Iterating
+    # over `frames[:]` shows no progress bar.
     parts = parts_of(lidar_folder, frames[:])
     with ExitStack() as stack:
         files = {name: out / VERSION / f"{name}.json" for name in TABLES}
@@ -283,7 +283,7 @@ class _Scene:
             self.count(number, row, category)
 
     def chain(self, number: int, row: Row) -> None:
-        """Links an annotation to the previous annotation of the object, and writes the latter."""
+        """Links an annotation to the object's previous annotation, which is then written."""
         last = self.last.get(number)
         if last is not None:
             row["prev"], last["next"] = last["token"], row["token"]

@@ -236,7 +236,7 @@ def _upright(clouds: Sequence[Floats]) -> tuple[str, RoadPlane | None]:
 
 
 def _better(plane: RoadPlane, best: RoadPlane | None) -> bool:
-    """Returns whether a plane is a better estimate of the road than the best one so far.
+    """Returns whether a plane is a better estimate of the road than the best plane so far.
 
     If the origin is on the road, both orientations of an axis give the same plane. In the right
     orientation, more points are above the road.

@@ -22,7 +22,7 @@ class Options:
 
     intensity_max: float | None = None  # largest intensity of the source, which is scaled to 1
     columns: int | None = None  # number of float32 values per point in a .bin file
-    labels: Path | None = None  # folder of the labels, if it is not the usual one
+    labels: Path | None = None  # folder of the labels, if it is not the format's usual folder
     channel: str | None = None  # name of the LiDAR, if the recording has several
     unit_m: float = 1.0  # length unit of the source's coordinates, metres
 
@@ -188,7 +188,7 @@ def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
 
 
 def stem(file: Path) -> str:
-    """Returns a file name without its extension. `.pcd.bin` counts as one, in any letter case."""
+    """Returns a file name without its extension, such as `.pcd.bin` in any letter case."""
     return re.sub(r"(\.pcd)?(\.bin)?$", "", file.name, flags=re.I).removesuffix(file.suffix)
 
 

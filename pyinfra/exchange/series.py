@@ -81,7 +81,7 @@ def read_frames(series: FrameSeries, numbers: Sequence[int]) -> Iterator[StoredF
     """Yields the frames of ascending numbers, with one frame in memory at a time.
 
     If the folder has no `objects`, the boxes come from the labels. Their speed is NaN and their
-    visibility is -1. If ids are not those of tracks, every box gets a new id. Raises
+    visibility is -1. If ids do not identify tracks, every box gets a new id. Raises
     FileNotFoundError for an incomplete frame, FormatError, and Error if the numbers do not ascend.
     """
     folder, before, named = series.lidar_folder, -1, 0
