@@ -18,10 +18,10 @@ SHOWN = {"ap_r1000": "AP (R1000)", "recall_percent": "found %", "hidden_percent"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Compares mounts (pole positions, heights or numbers of poles) that see the same traffic. "
-        "Prints for each mount the AP, the share of vehicles found by a box of any score and the "
-        "share hidden from the mount, then paired differences with 95 % intervals. Each PLACE is "
-        "one mount: an output folder of `pyinfra evaluate`, or a folder that holds one such "
-        "folder for each traffic seed."
+        "Prints the AP of each mount, the share of vehicles that are matched with a box of any "
+        "score, and the share of vehicles that are hidden from the mount. Then prints paired "
+        "differences with 95 % intervals. Each PLACE is one mount: an output folder of `pyinfra "
+        "evaluate`, or a folder with one such folder for each traffic seed."
     )
     parser.epilog = "example: pyinfra compare out/low out/high"
     parser.add_argument("places", nargs="+", type=Path, metavar="PLACE", help="two folders or more")
