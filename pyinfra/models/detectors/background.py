@@ -77,7 +77,7 @@ class Config:
     cell_m: float = ruled(1.0, 0.1, 20)  # cell size of the grid of the ground
     clearance_m: float = ruled(0.15, 0, 5)  # points lower than this above the ground are ground
     ceiling_m: float = ruled(5.0, 0.1, 50)  # points higher than this above the ground are ignored
-    # A voxel is background if it has points in more than this share of the frames.
+    # a voxel is background if it has points in more than this share of the frames
     permanent_share: float = ruled(0.7, 0, 1)
     # largest gap between points of a vehicle across the road; it grows with distance
     gap_m: float = ruled(0.8, 0.05, 10)

@@ -41,13 +41,13 @@ class Learning:
     weight_decay: float = ruled(0.01, 0, 1)  # weight decay of AdamW
     clip: float = ruled(10.0, 1e-6, 1e6)  # gradients with a larger norm are scaled to this norm
     window_m2: float = ruled(0.0, 0, 1e9)  # area of a frame that a step uses; 0: the whole area
-    # Share of the windows that are centred on an object of a random class of the frame. The other
-    # windows are centred on a random object of any class.
+    # share of the windows that are centred on an object of a random class of the frame; the other
+    # windows are centred on a random object of any class
     rare_windows: float = ruled(0.0, 0, 1)
-    # Exponent of the weight n ** -balance of a frame with n objects. With 0, all objects have the
-    # same weight.
+    # exponent of the weight n ** -balance of a frame with n objects; with 0, all objects have the
+    # same weight
     balance: float = ruled(0.0, 0, 1)
-    # Number of last frames of each LiDAR that are left out of the training and select
+    # number of last frames of each LiDAR that are left out of the training and select
     # best.safetensors. The default is 0, because the networks of the published figures were trained
     # on all frames.
     validate_frames: int = ruled(0, 0, 100_000)
