@@ -12,7 +12,7 @@ from pyinfra.core.files import replacing
 from pyinfra.core.vocabulary import SUBSETS
 from pyinfra.metrics.places import compare_places
 
-SHOWN = {"ap_r1000": "AP (R1000)", "recall_percent": "found %", "hidden_percent": "hidden %"}
+SHOWN = {"ap_r1000": "AP (R1000)", "recall_percent": "recall %", "hidden_percent": "hidden %"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -25,6 +25,7 @@ from pyinfra.formats.kitti import Labels
 # Class names of OpenPCDet and MMDetection3D. Objects of other classes are left out.
 CLASSES = ("Vehicle", "Pedestrian", "Cyclist")
 SENSOR_FILE = "sensor.yaml"
+PARTS = ("train", "val")
 TRAIN_SHARE = 0.8  # share of the first frames that are train if there are no ImageSets
 
 
@@ -111,13 +112,17 @@ def train_and_val(folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
     """Returns the frames of train and val, as listed in ImageSets.
 
     If there are no ImageSets, the first 80 % of the frames are train, and the others are val. A
-    random split is not used, because neighbouring frames show the same vehicles.
+    random split is not used, because neighbouring frames show the same vehicles. Raises Error if
+    one of the two lists is missing.
     """
-    if not (folder / "ImageSets/train.txt").is_file():
+    missing = [part for part in PARTS if not (folder / f"ImageSets/{part}.txt").is_file()]
+    if len(missing) == 1:
+        raise Error(f"{folder}/ImageSets: expected train.txt and val.txt, got no {missing[0]}.txt")
+    if missing:
         count = round(TRAIN_SHARE * len(frames))
         return {"train": list(frames[:count]), "val": list(frames[count:])}
     chosen = set(frames)
-    lists = {part: frame_numbers(folder, part) for part in ("train", "val")}
+    lists = {part: frame_numbers(folder, part) for part in PARTS}
     return {part: [k for k in members if k in chosen] for part, members in lists.items()}
 
 

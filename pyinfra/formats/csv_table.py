@@ -51,6 +51,7 @@ _RENAMED_VALUES = {
     "arm": {"specialist": "site_trained"},
     "fails_first": {"ghosts": "background"},
     "largest_blame": {"ghosts": "background"},
+    "severity": {f"draw_{i}": f"sample_{i}" for i in range(1, 5)},
     "start": {"drawn": "random"},
     "stressor": {"seam": "cut_angle"},
 }

@@ -281,6 +281,6 @@ def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> li
             warnings.append(("ap-zero", f"{text}; `pyinfra validate` checks for common causes"))
         elif str(row.protocol).startswith("kitti") and row.objects < KITTI_LEAST:
             cap = 100 * (row.objects - 1) / (KITTI_LEAST - 1)
-            text = f"{case}: {row.objects} vehicles: the AP of the devkit cannot exceed {cap:g}"
+            text = f"{case}: {row.objects} {kind}s: the AP of the devkit cannot exceed {cap:g}"
             warnings.append(("kitti-cap", text))
     return [Finding("warning", name, text) for name, text in warnings]

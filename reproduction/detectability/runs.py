@@ -121,13 +121,12 @@ def poses_of(site: PlanSite, count: int) -> FloatArray:
     made = feasible(with_faults(make_candidates(site, WITHIN_M, grid), site), site)
     rng = np.random.default_rng(int(yaml.safe_load(site.file.read_text())["seed"]))
     others = made[POSE].to_numpy(float)[rng.permutation(len(made))]
-    poses: FloatArray = np.concatenate([[scene_pose], others])[:count]
-    return poses
+    return np.concatenate([[scene_pose], others])[:count]
 
 
 def pose_of(run: Run, site: PlanSite) -> FloatArray:
     """Returns x, y, z, yaw and pitch of a run; the poses of a site do not depend on its traffic."""
-    return poses_of(site, max(FIT_POSES, CHECK_POSES))[run.pose]
+    return np.asarray(poses_of(site, max(FIT_POSES, CHECK_POSES))[run.pose], float)
 
 
 def store(run: Run, frames: int, work: Path) -> None:

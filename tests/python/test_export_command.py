@@ -55,6 +55,16 @@ def test_an_export_of_unsplit_frames_says_how_it_splits(
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.parametrize("name", ["openpcdet", "mmdet3d"])
+def test_half_a_split_is_refused(
+    name: str, pole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (pole / "ImageSets").mkdir()
+    (pole / "ImageSets/train.txt").write_text("000000\n")
+    assert main.main(words(pole, tmp_path / "out", name)) == 2
+    assert "expected train.txt and val.txt, got no val.txt" in capsys.readouterr().err
+
+
 def test_frames_and_splits_are_chosen(pole: Path, tmp_path: Path) -> None:
     def written(out: str, *more: str) -> list[str]:
         assert main.main([*words(pole, tmp_path / out), *more]) == 0

@@ -153,8 +153,8 @@ def test_random_phases_differ_and_each_is_the_same_again(
 ) -> None:
     cut_angles = [cut_angles_of(stress("phase", f"draw_{n}", base, tmp_path))[0] for n in (1, 2)]
     assert len({180.0, *cut_angles}) == 3
-    assert altered_scenes.phase(base, "draw_1") == altered_scenes.phase(base, "draw_1")
-    turns = altered_scenes.phase(base, "draw_1").turns_deg
+    assert altered_scenes.phase(base, "sample_1") == altered_scenes.phase(base, "sample_1")
+    turns = altered_scenes.phase(base, "sample_1").turns_deg
     assert len(set(turns)) == len(turns) == altered_scenes.PHASES  # a unit each
 
 

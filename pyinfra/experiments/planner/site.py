@@ -14,7 +14,7 @@ import yaml
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
 from pyinfra.core.names import StrPath, file_or_name
-from pyinfra.core.vocabulary import OBJECT_NAMES, PERSON_TYPES
+from pyinfra.core.vocabulary import OBJECT_NAMES
 from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import configs
 from pyinfra.dataset.frame_sequence import roads_of_world
@@ -108,11 +108,15 @@ def frame_order(count: int, wanted: int) -> tuple[int, ...]:
 
 
 def present_objects(observer: simulation.Observer, frames: tuple[int, ...]) -> pd.DataFrame:
-    """Returns every object in the region, ordered as `frames`, then by id. World frame."""
+    """Returns every vehicle and pedestrian in the region, ordered as `frames`, then by id.
+
+    World frame. Cyclists are left out, because their recall is too low to be predicted.
+    """
     rows = observer.present(list(frames))
     table = pd.DataFrame({name: rows[name] for name in ("frame", "id", "x", "y", "speed")})
     table["type"] = [OBJECT_NAMES[int(c)] for c in rows["class_id"]]
-    table["person"] = table.type.isin(PERSON_TYPES)
+    table = table[table.type != "Cyclist"].reset_index(drop=True)
+    table["person"] = table.type == "Pedestrian"
     return table
 
 

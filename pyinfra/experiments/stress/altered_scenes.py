@@ -187,17 +187,17 @@ def cut_angle(_: Base, degrees: float | str) -> AlteredScene:
     return AlteredScene(turns_deg=(float(degrees),))
 
 
-def phase(_: Base, draw: float | str) -> AlteredScene:
+def phase(_: Base, sample: float | str) -> AlteredScene:
     """Gives every unit an independent random cut angle, as after a power failure.
 
-    draw: `draw_N`, where N seeds the angles.
+    sample: `sample_N`, where N seeds the angles.
     """
-    return AlteredScene(turns_deg=angles_deg(int(str(draw).removeprefix("draw_"))))
+    return AlteredScene(turns_deg=angles_deg(int(str(sample).removeprefix("sample_"))))
 
 
-def angles_deg(draw: int) -> tuple[float, ...]:
-    """Returns PHASES random angles in degrees, seeded with `draw`."""
-    angles = np.random.default_rng([draw, PHASES]).uniform(0, 360, PHASES)
+def angles_deg(seed: int) -> tuple[float, ...]:
+    """Returns PHASES random angles in degrees, seeded with `seed`."""
+    angles = np.random.default_rng([seed, PHASES]).uniform(0, 360, PHASES)
     return tuple(angles.round(3).tolist())
 
 

@@ -144,7 +144,7 @@ STRESSORS = {
         Stressor(
             "phase",
             "name",
-            (UNSTRESSED, "draw_1", "draw_2", "draw_3", "draw_4"),
+            (UNSTRESSED, "sample_1", "sample_2", "sample_3", "sample_4"),
             scene_change=altered_scenes.phase,
             needs=CUT_ANGLE,
         ),
