@@ -151,7 +151,7 @@ def test_a_turned_cut_angle_leaves_the_boxes_of_mid_frame_and_moves_those_of_the
 def test_random_phases_differ_and_each_is_the_same_again(
     base: altered_scenes.Base, tmp_path: Path
 ) -> None:
-    cut_angles = [cut_angles_of(stress("phase", f"draw_{n}", base, tmp_path))[0] for n in (1, 2)]
+    cut_angles = [cut_angles_of(stress("phase", f"sample_{n}", base, tmp_path))[0] for n in (1, 2)]
     assert len({180.0, *cut_angles}) == 3
     assert altered_scenes.phase(base, "sample_1") == altered_scenes.phase(base, "sample_1")
     turns = altered_scenes.phase(base, "sample_1").turns_deg
