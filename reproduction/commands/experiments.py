@@ -66,8 +66,8 @@ RECIPES = ROOT / "configs/detectors"
 
 
 @dataclass(frozen=True)
-class Judge:
-    """A detector that compares LiDARs."""
+class DetectorSetup:
+    """A detector and its training; its role is the column `judge` of the tables."""
 
     role: str  # the column `judge`
     detector: str  # a file in configs/detectors
@@ -75,12 +75,12 @@ class Judge:
     budget: float = 1.0  # multiple of the tier's training steps
 
 
-JUDGES = {
-    "fine-tuned": Judge("fine-tuned", "generalist", "quick"),
-    "background": Judge("background", "background", "quick"),
-    "pretrained": Judge("pretrained", "generalist", None),
+SETUPS = {
+    "fine-tuned": DetectorSetup("fine-tuned", "generalist", "quick"),
+    "background": DetectorSetup("background", "background", "quick"),
+    "pretrained": DetectorSetup("pretrained", "generalist", None),
     **{
-        name: Judge("from nothing", name, "quick", 2.0)
+        name: DetectorSetup("from nothing", name, "quick", 2.0)
         for name in (
             "pointpillars",
             "centerpoint-pillar",
@@ -168,12 +168,12 @@ def turned(lidars: Sequence[Path], degrees: int, folder: Path) -> list[Path]:
     return files
 
 
-def model_of(judge: str, replicate: Replicate, lidar: str, work: Path) -> tuple[Path, float]:
-    """Returns the trained model of an entry of JUDGES, and the CPU seconds of its training."""
-    using = JUDGES[judge]
+def model_of(setup: str, replicate: Replicate, lidar: str, work: Path) -> tuple[Path, float]:
+    """Returns the trained model of an entry of SETUPS, and the CPU seconds of its training."""
+    using = SETUPS[setup]
     if using.tier is None:
         return Path(using.detector), 0.0
-    run = work / "runs" / f"{replicate.name}_{lidar}_{judge}"
+    run = work / "runs" / f"{replicate.name}_{lidar}_{setup}"
     recipe = read_recipe(RECIPES / f"{using.detector}.yaml", using.tier).for_budget(using.budget)
     data = simulated(replicate, TRAIN_SEEDS_FROM + replicate.replicate, TRAIN_FRAMES, work)
     test = simulated(replicate, replicate.test_seeds[0], TEST_FRAMES, work)
@@ -225,8 +225,8 @@ def ap_of(result: MatchResult, part: Part | None = None) -> float:
     return float(ap.average_precision(result.ranking(part), ap.R1000_RECALLS)[0])
 
 
-def key_of(judge: str, replicate: Replicate, lidar: str) -> dict[str, object]:
-    using = JUDGES[judge]
+def key_of(setup: str, replicate: Replicate, lidar: str) -> dict[str, object]:
+    using = SETUPS[setup]
     return {
         **asdict(replicate),
         **{"lidar": lidar, "detector": using.detector, "judge": using.role},
@@ -237,14 +237,14 @@ def key_of(judge: str, replicate: Replicate, lidar: str) -> dict[str, object]:
 class Trained:
     """One detector, trained for one LiDAR in one replicate, and the cut angles of its tests."""
 
-    judge: str
+    setup: str
     replicate: Replicate
     lidar: str
     cut_angles_deg: tuple[int, ...] = (0,)
 
     @property
     def name(self) -> str:
-        return f"{self.replicate.name}_{self.lidar}_{self.judge}"
+        return f"{self.replicate.name}_{self.lidar}_{self.setup}"
 
     @property
     def tests(self) -> list[tuple[int, int]]:
@@ -254,7 +254,7 @@ class Trained:
 
     def is_done(self, out: Path) -> bool:
         """Returns whether the table `out` has all rows of the tests."""
-        key = key_of(self.judge, self.replicate, self.lidar)
+        key = key_of(self.setup, self.replicate, self.lidar)
         wanted = [
             {**key, "seed": seed, "cut_angle_deg": angle, "subset": subset}
             for (seed, angle), subset in itertools.product(self.tests, SUBSETS)
@@ -264,11 +264,11 @@ class Trained:
 
 def fill(trained: Trained, work: Path, out: Path) -> None:
     """Adds the rows of one trained detector, unless another process is computing them."""
-    judge, replicate, lidar = trained.judge, trained.replicate, trained.lidar
-    key = key_of(judge, replicate, lidar)
+    setup, replicate, lidar = trained.setup, trained.replicate, trained.lidar
+    key = key_of(setup, replicate, lidar)
 
     def run() -> None:
-        model, seconds = model_of(judge, replicate, lidar, work)
+        model, seconds = model_of(setup, replicate, lidar, work)
         rows: list[dict[str, object]] = []
         for seed, angle in trained.tests:
             data = simulated(replicate, seed, TEST_FRAMES, work, angle)
@@ -297,7 +297,7 @@ def main() -> None:
     add_out(parser, "experiments.csv")
     parser.add_argument("--scenes", nargs="+", default=["highway", "crossroad", "curve"])
     parser.add_argument("--presets", nargs="+", choices=PRESETS, default=["paper", "datasheet"])
-    parser.add_argument("--judges", nargs="+", choices=JUDGES, default=list(MAIN))
+    parser.add_argument("--setups", nargs="+", choices=SETUPS, default=list(MAIN))
     parser.add_argument("--label-times", nargs="+", choices=get_args(LabelTime), default=["scan"])
     parser.add_argument(
         "--cut-angles",
@@ -321,8 +321,8 @@ def main() -> None:
     ):
         replicate = Replicate(scene, preset, label_time, number)
         detectors = [
-            Trained(judge, replicate, lidar, tuple(args.cut_angles))
-            for lidar, judge in itertools.product(replicate.named(args.lidars), args.judges)
+            Trained(setup, replicate, lidar, tuple(args.cut_angles))
+            for lidar, setup in itertools.product(replicate.named(args.lidars), args.setups)
         ]
         for trained in detectors:
             fill(trained, args.work, args.out)

@@ -157,7 +157,7 @@ def row(match_result: MatchResult, which: str) -> dict[str, object]:
     return {
         **{name: round(v, 3) for name, v in r1000_columns(match_result, bootstrapped).items()},
         "objects": match_result.objects,
-        "found": int(match_result.true_positive.sum()),
+        "true_positives": int(match_result.true_positive.sum()),
         "points_per_vehicle": float(np.median(vehicles.points[match_result.counted])),
         "background_per_frame": np.count_nonzero(false_positive == "background") / frames,
         "misplaced_per_frame": np.count_nonzero(false_positive == "localisation") / frames,

@@ -47,7 +47,7 @@ def quantities(table: pd.DataFrame) -> pd.DataFrame:
     rows = table[(table.cut_angle_deg == 0) & (table.subset == "captured")]
     replicates = rows.groupby(CHOICES).replicate.transform("nunique")
     rows = rows[replicates >= LEAST_REPLICATES]
-    rows = rows[(rows.judge != "from nothing") | (rows.detector == "pointpillars")]
+    rows = rows[(rows["judge"] != "from nothing") | (rows.detector == "pointpillars")]
     rows = rows.assign(quantity=rows.lidar.where(~rows.lidar.str.contains("avia"), "avia"))
     rows = rows.rename(columns={"ap_r1000": "value", "ap_r1000_frames_sd": "frames_sd"})
     rows = rows[[*CHOICES, "replicate", "seed", "quantity", "value", "frames_sd"]]
@@ -72,10 +72,10 @@ def nested(rows: pd.DataFrame) -> dict[str, float]:
 def components(table: pd.DataFrame) -> Iterator[dict[str, object]]:
     """Yields one row per quantity, judge and component; judge is `all` for a choice."""
     values = quantities(table)
-    for (quantity, judge), rows in values.groupby(["quantity", "judge"], sort=False):
+    for (quantity, setup), rows in values.groupby(["quantity", "judge"], sort=False):
         groups = [nested(group) for _, group in rows.groupby(CHOICES)]
         for component in groups[0]:
-            yield _row(quantity, judge, component, [group[component] for group in groups])
+            yield _row(quantity, setup, component, [group[component] for group in groups])
     means = values.groupby([*CHOICES, "quantity"], sort=False).value.mean().reset_index()
     for choice in CHOICES:
         others = [name for name in CHOICES if name != choice]
@@ -89,11 +89,11 @@ def components(table: pd.DataFrame) -> Iterator[dict[str, object]]:
 
 
 def _row(
-    quantity: object, judge: object, component: str, variances: list[float]
+    quantity: object, setup: object, component: str, variances: list[float]
 ) -> dict[str, object]:
     known = [variance for variance in variances if not math.isnan(variance)]
     sd = float(np.sqrt(np.mean(known))) if known else math.nan
-    names = {"quantity": quantity, "judge": judge, "component": component}
+    names = {"quantity": quantity, "judge": setup, "component": component}
     return {**names, "sd": sd, "groups": len(known)}
 
 

@@ -13,7 +13,7 @@ from reproduction.commands.variance import DIFFERENCE
 from reproduction.commands.verdicts import LEAST_REPLICATES, LEVEL, LEVEL_AP, TOO_FEW
 from reproduction.tables.common import LIDARS, markdown, results
 
-JUDGES = {
+SETUPS = {
     "fine-tuned": "fine-tuned",
     "background": "Background",
     "pretrained": "pretrained, not fine-tuned",
@@ -39,8 +39,8 @@ def verdicts(claim: str, subset: str = "captured") -> str:
     ].set_index(["scene", "preset", "judge"])
     pairs = rows.index.droplevel("judge").unique()
     return markdown(
-        ["scene", "preset", *JUDGES.values()],
-        [[*pair, *(_verdict(rows, (*pair, judge)) for judge in JUDGES)] for pair in pairs],
+        ["scene", "preset", *SETUPS.values()],
+        [[*pair, *(_verdict(rows, (*pair, setup)) for setup in SETUPS)] for pair in pairs],
     )
 
 
@@ -57,12 +57,12 @@ def _verdict(rows: pd.DataFrame, key: tuple[str, ...]) -> str:
     return f"{row.value:+.1f} [{row.low:.1f}, {row.high:.1f}], {row.verdict}"
 
 
-def _aps(subset: str, judge: str = "fine-tuned") -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
+def _aps(subset: str, setup: str = "fine-tuned") -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
     """Yields the AP of each scene and preset: one row per replicate and one column per LiDAR."""
     table = results("experiments")
     table = table[
         (table.subset == subset)
-        & (table.judge == judge)
+        & (table["judge"] == setup)
         & (table.label_time == "scan")
         & (table.cut_angle_deg == 0)
     ]
@@ -130,7 +130,9 @@ def _reached(values: pd.Series) -> str:
 def variance() -> str:
     """Returns the standard deviations of AP by component, for the fine-tuned detector."""
     table = results("variance")
-    table = table[table.judge.isin(("all", "fine-tuned"))].set_index(["component", "quantity"]).sd
+    table = (
+        table[table["judge"].isin(("all", "fine-tuned"))].set_index(["component", "quantity"]).sd
+    )
     names = {"ruby_plus": "128 lines", "avia": "Avia", "pandar_64": "64 lines"}
     names |= {"helios_16": "16 lines", DIFFERENCE: "Avia less 128 lines"}
     rows = [
@@ -149,12 +151,12 @@ def seeds() -> str:
     """Returns the half-width of the interval of the Avia less 128 lines, by replicates."""
     table = results("variance")
     table = table[table.quantity == DIFFERENCE].set_index(["judge", "component"]).sd
-    judges = [judge for judge in JUDGES if (judge, "seed") in table.index]
+    setups = [setup for setup in SETUPS if (setup, "seed") in table.index]
     rows = [
-        [str(count), *(f"{_half_width(table[judge], count):.1f}" for judge in judges)]
+        [str(count), *(f"{_half_width(table[setup], count):.1f}" for setup in setups)]
         for count in REPLICATES
     ]
-    return markdown(["replicates", *(JUDGES[judge] for judge in judges)], rows)
+    return markdown(["replicates", *(SETUPS[setup] for setup in setups)], rows)
 
 
 def _half_width(sd: pd.Series, replicates: int, tests: int = 2) -> float:
