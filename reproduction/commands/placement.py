@@ -1,0 +1,244 @@
+"""Measures what the place of a LiDAR is worth, at generated sites that no fit has seen.
+
+The questions are
+
+- place: how much AP has the pose that the prediction chooses more than other poses of the same
+  LiDAR? The command takes the answer from the check of the detectability (--check).
+- order: does the order of LiDARs depend on the pose? Each of LIDARS is measured at the same poses.
+- units: do several LiDARs with 16 lines find more vehicles than one with 128 lines at equal price,
+  with poles? Both are planned within the price of the LiDAR with 128 lines on one pole, and then
+  simulated in full with other traffic.
+
+Measurements use traffic that no prediction has seen. Runs are stored in --work, and `units` adds
+its rows as they are made. Run the command again to resume. It writes NAME.csv for `units`,
+NAME_order.csv, and NAME_summary.csv with 95 % intervals over sites.
+
+    python -m reproduction placement --work out/detectability --out results/placement.csv
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections.abc import Sequence
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.errors import Error
+from pyinfra.experiments import store as rows_store
+from pyinfra.experiments.planner.candidates import POSE, PoseGrid
+from pyinfra.experiments.planner.check import figures
+from pyinfra.experiments.planner.costs import read_costs
+from pyinfra.experiments.planner.detectability import CUT, read_detectability
+from pyinfra.experiments.planner.lidars import open_lidars
+from pyinfra.experiments.planner.measure import measure
+from pyinfra.experiments.planner.plan import plan
+from pyinfra.metrics.comparison import over_replicates
+from reproduction import RECORDED, add_out, provenance
+from reproduction.detectability.runs import (
+    CHECK_POSES,
+    FIRST_CHECK_SITE,
+    Run,
+    read,
+    scene_file_of,
+    site_of,
+    store,
+)
+
+DETECTOR = "generalist"
+LIDARS = ("ruby_plus", "pandar_64", "livox_avia")
+ORDER_SEEDS = (1, 2)
+WIDE, NARROW = "ruby_plus", "helios_16"
+MOST_POLES = 8
+YEARS, PLAN_FRAMES = 5.0, 24
+GRID = PoseGrid(every_m=20.0, heights_m=(4.0, 6.0, 8.0), pitches_deg=(0.0,))
+WITHIN_M = 60.0
+KEY = ["site", "lidar", "seed"]
+
+
+def place_rows(check: pd.DataFrame) -> list[dict[str, object]]:
+    """Returns what the chosen pose has more than the mean pose and than the scene's own pose."""
+    table = check[check.detector == DETECTOR]
+    more_than_mean, more_than_own, between_best_and_worst = [], [], []
+    for _, group in table.groupby(["site", "lidar"]):
+        means = group.groupby("pose")[["ap_predicted", "ap_measured"]].mean()
+        chosen = means.ap_measured[means.ap_predicted.idxmax()]
+        more_than_mean.append(chosen - means.ap_measured.mean())
+        more_than_own.append(chosen - means.ap_measured[0])
+        between_best_and_worst.append(chosen - means.ap_measured[means.ap_predicted.idxmin()])
+    return [
+        summary_row("place", "chosen pose less mean pose, AP", more_than_mean),
+        summary_row("place", "chosen pose less the scene's own pose, AP", more_than_own),
+        summary_row(
+            "place", "chosen pose less the pose predicted worst, AP", between_best_and_worst
+        ),
+    ]
+
+
+def order_table(sites: int, frames: int, work: Path) -> pd.DataFrame:
+    """Measures each of LIDARS at the same poses; returns a row per site, pose, LiDAR and seed."""
+    rows = []
+    for i in range(sites):
+        for pose in range(CHECK_POSES):
+            for lidar in LIDARS:
+                for seed in ORDER_SEEDS:
+                    run = Run(FIRST_CHECK_SITE + i, pose, lidar, seed)
+                    store(run, frames, work)
+                    ap = read(run, work).ap[DETECTOR]
+                    rows.append(
+                        {"site": run.site, "pose": pose, "lidar": lidar, "seed": seed, "ap": ap}
+                    )
+    return pd.DataFrame(rows)
+
+
+def order_rows(table: pd.DataFrame) -> list[dict[str, object]]:
+    """Returns how much the difference of two LiDARs varies over the poses of a site."""
+    wide = table.pivot(index=["site", "pose", "seed"], columns="lidar", values="ap")
+    out = []
+    for a, b in combinations(LIDARS, 2):
+        less = (wide[a] - wide[b]).unstack("seed")
+        noise = less.var(axis=1, ddof=1).groupby("site").mean() / less.shape[1]
+        spread = less.mean(axis=1).groupby("site").var(ddof=1)
+        variance = (spread - noise).to_numpy()
+        mean = less.mean(axis=1).groupby("site").mean()
+        name = f"{a} less {b}, AP"
+        out += [
+            summary_row("order", name, mean),
+            summary_row("order", f"{name}: variance over the poses of a site", variance),
+            summary_row(
+                "order",
+                f"{name}: share of poses at which the sign is not that of all poses, percent",
+                100 * (np.sign(less.mean(axis=1)) != np.sign(mean.mean())).groupby("site").mean(),
+            ),
+        ]
+    best = wide.groupby(["site", "pose"]).mean().idxmax(axis=1)
+    for lidar in LIDARS:
+        share = 100 * (best == lidar).groupby("site").mean()
+        out.append(
+            summary_row("order", f"{lidar}: share of poses at which it is best, percent", share)
+        )
+    return out
+
+
+def units_rows(site_number: int, frames: int, work: Path, out: Path) -> None:
+    """Plans and measures both options at a site, unless the table has its rows."""
+    seed = FIRST_CHECK_SITE + site_number
+    keys = [{"site": seed, "lidar": lidar, "seed": 1} for lidar in (WIDE, NARROW)]
+    if all(rows_store.has_each(rows_store.read(out), keys)):
+        return
+    file = scene_file_of(seed, work)
+    site, other = site_of(seed, frames, work), site_of(seed, frames, work, traffic=1)
+    costs = read_costs(None, YEARS, read_detectability(DETECTOR))
+    units = {one.name: one for one in open_lidars([WIDE, NARROW], site)}
+    budget = costs.price([units[WIDE]], 1, 1).middle
+    rows = []
+    for lidar, poles in ((WIDE, 1), (NARROW, MOST_POLES)):
+        result = plan(
+            file,
+            budget,
+            within_m=WITHIN_M,
+            poles=poles,
+            lidars=[lidar],
+            grid=GRID,
+            years=YEARS,
+            frames=PLAN_FRAMES,
+            check_frames=0,
+        )
+        options = result.options.sort_values(["recall", "price_usd"], ascending=[False, True])
+        best = options[options.option == options.option.iloc[0]]
+        parts = [(row.to_list(), units[lidar].unit) for _, row in best[POSE].iterrows()]
+        found = measure(other, parts, other.frames, DETECTOR)
+        measured = figures(found, site.centre, WITHIN_M, CUT)
+        first = best.iloc[0]
+        rows.append(
+            {
+                "site": seed,
+                "lidar": lidar,
+                "seed": 1,
+                "units": len(best),
+                "poles": int(first.poles),
+                "price_usd": first.price_usd,
+                "budget_usd": budget,
+                "recall_predicted": first.recall,
+                "recall_measured": measured.recall,
+                "ap_predicted": first.ap_predicted,
+                "ap_measured": measured.ap,
+                "false_per_frame": measured.false_per_frame,
+            }
+        )
+    table = pd.DataFrame(rows).assign(**provenance(f"placement --frames {frames}"))
+    rows_store.put(out, table, KEY)
+    print(table.iloc[:, :-3].round(1).to_string(index=False, header=site_number == 0), flush=True)
+
+
+def units_summary(table: pd.DataFrame) -> list[dict[str, object]]:
+    """Returns what several LiDARs of 16 lines have more than one of 128 lines."""
+    wide = table.pivot(index="site", columns="lidar")
+    return [
+        summary_row(
+            "units", f"{NARROW} less {WIDE}, {name}", wide[column][NARROW] - wide[column][WIDE]
+        )
+        for column, name in (
+            ("recall_measured", "vehicles found within 60 m, percent"),
+            ("ap_measured", "AP"),
+            ("recall_predicted", "predicted vehicles found within 60 m, percent"),
+            ("ap_predicted", "predicted AP"),
+            ("units", "number of LiDARs"),
+            ("price_usd", "price, USD"),
+        )
+    ]
+
+
+def summary_row(
+    question: str, quantity: str, values: Sequence[float] | pd.Series
+) -> dict[str, object]:
+    """Returns the mean over sites with Student's 95 % interval."""
+    interval = over_replicates([float(value) for value in values])
+    return {
+        "question": question,
+        "quantity": quantity,
+        "sites": len(values),
+        "value": interval.value,
+        "low": interval.low,
+        "high": interval.high,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--work", type=Path, required=True, help="folder of the runs")
+    parser.add_argument(
+        "--check",
+        type=Path,
+        default=RECORDED / "detectability.csv",
+        help="check of the detectability; default: results/detectability.csv",
+    )
+    parser.add_argument("--sites", type=int, default=6, help="sites of `order`; default: 6")
+    parser.add_argument("--unit-sites", type=int, default=12, help="sites of `units`; default: 12")
+    parser.add_argument("--frames", type=int, default=30, help="frames of a run; default: 30")
+    add_out(parser, "placement.csv")
+    args = parser.parse_args()
+    warnings.simplefilter("ignore")
+    args.work.mkdir(parents=True, exist_ok=True)
+    for number in range(args.unit_sites):
+        try:
+            units_rows(number, args.frames, args.work, args.out)
+        except Error as error:
+            print(f"site {FIRST_CHECK_SITE + number}: left out: {error}", flush=True)
+    order = order_table(args.sites, args.frames, args.work)
+    summary = [
+        *place_rows(pd.read_csv(args.check)),
+        *order_rows(order),
+        *units_summary(rows_store.read(args.out)),
+    ]
+    made_by = provenance(f"placement --sites {args.sites} --frames {args.frames}")
+    for suffix, table in (("_order", order), ("_summary", pd.DataFrame(summary))):
+        file = args.out.with_name(f"{args.out.stem}{suffix}.csv")
+        table.assign(**made_by).to_csv(file, index=False, float_format="%.4g")
+
+
+if __name__ == "__main__":
+    main()
