@@ -16,7 +16,16 @@ from pathlib import Path
 
 from pyinfra.core.errors import Error
 from reproduction import ROOT
-from reproduction.tables import findings, front_page, measure, networks, simulator, sites, verdicts
+from reproduction.tables import (
+    findings,
+    front_page,
+    measure,
+    networks,
+    placement,
+    simulator,
+    sites,
+    verdicts,
+)
 
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 BLOCK = re.compile(r"(<!-- table (.+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
@@ -60,6 +69,12 @@ TABLES: dict[str, Callable[[], str]] = {
     "generalist at sites": networks.generalist_sites,
     "generalist by class": networks.generalist_classes,
     "sites": sites.sites,
+    "predictors of AP": placement.predictors,
+    "errors of the prediction": placement.errors,
+    "reliability": placement.reliability,
+    "what a place is worth": partial(placement.placement, "place"),
+    "order of LiDARs over poses": partial(placement.placement, "order"),
+    "16 lines or 128": partial(placement.placement, "units"),
     "detectors on the highway, paper": partial(findings.detectors, "highway", "paper"),
 }
 

@@ -1,0 +1,79 @@
+"""Makes tables about the prediction of `pyinfra plan` and about what a place is worth."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from reproduction.tables.common import markdown, results, with_interval_of_ap
+
+PREDICTORS = {
+    "ap_predicted": "AP predicted by the detectability",
+    "ten_points_percent": "share of vehicles with ten points",
+    "information_bits": "information of an empty scene (EGVS)",
+    "coverage_percent": "coverage of an empty scene",
+    "another seed": "AP measured with another traffic seed",
+}
+ERRORS = {
+    "mean error": "prediction from other traffic",
+    "mean error with the same traffic": "prediction from the same traffic",
+    "mean error of another seed": "AP or recall measured with another traffic seed",
+}
+
+
+def _cell(row: pd.Series) -> str:
+    return with_interval_of_ap(float(row.value), float(row.low), float(row.high))
+
+
+def predictors() -> str:
+    """Returns a table of the correlation and the regret of each predictor, by detector."""
+    table = results("detectability_summary").set_index(["detector", "measure", "predictor"])
+    rows = []
+    for detector in table.index.unique(0):
+        for predictor, name in PREDICTORS.items():
+            r = table.loc[(detector, "r within a site", predictor)]
+            regret = table.loc[(detector, "regret of the best pose, AP", predictor)]
+            between = f"{r.value:.2f} [{r.low:.2f}, {r.high:.2f}]"
+            rows.append([detector, name, between, f"{r['median']:.2f}", _cell(regret)])
+    return markdown(["detector", "predictor", "r within a site", "median r", "regret, AP"], rows)
+
+
+def errors() -> str:
+    """Returns a table of the mean errors of predicted AP and recall, by detector."""
+    table = results("detectability_summary").set_index(["detector", "measure"])
+    rows = []
+    for detector in table.index.unique(0):
+        for measure, name in ERRORS.items():
+            cells = [
+                _cell(table.loc[(detector, f"{measure}, {figure}")]) for figure in ("ap", "recall")
+            ]
+            rows.append([detector, name, *cells])
+    return markdown(
+        ["detector", "compared with the mean of other seeds", "AP", "recall, percent"], rows
+    )
+
+
+def reliability() -> str:
+    """Returns a table of predicted and measured shares of detected objects."""
+    table = results("detectability_reliability")
+    rows = [
+        [
+            row.detector,
+            row.object_class,
+            f"{row.objects:,}",
+            f"{row.predicted_percent:.0f}",
+            with_interval_of_ap(row.measured_percent, row.measured_low, row.measured_high),
+        ]
+        for row in table.rename(columns={"class": "object_class"}).itertuples()
+    ]
+    heads = ["detector", "class", "objects", "predicted, percent", "measured, percent"]
+    return markdown(heads, rows)
+
+
+def placement(question: str) -> str:
+    """Returns a table of one question of `python -m reproduction placement`."""
+    table = results("placement_summary")
+    rows = [
+        [str(row.quantity), str(row.sites), _cell(row)]
+        for _, row in table[table.question == question].iterrows()
+    ]
+    return markdown(["quantity, mean over sites", "sites", "value"], rows)
