@@ -3,8 +3,8 @@ One car at five distances
 =========================
 
 The points of one frame on the same car, at five distances from the pole. The car is shown as the
-sensor sees it. The number of points falls about with the square of the distance. On the Ruby Plus
-it first rises, because its channels are dense near the horizon.
+sensor sees it. The number of points is roughly proportional to 1 / distance^2. With the Ruby
+Plus it first rises with distance, because this LiDAR's channels are dense near the horizon.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,9 @@
 Two poles against one
 =====================
 
-The share of vehicles near a crossroad that have 10 points or more, from one pole with 16 lines and
-from two. A second pole on the other side sees what vehicles hide from the first.
+The lines show the share of vehicles near a crossroad that have 10 points or more, for one pole and
+for two poles. Each pole has a LiDAR with 16 lines. The second pole is on the other side, and sees
+vehicles that other vehicles hide from the first pole.
 """
 
 import numpy as np
