@@ -9,13 +9,13 @@ namespace pointops {
 struct PillarGrid {
   float low_x, low_y;  // corner of the first cell
   float middle_z;      // middle of the area
-  float side;          // of a cell
+  float side;          // side of a cell
   std::int64_t rows, columns;
 };
 
-/// The linear layer of a pillar encoder. Its inputs are x y z of a point, offset to the mean of its
-/// pillar (3), offset to the middle of the pillar (3), the other columns of the point from the last
-/// to the first.
+/// The linear layer of a pillar encoder. The inputs of a point are: x y z; the offset to the mean
+/// of its pillar (3); the offset to the middle of the pillar (3); the other columns of the point,
+/// from the last to the first.
 struct PillarLayer {
   std::span<const float> weight;  // inputs * features
   std::span<const float> bias;    // features

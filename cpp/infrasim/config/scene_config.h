@@ -231,7 +231,7 @@ struct SpeedConfig {
   double std_km_h = 3;
 };
 
-inline constexpr double kStandstillGap_m = 2;  ///< between queued vehicles
+inline constexpr double kStandstillGap_m = 2;  ///< gap between two vehicles that stand in a queue
 
 struct TrafficConfig {
   double vehicles_per_km_lane = 12;

@@ -24,7 +24,7 @@ enum class Class : std::uint16_t {
   kCyclist = 16,
 };
 
-/// Mean and standard deviation, metres.
+/// Mean and standard deviation of a size, metres.
 struct Spread {
   double mean;
   double std;

@@ -6,8 +6,8 @@
 
 #include "infrasim/core/geometry.h"
 
-// Parameters of the point filters with their only defaults. Scenes and the command line set them;
-// filter/ implements the filters.
+// Parameters of the point filters. Their default values are defined only here. Scenes and the
+// command line set the parameters; filter/ implements the filters.
 
 namespace infrasim {
 

@@ -13,8 +13,9 @@ struct RayBatch {
   std::vector<float> dx, dy, dz;  ///< unit direction, levelled frame
   std::vector<float> time;        ///< seconds since the start of the frame
   std::vector<std::uint16_t> ring;
-  std::vector<float> near;  ///< metres; nearer hits are ignored. If empty, every ray starts at 0
-  float max_range = 0;      ///< metres; farther hits are misses
+  /// metres; nearer hits are ignored; if the vector is empty, hits at all ranges count
+  std::vector<float> near;
+  float max_range = 0;  ///< metres; farther hits count as misses
 
   std::size_t size() const { return time.size(); }
   float near_range(std::size_t i) const { return near.empty() ? 0 : near[i]; }

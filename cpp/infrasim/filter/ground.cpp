@@ -19,13 +19,15 @@ struct Plane {
   std::size_t points = 0;  ///< number of searched points on the plane
 };
 
-/// Maximum number of points in the search. Evenly chosen points give the same plane as all points.
+/// Maximum number of points in the search. If there are more, evenly chosen points are used, which
+/// give the same plane as all points.
 constexpr std::size_t kFitPoints = 20000;
-/// Number of planes to try before giving up.
+/// Maximum number of planes that the search tries.
 constexpr int kMostPlanes = 8;
 constexpr double kHeightTolerance_m = 0.5;
-/// A plane within kClose_m of the expected height is the ground. It is preferred to a larger plane
-/// that is less close if it has at least 1 / kFewer of the larger plane's points.
+/// A plane within kClose_m of the expected height is the ground, even if another plane within
+/// kHeightTolerance_m has more points. It must have at least 1 / kFewer of the points of that
+/// plane.
 constexpr double kClose_m = 0.15;
 constexpr std::size_t kFewer = 10;
 

@@ -70,7 +70,8 @@ CloudFile read_cloud(const std::filesystem::path& file);
 /// @throws ConfigError for another suffix, IoError
 void write_cloud(const std::filesystem::path& file, const CloudFile& cloud);
 
-// The same for bytes in memory. Messages use `name` as the file name.
+// These functions are like read_cloud and write_cloud, for bytes in memory. Messages use `name` as
+// the file name.
 CloudFile parse_bin(std::string_view bytes, const std::string& name);
 CloudFile parse_pcd(std::string_view bytes, const std::string& name);
 std::string pcd_bytes(const CloudFile& cloud);

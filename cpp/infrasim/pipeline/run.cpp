@@ -38,7 +38,8 @@ void check(const RunRequest& request) {
 
 std::vector<int> numbers(const FrameRange& range) {
   std::vector<int> frames;
-  for (std::int64_t k = range.first; k < range.last; k += range.step)  // a step may be INT_MAX
+  // 64 bits, because a step may be INT_MAX
+  for (std::int64_t k = range.first; k < range.last; k += range.step)
     frames.push_back(static_cast<int>(k));
   return frames;
 }

@@ -26,7 +26,8 @@ struct RunRequest {
   std::string preset;
   FrameRange frames;
   std::filesystem::path out;  ///< if empty, nothing is written
-  std::string mount;  ///< name of the only mount that is simulated; if empty, all mounts are
+  /// name of the only mount that is simulated; if empty, all mounts are simulated
+  std::string mount;
   bool fuse = false;  ///< whether to write the fused frames of all mounts too
   int threads = 1;
   /// whether static surfaces are cast in every frame, without static layers; the frames are the

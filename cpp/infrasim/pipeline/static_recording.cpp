@@ -19,9 +19,12 @@ namespace {
 
 constexpr std::size_t kFewestFrames = 20, kMostFrames = 100;
 constexpr double kMostMiss_deg = 0.1;
-constexpr double kAgree_m = 0.3;  // m; 6 sigma of the range noise is used if it is more
+// m, maximum extent of a group of returns; 6 standard deviations of the range noise if that is more
+constexpr double kAgree_m = 0.3;
 constexpr double kColumnReach =
-    0.75;  // in columns, so that a return is not assigned to the next column
+    // in columns: maximum distance of a return from its ray, so that it is not assigned to the next
+    // column
+    0.75;
 // minimum length of the mean phase vector for a constant offset; a length of 0.7 corresponds to a
 // spread of an eighth of a column
 constexpr double kConstantEnough = 0.7;

@@ -11,7 +11,8 @@ namespace infrasim {
 
 namespace {
 
-/// Returns true if a part of the object can be within `reach` metres at some time of the frame.
+/// Returns false if the object stays farther than `reach` metres (horizontal) from the sensor
+/// during the whole frame. May return true for an object slightly beyond `reach`.
 bool reachable(const MovingObject& o, const Box3d& middle, double reach) {
   const double travel = std::hypot(o.to.x - o.from.x, o.to.y - o.from.y);
   const double half_diagonal = std::hypot(middle.dx, middle.dy) / 2;

@@ -19,8 +19,8 @@ struct FrameVehicles {
   std::size_t size() const { return moving.size(); }
 };
 
-/// Sets the objects of frame k in the raycaster. Only objects of which a part can be within `reach`
-/// metres of the sensor at some time of the frame are used.
+/// Sets the objects of frame k in the raycaster. Leaves out objects that stay farther than `reach`
+/// metres (horizontal) from the sensor during the whole frame.
 FrameVehicles set_vehicles(const World& world, int k, double reach, Raycaster& raycaster);
 
 /// Freezes the raycaster's objects at a share of the frame.

@@ -64,7 +64,7 @@ void Horizon::add(const ViewBounds& view) {
     sines_[b] = std::max(sines_[b], view.high);
 }
 
-/// The highest sine within the azimuths of a cone.
+/// Returns the horizon's highest sine of elevation over the azimuths that a cone spans.
 float Horizon::highest_around(float dx, float dy, float spread) const {
   // The steeper a cone is, the more azimuths it spans. A bearing changes no faster than an azimuth.
   const float half = std::asin(std::min(1.0F, spread / std::hypot(dx, dy))) + kMargin;

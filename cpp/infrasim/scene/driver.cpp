@@ -11,9 +11,10 @@ constexpr double kAcceleration = 1.5;    // m/s2 (Treiber, Kesting 2013, table 1
 constexpr double kHardestBraking = 8.0;  // m/s2, maximum braking
 // m/s2; a vehicle does not stop at a red signal if it would have to brake harder
 constexpr double kCommitBraking = 3.0;
-// m; minimum, because fast vehicles look ahead by the distance of a comfortable stop
+// m; minimum distance over which a driver looks ahead; a fast driver looks ahead over the distance
+// of a comfortable stop
 constexpr double kLookahead = 100;
-// m into a junction from which on a turning vehicle's tail no longer blocks the lane
+// m; distance into a junction beyond which the tail of a turning vehicle no longer blocks the lane
 constexpr double kTailClear = 10;
 
 /// The object that limits a driver: the free distance between the front bumper and the object, and
@@ -38,7 +39,8 @@ double idm_acceleration(double speed, double desired, const Leader& leader) {
   return std::clamp(kAcceleration * acceleration, -kHardestBraking, kAcceleration);
 }
 
-/// Whether a vehicle on a turn leaves the lanes beside it free.
+/// Returns whether a turning vehicle stays within its lane, so that the neighbouring lanes are
+/// free.
 bool stays_in_lane(const Vehicle& v, const Lane& turn) {
   const double outwards = turn.turn == Turn::kRight ? v.lateral : -v.lateral;
   return half_width_in_bend(v, turn.curve.tightest_radius(), outwards) <= turn.width_m / 2;

@@ -8,10 +8,11 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kStopLineGap = 3;   // m between the crossing road's edge and the stop line
-constexpr double kLeastArm = 10;     // m, minimum length of a road on each side of its junction
-constexpr double kSharpTurnGap = 8;  // m; additional gap at a T, times the cosine of its
-                                     // angle, for tails of vehicles in the bend
+constexpr double kStopLineGap = 3;  // m between the crossing road's edge and the stop line
+constexpr double kLeastArm = 10;    // m, minimum length of a road on each side of its junction
+// m; this length times the cosine of the angle of a T is added to the gap, for the tails of turning
+// vehicles
+constexpr double kSharpTurnGap = 8;
 constexpr double kLateralAcceleration = 2;     // m/s2, accepted by drivers in a turn
 constexpr double kSharpestCrossing = kPi / 4;  // minimum angle between two roads
 constexpr double kAngleSlack = 1e-6;           // tolerance for angles that should be equal

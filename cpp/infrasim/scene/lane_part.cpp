@@ -9,7 +9,8 @@ namespace {
 
 constexpr double kLeastPart = 0.1;    // m, minimum length of a part in the region
 constexpr double kLeastApart = 0.05;  // m, minimum distance from an end to the next whole metre
-constexpr double kHalfChord = 0.5;    // m before and after a station, to compute a heading
+// m; a heading is computed from the points this far before and after a station
+constexpr double kHalfChord = 0.5;
 
 struct Stretch {
   double from, to;  // m along a lane

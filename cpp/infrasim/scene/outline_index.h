@@ -33,7 +33,7 @@ class OutlineIndex {
   }
 
  private:
-  static constexpr double kSquare = 8;  // m
+  static constexpr double kSquare = 8;  // m, side of a square of the grid
 
   /// Calls `stop(key)` for each square; returns true as soon as `stop` does.
   template <class Stop>

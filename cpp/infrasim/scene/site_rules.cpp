@@ -15,7 +15,8 @@ namespace {
 
 using config::number_text;
 
-constexpr double kApart = 0.01;        // m, minimum distance between two roads; nearer ones touch
+// m, minimum distance between two roads; nearer roads count as touching
+constexpr double kApart = 0.01;
 constexpr double kLeastDepth = 0.001;  // m, minimum depth of the ground below a road
 constexpr int kSlopeSteps = 16;        // number of strips in which a slope is checked
 constexpr double kMostVehicles =

@@ -4,7 +4,7 @@ namespace infrasim {
 
 namespace {
 
-// s between a vehicle that enters a roundabout and the next one on the ring
+// s, minimum time between a vehicle that enters a roundabout and the next vehicle on the ring
 constexpr double kRingGap = 5;
 
 }  // namespace

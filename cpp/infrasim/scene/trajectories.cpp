@@ -14,7 +14,7 @@ namespace {
 
 constexpr char kHeader[] = "t,id,class,x,y,z,heading,dx,dy,dz,speed";
 constexpr char kPitchColumn[] = "pitch";
-constexpr int kColumns = 11;  // without pitch
+constexpr int kColumns = 11;  // number of columns without pitch
 constexpr double kMostPitch = kPi / 6;
 constexpr double kMaxStep = 10;       // m in 0.1 s: 360 km/h
 constexpr double kMaxTurn = kPi / 3;  // rad in 0.1 s
@@ -198,7 +198,7 @@ class TrajectoryReader {
   }
 
  private:
-  static constexpr double kNobody = -1;  // used while there is no id
+  static constexpr double kNobody = -1;  // stands for the blank id of a row with only a time
 
   void row() {
     const double t = csv_.number("t", 0, 1e5);

@@ -9,8 +9,11 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kPiece_m = 20;  // piece of a hedge along a straight road, short enough for culling
-constexpr double kBentPiece_m = 2;  // piece of a hedge in bends and on slopes, as for barriers
+// length of a piece of a hedge along a straight road; short, so that each piece is tested against
+// few rays
+constexpr double kPiece_m = 20;
+// length of a piece of a hedge in bends and on slopes, as for barriers
+constexpr double kBentPiece_m = 2;
 
 /// A tree at its position.
 struct Tree {

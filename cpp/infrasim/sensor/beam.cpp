@@ -8,7 +8,8 @@ namespace infrasim {
 
 namespace {
 
-constexpr float kRangeResolution = 0.5F;  // m; closer echoes merge, because a pulse has 3 ns
+// m; echoes that are closer together merge, because a pulse is 3 ns long
+constexpr float kRangeResolution = 0.5F;
 // sine; for rays closer to the vertical, rounding errors determine the side direction
 constexpr double kAlongUp = 1e-6;
 

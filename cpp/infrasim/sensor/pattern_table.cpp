@@ -11,7 +11,7 @@ namespace infrasim {
 namespace {
 
 constexpr double kPhaseSpan_s = 600;  // maximum time that motors have run before a run starts
-constexpr double kMostRows = 2e8;     // 4.8 GB
+constexpr double kMostRows = 2e8;     // maximum number of rows: 4.8 GB
 
 MotorPhase motor_phase(const PatternConfig& pattern) {
   if (pattern.spinning) return pattern.spinning->phase;
