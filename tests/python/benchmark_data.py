@@ -6,7 +6,7 @@ import pandas as pd
 from pyinfra.experiments.value import KEY
 
 PRICES = {"ruby_plus": 24000, "livox_avia": 2000, "pandar_64": 6000, "helios_16": 1000}
-AP = {  # of LiDARs, by detector
+AP = {  # AP of each LiDAR, by detector
     "pointpillars": (93.0, 94.0, 88.0, 60.0),
     "pv-rcnn": (94.0, 94.0, 90.0, 62.0),
     "dsvt": (84.0, 80.0, 80.0, 55.0),
@@ -19,7 +19,8 @@ def key_of(lidar: str, detector: str) -> dict[str, object]:
 
 
 def experiments(half: float = 1.0) -> pd.DataFrame:
-    """Every LiDAR with every detector; intervals of AP reach `half` to either side."""
+    """Returns experiments of every LiDAR with every detector. The interval of each AP extends
+    `half` to either side."""
     rows = [
         key_of(lidar, detector)
         | {"ap": ap, "ap_low": ap - half, "ap_high": ap + half}
@@ -34,7 +35,8 @@ def experiments(half: float = 1.0) -> pd.DataFrame:
 def replicates_of(
     rows: pd.DataFrame, value: str, half: float, ground_truth: str = "captured", **more: object
 ) -> pd.DataFrame:
-    """Independent replicates of experiments whose `value` has an interval of `half` either way."""
+    """Returns independent replicates of experiments. The interval of `value` extends `half` to
+    either side."""
     same = {
         "vehicles_digest": "w",
         "version": "1",
@@ -45,7 +47,8 @@ def replicates_of(
     same |= {"blocks": 1e6, "replicates": 200, "replicates_seed": 1, "measure": "ap_r1000"}
     records = []
     for i, row in enumerate(rows.to_dict("records")):
-        wave = np.sin(2 * np.pi * (i + 1) * (np.arange(200) + 0.5) / 200)  # orthogonal
+        # orthogonal for different i
+        wave = np.sin(2 * np.pi * (i + 1) * (np.arange(200) + 0.5) / 200)
         drawn = row[value] + wave * half / 1.96 / wave.std(ddof=1)
         key = {name: row[name] for name in KEY}
         numbers = {f"replicate_{k + 1}": one for k, one in enumerate(drawn)}

@@ -1,4 +1,4 @@
-"""Pages from disk in a real headless Chromium, for the tests of what is written as HTML."""
+"""Opens pages from disk in a headless Chromium, for the tests of written HTML pages."""
 
 import io
 from collections.abc import Iterator
@@ -11,15 +11,16 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-CHROMIUM = "/usr/bin/chromium"  # scripts/apt-packages.txt
-# WebGL in software, and no calls of the browser's own.
+CHROMIUM = "/usr/bin/chromium"  # from the package in scripts/apt-packages.txt
+# Chromium renders WebGL in software, and makes no network requests of its own.
 SWITCHES = [
     *("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
 ]
 PATIENCE_MS = 120_000
 TWO_TURNS = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
-# A promise and not wait_for_function(): its later looks are evaluated under the page's own policy.
+# A promise is used instead of wait_for_function(), because the later calls of that function are
+# subject to the content policy of the page.
 ALL_DRAWN = """(async () => {
     const views = [...document.querySelectorAll('figure.lidar-view')];
     while (views.some(view => view.dataset.state === 'drawing'))
@@ -29,14 +30,15 @@ ALL_DRAWN = """(async () => {
 
 @dataclass(frozen=True)
 class Opened:
-    """A page that is open, and what it did."""
+    """An open page, its requests and its console messages."""
 
-    page: Any  # playwright's
-    requests: list[str] = field(default_factory=list)  # addresses, that of the page itself first
-    problems: list[str] = field(default_factory=list)  # errors and warnings of the console
+    page: Any  # the page object of Playwright
+    # requested addresses; the first one is that of the page
+    requests: list[str] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)  # errors and warnings in the console
 
     def is_offline(self) -> bool:
-        """Nothing but the page itself was asked for."""
+        """Returns whether the page requested nothing but itself."""
         return len(self.requests) == 1 and self.requests[0].startswith("file://")
 
     def scrolls_sideways(self) -> bool:
@@ -44,13 +46,14 @@ class Opened:
         return bool(self.page.evaluate(wide))
 
     def settle(self) -> None:
-        """Waits until what the views near the screen were asked for is unpacked and drawn."""
+        """Waits until all requested frames of the views near the screen are unpacked and drawn."""
         self.page.evaluate(TWO_TURNS)
         self.page.evaluate(ALL_DRAWN)
         self.page.evaluate(TWO_TURNS)
 
     def pixels(self, selector: str, hidden: str = "[hidden]") -> npt.NDArray[np.uint8]:
-        """An element as on the screen, (h, w, 3), without what the selector `hidden` names."""
+        """Returns the pixels of an element: (h, w, 3). Elements that match the selector `hidden`
+        are left out."""
         style = f"{hidden} {{ visibility: hidden !important; }}"
         png = self.page.locator(selector).first.screenshot(style=style)
         with Image.open(io.BytesIO(png)) as image:
@@ -67,7 +70,8 @@ class Browser:
     def open(
         self, file: Path, *, width: int = 1024, height: int = 700, theme: str = "light", **more: Any
     ) -> Iterator[Opened]:
-        """A page from disk in a fresh window without a network; `more` goes to new_context()."""
+        """Opens a page from disk in a new window without a network. `more` is passed to
+        new_context()."""
         size = {"width": width, "height": height}
         context = self.chromium.new_context(
             viewport=size, color_scheme=theme, **{"offline": True} | more

@@ -1,4 +1,4 @@
-"""The binary beside this Python, and what the tests of it share."""
+"""Fixtures for the tests of the `infrasim` binary of this Python environment."""
 
 import hashlib
 import os
@@ -14,16 +14,17 @@ from browser import Browser, start_browser
 
 from pyinfra.core.arrays import FloatArray
 
-os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"  # before tests import Ray
+os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"  # must be set before tests import Ray
 
-# Before torch and OpenBLAS are loaded, here and in what tests start: threads of small operations
-# mostly wait for one another, at work, and the detectors compute with one (network.one_thread).
+# These variables must be set before torch and OpenBLAS are loaded, here and in child processes.
+# Threads of small operations mostly wait for each other, and detectors use one thread
+# (network.one_thread).
 os.environ["OMP_NUM_THREADS"] = "1"
 
 ROOT = Path(__file__).resolve().parents[2]
 BINARY = Path(sys.executable).with_name("infrasim")
 
-# The files that take longest: they begin, so that no worker is left with one at the end.
+# The slowest test files. They start first, so that no worker still runs one of them at the end.
 LONG = [
     f"test_{name}" for name in ("benchmark", "detectors", "docs", "cli_errors", "processes", "onnx")
 ]
@@ -38,7 +39,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session")
 def infrasim() -> Infrasim:
-    """Runs the binary from the repository's root: words and options of `subprocess.run`."""
+    """Returns a function that runs the binary in the root of the repository. Its arguments are
+    command words and options of `subprocess.run`."""
 
     def call(*words: object, **options: Any) -> Result:
         return subprocess.run(
@@ -51,7 +53,8 @@ def infrasim() -> Infrasim:
 
 @pytest.fixture(scope="session")
 def run_command() -> Callable[..., list[str]]:
-    """The words of a short run on the motorway with traffic that starts at once."""
+    """Returns a function that makes the words of a short `run` command on the motorway. Its traffic
+    needs no warm-up."""
 
     def words(*lidars: str, frames: str = "0:4", preset: str = "paper", **options: object):
         files = [f"configs/lidars/{name}.yaml" for name in lidars or ("helios_16",)]
@@ -69,7 +72,8 @@ def run_command() -> Callable[..., list[str]]:
 def motorway(
     infrasim: Infrasim, run_command: Callable[..., list[str]], tmp_path_factory: Any
 ) -> Path:
-    """Three frames of four LiDARs on the motorway, with fields; to be read only."""
+    """Simulates three frames of four LiDARs on the motorway, with fields. Tests must not change the
+    folder."""
     out = tmp_path_factory.mktemp("motorway") / "data"
     lidars = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
     result = infrasim(*run_command(*lidars, frames="0:3"), "--set", "fields=true", "--out", out)
@@ -79,7 +83,8 @@ def motorway(
 
 @pytest.fixture(scope="session")
 def digests() -> Callable[[Path], dict[str, str]]:
-    """SHA-256 of every file of a data set by its path; times are in summary.csv, so without it."""
+    """Returns a function that computes the SHA-256 of each file of a data set, by path. It leaves
+    out summary.csv, which contains computing times."""
 
     def of(folder: Path) -> dict[str, str]:
         return {
@@ -93,7 +98,8 @@ def digests() -> Callable[[Path], dict[str, str]]:
 
 @pytest.fixture
 def pattern(infrasim: Infrasim, tmp_path: Path) -> Callable[..., FloatArray]:
-    """Azimuth, elevation (rad) and time (s) of a LiDAR's rays, (n, 3)."""
+    """Returns a function that computes the azimuth, elevation (rad) and time (s) of a LiDAR's rays:
+    (n, 3)."""
 
     def rays(lidar: Path | str, *options: object) -> FloatArray:
         file = lidar if isinstance(lidar, Path) else ROOT / f"configs/lidars/{lidar}.yaml"

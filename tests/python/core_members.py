@@ -1,4 +1,4 @@
-"""The functions of `_core`, and the methods and properties of its classes."""
+"""Lists the functions of `_core`, and the methods and properties of its classes."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,7 +9,8 @@ OF_EVERY_CLASS = {"__doc__", "__module__", "__weakref__", "_pybind11_conduit_v1_
 
 
 def classes() -> dict[str, type]:
-    """Returns the classes by name, without exceptions, which have no code of their own."""
+    """Returns the classes of `_core` by name. Exceptions are left out, because they have no code of
+    their own."""
     public = {name: getattr(_core, name) for name in dir(_core) if not name.startswith("_")}
     return {
         name: value
@@ -24,7 +25,8 @@ def functions() -> dict[str, Callable[..., Any]]:
 
 
 def members() -> set[str]:
-    """Returns the names of all, such as `suppress`, `World.objects` and `World.__init__`."""
+    """Returns the names of all functions, methods and properties, such as `suppress`,
+    `World.objects` and `World.__init__`."""
     of_classes = {
         f"{name}.{member}"
         for name, kind in classes().items()
@@ -34,7 +36,8 @@ def members() -> set[str]:
 
 
 def record_calls() -> set[str]:
-    """Replaces all by wrappers; returns the set to which they add their name when called."""
+    """Replaces all functions, methods and properties by wrappers. Returns the set to which a
+    wrapper adds its name when it is called."""
     called: set[str] = set()
 
     def recorded(name: str, function: Callable[..., Any]) -> Callable[..., Any]:

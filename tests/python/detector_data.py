@@ -1,4 +1,5 @@
-"""A small made-up road: flat ground, and vehicles as boxes with points on the sides one can see."""
+"""A small artificial road: flat ground, and boxes as vehicles, with points on the sides that the
+sensor sees."""
 
 import numpy as np
 
@@ -11,7 +12,8 @@ SITE = Site(Area((0.0, -12.8, -7.0), (38.4, 12.8, -1.0)), FLOOR_Z)
 
 
 def vehicle_points(box: FloatArray, draw: np.random.Generator, count: int = 150) -> Points:
-    """(count, 4): on the faces of the box (7,) that look to the sensor, and on its roof."""
+    """Returns `count` points on the roof of a box, and on the faces that the sensor sees: (count,
+    4)."""
     local = draw.uniform(-0.5, 0.5, (count, 3))
     face = draw.integers(3, size=count)
     cos, sin = np.cos(box[6]), np.sin(box[6])
@@ -26,7 +28,8 @@ def vehicle_points(box: FloatArray, draw: np.random.Generator, count: int = 150)
 
 
 def road_sample(seed: int, vehicles: int = 4) -> Sample:
-    """One frame with vehicles that stand in lanes, some across, none over another."""
+    """Returns one frame with vehicles in lanes. Some vehicles are at right angles to their lane. No
+    vehicles overlap."""
     draw = np.random.default_rng(seed)
     lanes = draw.permutation(8)[:vehicles] * 3.0 - 10.5
     boxes = np.empty((vehicles, 7))

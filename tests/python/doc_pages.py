@@ -33,13 +33,13 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 KINDS = ("sh", "python", "yaml", "text")
 FEW_FRAMES = 20
 ELSEWHERE = re.compile(r"--(backend|address) |--device cuda|--precision bfloat16")
-SHELL = re.compile(r"[|&;<>`$*{}]")  # what the runner does not do
+SHELL = re.compile(r"[|&;<>`$*{}]")  # shell syntax that the runner does not support
 SMALL = {"evaluate": ["--no-figures", "--replicates", "20"], "benchmark": ["--jobs", "1"]}
 
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block; `file` is the name it is to be saved under."""
+    """A fenced block. `file` is the name of the file to which its text is saved."""
 
     kind: str
     file: str
@@ -52,7 +52,7 @@ def blocks(page: Path) -> list[Block]:
 
 
 def commands(text: str) -> list[str]:
-    """The commands of a block, each in one line, without comments."""
+    """Returns the commands of a block without comments, each in one line."""
     lines = text.replace("\\\n", " ").splitlines()
     return [" ".join(line.partition(" #")[0].split()) for line in lines if not is_blank(line)]
 
@@ -62,7 +62,8 @@ def is_blank(line: str) -> bool:
 
 
 def run_page(page: Path, infrasim: Callable[..., object]) -> None:
-    """Runs a page in the working folder. Raises AssertionError for what cannot be run."""
+    """Runs a page in the working folder. Raises AssertionError for a block that the runner can't
+    run."""
     copy_configs()
     names: dict[str, object] = {"__name__": page.stem}
     for block in blocks(page):
@@ -79,7 +80,7 @@ def run_page(page: Path, infrasim: Callable[..., object]) -> None:
 
 
 def run_python(text: str, name: str, names: dict[str, object]) -> None:
-    """Runs a block as a notebook does: it can import the files that the page saved."""
+    """Runs a Python block as in a notebook. The block can import files that the page has saved."""
     modules, folder = set(sys.modules), str(Path.cwd())
     sys.path.insert(0, folder)
     try:
@@ -92,7 +93,8 @@ def run_python(text: str, name: str, names: dict[str, object]) -> None:
 
 
 def run(command: str, infrasim: Callable[..., object]) -> None:
-    """Runs or parses one command; anything else is an AssertionError."""
+    """Runs or parses a command. Raises AssertionError for a command that the runner does not
+    know."""
     if command == "source .venv/bin/activate":
         return
     assert not SHELL.search(command), f"more than the runner does: {command}"
@@ -159,14 +161,15 @@ def groups() -> set[str]:
 
 
 def spoken(page: Path) -> Iterator[list[str]]:
-    """The words of commands inside sentences: `pyinfra ...`, `infrasim ...` or `make ...`."""
+    """Yields the words of each command in the sentences of a page: `pyinfra ...`, `infrasim ...` or
+    `make ...`."""
     prose = re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
     for text in re.findall(r"`((?:pyinfra|infrasim|make) [^`]+)`", prose):
         yield text.split()
 
 
 def small_words(words: list[str]) -> list[str]:
-    """The same command over fewer frames and draws."""
+    """Returns the same command with fewer frames and bootstrap replicates."""
     words = [small_word(before, word) for before, word in zip(["", *words], words, strict=False)]
     return [*words, *(extra for extra in SMALL.get(words[0], []))]
 
@@ -182,14 +185,15 @@ def small_word(option: str, word: str) -> str:
 
 
 def copy_configs() -> None:
-    """Those of the repository as `configs`, smaller."""
+    """Copies the configurations of the repository to `configs`, and makes them smaller."""
     shutil.copytree(ROOT / "configs", "configs", dirs_exist_ok=True)
     for file in Path("configs").rglob("*.yaml"):
         file.write_text(small_text(file.read_text(), file.name))
 
 
 def small_text(text: str, name: str) -> str:
-    """A scene, recipe or benchmark that takes less time; other files as they are."""
+    """Returns a scene, recipe or benchmark that takes less time. Returns the text of any other file
+    unchanged."""
     content = yaml.safe_load(text) if name.endswith(".yaml") else None
     if content is None:
         return text
@@ -208,7 +212,8 @@ def small_text(text: str, name: str) -> str:
 
 
 def small_tier(smoke: dict[str, Any]) -> dict[str, Any]:
-    """Two steps, or none where nothing is learnt."""
+    """Returns a tier with at most two training steps. A detector that learns nothing has no
+    steps."""
     if "learning" not in smoke:
         return smoke
     learning = {"start": smoke["learning"].get("start", ""), "batch": 1}

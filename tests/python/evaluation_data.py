@@ -1,4 +1,4 @@
-"""A small data set and predictions as files, for the tests of evaluate and validate."""
+"""Writes a small data set and predictions, for the tests of evaluate and validate."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ field_of_view:
 
 
 def fill_clouds(folder: Path, frames: Sequence[Sequence[Vehicle]]) -> None:
-    """Clouds in which each vehicle has its points, in the middle of its box."""
+    """Writes clouds with the points of each vehicle, all in the middle of the vehicle's box."""
     for k, vehicles in enumerate(frames):
         rows = [[*box(v)[:3], 0.5] for v in vehicles for _ in range(int(str(v["points"])))]
         points = np.array(rows, dtype="<f4").reshape(-1, 4)
@@ -37,7 +37,8 @@ def fill_clouds(folder: Path, frames: Sequence[Sequence[Vehicle]]) -> None:
 
 
 def car(x: float, y: float = 3.0, **changes: object) -> dict[str, object]:
-    """A car on the road: box at mid-frame, class, points, visibility; scanned `ahead`."""
+    """Returns a car on the road, with its box at mid-frame, class, points and visibility. `ahead`
+    is the distance from this box to the box at scan time."""
     standard = {
         "class": "Car",
         "heading": 0.0,
@@ -55,7 +56,7 @@ def box(vehicle: Vehicle) -> list[float]:
 
 
 def scanned(vehicle: Vehicle) -> dict[str, object]:
-    """The same where it was scanned."""
+    """Returns the vehicle at its position at scan time."""
     return {**vehicle, "x": vehicle["x"] + vehicle["ahead"], "ahead": 0.0}  # type: ignore[operator]
 
 
@@ -69,7 +70,7 @@ def write_lidar(
     period_s: float = 0.1,
     label_time: str = "frame",
 ) -> Path:
-    """A LiDAR's folder with labels of the vehicles that have points; clouds are empty."""
+    """Writes a LiDAR's folder. It has labels for the vehicles with points, and empty clouds."""
     for part in ("velodyne", "label_2", *(["objects"] if objects else [])):
         (folder / "training" / part).mkdir(parents=True)
     for k, vehicles in enumerate(frames):
@@ -91,7 +92,8 @@ def write_lidar(
 
 
 def write_roads(folder: Path, half_width: float = 10.0) -> None:
-    """One straight road under the sensor along its view, which is +y in the world."""
+    """Writes one straight road through the sensor's foot. The road runs in the viewing direction,
+    which is +y in the world."""
     rows = "".join(f"main,{s},10,{20 + s},0,{math.pi / 2},{half_width}\n" for s in range(-100, 101))
     (folder / "roads.csv").write_text(f"road,s,x,y,z,heading,half_width\n{rows}")
 
@@ -106,7 +108,8 @@ def object_line(number: object, v: Vehicle) -> str:
 
 
 def label_line(name: str, values: Sequence[float], score: float | None = None) -> str:
-    """A line of label_2, by the devkit's description; with a score a line of a result."""
+    """Returns a line of label_2 in the devkit's format. With a score, it is a line of a result
+    file."""
     x, y, z, dx, dy, dz, heading = values
     size, position = f"{dz:.6f} {dy:.6f} {dx:.6f}", f"{-y:.6f} {dz / 2 - z:.6f} {x:.6f}"
     line = (
@@ -118,7 +121,7 @@ def label_line(name: str, values: Sequence[float], score: float | None = None) -
 def write_predictions(
     folder: Path, frames: Sequence[Sequence[tuple[Sequence[float], float]]], name: str = "vehicle"
 ) -> Path:
-    """KITTI result files of (box, score)."""
+    """Writes boxes with scores as KITTI result files."""
     folder.mkdir(parents=True, exist_ok=True)
     for k, boxes in enumerate(frames):
         text = "".join(label_line(name, values, score) + "\n" for values, score in boxes)
@@ -127,14 +130,14 @@ def write_predictions(
 
 
 def perfect(frames: Sequence[Sequence[Vehicle]]) -> list[list[tuple[list[float], float]]]:
-    """Every vehicle that has points, with scores that differ."""
+    """Returns the boxes of all vehicles with points, with different scores."""
     return [
         [(box(v), 0.9 - 0.001 * i) for i, v in enumerate(frame) if v["points"]] for frame in frames
     ]
 
 
 def traffic(frames: int, seed: int = 0, per_frame: int = 8) -> list[list[dict[str, object]]]:
-    """Cars on four lanes, 12 m apart or more."""
+    """Returns cars on four lanes. Cars on the same lane are 12 m apart or more."""
     random = np.random.default_rng(seed)
     result = []
     for _ in range(frames):
@@ -148,7 +151,8 @@ def traffic(frames: int, seed: int = 0, per_frame: int = 8) -> list[list[dict[st
 def noisy(
     frames: Sequence[Sequence[Vehicle]], seed: int = 1, spread: float = 0.3, ghosts: int = 2
 ) -> list[list[tuple[list[float], float]]]:
-    """Most vehicles with errors, some twice, and some where nothing is."""
+    """Returns boxes of most vehicles with errors. Some vehicles have two boxes, and some boxes have
+    no vehicle."""
     random = np.random.default_rng(seed)
     scale = spread * np.array([1, 0.5, 0.3, 0.5, 0.2, 0.2, 0.1])
     result = []

@@ -1,4 +1,4 @@
-"""A made-up recording whose every value is known, for the tests of the exports."""
+"""An artificial recording in which every value is known, for the tests of the exports."""
 
 import math
 import shutil
@@ -26,7 +26,7 @@ aggregation: "exact"
 preset: "none"
 version: "0.1.0"
 """
-# Frame 5 has objects 3 and 8, frame 6 none, frame 7 object 3 again.
+# Frame 5 has the objects 3 and 8, frame 6 has none, and frame 7 has object 3 again.
 FRAMES = {5: (3, 8), 6: (), 7: (3,)}
 BOXES = {
     3: (30.0, -4.0, -5.25, 4.0, 2.0, 1.5, 0.5),
@@ -36,7 +36,8 @@ NAMES = {3: "Car", 8: "Truck"}
 
 
 def write_recording(data_set: Path, *, fields: bool = True, objects: bool = True) -> Path:
-    """The folder of LiDAR `pole`: ten points a frame, three of them in each box."""
+    """Writes the folder of the LiDAR `pole`. Each frame has ten points, of which three are in each
+    box."""
     folder = data_set / "pole"
     for frame, ids in FRAMES.items():
         kitti.write_frame(
@@ -53,7 +54,8 @@ def write_recording(data_set: Path, *, fields: bool = True, objects: bool = True
 
 
 def points(frame: int) -> np.ndarray:
-    """(10, 4): three about the centre of each box, four on the road far from both."""
+    """Returns the points of a frame: (10, 4). Three lie at the centre of each box, and four lie on
+    the road far from both boxes."""
     steps = np.array([[0, 0, 0], [0.4, 0.2, 0.1], [-0.3, 0.1, -0.2]])
     near = [np.array(box[:3]) + steps for box in BOXES.values()]
     far = np.array([[50 + frame, 9, -6], [51, 9, -6], [52, 9, -6], [53.25, 9, -6]])
@@ -79,7 +81,8 @@ def boxes_of(ids: tuple[int, ...]) -> np.ndarray:
 
 
 def objects_of(ids: tuple[int, ...]) -> kitti.Objects:
-    """The car drives and is half visible; the truck stands, of unknown visibility."""
+    """Returns the objects of a frame. The car moves and is half visible. The truck stands and has
+    an unknown visibility."""
     boxes, k = boxes_of(ids), len(ids)
     return kitti.Objects(
         ids=np.array(ids, dtype=np.int64),
@@ -97,13 +100,14 @@ def objects_of(ids: tuple[int, ...]) -> kitti.Objects:
 
 
 def to_world(xyz: np.ndarray) -> np.ndarray:
-    """(n, 3) of the LiDAR of `write_recording`, by hand: it looks along the world's y."""
+    """Transforms points (n, 3) of the LiDAR of `write_recording` to the world. The LiDAR looks
+    along the world's y."""
     x, y, z = np.asarray(xyz, dtype=np.float64).T
     return np.column_stack([10 - y, 20 + x, 6 + z])
 
 
 def rotation(quaternion_xyzw: object) -> np.ndarray:
-    """(3, 3) of a unit quaternion."""
+    """Returns the rotation matrix of a unit quaternion: (3, 3)."""
     x, y, z, w = (float(v) for v in quaternion_xyzw)  # type: ignore[attr-defined]
     assert math.isclose(x * x + y * y + z * z + w * w, 1)
     return np.array(
@@ -116,14 +120,14 @@ def rotation(quaternion_xyzw: object) -> np.ndarray:
 
 
 def heading(quaternion_xyzw: object) -> float:
-    """Where the x axis points to, of a turn about +z."""
+    """Returns the direction of the x axis after a rotation about +z."""
     turn = rotation(quaternion_xyzw)
     assert np.allclose(turn[2], [0, 0, 1])
     return math.atan2(turn[1, 0], turn[0, 0])
 
 
 def without(folder: Path, data_set: Path, *parts: str) -> Path:
-    """A copy of a LiDAR's folder without some of its parts, and without dataset.yaml."""
+    """Copies a LiDAR's folder without some of its parts and without dataset.yaml."""
     copy = shutil.copytree(folder, data_set / folder.name)
     for part in parts:
         shutil.rmtree(copy / "training" / part)

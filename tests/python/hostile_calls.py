@@ -24,15 +24,16 @@ from hypothesis import strategies as st
 from pyinfra import _core
 
 REFUSED = (ValueError, TypeError, OSError, MemoryError)
-MEMORY = 4 << 30  # of the process: more is refused as on a machine without it
-CALL_S = 100  # a call that takes longer hangs
+# memory limit of the process; larger requests fail as on a machine with less memory
+MEMORY = 4 << 30
+CALL_S = 100  # a call that takes longer counts as a hang
 EXAMPLES = 40
 V0_3 = Path(__file__).resolve().parents[1] / "data/v0_3/inputs"
 
 CALLED = record_calls()
 SECONDS = float(sys.argv[2])
 LOG = os.open(sys.argv[1], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-FOLDER = Path(sys.argv[1]).parent / "files"  # that calls write
+FOLDER = Path(sys.argv[1]).parent / "files"  # folder of the files that calls write
 INPUTS = FOLDER / "inputs"
 
 whole = st.sampled_from(
@@ -52,7 +53,7 @@ word = st.sampled_from(["", "a", "pole", "datasheet", "paper", "\0", "../x", "a"
 
 
 def logged(function: Callable[..., Any], *values: object, **named: object) -> Any:
-    """What a call returns; None if it was refused."""
+    """Returns the result of a call, or None if the call raised an allowed error."""
     text = f"{getattr(function, '__name__', function)} {values!r} {named!r}".encode()[:20000]
     os.ftruncate(LOG, 0)
     os.pwrite(LOG, text, 0)
@@ -67,7 +68,8 @@ def logged(function: Callable[..., Any], *values: object, **named: object) -> An
 
 @st.composite
 def table(draw: st.DrawFn, columns: int | None, kind: type[np.generic], sane: Any, odd: Any) -> Any:
-    """An array (n, columns), or (n,), of sane values; or with odd ones, or laid out oddly."""
+    """Returns an array (n, columns) or (n,) of usual values, sometimes with unusual values or an
+    unusual memory layout."""
     rows = draw(st.integers(0, 30))
     shape: tuple[int, ...] = (rows,) if columns is None else (rows, columns)
     cells = np.array(draw(st.lists(sane, min_size=1, max_size=12)))
@@ -266,7 +268,7 @@ def load_background(header: list[int], cells: bytes, fits: bool, points: Any) ->
         logged(_core.kept_rows, points, [model])
 
 
-# The inputs of 0.3, whose LiDARs have keys with earlier names.
+# Input files of version 0.3, whose LiDARs have keys with their earlier names.
 shutil.copytree(V0_3, INPUTS)
 for file in INPUTS.glob("*.yaml"):
     text = file.read_text().replace("seam_deg", "cut_angle_deg").replace("wedges", "prisms")
@@ -348,7 +350,7 @@ def frame_stream(lidars: list[Any], frames: list[int], threads: int) -> None:
             assert frame.rays > 0
             assert frame.seconds > 0
             assert len(frame.objects.dtype.names) > 10
-            del stream, result  # its columns outlive them
+            del stream, result  # the columns must outlive the result
             assert np.isfinite(frame.xyz).all()
             return
 

@@ -70,13 +70,14 @@ Edit = tuple[str, str]
 
 @dataclass(frozen=True)
 class Site:
-    """Changes of the town; `key` and `words` stand in the message, empty if it can be."""
+    """Changes of the town. The error message must contain `key` and `words`, which are empty for a
+    possible site."""
 
     name: str
     edits: tuple[Edit, ...]
     key: str = ""
     words: tuple[str, ...] = ()
-    at: str = ""  # what stands on the line that the message names
+    at: str = ""  # text in the line that the message names
 
     @property
     def text(self) -> str:
@@ -100,17 +101,17 @@ def pole(x: float, y: float, z: float) -> Edit:
 
 
 def profile(points: str) -> Edit:
-    """A rise of the whole town."""
+    """Returns an edit that adds a profile to the whole town."""
     return "roads:\n  - name: main", f"profile:\n  points_m: {points}\nroads:\n  - name: main"
 
 
 def pieces(*of_a_line: str) -> str:
-    """Of a centreline."""
+    """Returns the YAML lines of the pieces of a centreline."""
     return "\n      ".join(f"- {{{piece}}}" for piece in of_a_line)
 
 
 def side_line(line: str, more: str = "") -> Edit:
-    """The side road's centreline, and keys below it."""
+    """Returns an edit of the side road's centreline. `more` is added below it."""
     return SIDE_LINE, f"{line}\n{more}    {LANES}\nground:"
 
 
@@ -119,7 +120,7 @@ def side_keys(keys: str) -> Edit:
 
 
 def road(x: float, y: float, heading: float, *of_its_line: str) -> Edit:
-    """A third road."""
+    """Returns an edit that adds a third road."""
     lines = f"      {pieces(*of_its_line)}\n"
     start = f"start: {{x_m: {x:.9g}, y_m: {y:.9g}, heading_deg: {heading:.9g}}}"
     text = f"  - name: third\n    {start}\n    centreline:\n{lines}    lanes: {{each_way: 1}}\n"
@@ -131,7 +132,7 @@ def house(x: float, y: float, more: str, *, base: float = 0) -> Edit:
 
 
 def more_ground(elevation: float) -> Edit:
-    """A deck over a part of the main road."""
+    """Returns an edit that adds ground at the given elevation over a part of the main road."""
     outline = "[[-100, -30], [-80, -30], [-80, 30], [-100, 30]]"
     return "buildings:\n", (
         f"  - {{elevation_m: {elevation:.9g}, outline_m: {outline}}}\nbuildings:\n"
@@ -143,19 +144,19 @@ def side_start(x: float, y: float, heading: float) -> Edit:
 
 
 EMBANKED = "elevation_m: 6\n    embankment: {foot_elevation_m: -0.05}"
-NORTH = side_start(0, 60, 90)  # ends away from the main road
+NORTH = side_start(0, 60, 90)  # this road ends away from the main road
 NORTH_LINE = "- {line_m: 200}"
 SMALL = "length_m: 1, width_m: 1, height_m: 3"
 
 
 def parked(row: str) -> Edit:
-    """Standing vehicles on the main road, cars a metre apart."""
+    """Returns an edit that adds parked cars along the main road, a metre apart."""
     shares = "class_shares: {Car: 1}"
     return "traffic:\n", f"parked:\n  - {{road: main, {row}, {shares}}}\ntraffic:\n"
 
 
 def people(row: str) -> Edit:
-    """Walkers along the main road."""
+    """Returns an edit that adds pedestrians along the main road."""
     rest = "per_km: 20, class: Pedestrian, speed: {mean_km_h: 5, std_km_h: 1}"
     return "traffic:\n", f"people:\n  - {{road: main, {row}, {rest}}}\ntraffic:\n"
 
@@ -392,10 +393,11 @@ POSSIBLE = (
 
 @dataclass(frozen=True)
 class Verdict:
-    """What `infrasim check` says of a site."""
+    """The answer of `infrasim check` about a site."""
 
     refused: bool
-    message: str  # without the path of the file, and without where a mount looks
+    # message without the path of the file and without the lines about the view of a mount
+    message: str
 
     def is_right_for(self, site: Site) -> bool:
         if not site.key:
@@ -411,7 +413,7 @@ def verdict_of(binary: Path, site: Site) -> Verdict:
         file.write_text(site.text)
         command = [binary, "check", file, *([] if site.key else ["--traffic"])]
         result = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    notes = "infrasim: mount "  # where a mount looks
+    notes = "infrasim: mount "  # start of the lines about the view of a mount
     lines = [line for line in result.stderr.splitlines() if not line.startswith(notes)]
     message = "\n".join(lines).strip().removeprefix(f"{file}:")
     return Verdict(result.returncode == 2, message)

@@ -25,7 +25,7 @@ from pyinfra.models.training.samples import Augmentation
 from pyinfra.models.training.sources import read_source
 
 ROOT = Path(__file__).resolve().parents[2]
-# PointRCNN draws points at random, other ones with other processes.
+# PointRCNN is left out, because it samples other points if the number of processes is different.
 SAME = ("pointpillars", "centerpoint-pillar", "dsvt", "pv-rcnn")
 
 
@@ -41,7 +41,8 @@ def recipe(detector: str) -> Recipe:
 
 
 def one_step(detector: str, samples: list[Sample]) -> dict[str, Tensor]:
-    """One step of plain descent, whose weights differ by no more than the gradients do."""
+    """Takes one step of plain gradient descent. The weights then differ by no more than the
+    gradients."""
     torch.manual_seed(1)
     network = checkpoint.build(detector, recipe(detector).network, SITE).train()
     distributed.share_norms(network)
@@ -54,7 +55,7 @@ def one_step(detector: str, samples: list[Sample]) -> dict[str, Tensor]:
 
 
 def meet_elsewhere() -> None:
-    """Every meeting of the processes has its own port."""
+    """Takes the next free port, because each process group needs its own port."""
     here, _, others = os.environ["PORTS"].partition(" ")
     os.environ |= {"MASTER_PORT": here, "PORTS": others}
 
@@ -67,7 +68,7 @@ def run(folder: Path, out: Path) -> None:
 def main(folder: Path, out: Path) -> None:
     torch.set_num_threads(1)
     few = road_sample(3, 1)
-    odd = Sample(few.points[:1], few.boxes[:0])  # the second process has one point
+    odd = Sample(few.points[:1], few.boxes[:0])  # the second process has a single point
     meet_elsewhere()
     with distributed.joined(torch.device("cpu")):
         rank, many = distributed.rank(), distributed.count() > 1

@@ -14,7 +14,7 @@ from exchange_data import rotation
 
 Row = dict[str, Any]
 
-# Column: type; "-> table" a token there, "?" may be empty, "*" a list.
+# Type of each column: `-> table` is a token of that table, `?` may be empty, `*` is a list.
 SCHEMA = {
     "attribute": "token:str name:str description:str",
     "calibrated_sensor": "token:str sensor_token:->sensor translation:float3 rotation:float4 "
@@ -43,7 +43,7 @@ SCHEMA = {
 @dataclass(frozen=True)
 class Database:
     root: Path
-    tables: dict[str, dict[str, Row]]  # rows by token
+    tables: dict[str, dict[str, Row]]  # rows of each table, by token
 
     def rows(self, table: str) -> list[Row]:
         return list(self.tables[table].values())
@@ -60,11 +60,12 @@ class Database:
         return row
 
     def cloud(self, data: Row) -> np.ndarray:
-        """(n, 5) x y z intensity ring, sensor frame."""
+        """Returns the points of a sweep in the sensor frame: (n, 5) x y z intensity ring."""
         return np.fromfile(self.root / data["filename"], dtype="<f4").reshape(-1, 5)
 
     def poses(self, data: Row) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Rotation and translation of sensor to ego, then of ego to global."""
+        """Returns two pairs of rotation and translation: from the sensor to the ego frame, and from
+        the ego frame to the global frame."""
         rows = [
             self.get("calibrated_sensor", data["calibrated_sensor_token"]),
             self.get("ego_pose", data["ego_pose_token"]),
@@ -77,7 +78,7 @@ class Database:
         return xyz
 
     def box_in_sensor(self, annotation: Row, data: Row) -> np.ndarray:
-        """x y z dx dy dz heading of an annotation, through ego to the sensor."""
+        """Returns an annotation as x y z dx dy dz heading in the sensor frame."""
         centre, axes = np.array(annotation["translation"]), turn(annotation["rotation"])
         for turned, moved in reversed(self.poses(data)):
             centre, axes = turned.T @ (centre - moved), turned.T @ axes
@@ -91,7 +92,7 @@ def turn(wxyz: list[float]) -> np.ndarray:
 
 
 def read(root: Path, version: str) -> Database:
-    """Asserts that the tables are what the description says."""
+    """Reads the tables, and asserts that they have the described schema."""
     tables: dict[str, dict[str, Row]] = {}
     for name in SCHEMA:
         rows = json.loads((root / version / f"{name}.json").read_text())
@@ -125,7 +126,8 @@ def check(tables: dict[str, dict[str, Row]], location: str, kind: str, value: An
 
 
 def check_chains(tables: dict[str, dict[str, Row]], name: str) -> None:
-    """`prev` undoes `next`, time goes on, and a chain stays in its scene and instance."""
+    """Checks the links of a table. `prev` is the inverse of `next`, time increases, and a chain
+    stays in its scene and instance."""
     rows = tables[name]
     for row in rows.values():
         if row["prev"]:
@@ -144,7 +146,8 @@ def sample_of(tables: dict[str, dict[str, Row]], name: str, row: Row) -> Row:
 
 
 def check_ends(tables: dict[str, dict[str, Row]]) -> None:
-    """A scene's and an instance's count is the length of the chain from its first to its last."""
+    """Checks the counts of scenes and instances, which must equal the length of the chain from the
+    first to the last row."""
     for scene in tables["scene"].values():
         ends = scene["first_sample_token"], scene["last_sample_token"]
         chain = walk(tables["sample"], *ends)

@@ -1,4 +1,4 @@
-"""Tasks for the workers of a pool; they import this file, so it has little else."""
+"""Tasks for the workers of a pool. Workers import this file, so it imports little."""
 
 import os
 import signal
@@ -9,7 +9,7 @@ from pyinfra.experiments.gpus import exclusive_gpu
 
 
 def dies_once(task: Path) -> None:
-    """Writes that it began; the first time the task named `victim` kills its process."""
+    """Writes a file when it begins. The first run of the task named `victim` kills its process."""
     begun = task.with_suffix(".begun")
     first = not begun.exists()
     begun.touch()
@@ -28,7 +28,7 @@ def dies(task: Path) -> None:
 def takes_a_gpu(task: Path) -> None:
     with exclusive_gpu("cuda", task.parent) as device:
         mark = task.parent / device.replace(":", "_")
-        mark.touch(exist_ok=False)  # nobody else is at it
+        mark.touch(exist_ok=False)  # fails if another process is working on the task
         time.sleep(0.1)
         mark.unlink()
         task.write_text(device)

@@ -1,4 +1,4 @@
-"""How property-based tests of readers are run: always the same here, others in `make fuzz`."""
+"""Runs property-based tests of readers. The examples are always the same, except in `make fuzz`."""
 
 import os
 import time
@@ -8,11 +8,11 @@ from hypothesis import HealthCheck, settings
 
 SECONDS = float(os.environ.get("FUZZ_SECONDS", "0"))
 EXAMPLES = 200 if SECONDS else 40
-LIMIT_S = 300 + 2 * SECONDS  # of a test
+LIMIT_S = 300 + 2 * SECONDS  # limit for one test
 
 
 def tried(examples: Callable[..., None], most: int = EXAMPLES) -> None:
-    """A property under @given, also for FUZZ_SECONDS."""
+    """Runs a property under @given, for FUZZ_SECONDS if this variable is set."""
     run = settings(
         max_examples=most,
         deadline=None,

@@ -1,4 +1,4 @@
-"""Results made up for the tests of the report, and what is read off a page."""
+"""Artificial results for the tests of the report, and a parser for its pages."""
 
 import re
 from html.parser import HTMLParser
@@ -16,7 +16,7 @@ DETECTORS = ("pointpillars", "background")
 
 
 def experiment(lidar: str, detector: str, ap: float | None, **more: Any) -> dict[str, Any]:
-    """A row of a benchmark; one without an AP failed."""
+    """Returns a row of a benchmark. An experiment without an AP has failed."""
     row = {**EXPERIMENT, "lidar": lidar, "detector": detector, "ap": ap}
     if ap is not None:
         row |= {"ap_low": ap - 2, "ap_high": ap + 1, "ap_common": ap, "ap_all": ap / 2}
@@ -28,7 +28,7 @@ def experiment(lidar: str, detector: str, ap: float | None, **more: Any) -> dict
 
 
 def experiments() -> pd.DataFrame:
-    """Two LiDARs and two detectors, one of which failed."""
+    """Returns experiments of two LiDARs and two detectors. One of these experiments has failed."""
     return pd.DataFrame(
         [
             experiment("livox_avia", "pointpillars", 91.25, latency_p50_ms=60.0),
@@ -40,7 +40,7 @@ def experiments() -> pd.DataFrame:
 
 
 def along_the_road(name: str) -> pd.DataFrame:
-    """Rows of `areas` or `distance` for the experiments that are done."""
+    """Returns rows of `areas` or `distance` for the experiments that have not failed."""
     rows = []
     for row in experiments().dropna(subset="ap").itertuples():
         key = {**EXPERIMENT, "lidar": row.lidar, "detector": row.detector}
@@ -144,7 +144,7 @@ def fidelity() -> pd.DataFrame:
 
 
 def replicates(rows: pd.DataFrame, value: str, half: float) -> pd.DataFrame:
-    """Columns of replicates beside the rows: their value has an interval of `half` either way."""
+    """Returns replicates for the rows. The interval of `value` extends `half` to either side."""
     same = {
         "measure": "ap_r1000",
         "blocks": 1e6,
@@ -169,7 +169,8 @@ def experiment_replicates() -> pd.DataFrame:
 
 
 def ladder() -> pd.DataFrame:
-    """Detail `box` turns the order of two LiDARs, and so do 50 frames."""
+    """Returns models of a scene. With detail `box`, and with 50 frames, the order of two LiDARs is
+    reversed."""
     usual = {"detail": "low", "aggregation": "exact", "frames": 1000}
     models = [
         ({}, 90.0, 80.0),
@@ -222,7 +223,7 @@ def points() -> pd.DataFrame:
 
 
 def tables() -> dict[str, pd.DataFrame]:
-    """Every table of a folder of results, by the name of its file."""
+    """Returns every table of a folder of results, by file name."""
     return {
         "quick.csv": experiments(),
         "quick_areas.csv": along_the_road("areas"),
@@ -238,7 +239,7 @@ def tables() -> dict[str, pd.DataFrame]:
 
 
 def study_tables() -> dict[str, pd.DataFrame]:
-    """Also those that the study alone has."""
+    """Returns all tables, including those that only the study has."""
     return tables() | {
         "scanning_claims.csv": claims(),
         "quick_claims.csv": claims().assign(claim="comparable", scene="highway"),
@@ -249,7 +250,7 @@ def study_tables() -> dict[str, pd.DataFrame]:
 
 
 def write(folder: Path, some: dict[str, pd.DataFrame] | None = None) -> Path:
-    """A folder of results, with all tables or some."""
+    """Writes a folder of results with all tables, or with the given tables."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, table in (tables() if some is None else some).items():
         table.to_csv(folder / name, index=False)
@@ -257,7 +258,7 @@ def write(folder: Path, some: dict[str, pd.DataFrame] | None = None) -> Path:
 
 
 class Read(HTMLParser):
-    """What a page has: ids, links, titles, pictures, and the words that are shown."""
+    """Parses a page: its ids, links, titles, pictures and visible words."""
 
     def __init__(self, file: Path) -> None:
         super().__init__()

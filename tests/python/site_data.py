@@ -31,7 +31,7 @@ def road(
     more: str = "",
     junction: int = -1,
 ) -> str:
-    """A road of one geometry."""
+    """Returns an OpenDRIVE road with one geometry."""
     x, y, heading = pose
     return (
         f'<road id="{number}" length="{length}" junction="{junction}"><planView><geometry s="0" '
@@ -41,18 +41,20 @@ def road(
 
 
 def open_drive(*roads: str) -> str:
-    """A whole map."""
+    """Returns a complete OpenDRIVE map."""
     head = '<header revMajor="1" revMinor="6" north="0" south="0" east="0" west="0"/>'
     return f"<?xml version='1.0'?><OpenDRIVE>{head}{''.join(roads)}</OpenDRIVE>"
 
 
 def straight() -> str:
-    """200 m to the east, 1,000 km off the origin but for two zeros, with a house and a tree."""
+    """Returns a map with a straight road of 200 m to the east, a house and a tree. The road begins
+    far from the origin."""
     return open_drive(road(1, (1000, 2000, 0), 200, more=HOUSE))
 
 
 def hill() -> str:
-    """Level, up to 6 %, and level again, by cubics; then a bend of 30 m."""
+    """Returns a road of cubics: level, up to a grade of 6 %, and level again. A bend with a radius
+    of 30 m follows."""
     rise = (
         '<elevation s="0" a="3" b="0" c="0.0003" d="0"/>'
         '<elevation s="100" a="6" b="0.06" c="0" d="0"/>'
@@ -64,7 +66,7 @@ def hill() -> str:
 
 
 def roundabout(folder: Path, netconvert: Path, reach_m: float = 120) -> Path:
-    """A network of a ring of 20 m and four arms, built from nodes and edges."""
+    """Builds a network with nodes and edges: a ring with a radius of 20 m, and four arms."""
     nodes, edges = [], []
     for k in range(4):
         x, y = (round(math.cos(k * math.pi / 2)), round(math.sin(k * math.pi / 2)))
@@ -84,7 +86,8 @@ def roundabout(folder: Path, netconvert: Path, reach_m: float = 120) -> Path:
 
 
 def district() -> str:
-    """Two streets that cross, four houses of which one says its height, and a tree."""
+    """Returns a map of two crossing streets, four houses and a tree. One of the houses has a
+    height."""
     lon, lat = 8.4, 49.0
     nodes, ways = [], []
 

@@ -1,4 +1,4 @@
-"""A small site from files: two lanes on a slope of 6 %, a connecting lane, its road, cars."""
+"""A small site from files: two lanes on a slope of 6 %, a connecting lane, their road, and cars."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ trajectories: trajectories.csv
 
 
 def write_site(folder: Path, *, narrowed: bool = False, cars: FloatArray | None = None) -> Path:
-    """The scene file. cars: (n, 3) x y heading."""
+    """Writes the scene file and its other files. cars: (n, 3) x y heading."""
     (folder / "meshes").mkdir(parents=True)
     text = SITE + (f"regions: [{{name: bend, outline_m: {OUTLINE}}}]\n" if narrowed else "")
     (folder / "site.yaml").write_text(text)
@@ -36,7 +36,8 @@ def write_site(folder: Path, *, narrowed: bool = False, cars: FloatArray | None 
 
 
 def lanes() -> str:
-    """East and west, and a quarter of a circle of 20 m from one to the north."""
+    """Returns a lane to the east, a lane to the west, and a quarter circle of 20 m that leads from
+    one of them to the north."""
     angle = np.linspace(0, np.pi / 2, 12)
     bend = np.stack([20 * np.sin(angle), 18 - 20 * np.cos(angle)], axis=1)
     ways = {
@@ -53,7 +54,7 @@ def lanes() -> str:
 
 
 def slab(west: float, east: float, south: float, north: float) -> str:
-    """A rectangle of the slope, as ascii."""
+    """Returns a rectangle of the slope as an ascii .ply file."""
     corners = [(west, south), (east, south), (east, north), (west, north)]
     rows = "".join(f"{x} {y} {SLOPE * x}\n" for x, y in corners)
     axes = "".join(f"property double {axis}\n" for axis in "xyz")
@@ -62,7 +63,7 @@ def slab(west: float, east: float, south: float, north: float) -> str:
 
 
 def standing(cars: FloatArray) -> str:
-    """Cars of 4 m that stand for a second, on the slope."""
+    """Returns trajectories of cars of 4 m length that stand on the slope for a second."""
     rows = [
         f"{k / 10},{i + 1},Car,{x:.4f},{y:.4f},{SLOPE * x + 0.8:.4f},{heading:.4f},4,1.8,1.6,0\n"
         for k in range(11)

@@ -1,4 +1,4 @@
-"""Maps of whole sites, each some hundred metres to every side, in the formats that are imported."""
+"""Maps of whole sites in the imported formats. Each extends some hundred metres to every side."""
 
 import itertools
 import math
@@ -18,12 +18,12 @@ def t_junction(folder: Path, home: Path) -> Path:
 
 
 def oblique(folder: Path, home: Path) -> Path:
-    """Two roads that cross at 50 degrees."""
+    """Writes a map of two roads that cross at 50 degrees."""
     return _written(folder / "oblique.xodr", junction([0, 50, 180, 230], 30))
 
 
 def hill(folder: Path, home: Path, grade: float = 0.06) -> Path:
-    """700 m: level, a grade over 250 m, level."""
+    """Writes a map of a road of 700 m: level, then a grade over 250 m, then level again."""
     bend = grade / 200
     up = [(0, 0, 0, 0), (150, 0, 0, bend), (250, 50 * grade, grade, 0)]
     up += [(500, 300 * grade, grade, -bend), (600, 350 * grade, 0, 0)]
@@ -37,7 +37,7 @@ def roundabout(folder: Path, home: Path) -> Path:
 
 
 def slip_road(folder: Path, home: Path) -> Path:
-    """A motorway of two lanes each way, and a slip road that joins one of them."""
+    """Writes a map of a motorway with two lanes each way. A slip road joins one carriageway."""
     osm = Osm(8.4, 49.0)
     west, merge, east = osm.node(-450, 0), osm.node(0, 0), osm.node(450, 0)
     main = {"highway": "motorway", "oneway": "yes", "lanes": "2", "maxspeed": "100"}
@@ -54,7 +54,8 @@ def district(folder: Path, home: Path) -> Path:
 
 
 def district_text() -> str:
-    """Three streets each way, houses in four blocks, and rows of trees."""
+    """Returns a map of three streets in each direction, houses in four blocks, and rows of
+    trees."""
     osm = Osm(8.4, 49.0)
     lines = (-100, 0, 100)
     crossings = {(i, j): osm.node(x, y) for i, x in enumerate(lines) for j, y in enumerate(lines)}
@@ -72,7 +73,7 @@ def district_text() -> str:
 
 
 def netgenerate(folder: Path, home: Path) -> Path:
-    """A random network of SUMO's own netgenerate."""
+    """Makes a random network with SUMO's program netgenerate."""
     out = folder / "random.net.xml"
     words = ["--rand", "--rand.iterations", "40", "--seed", "7", "--rand.min-distance", "90"]
     words += ["--rand.max-distance", "200", "--rand.min-angle", "45", "--default.lanenumber", "2"]
@@ -98,10 +99,8 @@ def _written(file: Path, text: str) -> Path:
 
 
 def junction(arms_deg: list[float], radius_m: float) -> str:
-    """An OpenDRIVE map of roads that meet in one junction, each turn a connecting road of a lane.
-
-    radius_m: from the middle to where the arms begin.
-    """
+    """Returns an OpenDRIVE map of roads that meet in one junction. Each turn is a connecting road
+    with one lane. radius_m: distance from the middle to the start of the arms."""
     roads, connections = [], []
     link = '<link><predecessor elementType="junction" elementId="9"/></link>'
     for k, arm in enumerate(arms_deg, start=1):
@@ -120,7 +119,8 @@ def junction(arms_deg: list[float], radius_m: float) -> str:
 
 
 def _turn(number: int, origin: tuple[int, float], goal: tuple[int, float], radius_m: float) -> str:
-    """A cubic from one arm's begin to the other's, that leaves and arrives along them."""
+    """Returns a cubic from the start of one arm to that of another. At both ends it has the
+    direction of the arm."""
     (i, a), (j, b) = origin, goal
     heading = a + math.pi
     cos, sin = math.cos(heading), math.sin(heading)
@@ -161,7 +161,7 @@ def _turn(number: int, origin: tuple[int, float], goal: tuple[int, float], radiu
 
 
 class Osm:
-    """An OpenStreetMap file in the making; places in metres around lon, lat."""
+    """Collects the elements of an OpenStreetMap file. Positions are in metres around lon, lat."""
 
     def __init__(self, lon: float, lat: float) -> None:
         self.lon, self.lat = lon, lat

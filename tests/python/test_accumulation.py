@@ -1,4 +1,5 @@
-"""Frames stacked into one cloud: which, how old, and who may look at what."""
+"""Frames that are stacked into one cloud: which frames, their ages, and which frames training may
+use."""
 
 import dataclasses
 from pathlib import Path
@@ -41,7 +42,7 @@ MIDDLE = Accumulation(3, "middle")
 
 
 def cloud_of(frame: int) -> Points:
-    """Whose points say by their intensity in which frame they were seen."""
+    """Returns a cloud. The intensity of its points is the number of the frame divided by 100."""
     points = road_sample(frame).points
     points[:, 3] = frame / 100
     return points
@@ -49,7 +50,8 @@ def cloud_of(frame: int) -> Points:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Frames of a made-up road; 4 and from 9 on to test on, 6 and 8 in no list."""
+    """Writes frames of an artificial road. Frames 4 and 9 to the last are test frames; frames 6 and
+    8 are in no list."""
     lidar = tmp_path_factory.mktemp("data") / "road/ring"
     lidar.mkdir(parents=True)
     (lidar / "lidar.yaml").write_text(LIDAR)
@@ -75,14 +77,14 @@ def recipe(**network: object) -> Recipe:
 
 @pytest.fixture(scope="module")
 def trained(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A model of three frames that looks at ages."""
+    """Trains a network that stacks three frames and uses their ages."""
     out = tmp_path_factory.mktemp("run")
     train(recipe(age=True), [read_source(folder, "smoke", MIDDLE)], out, quiet=True)
     return out
 
 
 def ages_of(points: Points) -> dict[int, float]:
-    """Of the frames that a stacked cloud holds."""
+    """Returns the age of each frame in a stacked cloud."""
     frames, first = np.unique(np.round(points[:, 3] * 100).astype(int), return_index=True)
     return {int(k): round(float(points[i, 4]), 6) for k, i in zip(frames, first, strict=True)}
 
@@ -131,10 +133,13 @@ def test_one_frame_is_as_it_was_read(folder: Path) -> None:
 
 def test_no_frame_to_test_on_is_learnt_from(folder: Path) -> None:
     newest, middle = (read_source(folder, "smoke", how) for how in (THREE, MIDDLE))
-    assert ages_of(newest.clouds[5]()) == {5: 0.2, 6: 0.1, 7: 0}  # 6 lies between
-    assert ages_of(newest.clouds[4]()) == {3: 0.2, 5: 0}  # 4 is to test on
+    # frame 6 lies between train frames
+    assert ages_of(newest.clouds[5]()) == {5: 0.2, 6: 0.1, 7: 0}
+    # frame 4 is a test frame, so it is left out
+    assert ages_of(newest.clouds[4]()) == {3: 0.2, 5: 0}
     assert ages_of(middle.clouds[4]()) == {5: 0, 6: -0.1}
-    assert ages_of(middle.clouds[5]()) == {6: 0.1, 7: 0}  # 8 comes after all of them
+    # frame 8 comes after the last train frame of the stack
+    assert ages_of(middle.clouds[5]()) == {6: 0.1, 7: 0}
     everything = Accumulation(100, "middle")
     for cloud in read_source(folder, "smoke", everything).clouds:
         assert set(ages_of(cloud())) == {0, 1, 2, 3, 5, 6, 7}
@@ -168,7 +173,7 @@ def test_simulated_frames_are_stacked_among_those_to_learn_from() -> None:
     newest = points[points[:, 4] == 0, :4]
     np.testing.assert_array_equal(newest, single.clouds[1]())
     assert set(points[:, 4].tolist()) == {0.0, float(np.float32(0.1))}
-    assert set(stack.clouds[0]()[:, 4].tolist()) == {0.0}  # nothing was before
+    assert set(stack.clouds[0]()[:, 4].tolist()) == {0.0}  # no earlier frames exist
 
 
 def test_augmentation_and_windows_keep_ages() -> None:
@@ -193,7 +198,7 @@ def network_of(name: str, **keys: object) -> Network:
     config = read_recipe(ROOT / f"configs/detectors/{name}.yaml", "smoke").network
     torch.manual_seed(1)
     network = checkpoint.build(name, dataclasses.replace(config, **keys), SITE)
-    for module in network.modules():  # so that there are boxes without any training
+    for module in network.modules():  # raises the scores, so that an untrained network has boxes
         if isinstance(module, torch.nn.Conv2d) and module.bias is not None:
             torch.nn.init.constant_(module.bias, 0.0)
     return network.eval()
@@ -249,7 +254,7 @@ def test_a_run_of_a_version_without_the_keys_goes_on(folder: Path, tmp_path: Pat
     assert detect.accumulation_of(file) == Accumulation()
     before = file.read_bytes()
     train(recipe(), [read_source(folder, "smoke")], tmp_path, quiet=True)
-    assert file.read_bytes() == before  # it was finished
+    assert file.read_bytes() == before  # the training was already finished
     with pytest.raises(
         ConfigError, match="expected the same training, got another: different accumulate"
     ):

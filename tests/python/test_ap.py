@@ -1,4 +1,5 @@
-"""Average precision and matching: cases by hand, the devkit as oracle, order without influence."""
+"""Average precision and matching: cases by hand, comparison with the devkit, and independence of
+the order."""
 
 import math
 
@@ -31,7 +32,7 @@ def perfect(objects: int) -> tuple[FloatArray, BoolArray, int]:
 
 
 def slow_r40(scores: FloatArray, hit: BoolArray, objects: int, recalls: list[float]) -> float:
-    """By the words of the definition."""
+    """Computes AP directly from its definition."""
     points = []
     for threshold in np.unique(scores):
         counted = scores >= threshold
@@ -42,7 +43,8 @@ def slow_r40(scores: FloatArray, hit: BoolArray, objects: int, recalls: list[flo
 
 
 def devkit(scores: FloatArray, hit: BoolArray, objects: int) -> float:
-    """getThresholds and the sampling of precision, as loops."""
+    """Computes AP with loops, as the devkit does in getThresholds and in its sampling of
+    precision."""
     hits = sorted(scores[hit], reverse=True)
     thresholds, current = [], 0.0
     for i, score in enumerate(hits):
@@ -71,7 +73,8 @@ def test_a_perfect_detector_has_100(objects: int) -> None:
 
 
 def test_four_objects_by_hand() -> None:
-    """Hits at ranks 1, 2 and 4 of 5: precision 1 up to recall 1/2, 3/4 up to 3/4, then none."""
+    """The true positives have ranks 1, 2 and 4 of 5. Precision is 1 up to recall 1/2, then 3/4 up
+    to recall 3/4, then 0."""
     hit = [True, True, False, True, False]
     scores = [0.9, 0.8, 0.7, 0.6, 0.5]
     assert r40(scores, hit, 4) == pytest.approx(100 * (20 * 1 + 10 * 0.75) / 40)
@@ -84,7 +87,8 @@ def test_precision_is_raised_to_the_highest_that_follows() -> None:
 
 
 def test_equal_scores_are_one_operating_point() -> None:
-    """The hit and the ghost of the same score come together, whichever stands first."""
+    """A true positive and a false positive with equal scores are counted together, in either
+    order."""
     assert r40([0.5, 0.5], [True, False], 1) == 50
     assert r40([0.5, 0.5], [False, True], 1) == 50
 
@@ -141,7 +145,8 @@ def test_devkit_credits_one_recall_too_many(objects: int) -> None:
 
 
 def test_devkit_ap_can_rise_when_detections_are_dropped() -> None:
-    """780 of 1000 objects without an error, then 780 ghosts, then 10 more hits."""
+    """First 780 of 1000 objects are found without an error. Then come 780 false positives, then 10
+    more true positives."""
     hit = np.repeat([True, False, True], [780, 780, 10])
     scores = np.linspace(0.9, 0.2, len(hit))
     assert kitti(scores, hit, 1000) == pytest.approx(78.75, abs=0.01)
@@ -199,7 +204,7 @@ def test_weighted_ap_of_many_points_is_close() -> None:
 
 
 def boxes(*rows: tuple[float, ...]) -> FloatArray:
-    """x, y, and if given length: cars along x."""
+    """Returns cars along x from rows of x, y and, optionally, length."""
     return np.array([[x, y, 0, *(length or [4.0]), 2, 1.5, 0] for x, y, *length in rows])
 
 
@@ -227,7 +232,7 @@ def test_a_prediction_takes_what_it_overlaps_most() -> None:
 
 
 def test_an_overlap_of_exactly_the_threshold_counts_but_not_for_the_devkit() -> None:
-    """Moved by a third of its length: IoU (2/3) / (4/3) = 1/2."""
+    """A box that is moved by a third of its length has an IoU of (2/3) / (4/3) = 1/2."""
     moved = boxes((4 / 3, 0))
     assert match(moved, [0.9], boxes((0, 0)), strict=False) == [0]
     assert match(moved, [0.9], boxes((0, 0)), strict=True) == [-1]
@@ -248,7 +253,7 @@ def test_vehicles_of_another_frame_are_not_taken() -> None:
 def test_order_of_boxes_and_of_equal_scores_has_no_influence(
     detected: list[tuple[int, int, int]], truth: list[tuple[int, int]], random: object
 ) -> None:
-    """The same boxes, and not just as many, are right."""
+    """The same boxes are true positives, not only the same number of boxes."""
 
     def taken(p: list[tuple[int, int, int]], v: list[tuple[int, int]]) -> list[object]:
         if not p or not v:

@@ -1,4 +1,4 @@
-"""The public API: frames in memory, detections as a table, results that equal those from disk."""
+"""The public API: frames in memory, detections as a table, and the same results as from disk."""
 
 from __future__ import annotations
 
@@ -40,7 +40,8 @@ def frames() -> SimulatedFrames:
 
 @pytest.fixture(scope="module")
 def noisy(frames: FrameSequence) -> pd.DataFrame:
-    """Boxes of the labels, some displaced, some of nothing."""
+    """Returns boxes of the labels, of which some are displaced, and some boxes without a
+    vehicle."""
     rng = np.random.default_rng(1)
     table = frames.labels[["frame", "type", *BOX]].copy()
     table["score"] = rng.uniform(0.1, 1, len(table))
@@ -50,7 +51,7 @@ def noisy(frames: FrameSequence) -> pd.DataFrame:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same frames on disk."""
+    """Writes the same frames to disk."""
     return write_frames(tmp_path_factory.mktemp("api") / "highway", "--frames", "0:60:6")
 
 
@@ -116,7 +117,8 @@ def test_matches_count_every_prediction_and_every_object(
 
 
 def test_distance_is_that_from_the_sensor(frames: FrameSequence) -> None:
-    """Only boxes beyond 58 m are given: rings to 40 m have an AP of 0, those from 60 m 100."""
+    """Only boxes beyond 58 m are predicted. AP is 0 in the rings up to 40 m, and 100 in the rings
+    from 60 m."""
     labels = frames.labels
     far = labels[np.hypot(labels.x, labels.y) > 58].assign(score=1.0)
     rings = pi.evaluate(frames, far).by_distance.query("ground_truth == 'captured'")
@@ -126,7 +128,8 @@ def test_distance_is_that_from_the_sensor(frames: FrameSequence) -> None:
 
 
 def test_a_callable_is_a_detector(frames: FrameSequence) -> None:
-    """One box of a car where points lie; its columns alone are needed."""
+    """The detector returns one box of a car at a position with points. It has only the required
+    columns."""
 
     def nearest(points: np.ndarray[Any, Any]) -> pd.DataFrame:
         x, y, z = points[0, :3].astype(float)
@@ -146,7 +149,7 @@ def test_an_export_from_memory_is_that_from_disk(
     name: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The same files; a build may have another version than the binary."""
+    """The files are equal, except that a build may have another version than the binary."""
     description = yaml.safe_load((written.parent / "dataset.yaml").read_text())
     versions = (str(description["frames_version"]), description["version"])
     monkeypatch.setattr(SimulatedFrames, "versions", versions)
@@ -160,7 +163,8 @@ def test_an_export_from_memory_is_that_from_disk(
 
 
 def test_what_stands_goes(frames: FrameSequence) -> None:
-    """A box that comes back where nothing moves; the short recording is warned of."""
+    """A box that recurs where nothing moves is left out. The command warns that the recording is
+    short."""
 
     def rail(points: np.ndarray[Any, Any]) -> pd.DataFrame:
         return pd.DataFrame([[25.0, 19.5, -7.0, 4.5, 1.9, 1.6, 0.0]], columns=BOX)
@@ -183,14 +187,14 @@ def test_a_region_is_where_vehicles_are_looked_for(frames: FrameSequence) -> Non
     behind = [[-40.0, -30.0], [0.0, -30.0], [0.0, 30.0], [-40.0, 30.0]]
     within = pi.detect("generalist", frames[:2], region=behind)
     assert everywhere.x.max() > 15
-    assert within.x.max() < 10  # but for the margin of half a long vehicle
+    assert within.x.max() < 10  # 10 m allow for half the length of a vehicle
     assert len(within) > 0
 
 
 def test_frames_are_stacked_as_the_model_learnt(
     frames: FrameSequence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The frame before comes from the scene, though it is not in the sequence."""
+    """The previous frame is taken from the scene, although it is not in the sequence."""
     two = Accumulation(2)
     monkeypatch.setattr("pyinfra.models.inference.detect.accumulation_of", lambda _: two)
     (cloud,) = boxes_table._stacked(Path("model"), frames[1:2])
@@ -301,7 +305,7 @@ def test_examples_of_docstrings_hold(name: str) -> None:
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_a_docstring_says_what_goes_in_and_out(name: str) -> None:
-    """In numpydoc's sections; each argument by its name."""
+    """Docstrings have numpydoc's sections, and name each argument."""
     text = inspect.getdoc(getattr(pi, name)) or ""
     parts = re.split(r"\n(\w+)\n-+\n", text)
     sections = dict(zip(parts[1::2], parts[2::2], strict=True))
@@ -315,7 +319,7 @@ def test_a_docstring_says_what_goes_in_and_out(name: str) -> None:
 def test_predictions_of_other_frames_or_another_model_are_refused(
     written: Path, tmp_path: Path
 ) -> None:
-    """Where `pyinfra detect` wrote them: their origin.yaml says the LiDAR and the data set."""
+    """`pyinfra detect` writes origin.yaml, which names the LiDAR and the data set."""
     pytest.importorskip("torch", reason="the extra `train` is not installed")
     out = tmp_path / "pred"
     words = ["detect", str(written), "--model", "generalist", "--out", str(out)]
@@ -333,7 +337,7 @@ def test_predictions_of_other_frames_or_another_model_are_refused(
     assert main.main(words) == 2
     (out / "origin.yaml").unlink()
     assert [f for f in pi.evaluate(written, out).findings if f.name == "origin"]
-    (out / "999999.txt").touch()  # of another tool: the folder is not vouched for
+    (out / "999999.txt").touch()  # a file of another tool, so the folder's origin is uncertain
     assert main.main(words) == 0
     assert not (out / "origin.yaml").exists()
 
@@ -383,8 +387,9 @@ def test_the_origin_of_frames_is_that_of_their_lidar_but_not_of_its_price(
 def test_a_sequence_on_disk_is_evaluated_as_its_folder(
     written: Path, noisy: pd.DataFrame, tmp_path: Path
 ) -> None:
-    """With the warnings of its folder, and predictions of frames that are not evaluated."""
-    copy = Path(shutil.copytree(written, tmp_path / "copy/helios_16"))  # without its roads
+    """The result has the warnings of the folder, and ignores predictions of frames that are not
+    evaluated."""
+    copy = Path(shutil.copytree(written, tmp_path / "copy/helios_16"))  # without roads.csv
     files = tmp_path / "pred"
     files.mkdir()
     for number in NUMBERS:

@@ -1,4 +1,4 @@
-"""Bad input of every function of the public API is a pyinfra.Error that says which argument."""
+"""Wrong input of any function of the public API raises a pyinfra.Error that names the argument."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Call = Callable[["Given"], object]
 
 
 class Given:
-    """What is right, to be called with one argument that is not."""
+    """Valid arguments. Each test replaces one of them by an invalid value."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -43,7 +43,7 @@ def raising(_: Any) -> Any:
 
 
 def boxes(**columns: Any) -> pd.DataFrame:
-    """One box, with other columns."""
+    """Returns one box with some other columns."""
     usual: dict[str, Any] = dict(zip(BOX, [10.0, 0, -5, 4, 2, 1.5, 0], strict=True))
     return pd.DataFrame([usual | columns])
 
@@ -260,7 +260,7 @@ def test_wrong_predictions_are_named(given: Given, case: str) -> None:
 
 
 def test_no_box_is_no_error(given: Given) -> None:
-    """A detector that finds nothing, and a frame without points."""
+    """This is true for a detector that finds nothing, and for a frame without points."""
     nothing = pi.detect(lambda points: boxes()[:0], given.frames)
     assert len(nothing) == 0
     assert (pi.evaluate(given.frames, nothing).by_distance.ap_r1000.dropna() == 0).all()

@@ -1,4 +1,4 @@
-"""What a researcher writes against the API: each script as it stands in a notebook."""
+"""Scripts of a researcher that use the API, as in a notebook."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _close() -> Iterator[None]:
 
 
 def test_simulate_detect_evaluate_plot() -> None:
-    """The script of the documentation: 10 lines."""
+    """The script of the documentation has 10 lines."""
     pytest.importorskip("torch", reason="the extra `train` is not installed")
     scene = pi.load_scene("highway", seed=1, set=QUICK)
     lidar = pi.load_lidar("ruby_plus", preset="datasheet")
@@ -42,7 +42,7 @@ def test_simulate_detect_evaluate_plot() -> None:
 
 
 def dbscan(xy: np.ndarray, radius_m: float = 0.8, least: int = 5) -> np.ndarray:
-    """(n,) cluster of each point, -1 of noise (Ester et al. 1996)."""
+    """Returns the cluster of each point (Ester et al. 1996): (n,), -1 for noise."""
     near = cKDTree(xy).query_ball_point(xy, radius_m)
     core = np.array([len(neighbours) >= least for neighbours in near])
     labels, count = np.full(len(xy), -1), 0
@@ -60,7 +60,8 @@ def dbscan(xy: np.ndarray, radius_m: float = 0.8, least: int = 5) -> np.ndarray:
 
 
 def clusters_as_boxes(points: np.ndarray) -> pd.DataFrame:
-    """A detector in one function: what stands above the road, by DBSCAN, in boxes of cars."""
+    """A detector in one function. It groups the points above the road with DBSCAN, and puts a box
+    of a car on each group."""
     road = np.median(points[np.abs(points[:, 1]) < 20, 2])
     raised = points[(np.abs(points[:, 1]) < 20) & (points[:, 2] > road + 0.4)].astype(float)
     raised = raised[np.hypot(raised[:, 0], raised[:, 1]) < 60]
@@ -75,7 +76,7 @@ def clusters_as_boxes(points: np.ndarray) -> pd.DataFrame:
 
 
 def test_an_own_detector_is_compared_with_the_pretrained_one() -> None:
-    """DBSCAN and boxes along the road: paired, with an interval."""
+    """The difference between DBSCAN and the pretrained detector is paired and has an interval."""
     pytest.importorskip("torch", reason="the extra `train` is not installed")
     frames = pi.simulate("highway", "ruby_plus", range(0, 5000, 100))
     ours = pi.evaluate(frames, pi.detect(clusters_as_boxes, frames))

@@ -1,4 +1,4 @@
-"""Files and folders that are whole or not there, whoever else writes them."""
+"""Files and folders exist completely or not at all, even if several processes write them."""
 
 import os
 import platform
@@ -10,7 +10,7 @@ import pytest
 from pyinfra.cli.messages import message_of
 from pyinfra.core.files import new_folder, replacing
 
-DEAD = 2**31 - 2  # beyond the system's process ids
+DEAD = 2**31 - 2  # larger than any process id of the system
 
 
 def test_a_file_of_many_writers_is_that_of_one_of_them(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The training-free detector in a scene of flat ground and boxes, with exact rays."""
+"""Background in a scene of flat ground and boxes, with exact rays."""
 
 import subprocess
 import sys
@@ -28,12 +28,13 @@ HEDGE_Y_M = 12.0
 
 
 def box(x: float, y: float, heading: float, size: tuple[float, float, float] = CAR) -> FloatArray:
-    """(1, 7) box that stands on the ground."""
+    """Returns a box that stands on the ground: (1, 7)."""
     return np.array([[x, y, size[2] / 2 - SENSOR_HEIGHT_M, *size, heading]])
 
 
 def cast(boxes: FloatArray, seed: int = 0, rows: int = 60, reach_m: float = 100.0) -> Points:
-    """Nearest returns of a spinning sensor from the ground and boxes (k, 7); azimuths by seed."""
+    """Returns the nearest returns of a spinning sensor from the ground and boxes (k, 7). The
+    azimuths depend on the seed."""
     elevation = np.radians(np.linspace(-30, 0, rows, endpoint=False))
     azimuth = np.radians(np.arange(0, 360, 0.4)) + np.random.default_rng(seed).uniform(0, 0.007)
     e, a = (v.ravel() for v in np.meshgrid(elevation, azimuth, indexing="ij"))
@@ -59,7 +60,7 @@ def empty_road() -> Background:
 
 @pytest.fixture(scope="module")
 def busy_road() -> Background:
-    """Learnt with cars along x, in lanes at y = 2 and 9."""
+    """Returns a detector that has learnt from cars along x, in lanes at y = 2 and y = 9."""
     rng = np.random.default_rng(1)
     positions = [(x, y) for x in np.arange(-95, 95, 19.0) for y in (2, 9)]
     frames = [
@@ -133,7 +134,8 @@ def test_cars_side_by_side_are_two_and_the_scores_fall(busy_road: Background) ->
 
 
 def test_traffic_tells_the_heading_of_a_car_with_few_points(busy_road: Background) -> None:
-    """At 80 m only the rear of a car is seen, which alone would be a wall across the road."""
+    """At 80 m only the rear of a car is seen. Without the direction of the traffic it would look
+    like a wall across the road."""
     car = box(80, 9, 0.0)
     detections = busy_road.predict(cast(car, seed=99))
     assert len(detections) == 1
@@ -171,7 +173,7 @@ def test_what_always_stands_is_background_and_a_car_beside_it_is_not() -> None:
 
 
 def test_vehicles_do_not_raise_ground_that_no_ray_reaches() -> None:
-    """Between rows 4 degrees apart cars are all that is ever hit."""
+    """Between two rows that are 4 degrees apart, rays hit only cars."""
     rng = np.random.default_rng(2)
     frames = [cast(box(rng.uniform(50, 90), 4, 0.0), seed, rows=8) for seed in range(30)]
     ground = Background.learn(frames).ground
@@ -180,7 +182,7 @@ def test_vehicles_do_not_raise_ground_that_no_ray_reaches() -> None:
 
 
 def test_far_ground_of_a_road_that_rises_is_its_relief() -> None:
-    """Beyond 60 m the road climbs by 8 %, where a ray in four frames of five meets none of it."""
+    """Beyond 60 m the road rises by 8 %. There, in four of five frames, no ray hits it."""
     rng = np.random.default_rng(3)
 
     def road_z(x: FloatArray) -> FloatArray:
@@ -205,7 +207,8 @@ def test_far_ground_of_a_road_that_rises_is_its_relief() -> None:
 
 
 def hedge(seed: int) -> Points:
-    """Leaves above y = 12 m, 6 m outside of the road, that are elsewhere in each frame."""
+    """Returns points of leaves around y = 12 m, 6 m beside the road. Their positions differ between
+    frames."""
     rng = np.random.default_rng(seed)
     middle = rng.uniform(10, 40, 4)
     xyz = rng.uniform(-1, 1, (4, 60, 3)) * [1.5, 0.5, 0.7] + [0, HEDGE_Y_M, 1 - SENSOR_HEIGHT_M]
@@ -218,7 +221,8 @@ def beside_a_hedge(boxes: FloatArray, seed: int) -> Points:
 
 
 def straight_road() -> Region:
-    """6 m to either side of the sensor's x axis; its frame is turned and off the origin."""
+    """Returns a road that extends 6 m to either side of the sensor's x axis. Its world frame is
+    rotated and shifted."""
     pose = kitti.WorldPose(x=10, y=20, z=SENSOR_HEIGHT_M, yaw=np.pi / 2)
     s = np.arange(-100.0, 101)
     same = np.ones_like(s)
@@ -236,7 +240,7 @@ def outline(folder: Path, corners: str = "[[-90, -6], [90, -6], [90, 6], [-90, 6
 def test_plants_on_a_slope_beside_the_road_do_not_lower_its_far_ground(
     tmp_path: Path, kind: str
 ) -> None:
-    """The road ends for the sensor at 50 m, and what grows on both slopes is in every frame."""
+    """The sensor sees the road only up to 50 m. The plants on both slopes are in every frame."""
 
     def frame(seed: int) -> Points:
         points = cast(NO_BOXES, seed, reach_m=50)
@@ -255,7 +259,7 @@ def test_plants_on_a_slope_beside_the_road_do_not_lower_its_far_ground(
 
 @pytest.mark.parametrize("y", [9.0, 3.0])
 def test_a_crown_beside_or_over_the_road_is_not_the_ground_below_it(y: float) -> None:
-    """No ray reaches the road beyond 50 m, and the crown at 90 m is in every frame."""
+    """No ray hits the road beyond 50 m. The crown at 90 m is in every frame."""
     leaves = np.random.default_rng(5).uniform(-1.5, 1.5, (200, 4)).astype(np.float32)
     leaves[:, :3] += (90, y, 5.5 - SENSOR_HEIGHT_M)
     frames = [np.concatenate([cast(NO_BOXES, k, reach_m=50), leaves]) for k in range(10)]
@@ -266,7 +270,8 @@ def test_a_crown_beside_or_over_the_road_is_not_the_ground_below_it(y: float) ->
 
 
 def test_far_cars_side_by_side_are_two_where_the_direction_of_the_road_is_known() -> None:
-    """Of 90 m only their rears are seen, which together look like one vehicle across the road."""
+    """At 90 m only the rears of the cars are seen. Together they look like one vehicle across the
+    road."""
     pair = np.concatenate([box(88, y, 0.0) for y in (-1.6, 1.6)])
     frames = [cast(pair if seed % 3 == 0 else NO_BOXES, seed) for seed in range(12)]
     region = straight_road()
@@ -467,7 +472,8 @@ def test_neither_torch_nor_the_extension_is_imported() -> None:
 
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
-    """A LiDAR's folder of 12 frames, each with a car on the road and a hedge beside it."""
+    """Writes a LiDAR's folder of 12 frames. Each frame has a car on the road and a hedge beside
+    it."""
     folder = write_lidar(tmp_path / "data/pole", [[]] * 12)
     for k in range(12):
         cloud = beside_a_hedge(box(15 + 4 * k, 3, 0.0), seed=k)
@@ -478,7 +484,8 @@ def recording(tmp_path: Path) -> Path:
 
 
 def centres_y(folder: Path, out: Path, *words: str) -> FloatArray:
-    """y of what `pyinfra train` and then `pyinfra detect` find in the folder's frames."""
+    """Returns y of the boxes that `pyinfra train` and then `pyinfra detect` find in the folder's
+    frames."""
     recipe = ROOT / "configs/detectors/background.yaml"
     assert main.main(["train", str(recipe), str(folder), "--out", str(out), *words]) == 0
     predictions = out / "predictions"

@@ -1,4 +1,4 @@
-"""A benchmark of a few small experiments: its rows, and what happens when something goes wrong."""
+"""A benchmark of a few small experiments: its rows, and its behaviour after errors."""
 
 import os
 import signal
@@ -68,7 +68,7 @@ def words(config: Path, out: Path, *more: object) -> list[str]:
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The tables of an uninterrupted run with one process."""
+    """Returns the tables of an uninterrupted run with one process."""
     folder = tmp_path_factory.mktemp("benchmark")
     (folder / "tiny.yaml").write_text(TINY.format(tier="smoke"))
     (folder / "small.yaml").write_text(MATRIX)
@@ -77,7 +77,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def experiments_of(results: Path) -> pd.DataFrame:
-    """The rows without what a clock says, in the order of their keys."""
+    """Returns the rows in the order of their keys, without columns that contain times."""
     table = pd.read_csv(results / "smoke.csv").sort_values(KEY, ignore_index=True)
     return table.drop(columns=MEASURED)
 
@@ -151,7 +151,7 @@ def test_a_benchmark_stopped_before_the_timing_is_timed_by_the_same_command(
     same = before.sort_values(KEY, ignore_index=True)
     assert (
         after.latency_p50_ms == same.latency_p50_ms
-    ).sum() == EXPERIMENTS - 1  # no other is timed
+    ).sum() == EXPERIMENTS - 1  # the latency of the other experiments is not measured
 
 
 def test_nothing_is_timed_while_another_command_runs_experiments(
@@ -177,7 +177,8 @@ def test_the_load_of_others_is_what_they_compute_and_not_what_is_timed(
         )
     monkeypatch.setattr(load, "_TIMES", tmp_path / "stat")
     (tmp_path / "stat").write_text(f"cpu  {100 * ticks} 0 0 70 80 0 0 0 9 9\ncpu0 1 1 1\n")
-    with load.other_load() as others:  # three seconds of two cores, one of them of this process
+    # Two cores are busy for three seconds; this process uses one of them.
+    with load.other_load() as others:
         (tmp_path / "stat").write_text(f"cpu  {103 * ticks} 0 0 90 99 0 0 0 99 99\ncpu0 1 1 1\n")
     assert others.cores == pytest.approx(1.0)
     assert others.text == "other processes used 1.0 cores"
@@ -224,7 +225,8 @@ def test_a_run_killed_and_resumed_equals_an_uninterrupted_one(
     results: Path, config: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    first_file = {1: "out-work/data/**/velodyne/*.bin", 2: "out/smoke.csv"}  # of a number of jobs
+    # file to wait for, by number of jobs
+    first_file = {1: "out-work/data/**/velodyne/*.bin", 2: "out/smoke.csv"}
     for jobs, pattern in first_file.items():
         kill_when_there(tmp_path, pattern, words(config, out, "--jobs", jobs))
     assert 0 < len(experiments_of(out)) < EXPERIMENTS
@@ -239,7 +241,7 @@ def test_a_run_killed_and_resumed_equals_an_uninterrupted_one(
 
 
 def kill_when_there(folder: Path, pattern: str, words: list[str]) -> None:
-    """Runs a command of pyinfra until a file is there, then kills all its processes."""
+    """Runs a pyinfra command until a file exists, then kills all its processes."""
     command = [sys.executable, "-m", "pyinfra", *words]
     with subprocess.Popen(command, start_new_session=True) as process:
         while not any(folder.glob(pattern)):
@@ -269,7 +271,7 @@ def test_a_training_that_went_on_has_the_seconds_of_all_its_steps(
 def test_the_tasks_of_a_killed_worker_are_done_by_others(
     backend: pool.Backend, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))  # of pool_tasks
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))  # folder of pool_tasks
     tasks = [tmp_path / name for name in (*"abcdef", "victim")]
     lost: list[Path] = []
     where = pool.Pool(backend, 2)
@@ -306,8 +308,8 @@ def test_gpus_are_named_as_the_process_sees_them(monkeypatch: pytest.MonkeyPatch
 def test_ray_gives_each_worker_a_gpu_of_its_own_and_listens_to_this_machine_alone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Ray believes in GPUs that it is given."""
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))  # of pool_tasks
+    """The test tells Ray that GPUs exist."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))  # folder of pool_tasks
     ray_init = ray.init
     monkeypatch.setattr(ray, "init", lambda **size: ray_init(**size, num_gpus=2))
     with pool.workers(pool.Pool("ray", 2, gpu=True)):
@@ -326,7 +328,7 @@ def assert_this_machine_alone_is_listened_to() -> None:
 def listening(process: psutil.Process) -> list[Any]:
     try:
         return [c for c in process.net_connections("inet") if c.status == psutil.CONN_LISTEN]
-    except psutil.Error:  # it has ended
+    except psutil.Error:  # the process has ended
         return []
 
 
@@ -354,7 +356,8 @@ def test_a_task_that_always_kills_its_worker_is_lost_alone(tmp_path: Path) -> No
     assert not_there(tasks) == lost
 
 
-@pytest.mark.timeout(600)  # starts two clusters: 300 s beside a training and other tests
+# starts two clusters, which takes 300 s beside a training and other tests
+@pytest.mark.timeout(600)
 @pytest.mark.parametrize("backend", ["ray", "dask"])
 def test_a_cluster_gives_the_same_rows(
     backend: str, results: Path, config: Path, tmp_path: Path
@@ -369,7 +372,7 @@ def test_a_dry_run_names_the_experiments_and_their_time(
     assert main.main(words(config, tmp_path / "out", "--dry-run", "--jobs", 2)) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "highway helios_16 paper background smoke 1: 20 s"
-    # Two of 20 s and two of 60 s.
+    # Two experiments take 20 s each, and two take 60 s each.
     assert lines[-1] == "4 of 4 experiments to do: 3 core-minutes, about 1 minutes with 2 jobs"
     assert not (tmp_path / "out").exists()
 
@@ -488,14 +491,14 @@ def key_of(**changes: object) -> dict[str, object]:
 
 
 def road_of(ap: dict[float, float], name: str = "a", end: float = 100) -> pd.DataFrame:
-    """Windows of a road from -100 m to an end; none but those given has an AP."""
+    """Returns windows of a road from -100 m to `end`. Only the given windows have an AP."""
     windows = {-100.0: None, end: None} | ap
     table = pd.DataFrame({"s": windows.keys(), "ap": pd.Series(windows.values(), dtype=float)})
     return table.assign(ground_truth="all", road=name)
 
 
 def made_up(detectors: dict[str, tuple[float, float]]) -> dict[str, pd.DataFrame]:
-    """Tables of LiDARs `NAME` at a price, AP of all and of their own alike."""
+    """Returns tables of LiDARs with a price and an AP. `ap` and `ap_all` are equal."""
     keys = [key_of(lidar=name) for name in detectors]
     prices = [price for price, _ in detectors.values()]
     ap = [value for _, value in detectors.values()]
@@ -541,7 +544,7 @@ def test_road_is_covered_to_the_metre_that_is_asked(within_m: float, covered_m: 
 
 def test_a_site_costs_what_its_owner_says() -> None:
     costs = Costs(pole_usd=100, power_w=1000, usd_per_kwh=0.1, years=2)
-    # 1 kW for two years of 8,766 hours at 0.1 dollars.
+    # The energy is 1 kW for two years of 8,766 hours, at 0.1 dollars per kWh.
     assert costs.site_usd == pytest.approx(100 + 1753.2)
     table = value_table(made_up({"a": (2000, 80)}), costs).iloc[0]
     assert table.price_usd == pytest.approx(3853.2)
@@ -567,7 +570,8 @@ def test_the_dominated_are_named_with_what_beats_them() -> None:
 
 def test_windows_that_overlap_count_their_road_once() -> None:
     rows = pd.concat([road_of({0: 90, 5: 86, 50: 85}), road_of({100: 99}, "b")]).assign(**key_of())
-    # -10 to 15 of road a; 90 to 100 of road b, where the region ends; 85 is not above 85.
+    # Road a is covered from -10 to 15, and road b from 90 to 100, where the region ends. An AP of
+    # 85 is not above 85.
     assert covered(rows).covered_m.tolist() == [25 + 10]
 
 

@@ -1,4 +1,4 @@
-"""What a benchmark does when the files behind its names change: nothing old is taken for new."""
+"""If the input files of a benchmark change, no old result is used for the new inputs."""
 
 import dataclasses
 import shutil
@@ -27,12 +27,12 @@ matrix:
 """
 
 
-HIGH = 2399  # USD, of helios_16
+HIGH = 2399  # price of helios_16, USD
 
 
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
-    """A benchmark of four frames with a scene and a LiDAR beside it."""
+    """Writes a benchmark of four frames, and a scene and a LiDAR beside it."""
     scene = (configs() / "scenes/highway.yaml").read_text()
     (tmp_path / "site.yaml").write_text(scene.replace("name: highway", "name: site"))
     lidar = (configs() / "lidars/helios_16.yaml").read_text()
@@ -130,7 +130,8 @@ def test_another_lidar_changes_what_all_see(
     error = capsys.readouterr().err
     assert "site paper: expected rows of the LiDARs avia, own, got rows measured with own" in error
     assert run(config, "--out", str(config.parent / "other")) == 0
-    changed(config, "[avia.yaml]", "[own.yaml]")  # a part of the matrix, measured among both
+    # both LiDARs were measured, and now only a part of the matrix remains
+    changed(config, "[avia.yaml]", "[own.yaml]")
     assert run(config, "--out", str(config.parent / "other")) == 0
 
 
@@ -215,7 +216,7 @@ def test_a_row_of_an_earlier_version_is_kept_with_a_warning(
 
 def test_a_training_of_another_recipe_does_not_go_on(tmp_path: Path) -> None:
     claim_run(tmp_path / "run", {"inputs": "a", "recipe": "b"})
-    claim_run(tmp_path / "run", {"inputs": "a", "recipe": "c"})  # nothing was learnt yet
+    claim_run(tmp_path / "run", {"inputs": "a", "recipe": "c"})  # nothing has been learnt yet
     (tmp_path / "run/last.safetensors").touch()
     claim_run(tmp_path / "run", {"inputs": "a", "recipe": "c"})
     with pytest.raises(ConfigError, match=r"run: expected a training of this recipe .*got another"):
@@ -318,7 +319,7 @@ def test_what_can_not_be_is_reported_before_anything_runs(
 
 
 def test_a_copied_scene_gets_the_name_of_its_file(config: Path) -> None:
-    """`infrasim check` and `run` accept the copy, so that a benchmark does too."""
+    """`infrasim check` and `run` accept the copy, so a benchmark accepts it too."""
     changed(config.parent / "site.yaml", "name: site", "name: main street")
     assert run(config) == 0
     (description,) = (config.parent / "work").rglob("dataset.yaml")

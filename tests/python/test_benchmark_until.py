@@ -1,4 +1,5 @@
-"""`pyinfra benchmark --until`: replicates with their own traffic until a difference is known."""
+"""`pyinfra benchmark --until` repeats a benchmark with other traffic until the difference has a
+small interval."""
 
 import math
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Overlap of rotated boxes, against shapely and against clipping in rational arithmetic."""
+"""Overlap of rotated boxes, compared with shapely and with clipping in rational arithmetic."""
 
 import math
 from fractions import Fraction
@@ -37,7 +37,7 @@ def corners(boxes: FloatArray) -> FloatArray:
 
 
 def exact_iou(a: FloatArray, b: FloatArray) -> float:
-    """Of two boxes (7,), by clipping their corners without rounding."""
+    """Returns the IoU of two boxes (7,). It clips their corners without rounding."""
     one, two = (
         [(Fraction(float(x)), Fraction(float(y))) for x, y in corners(box[None])[0]]
         for box in (a, b)
@@ -69,7 +69,8 @@ def random_boxes(n: int, seed: int) -> FloatArray:
 
 
 def moved_along(boxes: FloatArray, ahead: float, left: float, quarters: int = 0) -> FloatArray:
-    """Boxes moved by shares of their own length and width, and turned by quarters."""
+    """Moves boxes by shares of their own length and width, and rotates them by multiples of 90
+    degrees."""
     result = boxes.copy()
     cos, sin = np.cos(boxes[:, 6]), np.sin(boxes[:, 6])
     u, v = ahead * boxes[:, 3], left * boxes[:, 4]
@@ -143,7 +144,7 @@ def test_agrees_with_shapely_on_random_boxes() -> None:
 
 @pytest.mark.parametrize("exponent", range(-16, -2))
 def test_nearly_equal_boxes_are_exact(exponent: int) -> None:
-    """Where edges nearly coincide; shapely itself is wrong on some of them."""
+    """Edges of these boxes nearly coincide. Shapely itself is wrong for some of them."""
     a = random_boxes(60, 7)
     b = a + np.random.default_rng(8).uniform(-1, 1, a.shape) * 10.0**exponent
     expected = [exact_iou(*pair) for pair in zip(a, b, strict=True)]
@@ -192,7 +193,8 @@ def test_wrong_boxes_are_an_error(wrong: FloatArray) -> None:
 
 
 def test_points_of_a_vehicle_by_hand() -> None:
-    """A box turned by 90 degrees, 4 m long, 2 m wide and high, standing on z = 0."""
+    """A box is rotated by 90 degrees. It is 4 m long, 2 m wide and 2 m high, and stands on z =
+    0."""
     box = np.array([10.0, 5.0, 1.0, 4.0, 2.0, 2.0, np.pi / 2])
     inside = [[10, 5, 1], [10, 7.04, 1], [8.96, 5, 1], [10, 5, 2.04], [10, 5, 0.06]]
     outside = [[10, 7.06, 1], [8.94, 5, 1], [10, 5, 2.06], [10, 5, 0.04], [12, 5, 1]]
@@ -200,5 +202,5 @@ def test_points_of_a_vehicle_by_hand() -> None:
     assert points_in_box(points, box).tolist() == [True] * 5 + [False] * 5
     far = box + np.array([50, 0, 0, 0, 0, 0, 0])
     assert points_in_boxes(points, np.stack([box, far])).tolist() == [5, 0]
-    at_the_side = points_in_box(points, box, 0)  # and the road with it
+    at_the_side = points_in_box(points, box, 0)  # includes points of the road
     assert np.flatnonzero(at_the_side).tolist() == [0, 4, 8]

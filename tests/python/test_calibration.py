@@ -1,4 +1,4 @@
-"""Scores that are shares of right boxes."""
+"""Calibrated scores equal the share of correct boxes."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,8 @@ def test_the_line_of_the_random_boxes_is_fitted(line: tuple[float, float]) -> No
 def test_scores_are_then_shares_of_right_boxes() -> None:
     draw = np.random.default_rng(4)
     scores = draw.beta(0.7, 0.9, 30_000)
-    right = draw.random(len(scores)) < scores**2  # no line of logits
+    # the calibration line of logits can't describe this relation exactly
+    right = draw.random(len(scores)) < scores**2
     shares = calibrated(scores, fit(scores, right))
     for low in (0.1, 0.3, 0.5, 0.7):
         here = (shares >= low) & (shares < low + 0.2)

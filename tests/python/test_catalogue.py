@@ -1,4 +1,4 @@
-"""The files of configs/: each can be read, in every preset, and says what it should."""
+"""The files of configs/: each can be read under every preset, and has the expected values."""
 
 import shutil
 from collections.abc import Callable
@@ -16,7 +16,7 @@ LIDARS = ROOT / "configs/lidars"
 SCENES = sorted((ROOT / "configs/scenes").glob("*.yaml"))
 NEEDS_A_TABLE = "livox_mid_360"
 
-# Points per second of a single return, as the vendors publish them.
+# Points per second with a single return per pulse, as published by the vendors.
 POINTS_PER_S = {
     "helios_16": 288_000,
     "pandar_64": 1_152_000,
@@ -35,7 +35,7 @@ POINTS_PER_S = {
     "livox_mid_360": 200_000,
     "bundle_5_livox_avia": 1_200_000,
 }
-RANGES_M = {  # max_range_m of the preset datasheet
+RANGES_M = {  # max_range_m under the preset datasheet
     "velodyne_vlp_16": 100,
     "velodyne_vlp_32c": 200,
     "velodyne_hdl_64e": 120,
@@ -62,7 +62,7 @@ Infrasim = Callable[..., Any]
 
 
 def presets(name: str) -> list[str]:
-    """Those of a LiDAR's file; a bundle has those of its parts."""
+    """Returns the presets of a LiDAR's file. A bundle has the presets of its parts."""
     keys = yaml.safe_load((LIDARS / f"{name}.yaml").read_text())
     if "presets" not in keys:
         return presets(Path(keys["bundle"][0]["lidar"]).stem)
@@ -76,7 +76,7 @@ NAMES_AND_PRESETS = [(name, preset) for name in NAMES for preset in presets(name
 
 @pytest.fixture(scope="module")
 def catalogue(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of configs/lidars with the table that is the user's to fetch."""
+    """Copies configs/lidars, and adds the table that a user must download."""
     folder = tmp_path_factory.mktemp("configs") / "lidars"
     shutil.copytree(LIDARS, folder)
     spec = find_spec("mujoco_lidar")
@@ -89,7 +89,8 @@ def catalogue(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def resolved(infrasim: Infrasim, catalogue: Path) -> Callable[..., dict[str, Any]]:
-    """The keys that `infrasim check` prints for a LiDAR, defaults included."""
+    """Returns a function that reads the keys, including defaults, that `infrasim check` prints for
+    a LiDAR."""
 
     def keys(name: str, preset: str = "datasheet") -> dict[str, Any]:
         result = infrasim("check", catalogue / f"{name}.yaml", "--preset", preset)
@@ -114,7 +115,8 @@ def test_every_preset_of_every_lidar_passes_check(
     name: str, preset: str, resolved: Callable[..., dict[str, Any]]
 ) -> None:
     keys = resolved(name, preset)
-    assert keys["name"] == name  # so that a file, its name and its folder are one
+    # the file, the key `name` and the folder of frames have the same name
+    assert keys["name"] == name
     assert keys["model"]
     for unit in units(keys):
         returns = unit["returns"]
@@ -168,7 +170,8 @@ def test_rate_times_columns_times_channels_is_the_points_per_second(
     assert total == pytest.approx(points_per_s, rel=1e-3)
 
 
-@pytest.mark.parametrize("name", SINGLES)  # the price of a bundle is that of its parts
+# the price of a bundle is the sum of the prices of its parts
+@pytest.mark.parametrize("name", SINGLES)
 def test_price_has_a_source_and_a_date(name: str) -> None:
     keys = yaml.safe_load((LIDARS / f"{name}.yaml").read_text())
     price = keys["price_usd"]
@@ -183,7 +186,7 @@ def test_price_has_a_source_and_a_date(name: str) -> None:
 
 
 def numbers_as_text(value: Any) -> list[str]:
-    """Texts in a tree that a person would read as a number; a date or digest is a text."""
+    """Returns the texts in a tree that look like numbers, except dates and digests."""
     if isinstance(value, dict):
         return [
             t for k, v in value.items() if k not in {"date", "digest"} for t in numbers_as_text(v)

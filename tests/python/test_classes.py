@@ -1,4 +1,5 @@
-"""Networks that tell vehicles, pedestrians and cyclists apart, and what they learn from."""
+"""Networks that distinguish vehicles, pedestrians and cyclists, and the labels that they learn
+from."""
 
 import dataclasses
 import math
@@ -42,7 +43,7 @@ def config(classes: tuple[ObjectClass, ...] = ALL) -> Config:
 
 
 def mixed_sample(seed: int) -> Sample:
-    """Vehicles in lanes, and two people between them."""
+    """Returns a frame with vehicles in lanes and two people between them."""
     road, draw = road_sample(seed, vehicles=2), np.random.default_rng(seed)
     people = np.array([[x, y, FLOOR_Z + PERSON_M[2] / 2, *PERSON_M, 0.3] for x, y in
                        ((12.0, 11.9), (22.0, -12.2))])  # fmt: skip
@@ -66,7 +67,8 @@ def test_each_class_has_heat_at_its_own_boxes_alone() -> None:
     wrong = head.losses(torch.zeros(1), batch.boxes, (2 - batch.classes[0],))
     for name in ALL:
         assert right[f"heat_{name}"] < 0.2
-        assert wrong[f"heat_{name}"] > 3 or name == "pedestrian"  # the middle one is itself
+        # the pedestrian is in the middle, so its heat is right
+        assert wrong[f"heat_{name}"] > 3 or name == "pedestrian"
     ((peaks, scores, classes),) = head.candidates(torch.zeros(1, 1))
     best = scores > 0.5
     assert sorted(classes[best].tolist()) == [0, 0, 1, 2]
@@ -86,7 +88,8 @@ def test_a_road_s_axis_is_no_pedestrian_s() -> None:
     alone = head.decode(residuals, row, column, along_road=False)[0, 6]
     assert along == pytest.approx(0, abs=1e-2)
     assert alone == pytest.approx(math.pi / 3, abs=1e-4)
-    head.know(dataclasses.replace(crossing(), axes=None), (32, 48))  # another site's roads are none
+    # the roads of another site have no effect
+    head.know(dataclasses.replace(crossing(), axes=None), (32, 48))
     assert head.decode(residuals, row, column, along_road=True)[0, 6] == alone
 
 

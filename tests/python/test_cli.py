@@ -44,7 +44,7 @@ def test_errors_are_one_line_on_stderr(tmp_path: Path, words: list[str], code: i
 def test_a_bug_is_no_wrong_usage(
     bug: Exception, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Exit code 1, one line that names a file with the traceback."""
+    """The exit code is 1. The error is one line, which names a file with the traceback."""
 
     def run(args: object) -> int:
         raise bug
@@ -63,7 +63,7 @@ def test_a_bug_is_no_wrong_usage(
 def test_an_error_of_the_user_names_the_option(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The library knows arguments, the command their options."""
+    """The library names an argument in its message. The command replaces it by the option."""
 
     def run(args: object) -> int:
         raise Error("height_m: expected 0 to 100, got -3; see `period_s` and `lines`")
@@ -122,7 +122,7 @@ def test_closed_pipe_is_no_traceback(tmp_path: Path) -> None:
 
 
 def parsers() -> Iterator[argparse.ArgumentParser]:
-    """Yields the parser of every command and of every step of `site`."""
+    """Yields the parser of every command, and of every subcommand of `site`."""
     for command in main.COMMANDS:
         parser = argparse.ArgumentParser(command.name)
         importlib.import_module(command.module).add_arguments(parser)

@@ -1,4 +1,5 @@
-"""Wrong input: exit 2, one line that says where, what was expected and what it got; no output."""
+"""Wrong input: the exit code is 2, nothing is written, and one line has the position, the expected
+and the given value."""
 
 import re
 import shutil
@@ -59,7 +60,7 @@ t,id,class,x,y,z,heading,dx,dy,dz,speed
 
 
 class Site:
-    """A folder with a scene and a LiDAR, and a run of both."""
+    """A folder with a scene, a LiDAR and the output of a run."""
 
     def __init__(self, folder: Path, infrasim: Infrasim) -> None:
         self.folder, self.infrasim = folder, infrasim
@@ -90,7 +91,8 @@ def assert_one_line(result: Any, site: Site, *words: str, codes: tuple[int, ...]
 
 
 def replaced(text: str, old: str, new: str) -> tuple[str, int]:
-    """The text with one thing changed, and the line that has it (from 1)."""
+    """Replaces a part of a text. Returns the new text and the number of the changed line, counted
+    from 1."""
     assert text.count(old) == 1, old
     return text.replace(old, new), text[: text.index(old)].count("\n") + 1
 
@@ -101,7 +103,8 @@ def test_the_site_itself_is_right(site: Site) -> None:
     assert (site.out / "tiny/training/velodyne/000001.bin").is_file()
 
 
-# What is replaced in the scene, by what, at which column, the key, words of the message.
+# The replaced text of the scene, the new text, the column of the error, the key, and words of the
+# message.
 WRONG_SCENES = {
     "unknown key": ("each_way: 2", "each_way: 2, colour: 3",
         "roads.0.lanes.colour", ["unknown key", "expected each_way"]),
@@ -223,7 +226,8 @@ def test_wrong_scene(case: str, site: Site) -> None:
     file, number, column, _ = result.stderr.split(":", 3)
     assert file == str(site.scene)
     added = text.count("\n") - SCENE.count("\n")
-    whole = "key missing", "traffic and trajectories"  # stand at the map that lacks them
+    # these errors have the position of the map that lacks the key
+    whole = "key missing", "traffic and trajectories"
     assert case in whole or line - 1 <= int(number) <= line + added + 1
     assert 1 <= int(column) <= 200
     check = site.infrasim("check", site.scene)
@@ -359,7 +363,8 @@ NUMBER = re.compile(r"(?<=[ \[])-?\d+(\.\d+)?(?=[\n,\]])")
 
 @pytest.mark.parametrize("kind", ["scene", "lidar"])
 def test_no_number_may_be_infinite_or_none(kind: str, site: Site) -> None:
-    """But for weather.visibility_m, which is .inf in clear air and is no number here."""
+    """The exception is weather.visibility_m, which is .inf in clear air. Here it is not a number
+    either."""
     whole = site.infrasim("check", site.scene if kind == "scene" else site.lidar).stdout
     file = site.folder / "whole.yaml"
     file.write_text(whole)
@@ -640,7 +645,7 @@ def test_incomplete_command(words: list[str], site: Site) -> None:
 
 @pytest.mark.parametrize("option", ["--out", "--summary", "--seed", "--aggregation", "--frames"])
 def test_empty_option_is_not_as_good_as_none(option: str, site: Site) -> None:
-    """As a shell variable that is not set gives: `--out "$DIR"`."""
+    """A shell passes an empty argument if a variable is not set: `--out "$DIR"`."""
     words = ["run", site.scene, "--lidar", site.lidar, "--set", "duration_s=10"]
     assert_one_line(site.infrasim(*words, option, ""), site, option.lstrip("-"))
 
@@ -650,7 +655,7 @@ def test_options_that_do_not_apply_are_not_ignored(site: Site) -> None:
     assert_one_line(result, site, "--set")
 
 
-# Files that are no YAML at all
+# Files that are not YAML
 
 
 @pytest.mark.parametrize("option", ["scene", "lidar"])
@@ -688,7 +693,7 @@ def test_file_that_is_no_configuration(
 @pytest.mark.parametrize("kind", ["scene", "lidar"])
 @pytest.mark.parametrize("byte", [b"\x00", b"\x04", b"\x1b", b"\x7f", b"\xff"])
 def test_byte_that_is_no_text(byte: bytes, kind: str, site: Site) -> None:
-    """YAML's own reader ends at a 4, and replaces what is not UTF-8."""
+    """YAML's own reader stops at a byte with the value 4, and replaces bytes that are not UTF-8."""
     file = site.scene if kind == "scene" else site.lidar
     for mark in (b"name: ", b"\n", b"{"):
         old = file.read_bytes()
@@ -732,7 +737,8 @@ def test_second_document_in_a_file_is_not_left_out_silently(option: str, site: S
     ids=["escape", "even", "odd", "return"],
 )
 def test_message_is_printable_whatever_was_given(value: str, site: Site) -> None:
-    """It reaches terminals and logs: no control characters, no half of a letter."""
+    """Messages are printed in terminals and logs. They have no control characters and no incomplete
+    UTF-8 characters."""
     quoted = value.replace("\x1b", r"\e").replace("\r", r"\r")
     site.scene.write_text(SCENE.replace("line_m: 200", f'line_m: "{quoted}"'))
     result = site.run()

@@ -1,4 +1,5 @@
-"""`infrasim run` as a user sees it: files that agree, and the same bytes however it is run."""
+"""`infrasim run` from the view of a user: consistent files, and the same bytes however it is
+run."""
 
 import os
 import pty
@@ -41,7 +42,7 @@ Digests = Callable[[Path], dict[str, str]]
 def data_set(
     infrasim: Infrasim, run_command: Words, tmp_path_factory: pytest.TempPathFactory
 ) -> Path:
-    """Four frames of four LiDARs, with fields."""
+    """Simulates four frames of four LiDARs, with fields."""
     out = tmp_path_factory.mktemp("data") / "highway"
     result = infrasim(*run_command(*FOUR, out=out), "--fields")
     assert result.returncode == 0, result.stderr
@@ -170,7 +171,7 @@ def test_calibration_keeps_its_seven_lines_in_order(training: Path) -> None:
     assert np.linalg.det(np.reshape(values["P2"], (3, 4))[:, :3]) != 0
 
 
-# One frame's files agree
+# The files of a frame agree
 
 
 @pytest.mark.parametrize("k", FRAMES)
@@ -221,7 +222,8 @@ def test_labels_hold_at_the_time_of_the_preset_or_the_one_asked_for(
         assert f"\nlabel_time: {expected}\n" in file.read_text()
     hit = objects(out / "helios_16/training", 3).query("points > 0")
     lines = (out / "helios_16/training/label_2/000003.txt").read_text().splitlines()
-    labelled = np.array([float(line.split()[13]) for line in lines])  # z of the camera: ahead
+    # z of the camera frame is the distance ahead
+    labelled = np.array([float(line.split()[13]) for line in lines])
     assert np.abs(hit.scan_x - hit.x).max() > 0.3
     np.testing.assert_allclose(labelled, hit.scan_x if expected == "scan" else hit.x, atol=2e-4)
 
@@ -247,7 +249,8 @@ def test_the_seed_moves_a_free_motor_alone(
         )
     )
     first = {seed: pattern("helios_16", "--seed", seed)[0, 0] for seed in (1, 2)}
-    assert np.abs([first[1], first[2]]) == pytest.approx([np.pi, np.pi])  # behind its view
+    # the first ray points behind the view
+    assert np.abs([first[1], first[2]]) == pytest.approx([np.pi, np.pi])
     starts = [pattern(file, *words)[0, 0] for words in ([], ["--seed", 1], ["--seed", 2])]
     assert abs(starts[0]) == pytest.approx(np.pi)
     assert len({round(abs(start), 3) for start in starts}) == 3
@@ -302,7 +305,7 @@ def test_object_ids_of_the_points_count_to_points(training: Path, k: int) -> Non
     table, record = objects(training, k).set_index("id"), fields(training, k)
     counted = pd.Series(record["object_id"]).value_counts().drop(-1)
     assert counted.to_dict() == table.points[table.points > 0].to_dict()
-    # A point's class is its object's: one number for each name.
+    # Each class of points has the number of the object's class.
     of_object = record[record["object_id"] >= 0]
     names = table["class"].loc[of_object["object_id"]].to_numpy()
     pairs = set(zip(names, of_object["class"], strict=True))
@@ -354,7 +357,7 @@ def test_labels_all_has_the_unseen_objects_too(
     assert len((training / "label_2/000000.txt").read_text().splitlines()) == len(table)
 
 
-# Summary and what is printed
+# Summary and printed text
 
 
 def test_summary_is_what_the_files_hold(data_set: Path) -> None:
@@ -395,12 +398,13 @@ def test_resumed_run_has_the_counts_of_the_whole(
     resumed = pd.read_csv(out / "summary.csv")
     whole = tmp_path / "whole"
     assert infrasim(*run_command(frames="0:4", out=whole)).returncode == 0
-    columns = SUMMARY.split(",")[:-3]  # the last are of what this run computed
+    # the last three columns depend on the frames that this run computed
+    columns = SUMMARY.split(",")[:-3]
     pd.testing.assert_frame_equal(resumed[columns], pd.read_csv(whole / "summary.csv")[columns])
 
 
 def counted(folder: Path) -> pd.DataFrame:
-    """The rows of summary.csv by LiDAR, without what was computed when."""
+    """Returns the rows of summary.csv by LiDAR, without the columns that depend on the run."""
     table = pd.read_csv(folder / "summary.csv").set_index("lidar").sort_index()
     return table[SUMMARY.split(",")[1:-3]]
 
@@ -508,7 +512,7 @@ def test_a_terminal_gets_a_bar_on_stderr(run_command: Words) -> None:
             timeout=60,
         )
         shown = ""
-        while not shown.endswith("\n"):  # the kernel hands over what was written piece by piece
+        while not shown.endswith("\n"):  # a read may return only a part of the written text
             shown += os.read(primary, 65536).decode()
     finally:
         os.close(primary)
@@ -580,7 +584,7 @@ def test_a_written_trajectory_file_gives_the_frames_of_its_traffic(
 def test_a_run_resumes_from_another_working_directory(
     data_set: Path, infrasim: Infrasim, tmp_path: Path
 ) -> None:
-    """The scene names its trajectory file relative to itself."""
+    """The path of the trajectory file is relative to the scene file."""
     keys = yaml.safe_load((ROOT / "configs/scenes/highway.yaml").read_text())
     del keys["traffic"]
     (tmp_path / "recorded.csv").write_bytes((data_set / "trajectories.csv").read_bytes())
@@ -600,7 +604,7 @@ def test_a_run_resumes_from_another_working_directory(
 def reference(
     infrasim: Infrasim, run_command: Words, tmp_path_factory: pytest.TempPathFactory
 ) -> Path:
-    """Frames 38:47 of four LiDARs by one thread, and of a bundle."""
+    """Simulates the frames 38:47 of four LiDARs and a bundle with one thread."""
     out = tmp_path_factory.mktemp("reference") / "out"
     command = run_command(*FOUR, "bundle_5_livox_avia", frames="38:47", threads=1, out=out)
     assert infrasim(*command, "--fields").returncode == 0
@@ -652,7 +656,8 @@ def test_bytes_of_a_lidar_do_not_depend_on_the_other_lidars(
 def test_vehicles_at_the_end_of_the_range_do_not_depend_on_a_lidar_that_sees_further(
     lidar: str, data_set: Path, infrasim: Infrasim, run_command: Words, tmp_path: Path
 ) -> None:
-    """100 m here, 260 m for the Avia: in frame 0 a vehicle's near corner just comes into range."""
+    """The ranges are 100 m for this LiDAR and 260 m for the Avia. In frame 0, the near corner of a
+    vehicle is just within range."""
     assert infrasim(*run_command(lidar, out=tmp_path / "out"), "--fields").returncode == 0
     for k in FRAMES:
         for file in (f"velodyne/{k:06}.bin", f"objects/{k:06}.csv", f"fields/{k:06}.bin"):
@@ -708,7 +713,7 @@ def test_seed_and_aggregation_change_the_points(
 def test_two_processes_fill_one_folder_with_disjoint_frames(
     attempt: int, reference: Path, run_command: Words, digests: Digests, tmp_path: Path
 ) -> None:
-    """Their starts meet: both claim dataset.yaml and both end with a summary.csv."""
+    """Both processes claim dataset.yaml at the start, and both write summary.csv at the end."""
     out = tmp_path / "out"
     lidars = [*FOUR, "bundle_5_livox_avia"]
     processes = [
@@ -729,7 +734,7 @@ def test_two_processes_fill_one_folder_with_disjoint_frames(
 
 @pytest.mark.slow
 def test_processes_that_end_at_once_all_succeed(run_command: Words, tmp_path: Path) -> None:
-    """Six processes of one frame each end together, each with its summary.csv."""
+    """Six processes with one frame each end at the same time, and each writes summary.csv."""
     for attempt in range(8):
         out = tmp_path / str(attempt)
         quick = ["--set", "duration_s=2", "--set", "traffic.warm_up_s=0"]

@@ -1,4 +1,4 @@
-"""Configurations of Python: one class says what a file may hold."""
+"""Configurations in Python: one class defines the allowed content of a file."""
 
 from dataclasses import dataclass
 from pathlib import Path

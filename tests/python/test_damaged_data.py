@@ -1,4 +1,5 @@
-"""Data sets with something missing or wrong: an error or a named warning, never another number."""
+"""Data sets with missing or wrong parts give an error or a named warning, but never another result
+without notice."""
 
 import re
 import shutil
@@ -39,8 +40,9 @@ DATASET = "name: a\nseed: 1\naggregation: exact\npreset: paper\nversion: 0.1.0\n
 
 @pytest.fixture
 def data_set(tmp_path: Path) -> Path:
-    """A simulated data set of one LiDAR, with predictions beside it."""
-    frames = [[*vehicles, car(150)] for vehicles in traffic(12)]  # the last beyond the region
+    """Writes an artificial data set of one LiDAR, with predictions beside it."""
+    # the last vehicle is beyond the region
+    frames = [[*vehicles, car(150)] for vehicles in traffic(12)]
     folder = tmp_path / "data"
     write_lidar(folder / "near", frames)
     fill_clouds(folder / "near", frames)
@@ -58,7 +60,8 @@ def replace(file: Path, old: str, new: str, count: int = -1) -> None:
 
 
 def names_of(folder: Path, pred: Path) -> tuple[float, set[str]]:
-    """AP, and the findings that are no notes, of evaluate and of validate, which are the same."""
+    """Returns AP and the names of the findings except notes. Evaluate and validate must have the
+    same findings."""
     result = evaluate(folder, pred, Settings(ground_truths=("captured",)))
     names = {f.name for f in result.findings if f.level != "note"}
     checked = {f.name for f in validate(folder, pred) if f.level != "note"}

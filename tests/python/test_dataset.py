@@ -1,4 +1,4 @@
-"""`python -m reproduction dataset`: the whole set, small."""
+"""`python -m reproduction dataset` makes the whole data set, here at a small size."""
 
 import re
 import subprocess
@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two frames of three scenes and four LiDARs."""
+    """Makes two frames of three scenes and four LiDARs."""
     out = tmp_path_factory.mktemp("data") / "paper"
     assert reproduction.main(["dataset", "--frames", "2", "--out", str(out)]) == 0
     return out

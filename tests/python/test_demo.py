@@ -1,4 +1,4 @@
-"""`pyinfra demo`: what it writes and prints, on fewer LiDARs and frames."""
+"""`pyinfra demo` with fewer LiDARs and frames: its files and its printed text."""
 
 import shlex
 from pathlib import Path

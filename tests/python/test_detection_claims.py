@@ -1,4 +1,4 @@
-"""Claims about detection from made-up tables with known answers."""
+"""Claims about detection for artificial tables with known verdicts."""
 
 from pathlib import Path
 
@@ -17,20 +17,21 @@ from reproduction.paper_tables import paper_ap
 
 
 def tables(half: float = 1.0) -> dict[str, pd.DataFrame]:
-    """Experiments with the replicates of their AP, `captured` and `common` alike."""
+    """Returns experiments and the replicates of their AP. `captured` and `common` have equal
+    values."""
     rows = experiments(half)
     both = [replicates_of(rows, "ap", half, truth) for truth in ("captured", "common")]
     return {"experiments": rows, "replicates": pd.concat(both)}
 
 
 def figure(measure: str, truth: str, half: float, **of: float) -> pd.DataFrame:
-    """The replicates of a measure of PointPillars, by LiDAR."""
+    """Returns the replicates of a measure of PointPillars, by LiDAR."""
     rows = pd.DataFrame([key_of(lidar, "pointpillars") | {"x": x} for lidar, x in of.items()])
     return replicates_of(rows, "x", half, truth, measure=measure)
 
 
 def verdicts(tables: dict[str, pd.DataFrame], claim: str) -> dict[str, str]:
-    """Of a claim's rows, by the statement."""
+    """Returns the verdicts of a claim by statement."""
     rows = claims_table(tables)
     rows = rows[rows.claim == claim]
     return dict(zip(rows.statement, rows.verdict, strict=True))
@@ -46,7 +47,8 @@ def test_areas_are_compared_by_share_and_by_number() -> None:
     outcome = verdicts(
         {"experiments": experiments(), "replicates": pd.concat([share, number])}, "areas"
     )
-    # 5 either way makes 7 of the difference of -5: within 10 it is not sure.
+    # The half-widths of 5 combine to 7 for the difference of -5, so the verdict for the range of 10
+    # is undecided.
     assert list(outcome.values()) == ["undecided", "holds"]
 
 
@@ -87,7 +89,7 @@ def test_a_figure_over_seeds_has_students_interval() -> None:
 
 def test_comparable_is_about_three_points_either_way() -> None:
     outcome = verdicts(tables(), "comparable")
-    # Differences of 1, 0 and -4, give or take 1.41; of both ground truths.
+    # The differences are 1, 0 and -4, each with a half-width of 1.41, for both ground truths.
     assert list(outcome.values()) == ["holds"] * 4 + ["undecided"] * 2
     assert list(verdicts(tables(0.1), "comparable").values())[-1] == "fails"
 
@@ -113,7 +115,8 @@ def test_algorithms_are_compared_with_the_best() -> None:
     best = "ruby_plus: AP of the best (pv-rcnn) less that of"
     assert outcome[f"{best} PointRCNN 20 or more"] == "holds"
     assert outcome[f"{best} pointpillars 5 or less"] == "holds"
-    # 94 - 70 = 24 for the Avia; 62 - 30 = 32 for the 16 lines. None for the best less itself.
+    # 94 - 70 = 24 for the Avia; 62 - 30 = 32 for the 16 lines. The best detector has no row of its
+    # own.
     assert len(outcome) == 2 * 4
 
 
@@ -141,7 +144,7 @@ def test_value_is_per_dollar_against_the_best_of_the_others() -> None:
     data = tables()
     data = data | {"value": values(), "replicates": pd.concat([data["replicates"], areas])}
     outcome = verdicts(data, "value")
-    # 94 AP for 2,000 against 60 for 1,000; 10 areas for 2,000 against as many for 1,000.
+    # The Avia has 94 AP for 2,000 dollars, the other LiDAR 60 AP for 1,000. Both have 10 areas.
     text = "pointpillars: {} per dollar of the Avia over the best of the others (helios_16) above 1"
     assert outcome[text.format("AP")] == "fails"
     assert outcome[text.format("high-quality areas")] == "fails"
@@ -181,7 +184,7 @@ def test_the_order_of_the_papers_ap_is_a_correlation_of_one() -> None:
     assert list(agreement.experiments) == [16, 16, 16, 48]
     assert agreement.p_value.max() < 0.001
     assert agreement.rank_correlation.to_list() == pytest.approx([1] * 4)
-    # The paper's mean over the curve's 16 experiments is 70.6.
+    # The paper's mean AP over the 16 experiments of the curve is 70.6.
     assert agreement.mean_difference["curve"] == pytest.approx(-70.6 / 2, abs=0.05)
     turned = paper_table(published.assign(ap=100 - published.ap))
     assert turned.rank_correlation.to_list() == pytest.approx([-1] * 4)

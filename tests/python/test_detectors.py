@@ -1,4 +1,4 @@
-"""The learnt detectors: their parts, what they overfit, and what they do with bad clouds."""
+"""The networks: their parts, whether they can overfit, and their results for unusual clouds."""
 
 import dataclasses
 import math
@@ -44,7 +44,7 @@ def network_of(name: str) -> Network:
 
 
 def overlaps(detections: Detections, boxes: np.ndarray) -> list[float]:
-    """The best overlap of each box with a detection."""
+    """Returns the largest IoU of each box with a detection."""
     if len(detections) == 0:
         return [0.0] * len(boxes)
     return exact.bev_iou(boxes, detections.boxes).max(axis=1).tolist()
@@ -136,7 +136,8 @@ def test_layers_of_half_the_bits_learn_in_whole_ones(name: str) -> None:
         losses = half.losses(batch)
     assert set(half_bits) == {torch.bfloat16}
     assert {loss.dtype for loss in losses.values()} == {torch.float32}
-    # In sum: second stages look at other proposals where the first has other scores.
+    # The sum is compared, because second stages look at other proposals if the scores of the first
+    # stage change.
     total = torch.stack(list(losses.values())).sum()
     assert total.item() == pytest.approx(sum(v.item() for v in expected.values()), rel=0.25)
     total.backward()
@@ -177,7 +178,7 @@ def test_boxes_of_a_gpu_are_those_of_the_cpu(name: str) -> None:
 
 
 def tilted(points: np.ndarray, degrees: float) -> np.ndarray:
-    """As of a sensor whose pitch is other than it says."""
+    """Rotates points as if the sensor had another pitch than the known one."""
     cos, sin = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
     turn = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]], np.float32)
     return np.concatenate([points[:, :3] @ turn.T, points[:, 3:]], axis=1)
@@ -214,10 +215,10 @@ def test_vehicles_at_the_border_and_at_half_a_turn_are_learnt_from(name: str) ->
     size = (4.3, 1.85, 1.6)
     z = FLOOR_Z + size[2] / 2
     poses = [
-        (low[0] + 0.01, 0.0, z, *size, math.pi),  # half outside
+        (low[0] + 0.01, 0.0, z, *size, math.pi),  # half of the box is outside
         (high[0] - 0.01, 5.0, z, *size, -math.pi),
         (20.0, high[1] - 0.01, z, *size, math.pi / 2),
-        (20.0, low[1] - 0.5, z, *size, 0.0),  # its centre outside, so not learnt
+        (20.0, low[1] - 0.5, z, *size, 0.0),  # the centre is outside, so the box is not learnt
     ]
     boxes = np.array(poses)
     clouds = [road_sample(6).points, *(vehicle_points(b, np.random.default_rng(1)) for b in boxes)]
@@ -267,9 +268,9 @@ def test_an_anchor_far_below_its_vehicle_still_leads_to_it() -> None:
 def test_a_truck_is_for_the_long_anchors() -> None:
     anchors = Anchors(AnchorConfig(), SITE, 0.8, (32, 48))
     truck = torch.tensor([[20.0, 0.4, FLOOR_Z + 1.6, 9.0, 2.5, 3.2, 0.0]])
-    overlap = anchors.axis_aligned_iou(truck)[..., 0]  # (rows, columns, kinds)
+    overlap = anchors.axis_aligned_iou(truck)[..., 0]  # (rows, columns, anchor sizes)
     kinds = anchors.targets(truck).positive.nonzero()[:, 2].unique()
-    assert overlap[..., :2].max() < 0.45  # a car's anchor never stands for it
+    assert overlap[..., :2].max() < 0.45  # no anchor of a car matches the truck
     assert kinds.tolist() == [2]
 
 
@@ -286,7 +287,8 @@ def test_frames_of_a_batch_do_not_see_each_other(name: str) -> None:
 
 
 def lived_in(network: Network) -> Network:
-    """As after a training: norms that have seen something, and scores above the least."""
+    """Changes a network as a training does: its norms have statistics, and its scores are above the
+    minimum."""
     draw = torch.Generator().manual_seed(2)
     for module in network.modules():
         if isinstance(module, torch.nn.modules.batchnorm._BatchNorm):
@@ -443,7 +445,8 @@ def test_a_centre_survives_its_cell_and_has_all_the_heat() -> None:
 
 
 def test_with_balance_frames_weigh_the_same_however_many_objects_they_have() -> None:
-    """With 1, a frame twice as full has the same share of the loss; with 0, twice of it."""
+    """With balance 1, a frame with twice as many objects has the same share of the loss. With
+    balance 0 it has twice the share."""
     torch.manual_seed(1)
     head = AxisHead(4, 4, SITE, 0.8)
     box = torch.from_numpy(road_sample(8).boxes[:1]).float()
@@ -466,7 +469,7 @@ def test_an_axis_and_a_way_are_a_heading() -> None:
     boxes = torch.from_numpy(road_sample(8).boxes[:1]).float().repeat(64, 1)
     boxes[:, 6] = torch.linspace(-math.pi, math.pi, 65)[:64]
     row, column = head.cells_of(boxes, (32, 48))
-    for sign in (1, -1):  # of a way that is right, and one that is wrong
+    for sign in (1, -1):  # first a correct direction of the road, then a wrong one
         way = torch.where(is_backwards(boxes[:, 6]), sign, -sign)[:, None].float()
         residuals = torch.cat([head.encode(boxes, row, column), way], dim=1)
         turned = head.decode(residuals, row, column)[:, 6] - boxes[:, 6]
@@ -474,7 +477,7 @@ def test_an_axis_and_a_way_are_a_heading() -> None:
 
 
 def crossing(way: float = math.pi / 6) -> Region:
-    """Two roads through the sensor, across each other; the frame is turned, and off the origin."""
+    """Returns two roads that cross at the sensor. Their world frame is rotated and shifted."""
     s = np.arange(-40.0, 41)
     ahead, same = np.stack([np.cos(way + 0 * s), np.sin(way + 0 * s)], axis=1), np.ones(len(s))
     left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)

@@ -1,4 +1,5 @@
-"""README and docs do what they say: every command in them runs, or is parsed by its own parser."""
+"""The commands in README and docs are correct: each command is run, or is parsed by its own
+parser."""
 
 import re
 import tomllib
@@ -27,14 +28,15 @@ WITH_COMMANDS = [
 
 
 def make_recording(infrasim: Callable[..., object], run_command: Callable[..., list[str]]) -> None:
-    """30 frames of a simulation as somebody else's recording."""
+    """Exports 30 simulated frames as a recording of another tool."""
     infrasim(*run_command("helios_16", frames="0:30", out=Path("site").resolve()), check=True)
     words = ["--to", "pcd", "--out", "recordings/junction"]
     assert main.main(["export", "site/helios_16", *words]) == 0
 
 
 def make_clouds(infrasim: Callable[..., object], run_command: Callable[..., list[str]]) -> None:
-    """30 clouds over 18 s as a LiDAR's own writer leaves them: intensities to 255, no labels."""
+    """Writes 30 clouds over 18 s as a LiDAR's own software does: with intensities up to 255 and
+    without labels."""
     words = run_command(
         "helios_16", frames="0:180:6", preset="datasheet", out=Path("site").resolve()
     )
@@ -49,7 +51,7 @@ def make_clouds(infrasim: Callable[..., object], run_command: Callable[..., list
 
 
 def make_site(infrasim: Callable[..., object], run_command: Callable[..., list[str]]) -> None:
-    """A site, ten frames of it, and a lone cloud."""
+    """Simulates ten frames of a site, and writes a single cloud."""
     blocks = doc_pages.blocks(doc_pages.ROOT / "docs/tutorial.md")
     (scene,) = (block.text for block in blocks if block.file == "site.yaml")
     Path("site.yaml").write_text(doc_pages.small_text(scene, "site.yaml"))
@@ -62,13 +64,13 @@ def make_site(infrasim: Callable[..., object], run_command: Callable[..., list[s
 
 
 def make_map(infrasim: Callable[..., object], run_command: Callable[..., list[str]]) -> None:
-    """A district as an OpenStreetMap file."""
+    """Writes a district as an OpenStreetMap file."""
     pytest.importorskip("sumo", reason="Eclipse SUMO is not installed: extra `site`")
     Path("crossing.osm").write_text(site_maps.district_text())
 
 
 MOST_COMMANDS = 20  # from a map to a recommendation
-MOST_WORDS, MOST_NUMBERS = 150, 3  # of README's first screen; numbers of a sentence
+MOST_WORDS, MOST_NUMBERS = 150, 3  # words of README's first screen; numbers in a sentence
 GIVEN = {
     "generalist": make_site,
     "own_data": make_recording,
@@ -146,10 +148,10 @@ def test_a_wrong_option_fails_though_it_is_only_parsed(infrasim: Callable[..., o
 
 
 def test_the_pages_name_each_other() -> None:
-    """Every link leads somewhere. test_documentation_site.py: every page is listed."""
+    """Every link has a target. test_documentation_site.py checks that every page is listed."""
     for page in doc_pages.PAGES:
         for link in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text()):
-            written = link.startswith("examples/")  # by sphinx-gallery
+            written = link.startswith("examples/")  # sphinx-gallery writes this page
             assert written or (page.parent / link).exists(), f"{page.name}: {link}"
 
 
@@ -160,7 +162,8 @@ def test_tables_of_the_pages_are_what_make_docs_writes() -> None:
 
 
 def test_the_first_screen_of_the_readme_is_short() -> None:
-    """Before "Where next" there are few words, commands apart, and few numbers a sentence."""
+    """The part before "Where next" has few words outside commands, and few numbers in a
+    sentence."""
     first = page("README").read_text().split("## Where next")[0]
     hidden = r"^```.*?^```|<!--.*?-->|!\[.*?\)|\]\([^)]*\)|[|#`\[\]*]|---"
     text = re.sub(hidden, " ", first, flags=re.DOTALL | re.MULTILINE)

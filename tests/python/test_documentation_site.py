@@ -1,4 +1,4 @@
-"""The documentation site: every page is listed, and every gallery script makes a picture."""
+"""The documentation site lists every page, and every gallery script makes a picture."""
 
 import ast
 import re
@@ -10,14 +10,14 @@ import pyinfra as pi
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 SCRIPTS = sorted((DOCS / "gallery").glob("*.py"))
-GALLERY = "examples/index"  # written by sphinx-gallery
-RESULTS = "results/index"  # one page per question, with a table of contents of its own
-MOST_PAGES = 30  # without the pages of single results
+GALLERY = "examples/index"  # sphinx-gallery writes this page
+RESULTS = "results/index"  # a page with its own table of contents, which has one page per question
+MOST_PAGES = 30  # maximum number of pages, without the pages of single results
 DRAWS = r"\bplt\.(subplots|figure)\(|\bsns\.\w+plot\(|\bpi\.plot_\w+\("
 
 
 def listed(index: Path = DOCS / "index.md") -> list[str]:
-    """The pages in the tables of contents of a page."""
+    """Returns the pages in the tables of contents of a page."""
     text = index.read_text()
     trees = re.findall(r"^:::\{toctree\}\n(.*?)^:::$", text, re.DOTALL | re.MULTILINE)
     lines = "\n".join(trees).splitlines()
@@ -44,7 +44,7 @@ def test_the_api_page_has_each_public_name() -> None:
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_a_gallery_script_has_a_title_a_text_and_a_picture(script: Path) -> None:
-    """`make docs` runs the script."""
+    """`make docs` runs the scripts."""
     tree = ast.parse(script.read_text())
     title, underline, _, *text = (ast.get_docstring(tree) or "").splitlines()
     assert underline == "=" * len(title)

@@ -1,4 +1,4 @@
-"""DSVT: its sets partition the voxels of a window, and attention stays inside a set."""
+"""DSVT: the sets partition the voxels of a window, and attention stays within a set."""
 
 import dataclasses
 from pathlib import Path
@@ -25,7 +25,7 @@ SMALL = Config(width=16, heads=4, feed_width=32)
 
 
 def voxels(seed: int, count: int = 3000, frames: int = 2) -> tuple[Tensor, Tensor, Tensor]:
-    """Frame, row and column of different cells, in no order."""
+    """Returns frame, row and column of different cells, in random order."""
     draw = np.random.default_rng(seed)
     cell = torch.from_numpy(draw.choice(frames * 60 * 90, count, replace=False))
     return cell // 5400, cell % 5400 // 90, cell % 90
@@ -36,7 +36,7 @@ def both(windows: VoxelWindows, size: int = SIZE) -> tuple[Sets, Sets]:
 
 
 def members(sets: Sets) -> list[list[int]]:
-    """The voxels of each set, each once, in order."""
+    """Returns the voxels of each set in order, without repetitions."""
     pairs = zip(sets.voxel, sets.repeats, strict=True)
     return [voxel[~repeats].tolist() for voxel, repeats in pairs]
 
@@ -117,7 +117,7 @@ def test_a_window_may_hold_one_voxel_or_all() -> None:
     for cells in ((one, one, one), (frame, row, column)):
         x = torch.randn(len(cells[0]), 16, generator=torch.Generator().manual_seed(1))
         assert torch.isfinite(transformer(x, *cells)).all()
-        with torch.autocast("cpu", torch.bfloat16):  # where all but one of a set is hidden
+        with torch.autocast("cpu", torch.bfloat16):  # in these sets, all voxels but one are masked
             assert torch.isfinite(transformer(x, *cells)).all()
 
 
@@ -211,7 +211,7 @@ def test_the_fit_learns_the_overlap_of_the_detected_box() -> None:
     for value in head.box_losses(exact, boxes, row, column, torch.ones(len(boxes))).values():
         assert float(value) == pytest.approx(0, abs=0.01)
     shifted = exact.clone()
-    shifted[:, 3] += np.log(2)  # twice as long: half of it overlaps
+    shifted[:, 3] += np.log(2)  # the box is twice as long, so half of it overlaps
     losses = head.box_losses(shifted, boxes, row, column, torch.ones(len(boxes)))
     assert float(losses["fit"]) == pytest.approx(len(boxes), abs=0.01)
     assert float(losses["overlap"]) == pytest.approx(len(boxes), abs=0.01)

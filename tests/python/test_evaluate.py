@@ -1,4 +1,4 @@
-"""Evaluation of files: what counts, what is ignored, windows, areas, outputs, bad input."""
+"""Evaluation of files: counted and ignored boxes, windows, areas, output files and wrong input."""
 
 import math
 import random
@@ -38,7 +38,7 @@ SETS = ("captured", "common", "all")
 
 @pytest.fixture
 def run(tmp_path: Path) -> Callable[..., Evaluation]:
-    """Evaluates predictions of the frames of one LiDAR on a straight road."""
+    """Returns a function that evaluates predictions for one LiDAR on a straight road."""
 
     def call(
         frames: list, predictions: list[ScoredBoxes], name: str = "vehicle", **settings
@@ -115,7 +115,7 @@ def test_a_hidden_vehicle_counts_for_captured_alone(run: Callable[..., Evaluatio
 def test_vehicles_and_false_positives_outside_the_region_are_ignored(
     run: Callable[..., Evaluation],
 ) -> None:
-    """100 m along the road and 10 m to its sides."""
+    """The region extends 100 m along the road and 10 m to each side."""
     out = [car(103, visibility=-1), car(50, 12, visibility=-1)]
     background = [(box(car(-120)), 0.95), (box(car(0, -14)), 0.95)]
     predictions = [(box(v), 0.9) for v in out] + background + [(box(car(20)), 0.5)]
@@ -125,7 +125,8 @@ def test_vehicles_and_false_positives_outside_the_region_are_ignored(
 
 
 def test_a_drawn_region_stands_for_roads(tmp_path: Path) -> None:
-    """A vehicle beyond it is no miss, and a box there no error."""
+    """With an outline instead of roads, a vehicle outside is not missed, and a box outside is not a
+    false positive."""
     gt = write_lidar(tmp_path / "lidar", [[car(20), car(60)]])
     pred = write_predictions(tmp_path / "pred", [[(box(car(20)), 0.9), (box(car(60)), 0.95)]])
     misplaced = write_predictions(
@@ -153,7 +154,8 @@ def test_a_vehicle_is_detected_where_its_label_is(run: Callable[..., Evaluation]
 
 
 def test_a_vehicle_belongs_where_it_is_at_mid_frame(run: Callable[..., Evaluation]) -> None:
-    """Scanned 2 m further on: beyond the region's end, or within it."""
+    """At scan time the vehicle is 2 m further on, which is beyond the end of the region or within
+    it."""
     frames = [[car(99, ahead=2), car(-101, ahead=2, visibility=-1)]]
     predictions = [[(box(car(101)), 0.9), (box(car(-99)), 0.8)]]
     result = run(frames, predictions, label_time="scan")
@@ -215,7 +217,7 @@ def test_every_score_counts_by_default(run: Callable[..., Evaluation]) -> None:
 
 
 def test_common_leaves_out_what_another_lidar_cannot_see(tmp_path: Path) -> None:
-    """The other one looks 35 degrees to either side; a box behind it is dropped for common."""
+    """The other LiDAR sees 35 degrees to either side. For `common`, a box behind it is left out."""
     frames = [[car(50), car(-50)]]
     write_roads(tmp_path)
     gt = write_lidar(tmp_path / "wide", frames)
@@ -233,7 +235,7 @@ def test_common_leaves_out_what_another_lidar_cannot_see(tmp_path: Path) -> None
 
 
 def test_all_is_the_same_for_a_lidar_of_short_range(tmp_path: Path) -> None:
-    """What it does not even list is missed."""
+    """A vehicle beyond the range of this LiDAR is not in its objects. It counts as missed."""
     near, far = car(30), car(90)
     write_roads(tmp_path)
     short = write_lidar(tmp_path / "short", [[near]], reach_m=50)
@@ -262,7 +264,8 @@ def test_a_vehicle_of_unknown_type_counts_as_one(run: Callable[..., Evaluation])
 
 
 def test_labels_alone_give_captured_by_distance(tmp_path: Path) -> None:
-    """Any folder in KITTI's layout: no region, distance from the sensor."""
+    """This works for any folder in KITTI's layout. It has no region, and AP is by distance from the
+    sensor."""
     frames = traffic(4)
     gt = write_lidar(tmp_path / "kitti", frames, objects=False)
     (gt / "lidar.yaml").unlink()
@@ -304,7 +307,7 @@ def test_csv_and_kitti_predictions_give_the_same(tmp_path: Path) -> None:
         (as_csv / f"{k:06d}.csv").write_text(header + rows)
     one, two = evaluate(gt, pred), evaluate(gt, as_csv)
     assert one.ap.ap.tolist() == pytest.approx(two.ap.ap.tolist())
-    for file in as_csv.iterdir():  # as spreadsheet programs save it
+    for file in as_csv.iterdir():  # as spreadsheet programs save CSV files
         file.write_bytes(file.read_text().replace("\n", "\r\n").encode("utf-8-sig"))
     assert evaluate(gt, as_csv).ap.ap.tolist() == two.ap.ap.tolist()
 
@@ -331,7 +334,7 @@ def test_only_the_split_is_evaluated(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_order_of_boxes_in_the_files_has_no_influence(tmp_path: Path, seed: int) -> None:
-    """With scores of one digit, so that many are equal."""
+    """Scores have one digit, so many are equal."""
     frames = traffic(20)
     predictions = [[(b, round(s, 1)) for b, s in boxes] for boxes in noisy(frames, spread=0.8)]
     write_roads(tmp_path)
@@ -374,7 +377,8 @@ def test_windows_are_20_m_long_every_5_m(run: Callable[..., Evaluation]) -> None
 
 
 def test_cutting_first_makes_errors_at_the_cut(run: Callable[..., Evaluation]) -> None:
-    """Vehicle and box on different sides of s = 20: no window loses it, unless it is cut first."""
+    """The vehicle and its box are on different sides of s = 20. No window loses the match, unless
+    boxes are divided into windows before matching."""
     result = run([[car(19.9)] * 1], [[(box(car(20.1)), 0.9)]], cut_first=True)
     table = result.distance_ap[result.distance_ap.ground_truth == "captured"].set_index("s")
     assert table.loc[[10, 15, 20, 25], "ap"].tolist() == [100, 100, 100, 100]
@@ -384,7 +388,8 @@ def test_cutting_first_makes_errors_at_the_cut(run: Callable[..., Evaluation]) -
 
 
 def test_area_tables_by_hand(run: Callable[..., Evaluation]) -> None:
-    """One car at s = 12 in each frame of a minute: in four windows, always detected."""
+    """Each frame of a minute has one car at s = 12. It lies in four windows and is always
+    detected."""
     frames = [[car(12)] for _ in range(600)]
     result = run(frames, perfect(frames))
     for which in ("captured", "all"):
@@ -402,7 +407,7 @@ def test_areas_with_few_objects_do_not_count(run: Callable[..., Evaluation]) -> 
 
 
 def test_an_area_whose_interval_holds_85_is_undecided(run: Callable[..., Evaluation]) -> None:
-    """In some blocks of 5 s all vehicles are detected and in others few."""
+    """In some blocks of 5 s all vehicles are detected. In the other blocks few are."""
     frames = [[car(12)] for _ in range(1000)]
     predictions = [
         boxes if (k // 50) % 6 or k % 4 == 0 else [] for k, boxes in enumerate(perfect(frames))
@@ -417,7 +422,8 @@ def test_an_area_whose_interval_holds_85_is_undecided(run: Callable[..., Evaluat
 def test_an_area_without_an_interval_is_left_out_of_that_of_the_share(
     run: Callable[..., Evaluation],
 ) -> None:
-    """Near the sensor vehicles pass in two of twenty blocks of 5 s; far out none is detected."""
+    """Near the sensor, vehicles pass in two of twenty blocks of 5 s. Far from it, no vehicle is
+    detected."""
     near = [[car(12)] if k % 50 < 15 and k < 100 else [] for k in range(1000)]
     frames = [[*cars, car(80)] for cars in near]
     result = run(
@@ -445,7 +451,7 @@ def test_the_interval_holds_the_ap_of_more_frames(run: Callable[..., Evaluation]
 
 
 def test_crossing_roads_share_no_vehicle(tmp_path: Path) -> None:
-    """It belongs to the road whose centreline is nearest."""
+    """A vehicle belongs to the road with the nearest centreline."""
     along = "".join(f"along,{s},10,{20 + s},0,{math.pi / 2},8\n" for s in range(-100, 101))
     across = "".join(f"across,{s},{10 - s},30,0,{math.pi},8\n" for s in range(-100, 101))
     header = "road,s,x,y,z,heading,half_width\n"
@@ -525,7 +531,7 @@ def test_the_same_command_writes_the_same_bytes(tmp_path: Path) -> None:
 
 
 def spoiled(text: str, change: Callable[[list[str]], list[str]]) -> str:
-    """A result file with a change to the words of its second line."""
+    """Returns a result file in which the words of the second line are changed."""
     lines = text.splitlines()
     lines[1] = " ".join(change(lines[1].split()))
     return "\n".join(lines) + "\n"

@@ -1,4 +1,4 @@
-"""MCAP files read back by the decoder of `mcap-ros2-support`."""
+"""MCAP files, read by the decoder of `mcap-ros2-support`."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,11 +24,11 @@ from pyinfra.core.errors import FormatError
 from pyinfra.exchange import mcap
 from pyinfra.formats import kitti
 
-TYPES = {4: "<u2", 5: "<i4", 7: "<f4"}  # of sensor_msgs/PointField
+TYPES = {4: "<u2", 5: "<i4", 7: "<f4"}  # types of sensor_msgs/PointField
 
 
 def read(file: Path) -> dict[str, list[tuple[int, SimpleNamespace]]]:
-    """Log time in ns and message, by topic."""
+    """Returns the log times (ns) and messages of each topic."""
     by_topic: dict[str, list[tuple[int, SimpleNamespace]]] = {}
     with file.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
@@ -46,7 +46,7 @@ def exported(folder: Path, frames: list[int], out: Path) -> dict[str, list[Simpl
 
 
 def records(cloud: SimpleNamespace) -> np.ndarray:
-    """The points of a PointCloud2, as its fields say."""
+    """Returns the points of a PointCloud2 with the types of its fields."""
     assert not cloud.is_bigendian
     assert cloud.row_step == cloud.width * cloud.point_step == len(cloud.data)
     dtype = np.dtype(
@@ -94,7 +94,8 @@ def test_a_known_recording_comes_back_whole(tmp_path: Path) -> None:
         np.testing.assert_array_equal(got["ring"], fields["ring"])
         np.testing.assert_array_equal(got["object_id"], fields["object_id"])
         assert seconds(cloud.header) == pytest.approx(frame * 0.1, abs=1e-9)
-        # The first marker takes away those of the frame before, so a frame without objects does.
+        # The first marker deletes the markers of the previous frame. A frame without objects has
+        # this marker too.
         assert array.markers[0].action == 3
         assert all(seconds(m.header) == pytest.approx(frame * 0.1 + 0.05) for m in array.markers)
         assert [m.id for m in array.markers[1:]] == list(ids)
@@ -131,7 +132,7 @@ def test_without_fields_and_objects_and_dataset_there_are_points_and_labels(
         xyzi = records(cloud).view("<f4").reshape(-1, 4)
         np.testing.assert_array_equal(xyzi, points(frame))
     numbers = [m.id for array in by_topic["/pole/boxes"] for m in array.markers[1:]]
-    assert numbers == [0, 1, 2]  # labels know no identity
+    assert numbers == [0, 1, 2]  # label files have no ids
     np.testing.assert_allclose(boxes(by_topic["/pole/boxes"][2])[0], BOXES[3], atol=1e-5)
 
 

@@ -1,4 +1,4 @@
-"""nuScenes tables read back by a strict reader of the public description."""
+"""nuScenes tables, read by a strict reader of the public description."""
 
 import json
 import math
@@ -23,7 +23,7 @@ def exported(folder: Path, frames: list[int], out: Path) -> Database:
 
 
 def names(database: Database, annotation: dict) -> tuple[str, list[str], str]:
-    """Category, attributes and visibility of an annotation."""
+    """Returns category, attributes and visibility of an annotation."""
     instance = database.get("instance", annotation["instance_token"])
     attributes = [database.get("attribute", t)["name"] for t in annotation["attribute_tokens"]]
     token = annotation["visibility_token"]

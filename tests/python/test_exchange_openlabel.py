@@ -1,4 +1,4 @@
-"""OpenLABEL files checked by `openlabel-checker`, which brings the schema of the standard."""
+"""OpenLABEL files, checked by `openlabel-checker` with the schema of the standard."""
 
 import json
 from importlib import resources
@@ -27,7 +27,8 @@ from pyinfra.formats import kitti
 
 
 def exported(folder: Path, frames: list[int], out: Path) -> dict[str, Any]:
-    """What stands under `openlabel`, after the schema and every check of the checker."""
+    """Exports frames, runs all checks on the file, and returns the content of its key
+    `openlabel`."""
     out.mkdir()
     openlabel.export(folder, frames, out)
     file = out / f"{folder.name}.json"

@@ -1,4 +1,4 @@
-"""PCD files: ours read by pypcd4, and its files read by us."""
+"""PCD files: pypcd4 reads our files, and we read its files."""
 
 from pathlib import Path
 
@@ -153,7 +153,7 @@ def test_a_compressed_file_without_its_package_names_the_extra(
 
 
 def written(folder: Path, viewpoints: list[str], fields: str) -> Path:
-    """A cloud of one point, 1 2 3, for each viewpoint."""
+    """Writes a cloud of one point, 1 2 3, for each viewpoint."""
     folder.mkdir()
     for i, viewpoint in enumerate(viewpoints):
         text = HEADER.replace("0 0 0 1 0 0 0", viewpoint).replace("2\n", "1\n")

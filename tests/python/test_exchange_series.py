@@ -1,4 +1,4 @@
-"""What every export is given: one frame after another, with or without the optional parts."""
+"""The frames that every export receives, one after the other, with and without optional parts."""
 
 import tracemalloc
 from pathlib import Path
@@ -90,7 +90,8 @@ def test_memory_holds_some_frames_and_not_all(tmp_path: Path, module: ModuleType
         kitti.write_frame(folder, frame, cloud, labels, objects=objects, fields=fields)
     for name in ("first", "out"):
         (tmp_path / name).mkdir()
-    module.export(folder, range(2), tmp_path / "first")  # packages load parts when first used
+    # the first use of a package imports its parts
+    module.export(folder, range(2), tmp_path / "first")
     tracemalloc.start()
     module.export(folder, range(60), tmp_path / "out")
     peak = tracemalloc.get_traced_memory()[1]

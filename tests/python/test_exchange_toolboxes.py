@@ -1,4 +1,4 @@
-"""Frames for OpenPCDet and MMDetection3D, read back as their guides say."""
+"""Frames for OpenPCDet and MMDetection3D, read as in the guides of these tools."""
 
 import math
 from pathlib import Path
@@ -12,7 +12,7 @@ from pyinfra.exchange.exports import export
 from pyinfra.formats import kitti
 
 MODELS = ("pointpillars", "pointrcnn", "pv_rcnn", "dsvt")
-UP = np.array([0, 0, 6, 0, 0, 0, 0])  # from the sensor to the road
+UP = np.array([0, 0, 6, 0, 0, 0, 0])  # shift from the sensor to the road
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def pole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def out(pole: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Both exports of the made-up recording, whose road is 6 m below the sensor."""
+    """Makes both exports of the artificial recording, whose road is 6 m below the sensor."""
     folder = tmp_path_factory.mktemp("out")
     for name in ("openpcdet", "mmdet3d"):
         export(pole, [5, 6, 7], name, folder / name)
@@ -58,7 +58,8 @@ def test_mmdet3d_boxes_stand_on_the_middle_of_their_bottom(out: Path) -> None:
 
 
 def test_ranges_by_hand(out: Path) -> None:
-    """The car's and truck's corners with 2 m around, to the next 16 cells of 0.32 m and 0.1 m."""
+    """The range contains the corners of car and truck with a margin of 2 m, rounded up to 16 cells
+    of 0.32 m or 0.1 m."""
     pillars = openpcdet_config(out / "openpcdet", "pointpillars")
     assert pillars["DATA_CONFIG"]["POINT_CLOUD_RANGE"] == [-19.2, -8, -2, 37.12, 12.48, 4]
     voxels = openpcdet_config(out / "openpcdet", "pv_rcnn")
@@ -96,7 +97,7 @@ def test_frames_of_each_lidar(motorway: Path, lidar: str, tmp_path: Path) -> Non
 
 
 def check_configs(folder: Path, boxes: np.ndarray) -> None:
-    """The rules of the toolbox's guide and of the networks, and vehicles inside the ranges."""
+    """Checks the rules of the guide and of the networks. All vehicles must be inside the ranges."""
     configs = {model: openpcdet_config(folder, model) for model in MODELS}
     for config in configs.values():
         assert config["CLASS_NAMES"] == ["Vehicle"]

@@ -1,4 +1,4 @@
-"""`pyinfra export`: whole or not at all, and one line for what is wrong."""
+"""`pyinfra export` writes all files or none, and reports an error in one line."""
 
 import re
 import resource
@@ -154,7 +154,7 @@ def test_a_missing_package_is_one_line_that_names_the_extra(
 
 @pytest.mark.parametrize("name", ["mmdet3d", "mcap", "nuscenes", "openpcdet", "pcd"])
 def test_a_full_disk_leaves_nothing(name: str, pole: Path, tmp_path: Path) -> None:
-    """A file larger than the limit fails as on a full disk."""
+    """A file that is larger than the limit fails as on a full disk."""
     limit = 100  # bytes; a cloud is larger
     result = subprocess.run(
         [sys.executable, "-m", "pyinfra", *words(pole, tmp_path / "out", name)],

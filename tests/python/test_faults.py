@@ -1,4 +1,4 @@
-"""Full disks, foreign folders, signals and kills: a frame exists whole or not at all."""
+"""Full disks, folders of other runs, signals and kills: a frame is complete or does not exist."""
 
 import errno
 import os
@@ -33,7 +33,8 @@ Digests = Callable[[Path], dict[str, str]]
 
 
 def assert_frames_are_whole(folder: Path, reference: Path) -> int:
-    """Each .bin has its companions, all as an undisturbed run wrote them; returns their number."""
+    """Checks that each .bin has its other files, with the bytes of an undisturbed run. Returns the
+    number of .bin files."""
     bins = sorted(folder.glob("*/training/velodyne/[0-9]*.bin"))
     for bin_file in bins:
         whole = reference / bin_file.relative_to(folder)
@@ -58,7 +59,7 @@ def temporary_files(folder: Path) -> list[Path]:
 
 @pytest.fixture(scope="module")
 def long_command(run_command: Words) -> Words:
-    """Some seconds of work for one thread."""
+    """Returns a command that takes some seconds with one thread."""
 
     def words(out: Path) -> list[str]:
         return [*run_command(*LIDARS, frames=f"0:{FRAMES}", threads=1, out=out), "--fields"]
@@ -81,13 +82,13 @@ def undisturbed(
 
 
 def limited(size: int) -> Callable[[], None]:
-    """For a child: no file may grow beyond this many bytes."""
+    """Returns a function for a child process that limits the size of its files."""
     return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
 
 def test_memory_that_is_too_small_is_said(infrasim: Infrasim, tmp_path: Path) -> None:
     words = ["pattern", "ruby_plus", "--frames", "0:200", "--out", tmp_path / "rays.npy"]
-    size = 600_000_000  # the rays alone are twice as much
+    size = 600_000_000  # bytes; the rays alone need twice as much
     result = infrasim(
         *words, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (size, size))
     )
@@ -96,7 +97,7 @@ def test_memory_that_is_too_small_is_said(infrasim: Infrasim, tmp_path: Path) ->
 
 
 def short(*lidars: str) -> list[str]:
-    """A run whose trajectories.csv is small."""
+    """Returns options of a run with a small trajectories.csv."""
     files = [f"configs/lidars/{name}.yaml" for name in lidars]
     return ["--lidar", *files, "--set", "duration_s=1", "--set", "traffic.warm_up_s=1"]
 
@@ -109,7 +110,7 @@ def test_file_that_may_not_grow_ends_the_run_with_whole_frames(
     whole, out = tmp_path / "whole", tmp_path / "out"
     assert infrasim(*words, "--out", whole).returncode == 0
     sizes = {p: p.stat().st_size for p in whole.rglob("*") if p.is_file()}
-    limit = 200_000  # between a .bin of the two
+    limit = 200_000  # bytes; between the sizes of the .bin files of the two LiDARs
     assert max(s for p, s in sizes.items() if "ruby_plus" not in str(p)) < limit
     result = infrasim(*words, "--out", out, preexec_fn=limited(limit))
     assert_one_line(result, str(out / "ruby_plus"), "can't be written", "File too large")
@@ -134,7 +135,7 @@ def test_run_that_can_not_claim_its_folder_leaves_no_half_file(
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 2 MB."""
+    """Mounts a file system of 2 MB."""
     folder = tmp_path / "disk"
     folder.mkdir()
     words = ["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(folder)]
@@ -160,7 +161,7 @@ def test_full_disk_ends_the_run_with_whole_frames(
 
 @pytest.fixture(scope="module")
 def perfect(motorway: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """A LiDAR's folder with a split, and predictions of its frames."""
+    """Returns a LiDAR's folder with a split, and predictions for its frames."""
     data = tmp_path_factory.mktemp("perfect") / "data"
     shutil.copytree(motorway, data)
     folder, pred = data / "helios_16", data / "pred"
@@ -197,7 +198,7 @@ def test_a_full_disk_is_named_with_the_file_by_every_command_of_pyinfra(
         (gt / "ImageSets").mkdir(exist_ok=True)
         (gt / "ImageSets/train.txt").write_text("000000\n000001\n")
     with (small_disk / "filling").open("wb") as filling:
-        filling.write(bytes(2 * 2**20 - 2 * 4096))  # two pages are left
+        filling.write(bytes(2 * 2**20 - 2 * 4096))  # two memory pages are left
     words = {"gt": gt, "pred": pred, "data": gt.parent, "out": small_disk}
     assert main.main([word.format(**words) for word in COMMANDS[name]]) == 1
     message = capsys.readouterr().err.splitlines()[-1]
@@ -402,7 +403,7 @@ def test_signal_stops_after_the_frame_and_the_same_command_resumes(
 
 
 def catches(process: int, number: int) -> bool:
-    """Whether a running process has a handler for the signal."""
+    """Returns whether a running process has a handler for the signal."""
     status = Path(f"/proc/{process}/status").read_text()
     mask = next(line.split()[1] for line in status.splitlines() if line.startswith("SigCgt"))
     return bool(int(mask, 16) >> (number - 1) & 1)
@@ -426,7 +427,7 @@ def test_signal_before_the_first_frame(
     process = start([*words, *long])
     while not catches(process.pid, number):
         time.sleep(0.01)
-    time.sleep(0.3)  # in the warm-up, which takes many times as long
+    time.sleep(0.3)  # the warm-up takes many times this long
     process.send_signal(number)
     output, message = process.communicate(timeout=10)
     assert (process.returncode, output) == (code, "")
@@ -449,18 +450,20 @@ def test_kills_at_random_moments_leave_whole_frames_and_a_folder_that_resumes(
     frames = kills = 0
     while kills < 20:
         process = start(long_command(out))
-        # Every third falls while the folder is claimed or the first frame begins.
+        # Every third kill comes while the process claims the folder or computes the first frame.
         if kills % 3:
             wait_for_frames(out, min(frames + 1, 2 * FRAMES))
         end = time.monotonic() + moments.uniform(0, 0.05)
         while time.monotonic() < end:
-            assert_frames_are_whole(out, undisturbed)  # what a reader sees meanwhile
+            # a reader sees only complete frames meanwhile
+            assert_frames_are_whole(out, undisturbed)
         process.kill()
         process.communicate(timeout=60)
         now = assert_frames_are_whole(out, undisturbed)
         assert now >= frames
         frames = now
-        if process.returncode == 0:  # a fast machine was done before: begin afresh
+        # on a fast machine the run has already ended, so the test starts again
+        if process.returncode == 0:
             shutil.rmtree(out)
             frames = 0
         else:
@@ -473,7 +476,7 @@ def test_kills_at_random_moments_leave_whole_frames_and_a_folder_that_resumes(
     assert digests(out) == digests(undisturbed)
 
 
-# Two runs at once
+# Two runs at the same time
 
 
 def twins(out: Path, run_command: Words) -> list[subprocess.Popen[str]]:
@@ -519,5 +522,6 @@ def test_a_run_goes_on_beside_one_that_is_killed(
         mine = {k: v for k, v in digests(out).items() if not Path(k).name.startswith(".")}
         assert mine == digests(lone)
         command = [*run_command(*LIDARS, frames="0:40", threads=1, out=out), "--fields"]
-        assert infrasim(*command).returncode == 0  # and what the killed one left is gone
+        # the files that the killed run left behind are removed
+        assert infrasim(*command).returncode == 0
         assert digests(out) == digests(lone)

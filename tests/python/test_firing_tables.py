@@ -1,4 +1,4 @@
-"""LiDARs described by a firing table: units, times, and data sets that carry the table."""
+"""LiDARs with a firing table: units, times, and data sets that contain the table."""
 
 from pathlib import Path
 
@@ -17,7 +17,8 @@ FRAMES = "0:3"
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """`parts/own.yaml`, whose table lies beside it: degrees, fired in bursts of five."""
+    """Writes `parts/own.yaml` with a table beside it. The table is in degrees, and its rays are
+    fired in bursts of five."""
     parts = tmp_path / "parts"
     parts.mkdir()
     k = np.arange(ROWS)
@@ -92,7 +93,8 @@ def test_a_data_set_carries_its_table_to_statistics_and_stress(
 def test_a_folder_whose_table_lies_elsewhere_is_resumed(folder: Path, infrasim: Infrasim) -> None:
     data = run(infrasim, folder)
     description = data / "own/lidar.yaml"
-    before = description.read_text().replace('"table.npy"', '"table.csv"')  # as 0.3 wrote it
+    # version 0.3 wrote this name
+    before = description.read_text().replace('"table.npy"', '"table.csv"')
     description.write_text(before)
     (data / "own/table.npy").unlink()
     run(infrasim, folder)

@@ -1,4 +1,5 @@
-"""The network that comes with the package: small, calibrated, and it finds vehicles at once."""
+"""The network that comes with the package is small and calibrated, and finds vehicles without
+training."""
 
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from pyinfra.cli import main
 from pyinfra.models.inference.detect import model_file, shipped
 
 MODEL = model_file(Path("generalist"))
-LEAST_AP = 70  # of the few frames of the test; it has 98 there, and an untrained network 0
+LEAST_AP = 70  # for the few frames of this test; the network has 98, and an untrained network has 0
 
 
 @pytest.fixture(scope="module")
@@ -51,4 +52,5 @@ def test_a_lone_cloud_needs_the_height_of_the_sensor(
         in capsys.readouterr().err
     )
     assert main.main(["detect", "--model", "generalist", cloud, "--height-m", "6"]) == 0
-    assert len(capsys.readouterr().out.splitlines()) > 30  # it has some 70 boxes of 45 vehicles
+    # there are about 70 boxes for 45 vehicles
+    assert len(capsys.readouterr().out.splitlines()) > 30

@@ -1,4 +1,4 @@
-"""Generated sites: the same for the same seed, possible, and streamed without files."""
+"""Generated sites: equal for equal seeds, accepted by the simulator, and streamed without files."""
 
 import subprocess
 from dataclasses import replace
@@ -151,7 +151,7 @@ def test_crossings_are_also_a_t_and_some_roads_across_are_one_way() -> None:
     ending = [road for road, ends in zip(side, t, strict=True) if ends]
     assert {road.keys["lanes"]["each_way"] for road in ending} <= {1, 2}
     starts = [np.hypot(*road.stations[0, 1:3]) < 1 for road in ending]
-    assert 0.3 < np.mean(starts) < 0.7  # of both ways to draw it
+    assert 0.3 < np.mean(starts) < 0.7  # both ways to sample the start occur
 
 
 def test_sensors_hang_within_their_range_and_look_at_the_road_mostly() -> None:
@@ -187,7 +187,7 @@ def test_classes_fit_the_lanes_of_their_bends_as_the_simulator_has_it() -> None:
 
 
 def test_mean_sizes_are_those_of_the_simulator(tmp_path: Path) -> None:
-    """A scene of one class has vehicles of that size on average."""
+    """In a scene with one class, the mean size of the vehicles is that of the class."""
     for name, (length, width) in generate.MEAN_SIZE_M.items():
         keys = parked_only(name)
         boxes = boxes_of(simulation.make_world(keys), keys)
@@ -196,7 +196,7 @@ def test_mean_sizes_are_those_of_the_simulator(tmp_path: Path) -> None:
 
 
 def parked_only(name: str) -> Keys:
-    """Rows of vehicles beside a road without traffic."""
+    """Returns a scene with rows of vehicles beside a road without traffic."""
     rows = [
         {"road": "main", "offset_m": off, "gap_m": 1, "occupied": 1, "class_shares": {name: 1}}
         for off in (-9, 9, 14, -14)
@@ -258,7 +258,7 @@ def test_a_sample_is_a_function_of_plan_and_number_alone() -> None:
 
 
 def test_a_site_that_cannot_be_is_drawn_again() -> None:
-    """And a simulator that refuses all of them says why."""
+    """If the simulator refuses all sites, the error gives the reason."""
 
     def with_a_house_on_the_road(seed: int) -> Keys:
         keys = make_site(seed)
@@ -436,7 +436,8 @@ def small(steps: int) -> Recipe:
 
 
 def run_of(out: Path, steps: int, stop_at: int | None = None) -> bytes:
-    """Weights of a small network after so many steps, stopped on the way and gone on with."""
+    """Trains a small network for some steps and returns its weights. With `stop_at`, the training
+    is stopped and resumed."""
     recipe = small(steps)
     if stop_at is not None:
         with pytest.raises(KeyboardInterrupt):
@@ -445,7 +446,7 @@ def run_of(out: Path, steps: int, stop_at: int | None = None) -> bytes:
 
 
 class Interrupted(SiteSamples):
-    """A stream in which a key is pressed at a sample."""
+    """A stream that raises KeyboardInterrupt at a sample."""
 
     last = 0
 

@@ -18,13 +18,16 @@ from pyinfra.metrics import ap
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = ROOT / "tests/golden"
 SCENES = ROOT / "configs/scenes"
-EVERY = 200  # th point of a frame is kept
-LOST = 3  # points of a frame that are there on one type of CPU and not on another: the kernels that
+EVERY = 200  # every 200th point of a frame is kept
+# maximum number of points of a frame that exist only on one type of CPU. The instructions that cast
+# rays differ in the last digits, and `datasheet` compares a random sample with the power of a
+# return.
+LOST = 3
 # cast rays differ in the last digits, and `datasheet` draws a return against its power
 
 
 def golden(name: str, text: str) -> str:
-    """What is kept under the name; the text itself when goldens are written."""
+    """Returns the stored text. When goldens are written, stores and returns the new text."""
     file = GOLDEN / name
     if os.environ.get("GOLDEN") == "write":
         GOLDEN.mkdir(exist_ok=True)
@@ -39,7 +42,7 @@ def test_resolved_configuration(name: str, infrasim: Callable[..., object]) -> N
 
 
 def frame_tables(preset: str) -> dict[str, pd.DataFrame]:
-    """The points of one frame of two LiDARs at the curve, after 30 frames."""
+    """Returns the points of one frame of two LiDARs at the curve, 30 frames after the start."""
     short = {"duration_s": 4, "traffic.warm_up_s": 10}
     world = simulation.load_scene(SCENES / "curve.yaml", preset=preset, set=short)
     names = ["livox_avia", "helios_16"]
@@ -72,7 +75,7 @@ def test_frame(preset: str) -> None:
 
 
 def is_there(point: Any, table: pd.DataFrame) -> bool:
-    """Whether a ray of that time and ring has that return."""
+    """Returns whether a ray with the same time and ring has the same return."""
     rays = table[(table.ring == point.ring) & np.isclose(table.time, point.time, rtol=0, atol=1e-8)]
     near = np.abs(rays[["x", "y", "z"]] - [point.x, point.y, point.z]).max(axis=1) < 1e-3
     same = (rays.object_id == point.object_id) & (abs(rays.intensity - point.intensity) < 1e-3)
@@ -80,7 +83,7 @@ def is_there(point: Any, table: pd.DataFrame) -> bool:
 
 
 def test_ap_table() -> None:
-    """A detector that misses at random, with ghosts and equal scores."""
+    """The detector misses vehicles at random, and has false positives and equal scores."""
     draw = np.random.default_rng(7)
     rows = []
     for objects in (10, 41, 500):

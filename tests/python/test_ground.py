@@ -1,4 +1,4 @@
-"""The height of the road below a place, and detectors that look from it."""
+"""The height of the road at a position, and detectors that use it."""
 
 from pathlib import Path
 
@@ -20,7 +20,8 @@ def road(y: float, z: FloatArray) -> Road:
 
 
 def boxes_on(slope: float, count: int = 300) -> FloatArray:
-    """Vehicles along x, within 6 m of the axis, on a road 6 m below the sensor at x = 0."""
+    """Returns vehicles along x within 6 m of the axis. The road is 6 m below the sensor at x =
+    0."""
     draw = np.random.default_rng(1)
     boxes = np.zeros((count, 7))
     boxes[:, 0], boxes[:, 1] = draw.uniform(-80, 80, count), draw.uniform(-6, 6, count)
@@ -37,7 +38,8 @@ def test_roads_of_one_level_are_a_plane() -> None:
 
 
 def test_a_place_is_as_high_as_the_nearest_centreline() -> None:
-    pose = WorldPose(10, -4, 7, np.pi / 2)  # x points along the world's y, y against its x
+    # x points along the world's y, and y against the world's x
+    pose = WorldPose(10, -4, 7, np.pi / 2)
     ground = ground_of_roads([road(0, 0.1 * np.arange(80.0)), road(60, np.full(80, -1.0))], pose)
     positions = np.array([[4.0, 0], [4.0, -30], [64.0, 0], [4.0, 500]])
     np.testing.assert_allclose(ground.height(positions), [-6, -3, -8, -7], atol=0.11)
@@ -101,7 +103,7 @@ def test_without_roads_a_recording_says_how_high_it_was(
 
 
 class Lowest:
-    """Finds a vehicle where the lowest point is."""
+    """A detector that returns a vehicle at the lowest point."""
 
     def predict(self, points: Points) -> Detections:
         x, y, z = points[points[:, 2].argmin(), :3].astype(np.float64)
@@ -110,6 +112,7 @@ class Lowest:
 
 def test_a_detector_on_a_slope_looks_from_the_road() -> None:
     ground = Ground((0.1, 0.0, -6.0))
-    points = np.array([[-50, 0, -10.0, 0], [50, 0, -1.5, 0]], dtype=np.float32)  # 1 and -0.5 above
+    # heights above the road: 1 m and -0.5 m
+    points = np.array([[-50, 0, -10.0, 0], [50, 0, -1.5, 0]], dtype=np.float32)
     detections = OnRoad(Lowest(), ground).predict(points)
     np.testing.assert_allclose(detections.boxes[0, :3], [50, 0, -1.5], atol=1e-5)

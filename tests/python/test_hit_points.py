@@ -1,4 +1,4 @@
-"""The table of hit points beside the paper's."""
+"""The table of hit points, compared with that of the paper."""
 
 from pathlib import Path
 
@@ -92,14 +92,16 @@ def test_short_run_is_near_the_paper_and_asked_once(tmp_path: Path) -> None:
 
 
 def test_flat_ground_is_the_level_ground_of_the_arithmetic() -> None:
-    """A channel at elevation e from 6 m hits flat ground at 6 / sin(-e); the range is 100 m."""
+    """A channel with elevation e at a height of 6 m hits flat ground at a range of 6 / sin(-e). The
+    maximum range is 100 m."""
     hits = hit_points.hits_per_frame(
         catalogue.scene_file("flat"), [catalogue.lidar_file("pandar_64")], "0:20"
     )
     elevations = np.radians(np.linspace(-25, 15, 64))
     ranges = 6 / np.sin(-elevations[elevations < 0])
     ranges = ranges[ranges < 100]
-    # CARLA: 45 % dropped; of the rest, below intensity 0.8, a share of 0.4 - 0.5 I is dropped too.
+    # CARLA drops 45 % of the points. Of the others with an intensity I below 0.8, it drops a share
+    # of 0.4 - 0.5 I.
     intensity = np.exp(-0.004 * ranges)
     kept = 0.55 * np.where(intensity > 0.8, 1, 1 - (0.4 - 0.5 * intensity))
     assert hits["pandar_64"] == pytest.approx(1800 * kept.sum(), rel=0.01)

@@ -1,4 +1,4 @@
-"""Recordings of other tools, and one's own, become data sets."""
+"""Recordings of other tools and own recordings become data sets."""
 
 import json
 import math
@@ -26,7 +26,7 @@ FACTS = LidarFacts("pole", "junction")
 
 
 def source_of(layout: str, folder: Path, frames: list[int], to: Path) -> Path:
-    """Frames of a LiDAR's folder as a recording."""
+    """Writes frames of a LiDAR's folder as a recording in another layout."""
     if layout == "kitti":
         return Path(shutil.copytree(folder, to))
     export(folder, frames, layout, to)
@@ -69,7 +69,7 @@ def test_frames_of_each_lidar(motorway: Path, lidar: str, layout: str, tmp_path:
         assert np.allclose(imported, cloud, atol=1e-5, rtol=0)
         want = kitti.read_labels(kitti.frame_file(folder, "label_2", old)).boxes
         boxes = objects(tmp_path / "in" / lidar, new).boxes
-        if layout == "nuscenes":  # has the vehicles that were not hit as well
+        if layout == "nuscenes":  # this layout also has vehicles without a point
             every = objects(folder, old).boxes
             assert np.allclose(np.unique(boxes[:, :6], axis=0), np.unique(every[:, :6], axis=0))
         else:
@@ -93,7 +93,7 @@ def test_what_is_known_stands_in_the_data_set(tmp_path: Path) -> None:
     assert (data.scene, data.preset, data.names) == ("junction", "recorded", ("pole",))
     (lidar,) = data.lidars
     assert (lidar.model, lidar.price_usd, lidar.period_s) == ("Some 32", (900, 1200), 0.05)
-    # The vehicles' bottoms are at -6, -5.5, -6.
+    # The bottoms of the vehicles are at -6, -5.5 and -6.
     assert lidar.T_world_levelled == kitti.WorldPose(0, 0, 6, 0)
     assert (tmp_path / "in/pole/sources.csv").read_text().splitlines()[1] == "5,000005"
     unknown = LidarFacts("pole", "junction", height_m=4.5)
@@ -104,7 +104,8 @@ def test_what_is_known_stands_in_the_data_set(tmp_path: Path) -> None:
 
 
 def test_the_field_of_view_is_that_of_the_returns(tmp_path: Path) -> None:
-    """Returns from 170 to 190.5 degrees: the view is around the back, and no full circle."""
+    """Returns are at azimuths from 170 to 190.5 degrees. The field of view is behind the sensor and
+    is not a full turn."""
     azimuth = np.radians(np.linspace(170, 190.5, 200))
     cloud = np.column_stack([10 * np.cos(azimuth), 10 * np.sin(azimuth), np.full(200, -1), azimuth])
     folder = tmp_path / "source/velodyne"
@@ -120,7 +121,8 @@ def test_the_field_of_view_is_that_of_the_returns(tmp_path: Path) -> None:
 
 
 def test_a_leaning_sensor_is_turned_upright(tmp_path: Path) -> None:
-    """Pitch 30 degrees looks down: a point straight ahead lies below, one straight up ahead."""
+    """A pitch of 30 degrees looks down. In the levelled frame, a point ahead of the sensor is
+    lower, and a point above it is further ahead."""
     (tmp_path / "source/points").mkdir(parents=True)
     (tmp_path / "source/labels").mkdir()
     cloud = np.array([[10, 0, 0, 0.5], [0, 0, 10, 0.5], [0, 10, 0, 0.5]], dtype=np.float32)
@@ -164,7 +166,8 @@ def test_types_intensities_columns_and_points_without_a_return(tmp_path: Path) -
 
 
 def tables(folder: Path) -> Path:
-    """A LiDAR at (100, 200, 6), yaw 90 degrees, pitched down by 90: it looks at its own foot."""
+    """Writes tables of a LiDAR at (100, 200, 6) with a yaw of 90 degrees and a pitch of 90 degrees
+    down. It looks at its own foot."""
     half = math.sqrt(0.5)
     rows: dict[str, list[dict[str, Any]]] = {
         "sensor": [{"token": "s", "channel": "LIDAR_TOP", "modality": "lidar"}],
@@ -197,10 +200,10 @@ def tables(folder: Path) -> Path:
 
 def test_tables_by_hand(tmp_path: Path) -> None:
     import_recording(tables(tmp_path / "a"), "nuscenes", tmp_path / "in/pole", FACTS, Options())
-    # 6 m along the sensor's x is its foot; its z, 1 m, is ahead.
+    # The foot is 6 m along the sensor's x. The sensor's z, 1 m, points ahead.
     (point,) = kitti.read_points(kitti.frame_file(tmp_path / "in/pole", "velodyne", 0))
     assert point == pytest.approx([1, 0, -6, 0.2], abs=1e-5)
-    # The bus is 20 m along the world's y, which is ahead, and looks there.
+    # The bus is 20 m along the world's y, which is ahead, and has this direction.
     bus = objects(tmp_path / "in/pole", 0)
     assert bus.boxes[0] == pytest.approx([20, 0, -4.5, 12, 2.5, 3, 0], abs=1e-5)
     assert (bus.names[0], bus.ids[0], bus.visibility[0]) == ("Bus", 1, 0.5)
@@ -277,7 +280,7 @@ def test_wrong_tables_are_named(case: str, tmp_path: Path) -> None:
 
 @pytest.fixture
 def source(tmp_path: Path) -> Path:
-    """The made-up recording in OpenPCDet's layout."""
+    """Exports the artificial recording in OpenPCDet's layout."""
     export(write_recording(tmp_path / "made_up"), [5, 6, 7], "openpcdet", tmp_path / "source")
     return tmp_path / "source"
 
@@ -296,7 +299,7 @@ def truncated(folder: Path) -> None:
 
 
 def header(before: bytes, after: bytes) -> Callable[[Path], object]:
-    """Words of the header become others of the same length."""
+    """Returns a function that replaces words of the header by words of the same length."""
 
     def change(folder: Path) -> None:
         file = folder / "points/000005.npy"
@@ -430,7 +433,8 @@ IGNORED = "DontCare -1 -1 -10 1 1 9 9 -1 -1 -1 -1000 -1000 -1000 -10"
 def test_numbers_of_frames_are_kept_and_blank_lines_are_no_objects(
     name: str, tmp_path: Path
 ) -> None:
-    """Labels of a tool on Windows; the files are numbered from 1, and one frame has no return."""
+    """The labels come from a tool on Windows. The files are numbered from 1, and one frame has no
+    return."""
     training = tmp_path / "source/training"
     texts = ["", f"{IGNORED}\r\n{LINE}\r\n\r\n", "\r\n", f"{LINE}\r\n"]
     for folder in ("velodyne", "label_2", "calib"):
@@ -446,13 +450,13 @@ def test_numbers_of_frames_are_kept_and_blank_lines_are_no_objects(
     assert kitti.frames(tmp_path / "in/pole") == [9, 10, 11, 12]
     assert [len(objects(tmp_path / "in/pole", k)) for k in (9, 10, 11, 12)] == [0, 1, 0, 1]
     assert summary.empty == [name.format(9)]
-    # The camera of a frame without calib stands at the sensor and looks along x.
+    # Without calib, the camera is at the sensor and looks along x.
     van = objects(tmp_path / "in/pole", 10).boxes[0]
     assert van == pytest.approx([25, 3, -0.98, 4.2, 1.8, 1.5, 0], abs=1e-4)
 
 
 def test_a_sequence_of_the_tracking_benchmark_keeps_its_tracks(tmp_path: Path) -> None:
-    """Frame 3 has a label and no cloud, as in the benchmark's sequence 0001."""
+    """Frame 3 has a label file and no cloud, as in the sequence 0001 of the benchmark."""
     training = tmp_path / "source/training"
     for sequence, count in (("0000", 1), ("0001", 3)):
         (training / "velodyne" / sequence).mkdir(parents=True)
@@ -540,7 +544,7 @@ def test_without_labels_there_is_a_warning(
 ) -> None:
     shutil.rmtree(source / "labels")
     words = ["import", source, "--from", "openpcdet", "--out", tmp_path / "in/pole"]
-    words += ["--upright", "as-is"]  # made-up points have no road
+    words += ["--upright", "as-is"]  # artificial points have no road
     assert main.main([str(word) for word in words]) == 0
     assert "source: the frames have no labels: " in capsys.readouterr().err
     assert len(objects(tmp_path / "in/pole", 5)) == 0

@@ -1,4 +1,4 @@
-"""`pyinfra import` guesses the format of a folder from its files, and says what it guessed."""
+"""`pyinfra import` guesses the format of a folder from its files, and prints it."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Layouts of public roadside sets, on hand-made files."""
+"""Layouts of public roadside data sets, tested with hand-made files."""
 
 import json
 import math
@@ -25,7 +25,7 @@ LIDAR = "s110_lidar_ouster_south"
 
 
 def leaning(lean: tuple[float, float]) -> np.ndarray:
-    """(3, 3) T_levelled_sensor."""
+    """Returns T_levelled_sensor: (3, 3)."""
     return Rotation.from_euler("ZYX", [0, *lean]).as_matrix()
 
 
@@ -36,7 +36,7 @@ def truth(motorway: Path, frame: int) -> kitti.Labels:
 def write_cloud(
     file: Path, motorway: Path, frame: int, lean: tuple[float, float] = (0.0, 0.0)
 ) -> None:
-    """A frame as its sensor sees it, intensities to 255."""
+    """Writes a frame in the sensor's own frame of reference, with intensities up to 255."""
     points = kitti.read_points(kitti.frame_file(motorway / "livox_avia", "velodyne", frame))
     xyz = points[:, :3] @ leaning(lean)
     kind = [(name, "<f4") for name in ("x", "y", "z", "intensity")]
@@ -49,7 +49,7 @@ def write_cloud(
 
 
 def objects(labels: kitti.Labels, lean: tuple[float, float], **more: Any) -> list[dict[str, Any]]:
-    """As DAIR-V2X and RCooper have them; numbers are text in some of their files."""
+    """Returns objects as in DAIR-V2X and RCooper. Some of their files have numbers as text."""
     entries = []
     for i, (x, y, z, length, width, height, heading) in enumerate(labels.boxes):
         cx, cy, cz = np.array([x, y, z]) @ leaning(lean)
@@ -126,7 +126,8 @@ def test_clouds_and_boxes_stand_upright(layout: str, motorway: Path, tmp_path: P
     assert labelled
     assert summary.frames == 3
     order = (1, 2, 0) if layout == "dair-v2x" else (0, 1, 2)
-    # The road's plane is found to a tenth of a degree, the others say how the LiDAR leans.
+    # For tumtraf, the import estimates the road's plane to a tenth of a degree. The other layouts
+    # contain the tilt of the LiDAR.
     off = 0.002 if layout == "tumtraf" else 1e-5
     for new, old in enumerate(order):
         want = truth(motorway, old)

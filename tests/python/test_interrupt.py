@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-# A shell starts background commands with SIGINT ignored, and the tests may be one.
+# A shell starts background commands with SIGINT ignored, and the tests may run as such a command.
 SCRIPT = """
 import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -28,7 +28,7 @@ if __name__ == "__main__":
 
 @pytest.mark.parametrize("after_s", [0.5, 4])
 def test_ctrl_c_leaves_one_line_and_no_leaked_semaphore(after_s: float, tmp_path: Path) -> None:
-    """The terminal sends the signal to all processes, also to workers that are just starting."""
+    """The terminal sends the signal to all processes, including workers that are just starting."""
     script = tmp_path / "tasks.py"
     script.write_text(SCRIPT)
     process = subprocess.Popen(

@@ -1,4 +1,4 @@
-"""Frames on disk: what the simulator writes is what is read, and wrong files are named by line."""
+"""Frames on disk: written values are read back, and errors in files name the line."""
 
 import math
 from collections.abc import Callable
@@ -37,7 +37,7 @@ def data_set(
     run_command: Callable[..., list[str]],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
-    """Two frames of two LiDARs, with fields."""
+    """Simulates two frames of two LiDARs, with fields."""
     out = tmp_path_factory.mktemp("kitti") / "highway"
     command = run_command("helios_16", "livox_avia", frames="3:6:2", out=out)
     infrasim(*command, "--fields", check=True)
@@ -92,7 +92,8 @@ def test_points_counted_in_a_box_lie_in_it(data_set: Path) -> None:
         cos, sin = np.cos(box[6]), np.sin(box[6])
         along = from_centre @ np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
         inside = (np.abs(along) <= box[3:6] / 2 + 0.01).all(axis=1)
-        assert abs(int(inside.sum()) - expected) <= 1  # a point on the face, in 4 decimals
+        # a point may lie on a face of the box, within 4 decimals
+        assert abs(int(inside.sum()) - expected) <= 1
 
 
 def test_lidar_of_a_run_is_what_its_files_say(data_set: Path) -> None:
@@ -326,7 +327,8 @@ def test_wrong_objects_file_is_named_by_line_and_column(
 
 def test_label_becomes_a_box_around_its_centre(tmp_path: Path) -> None:
     labels = kitti.read_labels(written(tmp_path, LABEL + "\n"))
-    # 10 m ahead, 2 m to the right, bottom 6 m below the sensor; rotation_y -90 degrees looks ahead.
+    # The box is 10 m ahead and 2 m to the right, with its bottom 6 m below the sensor. A rotation_y
+    # of -90 degrees looks ahead.
     np.testing.assert_allclose(labels.boxes, [[10, -2, -5.2, 4.5, 1.8, 1.6, 0]], atol=1e-6)
     assert labels.names.tolist() == ["Car"]
     assert labels.scores is None

@@ -1,4 +1,5 @@
-"""What is written is what is read: cut to decimals, in every camera, byte for byte for clouds."""
+"""Written values are read back: rounded to the decimals of the file, with every camera, and with
+equal bytes for clouds."""
 
 import math
 from collections.abc import Callable
@@ -14,7 +15,7 @@ from message_pattern import pattern
 from pyinfra.core.errors import FormatError
 from pyinfra.formats import kitti
 
-# A calibration and a label as the devkit describes them, with KITTI's digits.
+# A calibration and a label with the digits of KITTI, in the devkit's format.
 CALIB = """\
 P0: 7.215377e+02 0.0 6.095593e+02 0.0 0.0 7.215377e+02 1.728540e+02 0.0 0.0 0.0 1.0 0.0
 P1: 7.215377e+02 0.0 6.095593e+02 -3.875744e+02 0.0 7.215377e+02 1.728540e+02 0.0 0.0 0.0 1.0 0.0
@@ -58,16 +59,16 @@ def test_a_real_label_stands_where_its_matrices_put_it(
     tmp_path: Path, calibration: kitti.Calibration
 ) -> None:
     labels = kitti.read_labels(written(tmp_path, LABEL), calibration=calibration)
-    # By hand: x_rect = R0 (R x_velo + t), solved for the middle of the box, 1.89 / 2 above (1.84,
-    # 1.47, 8.41). The camera stands 0.27 m ahead of the LiDAR and 0.08 m below it, and the LiDAR
-    # looks down by 0.85 degrees, 0.13 m at this distance.
+    # By hand: x_rect = R0 (R x_velo + t), solved for the centre of the box, which is 1.89 / 2 above
+    # (1.84, 1.47, 8.41). The camera is 0.27 m ahead of the LiDAR and 0.08 m below it. The LiDAR
+    # looks down by 0.85 degrees, which is 0.13 m at this distance.
     middle = np.array([1.84, 1.47 - 1.89 / 2, 8.41])
     R, t = calibration.Tr_velo_to_cam[:, :3], calibration.Tr_velo_to_cam[:, 3]
     expected = np.linalg.solve(R, np.linalg.solve(calibration.R0_rect, middle) - t)
     np.testing.assert_allclose(labels.boxes[0, :3], expected, atol=1e-6)
     np.testing.assert_allclose(expected, [8.69, -1.84, -0.5], atol=0.05)
     assert labels.boxes[0, 3:6].tolist() == [1.2, 0.48, 1.89]
-    # It looks to the camera's right: the LiDAR's -y.
+    # The vehicle looks to the camera's right, which is the LiDAR's -y.
     assert labels.boxes[0, 6] == pytest.approx(-math.pi / 2, abs=0.03)
 
 
@@ -81,7 +82,8 @@ def test_a_label_and_a_calib_file_round_trip(
     assert [row[0] for row in after] == ["Pedestrian", "DontCare"]
     for a, b in zip(before, after, strict=True):
         np.testing.assert_allclose(np.array(b[1:14], float), np.array(a[1:14], float), atol=1e-4)
-    assert float(after[0][14]) == pytest.approx(0.01, abs=2e-4)  # the camera leans by 0.6 degrees
+    # the camera is tilted by 0.6 degrees
+    assert float(after[0][14]) == pytest.approx(0.01, abs=2e-4)
 
     kitti.write_calibration(tmp_path / "calib.txt", calibration)
     again = kitti.read_calibration(tmp_path / "calib.txt")
@@ -132,7 +134,7 @@ def test_any_boxes_round_trip(
     read = kitti.read_labels(folder / "label.txt", scores=scores is not None, calibration=camera)
     assert read.names.tolist() == labels.names.tolist()
     np.testing.assert_allclose(read.boxes[:, :6], labels.boxes[:, :6], atol=2e-4)
-    limit = 1e-3 if real else 2e-6  # a heading seen by a leaning camera is one in its plane
+    limit = 1e-3 if real else 2e-6  # a tilted camera stores the heading in its own plane
     assert (turn_between(read.boxes[:, 6], labels.boxes[:, 6]) < limit).all()
     if scores is not None and read.scores is not None:
         np.testing.assert_allclose(read.scores, scores, atol=1e-6)
@@ -207,7 +209,7 @@ def test_readers_give_a_value_or_a_format_error(
 
 
 def refusal(read: Callable[[Path], object], file: Path) -> str | None:
-    """What a reader says of a file that it does not take."""
+    """Returns the message for a file that a reader refuses, or None."""
     try:
         read(file)
     except FormatError as error:

@@ -1,4 +1,5 @@
-"""The folders depend on each other in one direction only: read off the include and import lines."""
+"""Folders depend on each other in one direction only, according to their include and import
+lines."""
 
 import ast
 import re
@@ -15,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SIMULATOR = ROOT / "cpp/infrasim"
 SOURCES = ["*.h", "*.cpp"]
 
-# What a folder of the simulator may include besides itself.
+# The folders that a folder of the simulator may include besides itself.
 BELOW_PIPELINE = {
     "core": set[str](),
     "io": {"core"},
@@ -46,7 +47,7 @@ def includes(path: Path) -> list[str]:
 
 
 def folder_of(header: str) -> str:
-    """The simulator's folder of `infrasim/config/scene_config.h`: `config`."""
+    """Returns the simulator's folder of a header: `config` for `infrasim/config/scene_config.h`."""
     return Path(header).parts[1]
 
 
@@ -58,7 +59,7 @@ def test_simulator_includes_point_downwards(path: Path) -> None:
 
 
 def test_constants_and_types_of_sources_have_names_of_their_own() -> None:
-    """A unity build compiles sources together, which ones depends on how many there are."""
+    """A unity build compiles several sources together. Their number decides which."""
     pattern = r"^(?:const.* (?=k[A-Z])|enum (?:class )?|struct |class )(\w+)(?= *[\[={:])"
     per_file = [
         set(re.findall(pattern, path.read_text(), re.M)) for path in SIMULATOR.rglob("*.cpp")
@@ -89,7 +90,8 @@ def test_pointops_know_nothing_of_the_simulator() -> None:
 
 
 def test_no_number_of_the_simulator_is_written_by_the_locale_of_its_process() -> None:
-    """Python may have set a decimal comma; the binary keeps the locale that it starts with."""
+    """Python may have set a locale with a decimal comma. The binary keeps the locale with which it
+    starts."""
     by_locale = r"%[-+#0-9.*]*l?[aefgAEFG]|\b(strto[dfl]|sto[dfi]|ato[fi]|setlocale|sscanf)\b"
     files = [*sources(ROOT / "cpp/infrasim"), *sources(ROOT / "bindings")]
     offenders = [
@@ -110,7 +112,8 @@ def test_every_source_is_built(folder: str) -> None:
 
 
 def imports(path: Path) -> Iterator[str]:
-    """Full names of the modules, and of the names in them, that a file of pyinfra imports."""
+    """Yields the full names of the modules that a file of pyinfra imports, and of the names in
+    them."""
     package = path.relative_to(ROOT).parent.parts
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
@@ -122,7 +125,7 @@ def imports(path: Path) -> Iterator[str]:
             yield from (f"{module}.{alias.name}" for alias in node.names)
 
 
-# The packages of pyinfra by layer, lowest first: a package imports itself and lower layers.
+# The packages of pyinfra by layer, lowest first. A package imports only itself and lower layers.
 LAYERS = (
     ("core",),
     ("formats",),
@@ -137,11 +140,12 @@ LAYER_OF = {package: i for i, layer in enumerate(LAYERS) for package in layer}
 SHARED_BY_COMMANDS = (
     "completion", "main", "messages", "next_command", "number_option", "parser"
 )  # fmt: skip
-SUBCOMMANDS = ("site",)  # commands that have some
+SUBCOMMANDS = ("site",)  # commands with subcommands
 
 
 def package_of(module: str) -> str | None:
-    """The package of `pyinfra.dataset.frames`: `dataset`; None outside of pyinfra."""
+    """Returns the package of a module: `dataset` for `pyinfra.dataset.frames`, None for a module
+    outside of pyinfra."""
     top, _, rest = module.partition(".")
     package = rest.split(".")[0]
     return package if top == "pyinfra" and package in LAYER_OF else None
@@ -151,7 +155,7 @@ def package_of(module: str) -> str | None:
 def test_no_import_of_pyinfra_runs_upwards(path: Path) -> None:
     parts = path.relative_to(ROOT / "pyinfra").parts
     if len(parts) == 1:
-        return  # pyinfra/__init__.py and __main__.py: the public API and the command
+        return  # pyinfra/__init__.py and __main__.py contain the public API and the command
     importer = parts[0]
     imported = {package for name in imports(path) if (package := package_of(name))}
     assert {p for p in imported - {importer} if LAYER_OF[p] >= LAYER_OF[importer]} == set()
@@ -194,7 +198,8 @@ def test_types_of_arrays_have_one_place() -> None:
 
 
 def test_each_command_is_a_module_of_commands() -> None:
-    """A part of a command with subcommands is named after it: `site_traffic` of `site`."""
+    """A subcommand's module is named after the command and the subcommand, such as `site_traffic`
+    for `site`."""
     files = {path.stem for path in (ROOT / "pyinfra/cli").glob("*.py")} - {
         "__init__",
         *SHARED_BY_COMMANDS,
@@ -235,7 +240,7 @@ def test_hooks_and_environment_have_the_same_versions() -> None:
 
 
 def test_every_version_of_the_environment_has_a_hash() -> None:
-    """pip then refuses a package without one, and a file that is not the one that was tested."""
+    """pip then refuses a package without a hash, and a file that differs from the tested one."""
     text = (ROOT / "scripts/constraints.txt").read_text().replace("\\\n", "")
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     hashed = re.compile(r"[\w.-]+==[\w.]+(\s+--hash=sha256:[0-9a-f]{64})+")
@@ -243,12 +248,13 @@ def test_every_version_of_the_environment_has_a_hash() -> None:
     assert [line for line in lines if not hashed.fullmatch(line)] == []
 
 
-ANSWERS = {"dataset/card.py", "experiments/stress/trials.py"}  # a command that repeats a result
-PROGRAMS = {"scenes/maps/netconvert.py"}  # options of SUMO
+# these files contain a command that repeats a result
+ANSWERS = {"dataset/card.py", "experiments/stress/trials.py"}
+PROGRAMS = {"scenes/maps/netconvert.py"}  # this file contains options of SUMO
 
 
 def test_no_text_of_the_library_names_an_option_of_a_command() -> None:
-    """A message names the argument; the command puts its option there (cli/messages.py)."""
+    """A message names the argument. The command replaces it by its option (cli/messages.py)."""
     matches = []
     for path in sorted((ROOT / "pyinfra").rglob("*.py")):
         name = path.relative_to(ROOT / "pyinfra").as_posix()
@@ -258,11 +264,11 @@ def test_no_text_of_the_library_names_an_option_of_a_command() -> None:
     assert [(name, text) for name, text in matches if text not in words] == []
 
 
-OPTION = r"(?<![\w(-])--[a-z]"  # but var(--ink) of a style sheet
+OPTION = r"(?<![\w(-])--[a-z]"  # does not match var(--ink) of a style sheet
 
 
 def texts(path: Path) -> Iterator[str]:
-    """The string literals of a file; `{}` stands for a value."""
+    """Yields the string literals of a file, with `{}` in place of values."""
     parts = set[int]()
     nodes = list(ast.walk(ast.parse(path.read_text())))
     for node in nodes:

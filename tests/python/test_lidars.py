@@ -1,4 +1,4 @@
-"""`pyinfra lidars`: the catalogue, and LiDARs of files."""
+"""`pyinfra lidars` lists the catalogue and LiDARs from files."""
 
 import json
 import re
@@ -134,7 +134,7 @@ def test_a_wrong_lidar_is_reported_in_one_line(
 def test_the_shipped_lidars_are_listed_without_a_run_of_the_simulator(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Each start of the binary takes 0.1 s or more; the list takes half a second without it."""
+    """Each start of the binary takes 0.1 s or more. Without it the list takes half a second."""
 
     def run(*words: object) -> str:
         raise AssertionError(words)

@@ -1,4 +1,4 @@
-"""A process whose numbers have a decimal comma gets the same texts from the extension."""
+"""A process whose locale has a decimal comma gets the same texts from the extension."""
 
 import os
 import subprocess
@@ -32,7 +32,8 @@ except ValueError as error:
 
 
 def texts(name: str, folder: Path) -> tuple[str, str]:
-    """Returns what a process with a locale writes, and how its C library prints 1.5."""
+    """Returns the texts that a process with a locale writes, and the text that its C library prints
+    for 1.5."""
     command = [sys.executable, "-c", TEXTS, name]
     environment = os.environ | {"LOCPATH": str(folder)}
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
@@ -41,9 +42,9 @@ def texts(name: str, folder: Path) -> tuple[str, str]:
 
 
 def test_texts_do_not_depend_on_the_decimal_point_of_the_process(tmp_path: Path) -> None:
-    """`World.roads_csv` gave lines with more columns than its header."""
+    """Before the fix, lines of `World.roads_csv` had more columns than its header."""
     made = ["-f", SOURCES / "ascii", "-i", SOURCES / "decimal_comma", tmp_path / "comma"]
-    # It warns of the categories that the source does not have, and then ends with 1.
+    # The program warns of categories that are missing in the source, and then exits with 1.
     subprocess.run(["localedef", "-c", "--no-archive", *made], capture_output=True)
     point, comma = texts("C", tmp_path), texts("comma", tmp_path)
     assert (point[1], comma[1]) == ("1.5", "1,5")

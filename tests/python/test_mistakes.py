@@ -1,4 +1,4 @@
-"""Realistic mistakes of users: exit code 2, and words that say what to do. Nothing is simulated."""
+"""Typical mistakes of users give the exit code 2 and a message that helps. Nothing is simulated."""
 
 import shutil
 from pathlib import Path
@@ -66,7 +66,8 @@ MISTAKES = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data set with one LiDAR, a training, clouds and results, all nearly empty."""
+    """Writes a data set with one LiDAR, a training, clouds and results. Nearly all files are
+    empty."""
     top = tmp_path_factory.mktemp("mistakes")
     for name in (
         "data/site/dataset.yaml",

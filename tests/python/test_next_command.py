@@ -1,4 +1,4 @@
-"""Every command ends with the next command to type, on a terminal alone."""
+"""On a terminal, every command prints the next command at its end."""
 
 import shlex
 import sys
@@ -35,7 +35,8 @@ COMMANDS = {
 
 def test_every_command_has_a_next_one() -> None:
     assert set(NEXT) == set(COMMANDS)
-    assert {*NEXT, "demo"} == {command.name for command in main.COMMANDS}  # demo prints its own
+    # demo prints its own text
+    assert {*NEXT, "demo"} == {command.name for command in main.COMMANDS}
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -1,4 +1,4 @@
-"""What LiDARs see of a scene's objects from many poses, without clouds (`simulation.Observer`)."""
+"""`simulation.Observer`: what LiDARs see of a scene's objects from many poses, without clouds."""
 
 import numpy as np
 import pandas as pd

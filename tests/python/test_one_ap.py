@@ -1,4 +1,4 @@
-"""One AP has one name, one value and one interval, wherever it is shown."""
+"""AP has one name, one value and one interval in all outputs."""
 
 import re
 from collections.abc import Iterator
@@ -25,14 +25,16 @@ LIDAR = {"lidar": "livox_avia", "preset": "paper"}
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """90 s of a road, and predictions of it."""
+    """Writes 90 s of a road, and predictions for it."""
     top = tmp_path_factory.mktemp("one_ap")
     write_roads(top)
     frames = traffic(300, per_frame=4)
     predictions = write_predictions(top / "predictions", noisy(frames))
-    for k, cars in enumerate(frames):  # one in three frames is hidden, another has no points
+    # one vehicle of three frames is hidden, and another one has no points
+    for k, cars in enumerate(frames):
         cars[0] |= {"points": 0 if k % 3 else 9, "visibility": 0.0 if k % 3 == 1 else 1.0}
-    # A vehicle's id is its place in a frame: these let others stand there after 10 s.
+    # The id of a vehicle is its position in the list of a frame. These vehicles shift the
+    # positions, so that the ids change after 10 s.
     away = [[car(900, points=0, visibility=0.0)] * (4 * (k // 33)) for k in range(len(frames))]
     later = [[*others, *cars] for others, cars in zip(away, frames, strict=True)]
     return write_lidar(top / "livox_avia", later, period_s=0.3), predictions
@@ -40,7 +42,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 @pytest.fixture(scope="module")
 def evaluation(folders: tuple[Path, Path]) -> Evaluation:
-    """As a benchmark has it."""
+    """Evaluates the predictions with the settings of a benchmark."""
     return evaluate(*folders, measure.SETTINGS, ranges=True)
 
 
@@ -50,7 +52,8 @@ def results(
     evaluation: Evaluation,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
-    """The tables of a benchmark of these predictions, at a scene of the paper or an own site."""
+    """Writes the tables of a benchmark of these predictions, for a scene of the paper or for
+    another site."""
     out = tmp_path_factory.mktemp(request.param) / "results"
     out.mkdir()
     experiment = Experiment(request.param, "livox_avia", "paper", "pointpillars", "quick", 1)
@@ -82,7 +85,8 @@ def results(
 def evaluated(
     folders: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> dict[str, tuple[str, ...]]:
-    """By ground truth what `pyinfra evaluate` prints: AP (R1000) and its ends."""
+    """Returns the values that `pyinfra evaluate` prints, by ground truth: AP (R1000) and the ends
+    of its interval."""
     words = [folders[0], folders[1], "--out", tmp_path, "--no-figures"]
     truths = ["--ground-truth", "captured", "all", "present"]
     assert main.main(["evaluate", *map(str, words), *truths]) == 0
@@ -112,12 +116,13 @@ def test_evaluate_report_and_recommend_show_the_same_digits(
         assert f"AP (R1000) {captured}" in head
     else:
         assert f"AP (R1000) of every vehicle {whole}" in head
-    # The grid of LiDARs and detectors; every experiment of the benchmark.
+    # The value is in the grid of LiDARs and detectors, and in the table of experiments.
     assert rest.count(captured) >= 2
 
 
 def test_what_is_called_ap_in_the_report_is_ap_r1000(results: Path, tmp_path: Path) -> None:
-    """The AP at 40 recalls, shifted to a value that nothing else has, is nowhere."""
+    """The AP at 40 recalls gets a value that occurs nowhere else. The report must not contain
+    it."""
     for file in results.glob("*.csv"):
         table = pd.read_csv(file)
         r40 = [n for n in table if re.fullmatch(r"ap(_common|_all|_present|_whole)?", n)]
@@ -130,7 +135,8 @@ def test_what_is_called_ap_in_the_report_is_ap_r1000(results: Path, tmp_path: Pa
     assert "12.3" not in text
     words = ["--sections", "reproduction.report", "--out", str(out)]
     assert main.main(["report", str(tmp_path), *words]) == 0
-    contexts = re.findall(r"(.{12})12\.3", Read(out).text)  # beside the paper's
+    # the report has this value only beside the paper's
+    contexts = re.findall(r"(.{12})12\.3", Read(out).text)
     assert all("R40" in before for before in contexts), contexts
     assert len(contexts) == ("highway" in str(results))
 
@@ -143,7 +149,7 @@ def test_an_ap_of_an_old_table_is_called_what_it_is() -> None:
     both = with_r1000(pd.concat([old, new], ignore_index=True))
     assert "R40" in ap_name(both)
     assert "R1000" in ap_name(both)
-    # An interval of the other measure never stands beside an AP that has none.
+    # If AP (R1000) has no interval, the interval of AP (R40) must not be used.
     assert with_r1000(new).ap_r1000_low.isna().all()
 
 

@@ -1,4 +1,5 @@
-"""The ONNX file of a dense detector gives the boxes of the network, for any number of points."""
+"""The ONNX file of a dense detector gives the same boxes as the network, for any number of
+points."""
 
 import json
 from pathlib import Path
@@ -23,7 +24,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def saved(name: str, folder: Path, steps: int = 0) -> Path:
-    """A checkpoint of a small network that has seen a few frames; the generalist tells classes."""
+    """Writes a checkpoint of a small network after a few training steps. That of the generalist has
+    several classes."""
     tier: Tier = "full" if name == "generalist" else "smoke"
     recipe = read_recipe(ROOT / f"configs/detectors/{name}.yaml", tier)
     torch.manual_seed(3)

@@ -1,4 +1,4 @@
-"""The pretrained detector with ONNX Runtime: its boxes are those of PyTorch, and it needs none."""
+"""The pretrained detector with ONNX Runtime gives PyTorch's boxes and does not need PyTorch."""
 
 import subprocess
 import sys
@@ -27,7 +27,8 @@ SITE = Site(Area((-20.0, -12.0, -1.0), (28.0, 12.0, 4.5)), 0.3)
 
 
 def assert_equal(a: Detections, b: Detections) -> None:
-    """Boxes differ by rounding only; headings also by whole turns, and equal scores in order."""
+    """Asserts that boxes differ only by rounding. Headings may differ by whole turns, and boxes of
+    equal score may be in another order."""
     assert len(a) == len(b)
     pairs = zip(a.boxes, a.names, strict=True)
     off = [np.abs(b.boxes[:, :6] - box[:6]).max(axis=1) + 1e3 * (b.names != n) for box, n in pairs]

@@ -1,4 +1,5 @@
-"""Objects, signals and junctions of OpenDRIVE: built where the map says, or listed."""
+"""Objects, signals and junctions of OpenDRIVE are built at the positions in the map, or are
+listed."""
 
 import math
 from pathlib import Path
@@ -11,7 +12,7 @@ from pyinfra.scenes.maps.lane_map import MapBody, MapError, SiteMap
 from pyinfra.scenes.maps.map_import import Imported, import_map
 from pyinfra.scenes.maps.opendrive import read_opendrive
 
-BEND = '<arc curvature="0.02"/>'  # to the left, about 0, 50
+BEND = '<arc curvature="0.02"/>'  # turns left around the point 0, 50
 
 
 def read(folder: Path, more: str, *, shape: str = "<line/>", length: float = 100) -> SiteMap:
@@ -36,7 +37,8 @@ def radii(bodies: list[MapBody]) -> np.ndarray:
 
 
 def test_s_is_the_length_along_a_cubic(tmp_path: Path) -> None:
-    """x = 20 p + 80 p^2 is 100 m long: half of it is at x = 50, p = 0.675."""
+    """x = 20 p + 80 p^2 has a length of 100 m. Half of the length is reached at x = 50, p =
+    0.675."""
     shape = '<paramPoly3 pRange="normalized" bU="20" cU="80"/>'
     house = '<object type="building" id="1" s="50" t="12" length="4" width="4" height="5"/>'
     site_map = read(tmp_path, objects(house), shape=shape)
@@ -50,7 +52,7 @@ def test_s_is_the_length_along_a_cubic(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("range_", ["normalized", "arcLength"])
 def test_cubics_of_either_parameter_have_one_speed(tmp_path: Path, range_: str) -> None:
-    """Steps of s are steps of length, whatever the parameter does."""
+    """Equal steps of s are equal lengths, for any parameter of the cubic."""
     k = 1.0 if range_ == "normalized" else 1 / 40
     b, c, v = 10 * k, 30 * k**2, 5 * k**2
     p = np.linspace(0, 1 / k, 20_001)
@@ -58,7 +60,7 @@ def test_cubics_of_either_parameter_have_one_speed(tmp_path: Path, range_: str) 
     length = float(np.hypot(*np.diff(line, axis=0).T).sum())
     shape = f'<paramPoly3 pRange="{range_}" bU="{b}" cU="{c}" cV="{v}"/>'
     if range_ == "arcLength":
-        length = 40.0  # p runs to the geometry's length
+        length = 40.0  # p runs from 0 to the length of the geometry
     site_map = read(tmp_path, "", shape=shape, length=length)
     lane = next(lane for lane in site_map.lanes if lane.name == "road1_0_left1")
     inner = lane.left[:, :2]  # the reference line
@@ -81,7 +83,8 @@ def test_an_open_outline_is_a_thin_wall_along_its_corners(tmp_path: Path) -> Non
     angles = np.linspace(-0.6, 0.6, 13)
     uv = np.column_stack([45 * np.sin(angles), 45 - 45 * np.cos(angles)])
     corners = "".join(f'<cornerLocal u="{u}" v="{v}" z="0" height="0.8"/>' for u, v in uv)
-    for frame in ("<outlines>{}</outlines>", "{}"):  # 1.5 and later, 1.4
+    # first the layout of version 1.5 and later, then that of 1.4
+    for frame in ("<outlines>{}</outlines>", "{}"):
         inner = frame.format(f'<outline closed="false">{corners}</outline>')
         rail = f'<object type="barrier" id="1" s="50" t="5" length="54" width="0">{inner}</object>'
         site_map = read(tmp_path, objects(rail), shape=BEND)
@@ -191,7 +194,8 @@ def test_each_kind_of_element_of_a_map_that_is_not_read_is_listed(
 
 
 def test_parts_of_objects_signals_and_lanes_that_are_not_read_are_listed(tmp_path: Path) -> None:
-    """Each with the number of times it is in the file, also in a namespace."""
+    """Each is listed with the number of its occurrences in the file, also if the file has a
+    namespace."""
 
     def inside(tags: list[str]) -> str:
         return "".join(f"<{tag}><part/></{tag}>" for tag in tags)
@@ -222,7 +226,8 @@ def test_what_hangs_over_the_road_leaves_it_free(tmp_path: Path) -> None:
 
 
 def test_the_network_does_without_what_it_cannot_read(tmp_path: Path) -> None:
-    """An arc without a curvature, signals without a type, and a junction of an unknown kind."""
+    """The map has an arc without a curvature, signals without a type, and a junction of an unknown
+    kind."""
     signals = (
         '<signals><signal id="1" type="" s="20" t="5" zOffset="2" height="0.6"/>'
         '<signal id="2" s="20" t="-5" zOffset="2" height="0.6"/></signals>'
@@ -299,7 +304,7 @@ def test_a_banked_road_lies_as_its_roll_says(tmp_path: Path) -> None:
 def test_signals_that_the_network_cannot_read_are_left_out_of_it(
     tmp_path: Path, tag: str, key: str
 ) -> None:
-    """The map is taken, whatever of a signal's words is missing or wrong."""
+    """The map is imported even if attributes of a signal are missing or wrong."""
     whole = {"id": "4", "type": "1", "orientation": "+", "dynamic": "yes", "s": "50", "t": "5"}
 
     def signal(name: str, words: dict[str, str], inner: str = "") -> str:
@@ -319,7 +324,7 @@ def test_signals_that_the_network_cannot_read_are_left_out_of_it(
         folder = tmp_path / str(i)
         folder.mkdir()
         road = site_data.road(1, (0, 0, 0), 100, more=f"<signals>{text}</signals>")
-        if (tag, key, i) in {("signal", "s", 1), ("signal", "t", 1)}:  # no place at all
+        if (tag, key, i) in {("signal", "s", 1), ("signal", "t", 1)}:  # the signal has no position
             with pytest.raises(MapError, match=f"<signal .*{key}: expected .*got ''"):
                 imported(folder, site_data.open_drive(road))
             continue

@@ -1,4 +1,4 @@
-"""Operations of the detectors, against NumPy, brute force and dense convolution."""
+"""Operations of the detectors, compared with NumPy, brute force and dense convolution."""
 
 from collections.abc import Callable
 
@@ -22,7 +22,8 @@ def one_thread() -> None:
 
 @pytest.fixture(params=["compiled", "torch"])
 def either(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Runs a test with the compiled kernels and, as where they are missing, without."""
+    """Runs a test with the compiled kernels, and again without them, as on systems where they are
+    missing."""
     if request.param == "torch":
         without_kernels(monkeypatch)
     else:
@@ -41,7 +42,8 @@ def random_boxes(n: int, seed: int) -> Tensor:
 
 
 def pairs_with_degenerate_ones(seed: int) -> tuple[Tensor, Tensor]:
-    """Random, equal, nearly equal and turned pairs, and pairs on a grid, which often touch."""
+    """Returns pairs of random, equal, nearly equal and rotated boxes. Some boxes lie on a grid and
+    often touch."""
     random = np.random.default_rng(seed)
     a = random_boxes(6000, seed)
     b = random_boxes(6000, seed + 1)
@@ -127,7 +129,7 @@ def test_descent_on_the_overlap_brings_a_box_home() -> None:
 
 
 def crowd(n: int, clusters: int, seed: int) -> tuple[Tensor, Tensor]:
-    """Boxes (n, 7) of cars in heaps and their scores, with ties."""
+    """Returns cars in dense clusters, (n, 7), and their scores. Some scores are equal."""
     random = np.random.default_rng(seed)
     at = random.integers(clusters, size=n)
     b = np.zeros((n, 7))
@@ -185,7 +187,8 @@ SHAPE = (7, 12, 9)
 
 
 def voxels(n: int, channels: int, seed: int, dtype: torch.dtype = torch.float64) -> SparseTensor:
-    """Random voxels of a batch of 3, of which the last is empty, in any order."""
+    """Returns random voxels of a batch of 3, in random order. The last frame of the batch is
+    empty."""
     random = np.random.default_rng(seed)
     chosen = random.choice(2 * int(np.prod(SHAPE)), n, replace=False)
     at = np.stack(np.unravel_index(chosen, (2, *SHAPE)), 1).reshape(n, 4)
@@ -194,7 +197,7 @@ def voxels(n: int, channels: int, seed: int, dtype: torch.dtype = torch.float64)
 
 
 def grid(x: SparseTensor) -> Tensor:
-    """(B, C, D, H, W)."""
+    """Returns the dense grid: (B, C, D, H, W)."""
     return x.to_dense().reshape(x.batch_size, -1, *x.shape)
 
 
@@ -204,7 +207,7 @@ def dense_weight(layer: SubmanifoldConv3d | SparseConv3d) -> Tensor:
 
 
 def at_voxels(dense: Tensor, coordinates: Tensor) -> Tensor:
-    """(B, C, D, H, W) at (m, 4) to (m, C)."""
+    """Returns the values (m, C) of a dense grid (B, C, D, H, W) at coordinates (m, 4)."""
     batch, z, y, x = coordinates.unbind(1)
     return dense[batch, :, z, y, x]
 
@@ -375,7 +378,8 @@ def test_gradients_of_sparse_convolutions_on_a_gpu_are_those_of_the_cpu() -> Non
 
 
 def cloud(n: int, seed: int, step: float = 0.0) -> Tensor:
-    """Points (n, 3) of a wide and flat scene; with a step on a grid, where many are equal."""
+    """Returns points (n, 3) of a wide and flat scene. With a step, points lie on a grid, so that
+    many are equal."""
     xyz = np.random.default_rng(seed).uniform([0, -20, -6], [60, 20, -3], (n, 3))
     return torch.from_numpy(np.round(xyz / step) * step if step else xyz).float()
 

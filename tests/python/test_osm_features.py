@@ -1,4 +1,4 @@
-"""Stops, crossings, signals and sidewalks of a map are listed and drawn as what they are."""
+"""Stops, crossings, signals and sidewalks of a map are listed and drawn with their kind."""
 
 from pathlib import Path
 
@@ -38,7 +38,7 @@ NODES: list[tuple[str, dict[str, str]]] = [
 
 
 def street(tags: dict[str, str], *, then: tuple[dict[str, str], ...] = ()) -> Osm:
-    """A road of two lanes along x, 400 m, with nodes beside it."""
+    """Returns a road of two lanes along x with a length of 400 m, and nodes beside it."""
     osm = Osm(*CENTRE)
     ends = [osm.node(x, 0) for x in (-200, 0, 200)]
     osm.way(ends, **{"highway": "residential", "lanes": "2", **tags})
@@ -90,7 +90,7 @@ def test_what_lies_beyond_the_radius_is_not_listed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("tags", "north", "south"),  # the road leads to the east: its right is south
+    ("tags", "north", "south"),  # the road leads to the east, so its right side is south
     [
         ({}, True, True),
         ({"sidewalk": "both"}, True, True),
@@ -109,7 +109,7 @@ def test_what_lies_beyond_the_radius_is_not_listed(tmp_path: Path) -> None:
 def test_sidewalks_are_where_the_map_says(
     tmp_path: Path, tags: dict[str, str], north: bool, south: bool
 ) -> None:
-    """One with a way of its own is built there alone."""
+    """If a sidewalk is also a separate way in the map, only that way is built."""
     osm = street(tags)
     osm.way([osm.node(-200, 9), osm.node(200, 9)], highway="footway", footway="sidewalk")
     site = imported(tmp_path, osm)
@@ -126,7 +126,8 @@ def test_sidewalks_are_where_the_map_says(
 
 
 def test_a_way_that_crosses_a_street_lies_on_it(tmp_path: Path) -> None:
-    """Also where the map has no node in common: it is no kerb across the lanes."""
+    """This is also true if the map has no common node. The crossing is not a kerb across the
+    lanes."""
     osm = street({"sidewalk": "separate"})
     osm.way([osm.node(60, -9), osm.node(60, 9)], highway="footway", footway="crossing")
     site = imported(tmp_path, osm)
@@ -139,7 +140,8 @@ def test_a_way_that_crosses_a_street_lies_on_it(tmp_path: Path) -> None:
 
 
 def test_many_ways_without_sidewalks_fit(tmp_path: Path) -> None:
-    """More names of edges than a command line takes (128 KiB)."""
+    """The names of the edges are longer than the maximum length of a command-line argument (128
+    KiB)."""
     osm = street({"sidewalk": "no"})
     for _ in range(6000):
         osm.ways.append(
@@ -167,7 +169,7 @@ def test_crosswalks_signals_and_marks_of_opendrive_are_listed(tmp_path: Path) ->
         ("traffic_sign", "road 1: signal 5", 60, -5),
     ]
     assert site_map.not_understood == ["road 1: 2 objects of road marks: left out"]
-    assert len(site_map.bodies) == 2  # the signals' posts
+    assert len(site_map.bodies) == 2  # the posts of the signals
     import_map(file, tmp_path / "s")
     record = yaml.safe_load((tmp_path / "s/map.yaml").read_text())
     x, y, _ = record["offset_m"]

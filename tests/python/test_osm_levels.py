@@ -1,4 +1,4 @@
-"""Roads above and below others in OpenStreetMap, and files as editors and servers write them."""
+"""Roads at several levels in OpenStreetMap, and files as editors and servers write them."""
 
 import re
 from pathlib import Path
@@ -24,7 +24,8 @@ BRIDGE = {"bridge": "yes", "layer": "1"}
 def crossroads(
     tags: dict[str, str], *, arm_m: float = 300.0, half_m: float = 60.0, under: str = "0"
 ) -> str:
-    """A road to the north, its middle part with tags, across one to the east, without a node."""
+    """Returns a road to the north that crosses a road to the east without a common node. The tags
+    are on the middle part of the first road."""
     osm = Osm(*CENTRE)
     main = {"highway": "primary", "lanes": "2"}
     west, east = osm.node(-arm_m, 0), osm.node(arm_m, 0)
@@ -104,7 +105,7 @@ def test_three_roads_lie_one_above_the_other(tmp_path: Path) -> None:
 
 
 def test_a_bridge_without_room_for_ramps_is_named(tmp_path: Path) -> None:
-    """A way whose end is on the bridge and whose other one on the road below, 5 m away."""
+    """A way ends 5 m away from the bridge on the road below, and its other end is on the bridge."""
     osm = Osm(*CENTRE)
     main = {"highway": "primary"}
     below, above = osm.node(5, 0), osm.node(0, 2)
@@ -120,7 +121,7 @@ def test_a_bridge_without_room_for_ramps_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("same_place", [False, True])
 def test_the_site_has_the_bridge_and_what_is_below_stays(tmp_path: Path, same_place: bool) -> None:
-    """Also where a node of the bridge is at the very place of one of the road's."""
+    """This is also true if a node of the bridge has the position of a node of the road below."""
     text = crossroads(BRIDGE)
     if same_place:
         middle = re.search(r'<node id="3" (lon="[^"]*" lat="[^"]*")', text)
@@ -149,7 +150,7 @@ def test_the_ground_over_a_tunnel_stays(tmp_path: Path) -> None:
 
 
 def test_what_an_editor_deleted_is_not_built(tmp_path: Path) -> None:
-    """JOSM keeps it with action='delete', and names new elements by negative numbers."""
+    """JOSM keeps deleted elements with action='delete', and gives new elements negative ids."""
     text = district_text()
     gone = re.sub(r'<(way id="1"|way id="7"|node id="49")', r'<\1 action="delete"', text)
     gone = re.sub(r'<way id="8"', '<way id="8" visible="false"', gone)
@@ -167,7 +168,7 @@ def test_what_an_editor_deleted_is_not_built(tmp_path: Path) -> None:
 
 
 def nodes_behind(text: str) -> str:
-    """As Overpass's `out body; >; out skel qt`, with its head."""
+    """Returns the file as Overpass's `out body; >; out skel qt` writes it, with its header."""
     nodes = re.findall(r"<node.*?</node>", text)
     ways = re.findall(r"<way.*?</way>", text)
     head = '<note>data is ODbL</note><meta osm_base="2026-01-01T00:00:00Z"/>'
@@ -175,14 +176,14 @@ def nodes_behind(text: str) -> str:
 
 
 def with_inline_positions(text: str) -> str:
-    """As Overpass's `out geom`: no nodes, but those with tags."""
+    """Returns the file as Overpass's `out geom` writes it: only nodes with tags are elements."""
     at = dict(re.findall(r'<node id="(\d+)" (lon="[^"]*" lat="[^"]*")', text))
     text = re.sub(r'<node id="\d+"[^>]*></node>', "", text)
     return re.sub(r'<nd ref="(\d+)"', lambda m: f"{m[0]} {at[m[1]]}", text)
 
 
 def bounded(text: str) -> str:
-    """As Geofabrik's and the API's: versions, bounds and users."""
+    """Returns the file as Geofabrik and the API write it: with versions, bounds and users."""
     text = re.sub(
         r"<(node|way) ", r'<\1 version="3" timestamp="2026-01-01T00:00:00Z" uid="1" ', text
     )

@@ -1,4 +1,5 @@
-"""A folder of clouds without labels: detected, reported and refused. Clouds are simulated."""
+"""Folders of clouds without labels are imported and detected; problems are reported or refused. The
+clouds are simulated."""
 
 import math
 from collections.abc import Callable
@@ -34,7 +35,7 @@ def site(
     run_command: Callable[..., list[str]],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
-    """20 frames over 20 s of a motorway whose road lies 6 m below three LiDARs."""
+    """Simulates 20 frames in 20 s on a motorway. The road lies 6 m below the three LiDARs."""
     out = tmp_path_factory.mktemp("site") / "data"
     words = run_command(*LIDARS, frames="0:200:10", preset="datasheet", out=out)
     infrasim(*words, check=True)
@@ -52,7 +53,7 @@ def with_positions(clouds: Clouds, change: Callable[[np.ndarray], np.ndarray]) -
 
 
 def write(folder: Path, clouds: Clouds, names: list[str] | None = None) -> Path:
-    """The clouds as .bin files."""
+    """Writes the clouds as .bin files."""
     folder.mkdir()
     for i, cloud in enumerate(clouds):
         name = names[i] if names else f"cloud_{i}"
@@ -61,14 +62,14 @@ def write(folder: Path, clouds: Clouds, names: list[str] | None = None) -> Path:
 
 
 def taken(source: Path, **options: object) -> tuple[Path, str]:
-    """The folder of an import from .bin files, and all that was reported of it."""
+    """Imports .bin files. Returns the folder, and the text of all assumptions and warnings."""
     out = source.parent / f"in_{source.name}/pole"
     summary, labelled = import_recording(source, "bin", out, FACTS, Options(), **options)
     return out, "\n".join([*summary.assumed, *warnings(summary, labelled)])
 
 
 def road_at(folder: Path) -> float:
-    """z of the levelled frame's road, of the written frames themselves."""
+    """Returns z of the road in the levelled frame, estimated from the written frames."""
     plane = find_plane([kitti.read_points(f) for f in (folder / "training/velodyne").iterdir()])
     assert plane is not None
     assert np.degrees(plane.tilt) == pytest.approx((0, 0), abs=0.15)
@@ -81,7 +82,8 @@ def road_at(folder: Path) -> float:
 @pytest.mark.parametrize("lidar", LIDARS)
 def test_the_road_of_a_leaning_sensor_is_detected(site: Path, lidar: str, tmp_path: Path) -> None:
     lean = Rotation.from_euler("ZYX", [0, math.radians(12), math.radians(-4)]).as_matrix()
-    clouds = with_positions(clouds_of(site, lidar), lambda p: p @ lean)  # T_sensor_levelled
+    # rotation T_sensor_levelled
+    clouds = with_positions(clouds_of(site, lidar), lambda p: p @ lean)
     folder, text = taken(write(tmp_path / "source", clouds))
     assert road_at(folder) == pytest.approx(-HEIGHT_M, abs=0.03)
     tilt = kitti.read_tilt(folder)
@@ -98,14 +100,15 @@ def test_the_road_of_a_leaning_sensor_is_detected(site: Path, lidar: str, tmp_pa
 def test_a_viewpoint_turns_clouds_and_the_sensor_stays_the_origin(
     site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It says how the sensor leans, looks and stands: 6 m up in a place of its own."""
+    """The VIEWPOINT contains the tilt, the direction and the position of the sensor, which is 6 m
+    above the road."""
     turn = Rotation.from_euler("ZYX", [40, 12, -4], degrees=True)
     shift = np.array([120.0, -50, HEIGHT_M])
     level = with_positions(
         clouds_of(site, "ruby_plus")[::4], Rotation.from_euler("z", 40, True).apply
     )
     clouds = with_positions(level, turn.inv().apply)
-    clouds[0][5, :3] = 0  # without a return
+    clouds[0][5, :3] = 0  # 0 0 0 means no return
     source = tmp_path / "source"
     source.mkdir()
     x, y, z, w = turn.as_quat()
@@ -124,7 +127,8 @@ def test_a_viewpoint_turns_clouds_and_the_sensor_stays_the_origin(
     assert summary.without_return == 1
     assert road_at(tmp_path / "in/pole") == pytest.approx(-HEIGHT_M, abs=0.03)
     last = kitti.read_points(kitti.frame_file(tmp_path / "in/pole", "velodyne", 4))
-    assert np.abs(last[:, :3] - level[4][:, :3]).max() < 0.2  # but for the road's noise
+    # the tolerance is the noise of the road
+    assert np.abs(last[:, :3] - level[4][:, :3]).max() < 0.2
     summary, _ = import_recording(
         source, "pcd", tmp_path / "as_is/pole", FACTS, Options(), upright="as-is"
     )
@@ -152,7 +156,8 @@ def test_any_axis_may_be_up(site: Path, lidar: str, up: str, tmp_path: Path) -> 
     assert (f"{up}: points are turned so that z is up" in text) == (up != "z up")
     first = kitti.read_points(kitti.frame_file(folder, "velodyne", 0))
     truth = clouds_of(site, lidar)[0]
-    assert np.abs(first - truth).max() < 0.6  # turned back, but for a tilt below the road's noise
+    # the rotation is undone, except for a tilt that the noise of the road hides
+    assert np.abs(first - truth).max() < 0.6
 
 
 @pytest.mark.parametrize("turn", list(UPS.values()))
@@ -173,7 +178,7 @@ def test_turns_to_upright_axes_mirror_nothing(turn: list[list[int]]) -> None:
 def test_a_field_beside_the_road_is_not_taken_for_it(
     site: Path, lidar: str, lower_m: float
 ) -> None:
-    """The field is larger than the road, and flat, as the road is."""
+    """The field is larger than the road and also flat."""
 
     def sunk(xyz: np.ndarray) -> np.ndarray:
         field = np.abs(xyz[:, 1]) > HALF_ROAD_M
@@ -187,7 +192,7 @@ def test_a_field_beside_the_road_is_not_taken_for_it(
 
 @pytest.mark.parametrize("slope", [0.014, 0.02, 0.028])
 def test_a_crowned_road_is_levelled_evenly(site: Path, slope: float) -> None:
-    """The sensor stands four metres to the right of the middle, where the road falls to it."""
+    """The sensor is four metres to the right of the crown, where the road falls to the right."""
 
     def crowned(xyz: np.ndarray) -> np.ndarray:
         aside = np.minimum(np.abs(xyz[:, 1] - 4), HALF_ROAD_M)
@@ -196,20 +201,22 @@ def test_a_crowned_road_is_levelled_evenly(site: Path, slope: float) -> None:
     plane = find_plane(with_positions(clouds_of(site, "livox_avia"), crowned))
     assert plane is not None
     assert plane.crown == pytest.approx(slope, abs=0.003)
-    assert np.degrees(plane.tilt) == pytest.approx((0, 0), abs=0.25)  # one side alone: 0.8 to 1.6
+    # one side of the road alone would give 0.8 to 1.6 degrees
+    assert np.degrees(plane.tilt) == pytest.approx((0, 0), abs=0.25)
     assert plane.residual_m < 0.03
 
 
 @pytest.mark.parametrize("lidar", ["livox_avia", "ruby_plus"])
 def test_the_road_over_a_crest_is_followed(site: Path, lidar: str, tmp_path: Path) -> None:
-    """A radius of 1,500 m: 1.2 m lower 60 m away."""
+    """The crest has a radius of 1,500 m, so the road is 1.2 m lower at a distance of 60 m."""
 
     def bent(xyz: np.ndarray) -> np.ndarray:
         return xyz - np.outer(xyz[:, 0] ** 2 / 3000, [0, 0, 1])
 
     folder, text = taken(write(tmp_path / "source", with_positions(clouds_of(site, lidar), bent)))
     assert "the road is not a plane: its height profile is used up to 60 m" in text
-    tilt = kitti.read_tilt(folder)  # of a sensor that looks one way: on the mean slope there
+    # tilt of a sensor that looks in one direction, relative to the mean slope there
+    tilt = kitti.read_tilt(folder)
     positions = np.array([[10.0, -6], [30, -6], [55, -6], [55, 6]])
     road = -HEIGHT_M - positions[:, 0] ** 2 / 3000 + np.tan(tilt.pitch) * -positions[:, 0]
     ground = ground_of(folder)
@@ -425,7 +432,7 @@ def test_a_jump_of_the_clock_leaves_numbers_out(site: Path, tmp_path: Path) -> N
 
 
 def write_stamped(folder: Path, clouds: Clouds, times: list[float]) -> Path:
-    """.pcd files whose points have the time of their frame."""
+    """Writes .pcd files whose points have the time of their frame."""
     folder.mkdir()
     kind = [(name, "<f4") for name in ("x", "y", "z", "intensity")] + [("timestamp", "<f8")]
     for i, (cloud, time) in enumerate(zip(clouds, times, strict=True)):
@@ -512,7 +519,8 @@ def test_boxes_and_a_view_follow_at_once(
         ["view", data, "--pred", run / "predictions", "--out", tmp_path / "view.html"],
     ):
         assert main.main([str(word) for word in words]) == 0, words
-    assert len(list((tmp_path / "pictures").iterdir())) == 2  # of the LiDAR, and the sheet
+    # a picture of the LiDAR, and the sheet
+    assert len(list((tmp_path / "pictures").iterdir())) == 2
     printed = capsys.readouterr()
     assert "assumed: the road is" in printed.out
     assert "not split" not in printed.err
@@ -524,7 +532,8 @@ def test_boxes_and_a_view_follow_at_once(
 
 
 def detected(capsys: pytest.CaptureFixture[str], cloud: Path) -> tuple[list[str], np.ndarray, str]:
-    """Classes and boxes with scores (n, 8) of a lone cloud, and what was said of it."""
+    """Detects objects in a single cloud. Returns classes, boxes with scores (n, 8) and the printed
+    remarks."""
     capsys.readouterr()
     words = ["detect", "--model", "generalist", str(cloud), "--height-m", f"{HEIGHT_M:g}"]
     assert main.main(words) == 0
@@ -545,7 +554,8 @@ def lone(site: Path) -> np.ndarray:
 def test_boxes_of_a_lone_pcd_are_those_of_its_turned_and_scaled_points(
     lone: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """VIEWPOINT turns the points. Its shift is left out, since boxes are relative to the sensor."""
+    """VIEWPOINT rotates the points. Its shift is ignored, because boxes are relative to the
+    sensor."""
     lone.tofile(tmp_path / "plain.bin")
     names, boxes, said = detected(capsys, tmp_path / "plain.bin")
     assert len(boxes) > 3
@@ -553,7 +563,7 @@ def test_boxes_of_a_lone_pcd_are_those_of_its_turned_and_scaled_points(
     turn = Rotation.from_euler("ZYX", [40, 12, -4], degrees=True)
     stored = with_positions([lone], turn.inv().apply)[0]
     stored[:, 3] = np.round(lone[:, 3] * 255)
-    stored[7, :3] = 0  # without a return, as is a NaN
+    stored[7, :3] = 0  # 0 0 0 means no return, like NaN
     stored[8, :3] = np.nan
     x, y, z, w = turn.as_quat()
     for shift in ((0, 0, 0), (120, -50, HEIGHT_M)):

@@ -1,4 +1,4 @@
-"""`infrasim pattern`: directions and times of the rays against the vendors' tables."""
+"""`infrasim pattern`: directions and times of the rays, compared with the vendors' tables."""
 
 import shutil
 from collections.abc import Callable
@@ -16,7 +16,8 @@ LIDARS = ROOT / "configs/lidars"
 
 Pattern = Callable[..., FloatArray]
 
-# Model, its table in mujoco-lidar, lasers fired at once. A table is 4 s long.
+# Model, its table in mujoco-lidar, and the number of lasers that fire together. A table is 4 s
+# long.
 CLOSED_FORMS = [
     ("livox_avia", "avia", 6),
     ("livox_mid_40", "mid40", 1),
@@ -38,7 +39,8 @@ SPINNING = [
 
 
 def vendor_table(name: str) -> Path:
-    """A scan table (azimuth, elevation in float32 radians); found without importing the package."""
+    """Returns the file of a scan table: azimuth and elevation in radians, float32. It is found
+    without importing the package."""
     spec = find_spec("mujoco_lidar")
     assert spec is not None
     assert spec.submodule_search_locations is not None
@@ -46,13 +48,14 @@ def vendor_table(name: str) -> Path:
 
 
 def directions(azimuth: FloatArray, elevation: FloatArray) -> FloatArray:
-    """Unit vectors (n, 3)."""
+    """Returns unit vectors: (n, 3)."""
     across = np.cos(elevation)
     return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), np.sin(elevation)], axis=1)
 
 
 def angles_deg(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Angle between unit vectors row by row; by the chord, as arccos loses half of the digits."""
+    """Returns the angle between the unit vectors of each row. It is computed from the chord,
+    because arccos loses half of the digits."""
     return np.degrees(2 * np.arcsin(np.linalg.norm(a - b, axis=1) / 2))
 
 
@@ -113,13 +116,14 @@ def test_spinning_rays_are_the_channel_table_turned_column_by_column(
         elevation, np.tile(table.elevation_deg, (len(columns), 1)), atol=1e-9
     )
 
-    # A turn takes 0.1 s; a channel fires after the start of its column.
+    # A turn takes 0.1 s. A channel fires some time after the start of its column.
     step_s = columns[1, 0, 2] - columns[0, 0, 2]
     fire_s = table.fire_time_us.to_numpy() * 1e-6
     times = np.arange(len(columns))[:, None] * step_s + fire_s
     np.testing.assert_allclose(columns[..., 2], times, atol=1e-9)
 
-    # Clockwise from above, from behind: azimuth falls by 360 degrees in 0.1 s, fire time included.
+    # The sensor turns clockwise seen from above and begins behind the view. The azimuth falls by
+    # 360 degrees in 0.1 s, also during the fire time.
     clockwise = 3600 * times + table.azimuth_offset_deg.to_numpy() - 180
     off = np.remainder(np.degrees(columns[..., 0]) + clockwise + 180, 360) - 180
     assert np.abs(off).max() < 1e-6
@@ -158,7 +162,7 @@ def test_bundle_is_its_parts_turned_and_covers_the_circle(pattern: Pattern) -> N
         assert angles_deg(directions(part[:, 0], part[:, 1]), turned).max() < 1e-6
     azimuths = np.sort(np.degrees(bundle[:, 0]))
     gaps = np.diff(np.append(azimuths, azimuths[0] + 360))
-    assert gaps.max() < 72 - 70.4 + 0.1  # the Avia's own width
+    assert gaps.max() < 72 - 70.4 + 0.1  # the width of the Avia's field of view is 70.4 degrees
 
 
 def test_bundles_parts_start_at_phases_of_their_own(pattern: Pattern) -> None:
@@ -169,7 +173,7 @@ def test_bundles_parts_start_at_phases_of_their_own(pattern: Pattern) -> None:
 
 @pytest.fixture
 def mid_360(tmp_path: Path) -> Path:
-    """A copy of the Mid-360 with its table beside it."""
+    """Copies the file of the Mid-360 and its table."""
     shutil.copy(vendor_table("mid360"), tmp_path / "mid360.npy")
     return Path(shutil.copy(LIDARS / "livox_mid_360.yaml", tmp_path))
 

@@ -1,4 +1,4 @@
-"""People: their AP beside that of vehicles, by footprints and by centres."""
+"""The AP of pedestrians and cyclists beside that of vehicles, by footprints and by centres."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -38,7 +38,7 @@ from pyinfra.metrics.settings import Settings
 from pyinfra.viz import clouds
 from pyinfra.viz.snapshot import read_snapshot
 
-HALF_WIDTH_M = 10.0  # of the road
+HALF_WIDTH_M = 10.0  # half width of the road
 FRAMES = 40
 
 
@@ -49,7 +49,7 @@ def walker(x: float, y: float, name: str = "Pedestrian", **changes: object) -> d
 
 
 def scene(folder: Path, frames: list, predictions: list) -> tuple[Path, Path]:
-    """A LiDAR's folder on a straight road, and predictions of (type, box, score)."""
+    """Writes a LiDAR's folder on a straight road, and predictions of (type, box, score)."""
     gt = write_lidar(folder / "data/lidar", frames)
     write_roads(folder / "data", HALF_WIDTH_M)
     pred = folder / "pred"
@@ -89,7 +89,8 @@ def test_a_class_has_its_own_ap_by_footprints_and_by_centres(tmp_path: Path) -> 
 def test_a_centre_counts_up_to_half_a_metre(
     tmp_path: Path, metres: float, footprints: float, centres: float
 ) -> None:
-    person = walker(20, 3)  # 0.73 m long: an IoU of 0.25 is left 0.438 m along it
+    # the person is 0.73 m long, so the IoU is 0.25 after a shift of 0.438 m along the person
+    person = walker(20, 3)
     predictions = [("Pedestrian", moved(person, metres), 0.9)]
     gt, pred = scene(tmp_path, [[person]] * FRAMES, [predictions] * FRAMES)
     result = evaluate(gt, pred, object_class="pedestrian")
@@ -101,7 +102,8 @@ def test_the_nearest_free_centre_is_taken_in_order_of_score(tmp_path: Path) -> N
     predictions = [("Pedestrian", moved(a, 0.25), 0.9), ("Pedestrian", moved(a, 0.15), 0.8)]
     gt, pred = scene(tmp_path, [[a, b]] * FRAMES, [predictions] * FRAMES)
     result = evaluate(gt, pred, object_class="pedestrian")
-    # The first takes a, the nearer one; b is 0.45 m from the second, which overlaps too little.
+    # The first prediction matches a, which is nearer. b is 0.45 m from the second prediction, and
+    # their overlap is too small.
     assert ap(result)["definition-centre"] == 100
     assert ap(result)["definition"] == 50
 
@@ -110,7 +112,8 @@ def test_people_count_six_metres_beside_the_carriageway(tmp_path: Path) -> None:
     near, far = walker(20, HALF_WIDTH_M + 5.9), walker(30, HALF_WIDTH_M + 6.1, visibility=-1)
     gt, pred = scene(tmp_path, [[near, far]] * FRAMES, [[("Pedestrian", box(far), 0.9)]] * FRAMES)
     result = evaluate(gt, pred, object_class="pedestrian")
-    assert set(result.ap.objects) == {FRAMES}  # the near one; the far one's box is ignored
+    # the near person counts; the box on the far person is ignored
+    assert set(result.ap.objects) == {FRAMES}
     assert set(result.ap.predictions) == {0}
 
 
@@ -134,7 +137,8 @@ def test_a_vehicle_box_on_a_person_is_wrong_wherever_it_stands(
 ) -> None:
     vehicle, person = car(40), walker(20, aside_m, name)
     predictions = [("Car", box(vehicle), 0.8), ("vehicle", box(car(20.5, aside_m)), 0.9)]
-    predictions.append((name, box(person), 0.9))  # detected twice: right once and wrong once
+    # the person is detected twice, once with the right class and once with a wrong class
+    predictions.append((name, box(person), 0.9))
     gt, pred = scene(tmp_path, [[vehicle, person]] * FRAMES, [predictions] * FRAMES)
     result = pyinfra.evaluate(gt, pred)
     assert ap(result) == ap(result, "all") == {"definition": 50}
@@ -182,10 +186,10 @@ def test_boxes_off_the_region_are_reported_a_minute(
 ) -> None:
     predictions = [
         ("Car", box(car(40)), 0.9),
-        ("Car", box(car(20, 30)), 0.6),  # on a person
-        ("Car", box(car(60, 40)), 0.2),  # on nothing
-        ("Car", box(car(80, 40)), 0.8),  # on a vehicle that does not count
-        ("Car", box(car(60, 0)), 0.8),  # inside
+        ("Car", box(car(20, 30)), 0.6),  # box on a person
+        ("Car", box(car(60, 40)), 0.2),  # box without an object
+        ("Car", box(car(80, 40)), 0.8),  # box on a vehicle that does not count
+        ("Car", box(car(60, 0)), 0.8),  # box inside the region
     ]
     frames = [[car(40), walker(20, 30), car(80, 40)]] * FRAMES
     gt, pred = scene(tmp_path, frames, [predictions] * FRAMES)
@@ -197,7 +201,8 @@ def test_boxes_off_the_region_are_reported_a_minute(
     assert table.boxes.tolist() == [2 * FRAMES, 2 * FRAMES, FRAMES, FRAMES, 0]
     assert table.on_people.tolist() == [FRAMES] * 4 + [0]
     assert table.minutes.tolist() == pytest.approx([FRAMES / 600] * 5)
-    assert off_region_per_min(pyinfra.evaluate(gt, pred)) == pytest.approx(600)  # of a benchmark
+    # the value of a benchmark
+    assert off_region_per_min(pyinfra.evaluate(gt, pred)) == pytest.approx(600)
     (gt.parent / "roads.csv").unlink()
     assert pyinfra.evaluate(gt, pred).off_region.boxes.isna().all()
     assert np.isnan(off_region_per_min(pyinfra.evaluate(gt, pred)))
@@ -242,7 +247,7 @@ def test_blocks_are_as_long_as_the_class_stays(tmp_path: Path) -> None:
     assert block_seconds(truth, people=True) == 60
     assert (
         block_seconds(truth) == 20
-    )  # the least: who walks beside the road is none of its vehicles
+    )  # the minimum counts only vehicles, and not people beside the road
 
 
 PEOPLE = (
@@ -263,14 +268,14 @@ def test_a_run_has_people_who_count_where_the_simulator_says(
     for name, types in OBJECT_CLASSES.items():
         selected = v.select(np.isin(v.names, types))
         inside = truth.places(selected.mid_frame, 0.0 if name == "vehicle" else 6.0).inside
-        assert inside.any() == (name != "cyclist")  # whose way is 18 m from the line
+        assert inside.any() == (name != "cyclist")  # cyclists move 18 m from the line of the road
         assert np.array_equal(inside, selected.visibility >= 0)
         assert name == "cyclist" or (selected.points > 0).any()
 
     vehicles = ~np.isin(v.names, PERSON_TYPES)
     objects = [len(v.frame[vehicles]) / 3, v.points[vehicles].sum() / 3]
     assert len(v.frame) / 3 > objects[0]
-    for frames in ("0:3", "1:2"):  # the second counts what is on disk
+    for frames in ("0:3", "1:2"):  # the second run also counts the frames on disk
         words[-3] = frames
         again = infrasim("run", "curve", *words, "--set", "traffic.warm_up_s=1", "--out", tmp_path)
         row = pd.read_csv(tmp_path / "summary.csv").iloc[0]
@@ -289,7 +294,7 @@ def test_a_run_has_people_who_count_where_the_simulator_says(
 
 
 def vehicles_of(trajectories: Path, frames: range) -> int:
-    """Rows of vehicles at the starts of some frames."""
+    """Returns the number of rows of vehicles at the starts of some frames."""
     rows = pd.read_csv(trajectories)
     at = np.isin(np.round(rows.t * 10), frames)
     return int((at & ~rows["class"].isin(PERSON_TYPES)).sum())

@@ -1,4 +1,4 @@
-"""`pyinfra compare`: poles over the same vehicles, whether a pole sees them or not."""
+"""`pyinfra compare`: the results of several poles for the same vehicles, visible or not."""
 
 from pathlib import Path
 
@@ -13,12 +13,13 @@ from pyinfra.metrics.match_input import block_seconds
 from pyinfra.metrics.places import compare_places
 from pyinfra.metrics.settings import Settings
 
-FRAMES = 200  # a second apart: eight blocks of 25 s
+FRAMES = 200  # one frame per second: eight blocks of 25 s
 SETTINGS = Settings(ground_truths=("present", "all"))
 
 
 def vehicles(hidden: bool, seed: int = 0) -> list[list[Vehicle]]:
-    """A vehicle that passes every ten seconds, and one that waits for 40 s behind a house."""
+    """Returns a vehicle that passes every ten seconds, and a vehicle that waits for 40 s behind a
+    house."""
     seen = {"points": 0, "visibility": 0.0} if hidden else {}
     return [
         [car(10 + (k + seed) % 10, id=k // 10), car(60, id=1000 + k // 40, **seen)]
@@ -27,7 +28,8 @@ def vehicles(hidden: bool, seed: int = 0) -> list[list[Vehicle]]:
 
 
 def evaluated(out: Path, frames: list[list[Vehicle]], missed: int = FRAMES + 1) -> Path:
-    """The folder of an evaluation; what has points is detected, but in every `missed`-th frame."""
+    """Returns the folder of an evaluation. Vehicles with points are detected, except in every
+    `missed`-th frame."""
     data = out.parent / f"{out.name}_data"
     data.mkdir(parents=True)
     write_roads(data)
@@ -58,7 +60,8 @@ def test_a_place_that_hides_half_of_the_vehicles_is_worse_by_that_half(tmp_path:
     assert value(table, behind, "", "hidden_percent").value == pytest.approx(50)
     assert value(table, beside, "", "hidden_percent").value == 0
     visible = compare_places([behind, behind.parent / "behind"], "all")
-    assert (visible.value[visible.minus == ""] == 100).all()  # `all` cannot tell them
+    # `all` can't distinguish the two poles
+    assert (visible.value[visible.minus == ""] == 100).all()
 
 
 def test_blocks_of_present_do_not_depend_on_what_the_pole_sees(tmp_path: Path) -> None:
@@ -85,7 +88,7 @@ def test_seeds_are_paired_by_their_vehicles_whatever_the_folders_are_called(
                 frame[0] = {**frame[0], "dx": 4.0 + 0.1 * seed}
             evaluated(place / name, frames, each)
     difference = value(compare_places(places), places[1], places[0], "recall_percent")
-    seeds = [100 / 8, 100 / 10, 100 / 20]  # a vehicle in every 4th is missed, or every 8th, ...
+    seeds = [100 / 8, 100 / 10, 100 / 20]  # a vehicle in every 4th, 5th or 10th frame is missed
     assert difference.seeds == 3
     assert difference.frames == 3 * FRAMES
     assert difference.value == pytest.approx(sum(seeds) / 3, abs=0.01)

@@ -1,4 +1,4 @@
-"""The planner: candidates, observations, race, choice, costs and the answer."""
+"""The planner: candidate poses, observations, race, choice, costs and the answer."""
 
 import itertools
 from pathlib import Path
@@ -123,7 +123,8 @@ def test_the_laws_recover_made_up_coefficients() -> None:
     terms = laws.object_terms(seen)
     true = np.array([-3, 1.2, 0, 0.3, 0, -0.5, 0.5, 0, 0, 0, -1, 0])
     odds = terms @ true + rng.logistic(size=count)
-    scores = 1 / (1 + np.exp(-odds))  # found at s where odds - score term > 0
+    # an object is found at score s if odds minus the score term is above 0
+    scores = 1 / (1 + np.exp(-odds))
     fitted = laws.fit_detection(terms, scores)
     for cut in (0.2, 0.5, 0.8):
         p = laws.detection_probability(fitted, terms, cut)

@@ -1,4 +1,4 @@
-"""PointRCNN and its layers on points: what turns with the scene, what is sampled and pooled."""
+"""PointRCNN and its layers on points: rotation with the scene, sampling and pooling."""
 
 import dataclasses
 import math
@@ -62,7 +62,7 @@ def clouds_of(counts: list[int], channels: int, seed: int = 1) -> Clouds:
 
 
 def turned(boxes: torch.Tensor, angle: float) -> torch.Tensor:
-    """The boxes turned about the sensor."""
+    """Rotates the boxes around the sensor."""
     pivot = torch.tensor([[0.0, 0, 0, 1, 1, 1, angle]]).expand(len(boxes), 7)
     return torch.cat([turned_out_of(boxes[:, :3], pivot), boxes[:, 3:6], boxes[:, 6:] + angle], 1)
 
@@ -94,7 +94,7 @@ def test_the_second_stage_turns_with_scene_and_proposal(angle: float) -> None:
     torch.testing.assert_close(boxes_turned[:, :6], wanted[:, :6], atol=1e-3, rtol=0)
     turn = (boxes_turned[:, 6] - wanted[:, 6] + math.pi) % (2 * math.pi) - math.pi
     assert turn.abs().max() < 1e-4
-    assert scores.std() > 1e-3  # they do differ from proposal to proposal
+    assert scores.std() > 1e-3  # the scores of the proposals differ
 
 
 def test_pooled_points_are_those_inside_the_enlarged_proposals_of_their_frame() -> None:
@@ -143,7 +143,7 @@ def test_abstraction_is_the_largest_over_the_ball_by_a_loop() -> None:
     torch.manual_seed(1)
     layer = SetAbstraction(3, [Ball(1.5, 64, (8, 6)), Ball(3.0, 64, (4,))]).eval()
     centres = torch.rand(9, 3, generator=generator(5)) * 5
-    centres[8] = 100.0  # nothing is around it
+    centres[8] = 100.0  # no point lies around this centre
     features = layer(clouds, centres, [4, 5]).features
     assert features.shape == (9, 10)
     for row, centre in enumerate(centres):

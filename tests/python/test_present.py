@@ -1,4 +1,5 @@
-"""Ground truth `present`: everyone in the region, whatever a LiDAR or a pole sees of it."""
+"""Ground truth `present`: all vehicles of the region, whether a LiDAR or a mount sees them or
+not."""
 
 import shutil
 from collections.abc import Callable
@@ -24,7 +25,8 @@ Poles = Callable[[str, float, str], Path]
 
 @pytest.fixture(scope="module")
 def pole(infrasim: Infrasim, tmp_path_factory: pytest.TempPathFactory) -> Poles:
-    """Two LiDARs on the motorway at a pole: one is narrow, one of short range."""
+    """Simulates two LiDARs at a pole on the motorway. One has a narrow field of view, and one has a
+    short range."""
 
     def run(name: str, y_m: float, buildings: str) -> Path:
         out = tmp_path_factory.mktemp(name)
@@ -42,7 +44,7 @@ def pole(infrasim: Infrasim, tmp_path_factory: pytest.TempPathFactory) -> Poles:
 
 
 def counts(folder: Path, which: str) -> list[int]:
-    """How many vehicles of each frame count."""
+    """Returns the number of vehicles that count in each frame."""
     truth = read_ground_truth(folder, beyond_range=True)
     places = truth.places(truth.vehicles.mid_frame)
     counted = truth.counted(which, truth.vehicles, places, 1)  # type: ignore[arg-type]
@@ -55,12 +57,13 @@ def test_present_is_the_same_for_every_lidar_and_pole_and_all_is_not(pole: Poles
     present = [counts(folder, "present") for folder in folders]
     assert present[0] == present[1] == present[2] == present[3]
     hidden = np.array(counts(folders[3], "all"))
-    assert (hidden < 0.7 * np.array(present[0])).all()  # the house hides more than a third
+    # the house hides more than 30 % of the vehicles
+    assert (hidden < 0.7 * np.array(present[0])).all()
     rows = pd.read_csv(middle / "trajectories.csv")
     for k, count in zip(FRAMES, present[0], strict=True):
         at = [rows[(rows.t * 10).round() == i].set_index("id") for i in (k, k + 1)]
         both = (at[0][["x", "y"]] + at[1][["x", "y"]]) / 2
-        inside = (both.x.abs() < 60) & (both.y.abs() < 21)  # of the carriageway
+        inside = (both.x.abs() < 60) & (both.y.abs() < 21)  # inside the carriageway
         assert count == inside.sum()
 
 
@@ -80,7 +83,8 @@ def test_ap_of_present_counts_what_the_pole_cannot_see(tmp_path: Path) -> None:
 def test_the_hidden_share_is_printed_beside_the_ap_of_visible_vehicles(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], asked: list[str]
 ) -> None:
-    """Three of four vehicles are hidden; the share is that of `present`, asked for or not."""
+    """Three of four vehicles are hidden. The share refers to `present`, even if `present` was not
+    requested."""
     write_roads(tmp_path)
     hidden = [car(x, points=0, visibility=0.1) for x in (40, 50, 60)]
     folder = write_lidar(tmp_path / "lidar", [[car(20), *hidden]])

@@ -1,4 +1,4 @@
-"""Several processes learn what one does."""
+"""Several processes together learn the same weights as one process."""
 
 import contextlib
 import os
@@ -33,7 +33,8 @@ def lidar_folder(folder: Path) -> Path:
 
 
 def free_ports(count: int) -> list[int]:
-    """Different ones: a meeting on the port of one before may find the old one's end."""
+    """Returns different free ports. On a port that was used before, a new process group may find
+    the old one."""
     with contextlib.ExitStack() as stack:
         sockets = [stack.enter_context(socket.socket()) for _ in range(count)]
         for one in sockets:
@@ -42,7 +43,7 @@ def free_ports(count: int) -> list[int]:
 
 
 def learn(folder: Path, out: Path, count: int) -> list[dict[str, torch.Tensor]]:
-    """What each of so many processes has learnt."""
+    """Returns the weights that each of `count` processes has learnt."""
     out.mkdir()
     ports = " ".join(map(str, free_ports(4)))
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))

@@ -1,4 +1,4 @@
-"""Scenes on a hill: what readers of a data set make of it is what the simulator cast."""
+"""Scenes on a hill: values that readers of a data set compute agree with the simulated surfaces."""
 
 from pathlib import Path
 
@@ -34,7 +34,7 @@ traffic:
   speed: {mean_km_h: 40, std_km_h: 2}
   class_shares: {Car: 0.9, Bus: 0.1}
 """
-ROAD = 0  # of materials
+ROAD = 0  # number of the material
 RUN = ("--lidar", "helios_16", "--preset", "paper", "--frames", "0:20:5")
 
 
@@ -64,7 +64,8 @@ def test_vehicles_stand_on_the_ground_that_detectors_are_told_of(crest: Path) ->
     assert ground is not None
     under = ground.height(boxes[:, :2])
     assert len(boxes) > 20
-    # The ground is as high as the road's middle; across its 14 m the profile falls by 4 %.
+    # The ground has the height of the middle of the road. The profile falls by 4 % across the
+    # road's 14 m.
     np.testing.assert_allclose(boxes[:, 2] - boxes[:, 5] / 2, under, atol=0.35)
 
 
@@ -104,7 +105,7 @@ def test_a_damaged_profile_is_named(crest: Path, tmp_path: Path, points: str, er
 def test_trajectories_of_both_doors_are_the_same(
     seen: str, tmp_path: Path, infrasim: Infrasim
 ) -> None:
-    """Also where no vehicle meets the slope."""
+    """This is also true if no vehicle meets the slope."""
     text = CREST if seen == "near" else CREST.replace("x_m: 5, y_m: -3", "x_m: 5000, y_m: -3")
     text = text.replace("z_m: 6", "z_m: 0") if seen == "far" else text
     (tmp_path / "crest.yaml").write_text(text)
@@ -128,6 +129,7 @@ def test_fused_poles_with_a_late_clock_see_one_hill(tmp_path: Path, infrasim: In
     for frame in kitti.frames(folder):
         cloud = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))[:, :3]
         fields = kitti.read_fields(kitti.frame_file(folder, "fields", frame))
-        road = cloud[fields["class"] == ROAD] + (-20, -14, 6)  # first pole's frame
+        # position in the frame of the first pole
+        road = cloud[fields["class"] == ROAD] + (-20, -14, 6)
         assert len(road) > 500
         np.testing.assert_allclose(road[:, 2], profile.rise_m(road[:, :2]), atol=0.02)

@@ -1,4 +1,4 @@
-"""Commands show progress on a terminal, after two seconds; the library shows none."""
+"""Commands show their progress on a terminal after two seconds. The library shows no progress."""
 
 import io
 import sys
@@ -14,7 +14,8 @@ class Terminal(io.StringIO):
 
 
 def terminal_of(monkeypatch: pytest.MonkeyPatch) -> Terminal:
-    """Replaces stderr. A fixture cannot, because pytest replaces stderr again before the test."""
+    """Replaces stderr by a terminal. A fixture can't do this, because pytest replaces stderr again
+    before the test."""
     monkeypatch.setattr(progress, "DELAY_S", 0.0)
     monkeypatch.setattr(sys, "stderr", Terminal())
     assert isinstance(sys.stderr, Terminal)

@@ -3,11 +3,12 @@
 import prose
 import pytest
 
-MOST_LONG = MOST_NUMERIC = 1 / 50  # share of sentences
-LEAST_MEDIAN = 9  # words of a sentence
+# maximum share of long sentences, and of sentences with many numbers
+MOST_LONG = MOST_NUMERIC = 1 / 50
+LEAST_MEDIAN = 9  # words in the median sentence
 LEAST_WORDS = 12_000
 README_WORDS = 450
-# The measurements of version 0.2 are replaced by pages of results, and are not rewritten.
+# The page of version 0.2 is replaced by pages of results, and is not measured.
 REPLACED = "verdicts_0.2.md"
 
 

@@ -1,4 +1,5 @@
-"""PV-RCNN: what key points see, how grids turn with proposals, what the second stage changes."""
+"""PV-RCNN: features of key points, grids that rotate with proposals, and changes by the second
+stage."""
 
 import dataclasses
 import math
@@ -50,7 +51,7 @@ def some_boxes(count: int) -> torch.Tensor:
 
 
 def features_of(net: PvRcnn, batch: Batch, xyz: torch.Tensor) -> torch.Tensor:
-    """Of the raw points alone, at key points xyz."""
+    """Returns the features of the raw points alone, at the key points xyz."""
     return net.key_points.sources[0](raw_points(batch), xyz, [len(xyz)]).features
 
 
@@ -73,7 +74,8 @@ def test_a_key_point_sees_the_raw_points_near_it_and_no_other() -> None:
 
 
 def test_a_full_ball_of_voxels_is_not_its_lowest_corner() -> None:
-    """Voxels lie in order of z, y, x; what a ball takes of them must lie about its middle."""
+    """Voxels are in the order of z, y, x. The voxels that are taken from a ball must lie around its
+    centre."""
     net, sample = network(), road_sample(3)
     levels, _ = net.eval().backbone(make_batch([sample], SITE.area))
     car = torch.from_numpy(sample.boxes[:1, :3]).float()
@@ -82,7 +84,8 @@ def test_a_full_ball_of_voxels_is_not_its_lowest_corner() -> None:
     some, _ = neighbours(coarse, car, [1], radius, 32)
     assert len(every) > 3 * len(some)
     off = coarse.xyz[some].mean(dim=0) - coarse.xyz[every].mean(dim=0)
-    # A mean of 32 is this far from that of all in one of a thousand draws.
+    # The mean of 32 samples differs this much from the mean of all samples in one of a thousand
+    # cases.
     assert (off.abs() < 3.3 * coarse.xyz[every].std(dim=0) / 32**0.5).all()
 
 
@@ -116,7 +119,7 @@ def test_the_middle_of_a_voxel_is_near_its_points() -> None:
     levels, canvas = net.backbone(make_batch([Sample(points, np.empty((0, 7)))], net.site.area))
     assert canvas.shape == (1, net.backbone.channels, *net.backbone.grid)
     for level, (along, _, up) in zip(levels, net.backbone.strides, strict=True):
-        reach = np.array([along * 0.2, along * 0.2, up * 0.25])  # of a voxel of this level
+        reach = np.array([along * 0.2, along * 0.2, up * 0.25])  # size of a voxel of this level
         apart = (level.xyz - torch.from_numpy(points[:, :3])).abs().numpy()
         assert (apart.min(axis=0) <= reach).all()
         assert (apart <= 2 * reach).all()
@@ -254,7 +257,7 @@ def test_without_a_proposal_on_a_vehicle_nothing_is_refined() -> None:
 
 def test_key_points_without_neighbours_and_empty_levels_have_no_features() -> None:
     net = network()
-    far = torch.tensor([[38.0, 12.0, -1.5]])  # where nothing is
+    far = torch.tensor([[38.0, 12.0, -1.5]])  # no points are near this position
     raw = Clouds(torch.tensor([[5.0, -5, -5]]), torch.ones(1, 1), [1])
     widths = [source.scales[0].feature.in_features for source in net.key_points.sources]
     none = [Clouds(torch.zeros(0, 3), torch.zeros(0, width), [0]) for width in widths[1:]]

@@ -1,4 +1,4 @@
-"""AP, recall and coverage within a range of the sensor: along roads and around it."""
+"""AP, recall and coverage within a range of the sensor, along roads and around the sensor."""
 
 import re
 from pathlib import Path
@@ -20,7 +20,7 @@ from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.metrics.ranges import RANGES_M
 from pyinfra.metrics.settings import Settings
 
-__all__ = ["results"]  # a fixture
+__all__ = ["results"]  # this fixture is imported
 NEAR, FAR = "livox_avia", "pandar_64"
 PAIR = "detector == 'pv-rcnn' and (lidar == 'livox_avia' or lidar == 'pandar_64')"
 
@@ -31,7 +31,8 @@ def test_ap_within_a_range_is_that_of_what_lies_there_alone(tmp_path: Path, rang
     per_frame = noisy(frames)
 
     def clear(x: float) -> bool:
-        return abs(abs(x) - range_m) > 6  # of the border, where a vehicle and its box may differ
+        # 6 m or more from the border, where a vehicle and its box may be on different sides
+        return abs(abs(x) - range_m) > 6
 
     frames = [[v for v in frame if clear(float(str(v["x"])))] for frame in frames]
     per_frame = [[b for b in boxes if clear(b[0][0])] for boxes in per_frame]
@@ -100,7 +101,8 @@ def test_a_range_at_a_site_of_lanes_is_around_the_sensor(
 
 
 def with_ranges(results: Path) -> None:
-    """Within 60 m the 64 lines find 95 and the Avia 70; over all of the region as they were."""
+    """Adds ranges. Within 60 m the 64 lines have AP 95 and the Avia has AP 70. Within the whole
+    region the values do not change."""
     rows = experiments()[[*KEY, "ap_all"]].rename(columns={"ap_all": "ap_r1000"})
     near = rows.assign(range_m=60)
     near["ap_r1000"] = near.ap_r1000.where(near.lidar != NEAR, 70.0).where(near.lidar != FAR, 95.0)
@@ -130,7 +132,7 @@ def test_ap_recall_and_coverage_are_those_of_the_range(
     assert "; finds 56 % [50, 70] of all visible vehicles, at any score; " in lines[1]
     assert "on 40 [20 to 60] of 120 m of road" in lines[1]
     assert f"Left out: {NEAR} with pv-rcnn: AP 70.0 of all visible vehicles." in lines
-    # The difference of the first two is that of the range, too.
+    # The difference between the first two options is also that within the range.
     assert any("does not differ significantly" in line for line in lines)
 
 

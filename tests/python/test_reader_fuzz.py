@@ -54,9 +54,9 @@ WORDS = [
 
 @dataclass(frozen=True)
 class Damage:
-    """A piece of a file becomes a word, or goes (0), or stands there twice (2)."""
+    """A damage to a file: a piece is replaced by a word, removed (0) or doubled (2)."""
 
-    at: float  # a share of the file
+    at: float  # position as a share of the file
     piece: str
     new: bytes | int
 
@@ -99,7 +99,7 @@ def points(file: Path) -> None:
 
 
 def objects(file: Path) -> None:
-    """One file alone and many at a time are read with the same checks."""
+    """Reads one file alone and together with others. Both ways must apply the same checks."""
     alone = bulk = None
     try:
         alone = kitti.read_objects(file)
@@ -171,7 +171,7 @@ def results(file: Path) -> None:
     read_results(file.parent)
 
 
-# What is damaged, and by which reader it is read.
+# Each damaged file, and the reader that reads it.
 READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "points": (f"data/pole/training/velodyne/{FRAME:06d}.bin", points),
     "fields": (f"data/pole/training/fields/{FRAME:06d}.bin", kitti.read_fields),
@@ -204,7 +204,7 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Whole files, each read without an error."""
+    """Writes undamaged files. Each of them can be read."""
     folder = tmp_path_factory.mktemp("site")
     pole = write_recording(folder / "data")
     write_roads(folder / "data")

@@ -37,14 +37,14 @@ EXTRAS = (("ring", "U2", 1), ("_", "U1", 3), ("_", "U1", 5), ("GpsTime", "F8", 1
 
 @dataclass(frozen=True)
 class Cloud:
-    """A .pcd file, and what it says."""
+    """A .pcd file and the points that it describes."""
 
     bytes: bytes
-    points: np.ndarray  # (n, 4) in the frame of the place
+    points: np.ndarray  # (n, 4) in the frame of the scanned site
 
 
 def literals(data: bytes) -> bytes:
-    """LZF without a reference."""
+    """Compresses data with LZF, using literals only."""
     chunks = [data[i : i + 32] for i in range(0, len(data), 32)]
     return b"".join(bytes([len(chunk) - 1]) + chunk for chunk in chunks)
 
@@ -68,7 +68,7 @@ def clouds(draw: st.DrawFn) -> Cloud:
     data = draw(st.sampled_from(["ascii", "binary", "binary_compressed"]))
     kind = draw(st.sampled_from(["F4", "F8", "I2", "I4"]))
     xyz = random.integers(-400, 400, (n, 3)) / (1 if kind[0] == "I" else 4)
-    xyz[random.random(n) < 0.2] = 0  # without a return
+    xyz[random.random(n) < 0.2] = 0  # 0 0 0 means no return
     shares = random.integers(0, 256, n).astype(np.float64)
     intensity = draw(st.sampled_from([None, *INTENSITIES]))
     capitals = draw(st.booleans())
@@ -126,7 +126,8 @@ def test_pcd_files_with_more_or_fewer_bytes_than_they_say_are_refused(tmp_path: 
     def holds(cloud: Cloud, change: int) -> None:
         at = cloud.bytes.index(b"\nDATA") + 1
         assume(b"DATA ascii" not in cloud.bytes[at:])
-        assume(change > 0 or b"POINTS 0\n" not in cloud.bytes)  # nothing to lose
+        # a file without points can't lose data
+        assume(change > 0 or b"POINTS 0\n" not in cloud.bytes)
         assume(len(cloud.bytes) + change > cloud.bytes.index(b"\n", at))
         file.write_bytes(cloud.bytes + b"\n" * change if change > 0 else cloud.bytes[:change])
         with pytest.raises(FormatError) as error:
@@ -141,7 +142,7 @@ def test_pcd_files_with_more_or_fewer_bytes_than_they_say_are_refused(tmp_path: 
 
 @st.composite
 def bins(draw: st.DrawFn) -> tuple[int, list[np.ndarray]]:
-    """Files of points (n, columns), as a LiDAR sees a road."""
+    """Returns files of points (n, columns), as a LiDAR sees a road."""
     columns = draw(st.sampled_from([3, 4, 5, 6]))
     random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     top = draw(st.sampled_from([1, 255]))
@@ -159,7 +160,7 @@ def test_the_columns_of_bin_files_are_read_off_and_reported(tmp_path: Path) -> N
     @given(bins(), st.sampled_from(["bin", "kitti", "openpcdet"]))
     def holds(drawn: tuple[int, list[np.ndarray]], layout: str) -> None:
         columns, clouds = drawn
-        # Few points of six columns may be twice as many of three.
+        # Few points of six columns may also be read as twice as many points of three columns.
         assume(sum(map(len, clouds)) >= (80 if columns == 6 else 4))
         inside = {"bin": ".", "kitti": "velodyne", "openpcdet": "points"}[layout]
         folder = tmp_path / f"{layout}_{time.monotonic_ns()}"
@@ -209,7 +210,7 @@ KEYS = {
 
 @dataclass(frozen=True)
 class Frame:
-    """Texts of a calib and a label file, and the boxes that they place."""
+    """The texts of a calib and a label file, and the boxes that they describe."""
 
     calib: str
     label: str

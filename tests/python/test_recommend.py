@@ -1,4 +1,4 @@
-"""Recommendations from made-up tables with known answers."""
+"""Recommendations from artificial tables with known answers."""
 
 import re
 import subprocess
@@ -22,7 +22,8 @@ from pyinfra.viz.report.report_data import read_material
 
 
 def along_the_road() -> pd.DataFrame:
-    """Windows from -100 to 100: AP above 85 for sure at 0, likely at 50 and perhaps at -50."""
+    """Returns windows from -100 to 100. AP is significantly above 85 at 0; at 50 and -50 the
+    interval includes 85."""
     table = pd.DataFrame({"s": [5.0 * i for i in range(-20, 21)]})
     table = table.assign(ap=50.0, ap_low=45.0, ap_high=55.0).set_index("s")
     table.loc[0.0] = (90.0, 86.0, 92.0)
@@ -32,7 +33,8 @@ def along_the_road() -> pd.DataFrame:
 
 
 def prices_of_lidars(**ends: tuple[float, float]) -> pd.DataFrame:
-    """The table of LiDARs: low and high are the price, where they are not given."""
+    """Returns the table of LiDARs. `ends` sets low and high prices; otherwise both are the
+    price."""
     both = [ends.get(name, (price, price)) for name, price in PRICES.items()]
     table = pd.DataFrame(both, columns=["price_low_usd", "price_high_usd"])
     table = table.assign(lidar=list(PRICES), preset="paper", units=1)
@@ -41,7 +43,7 @@ def prices_of_lidars(**ends: tuple[float, float]) -> pd.DataFrame:
 
 @pytest.fixture
 def results(tmp_path: Path) -> Path:
-    """The tables of a benchmark whose LiDARs cost what they did when it was made."""
+    """Writes the tables of a benchmark with the prices of the time of the benchmark."""
     columns = {
         "command": "x",
         "ap_common": 1,
@@ -62,7 +64,7 @@ def results(tmp_path: Path) -> Path:
 
 
 def change(file: Path, rows: str, **columns: object) -> None:
-    """Other values in the rows that a query finds."""
+    """Changes values in the rows that a query selects."""
     table = pd.read_csv(file)
     index = table.query(rows).index
     table = table.astype({name: object for name in columns if name in table})
@@ -99,7 +101,8 @@ def test_the_highest_ap_of_all_vehicles_comes_first(
 def test_a_notebook_has_the_answer_as_a_table(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The rows that meet come as the command names them; the others with its reasons."""
+    """The table has the options that meet the requirements in the order of the command. The other
+    options have the command's reasons."""
     table = pi.recommend(results, budget_usd=8000, min_ap=85)
     lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 85)
     names = [f"{row.lidar} with {row.detector}" for row in table.itertuples()]
@@ -239,7 +242,7 @@ def test_if_none_meets_the_requirements_the_nearest_three_say_what_to_relax(
     assert [line.split(":")[0] for line in near] == [
         "1. helios_16 with pv-rcnn",
         "2. helios_16 with pointpillars",
-        "3. livox_avia with pointpillars",  # what it costs too much counts, not its latency
+        "3. livox_avia with pointpillars",  # the excess price decides, not the latency
     ]
     assert near[0].endswith("; 50 ms a frame; meets the requirements with --min-ap 62")
     assert near[2].endswith(
@@ -295,7 +298,7 @@ def test_the_best_by_ap_is_named_with_the_latency_that_it_misses(
     best = next(line for line in lines if line.startswith("More accurate, but too slow: "))
     assert "livox_avia with pointpillars: AP (R40) of all visible vehicles 94.0" in best
     assert best.endswith("383 ms a frame; meets the requirements with --latency 383.")
-    # Where nothing meets the requirements, AP and budget come first.
+    # If no option meets the requirements, AP and budget are considered first.
     none = output_lines(capsys, results, "--budget", 8000, "--min-ap", 80)
     assert none[2].startswith("1. livox_avia with pointpillars")
     assert none[2].endswith("; meets the requirements with --latency 383")
@@ -339,7 +342,7 @@ def test_road_that_tells_options_apart_makes_no_doubt(
     rows = "lidar == 'pandar_64' and detector == 'pv-rcnn'"
     change(results / "quick.csv", rows, ap_all=95.0)
     change(results / "quick_distance.csv", rows, ap=90.0, ap_low=88.0, ap_high=92.0)
-    # Four windows hold each metre, so that one which is not sure takes none away.
+    # Every metre lies in four windows, so a single undecided window changes no coverage.
     change(results / "quick_distance.csv", f"{rows} and s == 0", ap_low=80.0)
     lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 85)
     assert lines[1].startswith("1. pandar_64 with pv-rcnn")
@@ -362,7 +365,8 @@ def test_road_is_what_was_evaluated_within_the_range(
     side = table[table.s.between(-20, 5)].assign(road="side")
     both = pd.concat([table[table.s.between(-60, 55)], side])
     both.to_csv(results / "quick_distance.csv", index=False)
-    # -60 to 55 and -20 to 5. Covered: -10 to 10 and 40 to 55; -10 to 5 of the side road.
+    # The road covers -60 to 55, and the side road -20 to 5. Windows above the AP: -10 to 10 and 40
+    # to 55 of the road, and -10 to 5 of the side road.
     assert "on 50 [35 to 70] of 140 m" in output_lines(capsys, results, "--budget", 8000)[1]
     near = output_lines(capsys, results, "--budget", 8000, "--range", 12)[1]
     assert "on 35 [35 to 35] of 41 m" in near
@@ -467,7 +471,7 @@ def test_the_preset_is_that_of_the_reports_answers(
 
 
 def of_the_smoke_tier(results: Path, **columns: object) -> None:
-    """The same results, of the smoke tier."""
+    """Converts the results to the tier `smoke`."""
     for file in sorted(results.glob("quick*.csv")):
         table = pd.read_csv(file).assign(tier="smoke")
         if file.name == "quick.csv":
@@ -638,7 +642,8 @@ def test_a_folder_of_several_scenes_asks_for_one(
 
 
 def with_hidden_vehicles(results: Path) -> None:
-    """The Avia's mount sees 55 of 100 vehicles, the others' all of them."""
+    """Changes the results: the mount of the Avia sees 55 of 100 vehicles, and the mounts of the
+    other LiDARs see all."""
     file = results / "quick.csv"
     ends = {"ap_present": 80.0, "ap_present_low": 79.0, "ap_present_high": 81.0}
     change(file, "seed == 1", **ends, objects_all=100, objects_present=100)
@@ -655,7 +660,7 @@ def test_a_mount_that_sees_half_of_the_vehicles_does_not_win_by_that_half(
     with_hidden_vehicles(results)
     lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 75)
     assert "AP 75 of every vehicle" in lines[0]
-    assert lines[1].startswith("1. helios_16 with")  # of equal AP the least price
+    assert lines[1].startswith("1. helios_16 with")  # of equal AP, the lowest price is first
     assert "AP (R40) of every vehicle 80.0 [79.0, 81.0]" in lines[1]
     assert "AP above 75 of every vehicle on 200 [200 to 200] of 200 m of road" in lines[1]
     left = "Left out: livox_avia with pointpillars: AP 50.0 of every vehicle."
@@ -693,7 +698,8 @@ def test_the_share_that_is_detected_of_every_vehicle_is_printed(
 def test_results_without_every_vehicle_say_so_and_are_compared_as_before(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    change(results / "quick.csv", "lidar == 'livox_avia'", ap_present=50.0)  # some rows alone
+    # only some rows have values of `present`
+    change(results / "quick.csv", "lidar == 'livox_avia'", ap_present=50.0)
     lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 85)
     assert lines[1].startswith(
         "1. livox_avia with pointpillars: AP (R40) of all visible vehicles 94.0"

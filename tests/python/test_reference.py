@@ -1,4 +1,4 @@
-"""docs/reference.md holds every key, as the code that reads it has it."""
+"""docs/reference.md has every key, as the code defines it."""
 
 import re
 from collections.abc import Callable
@@ -12,7 +12,7 @@ pytest.importorskip("torch", reason="the extra `train` is not installed")
 from scripts import reference
 
 ROOT = Path(__file__).resolve().parents[2]
-NAMED = ("mounts.NAME", "traffic.class_shares.")  # what a user names himself
+NAMED = ("mounts.NAME", "traffic.class_shares.")  # names that a user chooses
 NEEDS_A_TABLE = "livox_mid_360"
 FILES = sorted(
     file
@@ -23,7 +23,7 @@ FILES = sorted(
 
 
 def paths(value: object, path: str = "") -> set[str]:
-    """Dotted paths of a resolved configuration, with N for places in lists."""
+    """Returns the dotted paths of a resolved configuration, with N for list indices."""
     if isinstance(value, dict):
         names = {f"{path}.{key}".strip(".") for key in value}
         return names.union(*(paths(v, f"{path}.{k}".strip(".")) for k, v in value.items()))
@@ -48,7 +48,7 @@ def test_every_key_that_check_prints_is_listed(file: Path, infrasim: Callable[..
     listed = {key.path for key in reference.simulator_keys(kind)}
     printed = yaml.safe_load(infrasim("check", file, check=True).stdout)
     named = {re.sub(r"^mounts\.\w+", "mounts.NAME", path) for path in paths(printed)}
-    # A bundle prints its LiDARs whole.
+    # A bundle prints the complete configuration of each of its LiDARs.
     plain = {re.sub(r"^bundle\.N\.(?=pattern|returns)", "", path) for path in named}
     assert {path for path in plain if path != NAMED[0] and not path.startswith(NAMED[1])} <= listed
 

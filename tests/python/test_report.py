@@ -1,4 +1,5 @@
-"""The report as files: what it says, where its numbers come from, and what it does without."""
+"""The report as files: its text, the sources of its numbers, and its behaviour if tables are
+missing."""
 
 import re
 from pathlib import Path
@@ -20,7 +21,7 @@ from pyinfra.viz.report.sections.stability import curve
 
 
 def report(results: Path, *words: object) -> Path:
-    """Writes the page of a folder beside it."""
+    """Writes the page of a folder beside the folder."""
     out = results.parent / "report.html"
     assert main.main(["report", str(results), *map(str, words), "--out", str(out)]) == 0
     return out
@@ -28,7 +29,7 @@ def report(results: Path, *words: object) -> Path:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page of all tables."""
+    """Writes the page of all tables."""
     return report(report_data.write(tmp_path_factory.mktemp("report") / "results"))
 
 
@@ -63,7 +64,8 @@ def test_the_cheapest_choice_is_told_with_its_ap_of_the_whole_road(whole: Path) 
 def test_cards_rank_by_the_whole_road_and_not_by_what_a_lidar_captured(
     tmp_path: Path, truth: str
 ) -> None:
-    """The Avia finds nearly all that it captures, costs less and is faster, but sees little."""
+    """The Avia finds nearly all vehicles that it captures, costs less and is faster. But it
+    captures few vehicles."""
     rows = report_data.experiments().assign(reason="").fillna({"ap": 84.0})
     narrow = (rows.lidar == "livox_avia").to_numpy()
     names = ("ap", "ap_r1000", "ap_low", "ap_high", "ap_r1000_low", "ap_r1000_high")
@@ -295,7 +297,7 @@ def test_a_lidar_looks_the_same_in_every_report() -> None:
 
 
 def custom_site(folder: Path) -> Path:
-    """The tables of a benchmark of a site that is not of the paper."""
+    """Writes the tables of a benchmark of a site that is not in the paper."""
     names = ("quick.csv", "quick_areas.csv", "quick_distance.csv", "quick_hits.csv")
     more = ("quick_value.csv", "lidars.csv")
     tables = {name: report_data.tables()[name].replace("highway", "bridge") for name in names}

@@ -1,4 +1,5 @@
-"""The report in a real browser, from disk: it asks for nothing, sorts, and fits the screen."""
+"""The report in a real browser, opened from disk: it makes no requests, sorts tables, and fits the
+screen."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,13 +13,13 @@ from pyinfra.cli import main
 from pyinfra.formats import kitti
 
 MOST_BYTES = 8_000_000
-OPENS_IN_MS = 10_000  # 2,000 on an idle machine
+OPENS_IN_MS = 10_000  # ms; an idle machine takes 2,000
 LIDARS = ("livox_avia", "ruby_plus")
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page of all tables, without pictures."""
+    """Writes the page of all tables, without pictures."""
     folder = tmp_path_factory.mktemp("tables")
     out = folder / "report.html"
     report_data.write(folder / "results", report_data.study_tables())
@@ -32,7 +33,7 @@ def pictured(
     run_command: Callable[..., list[str]],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
-    """The page of all tables, of a data set in two aggregations, and of predictions."""
+    """Writes the page of all tables, of a data set with two aggregations, and of predictions."""
     folder = tmp_path_factory.mktemp("pictures")
     for way in ("exact", "instant"):
         words = run_command(*LIDARS, frames="0:2", aggregation=way, out=folder / way)
@@ -47,7 +48,8 @@ def pictured(
 
 
 def predictions(lidar: Path, folder: Path, detector: str) -> Path:
-    """A run whose boxes are the vehicles themselves; its name says what it is."""
+    """Writes a run whose predictions are the labelled boxes. The name of its folder identifies the
+    experiment."""
     run = folder / f"highway_livox_avia_paper_{detector}_quick_1"
     (run / "predictions").mkdir(parents=True)
     for frame in kitti.frames(lidar):
@@ -58,7 +60,7 @@ def predictions(lidar: Path, folder: Path, detector: str) -> Path:
 
 
 def show_view(opened: Opened) -> None:
-    """The 3-D view starts when it comes near the screen."""
+    """Scrolls to the 3-D view, which starts when it is near the screen."""
     view = opened.page.locator(".lidar-view")
     view.scroll_into_view_if_needed()
     opened.settle()
@@ -71,7 +73,8 @@ def test_it_asks_for_nothing_and_complains_of_nothing(
 ) -> None:
     with browser.open(pictured, theme=theme) as opened:
         show_view(opened)
-        outside = [r for r in opened.requests if not r.startswith("data:")]  # pictures in the page
+        # data: addresses are pictures in the page
+        outside = [r for r in opened.requests if not r.startswith("data:")]
         assert outside == [pictured.as_uri()]
         assert opened.problems == []
 
@@ -120,7 +123,7 @@ def test_tables_sort_both_ways_with_what_is_missing_last(browser: Browser, whole
         opened.page.locator("#accuracy summary").click()
         table = opened.page.locator("#accuracy details table")
         head = table.locator("th:nth-child(6) button")
-        assert head.inner_text() == "AP (R40)"  # its tables have no other
+        assert head.inner_text() == "AP (R40)"  # the tables of this section have only this AP
         column = "rows => rows.map(row => row.cells[5].dataset.sort)"
 
         def values() -> list[str]:

@@ -32,11 +32,11 @@ def test_a_command_gets_the_words_after_its_name(capsys: pytest.CaptureFixture[s
 
 
 class Parsed(Exception):
-    """Ends a program where it has its options."""
+    """Is raised to end a program after its options are defined."""
 
 
 def options_of(module: str, monkeypatch: pytest.MonkeyPatch) -> argparse.ArgumentParser:
-    """The parser of a program."""
+    """Returns the parser of a program."""
     parsers = []
 
     def parse_args(self: argparse.ArgumentParser, *_: object, **__: object) -> None:
@@ -57,9 +57,10 @@ SPEED = ["ops", "evaluate_speed", "run"]
 def test_no_program_replaces_a_recorded_measurement_by_default(
     module: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Outputs are in out/; `--out results/NAME` records them, and is what --help says."""
+    """Outputs are written to out/. `--out results/NAME` replaces a recorded measurement, as --help
+    says."""
     monkeypatch.syspath_prepend(ROOT / "benchmarks")
-    monkeypatch.setitem(sys.modules, "openvino", ModuleType("openvino"))  # optional
+    monkeypatch.setitem(sys.modules, "openvino", ModuleType("openvino"))  # optional package
     parser = options_of(module, monkeypatch)
     paths = {a.dest: a.default for a in parser._actions if isinstance(a.default, (str, Path))}
     for name in ("results", "docs", "pyinfra", "configs"):

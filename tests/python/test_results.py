@@ -1,4 +1,4 @@
-"""Tables of results: what no measurement can say is refused with file, row and column."""
+"""Tables of results: impossible values are refused with file, row and column."""
 
 import importlib
 import re
@@ -18,7 +18,7 @@ TABLES = ("quick", "quick_areas", "quick_distance", "quick_value", "lidars", "qu
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Results of a few rows a table."""
+    """Writes results with a few rows per table."""
     for name in TABLES:
         lines = (RESULTS / f"{name}.csv").read_text().splitlines(keepends=True)
         (tmp_path / f"{name}.csv").write_text("".join(lines[:6]))
@@ -103,7 +103,7 @@ def test_words_stay_words_and_numbers_numbers(tmp_path: Path) -> None:
 def test_a_measurement_replaces_no_recorded_result_unless_it_is_named(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """`make bench` calls it without options."""
+    """`make bench` calls the programs without options."""
     monkeypatch.syspath_prepend(RESULTS.parent / "benchmarks")
     arguments = importlib.import_module("run").arguments()
     assert arguments.parse_args([]).out == RESULTS.parent / "out/speed.csv"

@@ -1,4 +1,4 @@
-"""Runs of the simulator: their errors."""
+"""Errors of runs of the simulator."""
 
 from pathlib import Path
 

@@ -31,7 +31,8 @@ def blocks() -> Blocks:
 def scene(
     points: Callable[[float], list[int]], reach_m: float = 200, **columns: Any
 ) -> Observations:
-    """A vehicle in the middle of each bin in each frame; points: of LIDARS at a distance."""
+    """Returns one vehicle in the middle of each bin in each frame. points: number of points of each
+    LiDAR at a distance."""
     n = FRAMES * len(DISTANCES)
     distance = np.tile(DISTANCES, FRAMES)
     counts = np.array([points(d) for d in DISTANCES], dtype=np.int64)
@@ -53,7 +54,8 @@ def scene(
 
 
 def as_in_the_paper(distance: float) -> list[int]:
-    """16, Avia, 64, 128 lines: 1 : 4 : 8, the Avia 2 x 128 lines far out and fewer close by."""
+    """Returns the points of 16 lines, Avia, 64 and 128 lines. The ratio of the lines is 1 : 4 : 8.
+    The Avia has twice the points of 128 lines far away, and fewer nearby."""
     lines = round(1e7 / distance**2)
     return [lines // 8, round(2.2e5 / distance), lines // 2, lines]
 
@@ -142,7 +144,8 @@ def test_only_one_counts_both_ways() -> None:
         return [0, 0, 0, 1] if distance < 95 else [1, 1, 1, 1]
 
     row = scanning.claims(scene(points), blocks())[6]
-    # Of 6 bins beyond 90 m, 2 are the Avia's alone and 1 is another's alone.
+    # Of 6 bins beyond 90 m, only the Avia has points in 2, and only one other LiDAR has points in
+    # 1.
     assert row.value == pytest.approx(100 / 6)
     assert row.verdict == "holds"
     assert "alone (200)" in row.statement

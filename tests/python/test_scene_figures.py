@@ -1,4 +1,4 @@
-"""The plan of a scene, and the same vehicles as each LiDAR sees them."""
+"""The plan of a scene, and pictures of the same vehicles as seen by each LiDAR."""
 
 import shutil
 from dataclasses import replace
@@ -56,7 +56,7 @@ def test_pictures_of_a_data_set(data_sets: dict[str, Path], scene: str, tmp_path
 
 
 def test_lane_lines_lie_where_the_configuration_says(data_sets: dict[str, Path]) -> None:
-    # 4 x 3.5 m each way, 7 m median, 3.5 m shoulders, along y = 0.
+    # Four lanes of 3.5 m each way, a median of 7 m and shoulders of 3.5 m, along y = 0.
     lane_lines = [
         line for line in lines(read(data_sets["highway"])) if len(line.get_xdata()) == 201
     ]

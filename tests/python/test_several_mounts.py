@@ -1,4 +1,5 @@
-"""Several mounts of one scene: each a data set, all fused, and clocks and poses that err."""
+"""Several mounts of one scene: one data set per mount, fused frames, and errors of clocks and
+poses."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -21,7 +22,7 @@ from pyinfra.viz import scene_pictures as scene_figures
 
 LIDAR = ROOT / "configs/lidars/helios_16.yaml"
 SPEED = 15.0
-MOUNTS = {  # the first of the file is not the first by name
+MOUNTS = {  # the first mount in the file is not the first by name
     "right": {"x_m": -20, "y_m": -8, "z_m": 6, "yaw_deg": 10, "pitch_deg": 5, "roll_deg": 2},
     "left": {"x_m": 30, "y_m": 9, "z_m": 7, "yaw_deg": 170, "pitch_deg": 8},
 }
@@ -30,7 +31,7 @@ Digests = Callable[[Path], dict[str, str]]
 
 
 def trajectories() -> str:
-    """Two cars, one of which stands, for a second."""
+    """Returns trajectories of two cars for a second. One of them stands."""
     lines = ["t,id,class,x,y,z,heading,dx,dy,dz,speed"]
     for k in range(11):
         lines.append(f"{k / 10:g},1,Car,4,-2,0.75,0,4.5,1.9,1.5,0")
@@ -55,7 +56,8 @@ def scene_keys(mounts: Mapping[str, Any] = MOUNTS) -> dict[str, Any]:
 
 @pytest.fixture
 def runs(infrasim: Infrasim, tmp_path: Path) -> Runs:
-    """Runs the poles, or other mounts, to a folder of the name; raises with the message."""
+    """Returns a function that runs a scene with these or other mounts. Its first argument is the
+    name of the folder. It raises an error with the message of a failed run."""
     (tmp_path / "cars.csv").write_text(trajectories())
 
     def run(
@@ -76,7 +78,7 @@ def runs(infrasim: Infrasim, tmp_path: Path) -> Runs:
 
 
 def frame_of(folder: Path, k: int = 0) -> tuple[np.ndarray, np.ndarray, kitti.Objects]:
-    """Points (n, 4), their fields and the objects of a frame."""
+    """Returns the points (n, 4), their fields and the objects of a frame."""
     lidar = folder / "helios_16"
     points = kitti.read_points(kitti.frame_file(lidar, "velodyne", k))
     fields = kitti.read_fields(kitti.frame_file(lidar, "fields", k))
@@ -84,7 +86,7 @@ def frame_of(folder: Path, k: int = 0) -> tuple[np.ndarray, np.ndarray, kitti.Ob
 
 
 def to_first(points: np.ndarray, mount: Mapping[str, float]) -> np.ndarray:
-    """Points (n, 3) of a mount's levelled frame in that of the first."""
+    """Transforms points (n, 3) from a mount's levelled frame to that of the first mount."""
     first = MOUNTS["right"]
 
     def turn(degrees: float) -> np.ndarray:
@@ -127,7 +129,7 @@ def test_mounts_that_cannot_be_chosen_are_named(runs: Runs, words: str) -> None:
 
 def test_each_mount_and_the_fused_one_keep_the_summary_of_an_earlier_lidar(runs: Runs) -> None:
     other = str(ROOT / "configs/lidars/livox_avia.yaml")
-    runs("all", "--fuse", "--frames", "0:1", "--lidar", other)  # and the usual one
+    runs("all", "--fuse", "--frames", "0:1", "--lidar", other)  # together with the usual LiDAR
     out = runs("all", "--fuse", "--frames", "0:1")
     for part in (*MOUNTS, "fused"):
         table = pd.read_csv(out / part / "summary.csv")
@@ -138,7 +140,8 @@ def test_each_mount_and_the_fused_one_keep_the_summary_of_an_earlier_lidar(runs:
 def test_a_mount_s_data_set_is_that_of_its_own_description(
     runs: Runs, digests: Digests, infrasim: Infrasim, tmp_path: Path
 ) -> None:
-    """The mount has its own random stream, and `dataset.yaml` has the key."""
+    """The mount has its own random stream. Its `dataset.yaml` contains the key
+    `own_random_stream`."""
     left = runs("out", preset="datasheet") / "left"
     keys = yaml.safe_load((left / "dataset.yaml").read_text())
     of_the_run = ("preset", "version", "frames_version")
@@ -226,7 +229,7 @@ def test_a_fused_label_holds_at_the_mean_time_of_all_points(runs: Runs) -> None:
 
 
 def test_a_late_clock_moves_vehicles_on(runs: Runs) -> None:
-    """50 ms at 15 m/s are 0.75 m; what stands still stays."""
+    """50 ms at 15 m/s are 0.75 m. Standing vehicles do not move."""
     late = {name: dict(mount) for name, mount in MOUNTS.items()}
     late["left"]["clock_offset_s"] = 0.05
     words = ("--fuse", "--aggregation", "instant", "--label-time", "scan")

@@ -1,4 +1,4 @@
-"""The bindings give the frames of the binary, without copies and with its errors."""
+"""The bindings return the frames of the binary without copies, and raise its errors."""
 
 import subprocess
 import sys
@@ -81,7 +81,7 @@ def test_memory_of_one_frame_does_not_grow_with_the_scene() -> None:
     for seconds in (5, 3600):
         command = [sys.executable, "-c", ONE_FRAME, str(seconds)]
         peaks.append(int(subprocess.run(command, check=True, capture_output=True).stdout))
-    assert peaks[1] < 1.2 * peaks[0]  # 2.5 if all its traffic is simulated
+    assert peaks[1] < 1.2 * peaks[0]  # the ratio is 2.5 if all traffic of the scene is simulated
 
 
 def test_frames_do_not_depend_on_which_were_simulated_before() -> None:
@@ -184,7 +184,7 @@ def test_a_scene_holds_the_keys_of_its_preset(world: simulation.World) -> None:
         simulation.simulate(world, [lidar], range(1))
     assert (
         next(simulation.simulate(plain, [lidar], range(1)))[0] == 0
-    )  # neither has keys of its own
+    )  # neither struct has its own keys
     (_, (frame,)) = next(simulation.simulate(world, LIDARS[1:], range(1)))
     assert np.count_nonzero(frame.class_id == 4) > 100
 

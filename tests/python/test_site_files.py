@@ -1,4 +1,4 @@
-"""Data sets of a scene from files: where their region is, for the simulator and for its readers."""
+"""Data sets of a scene from files: their region in the simulator and in the readers."""
 
 import re
 from pathlib import Path
@@ -36,7 +36,7 @@ LIDAR = "helios_16"
 
 
 def simulated(infrasim: Infrasim, folder: Path, **site: object) -> Path:
-    """A frame of the site: the LiDAR's folder."""
+    """Simulates a frame of the site. Returns the LiDAR's folder."""
     scene = write_site(folder / "site", **site)  # type: ignore[arg-type]
     words = ["--lidar", f"configs/lidars/{LIDAR}.yaml", "--frames", "0:1", "--fields"]
     result = infrasim("run", scene, *words, "--out", folder / "data")
@@ -48,7 +48,7 @@ def some_cars() -> np.ndarray:
     draw = np.random.default_rng(5)
     x, y = draw.uniform(-110, 110, 2000), draw.uniform(-8, 22, 2000)
     cars = np.column_stack([x, y, draw.uniform(-3, 3, 2000)])
-    return cars[np.hypot(cars[:, 0] - 2, cars[:, 1] + 9) > 4]  # not in the sensor
+    return cars[np.hypot(cars[:, 0] - 2, cars[:, 1] + 9) > 4]  # keeps cars away from the sensor
 
 
 @pytest.mark.parametrize("narrowed", [False, True])
@@ -104,7 +104,7 @@ def test_points_lie_on_the_surfaces_of_their_files(tmp_path: Path, infrasim: Inf
     assert set(np.unique(material)) == {0, 2}
     np.testing.assert_array_equal(material == 2, world[:, 1] < -4)
     off = (points[:, 2] + pose.z - SLOPE * world[:, 0]) / np.hypot(1, SLOPE)
-    assert np.abs(off).max() < 0.2  # range noise
+    assert np.abs(off).max() < 0.2  # the tolerance is the range noise
     assert abs(off.mean()) < 0.01
 
 
@@ -226,7 +226,7 @@ def test_check_counts_triangles_without_an_area(tmp_path: Path, infrasim: Infras
 
 
 def test_it_is_checked_from_the_root(infrasim: Infrasim, tmp_path: Path) -> None:
-    """Files are read beside the scene, wherever the command is called."""
+    """Files are relative to the scene file, in any working directory."""
     scene = write_site(tmp_path / "site")
     assert infrasim("check", scene, cwd=ROOT / "docs").returncode == 0
     (tmp_path / "site/lanes.csv").unlink()
@@ -238,7 +238,7 @@ def test_it_is_checked_from_the_root(infrasim: Infrasim, tmp_path: Path) -> None
 def test_areas_of_lanes_are_cells_and_distance_is_theirs_together(
     tmp_path: Path, infrasim: Infrasim
 ) -> None:
-    """A car a cell or two, detected but for one, which makes the area where it stands a low one."""
+    """Each car lies in one or two cells and is detected, except for one. Its cell has a low AP."""
     positions = [(-70, -2), (-50, -2), (-30, 2), (10, 2), (30, -2), (50, 2), (52, 2)]
     cars = np.array([(x, y, 0) for x, y in positions], np.float64)
     folder = simulated(infrasim, tmp_path, cars=cars)
@@ -260,7 +260,8 @@ def test_areas_of_lanes_are_cells_and_distance_is_theirs_together(
     distance = evaluation.distance_ap
     assert set(distance.road) == {"(lanes)"}
     assert (distance.s.min(), distance.s.max()) == (-95, 95)
-    assert distance[distance.s == -50].objects.item() == 3  # before the foot, of both ways
+    # before the foot, on lanes in both directions
+    assert distance[distance.s == -50].objects.item() == 3
     assert distance[distance.s == 50].objects.item() == 0
     hqda = evaluation.replicates[evaluation.replicates.measure == "n_hqda"].value.item()
     assert hqda == 5

@@ -1,4 +1,5 @@
-"""Maps of others as sites: surfaces where the map says, nothing half written, clear refusals."""
+"""Maps become sites: surfaces are at the positions of the map, folders are complete, and errors are
+clear."""
 
 import bz2
 import gzip
@@ -41,7 +42,8 @@ def write_map(folder: Path, name: str, text: str) -> Path:
 
 
 def height(mesh: Triangles, x: float, y: float) -> float:
-    """z of the highest triangle over a place, by its weights of the corners; -inf: none."""
+    """Returns z of the highest triangle above a position, from its barycentric coordinates; -inf
+    without a triangle."""
     highest = -math.inf
     for a, b, c in mesh.vertices[mesh.faces]:
         lever = np.array([[a[0], b[0], c[0]], [a[1], b[1], c[1]], [1, 1, 1]])
@@ -80,7 +82,8 @@ def ring(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def rise(x: float) -> float:
-    """The hill's elevation at s = x, in words of its own: 3 m, to 6 %, to level at 15 m."""
+    """Returns the hill's elevation at s = x, computed independently: 3 m, rising at up to 6 %, and
+    level at 15 m."""
     if x < 100:
         return 3 + 0.0003 * x**2
     return 6 + 0.06 * (x - 100) if x < 200 else 12 + 0.06 * (x - 200) - 0.0003 * (x - 200) ** 2
@@ -166,7 +169,7 @@ def test_pole_is_apart_from_houses_and_trees(district: Path) -> None:
 
 
 def test_rows_of_a_lane_are_apart_in_the_file() -> None:
-    """The simulator refuses two rows of one place."""
+    """The simulator refuses two consecutive rows at one position."""
     y = np.array([0, 0.0003, 0.0004, 4, 8])
     left, right = (np.column_stack([side * 1.5 + 0 * y, y, 0 * y]) for side in (-1, 1))
     rows = lanes_table([MapLane("a", "road", True, left, right)]).splitlines()
@@ -174,7 +177,7 @@ def test_rows_of_a_lane_are_apart_in_the_file() -> None:
 
 
 def test_lanes_of_a_network_have_no_crowded_points(tmp_path: Path) -> None:
-    """A random network's turning lanes have points a few millimetres apart."""
+    """The turning lanes of a random network have points that are a few millimetres apart."""
     import site_maps
 
     file = site_maps.netgenerate(tmp_path, sumo_folder())
@@ -186,19 +189,19 @@ def test_lanes_of_a_network_have_no_crowded_points(tmp_path: Path) -> None:
 def test_houses_and_trees_of_a_district(district: Path) -> None:
     houses = read_ply(district / "meshes/buildings.ply")
     ground = read_ply(district / "meshes/terrain.ply").vertices[:, 2].min()
-    x, y = 35.0, 32.0  # in the house that says 12 m
+    x, y = 35.0, 32.0  # inside the house with a height of 12 m
     middle = yaml.safe_load((district / "map.yaml").read_text())
     assert "height of 2 of 4 buildings" in middle["guessed"]
     tops = sorted({round(float(z - ground), 1) for z in houses.vertices[:, 2]})
     assert tops == [-0.5, 6.0, 9.0, 12.0]
     assert height(houses, x, y) - ground == pytest.approx(12, abs=0.01)
-    assert height(houses, 45.0, 43.0) == -math.inf  # the notch of the L
+    assert height(houses, 45.0, 43.0) == -math.inf  # in the notch of the L-shaped house
     tree = yaml.safe_load((district / "site.yaml").read_text())["vegetation"][0]["tree"]
     assert (tree["x_m"], tree["y_m"]) == pytest.approx((40, -12), abs=0.3)
 
 
 def test_our_projection_is_that_of_the_network(district: Path) -> None:
-    """SUMO's node of the crossing streets lies where we put it."""
+    """The node of SUMO at the crossing has the position that our projection gives."""
     nodes = {n.get("id"): n for n in ElementTree.parse(district / "map.net.xml").iter("junction")}
     record = yaml.safe_load((district / "map.yaml").read_text())
     lat, lon = (float(v) for v in re.findall(r"lat_0=(\S+) \+lon_0=(\S+)", record["projection"])[0])
@@ -276,7 +279,8 @@ def test_o5m_is_refused_with_the_command_that_converts_it(
 
 @pytest.mark.parametrize("name", ["town.osm.pbf", "Town.PBF"])
 def test_a_map_in_pbf_is_that_in_xml(tmp_path: Path, name: str) -> None:
-    """Written by osmium, as Geofabrik's are: elements sorted, and without a version."""
+    """The file is written by osmium, as Geofabrik's files are: with sorted elements and without
+    versions."""
     osmium = pytest.importorskip("osmium", reason="needs the extra `pbf`")
     (tmp_path / "town.osm").write_text(site_data.district())
     with osmium.SimpleWriter(str(tmp_path / "town.osm.pbf")) as writer:
@@ -336,7 +340,7 @@ def lane_along(y: float, width: float, step_m: float, length_m: float = 400) -> 
 @pytest.mark.parametrize("step_m", [1, 4, 50])
 @pytest.mark.parametrize("lanes", [1, 8, 31, 61])
 def test_the_guessed_pole_is_off_all_lanes(step_m: float, lanes: int) -> None:
-    """Wherever the lanes' points lie, and however wide the road is."""
+    """This is true for any points of the lanes and any width of the road."""
     each = [lane_along(3.0 * (k - lanes // 2), 3.0, step_m) for k in range(lanes)]
     pole, _ = guess_pole(SiteMap(lanes=each))
     away = [abs(pole.y_m - lane.centre[0, 1]) - 1.5 for lane in each]
@@ -374,7 +378,8 @@ def test_plans_of_sites(district: Path, tmp_path: Path, capsys: pytest.CaptureFi
 
 
 def test_pieces_of_reference_lines_meet() -> None:
-    """A spiral from 0 to 1/50 turns by half its length over the radius; a cubic ends as it says."""
+    """A spiral from curvature 0 to 1/50 turns by half of its length over the radius. A cubic ends
+    at the given point."""
     spiral = '<spiral curvStart="0" curvEnd="0.02"/>'
     node = ElementTree.fromstring(site_data.road(1, (1, 2, 0.5), 40, shape=spiral))
     x, y, heading = read_reference_line(node).at(np.array([40.0]))[0]
@@ -487,7 +492,7 @@ def test_without_sumo_it_says_what_to_install(
 
 
 def test_a_lane_that_turns_back_is_mended_and_named(tmp_path: Path) -> None:
-    """A bend of 2 m radius under a lane of 3.5 m: its inner border would fold."""
+    """A bend has a radius of 2 m and a lane of 3.5 m, so its inner border would turn back."""
     bend = site_data.road(1, (0, 0, 0), 6, shape='<arc curvature="-0.5"/>')
     made = import_map(write_map(tmp_path, "a.xodr", site_data.open_drive(bend)), tmp_path / "s")
     assert made.lanes
@@ -498,7 +503,7 @@ def test_a_lane_that_turns_back_is_mended_and_named(tmp_path: Path) -> None:
 
 
 def test_roads_that_contradict_each_other_are_named(tmp_path: Path) -> None:
-    """A road across another one, 0.3 m above it: neither a bridge nor a crossing."""
+    """A road crosses another one 0.3 m above it, which is neither a bridge nor a crossing."""
     above = '<elevation s="0" a="0.3" b="0" c="0" d="0"/>'
     across = site_data.road(2, (50, -50, math.pi / 2), 100, elevation=above)
     both = site_data.open_drive(site_data.road(1, (0, 0, 0), 100), across)
@@ -544,21 +549,22 @@ def test_a_centre_in_either_order_is_one_site(tmp_path: Path) -> None:
 
 
 def test_a_centre_that_may_be_of_either_order_is_lon_lat() -> None:
-    """Near the line on which both are one number."""
+    """At this position, longitude and latitude are almost equal."""
     streets = StreetMap(
         nodes={"1": (8.40, 8.41), "2": (8.42, 8.43)},
         ways=[Way("1", ["1", "2"], {"highway": "primary"})],
     )
     assert streets.place_of((8.41, 8.42)) == ((8.41, 8.42), False)
     assert streets.place_of((8.42, 8.41)) == ((8.42, 8.41), False)
-    assert streets.place_of((0.0, 1.0)) == ((0.0, 1.0), False)  # nowhere in the map
+    assert streets.place_of((0.0, 1.0)) == ((0.0, 1.0), False)  # outside the map
 
 
 # --- what an import writes passes the simulator's check
 
 
 def long_road(folder: Path) -> Path:
-    """600 m of OpenDRIVE uphill, with a house, a tree, a sign, a guard rail and a bank."""
+    """Returns 600 m of an OpenDRIVE road uphill, with a house, a tree, a sign, a guard rail and a
+    slope."""
     rail = '<object type="barrier" id="3" s="300" t="6" length="80" width="0.3" height="0.8"/>'
     sign = '<signals><signal id="4" type="1" s="250" t="-6" zOffset="2" height="0.6"/></signals>'
     bank = '<lateralProfile><superelevation s="0" a="0.03" b="0" c="0" d="0"/></lateralProfile>'

@@ -1,4 +1,4 @@
-"""Surfaces of others in a site: where they are said to be, or refused with a reason."""
+"""Surfaces from other tools in a site: at the given positions, or refused with a reason."""
 
 import shutil
 from pathlib import Path
@@ -40,7 +40,8 @@ def site(tmp_path: Path) -> Path:
 
 
 def house(folder: Path, name: str) -> Path:
-    """20 m along x, 10 along y, 6 high, its floor in z = 0; in glTF y is up."""
+    """Writes a house of 20 m along x, 10 m along y and a height of 6 m, with the floor at z = 0. In
+    glTF files, y is up."""
     box = trimesh.creation.box((20, 10, 6))
     box.apply_translation((0, 0, 3))
     if name.endswith((".glb", ".gltf")):
@@ -66,7 +67,7 @@ def test_a_house_stands_where_it_is_moved(site: Path, tmp_path: Path, ending: st
 
 
 def test_triangles_face_as_they_did(site: Path, tmp_path: Path) -> None:
-    """Turning y up mirrors nothing: the volume stays positive."""
+    """The rotation from y up to z up does not mirror the mesh, so its volume stays positive."""
     assert main(["site", "mesh", str(house(tmp_path, "a.obj")), "--out", str(site), "--up=y"]) == 0
     mesh = read_ply(site / "meshes/a.ply")
     assert trimesh.Trimesh(mesh.vertices, mesh.faces).volume == pytest.approx(1200)

@@ -36,12 +36,13 @@ CENTRES = [(8.4, 49.0), (-122.4, 37.8), (151.2, -33.9), (18.1, 59.3), (0.01, 51.
 
 
 def hundredths(low: float, high: float) -> st.SearchStrategy[float]:
-    """Numbers of two decimals."""
+    """Returns numbers with two decimals."""
     return st.integers(round(low * 100), round(high * 100)).map(lambda v: v / 100)
 
 
 def lon_lat(xy: FloatArray, centre: tuple[float, float]) -> FloatArray:
-    """Degrees (n, 2) of metres (n, 2) east and north, by the radii of the ellipsoid there."""
+    """Converts metres (n, 2) east and north to degrees (n, 2), with the ellipsoid's radii at this
+    latitude."""
     e2 = 0.00669437999014
     sin = math.sin(math.radians(centre[1]))
     along = 6378137 * (1 - e2) / (1 - e2 * sin**2) ** 1.5
@@ -65,7 +66,7 @@ TYPES = {
 
 @dataclass(frozen=True)
 class Moved:
-    """Somebody who goes straight on, or stands; the front's place at t = 0."""
+    """A road user who moves straight on or stands. The position is that of the front at t = 0."""
 
     name: str
     kind: str
@@ -90,14 +91,14 @@ class Moved:
 
 @dataclass(frozen=True)
 class Drive:
-    """A file, its objects, and how its places become the world's."""
+    """A file, its objects, and the conversion of its positions to the world."""
 
     text: str
     objects: list[Moved]
     step_s: float
     start_s: float
     offset: tuple[float, float, float]
-    centre: tuple[float, float] | None  # of degrees
+    centre: tuple[float, float] | None  # centre in degrees
     by_network: bool
 
 
@@ -171,7 +172,7 @@ def test_floating_car_data_are_boxes_where_the_vehicles_were(tmp_path: Path) -> 
         middle, tolerance = np.zeros(2), 0.01
         if drive.centre:
             tolerance = 0.03
-            if projection is None:  # metres from the middle of all places
+            if projection is None:  # positions are in metres from the mean position
                 ends = [
                     o.front(np.array([o.first, o.first + o.count - 1]) * drive.step_s)
                     for o in drive.objects
@@ -205,7 +206,7 @@ FINE_M = 0.01
 
 @dataclass
 class Line:
-    """A reference line by many points: s, x, y, heading."""
+    """A reference line with many points: s, x, y, heading."""
 
     xml: list[str] = field(default_factory=list)
     rows: list[FloatArray] = field(default_factory=list)
@@ -216,7 +217,8 @@ class Line:
         return s, x, y, heading
 
     def add(self, shape: str, length: float, local: FloatArray) -> None:
-        """local: (n, 4) s u v heading from the end on."""
+        """Appends points to the line. local: (n, 4) s u v heading, relative to the end of the
+        line."""
         s, x, y, h = self.end
         at = f's="{s!r}" x="{x!r}" y="{y!r}" hdg="{h!r}" length="{length!r}"'
         self.xml.append(f"<geometry {at}>{shape}</geometry>")
@@ -232,7 +234,8 @@ class Line:
 
 
 def bent(length: float, first: float, last: float) -> FloatArray:
-    """Local rows of a curvature that changes from first to last."""
+    """Returns points of a curve whose curvature changes linearly from first to last, relative to
+    its start."""
     s = np.linspace(0, length, round(length / FINE_M) + 1)
     heading = first * s + (last - first) * s**2 / (2 * length)
     middle = (s[1:] + s[:-1]) / 2
@@ -243,7 +246,7 @@ def bent(length: float, first: float, last: float) -> FloatArray:
 
 
 def cubic(us: list[float], vs: list[float], end: float) -> FloatArray:
-    """Local rows of a curve whose u and v are cubics of 0 to `end`."""
+    """Returns points of a curve whose u and v are cubics from 0 to `end`, relative to its start."""
     p = np.linspace(0, end, 20_001)
     u, v = (np.polyval(c[::-1], p) for c in (us, vs))
     s = np.append(0, np.cumsum(np.hypot(np.diff(u), np.diff(v))))
@@ -296,7 +299,7 @@ def param_poly3(us: list[float], vs: list[float], kind: str) -> str:
 
 @dataclass(frozen=True)
 class Thing:
-    """An object, and each body of it: outline (n, 2), base and top."""
+    """An object and its bodies. Each body has an outline (n, 2), a base and a top."""
 
     xml: str
     bodies: list[tuple[FloatArray, float, float]]
@@ -307,7 +310,8 @@ class Thing:
 class Road:
     text: str
     line: Line
-    borders: dict[str, tuple[list[float], list[float]]]  # of lanes: inner, outer t as a + b s
+    # borders of each lane: inner and outer t as a + b s
+    borders: dict[str, tuple[list[float], list[float]]]
     profile: list[float]  # z = a + b s + c s^2, and the roll
     things: list[Thing]
 
@@ -472,7 +476,8 @@ def test_opendrive_lanes_and_objects_lie_where_the_file_says(tmp_path: Path) -> 
 
 
 def check_lanes(road: Road, site_map: SiteMap) -> None:
-    """Each border at its t from the reference line and at its z, over the road's whole length."""
+    """Checks that each border has its t from the reference line and its z, over the whole length of
+    the road."""
     table = np.concatenate(road.line.rows)
     tree = cKDTree(table[:, 1:3])
     assert {lane.name for lane in site_map.lanes} == road.borders.keys()
@@ -503,7 +508,8 @@ GONE = [' action="delete"', ' visible="false"']
 
 @dataclass
 class Streets:
-    """An OSM file in the making, places in metres around its centre, and what is true of it."""
+    """Collects the elements of an OSM file and their true positions. Positions are in metres around
+    the centre."""
 
     centre: tuple[float, float]
     nodes: list[str] = field(default_factory=list)
@@ -511,8 +517,9 @@ class Streets:
     places: dict[str, tuple[float, float]] = field(default_factory=dict)
     houses: list[tuple[FloatArray, float]] = field(default_factory=list)
     trees: list[tuple[float, float]] = field(default_factory=list)
-    roads: list[tuple[list[str], int, list[str]]] = field(default_factory=list)  # nodes, layer, ids
-    sign: int = 1  # of ids: editors write negative ones
+    # nodes, layer and ids of each road
+    roads: list[tuple[list[str], int, list[str]]] = field(default_factory=list)
+    sign: int = 1  # sign of the ids; editors write negative ids
 
     def node(self, x: float, y: float, tags: str = "", more: str = "") -> str:
         name = str(self.sign * (len(self.places) + 1))
@@ -535,7 +542,8 @@ class Streets:
 
 @st.composite
 def towns(draw: st.DrawFn) -> Streets:
-    """Straight roads on several layers, houses and trees; some of each deleted."""
+    """Returns towns with straight roads on several layers, houses and trees. Some of each are
+    deleted."""
     town = Streets(draw(st.sampled_from(CENTRES)), sign=draw(st.sampled_from([1, -1])))
     for k in range(draw(st.integers(1, 4))):
         angle = math.pi * (k + draw(hundredths(0.1, 0.6))) / 4
@@ -557,7 +565,7 @@ def towns(draw: st.DrawFn) -> Streets:
             town.way(ends[2:], tags),
         ]
         town.roads.append((ends, layer, ids))
-        if draw(st.integers(0, 3)) == 0:  # a road that an editor has taken out
+        if draw(st.integers(0, 3)) == 0:  # an editor has deleted the road
             gone = [town.node(*(side + way * u + 30).tolist()) for u in (-900, 900)]
             town.way(gone, {**tags, "layer": "3"}, draw(st.sampled_from(GONE)))
     for _ in range(draw(st.integers(0, 5))):
@@ -626,7 +634,7 @@ def test_openstreetmap_roads_on_two_layers_are_apart_or_named(tmp_path: Path) ->
 
 
 def profile(town: Streets, levels, ends, ids, streets) -> list[FloatArray]:  # type: ignore[no-untyped-def]
-    """x y z (n, 3) of each of a road's ways."""
+    """Returns the profile x y z (n, 3) of each way of a road."""
     nodes_of = {way.id: way.nodes for way in streets.ways}
     profiles = []
     for name in ids:
@@ -646,7 +654,8 @@ def profile(town: Streets, levels, ends, ids, streets) -> list[FloatArray]:  # t
 
 
 def crossing(one: list[FloatArray], other: list[FloatArray]):  # type: ignore[no-untyped-def]
-    """Where two straight roads meet: the part of each, and its z there; None if they do not."""
+    """Returns the parts at which two straight roads cross, and z of each; None if they do not
+    cross."""
     p, q = one[0][0, :2], other[0][0, :2]
     d, e = one[-1][-1, :2] - p, other[-1][-1, :2] - q
     u, v = np.linalg.solve(np.stack([d, -e], 1), q - p)
@@ -658,14 +667,14 @@ def crossing(one: list[FloatArray], other: list[FloatArray]):  # type: ignore[no
         way = math.dist(at, parts[0][0, :2])
         k = next(i for i, s in enumerate(along) if s[0] - 1e-6 <= way <= s[-1] + 1e-6)
         if min(abs(way - along[k][0]), abs(way - along[k][-1])) < 1:
-            return None  # at the end of a bridge
+            return None  # the crossing is at the end of a bridge
         out.append((k, float(np.interp(way, along[k], parts[k][:, 2]))))
     return out
 
 
 @st.composite
 def crossings(draw: st.DrawFn) -> tuple[Streets, list[tuple[float, int, float]]]:
-    """One road, and perhaps another over it: angle, lanes and z of each."""
+    """Returns one road and possibly a road above it, with their angle, lanes and z."""
     town = Streets(draw(st.sampled_from(CENTRES)))
     angle = draw(hundredths(0, 3.1))
     roads_ = []
@@ -686,7 +695,7 @@ def crossings(draw: st.DrawFn) -> tuple[Streets, list[tuple[float, int, float]]]
 
 
 def test_openstreetmap_roads_have_their_lanes_and_heights(tmp_path: Path) -> None:
-    """The whole import, at the middle of each road."""
+    """The test runs the whole import, and checks the middle of each road."""
     pytest.importorskip("sumo", reason="needs the extra `site`")
     count = iter(range(10**6))
 
@@ -706,7 +715,7 @@ def test_openstreetmap_roads_have_their_lanes_and_heights(tmp_path: Path) -> Non
                     if abs(way @ ahead) < 0.99:
                         continue
                     u, v = a[:2] @ ahead, b[:2] @ ahead
-                    if (u < 1) != (v < 1):  # by the middle
+                    if (u < 1) != (v < 1):  # the side depends on the middle of the road
                         position = a + (b - a) * (1 - u) / (v - u)
                         side = float(position[:2] @ [-ahead[1], ahead[0]])
                         points[k].append((side, float(position[2])))

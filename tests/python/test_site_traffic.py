@@ -1,4 +1,4 @@
-"""Traffic of a site: SUMO's vehicles as boxes that move as vehicles do."""
+"""Traffic of a site: the vehicles of SUMO become boxes with the motion of vehicles."""
 
 import os
 import re
@@ -126,7 +126,7 @@ def test_the_simulator_reads_the_file(folder: Path, busy: Traffic) -> None:
 
 
 def test_trips_go_only_where_their_class_may(folder: Path) -> None:
-    """A turn from a lane of buses alone: SUMO has no valid route there for cars."""
+    """A turn begins on a lane for buses only. SUMO has no valid route for cars there."""
     net = data.crossing(folder / "lanes")
     text = net.read_text()
     turns = re.findall(r'<connection from="ei" to="(?:no|so)" fromLane="(\d)"', text)
@@ -158,7 +158,7 @@ def test_trips_without_a_valid_route_are_left_out_and_counted(
 
 
 def _with_turn(file: Path) -> RoadNet:
-    """Knows a turn that the network does not have."""
+    """Network with an additional turn."""
     roads = read_road_net(file)
     roads.links["wi"]["no"] = None
     return roads
@@ -235,14 +235,14 @@ def test_a_map_whose_ends_no_route_joins_has_traffic_between_its_edges(folder: P
     simulated = simulate(data.closed(folder / "closed"), data.FOOT, Demand(600), 60, seed=1)
     near = [track for track in simulated.tracks if np.hypot(*track.states[:, :2].T).min() < 60]
     assert near
-    for track in near:  # it drives by: it neither begins nor ends in the region
+    for track in near:  # the vehicle passes through the region: it neither begins nor ends in it
         ends = track.states[[0, -1], :2] - data.FOOT[0]
         inside = np.hypot(*ends.T) < 100
         assert not (inside & [track.first > 0, track.first + len(track.states) < 600]).any()
 
 
 def test_a_lane_that_bars_all_is_for_nobody(folder: Path) -> None:
-    """As the borders of an OpenDRIVE road are."""
+    """The borders of an OpenDRIVE road are such lanes."""
     net = data.crossing(folder / "barred")
     text = net.read_text()
     for k in range(2):
@@ -277,7 +277,7 @@ def test_tracks_end_far_from_the_mounts_and_come_back_as_others() -> None:
 
 
 def test_an_overlap_between_two_instants_counts() -> None:
-    """At 10 m/s against each other: 4 m of a car are passed by 0.2 s, the corners by less."""
+    """A car passes a standing car in two steps. The boxes overlap only between the instants."""
     still = box_track("a", 0, np.zeros((3, 2)))
     across = np.array([[-4.5, 1.6], [4.5, 1.6], [13.5, 1.6]])
     assert traffic_figures([still, box_track("b", 0, across)], data.FOOT).overlap_share > 0

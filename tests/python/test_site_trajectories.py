@@ -1,4 +1,4 @@
-"""Trajectories of others as traffic of a site, and what is wrong with them."""
+"""Trajectories from other sources as the traffic of a site, and errors in them."""
 
 import gzip
 import re
@@ -72,7 +72,7 @@ METRES_A_DEGREE = (74_423, 111_193)  # at LAT
 
 
 def degrees(rows: FloatArray, digits: int = 6) -> str:
-    """The vehicle of `rows` as SUMO writes it with --fcd-output.geo."""
+    """Converts the vehicle of `rows` to degrees, as SUMO writes it with --fcd-output.geo."""
     text = data.fcd(rows)
     for axis, start, metres in (("x", LON, METRES_A_DEGREE[0]), ("y", LAT, METRES_A_DEGREE[1])):
         text = re.sub(
@@ -90,7 +90,8 @@ NET = (
 
 
 def utm_offset() -> str:
-    """The offset that puts LON, LAT at 0, 0, by the series for short distances from 9 degrees."""
+    """Returns the offset that moves LON, LAT to 0, 0. It uses the series for short distances from
+    the meridian of 9 degrees."""
     x, y = (transverse_mercator(np.array([LON, LAT]), (9.0, 0.0))[0] * 0.9996).tolist()
     return f"{-x - 5e5!r},{-y!r}"
 
@@ -109,8 +110,9 @@ def test_degrees_of_a_site_are_its_metres(site: Path, net: str, speeds: bool) ->
         chosen = {"tmerc": ("0,0", tmerc), "utm": (utm_offset(), utm)}[net]
         (site / "map.net.xml").write_text(NET.format(*chosen))
     table = imported(site, site / "fcd.xml")
-    start = -40 if net == "none" else 0  # without a site 0 is the middle of the way
-    convergence = 0.0335 if net == "utm" else 0.0  # rad, of the zone's grid to north, here
+    start = -40 if net == "none" else 0  # without a site, 0 is the middle of the path
+    # rad; angle between the grid of the UTM zone and north at this position
+    convergence = 0.0335 if net == "utm" else 0.0
     np.testing.assert_allclose(table["x"], start + 10 * table["t"] - 4.53 / 2, atol=0.2)
     np.testing.assert_allclose(table["y"], convergence * (table["x"] - start), atol=0.3)
 
@@ -139,7 +141,8 @@ def test_degrees_are_refused_where_nothing_says_the_place(
 
 
 def test_standing_and_slow_metres_near_the_origin_stay_metres(site: Path) -> None:
-    """All of them may be longitude and latitude; who stands does not move in either unit."""
+    """All of these values could be longitude and latitude. A vehicle that stands does not move in
+    either unit."""
     tmerc = f"+proj=tmerc +lat_0={LAT} +lon_0={LON} +k=1 +ellps=WGS84"
     (site / "map.net.xml").write_text(NET.format("0,0", tmerc))
     for speed in (0, 0.5):
@@ -192,7 +195,7 @@ def test_without_angles_vehicles_look_where_they_drive(
 ) -> None:
     rows = data.drive()
     rows[:, 1:3] = rows[:, 1:2] * (-0.6, 0.8)
-    rows[:20, 1:3] = rows[20, 1:3]  # stands first
+    rows[:20, 1:3] = rows[20, 1:3]  # the vehicle stands at first
     text = re.sub(r' angle="[^"]*"', "", data.fcd(rows))
     still = '<vehicle id="b" x="30" y="9" type="passenger"/></timestep>'
     (site / "fcd.xml").write_text(text.replace("</timestep>", still))

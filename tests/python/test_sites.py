@@ -1,4 +1,5 @@
-"""Sites that cannot be are refused with line, key and reason; the nearest ones that can are not."""
+"""Impossible sites are refused with line, key and reason. The most similar possible sites are
+accepted."""
 
 from pathlib import Path
 
@@ -30,7 +31,7 @@ def test_the_nearest_site_that_can_be_is_allowed_and_vehicles_stay_apart(
 
 
 def recorded(folder: Path, rows: list[str], text: str = RECORDED) -> Path:
-    """A scene with these vehicles, which every instant of its second has."""
+    """Returns a scene in which the given vehicles exist at every instant of its second."""
     times = [f"{k / 10:g}" for k in range(11)]
     lines = [f"{t},{row}\n" for t in times for row in rows]
     (folder / "recorded.csv").write_text(COLUMNS + "".join(lines))

@@ -1,4 +1,4 @@
-"""`pyinfra split`: which frames train and which test."""
+"""`pyinfra split` selects the frames for training and for tests."""
 
 import argparse
 from dataclasses import replace

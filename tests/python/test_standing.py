@@ -1,4 +1,4 @@
-"""Boxes that come back where nothing ever moves."""
+"""Boxes that recur where nothing moves."""
 
 import shutil
 from collections.abc import Callable
@@ -38,7 +38,7 @@ def test_few_seconds_are_a_warning(
     assert main.main([*words, "--drop-standing", "--out", str(tmp_path / "detected")]) == 0
     printed = capsys.readouterr()
     assert "boxes removed, because they are where nothing moves" in printed.out
-    assert "is not split" not in printed.err  # it learnt from none of them
+    assert "is not split" not in printed.err  # the detector has learnt from none of these frames
     assert "warning: --drop-standing: expected 60 s or more, got 14.8 s" in printed.err
 
 
@@ -52,7 +52,7 @@ def test_what_stands_goes_without_a_description_of_the_lidar(lidar: Path, tmp_pa
 
 
 def vehicles_at(centres: list[list[float]]) -> FloatArray:
-    """(n, 7): cars along x."""
+    """Returns vehicles along x: (n, 7)."""
     size = [-5.0, 4.5, 1.9, 1.6, 0.0]
     return np.array([[*centre, *size] for centre in centres])
 
@@ -63,7 +63,7 @@ def lidar(
     run_command: Callable[..., list[str]],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
-    """Twenty seconds of a motorway."""
+    """Simulates twenty seconds of a motorway."""
     out = tmp_path_factory.mktemp("minute") / "data"
     infrasim(*run_command("hesai_xt32", frames="0:200:4", preset="datasheet", out=out), check=True)
     return out / "hesai_xt32"

@@ -1,4 +1,4 @@
-"""`infrasim static` and the key `static_layers`: the same frames without casting the scene."""
+"""`infrasim static` and the key `static_layers` give the same frames without casting the scene."""
 
 import hashlib
 from collections.abc import Callable
@@ -20,7 +20,8 @@ Infrasim = Callable[..., Any]
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, infrasim: Infrasim) -> Path:
-    """A scene, the layers that its two presets give a LiDAR, and the scene that names them."""
+    """Writes a scene, the layers of a LiDAR under the scene's two presets, and a scene that names
+    these layers."""
     folder = tmp_path_factory.mktemp("scenes")
     text = (ROOT / "configs/scenes/curve.yaml").read_text()
     (folder / "curve.yaml").write_text(text)
@@ -69,7 +70,7 @@ def test_a_layer_gives_the_bytes_of_the_scene_that_it_was_cast_in(
 def test_what_stands_still_is_cast_without_trajectories(
     folder: Path, infrasim: Infrasim, tmp_path: Path
 ) -> None:
-    """`static` simulated all traffic: a scene of an hour took 260 MB."""
+    """Before the fix, `static` simulated all traffic, and a scene of an hour needed 260 MB."""
     keys = yaml.safe_load((folder / "curve.yaml").read_text())
     del keys["traffic"]
     scene = tmp_path / "curve.yaml"
@@ -135,7 +136,8 @@ def test_a_folder_is_of_one_layer(folder: Path, infrasim: Infrasim, tmp_path: Pa
 def test_a_layer_is_of_one_mount_and_of_one_scene(
     folder: Path, infrasim: Infrasim, tmp_path: Path
 ) -> None:
-    """A layer made at z 6 gave wrong ground and no vehicle at z 12."""
+    """Before the check, a layer that was made at z 6 gave a wrong ground and no vehicles at z
+    12."""
     scene, out = folder / "datasheet.yaml", tmp_path / "data"
     moved = ("--set", "mounts.pole.z_m=12")
     for refused in (

@@ -25,7 +25,8 @@ Infrasim = Callable[..., Any]
 def table_of(
     distance: list[float], points: list[list[int]], frame: list[int] | None = None, **columns: Any
 ) -> Observations:
-    """Vehicles straight ahead, seen by all LiDARs `a`, `b`, ... unless columns say otherwise."""
+    """Returns vehicles straight ahead that the LiDARs `a`, `b`, ... see, unless columns say
+    otherwise."""
     n = len(distance)
     on_vehicle = np.array(points, dtype=np.int64).reshape(n, -1)
     known: dict[str, Any] = {
@@ -45,7 +46,7 @@ def table_of(
 
 
 def blocks(count: int = 20, block_s: float = 1) -> Blocks:
-    """`count` frames, a second each, each a separate block."""
+    """Returns `count` frames, one per second. Each is a separate block."""
     return time_blocks(np.arange(count), 1, block_s=block_s)
 
 
@@ -154,7 +155,7 @@ def test_interval_holds_the_value_and_shrinks_with_the_number_of_blocks() -> Non
         row = table.iloc[0]
         assert row.ci_low < row.apv < row.ci_high
         widths.append(row.ci_high - row.ci_low)
-        # A mean of Poisson numbers: 1.96 standard errors to either side.
+        # The mean of Poisson numbers has an interval of 1.96 standard errors to either side.
         assert widths[-1] == pytest.approx(2 * 1.96 * math.sqrt(20 / count), rel=0.25)
     assert widths[1] < widths[0] / 3
 
@@ -166,7 +167,7 @@ def test_frames_of_one_second_are_resampled_together_and_runs_of_them_in_a_circl
     # Frame 10 starts at 1.000 s and belongs to the second slot.
     assert together.slot[2] == 1
     assert together.slot[1] == 0
-    # Runs of 30, 30, 30 and 10 slots begin and end at eight places at the most.
+    # Runs of 30, 30, 30 and 10 slots have at most eight starts and ends.
     changes = np.diff(np.pad(together.replicates, ((0, 0), (0, 1)), mode="wrap"), axis=1)
     assert (np.count_nonzero(changes, axis=1) <= 8).all()
     assert (together.replicates.max(axis=1) <= 4).all()
@@ -185,7 +186,8 @@ def test_too_short_a_time_gives_no_interval() -> None:
 
 
 def test_frames_between_whole_seconds_make_blocks_as_long_as_others() -> None:
-    apart = time_blocks(np.arange(0, 900, 25), 0.1, block_s=20)  # 2 and 3 slots apart in turn
+    # frames are 2 and 3 slots apart in turn
+    apart = time_blocks(np.arange(0, 900, 25), 0.1, block_s=20)
     assert apart.length == 8
     assert len(apart.replicates) > 0
 
@@ -210,10 +212,11 @@ def test_points_add_up_over_frames_one_after_another() -> None:
 
 
 def test_a_block_is_as_long_as_the_vehicle_that_a_look_meets_stays() -> None:
-    # One vehicle in 30 frames, three in 10: a look meets the first in half of the cases.
+    # One vehicle is present in 30 frames, and three vehicles in 10. At a random time, the present
+    # vehicle is the first one in half of the cases.
     ids = np.repeat([1, 2, 3, 4], [30, 10, 10, 10])
     frame = np.concatenate([np.arange(30), *[np.arange(10)] * 3])
-    assert block_seconds(frame, ids, 1.5) == 30  # 20 frames are 30 s
+    assert block_seconds(frame, ids, 1.5) == 30  # 20 frames take 30 s
     assert block_seconds(frame, ids, 1.55) == 35
     assert block_seconds(frame, ids, 0.5) == 20
     assert block_seconds(frame[:0], ids[:0], 0.5) == 20
@@ -290,7 +293,8 @@ def rays(azimuth: list[float], elevation: list[float], time: list[float]) -> sca
 
 
 def test_lit_share_counts_cells_between_the_outermost_rays_and_fills_empty_rows() -> None:
-    # Cells of 0.28: columns 0 and 3 in row 0, column 1 in row 2; row 1 has the extent of row 0.
+    # Cells of 0.28 degrees: columns 0 and 3 in row 0, column 1 in row 2. Row 1 has the extent of
+    # row 0.
     three = rays([0.1, 0.9, 0.3], [0.1, 0.1, 0.6], [0.0, 0.1, 0.2])
     table = scan_patterns.lit_share(three, (0.05, 0.15, 1.0))
     assert table.lit_percent.tolist() == pytest.approx([100 / 9, 200 / 9, 300 / 9])
@@ -306,7 +310,7 @@ def test_density_of_rays_spread_evenly_over_the_sphere_is_the_same_everywhere() 
     assert table[table.axis == "elevation"].density.mean() == pytest.approx(expected, rel=0.02)
 
 
-# A folder as `infrasim run` writes it, with numbers that a test can follow.
+# A folder as `infrasim run` writes it, with values that a test can compute.
 
 LIDAR_YAML = """\
 name: {name}
@@ -329,7 +333,8 @@ def row(vehicle: int, x: float, points: int, visibility: float = 1) -> str:
 
 
 def write_folder(folder: Path, objects: dict[str, dict[int, list[str]]], reach: int = 100) -> Path:
-    """objects: by LiDAR and frame; each frame has one point on vehicle 1 and one on the road."""
+    """Writes a folder. objects: by LiDAR and frame. Each frame has one point on vehicle 1 and one
+    on the road."""
     folder.mkdir()
     (folder / "dataset.yaml").write_text(
         "name: highway\nseed: 1\naggregation: exact\npreset: paper\nversion: 0.1.0\n"
@@ -449,17 +454,18 @@ def test_frames_without_vehicles_give_tables_without_numbers(tmp_path: Path) -> 
 
 
 def test_a_recording_has_no_speeds_and_its_pedestrians_are_no_vehicles(tmp_path: Path) -> None:
-    """Nor has it a pattern, so those tables are left out; beside a run both stay."""
+    """It has no pattern either, so these tables are left out. The statistics of a run beside it
+    have both."""
     rows = [row(1, 40, 9), row(2, 45, 4).replace("Car", "Pedestrian")]
     recording = write_folder(tmp_path / "recording", {"a": {0: rows}})
     (recording / "trajectories.csv").unlink()
-    with pytest.raises(FileNotFoundError, match=r"trajectories\.csv"):  # a run would have it
+    with pytest.raises(FileNotFoundError, match=r"trajectories\.csv"):  # a run must have this file
         scanning_statistics.statistics([recording], patterns=False)
     for file in (recording / "dataset.yaml", recording / "a/lidar.yaml"):
         file.write_text(file.read_text().replace("preset: paper", "preset: recorded"))
     assert read_observations(read_data_set(recording)).ids.tolist() == [1]
     tables = scanning_statistics.statistics([recording])
-    assert tables["points_per_vehicle"].vehicles.sum() == 2  # in the sets common and view
+    assert tables["points_per_vehicle"].vehicles.sum() == 2  # of the subsets common and view
     assert not {"speed", "lit_share", "angular_density"} & set(tables)
     run = write_folder(tmp_path / "run", {"a": {0: rows}})
     assert "speed" in scanning_statistics.statistics([recording, run], patterns=False)
@@ -496,7 +502,7 @@ def test_a_real_run_gives_every_table_and_figure(infrasim: Infrasim, tmp_path: P
 
 
 def check_against_objects(folder: Path, table: pd.DataFrame) -> None:
-    """APV at 40 to 45 m straight from the files, by another way."""
+    """Computes APV at 40 to 45 m directly from the files, and compares it."""
     rows = [
         pd.read_csv(file).assign(frame=file.stem)
         for file in sorted((folder / "helios_16/training/objects").glob("*.csv"))
@@ -517,7 +523,8 @@ def test_the_avia_lights_its_field_as_others_computed_it() -> None:
     pattern = simulation.scan_pattern(root / "configs/lidars/livox_avia.yaml", range(40))
     avia = scan_patterns.Rays(np.degrees(pattern[:, 0]), np.degrees(pattern[:, 1]), pattern[:, 2])
     table = scan_patterns.lit_share(avia, (0.1, 0.2, 0.5, 1.0))
-    # Computed by others from the vendor's scan table, with a way of counting that is not stated.
+    # Others computed these values from the vendor's scan table. Their method of counting is not
+    # published.
     np.testing.assert_allclose(table.lit_percent, [30, 51, 80, 95], atol=3.5)
     density = (
         scan_patterns.angular_density(avia).set_index(["axis", "from_deg"]).density["off_axis"]

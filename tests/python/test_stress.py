@@ -1,4 +1,5 @@
-"""`pyinfra stress` on a small simulated road: altered scenes, resumption, runs to compare."""
+"""`pyinfra stress` on a small simulated road: altered scenes, resumed tests, and comparisons of
+runs."""
 
 import os
 import re
@@ -36,7 +37,8 @@ def data(
     run_command: Callable[..., list[str]],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
-    """Three frames of 16 lines on the motorway; their folder."""
+    """Simulates three frames of a LiDAR with 16 lines on the motorway. Returns the LiDAR's
+    folder."""
     out = tmp_path_factory.mktemp("stress") / "highway"
     infrasim(*run_command("helios_16", frames="0:41:20", out=out), check=True)
     return out / "helios_16"
@@ -44,7 +46,7 @@ def data(
 
 @pytest.fixture(scope="module")
 def background(data: Path) -> Path:
-    """A run that needs no training."""
+    """Writes a run of Background, which needs no training labels."""
     run = data.parent.parent / "run"
     run.mkdir()
     clouds = [kitti.read_points(kitti.frame_file(data, "velodyne", k)) for k in FRAMES]
@@ -112,7 +114,8 @@ def test_a_tilted_sensor_sees_other_points_of_the_same_boxes(
     )
     np.testing.assert_array_equal(after.boxes, before.boxes)
     assert (after.points != before.points).any()
-    # Ahead it sees the road nearer by than a level sensor, whose lowest ray is 16 degrees down.
+    # The lowest ray of the level sensor looks 16 degrees down. The tilted sensor therefore sees the
+    # road nearer to the pole.
     nearest = [
         np.hypot(p[:, 0], p[:, 1])[p[:, 0] > 0].min()
         for p in (kitti.read_points(kitti.frame_file(f, "velodyne", 20)) for f in (data, folder))
@@ -155,13 +158,13 @@ def test_random_phases_differ_and_each_is_the_same_again(
     assert len({180.0, *cut_angles}) == 3
     assert altered_scenes.phase(base, "sample_1") == altered_scenes.phase(base, "sample_1")
     turns = altered_scenes.phase(base, "sample_1").turns_deg
-    assert len(set(turns)) == len(turns) == altered_scenes.PHASES  # a unit each
+    assert len(set(turns)) == len(turns) == altered_scenes.PHASES  # one angle per unit
 
 
 def test_labels_of_an_altered_scene_hold_when_those_of_the_base_do(
     base: altered_scenes.Base, tmp_path: Path
 ) -> None:
-    """Also where another scene would have its own."""
+    """This is also true for another scene with its own label time."""
     asked = replace(base, lidar=replace(base.lidar, label_time="scan"))
     folder = stress("unseen_scene", "curve", asked, tmp_path)
     assert kitti.read_label_time(folder) == "scan"
@@ -195,7 +198,7 @@ def test_at_most_so_many_frames_evenly_spaced(data: Path) -> None:
     assert altered_scenes.read_base(data, 1).frames == (0,)
 
 
-# A LiDAR of one's own.
+# Own LiDARs.
 
 OTHER_LINES = {"count": 8, "upper_deg": 2, "lower_deg": -20}
 SPINNING = {"rate_hz": 10, "azimuth_step_deg": 0.4, "channels": OTHER_LINES}
@@ -203,7 +206,7 @@ Made = Callable[..., Path]
 
 
 def custom_lidar(folder: Path, name: str, **keys: Any) -> Path:
-    """The file of a LiDAR of eight lines, or of other keys, without presets."""
+    """Writes the file of a LiDAR without presets. It has eight lines, or the given keys."""
     single = {
         "price_usd": {"low": 1, "high": 2, "source": "nobody", "date": "2026"},
         "pattern": {"spinning": SPINNING},
@@ -219,7 +222,8 @@ def custom_lidar(folder: Path, name: str, **keys: Any) -> Path:
 def made(
     infrasim: Callable[..., Any], run_command: Callable[..., list[str]], tmp_path: Path
 ) -> Made:
-    """Simulates the three frames with a LiDAR of one's own; the folder of its frames."""
+    """Returns a function that simulates the three frames with an own LiDAR, and returns the LiDAR's
+    folder."""
 
     def make(file: Path, preset: str = "paper", scene: Path | None = None) -> Path:
         out = tmp_path / f"data_{file.stem}"
@@ -338,7 +342,7 @@ def test_other_lidars_need_a_preset_of_the_catalogue(made: Made, tmp_path: Path)
 def test_a_list_of_directions_must_lie_beside_the_frames(made: Made, tmp_path: Path) -> None:
     folder = made(lidars_of_all_kinds(tmp_path / "lidars")["table"])
     base = altered_scenes.read_base(folder, 60)
-    assert not reasons(["tilt"], base)  # the run wrote the table there
+    assert not reasons(["tilt"], base)  # the run wrote the table to this folder
     (folder / "table.npy").unlink()
     ((why, names),) = reasons(["tilt", "unseen_lidar", "unseen_scene"], base).items()
     assert names == ["tilt", "unseen_scene"]
@@ -366,7 +370,8 @@ def test_the_first_difference_of_two_lidars_is_named(base: altered_scenes.Base) 
 
 @pytest.fixture
 def recorded(infrasim: Callable[..., Any], made: Made, tmp_path: Path) -> Path:
-    """The motorway with vehicles from a file beside the scene, as the eight lines see it."""
+    """Simulates the motorway with vehicles from a file beside the scene, for the LiDAR with eight
+    lines."""
     scenes = tmp_path / "scenes"
     scenes.mkdir()
     words = ["--set", "duration_s=20", "--set", "traffic.warm_up_s=5"]
@@ -466,7 +471,8 @@ def test_a_scene_that_fails_on_the_way_leaves_the_others_their_rows_and_figures(
 def test_a_notebook_stresses_a_detector_as_the_command_does(
     background: Path, data: Path, tmp_path: Path
 ) -> None:
-    """The same rows and summary; what is done is not done again, and a plot has its line."""
+    """The rows and the summary are equal. Existing rows are not computed again, and a plot has the
+    curve."""
     assert main.main(command(background, data, tmp_path / "a", "--stressors", "drop_out")) == 0
     lines: list[str] = []
     how: dict[str, Any] = {"stressors": ["drop_out"], "progress": lines.append}
@@ -553,7 +559,7 @@ def rows(out: Path) -> pd.DataFrame:
 
 @pytest.fixture(scope="module")
 def whole(background: Path, data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A test that nothing disturbed."""
+    """Returns a test without interruption."""
     out = tmp_path_factory.mktemp("whole")
     assert main.main(command(background, data, out, "--stressors", *QUICK)) == 0
     return out
@@ -624,7 +630,7 @@ def test_another_model_of_the_same_name_is_no_finished_trial(
     assert "none 0 1 3: expected a row of this model, " in (capsys.readouterr().err)
     table = pd.read_csv(tmp_path / "out/stress.csv")
     table.drop(columns="inputs").to_csv(tmp_path / "out/stress.csv", index=False)
-    assert main.main(new) == 0  # rows of an earlier version are taken for the same
+    assert main.main(new) == 0  # rows of an earlier version count as the same rows
 
 
 def test_a_run_is_named_as_its_folder(
@@ -680,7 +686,7 @@ def test_runs_of_one_detector_are_severities_of_the_training(base: altered_scene
 
 
 def untrained(folder: Path, frames: int, lidar: str = "helios_16") -> Path:
-    """A run of a small PointPillars that learnt nothing."""
+    """Writes a run of a small PointPillars that has learnt nothing."""
     pytest.importorskip("torch", reason="the extra `train` is not installed")
     from pyinfra.core.config import as_plain
     from pyinfra.models.detectors import pointpillars
@@ -786,7 +792,8 @@ def test_wrong_folders_are_one_line(
 def test_a_recorded_folder_takes_stress_on_clouds_but_not_on_scenes(
     background: Path, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Without dataset.yaml nobody knows the scene; that of an import holds none."""
+    """Without dataset.yaml the scene is unknown. The dataset.yaml of an import contains no
+    scene."""
     recorded = tmp_path / "site" / "helios_16"
     recorded.parent.mkdir()
     recorded.symlink_to(data)

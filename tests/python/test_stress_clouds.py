@@ -1,4 +1,4 @@
-"""Stressors of clouds against hand-worked cases and against the simulator."""
+"""Stressors of clouds, compared with hand-computed cases and with the simulator."""
 
 import itertools
 from collections.abc import Callable
@@ -18,7 +18,7 @@ CLOUD_STRESSORS = [row for row in STRESSORS.values() if row.acts_on == "cloud"]
 
 
 def cloud(*rows: tuple[float, float, float]) -> Points:
-    """Points with intensity 0.5."""
+    """Returns points with intensity 0.5."""
     return np.array([(*row, 0.5) for row in rows], dtype=np.float32)
 
 
@@ -34,7 +34,7 @@ def rng() -> clouds.Rng:
 
 
 def remaining(before: Points, after: Points) -> set[bytes]:
-    """The directions of the points that stay, bit by bit where they did not move."""
+    """Returns the positions of the points that did not move, as bytes."""
     return {row.tobytes() for row in after[:, :3]} & {row.tobytes() for row in before[:, :3]}
 
 
@@ -101,7 +101,8 @@ def test_noise_leaves_a_point_at_the_sensor_and_none_passes_it() -> None:
 
 
 def test_fog_lets_through_what_the_air_transmits() -> None:
-    """At 50 m and 10 per km both ways: exp(-1) = 36.8 %; a tenth of the rest are drops."""
+    """At 50 m and an extinction of 10 per km, exp(-1) = 36.8 % remain after both ways. A tenth of
+    the lost points become drops."""
     points = cloud(*[(50.0, 0.0, 0.0)] * 40_000)
     out = clouds.fog(points, 10, rng())
     through = out[out[:, 0] == 50]
@@ -109,13 +110,13 @@ def test_fog_lets_through_what_the_air_transmits() -> None:
     assert len(through) == pytest.approx(40_000 * np.exp(-1), rel=0.02)
     np.testing.assert_allclose(through[:, 3], 0.5 * np.exp(-1), rtol=1e-6)
     assert len(drops) == pytest.approx(4_000 * (1 - np.exp(-1)), rel=0.1)
-    # Half of the drops of density 1/z^2 from 1 to 50 m lie below 1 / (1 - 0.49) m.
+    # Drops have the density 1/z^2 from 1 to 50 m. Half of them lie below 1 / (1 - 0.49) m.
     assert np.median(drops[:, 0]) == pytest.approx(1 / 0.51, rel=0.05)
     assert drops[:, 0].min() >= 1
 
 
 def test_rain_has_the_extinction_of_its_rate() -> None:
-    """50 mm/h: 3.65e-4 50^0.63 = 4.29e-3 per m, so 42.4 % come back from 100 m."""
+    """50 mm/h is an extinction of 3.65e-4 50^0.63 = 4.29e-3 per m, so 42.4 % return from 100 m."""
     points = cloud(*[(0.0, 100.0, 0.0)] * 40_000)
     out = clouds.rain(points, 50, rng())
     assert np.count_nonzero(out[:, 1] == 100) == pytest.approx(40_000 * 0.4238, rel=0.02)
@@ -140,15 +141,15 @@ def test_a_sector_is_blocked_to_both_sides_of_the_view() -> None:
 @pytest.mark.parametrize(
     ("change", "severity", "point", "seen"),
     [
-        # 2 m too high: the road 6 m below is 8 m below.
+        # The sensor is 2 m too high, so the road at 6 m below it is 8 m below.
         (clouds.height_error, 2, (10, 3, -6), (10, 3, -8)),
-        # Looking down by 30 degrees: what is ahead stands above the axis.
+        # The sensor looks 30 degrees down, so points ahead lie above its axis.
         (clouds.pitch_error, 30, (10, 0, 0), (8.660254, 0, 5)),
         (clouds.pitch_error, 30, (0, 10, 0), (0, 10, 0)),
-        # Leaning right: what is on the left lies below the sensor's left.
+        # The sensor leans to the right, so points on the left lie below its left axis.
         (clouds.roll_error, 30, (0, 10, 0), (0, 8.660254, -5)),
         (clouds.roll_error, 30, (10, 0, 0), (10, 0, 0)),
-        # Turned left: what is ahead lies to the right.
+        # The sensor is turned left, so points ahead lie to its right.
         (clouds.yaw_error, 30, (10, 0, 0), (8.660254, -5, 0)),
         (clouds.yaw_error, 90, (0, 10, -6), (10, 0, -6)),
     ],
@@ -172,8 +173,8 @@ def test_a_tilt_that_nobody_knows_of_is_the_pose_error(
     key: str,
     name: str,
 ) -> None:
-    """The simulator levels a tilted sensor's points; the error takes them back to its own frame,
-    where no ray is outside of the sensor's elevations."""
+    """The simulator levels the points of a tilted sensor. The error transforms them back to the
+    sensor's frame, in which no ray is outside of the sensor's elevations."""
     words = [*run_command(frames="0:1", out=tmp_path), "--set", f"mounts.pole.{key}_deg=8"]
     infrasim(*words, check=True)
     folder = tmp_path / "helios_16"

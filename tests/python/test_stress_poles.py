@@ -1,4 +1,4 @@
-"""`pyinfra stress` on fused frames: altered scenes, wrong clocks and poses of poles."""
+"""`pyinfra stress` on fused frames: altered scenes, and wrong clocks and poses of mounts."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ MOUNTS = ("west", "east", "north")
 
 @pytest.fixture(scope="module")
 def data(infrasim: Infrasim, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two frames of three poles at a crossroad."""
+    """Simulates two frames of three poles at a crossroad."""
     folder = tmp_path_factory.mktemp("poles")
     keys = yaml.safe_load(scene_file("crossroad_poles").read_text())
     keys |= {"mounts": {name: keys["mounts"][name] for name in MOUNTS}, "duration_s": 3}
@@ -67,7 +67,7 @@ def test_poses_of_poles_come_apart_and_vehicles_stay(
     mount = np.repeat(range(3), [len(cloud(data / name / "helios_16")) for name in MOUNTS])
     moved = np.hypot(*(after - before)[:, :2].T)
     assert (moved[mount == 0] == 0).all()
-    for i, x, y in ((1, 50.0, 20.0), (2, 15.0, 35.0)):  # places in the frame of the first
+    for i, x, y in ((1, 50.0, 20.0), (2, 15.0, 35.0)):  # positions in the frame of the first mount
         away = np.hypot(before[:, 0] - x, before[:, 1] - y)[mount == i]
         np.testing.assert_allclose(moved[mount == i], away * np.radians(1), atol=2e-3, rtol=1e-3)
     mounts = yaml.safe_load((folder.parent / "dataset.yaml").read_text())["mounts"]

@@ -1,4 +1,4 @@
-"""What each error costs, on frames made by hand; and where made-up curves fall."""
+"""The cost of each kind of error for frames made by hand, and the falls of artificial curves."""
 
 import math
 from pathlib import Path
@@ -67,7 +67,8 @@ def test_a_perfect_detector_has_nothing_to_forgive(tmp_path: Path) -> None:
 
 
 def test_a_missed_far_vehicle_is_forgiven_there_alone(tmp_path: Path) -> None:
-    """Half of the recalls: AP 50, and 100 when the far one need not be detected."""
+    """Half of the recalls are reached, so AP is 50. It is 100 if the far vehicle need not be
+    detected."""
     row = measured(tmp_path, [(box(NEAR), 0.9)], [NEAR, FAR])
     assert row["ap"] == pytest.approx(50)
     assert row["recall_far"] == 0
@@ -78,17 +79,18 @@ def test_a_missed_far_vehicle_is_forgiven_there_alone(tmp_path: Path) -> None:
 
 
 def test_boxes_on_background_and_duplicates_are_forgiven_as_background(tmp_path: Path) -> None:
-    """Two wrong boxes before the right one: precision 1/3."""
+    """Two false positives come before the true positive, so precision is 1/3."""
     background, twice = box(car(-50)), box(NEAR | {"x": 20.5})
     row = measured(tmp_path, [(background, 0.9), (box(NEAR), 0.8), (twice, 0.85)], [NEAR])
     assert row["background_per_frame"] == 1
-    assert row["ap"] == pytest.approx(50)  # the second box of the two matches the vehicle
+    assert row["ap"] == pytest.approx(50)  # the second of the two boxes matches the vehicle
     assert row["forgiven_background"] == pytest.approx(50)
     assert row["forgiven_position"] == 0
 
 
 def test_a_box_beside_its_vehicle_is_an_error_of_position(tmp_path: Path) -> None:
-    """1.8 m aside of a car 2 m wide: overlap 0.05, so a background error and a miss by name."""
+    """The box is 1.8 m beside a car of 2 m width. Their IoU is 0.05, so the box counts as
+    background and the car as missed."""
     beside = box(NEAR | {"y": 3 + 1.8})
     row = measured(tmp_path, [(beside, 0.9)], [NEAR])
     assert row["ap"] == 0
@@ -116,10 +118,12 @@ def test_a_partner_is_near_free_and_the_nearest(tmp_path: Path) -> None:
     bus = car(-40, dx=12.0)
     folder = site(tmp_path / "data", [[NEAR, MID, bus]])
     boxes = [
-        (box(NEAR), 0.9),  # hits
-        (box(NEAR | {"y": 4.9}), 0.8),  # its vehicle is taken
-        (box(MID | {"x": 57.5}), 0.7),  # 2.5 m off a car of 4 m: too far
-        (box(bus | {"x": -34.5, "dx": 4.0}), 0.6),  # 5.5 m off a bus of 12 m
+        (box(NEAR), 0.9),  # matches its vehicle
+        (box(NEAR | {"y": 4.9}), 0.8),  # its vehicle is already matched
+        # 2.5 m from a car of 4 m length, which is too far for a partner
+        (box(MID | {"x": 57.5}), 0.7),
+        # 5.5 m from a bus of 12 m length, which is near enough for a partner
+        (box(bus | {"x": -34.5, "dx": 4.0}), 0.6),
     ]
     one = score.match_input(
         read_ground_truth(folder), score.as_predictions([detections(boxes)]), "vehicle",
@@ -141,13 +145,13 @@ def test_a_box_where_nothing_drives(tmp_path: Path) -> None:
     assert measured(tmp_path, [(box(NEAR), 0.9)], [])["background_per_frame"] == 1
 
 
-# Made-up curves.
+# Artificial curves.
 
 
 def rows(
     stressor: str, points: dict[str, float], detector: str = "a", **columns: float
 ) -> pd.DataFrame:
-    """A curve from none on; AP by severity, the first of them none."""
+    """Returns the rows of a curve. `points` has the AP by severity, first without stress."""
     (none, *others) = points
     key = {"detector": detector, "run": detector, "lidar": "l", "preset": "p", "scene": "s"}
     key |= {"seed": "1", "frames": "9"}
@@ -162,13 +166,14 @@ def rows(
 
 
 def test_a_curve_falls_between_its_severities() -> None:
-    """90 to 70 from 0 to 0.5: 80 at 0.25. 70 to 20 up to 0.75: 45 at half of that way."""
+    """From 0 to 0.5 the AP falls from 90 to 70, so it is 80 at 0.25. Up to 0.75 it falls to 20, so
+    it is 45 half way."""
     table = rows("drop_out", {"0": 90, "0.75": 20, "0.5": 70})
     (row,) = summary.summary(table).to_dict("records")
     assert row["falls_by_10"] == "0.25"
     assert row["falls_to_half"] == "0.625"
     assert row["ap_least"] == 20
-    # Areas: 80 x 0.5 and 45 x 0.25, of 90 x 0.75.
+    # The areas under the curve are 80 x 0.5 and 45 x 0.25. Without stress the area is 90 x 0.75.
     assert row["gentleness"] == pytest.approx((40 + 11.25) / 67.5)
 
 
@@ -209,7 +214,8 @@ def test_fewer_training_frames_are_the_stronger_severity() -> None:
 
 
 def test_the_blame_is_what_stress_added() -> None:
-    """Of a fall of 20: position gains 12 against 2 before, heading 9 against 9."""
+    """The AP falls by 20. Correcting the position gains 12, against 2 without stress. Correcting
+    the heading gains 9 in both cases."""
     table = rows("yaw_error", {"0": 90, "1": 85, "2": 70, "4": 10})
     table["forgiven_position"] = [2.0, 3, 12, 0]
     table["forgiven_heading"] = [9.0, 9, 9, 99]

@@ -1,4 +1,4 @@
-"""The checked-in stub describes the extension as it is built."""
+"""The checked-in stub agrees with the built extension."""
 
 import subprocess
 import sys

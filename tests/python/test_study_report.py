@@ -1,4 +1,4 @@
-"""The study's report: what it says beside the paper, and of the models of a scene."""
+"""The report of the study: its comparison with the paper, and its section on models of a scene."""
 
 import re
 from pathlib import Path
@@ -18,7 +18,7 @@ from reproduction.report.fidelity import section as fidelity_section
 
 
 def report(results: Path) -> Path:
-    """Writes the page of a folder beside it."""
+    """Writes the page of a folder beside the folder."""
     out = results.parent / "report.html"
     words = ["report", str(results), "--sections", "reproduction.report", "--out", str(out)]
     assert main.main(words) == 0
@@ -30,7 +30,7 @@ def read(folder: Path) -> Material:
 
 
 def custom_site(folder: Path) -> Path:
-    """The tables of a benchmark of a site that is not of the paper."""
+    """Writes the tables of a benchmark of a site that is not in the paper."""
     names = ("quick.csv", "quick_areas.csv", "quick_distance.csv", "quick_hits.csv")
     more = ("quick_value.csv", "lidars.csv", "quick_claims.csv")
     every = report_data.study_tables()
@@ -41,7 +41,7 @@ def custom_site(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page of all tables."""
+    """Writes the page of all tables."""
     folder = tmp_path_factory.mktemp("report") / "results"
     return report(report_data.write(folder, report_data.study_tables()))
 

@@ -1,4 +1,4 @@
-"""A training goes on after a kill as if nothing had been, and says what went wrong."""
+"""A killed training is resumed with the same result, and errors of a training are reported."""
 
 import dataclasses
 import json
@@ -72,7 +72,7 @@ FRAMES = 12
 
 @pytest.fixture(scope="module")
 def lidar_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Frames of a made-up road, split."""
+    """Writes frames of an artificial road with a split."""
     folder = tmp_path_factory.mktemp("data") / "road/ring"
     folder.mkdir(parents=True)
     (folder / "lidar.yaml").write_text(LIDAR)
@@ -203,7 +203,7 @@ def test_the_best_checkpoint_changes_nothing_of_the_last_one_and_survives_a_kill
 
 
 class Known:
-    """Detects the boxes it is given, whatever it is shown."""
+    """A detector that returns given boxes for any cloud."""
 
     training = True
 
@@ -325,7 +325,7 @@ def test_a_run_that_learns_otherwise_does_not_go_on(
 
 def test_a_run_of_other_frames_does_not_go_on(lidar_folder: Path, trained: Path) -> None:
     source, before = read_source(lidar_folder, "smoke"), files_of(trained)
-    boxes = source.read_boxes()  # all of them, so that the site is the same
+    boxes = source.read_boxes()  # all boxes are used, so that the site is the same
     fewer = dataclasses.replace(
         source,
         clouds=source.clouds[:7],
@@ -445,7 +445,7 @@ def test_a_full_disk_leaves_the_checkpoint_that_was_there(
 
 
 def changed(file: Path, out: Path, **keys: object) -> Path:
-    """A copy of a checkpoint that says something else of itself."""
+    """Copies a checkpoint with changed values in its description."""
     tensors = load_file(file)
     length = int.from_bytes(file.read_bytes()[:8], "little")
     header = json.loads(file.read_bytes()[8 : 8 + length])
@@ -596,7 +596,7 @@ def test_a_folder_holds_one_kind_of_model(lidar_folder: Path, tmp_path: Path) ->
 
 @pytest.fixture(scope="module")
 def sure(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A file of the trained network that is sure of what it finds, wherever it stands."""
+    """Writes the trained network with scores near 1 at every position."""
     file = tmp_path_factory.mktemp("sure") / "sure.safetensors"
     loaded = checkpoint.load(trained / "last.safetensors")
     loaded.tensors["network.head.heat.bias"] += 8
@@ -605,7 +605,7 @@ def sure(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def rows_of(capsys: pytest.CaptureFixture[str], *words: object) -> list[list[str]]:
-    """What `pyinfra detect` prints, but for the names of files."""
+    """Returns the rows that `pyinfra detect` prints, without the file names."""
     assert main.main(["detect", *map(str, words)]) == 0
     return [row.split(",")[1:] for row in capsys.readouterr().out.splitlines()]
 
@@ -712,7 +712,7 @@ def test_vehicles_are_looked_for_in_the_region(
     everywhere = np.array(rows_of(capsys, *words)[1:])[:, 1:3].astype(float)
     near = rows_of(capsys, *words, "--region", tmp_path / "near.yaml")[1:]
     x = np.array(near)[:, 1].astype(float)
-    assert ((x > -1) & (x < 26)).all()  # 8 m around, and the grid's rim
+    assert ((x > -1) & (x < 26)).all()  # a margin of 8 m, and the border of the grid
     assert everywhere[:, 0].max() > 26
 
 
@@ -753,7 +753,7 @@ def test_a_recipe_without_steps_takes_a_network_as_it_comes(
     assert still.for_budget(0.5).learning.steps == 0
     file = train.train(still, [source], tmp_path / "as_is", quiet=True)
     assert file.read_bytes() == (trained / "last.safetensors").read_bytes()
-    assert train.train(still, [source], tmp_path / "as_is", quiet=True) == file  # once more
+    assert train.train(still, [source], tmp_path / "as_is", quiet=True) == file  # trains once more
     other = still.begun_with(Path("generalist"))
     with pytest.raises(
         FileExistsError, match=r"expected no model of another network, got last\.safetensors"
@@ -868,7 +868,8 @@ def test_a_pasted_object_hides_what_lies_behind_it_and_nothing_else() -> None:
     assert behind.tolist() == [True, False, False, False]
     above = (lifted(points.astype(np.float32), 6) for points in (wall, positions))
     assert hidden_by(*above, 6.0).tolist() == behind.tolist()
-    turned = wall[:, :3] @ np.diag([-1.0, -1.0, 1.0])  # across the cut at 180 degrees
+    # the wall then lies across the azimuth of 180 degrees
+    turned = wall[:, :3] @ np.diag([-1.0, -1.0, 1.0])
     there = positions[:, :3] @ np.diag([-1.0, -1.0, 1.0])
     both = (np.insert(xyz, 3, 0, axis=1).astype(np.float32) for xyz in (turned, there))
     assert hidden_by(*both, 0.0).tolist() == behind.tolist()
@@ -909,7 +910,7 @@ def test_rare_windows_look_at_each_class_as_often() -> None:
 
 
 def test_faults_that_no_severity_asks_for_draw_nothing() -> None:
-    """So that runs of recipes without them are those they were."""
+    """Runs of recipes without these faults therefore do not change."""
     draw, other = np.random.default_rng(1), np.random.default_rng(1)
     sample = road_sample(14)
     assert with_faults(sample, Augmentation(), draw).points is sample.points
@@ -973,7 +974,7 @@ def test_a_region_moves_with_the_points_of_its_sample() -> None:
         after = moved(of_site, turn=turn, scale=scale, flip=flip)
         assert isinstance(after, SiteSample)
         same = after.region.holds(after.points.astype(np.float64), 0.0) == before
-        assert same.mean() > 0.999  # but for points on its edge
+        assert same.mean() > 0.999  # except for points on the border
 
 
 def test_the_simulator_gives_the_frames_that_a_run_writes(
@@ -988,7 +989,7 @@ def test_the_simulator_gives_the_frames_that_a_run_writes(
     live = simulated_source(ROOT / scene, ROOT / lidar, "smoke", preset="paper", set=short)
     assert (live.lidar, live.preset, live.scene) == (disk.lidar, disk.preset, disk.scene)
     assert len(disk.clouds) == 40
-    assert len(live.clouds) == 200  # every 20th of 4,000
+    assert len(live.clouds) == 200  # every 20th of 4,000 frames
     for i in (0, 3):
         np.testing.assert_array_equal(live.clouds[5 * i](), disk.clouds[i]())
     ours, theirs = live.read_boxes(), disk.read_boxes()

@@ -1,4 +1,4 @@
-"""Python reads the trajectories of any scene, also with instants at which nobody is there."""
+"""Python reads the trajectories of any scene, also with instants without objects."""
 
 import os
 import subprocess
@@ -22,7 +22,7 @@ CAR = ",7,Car,{x},2,0.75,0,4.5,1.9,1.5,10\n"
 LEVEL = WorldPose(0, 0, 0, 0)
 LIDAR = Path(__file__).resolve().parents[2] / "configs/lidars/helios_16.yaml"
 FRAMES = 60
-# A straight road whose only objects walk on a short line beside it.
+# A straight road. Its only objects move on a short line beside it.
 PEOPLE_ALONE = {
     "name": "walk",
     "duration_s": FRAMES / 10,
@@ -93,7 +93,7 @@ def test_a_row_with_a_part_of_its_cells_is_refused(tmp_path: Path) -> None:
 def test_trajectories_of_people_alone_are_read_by_python_and_by_a_run(
     tmp_path: Path, infrasim: Infrasim
 ) -> None:
-    """Files whose first or last instants are empty were refused."""
+    """Before the fix, files whose first or last instants are empty were refused."""
     blank = 0
     for seed in range(1, 7):
         keys = PEOPLE_ALONE | {"seed": seed}
@@ -131,9 +131,9 @@ def test_trajectories_of_people_alone_are_read_by_python_and_by_a_run(
 
 
 def test_check_reads_trajectories_once_for_presets_that_move_alike(tmp_path: Path) -> None:
-    """Each preset simulated or read all vehicles again."""
+    """Before the fix, all vehicles were simulated or read again for each preset."""
     file = tmp_path / "trajectories.csv"
-    os.mkfifo(file)  # can be read once: whoever opens it again waits for another writer
+    os.mkfifo(file)  # a pipe can be read only once; a second reader would wait forever
     presets = {name: {"detail": "low"} for name in ("paper", "equal", "datasheet")}
     keys = {k: v for k, v in PEOPLE_ALONE.items() if k not in {"traffic", "people"}}
     scene = tmp_path / "recorded.yaml"

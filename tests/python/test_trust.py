@@ -1,4 +1,4 @@
-"""What a detector does on frames without labels tells a good one from a bad one."""
+"""Measures on frames without labels distinguish a good detector from a bad one."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -25,7 +25,7 @@ def lidar(
     run_command: Callable[..., list[str]],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
-    """Five seconds of a motorway, frame by frame."""
+    """Simulates five seconds of a motorway, every frame."""
     out = tmp_path_factory.mktemp("row") / "data"
     words = run_command("hesai_xt32", frames=f"0:{FRAMES}", preset="datasheet", out=out)
     infrasim(*words, check=True)
@@ -33,7 +33,7 @@ def lidar(
 
 
 def good(draw: np.random.Generator, truth: FloatArray) -> Boxes:
-    """Nearly all vehicles, 10 cm off."""
+    """Returns the boxes of nearly all vehicles, with errors of 10 cm."""
     boxes = truth[draw.random(len(truth)) < 0.95].copy()
     boxes[:, :2] += draw.normal(0, 0.1, (len(boxes), 2))
     return boxes, draw.uniform(0.7, 1, len(boxes))
@@ -147,7 +147,7 @@ def test_labelled_frames_are_asked_for_it(
 
 
 def row(per_frame: list[list[tuple[float, float]]]) -> BoxSeries:
-    """Boxes of frames 0, 1, ..."""
+    """Returns a series of boxes at the positions of frames 0, 1, ..."""
     frame = np.repeat(np.arange(len(per_frame)), [len(positions) for positions in per_frame])
     xy = np.array(
         [position for positions in per_frame for position in positions], dtype=np.float64

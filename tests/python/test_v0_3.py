@@ -34,12 +34,13 @@ from pyinfra.models.training.recipe import read_recipe
 Infrasim = Callable[..., object]
 V0_3 = Path(__file__).resolve().parents[1] / "data/v0_3"
 DIGESTS = json.loads((V0_3 / "digests.json").read_text())
-RENAMED_KEYS = {"seam_deg:": "cut_angle_deg:", "wedges:": "prisms:"}  # of LiDARs, since 0.3
+# keys of LiDARs that were renamed after 0.3
+RENAMED_KEYS = {"seam_deg:": "cut_angle_deg:", "wedges:": "prisms:"}
 
 
 @pytest.fixture
 def old(tmp_path: Path) -> Path:
-    """A copy, to be changed; its user has renamed the keys of the LiDARs that are inputs."""
+    """Copies the data. As a user would do, it renames the keys of the LiDARs in the input files."""
     copy = Path(shutil.copytree(V0_3, tmp_path / "v0_3"))
     for name in ("turning", "rosette"):
         file = copy / f"inputs/{name}.yaml"
@@ -56,7 +57,7 @@ def simulated(old: Path, infrasim: Infrasim, frames: str, *more: object) -> obje
     return infrasim(*words, "--frames", frames, "--out", old / "data", *more)
 
 
-# A folder
+# A folder of version 0.3
 
 
 @pytest.mark.parametrize(
@@ -147,7 +148,7 @@ def test_a_folder_whose_frames_have_changed_since_takes_no_more(
     assert f"{file}: " in refused.stderr
     assert "rain or fog: simulate again" in refused.stderr
     assert sorted((old / "data").rglob("*.bin")) == frames
-    file.write_text(file.read_text() + "frames_version: 3\n")  # written since
+    file.write_text(file.read_text() + "frames_version: 3\n")  # later versions write this key
     assert simulated(old, infrasim, "1:3", *rainy).returncode == 0
 
 
@@ -177,7 +178,7 @@ def test_it_is_validated_evaluated_and_stressed(
     assert altered_scenes.check(base, altered_scenes.tilt(base, 1.0)) is None
 
 
-# Rows of results
+# Rows of results of version 0.3
 
 
 def test_a_row_of_results_is_resumed_and_nothing_runs_again(
@@ -199,16 +200,17 @@ def test_a_row_of_results_is_a_pair_with_one_of_now(old: Path) -> None:
     assert main.main([*words, "--out", str(out), "--work", str(old / "work")]) == 0
     rows = {name: store.read(old / name / "smoke_replicates.csv") for name in ("results", "of_now")}
     of_now = rows["of_now"]
-    known = of_now.measure.isin(rows["results"].measure)  # 0.3 had no others
+    known = of_now.measure.isin(rows["results"].measure)  # rows of 0.3 have only these measures
     rows["of_now"] = of_now[known & (of_now.ground_truth != "present")]
-    both = pd.concat(rows.values(), ignore_index=True)  # as in a table that is added to
+    # as in a table to which a later version adds rows
+    both = pd.concat(rows.values(), ignore_index=True)
     both.to_csv(old / "both.csv", index=False)
     both = store.read(old / "both.csv")
     both.loc[both.index >= len(rows["results"]), "version"] = "4.0.0"
     rest = zip(both.index[: len(rows["results"])], both.index[len(rows["results"]) :], strict=True)
     for a, b in rest:
         difference = replicates.difference(both.loc[a], both.loc[b], ("measure", "ground_truth"))
-        assert abs(difference.value) < 5  # Background finds its ground otherwise since 0.3
+        assert abs(difference.value) < 5  # since 0.3, Background finds its ground in another way
         assert np.isfinite(difference.replicates).all()
     other = both.loc[0].copy()
     other["version"] = "0.2.0"
@@ -249,7 +251,7 @@ def test_a_raised_number_of_frames_makes_rows_others(
     inputs.resolved.cache_clear()
 
 
-# A checkpoint
+# A checkpoint of version 0.3
 
 
 def test_a_training_goes_on_with_its_optimisers_state(old: Path) -> None:
@@ -283,7 +285,7 @@ def test_a_checkpoint_detects_and_so_does_the_shipped_model() -> None:
         assert len(detect.detect(detector, cloud, None)[0]) == 1
 
 
-# Keys with another name
+# Renamed keys
 
 
 @dataclass(frozen=True)
@@ -293,7 +295,7 @@ class Part:
 
 @dataclass(frozen=True)
 class OfNow:
-    """As `Then` of 0.3, but for a key with another name, and one that came."""
+    """Like `Then` of version 0.3, with a renamed key and a new key."""
 
     part: Part = dataclasses.field(default_factory=Part)
     step: int = 1

@@ -1,4 +1,4 @@
-"""Checks of frames and predictions name what is wrong."""
+"""Checks of frames and predictions name the error."""
 
 import math
 from collections.abc import Callable
@@ -28,7 +28,7 @@ FramePredictions = list[list[tuple[list[float], float]]]
 
 @pytest.fixture
 def lidar(tmp_path: Path) -> Path:
-    """A curve of traffic, so that headings differ and nothing is symmetric."""
+    """Writes a curve with traffic, so that headings differ and nothing is symmetric."""
     frames = []
     for vehicles in traffic(12):
         for v in vehicles:
@@ -44,7 +44,8 @@ def lidar(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def names_for(lidar: Path, tmp_path: Path) -> Callable[..., set[str]]:
-    """Names of the warnings about the vehicles' own boxes after a change to them."""
+    """Returns a function that changes the vehicles' own boxes, and returns the names of the
+    warnings."""
 
     def names(change: Callable[[list[float]], list[float]], name: str = "Car") -> set[str]:
         predictions: FramePredictions = []
@@ -251,7 +252,7 @@ def test_command_checks_every_lidar_of_a_data_set(
 
 @pytest.fixture
 def simulated(tmp_path: Path) -> Path:
-    """Clouds of a simulated LiDAR that hold the points that the objects have."""
+    """Writes clouds of a simulated LiDAR that agree with the points of its objects."""
     frames = traffic(12)
     folder = write_lidar(tmp_path / "simulated", frames)
     fill_clouds(folder, frames)
@@ -261,7 +262,8 @@ def simulated(tmp_path: Path) -> Path:
 
 
 def errors_of(folder: Path) -> list[tuple[str, str]]:
-    """Names of errors and of warnings of a cloud's size, with the file that they start with."""
+    """Returns the names of errors and of warnings about the size of a cloud, with the file that
+    each message names."""
     findings = [f for f in validate(folder) if f.level == "error" or f.name == "small-cloud"]
     return [(f.name, Path(f.text.split(": ")[0]).name) for f in findings]
 

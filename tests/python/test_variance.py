@@ -12,9 +12,11 @@ TRAINING, SEED, FRAMES, SCENE = 3.0, 1.0, 0.5, 4.0
 
 
 def table(replicates: int = 400) -> pd.DataFrame:
-    """Experiments with known components; the LiDARs of a test share nothing but the scene."""
+    """Returns experiments with known variance components. The LiDARs of a test have only the scene
+    in common."""
     random = np.random.default_rng(1)
-    scenes = {"a": -SCENE / np.sqrt(2), "b": SCENE / np.sqrt(2)}  # standard deviation SCENE
+    # offsets with the standard deviation SCENE
+    scenes = {"a": -SCENE / np.sqrt(2), "b": SCENE / np.sqrt(2)}
     rows = []
     for (scene, offset), lidar, r in itertools.product(
         scenes.items(), ("ruby_plus", "livox_avia"), range(1, replicates + 1)

@@ -1,4 +1,4 @@
-"""The verdicts of the study: signed, with Student's interval over replicates."""
+"""The verdicts of the study have a sign and use Student's interval over replicates."""
 
 import itertools
 import math
@@ -19,7 +19,8 @@ AVIA_LESS_WIDE = {1: -5.0, 2: -4.0, 3: -6.0}
 
 
 def table(replicates: int = 3, avia: str = "livox_avia") -> pd.DataFrame:
-    """Rows of one scene and judge; each replicate has two test seeds, 2 AP apart."""
+    """Returns rows of one scene and judge. Each replicate has two test seeds, whose AP differ
+    by 2."""
     base = {"ruby_plus": 95.0, avia: 95.0, "pandar_64": 80.0, "helios_16": 60.0}
     rows = []
     for r, lidar, test in itertools.product(range(1, replicates + 1), base, (0, 1)):
@@ -75,7 +76,8 @@ def test_the_loss_with_distance_is_compared_with_the_best_spinning_lidar() -> No
 
 def test_a_bundle_stands_for_the_avia() -> None:
     both = [
-        rows_of(table(avia=name)).drop(index=("value", "present"))  # its verdict uses the price
+        # this verdict depends on the price
+        rows_of(table(avia=name)).drop(index=("value", "present"))
         for name in ("livox_avia", "bundle_5_livox_avia")
     ]
     pd.testing.assert_frame_equal(*both)
@@ -100,7 +102,8 @@ def test_frames_stay_while_another_process_uses_them(
 ) -> None:
     frames = tmp_path / "data/highway_paper_scan_1_1001"
     frames.mkdir(parents=True)
-    monkeypatch.setattr(experiments, "fill", lambda *_: None)  # another process holds the locks
+    # as if another process held the locks
+    monkeypatch.setattr(experiments, "fill", lambda *_: None)
     monkeypatch.setattr(experiments.Trained, "is_done", lambda *_: done)
     words = ["--scenes", "highway", "--presets", "paper", "--replicates", "1"]
     words += ["--work", str(tmp_path), "--out", str(tmp_path / "experiments.csv")]
@@ -138,10 +141,12 @@ def test_verdicts_leave_out_turned_cut_angles() -> None:
 
 def test_value_fails_if_a_cheaper_lidar_reaches_the_level() -> None:
     bundle = table(avia="bundle_5_livox_avia").assign(scene="crossroad")
-    assert rows_of(bundle).loc["value", "present"].verdict == verdicts.CHEAPER  # 64 lines: 81 AP
+    # the LiDAR with 64 lines has 81 AP and is cheaper
+    assert rows_of(bundle).loc["value", "present"].verdict == verdicts.CHEAPER
     bundle.loc[bundle.lidar == "pandar_64", "ap_r1000"] -= 20
     assert rows_of(bundle).loc["value", "present"].verdict == "holds"
-    assert rows_of(table()).loc["value", "present"].verdict == "holds"  # none is cheaper
+    # no cheaper LiDAR has this AP
+    assert rows_of(table()).loc["value", "present"].verdict == "holds"
 
 
 def test_lidars_of_one_replicate_must_have_one_version_and_the_same_frames() -> None:

@@ -1,4 +1,4 @@
-"""What the viewer reads and writes, without a browser."""
+"""The data that the viewer reads and writes, tested without a browser."""
 
 import base64
 import hashlib
@@ -30,7 +30,7 @@ HOSTILE = "</script><script>document.title='taken'</script><!-- \"'&"
 
 
 class Elements(html.parser.HTMLParser):
-    """Tags of a page in their order, and what stands in its first script."""
+    """Collects the tags of a page in their order, and the text of its first script."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -51,7 +51,8 @@ def data_of(text: str) -> Any:
 
 
 def unpacked(packed: Any, columns: int) -> tuple[Any, bytes]:
-    """Coordinates (n, 3), and the rest, by the description in encoding.py."""
+    """Returns the coordinates (n, 3) and the other bytes, according to the description in
+    encoding.py."""
     raw, n = zlib.decompress(base64.b64decode(packed["data"])), packed["count"]
     axes = np.frombuffer(raw[: 6 * n], np.uint8).reshape(3, 2, n).astype(np.int64)
     steps = (axes[:, 0] + 256 * axes[:, 1]).cumsum(axis=1) % 65536
@@ -123,7 +124,8 @@ def test_points_are_left_out_only_if_asked_and_the_page_says_so() -> None:
 
 
 def lidar_folder(folder: Path, frames: int = 2) -> Path:
-    """Cars 20 m ahead, each with 3 points, of a sensor at (10, 20, 6) that looks along +y."""
+    """Writes cars 20 m ahead with 3 points each. The sensor is at (10, 20, 6) and looks along
+    +y."""
     vehicles = [[car(20.0, 0.0), car(30.0, 4.0, points=0)] for _ in range(frames)]
     write_lidar(folder, vehicles)
     cloud = np.array([[19, 0, -5, 0.2], [20, 0, -5, 0.4], [1, 0, 0, 1]], np.float32)
@@ -136,7 +138,7 @@ def lidar_folder(folder: Path, frames: int = 2) -> Path:
 def test_points_boxes_and_predictions_are_in_the_world(tmp_path: Path) -> None:
     folder = lidar_folder(tmp_path / "data/one")
     first, second = read_view_frames(folder, [0, 1], folder.parent / "predictions")
-    # Turned by 90 degrees: x of the LiDAR is y of the world, and the sensor is 6 m up.
+    # The points are rotated by 90 degrees: the LiDAR's x is the world's y. The sensor is 6 m high.
     assert first.points == pytest.approx(np.array([[10, 39, 1], [10, 40, 1], [10, 21, 6]]))
     assert first.intensity == pytest.approx([0.2, 0.4, 1.0])
     expected = [[10, 40, 0.75, 4, 2, 1.5, np.pi / 2], [6, 50, 0.75, 4, 2, 1.5, np.pi / 2]]
@@ -220,7 +222,7 @@ def test_the_command_writes_one_page_and_says_its_size(
     data = data_of(out.read_text()[out.read_text().index("<figure") :])
     assert [frame["number"] for frame in data["frames"]] == [1, 3]
     assert [frame["start_s"] for frame in data["frames"]] == [0.1, 0.3]
-    # Both are of one model, so that their folders tell them apart.
+    # Both LiDARs have the same model, so the view names them by their folders.
     assert [lidar["name"] for lidar in data["lidars"]] == [
         "made up (data/one)",
         "made up (data/two)",
@@ -370,7 +372,7 @@ def test_road_and_buildings_of_the_data_set_are_in_the_page(
     assert main.main(["view", str(data), "--out", str(out)]) == 0
     around = data_of(out.read_text()[out.read_text().index("<figure") :])["around"]
     assert around["buildings"] == [[10, 30, 3.5, 20, 8, 5, 0]]
-    # The motorway lies along y = 0, with 21 m to either edge.
+    # The motorway lies along y = 0. Its edges are 21 m from the middle.
     ends = sorted((line[:2], line[-3:-1]) for line in around["edge"])
     assert ends == [([-100, y], [100, y]) for y in (-21, 21)]
     assert len(around["dashed"]) == 6

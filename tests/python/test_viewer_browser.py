@@ -1,4 +1,4 @@
-"""The interactive view in a real browser: it draws, obeys, and asks for nothing."""
+"""The interactive view in a real browser: it draws, reacts to input, and makes no requests."""
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -19,7 +19,7 @@ HIT, MISSED, PREDICTED = (0x00, 0x72, 0xB2), (0x7A, 0x85, 0x91), (0xD5, 0x5E, 0x
 NAME_OF_FOCUS = """(e => e.getAttribute('aria-label') || e.labels[0]?.textContent || e.textContent)
     (document.activeElement)"""
 ROAD, BUILDING = (0x55, 0x60, 0x6C), (0x8A, 0x6D, 0x3B)
-INSIDE = np.s_[12:-12, 12:-12]  # of the ring of a picture that has the focus
+INSIDE = np.s_[12:-12, 12:-12]  # the part of a picture inside the border that marks the focus
 OVERLAYS = ".lv-reset, .lv-scale, .lv-tip"
 HOSTILE = "</script><script>document.title='taken'</script><img src=http://192.0.2.1/a.png>\"'"
 
@@ -31,10 +31,9 @@ def boxes(*positions: tuple[float, float]) -> Any:
 
 
 def views(frames: int = 3) -> dict[str, Any]:
-    """Two LiDARs; a car with points drives ahead, one has none, and one is found with 0.9 and 0.2.
-
-    The middle of the picture looks at (28, 0) on the ground.
-    """
+    """Returns views of two LiDARs. A car with points moves ahead, and another car has no points.
+    The detector has found a car with scores 0.9 and 0.2. The middle of the picture shows (28, 0) on
+    the ground."""
 
     def frame(k: int, aside: float) -> Any:
         detected = boxes((20, 8), (34, -8))
@@ -76,7 +75,7 @@ def picture(view: Opened) -> Any:
 
 
 def count(image: Any, colour: tuple[int, int, int], tolerance: int = 12) -> int:
-    """Pixels that are nearly of a colour."""
+    """Returns the number of pixels with nearly the given colour."""
     return int((np.abs(image.astype(int) - colour).max(axis=2) <= tolerance).sum())
 
 
@@ -95,10 +94,12 @@ def test_the_picture_is_drawn_at_every_width_in_both_themes(
 
 
 def test_points_are_where_the_camera_must_see_them(open_view: OpenView) -> None:
-    """Reset looks at the ground 28 m ahead of the sensor; left of it is left in the picture."""
+    """After a reset, the camera looks at the ground 28 m ahead of the sensor. The left of the
+    sensor is left in the picture."""
 
     def column(y: float) -> float:
-        # Vehicles tell where the ground is: one far behind the camera.
+        # The view takes the height of the ground from vehicles, so one vehicle is far behind the
+        # camera.
         more = {"boxes": boxes((-200, 0)), "names": np.array(["Car"]), "hits": np.array([0])}
         shown = {"a": [view_frame(blob(28, y, 2.5), **more)]}
         with open_view(shown, width=800, height=600) as view:
@@ -323,7 +324,7 @@ def centre(view: Opened) -> tuple[float, float]:
 
 
 def test_road_and_buildings_are_drawn_where_they_are(tmp_path: Path, browser: Browser) -> None:
-    """A road leads away below the sensor, a building stands to its left."""
+    """A road leads away below the sensor. A building is to its left."""
     (tmp_path / "roads.csv").write_text(
         "road,s,x,y,z,heading,half_width\na,0,0,0,0,0,6\na,60,60,0,0,0,6\n"
     )

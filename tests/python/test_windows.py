@@ -1,4 +1,5 @@
-"""Windows of a canvas: what is learnt from one is what would be learnt of the whole there."""
+"""Windows of a canvas: training on a window gives the same losses as training on the whole canvas
+there."""
 
 import dataclasses
 import math
@@ -35,11 +36,12 @@ def looking_at(batch: Batch, most_m2: float, *centres: tuple[float, float]) -> B
 @pytest.mark.parametrize(
     ("whole", "cells", "sides"),
     [
-        ((96, 64), 96 * 64, (96, 64)),  # all of it
-        ((96, 64), 1024, (32, 32)),  # square
-        ((16, 640), 1600, (16, 96)),  # as high as it can be, then as wide as it may
+        ((96, 64), 96 * 64, (96, 64)),  # the whole canvas
+        ((96, 64), 1024, (32, 32)),  # a square
+        # the window has the full height, then the largest possible width
+        ((16, 640), 1600, (16, 96)),
         ((640, 16), 1600, (96, 16)),
-        ((96, 64), 1, (8, 8)),  # never nothing
+        ((96, 64), 1, (8, 8)),  # at least one block of cells
     ],
 )
 def test_windows_are_as_square_as_they_can_be(
@@ -87,7 +89,7 @@ def test_a_cut_batch_has_the_voxels_of_its_windows() -> None:
     rows, columns = view.sides
     parts = torch.stack([whole[0, :, :rows, :columns], whole[1, :, -rows:, -columns:]])
     assert parts.any(dim=(1, 2, 3)).all()
-    # Moving may carry a point over a voxel's side by rounding; not here.
+    # Moving a point can change its voxel because of rounding. This does not occur here.
     torch.testing.assert_close(voxels.to_dense(), parts, atol=1e-5, rtol=0)
 
 
@@ -102,7 +104,8 @@ def test_a_window_over_the_whole_area_changes_nothing(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["pointpillars", "centerpoint-pillar", "pv-rcnn"])
 def test_the_loss_of_a_vehicle_is_the_same_in_a_window(name: str) -> None:
-    """A car far from the window's rim: what its cells lose does not depend on the window."""
+    """The car is far from the border of the window. The loss of its cells does not depend on the
+    window."""
     area = Area((-100.0, -80.0, SITE.area.low[2]), (100.0, 80.0, SITE.area.high[2]))
     network = network_of(name, Site(area, FLOOR_Z)).eval()
     car = np.array([[20.0, 0.3, FLOOR_Z + 0.8, 4.3, 1.85, 1.6, 0.1]])
@@ -110,7 +113,7 @@ def test_the_loss_of_a_vehicle_is_the_same_in_a_window(name: str) -> None:
     whole = network.losses(batch)
     part = network.losses(looking_at(batch, 80.0 * 80, (20.0, 0.3)))
     torch.testing.assert_close(part["box"], whole["box"], atol=1e-4, rtol=1e-4)
-    everywhere = next(iter(whole))  # score or heat: of all cells, of which a window has fewer
+    everywhere = next(iter(whole))  # scores or heat of all cells; a window has fewer cells
     assert part[everywhere] < whole[everywhere]
 
 

@@ -20,8 +20,8 @@ CLASSES = ("Vehicle", "Pedestrian", "Cyclist")
 class Read:
     points: np.ndarray  # (n, 4)
     names: list[str]
-    boxes: np.ndarray  # (k, 7), centre
-    counts: list[int]  # points of each, where the format has them
+    boxes: np.ndarray  # (k, 7), x y z of the centre
+    counts: list[int]  # number of points of each box, if the format has it
 
 
 def listed(folder: Path, part: str) -> list[str]:
@@ -46,7 +46,7 @@ def openpcdet(folder: Path, name: str) -> Read:
 
 
 def openpcdet_config(folder: Path, model: str) -> dict[str, Any]:
-    """A model's file merged with the one it is based on, as `cfg_from_yaml_file` does."""
+    """Returns a model's configuration merged with its base file, as `cfg_from_yaml_file` does."""
     config = yaml.safe_load((folder / f"cfgs/custom_models/{model}.yaml").read_text())
     base = config["DATA_CONFIG"].pop("_BASE_CONFIG_")
     data = yaml.safe_load((folder / base).read_text())
@@ -55,7 +55,7 @@ def openpcdet_config(folder: Path, model: str) -> dict[str, Any]:
 
 
 def grid_of(config: dict[str, Any]) -> np.ndarray:
-    """Voxels along x y z; whole numbers."""
+    """Returns the number of voxels along x, y and z, which must be whole numbers."""
     area = np.array(config["DATA_CONFIG"]["POINT_CLOUD_RANGE"])
     (voxel,) = (
         step["VOXEL_SIZE"]
@@ -68,7 +68,7 @@ def grid_of(config: dict[str, Any]) -> np.ndarray:
 
 
 def mmdet3d(folder: Path, part: str) -> dict[str, Read]:
-    """The frames of an info file by name."""
+    """Returns the frames of an info file by name."""
     content = pickle.loads((folder / f"custom_infos_{part}.pkl").read_bytes())
     assert set(content) == {"metainfo", "data_list"}
     classes = content["metainfo"]["classes"]

@@ -1,4 +1,4 @@
-"""Small road networks and recordings for the tests of traffic, made by netconvert when asked."""
+"""Small road networks, made with netconvert, and recordings, for the tests of traffic."""
 
 from pathlib import Path
 
@@ -14,7 +14,8 @@ _ARMS = {"e": (1, 0), "n": (0, 1), "w": (-1, 0), "s": (0, -1)}
 
 
 def crossing(folder: Path, arm_m: float = ARM_M, rise_m: float = 0) -> Path:
-    """Four arms of two lanes each way that meet at signals; the eastern end lies higher."""
+    """Writes four arms with two lanes each way that meet at signals. The eastern end can be
+    higher."""
     ends = [
         f'<node id="{n}" x="{x * arm_m}" y="{y * arm_m}" z="{rise_m if n == "e" else 0}"/>'
         for n, (x, y) in _ARMS.items()
@@ -25,7 +26,7 @@ def crossing(folder: Path, arm_m: float = ARM_M, rise_m: float = 0) -> Path:
 
 
 def roundabout(folder: Path, radius_m: float = 18) -> Path:
-    """Four arms into a ring of one lane, which has the right of way."""
+    """Writes four arms that lead into a ring of one lane. The ring has the right of way."""
     ring, nodes, edges = list(_ARMS), [], []
     for n, (x, y) in _ARMS.items():
         nodes.append(f'<node id="{n}" x="{x * ARM_M}" y="{y * ARM_M}"/>')
@@ -40,7 +41,8 @@ def roundabout(folder: Path, radius_m: float = 18) -> Path:
 
 
 def closed(folder: Path) -> Path:
-    """A square of streets through the region, and one dead end beyond it: no two ends to join."""
+    """Writes a square of streets through the region, and one dead end outside of it. It has no two
+    ends that a trip could join."""
     corners = {
         "a": (-150, -20),
         "b": (250, -20),
@@ -74,13 +76,13 @@ def _converted(folder: Path, nodes: list[str], edges: list[str]) -> Path:
 
 
 def drive(seconds: float = 8, speed_m_s: float = 10, rate_hz: float = 10) -> FloatArray:
-    """t, x, y, heading (n, 4) of a straight drive along x."""
+    """Returns a straight drive along x: (n, 4) t, x, y, heading."""
     t = np.arange(round(seconds * rate_hz) + 1) / rate_hz
     return np.column_stack([t, speed_m_s * t, 0 * t, 0 * t])
 
 
 def csv(rows: FloatArray, name: str = "a", object_class: str = "Car") -> str:
-    """Lines of a CSV of boxes with those columns that are ours."""
+    """Returns the lines of a CSV file of boxes with the usual columns."""
     size = "4.5,1.9,1.5"
     return "".join(
         f"{t:.4f},{name},{object_class},{x:.4f},{y:.4f},0.75,{h:.6f},{size}\n"
@@ -92,7 +94,7 @@ HEADER = "t,id,class,x,y,z,heading,dx,dy,dz\n"
 
 
 def fcd(rows: FloatArray, kind: str = "passenger") -> str:
-    """SUMO's XML of one vehicle's front bumper; its angle is clockwise from north."""
+    """Returns SUMO's XML for the front bumper of one vehicle. Its angle is clockwise from north."""
     steps = [
         f'<timestep time="{t:.2f}"><vehicle id="a" x="{x:.4f}" y="{y:.4f}" '
         f'angle="{90 - np.degrees(h):.2f}" type="{kind}" speed="10"/></timestep>\n'

@@ -1,4 +1,4 @@
-"""Frames made up for the tests of the viewer."""
+"""Artificial frames for the tests of the viewer."""
 
 from typing import Any
 
@@ -11,7 +11,8 @@ SENSOR = WorldPose(0, 0, 6, 0)
 
 
 def view_frame(points: Any, *, frame: int = 0, **more: Any) -> ViewFrame:
-    """A frame of points (n, 3) of intensity 0.5, without vehicles unless `more` has them."""
+    """Returns a frame of points (n, 3) with intensity 0.5. It has vehicles only if `more` contains
+    them."""
     points = np.asarray(points, dtype=np.float32).reshape(-1, 3)
     standard: dict[str, Any] = {
         "frame": frame,
@@ -27,5 +28,5 @@ def view_frame(points: Any, *, frame: int = 0, **more: Any) -> ViewFrame:
 
 
 def blob(x: float, y: float, z: float = 0.0, count: int = 4000, seed: int = 0) -> Any:
-    """Points in a cube of 2 m around a place."""
+    """Returns random points in a cube with a side of 2 m around a position."""
     return np.random.default_rng(seed).uniform(-1, 1, (count, 3)) + np.array([x, y, z])
