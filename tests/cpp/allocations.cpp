@@ -9,7 +9,7 @@ thread_local int allocations_left = -1;
 
 }  // namespace infrasim::testing
 
-// In a file of its own, so that no compiler looks into a pair of them.
+// This is a separate file, so that no compiler can remove an allocation together with its release.
 
 void* operator new(std::size_t size) {
   int& left = infrasim::testing::allocations_left;

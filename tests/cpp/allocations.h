@@ -2,7 +2,8 @@
 
 namespace infrasim::testing {
 
-/// How many allocations of this thread succeed before each one fails; -1: none fails.
+/// Number of allocations of this thread that succeed before all further allocations fail; -1: none
+/// fails.
 extern thread_local int allocations_left;
 
 }  // namespace infrasim::testing

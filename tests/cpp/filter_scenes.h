@@ -21,11 +21,11 @@ struct Scene {
   std::vector<Box3d> buildings;
 };
 
-/// Points with their truth.
+/// Points with the objects to which they belong.
 struct LabelledCloud {
   std::vector<float> xyz;
   std::vector<int> object;           ///< index into vehicles; -1 ground, -2 building
-  std::vector<double> above_road_m;  ///< height over the road
+  std::vector<double> above_road_m;  ///< height above the road
   std::size_t size() const { return object.size(); }
 };
 
@@ -35,7 +35,7 @@ inline double range_to_profile(const Scene& scene, Vec3 u) {
     const auto [y0, z0] = scene.profile[i];
     const auto [y1, z1] = scene.profile[i + 1];
     const double slope = (z1 - z0) / (y1 - y0);
-    // On the strip z = z0 + slope (y - y0) + grade x.
+    // on the strip z = z0 + slope (y - y0) + grade x
     const double range = (z0 - slope * y0) / (u.z - slope * u.y - scene.grade * u.x);
     const double y = range * u.y;
     if (range > 0 && y >= y0 && y < y1) nearest = std::min(nearest, range);
@@ -89,7 +89,7 @@ inline Vec3 direction(double azimuth, double elevation) {
           std::sin(elevation)};
 }
 
-/// 128 lines evenly over -25..15 degrees, 0.2 degrees of azimuth.
+/// 128 evenly spaced lines from -25 to 15 degrees, with azimuth steps of 0.2 degrees.
 inline std::vector<Vec3> spinning_directions() {
   std::vector<Vec3> out;
   for (int a = 0; a < 1800; ++a)
@@ -98,7 +98,8 @@ inline std::vector<Vec3> spinning_directions() {
   return out;
 }
 
-/// A rosette over 70 x 70 degrees that never repeats: 24,000 rays a frame, looking 15 degrees down.
+/// A rosette over 70 x 70 degrees that never repeats. It has 24,000 rays per frame and looks 15
+/// degrees down.
 inline std::vector<Vec3> rosette_directions(std::int64_t frame) {
   std::vector<Vec3> out;
   for (int i = 0; i < 24000; ++i) {
@@ -111,7 +112,8 @@ inline std::vector<Vec3> rosette_directions(std::int64_t frame) {
   return out;
 }
 
-/// Vehicles of mixed sizes in lanes centred at `lanes_y`, moved on by `shift_m`; `spacing_m` apart.
+/// Vehicles of several sizes in lanes centred at `lanes_y`. They are `spacing_m` apart and shifted
+/// by `shift_m`.
 inline std::vector<Box3d> traffic(std::span<const double> lanes_y, double spacing_m, double shift_m,
                                   double grade = 0) {
   const double sizes[][3] = {{4.5, 1.8, 1.5}, {12, 2.5, 3.8},  {4.2, 1.7, 1.4}, {2.2, 0.8, 1.5},

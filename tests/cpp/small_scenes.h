@@ -24,7 +24,7 @@
 
 namespace infrasim::testing {
 
-/// A folder of its own, removed with the test.
+/// A folder that is removed at the end of the test.
 class TestFolder {
  public:
   TestFolder() {
@@ -53,7 +53,7 @@ inline std::filesystem::path configs() {
   return std::filesystem::path(INFRASIM_SOURCE_DIR) / "configs";
 }
 
-/// The message of the error that `action` must throw.
+/// Returns the message of the error that `action` must throw.
 template <class Error = ConfigError, class Action>
 std::string error_of(const Action& action) {
   try {
@@ -65,7 +65,8 @@ std::string error_of(const Action& action) {
   return "";
 }
 
-/// The message names the file, the line (and some column), then the key, then says what is allowed.
+/// Checks that a message names the file, the line (and a column) and the key, and contains the
+/// given words.
 inline void expect_message(const std::string& message, const std::filesystem::path& file, int line,
                            const std::string& key, const std::string& what) {
   const std::string start = file.string() + ":" + std::to_string(line) + ":";
@@ -74,7 +75,8 @@ inline void expect_message(const std::string& message, const std::filesystem::pa
   EXPECT_NE(message.find(what), std::string::npos) << message << "\n  must say " << what;
 }
 
-/// One lane each way along x, mount 6 m above the origin, no vehicles and nothing else.
+/// A scene with one lane each way along x and a mount 6 m above the origin. It has no vehicles and
+/// no other objects.
 inline SceneConfig empty_road() {
   SceneConfig scene;
   scene.name = "empty_road";
@@ -94,7 +96,7 @@ inline SceneConfig empty_road() {
   return scene;
 }
 
-/// The region around the scene's first mount.
+/// The evaluation region of the scene's first mount.
 inline EvaluationRegion region_of(const SceneConfig& scene) {
   return EvaluationRegion(build_site(scene), scene.mounts.begin()->second);
 }
@@ -112,7 +114,7 @@ inline ObjectState car_on_road(int id, double x, double y, double heading, doubl
   return {id, Class::kCar, {x, y, 0.75, 4.5, 1.9, 1.5, heading}, speed_m_s};
 }
 
-/// Each vehicle keeps its speed and heading.
+/// Trajectories of vehicles that each keep their speed and heading.
 inline Trajectories straight_on(const std::vector<ObjectState>& at_start, int frames) {
   Trajectories out;
   for (int k = 0; k <= frames; ++k) {
@@ -125,7 +127,8 @@ inline Trajectories straight_on(const std::vector<ObjectState>& at_start, int fr
   return out;
 }
 
-/// Spinning unit with evenly spaced channels, fired from the lowest; it begins straight ahead.
+/// A spinning unit with evenly spaced channels. The lowest channel fires first, and a turn begins
+/// straight ahead.
 inline PatternConfig spinning(int channels, double lower_deg, double upper_deg,
                               double azimuth_step_deg) {
   SpinningConfig s;
@@ -139,7 +142,7 @@ inline PatternConfig spinning(int channels, double lower_deg, double upper_deg,
   return pattern;
 }
 
-/// A LiDAR that keeps every hit up to 200 m, exactly where it is.
+/// A LiDAR that returns every hit up to 200 m, without range noise.
 inline LidarConfig plain_lidar(const std::string& name, const PatternConfig& pattern) {
   LidarConfig lidar;
   lidar.name = name;
@@ -154,7 +157,7 @@ inline Vec3 point(const PointCloud& cloud, std::size_t i) {
   return {cloud.xyz[3 * i], cloud.xyz[3 * i + 1], cloud.xyz[3 * i + 2]};
 }
 
-/// Distance of a point to the surface of a box.
+/// Distance from a point to the surface of a box.
 inline double distance_to_surface(const Box3d& box, Vec3 p) {
   const Vec2 d{p.x - box.x, p.y - box.y}, axis = heading_vector(box.heading);
   const Vec3 outside{std::abs(dot(axis, d)) - box.dx / 2, std::abs(cross(axis, d)) - box.dy / 2,

@@ -69,7 +69,8 @@ TEST(atomic_file, claimed_at_once_belongs_to_all_that_say_the_same) {
 
 TEST(atomic_file, leftovers_of_the_dead_go_and_those_of_others_stay) {
   const TestFolder folder;
-  const std::string dead = "." + host() + ".2147483646.0.tmp";  // beyond the system's process ids
+  // larger than any process id of the system
+  const std::string dead = "." + host() + ".2147483646.0.tmp";
   const std::string mine = "." + host() + "." + std::to_string(::getpid()) + ".0.tmp";
   for (const std::string& name :
        {".000001.bin" + dead, ".000001.bin" + mine, std::string(".a.other.2147483646.0.tmp"),

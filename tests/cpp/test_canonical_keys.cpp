@@ -22,7 +22,7 @@ struct Turning {
   std::optional<double> free_deg;
 };
 
-/// The same in a later version: a key has another name, and another came.
+/// The same struct in a later version: one key is renamed, and one key is new.
 struct LaterTurning {
   double cut_angle_deg = 180;
   bool dual_return = false;
@@ -74,7 +74,7 @@ constexpr std::array kRenamed{RenamedKey{".label", "name"},
 constexpr std::array kLater{config::LaterKey{"dual_return", "false"}};
 constexpr config::CanonicalKeys kTable{kRenamed, kLater};
 
-// A name that someone chose is no key, even if it is the name of one.
+// A name that the user has chosen is not a key, even if a key has the same name.
 const std::string kOld = R"(name: "a"
 spinning:
   seam_deg: 90
@@ -218,7 +218,7 @@ TEST(folder_identity, of_version_0_3_takes_no_lidar_whose_frames_have_changed_si
   const std::string then = "version: \"0.3.0\"\n", now = then + "frames_version: 3\n";
   for (const auto& entry : std::filesystem::directory_iterator(testing::configs() / "lidars")) {
     if (entry.path().extension() != ".yaml" || entry.path().stem() == "livox_mid_360")
-      continue;  // whose table is not shipped
+      continue;  // its table is not shipped
     for (const std::string& preset : preset_names(entry.path()))
       EXPECT_FALSE(refused(read_lidar(entry.path(), preset), 5000, then)) << entry.path();
   }

@@ -74,7 +74,7 @@ std::string replaced(std::string text, const std::string& part, const std::strin
   return text.replace(at, part.size(), by);
 }
 
-/// Line of the text that a comment `#!` marks.
+/// Number of the line that the comment `#!` marks.
 int marked_line(const std::string& text) {
   const auto mark = text.find("#!");
   if (mark == std::string::npos) throw std::logic_error("no line is marked");
@@ -82,7 +82,7 @@ int marked_line(const std::string& text) {
          static_cast<int>(std::count(text.begin(), text.begin() + static_cast<long>(mark), '\n'));
 }
 
-/// With `part` replaced, the scene is wrong on the line that ends in `#!`.
+/// Replaces `part`. The resulting error must name the line that ends in `#!`.
 void expect_scene_error(const std::string& part, const std::string& by, const std::string& key,
                         const std::string& what) {
   SCOPED_TRACE(by);
@@ -231,7 +231,7 @@ TEST(scene_file, ground_must_be_convex_and_counter_clockwise) {
   };
   expect("[[-200, -200], [200, -200], [0, 0], [-200, 200]]");
   expect("[[-200, 200], [200, 200], [200, -200], [-200, -200]]");
-  // A star of five lines turns left at every corner, and crosses itself.
+  // The star of five lines turns left at every corner and crosses itself.
   expect("[[100, 0], [-81, 59], [31, -95], [31, 95], [-81, -59]]");
 }
 
@@ -323,7 +323,7 @@ TEST(scene_file, has_a_mount_at_least) {
 
 // --- dump and load ----------------------------------------------------------------------------
 
-/// What the text of a scene reads back as.
+/// Dumps the scene of a text, and reads the dump again.
 std::string loaded_and_dumped(const std::string& text) {
   const TestFolder folder;
   return dump_scene(read_scene(folder.write("scene.yaml", text)));
@@ -357,7 +357,7 @@ TEST(dump, of_each_committed_lidar_and_preset_reads_back_to_the_same_lidar) {
       try {
         lidar = read_lidar(entry.path(), preset);
       } catch (const IoError&) {
-        continue;  // its table is the user's to fetch
+        continue;  // the user must download its table
       }
       const TestFolder folder;
       const std::string dumped = dump_lidar(lidar);
@@ -614,7 +614,7 @@ TEST(lidar_file, columns_per_turn_are_a_whole_number_or_a_fraction) {
                      "pattern.spinning.azimuth_step_deg", "got both or neither");
 }
 
-/// What reading channels from a file with this text says.
+/// Returns the message of reading channels from a file with this text.
 void expect_channels_error(const std::string& text, int line, const std::string& key,
                            const std::string& what) {
   SCOPED_TRACE(text);

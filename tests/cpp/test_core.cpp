@@ -31,8 +31,8 @@ TEST(error, escapes_what_a_terminal_would_obey_and_what_is_no_utf_8) {
   EXPECT_STREQ(IoError("Straße 5 € 🚗").what(), "Straße 5 € 🚗");
   EXPECT_EQ(printable(std::string("\0\n", 2)), "\\x00\\x0a");
   EXPECT_EQ(printable("\xc2\x9b"), "\\xc2\\x9b");           // a control character of Latin-1
-  EXPECT_EQ(printable("\xe0\x80\x80"), "\\xe0\\x80\\x80");  // longer than it needs to be
-  EXPECT_EQ(printable("\xed\xa0\x80"), "\\xed\\xa0\\x80");  // half of a pair of UTF-16
+  EXPECT_EQ(printable("\xe0\x80\x80"), "\\xe0\\x80\\x80");  // longer than necessary
+  EXPECT_EQ(printable("\xed\xa0\x80"), "\\xed\\xa0\\x80");  // half of a UTF-16 surrogate pair
   EXPECT_EQ(printable("\xf4\x90\x80\x80"), "\\xf4\\x90\\x80\\x80");
   EXPECT_EQ(printable("ab\xc3"), "ab\\xc3");
   EXPECT_EQ(printable(""), "");
@@ -45,7 +45,8 @@ TEST(fixed_text, is_what_printf_gives_in_the_c_locale) {
   for (int i = 0; i < 2000; ++i) {
     values.push_back(std::uniform_real_distribution<double>(-500, 500)(random));
     values.push_back(static_cast<float>(values.back()));
-    values.push_back(std::round(values.back() * 1e4) / 1e4 + 5e-5);  // a half in the last digit
+    // half a unit of the last digit
+    values.push_back(std::round(values.back() * 1e4) / 1e4 + 5e-5);
   }
   for (const double value : values)
     for (const int digits : {0, 4, 6}) {
@@ -133,7 +134,8 @@ TEST(footprints, overlap_does_not_depend_on_where_one_stands_or_looks) {
   EXPECT_LT(overlaps, 900);
 }
 
-// Chi-squared of n uniform draws in 100 bins; its 99.99 % point with 99 degrees of freedom is 161.
+// Chi-squared of n uniform samples in 100 bins. Its 99.99 % quantile with 99 degrees of freedom is
+// 161.
 double chi_squared(const std::vector<double>& draws) {
   std::array<int, 100> bins{};
   for (const double u : draws) ++bins.at(static_cast<std::size_t>(100 * u));

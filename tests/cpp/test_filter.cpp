@@ -23,8 +23,8 @@ constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr float kFloatInf = std::numeric_limits<float>::infinity();
 using Indices = std::vector<int>;
 
-/// Vehicle points 0.3 m over the road that are kept, and ground points that are removed, in
-/// percent.
+/// Percentages: kept vehicle points that are 0.3 m or more above the road, and removed ground
+/// points.
 struct Score {
   double vehicles_kept;
   double ground_removed;
@@ -57,7 +57,7 @@ Scene flat_road(double grade = 0) {
   return {{{-200, -6}, {200, -6}}, grade, traffic(kEightLanes, 18, 0, grade), {}};
 }
 
-/// A road on a bank 8 m high with slopes of 1:1.5, the LiDAR 3 m from its edge.
+/// A road on an embankment of 8 m height with slopes of 1:1.5. The LiDAR is 3 m from the edge.
 Scene bank() {
   return {{{-200, -14}, {-35, -14}, {-20, -6}, {3, -6}, {15, -14}, {200, -14}},
           0,
@@ -65,7 +65,7 @@ Scene bank() {
           {}};
 }
 
-/// 42 m wide, the LiDAR over its middle.
+/// A road of 42 m width. The LiDAR is above its middle.
 Scene wide_bank() {
   return {{{-200, -14}, {-37, -14}, {-21, -6}, {21, -6}, {37, -14}, {200, -14}},
           0,
@@ -73,7 +73,7 @@ Scene wide_bank() {
           {}};
 }
 
-/// 10.5 m wide with slopes of 1:3.
+/// A road of 10.5 m width with slopes of 1:3.
 Scene narrow_bank() {
   return {{{-200, -14}, {-32, -14}, {-8, -6}, {2.5, -6}, {26.5, -14}, {200, -14}},
           0,
@@ -191,7 +191,7 @@ TEST(ground, plane_filter_removes_only_one_plane_of_a_bank) {
     EXPECT_TRUE(cloud.object[i] != -1 || cloud.above_road_m[i] < -0.1) << "a point of the road";
 }
 
-/// A road 6 m below the LiDAR and a wider field beside it, whose plane has more points.
+/// A road 6 m below the LiDAR, and a wider field beside it. The plane of the field has more points.
 Scene road_and_field(double field_z) {
   return {
       {{-120, field_z}, {-5, field_z}, {-4, -6}, {4, -6}, {5, field_z}, {120, field_z}}, 0, {}, {}};
@@ -229,7 +229,8 @@ TEST(ground, morphological_filter_reaches_the_targets_on_roads_and_banks) {
 }
 
 TEST(ground, morphological_filter_removes_the_ground_of_a_pattern_without_rings) {
-  // A frame keeps 94 to 100 % of them: some are cut by the edge of the view.
+  // A frame keeps 94 to 100 % of the points, because the edge of the field of view cuts some
+  // vehicles.
   constexpr int kFrames = 10;
   Score mean{};
   for (int k = 0; k < kFrames; ++k) {
@@ -261,8 +262,8 @@ std::vector<Vec3> ahead() {
   return out;
 }
 
-/// Learns from frames in which the traffic (25 vehicles per km and lane) moves on, and filters one
-/// of later.
+/// Learns from frames with moving traffic of 25 vehicles per km and lane, and filters a later
+/// frame.
 template <class Directions>
 Score learn_and_filter(Scene scene, std::span<const double> lanes_y, int frames, double max_range_m,
                        Directions directions) {
@@ -328,7 +329,7 @@ TEST(background, what_appears_where_nothing_was_ever_seen_is_kept) {
             (Indices{0, 2}));
 }
 
-/// A model of few cells: one ring of ground.
+/// A model with few cells: one ring of ground.
 BackgroundModel coarse_model() {
   std::vector<std::vector<float>> frames(1);
   for (int i = 0; i < 360; ++i) {

@@ -18,7 +18,7 @@ namespace {
 
 using testing::allocations_left;
 
-/// A job that waits until it may go on.
+/// A job that waits until the test releases it.
 class Gate {
  public:
   void open() {
@@ -70,7 +70,8 @@ TEST(frame_writer, lets_no_more_jobs_wait_than_it_may) {
   writer.write([&] { gate.pass(); });
   for (int i = 0; i < 10; ++i)
     writer.write([&] { (std::this_thread::get_id() == caller ? here : there) += 1; });
-  EXPECT_GE(here, 7);  // the caller's own; one more may wait where the first is under way
+  // the jobs that the caller ran itself; one more job may wait while the first one runs
+  EXPECT_GE(here, 7);
   EXPECT_EQ(there, 0);
   gate.open();
   writer.finish();

@@ -38,7 +38,7 @@ ObjectRecord record(int id, const Box3d& box, int points) {
   return o;
 }
 
-/// A car 20 m ahead and 3 m to the left, on a road 6 m below.
+/// A car 20 m ahead and 3 m to the left. The road is 6 m below the sensor.
 ObjectRecord car_ahead(double heading) {
   return record(7, {20, 3, -5.25, 4.5, 1.9, 1.5, heading}, 42);
 }
@@ -98,7 +98,7 @@ TEST(label, rotation_y_is_minus_heading_minus_a_quarter_turn) {
 }
 
 TEST(label, alpha_is_the_rotation_seen_along_the_line_of_sight) {
-  // A car that drives straight away from the sensor shows its rear, wherever it is.
+  // A car that drives straight away from the sensor shows its rear at any position.
   for (const double azimuth : {0.0, 0.5, -1.0, 2.5}) {
     const ObjectRecord away =
         record(1, {20 * std::cos(azimuth), 20 * std::sin(azimuth), -5, 4, 2, 1.5, azimuth}, 1);
@@ -330,7 +330,7 @@ TEST(claim, of_a_text_in_pieces_is_that_of_the_whole) {
   };
   std::vector<std::string> lines;
   for (int i = 0; i < 90'000; ++i) lines.push_back("line " + std::to_string(100'000 + i) + "\n");
-  std::string whole;  // longer than what is written at a time
+  std::string whole;  // longer than one write
   for (const std::string& line : lines) whole += line;
   claim(lines);
   EXPECT_EQ(content(folder.path() / "long.csv"), whole);

@@ -35,17 +35,17 @@ Frame frame(const World& world, const LidarConfig& lidar, int k = 3) {
   return std::move(simulator.simulate(k, {true}).front());
 }
 
-/// Looks 0 to 20 degrees down, with columns 0.2 degrees apart.
+/// A LiDAR that looks 0 to 20 degrees down, with azimuth steps of 0.2 degrees.
 LidarConfig fine_lidar() { return plain_lidar("lidar", spinning(41, -20, 0, 0.2)); }
 
-/// Cars at 14 to 20 m/s ahead, behind and beside the mount.
+/// Cars with 14 to 20 m/s ahead of the mount, behind it and beside it.
 std::vector<ObjectState> cars_around() {
   return {car_on_road(1, 12, -1.8, 0, 20),  car_on_road(2, 25, -1.8, 0, 20),
           car_on_road(3, 18, 1.8, kPi, 15), car_on_road(4, -20, 1.8, kPi, 14),
           car_on_road(5, -14, -1.8, 0, 18), car_on_road(6, -2, -9, 0.4, 16)};
 }
 
-/// Firing times of the points on a vehicle, ascending.
+/// Firing times of the points on a vehicle, in increasing order.
 std::vector<double> times_of(const Frame& f, int id) {
   std::vector<double> times;
   for (std::size_t i = 0; i < f.cloud.size(); ++i)
@@ -54,7 +54,8 @@ std::vector<double> times_of(const Frame& f, int id) {
   return times;
 }
 
-/// How far a vehicle's points lie outside a box, at most, of those fired near a time.
+/// Largest distance of a vehicle's points outside a box, for the points that were fired near a
+/// time.
 double farthest_outside(const Frame& f, int id, const Box3d& box, double time_s, double within_s) {
   double farthest = 0;
   for (std::size_t i = 0; i < f.cloud.size(); ++i) {
@@ -96,20 +97,20 @@ TEST(cut, is_half_a_turn_of_the_slowest_unit_that_spins) {
   EXPECT_NEAR(cut_s(lidar), 0.05, 1e-12);
   lidar.units.front().pattern.spinning->rate_hz = 5;
   EXPECT_NEAR(cut_s(lidar), 0.1, 1e-12);
-  lidar.units.front().pattern.spinning->rate_hz = 20;  // two whole looks a frame are no cut
+  lidar.units.front().pattern.spinning->rate_hz = 20;  // two whole turns per frame are not a split
   EXPECT_NEAR(cut_s(lidar), 0.05, 1e-12);
   EXPECT_EQ(cut_s(read_lidar(configs() / "lidars/livox_avia.yaml", "paper")), kInf);
 }
 
 // --- where the label is -----------------------------------------------------------------------
 
-/// The box at the scan holds the vehicle's points up to what the sweep over it moves.
+/// The box at scan time contains the vehicle's points, except for the motion during the scan.
 void expect_enclosed(const Frame& f) {
   int vehicles = 0;
   for (const ObjectRecord& o : f.objects) {
     const std::vector<double> times = times_of(f, o.id);
     if (times.size() < 20 || times.back() - times.front() > 0.05)
-      continue;  // split by the cut angle
+      continue;  // the cut angle has split this vehicle
     const double sweep = std::max(times.back() - o.scan_time_s, o.scan_time_s - times.front());
     EXPECT_LT(farthest_outside(f, o.id, o.scan_box, kMiddle_s, 1), o.speed_m_s * sweep + 1e-3);
     EXPECT_GT(o.points_in_scan_box, 0.4 * o.points) << o.id;
@@ -162,7 +163,7 @@ TEST(label_at_the_scan, is_at_the_mean_time_of_the_returns_on_the_trajectory) {
 TEST(label_at_the_scan, turns_with_a_vehicle_that_turns) {
   World world = world_with(empty_road(), {car_on_road(1, 15, 0, 0)});
   Trajectories turning = *world.trajectories;
-  turning.rows[4][0].box.heading = 0.2;  // from 0 in frame 3
+  turning.rows[4][0].box.heading = 0.2;  // the heading is 0 in frame 3
   world.trajectories = std::make_shared<const Trajectories>(turning);
   const Frame f = frame(world, fine_lidar());
   const ObjectRecord& o = f.objects.at(0);
@@ -172,7 +173,7 @@ TEST(label_at_the_scan, turns_with_a_vehicle_that_turns) {
 }
 
 TEST(label_at_the_scan, of_a_vehicle_without_returns_is_that_of_mid_frame) {
-  // The second car is as long as the first one's shadow.
+  // The second car is as long as the shadow of the first car.
   LidarConfig lidar = fine_lidar();
   lidar.units.front().returns.max_range_m = 40;
   std::vector<ObjectState> cars{car_on_road(1, 12, -1.8, 0, 20)};
@@ -188,8 +189,8 @@ TEST(label_at_the_scan, of_a_vehicle_without_returns_is_that_of_mid_frame) {
 }
 
 TEST(label_at_the_scan, of_a_vehicle_that_the_cut_angle_splits_is_that_of_its_larger_part) {
-  // Clockwise from straight ahead: what is right of the cut angle is seen first, what is left of it
-  // last.
+  // The sensor turns clockwise and begins straight ahead. Points to the right of the cut angle are
+  // scanned first, and points to its left last.
   for (const auto& [y, first] : {std::pair{-0.4, true}, {0.4, false}}) {
     SCOPED_TRACE(y);
     const Frame f = frame(world_with(empty_road(), {car_on_road(1, 15, y, 0, 20)}), fine_lidar());

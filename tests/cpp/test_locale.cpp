@@ -28,7 +28,7 @@ class DecimalComma : public std::numpunct<char> {
   std::string do_grouping() const override { return "\3"; }
 };
 
-/// A process whose numbers have a decimal comma, as Python may make it.
+/// Sets a locale with a decimal comma for the process, as Python may do.
 class CommaLocale {
  public:
   CommaLocale()
@@ -36,7 +36,7 @@ class CommaLocale {
             std::locale::global(std::locale(std::locale::classic(), new DecimalComma))) {
     const std::string from = std::string(INFRASIM_SOURCE_DIR) + "/tests/data/locale/";
     const std::string folder = folder_.path().string();
-    // It warns of the categories that the source does not have, and then ends with 1.
+    // The program warns of categories that are missing in the source, and then exits with 1.
     const std::string command = "localedef -c --no-archive -f " + from + "ascii -i " + from +
                                 "decimal_comma " + folder + "/comma 2> " + folder + "/log";
     if (std::system(command.c_str()) < 0) throw std::runtime_error("no shell");
@@ -65,7 +65,7 @@ std::string printed(double value) {
   return text.data();
 }
 
-/// All texts that the simulator writes, and its reading of them.
+/// Returns all texts that the simulator writes, and the values that it reads from them.
 std::vector<std::string> texts() {
   const testing::TestFolder folder;
   SceneConfig scene = testing::empty_road();

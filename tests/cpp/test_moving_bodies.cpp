@@ -47,7 +47,7 @@ TEST(body_index, finds_each_body_in_the_direction_of_each_of_its_points_at_any_t
     for (int i = 0; i < 150; ++i) {
       Box3d from{uniform(-80, 80), uniform(-80, 80), uniform(-8, 3),    uniform(1, 14),
                  uniform(0.5, 3),  uniform(1, 4),    uniform(-kPi, kPi)};
-      if (i == 0) from = {-30, 0, -5, 4, 2, 2, kPi};  // behind
+      if (i == 0) from = {-30, 0, -5, 4, 2, 2, kPi};  // behind the sensor
       if (i == 1) from = {0.3, 0.2, -5, 4, 2, 2, 1};  // below the sensor
       Box3d to = from;
       to.x += uniform(-4, 4);

@@ -18,13 +18,14 @@ std::vector<Overlap> overlaps(const Trajectories& trajectories) {
   return search.overlaps();
 }
 
-/// Of vehicles that stand still.
+/// Trajectories of vehicles that stand still.
 std::size_t pairs(const std::vector<ObjectState>& standing) {
   return overlaps(straight_on(standing, 0)).size();
 }
 
 TEST(overlaps, are_named_with_both_ids_the_time_and_the_place) {
-  // 4.5 m long, 20 m apart, at 10 m/s towards one that stands: they meet after 1.55 s.
+  // The first car is 4.5 m long and moves at 10 m/s towards a standing car 20 m away. They meet
+  // after 1.55 s.
   const auto result =
       overlaps(straight_on({car_on_road(7, 20, 3, kPi, 0), car_on_road(4, 0, 3, 0, 10)}, 40));
   ASSERT_EQ(result.size(), 1U);
@@ -36,7 +37,7 @@ TEST(overlaps, are_named_with_both_ids_the_time_and_the_place) {
 }
 
 TEST(overlaps, half_way_between_two_instants_are_found) {
-  // Two motorcycles at 30 m/s that cross at 1.05 s, and are apart at 1.0 and 1.1 s.
+  // Two motorcycles cross at 30 m/s. They overlap at 1.05 s, but not at 1.0 s and 1.1 s.
   ObjectState a = car_on_road(1, -31.5, 0, 0, 30), b = car_on_road(2, 0, -31.5, kPi / 2, 30);
   for (ObjectState* s : {&a, &b}) s->box.dx = 1, s->box.dy = 0.5;
   const auto result = overlaps(straight_on({a, b}, 20));
@@ -57,11 +58,12 @@ TEST(overlaps, are_not_those_that_touch) {
 }
 
 TEST(overlaps, of_turned_boxes_are_those_of_the_boxes_and_not_of_what_is_around_them) {
-  // The corner of a box turned by 45 degrees points at the other's side.
+  // The corner of a box that is turned by 45 degrees points at the side of the other box.
   const double corner = (4.5 / 2 + 1.9 / 2) / std::sqrt(2.0);
   EXPECT_EQ(pairs({car_on_road(1, 0, 0, kPi / 4), car_on_road(2, corner + 2.26, 0, 0)}), 0U);
   EXPECT_EQ(pairs({car_on_road(1, 0, 0, kPi / 4), car_on_road(2, corner + 2.0, 0.9, 0)}), 1U);
-  // Side by side along a diagonal: their bounds overlap, they do not.
+  // The boxes are side by side along a diagonal. Their bounding rectangles overlap, but the boxes
+  // do not.
   EXPECT_EQ(pairs({car_on_road(1, 0, 0, kPi / 4), car_on_road(2, -1.5, 1.5, kPi / 4)}), 0U);
 }
 

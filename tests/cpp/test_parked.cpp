@@ -15,14 +15,14 @@ using testing::configs;
 using testing::error_of;
 using testing::TestFolder;
 
-/// Five seconds of the curve with rows of parked vehicles.
+/// The curve for five seconds, with rows of parked vehicles.
 SceneConfig with_parked(const std::string& rows) {
   const std::vector<std::string> assignments{"duration_s=5", "traffic.warm_up_s=5",
                                              "parked=" + rows};
   return read_scene(configs() / "scenes/curve.yaml", assignments);
 }
 
-/// Both kerbs and a car park.
+/// Rows along both kerbs and in a car park.
 constexpr char kKerbs[] =
     "[{road: bend, offset_m: -8.6, to_m: 280, class_shares: {Car: 0.8, Van: 0.2}}, "
     "{road: bend, offset_m: 8.6, class_shares: {Car: 1}, occupied: 0.5}, "
@@ -63,7 +63,7 @@ TEST(parked, vehicles_are_a_draw_of_the_seed) {
 TEST(parked, vehicles_at_a_kerb_face_as_the_traffic_beside_them) {
   const SceneConfig scene = with_parked(kKerbs);
   for (const auto& [vehicle, place] : build_site(scene).parked) {
-    if (vehicle.box.x > -50) continue;  // the bend
+    if (vehicle.box.x > -50) continue;  // in the bend
     const double ahead = std::cos(vehicle.box.heading);
     const double y = vehicle.box.y;
     const double wanted = y > 12 ? 0 : (y < 0 ? 1 : -1);

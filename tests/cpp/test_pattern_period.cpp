@@ -40,7 +40,8 @@ PatternConfig five_directions() {
   return pattern;
 }
 
-/// The largest change of direction or time between the rays of two frames; they have as many.
+/// Largest change of direction or time between the rays of two frames, which have equally many
+/// rays.
 double difference(const LidarConfig& lidar, int frame, int other) {
   double most = 0;
   for (const LidarUnit& unit : lidar.units) {
@@ -104,7 +105,8 @@ TEST(period_warnings, are_none_where_no_other_step_shows_more) {
   EXPECT_TRUE(period_warnings(avia, 0, 5000, 27).empty());
   EXPECT_TRUE(period_warnings(avia, 0, 200, 25).empty());
   EXPECT_FALSE(period_warnings(avia, 7, 208, 25).empty());
-  EXPECT_TRUE(period_warnings(avia, 0, 190, 2).empty());  // it does not repeat in them
+  // the pattern does not repeat within these frames
+  EXPECT_TRUE(period_warnings(avia, 0, 190, 2).empty());
 }
 
 }  // namespace

@@ -25,7 +25,7 @@ SceneConfig with_people(const std::string& rows, const std::string& duration_s =
 
 People people_of(const SceneConfig& scene) { return {scene, centrelines(scene)}; }
 
-/// Walkers on one side, riders on the other.
+/// Pedestrians on one side of the road, and cyclists on the other side.
 constexpr char kBothSides[] =
     "[{road: bend, offset_m: -11, per_km: 60, class: Pedestrian, "
     "speed: {mean_km_h: 5, std_km_h: 1}}, "
@@ -37,7 +37,8 @@ bool is_person(const ObjectState& s) { return s.id >= kFirstPersonId; }
 TEST(people, go_both_ways_at_their_own_speeds_beside_the_road) {
   const SceneConfig scene = with_people(kBothSides);
   const std::vector<ObjectState> there = people_of(scene).at(0);
-  std::map<std::string_view, std::pair<int, double>> by_class;  // how many, sum of speeds
+  // number and sum of speeds, by class
+  std::map<std::string_view, std::pair<int, double>> by_class;
   int along = 0;
   const Curve line = centreline(scene.roads[0]);
   for (const ObjectState& s : there) {
@@ -94,7 +95,7 @@ TEST(people, come_and_go_at_the_ends_of_their_line_alone) {
 }
 
 TEST(people, share_no_place) {
-  // As dense, and as different in speed, as may be.
+  // The highest allowed density, and the largest allowed differences of speed.
   const std::string rows =
       "[{road: bend, offset_m: -11, per_km: 60, class: Pedestrian, "
       "speed: {mean_km_h: 5, std_km_h: 1.6}}, "

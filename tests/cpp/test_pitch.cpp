@@ -17,7 +17,7 @@ using testing::TestFolder;
 
 constexpr double kGrade = 0.06;
 
-/// Cars that drive up and down a grade along x, past the mount.
+/// Cars that drive up and down a grade along x and pass the mount.
 Trajectories on_a_grade(double speed_m_s, int frames) {
   std::vector<ObjectState> cars{car_on_road(1, -30, 4, 0, speed_m_s),
                                 car_on_road(2, 30, -4, kPi - 0.001, speed_m_s)};
@@ -39,7 +39,7 @@ World world_on_a_grade(double speed_m_s) {
   return world;
 }
 
-/// How far a point is outside of a box; 0 inside.
+/// Distance of a point from a box; 0 inside.
 double outside(const Box3d& box, Vec3 p) { return norm(p - BoxFrame(box).nearest(p)); }
 
 TEST(pitch, points_of_a_vehicle_on_a_grade_lie_in_its_own_box) {
@@ -62,7 +62,7 @@ TEST(pitch, points_of_a_vehicle_on_a_grade_lie_in_its_own_box) {
     }
     EXPECT_GT(points[0], 100);
     EXPECT_GT(points[1], 100);
-    EXPECT_GT(farthest_from_level, 0.05);  // the test can fail
+    EXPECT_GT(farthest_from_level, 0.05);  // shows that the test can fail
     ASSERT_TRUE(frame.pitched);
     for (const ObjectRecord& o : frame.objects) {
       EXPECT_NEAR(std::abs(o.box.pitch), std::atan(kGrade), 1e-12);
@@ -80,7 +80,7 @@ TEST(pitch, frozen_triangles_stand_where_rays_meet_them) {
   double highest = -kInf, lowest = kInf;
   for (std::size_t i = world.background.vertices.size(); i < mesh.vertices.size(); ++i) {
     const auto& v = mesh.vertices[i];
-    if (v[1] < 0) continue;  // of the other car
+    if (v[1] < 0) continue;  // point of the other car
     EXPECT_LE(outside(box, {v[0], v[1], v[2]}), 1e-4);
     const Vec3 local = BoxFrame(box).to_box({v[0], v[1], v[2]});
     highest = std::max(highest, local.z);

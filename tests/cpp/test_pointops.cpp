@@ -18,7 +18,7 @@ namespace {
 
 using Rows = std::vector<std::int64_t>;
 
-/// Points on a coarse grid, so that equal distances and equal points are frequent.
+/// Points on a coarse grid, so that many distances and points are equal.
 std::vector<float> points_on_a_grid(std::size_t n, unsigned seed) {
   std::mt19937 random(seed);
   std::vector<float> xyz(3 * n);
@@ -100,7 +100,7 @@ TEST(shifted_pairs, are_all_keys_that_differ_by_the_step) {
 }
 
 TEST(reached_voxels, are_those_whose_kernel_covers_a_voxel) {
-  // Along x only: a kernel of 3 with stride 2 and padding 1 over 6 voxels has 3 outputs.
+  // Only along x: a kernel of 3 with stride 2 and padding 1 has 3 outputs for 6 voxels.
   const Reach reach{.shape = {1, 1, 6},
                     .kernel = {1, 1, 3},
                     .stride = {1, 1, 2},
@@ -108,8 +108,8 @@ TEST(reached_voxels, are_those_whose_kernel_covers_a_voxel) {
                     .target_shape = {1, 1, 3}};
   const Rows voxels{1, 0, 0, 1, 0, 0, 0, 5};
   const ReachedVoxels reached = reached_voxels(voxels, reach);
-  // x = 1 of batch 1 is at the right of output 0 and at the left of output 1; x = 5 of batch 0 is
-  // at the right of output 2, and at the left of none.
+  // In batch 1, x = 1 is at the right end of output 0 and at the left end of output 1. In batch 0,
+  // x = 5 is at the right end of output 2 and at the left end of no output.
   EXPECT_EQ(reached.keys, (Rows{2, 3, 4}));
   EXPECT_EQ(reached.pairs.counts, (Rows{1, 0, 2}));
   EXPECT_EQ(reached.pairs.inputs, (Rows{0, 0, 1}));
@@ -118,8 +118,8 @@ TEST(reached_voxels, are_those_whose_kernel_covers_a_voxel) {
 }
 
 TEST(pillar_map, is_the_convolution_of_the_highest_point_of_each_cell) {
-  // One input, the height: the canvas has the highest z of each cell, which is 3 at row 1, column 2
-  // and 5 at row 3, column 0. The kernel counts its taps.
+  // The only input is the height. The canvas has the highest z of each cell: 3 at row 1, column 2,
+  // and 5 at row 3, column 0. Each element of the kernel has another weight.
   const std::vector<float> points{2.2F, 1.5F, 3, 2.9F, 1.1F, 2, 0.5F, 3.5F, 5};
   const PillarGrid grid{.low_x = 0, .low_y = 0, .middle_z = 0, .side = 1, .rows = 4, .columns = 4};
   const std::vector<float> height{1}, none{0}, taps{1, 2, 3, 4, 5, 6, 7, 8, 9}, bias{-9.5F};
@@ -164,8 +164,8 @@ std::vector<double> all(const std::vector<std::vector<double>>& boxes) {
 }
 
 TEST(suppression, keeps_the_best_of_those_that_overlap) {
-  // The first and the second share 3/5, the second and the third 5/11, the first and the third
-  // 3/13.
+  // The IoU is 3/5 for the first and second box, 5/11 for the second and third, and 3/13 for the
+  // first and third.
   const auto boxes = all({car(0, 0, 0), car(1, 0, 0), car(2.5, 0, 0), car(50, 0, 0)});
   EXPECT_EQ(suppress(boxes, 0.5, 10), (Rows{0, 2, 3}));
   EXPECT_EQ(suppress(boxes, 0.61, 10), (Rows{0, 1, 2, 3}));
@@ -180,7 +180,7 @@ TEST(suppression, knows_equal_turned_and_touching_boxes) {
   EXPECT_EQ(suppress(all({car(3, 4, 0.3), car(3, 4, 0.3), car(3, 4, 0.3 + pi)}), 0.999, 10),
             Rows{0});
   EXPECT_EQ(suppress(all({car(3, 4, 0.3), car(3, 4, 0.3)}), 1, 10), (Rows{0, 1}));
-  // Crossing cars share 2 x 2 of 12 square metres.
+  // The crossing cars have 2 x 2 of 12 square metres in common.
   EXPECT_EQ(suppress(all({car(0, 0, 0), car(0, 0, pi / 2)}), 0.33, 10), Rows{0});
   EXPECT_EQ(suppress(all({car(0, 0, 0), car(0, 0, pi / 2)}), 0.34, 10), (Rows{0, 1}));
   const auto beside = all({car(0, 0, 0.3), car(4 * std::cos(0.3), 4 * std::sin(0.3), 0.3)});

@@ -50,7 +50,8 @@ TEST(profile, runs_straight_from_point_to_point_and_level_beyond) {
 
 TEST(profile, a_parabola_rounds_each_change_of_grade) {
   const Profile profile(crest());
-  EXPECT_NEAR(profile.rise({0, 0}), -0.10 * 60 / 8, 1e-9);  // change by length by eight
+  // change of grade times length, divided by eight
+  EXPECT_NEAR(profile.rise({0, 0}), -0.10 * 60 / 8, 1e-9);
   for (double x = -29; x <= 29; x += 1) {
     const double bend =
         profile.rise({x + 1, 0}) - 2 * profile.rise({x, 0}) + profile.rise({x - 1, 0});
@@ -65,7 +66,7 @@ TEST(profile, stations_run_along_the_heading_from_the_origin) {
   EXPECT_NEAR(profile.rise({-300, 70}), 6, 1e-9);
 }
 
-/// Sum of a class's areas in plan, and the farthest that a triangle is off the profile.
+/// Horizontal area of a class, and the largest deviation of a triangle from the profile.
 struct Draped {
   double area_m2 = 0;
   double off_m = 0;
@@ -99,7 +100,7 @@ TEST(profile, surfaces_are_cut_and_lie_on_it) {
     const Draped level = draped(plain(), material, base_m),
                  lifted = draped(crest(), material, base_m);
     EXPECT_NEAR(lifted.area_m2, level.area_m2, 1e-3 * level.area_m2);
-    EXPECT_LT(lifted.off_m, 0.0101);  // a centimetre, and what single precision rounds
+    EXPECT_LT(lifted.off_m, 0.0101);  // a centimetre plus rounding in single precision
   }
   EXPECT_LT(to_level(build_static_surface(build_site(crest())), {}).triangles.size(), 15000);
 }
@@ -168,7 +169,7 @@ TEST(profile, a_sensor_beside_a_vehicle_that_leans_is_not_in_it) {
   bus.box.dx = 12, bus.box.dz = 3, bus.box.z = 1.6;
   std::vector<ObjectState> states{bus};
   EXPECT_THROW(check_sensor_is_free(scene, states, 0), ConfigError);
-  states[0].box.pitch = std::atan(0.15);  // downhill: its nose is 0.7 m lower
+  states[0].box.pitch = std::atan(0.15);  // downhill: the nose is 0.7 m lower
   EXPECT_THROW(check_sensor_is_free(scene, states, 0), ConfigError);
   scene.mounts["pole"].z_m = 2.9;
   EXPECT_NO_THROW(check_sensor_is_free(scene, states, 0));
@@ -188,7 +189,7 @@ TEST(profile, neighbours_are_cut_alike_so_that_no_ray_falls_through) {
   int alone = 0;
   for (const auto& [side, count] : sides) alone += count == 1;
   for (const auto& [side, count] : sides) {
-    if (count != 1) continue;  // a side of one triangle alone is a part of the outline
+    if (count != 1) continue;  // an edge of only one triangle is part of the outline
     const auto& [a, b] = side;
     const Vec2 d{b[0] - a[0], b[1] - a[1]};
     double nearest = kInf;

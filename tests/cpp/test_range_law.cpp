@@ -22,7 +22,8 @@ TEST(range_law, of_one_published_range_goes_with_the_fourth_root_of_bright_targe
   const RangeLaw law = law_of(100, {});
   EXPECT_NEAR(law.range_m(0.1, 100), 100, 1e-9);
   EXPECT_NEAR(law.range_m(0.8, 100), 100 * std::pow(8, 0.25), 1e-9);
-  EXPECT_NEAR(law.range_m(0.025, 100), 50, 1e-9);  // dark targets: the detector's own noise
+  // for a dark target, the noise of the detector dominates
+  EXPECT_NEAR(law.range_m(0.025, 100), 50, 1e-9);
 }
 
 TEST(range_law, goes_with_the_square_root_of_reflectance_at_night) {
@@ -32,7 +33,8 @@ TEST(range_law, goes_with_the_square_root_of_reflectance_at_night) {
 }
 
 TEST(range_law, finds_the_balance_that_two_published_ranges_have) {
-  // At 80 % the noise is that of the sun over a balance of 400 klx: sqrt(8 x 100 / 400).
+  // At 80 %, sunlight determines the noise: sqrt(8 x 100 / 400), because the crossover is at 400
+  // klx.
   const double range_m = 100 * std::sqrt(8 / std::sqrt(2.0));
   const RangeLaw law = law_of(100, {{.range_m = range_m, .reflectance = 0.8}});
   EXPECT_NEAR(law.background_noise_crossover_klux, 400, 0.02 * 400);
@@ -54,15 +56,16 @@ TEST(range_law, takes_the_end_of_the_scale_for_a_range_that_it_must_reach) {
 TEST(range_law, says_which_range_it_misses_most) {
   const DetectionConfig one{.range_at_10_percent_m = 100, .further_ranges = {}};
   EXPECT_NEAR(worst_of_law(one, 1000).error(), 0, 1e-9);
-  // By day, range goes with the fourth root of reflectance at least: 150 m becomes 252 m at 80 %.
+  // By day, the range grows at least with the fourth root of the reflectance: 150 m become 252 m at
+  // 80 %.
   const DetectionConfig flat{.range_at_10_percent_m = 150,
                              .further_ranges = {{.range_m = 200, .reflectance = 0.8}}};
   const double off = std::pow(8, 0.25) * 150 / 200;
   EXPECT_NEAR(std::abs(worst_of_law(flat, 1000).error()), std::sqrt(off) - 1, 0.02);
-  EXPECT_NEAR(worst_of_law(flat, 200).error(), 0, 1e-9);  // the device's last range
+  EXPECT_NEAR(worst_of_law(flat, 200).error(), 0, 1e-9);  // equals the device's maximum range
 }
 
-/// The datasheet of a LiDAR of the catalogue; a table of rays that is the user's to fetch is empty.
+/// The datasheet of a LiDAR of the catalogue. A table of rays that a user must download is empty.
 LidarConfig datasheet(const std::filesystem::path& file) {
   const testing::TestFolder folder;
   std::filesystem::copy(file.parent_path(), folder.path(),

@@ -68,7 +68,7 @@ RayBatch ray_batch(const std::vector<Vec3>& directions, const std::vector<double
   return rays;
 }
 
-/// Rays all around, at elevations from low to high (rad), each at its own time.
+/// Rays in all azimuths, at elevations from low to high (rad), each with its own time.
 RayBatch random_rays(std::mt19937& random, int n, double low = -0.5, double high = 0.1) {
   std::uniform_real_distribution<double> uniform(0, 1);
   std::vector<Vec3> directions;
@@ -93,7 +93,7 @@ HitBatch cast(Raycaster& raycaster, const RayBatch& rays) {
   return hits;
 }
 
-/// What a scene of one background and some bodies gives one ray.
+/// Casts one ray at a scene of one background and some bodies.
 struct Shot {
   float range, cos_incidence;
   int object, class_id;
@@ -120,7 +120,7 @@ struct OracleHit {
   int object = -1;
 };
 
-/// Moeller and Trumbore 1997.
+/// Intersection of a ray and a triangle (Moeller and Trumbore 1997).
 double range_to_triangle(Vec3 d, Vec3 a, Vec3 b, Vec3 c) {
   const auto cross3 = [](Vec3 p, Vec3 q) {
     return Vec3{p.y * q.z - p.z * q.y, p.z * q.x - p.x * q.z, p.x * q.y - p.y * q.x};
@@ -162,7 +162,7 @@ bool agree(const OracleHit& truth, double range, int object) {
   return truth.object == object && std::abs(truth.range - range) <= 1e-3;
 }
 
-/// True if the ray passes an edge: a turn by 1e-5 rad makes the hit the one that was found.
+/// True if the ray passes an edge: after a rotation by 1e-5 rad, the hits agree.
 bool grazes(const OracleWorld& world, Vec3 d, double u, double range, int object) {
   for (const Vec3 shift : {Vec3{1e-5, 0, 0}, Vec3{-1e-5, 0, 0}, Vec3{0, 1e-5, 0}, Vec3{0, -1e-5, 0},
                            Vec3{0, 0, 1e-5}, Vec3{0, 0, -1e-5}}) {
@@ -325,7 +325,8 @@ TEST(raycaster, a_body_that_comes_nearer_is_met_where_it_is_at_the_rays_time) {
 }
 
 TEST(raycaster, a_body_turns_the_short_way) {
-  // From 170 to -170 degrees it is along the ray at half time; the long way it would be across.
+  // The heading changes from 170 to -170 degrees. At half time the body is along the ray; on the
+  // longer way it would be across the ray.
   const MovingBody turning{0, {20, 0, 0, 6, 2, 2, rad(170)}, {20, 0, 0, 6, 2, 2, rad(-170)}};
   EXPECT_NEAR(shoot({}, {turning}, {1, 0, 0}, kPeriod / 2).range, 17, 1e-4);
 }
@@ -337,7 +338,7 @@ TEST(raycaster, incidence_is_the_cosine_to_the_surface) {
     const double wanted = front ? std::cos(rad(turn)) : std::abs(std::sin(rad(turn)));
     EXPECT_NEAR(shot.cos_incidence, wanted, 1e-4) << turn;
   }
-  // Down onto a roof of 2 m height whose centre is 6 m below.
+  // The ray looks down at a roof of 2 m height whose centre is 6 m below.
   const Vec3 down = direction(0, -rad(20));
   const Shot roof = shoot({}, {still({5 / std::tan(rad(20)), 0, -6, 9, 3, 2, 0.4})}, down);
   EXPECT_NEAR(roof.cos_incidence, std::sin(rad(20)), 1e-4);
@@ -345,7 +346,7 @@ TEST(raycaster, incidence_is_the_cosine_to_the_surface) {
 }
 
 TEST(raycaster, incidence_follows_a_body_that_turns) {
-  // 5 degrees a frame is faster than vehicles turn; the raycaster takes the heading at mid-frame.
+  // 5 degrees per frame is faster than vehicles turn. The raycaster uses the heading at mid-frame.
   const MovingBody turning{0, {20, 0, 0, 8, 6, 2, rad(30)}, {20, 0, 0, 8, 6, 2, rad(35)}};
   for (const double u : {0.0, 0.5, 1.0})
     EXPECT_NEAR(shoot({}, {turning}, {1, 0, 0}, u * kPeriod).cos_incidence,
@@ -371,7 +372,7 @@ TEST(raycaster, nothing_is_hit_above_the_horizon) {
   EXPECT_GT(above, 10000);
 }
 
-/// Corners of a prism's outline, one of them, where asked, exactly behind the sensor.
+/// Corners of a prism's outline. If requested, one of them is exactly behind the sensor.
 std::array<Vec2, 4> random_outline(std::mt19937& random, bool behind) {
   std::uniform_real_distribution<double> uniform(-1, 1);
   const double heading = kPi * uniform(random);
@@ -396,7 +397,8 @@ TEST(horizon, covers_all_whose_cone_reaches_into_a_view) {
     for (const ViewBounds& view : view_of(outline, 0, top)) horizon.add(view);
     for (const double half_deg : {0.0, 0.1, 1.0, 5.0})
       for (const Vec2& corner : outline) {
-        // A ray to a corner, from which the cone's axis is half its angle away, anywhere around it.
+        // A ray to a corner. The axis of the cone differs from the ray by half the cone's angle, in
+        // any direction.
         const double length = std::hypot(norm(corner), top), turn = kPi * uniform(random);
         const Vec3 ray{corner.x / length, corner.y / length, top / length};
         const Vec3 level_side{-corner.y / norm(corner), corner.x / norm(corner), 0};
@@ -410,7 +412,7 @@ TEST(horizon, covers_all_whose_cone_reaches_into_a_view) {
         level += covers(0) ? 0 : 1;
       }
   }
-  EXPECT_GT(level, 1000);  // of which the axis alone looks past
+  EXPECT_GT(level, 1000);  // for these cones, the axis alone passes the body
 }
 
 TEST(raycaster, a_wall_that_ends_at_180_degrees_is_seen_at_minus_180_degrees) {
@@ -486,7 +488,7 @@ TEST(raycaster, turning_scene_and_sensor_together_changes_no_range) {
   std::vector<Vec3> turned_rays;
   for (const Vec3& d : directions) turned_rays.push_back(turn * d);
   const auto before = ranges(world, directions), after = ranges(turned, turned_rays);
-  int changed = 0;  // rays along an edge may fall on its other side
+  int changed = 0;  // rays along an edge may be assigned to its other side
   for (std::size_t i = 0; i < before.size(); ++i)
     changed += before[i] != after[i] && !(std::abs(before[i] - after[i]) <= 1e-3F);
   EXPECT_LE(changed, 4);
@@ -532,7 +534,7 @@ TEST(visibility, is_lowered_by_other_bodies) {
 }
 
 TEST(visibility, is_that_at_the_middle_of_the_frame) {
-  // Behind the wall's edge at the start, before it at the end.
+  // The vehicle is behind the wall's edge at the start of the frame, and before it at the end.
   const MovingBody passing{0, {30, 2, 0, 4.5, 2, 1.5, 0}, {30, -2, 0, 4.5, 2, 1.5, 0}};
   EXPECT_NEAR(visibility(wall(20, 0, 20), {passing}), 0.5, 0.1);
 }

@@ -30,7 +30,7 @@ EchoBatch echoes_at(double range, std::size_t n, float reflectance, float gain =
   return echoes;
 }
 
-/// The returns of many echoes alike.
+/// The returns of many equal echoes.
 ReturnBatch returns(const ReturnsConfig& config, double range, float reflectance = 0.1F,
                     const WeatherConfig& weather = {}, std::size_t n = kDraws) {
   const ReturnModel model(config, weather);
@@ -46,7 +46,7 @@ double kept(const ReturnsConfig& config, double range, float reflectance = 0.1F,
   return static_cast<double>(returns(config, range, reflectance, weather).ray.size()) / kDraws;
 }
 
-/// Five standard deviations of a share of all draws.
+/// Five standard deviations of a share of all samples.
 double bound(double share) { return 5 * std::sqrt(share * (1 - share) / kDraws) + 1e-9; }
 
 struct Moments {
@@ -81,7 +81,8 @@ TEST(returns, of_every_hit_within_the_limits_are_kept_as_they_are) {
 TEST(drop_off, keeps_the_shares_of_carla) {
   ReturnsConfig config = returns_up_to(300);
   config.drop_off.emplace();
-  // 0.55 at random; of these all while exp(-0.004 d) > 0.8, that is to 55.8 m, then 0.5 I + 0.6.
+  // A share of 0.55 remains at random. Of these, all remain while exp(-0.004 d) > 0.8, that is up
+  // to 55.8 m; beyond, a share of 0.5 I + 0.6.
   for (const double range : {1.0, 30.0, 55.0, 57.0, 80.0, 100.0, 250.0}) {
     const double intensity = std::exp(-0.004 * range);
     const double wanted = 0.55 * (intensity > 0.8 ? 1 : 0.5 * intensity + 0.6);
@@ -134,7 +135,7 @@ TEST(detection, reaches_as_the_square_root_of_reflectance_at_night) {
 }
 
 TEST(detection, hears_the_sun_on_all_that_the_detector_looks_at) {
-  // A target of 10 % whose surroundings reflect 1.6 is drowned by four times the noise.
+  // The surroundings reflect 1.6 and quadruple the noise, so a target of 10 % is not detected.
   const ReturnModel model(detecting(100), {});
   const std::vector<float> bright(kDraws, 1.6F);
   ReturnBatch out;
@@ -183,7 +184,8 @@ TEST(detection, denser_fog_sees_less_far) {
 }
 
 TEST(detection, in_fog_is_weakened_by_koschmieders_law_both_ways) {
-  // At the visibility a contrast is 5 %, one way; the echo is weakened twice: by 400.
+  // At the visibility, the contrast is 5 % one way. The echo is weakened on both ways: by a factor
+  // of 400.
   WeatherConfig fog = kNight;
   fog.visibility_m = 100;
   EXPECT_NEAR(kept(detecting(100), 100, 40.F, fog), 0.5, bound(0.5));
@@ -213,7 +215,7 @@ TEST(range_noise, falls_with_the_root_of_the_signal_from_that_of_the_threshold) 
   for (const double snr : {0.7, 1.0, 2.0, 4.0, 100.0, 400.0}) {
     const double wanted = 0.02 / std::sqrt(2 * std::max(1.0, snr));
     const auto noisy = returns(config, 200, static_cast<float>(0.1 * snr), kNight).range;
-    // The sum of the last digits of a float at 200 m is 0.4 % of the least deviation here.
+    // The rounding of a float at 200 m is 0.4 % of the smallest standard deviation here.
     const double n = static_cast<double>(noisy.size());
     ASSERT_GT(n, 1000);
     EXPECT_NEAR(moments(noisy).deviation, wanted, wanted * (5 / std::sqrt(2 * n) + 0.01)) << snr;
@@ -267,7 +269,7 @@ TEST(draws, depend_on_seed_lidar_and_frame) {
 }
 
 TEST(draws, of_targets_that_can_not_be_seen_or_missed_change_nothing) {
-  // Margins of -17 to 17 and more, around those from which nothing is drawn.
+  // Margins from -17 to 17 and some larger ones. For the largest ones no random sample is used.
   ReturnsConfig config = returns_up_to(500);
   DetectionConfig& detection = config.detection.emplace();
   detection.range_at_10_percent_m = 100;
@@ -282,7 +284,7 @@ TEST(draws, of_targets_that_can_not_be_seen_or_missed_change_nothing) {
   std::vector<std::uint32_t> wanted;
   for (std::size_t i = 0; i < echoes.size(); ++i) {
     const double ratio = std::pow(100 / echoes.range[i], 2);
-    const double quantile = normal_quantile(rng.at(i).open_uniform(2));  // as kDetection
+    const double quantile = normal_quantile(rng.at(i).open_uniform(2));  // the sample kDetection
     if (quantile < 20 * (ratio - 1)) wanted.push_back(static_cast<std::uint32_t>(i));
   }
   EXPECT_EQ(out.ray, wanted);
@@ -290,7 +292,7 @@ TEST(draws, of_targets_that_can_not_be_seen_or_missed_change_nothing) {
 
 // --- warnings of weather ------------------------------------------------------------------------
 
-/// What a run in this weather warns of, with units that detect by power or do not.
+/// Warnings of a run in this weather, with units that detect by power or do not.
 std::vector<std::string> warnings_of(const WeatherConfig& weather,
                                      const std::vector<bool>& detecting) {
   LidarConfig lidar;

@@ -51,7 +51,7 @@ PatternConfig five_directions() {
   return pattern;
 }
 
-/// The same directions, fired at uneven times.
+/// The same directions with unevenly spaced times.
 PatternConfig five_directions_in_bursts() {
   PatternConfig pattern = five_directions();
   pattern.table->times_s = {0, 0.0001, 0.0001, 0.0032, 0.0041};
@@ -73,7 +73,7 @@ double elevation(const RayBatch& rays, std::size_t i) {
   return std::atan2(rays.dz[i], std::hypot(rays.dx[i], rays.dy[i]));
 }
 
-/// Every kind of pattern, each also with motors that have run for a while.
+/// Every kind of pattern, also with motors that have run for some time.
 struct Named {
   std::string name;
   ScanPattern pattern;
@@ -320,7 +320,7 @@ TEST(scan_pattern, fires_within_its_frame) {
       SCOPED_TRACE(name + " frame " + std::to_string(k));
       const RayBatch rays = rays_of(pattern, k);
       EXPECT_GE(*std::ranges::min_element(rays.time), -1e-6);
-      // The channels of the last column may fire when the frame is over.
+      // The channels of the last column may fire after the end of the frame.
       EXPECT_LT(*std::ranges::max_element(rays.time), 0.1 + 1 / pattern.groups_per_s());
     }
 }
@@ -360,13 +360,14 @@ TEST(scan_pattern, a_tile_is_4_columns_of_4_neighbouring_rings) {
 TEST(table_pattern, fires_at_the_times_of_its_rows_over_and_over) {
   const std::vector<double> times = five_directions_in_bursts().table->times_s;
   constexpr double kTable_s = 5 / 1003.0;
-  for (const double phase_s : {0.0, 0.0123}) {  // 12 rows ahead: two tables and two rows
+  // 12 rows ahead: two repetitions of the table and two rows
+  for (const double phase_s : {0.0, 0.0123}) {
     const ScanPattern pattern(five_directions_in_bursts(), phase_s, kLevel, 0);
     const std::int64_t ahead = phase_s > 0 ? 12 : 0;
     const double start_s = phase_s > 0 ? 2 * kTable_s + times[2] : 0;
     std::int64_t row = 0;
     for (int k = 0; k < 20; ++k) {
-      ASSERT_EQ(frame(pattern, k).first, row);  // of the frame before it
+      ASSERT_EQ(frame(pattern, k).first, row);  // of the previous frame
       const RayBatch rays = rays_of(pattern, k);
       for (std::size_t i = 0; i < rays.size(); ++i, ++row) {
         const std::int64_t at = row + ahead;
@@ -393,7 +394,7 @@ TEST(table_pattern, repeats_its_rows_while_time_goes_on) {
 
 TEST(field_of_view, is_that_of_a_whole_cycle) {
   PatternConfig slow = five_directions();
-  slow.table->rays_per_s = 0.5;  // 10 s
+  slow.table->rays_per_s = 0.5;  // a repetition takes 10 s
   const FieldOfView some = field_of_view(ScanPattern(five_directions(), 0, kLevel, 0));
   const FieldOfView all = field_of_view(ScanPattern(slow, 0, kLevel, 0));
   EXPECT_EQ(all.azimuth_max_deg, some.azimuth_max_deg);
@@ -411,7 +412,8 @@ TEST(field_of_view, of_a_spinning_unit_has_no_gap_between_columns) {
 
 // --- prisms -----------------------------------------------------------------------------------
 
-/// Shares and extent are those of the vendor's scan table, 4 s at 240,000 rays a second.
+/// The expected shares and the extent are those of the vendor's scan table: 4 s with 240,000 rays
+/// per second.
 TEST(avia_pattern, covers_the_vendors_field_of_view_as_densely) {
   const ScanPattern pattern(avia(), 0, kLevel, 0);
   RayBatch rays;
@@ -528,7 +530,7 @@ TEST(locked_motor, of_a_fraction_of_columns_moves_by_fractions_of_a_column) {
   std::vector<double> off;
   for (int k = 0; k < 5; ++k) off.push_back(-first_azimuth(config, k) / (360 * 4 / 8125.0));
   EXPECT_NEAR(off[0], 0, 1e-3);
-  EXPECT_NEAR(off[1], 0.75, 1e-3);  // the first column of the second turn begins at 2032
+  EXPECT_NEAR(off[1], 0.75, 1e-3);  // the first column of the second turn is column 2032
   EXPECT_NEAR(off[2], 0.5, 1e-3);
   EXPECT_NEAR(off[3], 0.25, 1e-3);
   EXPECT_NEAR(off[4], 0, 1e-3);

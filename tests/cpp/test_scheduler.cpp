@@ -36,7 +36,7 @@ std::vector<int> first_frames(int n) {
   return frames;
 }
 
-/// Even frames take longer, so that results are ready out of order.
+/// Even frames take longer, so that results are ready in another order.
 int slowly(FrameSimulator&, int k) {
   std::this_thread::sleep_for(std::chrono::milliseconds(k % 2 == 0 ? 3 : 0));
   return 10 * k;
@@ -62,7 +62,7 @@ TEST(scheduler, starts_no_more_threads_than_frames) {
   EXPECT_EQ(scheduler.threads(), 2);
 }
 
-/// While it lives, the process can't have the memory of one more thread's stack.
+/// While this object exists, the process can't allocate the stack of another thread.
 class NoRoomForStacks {
  public:
   NoRoomForStacks() {
@@ -85,7 +85,7 @@ TEST(scheduler, does_without_threads_that_can_not_be_started) {
 #ifdef __SANITIZE_ADDRESS__
   GTEST_SKIP() << "the sanitizer needs the memory";
 #endif
-  constexpr int kThreads = 32;  // more than stacks that the C library keeps
+  constexpr int kThreads = 32;  // more threads than the number of stacks that the C library keeps
   const std::vector<int> frames = first_frames(kThreads);
   world();
   std::optional<Numbers> scheduler;

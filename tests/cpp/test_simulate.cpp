@@ -35,7 +35,7 @@ using testing::point;
 using testing::spinning;
 using testing::straight_on;
 
-/// A scene with these vehicles instead of its traffic.
+/// A scene with these vehicles in place of its traffic.
 World world_with(const SceneConfig& scene, const std::vector<ObjectState>& at_start,
                  int frames = 10) {
   World world = build_world(scene);
@@ -48,7 +48,7 @@ Frame frame(const World& world, const LidarConfig& lidar, int k = 0) {
   return std::move(simulator.simulate(k, {true}).front());
 }
 
-/// Looks 0 to 20 degrees down, finely enough to hit a car often.
+/// A LiDAR that looks 0 to 20 degrees down, with enough rays to hit a car often.
 LidarConfig fine_lidar(const std::string& name = "lidar") {
   return plain_lidar(name, spinning(41, -20, 0, 0.5));
 }
@@ -61,7 +61,8 @@ LidarConfig drawing_lidar(const std::string& name) {
   return lidar;
 }
 
-/// Cars and a bus around the mount; levelled and world frame differ by the mount's pose.
+/// Cars and a bus around the mount. The levelled frame and the world frame differ by the mount's
+/// pose.
 std::vector<ObjectState> vehicles_around() {
   ObjectState bus = car_on_road(4, -30, 5.3, kPi, 12);
   bus.object_class = Class::kBus;
@@ -116,7 +117,7 @@ TEST(frame, boxes_are_those_of_the_world_seen_from_the_mount) {
   scene.mounts["pole"] = {.x_m = 10, .y_m = 5, .z_m = 6, .yaw_deg = 90};
   const Frame f = frame(world_with(scene, {car_on_road(1, 10, 25, rad(120), 5)}), fine_lidar());
   const ObjectRecord& o = f.objects.at(0);
-  EXPECT_NEAR(o.box.x, 20 + 0.25 * std::sin(rad(120)), 1e-9);  // mid-frame: 0.05 s on
+  EXPECT_NEAR(o.box.x, 20 + 0.25 * std::sin(rad(120)), 1e-9);  // mid-frame is 0.05 s later
   EXPECT_NEAR(o.box.y, -0.25 * std::cos(rad(120)), 1e-9);
   EXPECT_NEAR(o.box.z, 0.75 - 6, 1e-9);
   EXPECT_NEAR(o.box.heading, rad(30), 1e-9);
@@ -136,7 +137,7 @@ TEST(frame, that_the_scene_does_not_have_is_an_error) {
 
 // --- motion -----------------------------------------------------------------------------------
 
-/// The box of a vehicle at a point's own firing time.
+/// The box of a vehicle at the firing time of a point.
 Box3d box_at(const World& world, const PointCloud& cloud, std::size_t i, int k) {
   for (const MovingObject& o : world.trajectories->in_frame(k))
     if (o.id == cloud.object_id[i]) return world.level.to_level(o.at(cloud.time[i] / kFramePeriod));
@@ -179,12 +180,12 @@ TEST(slices, of_1_ms_put_points_within_1_ms_of_motion_of_the_exact_ones) {
     const auto same = exact_of_ray.find({approximate.cloud.ring[i], approximate.cloud.time[i]});
     if (same == exact_of_ray.end() || exact.cloud.object_id[same->second] != id) continue;
     ++compared;
-    // The cars ahead drive along the view, so a point moves no more than they do.
+    // The cars ahead drive along the view, so a point moves at most as far as its car.
     const bool ahead = id == 2 || id == 7;
     EXPECT_TRUE(!ahead || norm(point(exact.cloud, same->second) - p) < 20 * 0.001 + 1e-3);
   }
   EXPECT_GT(all, 300);
-  EXPECT_GT(compared, 0.98 * all);  // the others are at an outline
+  EXPECT_GT(compared, 0.98 * all);  // the other points are at an outline
 }
 
 TEST(slices, come_in_firing_order_with_every_ray_of_the_frame) {
@@ -251,13 +252,14 @@ TEST(frame, of_a_lidar_does_not_depend_on_the_other_lidars) {
 }
 
 TEST(frame, of_a_lidar_does_not_depend_on_another_that_sees_a_vehicle_come_into_reach) {
-  // Beyond the nearer LiDAR's 50 m at mid-frame, within them at its end.
+  // The car is beyond the 50 m of the first LiDAR at mid-frame, and within them at the end of the
+  // frame.
   SceneConfig scene = empty_road();
   scene.mounts["pole"].z_m = 1;
   const World world = world_with(scene, {car_on_road(1, 50 + 2.25 + 1.6, 0, kPi, 30)}, 1);
   LidarConfig near = plain_lidar("near", spinning(11, -0.5, 0.5, 0.1));
   near.units.front().returns.max_range_m = 50;
-  near.units.front().yaw_deg = -20;  // looks along x at the end of its turn
+  near.units.front().yaw_deg = -20;  // the LiDAR looks along x at the end of its turn
   LidarConfig far = near;
   far.name = "far";
   far.units.front().returns.max_range_m = 200;
@@ -306,12 +308,12 @@ TEST(frame, of_another_seed_draws_other_returns) {
 TEST(frame, visibility_is_a_share_within_the_region_and_unknown_outside) {
   SceneConfig scene = empty_road();
   scene.region_half_length_m = 40;
-  std::vector<ObjectState> vehicles = vehicles_around();  // the last one is at 60 m
+  std::vector<ObjectState> vehicles = vehicles_around();  // the last vehicle is at 60 m
   vehicles.push_back(car_on_road(9, 20, 12, 0));          // beside the road
   const Frame f = frame(world_with(scene, vehicles), fine_lidar());
   ASSERT_EQ(f.objects.size(), 6U);
   for (const ObjectRecord& o : f.objects) {
-    const bool outside = o.id == 4 || o.id == 7 || o.id == 9;  // the bus is off the road, too
+    const bool outside = o.id == 4 || o.id == 7 || o.id == 9;  // the bus is also off the road
     if (outside)
       EXPECT_EQ(o.visibility, -1) << o.id;
     else
@@ -323,7 +325,7 @@ TEST(frame, visibility_is_a_share_within_the_region_and_unknown_outside) {
 TEST(frame, every_vehicle_in_reach_is_listed_hit_or_not) {
   LidarConfig lidar = fine_lidar();
   lidar.units.front().returns.max_range_m = 40;
-  std::vector<ObjectState> vehicles = vehicles_around();  // the last one is at 60 m
+  std::vector<ObjectState> vehicles = vehicles_around();  // the last vehicle is at 60 m
   const Frame f = frame(world_with(empty_road(), vehicles), lidar);
   std::vector<int> ids;
   for (const ObjectRecord& o : f.objects) ids.push_back(o.id);
@@ -375,7 +377,7 @@ TEST(mount, that_leans_turns_the_beams_and_leaves_boxes_and_walls_upright) {
     const Box3d &a = leaning.objects[i].box, &b = level.objects[i].box;
     EXPECT_TRUE(a.x == b.x && a.y == b.y && a.z == b.z && a.heading == b.heading);
   }
-  // Every beam of the one line lies in a plane through the sensor, turned as the mount leans.
+  // All beams of the single line lie in a plane through the sensor, which is tilted like the mount.
   const Vec3 normal = rotation(0, rad(10), rad(4)) * Vec3{0, 0, 1};
   int on_wall = 0, on_road = 0;
   for (std::size_t i = 0; i < leaning.cloud.size(); ++i) {
@@ -407,7 +409,7 @@ TEST(mount, pitched_down_looks_at_the_ground_ahead) {
 
 // --- beams wider than a ray -------------------------------------------------------------------
 
-/// The road is 100 m aside, so that anything may stand around the mount.
+/// The road is 100 m away, so that objects can be anywhere around the mount.
 SceneConfig open_site() {
   SceneConfig scene = empty_road();
   scene.roads.front().start.y_m = -100;
@@ -431,7 +433,8 @@ TEST(beam, on_a_wall_is_at_the_walls_range) {
   ASSERT_GT(f.cloud.size(), 20U);
   for (std::size_t i = 0; i < f.cloud.size(); ++i) {
     const Vec3 p = point(f.cloud, i);
-    EXPECT_TRUE(std::abs(p.x - 20) < 0.01 || p.y < 5.1) << p.x;  // the front, or near its corner
+    // the front of the car, or a point near its corner
+    EXPECT_TRUE(std::abs(p.x - 20) < 0.01 || p.y < 5.1) << p.x;
   }
 }
 
@@ -441,12 +444,12 @@ TEST(beam, just_above_the_horizon_sees_what_stands_just_below_it) {
   wall.x_m = 25;
   wall.y_m = 20;
   wall.width_m = 30;
-  wall.height_m = 5.95;  // at 20 m, from 6 m: 0.14 degrees below the horizon
+  wall.height_m = 5.95;  // 0.14 degrees below the horizon: at 20 m, seen from a height of 6 m
   const Frame f = frame(world_with(scene, {}), beam_lidar(0.2, 2));  // from -0.8 to 1.2 degrees
   EXPECT_GT(f.cloud.size(), 20U);
 }
 
-/// The range that a beam of two sub-rays reports of what each of them hits.
+/// The range that a beam of two sub-rays reports, from the hits of both.
 float reported(const std::array<float, 2>& ranges, const std::array<float, 2>& reflectance,
                const EchoPath& path) {
   EchoBatch sub_echoes, echoes;
@@ -468,15 +471,15 @@ TEST(beam, reports_the_strongest_echo_beyond_the_blind_zone) {
 }
 
 TEST(beam, reports_the_echo_that_is_strongest_after_the_air) {
-  // Twice the range, nine times the reflectance: stronger unless air takes more than that of the
-  // longer way.
+  // At twice the range, nine times the reflectance is stronger, unless the air on the longer way
+  // absorbs more.
   EXPECT_FLOAT_EQ(reported({50, 100}, {0.1F, 0.9F}, {}), 100.0F);
   EXPECT_FLOAT_EQ(reported({50, 100}, {0.1F, 0.9F}, {.extinction_per_m = 0.001}), 100.0F);
   EXPECT_FLOAT_EQ(reported({50, 100}, {0.1F, 0.9F}, {.extinction_per_m = 0.01}), 50.0F);
 }
 
 TEST(beam, partly_in_the_blind_zone_sees_what_stands_beyond_it) {
-  // A pole nearby fills a part of the beam, a wall far away the rest.
+  // A pole nearby fills a part of the beam. A wall far away fills the rest.
   SceneConfig scene = open_site();
   BuildingConfig& pole = scene.buildings.emplace_back();
   pole.length_m = pole.width_m = 0.2;
@@ -517,8 +520,8 @@ TEST(beam, wide_and_flat_has_one_range_to_flat_ground_all_around) {
   }
 }
 
-/// Walls all around, higher than any beam looks and farther than any return: with them no ray can
-/// be left out.
+/// Walls all around, higher than any beam and farther than any return. They prevent that a ray is
+/// left out.
 void surround(SceneConfig& scene) {
   for (int i = 0; i < 8; ++i) {
     BuildingConfig& wall = scene.buildings.emplace_back();
@@ -535,7 +538,7 @@ TEST(beam, wide_sees_what_stands_beside_its_middle_whether_or_not_rays_are_left_
     for (const double elevation_deg : {2.0, 30.0, 60.0})
       for (const bool wide : {true, false}) {
         SceneConfig scene = open_site();
-        // From the side, 2.6 to 4 m from a line through the middle of the beam.
+        // The positions are 2.6 to 4 m beside a line through the middle of the beam.
         const double distance = 40 * std::cos(rad(elevation_deg)), side = wide ? 3.3 : 0;
         const Vec2 ahead = heading_vector(rad(azimuth_deg));
         BuildingConfig& tower = scene.buildings.emplace_back();
@@ -614,7 +617,8 @@ TEST(beam, straight_down_is_at_the_sensors_height) {
 
 // --- ties ---
 
-/// Rays at places around the bottoms of two cars and where they touch, many of them exactly there.
+/// Rays to positions around the bottoms of two cars and around their common face. Many positions
+/// are exactly on an edge.
 RayBatch rays_at_shared_edges(const World& world, const std::vector<ObjectState>& cars) {
   std::vector<Vec3> targets;
   for (const ObjectState& car : cars)
@@ -741,7 +745,7 @@ TEST(background_filter, is_the_same_object_in_all_threads) {
 }
 
 TEST(background_filter, draws_noise_of_its_own) {
-  // With the noise of the frames themselves the farthest of a cell's points would never be kept.
+  // With the noise of the same frames, the farthest point of a cell would never be kept.
   SceneConfig scene = empty_road();
   scene.ground.push_back(ground_at(-0.5));
   BackgroundFilter learning;

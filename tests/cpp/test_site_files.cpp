@@ -69,7 +69,7 @@ class SiteFiles : public ::testing::Test {
     return folder_.write(name, bytes);
   }
 
-  /// That of reading bytes as a .ply.
+  /// Returns the message of reading bytes as a .ply file.
   std::string ply_error(const std::string& bytes) const {
     return error_of([&] { read_ply(write("w.ply", bytes)); });
   }
@@ -180,10 +180,10 @@ TEST_F(SiteFiles, TheRegionOfLanesHasTheirHeightsAndEndsAroundTheFoot) {
   EXPECT_TRUE(region.contains({90, -3.7}, Class::kCar));
   EXPECT_FALSE(region.contains({90, -3.8}, Class::kCar));
   EXPECT_TRUE(region.contains({99.8, -2}, Class::kCar));
-  EXPECT_FALSE(region.contains({99.9, -2}, Class::kCar));  // 100 m from the foot
+  EXPECT_FALSE(region.contains({99.9, -2}, Class::kCar));  // the point is 100 m from the foot
   EXPECT_TRUE(region.contains({-90, 2}, Class::kCar));
   const std::string rows = region.roads_csv();
-  // A slope of 6 %, s with the traffic.
+  // The lane has a slope of 6 %, and s grows in the direction of the traffic.
   expect_within(rows, "up,0,0.0000,-2.0000,0.0000,0.000000,1.7500\n");
   expect_within(rows, "up,50,50.0000,-2.0000,3.0000,0.000000,1.7500\n");
   expect_within(rows, "up,99.8749,99.8749,-2.0000,5.9925,0.000000,1.7500\n");
@@ -219,10 +219,10 @@ TEST_F(SiteFiles, RegionsNarrowIt) {
       "[[-50, -10], [50, -10], [50, 0], [0, 0], [0, 9], [-50, 9]]}]\n";
   const EvaluationRegion region = testing::region_of(site(folder_, ell));
   EXPECT_TRUE(region.contains({-40, 2}, Class::kCar));
-  EXPECT_FALSE(region.contains({40, 2}, Class::kCar));  // where the outline is hollow
+  EXPECT_FALSE(region.contains({40, 2}, Class::kCar));  // in the hollow part of the outline
   EXPECT_TRUE(region.contains({40, -2}, Class::kCar));
   EXPECT_FALSE(region.contains({60, -2}, Class::kCar));
-  EXPECT_FALSE(region.contains({40, -9}, Class::kCar));  // off the lanes
+  EXPECT_FALSE(region.contains({40, -9}, Class::kCar));  // beside the lanes
   EXPECT_TRUE(region.regions_csv().starts_with("region,x,y\nell,-50,-10\nell,50,-10\n"));
   EXPECT_EQ(testing::region_of(site(folder_)).regions_csv(), "");
   const auto error = [&](const std::string& more) {
@@ -272,7 +272,7 @@ std::string standing_car() {
   return rows;
 }
 
-/// A square in the place of that of kSquare.
+/// A square that replaces the text of kSquare.
 std::string square(const std::string& corners) {
   return with("0 0 1 255\n2 0 1 255\n2 2 1 255\n0 2 1 255\n", corners);
 }
@@ -333,7 +333,7 @@ TEST_F(SiteFiles, NothingStandsOnALaneOfAFile) {
   const std::string house =
       "buildings: [{x_m: 50, y_m: -2, length_m: 5, width_m: 5, height_m: 9, base_m: ";
   expect_within(error_of([&] { checked_site(site(folder_, house + "0}]\n")); }), "on a lane");
-  EXPECT_NO_THROW(checked_site(site(folder_, house + "7.8}]\n")));  // 4.5 m over the lane
+  EXPECT_NO_THROW(checked_site(site(folder_, house + "7.8}]\n")));  // 4.5 m above the lane
   expect_within(
       error_of([&] { checked_site(site(folder_, "barriers: [{road: up, offset_m: 3}]\n")); }),
       "expected no name, as the scene has no roads, got unknown road 'up'");

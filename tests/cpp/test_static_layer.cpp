@@ -29,7 +29,8 @@ void expect_same(const Frame& a, const Frame& b) {
   }
 }
 
-/// Frames with the layer are those of casting all. @return points on vehicles
+/// Checks that the frames with the layer equal the frames with all rays cast. @return number of
+/// points on vehicles
 int expect_same_as_casting_all(const World& world, const LidarConfig& lidar) {
   SCOPED_TRACE(world.scene.name + ", " + lidar.name + ", " + lidar.preset);
   FrameSimulator layered(world, std::array{lidar}), all(world, std::array{lidar}, {});
@@ -142,7 +143,7 @@ TEST(static_layer, is_left_out_where_memory_is_not_enough) {
   EXPECT_EQ(make_static_layers(world, lidars)[0][0], nullptr);
   EXPECT_NE(error_of([&] { cast_static_layer(world, lidars[0]); }).find("bytes"),
             std::string::npos);
-  // Units of 96 MB each: two of them are within the limit, a third is not.
+  // Each unit has 96 MB. Two units are within the limit, and a third is not.
   LidarConfig bundle = in_columns("bundle", 8, {1'000'001, 10'000});
   bundle.units.resize(3, bundle.units[0]);
   const std::vector<ScannerUnit> scanners = make_scanner_units(world.scene, bundle);

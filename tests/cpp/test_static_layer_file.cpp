@@ -18,7 +18,7 @@ namespace {
 using namespace testing;
 
 constexpr std::size_t kHeader = std::string_view("infrasim-static-layer 2\n").size();
-constexpr std::size_t kUnits = kHeader + 7 * 8;  // where their number stands
+constexpr std::size_t kUnits = kHeader + 7 * 8;  // position of the number of units
 
 LidarConfig shipped(const std::string& name, const std::string& preset = "datasheet") {
   return read_lidar(configs() / "lidars" / (name + ".yaml"), preset);
@@ -30,7 +30,7 @@ World crossroad(const std::vector<std::string>& assignments, const std::string& 
   return build_world(read_scene(configs() / "scenes/crossroad.yaml", all, preset));
 }
 
-/// A world that takes what stands still for a LiDAR from a file.
+/// A world that reads the static layer of a LiDAR from a file.
 void give_layer(World& world, const LidarConfig& lidar, const std::vector<StaticHits>& units) {
   world.static_layers.emplace(
       lidar.name, static_layer_from_bytes(static_layer_to_bytes({}, units), "given.layer"));
@@ -61,7 +61,7 @@ TEST(static_layer_file, gives_the_frames_of_the_scene_it_was_cast_in) {
 }
 
 TEST(static_layer_file, stands_for_a_world_that_is_not_there) {
-  // Panes that rays pass and a background that is learnt meet what stands still, too.
+  // Rays behind panes, and a learnt background, use the layer too.
   const std::vector<std::string> whole{"filters=[{background: {frames: 3}}]", "vegetation=[]"};
   std::vector<std::string> bare = whole;
   bare.insert(bare.end(), {"ground=[]", "buildings=[]", "barriers=[]", "gantries=[]"});
@@ -98,7 +98,7 @@ TEST(static_layer_file, is_refused_for_lidars_that_it_is_not_of) {
   says(refused(twice), "units: expected 2, as");
 }
 
-/// A scene with a layer of it, or of a recording, on disk.
+/// A scene on disk with a layer of the scene or of a recording.
 class LayerOnDisk {
  public:
   explicit LayerOnDisk(bool recording) {
@@ -169,7 +169,7 @@ TEST(static_layer_file, is_refused_for_lidars_without_a_layer) {
             std::string::npos);
 }
 
-/// Two units of 2 groups of 3 rays, with a hit each.
+/// Two units with 2 groups of 3 rays. Each unit has one hit.
 std::vector<StaticHits> small_units() {
   StaticHits unit;
   unit.groups = 2;
@@ -233,7 +233,7 @@ TEST(static_layer_file, that_is_damaged_is_an_error_with_its_place) {
   EXPECT_NE(with(kUnits + 20, -1.0F).find("max_range_m: expected above 0"), std::string::npos);
 }
 
-/// A road without vehicles, a house beside it, level ground.
+/// A road without vehicles, a house beside it, and level ground.
 SceneConfig empty_site() {
   SceneConfig scene = empty_road();
   scene.duration_s = 4;
@@ -247,7 +247,7 @@ SceneConfig empty_site() {
   return scene;
 }
 
-/// A LiDAR whose far returns come back by chance and whose ranges are noisy.
+/// A LiDAR with range noise, whose far returns are detected with some probability.
 LidarConfig noisy_lidar() {
   PatternConfig pattern = spinning(16, -24, 3, 1);
   pattern.spinning->azimuth_step_deg.reset();
@@ -259,7 +259,7 @@ LidarConfig noisy_lidar() {
   return lidar;
 }
 
-/// Frames of a world as a recording on disk.
+/// Writes frames of a world as a recording.
 void record(const World& world, const LidarConfig& lidar, int frames,
             const std::filesystem::path& folder) {
   FrameSimulator simulator(world, std::array{lidar});
@@ -268,8 +268,8 @@ void record(const World& world, const LidarConfig& lidar, int frames,
     write_frame(folder, k, simulator.simulate(k, {true})[0], {.point_fields = true});
 }
 
-/// Rays of a recorded layer that agree with a cast one within three times the noise of a return,
-/// and rays that hit in the recording.
+/// Number of rays of a recorded layer that agree with a cast ray within three standard deviations
+/// of a return's noise, and number of rays with a hit in the recording.
 std::pair<int, int> agreement(const StaticHits& recorded, const StaticHits& cast) {
   int agree = 0, hits = 0;
   for (std::size_t i = 0; i < recorded.range_m.size(); ++i) {
@@ -301,12 +301,13 @@ TEST(recorded_layer, places_points_by_their_azimuth_and_finds_the_offset_of_the_
   const LidarConfig lidar = noisy_lidar();
   const World world = build_world(empty_site());
   LidarConfig turned =
-      lidar;  // another cut angle, a third of a column from the LiDAR's own columns
+      lidar;  // another cut angle, so that the columns are shifted by a third of a column
   turned.units[0].pattern.spinning->cut_angle_deg = 90 * 0.8 + 0.8 / 3;
   record(world, turned, 24, folder.path());
   const RecordedLayer layer = recorded_static_layer(world.scene, lidar, folder.path());
   EXPECT_NEAR(layer.azimuth_offsets_deg.at(0), 0.8 / 3, 0.001);
-  // A ray has what the recording saw a third of a column beside it, 90 columns of its turn later.
+  // Each ray has the recorded hit a third of a column beside it, which is 90 columns later in the
+  // turn.
   StaticHits cast = cast_static_layer(world, turned)[0];
   std::ranges::rotate(cast.range_m, cast.range_m.begin() + 90 * cast.group_size);
   const auto [agree, hits] = agreement(layer.units[0], cast);
@@ -351,7 +352,7 @@ TEST(recorded_layer, takes_vehicles_as_the_whole_scene_does) {
     }
   }
   EXPECT_GT(points, 1000);
-  EXPECT_GE(same, 0.999 * points);  // the road's own noise may hide the foot of a wheel
+  EXPECT_GE(same, 0.999 * points);  // the noise of the road may hide the lower end of a wheel
 }
 
 TEST(recorded_layer, is_not_lost_again) {

@@ -30,7 +30,7 @@ SceneConfig committed(const std::string& name, double duration_s) {
   return scene;
 }
 
-/// Rows of a committed scene over its whole 500 s.
+/// Trajectories of a shipped scene over its whole 500 s.
 class committed_traffic : public ::testing::TestWithParam<const char*> {
  protected:
   const SceneConfig scene = committed(GetParam(), 500);
@@ -47,7 +47,7 @@ double mean_speed(const std::vector<ObjectState>& row) {
   return sum / static_cast<double>(std::max<std::size_t>(1, row.size()));
 }
 
-/// Number of vehicles and mean speed over the rows in [from, to) seconds.
+/// Number of vehicles and their mean speed in the rows from `from` to `to` seconds, `to` excluded.
 struct Flow {
   double vehicles = 0;
   double speed_m_s = 0;
@@ -72,7 +72,7 @@ void expect_no_overlaps(const SceneConfig& scene) {
 
 TEST_P(committed_traffic, no_two_vehicles_are_in_one_place) { expect_no_overlaps(scene); }
 
-/// Footprints of the buildings and of the gantries' legs, which stand 0.5 m off the carriageway.
+/// Footprints of the buildings, and of the legs of gantries, which are 0.5 m off the carriageway.
 std::vector<std::array<Vec2, 4>> standing_footprints(const SceneConfig& scene) {
   std::vector<std::array<Vec2, 4>> out;
   for (const BuildingConfig& b : scene.buildings)
@@ -129,7 +129,7 @@ TEST_P(committed_traffic, never_drives_backwards_nor_faster_than_drivers_wish) {
     }
 }
 
-/// Calls check(before, after, seconds) for each vehicle and two rows that follow each other.
+/// Calls check(before, after, seconds) for each vehicle in each pair of consecutive rows.
 template <class Check>
 void for_each_step(const Trajectories& t, const Check& check) {
   for (int k = 0; k < t.frames(); ++k) {
@@ -146,7 +146,7 @@ TEST_P(committed_traffic, moves_as_far_as_its_speed_says) {
   for_each_step(trajectories, [&](const ObjectState& a, const ObjectState& b, double t) {
     const double moved = std::hypot(b.box.x - a.box.x, b.box.y - a.box.y) / kFramePeriod;
     const double stated = (a.speed_m_s + b.speed_m_s) / 2;
-    // A driver beside the lane's centre goes further or less far round a bend.
+    // The way of a driver beside the lane's centre is longer or shorter in a bend.
     if (std::abs(moved - stated) > 0.1 * stated + 0.05 && ++wrong <= 5)
       ADD_FAILURE() << "vehicle " << a.id << " at " << t << " s: " << moved << " m/s, said "
                     << stated << ", x " << a.box.x << ", y " << a.box.y;
@@ -244,7 +244,7 @@ TEST(crossroad, has_queues_before_its_signals) {
   EXPECT_LT(standing / all, 0.8);
 }
 
-// Seed 10: a truck of 6.7 m turned right into a bus that went straight on beside it, at 271 s.
+// With seed 10, a truck of 6.7 m turned right at 271 s into a bus that went straight on beside it.
 TEST(crossroad, no_turning_truck_swings_into_the_lane_beside_it) {
   SceneConfig scene = committed("crossroad", 280);
   scene.seed = 10;
@@ -255,12 +255,12 @@ SceneConfig committed_with(const std::string& name, const std::vector<std::strin
   return read_scene(configs() / "scenes" / (name + ".yaml"), assignments);
 }
 
-// Two buses side by side in the bend shared a place, at 460 s.
+// At 460 s, two buses side by side overlapped in the bend.
 TEST(traffic, long_vehicles_side_by_side_in_a_bend_stay_in_their_lanes) {
   expect_no_overlaps(committed_with("curve", {"traffic.class_shares={Bus: 1}"}));
 }
 
-// A truck of less than 6 m turned right into one that went straight on beside it, at 244 s.
+// At 244 s, a truck of less than 6 m turned right into a truck that went straight on beside it.
 TEST(crossroad, long_vehicles_turn_where_they_stay_in_their_lanes) {
   expect_no_overlaps(committed_with("crossroad", {"traffic.class_shares={Truck: 0.5, Bus: 0.5}"}));
 }
@@ -307,7 +307,7 @@ TEST(crossroad, has_vehicles_that_turn_left_and_right_and_go_straight_on) {
   EXPECT_GT(straight, left + right);
 }
 
-/// A road of two lanes each way along x, and one that ends on it from the south at an angle.
+/// A road along x with two lanes each way, and a road that ends on it from the south at an angle.
 SceneConfig t_junction(int lanes, double angle_deg) {
   SceneConfig scene = empty_road();
   scene.duration_s = 300;
@@ -328,7 +328,7 @@ SceneConfig t_junction(int lanes, double angle_deg) {
   return scene;
 }
 
-/// A ring where a road along x, of one lane each way, meets another.
+/// A ring at which a road along x with one lane each way meets another road.
 SceneConfig roundabout(double radius_m, double angle_deg, bool ends_there) {
   SceneConfig scene = t_junction(1, angle_deg);
   scene.roads[0].lanes.each_way = 1;
@@ -338,7 +338,7 @@ SceneConfig roundabout(double radius_m, double angle_deg, bool ends_there) {
   return scene;
 }
 
-/// From where to where vehicles went: w(est), e(ast), s(outh).
+/// Start and end of each vehicle's way: w(est), e(ast), s(outh).
 std::map<std::string, int> ways(const SceneConfig& scene) {
   const auto arm = [](const Box3d& box) { return box.y < -15 ? 's' : box.x < 0 ? 'w' : 'e'; };
   std::map<int, std::string> way;
@@ -381,7 +381,7 @@ void add_crossing(SceneConfig& scene, double x, bool with_ring) {
   scene.junctions.push_back(junction);
 }
 
-/// Vehicles that pass within 15 m of (x, 0).
+/// Number of vehicles that pass within 15 m of (x, 0).
 std::size_t passing(const Trajectories& trajectories, double x) {
   std::set<int> ids;
   for (const auto& row : trajectories.rows)
@@ -390,8 +390,8 @@ std::size_t passing(const Trajectories& trajectories, double x) {
   return ids.size();
 }
 
-/// Vehicles that pass a junction with signals and one with a roundabout, on average over the
-/// scene's junctions, 2 km from one to the next, and over three seeds.
+/// Number of vehicles that pass a junction with signals, and a junction with a roundabout. It is
+/// the mean over three seeds and over the junctions of the scene, which are 2 km apart.
 std::map<bool, double> flows(const std::vector<bool>& with_ring) {
   SceneConfig scene = empty_road();
   scene.roads.clear();
@@ -456,14 +456,15 @@ TEST(roundabout, is_looked_at_once_a_step_for_all_vehicles_of_an_approach) {
   };
   const std::size_t all = green();
   EXPECT_EQ(all, network.approach_junctions.size());
-  for (std::size_t i = 0; i < network.lanes.size(); ++i) {  // somebody on every way around
+  // vehicles are on all lanes around the junction
+  for (std::size_t i = 0; i < network.lanes.size(); ++i) {
     if (network.lanes[i].junction < 0) continue;
     Vehicle v;
     v.lane = v.last_lane = static_cast<int>(i);
     v.s = network.lanes[i].curve.length() / 2;
     state.lanes[i].push_back(v);
   }
-  EXPECT_EQ(green(), all);  // as at the begin of the step
+  EXPECT_EQ(green(), all);  // as at the beginning of the step
   signals.find_gaps(state);
   EXPECT_EQ(green(), 0U);
 }
@@ -471,7 +472,7 @@ TEST(roundabout, is_looked_at_once_a_step_for_all_vehicles_of_an_approach) {
 TEST(t_junction, is_also_where_a_road_begins_or_stops_short_of_the_middle) {
   SceneConfig scene = t_junction(1, 90);
   scene.roads[1].centreline[0].line_m =
-      195;  // its end is 5 m from the other's middle, on its lanes
+      195;  // the end of the road is 5 m from the middle of the other road, on its lanes
   EXPECT_GE(ways(scene)["sw"], 3);
   scene.roads[1].start = {0, 0, -90};
   scene.roads[1].centreline[0].line_m = 200;

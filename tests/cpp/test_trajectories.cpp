@@ -42,7 +42,7 @@ void expect_error(const std::string& rows, int line, const std::string& key,
   expect_message(error_of([&] { read_trajectories(file); }), file, line, key, what);
 }
 
-/// A car's row; everything but time, id and x is usual.
+/// The row of a car with usual values, except for time, id and x.
 std::string row(const std::string& t, int id, const std::string& x) {
   return t + "," + std::to_string(id) + ",Car," + x + ",2,0.75,0.1,4.5,1.9,1.5,10\n";
 }
@@ -101,7 +101,7 @@ TEST(trajectories, of_a_scene_without_anybody_are_a_header_that_fits_any_duratio
   EXPECT_EQ(build_world(scene).trajectories->frames(), 30);
 }
 
-/// The road rises, so that tables have the column of the pitch.
+/// The road rises, so the tables have a column for the pitch.
 SceneConfig with_profile(SceneConfig scene) {
   scene.profile.emplace();
   scene.profile->points_m = {{-150, -9}, {0, 0}, {150, -6}};
@@ -139,7 +139,7 @@ TEST(trajectories, of_any_scene_give_the_same_vehicles_and_people_from_their_fil
     scene.trajectories = folder.write("file.csv", text).string();
     scene.traffic.reset();
     scene.people.reset();
-    scene.profile.reset();  // what a file says is the world's own
+    scene.profile.reset();  // a file has world coordinates
     EXPECT_EQ(trajectories_csv(*build_world(scene).trajectories), text) << scene.seed;
   }
   EXPECT_GE(begin_or_end_empty, 4);
@@ -491,7 +491,7 @@ TEST(static_world, needs_no_trajectories_and_simulates_none) {
   SceneConfig scene = people_alone(1);
   scene.people->front().per_km = 300;
   scene.mounts["pole"] = {.x_m = -15, .y_m = 8, .z_m = 1};
-  const World world = build_static_world(scene);  // nobody hits the sensor
+  const World world = build_static_world(scene);  // no vehicle hits the sensor
   EXPECT_EQ(world.lazy_trajectories, nullptr);
   EXPECT_TRUE(world.trajectories->rows.empty());
   scene.traffic.reset();

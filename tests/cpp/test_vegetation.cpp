@@ -29,7 +29,7 @@ std::vector<std::uint32_t> in_order(std::size_t n) {
   return order;
 }
 
-/// The same ray n times.
+/// The same ray, n times.
 RayBatch rays_along(Vec3 d, std::size_t n) {
   RayBatch rays;
   rays.resize(n);
@@ -61,7 +61,8 @@ double share_stopped(const HitBatch& hits) {
 }
 
 constexpr std::size_t kRays = 40'000;
-constexpr double kWithin = 4 * 0.5 / 200;  // four standard deviations of a share of so many
+// four standard deviations of a share of this number of rays
+constexpr double kWithin = 4 * 0.5 / 200;
 
 // --- Beer-Lambert -----------------------------------------------------------------------------
 
@@ -99,7 +100,7 @@ TEST(vegetation, of_a_crown_is_an_ellipsoid) {
   const Volumes crown(crowns);
   EXPECT_NEAR(share_stopped(stopped(crown, rays_along({1, 0, 0}, kRays))), 1 - std::exp(-0.4 * 4),
               kWithin);
-  // At 1 m beside the middle of a circle of 2 m the chord has 2 sqrt(3) m.
+  // 1 m beside the middle of a circle of 2 m radius, the chord has a length of 2 sqrt(3) m.
   const double sine = 1.0 / 20;
   const Vec3 beside{std::sqrt(1 - sine * sine), sine, 0};
   EXPECT_NEAR(share_stopped(stopped(crown, rays_along(beside, kRays))),
@@ -136,7 +137,7 @@ TEST(vegetation, faces_rays_at_two_thirds_of_head_on) {
   EXPECT_NEAR(sum / kRays, 2.0 / 3, 4 * 0.24 / std::sqrt(static_cast<double>(kRays)));
 }
 
-/// Rays in all directions, and volumes among them.
+/// Rays in all directions, and volumes between them.
 struct Grove {
   RayBatch rays;
   std::vector<LeafVolume> volumes;
@@ -173,7 +174,7 @@ TEST(vegetation, is_found_whatever_the_order_of_the_rays) {
   volumes.stop(grove.rays, order, [&](std::uint32_t k) { return rng.at(k); }, shuffled);
   EXPECT_EQ(straight.range, shuffled.range);
   EXPECT_EQ(straight.cos_incidence, shuffled.cos_incidence);
-  // One by one, as no packet hides a volume from a ray.
+  // The rays are cast one by one, so that no packet hides a volume from a ray.
   HitBatch single = hits_at(100, grove.rays.size());
   for (const std::uint32_t k : order)
     volumes.stop(grove.rays, std::array{k}, [&](std::uint32_t i) { return rng.at(i); }, single);
@@ -182,7 +183,7 @@ TEST(vegetation, is_found_whatever_the_order_of_the_rays) {
 
 // --- frames -----------------------------------------------------------------------------------
 
-/// Detects everything up to 200 m.
+/// A LiDAR that detects everything up to 200 m.
 LidarConfig seeing_lidar(const std::string& name = "seeing") {
   LidarConfig lidar = plain_lidar(name, spinning(16, -15, 15, 1));
   lidar.units[0].returns.detection.emplace().range_at_10_percent_m = 2000;
@@ -218,7 +219,8 @@ TEST(vegetation, becomes_points_of_its_class_inside_it_that_move_from_frame_to_f
   SceneConfig scene = empty_road();
   scene.vegetation = {hedge_across(0)};
   const Frame first = frame_of(scene, seeing_lidar()), second = frame_of(scene, seeing_lidar(), 1);
-  const LeafVolume hedge = volume({0, 20, 4 - 6, 20.01, 4.01, 8.01, 0}, 1);  // levelled
+  // in the levelled frame
+  const LeafVolume hedge = volume({0, 20, 4 - 6, 20.01, 4.01, 8.01, 0}, 1);
   int points = 0;
   for (std::size_t i = 0; i < first.cloud.size(); ++i) {
     if (first.cloud.class_id[i] != kLeaves) continue;
@@ -233,7 +235,7 @@ TEST(vegetation, becomes_points_of_its_class_inside_it_that_move_from_frame_to_f
                                     return first.cloud.class_id[i] == kLeaves &&
                                            point(first.cloud, i).z > 0;
                                   }),
-            30);  // also above all that is solid
+            30);  // above all solid objects, too
   EXPECT_NE(first.cloud.xyz, second.cloud.xyz);
 }
 
@@ -318,7 +320,7 @@ TEST(vegetation, gives_a_lidar_the_same_points_alone_and_among_others) {
   const std::array both{seeing_lidar("other"), seeing_lidar()};
   const auto frames = FrameSimulator(world, both).simulate(2, {true, true});
   expect_equal(frames[1].cloud, frame_of(scene, seeing_lidar(), 2).cloud);
-  EXPECT_NE(frames[0].cloud.xyz, frames[1].cloud.xyz);  // draws are of the LiDAR
+  EXPECT_NE(frames[0].cloud.xyz, frames[1].cloud.xyz);  // random samples depend on the LiDAR
 }
 
 TEST(vegetation, is_met_by_beams_above_all_that_is_solid) {
@@ -335,7 +337,7 @@ TEST(vegetation, is_met_by_beams_above_all_that_is_solid) {
 
 TEST(vegetation, hides_vehicles_by_its_mean) {
   SceneConfig scene = empty_road();
-  scene.vegetation = {hedge_across(0, 2)};  // 2 m of a chance of 1 per metre
+  scene.vegetation = {hedge_across(0, 2)};  // 2 m with a probability of 1 per metre
   scene.vegetation[0].hedge->length_m = 100;
   const TestFolder folder;
   const auto visibility = [&](const SceneConfig& s) {
@@ -347,7 +349,7 @@ TEST(vegetation, hides_vehicles_by_its_mean) {
     return raycaster.visibility(0, world.leaves);
   };
   EXPECT_EQ(visibility(empty_road()), 1);
-  // Rays look down by some 8 degrees at most: up to a hundredth more way.
+  // Rays look down by 8 degrees at most, so their ways are up to 1 % longer.
   EXPECT_NEAR(visibility(scene), std::exp(-2.0), 0.01);
 }
 

@@ -54,7 +54,8 @@ TEST(vehicle_body, fills_its_box_and_touches_all_six_faces) {
 
 TEST(vehicle_body, is_closed) {
   for_each_body([](const TriangleMesh& mesh, Detail, const ObjectClass&) {
-    // Round each triangle, an edge is passed once; its neighbour passes it the other way.
+    // Each edge of a triangle has a direction. The neighbouring triangle has the same edge in the
+    // opposite direction.
     std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
     for (const auto& t : mesh.triangles)
       for (std::size_t i = 0; i < 3; ++i) ++edges[{t.at(i), t.at((i + 1) % 3)}];
@@ -65,7 +66,8 @@ TEST(vehicle_body, is_closed) {
   });
 }
 
-/// By the divergence theorem, as a share of the box; triangles are clockwise seen from outside.
+/// Volume as a share of the box, by the divergence theorem. Triangles are clockwise seen from
+/// outside.
 double volume(const TriangleMesh& mesh) {
   double sum = 0;
   for (const auto& t : mesh.triangles) {
@@ -96,7 +98,7 @@ TEST(vehicle_body, of_a_person_displaces_as_much_as_one_of_50_to_100_kg) {
   });
 }
 
-/// The share of a grid of rays along an axis (0: x, 1: y) that the body stops.
+/// The share of a grid of rays along an axis (0: x, 1: y) that meet the body.
 double silhouette(const TriangleMesh& mesh, std::size_t axis) {
   constexpr int kGrid = 60;
   int stopped = 0;
@@ -153,7 +155,7 @@ TEST(vehicle_body, has_about_as_many_triangles_as_its_detail_says) {
     const double ratio =
         static_cast<double>(mesh.triangles.size()) / kWanted.at(static_cast<std::size_t>(detail));
     EXPECT_GT(ratio, detail == Detail::kBox ? 0.999 : 0.4);
-    // A cyclist is of thirteen parts, none of which can have fewer than it needs to be seen as one.
+    // A cyclist has thirteen parts, and each part needs a minimum number of triangles.
     EXPECT_LT(ratio, detail == Detail::kBox ? 1.001 : row.id == Class::kCyclist ? 2.9 : 2.5);
   });
 }

@@ -30,7 +30,8 @@ constexpr VehicleParts only(bool VehicleParts::* part) {
 
 constexpr Vec3 kFront{1, 0, 0}, kLeft{0, 1, 0}, kUp{0, 0, 1};
 
-/// A place of a car of 4.5 x 1.9 x 1.5 m: metres along and left of its centre, and above the road.
+/// A hit on a car of 4.5 x 1.9 x 1.5 m: metres ahead of its centre, to the left of it, and above
+/// the road.
 BodyHit car_hit(double x, double y, double z, Vec3 normal) {
   return {Class::kCar, {4.5, 1.9, 1.5}, {x / 4.5, y / 1.9, z / 1.5 - 0.5}, normal};
 }
@@ -42,8 +43,9 @@ TEST(part, of_a_car_is_that_of_its_place) {
   EXPECT_EQ(part_at(car_hit(2.2, 0.1, 0.45, kFront), kAll), Part::kPlate);
   EXPECT_EQ(part_at(car_hit(2.2, 0.7, 0.6, kFront), kAll), Part::kLamp);
   EXPECT_EQ(part_at(car_hit(-2.2, 0.75, 0.8, kFront), kAll), Part::kLamp);
-  EXPECT_EQ(part_at(car_hit(0.3, 0.9, 0.7, kLeft), kAll), Part::kPaint);        // door
-  EXPECT_EQ(part_at(car_hit(0.2, 0.9, 1.1, kLeft), kAll), Part::kGlass);        // its window
+  EXPECT_EQ(part_at(car_hit(0.3, 0.9, 0.7, kLeft), kAll), Part::kPaint);  // door
+  // window of the door
+  EXPECT_EQ(part_at(car_hit(0.2, 0.9, 1.1, kLeft), kAll), Part::kGlass);
   EXPECT_EQ(part_at(car_hit(0.5, 0, 1.2, {.57, 0, .82}), kAll), Part::kGlass);  // windscreen
   EXPECT_EQ(part_at(car_hit(1.5, 0, 0.9, kUp), kAll), Part::kPaint);            // bonnet
   EXPECT_EQ(part_at(car_hit(0, 0, 1.5, kUp), kAll), Part::kPaint);              // roof
@@ -69,7 +71,7 @@ TEST(part, of_riders_and_pedestrians_is_one) {
       EXPECT_EQ(part_at({c, {2, .8, 1.6}, {0, .5, z}, kLeft}, kAll), Part::kPaint);
 }
 
-/// Share of a body's surface between two heights that is glass; roofs are left out.
+/// Share of glass on a body's surface between two heights, without the roof.
 double glass_share(Class object_class, Vec3 size_m, double from, double to) {
   const TriangleMesh mesh = build_vehicle_body(object_class, Detail::kLow);
   double glass = 0, all = 0;
@@ -101,7 +103,7 @@ TEST(part, some_seven_tenths_above_the_belt_line_are_glass) {
   EXPECT_NEAR(glass_share(Class::kCar, {4.53, 1.95, 1.57}, .58, 1), 0.7, 0.1);
   EXPECT_NEAR(glass_share(Class::kVan, {5.3, 2.05, 2.25}, .50, 1), 0.7, 0.1);
   EXPECT_NEAR(glass_share(Class::kBus, {10.5, 2.94, 3.47}, .50, 1), 0.6, 0.1);
-  EXPECT_LT(glass_share(Class::kTruck, {6.97, 2.7, 2.96}, .50, 1), 0.3);  // of its cab alone
+  EXPECT_LT(glass_share(Class::kTruck, {6.97, 2.7, 2.96}, .50, 1), 0.3);  // glass of the cab only
 }
 
 // --- how they send light back -------------------------------------------------------------------
@@ -116,7 +118,7 @@ TEST(optics, of_paint_without_a_coat_are_those_of_lambert) {
 }
 
 TEST(optics, of_clear_coat_lose_what_fresnel_says_on_both_ways) {
-  // R(n = 1.5): 4.00 % head on, 8.92 % at 60 degrees, 25.3 % at 75 degrees.
+  // R(n = 1.5) is 4.00 % at normal incidence, 8.92 % at 60 degrees and 25.3 % at 75 degrees.
   EXPECT_NEAR(sent_back(Part::kPaint, 1), 0.5, 1e-6);
   EXPECT_NEAR(sent_back(Part::kPaint, 0.5), 0.25 * std::pow(.9108 / .96, 2), 1e-4);
   const double c = std::cos(rad(75));
@@ -135,14 +137,14 @@ TEST(optics, of_plates_and_lamps_are_brighter_than_white_at_any_angle) {
 
 // --- what rays do -------------------------------------------------------------------------------
 
-/// Points of one frame by what they lie on: -1 road, else the vehicle.
+/// Points of one frame by what they lie on: -1 for the road, otherwise the vehicle.
 struct Seen {
   std::map<int, int> points;
-  double lowest_m = kInf;         ///< point of a vehicle above the road
+  double lowest_m = kInf;         ///< lowest point of a vehicle above the road
   std::vector<Vec3> of_vehicles;  ///< levelled frame
 };
 
-/// The vehicles stand in front of a sensor 6 m above the road that detects by power.
+/// Vehicles in front of a sensor that detects by power. The sensor is 6 m above the road.
 Seen seen(const std::vector<ObjectState>& vehicles, const VehicleParts& parts,
           double range_at_10_percent_m = 100, bool by_power = true) {
   SceneConfig scene = empty_road();
@@ -165,7 +167,7 @@ Seen seen(const std::vector<ObjectState>& vehicles, const VehicleParts& parts,
   return out;
 }
 
-/// A silver or white car: its paint is a matter of its id.
+/// A car with silver or white paint. The paint depends on the id.
 ObjectState car(int id, double x, double y = 0, double heading = kPi / 2) {
   return testing::car_on_road(id, x, y, heading);
 }
@@ -181,11 +183,11 @@ TEST(parts, gap_lets_rays_pass_on_to_the_road) {
   EXPECT_LT(without.lowest_m, 0.1);
   const int lost = without.points.at(1) - with.points.at(1);
   EXPECT_GT(lost, 50);
-  // All of them meet the road, or the wheels of the far side.
+  // All rays meet the road or the wheels on the far side.
   EXPECT_EQ(with.points.at(-1) - without.points.at(-1), lost);
 }
 
-/// A parked car 20 m aside of the road and the sensor, on terrain 5 cm below the road.
+/// A parked car 20 m beside the road and the sensor, on terrain 5 cm below the road.
 SceneConfig car_on_terrain() {
   SceneConfig scene = empty_road();
   scene.detail = Detail::kLow;
@@ -203,7 +205,7 @@ SceneConfig car_on_terrain() {
   return scene;
 }
 
-/// It detects by power, and its pattern repeats.
+/// A LiDAR that detects by power and has a repeating pattern.
 LidarConfig by_power() {
   PatternConfig pattern = spinning(161, -40, 0, 0.1);
   pattern.spinning->azimuth_step_deg.reset();
@@ -213,7 +215,7 @@ LidarConfig by_power() {
   return lidar;
 }
 
-/// Points below the only vehicle, which is parked, by class.
+/// Points by class below the only vehicle, which is parked.
 std::map<Class, int> below_parked(const World& world, const LidarConfig& lidar,
                                   const StaticLayers& layers) {
   FrameSimulator simulator(world, std::array{lidar}, layers);
@@ -285,7 +287,7 @@ TEST(parts, glass_takes_most_of_the_points_above_the_belt_line) {
 }
 
 TEST(parts, glass_shows_what_stands_behind_it) {
-  // Seen from nearby, the floor and the far side of the cabin; they lie inside of the box.
+  // Seen from nearby, rays hit the floor and the far side of the cabin, which are inside the box.
   const Seen s = seen({car(1, 8)}, only(&VehicleParts::glass), 400);
   int inside = 0;
   for (const Vec3& p : s.of_vehicles) {
@@ -303,7 +305,7 @@ TEST(parts, glass_in_the_blind_zone_does_not_hide_what_stands_behind_it) {
   scene.vehicle_parts = only(&VehicleParts::glass);
   World world = build_world(scene);
   world.trajectories = std::make_shared<const Trajectories>(
-      straight_on({car(1, 8)}, 10));  // its side windows are met head on
+      straight_on({car(1, 8)}, 10));  // rays meet its side windows at normal incidence
   const auto points = [&](double min_range_m) {
     LidarConfig lidar = plain_lidar("lidar", spinning(5, -0.5, 0.5, 0.1));
     lidar.units.front().returns.min_range_m = min_range_m;
@@ -322,14 +324,14 @@ TEST(parts, glass_in_the_blind_zone_does_not_hide_what_stands_behind_it) {
 }
 
 TEST(parts, reflectors_are_seen_where_paint_is_not) {
-  const std::vector cars{car(1, 60, 0, kPi)};  // its front ahead
+  const std::vector cars{car(1, 60, 0, kPi)};  // its front is ahead
   const Seen dim = seen(cars, kNone, 15), bright = seen(cars, only(&VehicleParts::reflectors), 15);
   EXPECT_EQ(dim.points.count(1), 0U);
   EXPECT_GT(bright.points.at(1), 3);
 }
 
 TEST(parts, move_with_the_vehicle) {
-  // Twice the same car, where it is seen at mid-frame; the one drives past meanwhile.
+  // The same car twice: standing at its position at mid-frame, and driving past.
   const auto run = [](double speed) {
     ObjectState moving = car(1, -20, -speed * 0.05);
     moving.speed_m_s = speed;

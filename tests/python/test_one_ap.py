@@ -30,7 +30,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     write_roads(top)
     frames = traffic(300, per_frame=4)
     predictions = write_predictions(top / "predictions", noisy(frames))
-    # one vehicle of three frames is hidden, and another one has no points
+    # the first car is hidden in every third frame, and has no points in another third
     for k, cars in enumerate(frames):
         cars[0] |= {"points": 0 if k % 3 else 9, "visibility": 0.0 if k % 3 == 1 else 1.0}
     # The id of a vehicle is its position in the list of a frame. These vehicles shift the

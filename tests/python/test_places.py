@@ -88,7 +88,8 @@ def test_seeds_are_paired_by_their_vehicles_whatever_the_folders_are_called(
                 frame[0] = {**frame[0], "dx": 4.0 + 0.1 * seed}
             evaluated(place / name, frames, each)
     difference = value(compare_places(places), places[1], places[0], "recall_percent")
-    seeds = [100 / 8, 100 / 10, 100 / 20]  # a vehicle in every 4th, 5th or 10th frame is missed
+    # differences of the missed shares: 1/4 - 1/8, 1/5 - 1/10 and 1/10 - 1/20
+    seeds = [100 / 8, 100 / 10, 100 / 20]
     assert difference.seeds == 3
     assert difference.frames == 3 * FRAMES
     assert difference.value == pytest.approx(sum(seeds) / 3, abs=0.01)

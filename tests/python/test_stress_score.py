@@ -79,7 +79,8 @@ def test_a_missed_far_vehicle_is_forgiven_there_alone(tmp_path: Path) -> None:
 
 
 def test_boxes_on_background_and_duplicates_are_forgiven_as_background(tmp_path: Path) -> None:
-    """Two false positives come before the true positive, so precision is 1/3."""
+    """The box on background comes before the first match, so AP is 50.
+    The last box is a duplicate."""
     background, twice = box(car(-50)), box(NEAR | {"x": 20.5})
     row = measured(tmp_path, [(background, 0.9), (box(NEAR), 0.8), (twice, 0.85)], [NEAR])
     assert row["background_per_frame"] == 1
