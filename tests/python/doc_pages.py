@@ -1,15 +1,15 @@
-"""Pages of the documentation, run: their commands in order, in one folder, at a small size.
+"""Runs the pages of the documentation: all commands of a page in order, in one folder.
 
-A fenced block is of one of these kinds:
-- `sh`: commands. `infrasim`, `pyinfra`, `python`, `cp` and `mkdir` run; `make` and
-  `scripts/setup.sh` need a target or group that exists; what needs a cluster or a GPU is parsed by
-  its own parser. Any other command is an error.
-- `python`: runs, all blocks of a page in one namespace. `yaml`: is YAML. With a file name behind
-  the language, the block is saved under it instead.
-- `text`: what a command prints, or how a folder looks.
+Fenced blocks have one of these kinds:
+- `sh`: commands. `infrasim`, `pyinfra`, `python`, `cp` and `mkdir` are run. For `make` and
+  `scripts/setup.sh`, the target or group must exist. A command that needs a cluster or a GPU is
+  only parsed by its own parser. Any other command is an error.
+- `python`: is run; all blocks of a page share one namespace. `yaml`: must be valid YAML. If a file
+  name follows the language, the block is saved as this file instead.
+- `text`: the output of a command, or the content of a folder.
 
-Configurations, frames and draws are made small before a command runs, so that a page can show what
-a user would type.
+Configurations are made smaller, with fewer frames and bootstrap replicates, before a command is
+run. Pages can therefore show the commands that a user would type.
 """
 
 import os

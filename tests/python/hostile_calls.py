@@ -1,9 +1,10 @@
-"""Calls all of `_core` with hostile arguments: python hostile_calls.py LOG SECONDS.
+"""Calls all of `_core` with invalid arguments: python hostile_calls.py LOG SECONDS.
 
-Arrays of wrong shapes, types, strides and places, numbers that are none or too large, files of
-random bytes. What is wrong raises one of REFUSED, and what is returned lies in its range. The test
-that starts this script sees whether it lived; LOG has the call that was the last one. What was
-called is printed: functions and members of classes, as core_members.py names them.
+Arguments are arrays with wrong shapes, types, strides and memory positions, numbers that are NaN or
+too large, and files of random bytes. An invalid call must raise one of REFUSED. A result must lie
+in its valid range. The script writes each call to LOG before it makes the call, so that the test
+that starts the script can report the last call if the process crashes. At the end it prints the
+called functions and members of classes, with the names of core_members.py.
 """
 
 import faulthandler

@@ -1,9 +1,9 @@
-"""Sites that cannot be, and the nearest ones that can, as changes of one town.
+"""Impossible sites, and the most similar possible sites, as changes of one town.
 
     .venv/bin/python tests/python/impossible_sites.py --out results/impossible_sites.csv
 
-writes what `infrasim check` says of each, with a minute of traffic for those that can be. Exit code
-1 if a verdict is wrong.
+This command writes the answer of `infrasim check` about each site. For possible sites, the check
+includes a minute of traffic. The exit code is 1 if a verdict is wrong.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""One of the processes of test_processes.py: learns with the others, and alone.
+"""One of the processes of test_processes.py. It trains together with the other processes, or alone.
 
     python learn_together.py FOLDER_OF_LIDAR OUT
 
-Writes OUT/RANK.pt, by detector and name: weights after one plain step, and what norms remember.
-With several processes also OUT/whole, a run, and OUT/killed, one that was stopped and went on.
+Writes OUT/RANK.pt with the weights and the statistics of the norms after one step of gradient
+descent, by detector and name. Several processes also write OUT/whole, an uninterrupted training,
+and OUT/killed, a training that was stopped and resumed.
 """
 
 import dataclasses

@@ -1,7 +1,8 @@
-"""A strict reader of nuScenes tables, from the public description of their schema.
+"""A strict reader of nuScenes tables, written from the public description of their schema.
 
-It stands for `nuscenes-devkit`, which wants NumPy below 2 and can't be installed beside the rest.
-Reading checks the keys and types of every row and every reference, prev and next included.
+It replaces `nuscenes-devkit`, which requires a NumPy below version 2 and therefore can't be
+installed with the other packages. The reader checks the keys and types of every row, and every
+reference, including prev and next.
 """
 
 import json

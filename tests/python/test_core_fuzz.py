@@ -1,7 +1,8 @@
-"""No call of the extension ends the process, whatever it is given: it returns or raises.
+"""Every call of the extension returns or raises; no arguments end the process.
 
-The calls are those of hostile_calls.py, in a process of their own, so that one that crashes fails
-the test. Always the same calls here; `make fuzz` makes others for FUZZ_SECONDS.
+The calls are those of hostile_calls.py. They run in another process, so that a crash fails the
+test. The calls are always the same, except in `make fuzz`, which makes other calls for
+FUZZ_SECONDS.
 """
 
 import math

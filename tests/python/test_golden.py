@@ -1,6 +1,6 @@
 """Small results that change only on purpose: a frame, resolved configurations, an AP table.
 
-To write them anew, with a line of history that says why: GOLDEN=write make test.
+`GOLDEN=write make test` writes them again. Add a line to the history that gives the reason.
 """
 
 import os
@@ -23,7 +23,6 @@ EVERY = 200  # every 200th point of a frame is kept
 # rays differ in the last digits, and `datasheet` compares a random sample with the power of a
 # return.
 LOST = 3
-# cast rays differ in the last digits, and `datasheet` draws a return against its power
 
 
 def golden(name: str, text: str) -> str:

@@ -1,9 +1,10 @@
-"""Whatever the bytes of a file are, its reader reads them or says what is wrong with which file.
+"""A reader reads a file of any bytes, or raises an error that names the file.
 
-Files of a made-up data set are damaged: bytes and lines are taken out, doubled, moved and replaced,
-also by words that numbers and YAML treat in ways of their own. What is read is what the reader
-promises; else there is an OSError, or a pyinfra.Error (FormatError and ConfigError are) that names
-the file. Always the same damages here; `make fuzz` tries others for FUZZ_SECONDS a reader.
+Files of an artificial data set are damaged: bytes and lines are removed, doubled, moved and
+replaced, also by words with a special meaning as numbers or in YAML. The result must have the
+documented form. Otherwise the reader raises an OSError, or a pyinfra.Error (such as FormatError or
+ConfigError) that names the file. The damages are always the same, except in `make fuzz`, which
+tries other damages for FUZZ_SECONDS per reader.
 """
 
 import os

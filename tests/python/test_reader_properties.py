@@ -1,8 +1,8 @@
-"""Clouds and labels as other programs write them are read as what they say.
+"""Clouds and labels that other programs write are read correctly.
 
-Files are generated with the freedom that their writers take: names in capitals, types, orders, line
-ends, blank lines, numbers of columns. Always the same here; `make fuzz` tries others for
-FUZZ_SECONDS a reader.
+The generated files vary as those of other programs do: field names in capitals, types, orders, line
+ends, blank lines and numbers of columns. The files are always the same, except in `make fuzz`,
+which tries other files for FUZZ_SECONDS per reader.
 """
 
 import math

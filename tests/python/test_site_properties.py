@@ -1,6 +1,7 @@
-"""Maps and floating car data that are generated with their truth are read as what they say.
+"""Maps and floating car data that are generated from known objects are read correctly.
 
-Always the same files here; `make fuzz` tries others for FUZZ_SECONDS a format.
+The files are always the same, except in `make fuzz`, which tries other files for FUZZ_SECONDS per
+format.
 """
 
 from __future__ import annotations

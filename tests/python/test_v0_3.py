@@ -1,7 +1,8 @@
 """A folder, a row of results and a checkpoint of version 0.3 are read, resumed and compared.
 
-tests/data/v0_3 is what 0.3.0 wrote. A release alone, or a key with another name, makes none of it
-"another": that hangs on the number of the frames and on the keys as 0.3 named them.
+Version 0.3.0 wrote the files in tests/data/v0_3. They remain valid after a new release and after a
+key is renamed, because their identity depends only on the version number of the frames and on the
+names of keys in 0.3.
 """
 
 import dataclasses

@@ -1,7 +1,7 @@
-"""Strict readers of what two toolboxes take, written from their public descriptions.
+"""Strict readers for the files of two toolboxes, written from their public descriptions.
 
-OpenPCDet: docs/CUSTOM_DATASET_TUTORIAL.md and the rules for ranges in it. MMDetection3D:
-docs/en/advanced_guides/customize_dataset.md; its LiDAR boxes stand on their bottom's middle.
+OpenPCDet: docs/CUSTOM_DATASET_TUTORIAL.md, with its rules for ranges. MMDetection3D:
+docs/en/advanced_guides/customize_dataset.md. The position of its LiDAR boxes is the bottom centre.
 """
 
 import pickle
