@@ -296,7 +296,7 @@ TEST(parts, glass_shows_what_stands_behind_it) {
     EXPECT_LT(std::abs(p.y), 2.25 + 1e-3);
     inside += std::abs(p.z + 6 - kSillHeight_m) < 1e-3 && std::abs(p.x - 8) < 0.8;
   }
-  EXPECT_GT(inside, 10);  // on the floor
+  EXPECT_GT(inside, 10);  // points on the floor of the cabin
 }
 
 TEST(parts, glass_in_the_blind_zone_does_not_hide_what_stands_behind_it) {

@@ -68,7 +68,7 @@ class FieldLister {
     if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T> || std::is_same_v<T, std::string>) {
       FieldWriter writer;
       writer.field("", value, "");
-      return writer.text().substr(2);  // after ": "
+      return writer.text().substr(2);  // the text after ": "
     } else {
       return "";
     }

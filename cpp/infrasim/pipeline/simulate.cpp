@@ -24,7 +24,7 @@ struct Lidar {
   /// minimum pause in an object's returns that counts as a split at the cut angle
   double cut_s = kInf;
   FrameBuilder builder;
-  std::size_t rays_cast = 0;  ///< in the current frame
+  std::size_t rays_cast = 0;  ///< number of rays cast in the current frame
 
   void start() {
     builder.start();

@@ -57,7 +57,7 @@ class StaticLayer {
   /// @param hits hits of this pattern
   StaticLayer(const ScanPattern& pattern, StaticHits hits);
 
-  std::int64_t groups() const { return hits_.groups; }  ///< of one period
+  std::int64_t groups() const { return hits_.groups; }  ///< number of groups in a period
 
   /// Returns the end of the longest run of groups that begins with `first` and lies in one period.
   /// The run consists of whole blocks of neighbouring rays, or it ends at `last`.

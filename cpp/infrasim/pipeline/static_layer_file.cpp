@@ -21,7 +21,7 @@ static_assert(std::endian::native == std::endian::little, "the file is little-en
 namespace {
 
 constexpr std::string_view kLayerMagic = "infrasim-static-layer 2\n";
-constexpr std::string_view kFirstMagic = "infrasim-static-layer 1\n";  // of version 0.3
+constexpr std::string_view kFirstMagic = "infrasim-static-layer 1\n";  // first line in version 0.3
 constexpr std::array kMountKeys{"x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "roll_deg"};
 constexpr std::int32_t kMostUnits = 1024, kMostGroups = 1 << 30, kMostMembers = 65535;
 constexpr std::size_t kRayBytes = 2 * sizeof(float) + sizeof(std::uint16_t);

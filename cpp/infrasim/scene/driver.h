@@ -10,7 +10,7 @@ namespace infrasim {
 
 // Usual values for mixed traffic (Treiber, Kesting 2013, table 11.2).
 inline constexpr double kBraking = 2.0;  ///< m/s2, comfortable braking
-inline constexpr double kTimeGap = 1.2;  ///< s
+inline constexpr double kTimeGap = 1.2;  ///< s, desired time gap to the vehicle ahead
 
 /// Chooses the next lane of every vehicle that has no next lane yet.
 void choose_next_lanes(TrafficState& state, const TrafficSignals& signals);

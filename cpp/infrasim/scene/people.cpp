@@ -38,7 +38,7 @@ struct PeopleRow::Walk {
   int lap = 0;
   double s = 0;         ///< station of the line, possibly beyond its ends
   double velocity = 0;  ///< velocity along the line
-  double left = 0;      ///< to the left of the line
+  double left = 0;      ///< offset to the left of the line
 };
 
 Curve people_line(const Curve& centreline, const PeopleConfig& row) {

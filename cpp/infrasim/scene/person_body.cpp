@@ -8,9 +8,9 @@ namespace {
 
 /// Number of facets for each kind of part.
 struct Facets {
-  int bands, sectors;  ///< of an ellipsoid
-  int segments;        ///< of a wheel
-  int sides;           ///< of a bar
+  int bands, sectors;  ///< bands and sectors of an ellipsoid
+  int segments;        ///< segments of a wheel
+  int sides;           ///< sides of a bar
 };
 
 Facets facets_of(Detail detail) {

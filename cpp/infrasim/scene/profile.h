@@ -20,7 +20,7 @@ struct Surface {
 /// points, and a parabola rounds each change of grade, as in road design.
 class Profile {
  public:
-  /// Zero everywhere if the scene has no profile.
+  /// The rise is zero everywhere if the scene has no profile.
   explicit Profile(const SceneConfig& scene);
 
   bool level() const { return changes_.empty(); }
