@@ -1,4 +1,4 @@
-"""Type aliases of NumPy arrays. Functions document shapes, units and frames themselves."""
+"""Type aliases of NumPy arrays. Each function documents the shapes, units and frames it uses."""
 
 from typing import Any
 

@@ -13,7 +13,8 @@ import numpy as np
 from pyinfra.core.arrays import BoolArray, FloatArray, Floats, IntArray
 from pyinfra.core.errors import Error
 
-# An overlap smaller than this share of the squared box size is rounding and counts as 0.
+# An overlap area up to this share of the squared longest side of both boxes is a rounding error and
+# counts as 0.
 _ROUNDING = 1e-14
 # Typical length, width and height of a car, and of a truck or bus.
 CAR_M, LONG_M = (4.3, 1.85, 1.6), (9.0, 2.5, 3.2)
@@ -69,9 +70,9 @@ def points_in_box(points: Floats, box: FloatArray, around_m: float = AROUND_M) -
 
 
 def points_in_boxes(points: Floats, boxes: FloatArray) -> IntArray:
-    """Returns the number (k,) of points (n, 3 or more) of the vehicle in each box (k, 7).
+    """Counts the points of the vehicle in each box (k, 7). Returns the counts (k,).
 
-    `points_in_box` defines which points belong to a vehicle.
+    `points` is (n, 3 or more). `points_in_box` defines which points belong to a vehicle.
     """
     x = np.ascontiguousarray(points[:, 0])
     counts = np.zeros(len(boxes), dtype=np.int64)
@@ -83,13 +84,13 @@ def points_in_boxes(points: Floats, boxes: FloatArray) -> IntArray:
 
 
 def pair_bev_iou(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Returns the footprint IoU (n,) of row i of a (n, 7) and row i of b (n, 7)."""
+    """Returns the IoU (n,) of the footprints of n pairs of boxes: row i of a and row i of b."""
     overlap = pair_bev_overlap(a, b)
     return _ratio(overlap, a[:, 3] * a[:, 4] + b[:, 3] * b[:, 4] - overlap)
 
 
 def pair_iou_3d(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Returns the volume IoU (n,) of row i of a (n, 7) and row i of b (n, 7)."""
+    """Returns the IoU (n,) of the volumes of n pairs of boxes: row i of a and row i of b."""
     # Coordinates relative to the centre of a avoid rounding errors in the sums.
     between = b[:, 2] - a[:, 2]
     top = np.minimum(a[:, 5] / 2, between + b[:, 5] / 2)
@@ -103,9 +104,9 @@ def pair_bev_overlap(a: FloatArray, b: FloatArray) -> FloatArray:
     """Returns the overlap area (n,) in m2 of the footprints of row i of a (n, 7) and b (n, 7).
 
     The function applies Green's theorem along the edges of b, in the frame of a. The overlap area
-    equals the integral of clip(x) dy along the border of b, within the y range of a. The method
-    needs no sorting and no special cases. Equal and touching boxes are therefore as exact as all
-    others.
+    equals the integral of clip(x) dy along the border of b, within the y range of a. Here, clip(x)
+    limits x to the x range of a. The method needs no sorting and no special cases. The areas of
+    equal and of touching boxes are therefore as exact as all other areas.
     """
     _check(a)
     _check(b)
@@ -188,6 +189,6 @@ def _all_pairs(
 
 def _check(boxes: FloatArray) -> None:
     if boxes.ndim != 2 or boxes.shape[1] != 7:
-        raise Error(f"boxes: expected (n, 7), got shape {boxes.shape}")
+        raise Error(f"boxes: expected an array of shape (n, 7), got shape {boxes.shape}")
     if not np.isfinite(boxes).all() or (boxes[:, 3:6] < 0).any():
         raise Error("boxes: expected finite values and sizes of 0 or more, got other values")

@@ -1,6 +1,7 @@
 """Reads YAML configurations of the Python package into frozen dataclasses.
 
-Each key is a field of the class, with the field's default and the range of the field's `rule`.
+Each key of a file is a field of the class. The field defines the default value of the key. The
+`rule` of the field defines the allowed range.
 Unknown and repeated keys, wrong types and values out of range raise an error that names file, line
 and key.
 """
@@ -76,9 +77,9 @@ def checked(
     *,
     once: bool = False,
 ) -> Any:
-    """Returns a dataclass field whose text, or each of whose texts, must pass a check (see Rule).
+    """Returns a dataclass field for a text or a list of texts. Each text must pass the check.
 
-    The key is required if it has no default.
+    `Rule` describes the check. The key is required if it has no default.
     """
     return field(default=default, metadata={"rule": Rule(check=check, once=once)})
 
@@ -95,7 +96,9 @@ def read_config(file: Path, kind: type[T]) -> T:
             f"{file}: cannot be read as YAML: {' '.join(str(error).split())}"
         ) from None
     except UnicodeDecodeError as error:
-        raise ConfigError(f"{file}: expected UTF-8, got an invalid byte at {error.start}") from None
+        raise ConfigError(
+            f"{file}: expected UTF-8, got an invalid byte at offset {error.start}"
+        ) from None
     return _struct(_Location(str(file), node, ""), kind)
 
 
@@ -106,7 +109,7 @@ def compose(text: str) -> Any:
         level += isinstance(event, yaml.CollectionStartEvent)
         level -= isinstance(event, yaml.CollectionEndEvent)
         if level > _MOST_LEVELS:
-            problem = f"expected at most {_MOST_LEVELS} levels, got more"
+            problem = f"expected at most {_MOST_LEVELS} nested levels, got more"
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
     return yaml.compose(text, Loader=_LOADER)
 
@@ -121,7 +124,10 @@ def as_plain(value: Any) -> Any:
 
 
 def canonical(value: Any) -> Any:
-    """Converts like `as_plain`, but with the keys of version 0.3 that identify runs and rows."""
+    """Converts like `as_plain`, but with the key names that identify runs and rows.
+
+    These are the names of version 0.3. Keys in LATER that have their default value are left out.
+    """
     if isinstance(value, (tuple, list)):
         return [canonical(item) for item in value]
     if not dataclasses.is_dataclass(value):
@@ -188,9 +194,9 @@ def _struct(location: _Location, kind: type[T]) -> T:
         key = now.get(key, key)
         here = location.at(key, node)
         if key not in fields:
-            here.fail(f"expected {', '.join(fields)}, got an unknown key")
+            here.fail(f"expected one of the keys {', '.join(fields)}; got an unknown key")
         if key in locations:
-            here.fail("expected it once, got it twice")
+            here.fail("expected the key once, got it twice")
         locations[key] = here
     for name, f in fields.items():
         required = f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
@@ -235,13 +241,14 @@ def _items(location: _Location, arguments: tuple[Any, ...], rule: Rule) -> tuple
         first: dict[Any, int] = {}
         for i, value in enumerate(values):
             if first.setdefault(value, i) != i:
-                locations[i].fail(f"expected each once, got {_shown(nodes[i])} twice")
+                locations[i].fail(f"expected each value once, got {_shown(nodes[i])} twice")
     return tuple(values)
 
 
 def _word(location: _Location, allowed: tuple[Any, ...]) -> Any:
     if not isinstance(location.node, yaml.ScalarNode) or location.node.value not in allowed:
-        location.fail(f"expected {', '.join(map(str, allowed))}, got {_shown(location.node)}")
+        words = ", ".join(map(str, allowed))
+        location.fail(f"expected one of {words}; got {_shown(location.node)}")
     return location.node.value
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 _TIMES = Path("/proc/stat")
 _IDLE = (3, 4)  # columns of /proc/stat: idle, iowait
-_COLUMNS = 8  # the other columns (guest time) are already included in the first 8
+_COLUMNS = 8  # the first 8 columns already include the times in the later ones (guest time)
 
 
 @dataclass

@@ -20,7 +20,7 @@ def path_of(value: object, argument: str) -> Path:
 
 
 def file_or_name(word: StrPath, files: dict[str, Path], argument: str) -> Path:
-    """Returns the file of a name that the package ships, or the given file itself.
+    """Returns the shipped file with a given name, or the given file itself.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def file_or_name(word: StrPath, files: dict[str, Path], argument: str) -> Path:
 def check_name(word: str, names: Collection[str], argument: str) -> None:
     """Raises Error unless `word` is one of the names. The message suggests similar names."""
     if word not in names:
-        raise Error(f"{argument}: expected a name, got '{word}'{suggestion(word, names)}")
+        raise Error(f"{argument}: expected a known name, got '{word}'{suggestion(word, names)}")
 
 
 def suggestion(word: str, names: Iterable[str]) -> str:

@@ -12,15 +12,16 @@ PRESETS: tuple[Preset, ...] = get_args(Preset)
 Tier = Literal["smoke", "quick", "full"]
 TIERS: tuple[Tier, ...] = get_args(Tier)
 
-# The instant at which a box holds: `frame` is mid-frame, `scan` the mean time of the object's
-# returns.
+# The instant at which a box holds. `frame` is the middle of the frame. `scan` is the mean time of
+# the object's returns.
 LabelTime = Literal["frame", "scan"]
 
 # Ground-truth subsets: which vehicles inside the evaluation region count.
-# captured: vehicles with a minimum number of points of this LiDAR.
+# captured: vehicles that have a minimum number of points from this LiDAR.
 # common: visible vehicles inside the field of view and range of every LiDAR of the data set.
 # all: visible vehicles.
-# present: all vehicles, visible or not. LiDARs and mounts that share a region share this subset.
+# present: all vehicles, visible or not. This subset is the same for all LiDARs and mounts that have
+# the same region.
 Subset = Literal["captured", "common", "all", "present"]
 SUBSETS: tuple[Subset, ...] = get_args(Subset)
 

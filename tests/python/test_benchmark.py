@@ -397,7 +397,7 @@ def test_a_dry_run_refuses_a_preset_that_a_lidar_lacks(
         ),
         (
             ("[paper]", "[other]"),
-            r"small.yaml:6: matrix.0.presets.0: expected paper, .*, got 'other'",
+            r"small.yaml:6: matrix.0.presets.0: expected one of paper, .*; got 'other'",
         ),
         (
             ("helios_16", "helios"),
@@ -414,11 +414,11 @@ def test_a_dry_run_refuses_a_preset_that_a_lidar_lacks(
         (("[highway]", "[]"), r"matrix: expected 1 to 100000 experiments, got none"),
         (
             ("[paper]", "[paper, paper]"),
-            r":6: matrix.0.presets.1: expected each once, got 'paper' twice",
+            r":6: matrix.0.presets.1: expected each value once, got 'paper' twice",
         ),
         (
             ("[paper]", "[paper]\n    seeds: [1, 1]"),
-            r":7: matrix.0.seeds.1: expected each once, got '1' twice",
+            r":7: matrix.0.seeds.1: expected each value once, got '1' twice",
         ),
         (
             ("[paper]", "[paper]\n    seeds: [-1]"),

@@ -196,12 +196,12 @@ def test_classes_of_network_and_boxes_are_the_same(tmp_path: Path) -> None:
 def test_classes_are_known_and_each_is_there_once() -> None:
     plain = {"classes": ["vehicle", "tram"]}
     with pytest.raises(
-        ConfigError, match=r"classes.1: expected vehicle, pedestrian, .*, got 'tram'"
+        ConfigError, match=r"classes.1: expected one of vehicle, pedestrian, .*; got 'tram'"
     ):
         config_of("centerpoint-pillar", plain)
     with pytest.raises(ConfigError, match="twice"):
         config_of("centerpoint-pillar", {"classes": ["cyclist", "cyclist"]})
-    with pytest.raises(ConfigError, match="classes: expected one or more, got none"):
+    with pytest.raises(ConfigError, match="classes: expected one or more entries, got none"):
         config_of("centerpoint-pillar", {"classes": []})
     assert config_of("centerpoint-pillar", {}).classes == ("vehicle",)
     provenance = Provenance("pointpillars", {}, SITE, "lidar", "datasheet", "scene", 1, 0, 1)

@@ -359,12 +359,12 @@ def test_a_run_in_half_the_bits_goes_on_in_half_the_bits(
     [
         (
             "detector: pointpilars\ntiers: {}\n",
-            "1: detector: expected background, .*, got 'pointpilars'",
+            "1: detector: expected one of background, .*; got 'pointpilars'",
         ),
         ("tiers: {}\n", "1: detector: expected a value, got none"),
         (
             "detector: dsvt\ntiers:\n  smoke: {}\n  huge: {}\n",
-            "4: tiers.huge: expected smoke, quick, full, got an unknown key",
+            "4: tiers.huge: expected one of the keys smoke, quick, full; got an unknown key",
         ),
         ("detector: dsvt\ntiers: {smoke: {}}\n", "2: tiers.quick: expected a value, got none"),
         (
@@ -698,7 +698,7 @@ def test_results_of_other_frames_and_labels_in_their_place_are_reported(
     words[1] = str(lidar_folder.parent)
     assert main.main([*words, str(tmp_path)]) == 2
     assert (
-        f"expected the folder of one LiDAR, got a data set of {lidar_folder}"
+        f"expected the folder of one LiDAR, got a data set with the LiDARs {lidar_folder}"
         in capsys.readouterr().err
     )
 
@@ -790,7 +790,7 @@ def test_another_lidar_or_preset_is_a_warning_unless_it_is_meant(
         (["--device", "cuda:99"], "--device: expected cpu, .*, got 'cuda:99'"),
         (["--precision", "float16"], "got 'float16'"),
         (["nowhere"], "nowhere/lidar.yaml: No such file"),
-        (["."], "expected the folder of one LiDAR, got a data set of .*/ring"),
+        (["."], "expected the folder of one LiDAR, got a data set with .*/ring"),
     ],
 )
 def test_wrong_words_are_one_line(
