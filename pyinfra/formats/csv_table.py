@@ -105,8 +105,8 @@ def read_words(file: Path) -> pd.DataFrame:
     header = [current_name(name) for name in header]
     twice = [name for i, name in enumerate(header) if name in header[:i]]
     if twice or not rows:
-        got = f"column {twice[0]} twice" if twice else "none"
-        raise FormatError(f"{file}:1: expected columns, each once, got {got}")
+        got = f"column {twice[0]} twice" if twice else "an empty file"
+        raise FormatError(f"{file}:1: expected different column names, got {got}")
     return _with_current_values(pd.DataFrame(rows[1:], columns=header, dtype=str))
 
 
@@ -118,6 +118,7 @@ def numbers(file: Path, column: pd.Series) -> pd.Series:
     if wrong.any():
         row = wrong.idxmax()
         raise FormatError(
-            f"{file}:{row + 2}: {column.name}: expected a number or nothing, got '{column[row]}'"
+            f"{file}:{row + 2}: {column.name}: expected a number or an empty cell, "
+            f"got '{column[row]}'"
         )
     return values

@@ -58,7 +58,10 @@ class Viewpoint:
         return not self.shift.any() and np.array_equal(self.turn, np.eye(3))
 
     def apply(self, columns: list[AnyArray], *, shifted: bool = True) -> list[AnyArray]:
-        """Transforms x, y, z, (n,) each, to the site's frame. Points 0 0 0 (no return) stay."""
+        """Transforms x, y, z, (n,) each, to the site's frame.
+
+        Points at 0 0 0 stay unchanged, because they stand for rays without a return.
+        """
         stored = np.stack([column.astype(np.float64) for column in columns], axis=1)
         with np.errstate(invalid="ignore"):  # rays without return may have NaN coordinates
             moved = stored @ self.turn.T + (self.applied_shift if shifted else 0)
@@ -112,7 +115,7 @@ def read_pcd(file: Path) -> Records:
         header = _read_header(file, stream)
         ways = {"ascii": _ascii, "binary": _binary, "binary_compressed": _compressed}
         if header.data not in ways:
-            _fail(file, f"DATA: expected {', '.join(ways)}, got '{header.data}'")
+            _fail(file, f"DATA: expected one of {', '.join(ways)}; got '{header.data}'")
         return ways[header.data](header, stream)
 
 
@@ -131,13 +134,14 @@ def _read_header(file: Path, stream: BinaryIO) -> Header:
         if line and (not key or key.startswith("#")):
             continue
         if key not in KEYS or not rest:
-            _fail(file, f"expected {', '.join(KEYS)} and a value, got '{key[:20]}'", number)
+            keys = ", ".join(KEYS)
+            _fail(file, f"expected one of the keys {keys} with a value; got '{key[:20]}'", number)
         words[key], lines[key] = rest, number
         if key == "DATA":
             break
     absent = [key for key in NEEDED if key not in words]
     if absent:
-        _fail(file, f"expected {', '.join(absent)} in the header, got none")
+        _fail(file, f"expected the keys {', '.join(absent)} in the header; got none of them")
     words.setdefault("COUNT", ["1"] * len(words["FIELDS"]))
     return Header(
         file,
@@ -172,7 +176,7 @@ def _viewpoint(file: Path, words: list[str], line: int | None) -> Viewpoint:
 def _record(file: Path, words: dict[str, list[str]]) -> np.dtype[np.void]:
     names, sizes, letters, counts = (words[key] for key in ("FIELDS", "SIZE", "TYPE", "COUNT"))
     if not len(names) == len(sizes) == len(letters) == len(counts):
-        _fail(file, "FIELDS, SIZE, TYPE, COUNT: expected equal lengths, got different ones")
+        _fail(file, "FIELDS, SIZE, TYPE, COUNT: expected equally many values, got different counts")
     small = Counter(name.lower() for name in names)
     names = [name.lower() if small[name.lower()] == 1 else name for name in names]
     fields = []
@@ -180,9 +184,10 @@ def _record(file: Path, words: dict[str, list[str]]) -> np.dtype[np.void]:
         zip(names, sizes, letters, counts, strict=True)
     ):
         if letter + size not in TYPES:
-            _fail(file, f"{name}: expected {', '.join(TYPES)}, got TYPE {letter} SIZE {size}")
+            types = ", ".join(TYPES)
+            _fail(file, f"{name}: expected TYPE and SIZE to be one of {types}; got {letter}{size}")
         if not count.isdecimal() or len(count) > 5 or not 1 <= int(count) <= 10_000:
-            _fail(file, f"{name}: expected 1 to 10000, got COUNT {count[:20]}")
+            _fail(file, f"{name}: expected a COUNT of 1 to 10000, got {count[:20]}")
         shape = () if count == "1" else (int(count),)
         fields.append((f"_{i}" if name == "_" else name, TYPES[letter + size], shape))
     try:
@@ -215,7 +220,8 @@ def _binary(header: Header, stream: BinaryIO) -> Records:
     size = header.points * header.record.itemsize
     data = stream.read()
     if len(data) < size:
-        _fail(header.file, f"expected {size} bytes of points, got {len(data)}: is it cut short?")
+        got = f"got {len(data)}; the file may be truncated"
+        _fail(header.file, f"expected {size} bytes of points, {got}")
     _check_end(header, len(data), size)
     return np.frombuffer(data, dtype=header.record, count=header.points)
 
@@ -224,7 +230,7 @@ def _check_end(header: Header, got: int, expected: int) -> None:
     """Raises FormatError for extra data. The cause is a wrong header or two joined files."""
     if got > expected:
         mismatch = f"expected {expected} bytes of points, got {got}"
-        _fail(header.file, f"{mismatch}: do FIELDS, SIZE, COUNT and POINTS fit?")
+        _fail(header.file, f"{mismatch}; FIELDS, SIZE, COUNT or POINTS may be wrong")
 
 
 def _compressed(header: Header, stream: BinaryIO) -> Records:
@@ -240,8 +246,9 @@ def _compressed(header: Header, stream: BinaryIO) -> Records:
         return np.empty(0, dtype=header.record)
     packed, unpacked = struct.unpack("<II", lengths) if len(lengths) == 8 else (0, 0)
     if unpacked != size or len(data) < packed or len(lengths) < 8 or size > MOST_LZF * packed:
-        amount = f"{len(data)} of {packed} compressed bytes for {unpacked} bytes"
-        _fail(header.file, f"expected {size} bytes of points, got {amount}: is it cut short?")
+        got = f"got {len(data)} of {packed} compressed bytes for {unpacked} bytes"
+        hint = "the file may be truncated"
+        _fail(header.file, f"expected {size} bytes of points, {got}; {hint}")
     _check_end(header, len(data), packed)
     try:
         plain = lzf.decompress(data[:packed], size)

@@ -22,7 +22,7 @@ class Triangles:
 
 
 def degenerate(mesh: Triangles) -> BoolArray:
-    """Returns a mask (m,) of triangles that are almost a line or a point, rounded to float32."""
+    """Returns a mask (m,) of triangles that, in float32, are almost a line or a point."""
     a, b, c = (mesh.vertices.astype("f4").astype(float)[mesh.faces[:, k]] for k in range(3))
     twice = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     longest = np.maximum.reduce(

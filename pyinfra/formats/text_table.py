@@ -22,7 +22,7 @@ class ColumnRule:
     """The allowed values of each of the named columns."""
 
     columns: tuple[str, ...]
-    # Called with the column (n,) and those in `beside`. Returns a mask (n,) of allowed values.
+    # Called with a column (n,) and the columns in `beside`. Returns a mask (n,) of allowed values.
     holds: Callable[..., BoolArray]
     allowed: str  # allowed values, for messages
     beside: tuple[str, ...] = ()  # other columns that the rule depends on
@@ -59,11 +59,13 @@ def lines_of(file: Path, *, whole: bool = False) -> list[str]:
     try:
         lines = data.decode().removeprefix("\ufeff").splitlines()
     except UnicodeDecodeError as error:
-        raise FormatError(f"{file}: expected UTF-8, got an invalid byte at {error.start}") from None
+        raise FormatError(
+            f"{file}: expected UTF-8, got an invalid byte at offset {error.start}"
+        ) from None
     if whole and not is_whole(data):
         raise FormatError(
-            f"{file}:{len(lines)}: expected the end of a line, got the end of the file: "
-            "is it cut short?"
+            f"{file}:{len(lines)}: expected a newline at the end of the last line, got none; the "
+            "file may be truncated"
         )
     return lines
 

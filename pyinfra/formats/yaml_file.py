@@ -59,17 +59,17 @@ class YamlNode:
     def at(self, key: str) -> "YamlNode":
         path = f"{self.key}.{key}" if self.key else key
         if not isinstance(self.node, yaml.MappingNode):
-            self.fail(f"expected a mapping with {key}, got something else")
+            self.fail(f"expected a mapping with the key '{key}', got something else")
         nodes = [node for name, node in self.node.value if name.value == key]
         if not nodes:
             self.fail(f"expected a key '{key}', got none")
         if len(nodes) > 1:
-            YamlNode(self.file, nodes[1], path).fail("expected it once, got it twice")
+            YamlNode(self.file, nodes[1], path).fail("expected the key once, got it twice")
         return YamlNode(self.file, nodes[0], path)
 
     def items(self) -> "list[YamlNode]":
         if not isinstance(self.node, yaml.SequenceNode) or not self.node.value:
-            self.fail("expected a list with an entry or more, got something else")
+            self.fail("expected a list with one or more entries, got something else")
         return [YamlNode(self.file, n, f"{self.key}[{i}]") for i, n in enumerate(self.node.value)]
 
     def maybe(self, key: str) -> "YamlNode | None":
@@ -92,7 +92,7 @@ class YamlNode:
         if mapping is None:
             return []
         if not isinstance(mapping.node, yaml.MappingNode):
-            mapping.fail("expected a mapping, got none")
+            mapping.fail("expected a mapping, got something else")
         return [
             YamlNode(self.file, node, f"{mapping.key}.{k.value}") for k, node in mapping.node.value
         ]

@@ -78,11 +78,11 @@ DATA """
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", ":1: expected FIELDS, .*, got ''"),
-        ("hello world\n", ":1: expected FIELDS, .*, got 'hello'"),
-        (HEADER + "zip\n", "DATA: expected ascii, binary, binary_compressed, got 'zip'"),
-        (HEADER + "binary\n1234", "expected 24 bytes of points, got 4: is it cut short"),
-        (HEADER + "binary_compressed\n1234", "is it cut short"),
+        ("", ":1: expected one of the keys FIELDS, .*; got ''"),
+        ("hello world\n", ":1: expected one of the keys FIELDS, .*; got 'hello'"),
+        (HEADER + "zip\n", "DATA: expected one of ascii, binary, binary_compressed; got 'zip'"),
+        (HEADER + "binary\n1234", "expected 24 bytes of points, got 4; the file may be truncated"),
+        (HEADER + "binary_compressed\n1234", "the file may be truncated"),
         (
             HEADER + "binary_compressed\n\x02\0\0\0\x18\0\0\0\x7f\x7f",
             "points: expected LZF data, .*, got something else",
@@ -90,24 +90,30 @@ DATA """
         (HEADER + "ascii\n1 2 3\n", "expected 2 points, got 1"),
         (HEADER + "ascii\n1 2 3\n4 5\n", "points: "),
         (HEADER + "ascii\n1 2 3\n4 five 6\n", "points: "),
-        (HEADER.replace("POINTS 2\n", "") + "ascii\n", "expected POINTS in the header, got none"),
+        (
+            HEADER.replace("POINTS 2\n", "") + "ascii\n",
+            "expected the keys POINTS in the header; got none",
+        ),
         (HEADER.replace("POINTS 2", "POINTS -2") + "ascii\n", "POINTS: expected .*, got '-2'"),
         (
             HEADER.replace("SIZE 4 4 4", "SIZE 4 4") + "ascii\n",
-            "SIZE, TYPE, COUNT: expected equal lengths",
+            "SIZE, TYPE, COUNT: expected equally many values",
         ),
-        (HEADER.replace("SIZE 4", "SIZE 3") + "ascii\n", "x: expected .*, got TYPE F SIZE 3"),
-        (HEADER.replace("COUNT 1", "COUNT 0") + "ascii\n", "x: expected 1 to 10000, got COUNT 0"),
+        (HEADER.replace("SIZE 4", "SIZE 3") + "ascii\n", "x: expected .*; got F3"),
+        (
+            HEADER.replace("COUNT 1", "COUNT 0") + "ascii\n",
+            "x: expected a COUNT of 1 to 10000, got 0",
+        ),
         (
             HEADER.replace("POINTS 2", "POINTS " + 5000 * "9") + "ascii\n",
             "POINTS: expected .*, got '999",
         ),
         (
             HEADER.replace("COUNT 1", "COUNT " + 5000 * "9") + "ascii\n",
-            "x: expected .*, got COUNT 999",
+            "x: expected a COUNT .*, got 999",
         ),
         (HEADER.replace("x y z", "x x z") + "ascii\n", "FIELDS: "),
-        (HEADER.replace("POINTS 2", "POINTS 999999999") + "binary\n", "is it cut short"),
+        (HEADER.replace("POINTS 2", "POINTS 999999999") + "binary\n", "the file may be truncated"),
         (HEADER + "binary\n" + 25 * "a", "expected 24 bytes of points, got 25"),
         (
             HEADER.replace("0 0 0 1 0 0 0", "0 0 5") + "ascii\n",

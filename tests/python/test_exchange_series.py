@@ -57,7 +57,7 @@ def test_an_id_twice_in_a_frame_is_named(tmp_path: Path) -> None:
     file = kitti.frame_file(folder, "objects", 5)
     file.write_text(file.read_text().replace("\n8,", "\n3,"))
     with pytest.raises(
-        FormatError, match=r"000005\.csv:3: id: expected each once a frame, got 3 twice"
+        FormatError, match=r"000005\.csv:3: id: expected each id once per frame, got 3 twice"
     ):
         list(read_frames(read_series(folder), [5]))
 

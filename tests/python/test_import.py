@@ -368,7 +368,7 @@ WRONG_FILES: dict[str, tuple[Callable[[Path], object], int, list[str]]] = {
     ),
     "columns": (narrow, 2, ["expected (n, 4 or more) floats, got (9, 3) float32"]),
     "far": (far, 2, ["000005.npy: point 2: y: expected -10000 to 10000, got 3e+38"]),
-    "bytes": (odd_bin, 2, ["000005.bin", "expected a multiple of 16 ", "got 28 bytes"]),
+    "bytes": (odd_bin, 2, ["000005.bin", "is a multiple of 16 ", "got 28 bytes"]),
     "archive": (archive, 2, ["points/000005.npy", "cannot be read as an array"]),
     "label": (
         lambda f: (f / "labels/000005.txt").write_text("1 2 3 Car\n"),

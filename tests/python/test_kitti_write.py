@@ -220,17 +220,17 @@ def refusal(read: Callable[[Path], object], file: Path) -> str | None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("P0:", "P9:", ":1: expected ..., got 'P9:"),
-        ("P1:", "P0:", ":2: P0: expected ..., got it twice"),
+        ("P0:", "P9:", ":1: expected ...; got 'P9:"),
+        ("P1:", "P0:", ":2: P0: expected the matrix once, got it twice"),
         (
             "R0_rect: 9.999239e-01",
             "R0_rect: ",
-            ":5: R0_rect: expected 9 finite numbers up to 1e+06, got 8",
+            ":5: R0_rect: expected 9 finite numbers up to 1e+06, got 8 numbers",
         ),
         (
             "R0_rect: 9.999239e-01",
             "R0_rect: nan",
-            ":5: R0_rect: expected 9 finite numbers up to 1e+06, got others",
+            ":5: R0_rect: expected 9 finite numbers up to 1e+06, got other values",
         ),
         ("R0_rect: 9.999239e-01", "R0_rect: one", ":5: R0_rect: expected numbers, got a word"),
         (
@@ -238,9 +238,9 @@ def refusal(read: Callable[[Path], object], file: Path) -> str | None:
             "R0_rect: 2",
             ": R0_rect Tr_velo_to_cam: expected rotation matrices",
         ),
-        (CALIB[CALIB.index("Tr_velo") :], "", ": expected Tr_velo_to_cam, got none"),
-        (CALIB[: CALIB.index("R0_rect")], "", ": expected P2, got none"),
-        ("R0_rect: ", "R_rect_01 ", ":5: expected ..., got 'R_rect_01"),
+        (CALIB[CALIB.index("Tr_velo") :], "", ": expected the matrices Tr_velo_to_cam; got none"),
+        (CALIB[: CALIB.index("R0_rect")], "", ": expected the matrices P2; got none"),
+        ("R0_rect: ", "R_rect_01 ", ":5: expected ...; got 'R_rect_01"),
     ],
 )
 def test_wrong_calib_file_is_named_by_line_and_key(

@@ -204,7 +204,7 @@ def test_a_name_is_text_and_never_markup(tmp_path: Path) -> None:
         (
             "quick_hits.csv",
             "scene,lidar,preset,frames,hits_per_frame\nh,a,paper,1,2\nh,a,paper,1,many\n",
-            "quick_hits.csv:3: hits_per_frame: expected a number or nothing, got 'many'",
+            "quick_hits.csv:3: hits_per_frame: expected a number or an empty cell, got 'many'",
         ),
         ("lidars.csv", 'lidar\n"open\n', "lidars.csv: cannot be read as a table"),
     ],

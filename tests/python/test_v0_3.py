@@ -322,7 +322,7 @@ def test_a_key_with_another_name_keeps_the_identity_of_a_row(
     assert from_plain(as_plain(then), OfNow, "run.yaml") == now
     assert from_plain(as_plain(now), OfNow, "run.yaml") == now
     assert canonical(dataclasses.replace(now, late=True)) != canonical(then)
-    with pytest.raises(config.ConfigError, match="step: expected it once, got it twice"):
+    with pytest.raises(config.ConfigError, match="step: expected the key once, got it twice"):
         from_plain({"step": 1, "steps": 1}, OfNow, "run.yaml")
 
 

@@ -37,7 +37,10 @@ _MOST = 1e6  # largest absolute value in a matrix, in pixels or metres
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """The seven matrices of a calib file. Matrices that boxes do not need may be default values."""
+    """The seven matrices of a calib file.
+
+    Matrices that the conversion of boxes does not need may have default values.
+    """
 
     P: FloatArray  # (4, 3, 4) projection matrices of the four cameras, pixels
     R0_rect: FloatArray  # (3, 3)
@@ -53,7 +56,10 @@ class Calibration:
 
 
 def simulated() -> Calibration:
-    """Returns the calibration of `infrasim run`: a 1200 x 360 camera at the sensor, along x."""
+    """Returns the calibration of `infrasim run`.
+
+    The camera has 1200 x 360 pixels, is at the sensor, and looks along x.
+    """
     projection = [[700, 0, 600, 0], [0, 700, 180, 0], [0, 0, 1, 0]]
     return Calibration(
         P=np.array([projection] * 4, dtype=np.float64),
@@ -66,8 +72,9 @@ def simulated() -> Calibration:
 def read_calibration(file: Path) -> Calibration:
     """Reads a calib file of KITTI's object, tracking or odometry benchmark.
 
-    A missing projection is replaced with that of another camera, since boxes do not need it. A
-    missing Tr_imu_to_velo is the identity. Raises FormatError with file and line.
+    The function replaces a missing projection with the projection of another camera, because the
+    conversion of boxes does not need projections. A missing Tr_imu_to_velo becomes the identity.
+    Raises FormatError with file and line.
     """
     matrices: dict[str, FloatArray] = {}
     rectified = False  # whether the LiDAR-to-camera transform includes the rectification
@@ -80,10 +87,11 @@ def read_calibration(file: Path) -> Calibration:
         name = OTHER_NAMES.get(word, word)
         if name not in SHAPES:
             raise FormatError(
-                f"{where}: expected {', '.join([*SHAPES, *OTHER_NAMES])}, got '{line[:40]}'"
+                f"{where}: expected one of the names {', '.join([*SHAPES, *OTHER_NAMES])}; "
+                f"got '{line[:40]}'"
             )
         if name in matrices:
-            raise FormatError(f"{where}: {name}: expected it once, got it twice")
+            raise FormatError(f"{where}: {name}: expected the matrix once, got it twice")
         matrices[name] = _matrix(where, name, rest)
         rectified = rectified or word == "Tr"
     if rectified:
@@ -93,7 +101,7 @@ def read_calibration(file: Path) -> Calibration:
     missing = [] if projections else ["P2"]
     missing += [name for name in ("R0_rect", "Tr_velo_to_cam") if name not in matrices]
     if missing:
-        raise FormatError(f"{file}: expected {', '.join(missing)}, got none")
+        raise FormatError(f"{file}: expected the matrices {', '.join(missing)}; got none of them")
     out = Calibration(
         np.stack([matrices.get(f"P{i}", projections[0]) for i in range(4)]),
         matrices["R0_rect"],
@@ -132,7 +140,7 @@ def boxes_from_camera(values: FloatArray, calibration: Calibration) -> FloatArra
 
 
 def boxes_to_camera(boxes: FloatArray, calibration: Calibration) -> FloatArray:
-    """Inverts `boxes_from_camera`. This is exact if the camera's y axis points straight down."""
+    """Inverts `boxes_from_camera`. The result is exact if the camera's y axis is vertical."""
     T_camera_lidar = calibration.T_camera_lidar
     middle = boxes[:, :3] @ T_camera_lidar[:3, :3].T + T_camera_lidar[:3, 3]
     heading = boxes[:, 6]
@@ -158,7 +166,7 @@ def _matrix(where: str, name: str, text: str) -> FloatArray:
         raise FormatError(f"{where}: {name}: expected numbers, got a word") from None
     if values.size != math.prod(shape) or not (np.abs(values) <= _MOST).all():
         count = math.prod(shape)
-        got = "others" if values.size == count else values.size
+        got = "other values" if values.size == count else f"{values.size} numbers"
         raise FormatError(
             f"{where}: {name}: expected {count} finite numbers up to {_MOST:g}, got {got}"
         )

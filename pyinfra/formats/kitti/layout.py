@@ -30,7 +30,8 @@ OBJECT_COLUMNS = [
 ]
 PITCH_COLUMN = "pitch"  # optional last column, written if vehicles can pitch
 LABEL_COLUMNS = "type truncated occluded alpha x1 y1 x2 y2 h w l x y z rotation_y".split()
-FARTHEST_M = 10_000.0  # largest coordinate in a LiDAR's frame; the longest range is 5,000 m
+# Largest coordinate in a LiDAR's frame. The simulator allows LiDARs with a range of up to 5,000 m.
+FARTHEST_M = 10_000.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +43,12 @@ class Objects:
     boxes: FloatArray  # (k, 7) x y z dx dy dz heading, at mid-frame
     speed: FloatArray  # (k,) m/s
     points: IntArray  # (k,) number of returns from the object
-    points_in_box: IntArray  # (k,) number of those returns inside its box
+    points_in_box: IntArray  # (k,) number of returns from the object that are inside its box
     distance: FloatArray  # (k,) horizontal distance from the sensor to the box centre, metres
     visibility: FloatArray  # (k,) visible share in [0, 1]; -1 outside the evaluation region
     scan_boxes: FloatArray  # (k, 7) boxes at scan_time_s
-    scan_time_s: FloatArray  # (k,) mean time of the returns, from the start of the frame
-    points_in_scan_box: IntArray  # (k,) number of those returns inside the scan box
+    scan_time_s: FloatArray  # (k,) mean time of the object's returns, from the start of the frame
+    points_in_scan_box: IntArray  # (k,) number of returns from the object inside the scan box
     # (k,) pitch in radians, positive with the nose down. None if no vehicle can pitch.
     pitch: FloatArray | None = None
 
@@ -66,7 +67,8 @@ class Labels:
     names: NameArray  # (k,) class
     boxes: FloatArray  # (k, 7) x y z dx dy dz heading
     scores: FloatArray | None  # (k,); None for labels
-    image: FloatArray | None = None  # (k, 7) the file's truncated occluded alpha x1 y1 x2 y2
+    # (k, 7) the columns truncated occluded alpha x1 y1 x2 y2 of the file.
+    image: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.names)

@@ -143,7 +143,7 @@ def _lidar(top: YamlNode) -> Lidar:
     price = top.at("price_total_usd")
     low, high = (price.at(key).number(0, or_nan=True) for key in ("low", "high"))
     if low > high:
-        price.fail(f"expected low up to high, got low {low:g} above high {high:g}")
+        price.fail(f"expected `low` to be at most `high`, got low {low:g} and high {high:g}")
     return Lidar(
         name=top.at("name").text(),
         model=top.at("model").text(),

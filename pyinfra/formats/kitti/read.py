@@ -30,7 +30,7 @@ from pyinfra.formats.text_table import (
 
 _SHORTEST_M, _LONGEST_M = 0.001, 1000.0  # allowed length of a box side
 _MOST = 2**31 - 1  # largest id and largest number of points
-_ROUNDED_M = 0.05  # tolerance of a rounded distance
+_ROUNDED_M = 0.05  # largest difference of `distance` from the distance of x, y: both are rounded
 _LONGEST_FRAME_S = 60.0
 # Fused data sets use the clock of the first mount. Frames of the other mounts may start up to 0.1 s
 # earlier or later.
@@ -64,18 +64,21 @@ OBJECT_RULES = (
     between(["scan_time_s"], _EARLIEST_S, _LONGEST_FRAME_S),
     between(["id", "points", *_COUNTS_IN_BOXES], 0, _MOST, whole=True),
     ColumnRule(
-        _COUNTS_IN_BOXES, lambda v, points: v <= points, "at most the points", beside=("points",)
+        _COUNTS_IN_BOXES,
+        lambda v, points: v <= points,
+        "at most the value of `points`",
+        beside=("points",),
     ),
     ColumnRule(
         ("distance",),
         lambda v, x, y: np.abs(v - np.hypot(x, y)) <= _ROUNDED_M,
-        "the distance of x and y",
+        "the horizontal distance of x, y from the sensor",
         beside=("x", "y"),
     ),
     ColumnRule(("visibility",), lambda v: (v == -1) | ((v >= 0) & (v <= 1)), "0 to 1, or -1"),
 )
 LABEL_RULES = (_sides("h w l"), _position("x y z"), _angle("rotation_y"))
-# Predictions may contain any finite values. Only their sizes must be positive.
+# Predictions may contain any finite values, but h, w and l must be positive.
 RESULT_RULES = (ColumnRule(("h", "w", "l"), lambda v: v > 0, "more than 0"),)
 
 
@@ -133,7 +136,7 @@ def read_objects(file: Path) -> Objects:
     ids, first = np.unique(table["id"], return_index=True)
     if len(ids) < len(rows):
         again = min(set(range(len(rows))) - set(first.tolist()))
-        table.fail(again, f"{table['id'][again]:.0f} twice", "each once a frame", "id")
+        table.fail(again, f"{table['id'][again]:.0f} twice", "each id once per frame", "id")
     pitch = _pitch(file, lines) if header == PITCHED_HEADER else None
     boxes = np.stack([table[c] for c in OBJECT_COLUMNS[2:9]], axis=1)
     scan = np.stack([table[c] for c in SCAN_COLUMNS[:4]], axis=1)
@@ -177,8 +180,8 @@ def read_labels(
 
     `calibration` describes the frame's camera. The default is the camera of a simulated LiDAR.
     DontCare regions are only returned with `dont_care`. Blank lines are skipped. An empty file
-    gives k = 0. Raises FormatError with file and line. Scores in a label file, missing scores in a
-    prediction file, and a label with a rotation_y that is too large for radians are also errors.
+    gives k = 0. Raises FormatError with file and line, also for scores in a label file, for missing
+    scores in a prediction file, and for a label whose rotation_y is too large for radians.
     """
     columns = [*LABEL_COLUMNS, "score"] if scores else LABEL_COLUMNS
     rows = {i: line.split() for i, line in enumerate(lines_of(file), start=1) if line.strip()}
@@ -199,6 +202,7 @@ def _records(file: Path, record: np.dtype[Any], what: str) -> AnyArray:
     size = file.stat().st_size
     if size % record.itemsize != 0:
         raise FormatError(
-            f"{file}: expected a multiple of {record.itemsize} ({what}), got {size} bytes"
+            f"{file}: expected a size that is a multiple of {record.itemsize} bytes ({what}), got "
+            f"{size} bytes"
         )
     return np.fromfile(file, dtype=record)

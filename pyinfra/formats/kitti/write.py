@@ -25,7 +25,7 @@ from pyinfra.formats.kitti.layout import (
 from pyinfra.formats.kitti.read import OBJECT_NUMBERS, OBJECT_RULES, PITCHED_HEADER
 from pyinfra.formats.text_table import rules_hold
 
-_IMAGE_BOX = (0, 0, 50, 50)  # the devkit ignores boxes below 25 pixels in height
+_IMAGE_BOX = (0, 0, 50, 50)  # 50 pixels high, because the devkit ignores boxes below 25 pixels
 
 
 def write_points(file: Path, points: Points) -> None:
@@ -65,7 +65,7 @@ def write_objects(file: Path, objects: Objects) -> None:
     if pitch is not None and not (np.abs(pitch) <= 2 * np.pi).all():
         raise Error("objects: expected a pitch from -2 pi to 2 pi, got another value")
     if len(np.unique(o.ids)) < len(o):
-        raise Error("objects: expected each id once in a frame, got one twice")
+        raise Error("objects: expected each id once per frame, got an id twice")
     lines = [",".join(OBJECT_COLUMNS) if pitch is None else PITCHED_HEADER]
     for i in range(len(o)):
         numbers = [f"{v:.4f}" for v in o.boxes[i, :6]]
