@@ -240,7 +240,7 @@ def test_the_network_does_without_what_it_cannot_read(tmp_path: Path) -> None:
     made = imported(tmp_path, site_data.open_drive(road, virtual))
     listed = made.record["not_understood"]
     assert [n for n in listed if "type is empty" in n] == [
-        f"road 1: signal {k}: type is empty: not in the network" for k in (1, 2)
+        f"road 1: signal {k}: type is empty; left out of the network" for k in (1, 2)
     ]
     assert any("junction 4: type 'crossing'" in n for n in listed)
 
@@ -276,7 +276,7 @@ def test_a_direct_junction_leads_to_both_of_its_roads(tmp_path: Path) -> None:
             f'<laneLink from="{from_lane}" to="-1"/></connection>'
         )
     made = imported(tmp_path, site_data.open_drive(*roads, junction + "</junction>"))
-    assert any("junction 9: direct" in n for n in made.record["not_understood"])
+    assert any("junction 9: type 'direct'" in n for n in made.record["not_understood"])
     net = read_road_net(tmp_path / "site/map.net.xml")
     first = max(net.links, key=lambda name: len(net.links[name]))
     assert len(net.links[first]) == 2

@@ -126,7 +126,7 @@ def test_outlines_that_were_not_copied_are_named(tmp_path: Path, infrasim: Infra
     assert np.array(read_outlines(folder.parent)).tolist() == [OUTLINE]
     text = file.read_text()
     file.unlink()
-    assert f"expected {file} for the outlines, got none" in str(without_region(folder))
+    assert f"expected the file {file} with the outlines, got none" in str(without_region(folder))
     file.write_text(text[:-3])
     assert any("regions.csv:7: " in f.text for f in validate(folder))
 
@@ -141,7 +141,7 @@ def test_outlines_that_were_not_copied_are_named(tmp_path: Path, infrasim: Infra
         ("region,x,y\na,0,0\na,1,b\na,1,0\n", ":3: y: expected ..., got 'b'"),
         (
             "region,x,y\na,0,0\na,1,0\na,0,1",
-            ":4: expected the end of a line, got the end of the file",
+            ":4: expected a newline at the end of the last line, got none",
         ),
     ],
 )

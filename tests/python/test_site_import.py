@@ -222,7 +222,7 @@ def test_our_projection_is_that_of_the_network(district: Path) -> None:
 def test_objects_of_opendrive_and_what_is_not_understood(tmp_path: Path) -> None:
     made = import_map(write_map(tmp_path, "a.xodr", site_data.straight()), tmp_path / "site")
     assert made.record["not_understood"] == [
-        "road 1: object 9 at s = 90.0, t = 30.0: type 'fountain', height 2 m"
+        "road 1: object 9 at s = 90.0, t = 30.0: type 'fountain', height 2 m: left out"
     ]
     house = read_ply(tmp_path / "site/meshes/buildings.ply").vertices
     np.testing.assert_allclose(house[:, :2].min(0), (1060 - 1100 - 6, 20 - 4), atol=1e-3)

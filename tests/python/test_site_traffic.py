@@ -181,7 +181,7 @@ def test_a_small_map_is_refused_with_its_reach(folder: Path) -> None:
     [
         (["--vehicles-per-hour", "1000000"], "expected 0 to 20000"),
         (["--vehicles-per-hour", "nan"], "expected 0 to 20000"),
-        (["--vehicles-per-hour", "0"], "expected more than 0"),
+        (["--vehicles-per-hour", "0"], "expected a sum of all rates above 0"),
         (["--seconds", "-5"], "--seconds: expected 1 to 3600, got -5"),
         (["--seed", "-1"], "--seed: expected 0 to 2147483647, got -1"),
     ],

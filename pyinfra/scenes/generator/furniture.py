@@ -62,7 +62,7 @@ class Furniture:
         radius_m: float,
         verge_m: float = VERGE_M,
     ) -> Base | None:
-        """Returns the middle of a free circle beside a road, or None."""
+        """Returns the middle of a free circle beside a road, or None if all TRIES fail."""
         nearest = self.placement.free_space.nearest_station(road)
         for _ in range(TRIES):
             s = nearest + stream.within((-self.how.within_m, self.how.within_m))
@@ -76,7 +76,7 @@ class Furniture:
         return None
 
     def _is_free(self, position: FloatArray, radius_m: float) -> bool:
-        """Returns whether nothing is within a radius of a position (1, 2)."""
+        """Returns whether the circle with a given radius around a position (1, 2) is free."""
         free_space: FreeSpace = self.placement.free_space
         if np.hypot(*(position[0] - free_space.centre)) < free_space.layout.junction_m + radius_m:
             return False

@@ -2,7 +2,7 @@
 
 The same seed and version always give the same site. Each part of a site (roads, sensor, traffic,
 each side of each road) has a separate random stream. A new kind of object in one part therefore
-changes little in the others.
+changes little in the other parts.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pyinfra.scenes.generator.ranges import RANGES, Ranges
 from pyinfra.scenes.generator.road_types import ROAD_TYPES, RoadType
 from pyinfra.scenes.generator.roadside import Roadside
 
-DURATION_S = 60.0  # duration of a run, in which queues can form and dissolve
+DURATION_S = 60.0  # duration of a run; long enough for queues to form and dissolve
 WARM_UP_S = 60.0
 BOX_OF_SENSOR_M = 2.0  # side of the square around the sensor that stays free
 
@@ -157,8 +157,8 @@ def _on_a_slope(
 ) -> Keys:
     """Returns pitch and roll for a sensor on a vertical pole beside roads with a grade.
 
-    The roads of the scene stay level, and the sensor is tilted instead. Both are equivalent for
-    networks, because their inputs are heights above the road.
+    The roads of the scene stay level, and the sensor is tilted instead. For networks, a tilted
+    sensor is equivalent to a sloping road, because their inputs are heights above the road.
     """
     if not stream.chance(ranges.grades):
         return {}

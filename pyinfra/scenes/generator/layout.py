@@ -23,8 +23,8 @@ Stretch = tuple[float, float]  # first and last station of a section of a road
 SIDES = ((1, "left"), (-1, "right"))
 STEP_M = 1.0  # distance between stations
 STOP_LINE_M = 3.0  # distance of a stop line from the crossing road's footway, as in the simulator
-# Additional distance of stop lines at a T-junction, multiplied by the cosine of the angle between
-# its roads.
+# At a T-junction, the distance of the stop lines increases by this length times the cosine of the
+# angle between the roads.
 SHARP_TURN_M = 8.0
 RING_FLARE_M = 10.0  # distance from a roundabout's stop line to its ring, as in the simulator
 # Maximum number of lanes each way of a road that ends at a T-junction. One lane turns left, and one
@@ -286,7 +286,7 @@ class FreeSpace:
     def rows(
         self, road: PlannedRoad, left_m: float, half_width_m: float, part: Stretch = WHOLE
     ) -> list[Stretch]:
-        """Returns the sections of a road beside which a row of the given width is free."""
+        """Returns the sections of a road where a row of objects at `left_m` has free space."""
         middle = road.beside(left_m)
         free = self.off_roads(middle, half_width_m, host=(road, left_m))
         for side in (-half_width_m, half_width_m):
@@ -299,8 +299,8 @@ class FreeSpace:
     ) -> BoolArray:
         """Returns which points (n, 2) lie outside all junctions and roads.
 
-        `host` is the road along which the points lie, and their distance to the left of its
-        centreline.
+        `host` is a pair: the road along which the points lie, and the distance of the points to the
+        left of the road's centreline.
         """
         free = np.hypot(*(points - self.centre).T) >= self.layout.junction_m + margin_m
         for road in self.layout.roads:

@@ -49,20 +49,20 @@ class Sensors:
 def sensors(
     *, without: Collection[str] = (), presets: Mapping[str, float] | None = None
 ) -> Sensors:
-    """Returns the catalogue LiDARs that can be simulated, except some names or presets.
+    """Returns the catalogue LiDARs that can be simulated, without the excluded LiDARs.
 
-    `without` are the names of excluded LiDARs. `presets` are weights of the presets. Raises Error
-    for an unknown name, and if no LiDAR is left.
+    `without` contains the names of excluded LiDARs. `presets` maps presets to weights; a weight of
+    0 excludes a preset. Raises Error for an unknown name, and if no LiDAR is left.
     """
     files = catalogue_files()
     names = [file.stem for file in files]
     for name in without:
         if name not in names:
-            raise Error(f"without: expected {', '.join(names)}, got '{name}'")
+            raise Error(f"without: expected names of LiDARs ({', '.join(names)}), got '{name}'")
     weights = presets or Sensors(()).presets
     kept = [file for file in files if file.stem not in without and _can_be_cast(file, weights)]
     if not kept:
-        raise Error("without: expected a LiDAR left, got none")
+        raise Error("without: expected at least one remaining LiDAR with these presets, got none")
     return Sensors(tuple(kept), weights)
 
 

@@ -33,7 +33,7 @@ class Parking:
             self._car_park(RandomStream(seed, f"{road.name} {word} car park"), road, side)
 
     def outer_m(self, road: PlannedRoad, side: int) -> float:
-        """Returns the distance from the centreline to the outer edge of the road or parked cars."""
+        """Returns the distance from the centreline to the outer edge of road and parked cars."""
         kerb = (road.name, side) in self.kerbs
         return max(road.outer_half_m, road.lanes_half_m + KERB_REACH_M if kerb else 0.0)
 

@@ -23,7 +23,7 @@ from pyinfra.scenes.generator.road_types import RoadType, WalkRanges
 from pyinfra.scenes.generator.roadside_ranges import WayRanges
 
 HALF_WAY_M = 1.35  # free width on each side of a row; the simulator requires 1.2
-STEP_M = 0.25  # distance between the lines that are tested
+STEP_M = 0.25  # distance between successive candidate lines for a row
 Things = Mapping[str, Sequence[Keys]]
 
 
@@ -73,7 +73,7 @@ class Walks:
             self.lines.append(cKDTree(_widened(line, HALF_WAY_M)))
 
     def _longest(self, road: PlannedRoad, side: int) -> tuple[float, list[Stretch]]:
-        """Returns the left offset of the best line beside a road, and its free sections."""
+        """Returns the best line beside a road: its offset to the left, and its free sections."""
         best: tuple[float, float, list[Stretch]] = (self.how.shortest_m, 0.0, [])
         last_m = road.outer_half_m + self.how.verge_m
         if "embankment" in road.keys:

@@ -7,7 +7,7 @@ import numpy as np
 from pyinfra.scenes.generator.layout import WHOLE, FreeSpace, Keys, PlannedRoad, Stretch
 
 KINDS = ("barriers", "gantries", "buildings", "vegetation", "parked")
-TRUNK_GAP_M = 3.0  # distance from the sensor to the crowns of a row of trees
+TRUNK_GAP_M = 3.0  # minimum distance from the sensor to the crowns of a row of trees
 BuildingSize = tuple[float, float, float]  # length, width, height
 Base = tuple[float, float, float, float]  # x, y, heading (rad), height of the base
 
@@ -15,11 +15,12 @@ Base = tuple[float, float, float, float]  # x, y, heading (rad), height of the b
 class Placement:
     """The free space of a site, and the scene keys of the objects that were already placed.
 
-    `left_m` is an object's distance to the left of a road's centreline, `s` its station.
+    `left_m` is the distance of an object to the left of a road's centreline, and `s` is the station
+    of the object.
     """
 
     def __init__(self, free_space: FreeSpace, foot_m: float, mount: Keys) -> None:
-        """`foot_m` is the elevation of the ground beside roads, and `mount` the sensor's pose."""
+        """`foot_m` is the ground's elevation beside roads, and `mount` is the sensor's pose."""
         self.free_space, self.foot_m, self.mount = free_space, foot_m, mount
         self.keys: dict[str, list[Keys]] = {kind: [] for kind in KINDS}
 
@@ -79,7 +80,7 @@ class Placement:
         return *road.pose_at(s, left_m), self.slope_m(road, left_m)
 
     def slope_m(self, road: PlannedRoad, left_m: float) -> float:
-        """Returns the height at `left_m`, which is that of road, embankment or ground."""
+        """Returns the height of the road, the embankment or the ground at `left_m`."""
         if abs(left_m) <= road.carriageway_half_m:
             return 0.0
         slope = road.keys.get("embankment")

@@ -1,7 +1,7 @@
 """All distributions of the scene generator.
 
 A range is a uniform distribution, a share is a probability, and a mapping contains weights. Ranges
-without a source are assumptions, which are wide rather than narrow.
+without a source are assumptions and are chosen wide rather than narrow.
 """
 
 from __future__ import annotations
@@ -24,14 +24,16 @@ class MountRanges:
 
     height_m: Range = (3.5, 9.0)  # height on masts, signal posts or lamp posts
     over_m: Range = (5.5, 9.0)  # height above lanes, on an arm or a gantry
-    over_lanes: float = 0.08  # weight of this position; that of a position beside the road is 1
-    over_median: float = 0.12  # weight of this position; that of a position beside the road is 1
+    # Weights of positions over the lanes and over the median. Positions beside the road have
+    # weight 1.
+    over_lanes: float = 0.08
+    over_median: float = 0.12
     beside_m: Range = (0.3, 4.0)  # distance from the edge of the carriageway or of the footway
     before_junction_m: Range = (1.0, 30.0)  # distance from the corner of a junction
     along_m: Range = (-30, 30)  # distance from the focus along a road without a junction
     aims: Weights = field(default_factory=lambda: {"along": 0.7, "across": 0.15, "anywhere": 0.15})
     off_aim_deg: Range = (-20, 20)
-    pitch_deg: Mapping[Range, float] = field(  # sensors are about level, or look down
+    pitch_deg: Mapping[Range, float] = field(  # sensors are about level, or point down
         default_factory=lambda: {(-1.0, 2.0): 0.6, (2.0, 12.0): 0.4}
     )
     roll_deg: Range = (-1.5, 1.5)
@@ -78,7 +80,7 @@ class Ranges:
     fleets: Weights = field(
         default_factory=lambda: {"as elsewhere": 0.75, "Motorcycle": 0.15, "Bus": 0.1}
     )
-    fleet_weight: Range = (0.4, 1.0)  # weight of the rare class; that of cars is 0.5 to 0.95
+    fleet_weight: Range = (0.4, 1.0)  # weight of the rare class; cars have weights of 0.5 to 0.95
     roundabouts: float = 0.3  # share of crossings and T-junctions that become roundabouts
     ring: RingRanges = RingRanges()
     furniture: FurnitureRanges = field(default_factory=FurnitureRanges)

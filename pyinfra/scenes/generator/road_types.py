@@ -2,7 +2,7 @@
 
 A range is a uniform distribution, a share is a probability, and a mapping contains weights. `RAA`,
 `RAL` and `RASt` are the German guidelines for motorways, rural roads and town roads. Ranges without
-a source are assumptions, which are wide rather than narrow.
+a source are assumptions and are chosen wide rather than narrow.
 """
 
 from __future__ import annotations
@@ -43,14 +43,15 @@ class RoadType:
     in_median: Weights
     embankment: float  # share of roads on an embankment, at sites without junctions
     embankment_m: Range  # depth of the embankment's foot below the road
-    rail: float  # share of road sides with a guard rail; the next shares are also of road sides
+    # Shares of road sides with the object, down to `posts`.
+    rail: float  # guard rail
     noise_wall: float
     hedge: float
     trees: float
     houses: float
     posts: float  # sign posts and lamp posts
     boxes: tuple[int, int]  # number of cabinets, shelters and containers, which resemble vehicles
-    wood: float  # share with a wood among the road sides without houses
+    wood: float  # share of the road sides without houses that have a wood
     wild: tuple[int, int]  # number of single bushes and trees per side
     kerb_parking: float  # share of roads with a parking lane
     car_park: float  # share of road sides with a car park
@@ -71,7 +72,7 @@ _FEW = {
 }
 _MANY = {
     "Pedestrian": WalkRanges(share=0.65, per_km=(8, 60), **ON_FOOT),
-    # The number of cyclists equals that of pedestrians, so that training frames contain enough.
+    # Cyclists are as frequent as pedestrians, so that training frames contain enough cyclists.
     "Cyclist": WalkRanges(share=0.6, per_km=(8, 60), **ON_BICYCLES),
 }
 

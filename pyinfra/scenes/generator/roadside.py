@@ -134,7 +134,7 @@ class Roadside:
         return left_m + size["width_m"] / 2
 
     def _wood(self, stream: RandomStream, road: PlannedRoad, side: int, out_m: float) -> None:
-        """Adds the edge of a wood, or other vegetation of that height."""
+        """Adds the edge of a wood, or other vegetation of similar height."""
         things = self.things
         size = {
             "height_m": stream.within(things.wood_height_m),
@@ -237,7 +237,7 @@ class Roadside:
         }
 
     def _raised(self, shape: Size) -> Size:
-        """Returns the tree with its crown raised above the vehicles of a lane below it."""
+        """Returns the shape of a tree whose crown is above the vehicles of the lane below."""
         trunk = round(self.things.free_trunk_m - shape["base_m"], 2)
         return shape | {"trunk_m": trunk, "height_m": max(shape["height_m"], round(trunk + 2, 2))}
 

@@ -1,7 +1,7 @@
 """Distributions of roadside objects, parked vehicles, pedestrians, cyclists and furniture.
 
 A range is a uniform distribution, a share is a probability, and a mapping contains weights. Ranges
-without a source are assumptions, which are wide rather than narrow.
+without a source are assumptions and are chosen wide rather than narrow.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class ThingRanges:
     wall_width_m: Range = (0.25, 0.6)
     rail_width_m: Range = (0.15, 0.35)
     rail_parts: float = 0.3  # share of rails that stand along only a part of the road
-    rail_part_m: Range = (30, 150)  # length of such a part
+    rail_part_m: Range = (30, 150)  # length of the part that has a rail
     part_within_m: Range = (-70, 70)  # middle of a part, from the station nearest to the focus
     noise_wall_m: Range = (2.0, 4.5)
     noise_wall_away_m: Range = (1, 5)
@@ -53,7 +53,7 @@ class ThingRanges:
     house_length_m: Range = (7, 45)
     house_depth_m: Range = (7, 16)
     house_height_m: Range = (3, 20)
-    house_heights: Range = (0.8, 1.2)  # height of each house, relative to that of its row
+    house_heights: Range = (0.8, 1.2)  # height of a house, relative to the height of the row
     house_gap_m: Range = (1, 25)
     house_setback_m: Range = (0.5, 12)
     post_every_m: Range = (18, 45)
@@ -79,7 +79,8 @@ class ParkingRanges:
     kerb_classes: Weights = field(
         default_factory=lambda: {"Car": 0.85, "Van": 0.12, "Motorcycle": 0.03}
     )
-    kerb_within_m: float = 130  # rows begin this far before the station nearest to the focus
+    # Rows begin at most this far before the station nearest to the focus.
+    kerb_within_m: float = 130
     bay_gap_m: Range = (0.4, 0.9)  # gap between cars in bays of 2.5 m
     bay_turn_deg: Mapping[float, float] = field(
         default_factory=lambda: {90: 0.7, 60: 0.15, -60: 0.15}
@@ -106,10 +107,10 @@ class ParkingRanges:
 class WayRanges:
     """Rows of pedestrians and cyclists."""
 
-    sites: float = 0.85  # share of sites with rows, among the road types that can have rows
+    sites: float = 0.85  # share of sites with rows, among sites whose road type can have rows
     within_m: float = 120  # maximum distance from the site's focus
     verge_m: float = 3.0  # width of the strip beyond the footway that rows may use
-    # Minimum length of a row. Pedestrians and cyclists appear and vanish at its ends.
+    # Minimum length of a row. Pedestrians and cyclists appear and vanish at the ends of the row.
     shortest_m: float = 15.0
 
 
@@ -118,8 +119,8 @@ class FurnitureRanges:
     """Street furniture and standing groups. Sizes without a source are assumptions."""
 
     sites: float = 0.7  # share of sites with furniture
-    times: float = 1.0  # factor of the numbers of pieces that the road type has
-    within_m: float = 80  # distance along the road from the station nearest to the site's focus
+    times: float = 1.0  # the road type's numbers of pieces are multiplied by this factor
+    within_m: float = 80  # maximum distance along the road from the station nearest to the focus
     plate_m: Range = (0.4, 1.5)  # StVO has 0.42 to 0.9 m; signs at junctions are larger
     plate_above_m: Range = (1.8, 3.0)  # StVO states 2.0 to 2.25 above footways
     plate_turn_deg: Mapping[float, float] = field(  # plates are across the road, or along it

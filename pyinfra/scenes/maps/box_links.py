@@ -9,7 +9,7 @@ from pyinfra.core.arrays import FloatArray, IntArray, NameArray
 
 # Maximum distance of a box from the predicted position, if the velocity of the track is known.
 _REACH_M = 3.0
-_FIRST_REACH_M_S = 40.0  # maximum speed from the first box of a track to its second
+_FIRST_REACH_M_S = 40.0  # maximum speed from the first box of a track to the second box
 _LOST_S = 0.35  # a track without a box for longer than this has ended
 _FAR = 1e6  # cost of a pair that is not allowed
 

@@ -27,6 +27,6 @@ def disagreements(lanes: list[MapLane]) -> list[str]:
     for k in close[np.argsort(-rise[close], kind="stable")]:
         lower, upper = driven[lane_of[below[k]]].name, driven[lane_of[above[k]]].name
         position = "{:.1f} {:.1f}".format(*points[below[k], :2])
-        text = f"lane {lower}: {rise[k]:.2f} m below lane {upper} at {position}: not changed"
+        text = f"lane {lower}: {rise[k]:.2f} m below lane {upper} at {position}; left unchanged"
         messages.setdefault(int(lane_of[below[k]]), text)
     return list(messages.values())

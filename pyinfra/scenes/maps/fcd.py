@@ -52,7 +52,9 @@ def read_fcd(file: Path) -> list[Recorded]:
     except ElementTree.ParseError as error:
         raise _refusal(file, f"expected SUMO's fcd-export, got broken XML ({error})") from error
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise _refusal(file, f"expected a whole .gz, got a broken one ({error})") from error
+        raise _refusal(
+            file, f"expected a complete .gz file, got a damaged one ({error})"
+        ) from error
     if not rows:
         raise _refusal(file, "expected vehicles or people, got none")
     return [
@@ -68,7 +70,7 @@ def _opened(file: Path) -> BinaryIO:
 def _objects(
     stream: BinaryIO, refusal: Callable[[str], FormatError]
 ) -> Iterator[tuple[float, ElementTree.Element]]:
-    """Yields the time of each step with each element of a vehicle or person in the step."""
+    """Yields each element of a vehicle or person, with the time of the step that contains it."""
     before = -np.inf
     root: ElementTree.Element | None = None
     for event, element in ElementTree.iterparse(stream, events=("start", "end")):
@@ -79,7 +81,7 @@ def _objects(
         if event == "end" and element.tag == "timestep":
             t = _number(element.get("time"))
             if not np.isfinite(t) or abs(t) > 1e8:
-                raise refusal(f"expected seconds, got time '{element.get('time')}'")
+                raise refusal(f"expected a time in seconds, got '{element.get('time')}'")
             if t <= before:
                 raise refusal(f"expected ascending times, got time {t:g} after {before:g}")
             before = t
@@ -94,7 +96,7 @@ def _state(
 ) -> tuple[float, float, float, float, float]:
     """Returns x, y, z, heading and speed of an element. z, angle and speed are optional."""
     if not name:
-        raise _refusal(file, f"time {t:g}: expected an id of each <{element.tag}>, got none")
+        raise _refusal(file, f"time {t:g}: expected an id for each <{element.tag}>, got none")
     x, y = (_number(element.get(key)) for key in ("x", "y"))
     z, angle = (_number(element.get(key, "0")) for key in ("z", "angle"))
     for key, value in (("x", x), ("y", y), ("z", z), ("angle", angle)):

@@ -15,11 +15,11 @@ from pyinfra.core.errors import Error, FormatError
 from pyinfra.scenes.maps.openstreetmap import transverse_mercator
 
 NEAR_M = 20_000.0  # maximum distance of positions from the site's origin
-# Change of x and y per second that separates degrees from metres. Coordinates of a moving object
-# change less in degrees and more in metres.
+# Limit for the change of x and y per second. The coordinates of a moving object change by less than
+# this in degrees, and by more in metres.
 _CRAWL = 0.01
-# Ratio of the distance in x and y to the distance that the speeds give. Below it, x and y are in
-# degrees. A degree is 10 to 111 km.
+# Limit for the distance in x and y, relative to the distance that follows from the speeds. Below
+# this limit, x and y are in degrees, because a degree is 10 to 111 km long.
 _SHARE = 1e-3
 _ELLIPSOIDS = ("WGS84", "GRS80")
 
@@ -51,8 +51,9 @@ def in_degrees(objects: Iterable[Motion], projection: Projection | None) -> bool
     """Returns whether positions are longitude and latitude.
 
     All values must be in the range of longitude and latitude. In addition, x and y must change far
-    less than the speeds of the objects imply. If speeds are missing, the objects must move slower
-    than any moving object does in metres. If no object moves, the positions must be near the site.
+    less than the speeds of the objects imply. If speeds are missing, x and y must change by less
+    per second than the coordinates of any moving object in metres. If no object moves, the
+    positions must be near the site.
     """
     objects = list(objects)
     xy = np.concatenate([o.xy for o in objects])
@@ -112,7 +113,9 @@ def network_projection(net_file: Path) -> Projection | None:
             if node.tag in ("edge", "junction"):
                 break
     except (ElementTree.ParseError, ValueError) as error:
-        raise FormatError(f"{net_file}: location: expected that of SUMO, got {error}") from error
+        raise FormatError(
+            f"{net_file}: location: expected a projection that SUMO writes, got {error}"
+        ) from error
     return None
 
 
@@ -122,7 +125,7 @@ def _of_location(words: str, offset: str) -> Projection | None:
         return None
     ellipsoid = keys.get("ellps", keys.get("datum", "WGS84"))
     if keys.get("proj") not in ("utm", "tmerc") or ellipsoid not in _ELLIPSOIDS:
-        raise Error(f"'{words[:80]}' (utm and tmerc on WGS84 are known)")
+        raise Error(f"'{words[:80]}' (only utm and tmerc on WGS84 are supported)")
     net_offset = [float(v) for v in offset.split(",")]
     if keys["proj"] == "utm":
         north = 1e7 if "south" in keys else 0.0

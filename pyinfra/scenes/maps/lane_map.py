@@ -80,7 +80,7 @@ class SiteMap:
     lanes: list[MapLane] = field(default_factory=list)
     areas: list[FloatArray] = field(default_factory=list)  # (n, 2) outlines of junctions
     footways: list[FloatArray] = field(default_factory=list)  # (n, 3) outlines of walking areas
-    # Number of ways, x and y of each junction.
+    # Number of connections between lanes, x and y of each junction.
     junctions: list[tuple[int, float, float]] = field(default_factory=list)
     bodies: list[MapBody] = field(default_factory=list)
     trees: list[MapTree] = field(default_factory=list)
@@ -111,10 +111,10 @@ def without_folds(
 ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     """Removes backward steps of the borders of a lane.
 
-    In a bend tighter than the lane's width, the inner border runs backwards. Each of its points
-    there is moved to the previous point. Rows at which the centreline stops or runs backwards are
-    removed. Returns both borders, and the left point (x y z) at which the centreline first runs
-    backwards, or None.
+    In a bend tighter than the lane's width, the inner border runs backwards. The function moves
+    each point of this part of the border to the previous point. It removes rows at which the
+    centreline stops or runs backwards. Returns both borders, and the left point (x y z) at which
+    the centreline first runs backwards, or None.
     """
     folded = None
     for _ in range(len(left)):
@@ -152,7 +152,11 @@ def steep_lanes(lanes: Sequence[MapLane]) -> list[str]:
 
 
 def checked_lanes(lanes: Sequence[MapLane], source: str) -> list[MapLane]:
-    """Returns the lanes unchanged. Raises MapError that names the lane if a lane is impossible."""
+    """Returns the lanes unchanged.
+
+    Raises MapError, which names the lane, for impossible coordinates or grades. Also raises
+    MapError if there is no lane for vehicles.
+    """
     for lane in lanes:
         borders = np.concatenate([lane.left, lane.right])
         if not np.isfinite(borders).all():
@@ -162,8 +166,8 @@ def checked_lanes(lanes: Sequence[MapLane], source: str) -> list[MapLane]:
         if np.abs(borders).max() > FARTHEST_M:
             most = np.abs(borders).max()
             raise MapError(
-                f"{source}: lane {lane.name}: expected up to {FARTHEST_M:g} (a wrong "
-                f"projection?), got a place {most:.4g} m from the origin"
+                f"{source}: lane {lane.name}: expected coordinates up to {FARTHEST_M:g} m, got "
+                f"{most:.4g} m; the projection may be wrong"
             )
         steps = np.diff(lane.centre, axis=0)
         rise = np.abs(steps[:, 2]) - STEEPEST * np.hypot(*steps[:, :2].T)

@@ -27,7 +27,7 @@ def format_of(file: Path) -> str:
         if name.endswith(ending):
             stem = file.name[: -len(ending)].removesuffix(".osm")
             raise MapError(
-                f"{file}: expected XML, got {ending}: convert it first, for example by "
+                f"{file}: expected XML, got {ending}; convert the file first, for example with "
                 f"`{command.format(file.name, stem)}`"
             )
     if name.endswith(PBF):
@@ -40,8 +40,8 @@ def format_of(file: Path) -> str:
     if name.endswith(".xml") and (ending := _BY_ROOT.get(_root_of(file), "")):
         return ending
     raise MapError(
-        f"{file}: expected {', '.join(FORMATS)}, plain or packed ({', '.join(PACKED)}), or "
-        f".osm{PBF}, got '{file.suffix}'"
+        f"{file}: expected a file name that ends in {', '.join(FORMATS)}, optionally followed by "
+        f"{' or '.join(PACKED)}, or in .osm{PBF}; got '{file.suffix}'"
     )
 
 
@@ -93,6 +93,6 @@ def unpacked(file: Path, kind: str, scratch: Path) -> Path:
 def digest(file: Path) -> str:
     size = file.stat().st_size
     if not 0 < size <= LONGEST_BYTES:
-        raise MapError(f"{file}: expected 1 to {LONGEST_BYTES}, got {size} bytes")
+        raise MapError(f"{file}: expected 1 to {LONGEST_BYTES} bytes, got {size} bytes")
     with file.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

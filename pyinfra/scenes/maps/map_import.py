@@ -59,7 +59,7 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
             return Imported(
                 record["lanes"], record["triangles"], Pole(**record["pole"]), record, False
             )
-        raise FileExistsError(f"{out}: expected a new folder, got one of another import")
+        raise FileExistsError(f"{out}: expected a new folder, got the folder of another import")
     with new_folder(out) as folder, tempfile.TemporaryDirectory() as scratch:
         plain = unpacked(file, kind, Path(scratch))
         try:
@@ -71,7 +71,7 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
         meshes, terrain = surfaces(site_map, KERB_M)
         if sum(len(m.faces) for m in meshes.values()) > MOST_TRIANGLES:
             raise MapError(
-                f"{file}: expected up to {MOST_TRIANGLES} triangles, got more: use a smaller "
+                f"{file}: expected up to {MOST_TRIANGLES} triangles, got more; use a smaller "
                 "`radius_m`"
             )
         pole, assumption = _pole(site_map, options)

@@ -24,7 +24,7 @@ RADIUS_M = 1000.0  # default radius of the imported area
 class ImportOptions:
     """Options of a map import."""
 
-    # x, y in the map. For OpenStreetMap, lon, lat or lat, lon.
+    # x, y in the frame of the map. For OpenStreetMap, longitude and latitude in either order.
     centre: tuple[float, float] | None = None
     radius_m: float = RADIUS_M
     mount: tuple[float, float, float, float] | None = None  # x, y, z, yaw_deg in the site's frame

@@ -29,7 +29,7 @@ class MeshPlacement:
     """Scale, upward axis and offset of the transform from a file's coordinates to the site's."""
 
     scale: float = 1.0
-    up: str = ""  # upward axis y or z; by default that of the format
+    up: str = ""  # upward axis y or z; by default the upward axis of the file format
     offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
@@ -40,14 +40,16 @@ def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement)
     """
     name = f"meshes/{file.stem.lower()}.ply"
     if (site / name).exists():
-        raise FileExistsError(f"{site / name}: expected a new name for {file}, got an existing one")
+        raise FileExistsError(
+            f"{site / name}: expected no mesh of this name in the site, got one; rename {file}"
+        )
     mounts = feet(site)
     mesh = _placed(_read(file), file, placement)
     away = _away_m(mesh, mounts)
     if away > FARTHEST_M:
         raise FormatError(
-            f"{file}: expected up to {FARTHEST_M:g} m (`offset` moves it), got its nearest point "
-            f"{away:.0f} m from the mount"
+            f"{file}: expected a mesh within {FARTHEST_M:g} m of a mount, got a distance of "
+            f"{away:.0f} m; `offset` moves the mesh"
         )
     scene = with_mesh(site / SCENE, {"file": name, "material": material})
     (site / "meshes").mkdir(exist_ok=True)
@@ -59,7 +61,10 @@ def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement)
 def _read(file: Path) -> Triangles:
     """Reads all triangles of a file, in the file's coordinates. Raises FormatError."""
     if file.suffix.lower() not in ENDINGS:
-        raise FormatError(f"{file}: expected {', '.join(ENDINGS)}, got another ending")
+        endings = ", ".join(ENDINGS)
+        raise FormatError(
+            f"{file}: expected a file name that ends in {endings}; got another ending"
+        )
     if not file.stat().st_size:
         raise FormatError(f"{file}: expected a mesh, got 0 bytes")
     try:
@@ -79,7 +84,8 @@ def _read(file: Path) -> Triangles:
         raise FormatError(f"{file}: expected up to {MOST_TRIANGLES} faces, got {len(faces)}")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise FormatError(
-            f"{file}: expected corners below {len(vertices)}, got a face with {faces.max()}"
+            f"{file}: expected faces with vertex indices from 0 to {len(vertices) - 1}, got "
+            f"indices from {faces.min()} to {faces.max()}"
         )
     if not np.isfinite(vertices).all():
         at = int(np.flatnonzero(~np.isfinite(vertices).all(1))[0])
@@ -93,16 +99,16 @@ def _placed(mesh: Triangles, file: Path, placement: MeshPlacement) -> Triangles:
     widest = float(np.ptp(vertices, axis=0).max())
     if widest > WIDEST_M:
         raise FormatError(
-            f"{file}: expected up to {WIDEST_M:g} m (millimetres? `scale` 0.001 makes it "
-            f"{widest / 1000:.4g} m), got {widest:.4g} m from end to end"
+            f"{file}: expected a mesh of at most {WIDEST_M:g} m, got {widest:.4g} m from end to "
+            "end; if the coordinates are in millimetres, set `scale` to 0.001"
         )
     if up == "y":
         vertices = vertices[:, [0, 2, 1]] * [1, -1, 1]
     made = together([Triangles(vertices + np.array(placement.offset_m), mesh.faces)])
     if not len(made.faces):
         raise FormatError(
-            f"{file}: expected faces with an area (it is {widest:.3g} m from end to end: `scale` "
-            f"makes it larger), got {len(mesh.faces)} faces without an area"
+            f"{file}: expected faces with an area, got {len(mesh.faces)} faces without an area; "
+            f"the mesh measures {widest:.3g} m from end to end, and `scale` enlarges it"
         )
     return made
 

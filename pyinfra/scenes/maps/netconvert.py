@@ -38,7 +38,7 @@ def netconvert(source: Path, arguments: Sequence[str], out: Path) -> list[str]:
         warnings = run_tool("netconvert", words, longest_s=LONGEST_S)
     except subprocess.TimeoutExpired as error:
         raise MapError(
-            f"{source}: netconvert of SUMO took more than {LONGEST_S:g} s: use a smaller map"
+            f"{source}: netconvert of SUMO took more than {LONGEST_S:g} s; use a smaller map"
         ) from error
     except SumoError as error:
         raise MapError(f"{source}: netconvert of SUMO failed: {error}") from error

@@ -82,7 +82,8 @@ def _read_edge(edge: Element, site_map: SiteMap) -> None:
         left, right, folded = without_folds(*borders(_dense(_unfolded(shape)), width))
         if folded is not None or len(_unfolded(shape)) < len(shape):
             x, y, _ = shape[0] if folded is None else folded
-            site_map.mended.append(f"lane {name}: turned back near {x:.1f} {y:.1f}")
+            text = f"lane {name}: removed a part that runs backwards near {x:.1f} {y:.1f}"
+            site_map.mended.append(text)
         walked = _is_for(lane, WALKERS) and not _is_for(lane, CARS)
         site_map.lanes.append(
             MapLane(
@@ -134,7 +135,10 @@ def _dense(shape: FloatArray) -> FloatArray:
 
 
 def borders(centre: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
-    """Returns left and right border (n, 3) of a line, mitred up to twice the half width."""
+    """Returns left and right border (n, 3) of a line.
+
+    The borders have mitred corners, at most twice the half width from the line.
+    """
     steps = np.diff(centre[:, :2], axis=0)
     steps /= np.hypot(*steps.T)[:, None]
     before, after = np.concatenate([steps[:1], steps]), np.concatenate([steps, steps[-1:]])

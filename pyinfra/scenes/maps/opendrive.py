@@ -62,7 +62,7 @@ def read_opendrive(file: Path) -> SiteMap:
         for count, node in enumerate(root.iter("road")):
             ids.add(node.get("id"))
             if len(ids) <= count:
-                raise MapError(f"road {node.get('id')}: id: expected it once, got it twice")
+                raise MapError(f"road {node.get('id')}: expected each road id once, got it twice")
             _read_road(node, site_map)
     except MapError as error:
         raise MapError(f"{file}: {error}") from error
@@ -103,21 +103,22 @@ def _read_road(node: Element, site_map: SiteMap) -> None:
 def _lengths_that_disagree(road: OpenDriveRoad, node: Element) -> list[str]:
     """Returns texts about contradicting lengths.
 
-    The length of a road may contradict its geometries, and that of a geometry its curve.
+    The stated length of a road may contradict the road's geometries. The stated length of a
+    geometry may contradict the length of its curve.
     """
     stated, length = number(node, "length", road.line.length), road.line.length
     notes = []
     if abs(stated - length) > LENGTHS_APART * length + 0.1:
         notes.append(
-            f"road {road.id}: length: expected {length:g} m as its geometry, got {stated:g} m; the "
-            "geometry is used"
+            f"road {road.id}: length: expected {length:g} m, the length of the geometry, got "
+            f"{stated:g} m; the import uses the geometry"
         )
     for shape in node.iterfind("planView/geometry"):
         along, declared = curve_length(shape), number(shape, "length")
         if abs(along - declared) > LENGTHS_APART * along + 0.1:
             notes.append(
                 f"road {road.id}: geometry at s = {number(shape, 's'):g}: length: expected "
-                f"{along:.3f} m as its curve, got {declared:g} m"
+                f"{along:.3f} m, the length of the curve, got {declared:g} m"
             )
     return notes
 
@@ -232,12 +233,14 @@ def _lane(
     left, right, folded = without_folds(left, right)
     if folded is not None:
         x, y, _ = folded
-        site_map.mended.append(f"lane {name}: turned back at {x:.1f} {y:.1f}")
+        text = f"lane {name}: removed a part that runs backwards at {x:.1f} {y:.1f}"
+        site_map.mended.append(text)
     if np.hypot(*np.diff((left + right)[:, :2] / 2, axis=0).T).sum() < SHORTEST_M:
         site_map.mended.append(f"lane {name}: shorter than {SHORTEST_M} m, left out")
         return None
     known = DRIVEN | PAVED | FOOTWAYS
     if first.type not in known:
-        site_map.not_understood.append(f"lane {name}: type {first.type!r}, paved as a shoulder")
+        text = f"lane {name}: unknown type {first.type!r}; imported as a paved shoulder"
+        site_map.not_understood.append(text)
     kind = "sidewalk" if first.type in FOOTWAYS else "road"
     return MapLane(name, kind, first.type in DRIVEN, left, right, first.kerb_m)

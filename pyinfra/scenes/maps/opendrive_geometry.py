@@ -98,7 +98,7 @@ class OpenDriveRoad:
     offset: Cubics
 
     def positions(self, s: FloatArray, t: FloatArray) -> FloatArray:
-        """Returns positions (n, 3) in the map's frame at s, and at t to the left of the line."""
+        """Returns positions (n, 3) in the map's frame, at stations s and t metres to the left."""
         x, y, heading = self.line.at(s).T
         roll = self.roll.at(s)
         flat, z = t * np.cos(roll), self.elevation.at(s) + t * np.sin(roll)
@@ -144,7 +144,8 @@ def _piece(node: Element, road: str | None) -> Line:
         sides = {f"a{k}": [number(shape, f"{c}{k}", 0.0) for c in "abcd"] for k in "UV"}
         return _along(sides, length if shape.get("pRange") == "arcLength" else 1.0, length)
     raise MapError(
-        f"road {road}: geometry: expected line, arc, spiral, poly3, paramPoly3, got {shape.tag!r}"
+        f"road {road}: geometry: expected one of line, arc, spiral, poly3, paramPoly3; "
+        f"got {shape.tag!r}"
     )
 
 
@@ -168,7 +169,7 @@ def _along(sides: dict[str, list[float]], end: float, length: float | None = Non
     """Returns a curve as a function of arc length.
 
     The curve is given by cubics u and v of a parameter from 0 to `end`. If the geometry's length
-    differs from the curve's, for example by rounding, s is scaled.
+    differs from the length of the curve, for example by rounding, s is scaled.
     """
     u_of, v_of = (np.polynomial.Polynomial(sides[k]) for k in ("aU", "aV"))
     du, dv = u_of.deriv(), v_of.deriv()
@@ -187,7 +188,10 @@ def _along(sides: dict[str, list[float]], end: float, length: float | None = Non
 
 
 def curve_length(node: Element) -> float:
-    """Returns the arc length of a paramPoly3 in metres, or the file's length of other shapes."""
+    """Returns the arc length of a paramPoly3 in metres.
+
+    For other shapes, returns the length that the file states.
+    """
     shape, length = node[0] if len(node) else node, number(node, "length")
     if shape.tag != "paramPoly3":
         return length

@@ -76,7 +76,7 @@ def _signals(root: Element) -> list[str]:
                         continue
                     signals.remove(signal)
                     where = f"road {road.get('id')}: {tag} {signal.get('id')}"
-                    notes.append(f"{where}: {why}: not in the network")
+                    notes.append(f"{where}: {why}; left out of the network")
     return notes
 
 
@@ -90,7 +90,7 @@ def _lack(signal: Element) -> str:
         for validity in signal.iterfind("validity"):
             int(validity.get("fromLane", "")), int(validity.get("toLane", ""))
     except ValueError:
-        return "s or validity is no number"
+        return "s or validity is not a number"
     return ""
 
 
@@ -101,12 +101,12 @@ def _junctions(root: Element) -> list[str]:
         kind, name = junction.get("type", ""), junction.get("id", "")
         if kind == "direct":
             _as_default(root, junction)
-            notes.append(f"junction {name}: direct: its lanes are linked to each other")
+            notes.append(f"junction {name}: type 'direct'; short connecting roads were added")
             continue
         elif kind not in JUNCTIONS or any(
             not connection.get("connectingRoad") for connection in junction.iterfind("connection")
         ):
-            notes.append(f"junction {name}: type {kind!r}: not in the network")
+            notes.append(f"junction {name}: type {kind!r}; left out of the network")
             root.remove(junction)
             for link, end in _links_to(root, name):
                 link.remove(end)
@@ -123,7 +123,7 @@ def _links_to(root: Element, junction: str) -> list[tuple[Element, Element]]:
 
 
 def _as_default(root: Element, junction: Element) -> None:
-    """Converts a direct junction to a default one, with connecting roads of a few centimetres."""
+    """Converts a direct junction to the type `default`, with connecting roads of WAY_M."""
     roads = {road.get("id"): road for road in root.iterfind("road")}
     links = []
     for connection in junction.findall("connection"):

@@ -98,7 +98,7 @@ def _read_object(road: OpenDriveRoad, node: Element, site_map: SiteMap) -> None:
     before = len(site_map.bodies)
     outlines = node.findall(".//outline")
     if any(n.get("outer") == "false" for n in outlines):
-        leave_out("an inner outline: filled")
+        leave_out("inner outline ignored; the hole is filled")
     outlines = [n for n in outlines if n.get("outer") != "false"]
     for copy, at in _copies(node, repeats):
         if copy is not None and number(copy, "distance", 0.0) == 0:
@@ -111,14 +111,14 @@ def _read_object(road: OpenDriveRoad, node: Element, site_map: SiteMap) -> None:
     if len(site_map.bodies) == before:
         height = number(node, "height", 0.0)
         if type_ in NO_TYPE:
-            leave_out(f"type {type_!r}, name {node.get('name')!r}")
+            leave_out(f"type {type_!r}, name {node.get('name')!r}: left out")
         else:
-            leave_out(f"type {type_!r}, height {height:g} m")
+            leave_out(f"type {type_!r}, height {height:g} m: left out")
     elif type_ not in STANDING:
-        text = f"objects of type {type_!r}: built in their position"
+        text = f"objects of type {type_!r}: built at their positions"
         site_map.guessed += [] if text in site_map.guessed else [text]
     if any(abs(number(node, k, 0.0)) > 0.1 for k in ("pitch", "roll")):
-        leave_out("pitch, roll: built upright")
+        leave_out("pitch and roll ignored; the object is built upright")
 
 
 def _read_plants(
@@ -132,8 +132,8 @@ def _read_plants(
     s, t = (number(node, k, 0.0) for k in "st")
     if leave_out_if:
         site_map.not_understood.append(
-            f"road {road.id}: object {node.get('id')} at s = {s:.1f}, t = {t:.1f}: a plant's "
-            "outline: one tree is built"
+            f"road {road.id}: object {node.get('id')} at s = {s:.1f}, t = {t:.1f}: outline of a "
+            "plant ignored; one tree is built"
         )
     for copy, (at_s, at_t) in _copies(node, repeats):
         if copy is not None and number(copy, "distance", 0.0) == 0:
@@ -148,7 +148,7 @@ def _read_plants(
 def _copies(
     node: Element, repeats: list[Element]
 ) -> Iterator[tuple[Element | None, tuple[float, float]]]:
-    """Yields s, t of each copy of an object, with its repeat.
+    """Yields the `repeat` element and s, t of each copy of an object.
 
     Without repeats, yields None and s, t of the object.
     """

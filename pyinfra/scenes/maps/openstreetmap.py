@@ -115,9 +115,9 @@ def read_street_map(file: Path) -> StreetMap:
     for node in all_elements(file):
         _read_element(node, street_map, file)
     if not any("highway" in way.tags for way in street_map.ways):
-        raise MapError(f"{file}: expected a way with a highway, got none")
+        raise MapError(f"{file}: expected a way with the tag `highway`, got none")
     if not street_map.of_highways():
-        raise MapError(f"{file}: expected two or more nodes of highways, got fewer")
+        raise MapError(f"{file}: expected nodes of highways with known positions, got none")
     return street_map
 
 
@@ -190,8 +190,8 @@ def _lon_lat(node: Element, file: Path) -> tuple[float, float]:
         lon = lat = math.nan
     if not (abs(lon) <= 180 and abs(lat) <= 85):
         raise MapError(
-            f"{file}: node {node.get('id', node.get('ref'))}: lon, lat: expected degrees to 180 "
-            f"and 85, got {node.get('lon')!r}, {node.get('lat')!r}"
+            f"{file}: node {node.get('id', node.get('ref'))}: lon, lat: expected degrees up to 180 "
+            f"and up to 85, got {node.get('lon')!r} and {node.get('lat')!r}"
         )
     return lon, lat
 
@@ -203,7 +203,7 @@ def add_surroundings(
     heights = []
     for name, ids, tags in map_.houses:
         if not all(i in map_.nodes for i in ids):
-            site_map.not_understood.append(f"way {name}: building with missing nodes")
+            site_map.not_understood.append(f"way {name}: building with missing nodes, left out")
             continue
         outline = transverse_mercator(np.array([map_.nodes[i] for i in ids]), centre)
         outline = outline[:-1] if ids[0] == ids[-1] else outline
@@ -217,7 +217,8 @@ def add_surroundings(
             )
         x, y = outline.mean(0)
         if len(outline) < 3 or crosses_itself(outline):
-            site_map.not_understood.append(f"way {name}: building at {x:.1f} {y:.1f}: no outline")
+            text = f"way {name}: building at {x:.1f} {y:.1f} without a valid outline, left out"
+            site_map.not_understood.append(text)
             continue
         site_map.bodies.append(MapBody(outline, height))
     for node, tags in map_.trees:
@@ -254,7 +255,7 @@ def crosses_itself(outline: FloatArray) -> bool:
 
 
 def side_of(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
-    """Returns a positive number where a point r lies left of the line from p to q; (..., 2)."""
+    """Returns a positive number where point r lies left of the line from p to q, (..., 2) each."""
     return np.asarray(
         (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1])
         - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])

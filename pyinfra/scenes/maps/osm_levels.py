@@ -28,7 +28,7 @@ from pyinfra.scenes.maps.openstreetmap import (
     transverse_mercator,
 )
 
-CLEARANCE_M = 6.0  # height difference to reach between the surfaces of crossing roads
+CLEARANCE_M = 6.0  # intended height difference between the surfaces of crossing roads
 LEAST_M = 4.5  # a crossing with a smaller height difference is reported
 RAMP_M = 150.0  # length of a ramp over CLEARANCE_M; its steepest grade is 6 %
 STEP_M = 15.0  # distance between the nodes of a ramp
@@ -42,9 +42,9 @@ _ROUNDS = 8  # maximum number of iterations
 class Levels:
     """The heights of nodes, and the nodes added for ramps."""
 
-    heights: dict[str, float] = field(default_factory=dict)  # node ids to heights other than 0
-    places: dict[str, tuple[float, float]] = field(default_factory=dict)  # added ids to lon, lat
-    ways: dict[str, list[str]] = field(default_factory=dict)  # ids of changed ways to node ids
+    heights: dict[str, float] = field(default_factory=dict)  # by node id; without heights of 0
+    places: dict[str, tuple[float, float]] = field(default_factory=dict)  # lon, lat by added id
+    ways: dict[str, list[str]] = field(default_factory=dict)  # node ids by id of a changed way
     crossings: int = 0  # number of crossings with enough clearance
     flat: list[str] = field(default_factory=list)  # texts about crossings with too little clearance
 
@@ -59,7 +59,7 @@ class _Crossing:
 
 
 def level(tags: dict[str, str]) -> int:
-    """Returns the tag `layer`. If it is missing, 1 for a bridge, -1 for a tunnel, else 0."""
+    """Returns the tag `layer`, or without the tag, 1 for a bridge, -1 for a tunnel, else 0."""
     match = re.match(r"\s*([+-]?\d{1,2})\b", tags.get("layer", ""))
     if match:
         return int(match[1])
@@ -90,7 +90,8 @@ def find_levels(map_: StreetMap, centre: tuple[float, float], radius_m: float) -
     for c in crossings:
         gap = net.gap(c)
         if gap < LEAST_M:
-            out.flat.append(f"{_name(c)}: {gap:.1f} m apart, too close for ramps of {RAMP_M:g} m")
+            why = f"because ramps of {RAMP_M:g} m do not fit"
+            out.flat.append(f"{_name(c)}: the height difference is only {gap:.1f} m, {why}")
     out.crossings = len(crossings) - len(out.flat)
     out.heights = {i: round(z, 3) for i, z in net.z.items() if abs(z) > 1e-3}
     out.places = {i: place for i, place in net.new.items() if i in out.heights}
@@ -103,7 +104,7 @@ def find_levels(map_: StreetMap, centre: tuple[float, float], radius_m: float) -
 def write_levelled(file: Path, out: Path, map_: StreetMap, levels: Levels) -> None:
     """Writes the map with heights and without deleted elements.
 
-    Nodes are written first, because netconvert requires that.
+    Nodes are written first, because netconvert requires this order.
     """
     written, taken = set[str](), set[tuple[str, str]]()
     with out.open("w", encoding="utf-8") as stream:
@@ -128,7 +129,7 @@ def write_levelled(file: Path, out: Path, map_: StreetMap, levels: Levels) -> No
 
 
 def _place(element: Element, taken: set[tuple[str, str]]) -> Element:
-    """Moves a node by half a metre if another node has its position.
+    """Moves a node by half a metre if another node has the same position.
 
     netconvert would merge nodes at the same position.
     """
@@ -288,7 +289,7 @@ class _Net:
 def _ramps(
     next_: dict[str, dict[str, float]], way: list[str], still: set[str], height_m: float
 ) -> dict[str, float]:
-    """Maps each node to its share of a way's height.
+    """Maps each node near a lifted or lowered way to the node's share of the way's height.
 
     The share is 1 on the way, and 0 at the ends of ramps and at fixed nodes.
     """

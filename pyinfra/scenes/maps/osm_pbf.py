@@ -6,7 +6,7 @@ from pyinfra.core.errors import missing
 from pyinfra.scenes.maps.lane_map import MapError
 
 PBF = ".pbf"
-_BETWEEN = 100_000  # number of elements between two checks of the size
+_BETWEEN = 100_000  # number of elements between two checks of the size of the output
 
 
 def write_xml(file: Path, out: Path, most_bytes: int) -> None:

@@ -33,9 +33,9 @@ _RULES = {
 class BoxColumns:
     """Options for reading a CSV file with other column and class names."""
 
-    # Maps column names of this package to those of the file.
+    # Maps column names of this package to column names of the file.
     names: dict[str, str] = field(default_factory=dict)
-    # Maps class names of the file to those of this package.
+    # Maps class names of the file to class names of this package.
     classes: dict[str, str] = field(default_factory=dict)
     rate_hz: float | None = None  # frame rate, if the file has `frame` instead of `t`
     degrees: bool = False  # whether headings are in degrees
@@ -58,7 +58,7 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
     """
     unknown = sorted(set(how.names) - set(_COLUMNS))
     if unknown:
-        raise Error(f"columns: expected {', '.join(_COLUMNS)}, got '{unknown[0]}'")
+        raise Error(f"columns: expected names among {', '.join(_COLUMNS)}; got '{unknown[0]}'")
     words = read_words(file)
     ours = {theirs: our_name for our_name, theirs in how.names.items()}
     words = words.rename(columns=ours)
@@ -66,7 +66,10 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
     for name in (*_NEEDED, clock):
         if name not in words.columns:
             have = ", ".join(map(str, words.columns))[:200]
-            raise FormatError(f"{file}:1: expected a column '{name}' (`columns`), got {have}")
+            raise FormatError(
+                f"{file}:1: expected a column '{name}', got the columns {have}; `columns` can map "
+                "other names"
+            )
     if not len(words):
         raise FormatError(f"{file}: expected a row, got none")
     values = {name: _checked(file, words, name) for name in (*_NEEDED[:-1], clock)}
@@ -77,7 +80,8 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
     elif (np.abs(boxes[:, 6]) > 2 * np.pi + 1e-3).any():
         row = int(np.argmax(np.abs(boxes[:, 6]) > 2 * np.pi + 1e-3))
         raise FormatError(
-            f"{file}:{row + 2}: heading: expected radians, got degrees: set `degrees`"
+            f"{file}:{row + 2}: heading: expected radians, got {boxes[row, 6]:g}; for degrees, set "
+            "`degrees`"
         )
     classes = np.array([_class(file, i, name, how) for i, name in enumerate(words["class"])])
     ids = words["id"].to_numpy(str) if "id" in words.columns else link(times, boxes, classes)
@@ -102,7 +106,8 @@ def read_frames(folder: Path) -> list[BoxTrack]:
     all_boxes, classes = boxes_to_world(np.concatenate(boxes), pose), np.concatenate(names)
     wrong = sorted(set(classes) - set(CLASSES))
     if wrong:
-        raise FormatError(f"{folder}: expected {', '.join(CLASSES)}, got class '{wrong[0]}'")
+        known = ", ".join(CLASSES)
+        raise FormatError(f"{folder}: expected one of the classes {known}; got '{wrong[0]}'")
     at = np.array(times)
     return _tracks(folder, at, all_boxes, classes, link(at, all_boxes, classes))
 
@@ -122,8 +127,10 @@ def _checked(file: Path, words: pd.DataFrame, name: str) -> FloatArray:
 def _class(file: Path, row: int, name: str, how: BoxColumns) -> str:
     ours = how.classes.get(name, name)
     if ours not in CLASSES:
-        allowed = f"{', '.join(CLASSES)}, or `class_of` {shlex.quote(f'{name}=Car')}"
-        raise FormatError(f"{file}:{row + 2}: class: expected {allowed}, got '{name[:40]}'")
+        raise FormatError(
+            f"{file}:{row + 2}: class: expected one of {', '.join(CLASSES)}; got '{name[:40]}'; "
+            f"for example, `class_of` {shlex.quote(f'{name}=Car')} maps it"
+        )
     return ours
 
 

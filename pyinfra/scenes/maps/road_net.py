@@ -65,7 +65,7 @@ class RoadNet:
     turn_speed_limited: bool  # whether lateral acceleration in junctions is limited
 
     def sources(self, sumo_class: str) -> list[Edge]:
-        """Returns the edges where traffic enters the map. Only a U-turn may lead to them."""
+        """Returns the edges where traffic enters the map: only a U-turn may lead to them."""
         led = {to for name, targets in self.links.items() for to in targets}
         turns = {to for to in led if not self._leads_on(to)}
         return [e for e in self._of(sumo_class) if e.name not in led or e.name in turns]
@@ -113,7 +113,7 @@ def read_road_net(file: Path) -> RoadNet:
         return _net(root)
     except (KeyError, ValueError) as error:
         raise FormatError(
-            f"{file}: expected {error} of an element, got none or a wrong one"
+            f"{file}: expected a SUMO network, got a missing or invalid attribute: {error}"
         ) from error
 
 

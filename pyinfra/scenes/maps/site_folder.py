@@ -36,7 +36,7 @@ def yaws(site: Path) -> dict[str, float]:
     try:
         return {name: float(mount.get("yaw_deg", 0)) for name, mount in dict(mounts).items()}
     except (AttributeError, TypeError, ValueError):
-        raise FormatError(f"{site / SCENE}: mounts: expected a map of mounts, got none") from None
+        raise FormatError(f"{site / SCENE}: mounts: expected a mapping, got none") from None
 
 
 def offset(site: Path) -> FloatArray:

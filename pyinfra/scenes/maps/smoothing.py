@@ -171,9 +171,9 @@ def _followed(points: FloatArray, heading: float, reach: float) -> FloatArray:
 
 
 def _heights_behind(points: FloatArray, behind_m: FloatArray) -> FloatArray:
-    """Returns z (n, k) of a path (n, 3) at distances (k,) behind each of its points.
+    """Returns z (n, k) of a path (n, 3) at distances (k,) behind each point of the path.
 
-    Before its start, the path is extended with the slope at its start.
+    Before the first point, the path is extended with the slope at the first point.
     """
     steps = np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1)
     s = np.concatenate([[0.0], np.cumsum(steps)])

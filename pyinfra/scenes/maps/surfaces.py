@@ -75,7 +75,7 @@ class Sheet:
         self.z = _filled(np.minimum.reduce(corners), 20 if margin_m > cell_m else 0) - below_m
 
     def mesh(self, wanted: BoolArray | None = None) -> Triangles:
-        """Returns the mesh of all cells, or of those in a mask (nx - 1, ny - 1)."""
+        """Returns the mesh of all cells, or of the cells in a mask (nx - 1, ny - 1)."""
         nx, ny = self.z.shape
         x, y = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")
         positions = np.stack([x, y], -1) * self.cell_m + self.low
@@ -192,7 +192,7 @@ def _inside(corners: FloatArray, xy: FloatArray) -> BoolArray:
 
 
 def footway(shape: FloatArray, kerb_m: float) -> Triangles:
-    """Returns a paved area with outline (n, 3), raised by its kerb, with side walls."""
+    """Returns the surface of a walking area with outline (n, 3), raised by `kerb_m`, with walls."""
     top = shape + np.array([0, 0, kerb_m])
     ring = np.arange(len(shape)) if _area(shape[:, :2]) < 0 else np.arange(len(shape))[::-1]
     ring = np.append(ring, ring[0])

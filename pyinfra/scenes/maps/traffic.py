@@ -84,7 +84,10 @@ def record(net_file: Path, feet: FloatArray, demand: Demand, seconds: float, see
 
 
 def cleaned(sumo_run: SumoRun, feet: FloatArray) -> Traffic:
-    """Smooths the paths, keeps their parts near the mounts after the warm-up, removes overlaps."""
+    """Smooths the paths, and keeps their parts near the mounts after the warm-up.
+
+    Removes tracks that overlap other tracks.
+    """
     tracks, rough = [], []
     start, end = sumo_run.start, sumo_run.start + sumo_run.count
     for path in sumo_run.paths:
@@ -107,7 +110,7 @@ def _front_path(recorded: Recorded, asked: Trips) -> FrontPath:
 def _prepared(net_file: Path, net: RoadNet, demand: Demand, work: Path) -> Path:
     """Returns a network with limited turn speeds, and with sidewalks if there are pedestrians.
 
-    A network that lacks limits or sidewalks is rebuilt.
+    If the network lacks limits or sidewalks, netconvert rebuilds it.
     """
     walks = demand.pedestrians_per_hour > 0 and not net.walkable
     if net.turn_speed_limited and not walks:
@@ -122,7 +125,7 @@ def _prepared(net_file: Path, net: RoadNet, demand: Demand, work: Path) -> Path:
 def _run_sumo(
     net: Path, asked: Trips, warm_up: float, seconds: float, seed: int, work: Path
 ) -> tuple[list[Recorded], list[str]]:
-    """Returns the recorded objects, and the names of those without a valid route."""
+    """Returns the recorded objects, and the names of objects without a valid route."""
     routes, fcd = work / "trips.rou.xml", work / "fcd.xml"
     begin, end = warm_up - _AROUND_S, math.ceil(warm_up + seconds + _AROUND_S)
     words = ["--net-file", str(net), "--route-files", str(routes), "--seed", str(seed)]
@@ -147,7 +150,7 @@ def _run_sumo(
 
 
 def without_route(xml: str, error: str) -> tuple[str, list[str]]:
-    """Removes the trip that SUMO's error names, and trips of its class that take the same turn.
+    """Removes the trip that SUMO's error names, and trips of the same class with the same turn.
 
     Returns the remaining trips and the names of the removed trips. For an unrelated error, no trip
     is removed.

@@ -41,7 +41,7 @@ class Demand:
             if not 0 <= rate <= 20_000:
                 raise Error(f"{name}: expected 0 to 20000, got {rate:g}")
         if self.vehicles_per_hour + self.pedestrians_per_hour + self.bicycles_per_hour == 0:
-            raise Error("vehicles_per_hour: expected more than 0 in total, got 0")
+            raise Error("vehicles_per_hour: expected a sum of all rates above 0, got 0")
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def _drive(name: str, depart: float, route: list[str]) -> str:
 
 
 def _walk(name: str, depart: float, route: list[str], net: RoadNet, feet: FloatArray) -> str:
-    """Returns a walk that begins and ends just outside the region, on its first and last edge."""
+    """Returns a walk that begins and ends just outside the region, on the route's outer edges."""
     ahead, back = _far_m(net.edges[route[0]], feet), _far_m(net.edges[route[-1]], feet, back=True)
     start = f'<person id="{name}" type="{name}" depart="{depart:.1f}" departPos="{ahead:.1f}">'
     ways = f'from={quoteattr(route[0])} to={quoteattr(route[-1])} arrivalPos="-{back:.1f}"'
@@ -146,8 +146,8 @@ _MANNERS = {
 def _ways(net: RoadNet, feet: FloatArray, sumo_class: str, rng: np.random.Generator) -> _Ways:
     """Returns routes that begin outside the region, pass through it, and end outside.
 
-    Routes begin and end at the map's ends. If there is no such route, routes begin and end at any
-    edges that are far enough from the region.
+    Routes begin and end where roads enter or leave the map. If there is no such route, routes begin
+    and end at any edges that are far enough from the region.
     """
     routes: list[tuple[list[str], int]] = []
     ends = _ends(net, feet, sumo_class)
@@ -179,7 +179,7 @@ def _routes(
             if way is None or inside.isdisjoint(way) or len(way) < 2 - (start.name in inside):
                 continue
             if end.start == start.end and end.end == start.start:
-                continue  # the route returns on the opposite edge of its start
+                continue  # the route would end on the edge opposite to the start
             routes.append((way, start.lanes_for(sumo_class) * end.lanes_for(sumo_class)))
     return routes
 
@@ -198,8 +198,8 @@ def _far_edges(net: RoadNet, feet: FloatArray, sumo_class: str) -> tuple[list[Ed
 def _ends(net: RoadNet, feet: FloatArray, sumo_class: str) -> tuple[list[Edge], list[Edge]]:
     """Returns the edges where trips begin and end.
 
-    The edges are at the map's ends. For pedestrians, and if there are no such edges, they are all
-    edges that are far enough from the region.
+    These are the edges where roads enter or leave the map. For pedestrians, and if there are no
+    such edges, the function returns all edges that are far enough from the region.
     """
     starts = [e for e in net.sources(sumo_class) if _is_far(e.shape[0], feet)]
     ends = [e for e in net.sinks(sumo_class) if _is_far(e.shape[-1], feet)]
@@ -220,11 +220,10 @@ def _too_small(net: RoadNet, feet: FloatArray, sumo_class: str) -> str:
         return f"the map: expected a road for class '{sumo_class}', got none"
     far = max(float(np.linalg.norm(e.shape[:, None] - feet, axis=2).min(1).max()) for e in edges)
     starts, ends = (len(far_edges) for far_edges in _far_edges(net, feet, sumo_class))
-    counts = f"{starts} edges begin and {ends} end there"
+    counts = f"{starts} edges begin and {ends} edges end at this distance"
     why = counts if far >= reach else f"it reaches {far:.0f} m"
     return (
-        f"the map: expected a route through the region, got none for class '{sumo_class}' from "
-        f"{reach:.0f} m outside the mount's foot, through the region, to {reach:.0f} m outside "
-        f"({why}): nothing may appear or vanish inside; import more of the map, or move the "
-        "mount"
+        f"the map: expected a route for class '{sumo_class}' that begins and ends at least "
+        f"{reach:.0f} m from the mount and passes through the region, got none ({why}). Objects "
+        "must not appear or vanish in the region; import more of the map, or move the mount"
     )

@@ -52,17 +52,18 @@ def _text(tracks: list[Track]) -> str:
 def _check(track: Track) -> None:
     """Checks a track by the rules of the simulator's reader. Raises Error that names the track."""
     if track.object_class not in CLASSES:
-        _refuse(track, f"class '{track.object_class}'", ", ".join(CLASSES))
+        _refuse(track, f"class '{track.object_class}'", f"a class among {', '.join(CLASSES)}")
     if not np.isfinite(track.states).all() or not np.isfinite(track.size_m).all():
-        _refuse(track, "a value that is not finite", "numbers")
+        _refuse(track, "a value that is not finite", "finite numbers")
     if (track.size_m < _SIZES_M[0]).any() or (track.size_m > _SIZES_M[1]).any():
-        _refuse(track, f"a size of {track.size_m.tolist()} m", "0.1 to 50 m")
+        _refuse(track, f"a size of {track.size_m.tolist()} m", "sizes of 0.1 to 50 m")
     steps = np.linalg.norm(np.diff(track.states[:, :3], axis=0), axis=1)
     if (steps > _MAX_STEP_M).any():
-        _refuse(track, f"a step of {steps.max():.1f} m in 0.1 s", "10 m")
+        _refuse(track, f"a step of {steps.max():.1f} m", "steps of at most 10 m in 0.1 s")
     turns = np.abs(wrap(np.diff(track.states[:, HEADING])))
     if (turns > _MAX_TURN_RAD).any():
-        _refuse(track, f"a turn of {np.degrees(turns.max()):.0f} degrees in 0.1 s", "60")
+        turn = f"a turn of {np.degrees(turns.max()):.0f} degrees"
+        _refuse(track, turn, "turns of at most 60 degrees in 0.1 s")
 
 
 def _refuse(track: Track, actual: str, allowed: str) -> None:

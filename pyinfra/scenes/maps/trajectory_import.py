@@ -111,8 +111,8 @@ def _classes(
         hint = shlex.quote(",".join(f"{name}=Car" for name in unknown))
         first, name = next(iter(unknown.items()))
         raise FormatError(
-            f"object '{name[:40]}': expected {', '.join(_SUMO_TYPES)}, or `class_of` {hint}, got "
-            f"type '{first[:40]}'"
+            f"object '{name[:40]}': expected one of the types {', '.join(_SUMO_TYPES)}; got type "
+            f"'{first[:40]}'; for example, `class_of` {hint} maps it"
         )
     return class_of
 
@@ -135,7 +135,7 @@ def _to_metres(
     has_site: bool,
     out: ImportedTracks,
 ) -> Callable[[FloatArray], FloatArray]:
-    """Returns a function that converts the file's positions (n, 3) to the site's.
+    """Returns a function that converts positions (n, 3) of the file to the site's frame.
 
     Raises FormatError.
     """
@@ -150,13 +150,14 @@ def _to_metres(
         )
     elif has_site:
         raise FormatError(
-            "x, y: expected metres, got longitude and latitude, and the site's map has no "
-            "projection: write the file without SUMO's option fcd-output.geo"
+            "x, y: expected metres, because the site's map has no projection, got longitude and "
+            "latitude; write the file without SUMO's option fcd-output.geo"
         )
     else:
         projection = centred_on(lon_lat)
         lon, lat = projection.centre
-        out.notes.append(f"positions were longitude and latitude: metres from {lon:g} {lat:g}")
+        text = f"positions were longitude and latitude: converted to metres from {lon:g} {lat:g}"
+        out.notes.append(text)
     known = projection
     return lambda positions: np.column_stack([known.metres(positions[:, :2]), positions[:, 2]])
 
@@ -250,6 +251,6 @@ def _pieces(
 def _check_length(start: float, end: float) -> None:
     if end - start > _LONGEST_S:
         raise FormatError(
-            f"expected at most {_LONGEST_S:g} s in total, got times from {start:g} to {end:g} s: "
-            "does the clock jump, or is it in another unit?"
+            f"expected at most {_LONGEST_S:g} s in total, got times from {start:g} to {end:g} s; "
+            "the clock may have jumped, or the times may be in another unit"
         )
