@@ -7,9 +7,9 @@ positives over counted predictions. Each operating point is a score threshold, s
 equal score are counted together. If there are no objects, AP is undefined (NaN).
 Sources: the KITTI object benchmark since 2019 (40 recalls); PASCAL VOC 2007 (11 recalls).
 
-Functions take weights of time slots, so that one call computes all bootstrap replicates: a slot
-with weight 2 counts as if its frames existed twice. Weighted AP uses at most about 2,000 operating
-points. In the tests, this limit changes AP by less than 0.05.
+The functions take weights of time slots: a slot with weight 2 counts as if its frames existed
+twice. With one row of weights per bootstrap replicate, one call computes all replicates. Weighted
+AP uses at most about 2,000 operating points. In the tests, this limit changes AP by less than 0.05.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 RECALLS, R1000_RECALLS = 40, 1000
 KITTI_SAMPLES = 41  # recalls that the devkit samples: 0, 1/40 .. 40/40
 MOST_POINTS = 2000  # operating points of weighted AP
-_CHUNK = 4_000_000  # operating points times replicates that are computed together
+_CHUNK = 4_000_000  # maximum number of operating points times replicates in one chunk
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ def rank(
 def average_precision(
     ranking: Ranking, recalls: int = RECALLS, weights: IntArray | None = None
 ) -> FloatArray:
-    """Returns AP as defined above, (replicates,); NaN for a replicate without objects.
+    """Returns AP as this module defines it: (replicates,), NaN for a replicate without objects.
 
     recalls: 40, 1000, or 11 for the recalls 0, 0.1 .. 1. weights: (replicates, slots) whole
     numbers; by default one replicate in which each slot counts once.

@@ -119,11 +119,13 @@ def _chosen(
     """Returns the frames to evaluate."""
     if isinstance(gt, FrameSequence):
         if split is not None:
-            raise Error(f"split: expected a LiDAR's folder as gt, got frames and '{split}'")
+            raise Error(
+                f"split: expected a LiDAR's folder as gt, got frames in memory and split '{split}'"
+            )
         if frames is None:
             return gt
         if other := sorted(set(frames) - set(gt.numbers)):
-            raise Error(f"frames: expected frames of the {len(gt)} given, got {other[0]}")
+            raise Error(f"frames: expected numbers of the {len(gt)} frames in gt, got {other[0]}")
         return gt.of(sorted(frames))
     folder = path_of(gt, "gt")
     if isinstance(pred, pd.DataFrame):
@@ -214,7 +216,9 @@ def class_settings(classes: Mapping[str, tuple[str, ...]], *, custom_iou: bool =
         return Settings(classes=classes)
     if not all(of_people):
         names = ", ".join(classes)
-        raise Error(f"classes: expected vehicles, or people, or both with `iou`, got {names}")
+        raise Error(
+            f"classes: expected only vehicles or only people, or both with `iou`; got {names}"
+        )
     return Settings(classes=classes, ious=(PERSON_IOU,), metrics=("bev", "centre"))
 
 

@@ -69,7 +69,7 @@ class Evaluation:
 
     @cached_property
     def by_distance(self) -> pd.DataFrame:
-        """AP (R1000) in rings of 20 m around the sensor, for each ground truth.
+        """AP (R1000) in rings of 20 m around the sensor, for each ground-truth subset.
 
         Columns: ground_truth, distance_m (middle of the ring, horizontal), ap_r1000,
         ap_r1000_low and ap_r1000_high (95 % interval), objects, predictions.
@@ -140,9 +140,9 @@ def evaluate_tables(
 ) -> Evaluation:
     """Evaluates predictions in memory.
 
-    predictions.frame are indices of truth.frames. ranges: whether to also compute AP and recall
-    within ranges of the sensor, except for ground truth `common`. Table `replicates` then also has
-    the AP within each range.
+    predictions.frame contains indices into truth.frames. ranges: whether to also compute AP and
+    recall within ranges of the sensor, except for the subset `common`. The table `replicates` then
+    also contains the AP within each range.
     """
     match_inputs = {
         (name, metric): match_input(truth, predictions, name, settings, metric)
@@ -265,8 +265,8 @@ def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> li
     blocks = max(blocks_of_kinds, key=lambda candidate: candidate.block_s)
     if len(blocks.replicates) == 0:
         text = (
-            f"expected {MIN_BLOCKS:g} or more time blocks, got {blocks.count:.1f} of "
-            f"{blocks.block_s:g} s (the time that a vehicle stays): no intervals are computed"
+            f"expected {MIN_BLOCKS:g} or more time blocks of {blocks.block_s:g} s (the time that a "
+            f"vehicle stays in view), got {blocks.count:.1f}; no intervals are computed"
         )
         warnings.append(("few-blocks", text))
     for name, row in zip(table["class"], table.itertuples(), strict=True):
@@ -277,10 +277,10 @@ def _warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> li
         if math.isnan(value):
             warnings.append(("no-objects", f"{case}: no {kind} counts, so AP is undefined"))
         elif value == 0:
-            text = f"{case}: AP is 0: {row.predictions} predictions, {row.objects} {kind}s"
+            text = f"{case}: AP is 0 for {row.predictions} predictions and {row.objects} {kind}s"
             warnings.append(("ap-zero", f"{text}; `pyinfra validate` checks for common causes"))
         elif str(row.protocol).startswith("kitti") and row.objects < KITTI_LEAST:
             cap = 100 * (row.objects - 1) / (KITTI_LEAST - 1)
-            text = f"{case}: {row.objects} {kind}s: the AP of the devkit cannot exceed {cap:g}"
+            text = f"{case}: with {row.objects} {kind}s, the AP of the devkit cannot exceed {cap:g}"
             warnings.append(("kitti-cap", text))
     return [Finding("warning", name, text) for name, text in warnings]

@@ -43,7 +43,10 @@ def summary(evaluation: Evaluation) -> str:
             lines.append(f"boxes outside the region per minute, {name}: {_off_region(rows)}")
     if "difference" in evaluation.distance_ap:
         worst = evaluation.distance_ap.difference.abs().max()
-        lines.append(f"cutting before matching changes the AP of a window by up to {worst:.2f}")
+        lines.append(
+            "removing the boxes outside a window before matching changes the AP of the window by "
+            f"up to {worst:.2f}"
+        )
     return "\n".join(lines)
 
 
@@ -62,8 +65,8 @@ def _hidden(evaluation: Evaluation, row: Any) -> str:
 def _off_region(rows: pd.DataFrame) -> str:
     """Returns as text the boxes per minute outside the region.
 
-    The text has two numbers: of boxes with at least the lowest score of the table, and of boxes
-    with a score of 0.5 or more.
+    The first number counts boxes with at least the lowest score of the table. The second number
+    counts boxes with a score of 0.5 or more.
     """
     shown = [row for row in rows.itertuples() if row.score in (rows.score.min(), 0.5)]
     return ", ".join(

@@ -1,4 +1,7 @@
-"""Tables of an evaluation. AP and shares are 0 to 100; low and high end the 95 % intervals."""
+"""Tables of an evaluation.
+
+AP and shares are 0 to 100. Columns with low and high in their names are the ends of 95 % intervals.
+"""
 
 from __future__ import annotations
 
@@ -165,7 +168,7 @@ def _ap_of(
 def cut_first_ap(
     match_input: MatchInput, which: Subset, iou: float, min_points: int, windows: Sequence[Window]
 ) -> list[float]:
-    """Returns AP (R1000) of each window, if boxes outside it are removed before matching."""
+    """Returns AP (R1000) of each window after removing boxes outside the window before matching."""
     values = []
     for window in windows:
         matches = match_input.match(iou, strict=False, within=window)
@@ -192,8 +195,8 @@ def area_table(
     """Returns the number of high-quality areas of each road, and of all roads (road `all`).
 
     - n_tda: areas with enough objects
-    - n_hqda: those of the n_tda areas with an AP above HIGH_QUALITY, significantly or not
-    - undecided: those of the n_tda areas whose interval includes HIGH_QUALITY or is unknown
+    - n_hqda: areas with enough objects and an AP above HIGH_QUALITY, significantly or not
+    - undecided: areas with enough objects whose interval includes HIGH_QUALITY or is unknown
     """
     names = list(dict.fromkeys(distance.road))
     groups = [(EVERYWHERE, np.ones(len(distance), dtype=np.bool_))] if len(names) > 1 else []
@@ -242,7 +245,7 @@ def error_table(match_result: MatchResult) -> pd.DataFrame:
 
     Rows ahead, left and up are errors of the centre along the vehicle's axes. Row horizontal is the
     horizontal distance of the centres. Row heading is the error modulo 180 degrees. Row reversed is
-    the share of boxes that point backwards. Columns low and high belong to mean_absolute.
+    the share of boxes that point backwards. Columns low and high are the interval of mean_absolute.
     """
     match_input = match_result.match_input
     p = match_input.predictions.boxes[match_result.true_positive]
@@ -308,7 +311,7 @@ def false_positive_table(match_result: MatchResult, iou: float, *, strict: bool)
 
 
 def off_region_table(match_input: MatchInput, matches: IntArray) -> pd.DataFrame:
-    """Returns the number of unmatched boxes with their centre outside the region, by least score.
+    """Returns the number of unmatched boxes whose centre is outside the region, by minimum score.
 
     Columns *_per_min are numbers per minute of the frames' time. Columns on_people* count the
     vehicle boxes on labelled pedestrians and cyclists; these boxes are false positives. Counts are

@@ -42,8 +42,8 @@ COUNTED = 1000  # clouds whose points in the objects' boxes are counted
 POINT_BYTES, FIELD_BYTES = 16, kitti.FIELDS.itemsize
 NEIGHBOURS = 21  # a cloud's size is compared with the median of this many frames
 SMALL = 0.5  # clouds smaller than this share of the median are reported
-FEW_POINTS = 10  # up to this many points may be missing in the objects' boxes of a cloud
-LOST_SHARE = 0.05
+# A cloud may lack this many points, or this share of the points, in the objects' boxes.
+FEW_POINTS, LOST_SHARE = 10, 0.05
 FAR_MARGIN_M = 5.0  # tolerance for points beyond the LiDAR's range, because of range noise
 USUAL_LOW_Z = -3.0  # lower end of the point range in common configurations for cars
 USUAL_FAR_M = 70.4  # far end of the point range in common configurations for cars
@@ -131,20 +131,25 @@ def _labels(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
     low = (heights < HEIGHT_FILTER_PX).mean()
     if low > 0.5:
         text = (
-            f"{folder}: {100 * low:.0f} % of the 2-D boxes are lower than {HEIGHT_FILTER_PX:g} px: "
-            "tools with KITTI's height rule leave these labels out, so AP is 0"
+            f"{folder}: {100 * low:.0f} % of the 2-D boxes are less than {HEIGHT_FILTER_PX:g} px "
+            "high. Tools that apply KITTI's minimum height leave these labels out and can give an "
+            "AP of 0"
         )
         yield Finding("warning", "image-height", text)
     unknown = np.mean([row[2] == "3" for row in rows])
     if unknown > 0:
         text = (
-            f"{folder}: {100 * unknown:.0f} % of the labels have occluded 3 (unknown, outside the "
-            "region): tools that go by KITTI's difficulty leave them out"
+            f"{folder}: {100 * unknown:.0f} % of the labels have the value 3 in the column "
+            "`occluded` (unknown occlusion, because the object is outside the region). Tools that "
+            "filter by KITTI's difficulty levels leave these labels out"
         )
         yield Finding("note", "occlusion", text)
     empty = sum(file.stat().st_size == 0 for file in files)
     if empty > 0:
-        text = f"{folder}: {empty} of {len(files)} frames have no label: valid, keep them"
+        text = (
+            f"{folder}: {empty} of {len(files)} frames have no label. These frames are valid; keep "
+            "them"
+        )
         yield Finding("note", "empty-frames", text)
 
 
@@ -168,12 +173,16 @@ def _clouds(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
         boxes_with_points += sum(_points_in(box, points) > 0 for box in labels.boxes)
         bright |= bool((points[:, 3] > 1).any() or (points[:, 3] < 0).any())
     if bright:
-        text = f"{folder}: intensities outside 0 to 1: scale them, because detectors expect 0 to 1"
+        text = (
+            f"{folder}: clouds contain intensities outside 0 to 1; scale the intensities, because "
+            "detectors expect 0 to 1"
+        )
         yield Finding("warning", "intensity", text)
     if boxes > 0 and boxes_with_points < 0.5 * boxes:
         text = (
-            f"{folder}: {boxes_with_points} of {boxes} labelled boxes contain a point: are labels "
-            "and points in the same frame (camera convention, bottom centre, heading)?"
+            f"{folder}: only {boxes_with_points} of {boxes} labelled boxes contain a point; the "
+            "labels may be in another frame of reference than the points (check camera convention, "
+            "bottom centre, heading)"
         )
         yield Finding("warning", "labels-off-points", text)
 
@@ -190,22 +199,23 @@ def _sizes(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
         fields = kitti.frame_file(folder, "fields", frame)
         if has_fields and fields.is_file() and fields.stat().st_size != count * FIELD_BYTES:
             rows = fields.stat().st_size / FIELD_BYTES
-            text = f"{file}: expected {rows:g} points as {fields.name} of fields has, got {count:g}"
+            text = f"{file}: expected {rows:g} points, as in fields/{fields.name}, got {count:g}"
             errors.append(Finding("error", "cloud-size", text))
     around = median_filter(points, size=min(NEIGHBOURS, len(points)), mode="nearest")
     small = np.flatnonzero((points < SMALL * around) & (points > 0))
     for i in small[:MOST_ERRORS]:
         text = (
-            f"{files[i]}: {points[i]:g} points, but its neighbours have {around[i]:g}: is it cut?"
+            f"{files[i]}: {points[i]:g} points, but the median of the frames around it is "
+            f"{around[i]:g}; the file may be truncated"
         )
         yield Finding("warning", "small-cloud", text)
     yield from errors[:MOST_ERRORS]
 
 
 def _counts(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
-    """Yields errors of clouds with missing points in objects, or points beyond the range.
+    """Yields errors of clouds that lack points in the objects' boxes or have points out of range.
 
-    Points in the objects' boxes are missing if a cloud was cut or belongs to another frame.
+    Points in the objects' boxes are missing if a cloud was truncated or belongs to another frame.
     """
     has_objects = (folder / "training/objects").is_dir() and (folder / "lidar.yaml").is_file()
     if not has_objects or not (folder / "training/velodyne").is_dir():
@@ -229,19 +239,20 @@ def _counts(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
         lost = int(np.maximum(expected - np.array(counts, dtype=np.int64), 0).sum())
         if lost > max(FEW_POINTS, LOST_SHARE * expected.sum()):
             text = (
-                f"{file}: its objects have {expected.sum()} points in their boxes, the cloud lacks "
-                f"{lost} of them: is it cut, or of another frame?"
+                f"{file}: expected {expected.sum()} points in the objects' boxes, but the cloud "
+                f"lacks {lost} of them; it may be truncated or belong to another frame"
             )
             errors.append(Finding("error", "cloud-objects", text))
         distance = np.linalg.norm(points[:, :3], axis=1)
         if len(points) and distance.max() > farthest:
             text = (
-                f"{file}: expected points within {farthest:.0f} m, got one at {distance.max():.1f}"
+                f"{file}: expected points within {farthest:.0f} m, got a point at "
+                f"{distance.max():.1f} m"
             )
             errors.append(Finding("error", "cloud-range", text))
     yield from errors[:MOST_ERRORS]
     if len(errors) > MOST_ERRORS:
-        more = f"{folder}: {len(errors) - MOST_ERRORS} more clouds that do not fit"
+        more = f"{folder}: {len(errors) - MOST_ERRORS} more errors in clouds"
         yield Finding("error", "more-errors", more)
 
 
@@ -266,20 +277,20 @@ def _ranges(folder: Path, vehicles: Vehicles) -> Iterator[Finding]:
     bottom, top = boxes[:, 2] - boxes[:, 5] / 2, boxes[:, 2] + boxes[:, 5] / 2
     cut = (boxes[:, 2] < USUAL_LOW_Z).mean()
     text = (
-        f"{folder}: the undersides of vehicles are at z {np.median(bottom):.2f} m (median), "
-        f"{bottom.min():.2f} "
+        f"{folder}: the median underside of vehicles is at z = {np.median(bottom):.2f} m, the "
+        f"lowest underside at {bottom.min():.2f} m, and the highest top at {top.max():.2f} m; "
+        "anchor heights and point range of a detector must cover these heights"
     )
-    text += f"at the lowest, and end at {top.max():.2f}: anchors' bottom and point range must fit"
     if cut > 0:
-        text += f"; {100 * cut:.0f} % have their centre below {USUAL_LOW_Z:g} m, where the usual "
-        text += "ranges end: they would be cut, and AP be 0"
+        text += f". The centres of {100 * cut:.0f} % of the vehicles are below {USUAL_LOW_Z:g} m, "
+        text += "the usual lower limit of the point range; a detector with this limit misses them"
     yield Finding("note", "z-range", text)
     reach = np.abs(boxes[:, :2]).max(axis=1)
     far = 100 * (reach > USUAL_FAR_M).mean()
     behind = 100 * (boxes[:, 0] < 0).mean()
-    text = f"{folder}: vehicles reach to {reach.max():.0f} m; {far:.0f} % lie beyond "
-    text += f"{USUAL_FAR_M:g} m and {behind:.0f} % behind the sensor (x < 0), where a forward "
-    text += "range does not see them"
+    text = f"{folder}: the largest absolute x or y of a vehicle is {reach.max():.0f} m; "
+    text += f"{far:.0f} % of the vehicles lie beyond {USUAL_FAR_M:g} m and {behind:.0f} % behind "
+    text += "the sensor (x < 0); the usual forward point range does not cover these vehicles"
     yield Finding("note", "xy-range", text)
 
 
@@ -308,5 +319,5 @@ def folders_with_frames(data: Path) -> list[Path]:
     folders = sorted(folder for folder in candidates if not folder.name.startswith("."))
     if not folders:
         check_lidar_folder(data)
-        raise FileNotFoundError(2, "No training folder in it or in its folders", str(data))
+        raise FileNotFoundError(2, "The folder and its subfolders have no `training`", str(data))
     return folders

@@ -39,7 +39,7 @@ class GroundTruth:
     folder: Path
     name: str
     period_s: float
-    frames: tuple[int, ...]  # frame numbers, ascending; `vehicles.frame` are indices of `frames`
+    frames: tuple[int, ...]  # frame numbers, ascending; `vehicles.frame` has indices into `frames`
     vehicles: Vehicles  # all vehicles, counted or not
     has_objects: bool  # if False, vehicles are the labels, and only `captured` can be evaluated
     lidar: kitti.Lidar | None  # None if the folder has no lidar.yaml
@@ -93,8 +93,8 @@ class GroundTruth:
             return places.inside & (vehicles.points >= min_points)
         if not self.has_objects:
             raise Error(
-                f"{self.folder}: objects: expected this folder, got none; only the subset captured "
-                "does not need it"
+                f"{self.folder}: objects: expected this folder, got none; without it, only the "
+                "ground-truth subset `captured` can be evaluated"
             )
         if which == "present":
             return places.inside
@@ -155,7 +155,7 @@ def read_ground_truth(
 def ground_truth_of(frames: FrameSequence) -> GroundTruth:
     """Returns the ground truth of frames in memory or in a folder.
 
-    Raises as read_ground_truth does.
+    Raises the same exceptions as read_ground_truth.
     """
     if isinstance(frames, RecordedFrames):
         return read_ground_truth(frames.folder, frames.numbers, beyond_range=True)
@@ -194,7 +194,7 @@ def _reach(lidar: kitti.Lidar) -> float:
 def with_unreached(vehicles: Vehicles, others: Vehicles) -> Vehicles:
     """Returns `vehicles`, plus the rows of `others` in the region that are not in `vehicles`.
 
-    The added vehicles have 0 points and their boxes at mid-frame.
+    For the added vehicles, `points` is 0 and `boxes` holds the boxes at mid-frame.
     """
     return _with(vehicles, others.select(_unknown(vehicles, others) & (others.visibility >= 0)))
 
@@ -218,7 +218,7 @@ def _unknown(vehicles: Vehicles, others: Vehicles) -> BoolArray:
 def _with(vehicles: Vehicles, extra: Vehicles) -> Vehicles:
     """Returns both tables joined and ordered by frame.
 
-    Vehicles of `extra` get 0 points and their boxes at mid-frame.
+    For the vehicles of `extra`, `points` is 0 and `boxes` holds the boxes at mid-frame.
     """
     columns = {
         name: np.concatenate([vars(vehicles)[name], vars(extra)[name]]) for name in vars(vehicles)

@@ -1,4 +1,4 @@
-"""Checks of ground truth for problems in files that can be read."""
+"""Checks of ground truth whose files can be read: missing labels, unknown classes, region."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ def ground_truth_findings(
 ) -> Iterator[Finding]:
     """Yields warnings about missing labels, labels that do not count, and a missing region.
 
-    frames: frame numbers; `vehicles.frame` are indices of `frames`. types: names that are
-    evaluated.
+    frames: frame numbers; `vehicles.frame` contains indices into `frames`. types: names of the
+    types that are evaluated.
     """
     if len(vehicles) == 0:
-        text = f"{lidar_folder}: no label in {len(frames)} frames, so there is no AP; "
+        text = f"{lidar_folder}: no label in {len(frames)} frames, so AP is undefined; "
         text += "`pyinfra validate` can check predictions without labels"
         yield Finding("warning", "no-labels", text)
     if other := other_types(lidar_folder, frames, vehicles, types):

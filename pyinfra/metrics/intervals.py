@@ -97,12 +97,12 @@ def time_blocks(
     blocks. Raises Error if the frame numbers are not ascending.
     """
     if np.any(np.diff(frames) <= 0):
-        raise Error("frames: expected ascending numbers, got others")
+        raise Error("frames: expected ascending numbers, got other numbers")
     # A frame that starts on the border of two slots belongs to the later slot.
     numbers = np.floor(frames * period_s / SLOT_S + 1e-9)
     _, first, slot = np.unique(numbers, return_index=True, return_inverse=True)
     count = len(first)
-    # The median of the differences is used: frames 2.5 s apart have slots that differ by 2 or 3.
+    # The median is needed, because the slots of frames that are 2.5 s apart differ by 2 or 3.
     apart_s = period_s * float(np.median(np.diff(frames[first]))) if count > 1 else SLOT_S
     length = max(1, round(block_s / max(SLOT_S, apart_s)))
     enough = count >= MIN_BLOCKS * length

@@ -31,7 +31,7 @@ from pyinfra.metrics.matching import (
 )
 from pyinfra.metrics.settings import Settings
 
-# Block length in seconds if vehicles have no ids, so that their stay is unknown; for a motorway.
+# Block length in seconds for vehicles without ids, whose stay is unknown. It suits a motorway.
 LABELS_BLOCK_S = 20.0
 
 
@@ -78,7 +78,7 @@ class MatchInput:
 
     @cached_property
     def on_people(self) -> BoolArray:
-        """(p,) whether a box contains the centre of a box of `people` and overlaps no vehicle."""
+        """Which predictions contain the centre of a person and overlap no vehicle: (p,) bool."""
         p, who = self.predictions, self.people
         on = holding_centres(p.frame, p.boxes, who.frame, who.boxes)
         return on & (self.best_overlap < LEAST_OVERLAP - TIE)
@@ -107,8 +107,8 @@ def match_input(
 ) -> MatchInput:
     """Returns the vehicles and predictions of the class `name`.
 
-    Predictions with a score below `min_score` are left out. A prediction can have the name of the
-    class or of one of its types.
+    Predictions with a score below `min_score` are left out. The name of a prediction can be the
+    class, or one of the types of the class.
     """
     types = settings.classes[name]
     is_vehicle = np.isin(truth.vehicles.names, types)

@@ -48,7 +48,7 @@ class MatchResult:
     """
 
     match_input: MatchInput
-    matches: IntArray  # (p,) matched vehicle, -1 for none
+    matches: IntArray  # (p,) index of the matched vehicle, -1 for none
     counted: BoolArray  # (v,) vehicles that count
     true_positive: BoolArray  # (p,) true positives
     false_positive: BoolArray  # (p,) false positives
@@ -86,7 +86,7 @@ class MatchResult:
         return self.blocks.replicates
 
     def per_slot(self, frame: IntArray) -> IntArray:
-        """Counts the frames (n,) in each slot: (slots,)."""
+        """Counts how many of the frame indices (n,) lie in each slot: (slots,)."""
         blocks = self.blocks
         return np.bincount(blocks.slot[frame], minlength=blocks.replicates.shape[1]).astype(
             np.int64
@@ -152,9 +152,10 @@ def precision(ranking: ap.Ranking, protocol: Protocol, weights: IntArray | None)
 def causes(match_result: MatchResult, iou: float, *, strict: bool) -> NameArray:
     """Returns the cause of each false positive: (false positives,).
 
-    - `duplicate`: it overlaps a vehicle enough, but another prediction is matched with that vehicle
-    - `localisation`: it overlaps a vehicle by LEAST_OVERLAP or more, but not enough
-    - `background`: its overlap with each vehicle is below LEAST_OVERLAP
+    - `duplicate`: the prediction reaches the threshold with a vehicle, but another prediction is
+      matched with that vehicle
+    - `localisation`: the highest overlap is LEAST_OVERLAP or more, but does not reach the threshold
+    - `background`: the overlap with each vehicle is below LEAST_OVERLAP
     """
     best = match_result.match_input.best_overlap[match_result.false_positive]
     names = np.full(len(best), "background", dtype="<U12")

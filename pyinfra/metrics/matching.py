@@ -21,11 +21,11 @@ from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 
 Metric = Literal["bev", "3d", "centre"]
 
-# An IoU this close to the threshold counts as equal. TIE is larger than the numerical error of an
-# IoU, and smaller than the rounding of labels.
+# An IoU that differs from the threshold by at most TIE counts as equal to the threshold. TIE is
+# larger than the numerical error of an IoU, and smaller than the rounding of labels.
 TIE = 1e-9
 IOU = 0.5  # least IoU of footprints for a match with a vehicle
-PERSON_IOU = 0.25  # the same for pedestrians and cyclists, whose footprints are small
+PERSON_IOU = 0.25  # least IoU for pedestrians and cyclists; lower, as their footprints are small
 CENTRE_M = 0.5  # largest distance of centres for a match by metric `centre`
 LEAST_OVERLAP = 0.1  # least overlap of a pair; a lower overlap counts as none
 _PAIRS = 500_000  # number of pairs that are processed together
@@ -169,7 +169,7 @@ def holding_centres(
 
 
 def _rank(boxes: FloatArray) -> IntArray:
-    """Returns the rank of each box in an order that depends on its values only: (n,)."""
+    """Returns the rank of each box in an order that depends only on the boxes' values: (n,)."""
     rank = np.empty(len(boxes), dtype=np.int64)
     rank[np.lexsort(boxes.T[::-1])] = np.arange(len(boxes))
     return rank

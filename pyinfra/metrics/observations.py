@@ -43,7 +43,7 @@ class Observations:
         return len(self.ids)
 
     def select(self, keep: BoolArray) -> "Observations":
-        """Returns the rows of a mask (n,)."""
+        """Returns the rows where the mask `keep` (n,) is True."""
         return replace(self, **{name: getattr(self, name)[keep] for name in _COLUMNS})
 
     def visible(self) -> BoolArray:
@@ -157,7 +157,10 @@ def accumulated(vehicles: Observations, frames: Sequence[int], count: int) -> Ob
 
 
 def hit_counts(data: DataSet, lidar: kitti.Lidar, *, above_road: bool = False) -> IntArray:
-    """Counts the returns of each frame: (f,), in the order of data.frames."""
+    """Counts the returns of each frame: (f,), in the order of data.frames.
+
+    above_road: whether to count only returns above road level.
+    """
     folder = data.lidar_folder(lidar.name)
     if not above_road:
         sizes = [kitti.frame_file(folder, "velodyne", k).stat().st_size for k in data.frames]
@@ -194,7 +197,7 @@ def _read_objects(data: DataSet, lidar: int, level: float | None) -> _ObjectTabl
 
 
 def _points_above(folder: Path, frame: int, ids: IntArray, level: float) -> IntArray:
-    """Counts the points on each vehicle whose z is above `level` in metres: (k,)."""
+    """Counts the points with z above `level` (metres) on each vehicle: (k,)."""
     points = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
     owner = read_owners(folder, frame, len(points))
     owners, counts = np.unique(owner[points[:, 2] > level], return_counts=True)
@@ -205,7 +208,10 @@ def _points_above(folder: Path, frame: int, ids: IntArray, level: float) -> IntA
 
 
 def _rows(sorted_keys: IntArray, keys: IntArray) -> IntArray:
-    """Returns the first row of sorted keys (n, 2) that is not below each key (m, 2): (m,)."""
+    """Returns the position (m,) at which each key (m, 2) would be inserted in sorted keys (n, 2).
+
+    It is the index of the first sorted key that is not smaller than the key.
+    """
     base = int(sorted_keys[:, 1].max(initial=0)) + 1
     return np.searchsorted(
         sorted_keys[:, 0] * base + sorted_keys[:, 1], keys[:, 0] * base + keys[:, 1]

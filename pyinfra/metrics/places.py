@@ -34,7 +34,7 @@ class Place:
 
     name: str
     rows: dict[str, dict[str, pd.Series]]  # by digest of vehicles and frames, then by measure
-    hidden_percent: float  # share of the region's vehicles; NaN if `all` was not evaluated
+    hidden_percent: float  # percentage of the region's vehicles that are hidden; NaN if unknown
 
 
 def compare_places(folders: Sequence[Path], which: Subset = "present") -> pd.DataFrame:
@@ -92,12 +92,15 @@ def read_place(folder: Path, which: Subset) -> Place:
         if not set(MEASURES.values()) <= set(rows.measure):
             present = ", ".join(dict.fromkeys(table.ground_truth))
             raise Error(
-                f"{file}: expected ground truth {which} with recall, got {present}; "
-                f"run `pyinfra evaluate` again with ground truth {which}"
+                f"{file}: expected recall for the ground-truth subset {which}, got rows of the "
+                f"subsets {present}; run `pyinfra evaluate` again with the subset {which}"
             )
         digest = str(rows.vehicles_digest.iloc[0])
         if digest in tables:
-            raise Error(f"{file}: expected another seed, got the same vehicles and frames twice")
+            raise Error(
+                f"{file}: expected different seeds, got two evaluations of the same vehicles and "
+                "frames"
+            )
         tables[digest] = {r.measure: r for _, r in rows.assign(origin=str(file)).iterrows()}
         counts = read_csv(file.with_name("ap.csv")).groupby("ground_truth").objects.first()
         for name in objects:
@@ -117,9 +120,9 @@ def check_pairs(places: Sequence[Place]) -> None:
                 unpaired[digest]["ap_r1000"]["origin"] for digest in unpaired if digest in alone
             )
             raise Error(
-                f"{first.name} and {other.name}: expected the same vehicles and frames, got none "
-                f"for {file}: seed, frames or region differ (`regions` of the scene give every "
-                "pole the same region)"
+                f"{first.name} and {other.name}: expected evaluations of the same vehicles and "
+                f"frames, got no match for {file}; the seed, the frames or the region differ (with "
+                "the key `regions` in the scene, all mounts have the same region)"
             )
         for digest, rows in other.rows.items():
             check_pair(first.rows[digest]["ap_r1000"], rows["ap_r1000"])

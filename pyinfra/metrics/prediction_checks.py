@@ -23,7 +23,7 @@ from pyinfra.metrics.matching import pairs_of_frames
 
 NEAR_M = 2.0  # largest horizontal distance of a near prediction from the centre of a vehicle
 FAR_M = 20.0  # largest common displacement of all boxes in x or y that is recognised
-LEAST_NEAR = 0.3  # below this share of near predictions, common errors of position are looked for
+LEAST_NEAR = 0.3  # below this share of near predictions, common errors of position are tested
 FAR_OFF = 0.1  # below this share, a warning says that the boxes are far from all vehicles
 MUCH_BETTER = 0.25  # a warning names an error if its correction adds more than this to the share
 HEIGHT_OFF_M = 0.5
@@ -73,7 +73,7 @@ def find_files(
     frames: frame numbers to evaluate. known: all frame numbers of the ground truth. lidar_folder:
     the LiDAR's folder. allow_missing: whether a frame may have no prediction file. Raises
     FormatError for a file of an unknown frame, for a missing file, and for a folder without
-    predictions. Raises Error if origin.yaml says that the predictions belong to other frames.
+    predictions. Raises Error if origin.yaml states that the predictions belong to other frames.
     """
     present = [file for file in sorted(folder.iterdir()) if file.suffix in (".txt", ".csv")]
     by_frame = {int(file.stem): file for file in present if _of_frame(file)}
@@ -85,8 +85,8 @@ def find_files(
     unknown = sorted(by_frame.keys() - set(known))
     if unknown:
         raise FormatError(
-            f"{by_frame[unknown[0]]}: expected one of its {len(known)}, {min(known)} to "
-            f"{max(known)}, got a frame that is not in the ground truth{_and_more(unknown)}"
+            f"{by_frame[unknown[0]]}{_and_more(unknown)}: expected one of the {len(known)} frames "
+            f"of the ground truth ({min(known)} to {max(known)}), got another frame"
         )
     findings = []
     if lidar_folder is not None and not check_origin(folder, lidar_folder):
@@ -95,22 +95,23 @@ def find_files(
     named = set(by_frame.values())
     odd = [file for file in present if file not in named]
     if odd:
-        text = f"{odd[0]}{_and_more(odd)}: expected six digits as file name, got another: left out"
+        text = f"{odd[0]}{_and_more(odd)}: expected a file name of six digits, got another name; "
+        text += "such files are left out"
         findings.append(Finding("warning", "other-files", text))
     outside = by_frame.keys() - set(frames)
     if outside:
-        text = f"{folder}: {len(outside)} files of frames outside the split: left out"
+        text = f"{folder}: left out {len(outside)} files of frames outside the split"
         findings.append(Finding("note", "outside-split", text))
     missing = [frame for frame in frames if frame not in by_frame]
     if missing:
         text = (
-            f"{folder}/{missing[0]:06d}{suffixes.pop()}: missing{_and_more(missing)} "
-            f"of {len(frames)} frames"
+            f"{folder}/{missing[0]:06d}{suffixes.pop()}: this file is missing; {len(missing)} of "
+            f"{len(frames)} frames have no file"
         )
         if not allow_missing:
             raise FormatError(f"{text}; write an empty file for a frame without boxes")
         findings.append(
-            Finding("warning", "missing-files", f"{text}; treated as frames without boxes")
+            Finding("warning", "missing-files", f"{text} and count as frames without boxes")
         )
     return PredictionFiles(tuple(by_frame.get(frame) for frame in frames), tuple(findings))
 
@@ -159,11 +160,12 @@ def _names(
     names, counts = np.unique(predictions.names[unevaluated], return_counts=True)
     listed = ", ".join(f"{name} ({count})" for name, count in zip(names, counts, strict=True))
     location = _first(predictions, files, unevaluated)
-    text = f"{location}: not evaluated: {listed}; expected {', '.join(types)}"
+    expected = ", ".join(types)
+    text = f"{location}: types that are not evaluated: {listed}; expected {expected}"
     if unevaluated.all():
         raise FormatError(text)
     if known[unevaluated].all():
-        text = f"not evaluated: {listed}; `classes` sets the evaluated classes"
+        text = f"types that are not evaluated: {listed}; `classes` sets the evaluated classes"
         yield Finding("note", "other-classes", text)
     else:
         yield Finding("warning", "other-classes", text)
@@ -177,7 +179,8 @@ def _scores(
     if odd.any():
         location = _first(predictions, files, odd)
         text = (
-            f"{location}: {odd.sum()} scores outside 0 to 1; those below {min_score:g} do not count"
+            f"{location}: {odd.sum()} scores outside 0 to 1; predictions with a score below "
+            f"{min_score:g} do not count"
         )
         yield Finding("warning", "score-range", text)
     if (scores < min_score).all():
@@ -189,9 +192,9 @@ def _angles(predictions: Predictions, files: Sequence[Path | None]) -> Iterator[
     large = np.abs(predictions.angle) > 2 * math.pi + 0.01
     if large.any():
         text = (
-            f"{_first(predictions, files, large)}: {large.sum()} of {len(large)} headings beyond 2 "
-            f"pi, the first is {predictions.angle[large][0]:g}: expected radians, are these "
-            "degrees?"
+            f"{_first(predictions, files, large)}: {large.sum()} of {len(large)} headings exceed "
+            f"2 pi (the first is {predictions.angle[large][0]:g}); expected radians, but the "
+            "headings may be in degrees"
         )
         yield Finding("warning", "heading-degrees", text)
 
@@ -212,7 +215,10 @@ def _position_findings(predictions: Predictions, vehicles: Vehicles) -> Iterator
     yield from _headings(boxes[p], truth[v])
     ratio = np.median(truth[v, 3] / truth[v, 4])
     if np.median(boxes[p, 3] / boxes[p, 4]) < 1 and ratio > LEAST_RATIO:
-        yield "length-width", "most predictions are wider than long: are length and width swapped?"
+        yield (
+            "length-width",
+            "most predictions are wider than long; length and width may be swapped",
+        )
 
 
 def _elsewhere(
@@ -230,7 +236,8 @@ def _elsewhere(
         shares[name] = _share_near(moved, truth, p, v)
     name = max(shares, key=lambda name: shares[name])
     if shares[name] > share + MUCH_BETTER:
-        return name, f"{text}, but {100 * shares[name]:.0f} % if x and y are changed back"
+        better = f"{100 * shares[name]:.0f} % do if this change of the axes is undone"
+        return name, f"{text}, but {better}"
     dx, dy = _shift(boxes[p, :2] - truth[v, :2])
     moved = boxes.copy()
     moved[:, :2] -= (dx, dy)
@@ -238,11 +245,13 @@ def _elsewhere(
     if shifted_share > share + MUCH_BETTER:
         return (
             "displaced",
-            f"{text}, but {100 * shifted_share:.0f} % less a shift of ({dx:.1f}, {dy:.1f}) m",
+            f"{text}, but {100 * shifted_share:.0f} % do if a shift of ({dx:.1f}, {dy:.1f}) m is "
+            "subtracted",
         )
     if share > FAR_OFF:
         return None  # the frame of reference is right, but the detector is poor
-    return "far-from-vehicles", f"{text}: another frame of reference, other frames, or bad boxes?"
+    causes = "another frame of reference, predictions of other frames, or poor boxes"
+    return "far-from-vehicles", f"{text}; possible causes are {causes}"
 
 
 def _shift(between: FloatArray) -> tuple[float, float]:
@@ -268,9 +277,13 @@ def _heights(boxes: FloatArray, truth: FloatArray) -> Iterator[tuple[str, str]]:
         return
     text = f"boxes are {abs(off):.2f} m too {'high' if off > 0 else 'low'} (median)"
     if abs(abs(off) - half) < 0.25:
-        text += ", half of their height: is z the bottom instead of the centre, or the reverse?"
+        text += ", which is half of their height; z may be the bottom of the box instead of the "
+        text += "centre, or the reverse."
     else:
-        text += ": is z relative to the road instead of the sensor, or is the anchor height wrong?"
+        text += (
+            "; z may be relative to the road instead of the sensor, or the anchor height may be "
+        )
+        text += "wrong."
     yield "height-offset", f"{text} This changes the 3-D IoU, but not the BEV IoU"
 
 
@@ -280,11 +293,12 @@ def _headings(boxes: FloatArray, truth: FloatArray) -> Iterator[tuple[str, str]]
         return
     quarter = _median_turn(boxes[:, 6] - truth[:, 6] + math.pi / 2)
     mirrored = _median_turn(-boxes[:, 6] - truth[:, 6])
-    text = f"headings are {as_is:.0f} degrees off (median)"
+    text = f"headings are off by {as_is:.0f} degrees (median)"
     if quarter < as_is / 3:
-        yield "heading-quarter", f"{text}, a quarter turn: rotation_y = -heading - pi/2"
+        yield "heading-quarter", f"{text}, a quarter turn; in KITTI, rotation_y = -heading - pi/2"
     elif mirrored < as_is / 3:
-        yield "heading-sign", f"{text}, with the other sign {mirrored:.0f}: heading turns left"
+        better = f"only by {mirrored:.0f} with the opposite sign"
+        yield "heading-sign", f"{text}, but {better}; positive headings turn to the left"
     else:
         yield "heading-off", text
 
@@ -292,7 +306,7 @@ def _headings(boxes: FloatArray, truth: FloatArray) -> Iterator[tuple[str, str]]
 def _median_turn(turn: FloatArray) -> float:
     """Returns the median absolute difference of headings in degrees, 0 to 90.
 
-    turn: differences of headings, radians. A box that points backwards has a difference of 0.
+    turn: differences of headings, radians. Headings that differ by 180 degrees count as equal.
     """
     return float(np.median(np.abs((np.degrees(turn) + 90) % 180 - 90)))
 

@@ -174,8 +174,9 @@ def versions_of(truth: GroundTruth) -> tuple[str, str]:
 def frames_version_of(version: str) -> str:
     """Returns the frames_version of a data set whose dataset.yaml does not have this key.
 
-    For data sets of package version 0.3 it is "3". For others it is unknown. The function then
-    returns the package version, so that only frames of the same version can be compared.
+    The frames_version of data sets of package version 0.3 is "3". For other data sets it is
+    unknown. The function then returns the package version, so that only frames of the same package
+    version can be compared.
     """
     return "3" if version.startswith("0.3.") else version
 
@@ -210,16 +211,16 @@ def check_pair(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> None:
             origins = [str(row["origin"]) for row in (a, b) if "origin" in row]
             prefix = f"{' and '.join(origins)}: " if origins else ""
             raise Error(
-                f"{prefix}{name}: expected the same, got {_same(a, name)} and {_same(b, name)}: "
-                "bootstrap replicates are paired only with the same vehicles, number of frames and "
-                "label time"
+                f"{prefix}{name}: expected the same value in both, got {_same(a, name)} and "
+                f"{_same(b, name)}; bootstrap replicates can only be paired if vehicles, number of "
+                "frames and label time are the same"
             )
 
 
 def difference(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> Bootstrapped:
     """Returns the first figure less the second, in each replicate.
 
-    also, Raises: as in `check_pair`.
+    The argument `also` and the exceptions are as in `check_pair`.
     """
     check_pair(a, b, also)
     return bootstrapped_of(a).less(bootstrapped_of(b))

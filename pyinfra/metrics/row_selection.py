@@ -1,4 +1,4 @@
-"""Selects the rows and AP columns that stand for each experiment in a table of results."""
+"""Selects the rows and AP columns that represent each experiment in a table of results."""
 
 from __future__ import annotations
 
@@ -110,10 +110,11 @@ def each_road_once(areas: pd.DataFrame) -> pd.DataFrame:
 
 
 def preset_of_answers(rows: pd.DataFrame) -> str:
-    """Returns the last preset of PRESETS that has results of two LiDARs or more, else the first.
+    """Returns the last preset of PRESETS that has results of two LiDARs or more.
 
-    Later presets of PRESETS are closer to real LiDARs. A preset with only one detector is skipped
-    if another preset has several, because its benchmark is not complete. rows: rows of one scene,
+    If there is none, returns the preset of the first row. Later presets of PRESETS are closer to
+    real LiDARs. The function skips a preset with only one detector if another preset has several
+    detectors, because the benchmark of the first preset is not complete. rows: rows of one scene,
     with columns preset, lidar and detector.
     """
     counts = rows.groupby("preset")[["lidar", "detector"]].nunique()

@@ -86,7 +86,7 @@ def lit_share(rays: Rays, times_s: tuple[float, ...] = TIMES_S) -> pd.DataFrame:
 
 
 def angular_density(rays: Rays, seconds: float = DENSITY_S) -> pd.DataFrame:
-    """Returns the rays per second and square degree of solid angle, until `seconds`.
+    """Returns the density of rays before the time `seconds`, per second and square degree.
 
     Column axis is `off_axis` for rings around the x axis, and `elevation` for rows of elevation
     within HALF_WIDTH_DEG of the x axis. Other columns: from_deg, to_deg, rays, density.

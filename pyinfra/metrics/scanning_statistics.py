@@ -118,7 +118,7 @@ def data_set_tables(
         returns = hit_counts(data, lidar, above_road=above_road)
         run_returns = np.convolve(
             returns, np.ones(accumulate, np.int64), "valid"
-        )  # gaps are removed below
+        )  # runs with gaps are removed below
         last = np.array(data.frames)[accumulate - 1 :]
         counts[lidar.name] = run_returns[np.isin(last, ends)]
     tables["hit_points"] = statistics_tables.hit_points(counts, blocks)

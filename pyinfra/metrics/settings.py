@@ -56,7 +56,7 @@ class Settings:
     def __post_init__(self) -> None:
         for name in ("classes", "ground_truths", "ious", "protocols", "metrics"):
             if not getattr(self, name):
-                raise Error(f"{name}: expected one or more, got none")
+                raise Error(f"{name}: expected one or more entries, got none")
         for which in self.ground_truths:
             if which not in SUBSETS:
                 near = suggestion(which, SUBSETS)

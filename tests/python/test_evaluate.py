@@ -591,7 +591,7 @@ def test_a_wrong_line_of_a_csv_is_named(tmp_path: Path, row_: str, message: str)
     with pytest.raises(FormatError, match=message):
         evaluate(gt, tmp_path / "pred")
     file.write_text("class,x,y,z,dx,dy,dz,heading\nCar,20,3,-5,4,2,1.5,0\n")
-    with pytest.raises(FormatError, match=r"000000\.csv:1: score: expected a column, got none"):
+    with pytest.raises(FormatError, match=r"000000\.csv:1: expected the columns score; got none"):
         evaluate(gt, tmp_path / "pred")
 
 
@@ -601,7 +601,7 @@ def test_missing_unknown_and_no_files(tmp_path: Path) -> None:
     pred = write_predictions(tmp_path / "pred", perfect(frames))
     (pred / "000001.txt").unlink()
     with pytest.raises(
-        FormatError, match=r"pred/000001\.txt: missing of 3 frames; write an empty file"
+        FormatError, match=r"pred/000001\.txt: this file is missing; 1 of 3 .*; write an empty file"
     ):
         evaluate(gt, pred)
     allowed = evaluate(gt, pred, allow_missing=True)
@@ -611,7 +611,8 @@ def test_missing_unknown_and_no_files(tmp_path: Path) -> None:
     assert evaluate(gt, pred).ap.ap[0] == pytest.approx(100 * 26 / 40)
     (pred / "000003.txt").write_text("")
     with pytest.raises(
-        FormatError, match=r"000003\.txt: expected .*got a frame that is not in the ground truth"
+        FormatError,
+        match=r"000003\.txt: expected one of .* frames of the ground truth .*, got another",
     ):
         evaluate(gt, pred)
     (tmp_path / "empty").mkdir()
@@ -630,7 +631,7 @@ def test_ap_is_never_silently_0(tmp_path: Path) -> None:
     assert {"far-from-vehicles", "ap-zero"} <= set(names)
     named = write_predictions(tmp_path / "named", perfect(frames), name="car")
     with pytest.raises(
-        FormatError, match=r"000000\.txt:1: not evaluated: car \(24\); expected Car,"
+        FormatError, match=r"000000\.txt:1: types .* evaluated: car \(24\); expected Car,"
     ):
         evaluate(gt, named)
 
@@ -687,7 +688,7 @@ def test_a_folder_that_is_none_is_named(tmp_path: Path, capsys: pytest.CaptureFi
     words = [str(tmp_path), str(tmp_path), "--out", str(tmp_path / "out")]
     assert main.main(["evaluate", *words]) == 2
     assert capsys.readouterr().err == (
-        f"pyinfra: DATA: {tmp_path}: No training/velodyne or training/label_2 in it\n"
+        f"pyinfra: DATA: {tmp_path}: The folder has no training/velodyne and no training/label_2\n"
     )
 
 

@@ -310,7 +310,10 @@ def test_classes_of_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "pedestrian  captured       0.25 AP (R1000)" in text
     assert "pedestrian  captured            AP (R1000), centre" in text
     assert main.main([*words, "--no-figures", "--class", "pedestrian", "vehicle"]) == 2
-    assert "--class: expected vehicles, or people, or both with --iou" in capsys.readouterr().err
+    assert (
+        "--class: expected only vehicles or only people, or both with --iou"
+        in capsys.readouterr().err
+    )
     both = ["--class", "pedestrian", "vehicle", "--iou", "0.3"]
     assert main.main([*words, "--no-figures", *both]) == 0
 

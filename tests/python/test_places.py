@@ -105,7 +105,7 @@ def test_places_with_other_vehicles_are_refused_by_their_file(
     assert main.main(["compare", str(one), str(other)]) == 2
     error = capsys.readouterr().err
     assert str(one / "replicates.csv") in error
-    assert "seed, frames or region differ" in error
+    assert "the seed, the frames or the region differ" in error
 
 
 @pytest.mark.parametrize(

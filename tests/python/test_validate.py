@@ -112,7 +112,7 @@ def test_a_bottom_centre_is_not_taken_for_another_height(lidar: Path, tmp_path: 
         for f in validate(lidar, write_predictions(tmp_path / "low", predictions))
         if f.name == "height-offset"
     ]
-    assert "is z the bottom" in warning.text
+    assert "z may be the bottom" in warning.text
 
 
 def test_degrees_are_named_with_file_and_line(lidar: Path, tmp_path: Path) -> None:
@@ -142,7 +142,7 @@ def test_scores_and_names_that_do_not_fit(lidar: Path, tmp_path: Path) -> None:
     (low / "000003.txt").write_text((low / "000003.txt").read_text().replace("vehicle", "Zebra"))
     (low / "000001.txt").write_text((low / "000001.txt").read_text().replace("vehicle", "Cyclist"))
     (noted,) = (f for f in validate(lidar, low) if f.name == "other-classes")
-    assert noted.text.startswith(f"{low / '000003.txt'}:1: not evaluated: Zebra (1); expected Car")
+    assert noted.text.startswith(f"{low / '000003.txt'}:1: types that are not evaluated: Zebra (1)")
 
 
 def test_people_beside_vehicles_are_noted(lidar: Path, tmp_path: Path) -> None:
@@ -150,7 +150,7 @@ def test_people_beside_vehicles_are_noted(lidar: Path, tmp_path: Path) -> None:
     first = pred / "000000.txt"
     first.write_text(first.read_text().replace("vehicle", "Pedestrian", 1))
     (finding,) = (f for f in validate(lidar, pred) if f.name == "other-classes")
-    text = "not evaluated: Pedestrian (1); `classes` sets the evaluated classes"
+    text = "types that are not evaluated: Pedestrian (1); `classes` sets the evaluated classes"
     assert str(finding) == f"note: other-classes: {text}"
 
 
@@ -204,8 +204,8 @@ def test_labels_away_from_the_points_are_named(lidar: Path) -> None:
 
 def test_vehicles_below_the_usual_range_are_named(lidar: Path) -> None:
     (note,) = [f for f in validate(lidar) if f.name == "z-range"]
-    assert "100 % have their centre below -3 m" in note.text
-    assert "z -6.00 m" in note.text
+    assert "The centres of 100 % of the vehicles are below -3 m" in note.text
+    assert "z = -6.00 m" in note.text
 
 
 def test_low_image_boxes_are_named(lidar: Path) -> None:
@@ -235,7 +235,7 @@ def test_command_prints_findings_and_its_exit_code_counts_errors(
     assert main.main(["validate", str(lidar), "--pred", str(tmp_path / "pred")]) == 1
     assert "error: wrong-predictions: " in capsys.readouterr().out
     assert main.main(["validate", str(tmp_path / "nowhere")]) == 1
-    assert capsys.readouterr().err.startswith(f"pyinfra: {tmp_path / 'nowhere'}: No training")
+    assert capsys.readouterr().err.startswith(f"pyinfra: {tmp_path / 'nowhere'}: The folder")
 
 
 def test_command_checks_every_lidar_of_a_data_set(
