@@ -16,7 +16,7 @@ def configs() -> Path:
 
 
 def shipped(kind: str) -> dict[str, Path]:
-    """Returns the shipped files of a folder of configs, such as `scenes` or `lidars`, by name."""
+    """Maps the names of shipped files to the files. `kind` is a folder such as `scenes`."""
     return {file.stem: file for file in sorted((configs() / kind).glob("*.yaml"))}
 
 

@@ -77,11 +77,11 @@ def read_data_set(folder: Path) -> DataSet:
         raise Error(f"{folder}: expected a frame, got none")
     preset = top.at("preset")
     if preset.text() != lidars[0].preset:
-        preset.fail(f"expected '{lidars[0].preset}' of the LiDARs, got '{preset.text()}'")
+        preset.fail(f"expected '{lidars[0].preset}' as in the LiDARs, got '{preset.text()}'")
     # The dataset.yaml of an imported recording has no `label_time`.
     declared, label_time = top.maybe("label_time"), lidars[0].label_time
     if declared is not None and declared.text() != label_time:
-        declared.fail(f"expected '{label_time}' of the LiDARs, got '{declared.text()}'")
+        declared.fail(f"expected '{label_time}' as in the LiDARs, got '{declared.text()}'")
     return DataSet(
         folder=folder,
         scene=top.at("name").text(),
@@ -104,7 +104,7 @@ def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
     """
     for frames in sorted(folder.glob("[!.]*/training/velodyne")):
         if not (file := frames.parents[1] / "lidar.yaml").is_file():
-            raise FormatError(f"{file}: expected this file of each LiDAR of a data set, got none")
+            raise FormatError(f"{file}: expected this file for each LiDAR of a data set, got none")
     folders = lidars_in(folder)
     lidars = tuple((kitti.read_lidar(path), kitti.read_tilt(path)) for path in folders)
     for path, (lidar, _) in zip(folders, lidars, strict=True):
@@ -117,7 +117,7 @@ def read_lidars(folder: Path) -> tuple[tuple[kitti.Lidar, Tilt], ...]:
         }
         for key, value in allowed.items():
             if getattr(lidar, key) != value:
-                why = "that of the folder" if key == "name" else f"as in {folders[0]}"
+                why = "the name of the folder" if key == "name" else f"as in {folders[0]}"
                 top.at(key).fail(f"expected {value}, {why}, got {getattr(lidar, key)}")
     return lidars
 
@@ -140,15 +140,18 @@ def without_region(lidar_folder: Path) -> str | None:
     if not file.is_file():
         if not description.is_file():
             return None
-        return f"{file}: expected this file beside dataset.yaml, got none: the region is not known"
+        return (
+            f"{file}: expected this file of the data set, got none; the region is therefore unknown"
+        )
     if roads.is_file():
         return _without_outlines(data_set)
     preset = kitti.read_yaml(file).at("preset")
     if preset.text() == kitti.RECORDED:
         return None
     return (
-        f"{preset.location()}: expected {roads} for simulated frames, got none: vehicles outside "
-        "the evaluation region count too; copy the file"
+        f"{preset.location()}: expected the file {roads} for simulated frames, got none; without "
+        "it, vehicles outside the evaluation region count too; copy the file from the original "
+        "data set"
     )
 
 
@@ -158,7 +161,10 @@ def _without_outlines(data_set: Path) -> str | None:
     named = kitti.read_yaml(description).maybe("regions") if description.is_file() else None
     if named is None or file.is_file():
         return None
-    return f"{named.location()}: expected {file} for the outlines, got none: copy the file"
+    return (
+        f"{named.location()}: expected the file {file} with the outlines, got none; copy it from "
+        "the original data set"
+    )
 
 
 def field_of_view_mask(
@@ -167,7 +173,8 @@ def field_of_view_mask(
     """Tests which points are inside the field of view of at least one unit of a LiDAR.
 
     The points `centre` (n, 3) are in the levelled frame. Returns two masks (n,). The first is True
-    for points within the angles of a unit. The second also requires the slant range of that unit.
+    for points within the angles of a unit. The second mask is True for points that are also within
+    the slant range of the same unit.
     """
     angles = np.zeros(len(centre), dtype=np.bool_)
     ranges = np.zeros(len(centre), dtype=np.bool_)

@@ -65,4 +65,4 @@ def fail_with_line(files: Sequence[Path], read: Callable[[Path], object]) -> NoR
     """Reads the files one by one. One of them raises the error, which names file and line."""
     for file in files:
         read(file)
-    raise AssertionError(f"{files[0]}: read alone but not in a group")
+    raise AssertionError(f"{files[0]}: each file can be read alone, but not the group")

@@ -81,7 +81,8 @@ def other_types(
     name = str(vehicles.names[first])
     words = (line.replace(",", " ").split() for line in lines_of(file))
     line = next((i for i, row in enumerate(words, start=1) if name in row), 1)
-    return f"{file}:{line}: classes that are not counted: {listed}; expected {', '.join(types)}"
+    expected = ", ".join(types)
+    return f"{file}:{line}: objects of unknown classes do not count: {listed}; expected {expected}"
 
 
 def read_predictions(files: Sequence[Path | None], cameras: Cameras) -> Predictions:
@@ -96,9 +97,10 @@ def read_predictions(files: Sequence[Path | None], cameras: Cameras) -> Predicti
 
 
 def read_cameras(lidar_folder: Path, frames: Sequence[int]) -> Cameras:
-    """Reads the frames' calibrations. A frame without a calib file gets that of a simulated LiDAR.
+    """Reads the calibrations of frames.
 
-    Raises FormatError with file and line.
+    A frame without a calib file gets the calibration of a simulated LiDAR. Raises FormatError with
+    file and line.
     """
     number: dict[bytes, int] = {}
     different: list[kitti.Calibration] = []
@@ -167,9 +169,10 @@ def _predictions(files: Sequence[Path], frames: IntArray, cameras: Cameras) -> P
 def _kitti(
     files: Sequence[Path], frames: IntArray, *, scores: bool
 ) -> tuple[IntArray, IntArray, NameArray, FloatArray]:
-    """Reads label or result files: frame, line and class (n,), and the columns from h on.
+    """Reads label or result files.
 
-    Rows of the class DontCare are left out.
+    Returns frame, line number and class of each row, (n,) each, and the columns from h on (n, k).
+    The function leaves out rows of the class DontCare.
     """
     texts = [
         [(i, content) for i, content in enumerate(text, 1) if content.strip()]

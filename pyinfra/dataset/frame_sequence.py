@@ -49,7 +49,7 @@ class LidarFrame:
     points : (n, 4) float32, x y z intensity
     objects : type, box, id, points and visibility of each known object, with or without points
     fields : (n,) records of the points: time_s since the start of the frame, ring, class and
-        object_id (-1 for background); None if the folder has none
+        object_id (-1 for background); None if the folder has no fields
     """
 
     number: int
@@ -59,7 +59,7 @@ class LidarFrame:
 
     @property
     def labels(self) -> pd.DataFrame:
-        """The objects with at least one point. Boxes are those at the label time."""
+        """The objects with at least one point, with their boxes at the label time."""
         return self.objects[self.objects.points > 0].reset_index(drop=True)
 
 
@@ -104,7 +104,7 @@ class FrameSequence(Sequence[LidarFrame], ABC):
 
     @abstractmethod
     def of(self, numbers: Sequence[int]) -> FrameSequence:
-        """Returns a sequence of the same LiDAR with other frame numbers."""
+        """Returns a sequence of the same LiDAR with the given frame numbers."""
 
     @abstractmethod
     def frame(self, number: int) -> LidarFrame:
@@ -132,7 +132,7 @@ class FrameSequence(Sequence[LidarFrame], ABC):
 
     @property
     def labels(self) -> pd.DataFrame:
-        """All objects with at least one point of this LiDAR. Boxes are those at the label time."""
+        """All objects with at least one point of this LiDAR, with boxes at the label time."""
         table = self.objects
         return table[table.points > 0].reset_index(drop=True)
 
@@ -159,7 +159,7 @@ class SimulatedFrames(FrameSequence):
     kept: int = KEPT
     beside: Mapping[str, SimulatedFrames] = field(default_factory=dict)
     rows: dict[int, AnyArray] = field(default_factory=dict)  # objects of all simulated frames
-    # The points and fields of the last KEPT simulated frames.
+    # The points and fields of the last `kept` simulated frames.
     clouds: OrderedDict[int, tuple[Float32Array, Records]] = field(default_factory=OrderedDict)
 
     @property
@@ -208,7 +208,7 @@ class SimulatedFrames(FrameSequence):
 
     @property
     def versions(self) -> tuple[str, str]:
-        """The version of the simulated frames, and the version of the package."""
+        """The `frames_version` of the simulator, and the version of the package."""
         from pyinfra.dataset import simulation
 
         return str(simulation.frames_version()), __version__
@@ -243,7 +243,10 @@ class SimulatedFrames(FrameSequence):
         )
 
     def everybody(self) -> Vehicles:
-        """Returns all objects of the scene at mid-frame, at any distance, with 0 points."""
+        """Returns all objects of the scene, at any distance.
+
+        Their boxes are the boxes at mid-frame, and `points` is 0.
+        """
         return concatenated(
             [scene_objects(self.world.objects(k), i) for i, k in enumerate(self.numbers)]
         )
@@ -316,7 +319,7 @@ class RecordedFrames(FrameSequence):
 
 
 def vehicles_of(rows: AnyArray, frame: int, label_time: LabelTime) -> Vehicles:
-    """Converts the structured object rows of one simulated frame with the index `frame`."""
+    """Converts the structured object rows of one simulated frame; `frame` is the frame's index."""
     at = "scan_" if label_time == "scan" else ""
     labelled = [f"{at}x", f"{at}y", f"{at}z", "dx", "dy", "dz", f"{at}heading"]
     return Vehicles(
@@ -331,7 +334,7 @@ def vehicles_of(rows: AnyArray, frame: int, label_time: LabelTime) -> Vehicles:
 
 
 def scene_objects(rows: AnyArray, frame: int) -> Vehicles:
-    """Converts the objects that `World.objects` returns for the frame with the index `frame`."""
+    """Converts the result of `World.objects` for one frame. `frame` is the index of the frame."""
     boxes = np.stack([rows[name] for name in BOX], axis=1).reshape(-1, 7)
     index = np.full(len(rows), frame, dtype=np.int64)
     return without_points(index, rows["id"].astype(np.int64), type_names(rows), boxes)

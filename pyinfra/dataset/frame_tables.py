@@ -20,8 +20,8 @@ class Vehicles:
     names: NameArray  # (n,) class
     boxes: FloatArray  # (n, 7) at the label time
     mid_frame: FloatArray  # (n, 7) at mid-frame; the region tests use these boxes
-    points: IntArray  # (n,) number of returns of this LiDAR; 1 if read from labels
-    visibility: FloatArray  # (n,) -1 outside the region; NaN if read from labels
+    points: IntArray  # (n,) number of this LiDAR's returns from the object; 1 if read from labels
+    visibility: FloatArray  # (n,) visible share; -1 outside the region, NaN if read from labels
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -35,7 +35,7 @@ class Predictions:
     """The n predicted boxes of several frames, in the levelled LiDAR frame."""
 
     frame: IntArray  # (n,) index into the requested frames, ascending
-    line: IntArray  # (n,) line number in its file
+    line: IntArray  # (n,) line number in the prediction file
     names: NameArray  # (n,) class
     boxes: FloatArray  # (n, 7)
     scores: FloatArray  # (n,)
@@ -58,7 +58,7 @@ def concatenated(parts: Sequence[Table]) -> Table:
 
 
 def without_points(frame: IntArray, ids: IntArray, names: NameArray, boxes: FloatArray) -> Vehicles:
-    """Returns objects at mid-frame with 0 points and unknown visibility (-1)."""
+    """Returns objects with `boxes` at mid-frame. `points` is 0 and `visibility` is -1 (unknown)."""
     return Vehicles(
         frame=frame,
         ids=ids,

@@ -11,7 +11,7 @@ from pyinfra.formats import kitti
 from pyinfra.formats.text_table import lines_of
 
 MOST_LISTED = 8  # maximum number of folders in a message
-PERIOD_S = 0.1  # frame period of the simulator, and default of folders without lidar.yaml
+PERIOD_S = 0.1  # frame period of the simulator, and default for folders without lidar.yaml
 
 
 def period_of(lidar_folder: Path) -> float:
@@ -50,7 +50,9 @@ def frame_numbers(folder: Path, split: str | None = None) -> list[int]:
         present = sorted(int(stem) for stem in stems if stem.isdecimal())
     else:
         check_lidar_folder(folder)
-        raise FileNotFoundError(2, "No training/velodyne or training/label_2 in it", str(folder))
+        raise FileNotFoundError(
+            2, "The folder has no training/velodyne and no training/label_2", str(folder)
+        )
     if split == "all" or (split is None and not (folder / "ImageSets/val.txt").is_file()):
         return present
     return _split(folder / f"ImageSets/{split or 'val'}.txt", set(present))
@@ -61,9 +63,9 @@ def _split(file: Path, present: set[int]) -> list[int]:
     for line, word in enumerate(lines_of(file), start=1):
         digits = word.strip()
         if not re.fullmatch(r"[0-9]{1,9}", digits) or int(digits) not in present:
-            raise FormatError(f"{file}:{line}: expected a frame of the folder, got '{word[:40]}'")
+            raise FormatError(f"{file}:{line}: expected the number of a frame, got '{word[:40]}'")
         if int(digits) in frames:
-            raise FormatError(f"{file}:{line}: expected each once, got {digits} twice")
+            raise FormatError(f"{file}:{line}: expected each frame once, got {digits} twice")
         frames.add(int(digits))
     return sorted(frames)
 
@@ -113,11 +115,14 @@ def check_lidar_folder(folder: Path) -> None:
     if inside := lidars_in(folder) or sorted(file.parent for file in folder.glob("*/*/lidar.yaml")):
         names = ", ".join(str(lidar) for lidar in inside[:MOST_LISTED])
         more = ", ..." if len(inside) > MOST_LISTED else ""
-        raise Error(f"{folder}: expected the folder of one LiDAR, got a data set of {names}{more}")
+        raise Error(
+            f"{folder}: expected the folder of one LiDAR, got a data set with the LiDARs "
+            f"{names}{more}"
+        )
     for parent in _parents(folder):
         if (parent / "training").is_dir():
             raise Error(
-                f"{folder}: expected the folder of one LiDAR, got a folder in it; use {parent}"
+                f"{folder}: expected a LiDAR's folder, got a folder inside one; use {parent}"
             )
 
 
@@ -130,10 +135,10 @@ def check_data_set(folder: Path) -> None:
         return
     for parent in _parents(folder):
         if (parent / "dataset.yaml").is_file():
-            raise Error(f"{folder}: expected a data set, got a folder in it; use {parent}")
+            raise Error(f"{folder}: expected a data set, got a folder inside one; use {parent}")
     if inside := sorted(file.parent for file in folder.glob("*/dataset.yaml")):
         names = ", ".join(str(path) for path in inside[:MOST_LISTED])
-        raise Error(f"{folder}: expected one data set, got a folder of {names}")
+        raise Error(f"{folder}: expected one data set, got a folder with the data sets {names}")
 
 
 def _parents(folder: Path) -> list[Path]:

@@ -1,8 +1,8 @@
 """Height of the road around a LiDAR as a function of x and y, in the levelled LiDAR frame.
 
-Networks see points with z measured from the local road, and their boxes are transformed back. A
-network trained with a 5 m pole on level ground therefore also works with an 8 m pole and on a
-slope.
+The input points of networks have z measured from the local road. The z of predicted boxes is then
+converted back to the LiDAR frame. A network trained with a 5 m pole on level ground therefore also
+works with an 8 m pole and on a slope.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Relief:
     """Road heights in a grid of cells of CELL_M, in the levelled LiDAR frame."""
 
     corner: tuple[float, float]  # lowest x and y of the grid
-    # (cells along x, cells along y). Positions outside the grid use the nearest cell.
+    # (cells along x, cells along y), metres. Positions outside the grid use the nearest cell.
     heights: FloatArray
 
     def height(self, positions: npt.NDArray[F]) -> npt.NDArray[F]:
@@ -63,7 +63,10 @@ class Ground:
     relief: Relief | None = None
 
     def height(self, positions: npt.NDArray[F]) -> npt.NDArray[F]:
-        """Returns z of the road (n,) at finite positions (n, 2 or more), with their dtype."""
+        """Returns z of the road (n,) at finite positions (n, 2 or more).
+
+        The dtype is the dtype of the positions.
+        """
         if self.relief is not None:
             return self.relief.height(positions)
         a, b, c = np.array(self.plane, positions.dtype)
@@ -122,7 +125,10 @@ def ground_of_shape(shape: RoadShape) -> Ground:
 
 
 def shape_heights(shape: RoadShape, xy: FloatArray) -> FloatArray:
-    """Returns z (n,) of a road shape at positions (n, 2), linear beyond SHAPE_REACH_M."""
+    """Returns z (n,) of a road shape at positions (n, 2).
+
+    Beyond the radius SHAPE_REACH_M, the surface continues linearly.
+    """
     inside = np.minimum(1, SHAPE_REACH_M / np.maximum(np.hypot(*xy.T), 1e-9))
     x, y = (xy * inside[:, None]).T
     along_x = shape.slope_x + 2 * shape.bend_xx_per_m * x + shape.bend_xy_per_m * y
@@ -145,10 +151,10 @@ def ground_of_roads(roads: Sequence[Road], pose: WorldPose) -> Ground:
 
 
 def ground_of_boxes(boxes: Iterable[FloatArray]) -> Ground:
-    """Fits a plane to the bottoms of the vehicles in all frames. Each frame has boxes (k, 7).
+    """Fits a plane to the bottoms of the vehicles in all frames.
 
-    If the vehicles are too close together to determine the slope of the plane, the slope is kept
-    small. Raises Error if there is no vehicle.
+    `boxes` contains the boxes (k, 7) of each frame. If the vehicles are too close together to
+    determine the slope of the plane, the slope is kept small. Raises Error if there is no vehicle.
     """
     all_boxes = np.concatenate([np.empty((0, 7)), *boxes])
     if len(all_boxes) == 0:

@@ -11,11 +11,11 @@ from pyinfra.dataset.ground import MOST_HEIGHT_M
 from pyinfra.dataset.road_plane import road_of
 
 CHECKED = 5  # number of clouds in which the road is searched
-# Height difference that causes a warning. It is larger than the height errors in the training of
-# the pretrained detector v3.
+# Height difference above which there is a warning. It is larger than the random height errors with
+# which the pretrained detector v3 was trained.
 HEIGHT_OFF_M = 0.2
-# Tilt that causes a warning. The pretrained detector v3 lost 3 to 9 AP at a tilt of 0.25 degrees,
-# and 8 to 25 AP at 0.5 degrees.
+# Tilt above which there is a warning. The pretrained detector v3 lost 3 to 9 AP at a tilt of 0.25
+# degrees, and 8 to 25 AP at 0.5 degrees.
 LEAN_DEG = 0.3
 
 
@@ -43,6 +43,6 @@ def height_warnings(clouds: Sequence[Points], height_m: float) -> Iterator[str]:
     lean = math.degrees(math.hypot(*road.tilt))
     if lean > LEAN_DEG:
         yield (
-            f"the sensor is tilted by {lean:.1f} degrees to the road; `pyinfra import` levels "
-            "clouds"
+            f"the sensor is tilted by {lean:.1f} degrees relative to the road; `pyinfra import` "
+            "levels clouds"
         )

@@ -44,7 +44,10 @@ class LidarSheet:
 
 
 def sum_source(sources: Iterable[str]) -> str:
-    """Returns the source of a bundle's price, unconfirmed if any unit's price is unconfirmed."""
+    """Returns a text that describes the source of a bundle's price.
+
+    The text contains UNCONFIRMED if the price of any unit is unconfirmed.
+    """
     unsure = any(UNCONFIRMED in source for source in sources)
     return "sum of the units" + (f", {UNCONFIRMED}" if unsure else "")
 
@@ -61,9 +64,10 @@ def presets_of(file: Path) -> tuple[str, ...]:
 
 
 def read_sheet(file: Path, preset: str = "", *, every_preset: bool = True) -> LidarSheet:
-    """Returns a LiDAR's summary. The default preset is `datasheet` if the LiDAR has that preset.
+    """Returns a LiDAR's summary.
 
-    every_preset: whether to check all presets of the file, and not only the returned preset.
+    preset: by default the first of `datasheet`, `equal` and `paper` that the LiDAR has.
+    every_preset: whether to check all presets of the file, and not only the chosen preset.
     Raises SimulatorError if the LiDAR cannot be resolved. Raises FileNotFoundError if the file does
     not exist.
     """
@@ -110,7 +114,7 @@ def _read_or_say(file: Path, preset: str) -> LidarSheet:
 
 
 def _plain(file: Path) -> dict[str, Any]:
-    """Returns name, model, presets and price of a LiDAR file, which no preset changes."""
+    """Returns name, model, presets and price of a LiDAR file. They do not depend on the preset."""
     top = yaml.load(file.read_text(encoding="utf-8"), _LOADER)
     units = [
         _plain(file.parent / unit["lidar"]) for unit in top.get("bundle", []) if "lidar" in unit

@@ -37,7 +37,7 @@ def load_scene(
     Parameters
     ----------
     scene : name of a shipped scene (`highway`, `crossroad`, ...), or a file
-    preset : `paper`, `equal` or `datasheet`; a scene may have special keys for a preset
+    preset : `paper`, `equal` or `datasheet`; a scene may have keys that apply to one preset only
     seed : seed of traffic and noise; by default that of the scene
     set : overrides of keys, such as `{"traffic.vehicles_per_km_lane": 20}`
     mount : name of the mount; only needed if the scene has several
@@ -157,7 +157,7 @@ def simulate(
     if not numbers:
         raise Error("frames: expected one or more numbers, got none")
     if list(numbers) != sorted(set(numbers)):
-        raise Error("frames: expected ascending numbers, each once, got another order")
+        raise Error("frames: expected ascending numbers without repetition, got other numbers")
     if numbers[0] < 0 or numbers[-1] >= world.frames:
         raise Error(f"frames: expected 0 to {world.frames - 1}, got {numbers[0]} to {numbers[-1]}")
     if threads is not None and threads < 1:
@@ -165,7 +165,7 @@ def simulate(
     simulation.simulate(world, units, [])  # raises for presets that do not fit the scene
     sequences = {unit.name: SimulatedFrames(world, unit, numbers, threads) for unit in units}
     if len(sequences) < len(units):
-        raise Error("lidar: expected different LiDARs, got one twice")
+        raise Error("lidar: expected different LiDARs, got the same LiDAR twice")
     for sequence in sequences.values():
         others = {name: other for name, other in sequences.items() if other is not sequence}
         sequence.beside = others
@@ -209,7 +209,8 @@ def one_lidar(frames: FrameSequence | str | os.PathLike[str], argument: str) -> 
         return frames
     loaded = _loaded(frames, argument)
     if isinstance(loaded, dict):
-        raise Error(f"{argument}: expected one LiDAR, got a data set of {', '.join(loaded)}")
+        names = ", ".join(loaded)
+        raise Error(f"{argument}: expected one LiDAR, got a data set with the LiDARs {names}")
     return loaded
 
 
@@ -238,7 +239,8 @@ def _recorded(folder: Path, argument: str) -> RecordedFrames:
         numbers = frame_numbers(folder, "all")
     except FileNotFoundError:
         raise Error(
-            f"{argument}: expected training/velodyne or a LiDAR's folder in it, got '{folder}'"
+            f"{argument}: expected a data set or a LiDAR's folder (with training/velodyne), got "
+            f"'{folder}'"
         ) from None
     if not numbers:
         raise Error(f"{argument}: expected one or more frames, got none in '{folder}'")

@@ -40,7 +40,8 @@ def _csv_rows(file: Path) -> list[list[str]]:
     header = [name.strip() for name in lines[0].split(",")] if lines else []
     missing = [name for name in CSV_COLUMNS if name not in header]
     if missing:
-        raise FormatError(f"{file}:1: {', '.join(missing)}: expected a column, got none")
+        names = ", ".join(missing)
+        raise FormatError(f"{file}:1: expected the columns {names}; got none of them")
     order = [header.index(name) for name in CSV_COLUMNS]
     rows = []
     for number, line in enumerate(lines[1:], start=2):

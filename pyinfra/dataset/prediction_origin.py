@@ -104,7 +104,7 @@ def _check(
         if key in there and key in origin and there[key] != origin[key]:
             raise Error(
                 f"{predictions / ORIGIN_FILE}: {key}: expected {origin[key]}, got {there[key]}: "
-                f"predictions of other frames or of another model; {hint}"
+                f"the predictions belong to other frames or to another model; {hint}"
             )
 
 

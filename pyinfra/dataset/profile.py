@@ -48,5 +48,5 @@ def profile_of(node: YamlNode) -> Profile:
 def _station_and_rise(node: YamlNode) -> list[float]:
     pair = [number.number() for number in node.items()]
     if len(pair) != 2:
-        node.fail(f"expected 2 numbers, got {len(pair)}: station and rise")
+        node.fail(f"expected 2 numbers (station and rise), got {len(pair)}")
     return pair

@@ -1,8 +1,8 @@
 """The evaluation region of a LiDAR: the roads of its data set, or an outline drawn by the user.
 
 A position is inside the region if it lies within the width of a road and between the road's first
-and last s. If outlines restrict the region, the position must also lie in one of the outlines. If
-no roads are known, a user's outline may define the region.
+and last station s. If outlines restrict the region, the position must also lie in one of the
+outlines. If no roads are known, a user's outline may define the region.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ REGION_FILE = "region.yaml"  # file in a LiDAR's folder with an outline drawn by
 # Width of the strip beside a carriageway in which pedestrians and cyclists also count, as in the
 # simulator.
 FOOTWAYS_M = 6.0
-# Width of the strip beside a carriageway in which `Region.axes` still gives the road's axis. It is
-# for vehicles at the edge of the road.
+# Width of the strip beside a carriageway in which `Region.axes` still returns the road's axis, so
+# that vehicles at the edge of the road also have an axis.
 AXES_MARGIN_M = 2.0
 
 
@@ -40,7 +40,7 @@ class Region:
     # Called with positions (n, 2 or more) and a margin in metres. Returns a mask (n,) of the
     # positions that lie in the region, or outside it by at most the margin.
     holds: Callable[[FloatArray, float], BoolArray]
-    corners: FloatArray  # (k, 2) points whose extent encloses the region
+    corners: FloatArray  # (k, 2) points whose bounding box encloses the region
     # Maps positions (n, 2) to axes (n, 2), which are sine and cosine of twice the heading of the
     # road at each position. The axis has length 1 on one road, is shorter where several roads
     # cross, and is 0 off the roads. `axes` is None if no roads are known.
@@ -83,7 +83,7 @@ def roads_region(roads: list[Road], pose: WorldPose, outlines: Sequence[FloatArr
 
 
 def _common_corners(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Returns the corners (2, 2) of the intersection of both axis-parallel bounding boxes."""
+    """Returns the corners (2, 2) of the intersection of the bounding boxes of `a` and `b`."""
     return np.stack([np.maximum(a.min(0), b.min(0)), np.minimum(a.max(0), b.max(0))])
 
 

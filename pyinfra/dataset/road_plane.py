@@ -32,8 +32,8 @@ MOVED_M = 0.7  # height above a column's ground at which a return counts as an o
 MOVED_SHARE = (0.03, 0.6)
 MOVED_COLUMNS = 30  # minimum number of columns with motion for `moved_share`
 MOVED_WEIGHT = 2.0  # weight of the ground with motion relative to the ground near the sensor
-HALF_WEIGHT_M = 20.0  # horizontal distance at which ground has half the weight
-ON_M = 0.15  # ground within this distance of a plane lies on the plane
+HALF_WEIGHT_M = 20.0  # horizontal distance at which ground has half the weight of ground at 0 m
+ON_M = 0.15  # ground within this distance of a plane counts as part of the plane
 TRIES = 1500  # number of random planes
 REFINED = 10  # number of best random planes that are fitted to the ground
 APART_M = 4.0  # minimum distance between the three points of a random plane
@@ -44,18 +44,18 @@ FIT_M = 40.0  # horizontal distance up to which a plane is fitted to the ground
 NEAR_M = 0.3  # a fit uses ground within this distance of the plane
 SOFT_M = 0.1  # scale of the fit's Cauchy weights
 CROWN = (0.005, 0.05)  # allowed slopes of a crown
-CROWN_GAIN = 0.25  # minimum share by which a crown must reduce the sum of squares
+CROWN_GAIN = 0.25  # minimum share by which a crown must reduce the sum of squared residuals
 LEAST_ROWS = 50  # minimum number of columns for a crown
 LEAST_SIDE = 0.2  # minimum share of the ground on each side of a crown
 
 
 @dataclass(frozen=True)
 class RoadPlane:
-    """The road plane in the frame of a sensor, whose z is up except for the sensor's tilt."""
+    """The road plane in the frame of a sensor, whose z axis points up apart from its tilt."""
 
     normal: tuple[float, float, float]  # unit vector, upwards
     height_m: float  # height of the origin above the plane
-    residual_m: float  # root mean square distance of the road from the plane or its crown
+    residual_m: float  # root mean square distance of the ground from the plane or the crown
     share: float  # weighted share of the ground near the sensor that lies on the plane
     # Weighted share of the ground with motion above it that lies on the plane. It is NaN if there
     # is too little ground with motion.
@@ -85,9 +85,9 @@ class LowestPoints:
 
 
 def road_of(clouds: Sequence[Points]) -> RoadPlane | None:
-    """Returns the road plane in clouds of one sensor, whose z is up except for the sensor's tilt.
+    """Returns the road plane in clouds of one sensor, or None if too little ground lies on it.
 
-    Returns None if too little of the ground lies on the plane.
+    The z axis of the clouds points up, apart from the sensor's tilt.
     """
     plane = find_plane([cloud[:: 1 + len(cloud) // MOST_POINTS] for cloud in clouds])
     return None if plane is None or plane.share < LEAST_SHARE else plane
@@ -100,11 +100,11 @@ def find_plane(
     *,
     crowned: bool = True,
 ) -> RoadPlane | None:
-    """Finds the road in clouds (k, 3 or more) of one sensor, whose z is up except for its tilt.
+    """Finds the road in clouds (k, 3 or more) of one sensor.
 
-    `heights_m` is the allowed range of the sensor's height above the road. `crowned` states whether
-    to search for a crown. Returns None if no plane is found. The same clouds always give the same
-    plane.
+    The z axis of the clouds points up, apart from the sensor's tilt. `heights_m` is the allowed
+    range of the sensor's height above the road. `crowned` states whether to search for a crown.
+    Returns None if no plane is found. The same clouds always give the same plane.
     """
     xyz, frame = _within_reach(clouds)
     ground = _ground(xyz, frame, len(clouds))
@@ -195,7 +195,8 @@ def _tries(
 ) -> FloatArray:
     """Returns random planes (m, 4), each through three ground points.
 
-    A row holds the upward unit normal n and the height d, with n x + d = 0.
+    A row holds the upward unit normal n and the height d. Points p of the plane satisfy
+    n · p + d = 0.
     """
     n = len(ground.xyz)
     if n < 3:
@@ -231,7 +232,8 @@ def _shares(ground: LowestPoints, plane: FloatArray) -> tuple[float, float]:
     near = float(ground.near[on].sum() / ground.near.sum())
     if ground.moved.sum() < MOVED_COLUMNS:
         return near, math.nan
-    weight = np.sqrt(ground.near[ground.moved])  # distant traffic counts more than distant ground
+    # The root makes the weight of traffic decrease more slowly with distance than that of ground.
+    weight = np.sqrt(ground.near[ground.moved])
     return near, float(weight[on[ground.moved]].sum() / weight.sum())
 
 
@@ -281,7 +283,7 @@ def _with_crown(ground: LowestPoints, plane: FloatArray, *, crowned: bool) -> Ro
 
 
 def _roof(ground: LowestPoints, plane: FloatArray) -> tuple[float, FloatArray, float] | None:
-    """Fits a crown: returns its slope, its mean plane and the residual.
+    """Fits a crown to the ground near a plane. Returns slope, mean plane and residual of the crown.
 
     Returns None if a crown does not fit much better than the plane. The function fits twice. The
     weights of the second fit depend on the distances of the points from the first fit.
@@ -312,7 +314,7 @@ def _roof(ground: LowestPoints, plane: FloatArray) -> tuple[float, FloatArray, f
 def _folds(xy: FloatArray, weight: FloatArray) -> Iterator[FloatArray]:
     """Yields the distances (n,) of points (n, 2) from each possible middle line of a crown.
 
-    Each line has at least LEAST_SIDE of the points' total weight on both sides.
+    Each line has at least LEAST_SIDE of the points' total weight on each side.
     """
     total = float(weight.sum())
     for angle in np.radians(np.arange(0, 180, 10)):
@@ -341,7 +343,7 @@ def _slopes(
 
 
 def _lifted(plane: FloatArray, coefficients: FloatArray, mean_fold: float) -> FloatArray:
-    """Returns a plane that is corrected by the fit of a crown to the heights above the plane."""
+    """Returns the mean plane of a crown that was fitted to the heights above a plane."""
     x, y, z, d = plane
     level = -d / z + coefficients[2] + coefficients[3] * mean_fold
     return _plane_of(-x / z + coefficients[0], -y / z + coefficients[1], level)

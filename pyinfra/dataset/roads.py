@@ -46,7 +46,7 @@ class Road:
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Road and station of n points. The road is the nearest one that contains the point."""
+    """Road and station of n points. Each point belongs to the nearest road that contains it."""
 
     road: IntArray  # (n,) index into the roads; -1 outside the region
     s: FloatArray  # (n,) metres; NaN outside the region
@@ -76,7 +76,10 @@ def _road(name: str, values: FloatArray, file: Path) -> Road:
 
 
 def offset_curve(centre: FloatArray, heading: FloatArray, left_m: Floats | float) -> FloatArray:
-    """Returns the curve (n, 2) at `left_m` (scalar or (n,)) to the left of a centreline (n, 2)."""
+    """Returns the curve (n, 2) that is `left_m` to the left of a centreline (n, 2).
+
+    `left_m` is one number or (n,), in metres.
+    """
     aside = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
     return np.asarray(centre + aside * np.reshape(left_m, (-1, 1)))
 
@@ -145,7 +148,7 @@ def _project(points: FloatArray, road: Road) -> tuple[FloatArray, FloatArray, Fl
     """
     base = road.xy[0]
     line, points = road.xy - base, points - base
-    # |p - v|^2 without the term |p|^2, which is the same for all v.
+    # Squared distance |p - v|^2 of point p and vertex v, without |p|^2, which is equal for all v.
     nearest = ((line**2).sum(1) - 2 * points @ line.T).argmin(1)
     best_s = np.full(len(points), np.nan)
     best = np.full(len(points), np.inf)

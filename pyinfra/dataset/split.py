@@ -43,7 +43,7 @@ def by_time(
     val. Raises Error if both parts overlap or one part is empty.
     """
     if val_from_s < train_until_s:
-        raise Error(f"val: expected {train_until_s:g} s or later, got {val_from_s:g} s")
+        raise Error(f"val: expected a start of {train_until_s:g} s or later, got {val_from_s:g} s")
     starts = [round(frame * period_s, 6) for frame in frames]
     pairs = list(zip(frames, starts, strict=True))
     split = Split(
@@ -52,9 +52,9 @@ def by_time(
     )
     if not split.train or not split.val:
         raise Error(
-            f"expected frames before {train_until_s:g} s and from {val_from_s:g} s on "
-            f"(`pyinfra split` sets both), got frames from {min(starts, default=0):g} to "
-            f"{max(starts, default=0):g} s"
+            f"expected frames before {train_until_s:g} s (train) and from {val_from_s:g} s on "
+            f"(val), got frames from {min(starts, default=0):g} to {max(starts, default=0):g} s; "
+            "`pyinfra split` can set both times"
         )
     return split
 
@@ -90,7 +90,10 @@ def by_seed(train: DataSet, val: DataSet) -> tuple[Split, Split]:
         if a != b:
             raise Error(f"{val.folder}: {key}: expected {a} as in {train.folder}, got {b}")
     if train.seed == val.seed:
-        raise Error(f"{val.folder}: expected another seed, got seed {val.seed} in both")
+        raise Error(
+            f"{val.folder}: expected another seed than in {train.folder}, got seed {val.seed} in "
+            "both"
+        )
     return Split(train.frames, ()), Split((), val.frames)
 
 
@@ -110,7 +113,10 @@ def write(data: DataSet, split: Split, *, force: bool = False, grown: bool = Fal
     for file, text in files.items():
         old = file.read_text(encoding="utf-8") if file.exists() and not force else text
         if old != text and not (grown and set(old.splitlines()) <= set(text.splitlines())):
-            raise FileExistsError(f"{file}: expected no file without `force`, got another split")
+            raise FileExistsError(
+                f"{file}: expected no file or the same split, got another split; `force` "
+                "overwrites it"
+            )
     for file, text in files.items():
         file.parent.mkdir(exist_ok=True)
         with replacing(file) as beside:

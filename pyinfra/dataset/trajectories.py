@@ -22,8 +22,8 @@ _NUMBERS = ["x", "y", "z", "dx", "dy", "dz", "heading"]
 def read_objects_at(file: Path, frames: Sequence[int], pose: WorldPose) -> Vehicles:
     """Returns the objects of trajectories.csv at the middle of the given ascending frames.
 
-    Boxes are in the levelled LiDAR frame with the given pose. Points are 0 and visibility is -1,
-    because the file contains no data about LiDARs. Raises FormatError.
+    Boxes are in the levelled LiDAR frame with the given pose. For all objects, `points` is 0 and
+    `visibility` is -1, because the file contains no data about LiDARs. Raises FormatError.
     """
     rows = read_rows(file, ["t", "id", "class", *_NUMBERS])
     instant = np.round(rows.t.to_numpy() / INSTANT_S).astype(np.int64)
@@ -58,7 +58,7 @@ def read_rows(file: Path, columns: Sequence[str]) -> pd.DataFrame:
     numbers = {name: np.float64 for name in columns if name != "class"}
     try:
         rows = pd.read_csv(io.BytesIO(data), usecols=list(columns), dtype=numbers)
-    except ValueError as error:  # a cell is no number, a column is missing, or the text is no UTF-8
+    except ValueError as error:  # a cell is not a number, a column is missing, or it is not UTF-8
         raise FormatError(f"{file}: {error}") from None
     return rows[rows[[name for name in columns if name != "t"]].notna().any(axis=1)]
 
@@ -67,7 +67,8 @@ def _check_lines(file: Path, data: bytes) -> None:
     """Raises FormatError unless all lines are complete and have as many columns as the first."""
     if not is_whole(data[-1:]):
         raise FormatError(
-            f"{file}: expected a complete last line, got the end of the file: is it incomplete?"
+            f"{file}: expected a newline at the end of the last line, got none; the file may be "
+            "truncated"
         )
     characters = np.frombuffer(data, np.uint8)
     ends = np.flatnonzero(characters == ord("\n"))

@@ -19,7 +19,7 @@ EVERY_ROAD = -1
 
 @dataclass(frozen=True)
 class Window:
-    """A section of one road, or of all roads: s in [middle - 10 m, middle + 10 m)."""
+    """A section of one road, or of all roads: stations s in [middle - 10 m, middle + 10 m)."""
 
     road: int  # EVERY_ROAD, or an index into the roads
     middle: float
@@ -52,8 +52,8 @@ class GridCell:
 class Near:
     """The part of the region within a distance of the sensor.
 
-    The distance is measured along the road, or horizontally at a site of lanes. REGION_M or more
-    selects the whole region.
+    The distance is measured along the road, or horizontally at a site of lanes. A distance of
+    REGION_M or more selects the whole region.
     """
 
     range_m: float

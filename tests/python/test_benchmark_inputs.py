@@ -304,7 +304,7 @@ def test_a_lidar_is_named_as_its_file(config: Path, capsys: pytest.CaptureFixtur
         (
             "val_from_s: 1.5",
             "val_from_s: 0.5",
-            "frames, split: val: expected 1 s or later, got 0.5 s",
+            "frames, split: val: expected a start of 1 s or later, got 0.5 s",
         ),
         ("0:20:5", "'20:0'", "frames: expected a range .*, got '20:0'"),
     ],

@@ -151,7 +151,7 @@ def test_names_that_count_nowhere_are_named(tmp_path: Path, objects: bool) -> No
     line = 2 if objects else 1
     file = kitti.frame_file(gt, part, 3)
     assert text.startswith(
-        f"{file}:{line}: classes that are not counted: car (72); expected Car, Van, "
+        f"{file}:{line}: objects of unknown classes do not count: car (72); expected Car, Van, "
     )
     assert names_of(gt, pred)[1] == {"other-types"}
     custom = evaluate(gt, pred, Settings({"vehicle": ("Car", "car")}, ("captured",)))
@@ -163,7 +163,7 @@ def test_labels_are_looked_at_beside_objects(tmp_path: Path) -> None:
     replace(kitti.frame_file(gt, "label_2", 4), "Car", "car")
     (text,) = [f.text for f in validate(gt) if f.name == "other-types"]
     assert text.startswith(
-        f"{kitti.frame_file(gt, 'label_2', 4)}:1: classes that are not counted: car (8)"
+        f"{kitti.frame_file(gt, 'label_2', 4)}:1: objects of unknown classes do not count: car (8)"
     )
 
 
@@ -175,7 +175,7 @@ def test_training_says_which_names_are_no_vehicle(tmp_path: Path) -> None:
     replace(kitti.frame_file(gt, "objects", 4), "Car", "car")
     warning = read_source(gt, "smoke").read_warning()
     assert warning is not None
-    assert "000004.csv:2: classes that are not counted: car (8)" in warning
+    assert "000004.csv:2: objects of unknown classes do not count: car (8)" in warning
 
 
 # --- which folders are LiDARs
@@ -225,7 +225,11 @@ def test_a_killed_import_leaves_nothing_that_is_read(
             "label_time: scan",
             "8: label_time: expected frame, as in ..., got scan",
         ),
-        ('name: "near"', 'name: "other"', "1: name: expected near, that of the folder, got other"),
+        (
+            'name: "near"',
+            'name: "other"',
+            "1: name: expected near, the name of the folder, got other",
+        ),
     ],
 )
 def test_lidars_of_one_data_set_are_of_one_run(
@@ -254,13 +258,13 @@ def test_lidars_of_one_data_set_are_of_one_run(
         (
             "preset: paper",
             "preset: equal",
-            "4: preset: expected 'paper' of the LiDARs, got 'equal'",
+            "4: preset: expected 'paper' as in the LiDARs, got 'equal'",
         ),
-        ("seed: 1", "seed: 1\nseed: 2", "3: seed: expected it once, got it twice"),
+        ("seed: 1", "seed: 1\nseed: 2", "3: seed: expected the key once, got it twice"),
         (
             "seed: 1",
             "seed: 1\nlabel_time: scan",
-            "3: label_time: expected 'frame' of the LiDARs, got 'scan'",
+            "3: label_time: expected 'frame' as in the LiDARs, got 'scan'",
         ),
         ("name: a", "name: a\0", " cannot be read as YAML"),
     ],
@@ -323,7 +327,8 @@ def test_objects_cut_within_their_last_number_are_an_error(tmp_path: Path) -> No
     file = kitti.frame_file(folder, "objects", 7)
     file.write_text(file.read_text()[:-2])
     with pytest.raises(
-        FormatError, match=r"000007\.csv:9: expected the end of a line, got the end of the file"
+        FormatError,
+        match=r"000007\.csv:9: expected a newline at the end of the last line, got none",
     ):
         read_vehicles(folder, range(12))
 
@@ -333,7 +338,7 @@ def test_objects_cut_within_their_last_number_are_an_error(tmp_path: Path) -> No
     [
         (b"000001\n000001\n", ":2: expected ..., got 000001 twice"),
         (b"000001\n" + b"9" * 5000, ":2: expected ..., got '999"),
-        (b"000001\n\xff", ": expected UTF-8, got an invalid byte at 7"),
+        (b"000001\n\xff", ": expected UTF-8, got an invalid byte at offset 7"),
         ("000001\n²\n".encode(), ":2: expected ..., got '²'"),
     ],
 )

@@ -290,7 +290,7 @@ def test_a_wrong_height_of_a_lone_cloud_is_reported(
     leaning = with_positions(clouds, lean.apply)
     words[-1] = str(write(tmp_path / "leaning", leaning) / "cloud_0.bin")
     assert main.main([*words, "--height-m", "6"]) == 0
-    assert "the sensor is tilted by 2.0 degrees to the road" in capsys.readouterr().err
+    assert "the sensor is tilted by 2.0 degrees relative to the road" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("up", ["z up", "z down"])

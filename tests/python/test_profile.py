@@ -88,8 +88,8 @@ def test_a_run_from_its_own_trajectories_is_the_run_itself(
     ("points", "error"),
     [
         ("[[-90, high], [80, -3]]", r"points_m\[0\]\[1\]: expected"),
-        ("[[-90, -7], [80]]", r"points_m\[1\]: expected 2 numbers, got 1: station and rise"),
-        ("[[1, 2, 3], [4, 5, 6]]", r"points_m\[0\]: expected 2 numbers, got 3"),
+        ("[[-90, -7], [80]]", r"points_m\[1\]: expected 2 numbers .station and rise., got 1"),
+        ("[[1, 2, 3], [4, 5, 6]]", r"points_m\[0\]: expected 2 numbers .*, got 3"),
         ("[]", r"points_m: expected"),
     ],
 )

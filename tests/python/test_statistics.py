@@ -394,7 +394,7 @@ def test_points_at_road_level_can_be_left_out(tmp_path: Path) -> None:
         ("2,1,15", "2,1,fast", ": "),
         ("2,1,15", "2,1,nan", ":2: speed: expected 0 to 1000, got nan"),
         ("2,1,15", "2,1,1e30", r":2: speed: expected 0 to 1000, got 1e\+30"),
-        ("2,1,1\n", "2,1,1", ": expected a complete last line, got the end of the file"),
+        ("2,1,1\n", "2,1,1", ": expected a newline at the end of the last line, got none"),
         ("t,id", "T,id", ": "),
         ("2,1,15", "2,1,15,7,7,7,7,7,7,7", ":2: expected 11 columns, got 18"),
     ],

@@ -778,7 +778,7 @@ def test_wrong_folders_are_one_line(
     background: Path, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main.main(command(background, data.parent, tmp_path)) == 2
-    assert "expected the folder of one LiDAR, got a data set of " in capsys.readouterr().err
+    assert "expected the folder of one LiDAR, got a data set with " in capsys.readouterr().err
     assert main.main(command(tmp_path, data, tmp_path)) == 1
     assert "No last.safetensors or background.npz in it" in capsys.readouterr().err
     (tmp_path / "stress.csv").write_text("a,b\n1,2\n")
