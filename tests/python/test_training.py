@@ -359,7 +359,7 @@ def test_a_run_in_half_the_bits_goes_on_in_half_the_bits(
     [
         (
             "detector: pointpilars\ntiers: {}\n",
-            "1: detector: expected one of background, .*; got 'pointpilars'",
+            "1: detector: expected background, .*, got 'pointpilars'",
         ),
         ("tiers: {}\n", "1: detector: expected a value, got none"),
         (
