@@ -398,7 +398,7 @@ def test_points_of_another_shape_are_an_error(empty_road: Background) -> None:
 @pytest.mark.parametrize("frames", [[], [np.empty((0, 4), np.float32)]])
 def test_learning_from_nothing_is_an_error(frames: list[Points]) -> None:
     with pytest.raises(
-        ValueError, match=r"frames: expected points in range, got none in \d frames"
+        ValueError, match=r"frames: expected points within range_m, got none in \d frames"
     ):
         Background.learn(frames)
 
@@ -454,7 +454,7 @@ def test_a_wrong_file_is_an_error_that_names_it(
         }
         np.savez(file, **(good | bad[wrong]))
     with pytest.raises(
-        ValueError, match=r"wrong\.npz: expected a background .*, got something else"
+        ValueError, match=r"wrong\.npz: expected a background model, got another kind of file"
     ):
         Background.load(file)
 
@@ -517,7 +517,7 @@ def test_a_height_or_region_for_what_learnt_its_own_is_an_error(
     (tmp_path / "background.npz").touch()
     words = ["detect", str(tmp_path / "cloud.bin"), "--model", str(tmp_path), "--height-m", "6"]
     assert main.main(words) == 2
-    assert "--height-m: expected none for background" in capsys.readouterr().err
+    assert "--height-m: expected no value for background" in capsys.readouterr().err
 
 
 def test_a_region_for_another_detector_is_an_error(

@@ -201,7 +201,7 @@ def test_classes_are_known_and_each_is_there_once() -> None:
         config_of("centerpoint-pillar", plain)
     with pytest.raises(ConfigError, match="twice"):
         config_of("centerpoint-pillar", {"classes": ["cyclist", "cyclist"]})
-    with pytest.raises(ConfigError, match="classes: expected one or more, got none"):
+    with pytest.raises(ConfigError, match="classes: expected at least 1 class, got none"):
         config_of("centerpoint-pillar", {"classes": []})
     assert config_of("centerpoint-pillar", {}).classes == ("vehicle",)
     provenance = Provenance("pointpillars", {}, SITE, "lidar", "datasheet", "scene", 1, 0, 1)

@@ -316,7 +316,7 @@ def test_a_stream_says_what_it_is_of() -> None:
 
 
 def test_more_lidars_than_there_are_is_refused() -> None:
-    with pytest.raises(ValueError, match="lidars: expected up to 2, got 4"):
+    with pytest.raises(ValueError, match="lidars: expected up to 2 LiDARs per visit, got 4"):
         site_stream(StreamPlan(), FEW)
 
 
@@ -356,10 +356,10 @@ def test_narrow_visits_have_narrow_lidars_alone_and_look_along_a_road(tmp_path: 
             assert abs((along + 90) % 180 - 90) < 9
     assert kinds == {True, False}
     file.write_text("plan: {lidars: 2, narrow: 0.5}\n")
-    with pytest.raises(ConfigError, match=r"narrow: expected LiDARs if the share is above 0"):
+    with pytest.raises(ConfigError, match=r"narrow: expected a list of LiDARs exactly if plan"):
         read_stream(file)
     file.write_text(f"plan: {{lidars: 2}}\n{names}")
-    with pytest.raises(ConfigError, match=r"narrow: expected LiDARs if the share is above 0"):
+    with pytest.raises(ConfigError, match=r"narrow: expected a list of LiDARs exactly if plan"):
         read_stream(file)
 
 
@@ -390,7 +390,10 @@ def test_a_file_says_what_is_streamed(tmp_path: Path) -> None:
     for text, expected in (
         ("plan: {lidars: 0}\n", r"stream.yaml:1: plan.lidars: expected 1 to 100, got 0"),
         ("without: [none]\n", r"stream.yaml: without: expected .*, got 'none'"),
-        ("plan: {lidars: 99}\n", r"stream.yaml: lidars: expected up to \d+, got 99"),
+        (
+            "plan: {lidars: 99}\n",
+            r"lidars: expected up to \d+ LiDARs per visit, got 99",
+        ),
     ):
         file.write_text(text)
         with pytest.raises(ConfigError, match=expected):

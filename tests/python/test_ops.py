@@ -304,7 +304,9 @@ def test_a_key_of_other_voxels_or_another_kernel_is_an_error() -> None:
     layer = SubmanifoldConv3d(4, 4, "a").double()
     layer(x)
     coarse = SparseConv3d(4, 4, "b").double()(x)
-    with pytest.raises(ValueError, match="key a: expected the voxels of its first use, got others"):
+    with pytest.raises(
+        ValueError, match="key a: expected the voxels of its first layer, got others"
+    ):
         layer(coarse)
     with pytest.raises(ValueError, match="rulebook: expected 5 offsets, got 27"):
         SubmanifoldConv3d(4, 4, "a", (1, 1, 5)).double()(x)
@@ -314,9 +316,9 @@ def test_a_key_of_other_voxels_or_another_kernel_is_an_error() -> None:
 def test_voxels_that_are_out_of_the_grid_or_there_twice_are_errors() -> None:
     kernel, stride, padding = (3, 3, 3), (2, 2, 2), (1, 1, 1)
     for at, message in [
-        ([[0, 1, 2, 3], [0, 1, 2, 3]], "coordinates: expected each voxel once, got one twice"),
-        ([[0, 1, 2, SHAPE[2]]], "coordinates: expected voxels within the grid .*, got one outside"),
-        ([[0, -1, 2, 3]], "coordinates: expected voxels within the grid .*, got one outside"),
+        ([[0, 1, 2, 3], [0, 1, 2, 3]], "coordinates: expected each voxel once, got a voxel twice"),
+        ([[0, 1, 2, SHAPE[2]]], "coordinates: expected voxels in the grid .*, got a voxel outside"),
+        ([[0, -1, 2, 3]], "coordinates: expected voxels in the grid .*, got a voxel outside"),
     ]:
         with pytest.raises(ValueError, match=message):
             sparse.submanifold_rulebook(torch.tensor(at), SHAPE, kernel)
@@ -523,7 +525,7 @@ def test_points_of_another_shape_or_type_are_errors() -> None:
         with pytest.raises(ValueError, match=r"expected \(n, 3\) torch.float32"):
             points.farthest_points(wrong, 2)
     unknown = torch.tensor([[0.0, 1, 2], [0, torch.nan, 0]])
-    with pytest.raises(ValueError, match="points: expected finite values, got another"):
+    with pytest.raises(ValueError, match="points: expected finite values, got NaN or inf"):
         points.ball_query(unknown, unknown[:1], 1, 2)
 
 

@@ -288,9 +288,7 @@ def test_a_finished_run_stays_as_it_is(lidar_folder: Path, trained: Path) -> Non
 
 def test_a_run_of_other_steps_does_not_go_on(lidar_folder: Path, trained: Path) -> None:
     before = files_of(trained)
-    with pytest.raises(
-        ConfigError, match="expected the same training, got another: different steps"
-    ):
+    with pytest.raises(ConfigError, match="got a checkpoint with other values of steps"):
         run(lidar_folder, trained, steps=7)
     assert files_of(trained) == before
 
@@ -359,7 +357,7 @@ def test_a_run_in_half_the_bits_goes_on_in_half_the_bits(
     [
         (
             "detector: pointpilars\ntiers: {}\n",
-            "1: detector: expected background, .*, got 'pointpilars'",
+            "1: detector: expected one of background, .*; got 'pointpilars'",
         ),
         ("tiers: {}\n", "1: detector: expected a value, got none"),
         (
@@ -369,11 +367,11 @@ def test_a_run_in_half_the_bits_goes_on_in_half_the_bits(
         ("detector: dsvt\ntiers: {smoke: {}}\n", "2: tiers.quick: expected a value, got none"),
         (
             "detector: dsvt\ntiers:\n  smoke: {}\n  quick: {learning: {steps: 0}}\n  full: {}\n",
-            "4: tiers.quick.learning: steps: expected 1 or more, got 0 without start",
+            "4: tiers.quick.learning: steps: expected 1 or more if `start` is not set, got 0",
         ),
         (
             "detector: dsvt\ntiers: {smoke: {learning: {start: me}}, quick: {}, full: {}}\n",
-            "2: tiers.smoke.learning.start: expected a run, a file, or generalist, got 'me'",
+            "2: tiers.smoke.learning.start: expected a training's folder, a model file or",
         ),
     ],
 )
@@ -552,7 +550,8 @@ def test_two_clouds_of_one_name_are_not_written_over_one_another(
     words = ["detect", str(cloud), other, "--model", str(trained), "--out", str(tmp_path / "pred")]
     assert main.main(words) == 2
     assert (
-        f"{other}: expected another name with --out, got that of {cloud}" in capsys.readouterr().err
+        f"expected a unique file name with --out, got the name of {cloud}"
+        in capsys.readouterr().err
     )
     assert not (tmp_path / "pred").exists()
 
@@ -677,7 +676,7 @@ def test_weights_that_are_no_numbers_are_refused(sure: Path, tmp_path: Path) -> 
     loaded.tensors["network.head.heat.bias"] *= float("nan")
     checkpoint.write(tmp_path / "nan.safetensors", loaded.tensors, loaded.provenance)
     with pytest.raises(
-        ConfigError, match=r"head\.heat\.bias: expected finite weights, got one that is not"
+        ConfigError, match=r"head\.heat\.bias: expected finite weights, got NaN or inf"
     ):
         detect.load_detector(tmp_path / "nan.safetensors", ground=level_ground(-6.0))
 
@@ -687,14 +686,14 @@ def test_results_of_other_frames_and_labels_in_their_place_are_reported(
 ) -> None:
     words = ["detect", str(lidar_folder), "--model", str(trained), "--split", "all", "--out"]
     assert main.main([*words, str(lidar_folder / "training/label_2")]) == 2
-    assert "--out: expected another folder than that of the labels" in capsys.readouterr().err
+    assert "--out: expected a folder other than that of the labels" in capsys.readouterr().err
     assert main.main([*words, str(tmp_path), "--max-frames", "1"]) == 0
     error = capsys.readouterr().err
     assert "no box in any frame: are the sensor's height, its frame" in error
     assert "files of other frames" not in error
     (tmp_path / "000099.txt").touch()
     assert main.main([*words, str(tmp_path)]) == 0
-    assert "1 files of other frames, such as 000099" in capsys.readouterr().err
+    assert "1 result files of other frames, such as 000099" in capsys.readouterr().err
     words[1] = str(lidar_folder.parent)
     assert main.main([*words, str(tmp_path)]) == 2
     assert (
@@ -730,7 +729,7 @@ def test_a_training_begins_with_the_weights_of_another(
         if "running" not in name and "num_batches" not in name:
             torch.testing.assert_close(loaded.weights()[name], weights, atol=1e-5, rtol=1e-4)
     other = read_recipe(ROOT / "configs/detectors/pointpillars.yaml", "smoke")
-    with pytest.raises(ConfigError, match="expected weights of this network, got others"):
+    with pytest.raises(ConfigError, match="expected weights of this network, got other weights"):
         train.train(other.begun_with(trained), [source], tmp_path / "other", quiet=True)
 
 
@@ -1041,7 +1040,7 @@ def test_labels_of_two_times_are_not_learnt_together() -> None:
     )
     assert common_label_time([one, one]) == "scan"
     with pytest.raises(
-        ValueError, match=r"helios_16 in curve: label_time: expected scan as of .*, got frame"
+        ValueError, match=r"helios_16 in curve: label_time: expected scan, as for .*, got frame"
     ):
         common_label_time([one, other])
 

@@ -120,7 +120,7 @@ def test_the_loss_of_a_vehicle_is_the_same_in_a_window(name: str) -> None:
 def test_windows_are_asked_of_networks_with_a_canvas_only() -> None:
     windows.check(network_of("dsvt"), 100)
     windows.check(network_of("pointrcnn"), 0)
-    with pytest.raises(ValueError, match=r"window_m2: expected 0, got 100 for PointRCNN"):
+    with pytest.raises(ValueError, match=r"window_m2: expected 0 for PointRCNN, got 100"):
         windows.check(network_of("pointrcnn"), 100)
 
 

@@ -1,10 +1,11 @@
 """Anchors on a bird's-eye grid: assignment to boxes, and residuals of boxes.
 
-The module follows SECOND, Yan et al., Sensors 2018, as implemented in OpenPCDet. Anchors are
-assigned by the IoU of footprints that are turned to their nearest axis. Residuals are relative to
-the anchor's diagonal, height and sizes. Headings are predicted modulo half a turn; a separate
-classification predicts the half. There are two sizes of anchors instead of one, because the IoU of
-a bus with an anchor for cars is too low.
+The module follows SECOND, Yan et al., Sensors 2018, as implemented in OpenPCDet. An anchor is
+assigned to a box by the IoU of their footprints, after both footprints are turned to the nearest
+axis. Residuals are relative to the anchor's diagonal, height and sizes. Headings are predicted
+modulo half a turn; a separate classification predicts which half of the turn a heading is in. There
+are two sizes of anchors instead of one, because the IoU of a bus with an anchor for cars is too
+low.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class AnchorConfig:
     long_m: tuple[float, float, float] = ruled(LONG_M, 0.1, 30)  # size for trucks and buses
     matched: float = ruled(0.6, 0, 1)  # least IoU of an anchor that is assigned to a box
     unmatched: float = ruled(0.45, 0, 1)  # anchors with a lower IoU are background
-    candidates: int = ruled(4096, 1, 4096)  # most anchors that enter the non-maximum suppression
+    candidates: int = ruled(4096, 1, 4096)  # largest number of anchors in non-maximum suppression
 
     @property
     def sizes(self) -> tuple[tuple[float, float, float], ...]:
@@ -72,7 +73,7 @@ class Anchors:
     def targets(self, boxes: Tensor, grid: tuple[int, int] | None = None) -> Targets:
         """Assigns anchors to boxes (k, 7); returns tensors (rows, columns, per_cell).
 
-        grid: numbers of the first rows and columns to use; by default all.
+        grid: how many rows and how many columns are used, counted from the first; by default all.
         """
         rows, columns = grid or self.boxes.shape[:2]
         shape = (rows, columns, self.config.per_cell)
@@ -93,7 +94,7 @@ class Anchors:
     def axis_aligned_iou(self, boxes: Tensor, grid: tuple[int, int] | None = None) -> Tensor:
         """Returns the IoU of anchors and boxes: (rows, columns, per_cell, k).
 
-        The footprints of boxes are turned to their nearest axis.
+        Before the overlap is computed, footprints are turned to the nearest axis.
         """
         rows, columns = grid or self.boxes.shape[:2]
         across = boxes[:, 6].sin().abs() > math.sqrt(0.5)

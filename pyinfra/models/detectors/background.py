@@ -15,7 +15,8 @@ search of Zhang et al., "Efficient L-Shape Fitting for Vehicle Detection Using L
 
 Limitations:
 
-- headings are known up to half a turn
+- the front and the rear of a vehicle are not distinguished, so a heading may be wrong by half a
+  turn
 - a vehicle that stands in most frames is background
 - vehicles that touch are merged
 - the height of ground that is hidden in all frames is taken from neighbouring cells or from the
@@ -52,7 +53,7 @@ CLASSES = ("Car", "Motorcycle", "Truck", "Bus", "Pedestrian", "Cyclist")
 _VEHICLE_SIZES = [[4.5, 1.9, 1.6], [2.2, 0.8, 1.4], [8.5, 2.5, 3.2], [12, 2.55, 3.2]]  # metres
 SIZES = np.array([*_VEHICLE_SIZES, [0.73, 0.67, 1.77], [1.67, 0.7, 1.67]])
 _CAR, _MOTORCYCLE, _TRUCK, _BUS, _PEDESTRIAN, _CYCLIST = range(6)
-_LEAST_ALONE = 5  # least points of a pedestrian or cyclist; fewer may be part of a distant object
+_LEAST_ALONE = 5  # smallest number of points of a pedestrian or cyclist
 
 _ROAD_CELL_M = 5.0  # cell size of the grid of directions
 _KNOWN_ROAD = 1.0  # weight of a known road in this grid; a vehicle in the cell adds about 0.07
@@ -63,7 +64,7 @@ _ON_SIDE_M = 0.1  # a point this close to a side lies on it
 _NEIGHBOUR_M = 10.0  # largest distance from which the height of hidden ground is taken
 _OVERHEAD_M = 2.0  # permanent points higher than this above a road are trees, gantries or signs
 _SHARED = 0.1  # boxes are the same vehicle if the overlap exceeds this share of the smaller box
-_MOST = 1000  # most boxes of a frame; limits the time if the background is wrong or in heavy rain
+_MOST = 1000  # most boxes of a frame; limits the time in heavy rain or with a wrong background
 
 # Exceptions of NumPy for a file that is not an .npz file, is incomplete or has other arrays.
 _UNREADABLE = (ValueError, TypeError, KeyError, EOFError, ArithmeticError, BadZipFile, zlib.error)
@@ -73,9 +74,9 @@ _UNREADABLE = (ValueError, TypeError, KeyError, EOFError, ArithmeticError, BadZi
 class Config:
     """Settings of background and clusters."""
 
-    range_m: float = ruled(120.0, 1, 1000)  # range of x and y, in each direction
+    range_m: float = ruled(120.0, 1, 1000)  # points with a larger absolute x, y or z are ignored
     cell_m: float = ruled(1.0, 0.1, 20)  # cell size of the grid of the ground
-    clearance_m: float = ruled(0.15, 0, 5)  # points lower than this above the ground are ground
+    clearance_m: float = ruled(0.15, 0, 5)  # points less than this above the ground belong to it
     ceiling_m: float = ruled(5.0, 0.1, 50)  # points higher than this above the ground are ignored
     # a voxel is background if it has points in more than this share of the frames
     permanent_share: float = ruled(0.7, 0, 1)
@@ -107,8 +108,8 @@ class Background:
     ground: Floats  # (n, n) z of the ground, metres
     permanent: BoolArray  # (n, n, layers of 1 m above the ground) voxels of permanent objects
     region: BoolArray  # (n, n) where vehicles can be; everywhere if unknown
-    road: Floats  # (m, m, 2) mean cos, sin of twice the heading; a longer vector is more certain
-    expected: Floats  # (2,) expected points of a vehicle: ln points = [0] + [1] * ln distance
+    road: Floats  # (m, m, 2) mean cos, sin of twice the heading; a shorter vector is less certain
+    expected: Floats  # (2,) points of a vehicle: ln n = expected[0] + expected[1] * ln distance
 
     @classmethod
     def learn(
@@ -120,17 +121,17 @@ class Background:
     ) -> Background:
         """Learns the background of a site.
 
-        frames: clouds (k, 4) of one fixed sensor, spread over minutes. The ground of a cell must be
-        visible in at least one frame.
+        frames: clouds (k, 4) of one fixed sensor, taken over several minutes. The ground of a cell
+        must be visible in at least one frame.
         region: where vehicles can be; by default everywhere. It is ignored if the setting
         `within_region` is false. Known roads in the region influence the directions of traffic.
         road: height of the road. It is only used if it has a relief; otherwise the height is
         estimated from the frames.
-        Raises Error if no frame has a point in range.
+        Raises Error if no frame has a point within `range_m`.
         """
         clouds = [_usable(frame, settings) for frame in frames]
         if sum(map(len, clouds)) == 0:
-            raise Error(f"frames: expected points in range, got none in {len(clouds)} frames")
+            raise Error(f"frames: expected points within range_m, got none in {len(clouds)} frames")
         if not settings.within_region:
             region = None
         ground = _ground(clouds, settings, road, _inside_region(region, settings, 0))
@@ -186,7 +187,7 @@ class Background:
             background._check()
         except _UNREADABLE as error:
             raise Error(
-                f"{file}: expected a background of this detector, got something else: {error}"
+                f"{file}: expected a background model, got another kind of file: {error}"
             ) from error
         return background
 
@@ -205,8 +206,8 @@ class Background:
             array = getattr(self, name)
             if array.shape != shape or array.dtype != kind or not np.isfinite(array).all():
                 raise Error(
-                    f"{name}: expected {shape} {np.dtype(kind)}, all finite, got {array.shape} "
-                    f"{array.dtype}"
+                    f"{name}: expected finite values of shape {shape} and type {np.dtype(kind)}, "
+                    f"got an array of shape {array.shape} and type {array.dtype}"
                 )
 
     def _moving(self, cloud: Floats) -> tuple[IntArray, Floats]:
@@ -296,7 +297,8 @@ def _road_cells(s: Config) -> int:
 def _numbers(settings: Config) -> FloatArray:
     """Returns the settings as numbers.
 
-    If `people` is false, it is left out, as in the files of earlier versions.
+    If `people` is false, its number is left out, so that the file is the same as in earlier
+    versions.
     """
     numbers = np.array(astuple(settings))
     return numbers if settings.people else numbers[:-1]
@@ -450,8 +452,8 @@ def _road(rectangles: _Rectangles, roads: FloatArray) -> Floats:
     """Returns the mean cos, sin of twice the heading of roads and long clusters: (m, m, 2).
 
     The vector is shorter where headings differ. roads: (m, m, 3) votes of known roads. A small
-    number of votes is not reliable at large distances. There, a cluster mostly is the rear of a
-    vehicle or two vehicles side by side.
+    number of votes is not reliable at large distances. There, a cluster is usually only the rear of
+    a vehicle, or two vehicles side by side.
     """
     cells = len(roads)
     length, width = rectangles.size.T
@@ -477,8 +479,8 @@ def _road_cell(xy: Floats, cells: int) -> tuple[IntArray, IntArray]:
 def _expected(rectangles: _Rectangles) -> Floats:
     """Returns intercept and slope of a line: ln points over ln distance of the clusters, (2,).
 
-    The fit has a weak prior for the slope -1.5. The prior matters if there are few clusters, or if
-    all clusters are at one distance.
+    A weak prior pulls the slope towards -1.5. The prior only matters if there are few clusters, or
+    if all clusters are at one distance.
     """
     good = rectangles.count >= 2
     x, y = np.log(rectangles.distance[good]), np.log(rectangles.count[good])
@@ -541,7 +543,8 @@ def _clusters(xy: Floats, road: Floats, s: Config) -> Int32Array:
     x, y = (xy[i] - xy[j]).T
     cos, sin = road[_road_cell(xy, len(road))].T
     squared = x * x + y * y
-    # (along^2 - across^2) of the step, times the certainty of the direction.
+    # `along` and `across` are the components of the step between two points, relative to the road.
+    # `tilt` is along^2 - across^2, multiplied by the certainty of the road's direction.
     tilt = (x * x - y * y) * cos[i] + 2 * x * y * sin[i]
     size = (squared + tilt) / (2 * s.gap_along_m**2) + (squared - tilt) / (2 * s.gap_m**2)
     near = size < grow[i] ** 2
@@ -573,7 +576,7 @@ def _headings(xy: Floats, label: Int32Array, road: Floats) -> Floats:
 
 
 def _inside(at: Floats, start: IntArray, label: Int32Array) -> tuple[Floats, Floats]:
-    """Returns the distances of points from the nearer end of their cluster, and cluster extents.
+    """Returns the distance of each point from the nearer end of its cluster, and cluster extents.
 
     Distances (t, h) and extents (c, h) are measured along one axis, for h headings. at: (t, h)
     coordinates of the points along this axis.

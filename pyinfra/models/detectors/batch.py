@@ -24,10 +24,10 @@ class Windows:
 
 @dataclass(frozen=True, eq=False)
 class CanvasPart:
-    """The part of the canvas that is filled, shifted to the first cell of the canvas."""
+    """The part of the canvas that a batch uses, and the boxes in this part."""
 
     sides: tuple[int, int]  # rows, columns
-    first: Tensor | None  # (B, 2) row, column of the part's first cell; None for the whole canvas
+    first: Tensor | None  # (B, 2) row, column of the part's first cell; None: the whole canvas
     boxes: tuple[Tensor, ...]  # (k, 7) boxes of each frame in the part, shifted with the part
     classes: tuple[Tensor, ...]  # (k,) class numbers of these boxes
 

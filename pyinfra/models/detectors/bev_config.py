@@ -21,10 +21,10 @@ class BevConfig:
     def __post_init__(self) -> None:
         if not 0 < len(self.layers) == len(self.widths) == len(self.strides):
             raise Error(
-                "layers, widths, strides: expected lists of equal lengths, got different ones"
+                "layers, widths, strides: expected lists of equal lengths, got different lengths"
             )
 
 
 def multiple(config: BevConfig, cell_m: float) -> float:
-    """Returns a length in metres. The sides of the area must be multiples of it."""
+    """Returns the length in metres of which the sides of the area must be multiples."""
     return math.prod(config.strides) * cell_m

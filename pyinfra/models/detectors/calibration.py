@@ -25,11 +25,13 @@ def logit(scores: FloatArray) -> FloatArray:
 def fit(scores: FloatArray, right: BoolArray) -> tuple[float, float]:
     """Returns the maximum-likelihood a and b of logit -> a logit + b.
 
-    scores: (n,) scores of boxes. right: (n,) whether each box overlaps a vehicle enough. Raises
-    Error if all values of `right` are equal.
+    scores: (n,) scores of boxes. right: (n,) whether each box is a true positive. Raises Error if
+    all values of `right` are equal.
     """
     if right.all() or not right.any():
-        raise Error(f"expected true and false positives, got {right.sum()} of {len(right)}")
+        raise Error(
+            f"expected true and false positives, got {right.sum()} true of {len(right)} boxes"
+        )
     logits = logit(scores)
 
     def unlikely(line: FloatArray) -> tuple[float, FloatArray]:

@@ -28,4 +28,4 @@ class Config:
 
     def __post_init__(self) -> None:
         if not self.classes:
-            raise Error("classes: expected one or more, got none")
+            raise Error("classes: expected at least 1 class, got none")

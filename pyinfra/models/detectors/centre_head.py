@@ -203,8 +203,8 @@ class AxisHead(CentreHead):
     The axis is the sine and cosine of twice the heading. If traffic can come from any direction, a
     network often cannot distinguish front and rear. The mean of two opposite headings is
     meaningless, but their axis is the same. If a vehicle has few points, the predicted axis vector
-    is shorter than 1. If the roads are known, the axis of the road is added, multiplied by the
-    missing length.
+    is shorter than 1. If the roads are known, the axis of the road is added to the predicted axis.
+    The shorter the predicted axis, the larger is the weight of the road's axis.
     """
 
     def __init__(
@@ -220,7 +220,7 @@ class AxisHead(CentreHead):
         self.road_axes: Tensor | None = None
 
     def know(self, region: Region, shape: tuple[int, int]) -> None:
-        """Stores the axes of the region's roads in the cells (H, W); None if no roads are known."""
+        """Stores the axis of the region's road in each cell (H, W); stores None without roads."""
         self.road_axes = None
         if region.axes is None:
             return

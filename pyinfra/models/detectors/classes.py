@@ -17,7 +17,7 @@ TYPES: dict[ObjectClass, str] = {
     "cyclist": "Cyclist",
 }
 # Metric by which boxes of each class are matched. Pedestrians and cyclists are matched by their
-# centres, because the errors of boxes are as large as their footprints.
+# centres, because errors of predicted boxes are as large as the footprints of these objects.
 METRICS: dict[ObjectClass, Metric] = {"vehicle": "bev", "pedestrian": "centre", "cyclist": "centre"}
 ALONG_ROADS = ("vehicle", "cyclist")  # classes that move along roads; others move in any direction
 
@@ -32,7 +32,10 @@ def classes_of(config: object) -> tuple[ObjectClass, ...]:
 
 
 def numbers_of(types: NameArray, classes: Sequence[ObjectClass]) -> IntArray:
-    """Returns the class number of each type, an index of `classes`: (n,), -1 for other types."""
+    """Returns the index in `classes` of each type's class: (n,).
+
+    The index is -1 for a type of no class in `classes`.
+    """
     numbers = np.full(len(types), -1)
     for number, name in enumerate(classes):
         numbers[np.isin(types, OBJECT_CLASSES[name])] = number

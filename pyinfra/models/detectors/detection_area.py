@@ -95,7 +95,7 @@ def site_of(boxes: Iterable[FloatArray], regions: Sequence[Region] = ()) -> Site
 
 
 def around(region: Region, site: Site) -> Site:
-    """Returns the site with x and y of a region; z is unchanged."""
+    """Returns the site with its x and y limits replaced by those of a region."""
     low, high = _ends([region])
     area = Area((*low, site.area.low[2]), (*high, site.area.high[2]))
     return Site(area, site.floor_z)

@@ -55,7 +55,7 @@ class Config:
     blocks: int = ruled(4, 1, 16)  # attention blocks
     heads: int = ruled(8, 1, 64)  # heads of each attention
     feed_width: int = ruled(384, 1, 4096)  # channels between the two layers after an attention
-    set_size: int = ruled(36, 1, 1024)  # pillars of a set, which attend to each other
+    set_size: int = ruled(36, 1, 1024)  # largest number of pillars that attend to each other
     windows: tuple[int, ...] = ruled((12, 24), 1, 1024)  # window sides in cells; blocks alternate
     shifts: tuple[int, ...] = ruled((0, 6), 0, 1024)  # shifts of the windows, in cells
     bev: BevConfig = field(default_factory=_bev)
@@ -64,9 +64,11 @@ class Config:
 
     def __post_init__(self) -> None:
         if self.width % self.heads != 0 or self.width % 2 != 0:
-            raise Error(f"width: expected an even multiple of the heads, got {self.width}")
+            raise Error(
+                f"width: expected an even multiple of heads ({self.heads}), got {self.width}"
+            )
         if not 0 < len(self.windows) == len(self.shifts):
-            raise Error("windows, shifts: expected lists of equal lengths, got different ones")
+            raise Error("windows, shifts: expected lists of equal lengths, got different lengths")
 
 
 class Embedding(nn.Module):
@@ -136,7 +138,7 @@ class Layer(nn.Module):
 
 
 class DsvtBlock(nn.Module):
-    """Two layers in the same windows. The first has sets along x, the second along y."""
+    """Two layers in the same windows. The first layer has sets along x, the second along y."""
 
     def __init__(self, config: Config, side: int) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Losses of detectors. They are not normalised; the caller divides by the number of objects."""
+"""Losses of detectors. The caller must divide a loss by the number of objects."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def keep_memory() -> None:
     """Makes glibc keep the memory of freed tensors.
 
     By default glibc returns the memory of each large tensor to the system and later requests it
-    page by page again. This takes a quarter of the time of a frame. Results do not change.
+    page by page again. These requests take a quarter of the time of a frame. Results do not change.
     """
     try:
         mallopt = ctypes.CDLL(None).mallopt
@@ -85,10 +85,10 @@ def keep_memory() -> None:
 class Network(nn.Module, abc.ABC):
     """A detector whose weights are learnt. Subclasses define the losses and the candidates."""
 
-    learns_in_windows = False  # whether it can be trained on windows (windows.py)
-    balances_frames = False  # whether its losses use `Batch.balance`
-    columns = 4  # number of columns of a cloud that it uses: x y z intensity [age]
-    classes: tuple[ObjectClass, ...] = VEHICLES  # classes that it distinguishes
+    learns_in_windows = False  # whether the network can be trained on windows (windows.py)
+    balances_frames = False  # whether the losses use `Batch.balance`
+    columns = 4  # columns of a cloud that the network uses: x y z intensity [age]
+    classes: tuple[ObjectClass, ...] = VEHICLES  # classes that the network distinguishes
 
     def __init__(self, site: Site) -> None:
         super().__init__()

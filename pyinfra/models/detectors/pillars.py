@@ -21,7 +21,8 @@ class PillarEncoder(nn.Module):
     The inputs of each point are x y z, offset to the mean of its pillar (3), offset to the middle
     of the pillar (3), age, intensity. The inputs pass a linear layer, batch norm and ReLU, followed
     by the maximum over the pillar. If there are several layers, each layer except the last is half
-    as wide. Its output is the features of the point together with the features of its pillar.
+    as wide. Each of these layers returns the features of a point together with the features of the
+    point's pillar.
 
     intensity, age, with_xy: whether the intensity, the age, and x and y are inputs. If x and y are
     not used, the features of a vehicle do not depend on its position.

@@ -49,7 +49,7 @@ class Norm(nn.BatchNorm1d):
 
 
 def mlp(channels: int, widths: Sequence[int]) -> nn.Sequential:
-    """Returns layers that map points (n, channels) to features (n, widths[-1]), 0 or more."""
+    """Returns layers that map (n, channels) to features (n, widths[-1]) that are not negative."""
     layers: list[nn.Module] = []
     for width in widths:
         linear = nn.Linear(channels, width, bias=False)
@@ -76,7 +76,7 @@ def sampled(clouds: Clouds, most: int) -> tuple[Tensor, list[int]]:
 
 
 def shuffled(clouds: Clouds) -> Clouds:
-    """Returns the points of each cloud in a random order, which depends on their number only.
+    """Returns the points of each cloud in a random order that depends only on their number.
 
     `neighbours` returns the first points of a ball by row. Voxels are ordered by height. Without a
     random order, a ball would therefore get its lowest voxels only.
@@ -117,7 +117,7 @@ def neighbours(
 
 
 class LocalMax(nn.Module):
-    """Layers on the offsets and features of the points around a centre, and their maximum."""
+    """Layers on the offsets and features of points around a centre, and a maximum over points."""
 
     def __init__(self, channels: int, widths: Sequence[int]) -> None:
         super().__init__()
@@ -196,8 +196,8 @@ class FeaturePropagation(nn.Module):
     def forward(self, fine: Clouds, coarse: Clouds) -> Clouds:
         """Returns the fine clouds with new features.
 
-        `fine` and `coarse` have the same clouds. A cloud with fine points must also have coarse
-        points.
+        `fine` and `coarse` are two samplings of the same clouds. A cloud with fine points must also
+        have coarse points.
         """
         brought = propagated(fine, coarse)
         return fine.with_features(self.layers(torch.cat([brought, fine.features], dim=1)))

@@ -78,7 +78,7 @@ ROI_WHOLE = (256, 256, 512)
 
 BEFORE_NMS = 9000  # largest number of boxes that enter the non-maximum suppression
 DOUBT_M = 0.2  # points from AROUND_M to this distance outside a box are left out of the loss
-CONTEXT_M = 1.0  # proposals are enlarged by this in all dimensions when points are collected
+CONTEXT_M = 1.0  # a proposal grows by this in all dimensions when its points are collected
 DEPTH_M = 100.0
 
 # Thresholds of the 3-D IoU of a proposal and a vehicle.
@@ -469,7 +469,7 @@ def refined(residuals: Tensor, rois: Tensor) -> Tensor:
 def corner_distances(a: Tensor, b: Tensor) -> Tensor:
     """Returns the distances of the corners of boxes (n, 7) in metres: (n, 8).
 
-    b is turned by half a turn where this gives a smaller sum.
+    A box of b is turned by half a turn if this makes the sum of its distances smaller.
     """
     target = corners(b)
     back = corners(torch.cat([b[:, :6], b[:, 6:] + math.pi], dim=1))
@@ -497,8 +497,8 @@ def moved(boxes: Tensor, generator: torch.Generator) -> Tensor:
 def balanced(overlap: Tensor, most: int, generator: torch.Generator) -> Tensor:
     """Samples at most `most` proposals by their overlap (n,); returns their rows (k,).
 
-    At most half of them have an overlap of REFINED or more. A share HARD_SHARE of the others is
-    hard background, if there is enough hard background.
+    At most half of them have an overlap of REFINED or more. Of the other proposals, a share of
+    HARD_SHARE is hard background, if there are enough such proposals.
     """
     order = torch.randperm(len(overlap), generator=generator)
     overlaps = overlap[order]

@@ -56,7 +56,7 @@ BACKGROUND_IOU = 0.1  # background proposals with a higher IoU are hard
 HARD_SHARE = 0.8  # share of hard proposals among the background proposals
 POOR_IOU, GOOD_IOU = 0.25, 0.75  # IoU at which the target of the confidence is 0 and 1
 UNSURE_M = 0.1  # key points up to this far outside a vehicle are left out of the loss
-LARGEST = 5.0  # largest logarithm of a size relative to that of the proposal
+LARGEST = 5.0  # largest logarithm of the ratio of a box's size to the proposal's size
 
 
 def _published_bev() -> BevConfig:
@@ -75,7 +75,8 @@ class Config:
     bev: BevConfig = field(default_factory=_published_bev)
     anchors: AnchorConfig = field(default_factory=AnchorConfig)
     key_points: int = ruled(2048, 1, 65536)  # key points of a frame
-    around_m: float = ruled(0.0, 0, 100)  # largest distance of key points from proposals; 0: any
+    # largest distance of key points from proposals; 0: no limit
+    around_m: float = ruled(0.0, 0, 100)
     neighbours: int = ruled(16, 1, 256)  # largest number of points in each ball
     key_width: int = ruled(128, 1, 1024)  # channels of a key point
     proposals: int = ruled(128, 1, 1024)  # proposals of a frame that are refined
@@ -282,7 +283,7 @@ def grid_points(boxes: Tensor, grid: int) -> Tensor:
 
 
 def refined(boxes: Tensor, residuals: Tensor) -> Tensor:
-    """Returns the boxes (r, 7) that residuals (r, 7), in the frames of `boxes` (r, 7), define."""
+    """Returns the boxes (r, 7) of residuals (r, 7) in the frames of `boxes` (r, 7)."""
     diagonal = boxes[:, 3:5].norm(dim=1, keepdim=True)
     scale = torch.cat([diagonal, diagonal, boxes[:, 5:6]], dim=1)
     xyz = boxes[:, :3] + _turned(residuals[:, :3] * scale, boxes[:, 6])

@@ -50,7 +50,7 @@ class VoxelBackbone(nn.Module):
     ) -> None:
         """Makes the network for an area, whose sides must be multiples of s voxels.
 
-        strides: one value less than widths.
+        strides: along x and y, for each level except the first.
         """
         super().__init__()
         self.area, self.size = area, (voxel_m, voxel_m, height_m)
@@ -112,7 +112,10 @@ class VoxelBackbone(nn.Module):
         return SparseTensor(mean, coordinates, (depth, rows, columns), batch.size)
 
     def middles(self, x: SparseTensor, stride: tuple[int, int, int]) -> Clouds:
-        """Returns the voxels as points at their centres. stride: of the level, along x, y, z."""
+        """Returns the voxels as points at their centres.
+
+        stride: size of a voxel of this level along x, y, z, in voxels of the finest level.
+        """
         low, size = x.features.new_tensor(self.area.low), x.features.new_tensor(self.size)
         cells = (x.coordinates[:, [3, 2, 1]] + 0.5) * size.new_tensor(stride)
         counts = torch.bincount(x.coordinates[:, 0], minlength=x.batch_size).tolist()

@@ -26,7 +26,7 @@ def check(network: Network, most_m2: float) -> None:
     """Raises Error if windows are requested for a network that does not support them."""
     if most_m2 > 0 and not network.learns_in_windows:
         name = type(network).__name__
-        raise Error(f"learning.window_m2: expected 0, got {most_m2:g} for {name}")
+        raise Error(f"learning.window_m2: expected 0 for {name}, got {most_m2:g}")
 
 
 def centre_of(

@@ -57,9 +57,9 @@ def load_detector(
     ----------
     model : `generalist` for the pretrained detector, or the folder of a training, or a file in it
     device : device of PyTorch, such as `cpu` or `cuda`
-    threads : number of threads that process a frame; by default one per core, at most 4. It is only
-        used by `centerpoint-pillar` on a CPU, the kind of the pretrained detector. Boxes do not
-        depend on it
+    threads : number of threads that process a frame; by default one per core, at most 4. Only the
+        detector `centerpoint-pillar` on a CPU uses this number. The pretrained detector is of this
+        kind. Boxes do not depend on the number of threads
 
     Returns
     -------
@@ -79,7 +79,9 @@ def load_detector(
         file = inference.model_file(path_of(model, "model"))
     except FileNotFoundError:
         near = suggestion(os.fspath(model), inference.shipped())
-        raise Error(f"model: expected a model or a name, got '{model}'{near}") from None
+        raise Error(
+            f"model: expected a model's folder, file or name, got '{model}'{near}"
+        ) from None
     return TrainedDetector(file, device, checked_threads(threads))
 
 
@@ -100,8 +102,8 @@ def detect(
 
     Parameters
     ----------
-    model : a result of `load_detector`, the argument `model` of `load_detector`, or any callable. A
-        callable gets points (n, 4) float32, x y z intensity, in the levelled LiDAR frame. It
+    model : a result of `load_detector`, a value that its argument `model` accepts, or any callable.
+        A callable gets points (n, 4) float32, x y z intensity, in the levelled LiDAR frame. It
         returns a table in the same frame with the columns type (default `vehicle`), x y z dx dy dz
         heading, score (default 1), in metres and radians
     frames : frames of `simulate` or `load_dataset`, or a LiDAR's folder
@@ -177,9 +179,9 @@ def _corners(region: AnyRegion) -> npt.NDArray[np.float64]:
     try:
         corners = np.asarray(region, dtype=np.float64)
     except (TypeError, ValueError):
-        raise Error("region: expected corners (m, 2), got something else") from None
+        raise Error("region: expected an array (m, 2) of corners, got something else") from None
     if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
-        raise Error(f"region: expected finite corners (m, 2), got shape {corners.shape}")
+        raise Error(f"region: expected corners (m, 2), all finite, got an array {corners.shape}")
     try:
         Outline(tuple((float(x), float(y)) for x, y in corners))
     except Error as error:

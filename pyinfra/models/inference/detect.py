@@ -101,8 +101,8 @@ def check_single(run: Path, frames: int) -> None:
     """Raises Error for a model of stacked frames. frames: number of frames in a stack."""
     if frames > 1:
         raise Error(
-            f"{run}: expected a model of single frames, got one of {frames} stacked frames: frames "
-            "are stacked only from the folder of a LiDAR"
+            f"{run}: expected a model of single frames, got a model of {frames} stacked frames; "
+            "only frames in a LiDAR's folder can be stacked"
         )
 
 
@@ -183,8 +183,8 @@ def is_of_anywhere(file: Path) -> bool:
 def transfer(run: Path, lidar_folder: Path) -> str:
     """Returns a text that lists how a folder differs from the training data of a model.
 
-    Compared are the LiDAR, the preset, the scene and the label time. The text is empty if there is
-    no difference, or if the model was trained at many sites.
+    The function compares the LiDAR, the preset, the scene and the label time. The text is empty if
+    there is no difference, or if the model was trained at many sites.
     """
     file = model_file(run)
     if file.suffix == ".npz" or not (lidar_folder / "lidar.yaml").is_file():
@@ -244,7 +244,8 @@ def once(files: Sequence[Path]) -> None:
     named: dict[str, Path] = {}
     for file in files:
         if file.stem in named:
-            raise Error(f"{file}: expected another name with `out`, got that of {named[file.stem]}")
+            other = named[file.stem]
+            raise Error(f"{file}: expected a unique file name with `out`, got the name of {other}")
         named[file.stem] = file
 
 

@@ -84,12 +84,12 @@ def place(
 def detector_at_place(model: Path, where: Place, device: str = "cpu", threads: int = 1) -> Detector:
     """Loads a detector for a site. The detector may need stacked frames.
 
-    Raises Error if the user sets height or region for a background model, because this model can
-    only be used at the site of its training.
+    Raises Error if the user sets a height or a region for a background model. Such a model can only
+    be used at the site of its training.
     """
     if model.suffix == ".npz" and where.given:
         name = where.given[0]
-        raise Error(f"{name}: expected none for background, which is trained at one site")
+        raise Error(f"{name}: expected no value for background, which is trained at one site")
     return load_detector(
         model,
         ground=where.ground,
@@ -138,7 +138,7 @@ def detect_folder(
     called with a text for each problem that may reduce accuracy.
     """
     if out.name == "label_2":
-        raise Error(f"out: expected another folder than that of the labels, got {out}")
+        raise Error(f"out: expected a folder other than that of the labels, got {out}")
     numbers = [int(file.stem) for file in files]
     detector = detector_at_place(model, where, device, threads)
     read = stacking(lidar_folder, numbers, accumulation_of(model))
@@ -196,12 +196,12 @@ def others(out: Path, files: Sequence[Path]) -> list[Path]:
 
 
 def others_warning(out: Path, files: Sequence[Path]) -> str:
-    """Returns a warning about result files of other frames in `out`; empty if there are none."""
+    """Returns a warning about result files of other frames in `out`; empty without such files."""
     other_files = others(out, files)
     if not other_files:
         return ""
     text = (
-        f"{out}: {len(other_files)} files of other frames, such as {other_files[0].name}, existed "
-        "before and are kept"
+        f"{out} already has {len(other_files)} result files of other frames, such as "
+        f"{other_files[0].name}; they are kept"
     )
-    return text if read_origin(out) else f"{text}; their origin is not known"
+    return text if read_origin(out) else f"{text}, and their origin is not known"

@@ -32,7 +32,8 @@ def trust_of(
     """Returns label-free quality measures of the vehicle predictions for a folder.
 
     Labels are not used. The background is learnt from the same frames. split: by default all
-    frames. Raises FileNotFoundError, FormatError for invalid files, and Error if there is no point.
+    frames. Raises FileNotFoundError, FormatError for invalid files, and Error if no cloud has a
+    point in range.
     """
     frames = frame_numbers(folder, split or "all")
     files = find_files(

@@ -64,7 +64,8 @@ def export(run: Path, file: Path) -> None:
     network = loaded.network()
     if not isinstance(network, DENSE) or len(network.encoder.before) > 0:
         raise Error(
-            f"{run}: expected pointpillars, centerpoint-pillar, got {loaded.provenance.detector}"
+            f"{run}: expected a model of pointpillars or centerpoint-pillar, got a model of "
+            f"{loaded.provenance.detector}"
         )
     low, high = (torch.tensor(side) for side in (network.site.area.low, network.site.area.high))
     xyz = low + torch.rand(100, 3, generator=torch.Generator().manual_seed(1)) * (high - low)

@@ -38,7 +38,9 @@ def detections_of_own(number: int, model: OwnDetector, points: Points) -> Detect
     try:
         numbers = table[BOX].assign(score=scores).to_numpy(dtype=np.float64)
     except (TypeError, ValueError):
-        raise Error(f"{prefix}: expected numbers in the columns of boxes, got others") from None
+        raise Error(
+            f"{prefix}: expected numbers in the columns of boxes, got other values"
+        ) from None
     if not np.isfinite(numbers).all():
         raise Error(f"{prefix}: expected finite numbers, got NaN or inf")
     boxes, values = numbers[:, :7], numbers[:, 7]
@@ -48,6 +50,6 @@ def detections_of_own(number: int, model: OwnDetector, points: Points) -> Detect
         raise Error(f"{prefix}: score: expected 0 to 1, got {values.min():g} to {values.max():g}")
     kinds = table["type"] if "type" in table.columns else pd.Series("vehicle", table.index)
     if not all(isinstance(kind, str) for kind in kinds):
-        raise Error(f"{prefix}: type: expected names, got something else")
+        raise Error(f"{prefix}: type: expected names of types, got values that are not text")
     order = np.argsort(-values, kind="stable")
     return Detections(boxes[order], values[order], kinds.to_numpy(dtype=np.str_)[order])

@@ -21,7 +21,7 @@ from pyinfra.models.training.train import BACKGROUND_FRAMES
 LEAST_S = 60.0  # least duration of the frames for a reliable result
 SAME_POSITION_M = 0.7  # boxes whose centres are at most this far apart have the same position
 COMES_BACK = 3  # boxes recur at a position if at least this many boxes are at the position
-MOVING_SHARE = 0.2  # a box moves if more than this share of its points moves; leaves have less
+MOVING_SHARE = 0.2  # a box moves if a larger share of its points moves; leaves stay below it
 LEAST_SCORE = 0.1  # boxes with a lower score are neither used nor removed
 
 
@@ -60,8 +60,8 @@ def length_warning(numbers: Sequence[int], period_s: float) -> str:
     if seconds >= LEAST_S:
         return ""
     return (
-        f"drop_standing: expected {LEAST_S:g} s or more, got {seconds:g} s: in less time, boxes of "
-        "waiting vehicles would be removed too"
+        f"drop_standing: expected frames that span {LEAST_S:g} s or more, got {seconds:g} s; in a "
+        "shorter time, boxes of waiting vehicles may be removed too"
     )
 
 

@@ -62,7 +62,7 @@ class OnnxDetector:
         if points.shape[1] < self.columns:
             raise Error(
                 f"points: expected {self.columns} columns, got {points.shape[1]}: the network "
-                "looks at the ages of stacked frames"
+                "uses the age of points in stacked frames"
             )
         inside = self.site.area.crop(points)[:, : self.columns]
         if len(inside) == 0:
@@ -113,7 +113,7 @@ def session_of(model: bytes, threads: int) -> Any:
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
-    options.log_severity_level = 3  # errors
+    options.log_severity_level = 3  # logs errors only
     # Waiting threads sleep, so that other programs can use the cores.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     return onnxruntime.InferenceSession(model, options, ["CPUExecutionProvider"])

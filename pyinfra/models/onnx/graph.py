@@ -50,7 +50,7 @@ def fused(
 ) -> tuple[Float32Array, Float32Array]:
     """Returns the weight and bias of a layer without a bias, fused with the batch norm after it.
 
-    axis: axis of the weight that has the outputs.
+    axis: axis of the weight along which the outputs are numbered.
     """
     scale = weights[f"{norm}.weight"] / np.sqrt(weights[f"{norm}.running_var"] + EPSILON)
     weight = weights[f"{layer}.weight"]

@@ -1,4 +1,4 @@
-"""From maps of heat and boxes to boxes: the centre head (`detectors/centre_head.py`) in NumPy."""
+"""Computes boxes from maps of heat and boxes, as `detectors/centre_head.py`, but in NumPy."""
 
 from __future__ import annotations
 

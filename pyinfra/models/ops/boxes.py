@@ -12,7 +12,7 @@ from torch import Tensor
 
 from pyinfra.models.ops.kernels import kernels
 
-# Overlaps below this many rounding errors of the larger box's squared size count as 0.
+# An overlap counts as 0 if it is below this many rounding errors of the larger box's squared size.
 _ROUNDING = 4
 _CHUNK = 1 << 22  # pairs whose distances are computed together
 

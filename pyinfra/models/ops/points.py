@@ -21,8 +21,8 @@ def farthest_points(xyz: Tensor, k: int) -> Tensor:
     """Returns k rows of xyz (n, 3) by farthest point sampling.
 
     The first row is row 0. Each next row is the point that is farthest from all previous points. If
-    several points are equally far, it is the lowest of their rows. If k > n, row 0 is repeated.
-    Raises ValueError for n = 0.
+    several points are equally far, the point with the lowest row is taken. If k > n, row 0 is
+    repeated. Raises ValueError for n = 0.
     """
     _check(xyz)
     if not len(xyz):
@@ -76,8 +76,8 @@ def three_nearest(points: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
     """Returns the distances (n, 3), metres, and rows (n, 3) of the three nearest known points.
 
     points: (n, 3), known: (m, 3). The nearest point comes first. The order of equally near points
-    is undefined. If m < 3, missing points are row 0 at infinite distance. Raises ValueError for
-    m = 0.
+    is undefined. If m < 3, each missing point has row 0 and an infinite distance. Raises ValueError
+    for m = 0.
     """
     _check(points)
     _check(known)
@@ -164,4 +164,4 @@ def _check(xyz: Tensor) -> None:
         actual = f"{tuple(xyz.shape)} {xyz.dtype}"
         raise ValueError(f"points: expected (n, 3) torch.float32, got {actual}")
     if not xyz.isfinite().all():
-        raise ValueError("points: expected finite values, got another")
+        raise ValueError("points: expected finite values, got NaN or inf")

@@ -16,7 +16,7 @@ from torch import Tensor
 class VoxelWindows:
     """The positions of n voxels in square windows of `side` cells."""
 
-    window: Tensor  # (n,) int64, number of the window; windows of different frames differ
+    window: Tensor  # (n,) int64, number of the window; no two frames share a number
     row: Tensor  # (n,) int64, row in the window
     column: Tensor
     side: int

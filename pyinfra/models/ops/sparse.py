@@ -93,7 +93,7 @@ class _Layer(nn.Module):
 
     def _convolved(self, x: SparseTensor, rulebook: Rulebook) -> SparseTensor:
         if rulebook.source is not x.coordinates:
-            raise ValueError(f"key {self.key}: expected the voxels of its first use, got others")
+            raise ValueError(f"key {self.key}: expected the voxels of its first layer, got others")
         features = convolve(x.features, self.weight, rulebook, self.bias)
         return replace(
             x, features=features, coordinates=rulebook.target, shape=rulebook.target_shape
@@ -300,7 +300,7 @@ def _sorted_keys(coordinates: Tensor, shape: Triple, pad: Triple) -> tuple[Tenso
     """
     beyond = coordinates[:, 1:] >= coordinates.new_tensor(shape)
     if (coordinates < 0).any() or beyond.any():
-        raise ValueError(f"coordinates: expected voxels within the grid {shape}, got one outside")
+        raise ValueError(f"coordinates: expected voxels in the grid {shape}, got a voxel outside")
     padded = _padded(shape, pad)
     batch, z, y, x = coordinates.unbind(1)
     keys = _keys(batch, z + pad[0], y + pad[1], x + pad[2], padded)
@@ -308,7 +308,7 @@ def _sorted_keys(coordinates: Tensor, shape: Triple, pad: Triple) -> tuple[Tenso
         return keys, torch.arange(len(keys), device=keys.device)
     keys, order = keys.sort()
     if (keys[1:] == keys[:-1]).any():
-        raise ValueError("coordinates: expected each voxel once, got one twice")
+        raise ValueError("coordinates: expected each voxel once, got a voxel twice")
     return keys, order
 
 

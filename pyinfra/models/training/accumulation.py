@@ -31,7 +31,7 @@ class Accumulation:
             raise Error(f"accumulate: expected 1 to {MOST_FRAMES}, got {self.frames}")
         if self.label_at not in get_args(LabelAt):
             allowed = ", ".join(get_args(LabelAt))
-            raise Error(f"label_at: expected {allowed}, got '{self.label_at}'")
+            raise Error(f"label_at: expected one of {allowed}; got '{self.label_at}'")
         if self.frames == 1 and self.label_at != "newest":
             raise Error(f"label_at: expected newest, got {self.label_at} for a single frame")
 
@@ -50,8 +50,8 @@ class Accumulation:
         groups = tuple([k for k in self.around(frame) if k in existing] for frame in labelled)
         if self.frames > 1 and groups and max(map(len, groups)) == 1:
             raise Error(
-                "accumulate: expected a folder with consecutive frames, got no two frames within "
-                f"{self.frames} numbers"
+                "accumulate: expected a folder with consecutive frames, got no two frames whose "
+                f"numbers differ by less than {self.frames}"
             )
         return groups
 

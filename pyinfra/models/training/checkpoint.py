@@ -69,7 +69,7 @@ class Checkpoint:
             if not tensor.isfinite().all():
                 raise ConfigError(
                     f"checkpoint of {self.provenance.detector}: {name}: expected finite "
-                    "weights, got one that is not"
+                    "weights, got NaN or inf"
                 )
         network.calibration = self.provenance.calibration
         if region is not None:
@@ -82,7 +82,7 @@ def build(detector: str, config: Any, site: Site) -> Network:
     entry = DETECTORS.get(detector)
     if entry is None or not entry.learnt:
         learnt = ", ".join(name for name, row in DETECTORS.items() if row.learnt)
-        raise ConfigError(f"detector: expected {learnt}, got '{detector}'")
+        raise ConfigError(f"detector: expected one of {learnt}; got '{detector}'")
     module = importlib.import_module(entry.module)
     network: Network = getattr(module, entry.name)(config_of(detector, config), site)
     return network
@@ -102,7 +102,7 @@ def save(
 
 
 def write(file: Path, tensors: dict[str, Tensor], provenance: Provenance) -> None:
-    """Writes tensors of any precision under a checkpoint's names. Raises OSError as `save`."""
+    """Writes a checkpoint from tensors of any precision by name. Raises OSError as `save`."""
     try:
         with replacing(file) as beside:
             save_file(tensors, beside, metadata={"about": yaml.safe_dump(as_plain(provenance))})

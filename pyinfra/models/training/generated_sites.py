@@ -77,11 +77,14 @@ class SiteSamples:
     def __post_init__(self) -> None:
         for chosen in (self.sensors, *([self.narrow] if self.narrow else [])):
             if self.plan.lidars > len(chosen.files):
-                raise Error(f"lidars: expected up to {len(chosen.files)}, got {self.plan.lidars}")
+                most = len(chosen.files)
+                raise Error(
+                    f"lidars: expected up to {most} LiDARs per visit, got {self.plan.lidars}"
+                )
         if (self.plan.narrow > 0) != (self.narrow is not None):
             raise Error(
-                "narrow: expected LiDARs if the share is above 0, and none if it is 0, got a "
-                f"share of {self.plan.narrow:g}"
+                "narrow: expected a list of LiDARs exactly if plan.narrow is above 0, got "
+                f"{'no' if self.narrow is None else 'a'} list and plan.narrow {self.plan.narrow:g}"
             )
 
     def __len__(self) -> int:

@@ -245,7 +245,8 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
     different = [key for key in theirs if key not in PASSING and theirs[key] != wanted[key]]
     if different:
         raise ConfigError(
-            f"{file}: expected the same training, got another: different {', '.join(different)}"
+            f"{file}: expected a checkpoint of this training, got a checkpoint with other values "
+            f"of {', '.join(different)}"
         )
     described = out / "run.yaml"
     before, now = (_ways(d) for d in (read_config(described, Description), ours))

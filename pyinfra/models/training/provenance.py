@@ -75,7 +75,7 @@ def read_arrays(file: Path) -> dict[str, Floats]:
     }
     for name, array in arrays.items():
         if not np.isfinite(array).all():
-            raise ConfigError(f"{file}: {name}: expected finite weights, got one that is not")
+            raise ConfigError(f"{file}: {name}: expected finite weights, got NaN or inf")
     return arrays
 
 

@@ -25,7 +25,7 @@ def _model(_: Path, word: str) -> None:
             model_file(Path(word))
     except FileNotFoundError:
         ours = ", ".join(shipped())
-        raise Error(f"expected a run, a file, or {ours}, got '{word}'") from None
+        raise Error(f"expected a training's folder, a model file or {ours}, got '{word}'") from None
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Learning:
 
     def __post_init__(self) -> None:
         if not self.steps and not self.start:
-            raise Error("steps: expected 1 or more, got 0 without start")
+            raise Error("steps: expected 1 or more if `start` is not set, got 0")
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class TierParts:
 
 def _known(_: Path, detector: str) -> None:
     if detector not in DETECTORS:
-        raise Error(f"expected {', '.join(DETECTORS)}, got '{detector}'")
+        raise Error(f"expected one of {', '.join(DETECTORS)}; got '{detector}'")
 
 
 @dataclass(frozen=True)

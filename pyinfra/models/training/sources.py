@@ -50,9 +50,9 @@ class Source:
     clouds: tuple[Callable[[], Points], ...]
     # (k, 7) boxes of each frame's objects that have a point and belong to `classes`
     read_boxes: Callable[[], tuple[FloatArray, ...]]
-    read_warning: Callable[[], str | None] = lambda: None  # returns a warning of other object names
+    read_warning: Callable[[], str | None] = lambda: None  # warns of other object names
     region: regions.Region | None = None  # where vehicles can be, if known
-    ground: Ground | None = None  # height of the road; None: taken from the vehicles
+    ground: Ground | None = None  # height of the road; None: computed from the vehicles
     accumulation: Accumulation = ONE_FRAME  # clouds are (n, 4) for one frame, (n, 5) if stacked
     classes: tuple[ObjectClass, ...] = VEHICLES  # classes of the boxes
     # (k,) class numbers of the boxes in each frame; if empty, all boxes are of the first class
@@ -85,9 +85,9 @@ def read_source(
 ) -> Source:
     """Returns the training frames of a folder.
 
-    They are the frames of ImageSets/train.txt. If this file does not exist, they are the training
-    frames of the split by time, or all frames if the folder has no labels. Only training frames and
-    frames between them are stacked. Test frames are never stacked.
+    The training frames are listed in ImageSets/train.txt. If this file does not exist, they are the
+    training frames of the split by time, or all frames if the folder has no labels. Only training
+    frames and frames between them are stacked. Test frames are never stacked.
 
     Raises FileNotFoundError, FormatError and Error.
     """

@@ -83,9 +83,7 @@ def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: P
     if isinstance(sources, Stream):
         raise Error("background: expected one LiDAR, got a stream of sites")
     if len(sources) != 1:
-        raise Error(
-            f"background: expected one LiDAR, got {len(sources)}: it is trained at one site"
-        )
+        raise Error(f"background: expected one LiDAR to train on, got {len(sources)} LiDARs")
     (source,) = sources
     if source.accumulation.frames > 1:
         raise Error(
@@ -182,8 +180,8 @@ def _begun_with(network: Network, start: Path, provenance: Provenance) -> Proven
     """Loads the weights of the network `start`; returns the changed description of the checkpoint.
 
     `network` may have classes that `start` lacks. The weights of these classes stay random. The
-    calibration is copied if the classes are the same. Raises FileNotFoundError, and ConfigError for
-    weights that do not fit.
+    calibration is copied if both networks have the same classes. Raises FileNotFoundError, and
+    ConfigError for weights that do not fit.
     """
     import torch
 
@@ -203,34 +201,34 @@ def _begun_with(network: Network, start: Path, provenance: Provenance) -> Proven
     except RuntimeError as error:
         first = str(error).splitlines()[-1].strip()
         raise ConfigError(
-            f"{start}: expected weights of this network, got others: {first}"
+            f"{start}: expected weights of this network, got other weights: {first}"
         ) from None
     line = loaded.provenance.calibration if loaded.classes == network.classes else None
     return replace(provenance, start=checkpoint.digest(file), calibration=line)
 
 
 def common_label_time(sources: Sequence[Source]) -> LabelTime:
-    """Returns the label time of all sources. Raises Error if the sources do not have the same."""
+    """Returns the label time that all sources share. Raises Error if their label times differ."""
     first = sources[0]
     for other in sources:
         if other.label_time != first.label_time:
             raise Error(
-                f"{other.lidar} in {other.scene}: label_time: expected {first.label_time} as of "
+                f"{other.lidar} in {other.scene}: label_time: expected {first.label_time}, as for "
                 f"{first.lidar} in {first.scene}, got {other.label_time}"
             )
     return first.label_time
 
 
 def common_accumulation(sources: Sequence[Source]) -> Accumulation:
-    """Returns the accumulation of all sources. Raises Error if the sources do not have the same."""
+    """Returns the accumulation that all sources share. Raises Error if two sources differ."""
     first = sources[0]
     for other in sources:
         if other.accumulation != first.accumulation:
             raise Error(
                 f"{other.lidar} in {other.scene}: accumulation: expected "
-                f"{first.accumulation.frames}, {first.accumulation.label_at} as of {first.lidar} "
-                f"in {first.scene}, got {other.accumulation.frames} frames, "
-                f"{other.accumulation.label_at}"
+                f"{first.accumulation.frames} frames, label at {first.accumulation.label_at}, as "
+                f"for {first.lidar} in {first.scene}, got {other.accumulation.frames} frames, "
+                f"label at {other.accumulation.label_at}"
             )
     return first.accumulation
 
@@ -314,5 +312,7 @@ def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None
         learnt += of_lidar.part(slice(0, len(of_lidar) - kept))
         held_out += of_lidar.part(slice(len(of_lidar) - kept, None))
     if kept > 0 and not any(map(len, held_out.boxes)):
-        raise Error(f"expected a vehicle in the last {kept} frames, got none")
+        raise Error(
+            f"learning.validate_frames: expected a vehicle in the last {kept} frames, got none"
+        )
     return learnt, held_out if kept > 0 else None
