@@ -54,10 +54,10 @@ def columns_of(files: Sequence[Path], options: Options, usual: int = USUAL) -> t
         return usual, ""
     other_fits = " and ".join(str(n) for n in sorted(fit) if n != columns)
     if columns == usual:
-        why = f"the usual number; {other_fits} also fit the sizes"
+        why = f"the usual number; the file sizes also allow {other_fits}"
     else:
         why = (
-            f"because the values exclude {other_fits}"
+            f"because the points' values exclude {other_fits}"
             if other_fits
             else "the only number that fits"
         )

@@ -12,7 +12,7 @@ from pyinfra.core.errors import Error
 from pyinfra.formats.kitti import FieldOfView
 
 MOST_POINTS = 20_000  # maximum number of points used per frame, evenly distributed
-ROUNDING_DEG = 1e-4  # keeps a direction of 0 out of the cell below 0
+ROUNDING_DEG = 1e-4  # so that rounding does not move a direction of 0 below 0
 FULL_GAP_DEG = 30  # least width of a gap in azimuth that is outside the field of view
 
 
@@ -40,7 +40,7 @@ class Coverage:
         """Returns the estimated field of view. Raises Error if there was no return."""
         rows = np.flatnonzero(self.elevation)
         if len(rows) == 0:
-            raise Error("expected a return in any frame, got none")
+            raise Error("expected a return in at least one frame, got none")
         low, high = float(rows[0] - 90), float(rows[-1] + 1 - 90)
         return FieldOfView(
             yaw=0.0,

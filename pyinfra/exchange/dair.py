@@ -61,7 +61,7 @@ def read(source: Path, options: Options) -> Recording:
 
 
 def _times(side: Path, names: tuple[str, ...]) -> FloatArray | None:
-    """Reads pointcloud_timestamp of data_info.json in seconds, or None if a frame has none."""
+    """Reads pointcloud_timestamp of data_info.json in seconds. None if a frame has no such time."""
     file = side / "data_info.json"
     rows = read_json(file) if file.is_file() else []
     stamps = {}

@@ -80,12 +80,12 @@ def write_lidar(
 ) -> ImportSummary:
     """Writes frames, ImageSets and lidar.yaml to the folder `out`, and returns a summary.
 
-    `indices` are the positions of the frames in the recording; the default is all. Raises the
-    errors of reading the frames. Raises Error if both `recording` and `facts` have a tilt, or if no
-    frame has a return.
+    `indices` are the positions in the recording of the frames to write; the default is all. Raises
+    the errors of reading the frames. Raises Error if both `recording` and `facts` have a tilt, or
+    if no frame has a return.
     """
     if facts.tilt and recording.tilt:
-        raise Error("expected one tilt, got one in the recording and one in the options")
+        raise Error("expected the tilt in the recording or in the options, got a tilt in both")
     tilt = recording.tilt or facts.tilt or (0.0, 0.0)
     T_levelled_sensor = Rotation.from_euler("ZYX", [0, *tilt]).as_matrix()
     numbers = recording.numbers()
@@ -124,8 +124,8 @@ def write_description(data: Path, scene: str, *, ids_are_tracks: bool) -> None:
         joined = top.at("preset").text() == RECORDED and top.at("ids").text() == ids == "tracks"
         if not joined:
             raise Error(
-                f"{data}: expected a new folder, got a data set: its vehicles and those of this "
-                "recording have no numbers in common"
+                f"{data}: expected a new folder, got a data set that does not share object ids "
+                "with this recording"
             )
         return
     lines = {
@@ -191,10 +191,10 @@ def has_return(points: Points) -> BoolArray:
 def objects_of(points: Points, boxes: Boxes, types: NameArray, period_s: float) -> Objects:
     """Returns the labelled objects, with the number of points in their boxes.
 
-    Annotators draw boxes around the points, so the boxes are those at scan time. Because the scan
-    time is unknown, the same boxes are used for mid-frame. Recordings do not state which point
-    belongs to which object, so all counts are the number of points in the box. The speed is unknown
-    and written as 0.
+    Annotators draw boxes around the points, so the boxes show the objects at scan time. The scan
+    time is unknown, so the boxes are also used as the boxes at mid-frame. Recordings do not state
+    which point belongs to which object, so all counts are the number of points in the box. The
+    speed is unknown and written as 0.
     """
     n = len(boxes)
     counts = points_in_boxes(points, boxes.boxes)

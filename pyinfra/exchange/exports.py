@@ -29,7 +29,7 @@ def split_note(lidar_folder: Path, frames: Sequence[int], name: str) -> str:
         how = f"train has the first {len(lists['train'])} frames, val the last {len(lists['val'])}"
     else:
         return ""
-    return f"{lidar_folder}: not split: {how}; `pyinfra split` splits by time, with a gap"
+    return f"{lidar_folder} is not split, so {how}; `pyinfra split` splits by time, with a gap"
 
 
 def export(lidar_folder: Path, frames: Sequence[int], name: str, out: Path) -> None:

@@ -55,9 +55,9 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
 
     Returns the recording and notes on its clock. `period_s` takes precedence over the clock. Times
     come from the files, else from the file names. If there are no times, the recording is returned
-    unchanged. If times step back but are regular when sorted, the frames are sorted by time. If
-    sorted times are not regular, the clock is assumed to be wrong, and the frames stay in the order
-    of their names.
+    unchanged. If times step back, the function looks at the steps between the sorted times. If all
+    of these steps are 0.5 to 1.5 times the median step, the function sorts the frames by time.
+    Otherwise the clock is assumed to be wrong, and the frames stay in the order of their names.
     """
     if len(recording.names) < 2:
         return recording, []
@@ -66,7 +66,7 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
         if not (period_s or recording.period_s):
             notes.append(
                 f"no times are known, so the time between frames is set to {USUAL_S:g} s; "
-                "`period_s` sets another"
+                "`period_s` sets another time"
             )
         return recording, notes
     steps = np.diff(times)
@@ -81,8 +81,8 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
             return recording, notes
         late = int((steps < 0).sum())
         notes.append(
-            f"frames are out of order ({late} frames are older than the frame before): they are "
-            "sorted by time"
+            f"frames are out of order ({late} frames are older than the frame before them), so the "
+            "import sorts them by time"
         )
         recording, times = _reordered(recording, order), times[order]
         steps = np.diff(times)
@@ -129,14 +129,15 @@ def _by_clock(
     if (steps == 0).any():
         at = int((steps == 0).argmax())
         notes.append(
-            f"{int((steps == 0).sum())} frames, such as {names[at + 1]}, have the time of another "
-            "frame"
+            f"{int((steps == 0).sum())} frames, such as {names[at + 1]}, have the same time as the "
+            "frame before them"
         )
     if not PERIOD_S[0] <= usual <= PERIOD_S[1]:
         return recording, notes
     if period_s and not REGULAR[0] < period_s / usual < REGULAR[1]:
         notes.append(
-            f"`period_s` is {period_s:g} s and the clock has {usual:.4g} s: {period_s:g} s is used"
+            f"`period_s` is {period_s:g} s, but the median step of the clock is {usual:.4g} s; "
+            "`period_s` is used"
         )
     period = period_s or recording.period_s or round(usual, 4)
     apart = np.maximum(np.round(steps / usual), 1).astype(np.int64)
@@ -145,9 +146,9 @@ def _by_clock(
         at = int(steps.argmax())
         numbered = slots[-1] <= MOST_NUMBER and (recording.counted or recording.slots is not None)
         notes.append(
-            f"frames are missing at {int((apart > 1).sum())} times, the longest gap is "
-            f"{steps[at]:.4g} s after {names[at]}: the frame numbers "
-            + ("have gaps there" if numbered else "have no gaps")
+            f"frames are missing at {int((apart > 1).sum())} places, and the longest gap is "
+            f"{steps[at]:.4g} s after {names[at]}; the frame numbers "
+            + ("have the same gaps" if numbered else "have no gaps")
         )
         if numbered:
             recording = replace(recording, slots=tuple(slots))

@@ -25,13 +25,14 @@ def guess_format(source: Path) -> tuple[str, str]:
         return name, reason
     if candidates:
         fits = ", ".join(f"{name} ({reason})" for name, reason in candidates.items())
-        raise Error(f"{source}: expected one format, got several: {fits}; `format` selects one")
+        raise Error(f"{source}: expected one format, got {fits}; `format` selects a format")
     inside = [path for path in sorted(source.glob("*/")) if dict(formats_of(path))]
     if inside:
         names = ", ".join(str(path) for path in inside[:MOST_LISTED])
-        raise Error(f"{source}: expected the folder of one recording, got a folder of {names}")
+        raise Error(f"{source}: expected one recording, got a folder of recordings: {names}")
     raise Error(
-        f"{source}: expected the files of {', '.join(IMPORTS)}, got none of them; `format` sets it"
+        f"{source}: expected the files of one of the formats {', '.join(IMPORTS)}; found none. "
+        "`format` sets the format"
     )
 
 

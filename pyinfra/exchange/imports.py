@@ -41,8 +41,9 @@ def import_recording(
 ) -> tuple[ImportSummary, bool]:
     """Writes a recording in a format of IMPORTS to the new folder DATA/LIDAR.
 
-    With `upright` = `auto`, the road is estimated unless the points are assumed to be level. This
-    is assumed if `Format.level` is true, or if it is None and the recording has labels.
+    With `upright` = `auto`, the road is estimated unless the points are assumed to be level. Points
+    are assumed to be level if `Format.level` is true, or if `Format.level` is None and the
+    recording has labels.
     `region` is a file with an outline in the levelled frame, which is copied to the folder.
     Returns a summary, and whether the recording has labels. Raises the errors of the format and of
     `survey`, and FileExistsError if the folder exists. The new folder is removed if an error
@@ -86,7 +87,9 @@ def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = No
         )
     elif not set(summary.types) & set(VEHICLE_TYPES):
         names = ", ".join(summary.types) or "none"
-        out.append(f"no vehicle among {names}; `types` (NAME=Car) maps a class name to a vehicle")
+        out.append(
+            f"no vehicle among the classes {names}; `types` (NAME=Car) maps a class to a vehicle"
+        )
     elif unknown := sorted(set(summary.types) - set(VEHICLE_TYPES) - set(OTHER_TYPES)):
         names = ", ".join(f"{name} ({summary.types[name]})" for name in unknown)
         out.append(
@@ -98,17 +101,17 @@ def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = No
             f"removed {summary.without_return} points without a return (not finite, or 0 0 0)"
         )
     if summary.without_intensity:
-        out.append(f"{summary.without_intensity} intensities are not finite: set to 0")
+        out.append(f"set {summary.without_intensity} intensities to 0, which were not finite")
     if summary.empty:
-        out.append(f"{_some(summary.empty)} without a return: written as empty frames")
+        out.append(f"{_some(summary.empty)} without a return, written as empty frames")
     if summary.doubled:
         outcome = "kept because of their labels" if labelled else "left out"
         out.append(f"{_some(summary.doubled)} with the same points as another frame: {outcome}")
     below = summary.below_m
     if height_m is not None and below is not None and abs(below - height_m) > HEIGHT_OFF_M:
         out.append(
-            f"`height_m` is {height_m:g} m, but the labelled vehicles are {below:.2f} m below the "
-            "sensor"
+            f"`height_m` is {height_m:g} m, but the bottoms of the labelled vehicles are "
+            f"{below:.2f} m below the sensor"
         )
     return out
 

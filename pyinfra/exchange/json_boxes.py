@@ -53,7 +53,7 @@ def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:
         words = [_key(file, i, entry, "track_id") for i, entry in enumerate(objects)]
         tracks = np.array([ids.setdefault(str(word), len(ids)) for word in words], dtype=np.int64)
         if len(set(tracks.tolist())) < len(tracks):
-            raise FormatError(f"{file}: track_id: expected each once in a file, got one twice")
+            raise FormatError(f"{file}: track_id: expected each id once in a file, got an id twice")
     boxes = np.array(rows, dtype=np.float64).reshape(-1, 7)
     return Boxes(
         np.array(names, dtype=np.str_), boxes, tracks, np.array(visibility, dtype=np.float64)
@@ -65,8 +65,8 @@ def checked_box(location: str, values: FloatArray) -> FloatArray:
     xyz, sizes = values[:3], values[3:6]
     finite = np.isfinite(values).all() and np.abs(xyz).max() <= FARTHEST_M
     if not finite or sizes.min() <= LEAST_M or sizes.max() > MOST_M:
-        allowed = f"sizes of more than {LEAST_M:g} to {MOST_M:g} m within 10 km"
-        raise FormatError(f"{location}: expected {allowed}, got sizes {sizes} at {xyz}")
+        allowed = f"sizes above {LEAST_M:g} m, up to {MOST_M:g} m, and a centre within 10 km"
+        raise FormatError(f"{location}: expected {allowed}, got sizes {sizes} and centre {xyz}")
     if abs(values[6]) > 2 * math.pi + 0.01:
         raise FormatError(
             f"{location}: rotation: expected -2 pi to 2 pi, radians, got {values[6]:g}"

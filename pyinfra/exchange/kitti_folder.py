@@ -1,7 +1,7 @@
 """Reads the KITTI object layout with any camera: training/velodyne, label_2, calib, ImageSets.
 
-It also reads a sequence of the tracking benchmark, whose format is described in the readme of the
-benchmark's devkit.
+The module also reads a sequence of the tracking benchmark, whose format is described in the readme
+of the benchmark's devkit.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
     if len(chosen) != 1:
         got = ", ".join(path.name for path in sequences)
         raise Error(
-            f"{training / 'velodyne'}: expected one of the sequences by `channel`, got {got}"
+            f"{training / 'velodyne'}: expected `channel` to select one of the sequences {got}"
         )
     clouds = sorted_files(chosen[0], [".bin"])
     columns, note = columns_of(clouds, options)
@@ -86,7 +86,9 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
     lost = sorted(set(tracks) - with_cloud)
     notes = [note] if note else []
     if lost:
-        notes.append(f"{len(lost)} labelled frames, such as {lost[0]}, have no cloud: left out")
+        notes.append(
+            f"{len(lost)} labelled frames, such as {lost[0]}, have no cloud and are left out"
+        )
 
     def frame(i: int) -> RecordedFrame:
         points = read_bin(clouds[i], columns, options)

@@ -72,7 +72,7 @@ def read(source: Path, options: Options) -> Recording:
 
 
 class Tables:
-    """The JSON tables of a folder, with rows by token. Messages of errors have table, row, key."""
+    """The JSON tables of a folder, with rows by token. Errors name the table, row and key."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -107,7 +107,8 @@ class Tables:
             values = np.empty(0)
         if values.shape != want or not np.isfinite(values).all():
             location = f"{self._file(table)}: row '{row.get('token')}': {key}"
-            raise FormatError(f"{location}: expected {shape or 'one'} finite number(s), got {raw}")
+            wanted = f"finite numbers of shape {want}" if want else "a finite number"
+            raise FormatError(f"{location}: expected {wanted}, got {raw}")
         return values
 
     def _file(self, table: str) -> Path:
@@ -127,7 +128,7 @@ class Tables:
         if len(by_token) < len(rows):
             counts = Counter(str(row["token"]) for row in rows)
             raise FormatError(
-                f"{file}: token: expected each once, got {counts.most_common(1)[0][0]} twice"
+                f"{file}: expected each token once, got {counts.most_common(1)[0][0]} twice"
             )
         return by_token
 
@@ -148,7 +149,7 @@ def _table_folder(source: Path) -> Path:
     ]
     if len(folders) != 1:
         names = ", ".join(folder.name for folder in folders) or "none"
-        raise Error(f"{source}: expected one folder of tables, got {names} with a sample.json")
+        raise Error(f"{source}: expected one folder with a sample.json, got folders: {names}")
     return folders[0]
 
 
@@ -158,7 +159,7 @@ def _sensor(tables: Tables, channel: str | None) -> str:
     chosen = [row for row in lidars if channel in (None, row.get("channel"))]
     if len(chosen) != 1:
         names = ", ".join(str(row.get("channel")) for row in lidars) or "none"
-        raise Error(f"{tables.folder}: expected one LiDAR, got {names}: `channel` selects one")
+        raise Error(f"{tables.folder}: expected one LiDAR, got {names}; `channel` selects a LiDAR")
     return str(chosen[0]["token"])
 
 
@@ -176,7 +177,7 @@ def _key_frames(tables: Tables, sensor: str) -> list[Row]:
         name = Path(tables.cell("sample_data", row, "filename"))
         if name.is_absolute() or ".." in name.parts or "\0" in str(name):
             raise FormatError(
-                f"{tables.folder}/sample_data.json: expected a file inside, got '{name}'"
+                f"{tables.folder}/sample_data.json: expected a file inside the folder, got '{name}'"
             )
     return sorted(rows, key=lambda row: float(tables.numbers("sample_data", row, "timestamp", ())))
 
@@ -224,15 +225,16 @@ def _boxes(tables: Tables, rows: list[Row], pose: Pose) -> Boxes:
         location = f"{tables.folder / table}.json: row '{row['token']}'"
         if str(instance["token"]) in instances:
             raise FormatError(
-                f"{location}: instance_token: expected it once in a sample, got it twice"
+                f"{location}: expected each instance_token once in a sample, got this token twice"
             )
         instances.add(str(instance["token"]))
         centre = back @ (tables.numbers(table, row, "translation", 3) - pose.origin)
         width, length, height = tables.numbers(table, row, "size", 3)
         sizes = np.array([width, length, height])
         if np.abs(centre).max() > FARTHEST_M or sizes.min() <= 0.001 or sizes.max() > 1000:
-            allowed = "sizes of more than 0.001 to 1000 m within 10 km"
-            raise FormatError(f"{location}: expected {allowed}, got sizes {sizes} at {centre}")
+            allowed = "sizes above 0.001 m, up to 1000 m, and a centre within 10 km"
+            got = f"sizes {sizes} and centre {centre}"
+            raise FormatError(f"{location}: expected {allowed}, got {got}")
         ahead = back @ _rotation(tables, table, row)[:, 0]
         boxes.append([*centre, length, width, height, np.arctan2(ahead[1], ahead[0])])
         ids.append(tables.instances[str(instance["token"])])

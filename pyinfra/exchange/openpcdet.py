@@ -127,7 +127,7 @@ def _read_cloud(file: Path, columns: int, options: Options) -> Points:
         raise FormatError(f"{file}: cannot be read as an array of numbers: {error}") from None
     if points.ndim != 2 or points.shape[1] < 4 or points.dtype.kind != "f":
         raise FormatError(
-            f"{file}: expected (n, 4 or more) floats, got {points.shape} {points.dtype}: x y z "
-            "intensity"
+            f"{file}: expected an array (n, 4 or more) of floats with columns x y z intensity, got "
+            f"{points.shape} {points.dtype}"
         )
     return as_points(file, list(points.T[:4]), options)

@@ -120,7 +120,7 @@ class Headers:
             text = _viewpoint_note(moved[0].viewpoint, shifted=shifted)
             poses = [np.vstack([h.viewpoint.turn, h.viewpoint.shift]) for h in self._all]
             if any(not np.array_equal(pose, poses[0]) for pose in poses):
-                text += f" in {moved[0].file.name}; other clouds differ"
+                text += f" in {moved[0].file.name}; other clouds have another VIEWPOINT"
             notes.append(f"VIEWPOINT of {len(moved)} of {len(self.files)} clouds: {text}")
             if self.labelled:
                 notes.append("labels are assumed to be in the frame of the moved points")
@@ -138,14 +138,14 @@ def _viewpoint_note(viewpoint: Viewpoint, *, shifted: bool) -> str:
     shift = "({:.6g}, {:.6g}, {:.6g})".format(*viewpoint.shift)
     text = f"points are turned by {viewpoint.angle_deg:.2f} degrees"
     if viewpoint.is_far:
-        return f"{text}, its shift {shift} is ignored because it is beyond {FARTHEST_M:g} m"
+        return f"{text}, the shift {shift} is ignored because it is beyond {FARTHEST_M:g} m"
     if not shifted:
-        return f"{text}, its shift {shift} is ignored because the sensor is the origin"
+        return f"{text}, the shift {shift} is ignored because the sensor is the origin"
     return f"{text} and moved by {shift}"
 
 
 def stamps(clouds: Sequence[Path]) -> FloatArray | None:
-    """Returns the first time stamp of each cloud in seconds since 1970; NaN if it has none.
+    """Returns the first time stamp of each cloud in seconds since 1970; NaN if it is missing.
 
     Returns None if the first clouds have no time stamps.
     """
@@ -180,7 +180,7 @@ def points_of(file: Path, records: Records, options: Options, *, shifted: bool =
     """
     names = records.dtype.names or ()
     if not {"x", "y", "z"} <= set(names):
-        raise FormatError(f"{file}: FIELDS: expected x y z and others, got {' '.join(names)}")
+        raise FormatError(f"{file}: FIELDS: expected the fields x, y and z, got {' '.join(names)}")
     intensity = next((name for name in INTENSITIES if name in names), None)
     columns = [_column(file, records, name) for name in ("x", "y", "z", intensity) if name]
     if intensity is None:
@@ -194,7 +194,7 @@ def points_of(file: Path, records: Records, options: Options, *, shifted: bool =
 def _column(file: Path, records: Records, name: str) -> AnyArray:
     column = records[name]
     if column.ndim > 1:
-        raise FormatError(f"{file}: {name}: expected 1, got COUNT {column.shape[1]}")
+        raise FormatError(f"{file}: {name}: expected COUNT 1, got COUNT {column.shape[1]}")
     return column
 
 

@@ -143,8 +143,9 @@ def check_region(file: Path, region: Region, recording: Recording, estimate: Sur
             return
         reach = max(reach, float(np.abs(xyz[:, :2]).max(initial=0)))
     raise Error(
-        f"{file}: outline_m: expected an area with returns, in metres from the sensor, got none "
-        f"inside in {len(chosen)} frames: returns have x and y within {reach:.0f} m"
+        f"{file}: outline_m: expected an outline with returns inside, in metres from the sensor, "
+        f"got no return inside in {len(chosen)} frames; all returns have x and y within "
+        f"{reach:.0f} m"
     )
 
 
@@ -188,8 +189,8 @@ def _with_road(source: Path, estimate: Survey, clouds: Sequence[Floats]) -> Surv
             "no road was found: points are turned by `tilt_deg` only"
             if facts.tilt
             else (
-                "no road was found: points are not turned; are they in metres around the sensor, "
-                "z up?"
+                "no road was found: points are not turned; check that they are in metres, with z "
+                "up and the sensor near the origin"
             )
         )
         height = "" if facts.height_m is not None else "; the height of the sensor is not known"
@@ -268,8 +269,8 @@ def _from_road_level(source: Path, estimate: Survey, plane: RoadPlane) -> Survey
             "of the sensor above the road"
         )
     text = (
-        f"{below}: by `height_m`, points are moved down by {height - plane.height_m:.2f} m, so "
-        "that the sensor is the origin"
+        f"{below}: points are moved down by {height - plane.height_m:.2f} m, so that the origin is "
+        "`height_m` above the road"
     )
     return replace(
         estimate, lift_m=plane.height_m - height, plane=plane, assumed=(*estimate.assumed, text)
@@ -283,8 +284,8 @@ def _check_millimetres(source: Path, estimate: Survey, why: str) -> None:
     """
     if MILLIMETRES in estimate.assumed:
         raise Error(
-            f"{source}: expected coordinates around the sensor, got others, if the unit is "
-            f"millimetres ({why}): `unit_m` sets the unit"
+            f"{source}: expected coordinates with the sensor near the origin and the road below; "
+            f"in millimetres, as assumed, they do not fit: {why}. `unit_m` sets the unit"
         )
 
 
@@ -305,8 +306,9 @@ def _as_given(
     near_given = find_plane(clouds, near) if not facts.tilt else None
     if near_given is None or near_given.share < LEAST_SHARE or near_given.score < plane.score / 3:
         raise Error(
-            f"{source}: height_m: expected the height above the road, {plane.height_m:.2f} m, "
-            f"within {off:.2g} m, got {facts.height_m:g}: leave it out to use the estimate"
+            f"{source}: height_m: expected a height within {off:.2g} m of the estimated height, "
+            f"{plane.height_m:.2f} m above the road, got {facts.height_m:g}; without `height_m`, "
+            "the estimate is used"
         )
     return near_given
 
@@ -325,7 +327,7 @@ def _level(estimate: Survey, plane: RoadPlane) -> Survey:
         notes.append(f"the road falls by {100 * plane.crown:.1f} % to either side of its crown")
     lean = f"pitch {pitch:.2f} and roll {roll:.2f} degrees"
     if user_facts.tilt:
-        notes.append(f"`tilt_deg` is used; with it, the road is tilted by {lean}")
+        notes.append(f"points are levelled by `tilt_deg`; the road is then still tilted by {lean}")
     elif math.hypot(pitch, roll) >= WORTH_DEG:
         notes.append(f"the sensor is tilted by {lean} to the road, which is assumed to be level")
     tilt = user_facts.tilt or (plane.tilt if math.hypot(pitch, roll) >= WORTH_DEG else None)

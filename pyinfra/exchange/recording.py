@@ -98,7 +98,7 @@ def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
     candidates = (file for file in folder.iterdir() if not file.name.startswith("."))
     files = [file for file in candidates if file.name.lower().endswith(tuple(suffixes))]
     if not files:
-        raise Error(f"{folder}: expected one or more, got no {' or '.join(suffixes)} file")
+        raise Error(f"{folder}: expected at least one {' or '.join(suffixes)} file, got none")
     return sorted(files, key=lambda file: (_digits(file.name), file.name))
 
 
@@ -150,8 +150,8 @@ def read_bin(file: Path, columns: int, options: Options, usual: float = 1.0) -> 
     columns, size = options.columns or columns, file.stat().st_size
     if size % (4 * columns) != 0:
         raise FormatError(
-            f"{file}: expected a multiple of {4 * columns} ({columns} float32 a point), got "
-            f"{size} bytes"
+            f"{file}: expected a multiple of {4 * columns} bytes ({columns} float32 per point), "
+            f"got {size} bytes"
         )
     values = np.fromfile(file, dtype="<f4").reshape(-1, columns)
     if columns == 3:

@@ -102,7 +102,7 @@ def _objects(file: Path) -> Iterator[tuple[str, dict[str, Any]]]:
     except (AttributeError, KeyError, TypeError):
         raise FormatError(f"{file}: expected openlabel.frames with objects, got none") from None
     if len(frames) > 1:
-        raise FormatError(f"{file}: expected one frame for each cloud, got {len(frames)}")
+        raise FormatError(f"{file}: expected one frame in a label file, got {len(frames)} frames")
     for key, data in object_data:
         if not isinstance(data, dict):
             raise FormatError(f"{file}: object {key}: expected object_data, got none")
@@ -128,7 +128,7 @@ def _cloud_folder(source: Path, channel: str | None) -> Path:
         return inside
     if len(chosen) != 1:
         names = ", ".join(folder.name for folder in lidars)
-        raise Error(f"{inside}: expected one LiDAR, got {names}: `channel` selects one")
+        raise Error(f"{inside}: expected one LiDAR, got {names}; `channel` selects a LiDAR")
     return chosen[0]
 
 

@@ -27,8 +27,8 @@ def unit_of(source: Path, clouds: Sequence[Floats], options: Options) -> float:
     if middle >= NEAREST_MEDIAN_MM:
         return 1e-3
     raise Error(
-        f"{source}: expected a median range up to {FARTHEST_MEDIAN_M:g} (metres) or from "
-        f"{NEAREST_MEDIAN_MM:g} on (millimetres), got {middle:.0f}: `unit_m` sets the unit"
+        f"{source}: expected a median range of up to {FARTHEST_MEDIAN_M:g} for metres, or of at "
+        f"least {NEAREST_MEDIAN_MM:g} for millimetres, got {middle:.0f}; `unit_m` sets the unit"
     )
 
 

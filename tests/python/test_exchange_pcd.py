@@ -178,17 +178,17 @@ def written(folder: Path, viewpoints: list[str], fields: str) -> Path:
         (
             ["691000 5e6 520 0 1 0 0"] * 2,
             (1, -2, -3),
-            ["its shift (691000, 5e+06, 520) is ignored"],
+            ["the shift (691000, 5e+06, 520) is ignored"],
         ),
         (
             ["0 0 5 1 0 0 0", "0 0 6 1 0 0 0"],
             (1, 2, 8),
-            ["2 of 2", "in 0.pcd; other clouds differ"],
+            ["2 of 2", "in 0.pcd; other clouds have another"],
         ),
         (
             ["0 0 5 1 0 0 0", "0 0 0 1 0 0 0"],
             (1, 2, 8),
-            ["1 of 2", "in 0.pcd; other clouds differ"],
+            ["1 of 2", "in 0.pcd; other clouds have another"],
         ),
     ],
 )

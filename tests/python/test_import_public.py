@@ -224,7 +224,7 @@ def test_wrong_objects_are_named(case: str, motorway: Path, tmp_path: Path) -> N
         ("{}", "expected openlabel.frames with objects, got none"),
         (
             '{"openlabel": {"frames": {"0": {}, "1": {}}}}',
-            "expected one frame for each cloud, got 2",
+            "expected one frame in a label file, got 2",
         ),
         (
             '{"openlabel": {"frames": {"0": {"objects": {"a": {"object_data": {}}}}}}}',
@@ -250,7 +250,7 @@ def test_wrong_cuboids_are_named(
 def test_one_of_several_lidars_is_chosen(motorway: Path, tmp_path: Path) -> None:
     source = tumtraf(motorway, tmp_path / "set")
     write_cloud(source / "point_clouds/north/1651673050_454284855_north.pcd", motorway, 0)
-    with pytest.raises(ValueError, match=f"expected one LiDAR, got north, {LIDAR}: "):
+    with pytest.raises(ValueError, match=f"expected one LiDAR, got north, {LIDAR}; "):
         import_recording(source, "tumtraf", tmp_path / "in/p", FACTS, Options())
     chosen = Options(channel=LIDAR)
     assert import_recording(source, "tumtraf", tmp_path / "in/p", FACTS, chosen)[0].frames == 3
