@@ -62,12 +62,12 @@ def no_interval(row: pd.Series, requirements: Requirements) -> str:
     """Returns why the coverage has no valid interval; empty if the interval is valid."""
     part = "window" if row.covered_in == ROAD else "square"
     if row.parts == 0:
-        return "no vehicle is there"
+        return "no vehicle is within the range"
     if row.low_m > 0 or row.high_m < row.road_m:
-        return "" if row.unsure < row.parts else f"no {part} has one: {FEW_BLOCKS}"
+        return "" if row.unsure < row.parts else f"no {part} has an interval: {FEW_BLOCKS}"
     if row.unsure == 0:
         return f"no {part} differs significantly from AP {requirements.min_ap:g}"
-    return f"{row.unsure:.0f} of {row.parts:.0f} {part}s have none: {FEW_BLOCKS}"
+    return f"{row.unsure:.0f} of {row.parts:.0f} {part}s have no interval: {FEW_BLOCKS}"
 
 
 def road(distance: pd.DataFrame, requirements: Requirements, truth: str) -> pd.DataFrame:

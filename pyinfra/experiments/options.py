@@ -165,12 +165,12 @@ def chosen(done: pd.DataFrame, scene: str, preset: str) -> tuple[str, str]:
     if scene not in scenes:
         if scene or len(scenes) != 1:
             got = f"'{scene}'" if scene else "none"
-            raise Error(f"scene: expected {', '.join(scenes)}, got {got}")
+            raise Error(f"scene: expected one of the scenes {', '.join(scenes)}; got {got}")
         (scene,) = scenes
     of_scene = done[done.scene == scene]
     presets = sorted(set(of_scene.preset))
     if preset and preset not in presets:
-        raise Error(f"preset: expected {', '.join(presets)}, got '{preset}'")
+        raise Error(f"preset: expected one of the presets {', '.join(presets)}; got '{preset}'")
     return scene, preset or preset_of_answers(of_scene)
 
 
@@ -182,8 +182,8 @@ def joined(experiments: pd.DataFrame, more: pd.DataFrame, file: Path) -> pd.Data
     table = experiments.merge(more, on=KEY)
     if len(table) < len(experiments):
         raise Error(
-            f"{file}: expected all experiments, got {len(table)} of {len(experiments)}; "
-            "run `pyinfra benchmark` again to write it"
+            f"{file}: expected rows of all {len(experiments)} experiments, got rows of "
+            f"{len(table)}; run `pyinfra benchmark` again to write them"
         )
     return table
 

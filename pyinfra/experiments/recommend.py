@@ -139,7 +139,7 @@ def general_notes(options: Sequence[Option], requirements: Requirements) -> Iter
         )
     unknown = [option for option in options if not option.ap_whole.is_known]
     if unknown:
-        why = f"{FEW_BLOCKS}, or the table has none"
+        why = f"{FEW_BLOCKS}, or the table has no intervals"
         yield f"No interval is available for the AP of {names(unknown)}: {why}."
     yield from cost_notes(options[0])
     yield from price_notes(options)
@@ -240,7 +240,7 @@ def doubts_of_order(first: Option, others: Sequence[Option], table: pd.DataFrame
     unknown = [o for o, interval in differences if not interval.is_known]
     if unknown:
         text = f"It is not known whether {first.name} is better than {names(unknown)}"
-        yield f"{text}: the difference has no interval ({FEW_BLOCKS}, or an older table)."
+        yield f"{text}: the difference has no interval ({FEW_BLOCKS}, or the table is older)."
 
 
 def cheapest(options: Sequence[Option]) -> str:

@@ -45,6 +45,6 @@ def checked_requirements(
     if latency_ms < LEAST_LATENCY_MS:
         raise Error(
             f"latency_ms: expected milliseconds, {LEAST_LATENCY_MS:g} or more, got "
-            f"{latency_ms:g}; {latency_ms:g} s are {1000 * latency_ms:g}"
+            f"{latency_ms:g}; {latency_ms:g} s are {1000 * latency_ms:g} ms"
         )
     return Requirements(budget_usd, min_ap, range_m, latency_ms)

@@ -44,7 +44,7 @@ class Kind:
     """The file name of a table, in which {tier} stands for the tier, and its columns.
 
     texts, numbers: required columns.
-    later: columns of numbers that tables of earlier versions lack; missing ones are read as NaN.
+    later: columns of numbers that tables of earlier versions lack; missing columns are read as NaN.
     ranges: allowed ranges of columns that are not in RANGES.
     """
 
@@ -222,7 +222,7 @@ def read_results(
     tables = {name: _read(folder / k.file.format(tier=chosen), k) for name, k in kinds.items()}
     if tier is not None and tables["experiments"].empty:
         check_tier(folder, tier)
-        raise Error(f"{folder / f'{tier}.csv'}: expected a finished tier, got none")
+        raise Error(f"{folder / f'{tier}.csv'}: expected the table of a finished tier, got none")
     if all(table.empty for table in tables.values()):
         raise Error(f"{folder}: expected a table of results, got none")
     tables["experiments"] = _with_reasons(with_whole(with_r1000(tables["experiments"])))
@@ -234,7 +234,7 @@ def check_tier(folder: Path, tier: str) -> None:
     """Raises Error if a folder has tables of other tiers and none of this one."""
     tiers = [name for name in TIERS if (folder / f"{name}.csv").is_file()]
     if tiers and tier not in tiers:
-        raise Error(f"tier: expected {' or '.join(tiers)}, as in {folder}, got '{tier}'")
+        raise Error(f"tier: expected a tier in {folder} ({' or '.join(tiers)}), got '{tier}'")
 
 
 def _richest(folder: Path) -> str:
@@ -309,8 +309,8 @@ def _check_order(file: Path, values: dict[str, pd.Series]) -> None:
         if wrong.any():
             row = wrong.idxmax()
             raise Error(
-                f"{file}:{row + 2}: {low}: expected up to {high}, got {values[low][row]:g} above "
-                f"{values[high][row]:g}"
+                f"{file}:{row + 2}: {low}: expected up to the value of {high} "
+                f"({values[high][row]:g}), got {values[low][row]:g}"
             )
 
 
@@ -326,6 +326,6 @@ def _check_key(file: Path, table: pd.DataFrame, key: tuple[str, ...]) -> None:
         row = int(np.flatnonzero(twice)[0])
         first = int(np.flatnonzero((table[here] == table.loc[row, here]).all(axis=1))[0])
         raise Error(
-            f"{file}:{row + 2}: {' '.join(table.loc[row, here])}: expected once, got in row "
-            f"{first + 2} too"
+            f"{file}:{row + 2}: {' '.join(table.loc[row, here])}: expected one row with "
+            f"this key, got rows {first + 2} and {row + 2}"
         )

@@ -284,7 +284,7 @@ def test_an_experiment_without_a_counted_vehicle_is_reported_and_others_go_on(
 def test_a_lidar_is_named_as_its_file(config: Path, capsys: pytest.CaptureFixture[str]) -> None:
     changed(config.parent / "own.yaml", "name: own", "name: mine")
     assert run(config) == 2
-    assert "own.yaml: name: expected 'own', as the file, got 'mine'" in capsys.readouterr().err
+    assert "own.yaml: name: expected the file's name 'own', got 'mine'" in capsys.readouterr().err
     assert not (config.parent / "work").exists()
 
 

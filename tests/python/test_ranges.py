@@ -178,7 +178,11 @@ def test_coverage_of_a_site_of_lanes_is_squares_within_the_range(
 @pytest.mark.parametrize(
     ("low", "high", "reason"),
     [
-        (None, None, "no interval: 41 of 41 windows have none: vehicles are in fewer than 4"),
+        (
+            None,
+            None,
+            "no interval: 41 of 41 windows have no interval: vehicles are in fewer than 4",
+        ),
         (5.0, 99.0, "no interval: no window differs significantly from AP 85"),
     ],
 )

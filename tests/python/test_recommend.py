@@ -609,13 +609,19 @@ def test_an_answer_needs_neither_plots_nor_networks() -> None:
     [
         (["--budget", "0"], "--budget: expected above 0, got 0"),
         (["--budget", "9", "--range", "200"], "--range: expected above 0 to 100, got 200"),
-        (["--budget", "9", "--scene", "moon"], "--scene: expected road, got 'moon'"),
+        (
+            ["--budget", "9", "--scene", "moon"],
+            "--scene: expected one of the scenes road; got 'moon'",
+        ),
         (["--budget", "9", "--min-ap", "0.85"], "expected above 1 to 100, got 0.85; AP is 0 to"),
         (["--budget", "9", "--min-ap", "101"], "--min-ap: expected above 1 to 100, got 101"),
         (["--budget", "nan"], "--budget: expected above 0, got nan"),
         (["--budget", "9", "--latency", "-1"], "--latency: expected above 0, got -1"),
-        (["--budget", "9", "--preset", "x"], "--preset: expected paper, got 'x'"),
-        (["--budget", "9", "--tier", "full"], "--tier: expected quick, as in"),
+        (
+            ["--budget", "9", "--preset", "x"],
+            "--preset: expected one of the presets paper; got 'x'",
+        ),
+        (["--budget", "9", "--tier", "full"], "--tier: expected a tier in"),
     ],
 )
 def test_wrong_words_say_what_is_allowed(
@@ -633,7 +639,7 @@ def test_a_folder_of_several_scenes_asks_for_one(
         both = pd.concat([table, table.assign(scene="bridge")])
         both.to_csv(results / f"{file}.csv", index=False)
     assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
-    assert "--scene: expected bridge, road, got none" in capsys.readouterr().err
+    assert "--scene: expected one of the scenes bridge, road; got none" in capsys.readouterr().err
     assert output_lines(capsys, results, "--budget", 8000, "--scene", "bridge")[0].startswith(
         "bridge,"
     )

@@ -66,7 +66,9 @@ def test_a_row_that_comes_twice_is_an_error(table: str, folder: Path) -> None:
     file = folder / f"{table}.csv"
     lines = file.read_text().splitlines(keepends=True)
     file.write_text("".join([*lines, lines[2]]))
-    with pytest.raises(ValueError, match=rf"{table}.csv:7: .*: expected once, got in row 3 too"):
+    with pytest.raises(
+        ValueError, match=rf"{table}.csv:7: .*: expected one row with this key, got rows 3 and 7"
+    ):
         read_results(folder, "quick", STUDY)
 
 

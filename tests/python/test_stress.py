@@ -415,7 +415,7 @@ def test_recorded_trajectories_have_no_density_and_no_speed(
     (recorded.parent / "trajectories.csv").unlink()
     assert main.main(command(background, recorded, tmp_path / "2", "--stressors", "tilt")) == 2
     assert (
-        "trajectories.csv: expected this file to simulate again, got none"
+        "trajectories.csv: expected this file for another simulation, got no such file"
         in capsys.readouterr().err
     )
 
@@ -680,7 +680,8 @@ def test_runs_of_one_detector_are_severities_of_the_training(base: altered_scene
     assert all(c.reference is first for c in planned)
     assert sum(c.stressor.name == "fog" for c in planned) == 4
     with pytest.raises(
-        ValueError, match=r"d: expected the frames and the seed of a, .*got 200 frames and seed 2"
+        ValueError,
+        match=r"d: expected either the .* frames or the seed .* of a, got 200 frames and seed 2",
     ):
         trials.plan([first, trials.TrainedRun(Path("d"), "pointpillars", 200, 2)], stressors, base)
 
@@ -754,7 +755,7 @@ def test_the_own_lidar_scene_and_preset_are_no_stress(base: altered_scenes.Base)
         ),
         (
             ["--stressors", "unseen_scene", "--severities", "moon"],
-            "--severities: expected .*, got 'moon'",
+            "--severities: expected one of .*; got 'moon'",
         ),
         (["--max-frames", "0"], "--max-frames: expected 1 or more, got 0"),
     ],
@@ -800,9 +801,12 @@ def test_a_recorded_folder_takes_stress_on_clouds_but_not_on_scenes(
     out = tmp_path / "out"
     assert main.main(command(background, recorded, out, "--stressors", "fog")) == 0
     assert main.main(command(background, recorded, out, "--stressors", "tilt")) == 2
-    assert "expected only stressors of clouds, got no dataset.yaml" in capsys.readouterr().err
+    assert (
+        "expected stressors that only change clouds, because there is no dataset.yaml"
+        in capsys.readouterr().err
+    )
     (recorded.parent / "dataset.yaml").write_text("name: site\npreset: recorded\n")
     assert main.main(command(background, recorded, out, "--stressors", "tilt", "rain")) == 0
     message = capsys.readouterr().err
     assert message.startswith("pyinfra: note: left out tilt: ")
-    assert "dataset.yaml: expected only stressors of clouds, got no roads (a recording)" in message
+    assert "only change clouds, because a recording has no roads" in message

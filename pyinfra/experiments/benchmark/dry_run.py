@@ -35,7 +35,9 @@ def dry_run_lines(plan: Plan, workspace: Workspace, jobs: int) -> str:
     seconds = expected_seconds(left, table)
     lines = [f"{experiment.title}: {s:.0f} s" for experiment, s in zip(left, seconds, strict=True)]
     names = old[KEY].astype(str).agg(" ".join, axis=1) if len(old) else ()
-    lines += [f"{name}: out of date (another recipe or other frames)" for name in names]
+    lines += [
+        f"{name}: out of date (measured with another recipe or other frames)" for name in names
+    ]
     total = sum(seconds)
     lines.append(
         f"{len(left)} of {len(plan.experiments)} experiments to do: {total / 60:.0f} core-minutes, "

@@ -104,8 +104,8 @@ def split_by_time(folder: Path, parts: Parts) -> None:
 def described(folder: Path, experiments: Sequence[Experiment]) -> dict[str, pd.DataFrame]:
     """Returns the tables that describe a data set and all LiDARs in it.
 
-    They are `lidars`, the tables of STATISTICS, and `hits`. Table `hits` comes last. A row in it
-    means that the other tables are complete.
+    They are `lidars`, the tables of STATISTICS, and `hits`. Table `hits` comes last. A row in
+    `hits` means that the other tables are complete.
     """
     key = {"scene": experiments[0].scene, "preset": experiments[0].preset}
     data = read_data_set(folder)

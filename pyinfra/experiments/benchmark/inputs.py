@@ -25,7 +25,9 @@ PRICE = re.compile(r"^price_usd:\n(?:  .*\n)+", re.MULTILINE)
 TOTAL = re.compile(r"^price_total_usd: .*\n", re.MULTILINE)
 PRICE_TEXT = ["price_source", "price_date"]
 FRAMES_OF = ["scene", "preset", "lidar"]
-FIRST_NUMBER = "frames_version: 3\n"  # left out, because digests of version 0.3 do not include it
+FIRST_NUMBER = (
+    "frames_version: 3\n"  # left out of digests, because the digests of version 0.3 lack it
+)
 
 
 @cache
@@ -92,8 +94,8 @@ def check_name(file: Path, text: str) -> None:
     given, name = yaml.safe_load(text)["name"], name_of(file)
     if given != name:
         raise ConfigError(
-            f"{file}: name: expected '{name}', as the file, got '{given}'; change the key `name`, "
-            "or rename the file"
+            f"{file}: name: expected the file's name '{name}', got '{given}'; change the key "
+            "`name`, or rename the file"
         )
 
 

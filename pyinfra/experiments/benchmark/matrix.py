@@ -24,7 +24,7 @@ from pyinfra.scenes.maps.site_folder import MAP, SCENE
 # Frames that are simulated in each tier, out of the 5,000 frames of 500 s.
 FRAMES: dict[Tier, str] = {"smoke": "0:5000:20", "quick": "0:5000:5", "full": "0:5000"}
 MOST_FRAMES = 360_000  # largest number of frames of a scene: 36,000 s
-MOST_EXPERIMENTS = 100_000  # experiments of a benchmark; each takes 20 s or more
+MOST_EXPERIMENTS = 100_000  # largest number of experiments; each takes 20 s or more
 # Names are used for folders and in tables, so they must be safe in a shell and in a spreadsheet.
 NAME = re.compile(r"\w[^/\\,\"\x00-\x1f\x7f]{0,99}")
 
@@ -39,7 +39,7 @@ def name_of(path: Path) -> str:
 
 
 def config_file(kind: str, benchmark: Path, word: str) -> Path:
-    """Returns the file of a name such as `ruby_plus` in configs/, or of `own.yaml`.
+    """Returns the file that a benchmark names: `ruby_plus` in configs/, or a path `own.yaml`.
 
     A word that ends in .yaml is a path relative to the benchmark's file. Raises Error, which
     suggests similar names.
@@ -99,7 +99,7 @@ class Parts:
 
 @dataclass(frozen=True)
 class Benchmark:
-    """A benchmark. Its experiments are all combinations of each element of `matrix`, in order."""
+    """A benchmark. The experiments are all combinations of each element of `matrix`, in order."""
 
     matrix: tuple[Combinations, ...]  # combinations to measure
     frames: str = ""  # frame numbers A:B[:STEP], B excluded; default: the frames of the tier
@@ -174,8 +174,8 @@ def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
             name = name_of(path)
             if files.setdefault((kind, name), path) != path:
                 raise ConfigError(
-                    f"{file}: {kind}: expected one file of each name, got two of '{name}', {path} "
-                    f"and {files[kind, name]}"
+                    f"{file}: {kind}: expected one file for each name, got two files with "
+                    f"the name '{name}': {path} and {files[kind, name]}"
                 )
         return [name_of(path) for path in paths]
 
@@ -214,6 +214,6 @@ def range_of(frames: str) -> range:
     numbers = range(first, end, step) if step else range(0)
     if not numbers or end > MOST_FRAMES:
         raise ConfigError(
-            f"frames: expected a range with frames, up to {MOST_FRAMES}, got '{frames}'"
+            f"frames: expected a range with frames, with B up to {MOST_FRAMES}, got '{frames}'"
         )
     return numbers

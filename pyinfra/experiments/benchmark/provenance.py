@@ -1,6 +1,6 @@
 """Digests of an experiment's inputs, which detect stale results.
 
-They are stored in the row of the experiment and in the folder of its training.
+The digests are stored in the row of the experiment and in the folder of its training.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from pyinfra.models.training.recipe import Recipe, read_recipe
 
 SHOWN = 5  # experiments that a message names
 # Ground truths of version 0.3. Digests leave out ground truths that later versions added, because
-# these do not change the values of the others.
+# the added ground truths do not change the values of the others.
 FIRST_TRUTHS: tuple[Subset, ...] = ("captured", "common", "all")
 
 

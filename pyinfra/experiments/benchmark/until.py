@@ -51,7 +51,9 @@ def benchmark_until(
     Raises Error if the benchmark has several seeds, or if an experiment failed.
     """
     if len({experiment.seed for experiment in plan.experiments}) != 1:
-        raise Error("seeds: expected one seed, as each replicate has its own, got several")
+        raise Error(
+            "seeds: expected one seed, because each replicate has its own seed, got several"
+        )
     if not half_width_ap > 0:
         raise Error(f"until: expected a half-width above 0 AP, got {half_width_ap:g}")
     tables: list[pd.DataFrame] = []
@@ -80,7 +82,7 @@ def _replicate(
     if not all(done):
         failed = plan.experiments[done.index(False)]
         file = workspace.table("experiments")
-        raise Error(f"{file}: expected a row of each experiment, got none of {failed.title}")
+        raise Error(f"{file}: expected a row of each experiment, got no row of {failed.title}")
     wanted = pd.DataFrame([vars(experiment) for experiment in plan.experiments])
     return rows[store.among(rows, wanted, list(wanted))]
 
@@ -110,7 +112,7 @@ def comparison_table(replicates: Sequence[pd.DataFrame]) -> pd.DataFrame:
         aps = part.pivot(index="replicate", columns="option", values="ap_whole_r1000")
         best = aps.mean().sort_values(ascending=False).index[:2]
         if len(best) < 2:
-            raise Error(f"{scene} {preset}: expected two options to compare, got {best[0]}")
+            raise Error(f"{scene} {preset}: expected two options to compare, got only {best[0]}")
         mean = over_replicates((aps[best[0]] - aps[best[1]]).to_list(), LEVEL_OF_LOOK)
         rows.append(
             {

@@ -48,7 +48,8 @@ class Workspace:
     def table(self, name: str) -> Path:
         """Returns the file of a table.
 
-        It is TIER.csv for `experiments`, lidars.csv for `lidars`, and TIER_NAME.csv for others.
+        The file is TIER.csv for `experiments`, lidars.csv for `lidars`, and TIER_NAME.csv for other
+        tables.
         """
         file = {"lidars": "lidars", "experiments": self.tier}.get(name, f"{self.tier}_{name}")
         return self.results / f"{file}.csv"

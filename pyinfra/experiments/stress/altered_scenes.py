@@ -29,7 +29,7 @@ from pyinfra.formats import kitti
 # Keys in dataset.yaml that a run adds to the keys of the scene.
 NOT_OF_THE_SCENE = ("surfaces", "preset", "version", "frames_version")
 FIRST_NUMBER = 3  # frames_version of version 0.3, whose digests do not include it
-PHASES = 16  # number of random angles; they repeat in a bundle with more spinning units
+PHASES = 16  # number of random angles; in a bundle with more spinning units, they repeat
 SCENE = "scene.yaml"
 
 
@@ -82,7 +82,7 @@ class AlteredScene:
     lidar: str = ""  # name in the catalogue
     scene: str = ""  # name in the catalogue
     preset: str = ""
-    turns_deg: tuple[float, ...] = ()  # turns of the units' cut angles; repeated if too few
+    turns_deg: tuple[float, ...] = ()  # turns of the units' cut angles; they repeat
 
 
 def read_base(folder: Path, most: int) -> Base:
@@ -322,7 +322,7 @@ def frame_words(frames: Sequence[int]) -> str:
 def _times(base: Base, times: float | str, *keys: str) -> str:
     value: Any = base.scene.get("traffic")
     if not isinstance(value, dict):
-        raise Error(f"{base.folder.parent}: expected traffic for density and speed, got none")
+        raise Error(f"{base.folder.parent}: expected a scene with the key traffic, got no traffic")
     for key in keys:
         value = value[key]
     return f"{float(times) * float(value):g}"

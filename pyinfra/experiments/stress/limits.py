@@ -14,23 +14,23 @@ from pyinfra.dataset.runs import SimulatorError, infrasim
 from pyinfra.experiments.stress import lidar
 from pyinfra.experiments.stress.altered_scenes import Base
 
-ONLY_CLOUDS = "expected only stressors of clouds"
+ONLY_CLOUDS = "expected stressors that only change clouds"
 
 
 def scene(base: Base) -> str:
     """Requires a simulated scene whose files, including recorded trajectories, are available."""
     folder = base.folder.parent
     if not base.scene:
-        return f"{folder}: {ONLY_CLOUDS}, got no dataset.yaml"
+        return f"{folder}: {ONLY_CLOUDS}, because there is no dataset.yaml"
     if "roads" not in base.scene:
-        return f"{folder / 'dataset.yaml'}: {ONLY_CLOUDS}, got no roads (a recording)"
+        return f"{folder / 'dataset.yaml'}: {ONLY_CLOUDS}, because a recording has no roads"
     for key in ("static_layers", "lanes", "meshes"):
         if base.scene.get(key):
             problem = f"{folder / 'dataset.yaml'}: {key}: {ONLY_CLOUDS}"
-            return f"{problem}, got files that a run does not copy"
+            return f"{problem}, because a run does not copy the files of this key"
     recorded = base.trajectories
     if recorded is not None and not recorded.is_file():
-        return f"{recorded}: expected this file to simulate again, got none"
+        return f"{recorded}: expected this file for another simulation, got no such file"
     return ""
 
 
@@ -38,13 +38,13 @@ def rays(base: Base) -> str:
     """Requires the scan pattern of the LiDAR, with its table files."""
     file = base.lidar_file
     if not file.is_file():
-        return f"{file}: expected this file to simulate the fused frames again, got none"
+        return f"{file}: expected this file for another simulation, got no such file"
     config = lidar.read(file)
     if not lidar.units_of(config):
-        return f"{file}: {ONLY_CLOUDS}, got no pattern (a recording)"
+        return f"{file}: {ONLY_CLOUDS}, because a recording has no pattern"
     for table in lidar.table_files(config, file.parent):
         if not table.is_file():
-            return f"{file}: pattern.table.file: expected a copy of it there, got no file {table}"
+            return f"{file}: pattern.table.file: expected the file {table}, got no such file"
     return ""
 
 

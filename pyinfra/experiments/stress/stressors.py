@@ -67,7 +67,7 @@ class Stressor:
             unknown = [word for word in words if word not in self.severities]
             if unknown:
                 allowed = ", ".join(map(str, self.severities[1:]))
-                raise Error(f"severities: expected {allowed}, got '{unknown[0]}'")
+                raise Error(f"severities: expected one of {allowed}; got '{unknown[0]}'")
             return tuple(word for word in words if word != UNSTRESSED)
         return tuple(v for v in map(_severity, words) if v != self.severities[0])
 
@@ -204,7 +204,7 @@ def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Se
     """
     unknown = [name for name in names if name not in STRESSORS]
     if unknown:
-        raise Error(f"stressors: expected {', '.join(STRESSORS)}, got '{unknown[0]}'")
+        raise Error(f"stressors: expected some of {', '.join(STRESSORS)}; got '{unknown[0]}'")
     selected = [STRESSORS[name] for name in dict.fromkeys(names)]
     if words is None:
         return {stressor: stressor.severities[1:] for stressor in selected}

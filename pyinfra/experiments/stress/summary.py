@@ -15,7 +15,7 @@ from pyinfra.metrics.row_selection import with_r1000
 
 CURVE = "detector run lidar preset scene seed frames".split()  # key of a curve besides stressor
 FALL = 10.0  # decrease in AP that counts as a failure
-LEAST_SHARE = 0.2  # least share of the fall that makes an error its cause
+LEAST_SHARE = 0.2  # an error causes the fall if its cost is at least this share of the fall
 BEYOND = "beyond"
 COLUMNS = [
     *CURVE,
@@ -92,10 +92,10 @@ def fallen(curve: pd.DataFrame, stressor: Stressor, level: float) -> str:
 def first_failure(curve: pd.DataFrame) -> tuple[str, str, float]:
     """Returns the kind of error that fails first, the kind with the largest cost, and its share.
 
-    They are determined at the first severity at which AP has decreased by FALL or more. The share
-    is the cost divided by the decrease of AP. If it is LEAST_SHARE or more, the kind with the
-    largest cost fails first. Otherwise the first text is `mixed`. Both texts are empty, and the
-    share is NaN, if AP does not decrease by FALL.
+    The function looks at the first severity at which AP has decreased by FALL or more. The share is
+    the cost divided by the decrease of AP. If it is LEAST_SHARE or more, the kind with the largest
+    cost fails first. Otherwise the first text is `mixed`. Both texts are empty, and the share is
+    NaN, if AP does not decrease by FALL.
     """
     base = curve.iloc[0]
     down = curve[curve.ap_r1000 <= base.ap_r1000 - FALL]

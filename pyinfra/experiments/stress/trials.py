@@ -134,8 +134,8 @@ def _difference(a: TrainedRun, b: TrainedRun) -> tuple[str, Severity]:
     """Returns the stressor of training, and the severity, by which run b differs from run a."""
     if (a.frames == b.frames) == (a.seed == b.seed):
         raise Error(
-            f"{b.folder}: expected the frames and the seed of {a.folder}, which has {a.frames} "
-            f"and {a.seed}, got {b.frames} frames and seed {b.seed}"
+            f"{b.folder}: expected either the {a.frames} frames or the seed {a.seed} of "
+            f"{a.folder}, got {b.frames} frames and seed {b.seed}"
         )
     return (
         ("training_frames", float(b.frames)) if a.seed == b.seed else ("training_seed", str(b.seed))
@@ -255,7 +255,7 @@ def missing(trials: Sequence[Trial], base: Base, out: Path, seed: int) -> Iterat
         elif not rows.inputs.isin([inputs_of(trial, base)]).all() and rows.inputs.notna().all():
             raise Error(
                 f"{file}: {' '.join(key.values())}: expected a row of this model, these frames and "
-                "this data set, got another with these names; choose another `out`"
+                "this data set, got a row of other inputs with these names; choose another `out`"
             )
 
 
