@@ -133,7 +133,7 @@ def bird_view(
 
 
 def region_window(view: Snapshot) -> DrawnArea:
-    """Returns the area around the region, or around NEAR if none is known; levelled frame."""
+    """Returns the area around the region, or NEAR if no region is known; levelled frame."""
     return window_around(view.region or [NEAR])
 
 

@@ -87,7 +87,7 @@ def cutouts(scene: Scene, frame: int) -> Figure:
 
 
 def choose_vehicles(scene: Scene, frame: int) -> list[Vehicle | None]:
-    """Returns a vehicle for each of DISTANCES_M, or None if there is none within NEAR_M of it.
+    """Returns a vehicle for each of DISTANCES_M; None if no vehicle is within NEAR_M of it.
 
     Only vehicles of CLASS with LEAST_VISIBILITY are candidates. The order of preference is:
 

@@ -30,7 +30,7 @@ def draw_patterns(patterns: Mapping[str, FloatArray], file: Path) -> Path:
 
 
 def pattern_picture(patterns: Mapping[str, FloatArray]) -> Figure:
-    """Draws the directions of each LiDAR's rays: all of them, and those on a car's rear at 60 m.
+    """Draws the directions of each LiDAR's rays: all rays, and the rays on a car's rear at 60 m.
 
     patterns: by name, (n, 3) azimuth, elevation (rad) and time (s), from 0 s on. Only the rays of
     the first 0.1 s are drawn. The mean number of rays on the car is computed from all rays.

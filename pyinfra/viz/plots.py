@@ -113,7 +113,7 @@ def plot_ap_by_distance(
     """
     named = {"": results} if isinstance(results, Evaluation) else results
     if not isinstance(named, Mapping) or not named:
-        raise Error("results: expected a result of evaluate, or several by name")
+        raise Error("results: expected a result of evaluate, or a mapping of names to results")
     ax = _axes(ax, (6, 4))
     for name, result in named.items():
         if not isinstance(result, Evaluation):
@@ -182,7 +182,7 @@ def plot_stress(
     known = list(dict.fromkeys(s.name for _, s, _ in stressor_curves))
     if stressor not in known:
         near = suggestion(stressor, known)
-        raise Error(f"stressor: expected one with rows, got '{stressor}'{near}")
+        raise Error(f"stressor: expected a stressor with rows, got '{stressor}'{near}")
     ax = _axes(ax, (5, 4))
     stress_plots.panel(
         ax, [(name, s, curve) for name, s, curve in stressor_curves if s.name == stressor]

@@ -137,7 +137,7 @@ def lit_share(table: pd.DataFrame) -> Figure:
 
 
 def angular_density(table: pd.DataFrame) -> Figure:
-    """Draws rays per second and square degree, by off-axis angle and by elevation near x."""
+    """Draws the density of rays by off-axis angle, and by elevation near the x axis."""
     figure, axes = _panels(table.axis.unique(), table.preset.unique(), size=(4.2, 3))
     names = {"off_axis": "angle off the axis (deg)", "elevation": "elevation (deg)"}
     for ax, axis, preset in axes:

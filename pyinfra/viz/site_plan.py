@@ -164,7 +164,9 @@ def read_features(folder: Path) -> dict[str, FloatArray]:
             for kind, rows in listed.items()
         }
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
-        raise MapError(f"{file}: features: expected lists with x_m and y_m by kind") from error
+        raise MapError(
+            f"{file}: features: expected a list with x_m and y_m for each kind"
+        ) from error
 
 
 def _draw_features(axes: Axes, features: dict[str, FloatArray]) -> None:

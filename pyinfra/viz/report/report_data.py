@@ -94,8 +94,9 @@ def read_material(
 def read_run(folder: Path, data: Iterable[DataSet]) -> Run:
     """Reads scene, LiDAR, preset and detector of a run.
 
-    They are read from run.yaml, else from the folder's name SCENE_LIDAR_PRESET_DETECTOR_... Raises
-    FileNotFoundError if there are no predictions, and Error if neither source has the values.
+    The values are read from run.yaml, else from the folder's name SCENE_LIDAR_PRESET_DETECTOR_...
+    Raises FileNotFoundError if there are no predictions, and Error if neither source has the
+    values.
     """
     if not (folder / "predictions").is_dir():
         raise FileNotFoundError(2, "expected a folder predictions, got none", str(folder))
@@ -109,6 +110,6 @@ def read_run(folder: Path, data: Iterable[DataSet]) -> Run:
             if match := re.match(rf"{start}([^_]+)", folder.name):
                 return Run(folder, data_set.scene, lidar, data_set.preset, match[1])
     raise Error(
-        f"{folder}: expected one, or a name SCENE_LIDAR_PRESET_DETECTOR of a data set that is "
-        "given, got no run.yaml"
+        f"{folder}: expected a run.yaml in the folder, or a folder name that begins with "
+        "SCENE_LIDAR_PRESET_DETECTOR of a given data set, got neither"
     )

@@ -54,7 +54,7 @@ def inline(figure: Figure, name: str, label: str, dpi: int = 144) -> str:
 
 
 def identifier(*words: object) -> str:
-    """Joins words into one that is valid as an id."""
+    """Joins words into one word that is valid as an id."""
     return "-".join(re.sub(r"\W+", "-", str(word)).strip("-") for word in words).lower()
 
 

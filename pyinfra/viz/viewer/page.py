@@ -133,8 +133,8 @@ def write_page(
     text = page(views, title=title, most_points=most_points, around=around).encode()
     if len(text) > 1e6 * LARGEST_MB:
         raise Error(
-            f"{out}: expected up to {LARGEST_MB:g} MB, got {len(text) / 1e6:.1f} MB: fewer "
-            "`frames`, one `lidar`, or `most_points`"
+            f"{out}: expected up to {LARGEST_MB:g} MB, got {len(text) / 1e6:.1f} MB; "
+            "choose fewer `frames`, one `lidar` or a lower `most_points`"
         )
     out.parent.mkdir(parents=True, exist_ok=True)
     with replacing(out) as beside:
@@ -200,7 +200,9 @@ def _common_frames(views: Views) -> list[int]:
     frames = next(iter(lists.values()))
     for name, numbers in lists.items():
         if numbers != frames:
-            raise Error(f"view: {name}: expected frames {frames} as of the first, got {numbers}")
+            raise Error(
+                f"view: {name}: expected frames {frames}, as for the first LiDAR, got {numbers}"
+            )
     return frames
 
 

@@ -42,7 +42,7 @@ def chosen_folders(data: Sequence[Path], lidars: Sequence[str] | None) -> list[P
     known = [folder.name for folder in folders]
     for name in lidars:
         if name not in known:
-            raise Error(f"lidar: expected {', '.join(known)}, got '{name}'")
+            raise Error(f"lidar: expected one of {', '.join(known)}; got '{name}'")
     return [folder for folder in folders if folder.name in lidars]
 
 
@@ -84,7 +84,9 @@ def prediction_folders(words: Sequence[str], folders: Sequence[Path]) -> dict[Pa
         if name not in by_name or not folder:
             raise Error(f"pred: expected LIDAR=DIR with LIDAR {', '.join(by_name)}, got '{word}'")
         if by_name[name] in chosen:
-            raise Error(f"pred: expected one of each LiDAR, got '{word}' beside another of {name}")
+            raise Error(
+                f"pred: expected one folder for each LiDAR, got a second for {name}: '{word}'"
+            )
         chosen[by_name[name]] = Path(folder)
     return chosen
 

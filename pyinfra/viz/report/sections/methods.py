@@ -24,8 +24,8 @@ STEPS = (
     ("Scanning", "Points per frame, and points per vehicle by distance."),
     (
         "Detectors",
-        "By default, each is trained on the first 400 s of a LiDAR's frames and tested on the last "
-        "90 s.",
+        "By default, a detector is trained on the first 400 s of a LiDAR's frames and tested on "
+        "the last 90 s.",
     ),
     ("Evaluation", "AP with intervals, along the road and by area; latency and price."),
 )
