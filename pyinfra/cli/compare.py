@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     if len(args.places) < 2:
         raise Error(f"PLACE: expected two folders or more, got {len(args.places)}")
     if len(set(args.places)) < len(args.places):
-        raise Error("PLACE: expected every folder once, got one twice")
+        raise Error("PLACE: expected every folder once, got a folder twice")
     table = compare_places(args.places, args.ground_truth)
     if args.out:
         args.out.parent.mkdir(parents=True, exist_ok=True)

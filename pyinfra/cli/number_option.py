@@ -8,7 +8,8 @@ from collections.abc import Callable
 def numbers(names: str) -> Callable[[str], tuple[float, ...]]:
     """Returns a function that parses a text of numbers with commas between them.
 
-    names: names of the numbers for messages, such as `X,Y`; the text must have as many numbers.
+    names: names of the numbers for messages, such as `X,Y`. The text must have one number for each
+    name.
     """
 
     def read(text: str) -> tuple[float, ...]:
@@ -26,7 +27,7 @@ def numbers(names: str) -> Callable[[str], tuple[float, ...]]:
 def usd(text: str) -> float:
     """Parses an amount in US dollars, such as `9000`, `9,000`, `9k` or `1.5k`.
 
-    Raises ArgumentTypeError for `9.000`, because it is 9 in some countries and 9000 in others.
+    Raises ArgumentTypeError for `9.000`, because it means 9 in some countries and 9000 in others.
     """
     match = re.fullmatch(r"\$?(\d+|\d{1,3}(?:,\d{3})+)(\.\d+)?(k?)", text.strip(), re.IGNORECASE)
     if match is None:

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 from pyinfra.core.names import suggestion
 
 WRONG = 2
-MOST_LISTED = 8  # most choices that a message lists if it also suggests a choice
+MOST_LISTED = 8  # largest number of choices in a message that also suggests a choice
 
 # Maps an option of earlier versions to its replacement. A key that begins with a command only
 # applies to this command.

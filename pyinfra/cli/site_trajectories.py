@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     if args.rate_hz is not None and not 0.1 <= args.rate_hz <= 10_000:
         raise Error(f"--rate-hz: expected 0.1 to 10000, got {args.rate_hz:g}")
     if not args.out.is_dir():
-        raise FileNotFoundError(f"{args.out}: expected a site folder, got no such folder")
+        raise FileNotFoundError(f"{args.out}: expected an existing site folder, got no such folder")
     offset = np.zeros(3) if args.world else site_folder.offset(args.out)
     has_scene = (args.out / site_folder.SCENE).exists()
     try:

@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     if (args.by == "seed") != (args.val_data is not None):
-        raise Error("--val-data: expected with --by seed, and only with it")
+        raise Error("--val-data: expected exactly if --by is seed")
     data = read_data_set(args.data)
     if args.by == "seed":
         validation = read_data_set(args.val_data)

@@ -168,12 +168,12 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
 
 
 def check_mount(mount: str, scene: str | None) -> None:
-    """Raises Error for --mount without --scene, and for the mount `fused`.
+    """Raises Error if --mount is used without --scene, or with the mount `fused`.
 
     Training cannot simulate fused frames.
     """
     if mount and scene is None:
-        raise Error(f"--mount: expected --scene, got '{mount}' without it")
+        raise Error(f"--mount: expected only with --scene, got '{mount}' without --scene")
     if mount == "fused":
         raise Error(
             "--mount: expected one mount's name, got 'fused': train on fused frames with "
@@ -185,7 +185,7 @@ def _sources(args: argparse.Namespace, recipe: Recipe) -> list[Source] | Stream:
     kinds = [bool(args.data), args.scene is not None, args.sites is not None]
     if sum(kinds) != 1 or (args.scene is None) != (args.lidar is None):
         raise Error(
-            "DATA: expected folders, or --scene with --lidar, or --sites, got no or two sources"
+            "DATA: expected exactly one source of frames: folders, --scene with --lidar, or --sites"
         )
     check_mount(args.mount, args.scene)
     accumulation = Accumulation(args.accumulate, args.label_at)

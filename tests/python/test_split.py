@@ -93,7 +93,7 @@ def test_val_data_goes_with_seed_alone(tmp_path: Path) -> None:
     parser = argparse.ArgumentParser()
     command.add_arguments(parser)
     for words in (["--by", "seed"], ["--val-data", str(tmp_path)]):
-        with pytest.raises(ValueError, match="expected with --by seed"):
+        with pytest.raises(ValueError, match="expected exactly if --by is seed"):
             command.run(parser.parse_args([str(tmp_path), *words]))
 
 
