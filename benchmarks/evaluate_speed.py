@@ -232,7 +232,7 @@ def matching_rows(random: np.random.Generator, frames: int) -> list[Row]:
     ours, fast = timed(lambda: match_ours(data))
     theirs, slow = timed(lambda: [match_shapely(*arrays) for arrays in data])
     if ours != sum(theirs):
-        raise RuntimeError(f"expected {sum(theirs)} matches as of shapely, got {ours}")
+        raise RuntimeError(f"expected {sum(theirs)} matches, as with shapely, got {ours}")
     return [
         ("IoU and matching", 1e6 * fast / frames, "us/frame"),
         ("shapely loop over all pairs", 1e6 * slow / frames, "us/frame"),

@@ -1,4 +1,4 @@
-"""Measures the cost of a command, which a small launcher process starts.
+"""Measures the time and memory of a command, which a small launcher process starts.
 
 Linux includes the memory of the starting process in a command's peak memory. A benchmark that uses
 hundreds of megabytes must therefore not start the command itself.

@@ -1,10 +1,11 @@
 """Measures the speed of the simulator.
 
-`make bench` runs this program, and docs/results/speed.md has the table. Two rates are compared by
-the ratio of their medians. Their runs alternate in one process. The number of rays is that of the
-whole scan pattern: it includes rays whose result is read from the static layer. `--before` adds a
-comparison with an earlier version; it names a checkout of that version in which the binary has been
-built. The program writes out/speed.csv. To replace the committed table, name it with `--out`:
+`make bench` runs this program, and docs/results/speed.md has the table. The program compares two
+rates by the ratio of their medians. The runs of both alternate in one process. The number of rays
+is that of the whole scan pattern: it includes rays whose result is read from the static layer.
+`--before` adds a comparison with an earlier version; it names a checkout of that version in which
+the binary has been built. The program writes out/speed.csv. To replace the committed table, name it
+with `--out`:
 
     .venv/bin/python benchmarks/run.py [--before ../before] [--out results/speed.csv]
 """

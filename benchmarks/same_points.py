@@ -67,7 +67,9 @@ def compare_frame(a: Path, b: Path, frame: int) -> dict[str, float]:
 def compare(here: DataSet, there: DataSet) -> pd.DataFrame:
     """Returns a row for each LiDAR of two data sets with the same frames."""
     if (here.names, here.frames, here.seed) != (there.names, there.frames, there.seed):
-        raise ValueError(f"{there.folder}: expected the run of {here.folder}, got another")
+        raise ValueError(
+            f"{there.folder}: expected the same run as in {here.folder}, got another run"
+        )
     rays = pd.read_csv(here.folder / "summary.csv", index_col="lidar").rays_per_frame
     rows = []
     for name in here.names:

@@ -40,7 +40,7 @@ simulate() {
   done
 }
 
-# Unpacks the wheel over the source: its extension, its binary and their libraries replace those there.
+# Unpacks the wheel over the source, so that the source has the wheel's extension, binary and libraries.
 python_tests() {
   .venv/bin/python -m zipfile -e dist/infrasim-*-cp313-*.whl $root/infrasim
   chmod +x $root/infrasim/pyinfra/bin/infrasim

@@ -4,8 +4,9 @@
 
 Without a PAGE, README and the pages of docs are measured, without the generated reference and the
 decisions. Headings, tables, fenced blocks and comments do not count. Each paragraph and each list
-item is split at `.`, `!`, `?`, `;` and `:` before a blank. Code in a sentence is one word, and its
-digits are no numbers. `--list` prints the sentences that are too long or have too many numbers.
+item is split at `.`, `!`, `?`, `;` and `:` before a blank. Code in a sentence counts as one word,
+and digits in code do not count as numbers. `--list` prints the sentences that are too long or have
+too many numbers.
 """
 
 from __future__ import annotations

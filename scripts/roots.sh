@@ -18,7 +18,8 @@ make_root() {
   mv "$root.part" "$root"
 }
 
-# inside ROOT FOLDER COMMAND...: runs a command in a folder of the root. Its mounts end with the command.
+# inside ROOT FOLDER COMMAND...: runs a command in a folder of the root. The mounts of the root exist only while
+# the command runs.
 inside() {
   local root
   root=$(realpath "$1")

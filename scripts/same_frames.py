@@ -24,8 +24,8 @@ def main() -> int:
         for name, frame in zip(names, frames, strict=True):
             file = data / name / f"training/velodyne/{number:06d}.bin"
             if simulation.points(frame).tobytes() != file.read_bytes():
-                raise SystemExit(f"{file}: other points by the bindings than by the binary")
-    print(f"{count} frames of {len(names)} LiDARs: the bindings give the bytes of the binary")
+                raise SystemExit(f"{file}: the bindings give other points than the binary")
+    print(f"{count} frames of {len(names)} LiDARs: the bindings and the binary give the same bytes")
     return 0
 
 

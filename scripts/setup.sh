@@ -2,8 +2,8 @@
 # Installs the missing packages of the named groups:
 #   scripts/setup.sh build test dev
 # A group is a group of scripts/apt-packages.txt, an extra of pyproject.toml, or both.
-# `build` has the package's own requirements and comes first. `compile` is the part of it that compiling
-# needs.
+# `build` has the package's own requirements and comes first. `compile` is the part of `build` that
+# compiling needs.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 constraints=scripts/constraints.txt
@@ -65,7 +65,7 @@ pip_install() {
 # the CUDA build, which pip would otherwise choose because its hash is in the constraints.
 install_torch_for_cpu() {
   pip_install "$(sed -n 's/^\(torch==[0-9.]*\) .*/\1+cpu/p' $constraints)" 2>/dev/null ||
-    echo "setup: pip finds no PyTorch for a CPU; PyPI's brings CUDA"
+    echo "setup: pip finds no CPU build of PyTorch; the build on PyPI includes CUDA"
 }
 
 make_environment() {

@@ -22,7 +22,7 @@ fi
 "$try/bin/infrasim" --version
 "$try/bin/python" -c "import pyinfra, pyinfra._core as core; assert core.version() == pyinfra.__version__"
 "$try/bin/python" -c "from pyinfra.viz.viewer.page import library; library()"
-# The package must detect without PyTorch, and know scene, LiDAR and detector by name.
+# The package must run a detector without PyTorch, and find scenes, LiDARs and detectors by name.
 "$try/bin/python" - <<'EOF'
 import sys
 import pyinfra as pi

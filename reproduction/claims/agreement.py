@@ -13,7 +13,7 @@ from reproduction.paper_tables import paper_ap
 
 CASE = ["scene", "lidar", "detector"]
 LEAST_EXPERIMENTS = 3
-REPLICATES = 9999  # random permutations; for up to 7 experiments every permutation is used
+REPLICATES = 9999  # random permutations; with up to 7 experiments, all permutations are used
 
 
 def paper_table(experiments: pd.DataFrame) -> pd.DataFrame:

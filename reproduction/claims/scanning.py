@@ -149,7 +149,9 @@ def gentle(vehicles: Observations, blocks: Blocks) -> Row:
 def deskew(instant: Observations, exact: Observations, blocks: Blocks) -> list[Row]:
     """Tests by how much `instant` changes the points inside boxes of moving vehicles, by LiDAR."""
     if not np.array_equal(np.unique(instant.frame), np.unique(exact.frame)):
-        raise Error("instant and exact: expected the same frames, got others")
+        raise Error(
+            "instant and exact: expected the same frames in both data sets, got other frames"
+        )
     change = aggregation_change(_within(instant, WHOLE_M), _within(exact, WHOLE_M), blocks)
     rows = []
     for row in change[change.counted == "points_in_box"].itertuples():
@@ -196,7 +198,9 @@ def claims_table(folders: Sequence[Path]) -> pd.DataFrame:
         if data.aggregation == "instant":
             continue
         if data.aggregation != "exact":
-            raise Error(f"{data.folder}: expected exact or instant, got {data.aggregation}")
+            raise Error(
+                f"{data.folder}: aggregation: expected exact or instant, got {data.aggregation}"
+            )
         for row in claims_of(data, instants.pop(_key(data), None)):
             origin = {"command": command, "seed": data.seed, "version": data.version}
             rows.append({**columns_of(row), "preset": data.preset, **origin})

@@ -1,10 +1,10 @@
-"""Fits and checks how likely a detector finds an object that a LiDAR sees, for `pyinfra plan`.
+"""Fits and checks how likely a detector finds an object with LiDAR points, for `pyinfra plan`.
 
 The command simulates generated sites from several poses each, with labels at the time of the scan,
 and runs the pretrained detector and Background. It stores a file for each run in --work. Run it
 again to resume; several processes can share the work with --part. It fits the laws on the sites of
---fit and checks AP and recall on those of --check, where other traffic is measured than that of
-the prediction. It writes
+--fit. It checks AP and recall on the sites of --check. There, the prediction and the measurement
+use different traffic. It writes
 
 - NAME.json, the file of pyinfra/experiments/planner
 - NAME.csv, predicted and measured figures of each checked pose and traffic seed
@@ -49,7 +49,7 @@ MOST_OBJECT_ROWS = 400  # rows of one run in the fit; more rows of one pose add 
 def fit(
     runs: list[Run], detector: str, work: Path, *, person: bool
 ) -> dict[str, list[list[float]]]:
-    """Returns the coefficients of a class: of all sites, then of resampled sites."""
+    """Returns the coefficients of a class: fitted to all sites, then to resampled sites."""
     terms, scores, sites, false, seen, of_frames, of_site = [], [], [], [], [], [], []
     rng = np.random.default_rng(1)
     for run in runs:

@@ -85,7 +85,7 @@ def rewritten(page: Path) -> str:
     def table(match: re.Match[str]) -> str:
         begin, name, _, end = match.groups()
         if name not in TABLES:
-            raise Error(f"{page}: expected {', '.join(TABLES)}, got table '{name}'")
+            raise Error(f"{page}: expected one of the tables {'; '.join(TABLES)}; got '{name}'")
         return begin + TABLES[name]() + end
 
     return BLOCK.sub(table, page.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""Compares predicted AP and recall with measured ones at sites that the fit has not seen.
+"""Compares predicted with measured AP and recall at sites that were not used in the fit.
 
 A prediction uses what the LiDAR sees of the site's own traffic. AP and recall are measured with
 other seeds of the traffic. A group is one site and LiDAR with several poses.
@@ -204,7 +204,7 @@ def _correlation(a: FloatArray, b: FloatArray) -> float:
 
 
 def _regret(group: pd.DataFrame, predictor: str) -> float:
-    """Returns how much AP the pose of the best prediction has less than the best pose."""
+    """Returns the AP of the best pose minus the AP of the pose with the best prediction."""
     a, b = _means(group, predictor, "ap_measured")
     return float(b.max() - b[a.argmax()])
 

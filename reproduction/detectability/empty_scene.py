@@ -5,9 +5,9 @@ fills it. A beam reaches the voxels between the LiDAR and its return in the empt
 
 - coverage: share of the voxels with p > 0 that a beam reaches
 - information: sum of the entropy of p over these voxels, in bits. This is the entropy-guided
-  visibility score of Jiang et al. (arXiv 2504.06772), from its formula.
+  visibility score of Jiang et al. (arXiv 2504.06772), computed by the formula of the paper.
 
-Neither measure knows that vehicles hide each other.
+Both measures ignore that vehicles hide each other.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def reached_voxels(start: FloatArray, ends: FloatArray, filled: Occupancy) -> Bo
     reached = np.zeros(filled.probability.shape, bool)
     top = filled.corner[2] + filled.probability.shape[2] * VOXEL_M[2]
     fall = (start[2] - top) / np.maximum(start[2] - ends[:, 2], 1e-9)
-    # The share of its length at which a beam comes down to the height of the grid.
+    # The share of a beam's length at which the beam comes down to the height of the grid.
     enters = np.clip(fall, 0, 1) if start[2] > top else np.zeros(len(ends))
     length = np.linalg.norm(ends - start, axis=1)
     for i in range(0, len(ends), BEAMS_AT_ONCE):

@@ -75,7 +75,7 @@ class Outcome:
 
     objects: pd.DataFrame
     frames: int
-    ap: dict[str, float]  # of the vehicles, by detector
+    ap: dict[str, float]  # AP of the vehicles, by detector
     false: dict[str, FloatArray]  # scores of false vehicle boxes, by detector
     false_people: dict[str, FloatArray]
 
@@ -114,7 +114,7 @@ def scene_file_of(seed: int, work: Path) -> Path:
 
 
 def poses_of(site: PlanSite, count: int) -> FloatArray:
-    """Returns the scene's pose, then random ones of the candidates within WITHIN_M: (count, 5)."""
+    """Returns the scene's pose, then random candidate poses within WITHIN_M: (count, 5)."""
     mount = site.mount_keys
     scene_pose = [mount["x_m"], mount["y_m"], mount["z_m"], mount["yaw_deg"], mount["pitch_deg"]]
     grid = PoseGrid(every_m=8.0, heights_m=(4.0, 5.0, 6.0, 7.0, 8.0, 10.0))

@@ -104,7 +104,7 @@ def _against_paper(material: Material, done: pd.DataFrame, paper: pd.Series) -> 
     ]
     caption = (
         f"{AP_R40} of this benchmark (preset paper, with 95 % intervals) against the paper's "
-        f"{AP_R40}. Both are equal on the line."
+        f"{AP_R40}. On the line, both values are equal."
     )
     return [Figure("figure-ap-paper", caption, panels, source, legend)]
 

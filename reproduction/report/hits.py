@@ -80,8 +80,8 @@ def _figure(material: Material, rows: pd.DataFrame, source: TableFile) -> Figure
     lidars = material.names.sorted(rows.lidar)
     legend = [LegendEntry(material.names.label(x), _swatch(material, x)) for x in lidars]
     caption = (
-        "Points per frame, simulated (preset paper) against the paper's. Both are equal on the "
-        "line."
+        "Points per frame, simulated (preset paper) against the paper's. On the line, both "
+        "values are equal."
     )
     return Figure("figure-hits", caption, panels, source, legend)
 

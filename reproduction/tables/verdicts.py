@@ -148,7 +148,7 @@ def _sd(table: pd.Series, key: tuple[str, str]) -> str:
 
 
 def seeds() -> str:
-    """Returns the half-width of the interval of the Avia less 128 lines, by replicates."""
+    """Returns the half-width of the interval of the Avia's AP minus that of 128 lines."""
     table = results("variance")
     table = table[table.quantity == DIFFERENCE].set_index(["judge", "component"]).sd
     setups = [setup for setup in SETUPS if (setup, "seed") in table.index]

@@ -159,7 +159,7 @@ def test_deskew_is_the_change_of_the_points_in_the_box() -> None:
     rows = scanning.claims(exact, blocks(), instant)[6:10]
     assert [row.value for row in rows] == pytest.approx([-2, -20, -6, 20])
     assert [row.verdict for row in rows] == ["fails", "holds", "holds", "holds"]
-    with pytest.raises(ValueError, match="expected the same frames, got others"):
+    with pytest.raises(ValueError, match="expected the same frames in both data sets"):
         scanning.deskew(instant.select(instant.frame > 0), exact, blocks())
 
 
