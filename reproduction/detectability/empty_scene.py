@@ -54,14 +54,15 @@ def occupancy(file: Path, frames: int = OCCUPANCY_FRAMES) -> Occupancy:
     rows = site.observer.present([*site.frames])
     person = np.isin([OBJECT_NAMES[int(c)] for c in rows["class_id"]], PERSON_TYPES)
     rows = rows[~person]
-    samples = np.concatenate([_inside(row) for row in rows])
-    frame = np.repeat(rows["frame"], [len(_inside(row)) for row in rows])
+    of_boxes = [_inside(row) for row in rows]
+    samples = np.concatenate(of_boxes)
+    frame = np.repeat(rows["frame"].astype(np.int64), [len(points) for points in of_boxes])
     corner = samples.min(0)
     index = ((samples - corner) / VOXEL_M).astype(np.int64)
     shape = index.max(0) + 1
     flat = np.ravel_multi_index(tuple(index.T), tuple(shape))
-    pairs = np.unique(np.stack([frame.astype(np.int64), flat], axis=1), axis=0)
-    counts = np.bincount(pairs[:, 1], minlength=int(shape.prod()))
+    size = int(shape.prod())
+    counts = np.bincount(np.unique(frame * size + flat) % size, minlength=size)
     return Occupancy(corner, counts.reshape(shape) / len(site.frames))
 
 
@@ -111,8 +112,9 @@ def reached_voxels(start: FloatArray, ends: FloatArray, filled: Occupancy) -> Bo
     # The share of a beam's length at which the beam comes down to the height of the grid.
     enters = np.clip(fall, 0, 1) if start[2] > top else np.zeros(len(ends))
     length = np.linalg.norm(ends - start, axis=1)
+    order = np.argsort((1 - enters) * length)  # beams of equal length need equally many samples
     for i in range(0, len(ends), BEAMS_AT_ONCE):
-        part = slice(i, i + BEAMS_AT_ONCE)
+        part = order[i : i + BEAMS_AT_ONCE]
         most = float(((1 - enters[part]) * length[part]).max(initial=0))
         steps = np.linspace(0, 1, max(2, int(np.ceil(most / STEP_M)) + 1))
         share = enters[part, None] + (1 - enters[part, None]) * steps
