@@ -134,13 +134,14 @@ def summary(table: pd.DataFrame) -> Iterator[dict[str, object]]:
 def row(measure: str, predictor: str, values: FloatArray) -> dict[str, object]:
     """Returns the mean over groups with its 95 % interval, from resampled groups."""
     values = values[np.isfinite(values)]
+    names = {"measure": measure, "predictor": predictor, "groups": len(values)}
+    if not len(values):
+        return names | dict.fromkeys(("value", "low", "high", "median"), float("nan"))
     rng = np.random.default_rng(1)
     means = rng.choice(values, (REPLICATES, len(values))).mean(1)
     low, high = np.quantile(means, [0.025, 0.975])
     return {
-        "measure": measure,
-        "predictor": predictor,
-        "groups": len(values),
+        **names,
         "value": values.mean(),
         "low": low,
         "high": high,
