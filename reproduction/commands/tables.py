@@ -71,6 +71,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "sites": sites.sites,
     "predictors of AP": placement.predictors,
     "errors of the prediction": placement.errors,
+    "predictors by traffic": placement.by_traffic,
     "reliability": placement.reliability,
     "what a place is worth": partial(placement.placement, "place"),
     "order of LiDARs over poses": partial(placement.placement, "order"),

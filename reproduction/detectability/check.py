@@ -128,6 +128,12 @@ def summary(table: pd.DataFrame) -> Iterator[dict[str, object]]:
         values = per_group(table, partial(_regret, predictor=predictor))
         yield row("regret of the best pose, AP", predictor, values)
     yield row("r within a site", "another seed", per_group(table, _seed_r))
+    density = table.groupby(GROUP).vehicles_per_frame.transform("mean")
+    middle = density.groupby([table[name] for name in GROUP]).first().median()
+    for part, half in (("less", table[density < middle]), ("more", table[density >= middle])):
+        for predictor in PREDICTORS:
+            values = per_group(half, partial(_r, predictor=predictor))
+            yield row(f"r within a site with {part} traffic", predictor, values)
     yield row("regret of the best pose, AP", "another seed", per_group(table, _seed_regret))
 
 

@@ -32,9 +32,32 @@ def predictors() -> str:
         for predictor, name in PREDICTORS.items():
             r = table.loc[(detector, "r within a site", predictor)]
             regret = table.loc[(detector, "regret of the best pose, AP", predictor)]
-            between = f"{r.value:.2f} [{r.low:.2f}, {r.high:.2f}]"
-            rows.append([detector, name, between, f"{r['median']:.2f}", _cell(regret)])
+            rows.append([detector, name, _two_digits(r), f"{r['median']:.2f}", _cell(regret)])
     return markdown(["detector", "predictor", "r within a site", "median r", "regret, AP"], rows)
+
+
+def by_traffic() -> str:
+    """Returns a table of the correlation of each predictor at sites with less and more traffic."""
+    table = results("detectability_summary").set_index(["detector", "measure", "predictor"])
+    rows = [
+        [
+            detector,
+            name,
+            *(
+                _two_digits(
+                    table.loc[(detector, f"r within a site with {part} traffic", predictor)]
+                )
+                for part in ("less", "more")
+            ),
+        ]
+        for detector in table.index.unique(0)
+        for predictor, name in list(PREDICTORS.items())[:-1]
+    ]
+    return markdown(["detector", "predictor", "r, less traffic", "r, more traffic"], rows)
+
+
+def _two_digits(row: pd.Series) -> str:
+    return f"{row.value:.2f} [{row.low:.2f}, {row.high:.2f}]"
 
 
 def errors() -> str:

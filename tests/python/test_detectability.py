@@ -75,6 +75,7 @@ def made_up(prediction: list[float], measured: list[float], noise: float = 0.0) 
                 "ten_points_percent": p,
                 "coverage_percent": -p,
                 "information_bits": 1.0,
+                "vehicles_per_frame": 9.0,
             }
             for pose, (p, m) in enumerate(zip(prediction, measured, strict=True))
             for seed in CHECK_SEEDS
