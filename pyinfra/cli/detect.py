@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from functools import partial
 from pathlib import Path
@@ -33,6 +34,7 @@ from pyinfra.models.inference.folder import (
     learnt_warning,
     others_warning,
     place,
+    region_warning,
     warn_of_height,
 )
 from pyinfra.models.inference.threads import checked_threads
@@ -195,6 +197,12 @@ def _in_folder(args: argparse.Namespace, model: Path) -> FolderDetections:
     (data,) = args.inputs
     files = frame_files(data, args.split, args.max_frames, args.frames)
     site = place(data, args.height_m, args.region)
+    if text := region_warning(model, site):
+        command = shlex.join(["pyinfra", "region", str(data), "--out", "outline.yaml"])
+        draw = (
+            f"`{command}` proposes an outline, and --region takes it, here and in `pyinfra import`"
+        )
+        warn(f"{text}: {draw}", args)
     allowed = args.allow_transfer
     if text := learnt_warning(model, data, args.split, allow_transfer=allowed):
         warn(text, args)
@@ -214,6 +222,8 @@ def _in_clouds(args: argparse.Namespace, model: Path) -> FolderDetections:
     check_single(model, accumulation_of(model).frames)
     site = place(None, args.height_m, args.region)
     detector = detector_at_place(model, site, args.device, checked_threads(args.threads))
+    if text := region_warning(model, site):
+        warn(f"{text}: --region takes an outline of the road", args)
     read, notes = cloud_reader(args.inputs)
     for note in notes:
         warn(note, args)

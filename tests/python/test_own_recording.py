@@ -6,12 +6,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.core.errors import FormatError
+from pyinfra.dataset.frame_sequence import BOX
 from pyinfra.dataset.ground import ground_of, shape_heights
 from pyinfra.dataset.road_plane import find_plane
 from pyinfra.exchange.data_set import LidarFacts
@@ -282,7 +285,7 @@ def test_a_wrong_height_of_a_lone_cloud_is_reported(
         str(write(tmp_path / "as_is", clouds) / "cloud_0.bin"),
     ]
     assert main.main([*words, "--height-m", "6.1"]) == 0
-    assert "warning" not in capsys.readouterr().err
+    assert "the road in the clouds" not in capsys.readouterr().err
     assert main.main([*words, "--height-m", "5.5"]) == 0
     assert (
         "--height-m is 5.5 m, but the road in the clouds is 6.00 m below" in capsys.readouterr().err
@@ -598,3 +601,39 @@ def test_boxes_of_a_lone_bin_do_not_depend_on_its_columns(
     assert (its_names, its_boxes.tolist()) == (names, boxes.tolist())
     assert "a point of a .bin file has 3 float32" in said
     assert "intensities are set to 0" in said
+
+
+# --- no region
+
+
+def test_frames_without_a_region_are_warned_of_once(
+    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Frames with roads or an outline are not; nor are detectors that know their region."""
+    folder, _ = taken(write(tmp_path / "source", clouds_of(site, "helios_16")))
+    outline = tmp_path / "outline.yaml"
+    outline.write_text("outline_m: [[-90, -16], [90, -16], [90, 16], [-90, 16]]\n")
+    words = ["--model", "generalist", "--max-frames", "2", "--out"]
+    capsys.readouterr()
+    assert main.main(["detect", str(folder), *words, str(tmp_path / "boxes")]) == 0
+    lines = [line for line in capsys.readouterr().err.splitlines() if "region" in line]
+    assert len(lines) == 1
+    assert "boxes off the road are kept" in lines[0]
+    assert f"pyinfra region {folder} --out" in lines[0]
+    for data, more in ((folder, ["--region", str(outline)]), (site / "helios_16", [])):
+        boxes = str(tmp_path / f"boxes_{data.name}")
+        assert main.main(["detect", str(data), *words, boxes, *more]) == 0
+        assert "region" not in capsys.readouterr().err
+    cloud = str(kitti.frame_file(folder, "velodyne", 0))
+    for more, lines_of_region in (([], 1), (["--region", str(outline)], 0)):
+        lone = ["detect", cloud, "--model", "generalist", "--height-m", "6", *more]
+        assert main.main(lone) == 0
+        assert capsys.readouterr().err.count("region") == 2 * lines_of_region
+    frames = pi.load_dataset(folder)[:2]
+    with pytest.warns(UserWarning, match="no region is known") as warned:
+        pi.detect("generalist", frames)
+    assert len(warned) == 1
+    pi.detect("generalist", frames, region=outline)
+    pi.detect("generalist", pi.load_dataset(site / "helios_16")[:2])
+    pi.detect(lambda _: pd.DataFrame(columns=BOX), frames)
+    pi.detect(pi.train("background", folder, work=tmp_path / "model"), frames)

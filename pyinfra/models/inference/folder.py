@@ -171,6 +171,16 @@ def warn_of_height(
             warn(text)
 
 
+def region_warning(model: Path, where: Place) -> str:
+    """Returns a warning if no region limits where a network finds boxes; else an empty text.
+
+    A background model has the region of its training.
+    """
+    if where.region is not None or model.suffix == ".npz":
+        return ""
+    return "no region is known, so boxes off the road are kept"
+
+
 def learnt_warning(
     model: Path, lidar_folder: Path, split: str | None, *, allow_transfer: bool
 ) -> str:
