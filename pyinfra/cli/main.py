@@ -54,6 +54,7 @@ COMMANDS = (
     Command("validate", "pyinfra.cli.validate", "check data sets and predictions"),
     Command("train", "pyinfra.cli.train", "train a detector on frames"),
     Command("detect", "pyinfra.cli.detect", "run a trained detector and measure its latency"),
+    Command("region", "pyinfra.cli.region", "propose an outline of the road for a recording"),
     Command("stress", "pyinfra.cli.stress", "find the conditions in which detectors fail"),
     Command("onnx", "pyinfra.cli.onnx", "export a dense detector as an ONNX file"),
     Command("benchmark", "pyinfra.cli.benchmark", "measure accuracy, speed and price"),
@@ -69,7 +70,7 @@ COMMANDS = (
 GROUPS = {
     "Simulate (with infrasim run)": ("lidars", "pictures", "view", "split"),
     "Sites": ("site", "sites"),
-    "Detect": ("train", "detect", "onnx"),
+    "Detect": ("train", "region", "detect", "onnx"),
     "Evaluate": ("statistics", "validate", "evaluate", "stress"),
     "Compare and choose": ("demo", "compare", "benchmark", "recommend", "plan", "report"),
     "Exchange": ("import", "export"),

@@ -85,6 +85,11 @@ def _detect(args: argparse.Namespace) -> Words:
     return ["pyinfra", "view", data, "--pred", args.out, "--out", args.out / "view.html"]
 
 
+def _region(args: argparse.Namespace) -> Words:
+    boxes = args.out.parent / f"{args.out.stem}_boxes"
+    return ["pyinfra", "detect", args.data, "--region", args.out, "--out", boxes]
+
+
 def _onnx(args: argparse.Namespace) -> Words:
     return ["pyinfra", "benchmark", "first_look", "--out", args.out.parent / "first_look"]
 
@@ -163,6 +168,7 @@ NEXT: dict[str, Callable[[argparse.Namespace], Words]] = {
     "sites": _sites,
     "train": _train,
     "detect": _detect,
+    "region": _region,
     "onnx": _onnx,
     "statistics": _statistics,
     "validate": _validate,

@@ -17,6 +17,7 @@ COMMANDS = {
     "site": "site draw sites/town --out plan.svg",
     "sites": "sites --out generated",
     "train": "train background data/pole --out runs/a",
+    "region": "region data/pole --out outline.yaml",
     "detect": "detect data/pole --out boxes",
     "onnx": "onnx runs/a --out a.onnx",
     "statistics": "statistics data --out out",

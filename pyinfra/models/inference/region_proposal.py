@@ -1,0 +1,326 @@
+"""Proposes an outline of the road from the positions of moving vehicles in a recording.
+
+The steps are:
+
+1. The static background of the recording is learnt. The other points are clustered.
+2. Clusters are linked over frames. A track that moves far and smoothly is a vehicle. Leaves do not
+   move far, and pedestrians are too slow.
+3. The footprints of the vehicles are marked in a grid. Gaps between lanes are closed.
+4. The boundary of the largest connected area becomes a polygon with few corners.
+
+A lane on which no vehicle drives during the recording is not part of the outline.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import binary_fill_holes, distance_transform_edt, gaussian_filter, label
+
+from pyinfra.core.arrays import BoolArray, FloatArray, Points
+from pyinfra.core.errors import Error
+from pyinfra.core.files import write
+from pyinfra.core.progress import track
+from pyinfra.dataset.frames import frame_numbers, period_of
+from pyinfra.dataset.ground import Ground, ground_of
+from pyinfra.dataset.outlines import first_crossing, in_outline
+from pyinfra.formats import kitti
+from pyinfra.metrics.label_free_quality import BoxSeries, links, tracks
+from pyinfra.models.detectors.background import DEFAULT, Background
+from pyinfra.models.training.sources import spread
+from pyinfra.models.training.train import BACKGROUND_FRAMES
+
+LEAST_S = 30.0  # minimum duration of the recording
+LEAST_VEHICLES = 5  # minimum number of tracks of vehicles
+MOST_SPACING_S = 0.25  # with more time between frames, boxes of leaves are linked to tracks
+SPACING_S = 0.2  # time between the frames that are used, if the recording has as many
+# Maximum number of frames that are used. They are WINDOWS windows of consecutive frames.
+MOST_FRAMES = 600
+WINDOWS = 20
+LEAST_SCORE = 0.2  # clusters with a lower score have too few points, or are too large
+# A vehicle is faster than a pedestrian. Over a time of WINDOW_S, its boxes are at most UNIFORM_M
+# away from a uniform motion.
+SLOWEST_M_S = 2.5
+WINDOW_S = 1.2
+UNIFORM_M = 1.0
+LEAST_SHARE = 0.05  # minimum share of boxes of vehicles among the boxes near a position
+NEAR_M = 2.0  # standard deviation of the distances that are near
+CELL_M = 0.5
+AHEAD_M = 15.0  # vehicles drive straight on before and after their path
+HALF_WIDTH_M = 1.3  # of a vehicle
+CLOSED_M = 8.0  # radius of the closing, which fills gaps between lanes
+LEAST_PART = 0.01  # smaller parts of the area are left out; share of the marked cells
+STRIP_M = 3.0  # half the width of the strips that join the parts
+MARGIN_M = 1.0  # added around the closed area
+MOST_CORNERS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A proposed outline, and how well it fits the recording."""
+
+    corners: FloatArray  # (m, 2) levelled LiDAR frame, metres
+    area_m2: float
+    vehicles: int  # number of vehicle tracks; a vehicle may have several
+    inside_share: float  # share of the vehicles' boxes whose centre is inside
+    moving_share: float  # share of the moving points inside; leaves beside the road move too
+
+
+def propose_of_folder(lidar_folder: Path) -> Proposal:
+    """Proposes an outline for the frames of a LiDAR's folder.
+
+    Raises the errors of `propose_outline`, and FormatError for an invalid frame.
+    """
+    numbers, period_s = frame_numbers(lidar_folder, "all"), period_of(lidar_folder)
+    road = ground_of(lidar_folder) if (lidar_folder / "lidar.yaml").is_file() else None
+    try:
+        return propose_outline(partial(_cloud, lidar_folder), numbers, period_s, road)
+    except Error as error:
+        raise Error(f"{lidar_folder}: {error}") from None
+
+
+def write_outline(file: Path, corners: FloatArray) -> None:
+    """Writes corners (m, 2) as an outline file, which `read_outline` reads."""
+    pairs = ", ".join(f"[{x:g}, {y:g}]" for x, y in np.round(corners, 1))
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write(file, f"outline_m: [{pairs}]\n")
+
+
+def _cloud(lidar_folder: Path, number: int) -> Points:
+    return kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", number))
+
+
+def propose_outline(
+    cloud_of: Callable[[int], Points],
+    numbers: Sequence[int],
+    period_s: float,
+    road: Ground | None = None,
+) -> Proposal:
+    """Proposes an outline for the frames of a fixed sensor.
+
+    cloud_of: maps a frame number to points (n, 4) in the levelled LiDAR frame. numbers: frame
+    numbers, ascending. road: height of the road, if it has a relief. Raises Error if the recording
+    is shorter than LEAST_S, has less than four frames per second, or has fewer than LEAST_VEHICLES
+    tracks of vehicles.
+    """
+    seconds = (numbers[-1] - numbers[0]) * period_s if len(numbers) > 0 else 0.0
+    if seconds < LEAST_S:
+        raise Error(f"expected a recording of {LEAST_S:g} s or more, got {seconds:g} s")
+    gap = round(float(np.median(np.diff(numbers))))  # frames may be every second one, for example
+    if gap * period_s > MOST_SPACING_S:
+        raise Error(
+            f"expected {MOST_SPACING_S:g} s or less between frames, got {gap * period_s:g} s"
+        )
+    stride = gap * max(1, round(SPACING_S / (gap * period_s)))
+    chosen = in_windows([k for k in numbers if (k - numbers[0]) % stride == 0])
+    learnt = [cloud_of(k) for k in spread(chosen, BACKGROUND_FRAMES)]
+    background = Background.learn(learnt, DEFAULT, None, road)
+    seen, moving = _clusters(background, cloud_of, chosen, stride)
+    driven, paths = vehicle_paths(seen, period_s * stride)
+    count = len(np.unique(tracks(links(seen, period_s * stride))[driven]))
+    if count < LEAST_VEHICLES:
+        raise Error(
+            f"expected {LEAST_VEHICLES} or more tracks of vehicles, got {count} in {seconds:g} s, "
+            f"with {stride * period_s:g} s between frames"
+        )
+    corners = outline_of(paths)
+    x, y = corners.T
+    return Proposal(
+        corners,
+        abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2,
+        count,
+        float(in_outline(corners, seen.boxes[driven], 0).mean()),
+        float(in_outline(corners, moving, 0).mean()),
+    )
+
+
+def _clusters(
+    background: Background, cloud_of: Callable[[int], Points], chosen: Sequence[int], stride: int
+) -> tuple[BoxSeries, FloatArray]:
+    """Returns the clusters of all chosen frames, and x, y of all moving points (k, 2).
+
+    Frame numbers of the clusters are divided by the stride.
+    """
+    frames, boxes, scores, moving = [], [], [], []
+    for number in track(chosen, "frame"):
+        points = cloud_of(number)
+        clusters = background.predict(points)
+        keep = clusters.scores >= LEAST_SCORE
+        frames.append(np.full(int(keep.sum()), (number - chosen[0]) // stride))
+        boxes.append(clusters.boxes[keep])
+        scores.append(clusters.scores[keep])
+        moving.append(background.moving(points)[:, :2].astype(np.float64))
+    series = BoxSeries(np.concatenate(frames), np.concatenate(boxes), np.concatenate(scores))
+    return series, np.concatenate(moving)
+
+
+def in_windows(numbers: Sequence[int]) -> list[int]:
+    """Returns at most MOST_FRAMES of the numbers, in windows that are evenly distributed."""
+    if len(numbers) <= MOST_FRAMES:
+        return list(numbers)
+    length = MOST_FRAMES // WINDOWS
+    starts = np.linspace(0, len(numbers) - length, WINDOWS).astype(int)
+    return sorted({numbers[i] for start in starts for i in range(start, start + length)})
+
+
+def vehicle_paths(seen: BoxSeries, period_s: float) -> tuple[BoolArray, FloatArray]:
+    """Returns which boxes belong to moving vehicles (n,), and the vehicles' paths (p, 2, 2).
+
+    A vehicle moves nearly uniformly for WINDOW_S. Its path is the start x, y and the end x, y of
+    this motion. Boxes on leaves move uniformly only by chance, so that they are a small share of
+    the boxes at their position.
+    """
+    after = links(seen, period_s)
+    count = round(WINDOW_S / period_s)
+    chain = [np.arange(len(seen))]
+    uniform = np.ones(len(seen), np.bool_)
+    for _ in range(count):
+        uniform &= after[chain[-1]] >= 0
+        chain.append(np.where(uniform, after[chain[-1]], chain[-1]))
+    xy = seen.boxes[:, :2]
+    gone = xy[chain[-1]] - xy
+    uniform &= np.linalg.norm(gone, axis=1) >= SLOWEST_M_S * count * period_s
+    for i, rows in enumerate(chain):
+        off_m = np.linalg.norm(xy[rows] - xy - i / count * gone, axis=1)
+        uniform &= off_m <= UNIFORM_M
+    driven = np.zeros(len(seen), np.bool_)
+    for rows in chain:
+        driven[rows[uniform]] = True
+    common = _share_near(xy, driven) >= LEAST_SHARE
+    starts = np.flatnonzero(uniform & common)
+    return driven & common, np.stack([xy[starts], xy[chain[-1][starts]]], axis=1)
+
+
+def _share_near(xy: FloatArray, chosen: BoolArray) -> FloatArray:
+    """Returns the share of chosen positions among all positions near each position: (n,)."""
+    cell = np.floor(xy - xy.min(axis=0, initial=0)).astype(int)
+    size = cell.max(axis=0, initial=0) + 1
+    counts = [np.zeros(size), np.zeros(size)]
+    np.add.at(counts[0], tuple(cell[chosen].T), 1)
+    np.add.at(counts[1], tuple(cell.T), 1)
+    some, total = (gaussian_filter(grid, NEAR_M)[tuple(cell.T)] for grid in counts)
+    return np.asarray(some / total)
+
+
+def outline_of(paths: FloatArray) -> FloatArray:
+    """Returns the corners (m, 2) of the area of paths (p, 2, 2) with a start and an end x, y."""
+    cells, low = path_cells(paths)
+    area = _within(cells, HALF_WIDTH_M)
+    area = joined(closed(area, CLOSED_M), round(LEAST_PART * area.sum()))
+    area = binary_fill_holes(_within(area, MARGIN_M))
+    return simplified(low + CELL_M * boundary(area))
+
+
+def path_cells(paths: FloatArray) -> tuple[BoolArray, FloatArray]:
+    """Returns the cells (rows along x) on paths, and x, y of the grid's low corner.
+
+    Each path is extended by AHEAD_M at both ends. The grid has a margin for the later steps.
+    """
+    along = paths[:, 1] - paths[:, 0]
+    along = AHEAD_M * along / np.linalg.norm(along, axis=1, keepdims=True)
+    start, end = paths[:, 0] - along, paths[:, 1] + along
+    count = int(np.ceil(2 * np.linalg.norm(end - start, axis=1).max() / CELL_M))
+    share = np.linspace(0, 1, count)[:, None, None]
+    xy = (start + share * (end - start)).reshape(-1, 2)
+    pad_m = CLOSED_M + HALF_WIDTH_M + MARGIN_M + STRIP_M
+    low = xy.min(axis=0) - pad_m
+    cell = ((xy - low) / CELL_M).astype(int)
+    cells = np.zeros(cell.max(axis=0) + 2 + int(pad_m / CELL_M), np.bool_)
+    cells[tuple(cell.T)] = True
+    return cells, low
+
+
+def closed(marked: BoolArray, radius_m: float) -> BoolArray:
+    """Returns the cells after a morphological closing with a disc."""
+    return np.asarray(marked | ~_within(~_within(marked, radius_m), radius_m))
+
+
+def joined(area: BoolArray, least_cells: int) -> BoolArray:
+    """Returns one connected area: parts of least_cells cells or more, joined by straight strips."""
+    parts, count = label(area)
+    sizes = np.bincount(parts.ravel(), minlength=count + 1)
+    rest = [i for i in range(1, count + 1) if sizes[i] >= least_cells]
+    whole = parts == 1 + np.argmax(sizes[1:])
+    while rest:
+        away, nearest = distance_transform_edt(~whole, return_indices=True)
+        gaps = [np.where(parts == i, away, np.inf) for i in rest]
+        best = int(np.argmin([gap.min() for gap in gaps]))
+        end = np.array(np.unravel_index(np.argmin(gaps[best]), area.shape))
+        start = nearest[:, *end]
+        length = int(np.abs(end - start).max())
+        strip = np.zeros_like(area)
+        strip[tuple(np.linspace(start, end, 2 * length + 1).round().astype(int).T)] = True
+        whole |= (parts == rest.pop(best)) | _within(strip, STRIP_M)
+    return whole
+
+
+def _within(area: BoolArray, distance_m: float) -> BoolArray:
+    """Returns the cells within a distance of an area."""
+    return np.asarray(distance_transform_edt(~area) * CELL_M <= distance_m)
+
+
+def boundary(area: BoolArray) -> FloatArray:
+    """Returns the corners (k, 2) around a connected area without holes, in cells.
+
+    The area does not touch the edge of the grid.
+    """
+    following: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    # The area is on the left of each side. (di, dj): the neighbour beyond the side.
+    for (di, dj), start, end in (
+        ((0, -1), (0, 0), (1, 0)),
+        ((1, 0), (1, 0), (1, 1)),
+        ((0, 1), (1, 1), (0, 1)),
+        ((-1, 0), (0, 1), (0, 0)),
+    ):
+        for i, j in np.argwhere(area & ~np.roll(area, (-di, -dj), axis=(0, 1))).tolist():
+            corner = (i + start[0], j + start[1])
+            following.setdefault(corner, []).append((i + end[0], j + end[1]))
+    at = min(following)
+    loop, last = [at], (0, 0)
+    while True:
+        # Where two cells only touch at a corner, the path turns left and stays at its cell.
+        ends = following[at]
+        ends.sort(key=lambda e: last[0] * (e[1] - at[1]) - last[1] * (e[0] - at[0]))
+        end = ends.pop()
+        last, at = (end[0] - at[0], end[1] - at[1]), end
+        if at == loop[0]:
+            return np.array(loop, np.float64)
+        loop.append(at)
+
+
+def simplified(corners: FloatArray) -> FloatArray:
+    """Returns an outline with at most MOST_CORNERS corners whose sides do not cross: (m, 2).
+
+    The method is that of Douglas and Peucker, with the smallest tolerance that suffices.
+    """
+    tolerance_m = CELL_M
+    while True:
+        kept = _kept(corners, tolerance_m)
+        if len(kept) <= MOST_CORNERS and first_crossing(kept) is None:
+            return kept
+        tolerance_m *= 1.2
+
+
+def _kept(corners: FloatArray, tolerance_m: float) -> FloatArray:
+    """Returns the corners (k, 2) whose removal would move the outline by more than a tolerance."""
+    far = int(np.linalg.norm(corners - corners[0], axis=1).argmax())
+    ring = np.concatenate([corners, corners[:1]])
+    keep = {0, far}
+    parts = [(0, far), (far, len(corners))]
+    while parts:
+        a, b = parts.pop()
+        if b - a < 2:
+            continue
+        along = ring[b] - ring[a]
+        off = ring[a + 1 : b] - ring[a]
+        share = np.clip(off @ along / max(float(along @ along), 1e-12), 0, 1)
+        away = np.linalg.norm(off - share[:, None] * along, axis=1)
+        if away.max() > tolerance_m:
+            middle = a + 1 + int(away.argmax())
+            keep.add(middle)
+            parts += [(a, middle), (middle, b)]
+    return np.asarray(corners[sorted(keep)])
