@@ -102,7 +102,7 @@ def import_recording(
 
     Parameters
     ----------
-    source : folder of the recording
+    source : folder of the recording, or `sample` for the recording of the package
     format : kitti, openpcdet, pcd, bin, nuscenes, dair-v2x, tumtraf or rcooper
     out : new folder, named DATA/LIDAR
     period_s : frame period; by default taken from the recording, or 0.1 if it has none
@@ -143,7 +143,8 @@ def import_recording(
         folder, period_s=period_s, height_m=height_m, tilt_deg=tilt_deg, types=types
     )
     options = imports.checked(Options(intensity_max, columns, None, channel, unit_m))
-    imports.import_recording(path_of(source, "source"), format, folder, facts, options)
+    recording = imports.recording_folder(path_of(source, "source"))
+    imports.import_recording(recording, format, folder, facts, options)
     loaded = load_dataset(out)
     assert isinstance(loaded, RecordedFrames)
     return loaded

@@ -30,6 +30,15 @@ frames = pi.simulate(pi.load_scene("highway"), pi.load_lidar("helios_16"), range
 assert len(pi.detect("generalist", frames)) > 0
 assert "torch" not in sys.modules
 EOF
+# The sample recording must be in it: import, boxes and view, in a folder elsewhere.
+recording=$(mktemp -d)
+(
+  cd "$recording"
+  "$try/bin/pyinfra" import sample --out rec
+  "$try/bin/pyinfra" detect rec --out boxes
+  "$try/bin/pyinfra" view rec --pred boxes --out view.html
+)
+rm -r "$recording"
 ls "$package/configs"
 du -sm "$try"
 ls -l "$wheel"

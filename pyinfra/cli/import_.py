@@ -11,7 +11,14 @@ from pyinfra.cli.messages import warn, with_options
 from pyinfra.cli.number_option import usd
 from pyinfra.exchange.formats import IMPORTS
 from pyinfra.exchange.guess import guess_format
-from pyinfra.exchange.imports import Upright, checked, facts_of, import_recording, warnings
+from pyinfra.exchange.imports import (
+    Upright,
+    checked,
+    facts_of,
+    import_recording,
+    recording_folder,
+    warnings,
+)
 from pyinfra.exchange.object_types import parse_types
 from pyinfra.exchange.rates import summary
 from pyinfra.exchange.recording import Options
@@ -23,7 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "example: pyinfra import recordings/junction --out data/junction/pole_1 "
         "--period-s 0.1 --price-usd 1500 1500"
     )
-    parser.add_argument("source", type=Path, help="folder of the recording")
+    parser.add_argument(
+        "source",
+        type=Path,
+        help="folder of the recording, or `sample` for the recording of the package",
+    )
     parser.add_argument(
         "--from",
         dest="format",
@@ -132,12 +143,12 @@ def run(args: argparse.Namespace) -> int:
         tilt_deg=args.tilt_deg,
         types=parse_types(args.types),
     )
-    format = args.format
-    if format is None and args.source.is_dir():
-        format, reason = guess_format(args.source)
+    source, format = recording_folder(args.source), args.format
+    if format is None and source.is_dir():
+        format, reason = guess_format(source)
         print(f"guessed: format {format}, because of {reason}; --from chooses another")
     imported, labelled = import_recording(
-        args.source,
+        source,
         format or "pcd",  # a source that is not a folder is an error in all formats
         args.out,
         facts,

@@ -26,7 +26,16 @@ from pyinfra.formats.kitti.lidar import PERIOD_S
 # How points are levelled. `road` estimates the road and levels the points to it, and `as-is` leaves
 # the points unchanged.
 Upright = Literal["auto", "road", "as-is"]
+SAMPLE = Path(__file__).with_name("sample")  # `python -m reproduction sample` writes its clouds
 HEIGHT_OFF_M = 0.5  # tolerated difference of the user's height from the vehicles' bottoms
+
+
+def recording_folder(source: Path) -> Path:
+    """Returns the folder of a recording.
+
+    The name `sample` stands for the recording of the package, unless a file has this name.
+    """
+    return SAMPLE if str(source) == SAMPLE.name and not source.exists() else source
 
 
 def import_recording(

@@ -35,19 +35,24 @@ def make_recording(infrasim: Callable[..., object], run_command: Callable[..., l
 
 
 def make_clouds(infrasim: Callable[..., object], run_command: Callable[..., list[str]]) -> None:
-    """Writes 30 clouds over 18 s as a LiDAR's own software does: with intensities up to 255 and
-    without labels."""
-    words = run_command(
-        "helios_16", frames="0:180:6", preset="datasheet", out=Path("site").resolve()
-    )
-    infrasim(*words, check=True)
-    Path("recordings/street").mkdir(parents=True)
-    kind = [(name, "<f4") for name in ("x", "y", "z")] + [("intensity", "u1")]
-    for file in sorted(Path("site/helios_16/training/velodyne").iterdir()):
-        points = kitti.read_points(file)
-        rows = zip(*points[:, :3].T, np.rint(255 * points[:, 3]), strict=True)
-        records = np.array(list(rows), dtype=kind)
-        write_pcd(Path(f"recordings/street/{1651673050 + int(file.stem) / 10:.6f}.pcd"), records)
+    """Writes clouds as a LiDAR's own software does: intensities up to 255, no labels.
+
+    There are 30 clouds over 18 s, and 152 clouds over 30 s.
+    """
+    for name, frames in (("street", "0:180:6"), ("street_long", "0:304:2")):
+        site = Path(f"site_{name}").resolve()
+        words = run_command("helios_16", frames=frames, preset="datasheet", out=site)
+        infrasim(*words, "--set", "duration_s=32", check=True)
+        Path(f"recordings/{name}").mkdir(parents=True)
+        kind = [(column, "<f4") for column in "xyz"] + [("intensity", "u1")]
+        for file in sorted((site / "helios_16/training/velodyne").iterdir()):
+            points = kitti.read_points(file)
+            records = np.empty(len(points), kind)
+            for column, values in zip("xyz", points[:, :3].T, strict=True):
+                records[column] = values
+            records["intensity"] = np.rint(255 * points[:, 3])
+            time_s = 1651673050 + int(file.stem) / 10
+            write_pcd(Path(f"recordings/{name}/{time_s:.6f}.pcd"), records)
 
 
 def make_site(infrasim: Callable[..., object], run_command: Callable[..., list[str]]) -> None:

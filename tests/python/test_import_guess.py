@@ -5,9 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.core.errors import Error
 from pyinfra.exchange.guess import guess_format
+from pyinfra.exchange.imports import SAMPLE
+from pyinfra.formats import kitti
+from pyinfra.formats.pcd_file import read_pcd
+from reproduction.commands.sample import FRAMES, TILT_DEG, records_of
 
 FILES = {
     "kitti": "training/velodyne/000000.bin",
@@ -70,3 +75,31 @@ def test_import_says_what_it_guessed(tmp_path: Path, capsys: pytest.CaptureFixtu
     words = ["import", str(source), "--out", str(tmp_path / "data/pole"), "--upright", "as-is"]
     assert main.main([*words, "--height-m", "6"]) == 0
     assert "guessed: format bin, because of *.bin" in capsys.readouterr().out
+
+
+def test_the_sample_recording_is_imported_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is of a tilted sensor 6 m above the road. A folder of this name comes first."""
+    monkeypatch.chdir(tmp_path)
+    assert sum(file.stat().st_size for file in SAMPLE.iterdir()) <= 1e6
+    assert main.main(["import", "sample", "--out", "rec"]) == 0
+    lidar = kitti.read_lidar(Path("rec"))
+    assert lidar.T_world_levelled.z == pytest.approx(6, abs=0.03)
+    assert lidar.period_s == 0.5
+    assert len(kitti.frames(Path("rec"))) == 20
+    tilt = kitti.read_tilt(Path("rec"))
+    assert np.degrees([tilt.pitch, tilt.roll]) == pytest.approx(TILT_DEG, abs=0.1)
+    Path("sample").mkdir()
+    capsys.readouterr()
+    assert main.main(["import", "sample", "--out", "other"]) == 2
+    assert "sample: expected the files of" in capsys.readouterr().err
+
+
+def test_the_sample_recording_is_what_its_command_writes() -> None:
+    """But for the rounding of another processor."""
+    (frame,) = pi.simulate("highway", "helios_16", FRAMES[:1])
+    simulated, written = records_of(frame.points), read_pcd(min(SAMPLE.iterdir()))
+    assert len(written) == pytest.approx(len(simulated), rel=0.01)
+    for name in written.dtype.names or ():
+        assert written[name].mean() == pytest.approx(simulated[name].mean(), rel=0.01, abs=0.1)
