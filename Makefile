@@ -16,7 +16,7 @@ configure = cmake --preset $(1) $(2) -DCMAKE_UNITY_BUILD=$(or $(3),$(UNITY)) -DP
 	-Dpybind11_DIR=$$($(PYTHON) -m pybind11 --cmakedir) >build/$(1)-configure.log 2>&1 \
 	|| { cat build/$(1)-configure.log; exit 1; }
 
-.PHONY: setup build demo dataset generalist debian13 test lint stubs reference tables docs viewer bench wheel wheels hashes sanitize fuzz clean
+.PHONY: setup build demo dataset generalist debian13 test lint stubs reference tables docs viewer bench wheel wheels hashes sanitize fuzz nightly clean
 .NOTPARALLEL:
 
 build:
@@ -138,6 +138,9 @@ fuzz:
 	FUZZ_SECONDS=$(FUZZ_SECONDS) $(PYTHON) -m pytest -n 2 tests/python/test_reader_fuzz.py \
 		tests/python/test_reader_properties.py tests/python/test_site_properties.py \
 		tests/python/test_core_fuzz.py
+
+# The slow checks that CI leaves out, one after the other.
+nightly: sanitize fuzz bench
 
 clean:
 	rm -rf build docs/examples pyinfra/_core*.so
