@@ -7,8 +7,11 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.core.errors import Error
+from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.frames import frame_numbers, frame_range, has_labels, period_of
 from pyinfra.dataset.ground import Ground, level_ground
 from pyinfra.dataset.height_checks import CHECKED, check_height, height_warnings
@@ -29,6 +32,8 @@ from pyinfra.models.inference.detect import (
 )
 from pyinfra.models.inference.static_filter import length_warning, without_standing
 from pyinfra.models.training.sources import spread
+
+OUTLINE_MARGIN_M = 1.0  # margin for inexact boxes, as that of the detector Background
 
 Warn = Callable[[str], None]
 
@@ -56,6 +61,23 @@ class FolderDetections:
     detections: Sequence[Detections]
     times_ms: FloatArray  # (n,) time from points to boxes
     left_out: int | None = None  # number of removed standing boxes; None if the filter is off
+
+
+@dataclass(frozen=True, eq=False)
+class InOutline:
+    """A `Detector` that leaves out vehicles outside an outline that the user has drawn.
+
+    Vehicles outside the roads of a simulated site are kept, because `evaluate` counts them.
+    """
+
+    detector: Detector
+    region: Region
+
+    def predict(self, points: Points) -> Detections:
+        detections = self.detector.predict(points)
+        keep = self.region.holds(detections.boxes, OUTLINE_MARGIN_M)
+        keep |= np.isin(detections.names, PERSON_TYPES)
+        return Detections(detections.boxes[keep], detections.scores[keep], detections.names[keep])
 
 
 def place(
@@ -89,8 +111,8 @@ def detector_at_place(model: Path, where: Place, device: str = "cpu", threads: i
     """
     if model.suffix == ".npz" and where.given:
         name = where.given[0]
-        raise Error(f"{name}: expected no value for background, which is trained at one site")
-    return load_detector(
+        raise Error(f"{name}: expected none for background, which is trained at one site")
+    detector = load_detector(
         model,
         ground=where.ground,
         region=where.region,
@@ -98,6 +120,9 @@ def detector_at_place(model: Path, where: Place, device: str = "cpu", threads: i
         stacks=True,
         threads=threads,
     )
+    if where.region is None or where.region.axes is not None or model.suffix == ".npz":
+        return detector
+    return InOutline(detector, where.region)
 
 
 def frame_files(

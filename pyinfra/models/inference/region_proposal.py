@@ -244,7 +244,7 @@ def joined(area: BoolArray, least_cells: int) -> BoolArray:
     parts, count = label(area)
     sizes = np.bincount(parts.ravel(), minlength=count + 1)
     rest = [i for i in range(1, count + 1) if sizes[i] >= least_cells]
-    whole = parts == 1 + np.argmax(sizes[1:])
+    whole: BoolArray = parts == 1 + np.argmax(sizes[1:])
     while rest:
         away, nearest = distance_transform_edt(~whole, return_indices=True)
         gaps = [np.where(parts == i, away, np.inf) for i in rest]
