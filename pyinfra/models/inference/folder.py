@@ -111,7 +111,7 @@ def detector_at_place(model: Path, where: Place, device: str = "cpu", threads: i
     """
     if model.suffix == ".npz" and where.given:
         name = where.given[0]
-        raise Error(f"{name}: expected none for background, which is trained at one site")
+        raise Error(f"{name}: expected no value for background, which is trained at one site")
     detector = load_detector(
         model,
         ground=where.ground,
