@@ -6,8 +6,9 @@ frames of the plan (their spread). Both are added as variances.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
@@ -44,6 +45,8 @@ class Prediction:
     keeps_false: bool  # whether the asked rate of false boxes can be kept at any score
     cut: float  # score above which a box counts
     ap: Interval  # AP of all present vehicles of the region
+    shares: dict[str, Interval]  # share of the objects of each further set
+    found: FloatArray  # (objects,) probability that the option finds each object
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,45 +57,44 @@ class _Unit:
     terms: FloatArray
 
 
-def predict(race: Race, units: Sequence[int], law: Detectability, request: Request) -> Prediction:
-    """Predicts an option of some pairs of a race that stayed."""
+def predict(
+    race: Race,
+    units: Sequence[int],
+    law: Detectability,
+    request: Request,
+    more: Mapping[str, BoolArray] = MappingProxyType({}),
+) -> Prediction:
+    """Predicts an option of some pairs of a race that stayed.
+
+    more: further sets of objects by name, (objects,) bool, whose share is predicted as well.
+    """
     seen = [race.seen[race.seen.pair == u] for u in units]
     objects = race.objects
     near = objects.near  # people count in the answer even where they do not in the choice
     person = objects.table.person.to_numpy(bool)
     seen_per_frame = _seen_per_frame(seen, ~person, objects)
     cut, keeps = _cut(seen_per_frame, law.vehicles, request)
-    replicates = len(law.vehicles.detection)
     of_vehicles = _units(seen, ~person)
-    detected = [
-        _either(of_vehicles, law.vehicles.detection[r], cut, len(person)) for r in range(replicates)
-    ]
+    found = _either(of_vehicles, law.vehicles.detection, cut, len(person))
     if law.people is not None and person.any():
-        of_people = _units(seen, person)
-        for r in range(replicates):
-            detected[r][person] = _either(of_people, law.people.detection[r], cut, len(person))[
-                person
-            ]
+        of_people = _either(_units(seen, person), law.people.detection, cut, len(person))
+        count = min(found.shape[1], of_people.shape[1])
+        found = np.where(person[:, None], of_people[:, :count], found[:, :count])
     known = ~person | (law.people is not None)
-    rates = [
-        float(false_per_frame(law.vehicles.false[r], cut, seen_per_frame)[0])
-        for r in range(replicates)
-    ]
-    every = int((~person).sum())
-    aps = [
-        _ap(of_vehicles, law.vehicles, r, every, seen_per_frame, objects) for r in range(replicates)
-    ]
+    rates = [float(false_per_frame(one, cut, seen_per_frame)[0]) for one in law.vehicles.false]
     return Prediction(
-        recall=_interval(detected, near & ~person, objects),
-        people=_interval(detected, near & person & known, objects),
+        recall=_interval(found, near & ~person, objects),
+        people=_interval(found, near & person & known, objects),
         areas={
-            name: _interval(detected, of_name(request.areas, name, objects.table) & known, objects)
+            name: _interval(found, of_name(request.areas, name, objects.table) & known, objects)
             for name in dict.fromkeys(area.name for area in request.areas)
         },
         false_per_frame=_spread(rates, 0, np.inf),
         keeps_false=keeps,
         cut=cut,
-        ap=_spread(aps, 0, 100),
+        ap=_spread(_aps(of_vehicles, law.vehicles, seen_per_frame, objects), 0, 100),
+        shares={name: _interval(found, counted & known, objects) for name, counted in more.items()},
+        found=found[:, 0],
     )
 
 
@@ -120,37 +122,35 @@ def _units(seen: Sequence[pd.DataFrame], counted: BoolArray) -> list[_Unit]:
     return [_Unit(one.object.to_numpy(), object_terms(one)) for one in some]
 
 
-def _either(units: Sequence[_Unit], law: FloatArray, cut: float, objects: int) -> FloatArray:
-    """Returns the probability (objects,) that one of the units finds the object."""
-    missed = np.ones(objects)
+def _either(units: Sequence[_Unit], detection: FloatArray, cut: float, objects: int) -> FloatArray:
+    """Returns the probability (objects, 1 + replicates) that one of the units finds the object."""
+    missed = np.ones((objects, len(detection)))
     for unit in units:
-        missed[unit.object] *= 1 - detection_probability(law, unit.terms, cut)
+        missed[unit.object] *= 1 - detection_probability(detection.T, unit.terms, cut)
     return 1 - missed
 
 
-def _ap(
-    units: Sequence[_Unit],
-    law: Law,
-    replicate: int,
-    every: int,
-    seen_per_frame: float,
-    objects: Objects,
-) -> float:
-    """Returns the AP (0 to 100) over all present vehicles of the region."""
-    count, coefficients = len(objects.table), law.detection[replicate]
-    true_positives = np.array([_either(units, coefficients, cut, count).sum() for cut in CUTS])
-    rates = false_per_frame(law.false[replicate], np.array(CUTS), seen_per_frame)
-    return ap_of_counts(true_positives, objects.frames * rates, every)
+def _aps(units: Sequence[_Unit], law: Law, seen_per_frame: float, objects: Objects) -> list[float]:
+    """Returns the AP (0 to 100) over all present vehicles, for the fit and its replicates."""
+    count = len(objects.table)
+    every = int((~objects.table.person).sum())
+    true_positives = np.array([_either(units, law.detection, cut, count).sum(0) for cut in CUTS])
+    rates = [false_per_frame(one, np.array(CUTS), seen_per_frame) for one in law.false]
+    pairs = zip(true_positives.T, rates, strict=True)
+    return [ap_of_counts(found, objects.frames * rate, every) for found, rate in pairs]
 
 
-def _interval(detected: Sequence[FloatArray], counted: BoolArray, objects: Objects) -> Interval:
-    """Returns the share of the counted objects that is found, with its interval."""
+def _interval(found: FloatArray, counted: BoolArray, objects: Objects) -> Interval:
+    """Returns the share of the counted objects that is found, with its interval.
+
+    found: (objects, 1 + replicates)
+    """
     total = int(counted.sum())
     if total == 0:
         return UNKNOWN
-    shares = [float(one[counted].sum() / total) for one in detected]
+    shares = (found[counted].sum(0) / total).tolist()
     frame = objects.frame[counted]
-    sums = np.bincount(frame, detected[0][counted], objects.frames)
+    sums = np.bincount(frame, found[counted, 0], objects.frames)
     counts = np.bincount(frame, minlength=objects.frames)
     residual = sums - shares[0] * counts
     frames = max(objects.frames, 2)
