@@ -12,14 +12,15 @@ from pyinfra.core.vocabulary import PRESETS
 from pyinfra.experiments.planner.candidates import PoseGrid
 from pyinfra.experiments.planner.plan import plan
 from pyinfra.experiments.planner.request import Request
+from pyinfra.viz.plan_page.page import write_plan_page
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Chooses the positions, heights, number and models of LiDARs at a site, within a budget. "
         "Predicts the share of vehicles that a detector detects, and simulates the best options in "
-        "full. Writes options.csv, candidates.csv and answer.txt. Run the same command again to "
-        "resume."
+        "full. Writes plan.html, answer.txt, options.csv, front.csv and candidates.csv. Run the "
+        "same command again to resume."
     )
     parser.epilog = (
         "example: pyinfra plan crossroad --budget 9000 --find 0.9 --within 60 --out out/plan"
@@ -190,6 +191,7 @@ def run(args: argparse.Namespace) -> int:
         jobs=args.jobs,
         progress=lambda line: note(line, args),
     )
+    write_plan_page(result, args.out)
     for line in result.answer.lines:
         print(with_options(line, args.options))
     return 0

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pyinfra.core.arrays import BoolArray, Float32Array, FloatArray, IntArray
-from pyinfra.experiments.planner.costs import Costs, Range
+from pyinfra.experiments.planner.costs import NOTHING, Costs, Range
 from pyinfra.experiments.planner.lidars import PlanLidar
 
 BEST_PAIRS = 200  # options of two units that are kept for the table
@@ -30,11 +30,15 @@ class Units:
     lidars: Sequence[PlanLidar]  # (n,)
     costs: Costs
 
-    def price(self, units: Sequence[int]) -> Range:
-        """Returns the price of an option over the years."""
+    def parts(self, units: Sequence[int]) -> dict[str, Range]:
+        """Returns the lines of the price of an option over the years."""
         poles = {int(self.place[u]): bool(self.existing[u]) for u in units}
         new = sum(not there for there in poles.values())
-        return self.costs.price([self.lidars[u] for u in units], new, len(poles))
+        return self.costs.parts([self.lidars[u] for u in units], new, len(poles))
+
+    def price(self, units: Sequence[int]) -> Range:
+        """Returns the price of an option over the years."""
+        return sum(self.parts(units).values(), NOTHING)
 
     def value(self, units: Sequence[int]) -> float:
         """Returns the weighted share of the objects that an option finds."""
@@ -77,7 +81,7 @@ def pairs(units: Units, budget_usd: float, poles: int, per_pole: int) -> list[Ch
     same = units.place[:, None] == units.place[None, :]
     allowed = np.triu(np.ones((count, count), bool), 1)
     allowed &= np.where(same, per_pole >= 2, poles >= 2)
-    allowed &= _pair_prices(units, same) <= budget_usd
+    allowed &= pair_prices(units, same) <= budget_usd
     at = np.flatnonzero(allowed)
     if not len(at):
         return []
@@ -93,7 +97,7 @@ def pairs(units: Units, budget_usd: float, poles: int, per_pole: int) -> list[Ch
     return [Choice(one.units, one.value, one.price, bound, "exact") for one in made]
 
 
-def _pair_prices(units: Units, same: BoolArray) -> FloatArray:
+def pair_prices(units: Units, same: BoolArray) -> FloatArray:
     """Returns the middle price of each pair of units: (n, n)."""
     costs, count = units.costs, len(units.probability)
     alone = np.array([units.price([u]).middle for u in range(count)])

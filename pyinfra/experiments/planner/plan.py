@@ -34,10 +34,18 @@ from pyinfra.experiments.planner.check import check
 from pyinfra.experiments.planner.choice import Choice, Units, greedy, most_units, pairs, singles
 from pyinfra.experiments.planner.costs import Costs, read_costs
 from pyinfra.experiments.planner.detectability import Detectability, read_detectability
+from pyinfra.experiments.planner.front import (
+    Front,
+    front_of,
+    front_options,
+    goals_of,
+    with_columns_of,
+)
 from pyinfra.experiments.planner.lidars import PlanLidar, open_lidars
-from pyinfra.experiments.planner.predict import Prediction, predict
+from pyinfra.experiments.planner.predict import predict
 from pyinfra.experiments.planner.race import Race, detection_probabilities, race
 from pyinfra.experiments.planner.rain import WITH_WEATHER, rain_lines, recall_in_rain
+from pyinfra.experiments.planner.ranking import ranked
 from pyinfra.experiments.planner.request import Request, checked
 from pyinfra.experiments.planner.site import PlanSite, open_site, scene_path
 
@@ -52,6 +60,7 @@ class Plan:
     ----------
     options : a row for each LiDAR of each option; the chosen option is number 1
     candidates : a row for each pose and LiDAR that was considered
+    front : the options that are best for some budget, wanted share, number of poles and LiDARs
     text : the answer in sentences
     """
 
@@ -60,6 +69,7 @@ class Plan:
     options: pd.DataFrame
     candidates: pd.DataFrame
     answer: Answer
+    front: Front
 
     @property
     def text(self) -> str:
@@ -121,7 +131,8 @@ def plan(
     frames : most frames of a pose
     check_frames : frames in which the best options are simulated in full, with other traffic; 0
         for none
-    out : folder for options.csv, candidates.csv and answer.txt; an interrupted plan resumes there
+    out : folder for options.csv, front.csv, candidates.csv and answer.txt; an interrupted plan
+        resumes there
     jobs : number of threads
     progress : called with a line for each stage
 
@@ -262,10 +273,17 @@ def decided(
     if min(request.units, most_units(units, request.budget_usd)) > 2:
         more = greedy(units, request.budget_usd, request.poles, request.lidars_per_pole)
         options += [more] if more else []
-    unique = list({tuple(sorted(one.units)): one for one in options}.values())
-    predicted = [(one, predict(run, one.units, law, request)) for one in unique]
-    ordered = in_order(predicted, request)
-    rows = option_table(ordered, run.stayed, poses, lidars, units)
+    goals = goals_of(site, run.objects, law, request)
+    masks = {goal.column: goal.counted for goal in goals}
+    ordered, others = ranked(
+        options,
+        front_options(units, goals, request),
+        units,
+        request,
+        lambda one: predict(run, one.units, law, request, masks),
+    )
+    rows_of_all = option_table([*ordered, *others], run.stayed, poses, lidars, units)
+    rows = rows_of_all[rows_of_all.option <= len(ordered)].copy()
     every = candidate_table(table, run.pairs, poses, lidars)
     answer = Answer.of(site, request, law, costs, ordered, rows, every, units)
     if site.preset == WITH_WEATHER:
@@ -274,7 +292,8 @@ def decided(
         answer = replace(answer, lines=(*answer.lines, *rain_lines(wet)))
         shares = pd.Series([100 * one.value for one in wet], index=range(1, len(wet) + 1))
         rows["recall_in_rain"] = shares[rows.option].to_numpy()
-    return Plan(site, request, rows, every, answer)
+    front = front_of([*ordered, *others], rows_of_all, goals, units, run.objects, law, request)
+    return Plan(site, request, rows, every, answer, front)
 
 
 def units_of(
@@ -304,31 +323,18 @@ def best_of_each_lidar(alone: Sequence[Choice], units: Units) -> list[Choice]:
     return list(first.values())
 
 
-def in_order(
-    options: Sequence[tuple[Choice, Prediction]], request: Request
-) -> list[tuple[Choice, Prediction]]:
-    """Returns the options, the chosen one first.
-
-    Options that find enough come first, the cheapest first. The others follow, ordered by the
-    share that they find.
-    """
-
-    def key(one: tuple[Choice, Prediction]) -> tuple[float, float, float]:
-        choice, prediction = one
-        if prediction.recall.value >= request.find and prediction.keeps_false:
-            return 0, choice.price.middle, -prediction.recall.value
-        return 1, -prediction.recall.value, choice.price.middle
-
-    return sorted(options, key=key)
-
-
 def write(result: Plan, folder: Path) -> None:
-    """Writes options.csv, candidates.csv and answer.txt.
+    """Writes options.csv, front.csv, candidates.csv and answer.txt.
 
     `existing` is yes or no there, so that rows can be a file of poses.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    for name, table in (("options", result.options), ("candidates", result.candidates)):
+    tables = {
+        "options": result.options,
+        "front": with_columns_of(result.front.table, result.options),
+        "candidates": result.candidates,
+    }
+    for name, table in tables.items():
         with replacing(folder / f"{name}.csv") as beside:
             words = np.where(table.existing.to_numpy(bool), "yes", "no")
             table.assign(existing=words).to_csv(beside, index=False, float_format="%.6g")

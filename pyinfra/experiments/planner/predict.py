@@ -81,7 +81,7 @@ def predict(
         count = min(found.shape[1], of_people.shape[1])
         found = np.where(person[:, None], of_people[:, :count], found[:, :count])
     known = ~person | (law.people is not None)
-    rates = [float(false_per_frame(one, cut, seen_per_frame)[0]) for one in law.vehicles.false]
+    rates = false_per_frame(law.vehicles.false.T, cut, seen_per_frame)[0].tolist()
     return Prediction(
         recall=_interval(found, near & ~person, objects),
         people=_interval(found, near & person & known, objects),
@@ -135,8 +135,8 @@ def _aps(units: Sequence[_Unit], law: Law, seen_per_frame: float, objects: Objec
     count = len(objects.table)
     every = int((~objects.table.person).sum())
     true_positives = np.array([_either(units, law.detection, cut, count).sum(0) for cut in CUTS])
-    rates = [false_per_frame(one, np.array(CUTS), seen_per_frame) for one in law.false]
-    pairs = zip(true_positives.T, rates, strict=True)
+    rates = false_per_frame(law.false.T, np.array(CUTS), seen_per_frame)
+    pairs = zip(true_positives.T, rates.T, strict=True)
     return [ap_of_counts(found, objects.frames * rate, every) for found, rate in pairs]
 
 

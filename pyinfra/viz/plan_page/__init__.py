@@ -1,0 +1,1 @@
+"""The page of a plan: answer, controls, map, charts and evidence in one HTML file."""

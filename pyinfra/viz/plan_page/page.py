@@ -1,0 +1,99 @@
+"""Writes the page of a plan, and the file of its data beside the plan's tables."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.files import replacing
+from pyinfra.experiments.planner.plan import Plan
+from pyinfra.viz.plan_page.plan_data import FORMAT, plan_data
+from pyinfra.viz.report.style import themes
+
+HERE = Path(__file__).parent
+DATA_FILE = "page.json"
+PAGE_FILE = "plan.html"
+LARGEST_MB = 8.0
+
+
+def write_plan_page(plan: Plan, folder: Path) -> Path:
+    """Writes the page and its data into the folder of a plan. Returns the file of the page."""
+    data = plan_data(plan)
+    with replacing(folder / DATA_FILE) as beside:
+        beside.write_text(json.dumps(data, allow_nan=False), encoding="utf-8")
+    return write_page(data, folder / PAGE_FILE)
+
+
+def is_plan(folder: Path) -> bool:
+    """Returns whether a folder is the output of `pyinfra plan`."""
+    return (folder / DATA_FILE).is_file()
+
+
+def rewrite_plan_page(folder: Path, out: Path) -> Path:
+    """Writes the page of a plan again, from its data. Raises FormatError."""
+    file = folder / DATA_FILE
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"))
+        found = data["format"]
+    except (ValueError, TypeError, KeyError) as error:
+        raise FormatError(
+            f"{file}: expected the data of a plan's page, got another file"
+        ) from error
+    if found != FORMAT:
+        raise FormatError(
+            f"{file}: format: expected {FORMAT}, got {found}; `pyinfra plan` writes it again"
+        )
+    return write_page(data, out)
+
+
+def write_page(data: dict[str, Any], out: Path) -> Path:
+    """Writes the page. Raises Error if it would exceed LARGEST_MB or `out` is a folder."""
+    if out.is_dir():
+        raise Error(f"out: expected the name of a file, got the folder {out}")
+    text = render(data).encode()
+    if len(text) > 1e6 * LARGEST_MB:
+        raise Error(
+            f"{out}: expected up to {LARGEST_MB:g} MB, got {len(text) / 1e6:.1f} MB; fewer `lidars` "
+            "make the page smaller"
+        )
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(out) as beside:
+        beside.write_bytes(text)
+    return out
+
+
+def render(data: dict[str, Any]) -> str:
+    """Returns the page as HTML. Names in the data are shown as text and never as markup."""
+    environment = jinja2.Environment(
+        autoescape=True, loader=jinja2.FileSystemLoader(HERE), undefined=jinja2.StrictUndefined
+    )
+    environment.filters |= {"shown": shown, "join_interval": join_interval}
+    embedded = {name: value for name, value in data.items() if name not in ("map", "lines")}
+    plain = json.dumps(embedded, separators=(",", ":"), allow_nan=False)
+    light, dark = themes()
+    return environment.get_template("page.html").render(
+        data=data,
+        embedded=plain.replace("<", "\\u003c"),
+        light=light,
+        dark=dark,
+        style=(HERE / "page.css").read_text(encoding="utf-8"),
+        script=(HERE / "page.js").read_text(encoding="utf-8"),
+    )
+
+
+def shown(value: float | None, digits: int = 0) -> str:
+    """Returns a number as text; a dash for one that is unknown."""
+    return "\N{EN DASH}" if value is None else f"{value:.{digits}f}"
+
+
+def join_interval(values: Sequence[float | None], digits: int = 0) -> str:
+    """Returns a value with its interval, if that is known."""
+    value, low, high = values
+    if low is None or high is None:
+        return shown(value, digits)
+    return f"{shown(value, digits)} [{shown(low, digits)} to {shown(high, digits)}]"
