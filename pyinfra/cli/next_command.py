@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pyinfra.dataset.frames import has_labels, lidars_in
+from pyinfra.viz.plan_page.files import is_plan
 
 Words = list[object]
 BUDGET_USD = 10_000  # example of a budget, used if the user has not set a budget
@@ -141,6 +142,8 @@ def _recommend(args: argparse.Namespace) -> Words:
 
 
 def _report(args: argparse.Namespace) -> Words:
+    if is_plan(args.results):
+        return ["pyinfra", "benchmark", "first_look", "--out", args.results / "benchmark"]
     tier = ["--tier", args.tier] if args.tier else []
     budget = f"{args.budget_usd:g}" if args.budget_usd < float("inf") else BUDGET_USD
     return ["pyinfra", "recommend", args.results, *tier, "--budget", budget]

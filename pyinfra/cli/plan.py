@@ -191,7 +191,7 @@ def run(args: argparse.Namespace) -> int:
         jobs=args.jobs,
         progress=lambda line: note(line, args),
     )
-    write_plan_page(result, args.out)
+    note(f"page: {write_plan_page(result, args.out)}", args)
     for line in result.answer.lines:
         print(with_options(line, args.options))
     return 0

@@ -118,3 +118,11 @@ def browser() -> Iterator[Browser]:
     """A headless Chromium, for the tests of one file."""
     with start_browser() as started:
         yield started
+
+
+@pytest.fixture(scope="session")
+def planned(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """A small plan at the crossroad; to be read only."""
+    from plan_page_data import small_plan
+
+    return small_plan(tmp_path_factory.mktemp("planned"))

@@ -99,15 +99,15 @@ const classOf = (value) => CLASSES.findIndex(([limit]) => value < limit);
 function map(one) {
   const size = D.cell_m, big = at("map").viewBox.baseVal.width / 40;
   const cells = D.cells.map(([x, y], k) => `<rect class="found-${classOf(level(one, k))}" x="${x + 0.15}" y="${-y - size + 0.15}" width="${size - 0.3}" height="${size - 0.3}"><title>${Math.round(100 * level(one, k))} of 100 found; ${plural(D.vehicles[k], "vehicle")} in ${plural(D.frames, "frame")}</title></rect>`);
-  at("cells").innerHTML = `<defs><pattern id="blind" width="2" height="2" patternUnits="userSpaceOnUse" patternTransform="rotate(45)"><rect id="blind-ground" width="2" height="2"/><path id="blind-line" d="M0 0V2"/></pattern></defs>${cells.join("")}`;
-  at("within").innerHTML = isDistance() ? `<circle class="m-within" cx="${D.centre[0]}" cy="${-D.centre[1]}" r="${state.within}"/>` : "";
+  at("map-cells").innerHTML = `<defs><pattern id="blind" width="2" height="2" patternUnits="userSpaceOnUse" patternTransform="rotate(45)"><rect id="blind-ground" width="2" height="2"/><path id="blind-line" d="M0 0V2"/></pattern></defs>${cells.join("")}`;
+  at("map-within").innerHTML = isDistance() ? `<circle class="m-within" cx="${D.centre[0]}" cy="${-D.centre[1]}" r="${state.within}"/>` : "";
   const labels = new Map();
   one.units.forEach((unit, k) => {
     const key = `${unit.x_m} ${unit.y_m}`;
     labels.set(key, [...(labels.get(key) ?? []), k + 1]);
   });
-  at("poles").innerHTML = one.units.map((unit) => {
-    const yaw = unit.yaw_deg * Math.PI / 180, key = `${unit.x_m} ${unit.y_m}`, r = 0.45 * big;
+  at("map-poles").innerHTML = one.units.map((unit) => {
+    const yaw = unit.yaw_deg * Math.PI / 180, key = `${unit.x_m} ${unit.y_m}`, r = 0.6 * big;
     const text = labels.get(key)?.join(", ");
     labels.delete(key);
     return `<g class="pole" transform="translate(${unit.x_m} ${-unit.y_m})"><path class="yaw" d="M0 0L${2.4 * big * Math.cos(yaw)} ${-2.4 * big * Math.sin(yaw)}"/><path d="M0 ${-r}L${r} ${0.8 * r}H${-r}z"/>${text ? `<text x="${r + 1}" y="${-r}" font-size="${big}">${text}</text>` : ""}<title>${escaped(unit.lidar)}, ${unit.height_m} m above the road</title></g>`;
@@ -122,7 +122,7 @@ const shape = (one, r) => SHAPES[Math.min(one.poles, 3)](r);
 
 function chart(one, some) {
   const width = Math.max(280, at("chart").clientWidth), height = 340, left = 38, right = 12, top = 16, bottom = 44;
-  const most = Math.max(...prices, state.budget, one.price[0]) * 1.04;
+  const most = Math.max(...options.map((o) => o.price[2]), state.budget) * 1.02;
   const x = (value) => left + (width - left - right) * Math.min(value / most, 1);
   const y = (value) => height - bottom - (height - top - bottom) * value / 100;
   const parts = [];
@@ -141,8 +141,7 @@ function chart(one, some) {
   for (const o of [...options].filter((o) => share(o)[0] !== null).sort((a, b) => rank(a) - rank(b))) parts.push(`<path class="mark ${o === one ? "shown" : kind(o)}" data-option="${o.number}" transform="translate(${x(o.price[0])} ${y(share(o)[0])})" d="${shape(o, rank(o) > 1 ? 5 : 4)}"><title>Option ${o.number}: ${escaped(names(o))}, ${shown(share(o)[0])} of 100, ${usd(o.price[0])}</title></path>`);
   const [px, py] = [x(one.price[0]), y(share(one)[0])];
   parts.push(`<path class="price-bar" d="M${x(one.price[1])} ${py}H${x(one.price[2])}"/><circle class="ring" cx="${px}" cy="${py}" r="10"/>`);
-  parts.push(`<text class="shown-text" x="${px > width / 2 ? px - 14 : px + 14}" y="${py + 20}" text-anchor="${px > width / 2 ? "end" : "start"}">option ${one.number}: ${shown(share(one)[0])} of 100</text>`);
-  at("chart").innerHTML = `<p class="caption">Found of 100 ${escaped(counted())}</p><svg viewBox="0 0 ${width} ${height}" role="img" aria-label="Chart of price against share found. Option ${one.number} is marked: ${shown(share(one)[0])} of 100 for ${usd(one.price[0])}. The table of options has all values.">${parts.join("")}</svg>`;
+  at("chart").innerHTML = `<p class="caption">Found of 100 ${escaped(counted())}. Ring: option ${one.number}, ${shown(share(one)[0])} of 100.</p><svg viewBox="0 0 ${width} ${height}" role="img" aria-label="Chart of price against share found. Option ${one.number} is marked: ${shown(share(one)[0])} of 100 for ${usd(one.price[0])}. The table of options has all values.">${parts.join("")}</svg>`;
 }
 
 /* ---- tables ---- */
@@ -169,6 +168,7 @@ function render() {
   map(one);
   chart(one, some);
   tables(one, some);
+  for (const scroller of document.querySelectorAll(".scroll")) scroller.classList.toggle("wider", scroller.scrollWidth > scroller.clientWidth + 1);
 }
 
 function toControls() {
@@ -195,7 +195,7 @@ function build() {
   at("poles").insertAdjacentHTML("beforeend", Array.from({ length: mostPoles }, (_, k) => `<span><input type="radio" name="poles" id="poles-${k + 1}" value="${k + 1}"> <label for="poles-${k + 1}">${k + 1}</label></span>`).join(""));
   at("lidars").insertAdjacentHTML("beforeend", D.lidars.map((name, k) => `<span><input type="checkbox" id="lidar-${k}" value="${escaped(name)}"> <label for="lidar-${k}">${escaped(name)}</label></span>`).join(""));
   const swatch = (inner) => `<svg width="18" height="14" viewBox="0 0 18 14" aria-hidden="true">${inner}</svg>`;
-  at("map-legend").innerHTML = CLASSES.map(([, text], k) => `<li>${swatch(k ? `<rect class="found-${k}" width="18" height="14"/>` : '<path d="M1 1H17V13H1zM1 7L7 1M1 13L13 1M7 13L17 3M13 13L17 9" fill="none" stroke="var(--hatch)" stroke-width="1.4"/>')}${text}</li>`).join("")
+  at("map-legend").innerHTML = "<li>Found of 100 vehicles in a cell:</li>" + CLASSES.map(([, text], k) => `<li>${swatch(k ? `<rect class="found-${k}" width="18" height="14"/>` : '<path d="M1 1H17V13H1zM1 7L7 1M1 13L13 1M7 13L17 3M13 13L17 9" fill="none" stroke="var(--hatch)" stroke-width="1.4"/>')}${text}</li>`).join("")
     + `<li>${swatch('<path d="M9 1L15 13H3z" fill="var(--pole)"/>')}pole, with its direction</li><li>${swatch('<circle cx="9" cy="7" r="4" class="mark"/>')}possible place</li><li>${swatch('<path d="M4 2L14 12M4 12L14 2" stroke="var(--faint)" stroke-width="1.4"/>')}no place</li>`;
   const marks = { 1: "1 pole", 2: "2 poles", 3: "3 poles or more" };
   at("chart-legend").innerHTML = Object.entries(marks).filter(([count]) => Number(count) <= mostPoles).map(([count, text]) => `<li>${swatch(`<path class="mark" transform="translate(9 7)" d="${SHAPES[count](5)}"/>`)}${text}</li>`).join("")
@@ -223,6 +223,20 @@ function build() {
   });
   new ResizeObserver(() => { if (at("chart").dataset.width !== String(at("chart").clientWidth)) { at("chart").dataset.width = at("chart").clientWidth; render(); } }).observe(at("chart"));
 }
+
+/* Marks tables that are wider than their place. Sizes change when a part is opened. */
+const sizes = new ResizeObserver((entries) => {
+  for (const { target } of entries) target.classList.toggle("wider", target.scrollWidth > target.clientWidth + 1);
+});
+for (const scroller of document.querySelectorAll(".scroll")) sizes.observe(scroller);
+
+/* Opens closed parts for printing, and closes them afterwards. */
+addEventListener("beforeprint", () => {
+  for (const part of document.querySelectorAll("details:not([open])")) {
+    part.open = true;
+    addEventListener("afterprint", () => { part.open = false; }, { once: true });
+  }
+});
 
 build();
 reset();

@@ -12,12 +12,11 @@ import jinja2
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.files import replacing
 from pyinfra.experiments.planner.plan import Plan
+from pyinfra.viz.plan_page.files import DATA_FILE, PAGE_FILE
 from pyinfra.viz.plan_page.plan_data import FORMAT, plan_data
 from pyinfra.viz.report.style import themes
 
 HERE = Path(__file__).parent
-DATA_FILE = "page.json"
-PAGE_FILE = "plan.html"
 LARGEST_MB = 8.0
 
 
@@ -27,11 +26,6 @@ def write_plan_page(plan: Plan, folder: Path) -> Path:
     with replacing(folder / DATA_FILE) as beside:
         beside.write_text(json.dumps(data, allow_nan=False), encoding="utf-8")
     return write_page(data, folder / PAGE_FILE)
-
-
-def is_plan(folder: Path) -> bool:
-    """Returns whether a folder is the output of `pyinfra plan`."""
-    return (folder / DATA_FILE).is_file()
 
 
 def rewrite_plan_page(folder: Path, out: Path) -> Path:
@@ -58,8 +52,8 @@ def write_page(data: dict[str, Any], out: Path) -> Path:
     text = render(data).encode()
     if len(text) > 1e6 * LARGEST_MB:
         raise Error(
-            f"{out}: expected up to {LARGEST_MB:g} MB, got {len(text) / 1e6:.1f} MB; fewer `lidars` "
-            "make the page smaller"
+            f"{out}: expected up to {LARGEST_MB:g} MB, got {len(text) / 1e6:.1f} MB; fewer "
+            "`lidars` make the page smaller"
         )
     out.parent.mkdir(parents=True, exist_ok=True)
     with replacing(out) as beside:

@@ -26,6 +26,7 @@ COSTS = {
     "power_usd": "power",
     "upkeep_usd": "upkeep",
 }
+POWER = ("lidar_w", "computer_w", "usd_per_kwh")  # items of the line of power
 
 Row = Mapping[str, Any]
 
@@ -54,7 +55,7 @@ def plan_data(plan: Plan) -> dict[str, Any]:
         "centre": [round(float(value), 1) for value in site.centre],
         "frames": front.frames,
         "pilot": front.pilot,
-        "unconfirmed": list(front.unconfirmed),
+        "unconfirmed": unconfirmed(front),
         "distances": distances(front.goals),
         "goals": [{"what": one.what, "within": one.within_m} for one in front.goals],
         "lidars": sorted(set(table.lidar)),
@@ -66,6 +67,12 @@ def plan_data(plan: Plan) -> dict[str, Any]:
         "left_out": left_out(plan.candidates),
         "map": site_map(site, window, plan.candidates, request.areas),
     }
+
+
+def unconfirmed(front: Front) -> list[str]:
+    """Returns the LiDARs and the lines of a price that are unconfirmed."""
+    names = ["power" if name in POWER else COSTS.get(name, name) for name in front.unconfirmed]
+    return list(dict.fromkeys(names))
 
 
 def _options(front: Front, table: pd.DataFrame, cells: Cells) -> list[dict[str, Any]]:
@@ -83,7 +90,7 @@ def _options(front: Front, table: pd.DataFrame, cells: Cells) -> list[dict[str, 
                 "poles": int(first["poles"]),
                 "price": _rounded([first[f"price_usd{end}"] for end in ("", "_low", "_high")], 0),
                 "shares": [_interval(first, goal.column) for goal in front.goals],
-                "false": _interval(first, "false_per_frame", 3),
+                "false": _interval(first, "false_per_frame"),
                 "keeps_false": bool(first["keeps_false"]),
                 "ap": _interval(first, "ap_predicted"),
                 "rain": _rounded([first.get("recall_in_rain", math.nan)])[0],
@@ -118,7 +125,7 @@ def _simulated(row: Row) -> dict[str, float | None] | None:
     return {name: _rounded([row[key]], 2)[0] for name, key in keys.items()}
 
 
-def _interval(row: Row, column: str, digits: int = 1) -> list[float | None]:
+def _interval(row: Row, column: str, digits: int = 3) -> list[float | None]:
     return _rounded([row[f"{column}{end}"] for end in ("", "_low", "_high")], digits)
 
 

@@ -64,7 +64,7 @@ def site_map(
         f'<rect class="m-ground" x="{x:g}" y="{-y - height:g}" width="{width:g}" '
         f'height="{height:g}"/>',
         *_roads(site, roads, window),
-        '<g id="cells"></g>',
+        '<g id="map-cells"></g>',
         *_lines(site, window),
         *_houses(site),
         *_meshes(site, window),
@@ -72,7 +72,7 @@ def site_map(
         *_crossings(site.file.parent),
         *_places(candidates),
         *(_area(area) for area in areas),
-        '<g id="within"></g><g id="poles"></g>',
+        '<g id="map-within"></g><g id="map-poles"></g>',
         *_scale(window),
     ]
     return (

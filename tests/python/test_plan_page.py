@@ -1,0 +1,115 @@
+"""The data of a plan's page: every figure is one of the plan's tables."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from plan_page_data import LIDARS
+
+from pyinfra.cli import main
+from pyinfra.experiments.planner.front import CELL_M
+from pyinfra.experiments.planner.plan import Plan
+from pyinfra.viz.plan_page.page import LARGEST_MB, write_plan_page
+from pyinfra.viz.plan_page.plan_data import FIRST_CODE, LEVELS, plan_data
+
+
+@pytest.fixture(scope="module")
+def folder(planned: Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("page")
+    write_plan_page(planned, folder)
+    return folder
+
+
+def test_the_front_continues_the_options_with_the_same_columns(planned: Plan) -> None:
+    table = planned.front.table
+    listed = table[table.option <= planned.options.option.max()]
+    same = [name for name in planned.options if not name.endswith("_simulated")]
+    pd.testing.assert_frame_equal(listed[same], planned.options[same])
+    assert table.option.max() > planned.options.option.max()
+    assert {"recall_within_30_m", "recall_within_30_m_low", "recall_stop line_high"} <= set(table)
+    best = table.drop_duplicates("option")
+    meets = best[(best.recall >= 70) & best.keeps_false]
+    assert best.price_usd[best.option == 1].item() == meets.price_usd.min()
+
+
+def test_the_page_has_the_figures_of_the_tables(planned: Plan) -> None:
+    data = json.loads(json.dumps(plan_data(planned), allow_nan=False))
+    rows = planned.front.table.drop_duplicates("option").set_index("option")
+    assert [one["number"] for one in data["options"]] == rows.index.tolist()
+    assert data["lidars"] == sorted(LIDARS)
+    for one in data["options"]:
+        row = rows.loc[one["number"]]
+        assert one["price"] == pytest.approx(
+            row[["price_usd", "price_usd_low", "price_usd_high"]].tolist(), abs=0.5
+        )
+        assert one["shares"][0] == pytest.approx(
+            row[["recall", "recall_low", "recall_high"]].tolist(), abs=1e-3
+        )
+        assert sum(low for low, _ in one["costs"]) == pytest.approx(one["price"][1], abs=5)
+        assert sum(high for _, high in one["costs"]) == pytest.approx(one["price"][2], abs=5)
+        assert f"finds {row.recall:.0f} of 100" in one["text"][0]
+    assert data["options"][0]["simulated"]["recall"] == 91
+    assert all(one["simulated"] is None for one in data["options"][1:])
+
+
+def test_the_cells_hold_the_vehicles_that_an_option_finds(planned: Plan) -> None:
+    data, table = plan_data(planned), planned.site.present
+    vehicles = np.array(data["vehicles"])
+    assert vehicles.sum() == (~table.person).sum()
+    corners = np.array(data["cells"])
+    assert len(np.unique(corners, axis=0)) == len(corners)
+    assert (corners % CELL_M == 0).all()
+    # All vehicles of the region are counted; 90 m from the centre hold nearly all of them.
+    far = [one["within"] for one in data["goals"]].index(90)
+    for one in data["options"]:
+        share = np.array([ord(letter) - FIRST_CODE for letter in one["cells"]]) / LEVELS
+        assert ((share >= 0) & (share <= 1)).all()
+        away = np.hypot(*(corners + CELL_M / 2).T)
+        near = away < 88
+        mean = 100 * (share * vehicles)[near].sum() / vehicles[near].sum()
+        assert mean == pytest.approx(one["shares"][far][0], abs=6)
+
+
+def test_the_map_has_north_up_with_roads_and_places(planned: Plan) -> None:
+    svg = plan_data(planned)["map"]
+    for part in ("m-road", "m-walk", "m-dashed", "m-place", "m-area", 'id="map-poles"', "north"):
+        assert part in svg
+    pole = planned.candidates.iloc[0]
+    assert f'cx="{pole.x_m:.1f}" cy="{-pole.y_m:.1f}"' in svg
+
+
+def test_report_writes_the_same_page_again(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = folder / "again.html"
+    assert main.main(["report", str(folder), "--out", str(out)]) == 0
+    assert capsys.readouterr().out.strip() == str(out)
+    assert out.read_bytes() == (folder / "plan.html").read_bytes()
+    assert out.stat().st_size < 1e6 * LARGEST_MB / 20
+    assert "http" not in out.read_text().replace("http-equiv", "")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--budget", "9000"], "--budget: expected a benchmark's results"),
+        (["--tier", "quick"], "--tier: expected a benchmark's results"),
+    ],
+)
+def test_report_refuses_options_of_benchmarks_for_a_plan(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str
+) -> None:
+    assert main.main(["report", str(folder), *words, "--out", str(folder / "no.html")]) == 2
+    assert message in capsys.readouterr().err
+    assert not (folder / "no.html").exists()
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"format": 0}'])
+def test_report_refuses_damaged_data(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str
+) -> None:
+    (tmp_path / "page.json").write_text(text)
+    assert main.main(["report", str(tmp_path), "--out", str(tmp_path / "a.html")]) == 2
+    assert "page.json: " in capsys.readouterr().err
