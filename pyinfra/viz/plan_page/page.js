@@ -19,8 +19,8 @@ const within = (value, digits = 0) => value[1] === null ? shown(value[0], digits
 const plural = (count, word) => `${count} ${word}${count === 1 ? "" : "s"}`;
 const names = (one) => {
   const counts = new Map();
-  for (const unit of one.units) counts.set(unit.lidar, (counts.get(unit.lidar) ?? 0) + 1);
-  return [...counts].map(([name, count]) => count > 1 ? `${count} \u00d7 ${name}` : name).join(" and ");
+  for (const { lidar } of one.units) counts.set(lidar, (counts.get(lidar) ?? 0) + 1);
+  return [...counts].sort().map(([name, count]) => count > 1 ? `${count} \u00d7 ${name}` : name).join(" and ");
 };
 const isDistance = () => D.goals.some((goal) => goal.what === state.what && goal.within !== null);
 const goal = () => D.goals.findIndex((one) => one.what === state.what && (one.within === null || one.within === state.within));
@@ -49,6 +49,9 @@ function front(some) {
 }
 
 /* ---- the answer ---- */
+/* Lines of the price and LiDARs of an option whose price is unconfirmed. */
+const doubtful = (one) => D.unconfirmed.filter((name) => D.costs.includes(name) || one.units.some((unit) => unit.lidar === name));
+
 function answer(one, picked, some) {
   const [value, low, high] = share(one);
   const interval = low === null ? "" : ` <span>[${shown(low)} to ${shown(high)}]</span>`;
@@ -61,12 +64,12 @@ function answer(one, picked, some) {
 <p class="status ${meets ? "meets" : "misses"}">${meets ? "\u2713 Meets" : "\u2717 Does not meet"} what is asked: ${state.find} of 100 ${escaped(counted())}, at most ${usd(state.budget)} and ${plural(state.poles, "pole")}.</p>
 <p class="headline">Option ${one.number} finds ${shown(value)} of 100 ${escaped(counted())} in a frame${interval}</p>
 <dl class="figures">
-${figure(`Price over ${D.request.years} years`, usd(one.price[0]), `${usd(one.price[1])} to ${usd(one.price[2])}${one.units.some((u) => D.unconfirmed.includes(u.lidar)) || D.unconfirmed.length ? ", unconfirmed" : ""}`)}
+${figure(`Price over ${D.request.years} years`, usd(one.price[0]), `${usd(one.price[1])} to ${usd(one.price[2])}${doubtful(one).length ? ", unconfirmed" : ""}`)}
 ${figure("LiDARs", escaped(names(one)), `on ${plural(one.poles, "pole")}`)}
 ${people >= 0 && state.what !== "pedestrians" ? figure("Pedestrians found of 100", within(one.shares[people])) : ""}
 ${figure("False boxes a frame", within(one.false, 1))}
 ${figure("AP of all vehicles", within(one.ap))}
-${figure(`In rain, within ${D.request.within} m`, one.rain === null ? "not computed" : `${shown(one.rain)} of 100`)}
+${figure(`Vehicles found in rain, ${D.request.within} m`, one.rain === null ? "not computed" : `${shown(one.rain)} of 100`)}
 ${figure("Simulated in full", done ? `${shown(done.recall)} of 100` : "not simulated", done ? `AP ${within([done.ap, done.ap_low, done.ap_high])}; 95 % of positions within ${shown(done.position_m, 1)} m` : "the figures are predicted")}
 </dl>
 <p>${escaped(one.text[lines])}</p>
@@ -86,8 +89,7 @@ function* noteLines(one, picked, some) {
   if (share(one)[1] !== null && share(one)[1] < state.find && finds(one)) yield `The interval begins below ${state.find} of 100, so it may miss what is asked.`;
   if (one.price[2] > state.budget) yield `It may cost up to ${usd(one.price[2])}, more than the budget.`;
   if (one.method === "greedy") yield "The search for more than two LiDARs is greedy: a better set may exist.";
-  const doubtful = D.unconfirmed.filter((name) => !D.lidars.includes(name) || one.units.some((unit) => unit.lidar === name));
-  if (doubtful.length) yield `Prices are unconfirmed: ${doubtful.join(", ")}.`;
+  if (doubtful(one).length) yield `Prices are unconfirmed: ${doubtful(one).join(", ")}.`;
   if (D.pilot) yield "The detectability is a pilot, and its intervals may be too narrow.";
 }
 const notes = (...given) => [...noteLines(...given)].filter(Boolean);
@@ -132,7 +134,7 @@ function chart(one, some) {
   parts.push(`<path class="axis" d="M${left} ${height - bottom}H${width - right}"/>`);
   parts.push(`<text x="${(left + width - right) / 2}" y="${height - 6}" text-anchor="middle">Price over ${D.request.years} years, US$</text>`);
   parts.push(`<path class="limit" d="M${left} ${y(state.find)}H${width - right}M${x(state.budget)} ${top}V${height - bottom}"/>`);
-  parts.push(`<text class="limit-text" x="${left + 4}" y="${y(state.find) - 4}">wanted: ${state.find}</text><text class="limit-text" x="${x(state.budget) - 4}" y="${height - bottom - 6}" text-anchor="end">budget</text>`);
+  parts.push(`<text class="limit-text" x="${width - right - 2}" y="${y(state.find) + 14}" text-anchor="end">wanted: ${state.find}</text><text class="limit-text" x="${x(state.budget) - 4}" y="${height - bottom - 6}" text-anchor="end">budget</text>`);
   const best = front(some);
   if (best.length) parts.push(`<path class="edge" d="M${best.map((o, k) => `${k ? `H${x(o.price[0])}V` : `${x(o.price[0])} `}${y(share(o)[0])}`).join("")}"/>`);
   for (const o of [...best, one]) if (share(o)[1] !== null) parts.push(`<path class="bar" d="M${x(o.price[0])} ${y(share(o)[1])}V${y(share(o)[2])}"/>`);
@@ -153,7 +155,7 @@ function tables(one, some) {
   at("rows").innerHTML = listed.map((o) => `<tr${o === one ? ' class="shown"' : ""}><th scope="row">${o.number}${o === one ? " (shown)" : ""}</th><td>${escaped(names(o))}</td><td class="number">${o.poles}</td><td class="number">${within(share(o))}</td><td class="number">${Math.round(o.price[0]).toLocaleString("en-US")}<small>${Math.round(o.price[1]).toLocaleString("en-US")} to ${Math.round(o.price[2]).toLocaleString("en-US")}</small></td><td class="number">${within(o.false, 1)}</td><td class="number">${within(o.ap)}</td><td class="number">${shown(o.rain)}</td><td><button type="button" data-option="${o.number}" aria-pressed="${o === one}" aria-label="Show option ${o.number}">Show</button></td></tr>`).join("");
   const most = Math.max(1, ...one.costs.map((cost) => cost[1]));
   const sum = [0, 1].map((k) => one.costs.reduce((total, cost) => total + cost[k], 0));
-  at("costs").innerHTML = [...D.costs.map((name, k) => [name, one.costs[k]]), ["sum", sum]].map(([name, [low, high]]) => `<tr><th scope="row">${escaped(name)}</th><td class="number">${Math.round(low).toLocaleString("en-US")}</td><td class="number">${Math.round(high).toLocaleString("en-US")}</td><td>${name === "sum" ? "" : `<span class="cost"><i style="left:${100 * low / most}%;width:${100 * (high - low) / most}%"></i></span>`}</td></tr>`).join("");
+  at("costs").innerHTML = [...D.costs.map((name, k) => [name, one.costs[k]]), ["sum", sum]].map(([name, [low, high]]) => `<tr><th scope="row">${escaped(name)}</th><td class="number">${Math.round(low).toLocaleString("en-US")}</td><td class="number">${Math.round(high).toLocaleString("en-US")}</td><td>${name === "sum" || high === 0 ? "" : `<span class="cost"><i style="left:${100 * low / most}%;width:${100 * (high - low) / most}%"></i></span>`}</td></tr>`).join("");
 }
 
 /* ---- controls ---- */
