@@ -4,13 +4,16 @@ import itertools
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pyinfra.experiments.planner import detectability as laws
+from pyinfra.experiments.planner.areas import Area
 from pyinfra.experiments.planner.choice import Choice, Units
 from pyinfra.experiments.planner.costs import read_costs
-from pyinfra.experiments.planner.front import Goal, front_options
+from pyinfra.experiments.planner.front import Goal, front_options, goals_of
 from pyinfra.experiments.planner.lidars import open_lidars
+from pyinfra.experiments.planner.race import Objects
 from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.site import open_site
 
@@ -90,3 +93,24 @@ def test_more_than_two_lidars_are_of_the_front_within_the_budget(units: Units) -
     assert max(len(one.units) for one in front) == 4
     assert all(one.price.middle <= 40_000 for one in front)
     assert all(allowed(units, one.units, request) for one in front)
+
+
+def test_goals_are_classes_within_distances_and_areas() -> None:
+    """Two cars are 20 m and 70 m from the centre, and a pedestrian is 40 m from it."""
+    table = pd.DataFrame(
+        {"x": [20.0, 70.0, 0.0], "y": [0.0, 0.0, 40.0], "person": [False, False, True]}
+    )
+    ones = np.ones(3)
+    objects = Objects(table, ones, ones.astype(bool), np.zeros(3, int))
+    stop = Area("stop", 70, 0, 5)
+    site = replace(open_site("crossroad", 1), centre=np.zeros(2))
+    law = laws.read_detectability("generalist")
+    goals = goals_of(site, objects, law, Request(9000, within_m=60, areas=(stop,)))
+    assert [(one.column, one.counted.tolist()) for one in goals] == [
+        ("recall", [True, False, False]),
+        ("people_recall", [False, False, True]),
+        ("recall_within_90_m", [True, True, False]),
+        ("recall_stop", [False, True, False]),
+    ]
+    blind = laws.read_detectability("background")
+    assert {one.what for one in goals_of(site, objects, blind, Request(9000))} == {"vehicles"}

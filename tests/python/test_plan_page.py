@@ -1,6 +1,8 @@
 """The data of a plan's page: every figure is one of the plan's tables."""
 
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +13,10 @@ from plan_page_data import LIDARS
 from pyinfra.cli import main
 from pyinfra.experiments.planner.front import CELL_M
 from pyinfra.experiments.planner.plan import Plan
+from pyinfra.formats.ply import Triangles, write_ply
 from pyinfra.viz.plan_page.page import LARGEST_MB, write_plan_page
 from pyinfra.viz.plan_page.plan_data import FIRST_CODE, LEVELS, plan_data
+from pyinfra.viz.plan_page.site_map import site_map, window_of
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +82,22 @@ def test_the_map_has_north_up_with_roads_and_places(planned: Plan) -> None:
         assert part in svg
     pole = planned.candidates.iloc[0]
     assert f'cx="{pole.x_m:.1f}" cy="{-pole.y_m:.1f}"' in svg
+
+
+def test_the_map_of_an_imported_site_has_its_meshes_and_crossings(
+    planned: Plan, tmp_path: Path
+) -> None:
+    """The mesh has one triangle that is seen from above, and a wall that is not drawn."""
+    corners = np.array([[10, 0, 0], [20, 0, 0], [20, 8, 0], [20, 8, 5]], float)
+    write_ply(tmp_path / "house.ply", Triangles(corners, np.array([[0, 1, 2], [1, 2, 3]])))
+    (tmp_path / "map.yaml").write_text("features: {crossing: [{x_m: 3, y_m: 4}]}\n")
+    keys = {"meshes": [{"file": "house.ply", "material": "structure"}]}
+    site = replace(planned.site, keys=keys, file=tmp_path / "site.yaml")
+    window = window_of(np.array([[-50.0, -50.0], [50.0, 50.0]]))
+    svg = site_map(site, window, planned.candidates, ())
+    assert re.findall('class="m-house" d="([^"]*)"', svg) == ["M10.0 -0.0L20.0 -0.0L20.0 -8.0z"]
+    assert svg.count("m-crossing") == 3
+    assert svg.count("m-road") == len(planned.site.roads[:1])
 
 
 def test_report_writes_the_same_page_again(

@@ -124,7 +124,7 @@ const shape = (one, r) => SHAPES[Math.min(one.poles, 3)](r);
 
 function chart(one, some) {
   const width = Math.max(280, at("chart").clientWidth), height = 340, left = 38, right = 12, top = 16, bottom = 44;
-  const most = Math.max(...options.map((o) => o.price[2]), state.budget) * 1.02;
+  const most = 1.02 * Math.max(...options.map((o) => o.price[2]));
   const x = (value) => left + (width - left - right) * Math.min(value / most, 1);
   const y = (value) => height - bottom - (height - top - bottom) * value / 100;
   const parts = [];
@@ -133,8 +133,9 @@ function chart(one, some) {
   for (let value = 0; value <= most; value += step) parts.push(`<path class="axis" d="M${x(value)} ${height - bottom}v5"/><text x="${x(value)}" y="${height - bottom + 18}" text-anchor="middle">${value.toLocaleString("en-US")}</text>`);
   parts.push(`<path class="axis" d="M${left} ${height - bottom}H${width - right}"/>`);
   parts.push(`<text x="${(left + width - right) / 2}" y="${height - 6}" text-anchor="middle">Price over ${D.request.years} years, US$</text>`);
-  parts.push(`<path class="limit" d="M${left} ${y(state.find)}H${width - right}M${x(state.budget)} ${top}V${height - bottom}"/>`);
-  parts.push(`<text class="limit-text" x="${width - right - 2}" y="${y(state.find) + 14}" text-anchor="end">wanted: ${state.find}</text><text class="limit-text" x="${x(state.budget) - 4}" y="${height - bottom - 6}" text-anchor="end">budget</text>`);
+  parts.push(`<path class="limit" d="M${left} ${y(state.find)}H${width - right}"/>`);
+  if (state.budget <= most) parts.push(`<path class="limit" d="M${x(state.budget)} ${top}V${height - bottom}"/><text class="limit-text" x="${x(state.budget) - 4}" y="${height - bottom - 6}" text-anchor="end">budget</text>`);
+  parts.push(`<text class="limit-text" x="${width - right - 2}" y="${y(state.find) + 14}" text-anchor="end">wanted: ${state.find}</text>`);
   const best = front(some);
   if (best.length) parts.push(`<path class="edge" d="M${best.map((o, k) => `${k ? `H${x(o.price[0])}V` : `${x(o.price[0])} `}${y(share(o)[0])}`).join("")}"/>`);
   for (const o of [...best, one]) if (share(o)[1] !== null) parts.push(`<path class="bar" d="M${x(o.price[0])} ${y(share(o)[1])}V${y(share(o)[2])}"/>`);
@@ -190,8 +191,10 @@ function reset() {
 }
 
 function build() {
-  const least = Math.floor(Math.min(...prices) / STEP) * STEP;
-  Object.assign(at("budget"), { min: Math.min(least, D.request.budget), max: D.request.budget, step: D.request.budget - least > 20 * STEP ? STEP : 1 });
+  // The slider ends at the budget, or a bit above the dearest option. Its steps are counted from there.
+  const top = Math.min(D.request.budget, STEP * Math.ceil(1.2 * Math.max(...prices) / STEP));
+  const steps = Math.ceil((top - Math.min(...prices)) / STEP) + 1;
+  Object.assign(at("budget"), { min: Math.max(0, top - STEP * steps), max: top, step: STEP });
   at("what").innerHTML = whats.map((what) => `<option>${escaped(what)}</option>`).join("");
   at("within").innerHTML = [...D.distances].sort((a, b) => a - b).map((d) => `<option value="${d}">${d} m</option>`).join("");
   at("poles").insertAdjacentHTML("beforeend", Array.from({ length: mostPoles }, (_, k) => `<span><input type="radio" name="poles" id="poles-${k + 1}" value="${k + 1}"> <label for="poles-${k + 1}">${k + 1}</label></span>`).join(""));

@@ -7,7 +7,7 @@ cells and poles in two empty groups.
 from __future__ import annotations
 
 import html
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,8 @@ CROWN_M = 5.0  # crown of a tree whose scene does not give one
 CROSSING_M = 1.5
 MOST_TRIANGLES = 20_000  # of meshes; further ones are left out
 SCALES_M = (10, 20, 50, 100)
-MATERIALS = {"sidewalk": "walk", "structure": "house", "vegetation": "tree"}
+SURFACES = {"road": "road", "sidewalk": "walk"}  # class of each material of meshes
+STANDING = {"structure": "house", "vegetation": "tree"}
 
 
 @dataclass(frozen=True)
@@ -63,11 +64,12 @@ def site_map(
     parts = [
         f'<rect class="m-ground" x="{x:g}" y="{-y - height:g}" width="{width:g}" '
         f'height="{height:g}"/>',
+        *_meshes(site, window, SURFACES),
         *_roads(site, roads, window),
         '<g id="map-cells"></g>',
         *_lines(site, window),
         *_houses(site),
-        *_meshes(site, window),
+        *_meshes(site, window, STANDING),
         *_plants(site, roads, window),
         *_crossings(site.file.parent),
         *_places(candidates),
@@ -151,10 +153,10 @@ def _houses(site: PlanSite) -> Iterator[str]:
     yield path(list(footprints(np.array(boxes, float).reshape(-1, 7))), "house", closed=True)
 
 
-def _meshes(site: PlanSite, window: Window) -> Iterator[str]:
-    """Yields houses, sidewalks and plants of an imported site, from above."""
+def _meshes(site: PlanSite, window: Window, kinds: Mapping[str, str]) -> Iterator[str]:
+    """Yields the meshes of an imported site from above. kinds: class of each drawn material."""
     for mesh in site.keys.get("meshes") or []:
-        kind, file = MATERIALS.get(mesh.get("material", "")), site.file.parent / mesh["file"]
+        kind, file = kinds.get(mesh.get("material", "")), site.file.parent / mesh["file"]
         if kind is None or not file.is_file():
             continue
         triangles = read_ply(file)
