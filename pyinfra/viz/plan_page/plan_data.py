@@ -65,6 +65,7 @@ def plan_data(plan: Plan) -> dict[str, Any]:
         "vehicles": [int(count) for count in cells.vehicles],
         "options": _options(front, table, cells),
         "left_out": left_out(plan.candidates),
+        "map_ratio": round(float(window.size[0] / window.size[1]), 3),
         "map": site_map(site, window, plan.candidates, request.areas),
     }
 

@@ -79,7 +79,6 @@ def site_map(
     ]
     return (
         f'<svg id="map" viewBox="{x:g} {-y - height:g} {width:g} {height:g}" role="img" '
-        f'style="--ratio: {width / height:.3f}" '
         f'aria-labelledby="map-title map-text">{"".join(parts)}</svg>'
     )
 
