@@ -21,7 +21,7 @@ from __future__ import annotations
 import argparse
 import warnings
 from collections.abc import Sequence
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 
 import numpy as np
@@ -80,17 +80,28 @@ def place_rows(check: pd.DataFrame) -> list[dict[str, object]]:
 
 def order_table(sites: int, frames: int, work: Path) -> pd.DataFrame:
     """Measures each of LIDARS at the same poses; returns a row per site, pose, LiDAR and seed."""
-    rows = []
+    rows: list[dict[str, object]] = []
     for i in range(sites):
-        for pose in range(CHECK_POSES):
-            for lidar in LIDARS:
-                for seed in ORDER_SEEDS:
-                    run = Run(FIRST_CHECK_SITE + i, pose, lidar, seed)
-                    store(run, frames, work)
-                    ap = read(run, work).ap[DETECTOR]
-                    rows.append(
-                        {"site": run.site, "pose": pose, "lidar": lidar, "seed": seed, "ap": ap}
-                    )
+        runs = [
+            Run(FIRST_CHECK_SITE + i, pose, lidar, seed)
+            for pose, lidar, seed in product(range(CHECK_POSES), LIDARS, ORDER_SEEDS)
+        ]
+        try:
+            for run in runs:
+                store(run, frames, work)
+        except Error as error:
+            print(f"site {FIRST_CHECK_SITE + i}: left out: {error}", flush=True)
+            continue
+        rows += [
+            {
+                "site": run.site,
+                "pose": run.pose,
+                "lidar": run.lidar,
+                "seed": run.seed,
+                "ap": read(run, work).ap[DETECTOR],
+            }
+            for run in runs
+        ]
     return pd.DataFrame(rows)
 
 
