@@ -34,7 +34,11 @@ KINDS = ("sh", "python", "yaml", "text")
 FEW_FRAMES = 20
 ELSEWHERE = re.compile(r"--(backend|address) |--device cuda|--precision bfloat16")
 SHELL = re.compile(r"[|&;<>`$*{}]")  # shell syntax that the runner does not support
-SMALL = {"evaluate": ["--no-figures", "--replicates", "20"], "benchmark": ["--jobs", "1"]}
+SMALL = {
+    "evaluate": ["--no-figures", "--replicates", "20"],
+    "benchmark": ["--jobs", "1"],
+    "plan": ["--every", "120", "--heights", "5", "--pitches", "0", "--check-frames", "2"],
+}
 
 
 @dataclass(frozen=True)
@@ -175,7 +179,7 @@ def small_words(words: list[str]) -> list[str]:
 
 
 def small_word(option: str, word: str) -> str:
-    if option == "--max-frames":
+    if option in ("--max-frames", "--check-frames"):
         return "2"
     if option == "--frames":
         ends = [int(part) for part in word.split(":")]

@@ -53,15 +53,17 @@ def district(folder: Path, home: Path) -> Path:
     return _written(folder / "district.osm", district_text())
 
 
-def district_text() -> str:
-    """Returns a map of three streets in each direction, houses in four blocks, and rows of
-    trees."""
+def district_text(*, crossings: bool = False) -> str:
+    """Returns a map of three streets in each direction, houses in four blocks, and rows of trees.
+
+    crossings: whether pedestrian crossings of the middle junction are marked.
+    """
     osm = Osm(8.4, 49.0)
     lines = (-100, 0, 100)
-    crossings = {(i, j): osm.node(x, y) for i, x in enumerate(lines) for j, y in enumerate(lines)}
+    corners = {(i, j): osm.node(x, y) for i, x in enumerate(lines) for j, y in enumerate(lines)}
     kind = {"highway": "residential", "maxspeed": "30"}
     for k, at in enumerate(lines):
-        row, column = [crossings[i, k] for i in range(3)], [crossings[k, i] for i in range(3)]
+        row, column = [corners[i, k] for i in range(3)], [corners[k, i] for i in range(3)]
         osm.way([osm.node(-ARM_M, at), *row, osm.node(ARM_M, at)], **kind)
         osm.way([osm.node(at, -ARM_M), *column, osm.node(at, ARM_M)], **kind)
     for number, (x, y) in enumerate(itertools.product((-85, -50, 15, 50), repeat=2)):
@@ -69,6 +71,8 @@ def district_text() -> str:
                    (x, y + 12)], **({"building__levels": str(2 + number % 3)}))  # fmt: skip
     for x in (-70, -40, 30, 60):
         osm.node(x, 8, natural="tree", height="7")
+    for x, y in ((-9, 0), (9, 0), (0, -9), (0, 9)) if crossings else ():
+        osm.node(x, y, highway="crossing", crossing="marked")
     return osm.text()
 
 

@@ -71,16 +71,18 @@ def make_site(infrasim: Callable[..., object], run_command: Callable[..., list[s
 def make_map(infrasim: Callable[..., object], run_command: Callable[..., list[str]]) -> None:
     """Writes a district as an OpenStreetMap file."""
     pytest.importorskip("sumo", reason="Eclipse SUMO is not installed: extra `site`")
-    Path("crossing.osm").write_text(site_maps.district_text())
+    Path("crossing.osm").write_text(site_maps.district_text(crossings=True))
 
 
 MOST_COMMANDS = 20  # from a map to a recommendation
+MOST_OF_A_PLAN = 15  # from a map to a signed answer
 MOST_WORDS, MOST_NUMBERS = 150, 3  # words of README's first screen; numbers in a sentence
 GIVEN = {
     "generalist": make_site,
     "own_data": make_recording,
     "own_recording": make_clouds,
     "own_site": make_map,
+    "plan": make_map,
 }
 LEAST_AP = {"own_detector": ("out/blocks_ap/ap.csv", 20), "tutorial": ("out/background/ap.csv", 20)}
 
@@ -112,6 +114,14 @@ def test_a_map_becomes_a_recommendation_in_few_commands() -> None:
     assert commands[1].startswith("pyinfra site import crossing.osm ")
     assert any(command.startswith("pyinfra recommend ") for command in commands)
     assert len(commands) <= MOST_COMMANDS
+
+
+def test_a_map_becomes_a_signed_answer_in_few_commands() -> None:
+    shell = [b.text for b in doc_pages.blocks(page("plan")) if b.kind == "sh"]
+    commands = [command for text in shell for command in doc_pages.commands(text)]
+    assert any(command.startswith("pyinfra site import crossing.osm ") for command in commands)
+    assert any(command.startswith("pyinfra plan sites/crossing ") for command in commands)
+    assert len(commands) <= MOST_OF_A_PLAN
 
 
 @pytest.mark.parametrize("page", doc_pages.PAGES, ids=lambda page: page.stem)

@@ -11,7 +11,7 @@ from pyinfra.experiments.planner import detectability as laws
 from pyinfra.experiments.planner.areas import Area
 from pyinfra.experiments.planner.choice import Choice, Units
 from pyinfra.experiments.planner.costs import read_costs
-from pyinfra.experiments.planner.front import Goal, front_options, goals_of
+from pyinfra.experiments.planner.front import Goal, front_options, goals_of, with_objects
 from pyinfra.experiments.planner.lidars import open_lidars
 from pyinfra.experiments.planner.race import Objects
 from pyinfra.experiments.planner.request import Request
@@ -111,6 +111,14 @@ def test_goals_are_classes_within_distances_and_areas() -> None:
         ("people_recall", [False, False, True]),
         ("recall_within_90_m", [True, True, False]),
         ("recall_stop", [False, True, False]),
+    ]
+    others = replace(objects, table=table.iloc[[2, 1, 1]])
+    again = with_objects(goals, site, others, law, Request(9000, within_m=60, areas=(stop,)))
+    assert [(one.column, one.counted.tolist()) for one in again] == [
+        ("recall", [False, False, False]),
+        ("people_recall", [True, False, False]),
+        ("recall_within_90_m", [False, True, True]),
+        ("recall_stop", [False, True, True]),
     ]
     blind = laws.read_detectability("background")
     assert {one.what for one in goals_of(site, objects, blind, Request(9000))} == {"vehicles"}

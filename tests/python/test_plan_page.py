@@ -13,6 +13,7 @@ from plan_page_data import LIDARS
 from pyinfra.cli import main
 from pyinfra.experiments.planner.front import CELL_M
 from pyinfra.experiments.planner.plan import Plan
+from pyinfra.experiments.planner.site import other_traffic
 from pyinfra.formats.ply import Triangles, write_ply
 from pyinfra.viz.plan_page.page import LARGEST_MB, write_plan_page
 from pyinfra.viz.plan_page.plan_data import FIRST_CODE, LEVELS, plan_data
@@ -34,8 +35,21 @@ def test_the_front_continues_the_options_with_the_same_columns(planned: Plan) ->
     assert table.option.max() > planned.options.option.max()
     assert {"recall_within_30_m", "recall_within_30_m_low", "recall_stop line_high"} <= set(table)
     best = table.drop_duplicates("option")
-    meets = best[(best.recall >= 70) & best.keeps_false]
+    meets = best[(best.recall_in_choice >= 70) & best.keeps_false]
     assert best.price_usd[best.option == 1].item() == meets.price_usd.min()
+
+
+def test_the_choice_with_other_prices_is_an_option_of_the_front(planned: Plan) -> None:
+    table = planned.front.table
+    cases = planned.sensitivity.dropna(subset="option")
+    assert cases.option.iloc[0] == 1
+    for case in cases.itertuples():
+        rows = table[table.option == case.option]
+        assert case.lidars == " + ".join(rows.lidar)
+        if "prices" in case.case:
+            factor = 1 + int(case.case.split()[-2]) / 100
+            low, high = sorted([factor, 1])
+            assert low <= case.price_usd / rows.price_usd.iloc[0] <= high
 
 
 def test_the_page_has_the_figures_of_the_tables(planned: Plan) -> None:
@@ -51,6 +65,9 @@ def test_the_page_has_the_figures_of_the_tables(planned: Plan) -> None:
         assert one["shares"][0] == pytest.approx(
             row[["recall", "recall_low", "recall_high"]].tolist(), abs=1e-3
         )
+        columns = ["recall_in_choice", "recall_within_30_m_in_choice"]
+        goals = [[goal["within"] for goal in data["goals"]].index(within) for within in (60, 30)]
+        assert [one["by"][k] for k in goals] == pytest.approx(row[columns].tolist(), abs=1e-3)
         assert sum(low for low, _ in one["costs"]) == pytest.approx(one["price"][1], abs=5)
         assert sum(high for _, high in one["costs"]) == pytest.approx(one["price"][2], abs=5)
         assert f"finds {row.recall:.0f} of 100" in one["text"][0]
@@ -59,7 +76,7 @@ def test_the_page_has_the_figures_of_the_tables(planned: Plan) -> None:
 
 
 def test_the_cells_hold_the_vehicles_that_an_option_finds(planned: Plan) -> None:
-    data, table = plan_data(planned), planned.site.present
+    data, table = plan_data(planned), other_traffic(planned.site, 6).present
     vehicles = np.array(data["vehicles"])
     assert vehicles.sum() == (~table.person).sum()
     corners = np.array(data["cells"])

@@ -11,7 +11,7 @@ import pandas as pd
 
 from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.choice import Choice, Units
-from pyinfra.experiments.planner.costs import Costs, Range
+from pyinfra.experiments.planner.costs import CORES, FRAME_MS, Costs, Range
 from pyinfra.experiments.planner.detectability import Detectability
 from pyinfra.experiments.planner.lidars import PlanLidar
 from pyinfra.experiments.planner.predict import Prediction
@@ -23,6 +23,12 @@ from pyinfra.metrics.comparison import Interval
 LISTED = 3  # options that are described in full
 REASONS = 4  # reasons of left-out poses that are listed
 Options = Sequence[tuple[Choice, Prediction]]
+LATER = "in the last third of the recorded traffic"
+SAME = (
+    "These shares are predicted in the frames of the choice and are too high on average, because "
+    "no other frame has traffic."
+)
+OTHER = "in traffic of another seed"
 
 
 def option_table(
@@ -31,10 +37,16 @@ def option_table(
     poses: pd.DataFrame,
     lidars: Sequence[PlanLidar],
     units: Units,
+    chosen_by: Sequence[float],
+    law: Detectability,
 ) -> pd.DataFrame:
-    """Returns a row for each unit of each option; the columns of the option are repeated."""
+    """Returns a row for each unit of each option; the columns of the option are repeated.
+
+    chosen_by: share that each option finds in the frames of the choice.
+    """
     rows = []
     for number, (choice, prediction) in enumerate(options, start=1):
+        latency_ms = law.latency_ms * len(choice.units)
         for k, unit in enumerate(choice.units, start=1):
             pose = poses.iloc[int(stayed.pose[unit])]
             rows.append(
@@ -51,6 +63,8 @@ def option_table(
                     "price_usd_low": choice.price.low,
                     "price_usd_high": choice.price.high,
                     **ends("recall", prediction.recall, 100),
+                    "recall_in_choice": 100 * chosen_by[number - 1],
+                    "latency_ms": latency_ms,
                     **ends("people_recall", prediction.people, 100),
                     **{
                         f"recall_{name}": 100 * share.value
@@ -117,20 +131,28 @@ class Answer:
         rows: pd.DataFrame,
         every: pd.DataFrame,
         units: Units,
+        moved: Sequence[str],
+        *,
+        is_unseen: bool,
     ) -> Answer:
-        prediction = options[0][1]
-        meets = prediction.recall.value >= request.find and prediction.keeps_false
+        """Makes the sentences.
+
+        moved: those on how the choice changes. is_unseen: whether the predictions are for frames
+        that were not used for the choice.
+        """
         lines = [asked(site, request)]
-        if not meets:
-            lines.append(nearest(prediction, request))
+        if not meets(options[0], request):
+            lines.append(nearest(options, request))
         kept = options[:LISTED]
         lines += [
             f"{i}. {sentence(one, rows[rows.option == i], request, law)}"
             for i, one in enumerate(kept, start=1)
         ]
+        lines.append(where_predicted(site, rows) if is_unseen else SAME)
         lines += notes(options, rows, request, law, costs, units)
+        lines += moved
         lines += left_out(every)
-        return Answer(meets, tuple(lines))
+        return Answer(meets(options[0], request), tuple(lines))
 
 
 def asked(site: PlanSite, request: Request) -> str:
@@ -147,13 +169,35 @@ def asked(site: PlanSite, request: Request) -> str:
     )
 
 
-def nearest(prediction: Prediction, request: Request) -> str:
-    """Returns what the best option lacks, and what would have to be asked instead."""
-    reasons = []
+def where_predicted(site: PlanSite, rows: pd.DataFrame) -> str:
+    return (
+        f"These shares are predicted {LATER if site.recorded else OTHER}, which was not used for "
+        f"the choice. The first option finds {rows.recall_in_choice.iloc[0]:.0f} of 100 in the "
+        "frames of the choice."
+    )
+
+
+def meets(option: tuple[Choice, Prediction], request: Request) -> bool:
+    """Returns whether an option finds what was asked for."""
+    prediction = option[1]
+    return prediction.recall.value >= request.find and prediction.keeps_false
+
+
+def nearest(options: Options, request: Request) -> str:
+    """Returns what the first option lacks, and what would have to be asked instead."""
+    others = [k for k, one in enumerate(options, start=1) if meets(one, request)]
+    if others:
+        k = min(others, key=lambda k: options[k - 1][0].price.middle)
+        share, price_usd = options[k - 1][1].recall.value, options[k - 1][0].price.middle
+        return (
+            f"The chosen option may miss this: it finds {100 * options[0][1].recall.value:.0f} of "
+            f"100 in other traffic. Option {k} finds {100 * share:.0f} of 100 for {usd(price_usd)}."
+        )
+    prediction, reasons = options[0][1], []
     if prediction.recall.value < request.find:
         reasons.append(
-            f"the best one finds {100 * prediction.recall.value:.0f} of 100; a higher budget, more "
-            f"poles or `find` {math.floor(100 * prediction.recall.value) / 100:g} would do"
+            f"the chosen one finds {100 * prediction.recall.value:.0f} of 100; a higher budget, "
+            f"more poles or `find` {math.floor(100 * prediction.recall.value) / 100:g} would do"
         )
     if not prediction.keeps_false:
         least = FRAMES_PER_MINUTE * prediction.false_per_frame.value
@@ -229,12 +273,19 @@ def notes(
         )
     if choice.price.high > request.budget_usd:
         yield f"The first option may cost up to {usd(choice.price.high)}, more than the budget."
+    latency_ms = law.latency_ms * len(choice.units)
+    if latency_ms > FRAME_MS:
+        yield (
+            f"The detector takes {latency_ms:.0f} ms for a frame, and a frame comes every "
+            f"{FRAME_MS:g} ms. It needs {math.ceil(latency_ms / FRAME_MS)} cores to keep up, of "
+            f"the {CORES} of a computer; the price has enough computers."
+        )
     yield from number_of_poles(options, rows)
-    yield from robustness(options, request, units)
     if choice.method == "greedy":
         yield (
-            f"The search for {len(choice.units)} LiDARs is greedy: no other set finds more than "
-            f"{100 * choice.bound:.1f} of 100; the gap is {100 * choice.gap:.1f}."
+            f"The search for {len(choice.units)} LiDARs is greedy: in the frames of the choice, no "
+            f"other set finds more than {100 * choice.bound:.1f} of 100; the gap is "
+            f"{100 * choice.gap:.1f}."
         )
     else:
         yield "The choice is exact over all candidates that stayed in the race."
@@ -265,42 +316,6 @@ def number_of_poles(options: Options, rows: pd.DataFrame) -> Iterator[str]:
     yield f"Most vehicles by number of poles: {'; '.join(texts)}."
 
 
-def robustness(options: Options, request: Request, units: Units) -> Iterator[str]:
-    """Yields how the choice moves with prices, and what is left when a LiDAR fails."""
-    first = options[0][0]
-    for change in (-20, 20):
-        chosen = chosen_at(options, request, 1 + change / 100)
-        if chosen is not None and chosen != 0:
-            other = options[chosen]
-            names = " and ".join(units.lidars[u].name for u in other[0].units)
-            yield (
-                f"With prices {change:+d} % the choice is option {chosen + 1} ({names}), which "
-                f"finds {100 * other[1].recall.value:.0f} of 100."
-            )
-        elif chosen is None:
-            yield f"With prices {change:+d} % no option is within the budget."
-    if len(first.units) > 1:
-        rest = [units.value([u for u in first.units if u != lost]) for lost in first.units]
-        yield f"If one of its LiDARs fails, the first option finds {100 * min(rest):.0f} of 100."
-
-
-def chosen_at(options: Options, request: Request, factor: float) -> int | None:
-    """Returns the index of the choice if all prices are multiplied by a factor."""
-    within = [
-        i
-        for i, (choice, _) in enumerate(options)
-        if factor * choice.price.middle <= request.budget_usd
-    ]
-    good = [
-        i
-        for i in within
-        if options[i][1].recall.value >= request.find and options[i][1].keeps_false
-    ]
-    if good:
-        return min(good, key=lambda i: options[i][0].price.middle)
-    return max(within, key=lambda i: options[i][1].recall.value) if within else None
-
-
 def left_out(every: pd.DataFrame) -> Iterator[str]:
     """Yields one line on what was left out, grouped by reason."""
     faults = every[every.lidar == ""].left_out.value_counts()
@@ -314,25 +329,3 @@ def left_out(every: pd.DataFrame) -> Iterator[str]:
         texts = [f"{count} {reason}" for reason, count in raced.items()]
         total = int((every.lidar != "").sum())
         yield f"{raced.sum()} of {total} pairs of pose and LiDAR were left out: {'; '.join(texts)}."
-
-
-def checked_lines(options: pd.DataFrame, request: Request, frames: int) -> Iterator[str]:
-    """Yields prediction and measurement of each option that was simulated in full."""
-    first = options.drop_duplicates("option")
-    done = first[first.ap_simulated.notna()]
-    if len(done):
-        yield f"Simulated in full with other traffic, {frames} frames each:"
-    for row in done.itertuples():
-        people = ""
-        if math.isfinite(row.people_recall_simulated):
-            people = f" and {row.people_recall_simulated:.0f} of 100 pedestrians"
-        ap_ends = ""
-        if math.isfinite(row.ap_simulated_low):
-            ap_ends = f" [{row.ap_simulated_low:.0f} to {row.ap_simulated_high:.0f}]"
-        yield (
-            f"Option {row.option}: finds {row.recall_simulated:.0f} of 100 vehicles (predicted "
-            f"{row.recall:.0f}){people} within {request.within_m:g} m, "
-            f"{false_boxes(row.false_per_frame_simulated)}, 95 % of the positions within "
-            f"{row.position_m_simulated:.1f} m; AP {row.ap_simulated:.0f}{ap_ends} (predicted "
-            f"{row.ap_predicted:.0f})."
-        )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,11 +11,14 @@ import pandas as pd
 import yaml
 
 from pyinfra.core.arrays import BoolArray, FloatArray
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.names import suggestion
+from pyinfra.dataset.roads import Road
 from pyinfra.formats.csv_table import read_csv
 
 CLASSES = ("vehicle", "person", "any")
 CROSSINGS = "the crossings"
+BESIDE_M = 10.0  # width beside a carriageway in which people walk
 CROSSING_M = 6.0  # radius around the middle of a crossing of a map
 COLUMNS = ("name", "x_m", "y_m", "radius_m")
 
@@ -48,6 +52,12 @@ def read_areas(file: Path) -> tuple[Area, ...]:
     for name in COLUMNS:
         if name not in table:
             raise FormatError(f"{file}:1: expected the column {name}, got {', '.join(table)}")
+    for name in table:
+        if name not in (*COLUMNS, "class", "weight"):
+            near = suggestion(name, [*COLUMNS, "class", "weight"])
+            raise FormatError(f"{file}:1: expected known columns, got '{name}'{near}")
+    if table.empty:
+        raise FormatError(f"{file}: expected one area or more, got none")
     areas = []
     for row, one in enumerate(table.to_dict("records"), start=2):
         area = Area(
@@ -58,6 +68,8 @@ def read_areas(file: Path) -> tuple[Area, ...]:
             float(one.get("weight", 1.0)),
             str(one.get("class", "any")),
         )
+        if not isinstance(one["name"], str):
+            raise FormatError(f"{file}:{row}: name: expected a name, got none")
         if not np.isfinite([area.x_m, area.y_m]).all():
             raise FormatError(f"{file}:{row}: x_m, y_m: expected numbers, got none")
         for key, low, value in (
@@ -72,6 +84,18 @@ def read_areas(file: Path) -> tuple[Area, ...]:
             )
         areas.append(area)
     return tuple(areas)
+
+
+def check_on_roads(areas: tuple[Area, ...], roads: Sequence[Road]) -> None:
+    """Raises Error for an area that is beside all roads of the evaluation region."""
+    for area in areas:
+        at = np.array([area.x_m, area.y_m])
+        away = min(float((np.hypot(*(road.xy - at).T) - road.half_width).min()) for road in roads)
+        if away > area.radius_m + BESIDE_M:
+            raise Error(
+                f"areas: expected areas in the evaluation region, got '{area.name}' at "
+                f"({area.x_m:g}, {area.y_m:g}), {away:.0f} m from its nearest road"
+            )
 
 
 def crossings_of(folder: Path, weight: float) -> tuple[Area, ...]:

@@ -12,6 +12,7 @@ import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.names import suggestion
 from pyinfra.dataset.roads import Road, offset_curve
 from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.formats.csv_table import read_csv
@@ -23,7 +24,17 @@ WALL_TO_ROAD_M = 20.0  # walls farther than this from every carriageway carry no
 LEAST_MEDIAN_M = 1.0  # medians below this width carry no pole
 SEARCH_M = 20.0  # distance within which a free place is searched
 APART_M = 1.0  # positions closer than this to an earlier one are left out
-WORDS = frozenset({"existing", "kind", "name"})
+WORDS = frozenset({"existing", "kind", "name", "lidar", "left_out"})
+# Columns of a file of poses. Those of candidates.csv are known, so that its rows can be one.
+COLUMNS = (*POSE, "existing", *(WORDS - {"existing"}), "height_m", "frames", "recall")
+TRIED_M = (5.0, 8.0, 12.0)  # heights above the road that are tried for a pose that is not free
+GRID_BOUNDS = {
+    "every_m": (0.5, 1000),
+    "heights_m": (0.5, 100),
+    "pitches_deg": (-90, 90),
+    "yaws": (1, 72),
+    "yaw_step_deg": (1, 180),
+}
 
 
 @dataclass(frozen=True)
@@ -35,6 +46,19 @@ class PoseGrid:
     yaws: int = 3  # directions of narrow LiDARs: to the centre, and turned to both sides
     yaw_step_deg: float = 45.0
     pitches_deg: tuple[float, ...] = (0.0, 10.0)
+
+
+def checked_grid(grid: PoseGrid) -> PoseGrid:
+    """Returns the grid. Raises Error for a value out of range."""
+    for name, (low, high) in GRID_BOUNDS.items():
+        given = getattr(grid, name)
+        values = given if isinstance(given, tuple) else (given,)
+        if not values:
+            raise Error(f"{name}: expected one value or more, got none")
+        for value in values:
+            if not low <= value <= high:
+                raise Error(f"{name}: expected {low:g} to {high:g}, got {value:g}")
+    return grid
 
 
 def make_candidates(site: PlanSite, within_m: float, grid: PoseGrid) -> pd.DataFrame:
@@ -53,9 +77,11 @@ def make_candidates(site: PlanSite, within_m: float, grid: PoseGrid) -> pd.DataF
             for h in heights
         ]
     if not rows:
+        distances = [math.hypot(at[1] - site.centre[0], at[2] - site.centre[1]) for at in places]
+        near = f"; the nearest is {min(distances):.0f} m away" if distances else ""
         raise Error(
-            f"within: expected a kerb, median or wall within {within_m:g} m of "
-            f"({site.centre[0]:.0f}, {site.centre[1]:.0f}), got none; poses from a file work"
+            f"within_m: expected a kerb, median or wall within {within_m:g} m of "
+            f"({site.centre[0]:.0f}, {site.centre[1]:.0f}), got none{near}; set `poses` to a file"
         )
     return turned(pd.DataFrame(rows), site, grid)
 
@@ -70,6 +96,14 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
     for name in ("x_m", "y_m"):
         if name not in table:
             raise FormatError(f"{file}:1: expected the column {name}, got {', '.join(table)}")
+    for name in table:
+        if name not in COLUMNS:
+            raise FormatError(
+                f"{file}:1: expected known columns, got '{name}'"
+                f"{suggestion(name, [*POSE, 'existing'])}"
+            )
+    if "height_m" in table and "z_m" not in table:
+        raise FormatError(f"{file}:1: expected z_m in the world frame, got height_m alone")
     if table.empty:
         raise FormatError(f"{file}: expected one pose or more, got none")
     for name in [name for name in POSE if name in table]:
@@ -84,6 +118,12 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
     if unknown.any():
         row = int(np.flatnonzero(unknown)[0])
         raise FormatError(f"{file}:{row + 2}: existing: expected yes or no, got '{existing[row]}'")
+    given = [name for name in POSE if name in table]
+    rows = table.assign(existing=existing).drop_duplicates([*given, "existing"])
+    twice = rows.duplicated(given)
+    if twice.any():
+        row = int(rows.index[twice][0])
+        raise FormatError(f"{file}:{row + 2}: existing: expected one value for a pose, got two")
     poses = table.assign(kind="file", existing=existing == "yes")
     if "z_m" not in poses:
         ground = _ground(site.roads, poses[["x_m", "y_m"]].to_numpy(float))
@@ -131,23 +171,33 @@ def feasible(poses: pd.DataFrame, site: PlanSite) -> pd.DataFrame:
         reasons = poses.fault.value_counts()
         pose = poses.iloc[0]
         place = nearest_free(site, pose[POSE].to_numpy(float))
-        near = "" if place is None else f"; free is ({place[0]:.1f}, {place[1]:.1f})"
+        near = "nothing is free near it"
+        if place is not None:
+            near = f"free is ({place[0]:.1f}, {place[1]:.1f}) at z_m {place[2]:.1f}"
         raise Error(
             f"poses: expected a pose that is free, got {len(poses)} that are not; "
-            f"{reasons.iloc[0]} of them: {reasons.index[0]}; next to ({pose.x_m:g}, {pose.y_m:g})"
-            f"{near or ': nothing is free'}"
+            f"{reasons.iloc[0]} of them: {reasons.index[0]}; instead of ({pose.x_m:g}, "
+            f"{pose.y_m:g}), {near}"
         )
     return free
 
 
-def nearest_free(site: PlanSite, pose: FloatArray) -> tuple[float, float] | None:
-    """Returns the nearest x, y within SEARCH_M, beside the roads, that is free at this height."""
+def nearest_free(site: PlanSite, pose: FloatArray) -> tuple[float, float, float] | None:
+    """Returns x, y, z of a pose that is free: at another height, or else beside the roads.
+
+    Positions within SEARCH_M are tried at the height of the pose, the nearest first.
+    """
+    ground, outside = nearest_road(site.roads, pose[:2])
+    for height in TRIED_M if outside > 0 else ():
+        place = (float(pose[0]), float(pose[1]), ground + height)
+        if pose[2] < ground and not site.observer.fault([*place, *pose[3:]]):
+            return place
     for away in np.arange(0.5, SEARCH_M + 0.1, 0.5):
         for angle in np.arange(0, 2 * np.pi, np.pi / 8):
             x, y = pose[0] + away * np.cos(angle), pose[1] + away * np.sin(angle)
-            beside = _nearest(site.roads, np.array([x, y]))[1] > 0
+            beside = nearest_road(site.roads, np.array([x, y]))[1] > 0
             if beside and not site.observer.fault([float(x), float(y), *pose[2:]]):
-                return float(x), float(y)
+                return float(x), float(y), float(pose[2])
     return None
 
 
@@ -191,12 +241,12 @@ def _on_walls(site: PlanSite, every_m: float) -> Iterator[tuple[str, float, floa
             count = max(1, int(wide // every_m))
             for k in range(count):
                 at = middle + side * (half + WALL_M) + way * wide * ((k + 0.5) / count - 0.5)
-                ground, away = _nearest(site.roads, at)
+                ground, away = nearest_road(site.roads, at)
                 if away <= WALL_TO_ROAD_M:
                     yield "wall", float(at[0]), float(at[1]), ground, top
 
 
-def _nearest(roads: Sequence[Road], at: FloatArray) -> tuple[float, float]:
+def nearest_road(roads: Sequence[Road], at: FloatArray) -> tuple[float, float]:
     """Returns the height of the nearest road, and the distance from its carriageway."""
     best = (0.0, math.inf)
     for road in roads:
@@ -209,7 +259,7 @@ def _nearest(roads: Sequence[Road], at: FloatArray) -> tuple[float, float]:
 
 
 def _ground(roads: Sequence[Road], at: FloatArray) -> FloatArray:
-    return np.array([_nearest(roads, one)[0] for one in at])
+    return np.array([nearest_road(roads, one)[0] for one in at])
 
 
 def _wrapped(degrees: FloatArray) -> FloatArray:

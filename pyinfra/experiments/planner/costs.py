@@ -101,6 +101,8 @@ def read_costs(file: Path | None, years: float, detectability: Detectability) ->
     for row, one in enumerate(table.itertuples(), start=2):
         if one.item not in ITEMS:
             raise FormatError(f"{file}:{row}: item: expected {', '.join(ITEMS)}, got '{one.item}'")
+        if one.item in set(table["item"][: row - 2]):
+            raise FormatError(f"{file}:{row}: item: expected each item once, got {one.item} twice")
         if not (np.isfinite([one.low, one.high]).all() and 0 <= one.low <= one.high):
             raise FormatError(
                 f"{file}:{row}: low, high: expected 0 <= low <= high, got {one.low:g}, {one.high:g}"

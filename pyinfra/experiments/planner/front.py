@@ -63,6 +63,11 @@ class Front:
     unconfirmed: tuple[str, ...]  # LiDARs and items of the costs whose price is unconfirmed
 
 
+def masks_of(goals: Sequence[Goal]) -> dict[str, BoolArray]:
+    """Returns the objects that count for each goal, by the column of the goal."""
+    return {one.column: one.counted for one in goals}
+
+
 def distances(goals: Sequence[Goal]) -> list[float]:
     return list(dict.fromkeys(one.within_m for one in goals if one.within_m is not None))
 
@@ -74,27 +79,49 @@ def goals_of(
 
     A distance that adds no vehicle to a smaller one is left out.
     """
-    table = objects.table
-    away = np.hypot(table.x - site.centre[0], table.y - site.centre[1]).to_numpy()
-    person = table.person.to_numpy(bool)
     goals, counts = [], set()
     for factor in sorted(DISTANCES, key=lambda f: f != 1):
         within = factor * request.within_m
-        for name, prefix, of_class in (
-            ("vehicles", "", ~person),
-            ("pedestrians", "people_", person),
-        ):
-            counted = of_class & (away <= within)
-            known = name == "vehicles" or law.people is not None
-            if known and counted.any() and (name, counted.sum()) not in counts:
+        for name, prefix in (("vehicles", ""), ("pedestrians", "people_")):
+            counted = _counted(name, within, site, objects, law, request)
+            if counted.any() and (name, counted.sum()) not in counts:
                 counts.add((name, counted.sum()))
                 distance = "" if factor == 1 else f"_within_{within:g}_m"
                 goals.append(Goal(f"{prefix}recall{distance}", name, within, counted))
     for name in dict.fromkeys(area.name for area in request.areas):
-        counted = of_name(request.areas, name, table) & (~person | (law.people is not None))
+        counted = _counted(name, None, site, objects, law, request)
         if counted.any():
             goals.append(Goal(f"recall_{name}", name, None, counted))
     return tuple(goals)
+
+
+def with_objects(
+    goals: Sequence[Goal], site: PlanSite, objects: Objects, law: Detectability, request: Request
+) -> tuple[Goal, ...]:
+    """Returns the same goals for the objects of other frames; a goal may have none there."""
+    return tuple(
+        replace(one, counted=_counted(one.what, one.within_m, site, objects, law, request))
+        for one in goals
+    )
+
+
+def _counted(
+    what: str,
+    within_m: float | None,
+    site: PlanSite,
+    objects: Objects,
+    law: Detectability,
+    request: Request,
+) -> BoolArray:
+    """Returns which objects count for a goal: (objects,)."""
+    table = objects.table
+    person = table.person.to_numpy(bool)
+    known = ~person | (law.people is not None)
+    if within_m is None:
+        return np.asarray(of_name(request.areas, what, table) & known)
+    away = np.hypot(table.x - site.centre[0], table.y - site.centre[1]).to_numpy()
+    of_class = person if what == "pedestrians" else ~person
+    return np.asarray(of_class & known & (away <= within_m))
 
 
 def front_options(units: Units, goals: Sequence[Goal], request: Request) -> list[Choice]:
@@ -195,6 +222,7 @@ def _best_sets(units: Units, request: Request) -> list[Choice]:
 
 def front_of(
     options: Options,
+    in_choice: Sequence[Prediction],
     rows: pd.DataFrame,
     goals: Sequence[Goal],
     units: Units,
@@ -202,15 +230,22 @@ def front_of(
     law: Detectability,
     request: Request,
 ) -> Front:
-    """Returns the front. rows: the rows of the options in `option_table`."""
+    """Returns the front.
+
+    in_choice: what each option finds in the frames of the choice. rows: the rows of the options in
+    `option_table`.
+    """
     numbers = range(1, len(options) + 1)
     shares = pd.DataFrame(
         {
             key: value
             for goal in goals
-            for key, value in ends(goal.column, prediction.shares[goal.column], 100).items()
+            for key, value in (
+                *ends(goal.column, prediction.shares[goal.column], 100).items(),
+                (f"{goal.column}_in_choice", 100 * before.shares[goal.column].value),
+            )
         }
-        for _, prediction in options
+        for (_, prediction), before in zip(options, in_choice, strict=True)
     )
     shares.index = pd.Index(numbers)
     shares = shares[[name for name in shares if name not in rows]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray, Records
 from pyinfra.dataset.frame_sequence import SimulatedFrames
-from pyinfra.dataset.world_frame import to_levelled, to_world
+from pyinfra.dataset.world_frame import rotation, to_levelled, to_world
 from pyinfra.formats.kitti import WorldPose
 
 AT_TIMES = ("", "scan_")  # prefixes of the columns of an object's poses
@@ -19,10 +20,12 @@ AT_TIMES = ("", "scan_")  # prefixes of the columns of an object's poses
 class FusedFrames(SimulatedFrames):
     """The frames of a LiDAR with the points of others added, in the levelled frame of the first.
 
-    Clocks and poses are exact. The label of an object is that of the LiDAR with most points on it.
+    Clocks are exact. The points of each LiDAR are turned about it by an error of its yaw, which is
+    0 by default. The label of an object is that of the LiDAR with most points on it.
     """
 
     others: tuple[SimulatedFrames, ...] = field(default=())
+    yaw_errors_deg: tuple[float, ...] = ()  # assumed yaw minus true yaw of each LiDAR; () for none
 
     def of(self, numbers: Sequence[int]) -> FusedFrames:
         return replace(
@@ -32,10 +35,13 @@ class FusedFrames(SimulatedFrames):
     def _cast(self, numbers: Sequence[int]) -> Iterator[tuple[int, tuple[Float32Array, Records]]]:
         pose = self.lidar.T_world_levelled
         streams = [super()._cast(numbers), *(one._cast(numbers) for one in self.others)]
+        errors_deg = self.yaw_errors_deg or (0.0,) * len(streams)
         for casts in zip(*streams, strict=True):
             (number, (points, fields)), rows = casts[0], [self.rows[casts[0][0]]]
-            clouds, every_field = [points], [fields]
-            for one, (_, (more, more_fields)) in zip(self.others, casts[1:], strict=True):
+            clouds, every_field = [turned_points(points, errors_deg[0])], [fields]
+            others = zip(self.others, casts[1:], errors_deg[1:], strict=True)
+            for one, (_, (more, more_fields)), error_deg in others:
+                more = turned_points(more, error_deg)
                 clouds.append(moved_points(more, one.lidar.T_world_levelled, pose))
                 every_field.append(more_fields)
                 rows.append(moved_rows(one.rows[number], one.lidar.T_world_levelled, pose))
@@ -46,13 +52,23 @@ class FusedFrames(SimulatedFrames):
             yield number, cloud
 
 
-def fused(sequences: Sequence[SimulatedFrames]) -> SimulatedFrames:
-    """Returns one sequence of all points; a single sequence is returned unchanged."""
+def fused(sequences: Sequence[SimulatedFrames], yaw_error_deg: float = 0.0) -> SimulatedFrames:
+    """Returns one sequence of all points; a single sequence without error is returned unchanged.
+
+    yaw_error_deg: error of the assumed yaw of each LiDAR, alternately to the left and to the right.
+    """
     first, *others = sequences
-    if not others:
+    if not others and not yaw_error_deg:
         return first
+    errors_deg = tuple(yaw_error_deg * (-1) ** k for k in range(len(sequences)))
     one = FusedFrames(
-        first.world, first.unit, first.numbers, first.threads, first.kept, others=tuple(others)
+        first.world,
+        first.unit,
+        first.numbers,
+        first.threads,
+        first.kept,
+        others=tuple(others),
+        yaw_errors_deg=errors_deg,
     )
     one.roads = first.roads
     return one
@@ -63,6 +79,16 @@ def moved_points(points: Float32Array, pose: WorldPose, to: WorldPose) -> Float3
     out = points.copy()
     out[:, :2] = to_levelled(to_world(points[:, :2].astype(np.float64), pose), to)
     out[:, 2] += np.float32(pose.z - to.z)
+    return out
+
+
+def turned_points(points: Float32Array, yaw_deg: float) -> Float32Array:
+    """Turns points (n, 4) to the left about the vertical axis of the LiDAR."""
+    if not yaw_deg:
+        return points
+    out = points.copy()
+    turn = rotation(yaw=math.radians(yaw_deg))[:2, :2]
+    out[:, :2] = points[:, :2].astype(np.float64) @ turn.T
     return out
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import yaml
@@ -39,6 +39,11 @@ class PlanLidar:
     @property
     def price_usd(self) -> float:
         return (self.price_low_usd + self.price_high_usd) / 2
+
+    def with_price(self, factor: float) -> PlanLidar:
+        """Returns the LiDAR at a multiple of its price."""
+        low, high = factor * self.price_low_usd, factor * self.price_high_usd
+        return replace(self, price_low_usd=low, price_high_usd=high)
 
 
 def open_lidars(names: Sequence[StrPath], site: PlanSite) -> list[PlanLidar]:

@@ -27,6 +27,7 @@ VEHICLES = Settings(ground_truths=("present",))
 PEOPLE = Settings(
     classes={"pedestrian": ("Pedestrian",)}, ground_truths=("present",), metrics=("centre",)
 )
+REPLICATES, FEWEST = 200, 2  # of the bootstrap
 LEARNING_FRAMES = 30  # frames from which Background learns, beside those that are measured
 
 
@@ -87,20 +88,27 @@ def measure(
     detector: str = "generalist",
     *,
     seed: int | None = None,
+    yaw_error_deg: float = 0.0,
 ) -> Measured:
-    """Simulates an option, fused where it has several LiDARs, and evaluates a detector."""
-    frames = fused([frames_at(site, pose, lidar, numbers, seed=seed) for pose, lidar in units])
-    return measure_frames(frames, detector)
+    """Simulates an option, fused where it has several LiDARs, and evaluates a detector.
+
+    yaw_error_deg: error of the assumed yaw of each LiDAR. With an error there are no intervals.
+    """
+    alone = [frames_at(site, pose, lidar, numbers, seed=seed) for pose, lidar in units]
+    replicates = FEWEST if yaw_error_deg else REPLICATES
+    return measure_frames(fused(alone, yaw_error_deg), detector, replicates)
 
 
-def measure_frames(frames: SimulatedFrames, detector: str) -> Measured:
+def measure_frames(
+    frames: SimulatedFrames, detector: str, replicates: int = REPLICATES
+) -> Measured:
     """Evaluates a detector on the frames of an option."""
     detections = detect(detector_for(frames, detector), frames)
-    vehicles = evaluate(frames, detections, replace(VEHICLES, replicates=200))
+    vehicles = evaluate(frames, detections, replace(VEHICLES, replicates=replicates))
     types = vehicles.truth.vehicles.names
     people = None
     if "Pedestrian" in types and detector != "background":
-        people = evaluate(frames, detections, PEOPLE)
+        people = evaluate(frames, detections, replace(PEOPLE, replicates=replicates))
     return Measured(vehicles, people, len(frames))
 
 

@@ -6,50 +6,64 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.arrays import BoolArray
-from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.core.names import path_of
 from pyinfra.core.public import public
 from pyinfra.experiments.planner.answer import (
     Answer,
     candidate_table,
-    checked_lines,
     option_table,
 )
 from pyinfra.experiments.planner.areas import crossings_of, read_areas
 from pyinfra.experiments.planner.candidates import (
     PoseGrid,
+    checked_grid,
     feasible,
     make_candidates,
     read_candidates,
     with_faults,
 )
-from pyinfra.experiments.planner.check import check
-from pyinfra.experiments.planner.choice import Choice, Units, greedy, most_units, pairs, singles
+from pyinfra.experiments.planner.check import check, check_yaw, checked_lines
 from pyinfra.experiments.planner.costs import Costs, read_costs
+from pyinfra.experiments.planner.decide import decide, few_positions, units_of
 from pyinfra.experiments.planner.detectability import Detectability, read_detectability
 from pyinfra.experiments.planner.front import (
     Front,
     front_of,
     front_options,
     goals_of,
+    masks_of,
     with_columns_of,
+    with_objects,
 )
+from pyinfra.experiments.planner.kept import described, keep_request
 from pyinfra.experiments.planner.lidars import PlanLidar, open_lidars
-from pyinfra.experiments.planner.predict import predict
-from pyinfra.experiments.planner.race import Race, detection_probabilities, race
-from pyinfra.experiments.planner.rain import WITH_WEATHER, rain_lines, recall_in_rain
-from pyinfra.experiments.planner.ranking import ranked
+from pyinfra.experiments.planner.predict import Prediction, predict
+from pyinfra.experiments.planner.race import Race, race
+from pyinfra.experiments.planner.rain import WITH_WEATHER, in_rain, rain_lines
+from pyinfra.experiments.planner.refusals import (
+    affordable,
+    check_settings,
+    check_site,
+    possible,
+)
 from pyinfra.experiments.planner.request import Request, checked
-from pyinfra.experiments.planner.site import PlanSite, open_site, scene_path
-
-SHOWN = 12  # options in the table, besides the best of each LiDAR
+from pyinfra.experiments.planner.sensitivity import (
+    loss_lines,
+    price_lines,
+    table_of,
+    with_rain,
+    with_yaw_errors,
+    yaw_lines,
+)
+from pyinfra.experiments.planner.site import PlanSite, open_site, other_traffic, scene_path
+from pyinfra.experiments.planner.unseen import UNSEEN_FRAMES, observed_again
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +74,7 @@ class Plan:
     ----------
     options : a row for each LiDAR of each option; the chosen option is number 1
     candidates : a row for each pose and LiDAR that was considered
+    sensitivity : what is chosen and found with other prices, a lost LiDAR, rain and a yaw error
     front : the options that are best for some budget, wanted share, number of poles and LiDARs
     text : the answer in sentences
     """
@@ -68,6 +83,7 @@ class Plan:
     request: Request
     options: pd.DataFrame
     candidates: pd.DataFrame
+    sensitivity: pd.DataFrame
     answer: Answer
     front: Front
 
@@ -131,8 +147,7 @@ def plan(
     frames : most frames of a pose
     check_frames : frames in which the best options are simulated in full, with other traffic; 0
         for none
-    out : folder for options.csv, front.csv, candidates.csv and answer.txt; an interrupted plan
-        resumes there
+    out : folder for the tables and answer.txt; an interrupted plan resumes there
     jobs : number of threads
     progress : called with a line for each stage
 
@@ -151,6 +166,8 @@ def plan(
     ...                  grid=pi.PoseGrid(every_m=60, heights_m=(5,), pitches_deg=(0,)))
     >>> result.options.lidar.iloc[0]
     'helios_16'
+    >>> result.sensitivity.case.iloc[0]
+    'as asked'
     """
     request = checked(
         Request(
@@ -172,25 +189,23 @@ def plan(
     )
     folder = None if out is None else path_of(out, "out")
     law = read_detectability(detector)
+    check_settings(law, request, centre_m, seed, check_frames, jobs)
+    grid = checked_grid(grid or PoseGrid())
     table_of_costs = read_costs(None if costs is None else path_of(costs, "costs"), years, law)
     site = open_site(scene, frames, preset=preset, seed=seed, centre_m=centre_m)
+    check_site(site, request, check_frames, drawn=areas is not None)
     units = affordable(open_lidars(lidars, site), table_of_costs, request)
     table = candidates(site, None if poses is None else path_of(poses, "poses"), request, grid)
     free = feasible(table, site)
-    run = race(
-        site,
-        free,
-        units,
-        possible(free, units),
-        request,
-        law,
-        jobs=jobs,
-        folder=None if folder is None else folder / "observations",
-        progress=progress or (lambda _: None),
-    )
-    result = decided(site, request, law, table_of_costs, table, units, run)
+    pairs = possible(free, units, table_of_costs, request)
+    if folder is not None:
+        keep_request(folder, described(site, request, units, table, table_of_costs, check_frames))
+    parts = None if folder is None else folder / "observations"
+    tell = progress or (lambda _: None)
+    run = race(site, free, units, pairs, request, law, jobs=jobs, folder=parts, progress=tell)
+    result = decided(site, request, law, table_of_costs, table, units, run, jobs, parts)
     if check_frames:
-        result = simulated(result, units, check_frames, progress or (lambda _: None))
+        result = simulated(result, units, check_frames, tell)
     if folder is not None:
         write(result, folder)
     return result
@@ -210,40 +225,27 @@ def simulated(
         frames=frames,
         progress=progress,
     )
-    lines = (*result.answer.lines, *checked_lines(options, request, frames))
-    return replace(result, options=options, answer=replace(result.answer, lines=lines))
+    errors = check_yaw(
+        result.site, options, lidars, request.detector, request.within_m, frames=frames
+    )
+    lines = (
+        *result.answer.lines,
+        *checked_lines(options, request, frames, recorded=result.site.recorded),
+        *yaw_lines(errors),
+    )
+    return replace(
+        result,
+        options=options,
+        sensitivity=with_yaw_errors(result.sensitivity, options, errors),
+        answer=replace(result.answer, lines=lines),
+    )
 
 
-def affordable(lidars: list[PlanLidar], costs: Costs, request: Request) -> list[PlanLidar]:
-    """Returns the LiDARs that the budget can pay for. Raises Error if there is none."""
-    prices = [costs.price([lidar], 0, 1).middle for lidar in lidars]
-    good = [one for one, price in zip(lidars, prices, strict=True) if price <= request.budget_usd]
-    if not good:
-        cheapest = int(np.argmin(prices))
-        raise Error(
-            f"budget_usd: expected {math.ceil(prices[cheapest]):,} or more, the price of "
-            f"{lidars[cheapest].name} on an existing mast, got {request.budget_usd:,.0f}"
-        )
-    return good
-
-
-def candidates(
-    site: PlanSite, file: Path | None, request: Request, grid: PoseGrid | None
-) -> pd.DataFrame:
+def candidates(site: PlanSite, file: Path | None, request: Request, grid: PoseGrid) -> pd.DataFrame:
     """Returns the poses of a file, or made ones, with their faults."""
-    grid = grid or PoseGrid()
     if file is not None:
         return with_faults(read_candidates(file, site, grid), site)
     return with_faults(make_candidates(site, request.within_m, grid), site)
-
-
-def possible(poses: pd.DataFrame, lidars: Sequence[PlanLidar]) -> BoolArray:
-    """Returns which pairs of pose and LiDAR are observed: (poses, lidars).
-
-    A LiDAR that sees all around needs no second yaw at the same place.
-    """
-    first = (poses.turn == 0).to_numpy()
-    return np.stack([first if lidar.all_around else np.ones_like(first) for lidar in lidars], 1)
 
 
 def decided(
@@ -254,77 +256,72 @@ def decided(
     table: pd.DataFrame,
     lidars: Sequence[PlanLidar],
     run: Race,
+    jobs: int = 1,
+    folder: Path | None = None,
 ) -> Plan:
     """Chooses among the pairs that stayed, and returns the plan."""
     poses = feasible(table, site)
     units = units_of(run, poses, lidars, costs, law, request)
-    alone = singles(units, request.budget_usd)
-    if not alone:
-        best = min(
-            (units.price([u]).middle for u in range(len(units.probability))), default=math.nan
-        )
-        raise Error(
-            f"budget_usd: expected {math.ceil(best):,} or more for a pole with a LiDAR, got "
-            f"{request.budget_usd:,.0f}; an existing mast costs less"
-        )
-    options = alone[:SHOWN] + best_of_each_lidar(alone, units)
-    if request.units >= 2:
-        options += pairs(units, request.budget_usd, request.poles, request.lidars_per_pole)[:SHOWN]
-    if min(request.units, most_units(units, request.budget_usd)) > 2:
-        more = greedy(units, request.budget_usd, request.poles, request.lidars_per_pole)
-        options += [more] if more else []
     goals = goals_of(site, run.objects, law, request)
-    masks = {goal.column: goal.counted for goal in goals}
-    ordered, others = ranked(
-        options,
-        front_options(units, goals, request),
-        units,
-        request,
-        lambda one: predict(run, one.units, law, request, masks),
+    best = front_options(units, goals, request)
+    decision = decide(run, units, best, law, request, masks_of(goals))
+    options, listed = decision.options, decision.options[: decision.listed]
+    changed = [move.choice for move in decision.moves if move.choice is not None]
+    frames = min(request.frames, UNSEEN_FRAMES)
+    again = partial(
+        observed_again,
+        stayed=run.stayed,
+        poses=poses,
+        lidars=lidars,
+        request=request,
+        jobs=jobs,
+        folder=folder,
     )
-    rows_of_all = option_table([*ordered, *others], run.stayed, poses, lidars, units)
-    rows = rows_of_all[rows_of_all.option <= len(ordered)].copy()
+    unseen = again(other_traffic(site, frames), options=[*options, *changed])
+
+    is_unseen = unseen.objects.weight.sum() > 0
+    unseen = unseen if is_unseen else run
+    goals = with_objects(goals, site, unseen.objects, law, request)
+    masks = masks_of(goals)
+
+    @cache
+    def predicted(some: tuple[int, ...]) -> Prediction:
+        return predict(unseen, some, law, request, masks)
+
+    shown = [(one, predicted(one.units)) for one in options]
+    chosen_by = [one.recall.value for one in decision.in_choice]
+    rows_of_all = option_table(shown, run.stayed, poses, lidars, units, chosen_by, law)
+    rows = rows_of_all[rows_of_all.option <= len(listed)].copy()
     every = candidate_table(table, run.pairs, poses, lidars)
-    answer = Answer.of(site, request, law, costs, ordered, rows, every, units)
+    sensitivity = table_of(options, decision.moves, units, predicted)
+    moved = [*price_lines(decision.moves, options, units, predicted), *loss_lines(sensitivity)]
+    moved += few_positions(poses, request)
     if site.preset == WITH_WEATHER:
-        choices = [choice for choice, _ in ordered]
-        wet = recall_in_rain(site, run.stayed, poses, lidars, choices, law, request)
-        answer = replace(answer, lines=(*answer.lines, *rain_lines(wet)))
-        shares = pd.Series([100 * one.value for one in wet], index=range(1, len(wet) + 1))
-        rows["recall_in_rain"] = shares[rows.option].to_numpy()
-    front = front_of([*ordered, *others], rows_of_all, goals, units, run.objects, law, request)
-    return Plan(site, request, rows, every, answer, front)
-
-
-def units_of(
-    run: Race,
-    poses: pd.DataFrame,
-    lidars: Sequence[PlanLidar],
-    costs: Costs,
-    law: Detectability,
-    request: Request,
-) -> Units:
-    """Returns the pairs that stayed as the units of a choice."""
-    stayed = run.stayed
-    probability = detection_probabilities(run.seen, len(stayed), run.objects, law, request)
-    of_pose = poses.iloc[stayed.pose.to_numpy()]
-    place = of_pose.groupby(["x_m", "y_m"], sort=False).ngroup().to_numpy()
-    existing = of_pose.existing.to_numpy(bool)
-    return Units(
-        probability, run.objects.weight, place, existing, [lidars[i] for i in stayed.lidar], costs
+        rainy = again(in_rain(site, frames), options=listed)
+        wet = [predict(rainy, one.units, law, request).recall for one in listed]
+        moved += rain_lines(wet)
+        sensitivity = with_rain(sensitivity, listed, wet, units, request.find)
+        rows["recall_in_rain"] = 100 * np.array([one.value for one in wet])[rows.option - 1]
+    answer = Answer.of(
+        site,
+        request,
+        law,
+        costs,
+        shown[: len(listed)],
+        rows,
+        every,
+        units,
+        moved,
+        is_unseen=is_unseen,
     )
-
-
-def best_of_each_lidar(alone: Sequence[Choice], units: Units) -> list[Choice]:
-    """Returns the best option of each LiDAR alone."""
-    first: dict[str, Choice] = {}
-    for one in alone:
-        first.setdefault(units.lidars[one.units[0]].name, one)
-    return list(first.values())
+    front = front_of(
+        shown, decision.in_choice, rows_of_all, goals, units, unseen.objects, law, request
+    )
+    return Plan(site, request, rows, every, sensitivity, answer, front)
 
 
 def write(result: Plan, folder: Path) -> None:
-    """Writes options.csv, front.csv, candidates.csv and answer.txt.
+    """Writes options.csv, front.csv, candidates.csv, sensitivity.csv and answer.txt.
 
     `existing` is yes or no there, so that rows can be a file of poses.
     """
@@ -338,5 +335,7 @@ def write(result: Plan, folder: Path) -> None:
         with replacing(folder / f"{name}.csv") as beside:
             words = np.where(table.existing.to_numpy(bool), "yes", "no")
             table.assign(existing=words).to_csv(beside, index=False, float_format="%.6g")
+    with replacing(folder / "sensitivity.csv") as beside:
+        result.sensitivity.to_csv(beside, index=False, float_format="%.6g")
     with replacing(folder / "answer.txt") as beside:
         beside.write_text(result.text + "\n", encoding="utf-8")

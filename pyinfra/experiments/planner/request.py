@@ -36,6 +36,7 @@ class Request:
         return self.poles * self.lidars_per_pole
 
 
+WHOLE = ("poles", "lidars_per_pole", "frames", "most")
 BOUNDS = {
     "budget_usd": (1, 1e9),
     "find": (0, 1),
@@ -55,8 +56,12 @@ def checked(request: Request) -> Request:
     for name, (low, high) in BOUNDS.items():
         value = getattr(request, name)
         if not (isinstance(value, (int, float)) and low <= value <= high):
-            note = "; it is a share, not percent" if name == "find" and value > 1 else ""
+            note = ""
+            if name == "find" and 1 < value <= 100:
+                note = f"; it is a share, not percent: {value / 100:g}"
             raise Error(f"{name}: expected {low:g} to {high:g}, got {value}{note}")
+        if name in WHOLE and value != int(value):
+            raise Error(f"{name}: expected a whole number, got {value}")
     if not request.false_per_minute > 0:
         raise Error(f"false_per_minute: expected more than 0, got {request.false_per_minute}")
     check_name(request.preset, PRESETS, "preset")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from pyinfra.dataset.catalogue import configs
 from pyinfra.dataset.frame_sequence import roads_of_world
 from pyinfra.dataset.roads import Road
 
+LEAST_TO_SPLIT = 6  # frames of recorded traffic below which all of them serve every purpose
 PATTERN_FRAMES = 200  # frames after which the prisms of the Livox LiDARs repeat
 GOLDEN = (math.sqrt(5) - 1) / 2
 
@@ -45,6 +47,21 @@ class PlanSite:
     def mount_keys(self) -> dict[str, float]:
         return dict(self.keys["mounts"][self.mount])
 
+    @property
+    def recorded(self) -> bool:
+        """Whether the vehicles follow a file of trajectories, which no seed changes."""
+        return bool(self.keys.get("trajectories"))
+
+    @property
+    def other_seed(self) -> int:
+        """The traffic seed of the predictions and measurements that follow the choice."""
+        return int(self.keys.get("seed", 1)) + 1
+
+    def other_frames(self, count: int) -> tuple[int, ...]:
+        """Returns frames for what follows the choice; of recorded traffic, later ones."""
+        first = choice_end(self.keys, self.every_frame) % self.every_frame
+        return tuple(first + k for k in frame_order(self.every_frame - first, count))
+
 
 def open_site(
     scene: StrPath,
@@ -60,7 +77,7 @@ def open_site(
     keys = dict(yaml.safe_load(world.dump()))
     mount = next(iter(keys["mounts"]))
     count = world.frames
-    order = frame_order(count, frames)
+    order = frame_order(choice_end(keys, count), frames)
     observer = simulation.load_observer(file, order, preset=preset, seed=seed, mount=mount)
     roads = tuple(roads_of_world(world, f"{file.name}: roads"))
     present = present_objects(observer, order)
@@ -74,6 +91,35 @@ def open_site(
     return PlanSite(
         file, name, preset, seed, mount, keys, roads, count, order, present, centre, observer
     )
+
+
+def other_traffic(
+    site: PlanSite, count: int, scene_keys: Mapping[str, object] | None = None
+) -> PlanSite:
+    """Returns the site in frames that the choice does not use.
+
+    Simulated traffic has another seed. Of recorded traffic, the last third is used. scene_keys:
+    overrides of keys, as in `simulation.load_scene`.
+    """
+    frames = site.other_frames(count)
+    observer = simulation.load_observer(
+        site.file,
+        frames,
+        preset=site.preset,
+        seed=site.other_seed,
+        mount=site.mount,
+        set=scene_keys,
+    )
+    present = present_objects(observer, frames)
+    keys = site.keys | dict(scene_keys or {})
+    return replace(
+        site, seed=site.other_seed, keys=keys, frames=frames, present=present, observer=observer
+    )
+
+
+def choice_end(keys: dict[str, Any], count: int) -> int:
+    """Returns the frame before which the choice takes its frames: the end, or two thirds of it."""
+    return 2 * count // 3 if keys.get("trajectories") and count >= LEAST_TO_SPLIT else count
 
 
 def scene_path(scene: StrPath) -> Path:
@@ -107,7 +153,7 @@ def frame_order(count: int, wanted: int) -> tuple[int, ...]:
     return tuple((i * step + count // 2) % count for i in range(min(wanted, count)))
 
 
-def present_objects(observer: simulation.Observer, frames: tuple[int, ...]) -> pd.DataFrame:
+def present_objects(observer: simulation.Observer, frames: Sequence[int]) -> pd.DataFrame:
     """Returns every vehicle and pedestrian in the region, ordered as `frames`, then by id.
 
     World frame. Cyclists are left out, because their recall is too low to be predicted.

@@ -24,18 +24,20 @@ const names = (one) => {
 };
 const isDistance = () => D.goals.some((goal) => goal.what === state.what && goal.within !== null);
 const goal = () => D.goals.findIndex((one) => one.what === state.what && (one.within === null || one.within === state.within));
-const share = (one) => one.shares[goal()];
+const share = (one) => one.shares[goal()] ?? [null, null, null];  // in other traffic
+const inChoice = (one) => one.by[goal()] ?? 0;  // in the frames of the choice
 const counted = () => isDistance() ? `${state.what} within ${state.within} m` : `objects at ${state.what}`;
 
 /* ---- the choice: the rule of the plan ---- */
 const isAllowed = (one) => one.price[0] <= state.budget && one.poles <= state.poles
   && one.units.every((unit) => state.lidars.has(unit.lidar));
 const finds = (one) => share(one)[0] !== null && share(one)[0] >= state.find && one.keeps_false;
+const isEnough = (one) => inChoice(one) >= state.find && one.keeps_false;
 
 function order(a, b) {
-  if (finds(a) !== finds(b)) return finds(a) ? -1 : 1;
-  const price = a.price[0] - b.price[0], found = share(b)[0] - share(a)[0];
-  return (finds(a) ? price || found : found || price) || a.number - b.number;
+  if (isEnough(a) !== isEnough(b)) return isEnough(a) ? -1 : 1;
+  const price = a.price[0] - b.price[0], found = inChoice(b) - inChoice(a);
+  return (isEnough(a) ? price || found : found || price) || a.number - b.number;
 }
 
 /* Options that no other one beats in price and share, cheapest first. */
@@ -80,9 +82,10 @@ ${figure("Simulated in full", done ? `${shown(done.recall)} of 100` : "not simul
 function* noteLines(one, picked, some) {
   if (picked) yield "You picked this option. Changing a control chooses again.";
   if (!isAllowed(one)) yield "This option is outside the budget, the poles or the LiDARs that are allowed.";
-  if (!finds(one) && !picked) {
-    const all = options.filter((other) => finds(other)).sort(order);
-    yield some.length ? `No allowed option finds ${state.find} of 100${D.request.limits_false ? " with so few false boxes" : ""}; this one finds the most.` : "";
+  yield `In the frames of the choice it finds ${shown(inChoice(one))} of 100.`;
+  if (!isEnough(one) && !picked) {
+    const all = options.filter(isEnough).sort(order);
+    yield some.length ? `No allowed option finds ${state.find} of 100${D.request.limits_false ? " with so few false boxes" : ""} there; this one finds the most.` : "";
     yield all.length ? `Option ${all[0].number} would: ${names(all[0])} on ${plural(all[0].poles, "pole")}, ${usd(all[0].price[0])}.`
       : "No option of this plan does.";
   }
@@ -164,7 +167,7 @@ function render() {
   const some = options.filter((one) => isAllowed(one) && share(one)[0] !== null);
   const picked = options.find((one) => one.number === state.picked);
   const pool = some.length ? some : options.filter((one) => share(one)[0] !== null);
-  const one = picked ?? (some.length ? [...pool].sort(order)[0] : [...pool].sort((a, b) => a.price[0] - b.price[0])[0]);
+  const one = picked ?? (some.length ? [...pool].sort(order)[0] : [...pool].sort((a, b) => a.price[0] - b.price[0])[0]) ?? options[0];
   at("budget-text").textContent = usd(state.budget);
   at("find-text").textContent = `${state.find} of 100`;
   answer(one, Boolean(picked), some);

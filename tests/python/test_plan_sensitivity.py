@@ -1,0 +1,164 @@
+"""How the choice of a plan moves, and predictions in frames that the choice has not used."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+import pyinfra as pi
+from pyinfra.dataset import simulation
+from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.experiments.planner import detectability as laws
+from pyinfra.experiments.planner.answer import meets, nearest
+from pyinfra.experiments.planner.check import YawError
+from pyinfra.experiments.planner.choice import Choice, Units
+from pyinfra.experiments.planner.costs import read_costs
+from pyinfra.experiments.planner.decide import PRICES, Move, with_prices
+from pyinfra.experiments.planner.fused import fused
+from pyinfra.experiments.planner.lidars import open_lidars
+from pyinfra.experiments.planner.measure import frames_at
+from pyinfra.experiments.planner.predict import UNKNOWN, Prediction
+from pyinfra.experiments.planner.request import Request
+from pyinfra.experiments.planner.sensitivity import losses, price_lines, yaw_lines
+from pyinfra.experiments.planner.site import PlanSite, choice_end, open_site, other_traffic
+from pyinfra.metrics.comparison import Interval
+
+POSE = [-14.0, 9.5, 5.0, -30.0, 0.0]
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The crossroad for 20 s."""
+    keys = yaml.safe_load(scene_file("crossroad").read_text()) | {"duration_s": 20}
+    keys["traffic"]["warm_up_s"] = 5
+    file = tmp_path_factory.mktemp("scene") / "small.yaml"
+    file.write_text(yaml.safe_dump(keys, sort_keys=False))
+    return file
+
+
+@pytest.fixture(scope="module")
+def site(scene: Path) -> PlanSite:
+    return open_site(scene, 4)
+
+
+@pytest.fixture(scope="module")
+def units(site: PlanSite) -> Units:
+    law = laws.read_detectability("generalist")
+    helios = open_lidars(["helios_16"], site)[0]
+    return Units(
+        probability=np.full((4, 3), 0.5, np.float32),
+        weight=np.ones(3),
+        place=np.array([0, 0, 1, 2]),
+        existing=np.zeros(4, bool),
+        lidars=[helios] * 4,
+        costs=read_costs(None, 5, law),
+    )
+
+
+def predicted(recall: float, *, keeps_false: bool = True) -> Prediction:
+    share = Interval(recall, recall - 0.02, recall + 0.02)
+    return Prediction(share, UNKNOWN, {}, UNKNOWN, keeps_false, 0.5, UNKNOWN, {}, np.zeros(0))
+
+
+def chosen(units: Units, *some: int) -> Choice:
+    return Choice(some, 0.5, units.price(some), 0.5, "exact")
+
+
+def test_the_kinds_of_prices_add_up_to_the_price(units: Units) -> None:
+    now = units.price([0, 2]).middle
+    more = {kind: with_prices(units, kind, 1.2).price([0, 2]).middle - now for kind in PRICES}
+    assert more["all prices"] == pytest.approx(0.2 * now)
+    lidars_usd = 2 * units.lidars[0].price_usd
+    assert more["LiDAR prices"] == pytest.approx(0.2 * lidars_usd)
+    parts = units.costs.parts([units.lidars[0]] * 2, 2, 2)
+    per_pole = [parts[name] for name in ("pole_usd", "installation_usd", "upkeep_usd")]
+    assert more["costs per pole"] == pytest.approx(0.2 * sum(one.middle for one in per_pole))
+
+
+def test_a_lidar_or_a_pole_is_lost(units: Units) -> None:
+    assert losses(chosen(units, 3), units) == {"LiDAR 1 lost": {3}}
+    lost = losses(chosen(units, 0, 1, 2), units)
+    assert lost["LiDAR 3 lost"] == {2}
+    assert lost["pole 1 lost"] == {0, 1}
+    assert "pole 2 lost" not in lost
+
+
+def test_a_choice_that_stays_is_one_sentence(units: Units) -> None:
+    first, other = chosen(units, 2), chosen(units, 3)
+    moves = [Move(kind, percent, first) for kind in PRICES for percent in (-20, 20)]
+    (line,) = price_lines(moves, [first, other], units, lambda _: predicted(0.9))
+    assert line.startswith("The choice stays the same if LiDAR prices, costs per pole or all")
+    moves[0] = replace(moves[0], choice=other)
+    moves[1] = replace(moves[1], choice=None)
+    lines = list(price_lines(moves, [first, other], units, lambda _: predicted(0.93)))
+    assert "fall by 20 %, the choice is option 2 (helios_16), which finds 93 of 100" in lines[0]
+    assert lines[1].endswith("no option is within the budget.")
+    assert lines[2].endswith("stays the same.")
+
+
+def test_another_option_is_better_with_a_yaw_error() -> None:
+    (line,) = yaw_lines([YawError(1, 70.0, 90.0), YawError(4, 80.0, 85.0)])
+    assert "option 1 finds 70 of 100 (90 without)" in line
+    assert "option 4 finds more then" in line
+    (line,) = yaw_lines([YawError(1, 85.0, 90.0), YawError(4, 80.0, 85.0)])
+    assert "more then" not in line
+
+
+def test_an_option_that_misses_in_other_frames_is_compared_with_one_that_does_not(
+    units: Units,
+) -> None:
+    request = Request(9000, find=0.9)
+    options = [(chosen(units, 2), predicted(0.88)), (chosen(units, 3), predicted(0.95))]
+    assert not meets(options[0], request)
+    assert "Option 2 finds 95 of 100 for US$" in nearest(options, request)
+    assert "`find` 0.88 would do" in nearest(options[:1], request)
+
+
+def test_predictions_are_of_other_traffic(site: PlanSite) -> None:
+    other = other_traffic(site, 4)
+    assert other.seed not in (site.seed, site.keys["seed"])
+    both = site.present.merge(other.present, on=["frame", "id", "x", "y"])
+    assert both.empty
+
+
+def test_recorded_traffic_is_split_by_time(site: PlanSite) -> None:
+    keys = site.keys | {"trajectories": "tracks.csv"}
+    assert choice_end(keys, 90) == 60
+    assert choice_end(site.keys, 90) == 90
+    recorded = replace(site, keys=keys, every_frame=90)
+    assert recorded.recorded
+    assert set(recorded.other_frames(99)) == set(range(60, 90))
+
+
+def test_a_yaw_error_turns_the_points_and_no_label(site: PlanSite) -> None:
+    lidar = simulation.load_lidar(lidar_file("helios_16"))
+    sequence = frames_at(site, POSE, lidar, site.frames[:1])
+    true, turned = fused([sequence])[0], fused([sequence], 0.5)[0]
+    angle = np.arctan2(*turned.points[:, 1::-1].T) - np.arctan2(*true.points[:, 1::-1].T)
+    assert np.degrees((angle + np.pi) % (2 * np.pi) - np.pi) == pytest.approx(0.5, abs=0.01)
+    assert (turned.points[:, 2:] == true.points[:, 2:]).all()
+    columns = ["id", "x", "y", "points"]
+    pd.testing.assert_frame_equal(
+        true.objects[columns].sort_values("id", ignore_index=True),
+        turned.objects[columns].sort_values("id", ignore_index=True),
+    )
+
+
+def test_a_plan_says_how_the_choice_moves(scene: Path, tmp_path: Path) -> None:
+    poses = tmp_path / "poses.csv"
+    poses.write_text("x_m,y_m,z_m,yaw_deg,pitch_deg\n-14,9.5,5,-30,0\n")
+    words = {"lidars": ["helios_16"], "poses": poses, "frames": 4, "check_frames": 2}
+    plan = pi.plan(scene, 8000, out=tmp_path / "out", **words)
+    assert "If LiDAR prices rise by 20 %, no option is within the budget." in plan.text
+    assert "It needs 2 cores to keep up" in plan.text
+    table = pd.read_csv(tmp_path / "out/sensitivity.csv").set_index("case")
+    assert table.chosen["LiDAR prices +20 %"] == "no"
+    assert table.option["LiDAR prices -20 %"] == 1
+    assert table.recall["LiDAR 1 lost"] == 0
+    assert table.recall["rain 25 mm/h"] <= table.recall["as asked"] + 2
+    assert table.source["yaw error 0.5 deg"] == "measured"
+    assert plan.options.recall.iloc[0] == pytest.approx(table.recall["as asked"], rel=1e-4)
+    assert plan.options.recall_in_choice.iloc[0] != plan.options.recall.iloc[0]
