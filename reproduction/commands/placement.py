@@ -158,7 +158,9 @@ def units_rows(site_number: int, frames: int, work: Path, out: Path) -> None:
             frames=PLAN_FRAMES,
             check_frames=0,
         )
-        options = result.options.sort_values(["recall", "price_usd"], ascending=[False, True])
+        options = result.options.sort_values(
+            ["recall_in_choice", "price_usd"], ascending=[False, True]
+        )
         best = options[options.option == options.option.iloc[0]]
         parts = [(row.to_list(), units[lidar].unit) for _, row in best[POSE].iterrows()]
         found = measure(other, parts, other.frames, DETECTOR)
