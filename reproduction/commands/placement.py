@@ -3,7 +3,7 @@
 The questions are
 
 - place: how much AP has the pose that the prediction chooses more than other poses of the same
-  LiDAR? The command takes the answer from the check of the detectability (--check).
+  LiDAR? The command takes the answer from the check of the detectability.
 - order: does the order of LiDARs depend on the pose? Each of LIDARS is measured at the same poses.
 - units: do several LiDARs with 16 lines find more vehicles than one with 128 lines at equal price,
   with poles? Both are planned within the price of the LiDAR with 128 lines on one pole, and then
@@ -13,7 +13,8 @@ Measurements use traffic that no prediction has seen. Runs are stored in --work,
 its rows as they are made. Run the command again to resume. It writes NAME.csv for `units`,
 NAME_order.csv, and NAME_summary.csv with 95 % intervals over sites.
 
-    python -m reproduction placement --work out/detectability --out results/placement.csv
+    python -m reproduction placement results/detectability.csv --work out/detectability \\
+        --out results/placement.csv
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from pyinfra.experiments.planner.lidars import open_lidars
 from pyinfra.experiments.planner.measure import measure
 from pyinfra.experiments.planner.plan import plan
 from pyinfra.metrics.comparison import over_replicates
-from reproduction import RECORDED, add_out, provenance
+from reproduction import add_out, provenance
 from reproduction.detectability.runs import (
     CHECK_POSES,
     FIRST_CHECK_SITE,
@@ -224,10 +225,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--work", type=Path, required=True, help="folder of the runs")
     parser.add_argument(
-        "--check",
-        type=Path,
-        default=RECORDED / "detectability.csv",
-        help="check of the detectability; default: results/detectability.csv",
+        "check", type=Path, help="check of the detectability: results/detectability.csv"
     )
     parser.add_argument("--sites", type=int, default=6, help="sites of `order`; default: 6")
     parser.add_argument("--unit-sites", type=int, default=12, help="sites of `units`; default: 12")

@@ -36,8 +36,8 @@ def right_place() -> list[str]:
     table = results("placement_summary").set_index("quantity")
     row = table.loc["chosen pose less mean pose, AP"]
     finding = (
-        f"At equal price, the pose that `pyinfra plan` chooses has {row.value:.0f} AP more than the "
-        "mean of six poses of the same LiDAR."
+        f"At equal price, the pose that `pyinfra plan` chooses has {row.value:.0f} AP more than "
+        "the mean of six poses of the same LiDAR."
     )
     where = (
         f"[{row.sites} generated sites](docs/results/placement.md), six LiDARs, three seeds; 95 % "
