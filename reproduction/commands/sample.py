@@ -2,7 +2,6 @@
 
 import argparse
 from datetime import UTC, datetime
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,6 +10,7 @@ import pyinfra as pi
 from pyinfra.core.arrays import Points, Records
 from pyinfra.exchange.imports import SAMPLE
 from pyinfra.formats.pcd_file import write_pcd
+from reproduction import ROOT, add_out
 
 FRAMES = range(100, 200, 5)  # 20 clouds over 10 s
 ACROSS_M = 19.0  # points farther from the road's axis are left out, as a region filter does
@@ -23,11 +23,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description="Simulates 20 clouds of a LiDAR on the highway, in the frame of a tilted "
         "sensor, and writes them as .pcd files without labels.",
-        epilog="example: python -m reproduction sample",
+        epilog="example: python -m reproduction sample --out out/sample",
     )
-    parser.add_argument(
-        "--out", type=Path, default=SAMPLE, help="folder of the clouds (default: %(default)s)"
-    )
+    add_out(parser, recorded=str(SAMPLE.relative_to(ROOT)))
     out = parser.parse_args().out
     frames = pi.simulate("highway", "helios_16", FRAMES)
     out.mkdir(parents=True, exist_ok=True)
