@@ -164,8 +164,8 @@ def units_rows(site_number: int, frames: int, work: Path, out: Path) -> None:
         )
         best = options[options.option == options.option.iloc[0]]
         parts = [(row.to_list(), units[lidar].unit) for _, row in best[POSE].iterrows()]
-        found = measure(other, parts, other.frames, DETECTOR)
-        measured = figures(found, site.centre, WITHIN_M, CUT)
+        simulated = measure(other, parts, other.frames, DETECTOR)
+        measured = figures(simulated, site.centre, WITHIN_M, CUT)
         first = best.iloc[0]
         rows.append(
             {

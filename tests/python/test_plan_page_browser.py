@@ -102,9 +102,9 @@ def shown(view: Opened) -> int:
 
 
 def number_in(headline: str) -> int:
-    found = re.match(r"Option (\d+) finds", headline)
-    assert found is not None
-    return int(found[1])
+    number = re.match(r"Option (\d+) finds", headline)
+    assert number is not None
+    return int(number[1])
 
 
 def all_differ(before: dict[str, str], after: dict[str, str]) -> bool:

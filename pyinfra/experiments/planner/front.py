@@ -43,7 +43,7 @@ class Cells:
 
     corner_m: FloatArray  # (cells, 2) x, y of the lower left corner
     vehicles: IntArray  # (cells,) number of vehicles in all frames
-    found: FloatArray  # (options, cells) share of them that an option finds
+    recall: FloatArray  # (options, cells) share of them that an option finds
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +206,7 @@ def _best_sets(units: Units, request: Request) -> list[Choice]:
     if most <= 2:
         return []
     model = _model_numbers(units)
-    found = [
+    options = [
         greedy(
             replace(units, probability=np.where(some[:, None], units.probability, 0)),
             request.budget_usd,
@@ -217,7 +217,7 @@ def _best_sets(units: Units, request: Request) -> list[Choice]:
         for poles in range(1, request.poles + 1)
         if poles * request.lidars_per_pole > 2
     ]
-    return [one for one in found if one is not None]
+    return [one for one in options if one is not None]
 
 
 def front_of(
@@ -259,7 +259,7 @@ def front_of(
         for n, (choice, _) in zip(numbers, options, strict=True)
         for item, span in units.parts(choice.units).items()
     )
-    cells = _cells([prediction.found for _, prediction in options], objects)
+    cells = _cells([prediction.probability for _, prediction in options], objects)
     doubtful = dict.fromkeys(one.name for one in units.lidars if not one.confirmed)
     return Front(
         table,
@@ -305,15 +305,15 @@ def _sentences(
         yield sentence((choice, near), rows, replace(request, within_m=within), law)
 
 
-def _cells(found: Sequence[FloatArray], objects: Objects) -> Cells:
+def _cells(probability: Sequence[FloatArray], objects: Objects) -> Cells:
     """Returns the share of the vehicles of each cell that each option finds.
 
-    found: (objects,) probability of each option that it finds each object.
+    probability: (objects,) probability of each option that it finds each object.
     """
     vehicles = ~objects.table.person.to_numpy(bool)
     xy = objects.table[["x", "y"]].to_numpy(float)[vehicles]
     corners, at, counts = np.unique(
         np.floor(xy / CELL_M), axis=0, return_inverse=True, return_counts=True
     )
-    sums = [np.bincount(at.ravel(), one[vehicles], len(corners)) for one in found]
+    sums = [np.bincount(at.ravel(), one[vehicles], len(corners)) for one in probability]
     return Cells(CELL_M * corners, counts, np.array(sums) / counts)

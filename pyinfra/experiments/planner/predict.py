@@ -46,7 +46,7 @@ class Prediction:
     cut: float  # score above which a box counts
     ap: Interval  # AP of all present vehicles of the region
     shares: dict[str, Interval]  # share of the objects of each further set
-    found: FloatArray  # (objects,) probability that the option finds each object
+    probability: FloatArray  # (objects,) probability that the option finds each object
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,26 +75,30 @@ def predict(
     seen_per_frame = _seen_per_frame(seen, ~person, objects)
     cut, keeps = _cut(seen_per_frame, law.vehicles, request)
     of_vehicles = _units(seen, ~person)
-    found = _either(of_vehicles, law.vehicles.detection, cut, len(person))
+    probability = _either(of_vehicles, law.vehicles.detection, cut, len(person))
     if law.people is not None and person.any():
         of_people = _either(_units(seen, person), law.people.detection, cut, len(person))
-        count = min(found.shape[1], of_people.shape[1])
-        found = np.where(person[:, None], of_people[:, :count], found[:, :count])
+        count = min(probability.shape[1], of_people.shape[1])
+        probability = np.where(person[:, None], of_people[:, :count], probability[:, :count])
     known = ~person | (law.people is not None)
     rates = false_per_frame(law.vehicles.false.T, cut, seen_per_frame)[0].tolist()
     return Prediction(
-        recall=_interval(found, near & ~person, objects),
-        people=_interval(found, near & person & known, objects),
+        recall=_interval(probability, near & ~person, objects),
+        people=_interval(probability, near & person & known, objects),
         areas={
-            name: _interval(found, of_name(request.areas, name, objects.table) & known, objects)
+            name: _interval(
+                probability, of_name(request.areas, name, objects.table) & known, objects
+            )
             for name in dict.fromkeys(area.name for area in request.areas)
         },
         false_per_frame=_spread(rates, 0, np.inf),
         keeps_false=keeps,
         cut=cut,
         ap=_spread(_aps(of_vehicles, law.vehicles, seen_per_frame, objects), 0, 100),
-        shares={name: _interval(found, counted & known, objects) for name, counted in more.items()},
-        found=found[:, 0],
+        shares={
+            name: _interval(probability, counted & known, objects) for name, counted in more.items()
+        },
+        probability=probability[:, 0],
     )
 
 
@@ -137,20 +141,20 @@ def _aps(units: Sequence[_Unit], law: Law, seen_per_frame: float, objects: Objec
     true_positives = np.array([_either(units, law.detection, cut, count).sum(0) for cut in CUTS])
     rates = false_per_frame(law.false.T, np.array(CUTS), seen_per_frame)
     pairs = zip(true_positives.T, rates.T, strict=True)
-    return [ap_of_counts(found, objects.frames * rate, every) for found, rate in pairs]
+    return [ap_of_counts(detected, objects.frames * rate, every) for detected, rate in pairs]
 
 
-def _interval(found: FloatArray, counted: BoolArray, objects: Objects) -> Interval:
+def _interval(probability: FloatArray, counted: BoolArray, objects: Objects) -> Interval:
     """Returns the share of the counted objects that is found, with its interval.
 
-    found: (objects, 1 + replicates)
+    probability: (objects, 1 + replicates)
     """
     total = int(counted.sum())
     if total == 0:
         return UNKNOWN
-    shares = (found[counted].sum(0) / total).tolist()
+    shares = (probability[counted].sum(0) / total).tolist()
     frame = objects.frame[counted]
-    sums = np.bincount(frame, found[counted, 0], objects.frames)
+    sums = np.bincount(frame, probability[counted, 0], objects.frames)
     counts = np.bincount(frame, minlength=objects.frames)
     residual = sums - shares[0] * counts
     frames = max(objects.frames, 2)

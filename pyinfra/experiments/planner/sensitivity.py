@@ -19,7 +19,7 @@ COLUMNS = [
     "case", "option", "chosen", "lidars", "poles", "price_usd",
     "recall", "recall_low", "recall_high", "source",
 ]  # fmt: skip
-NOTHING_FOUND = Interval(0.0, 0.0, 0.0)
+NOTHING_DETECTED = Interval(0.0, 0.0, 0.0)
 Predict = Callable[[tuple[int, ...]], Prediction]
 
 
@@ -43,7 +43,7 @@ def table_of(
         rows.append(row(case, k, move.choice, units, predicted(move.choice.units).recall))
     for case, lost in losses(first, units).items():
         left = tuple(u for u in first.units if u not in lost)
-        recall = predicted(left).recall if left else NOTHING_FOUND
+        recall = predicted(left).recall if left else NOTHING_DETECTED
         rows.append(row(case, 1, first, units, recall))
     return pd.DataFrame(rows, columns=COLUMNS)
 

@@ -36,8 +36,8 @@ const isEnough = (one) => inChoice(one) >= state.find && one.keeps_false;
 
 function order(a, b) {
   if (isEnough(a) !== isEnough(b)) return isEnough(a) ? -1 : 1;
-  const price = a.price[0] - b.price[0], found = inChoice(b) - inChoice(a);
-  return (isEnough(a) ? price || found : found || price) || a.number - b.number;
+  const price = a.price[0] - b.price[0], recall = inChoice(b) - inChoice(a);
+  return (isEnough(a) ? price || recall : recall || price) || a.number - b.number;
 }
 
 /* Options that no other one beats in price and share, cheapest first. */

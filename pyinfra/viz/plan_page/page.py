@@ -33,14 +33,14 @@ def rewrite_plan_page(folder: Path, out: Path) -> Path:
     file = folder / DATA_FILE
     try:
         data = json.loads(file.read_text(encoding="utf-8"))
-        found = data["format"]
+        version = data["format"]
     except (ValueError, TypeError, KeyError) as error:
         raise FormatError(
             f"{file}: expected the data of a plan's page, got another file"
         ) from error
-    if found != FORMAT:
+    if version != FORMAT:
         raise FormatError(
-            f"{file}: format: expected {FORMAT}, got {found}; `pyinfra plan` writes it again"
+            f"{file}: format: expected {FORMAT}, got {version}; `pyinfra plan` writes it again"
         )
     return write_page(data, out)
 

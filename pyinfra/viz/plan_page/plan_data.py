@@ -80,7 +80,7 @@ def _options(front: Front, table: pd.DataFrame, cells: Cells) -> list[dict[str, 
     costs = dict(tuple(front.costs.groupby("option")))
     options = []
     for (number, rows), share, text in zip(
-        table.groupby("option"), cells.found, front.sentences, strict=True
+        table.groupby("option"), cells.recall, front.sentences, strict=True
     ):
         first = rows.iloc[0].to_dict()
         lines = costs[number].set_index("item")
