@@ -121,7 +121,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--people",
         type=float,
         default=Request.people,
-        help="weight of a pedestrian or cyclist relative to a vehicle in the choice; default: 0",
+        help="weight of a pedestrian relative to a vehicle in the choice; default: 0",
     )
     parser.add_argument(
         "--areas",

@@ -137,7 +137,7 @@ def plan(
     poses : CSV file of poses (x_m, y_m; z_m, yaw_deg, pitch_deg, existing); by default they are
         made along kerbs, medians and walls
     grid : spacing, heights and directions of the poses that are made
-    people : weight of a person relative to a vehicle in the choice
+    people : weight of a pedestrian relative to a vehicle in the choice
     areas : CSV file of areas with other weights, such as crossings (name, x_m, y_m, radius_m;
         weight, class); the answer has the share found in each
     centre_m : x y from which `within_m` is measured; by default the middle of the first junction
