@@ -61,7 +61,8 @@ class Cells {
  private:
   std::int64_t column(float x) const { return cell_of(double{x} - low_x_); }
   std::int64_t line(float y) const { return cell_of(double{y} - low_y_); }
-  // Far positions have no points. They are clamped, so that the result fits into int64.
+  // No points lie near positions far outside the grid. Such positions are clamped, so that the
+  // result fits into int64.
   std::int64_t cell_of(double along) const {
     return static_cast<std::int64_t>(std::floor(std::clamp(along / size_, -9.0, 1e15)));
   }

@@ -36,7 +36,7 @@ SAME = (
 )
 COLUMNS = ("ground_truth", "measure", "value", "blocks", "version", *SAME)
 DIGITS = 3
-AHEAD_M = (0.0, 100.0)  # part of the first road that is used for the slope
+AHEAD_M = (0.0, 100.0)  # limits of s on the first road between which `ap_slope` is fitted
 LEAST_WINDOWS = 5
 
 

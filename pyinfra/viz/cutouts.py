@@ -18,7 +18,7 @@ from pyinfra.viz.picture_style import COLOURS, STYLE
 from pyinfra.viz.scene_pictures import Scene
 
 DISTANCES_M = (20.0, 40.0, 60.0, 80.0, 100.0)
-NEAR_M = 8.0  # maximum difference between the distance of a vehicle and that of its column
+NEAR_M = 8.0  # maximum difference between a vehicle's distance and that of DISTANCES_M
 CLASS, LEAST_VISIBILITY = "Car", 0.8
 # margin around a box; if the frame has no `fields` file, points inside belong to the vehicle
 MARGIN_M = 0.3

@@ -2,8 +2,8 @@
 
 The questions are
 
-- place: how much AP has the pose that the prediction chooses more than other poses of the same
-  LiDAR? The command takes the answer from the check of the detectability.
+- place: by how much does the AP of the pose with the highest predicted AP exceed that of other
+  poses of the same LiDAR? The command takes the answer from the check of the detectability.
 - order: does the order of LiDARs depend on the pose? Each of LIDARS is measured at the same poses.
 - units: do several LiDARs with 16 lines find more vehicles than one with 128 lines at equal price,
   with poles? Both are planned within the price of the LiDAR with 128 lines on one pole, and then

@@ -112,7 +112,7 @@ def check_table(
 
 
 def summary(table: pd.DataFrame) -> Iterator[dict[str, object]]:
-    """Yields measures of the prediction with 95 % intervals over groups, one row each."""
+    """Yields a row for each measure: its mean over sites and LiDARs, with a 95 % interval."""
     each = {
         "mean error": _error,
         "mean error with the same traffic": _same_traffic_error,

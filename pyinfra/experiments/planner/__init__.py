@@ -1,1 +1,1 @@
-"""Plans where LiDARs stand: candidates, what they see, what a detector finds, choice and check."""
+"""Plans positions of LiDARs: lists poses, observes objects, predicts recall, chooses and checks."""

@@ -53,7 +53,9 @@ class FusedFrames(SimulatedFrames):
 
 
 def fused(sequences: Sequence[SimulatedFrames], yaw_error_deg: float = 0.0) -> SimulatedFrames:
-    """Returns one sequence of all points; a single sequence without error is returned unchanged.
+    """Returns one sequence whose frames have the points of all sequences.
+
+    A single sequence without a yaw error is returned unchanged.
 
     yaw_error_deg: error of the assumed yaw of each LiDAR, alternately to the left and to the right.
     """

@@ -171,7 +171,10 @@ def with_yaw_errors(
 
 
 def yaw_lines(errors: Sequence[YawError]) -> Iterator[str]:
-    """Yields what options find with an error of the yaw, and whether another one finds more."""
+    """Yields a sentence with the measured recall of each option with and without a yaw error.
+
+    It adds whether the last option then finds more than the first one.
+    """
     known = [one for one in errors if math.isfinite(one.without)]
     if not known:
         return

@@ -15,8 +15,8 @@ from pyinfra.core.errors import Error, FormatError
 from pyinfra.scenes.maps.openstreetmap import transverse_mercator
 
 NEAR_M = 20_000.0  # maximum distance of positions from the site's origin
-# Limit for the change of x and y per second. The coordinates of a moving object change by less than
-# this in degrees, and by more in metres.
+# Limit for the change of x and y per second. If the coordinates of a moving object change more
+# slowly than this, they are in degrees; otherwise they are in metres.
 _CRAWL = 0.01
 # Limit for the distance in x and y, relative to the distance that follows from the speeds. Below
 # this limit, x and y are in degrees, because a degree is 10 to 111 km long.

@@ -210,7 +210,8 @@ def _take(path: FrontPath, track: Track | None, out: ImportedTracks) -> None:
     if track is None:
         at = path.first * STEP_S
         out.notes.append(
-            f"{path.name}: dropped: it turns or accelerates too fast (from {at:.1f} s)"
+            f"{path.name}: the track that begins at {at:.1f} s was dropped, because it turns or "
+            "accelerates too fast"
         )
     else:
         out.tracks.append(track)
