@@ -108,7 +108,7 @@ def detected_by(
 
     Parameters
     ----------
-    liking : (n,) offset of each entry's vehicle, constant in time, with unit variance
+    liking : (n,) offset of the logit for each entry's vehicle; constant in time, unit variance
     """
     order = np.lexsort((t.frame, t.ids))
     moods = np.empty(len(order))

@@ -85,7 +85,7 @@ def simulated(lidar: str, poles: int, work: Path, error: Error | None = None) ->
 
     Parameters
     ----------
-    error : error of the test frames; None simulates the training frames
+    error : pose or clock error of the test frames; with None, training frames are simulated
     """
     out = work / f"{lidar}_{poles}_{error.name if error else 'learnt'}"
     folder = (out if poles == 1 else out / "fused") / lidar

@@ -228,7 +228,7 @@ TEST(range_noise, never_makes_a_range_negative) {
   for (const float range : returns(config, 0.1).range) ASSERT_GE(range, 0);
 }
 
-// --- random samples ------------------------------------------------------------------------------------
+// --- random samples ------------------------------------------------------------------------------
 
 ReturnsConfig noisy() {
   ReturnsConfig config = detecting(100);

@@ -274,10 +274,9 @@ def front_of(
 
 
 def with_columns_of(table: pd.DataFrame, options: pd.DataFrame) -> pd.DataFrame:
-    """Returns a front's table with the columns that a plan added to its options later.
+    """Returns the table of a front with the simulated figures and the recall in rain.
 
-    These are the figures that were simulated, and those in rain. They are unknown for the options
-    of the front alone.
+    Only the options in `options` have these figures. They are NaN for all other options.
     """
     keys = ["option", "unit"]
     later = [name for name in options if name not in table or name.endswith("_simulated")]

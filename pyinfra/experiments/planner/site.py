@@ -96,7 +96,7 @@ def open_site(
 def other_traffic(
     site: PlanSite, count: int, scene_keys: Mapping[str, object] | None = None
 ) -> PlanSite:
-    """Returns the site in frames that the choice does not use.
+    """Returns the site with frames other than those of the choice.
 
     Simulated traffic has another seed. Of recorded traffic, the last third is used. scene_keys:
     overrides of keys, as in `simulation.load_scene`.
