@@ -294,7 +294,7 @@ def test_a_lidar_is_named_as_its_file(config: Path, capsys: pytest.CaptureFixtur
         (
             "[background]",
             "[background, background.yaml]",
-            "detectors: expected .*, got two of 'background'",
+            "detectors: expected one file for each name, got two files with the name 'background'",
         ),
         (
             "0:20:5",
