@@ -194,7 +194,7 @@ WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
         with_first(lambda o: o["3d_location"].update(x="far")),
         r"object 0: 3d_location\.x: expected a finite number, got 'far'",
     ),
-    "flat": (with_first(lambda o: o["3d_dimensions"].update(h=0)), "expected sizes of more than"),
+    "flat": (with_first(lambda o: o["3d_dimensions"].update(h=0)), "expected sizes above 0.001 m"),
     "degrees": (
         with_first(lambda o: o.update(rotation=90)),
         "rotation: expected -2 pi to 2 pi, radians, got 90",

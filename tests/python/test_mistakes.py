@@ -47,9 +47,9 @@ MISTAKES = {
         ["A:B[:STEP]", "--max-frames 60"]),
     "height in centimetres": ("detect cloud.bin --height-m 600", ["--height-m", "6"]),
     "tier that was not measured": ("recommend results --budget 9000 --tier full",
-        ["--tier: expected quick"]),
+        ["--tier: expected a tier in results (quick)"]),
     "tier that the report lacks": ("report results --tier smoke --out r.html",
-        ["--tier: expected quick"]),
+        ["--tier: expected a tier in results (quick)"]),
     # folders
     "folder one level too high": ("evaluate data/site boxes --out o", ["data/site/pole"]),
     "folder two levels too high": ("detect data --out o", ["data/site/pole"]),

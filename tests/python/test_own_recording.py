@@ -495,7 +495,7 @@ def test_what_is_no_millimetre_either_is_refused(
     source = write(tmp_path / "source", clouds)
     facts = LidarFacts("pole", "junction", height_m=HEIGHT_M)
     with pytest.raises(
-        ValueError, match=r"source: expected coordinates .*millimetres .* `unit_m` sets"
+        ValueError, match=r"source: expected coordinates .*millimetres.* `unit_m` sets"
     ):
         import_recording(source, "bin", tmp_path / "in/pole", facts, Options())
     if unit_m != 1:

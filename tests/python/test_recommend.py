@@ -538,14 +538,14 @@ def test_recipes_say_how_many_steps_they_learn() -> None:
 @pytest.mark.parametrize(
     ("file", "text", "message"),
     [
-        ("quick.csv", "", "quick.csv:1: expected .*, got none"),
+        ("quick.csv", "", "quick.csv:1: expected .*, got an empty file"),
         ("quick.csv", "1,2,3\n4,5,6\n", "quick.csv:1: expected .*, got no column scene"),
         (
             "quick_value.csv",
             "scene,lidar\n",
             "quick_value.csv:1: expected .*, got no column preset",
         ),
-        ("quick_distance.csv", "", "quick_distance.csv:1: expected .*, got none"),
+        ("quick_distance.csv", "", "quick_distance.csv:1: expected .*, got an empty file"),
         (
             "lidars.csv",
             "lidar\nruby_plus\n",
@@ -568,9 +568,9 @@ def test_a_table_without_its_rows_is_named(
     header = (results / f"{file}.csv").read_text().splitlines()[0]
     (results / f"{file}.csv").write_text(f"{header}\n")
     assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
-    problem = "a finished tier, got none"
+    problem = "the table of a finished tier, got none"
     if file != "quick":
-        problem = "all experiments, got 0 of 16; "
+        problem = "rows of all 16 experiments, got rows of 0; "
     assert f"{results}/{file}.csv: expected {problem}" in capsys.readouterr().err
 
 

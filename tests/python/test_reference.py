@@ -80,5 +80,5 @@ def test_the_default_of_a_key_left_out_is_the_listed_one(infrasim: Callable[...,
 
 def test_comments_are_read_behind_and_above_a_field() -> None:
     meanings = reference.comments(reference.Learning)
-    assert meanings["clip"] == "largest norm of the gradients; larger ones are scaled"
+    assert meanings["clip"] == "gradients with a larger norm are scaled to this norm"
     assert reference.above(["x = 1", "# First sentence. Second", "# one."]) == "First sentence"
