@@ -201,7 +201,7 @@ def test_names_are_text_and_never_markup() -> None:
         (
             {"a": [view_frame([])], "b": [view_frame([], frame=7)]},
             "v",
-            r"view: b: expected frames \[0\] .*, got \[7\]",
+            r"view: b: expected frames \[0\], .*, got \[7\]",
         ),
     ],
 )
@@ -311,7 +311,7 @@ def test_a_page_above_the_limit_is_refused_and_the_old_one_stays(
     assert main.main(["view", str(folder), "--out", str(out)]) == 2
     error = capsys.readouterr().err
     assert "view.html: expected up to 0.5 MB, got" in error
-    assert "MB: fewer --frames, one --lidar, or --max-points" in error
+    assert "MB; choose fewer --frames, one --lidar or a lower --max-points" in error
     assert out.read_text() == "old"
     assert set(tmp_path.iterdir()) == {tmp_path / "data", out}
 
