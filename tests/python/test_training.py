@@ -458,7 +458,7 @@ def changed(file: Path, out: Path, **keys: object) -> Path:
         ({"format": 2}, "format: expected '1', got '2'"),
         ({"convention": "y up"}, "convention: expected 'levelled LiDAR .*', got 'y up'"),
         ({"above_road": False}, "above_road: expected 'True', got 'False'"),
-        ({"detector": "unknown"}, "detector: expected .*pointpillars, .*, got 'unknown'"),
+        ({"detector": "unknown"}, "detector: expected .*pointpillars, .*got 'unknown'"),
         ({"step": "many"}, "step: expected a whole number, got 'many'"),
         ({"network": {"pillar_m": 0.4, "pillar_width": 8}}, "size mismatch"),
     ],
@@ -1002,7 +1002,10 @@ def test_a_training_needs_one_kind_of_source(
     both = [str(lidar_folder), "--scene", "s.yaml", "--lidar", "l.yaml"]
     for words in ([], both, ["--scene", "s.yaml"]):
         assert main.main(["train", str(CONFIG), *words, "--out", str(tmp_path / "o")]) == 2
-        assert "DATA: expected folders, or --scene with --lidar" in capsys.readouterr().err
+        assert (
+            "DATA: expected exactly one source of frames: folders, --scene with --lidar"
+            in capsys.readouterr().err
+        )
 
 
 @pytest.mark.parametrize(
