@@ -37,11 +37,11 @@ def right_place() -> list[str]:
     row = table.loc["chosen pose less mean pose, AP"]
     finding = (
         f"At equal price, the pose that `pyinfra plan` chooses has {row.value:.0f} AP more than "
-        "the mean of six poses of the same LiDAR."
+        "the mean of six poses."
     )
     where = (
-        f"[{row.sites} generated sites](docs/results/placement.md), six LiDARs, three seeds; 95 % "
-        f"interval {row.low:.0f} to {row.high:.0f}"
+        "[generated sites](docs/results/placement.md); 95 % interval "
+        f"{row.low:.0f} to {row.high:.0f}"
     )
     return [finding, where]
 
