@@ -8,7 +8,8 @@ from pathlib import Path
 from pyinfra.cli.number_option import one_frame
 from pyinfra.core.errors import Error
 from pyinfra.dataset.surroundings import read_surroundings
-from pyinfra.viz.viewer.page import check_file, write_page
+from pyinfra.viz.page_file import check_file
+from pyinfra.viz.viewer.page import write_page
 from pyinfra.viz.viewer.selection import (
     chosen_folders,
     chosen_frames,

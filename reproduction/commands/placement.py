@@ -52,6 +52,7 @@ from reproduction.detectability.runs import (
 DETECTOR = "generalist"
 LIDARS = ("ruby_plus", "pandar_64", "livox_avia")
 ORDER_SEEDS = (1, 2)
+ONE_DIRECTION = ("livox_avia", "livox_horizon")  # LiDARs that do not see all around
 WIDE, NARROW = "ruby_plus", "helios_16"
 MOST_POLES = 8
 YEARS, PLAN_FRAMES = 5.0, 24
@@ -61,22 +62,39 @@ KEY = ["site", "lidar", "seed"]
 
 
 def place_rows(check: pd.DataFrame) -> list[dict[str, object]]:
-    """Returns what the chosen pose has more than the mean pose and than the scene's own pose."""
+    """Returns what the chosen pose has more than the mean pose and than the scene's own pose.
+
+    The first quantity is repeated for each traffic seed and for each kind of LiDAR.
+    """
     table = check[check.detector == DETECTOR]
-    more_than_mean, more_than_own, between_best_and_worst = [], [], []
+    name = "chosen pose less mean pose, AP"
+    narrow = table.lidar.isin(ONE_DIRECTION)
+    parts = {f"{name}: traffic seed {seed}": part for seed, part in table.groupby("seed")}
+    parts[f"{name}: LiDARs that see all around"] = table[~narrow]
+    parts[f"{name}: LiDARs that look in one direction"] = table[narrow]
+    gains = chosen_gains(table)
+    return [
+        summary_row("place", name, gains.mean_pose),
+        summary_row("place", "chosen pose less the scene's own pose, AP", gains.own_pose),
+        summary_row("place", "chosen pose less the pose predicted worst, AP", gains.worst_pose),
+        *(summary_row("place", key, chosen_gains(part).mean_pose) for key, part in parts.items()),
+    ]
+
+
+def chosen_gains(table: pd.DataFrame) -> pd.DataFrame:
+    """Returns by how much the AP of the chosen pose exceeds others: a row per site and LiDAR."""
+    rows = []
     for _, group in table.groupby(["site", "lidar"]):
         means = group.groupby("pose")[["ap_predicted", "ap_measured"]].mean()
-        chosen = means.ap_measured[means.ap_predicted.idxmax()]
-        more_than_mean.append(chosen - means.ap_measured.mean())
-        more_than_own.append(chosen - means.ap_measured[0])
-        between_best_and_worst.append(chosen - means.ap_measured[means.ap_predicted.idxmin()])
-    return [
-        summary_row("place", "chosen pose less mean pose, AP", more_than_mean),
-        summary_row("place", "chosen pose less the scene's own pose, AP", more_than_own),
-        summary_row(
-            "place", "chosen pose less the pose predicted worst, AP", between_best_and_worst
-        ),
-    ]
+        measured, chosen = means.ap_measured, means.ap_measured[means.ap_predicted.idxmax()]
+        rows.append(
+            {
+                "mean_pose": chosen - measured.mean(),
+                "own_pose": chosen - measured[0],
+                "worst_pose": chosen - measured[means.ap_predicted.idxmin()],
+            }
+        )
+    return pd.DataFrame(rows, columns=["mean_pose", "own_pose", "worst_pose"])
 
 
 def order_table(sites: int, frames: int, work: Path) -> pd.DataFrame:

@@ -9,9 +9,10 @@ from typing import Any
 
 import jinja2
 
-from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.errors import FormatError
 from pyinfra.core.files import replacing
 from pyinfra.experiments.planner.plan import Plan
+from pyinfra.viz.page_file import check_file, write_page_file
 from pyinfra.viz.plan_page.files import DATA_FILE, PAGE_FILE
 from pyinfra.viz.plan_page.plan_data import FORMAT, plan_data
 from pyinfra.viz.report.style import themes
@@ -47,17 +48,8 @@ def rewrite_plan_page(folder: Path, out: Path) -> Path:
 
 def write_page(data: dict[str, Any], out: Path) -> Path:
     """Writes the page. Raises Error if it would exceed LARGEST_MB or `out` is a folder."""
-    if out.is_dir():
-        raise Error(f"out: expected the name of a file, got the folder {out}")
-    text = render(data).encode()
-    if len(text) > 1e6 * LARGEST_MB:
-        raise Error(
-            f"{out}: expected up to {LARGEST_MB:g} MB, got {len(text) / 1e6:.1f} MB; fewer "
-            "`lidars` make the page smaller"
-        )
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(out) as beside:
-        beside.write_bytes(text)
+    check_file(out)
+    write_page_file(render(data), out, LARGEST_MB, "fewer `lidars` make the page smaller")
     return out
 
 

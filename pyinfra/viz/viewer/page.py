@@ -18,10 +18,10 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
-from pyinfra.core.files import replacing
 from pyinfra.core.version import __version__
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.surroundings import Surroundings, road_lines
+from pyinfra.viz.page_file import check_file, write_page_file
 from pyinfra.viz.viewer.encoding import STEP_M, pack_points
 from pyinfra.viz.viewer.frames import ViewFrame
 
@@ -130,22 +130,9 @@ def write_page(
     Raises Error before writing if the page exceeds LARGEST_MB or `out` is a folder.
     """
     check_file(out)
-    text = page(views, title=title, most_points=most_points, around=around).encode()
-    if len(text) > 1e6 * LARGEST_MB:
-        raise Error(
-            f"{out}: expected up to {LARGEST_MB:g} MB, got {len(text) / 1e6:.1f} MB; "
-            "choose fewer `frames`, one `lidar` or a lower `most_points`"
-        )
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(out) as beside:
-        beside.write_bytes(text)
-    return len(text)
-
-
-def check_file(out: Path) -> None:
-    """Raises Error if `out` is an existing folder."""
-    if out.is_dir():
-        raise Error(f"out: expected the name of a file, got the folder {out}")
+    text = page(views, title=title, most_points=most_points, around=around)
+    advice = "choose fewer `frames`, one `lidar` or a lower `most_points`"
+    return write_page_file(text, out, LARGEST_MB, advice)
 
 
 def _view(views: Views, most_points: int | None, around: Surroundings | None) -> dict[str, Any]:

@@ -1,0 +1,30 @@
+"""Writes a page whole, or not at all if it is too large."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pyinfra.core.errors import Error
+from pyinfra.core.files import replacing
+
+
+def check_file(out: Path) -> None:
+    """Raises Error if `out` is an existing folder."""
+    if out.is_dir():
+        raise Error(f"out: expected the name of a file, got the folder {out}")
+
+
+def write_page_file(text: str, out: Path, largest_mb: float, advice: str) -> int:
+    """Writes a page and returns its size in bytes.
+
+    Raises Error before writing if the page exceeds `largest_mb`; the message ends with `advice`.
+    """
+    page = text.encode()
+    if len(page) > 1e6 * largest_mb:
+        raise Error(
+            f"{out}: expected up to {largest_mb:g} MB, got {len(page) / 1e6:.1f} MB; {advice}"
+        )
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(out) as beside:
+        beside.write_bytes(page)
+    return len(page)
