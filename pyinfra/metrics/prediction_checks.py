@@ -155,18 +155,19 @@ def _names(
     if not unevaluated.any():
         return
     known = np.isin(predictions.names, (*VEHICLE_TYPES, *PERSON_TYPES))
-    if (unevaluated & ~known).any() and not unevaluated.all():
+    if not known[unevaluated].all():
         unevaluated &= ~known  # unknown names are reported first, without the known classes
     names, counts = np.unique(predictions.names[unevaluated], return_counts=True)
     listed = ", ".join(f"{name} ({count})" for name, count in zip(names, counts, strict=True))
     location = _first(predictions, files, unevaluated)
     expected = ", ".join(types)
     text = f"{location}: types that are not evaluated: {listed}; expected {expected}"
-    if unevaluated.all():
-        raise FormatError(text)
     if known[unevaluated].all():
+        # A detector can detect classes that are not evaluated. It may have detected those alone.
         text = f"types that are not evaluated: {listed}; `classes` sets the evaluated classes"
-        yield Finding("note", "other-classes", text)
+        yield Finding("warning" if unevaluated.all() else "note", "other-classes", text)
+    elif unevaluated.all():
+        raise FormatError(text)
     else:
         yield Finding("warning", "other-classes", text)
 

@@ -154,6 +154,15 @@ def test_people_beside_vehicles_are_noted(lidar: Path, tmp_path: Path) -> None:
     assert str(finding) == f"note: other-classes: {text}"
 
 
+def test_only_people_among_the_predictions_gives_an_ap_of_0(lidar: Path, tmp_path: Path) -> None:
+    pred = write_predictions(tmp_path / "people", [[(box(car(20)), 0.9)]] * 12)
+    for file in pred.glob("*.txt"):
+        file.write_text(file.read_text().replace("vehicle", "Pedestrian"))
+    result = evaluate(lidar, pred)
+    assert (result.ap.ap_r1000 == 0).all()
+    assert ("warning", "other-classes") in {(f.level, f.name) for f in result.findings}
+
+
 def test_every_wrong_file_of_the_ground_truth_is_named(lidar: Path) -> None:
     kitti.frame_file(lidar, "label_2", 2).write_text("Car 0 0\n")
     kitti.frame_file(lidar, "objects", 4).write_text("id,class\n")
