@@ -11,9 +11,15 @@ import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.roads import Road
 from pyinfra.experiments.planner import detectability as laws
 from pyinfra.experiments.planner.areas import crossings_of, of_name, read_areas
-from pyinfra.experiments.planner.candidates import POSE, make_candidates, with_faults
+from pyinfra.experiments.planner.candidates import (
+    POSE,
+    make_candidates,
+    off_carriageways,
+    with_faults,
+)
 from pyinfra.experiments.planner.choice import Units, greedy, pairs, singles, upper_bound
 from pyinfra.experiments.planner.costs import read_costs
 from pyinfra.experiments.planner.fused import fused
@@ -49,6 +55,27 @@ def test_candidates_stand_beside_the_carriageway(site: PlanSite) -> None:
     assert len(free) >= 4
     assert (free[["x_m", "y_m"]].abs().min(axis=1) > 7).all()
     assert (np.hypot(free.x_m - site.centre[0], free.y_m - site.centre[1]) <= 60).all()
+
+
+def lane(start: tuple[float, float], end: tuple[float, float]) -> Road:
+    """Returns a straight lane of 3.5 m with a point each metre."""
+    ends = np.array([start, end], float)
+    length = float(np.hypot(*(ends[1] - ends[0])))
+    s = np.linspace(0, length, round(length) + 1)
+    heading = np.full(len(s), np.arctan2(*(ends[1] - ends[0])[::-1]))
+    xy = ends[0] + np.outer(s / length, ends[1] - ends[0])
+    return Road("lane", s, xy, np.zeros(len(s)), heading, np.full(len(s), 1.75))
+
+
+def test_no_pole_stands_between_lanes_or_in_a_gap_of_a_junction() -> None:
+    first, second = lane((-50, 0), (50, 0)), lane((-50, 3.5), (50, 3.5))
+    beyond_a_median = lane((-50, 11), (50, 11))
+    places = np.array([[0, 2.55], [0, 0.95], [0, -2.55], [0, 7.0]])
+    standing = off_carriageways(places, [first, second, beyond_a_median])
+    assert standing.tolist() == [False, False, True, True]
+    around = [lane((-20, y), (20, y)) for y in (-4, 4)] + [lane((x, -20), (x, 20)) for x in (-4, 4)]
+    corners = np.array([[0.0, 0.0], [-8, -8]])
+    assert off_carriageways(corners, around).tolist() == [False, True]
 
 
 def units(count: int = 12, objects: int = 40) -> Units:

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.spatial import cKDTree
 
-from pyinfra.core.arrays import FloatArray
+from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.names import suggestion
 from pyinfra.dataset.roads import Road, offset_curve
@@ -19,10 +20,12 @@ from pyinfra.formats.csv_table import read_csv
 
 POSE = ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"]
 KERB_M = 0.8  # distance of a pole from the edge of the carriageway
+KERB_TOLERANCE_M = 0.1  # error of distances to centrelines with a point each metre
 WALL_M = 0.3  # distance of a LiDAR from the wall that carries it
 WALL_TO_ROAD_M = 20.0  # walls farther than this from every carriageway carry no LiDAR
 LEAST_MEDIAN_M = 1.0  # medians below this width carry no pole
 SEARCH_M = 20.0  # distance within which a free place is searched
+ISLAND_M = 6.0  # places with carriageway within this distance all around carry no pole
 APART_M = 1.0  # positions closer than this to an earlier one are left out
 WORDS = frozenset({"existing", "kind", "name", "lidar", "left_out"})
 # Columns of a file of poses. Those of candidates.csv are known, so that its rows can be one.
@@ -62,13 +65,19 @@ def checked_grid(grid: PoseGrid) -> PoseGrid:
 
 
 def make_candidates(site: PlanSite, within_m: float, grid: PoseGrid) -> pd.DataFrame:
-    """Returns poses along kerbs, medians and walls within a distance of the site's centre."""
+    """Returns poses along kerbs, medians and walls within a distance of the site's centre.
+
+    Each lane of an imported map is a road. Its edge is no kerb if another lane is beside it.
+    """
     places = [*_beside_roads(site, grid.every_m), *_on_walls(site, grid.every_m)]
+    distances = [math.hypot(at[1] - site.centre[0], at[2] - site.centre[1]) for at in places]
+    near = [at for at, away in zip(places, distances, strict=True) if away <= within_m]
+    free = off_carriageways(np.array([at[1:3] for at in near]).reshape(-1, 2), site.roads)
     rows: list[dict[str, object]] = []
     taken = np.empty((0, 2))
-    for kind, x, y, ground, top in places:
-        away = math.hypot(x - site.centre[0], y - site.centre[1])
-        if away > within_m or (np.hypot(*(taken - (x, y)).T) < APART_M).any():
+    for (kind, x, y, ground, top), stands in zip(near, free, strict=True):
+        apart = (np.hypot(*(taken - (x, y)).T) >= APART_M).all()
+        if not apart or not (stands or kind == "median"):
             continue
         taken = np.vstack([taken, (x, y)])
         heights = [h for h in grid.heights_m if ground + h <= top]
@@ -77,11 +86,11 @@ def make_candidates(site: PlanSite, within_m: float, grid: PoseGrid) -> pd.DataF
             for h in heights
         ]
     if not rows:
-        distances = [math.hypot(at[1] - site.centre[0], at[2] - site.centre[1]) for at in places]
-        near = f"; the nearest is {min(distances):.0f} m away" if distances else ""
+        nearest = f"; the nearest is {min(distances):.0f} m away" if distances else ""
         raise Error(
             f"within_m: expected a kerb, median or wall within {within_m:g} m of "
-            f"({site.centre[0]:.0f}, {site.centre[1]:.0f}), got none{near}; set `poses` to a file"
+            f"({site.centre[0]:.0f}, {site.centre[1]:.0f}), got none{nearest}; set `poses` to a "
+            "file"
         )
     return turned(pd.DataFrame(rows), site, grid)
 
@@ -221,6 +230,27 @@ def _beside_roads(
         for kind, line in lines:
             for i in range(first, len(line), step):
                 yield kind, float(line[i, 0]), float(line[i, 1]), float(road.z[i]), math.inf
+
+
+def off_carriageways(places: FloatArray, roads: Sequence[Road]) -> BoolArray:
+    """Returns which places (n, 2) are beside the carriageways and not enclosed by them."""
+    beside = outside_m(places, roads) >= KERB_M - KERB_TOLERANCE_M
+    angles = np.arange(0, 2 * np.pi, np.pi / 8)
+    ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)  # (16, 2)
+    steps = np.arange(1, ISLAND_M + 1)[:, None, None] * ways  # (metres, 16, 2)
+    around = places[beside, None, None] + steps  # (places, metres, 16, 2)
+    met = (outside_m(around.reshape(-1, 2), roads) <= 0).reshape(around.shape[:-1]).any(axis=1)
+    beside[beside] = ~met.all(axis=1)
+    return beside
+
+
+def outside_m(places: FloatArray, roads: Sequence[Road]) -> FloatArray:
+    """Returns the distance of each place (n, 2) from the nearest carriageway, below 0 on one."""
+    nearest = np.full(len(places), np.inf)
+    for road in roads:
+        away, index = cKDTree(road.xy).query(places)
+        nearest = np.minimum(nearest, away - road.half_width[index])
+    return nearest
 
 
 def _on_walls(site: PlanSite, every_m: float) -> Iterator[tuple[str, float, float, float, float]]:
