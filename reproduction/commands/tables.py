@@ -57,7 +57,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "pole points": sites.pole_points,
     "places": sites.places,
     "pole errors": sites.pole_errors,
-    "engines": networks.engines,
+    "detector latency": networks.detector_latency,
     "generalist": networks.generalist,
     "compared with site-trained detectors": networks.compared_with_site_trained,
     "stress_generalist": networks.stress_generalist,

@@ -35,6 +35,7 @@ HELD_OUT = (
     "hesai_xt32",
     "livox_horizon",
 )  # LiDARs that configs/streams/generalist.yaml excludes from training
+PARTS = ("reading", "pillars", "layers", "boxes")  # of a frame of the pretrained detector
 MANY_LABELS = 200  # minimum number of labels in the test frames
 
 
@@ -225,14 +226,17 @@ def _unstressed(trials: pd.DataFrame, lidar: str, network: str) -> str:
     return with_interval_of_ap(*ends(selected.iloc[0], "ap_r1000"))
 
 
-def engines() -> str:
-    """Returns a table of the pretrained detector's speed-up and AP with each inference engine."""
-    table = results("engines")
+def detector_latency() -> str:
+    """Returns a table of the time of a frame by scene and LiDAR, and of its parts."""
+    table = results("detector_latency")
+    table["name"] = table.engine + " " + table.threads.astype(str)
     rows = []
-    for engine, group in table.groupby("engine", sort=False):
-        by_scene = group.set_index("scene")
-        cells = (f"{row.speed:.2f}, {row.ap_r1000:.1f}" for _, row in by_scene.iterrows())
-        rows.append([str(engine), *cells])
-    scenes = table.drop_duplicates("scene")
-    heads = (f"{r.scene}, {LIDARS[r.lidar]}" for r in scenes.itertuples())
-    return markdown(["engine", *heads], rows)
+    for (scene, lidar), group in table.groupby(["scene", "lidar"], sort=False):
+        ms = group.set_index(["name", "part"]).ms_p50
+        whole = [f"{ms[name, 'all']:.0f}" for name in ("pytorch 1", "package 1", "package 2")]
+        parts = [f"{ms['package 1', part]:.1f}" for part in PARTS]
+        title = f"four LiDARs of {LIDARS[lidar]}" if scene == "crossroad_poles" else LIDARS[lidar]
+        points = f"{group.points.iloc[0] / 1000:.0f}"
+        rows.append([scene.partition("_")[0], title, points, *whole, *parts])
+    heads = ["PyTorch", "one thread", "two threads", *PARTS]
+    return markdown(["scene", "LiDAR", "1,000 points", *heads], rows)

@@ -239,8 +239,9 @@ def off_carriageways(places: FloatArray, roads: Sequence[Road]) -> BoolArray:
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)  # (16, 2)
     steps = np.arange(1, ISLAND_M + 1)[:, None, None] * ways  # (metres, 16, 2)
     around = places[beside, None, None] + steps  # (places, metres, 16, 2)
-    met = (outside_m(around.reshape(-1, 2), roads) <= 0).reshape(around.shape[:-1]).any(axis=1)
-    beside[beside] = ~met.all(axis=1)
+    on_road = np.reshape(outside_m(around.reshape(-1, 2), roads) <= 0, around.shape[:-1])
+    enclosed = np.asarray(on_road.any(axis=1)).all(axis=1)  # in all 16 directions
+    beside[beside] = ~enclosed
     return beside
 
 
