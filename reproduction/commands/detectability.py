@@ -3,10 +3,10 @@
 The command simulates generated sites from several poses each, with labels at the time of the scan,
 and runs the pretrained detector and Background. It stores a file for each run in --work. Run it
 again to resume; several processes can share the work with --part. It fits the laws on the sites of
---fit. It checks AP and recall on the sites of --check. There, the prediction and the measurement
-use different traffic. It writes
+--fit, and checks AP and recall on the sites of --check. There, the prediction and the measurement
+use different traffic. With `--fit 0` it checks the laws of the package. It writes
 
-- NAME.json, the file of pyinfra/experiments/planner
+- NAME.json, the file of pyinfra/experiments/planner, if there is a fit
 - NAME.csv, predicted and measured figures of each checked pose and traffic seed
 - NAME_summary.csv, errors, correlations and regret, with intervals
 - NAME_reliability.csv, predicted and measured shares of detected objects
@@ -108,7 +108,9 @@ def part_of(text: str) -> tuple[int, int]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--work", type=Path, required=True, help="folder of the runs")
-    parser.add_argument("--fit", type=int, default=40, help="sites of the fit; default: 40")
+    parser.add_argument(
+        "--fit", type=int, default=40, help="sites of the fit, 0 for no fit; default: 40"
+    )
     parser.add_argument("--check", type=int, default=12, help="sites of the check; default: 12")
     parser.add_argument("--frames", type=int, default=30, help="frames of a run; default: 30")
     parser.add_argument(
@@ -126,8 +128,11 @@ def main() -> None:
     checked = stored([*check_runs(args.check)], args.frames, args.work, args.part)
     if args.part != (1, 1):
         return
-    plain = fit_all(fitted, args.frames, args.work)
-    args.out.with_suffix(".json").write_text(json.dumps(plain, separators=(",", ":")) + "\n")
+    if fitted:
+        plain = fit_all(fitted, args.frames, args.work)
+        args.out.with_suffix(".json").write_text(json.dumps(plain, separators=(",", ":")) + "\n")
+    else:
+        plain = json.loads(laws.FILE.read_text(encoding="utf-8"))
     made_by = provenance(
         f"detectability --fit {args.fit} --check {args.check} --frames {args.frames}"
     )

@@ -19,6 +19,7 @@ from reproduction import ROOT
 from reproduction.tables import (
     findings,
     front_page,
+    label_times,
     measure,
     networks,
     placement,
@@ -44,6 +45,9 @@ TABLES: dict[str, Callable[[], str]] = {
     "value, paper": partial(verdicts.value, "paper"),
     "value, datasheet": partial(verdicts.value, "datasheet"),
     "gain by fine-tuning": verdicts.bias,
+    "label times": label_times.label_times,
+    "cut angles": label_times.cut_angles,
+    "comparison at label times": label_times.comparison,
     "variance": verdicts.variance,
     "seeds": verdicts.seeds,
     "verdicts decided": verdicts.decided,

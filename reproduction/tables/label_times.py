@@ -1,0 +1,98 @@
+"""Makes the tables about the time at which a label holds, and the angle at which a frame begins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.metrics.comparison import over_replicates
+from reproduction.commands.verdicts import LEAST_REPLICATES
+from reproduction.tables.common import LIDARS, markdown, results, with_interval_of_ap
+from reproduction.tables.verdicts import SETUPS
+
+LABEL_TIMES = {"scan": "scan time", "frame": "mid-frame"}
+WIDE, NARROW = "ruby_plus", "livox_avia"
+Aps = dict[tuple[str, str], pd.DataFrame]  # by LiDAR and label time: replicates x cut angles
+
+
+def _aps(subset: str = "captured") -> Iterator[tuple[tuple[str, str, str], Aps]]:
+    """Yields scene, preset and setup, with AP for both label times and several cut angles."""
+    table = results("experiments")
+    table = table[(table.subset == subset) & table["judge"].isin(SETUPS)]
+    for key, part in table.groupby(["scene", "preset", "judge"], sort=False):
+        aps = {
+            (str(lidar), str(label_time)): rows.pivot_table(
+                index="replicate", columns="cut_angle_deg", values="ap_r1000"
+            ).dropna()
+            for (lidar, label_time), rows in part.groupby(["lidar", "label_time"], sort=False)
+        }
+        measured = [aps.get((WIDE, label_time)) for label_time in LABEL_TIMES]
+        if all(one is not None and len(one) >= LEAST_REPLICATES for one in measured):
+            scene, preset, setup = map(str, key)
+            yield (scene, preset, SETUPS[setup]), aps
+
+
+def label_times() -> str:
+    """Returns the AP at both label times, as means over cut angles, and the paired difference."""
+    rows = []
+    for key, aps in _aps():
+        for lidar in dict.fromkeys(lidar for lidar, _ in aps):
+            both = [aps[lidar, label_time].mean(axis=1) for label_time in LABEL_TIMES]
+            cells = [_mean(one) for one in (*both, both[1] - both[0])]
+            rows.append([*key, LIDARS[lidar], *cells])
+    heads = [f"labels at {text}" for text in LABEL_TIMES.values()]
+    return markdown(["scene", "preset", "detector", "LiDAR", *heads, "difference"], rows)
+
+
+def cut_angles() -> str:
+    """Returns the AP of spinning LiDARs at each cut angle, and whether the angles differ.
+
+    `p` is the probability of differences as large or larger if the angle has no effect (F test
+    with replicates as blocks).
+    """
+    rows, angles = [], [0, 90, 180, 270]
+    for key, aps in _aps():
+        for (lidar, label_time), table in aps.items():
+            if len(table.columns) == len(angles):
+                means = [f"{table[angle].mean():.1f}" for angle in angles]
+                p = _probability(table.to_numpy(float))
+                rows.append([*key, LIDARS[lidar], LABEL_TIMES[label_time], *means, f"{p:.2f}"])
+    heads = ["scene", "preset", "detector", "LiDAR", "labels at", *(f"{a} degrees" for a in angles)]
+    return markdown([*heads, "p"], rows)
+
+
+def _probability(table: FloatArray) -> float:
+    """Returns p of a difference between columns; the rows (replicates) are blocks."""
+    blocks, groups = table.shape
+    centred = table - table.mean(axis=1, keepdims=True)
+    effect = centred.mean(axis=0)
+    between = blocks * (effect**2).sum() / (groups - 1)
+    within = ((centred - effect) ** 2).sum() / ((groups - 1) * (blocks - 1))
+    return float(stats.f.sf(between / within, groups - 1, (groups - 1) * (blocks - 1)))
+
+
+def comparison() -> str:
+    """Returns the Avia's AP less that of 128 lines at each label time and cut angle."""
+    rows = []
+    for key, aps in _aps():
+        for label_time, text in LABEL_TIMES.items():
+            avia, wide = aps[NARROW, label_time][0], aps[WIDE, label_time]
+            less = wide.mul(-1).add(avia, axis=0)
+            ends = [f"{less[angle].mean():.1f}" for angle in less]
+            rows.append([*key, text, _mean(less.mean(axis=1)), " to ".join(_ends(ends))])
+    heads = ["scene", "preset", "detector", "labels at", "Avia less 128 lines, AP"]
+    return markdown([*heads, "at single cut angles"], rows)
+
+
+def _ends(texts: list[str]) -> tuple[str, str]:
+    values = np.array(texts, float)
+    return texts[int(values.argmin())], texts[int(values.argmax())]
+
+
+def _mean(values: pd.Series) -> str:
+    mean = over_replicates(values.to_list())
+    return with_interval_of_ap(mean.value, mean.low, mean.high)
