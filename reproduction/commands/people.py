@@ -117,8 +117,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     add_out(parser, "people.csv")
     args = parser.parse_args()
-    # The Mid-360 is excluded: it looks upwards, and users must download its table of rays.
-    files = [file for file in catalogue_files() if file.stem != "livox_mid_360"]
+    files = catalogue_files()
     with tempfile.TemporaryDirectory() as work:
         table = pd.concat(measured(write_scene(Path(work)), files))
     provenance = {"preset": "datasheet", "seed": 1, "version": __version__, "machine": machine()}

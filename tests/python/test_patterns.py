@@ -175,7 +175,7 @@ def test_bundles_parts_start_at_phases_of_their_own(pattern: Pattern) -> None:
 def mid_360(tmp_path: Path) -> Path:
     """Copies the file of the Mid-360 and its table."""
     shutil.copy(vendor_table("mid360"), tmp_path / "mid360.npy")
-    return Path(shutil.copy(LIDARS / "livox_mid_360.yaml", tmp_path))
+    return Path(shutil.copy(LIDARS / "own_table/livox_mid_360.yaml", tmp_path))
 
 
 def test_table_pattern_is_the_table_and_starts_again_at_its_end(

@@ -13,12 +13,8 @@ from scripts import reference
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMED = ("mounts.NAME", "traffic.class_shares.")  # names that a user chooses
-NEEDS_A_TABLE = "livox_mid_360"
 FILES = sorted(
-    file
-    for kind in ("scenes", "lidars")
-    for file in ROOT.glob(f"configs/{kind}/*.yaml")
-    if file.stem != NEEDS_A_TABLE
+    file for kind in ("scenes", "lidars") for file in ROOT.glob(f"configs/{kind}/*.yaml")
 )
 
 

@@ -17,7 +17,6 @@ from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.formats import kitti
 
 ALL_AROUND_DEG = 350.0
-TABLE_TO_DOWNLOAD = "livox_mid_360"  # its table of rays is not shipped
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +49,7 @@ def open_lidars(names: Sequence[StrPath], site: PlanSite) -> list[PlanLidar]:
     """Opens LiDARs by name or file; without names, all of the catalogue that have the preset."""
     files = {file.stem: file for file in catalogue_files()}
     if not names:
-        names = [
-            name
-            for name, file in files.items()
-            if site.preset in presets_of(file) and name != TABLE_TO_DOWNLOAD
-        ]
+        names = [name for name, file in files.items() if site.preset in presets_of(file)]
     world = simulation.load_scene(site.file, preset=site.preset, mount=site.mount)
     lidars = [_open(file_or_name(name, files, "lidars"), site.preset, world) for name in names]
     if len({lidar.name for lidar in lidars}) < len(lidars):
