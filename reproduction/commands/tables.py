@@ -79,6 +79,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "reliability": placement.reliability,
     "what a place is worth": partial(placement.placement, "place"),
     "order of LiDARs over poses": partial(placement.placement, "order"),
+    "plans": placement.plans,
+    "times of plans": placement.plan_times,
     "16 lines or 128": partial(placement.placement, "units"),
     "detectors on the highway, paper": partial(findings.detectors, "highway", "paper"),
 }

@@ -100,3 +100,29 @@ def placement(question: str) -> str:
         for _, row in table[table.question == question].iterrows()
     ]
     return markdown(["quantity, mean over sites", "sites", "value"], rows)
+
+
+def plans() -> str:
+    """Returns the options that were simulated in full for each question, the chosen one first."""
+    rows = []
+    for question, group in results("plans").groupby("question", sort=False):
+        for one in group.itertuples():
+            share = f"{one.recall:.0f} [{one.recall_low:.0f}, {one.recall_high:.0f}]"
+            price = f"{one.price_usd:,.0f} [{one.price_usd_low:,.0f}, {one.price_usd_high:,.0f}]"
+            ap = f"{one.ap_predicted:.0f}, {one.ap_simulated:.0f}"
+            where = f"{one.lidars}, {one.heights_m} m"
+            found = f"{one.recall_simulated:.0f}"
+            rows.append([question, str(one.option), where, share, found, ap, price])
+    heads = ["question", "option", "LiDAR, height", "predicted, of 100", "simulated, of 100"]
+    return markdown([*heads, "AP predicted, simulated", "price, USD"], rows)
+
+
+def plan_times() -> str:
+    """Returns the number of poses of each question and the processor time of its plan."""
+    table = results("plans").drop_duplicates("question")
+    rows = [
+        [one.question, *(f"{n:,.0f}" for n in (one.poses, one.pairs, one.race_cpu_s, one.cpu_s))]
+        for one in table.itertuples()
+    ]
+    heads = ["question", "poses", "pairs of pose and LiDAR", "race, CPU s", "whole plan, CPU s"]
+    return markdown(heads, rows)
