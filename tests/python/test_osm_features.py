@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import site_data
 import yaml
+from conftest import Infrasim
 from matplotlib.colors import to_hex
 from site_maps import Osm
 
@@ -198,3 +199,21 @@ def test_a_broken_list_is_named_when_drawn(tmp_path: Path, text: str) -> None:
         MapError, match=r"map\.yaml: features: expected a list with x_m and y_m for each kind"
     ):
         read_features(tmp_path)
+
+
+def test_trees_leave_the_space_over_lanes_free(tmp_path: Path, infrasim: Infrasim) -> None:
+    """Street trees are near the lanes. The scene would refuse a crown over a lane."""
+    osm = street({})
+    for x, y in ((-60, 1.0), (-20, 4.2), (20, -5.5), (60, 12.0)):
+        osm.node(x, y, natural="tree", height="8")
+    site = imported(tmp_path, osm)
+    plants = [one["tree"] for one in yaml.safe_load((site / "site.yaml").read_text())["vegetation"]]
+    trunks = {round(tree["x_m"]): tree["trunk_m"] for tree in plants}
+    assert set(trunks) == {-20, 20, 60}  # the tree on the lane is left out
+    assert min(trunks[-20], trunks[20]) > 4.5
+    assert trunks[60] < 3
+    mended = yaml.safe_load((site / "map.yaml").read_text())["mended"]
+    assert any(text.startswith("tree at ") for text in mended)
+    assert any(text.startswith("2 trees") for text in mended)
+    done = infrasim("check", site / "site.yaml")
+    assert done.returncode == 0, done.stderr

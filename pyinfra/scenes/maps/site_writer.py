@@ -11,12 +11,16 @@ import yaml
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.files import write
 from pyinfra.formats.ply import Triangles, write_ply
-from pyinfra.scenes.maps.lane_map import NARROWEST_M, MapLane, SiteMap
+from pyinfra.scenes.maps.lane_map import NARROWEST_M, MapLane, MapTree, SiteMap
 from pyinfra.scenes.maps.map_readers import ImportOptions
 from pyinfra.scenes.maps.mount_guess import Pole
 from pyinfra.scenes.maps.site_folder import SCENE
 from pyinfra.scenes.maps.surfaces import Sheet
 
+CLEARANCE_M = 4.5  # height above a lane that vehicles need, as in the rules of scenes
+# Largest distance of a tree's foot from a lane at which its crown (default: 5 m wide) or its trunk
+# reaches over the lane. The rules of scenes use square outlines.
+CROWN_M, TRUNK_M = 2.5 * 2**0.5, 0.3
 # Maps mesh names to materials. The material of any other mesh has the name of the mesh.
 MATERIALS = {"buildings": "structure"}
 
@@ -49,12 +53,50 @@ def write_site(
         "duration_s": options.duration_s,
         "region_half_length_m": options.region_half_length_m,
     }
-    if site_map.trees:
-        scene["vegetation"] = [{"tree": _tree(tree, terrain)} for tree in site_map.trees]
+    if plants := trees_beside_lanes(site_map, terrain):
+        scene["vegetation"] = [{"tree": plant} for plant in plants]
     write(folder / SCENE, yaml_text(scene))
 
 
-def _tree(tree: Any, terrain: Sheet) -> dict[str, float]:
+def trees_beside_lanes(site_map: SiteMap, terrain: Sheet) -> list[dict[str, float]]:
+    """Returns the keys of the trees. None is in the space over a lane that vehicles need.
+
+    A crown that reaches over a lane is raised. A tree whose trunk is on a lane is left out. Both
+    are added to `mended` of the map.
+    """
+    lanes = [lane for lane in site_map.lanes if lane.driveable]
+    start = np.concatenate([lane.centre[:-1] for lane in lanes])  # (n, 3) of segments
+    step = np.concatenate([np.diff(lane.centre, axis=0) for lane in lanes])
+    length2 = np.maximum((step[:, :2] ** 2).sum(1), 1e-9)
+    half = np.concatenate([np.maximum(lane.width[:-1], lane.width[1:]) / 2 for lane in lanes])
+    plants, raised = [], 0
+    for tree in site_map.trees:
+        plant = _tree(tree, terrain)
+        foot = np.array([tree.x_m, tree.y_m])
+        along = ((foot - start[:, :2]) * step[:, :2]).sum(1) / np.maximum(
+            (step[:, :2] ** 2).sum(1), 1e-9
+        )
+        nearest = start + np.clip(along, 0, 1)[:, None] * step
+        away = np.hypot(*(nearest[:, :2] - foot).T) - half
+        top = plant["base_m"] + plant["height_m"]
+        is_below = (nearest[:, 2] < top) & (nearest[:, 2] + CLEARANCE_M > plant["base_m"])
+        if (is_below & (away < TRUNK_M)).any():
+            where = f"{tree.x_m:.1f} {tree.y_m:.1f}"
+            site_map.mended.append(f"tree at {where}: left out, because it is on a lane")
+            continue
+        crossed = is_below & (away < CROWN_M)
+        if crossed.any():
+            trunk = float(nearest[crossed, 2].max()) + CLEARANCE_M + 0.01 - plant["base_m"]
+            plant["trunk_m"] = round(trunk, 2)
+            plant["height_m"] = round(max(plant["height_m"], trunk + 2), 2)
+            raised += 1
+        plants.append(plant)
+    if raised:
+        site_map.mended.append(f"{raised} trees: crown raised to {CLEARANCE_M:g} m above the lanes")
+    return plants
+
+
+def _tree(tree: MapTree, terrain: Sheet) -> dict[str, float]:
     ground = float(terrain.at(np.array([[tree.x_m, tree.y_m]]))[0])
     base = ground if tree.base_m is None else tree.base_m
     trunk = min(3.0, tree.height_m / 3)
