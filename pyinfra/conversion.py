@@ -104,7 +104,8 @@ def import_recording(
     ----------
     source : folder of the recording, or `sample` for the recording of the package
     format : kitti, openpcdet, pcd, bin, nuscenes, dair-v2x, tumtraf or rcooper
-    out : new folder, named DATA/LIDAR
+    out : new folder, named DATA/LIDAR; the recording is written to `out`/lidar if DATA is the
+        working folder, or a folder of other files
     period_s : frame period; by default taken from the recording, or 0.1 if it has none
     height_m : height of the sensor above the road; by default estimated from the points
     tilt_deg : pitch (positive looks down) and roll of the sensor; points and boxes are levelled
@@ -138,14 +139,14 @@ def import_recording(
     from pyinfra.exchange.recording import Options
 
     check_name(format, IMPORTS, "format")
-    folder = path_of(out, "out")
+    folder = imports.lidar_folder(path_of(out, "out"))
     facts = imports.facts_of(
         folder, period_s=period_s, height_m=height_m, tilt_deg=tilt_deg, types=types
     )
     options = imports.checked(Options(intensity_max, columns, None, channel, unit_m))
     recording = imports.recording_folder(path_of(source, "source"))
     imports.import_recording(recording, format, folder, facts, options)
-    loaded = load_dataset(out)
+    loaded = load_dataset(folder)
     assert isinstance(loaded, RecordedFrames)
     return loaded
 

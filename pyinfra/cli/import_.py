@@ -16,6 +16,7 @@ from pyinfra.exchange.imports import (
     checked,
     facts_of,
     import_recording,
+    lidar_folder,
     recording_folder,
     warnings,
 )
@@ -45,7 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         required=True,
-        help="new folder for the frames, DATA/LIDAR: a data set's folder and a LiDAR's name",
+        help="new folder for the frames, DATA/LIDAR: a data set's folder and a LiDAR's name. With "
+        "only DATA, the LiDAR's name is `lidar`",
     )
     parser.add_argument(
         "--scene-name", dest="scene", help="name of the site; default: the name of the folder DATA"
@@ -132,6 +134,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     since = time.perf_counter()
+    args.out = lidar_folder(args.out)
     options = Options(args.intensity_max, args.columns, args.labels, args.channel, args.unit_m)
     facts = facts_of(
         args.out,

@@ -27,6 +27,7 @@ from pyinfra.formats.kitti.lidar import PERIOD_S
 # the points unchanged.
 Upright = Literal["auto", "road", "as-is"]
 SAMPLE = Path(__file__).with_name("sample")  # `python -m reproduction sample` writes its clouds
+NAME = "lidar"  # name of the LiDAR of a data set whose folder is given without a LiDAR
 HEIGHT_OFF_M = 0.5  # tolerated difference of the user's height from the vehicles' bottoms
 
 
@@ -129,6 +130,19 @@ def _some(names: list[str]) -> str:
     """Returns a text such as `3 frames (a, b, ...)`."""
     listed = ", ".join(names[:2]) + (", ..." if len(names) > 2 else "")
     return f"{len(names)} frame{'s'[: len(names) > 1]} ({listed})"
+
+
+def lidar_folder(out: Path) -> Path:
+    """Returns the LiDAR's folder for `out`, so that nothing is written beside a folder of files.
+
+    `out` is DATA/LIDAR if DATA is new, empty or a data set. Otherwise, and if DATA is the working
+    folder, `out` itself becomes the data set, and its LiDAR is named `lidar`.
+    """
+    data = out.resolve().parent
+    if (data / "dataset.yaml").is_file():
+        return out
+    is_free = not data.exists() or (data.is_dir() and not any(data.iterdir()))
+    return out if is_free and data != Path.cwd() else out / NAME
 
 
 def facts_of(

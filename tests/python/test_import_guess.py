@@ -8,6 +8,7 @@ import pytest
 import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.core.errors import Error
+from pyinfra.dataset.data_set import read_data_set
 from pyinfra.exchange.guess import guess_format
 from pyinfra.exchange.imports import SAMPLE
 from pyinfra.formats import kitti
@@ -83,17 +84,35 @@ def test_the_sample_recording_is_imported_by_name(
     """It is of a tilted sensor 6 m above the road. A folder of this name comes first."""
     monkeypatch.chdir(tmp_path)
     assert sum(file.stat().st_size for file in SAMPLE.iterdir()) <= 1e6
-    assert main.main(["import", "sample", "--out", "rec"]) == 0
-    lidar = kitti.read_lidar(Path("rec"))
+    assert main.main(["import", "sample", "--out", "rec/pole"]) == 0
+    folder = Path("rec/pole")
+    lidar = kitti.read_lidar(folder)
     assert lidar.T_world_levelled.z == pytest.approx(6, abs=0.03)
     assert lidar.period_s == 0.5
-    assert len(kitti.frames(Path("rec"))) == 20
-    tilt = kitti.read_tilt(Path("rec"))
+    assert len(kitti.frames(folder)) == 20
+    tilt = kitti.read_tilt(folder)
     assert np.degrees([tilt.pitch, tilt.roll]) == pytest.approx(TILT_DEG, abs=0.1)
     Path("sample").mkdir()
     capsys.readouterr()
     assert main.main(["import", "sample", "--out", "other"]) == 2
     assert "sample: expected the files of" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("out", ["rec", "notes/rec", "../rec"])
+def test_an_import_writes_only_to_its_folder(
+    out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The folder before the last one is no data set: it is the working folder, or has files."""
+    work = tmp_path / "work"
+    with_files(work, "notes/a.txt")
+    monkeypatch.chdir(work)
+    before = sorted(tmp_path.rglob("*"))
+    assert main.main(["import", "sample", "--out", out]) == 0
+    folder = (work / out).resolve()
+    others = [path for path in tmp_path.rglob("*") if not path.is_relative_to(folder)]
+    assert sorted(others) == before
+    assert read_data_set(folder).frames == tuple(range(20))
+    assert read_data_set(folder).scene == folder.name
 
 
 def test_the_sample_recording_is_what_its_command_writes() -> None:
