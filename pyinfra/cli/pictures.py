@@ -18,21 +18,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.epilog = "example: pyinfra pictures data/highway data/curve --frame 0 --out out/pictures"
     parser.add_argument("data", nargs="+", type=Path, help="data sets written by `infrasim run`")
-    parser.add_argument(
-        "--frame", type=one_frame, default=0, help="number of the frame; default: 0"
-    )
+    parser.add_argument("--frame", type=one_frame, help="number of the frame; default: the first")
     parser.add_argument("--out", type=Path, required=True, help="folder for the pictures")
 
 
 def run(args: argparse.Namespace) -> int:
     data_sets = [lidar_folders(data) for data in args.data]
+    frame = args.frame
     for folders in data_sets:
         existing = kitti.frames(folders[0])
-        if args.frame not in existing:
+        if frame is None:
+            frame = next(iter(existing), 0)
+        if frame not in existing:
             problem = f"{folders[0]}: --frame: expected {kitti.extent(existing)}"
-            raise Error(f"{problem}, got {args.frame}")
-    files = clouds.draw_frames(data_sets, args.frame, args.out)
-    files += draw_scenes(data_sets, args.frame, args.out)
+            raise Error(f"{problem}, got {frame}")
+    files = clouds.draw_frames(data_sets, frame, args.out)
+    files += draw_scenes(data_sets, frame, args.out)
     for file in files:
         print(file)
     return 0

@@ -16,7 +16,7 @@ def test_pictures_of_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[s
     lidars = [catalogue.lidar_file(name) for name in ("livox_avia", "helios_16")]
     words = ["--preset", "paper", "--frames", "2:3", "--out", data, "--fields"]
     runs.infrasim("run", catalogue.scene_file("highway"), "--lidar", *lidars, *words)
-    assert main.main(["pictures", str(data), "--frame", "2", "--out", str(tmp_path / "out")]) == 0
+    assert main.main(["pictures", str(data), "--out", str(tmp_path / "out")]) == 0
     names = [Path(line).name for line in capsys.readouterr().out.splitlines()]
     views = ["sheet.png", "highway_helios_16.png", "highway_livox_avia.png"]
     assert names == [*views, "plan_highway.png", "cutouts_highway.png"]
