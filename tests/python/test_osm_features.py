@@ -217,3 +217,9 @@ def test_trees_leave_the_space_over_lanes_free(tmp_path: Path, infrasim: Infrasi
     assert any(text.startswith("2 trees") for text in mended)
     done = infrasim("check", site / "site.yaml")
     assert done.returncode == 0, done.stderr
+
+
+def test_a_centre_beside_the_map_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.osm").write_text(street({}).text())
+    with pytest.raises(MapError, match=r"a.osm: `centre`: expected longitude 8.3.* got 8.5, 49"):
+        import_map(tmp_path / "a.osm", tmp_path / "s", ImportOptions((8.5, 49.0), 300))

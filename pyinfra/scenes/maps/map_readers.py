@@ -72,6 +72,7 @@ def _from_osm(
     centre, turned = streets.place_of(options.centre)
     if not (abs(centre[0]) <= 180 and abs(centre[1]) <= 85):
         raise MapError(f"{file}: centre: expected lon,lat in degrees, got {centre}")
+    streets.check_centre(centre, file, options.radius_m)
     levels = osm_levels.find_levels(streets, centre, options.radius_m)
     source = file
     if levels.heights or streets.deleted or streets.rearranged:

@@ -108,6 +108,17 @@ class StreetMap:
         turned = is_in_map(swapped) and not is_in_map(centre)
         return (swapped if turned else centre), turned
 
+    def check_centre(self, centre: tuple[float, float], file: Path, radius_m: float) -> None:
+        """Raises MapError if the centre is farther from the map's roads than the radius."""
+        places = np.array([self.nodes[i] for i in self.of_highways()])
+        metres = transverse_mercator(places, centre)
+        if (metres.min(0) > radius_m).any() or (metres.max(0) < -radius_m).any():
+            (west, south), (east, north) = places.min(0), places.max(0)
+            raise MapError(
+                f"{file}: `centre`: expected longitude {west:.4f} to {east:.4f} and latitude "
+                f"{south:.4f} to {north:.4f}, got {centre[0]:g}, {centre[1]:g}"
+            )
+
 
 def read_street_map(file: Path) -> StreetMap:
     """Reads an OSM file. Raises MapError and OSError."""

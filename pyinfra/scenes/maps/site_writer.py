@@ -73,9 +73,7 @@ def trees_beside_lanes(site_map: SiteMap, terrain: Sheet) -> list[dict[str, floa
     for tree in site_map.trees:
         plant = _tree(tree, terrain)
         foot = np.array([tree.x_m, tree.y_m])
-        along = ((foot - start[:, :2]) * step[:, :2]).sum(1) / np.maximum(
-            (step[:, :2] ** 2).sum(1), 1e-9
-        )
+        along = ((foot - start[:, :2]) * step[:, :2]).sum(1) / length2
         nearest = start + np.clip(along, 0, 1)[:, None] * step
         away = np.hypot(*(nearest[:, :2] - foot).T) - half
         top = plant["base_m"] + plant["height_m"]
