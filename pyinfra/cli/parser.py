@@ -54,6 +54,7 @@ class Parser(argparse.ArgumentParser):
             extra = message.partition(": ")[2]
             message = f"expected arguments without an option before the options, got '{extra}'"
         message = re.sub(r"^argument ([^:]+): ", r"\1: ", message)
+        message = re.sub(r"invalid (\w+) value: (.+)", not_a_number, message)
         self.exit(WRONG, f"{self.prog}: {message} (see --help)\n")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
@@ -67,6 +68,16 @@ class Parser(argparse.ArgumentParser):
             # A long list hides the suggestion.
             allowed = "a name" if similar and len(choices) > MOST_LISTED else listed(choices)
             raise argparse.ArgumentError(action, f"expected {allowed}, got '{value}'{similar}")
+
+
+def not_a_number(found: re.Match[str]) -> str:
+    """Returns the message for a value that `float` or `int` cannot convert."""
+    kind, value = found.groups()
+    if kind == "int":
+        return f"expected a whole number, such as 3, got {value}"
+    if kind != "float":
+        return found[0]
+    return f"expected a number without unit and comma, such as 0.5, got {value}"
 
 
 def check_options(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:

@@ -50,7 +50,20 @@ MISTAKES = {
         ["--tier: expected a tier in results (quick)"]),
     "tier that the report lacks": ("report results --tier smoke --out r.html",
         ["--tier: expected a tier in results (quick)"]),
+    "number with a decimal comma": ("plan crossroad --budget 9000 --find 0,9 --out o",
+        ["--find: expected a number", "such as 0.5", "'0,9'"]),
+    "number with a unit": ("site import town.osm --out t --radius 0.5km",
+        ["--radius: expected a number", "'0.5km'"]),
+    "number with a fraction": ("detect data/site/pole --max-frames 1.5 --out o",
+        ["--max-frames: expected a whole number", "'1.5'"]),
     # folders
+    "folder of sites for a site": ("site traffic sites --vehicles-per-hour 600",
+        ["sites in it: sites/a"]),
+    "file of a site for its folder": ("site traffic sites/a/site.yaml --vehicles-per-hour 600",
+        ["use sites/a"]),
+    "folder of sites in a plan": ("plan sites --budget 9000 --out o", ["sites in it: sites/a"]),
+    "map for a site": ("plan town.osm --budget 9000 --out o",
+        ["`pyinfra site import town.osm --out sites/town`"]),
     "folder one level too high": ("evaluate data/site boxes --out o", ["data/site/pole"]),
     "folder two levels too high": ("detect data --out o", ["data/site/pole"]),
     "folder one level too deep": ("detect data/site/pole/training --out o",
@@ -78,6 +91,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "mixed/0.pcd",
         "mixed/0.bin",
         "cloud.bin",
+        "town.osm",
+        "sites/a/site.yaml",
     ):
         (top / name).parent.mkdir(parents=True, exist_ok=True)
         (top / name).touch()

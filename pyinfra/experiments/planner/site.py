@@ -20,6 +20,8 @@ from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import configs
 from pyinfra.dataset.frame_sequence import roads_of_world
 from pyinfra.dataset.roads import Road
+from pyinfra.scenes.maps.map_file import FORMATS, PACKED
+from pyinfra.scenes.maps.site_folder import scene_of
 
 LEAST_TO_SPLIT = 6  # frames of recorded traffic below which all of them serve every purpose
 PATTERN_FRAMES = 200  # frames after which the prisms of the Livox LiDARs repeat
@@ -126,9 +128,13 @@ def scene_path(scene: StrPath) -> Path:
     """Returns the scene file of a name, a file, or a folder of `pyinfra site import`."""
     folder = Path(scene)
     if folder.is_dir():
-        if not (folder / "site.yaml").is_file():
-            raise Error(f"scene: expected a scene file or a folder with site.yaml, got '{scene}'")
-        return folder / "site.yaml"
+        return scene_of(folder)
+    if folder.name.lower().endswith((*FORMATS, *PACKED)):
+        name = folder.name.partition(".")[0]
+        raise Error(
+            f"scene: expected a scene file or the folder of a site, got the map '{scene}'; "
+            f"`pyinfra site import {scene} --out sites/{name}` makes a site"
+        )
     shipped = {file.stem: file for file in (configs() / "scenes").glob("*.yaml")}
     return file_or_name(scene, shipped, "scene")
 

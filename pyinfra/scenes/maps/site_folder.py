@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.files import write
 from pyinfra.formats.yaml_file import read_keys
 from pyinfra.scenes.maps.geographic import Projection, network_projection
@@ -16,9 +16,20 @@ from pyinfra.scenes.maps.geographic import Projection, network_projection
 SCENE, MAP, NET = "site.yaml", "map.yaml", "map.net.xml"
 
 
+def scene_of(site: Path) -> Path:
+    """Returns the scene file of a site folder. Raises Error for a file, or a folder without it."""
+    if site.is_file():
+        raise Error(f"{site}: expected the folder of a site, got a file; use {site.parent}")
+    if not (site / SCENE).is_file():
+        inside = ", ".join(str(file.parent) for file in sorted(site.glob(f"*/{SCENE}")))
+        more = f"; sites in it: {inside}" if inside else "; `pyinfra site import` makes a site"
+        raise Error(f"{site}: expected a folder with {SCENE}, got none{more}")
+    return site / SCENE
+
+
 def feet(site: Path) -> FloatArray:
-    """Reads x y (k, 2) of all mounts of site.yaml, world frame. Raises FormatError, OSError."""
-    file = site / SCENE
+    """Reads x y (k, 2) of all mounts of site.yaml, world frame. Raises Error, OSError."""
+    file = scene_of(site)
     mounts = read_keys(file).get("mounts") or {}
     try:
         positions = [(float(m["x_m"]), float(m["y_m"])) for m in dict(mounts).values()]
@@ -31,8 +42,8 @@ def feet(site: Path) -> FloatArray:
 
 
 def yaws(site: Path) -> dict[str, float]:
-    """Reads the yaw of each mount of site.yaml in degrees. Raises FormatError, OSError."""
-    mounts = read_keys(site / SCENE).get("mounts") or {}
+    """Reads the yaw of each mount of site.yaml in degrees. Raises Error, OSError."""
+    mounts = read_keys(scene_of(site)).get("mounts") or {}
     try:
         return {name: float(mount.get("yaw_deg", 0)) for name, mount in dict(mounts).items()}
     except (AttributeError, TypeError, ValueError):
