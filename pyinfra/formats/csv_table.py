@@ -99,6 +99,8 @@ def read_words(file: Path) -> pd.DataFrame:
     except (csv.Error, UnicodeDecodeError) as error:
         raise FormatError(f"{file}: cannot be read as a table: {error}") from None
     header = rows[0] if rows else []
+    if len(header) == 1 and ";" in header[0]:
+        raise FormatError(f"{file}:1: expected commas between columns, got semicolons")
     for line, row in enumerate(rows, start=1):
         if len(row) != len(header) or not row:
             raise FormatError(f"{file}:{line}: expected {len(header)} columns, got {len(row)}")
@@ -117,8 +119,9 @@ def numbers(file: Path, column: pd.Series) -> pd.Series:
     wrong = empty & (column != "") & (column.str.lower() != "nan") if empty.any() else empty
     if wrong.any():
         row = wrong.idxmax()
+        comma = "; write it with a decimal point" if "," in column[row] else ""
         raise FormatError(
             f"{file}:{row + 2}: {column.name}: expected a number or an empty cell, "
-            f"got '{column[row]}'"
+            f"got '{column[row]}'{comma}"
         )
     return values

@@ -9,10 +9,13 @@ import yaml
 
 import pyinfra as pi
 from pyinfra.cli import main
+from pyinfra.core.errors import FormatError
 from pyinfra.dataset.catalogue import configs, lidar_file, scene_file
 from pyinfra.experiments.planner import observe
+from pyinfra.experiments.planner.answer import false_boxes
 from pyinfra.experiments.planner.candidates import make_candidates, with_faults
 from pyinfra.experiments.planner.site import open_site
+from pyinfra.formats.csv_table import read_csv
 
 BASE = (
     "--budget 9000 --lidar helios_16 --max-frames 2 --check-frames 0 --heights 5 --pitches 0 "
@@ -225,3 +228,26 @@ def test_a_lidar_of_other_frames_has_the_same_frames(folder: Path, tmp_path: Pat
     plan = pi.plan(folder / "small.yaml", 9000, **TINY | {"lidars": [fast]})
     assert (plan.options.latency_ms > 100).all()
     assert plan.options.recall.between(1, 100).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x_m;y_m\n-17,5;14,5\n", ":1: expected commas between columns, got semicolons"),
+        ('x_m,y_m\n-17,"14,5"\n', ":2: y_m: .*got '14,5'; .*decimal point"),
+    ],
+)
+def test_a_table_of_a_spreadsheet_with_decimal_commas(
+    text: str, words: str, tmp_path: Path
+) -> None:
+    (tmp_path / "masts.csv").write_text(text)
+    with pytest.raises(FormatError, match=words):
+        read_csv(tmp_path / "masts.csv")
+
+
+@pytest.mark.parametrize(
+    ("per_frame", "text"), [(0.0, "no"), (0.25, "in 4 frames"), (0.9, "a frame"), (1.5, "1.5")]
+)
+def test_false_boxes_in_words(per_frame: float, text: str) -> None:
+    assert text in false_boxes(per_frame)
+    assert "1 frames" not in false_boxes(per_frame)

@@ -246,7 +246,8 @@ def false_boxes(per_frame: float) -> str:
         return "no false box"
     if per_frame >= 1:
         return f"{per_frame:.1f} false boxes a frame"
-    return f"one false box in {1 / max(per_frame, 1e-9):,.0f} frames"
+    frames = f"{1 / max(per_frame, 1e-9):,.0f}"
+    return "about one false box a frame" if frames == "1" else f"one false box in {frames} frames"
 
 
 def usd(value: float) -> str:
@@ -317,7 +318,9 @@ def number_of_poles(options: Options, rows: pd.DataFrame) -> Iterator[str]:
 
 
 def left_out(every: pd.DataFrame) -> Iterator[str]:
-    """Yields one line on what was left out, grouped by reason."""
+    """Yields lines on the LiDARs that were compared, and on what was left out, by reason."""
+    names = sorted(every.lidar[every.lidar != ""].unique())
+    yield f"LiDARs within the budget: {', '.join(names)}."
     faults = every[every.lidar == ""].left_out.value_counts()
     if len(faults):
         shown = [f"{reason} ({count})" for reason, count in faults.head(REASONS).items()]

@@ -170,7 +170,7 @@ def with_faults(poses: pd.DataFrame, site: PlanSite) -> pd.DataFrame:
     The rules are those of a scene's mounts: outside buildings, trees and lanes, above the ground.
     """
     faults = [site.observer.fault([*row]) for row in poses[POSE].to_numpy(float)]
-    return poses.assign(fault=[fault.split(": ", 2)[-1] if fault else "" for fault in faults])
+    return poses.assign(fault=[": ".join(fault.split(": ", 2)[-2:]) for fault in faults])
 
 
 def feasible(poses: pd.DataFrame, site: PlanSite) -> pd.DataFrame:
