@@ -230,7 +230,9 @@ def _numbers(frames: Sequence[int]) -> tuple[int, ...]:
     try:
         numbers = tuple(operator.index(k) for k in frames)
     except TypeError:
-        raise Error("frames: expected whole numbers, got something else") from None
+        raise Error(
+            f"frames: expected whole numbers, such as range(0, 100, 10), got {frames!r:.40}"
+        ) from None
     return numbers
 
 

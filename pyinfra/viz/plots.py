@@ -113,7 +113,10 @@ def plot_ap_by_distance(
     """
     named = {"": results} if isinstance(results, Evaluation) else results
     if not isinstance(named, Mapping) or not named:
-        raise Error("results: expected a result of evaluate, or a mapping of names to results")
+        raise Error(
+            "results: expected a result of evaluate, or a mapping of names to results, got "
+            f"{type(results).__name__}"
+        )
     ax = _axes(ax, (6, 4))
     for name, result in named.items():
         if not isinstance(result, Evaluation):

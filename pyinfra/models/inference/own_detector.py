@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TypeAlias
 
@@ -15,6 +16,8 @@ from pyinfra.dataset.frame_sequence import BOX
 from pyinfra.models.detectors import Detections
 
 OwnDetector: TypeAlias = Callable[[Points], pd.DataFrame]
+
+LONGEST_M = 100.0  # largest side of a box; a larger one is probably not in metres
 
 
 def detections_of_own(number: int, model: OwnDetector, points: Points) -> Detections:
@@ -46,6 +49,14 @@ def detections_of_own(number: int, model: OwnDetector, points: Points) -> Detect
     boxes, values = numbers[:, :7], numbers[:, 7]
     if (boxes[:, 3:6] <= 0).any():
         raise Error(f"{prefix}: dx, dy, dz: expected above 0, got {boxes[:, 3:6].min():g}")
+    if (boxes[:, 3:6] > LONGEST_M).any():
+        raise Error(
+            f"{prefix}: dx, dy, dz: expected metres, up to {LONGEST_M:g}, got "
+            f"{boxes[:, 3:6].max():g}"
+        )
+    if (np.abs(boxes[:, 6]) > 2 * math.pi).any():
+        turned = np.abs(boxes[:, 6]).max()
+        raise Error(f"{prefix}: heading: expected radians, -2 pi to 2 pi, got {turned:g}")
     if ((values < 0) | (values > 1)).any():
         raise Error(f"{prefix}: score: expected 0 to 1, got {values.min():g} to {values.max():g}")
     kinds = table["type"] if "type" in table.columns else pd.Series("vehicle", table.index)
