@@ -214,7 +214,7 @@ def test_trees_leave_the_space_over_lanes_free(tmp_path: Path, infrasim: Infrasi
     assert trunks[60] < 3
     mended = yaml.safe_load((site / "map.yaml").read_text())["mended"]
     assert any(text.startswith("tree at ") for text in mended)
-    assert any(text.startswith("2 trees") for text in mended)
+    assert any(text.startswith("crowns raised") and text.endswith(": 2") for text in mended)
     done = infrasim("check", site / "site.yaml")
     assert done.returncode == 0, done.stderr
 

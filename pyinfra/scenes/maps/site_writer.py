@@ -90,7 +90,7 @@ def trees_beside_lanes(site_map: SiteMap, terrain: Sheet) -> list[dict[str, floa
             raised += 1
         plants.append(plant)
     if raised:
-        site_map.mended.append(f"{raised} trees: crown raised to {CLEARANCE_M:g} m above the lanes")
+        site_map.mended.append(f"crowns raised to {CLEARANCE_M:g} m above the lanes: {raised}")
     return plants
 
 
