@@ -15,7 +15,7 @@ from pyinfra.cli.messages import warn
 from pyinfra.core.errors import Error
 from pyinfra.core.machine_load import OtherLoad, other_load
 from pyinfra.core.names import suggestion
-from pyinfra.dataset.frames import check_lidar_folder
+from pyinfra.dataset.frames import lidar_folder
 from pyinfra.exchange.lone_clouds import cloud_reader
 from pyinfra.models.inference.detect import (
     PERCENTILES,
@@ -170,10 +170,9 @@ def _check(args: argparse.Namespace) -> None:
         near = suggestion(model, shipped())
         raise Error(f"--model: expected a training, a file or a name, got '{model}'{near}")
     folders = [path for path in args.inputs if path.is_dir()]
-    for folder in folders:
-        _check_folder(folder)
     if folders and len(args.inputs) > 1:
         raise Error(f"DATA: expected one folder, or clouds alone, got {len(args.inputs)} inputs")
+    args.inputs = [_folder_of(folder) for folder in folders] or args.inputs
     if folders and args.out is None:
         raise Error("--out: expected a folder for the boxes, got none")
     if not folders and args.drop_standing:
@@ -183,14 +182,14 @@ def _check(args: argparse.Namespace) -> None:
         raise Error(f"{option}: expected the folder of a LiDAR, got clouds alone")
 
 
-def _check_folder(folder: Path) -> None:
-    """Raises Error for the folder of a trained detector, and as `check_lidar_folder` does."""
+def _folder_of(folder: Path) -> Path:
+    """Returns the LiDAR's folder. Raises Error for the folder of a trained detector."""
     if any((folder / name).is_file() for name in ("last.safetensors", "background.npz")):
         raise Error(
             f"{folder}: expected the folder of a LiDAR or clouds, got a trained detector; "
             f"use --model {folder}"
         )
-    check_lidar_folder(folder)
+    return lidar_folder(folder)
 
 
 def _in_folder(args: argparse.Namespace, model: Path) -> FolderDetections:

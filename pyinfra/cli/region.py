@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from pyinfra.core.errors import Error
-from pyinfra.dataset.frames import check_lidar_folder
+from pyinfra.dataset.frames import lidar_folder
 from pyinfra.models.inference.region_proposal import LEAST_S, propose_of_folder, write_outline
 
 
@@ -27,10 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    check_lidar_folder(args.data)
     if args.out.suffix not in (".yaml", ".yml"):
         raise Error(f"--out: expected a .yaml file, got {args.out}")
-    proposal = propose_of_folder(args.data)
+    proposal = propose_of_folder(lidar_folder(args.data))
     write_outline(args.out, proposal.corners)
     print(
         f"{args.out}: {len(proposal.corners)} corners, {proposal.area_m2:.0f} m2, from "

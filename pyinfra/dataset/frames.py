@@ -105,6 +105,18 @@ def has_labels(lidar_folder: Path) -> bool:
     return any(file.stat().st_size > 0 for file in files)
 
 
+def lidar_folder(folder: Path) -> Path:
+    """Returns `folder`, or the folder of the only LiDAR if it is a data set with one LiDAR.
+
+    Raises Error as `check_lidar_folder` does.
+    """
+    inside = [] if (folder / "training").is_dir() else lidars_in(folder)
+    if len(inside) == 1:
+        return inside[0]
+    check_lidar_folder(folder)
+    return folder
+
+
 def check_lidar_folder(folder: Path) -> None:
     """Raises Error for a folder that contains LiDAR folders, or lies inside a LiDAR folder.
 

@@ -204,11 +204,16 @@ def load_dataset(folder: str | os.PathLike[str]) -> RecordedFrames | dict[str, R
 
 
 def one_lidar(frames: FrameSequence | str | os.PathLike[str], argument: str) -> FrameSequence:
-    """Opens a LiDAR's folder, or returns a given frame sequence. Raises Error for a data set."""
+    """Opens a LiDAR's folder, or returns a given frame sequence.
+
+    A data set with one LiDAR is accepted. Raises Error for several LiDARs.
+    """
     if isinstance(frames, FrameSequence):
         return frames
     loaded = _loaded(frames, argument)
     if isinstance(loaded, dict):
+        if len(loaded) == 1:
+            return next(iter(loaded.values()))
         names = ", ".join(loaded)
         raise Error(f"{argument}: expected one LiDAR, got a data set with the LiDARs {names}")
     return loaded

@@ -9,6 +9,7 @@ import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.core.errors import Error
 from pyinfra.dataset.data_set import read_data_set
+from pyinfra.dataset.frames import lidar_folder
 from pyinfra.exchange.guess import guess_format
 from pyinfra.exchange.imports import SAMPLE
 from pyinfra.formats import kitti
@@ -113,6 +114,7 @@ def test_an_import_writes_only_to_its_folder(
     assert sorted(others) == before
     assert read_data_set(folder).frames == tuple(range(20))
     assert read_data_set(folder).scene == folder.name
+    assert lidar_folder(folder) == folder / "lidar"
 
 
 def test_the_sample_recording_is_what_its_command_writes() -> None:

@@ -3,6 +3,7 @@ runs."""
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -777,7 +778,9 @@ def test_wrong_words_are_one_line(
 def test_wrong_folders_are_one_line(
     background: Path, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main.main(command(background, data.parent, tmp_path)) == 2
+    for name in ("a", "b"):
+        shutil.copytree(data, tmp_path / "two" / name)
+    assert main.main(command(background, tmp_path / "two", tmp_path / "out")) == 2
     assert "expected the folder of one LiDAR, got a data set with " in capsys.readouterr().err
     assert main.main(command(tmp_path, data, tmp_path)) == 1
     assert "No last.safetensors or background.npz in it" in capsys.readouterr().err

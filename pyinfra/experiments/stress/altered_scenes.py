@@ -21,7 +21,7 @@ import yaml
 from pyinfra.core.errors import Error
 from pyinfra.core.files import held, replacing
 from pyinfra.dataset.catalogue import lidar_file, scene_file
-from pyinfra.dataset.frames import check_lidar_folder, frame_numbers
+from pyinfra.dataset.frames import frame_numbers, lidar_folder
 from pyinfra.dataset.runs import SimulatorError, infrasim
 from pyinfra.experiments.stress import lidar
 from pyinfra.formats import kitti
@@ -90,7 +90,7 @@ def read_base(folder: Path, most: int) -> Base:
 
     Raises FileNotFoundError, FormatError, and Error for another kind of folder.
     """
-    check_lidar_folder(folder)
+    folder = lidar_folder(folder)
     frames = frame_numbers(folder)
     if not frames:
         raise Error(f"{folder}: expected a test frame, got none")

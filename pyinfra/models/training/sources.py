@@ -18,10 +18,10 @@ from pyinfra.dataset.frame_sequence import SimulatedFrames, vehicles_of
 from pyinfra.dataset.frame_tables import Vehicles
 from pyinfra.dataset.frames import (
     PERIOD_S,
-    check_lidar_folder,
     data_set_of,
     frame_numbers,
     has_labels,
+    lidar_folder,
 )
 from pyinfra.dataset.ground import Ground, ground_of, ground_of_boxes
 from pyinfra.formats import kitti
@@ -91,7 +91,7 @@ def read_source(
 
     Raises FileNotFoundError, FormatError and Error.
     """
-    check_lidar_folder(folder)
+    folder = lidar_folder(folder)
     lidar = kitti.read_lidar(folder)
     numbers = _train_frames(folder, lidar.period_s)
     frames = spread(numbers, MOST_FRAMES[tier])
