@@ -33,7 +33,7 @@ for (car_ax, plan_ax), preset in zip(axes.T, ["equal", "datasheet"], strict=True
     for name, rows, colour in (
         ("ground and structures", background & ~plants, "lightgrey"),
         ("plants", plants, "tab:green"),
-        ("vehicles", ~background, "tab:red"),
+        ("vehicles", ~background, "tab:blue"),
     ):
         x, y = frame.points[rows, :2].T
         plan_ax.plot(x, y, ".", color=colour, markersize=0.8, label=f"{name}: {rows.sum()}")
