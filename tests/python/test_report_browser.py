@@ -118,6 +118,21 @@ def test_what_is_wider_than_a_phone_says_so(browser: Browser, pictured: Path) ->
     assert counts[0] > counts[1]
 
 
+def test_what_scrolls_sideways_takes_the_focus_and_keeps_the_name_of_a_row_in_view(
+    browser: Browser, pictured: Path
+) -> None:
+    left = "part => part.getBoundingClientRect().left"
+    with browser.open(pictured, width=390) as opened:
+        opened.page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+        opened.settle()
+        assert opened.page.locator(".drawing.wider").count() > 0
+        for part in opened.page.locator(".wider").all():
+            assert part.evaluate("part => part.tabIndex") == 0
+            part.evaluate("part => { part.scrollLeft = part.scrollWidth }")
+            for name in part.locator("tbody tr:first-child th").all():
+                assert name.evaluate(left) == pytest.approx(part.evaluate(left), abs=1)
+
+
 def test_tables_sort_both_ways_with_what_is_missing_last(browser: Browser, whole: Path) -> None:
     with browser.open(whole) as opened:
         opened.page.locator("#accuracy summary").click()

@@ -21,10 +21,16 @@ function sortRows(body, place, up, numbers) {
   body.append(...rows);
 }
 
-/* Marks elements whose content is wider than the element. Sizes change when details are opened. */
+/* Marks elements whose content is wider than the element: they scroll, and take the keyboard focus.
+   Sizes change when details are opened. */
 const scrollers = document.querySelectorAll(".scroll, figure.wide .drawing");
 const sizes = new ResizeObserver((entries) => {
-  for (const { target } of entries) target.classList.toggle("wider", target.scrollWidth > target.clientWidth + 1);
+  for (const { target } of entries) {
+    const wide = target.scrollWidth > target.clientWidth + 1;
+    target.classList.toggle("wider", wide);
+    target.tabIndex = wide ? 0 : -1;
+    target.style.setProperty("--first-column", `${target.querySelector("th")?.offsetWidth ?? 0}px`);
+  }
 });
 for (const scroller of scrollers) sizes.observe(scroller);
 
