@@ -48,10 +48,10 @@ _PAGE = """<!DOCTYPE html>
 :root {{ color-scheme: light dark; }}
 :root[data-theme="light"] {{ color-scheme: light; }}
 :root[data-theme="dark"] {{ color-scheme: dark; }}
-body {{
-  box-sizing: border-box; min-height: 100dvh; margin: 0; padding: 0.75rem 1rem;
+body {{ margin: 0; background: light-dark(#fff, #0b0f14); font-family: system-ui, sans-serif; }}
+main {{
+  box-sizing: border-box; min-height: 100dvh; padding: 0.75rem 1rem;
   display: flex; flex-direction: column; gap: 0.5rem;
-  background: light-dark(#fff, #0b0f14); font-family: system-ui, sans-serif;
 }}
 h1 {{ margin: 0; font-size: 1.125rem; line-height: 1.3; overflow-wrap: anywhere; }}
 .lidar-view {{ flex: 1; }}
@@ -59,8 +59,10 @@ h1 {{ margin: 0; font-size: 1.125rem; line-height: 1.3; overflow-wrap: anywhere;
 </style>
 </head>
 <body>
+<main>
 <h1>{title}</h1>
 {fragment}
+</main>
 {library}
 </body>
 </html>
