@@ -205,10 +205,10 @@ def networks() -> str:
 def page() -> str:
     return f"""# Configuration keys
 
-`make reference` writes this page from the code that reads the keys; do not edit it by hand. N is
-an index in a list, and NAME is a name of your choice. A key without the default `required` is
+This page lists every configuration key with its type, default, unit and allowed values. N is an
+index in a list, and NAME is a name of your choice. A key without the default `required` is
 optional. Unknown keys, wrong types and values out of range are errors that name file, line and key.
-Paths inside a file are relative to that file.
+Paths inside a file are relative to that file. `make reference` writes the page from the code.
 
 ## Scene (`configs/scenes`, read by `infrasim run`)
 `--set KEY=VALUE` overrides a key by its path, such as `--set mounts.pole.z_m=8`. The section
