@@ -19,9 +19,10 @@ document.addEventListener("DOMContentLoaded", () => {
     link.append(picture);
   });
   // Names in code can break at their marks, but options can't break after their hyphens.
+  const marks = /(?<=[A-Za-z][./])(?=\w)|(?<=\w{4}[_,=])(?=\w{4})/g;
   const option = '<span class="option">$&</span>';
   document.querySelectorAll("article code .pre").forEach((name) => {
-    const text = name.innerHTML.replace(/(?<=\w{4}[/_.,=])(?=\w{4})/g, "<wbr>");
+    const text = name.innerHTML.replace(marks, "<wbr>");
     name.innerHTML = text.replace(/^--[\w-]+/, option);
   });
   // A command that is wider than the page goes on in an indented line.
