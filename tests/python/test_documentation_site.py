@@ -36,6 +36,12 @@ def test_each_page_of_results_is_listed_once() -> None:
     assert sorted(listed(DOCS / f"{RESULTS}.md")) == sorted(pages)
 
 
+@pytest.mark.parametrize("page", sorted(DOCS.rglob("*.md")), ids=lambda page: page.stem)
+def test_each_column_of_a_table_has_a_name(page: Path) -> None:
+    heads = re.findall(r"^\|(.*)\|\n\|[ :|-]+\|$", page.read_text(), re.MULTILINE)
+    assert all(cell.strip() for head in heads for cell in head.split("|"))
+
+
 def test_the_api_page_has_each_public_name() -> None:
     text = (DOCS / "api.md").read_text()
     names = re.findall(r"^\.\. (?:auto\w+|py:data):: (\w+)$", text, re.MULTILINE)
