@@ -94,7 +94,7 @@ def _swatch(material: Material, lidar: str) -> str:
 def _panel(material: Material, rows: pd.DataFrame) -> Panel:
     scene = str(rows.scene.iloc[0])
     with drawing():
-        figure, ax = panel(left=0.75)
+        figure, ax = panel()
         ends = (0.8 * rows.paper_hits.min(), 1.25 * rows.paper_hits.max())
         ax.plot(ends, ends, color=FAINT, linewidth=0.8)
         for row in rows.itertuples():

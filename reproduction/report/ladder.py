@@ -179,7 +179,7 @@ def _figure(material: Material, table: pd.DataFrame) -> Figure:
     for setting, values in settings_of(table).items():
         selected = _with_usual_others(table, setting, usual)
         with drawing():
-            figure, ax = panel(3.2, 2.7, bottom=0.58)
+            figure, ax = panel(3.2, 2.7)
             shown = [value for value in values if value in set(selected[setting])]
             for i, lidar in enumerate(lidars):
                 rows = selected[selected.lidar == lidar].set_index(setting).reindex(shown)

@@ -41,6 +41,7 @@ NAMES = {INK: "ink", FAINT: "faint", GRID: "grid", GROUND: "ground", ACCENT: "ac
     light: f"series-{i}" for i, (light, _) in enumerate(SERIES)
 }
 NAMES |= {colour: name for colour, (name, _, _) in QUALITIES.items()}
+LABEL_MARGIN_IN = 0.03
 STYLE: Any = {
     "svg.fonttype": "none",
     "text.parse_math": False,  # a name may contain dollar signs
@@ -98,18 +99,32 @@ def drawing() -> Iterator[None]:
         yield
 
 
-def panel(
-    width: float = 3.7, height: float = 2.6, left: float = 0.5, bottom: float = 0.43
-) -> tuple[Figure, Axes]:
-    """Returns a small figure with one set of axes.
-
-    width, height: size in inches. left, bottom: space for the labels of the axes in inches.
-    """
+def panel(width: float = 3.7, height: float = 2.6) -> tuple[Figure, Axes]:
+    """Returns a small figure with one set of axes. The size is in inches."""
     figure = Figure(figsize=(width, height))
-    edges = {"left": left / width, "bottom": bottom / height}
+    edges = {"left": 0.5 / width, "bottom": 0.43 / height}
     return figure, figure.subplots(
         gridspec_kw=edges | {"right": 1 - 0.12 / width, "top": 1 - 0.08 / height}
     )
+
+
+def fit_labels(figure: Figure) -> None:
+    """Widens the margins of a panel so that all labels are inside the figure.
+
+    Labels that would leave the plot less than a third of the width are cut.
+    """
+    (axes,) = figure.axes
+    (width, height), drawn, place = (
+        figure.get_size_inches(),
+        figure.get_tightbbox(),
+        axes.get_position(),
+    )
+    left = place.x0 + max(0.0, LABEL_MARGIN_IN - drawn.x0) / width
+    right = place.x1 - max(0.0, drawn.x1 - width + LABEL_MARGIN_IN) / width
+    bottom = place.y0 + max(0.0, LABEL_MARGIN_IN - drawn.y0) / height
+    top = place.y1 - max(0.0, drawn.y1 - height + LABEL_MARGIN_IN) / height
+    left = min(left, right - 0.33)
+    axes.set_position((left, bottom, right - left, top - bottom))
 
 
 def log_ticks(axis: Any) -> None:

@@ -15,7 +15,7 @@ from matplotlib.markers import MarkerStyle
 from matplotlib.path import Path
 from matplotlib.transforms import Affine2D
 
-from pyinfra.viz.report.style import NAMES, STYLE
+from pyinfra.viz.report.style import NAMES, STYLE, fit_labels
 
 DASHES = {"-": "none", "--": "6 3", "-.": "7 3 2 3", ":": "2 3"}
 DENSE = 400  # a line with more points is stored as a bitmap
@@ -39,6 +39,8 @@ def inline(figure: Figure, name: str, label: str, dpi: int = 144) -> str:
         if np.size(line.get_xdata()) > DENSE:
             line.set_rasterized(True)
     with mpl.rc_context(STYLE | {"svg.hashsalt": name}), io.BytesIO() as text:
+        if figure.get_layout_engine() is None and len(figure.axes) == 1:
+            fit_labels(figure)
         figure.savefig(text, format="svg", dpi=dpi, transparent=True, metadata={"Date": None})
         root = ElementTree.fromstring(text.getvalue())
     _remove_extras(root)

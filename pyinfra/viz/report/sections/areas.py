@@ -97,7 +97,7 @@ def _bar_panel(material: Material, rows: pd.DataFrame) -> Panel:
     lidars = material.names.sorted(rows.lidar)
     counts = rows.groupby(["lidar", "quality"]).size()
     with drawing():
-        figure, ax = panel(3.7, 0.36 * len(lidars) + 0.6, left=1.45)
+        figure, ax = panel(3.7, 0.36 * len(lidars) + 0.6)
         left = np.zeros(len(lidars))
         for quality, look in STYLES.items():
             width = np.array([counts.get((lidar, quality), 0) for lidar in lidars])

@@ -79,7 +79,7 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
     first = rows.iloc[0]
     title = f"{first.scene}: {first['set']}"
     with drawing():
-        figure, ax = panel(left=0.55)
+        figure, ax = panel()
         for lidar in material.names.sorted(rows.lidar):
             curve = rows[rows.lidar == lidar].sort_values("from_m")
             middle, look = (curve.from_m + curve.to_m) / 2, material.names.look(lidar)
