@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import compress
 
 from pyinfra.experiments.result_tables import TableFile
 
@@ -54,6 +55,16 @@ class Text:
 
 
 @dataclass(frozen=True, eq=False)
+class Remarks:
+    """A list of remarks. If `closed`, a click opens it."""
+
+    caption: str
+    lines: Sequence[str]
+    closed: bool = False
+    kind = "remarks"
+
+
+@dataclass(frozen=True, eq=False)
 class Table:
     """A table that the reader can sort by any column. If `closed`, a click opens it."""
 
@@ -63,6 +74,15 @@ class Table:
     source: TableFile
     closed: bool = False
     kind = "table"
+
+    def without_empty_columns(self) -> Table:
+        """Returns the table without the columns that have no value in any row."""
+        kept = [
+            k == 0 or any(row[k].text not in ("", NOTHING) or row[k].verdict for row in self.rows)
+            for k in range(len(self.columns))
+        ]
+        rows = [list(compress(row, kept)) for row in self.rows]
+        return replace(self, columns=list(compress(self.columns, kept)), rows=rows)
 
 
 @dataclass(frozen=True)
@@ -166,7 +186,7 @@ class Embed:
     kind = "embed"
 
 
-Block = Text | Table | Figure | Cards | Steps | Index | Embed
+Block = Text | Remarks | Table | Figure | Cards | Steps | Index | Embed
 
 
 @dataclass(frozen=True, eq=False)

@@ -108,7 +108,7 @@ def _failed(experiments: pd.DataFrame) -> list[Block]:
 
 def _all(material: Material, experiments: pd.DataFrame) -> Table:
     """Returns a table of every experiment of the benchmark."""
-    heads = [Column(c) for c in ("Scene", "LiDAR", "Preset", "Detector")]
+    heads = [Column(c) for c in ("LiDAR", "Scene", "Preset", "Detector")]
     name = ap_name(experiments)
     numbers = [
         "Seed",
@@ -127,8 +127,9 @@ def _all(material: Material, experiments: pd.DataFrame) -> Table:
     rows = []
     for row in experiments.assign(hidden=hidden_share(experiments)).itertuples():
         origin = str(row.origin)
-        first = TableCell(str(row.scene), origin=origin, below=str(row.reason))
-        texts = [material.names.model(str(row.lidar)), str(row.preset), detector(str(row.detector))]
+        lidar = material.names.model(str(row.lidar))
+        first = TableCell(lidar, origin=origin, below=str(row.reason))
+        texts = [str(row.scene), str(row.preset), detector(str(row.detector))]
         ends = span(row.ap_r1000_low, row.ap_r1000_high)
         ap = TableCell(shown(row.ap_r1000), row.ap_r1000, origin, below=ends)
         r1000 = (row.ap_common_r1000, row.ap_all_r1000, row.ap_present_r1000)

@@ -33,27 +33,28 @@ def section(material: Material) -> Section | None:
     done = material.results.done()
     if done.empty:
         return None
-    lead, blocks = "", list[Block]()
     asked = material.requirements != ANY_PRICE  # requirements apply to every scene
-    measured = [scene for scene in material.scenes() if scene in set(done.scene)]
-    user_scenes = [scene for scene in measured if asked or scene not in SCENES]
-    if recommendation.can_answer(material):
-        lead, blocks = _of_user_scenes(material, user_scenes)
-        done = done[~done.scene.isin(user_scenes)]
-    if len(done) > 0:
-        blocks += _of_purposes(material, done)
-        lead = lead or _lead(material, material.of_answers(done))
-    return Section("answer", TITLE, lead, blocks)
-
-
-def _of_user_scenes(material: Material, scenes: list[str]) -> tuple[str, list[Block]]:
-    """Returns the first scene's answer in words, then the blocks of all scenes."""
-    lead, blocks = "", list[Block]()
-    for scene in scenes:
-        words, made = recommendation.answer_for(material, scene)
-        blocks += [Text(words), *made] if lead else made
-        lead = lead or words
-    return lead, blocks
+    scenes = [scene for scene in material.scenes() if scene in set(done.scene)]
+    can_answer = recommendation.can_answer(material)
+    of_user = [s for s in scenes if can_answer and (asked or s not in SCENES)]
+    answers = recommendation.answers(material, of_user)
+    alone = len(scenes) == 1
+    sentences = [recommendation.sentence(material, one, alone=alone) for one in answers]
+    blocks = [b for one in answers for b in recommendation.blocks(material, one, alone=alone)]
+    others = done[~done.scene.isin(of_user)]
+    if len(others) > 0:
+        rows = material.of_answers(others)
+        sentences += [
+            _sentence(material, rows[rows.scene == s]) for s in scenes if s not in of_user
+        ]
+        blocks += _of_purposes(material, others)
+    if alone:
+        return Section("answer", TITLE, sentences[0], blocks)
+    if len(others) > 0:
+        lead = _overall(material, material.of_answers(done))
+    else:
+        lead = recommendation.overall(material, answers)
+    return Section("answer", TITLE, lead, [*map(Text, sentences), *blocks])
 
 
 def _of_purposes(material: Material, done: pd.DataFrame) -> list[Block]:
@@ -76,13 +77,34 @@ def _of_purposes(material: Material, done: pd.DataFrame) -> list[Block]:
     return blocks
 
 
-def _lead(material: Material, experiments: pd.DataFrame) -> str:
-    """Returns the answer for the first scene in words."""
-    scene = next(s for s in material.scenes() if s in set(experiments.scene))
-    rows = experiments[experiments.scene == scene]
+def _overall(material: Material, experiments: pd.DataFrame) -> str:
+    """Returns the LiDAR and detector with the highest mean AP over all scenes in words."""
+    scenes = experiments.scene.nunique()
+    rows = pd.concat([_to_compare(rows)[0] for _, rows in experiments.groupby("scene")])
+    table = rows.pivot_table(index=["lidar", "detector"], columns="scene", values="compared")
+    everywhere = table.dropna() if table.shape[1] == scenes else table[:0]
+    if everywhere.empty:
+        return f"No LiDAR and detector have an AP in all {scenes} scenes."
+    best = everywhere.loc[everywhere.mean(axis=1).idxmax()]
+    lidar, name = best.name
+    less = table.max() - best
+    behind = (
+        f"is up to {less.max():.1f} below the best of a scene ({less.idxmax()})"
+        if less.max() > 0
+        else "is the highest of each scene"
+    )
+    return (
+        f"Over all {scenes} scenes, {material.names.model(lidar)} with {detector(name)} has the "
+        f"highest mean {ap_name(rows)} of the vehicles of the whole road: {best.mean():.1f}. Its "
+        f"AP is lowest at {best.idxmin()} ({best.min():.1f}), and {behind}."
+    )
+
+
+def _sentence(material: Material, rows: pd.DataFrame) -> str:
+    """Returns the answer for a scene in words."""
     best = rows.loc[rows.ap_r1000.idxmax()]
-    text = f"On the {scene}, preset {best.preset}, {_name(material, best)} has the highest AP of"
-    text += f" the vehicles that a LiDAR captures: {ap_name(rows)} {best.ap_r1000:.1f}"
+    text = f"On the {best.scene}, preset {best.preset}, {_name(material, best)} has the highest AP"
+    text += f" of the vehicles that a LiDAR captures: {ap_name(rows)} {best.ap_r1000:.1f}"
     text += (
         f" {span(best.ap_r1000_low, best.ap_r1000_high)}{_rest(material, rows, best, 'captured')}."
     )

@@ -24,14 +24,14 @@ def section(material: Material) -> Section | None:
         return None
     presets = in_order(rows.preset, PRESETS)
     heads = [
-        Column("Scene"),
         Column("LiDAR"),
+        Column("Scene"),
         *(Column(f"Preset {p}", number=True) for p in presets),
     ]
     cells = []
     for (scene, lidar), group in by_lidar(material, rows):
         by_preset = group.drop_duplicates("preset").set_index("preset")
-        names = [TableCell(scene), TableCell(material.names.label(lidar))]
+        names = [TableCell(material.names.label(lidar)), TableCell(scene)]
         cells.append([*names, *(_hits(by_preset, preset) for preset in presets)])
     source = TableFile("report_hits.csv", rows)
     caption = f"Mean number of points per frame. {remark}"

@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import pandas as pd
 
 from pyinfra.experiments.coverage import ROAD
+from pyinfra.experiments.option_table import option_table
 from pyinfra.experiments.options import Option, options_of
 from pyinfra.experiments.recommend import Answer, recommend, with_interval
 from pyinfra.experiments.requirements import Requirements
 from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.row_selection import COUNTED
-from pyinfra.viz.report.blocks import Block, Column, Table, TableCell, Text, number, span
+from pyinfra.viz.report.blocks import Block, Column, Remarks, Table, TableCell, number, span
 from pyinfra.viz.report.names import detector
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.value import spelled
 
 NEEDED = ("experiments", "value", "distance")
+RELAXED = {  # arguments of `recommend` in words
+    "budget_usd": r"a budget of \1 USD",
+    "min_ap": r"a minimum AP of \1",
+    "latency_ms": r"a latency of \1 ms",
+}
 
 
 def can_answer(material: Material) -> bool:
@@ -24,20 +34,58 @@ def can_answer(material: Material) -> bool:
     return all(len(material.results.table(name)) > 0 for name in NEEDED)
 
 
-def answer_for(material: Material, scene: str) -> tuple[str, list[Block]]:
-    """Returns the answer in a sentence, and blocks with the options and remarks on them."""
-    options = options_of(material.results, scene, "", material.requirements)
-    answer = recommend(options, material.requirements)
-    lead = _lead(material, answer, options[0])
-    blocks: list[Block] = [_table(material, answer)] if answer.named else []
-    blocks += [Text(spelled(material, remark.replace("`", ""))) for remark in answer.remarks]
-    return lead, blocks
+@dataclass(frozen=True)
+class SceneAnswer:
+    """The options of a scene, and the answer."""
+
+    options: Sequence[Option]
+    answer: Answer
+
+    @property
+    def scene(self) -> str:
+        return self.options[0].scene
 
 
-def _lead(material: Material, answer: Answer, any_one: Option) -> str:
-    text = (
-        f"{any_one.scene.capitalize()}, preset {any_one.preset}, {_asked(material.requirements)}: "
+def answers(material: Material, scenes: Sequence[str]) -> list[SceneAnswer]:
+    """Returns the answer for each scene."""
+    every = [options_of(material.results, scene, "", material.requirements) for scene in scenes]
+    return [SceneAnswer(some, recommend(some, material.requirements)) for some in every]
+
+
+def blocks(material: Material, one: SceneAnswer, *, alone: bool) -> list[Block]:
+    """Returns the options of a scene as a table, and remarks on them, open if it is alone."""
+    remarks = [spelled(material, in_words(remark)) for remark in one.answer.remarks]
+    table = [_table(material, one)] if one.answer.named else []
+    return [*table, Remarks(f"Remarks on the options: {one.scene}", remarks, not alone)]
+
+
+def overall(material: Material, answers: Sequence[SceneAnswer]) -> str:
+    """Returns in words which option meets the requirements in all scenes, or in most of them."""
+    tables = [option_table(one.options, material.requirements) for one in answers]
+    rows = pd.concat(tables)
+    meeting = rows[rows.meets].groupby(["lidar", "detector"])
+    required = f"Required: {_asked(material.requirements)}."
+    if not len(meeting):
+        return f"{required} No option meets this in any of the {len(answers)} scenes."
+    order = meeting.agg(scenes=("scene", "nunique"), ap=("ap_r1000", "mean"))
+    best = order.sort_values(["scenes", "ap"], ascending=False).iloc[0]
+    lidar, detector_name = best.name
+    name = f"{material.names.model(lidar)} with {detector(detector_name)}"
+    price = f"{meeting.get_group(best.name).price_usd.max():,.0f} USD"
+    if best.scenes == len(answers):
+        return f"{required} {name} meets this in all {len(answers)} scenes, for {price}."
+    where = ", ".join(meeting.get_group(best.name).scene)
+    return (
+        f"{required} No option meets this in all {len(answers)} scenes. {name} ({price}) meets it "
+        f"in {best.scenes} of them: {where}."
     )
+
+
+def sentence(material: Material, one: SceneAnswer, *, alone: bool) -> str:
+    """Returns the answer for a scene. alone: whether to repeat the requirements in it."""
+    answer, any_one = one.answer, one.options[0]
+    required = f", {_asked(material.requirements)}" if alone else ""
+    text = f"{any_one.scene.capitalize()}, preset {any_one.preset}{required}: "
     if not answer.named:
         return f"{text}no option meets the requirements."
     first = answer.named[0]
@@ -48,11 +96,18 @@ def _lead(material: Material, answer: Answer, any_one: Option) -> str:
     )
     if answer.meets:
         return f"{text}{name}. {result}."
-    relaxed = answer.relax[0].replace("`", "")
     return (
         f"{text}no option meets the requirements. The nearest is {name}: {result}. It meets the "
-        f"requirements with {relaxed}."
+        f"requirements with {in_words(answer.relax[0])}."
     )
+
+
+def in_words(text: str) -> str:
+    """Returns a remark with requirements in words, as in "a budget of 900 USD"."""
+    text = re.sub(r"(?<=\d) (?=`)", " and ", text)
+    for name, words in RELAXED.items():
+        text = re.sub(rf"`{name}` ([\d.]*\d)", words, text)
+    return text.replace("`", "")
 
 
 def _asked(requirements: Requirements) -> str:
@@ -66,8 +121,8 @@ def _asked(requirements: Requirements) -> str:
     return f"{asked}, at most {requirements.latency_ms:g} ms per frame"
 
 
-def _table(material: Material, answer: Answer) -> Table:
-    name = answer.named[0].ap_name
+def _table(material: Material, one: SceneAnswer) -> Table:
+    answer, name = one.answer, one.answer.named[0].ap_name
     road = answer.named[0].covered_in == ROAD
     covered = "Road covered, m" if road else f"Covered, {answer.named[0].covered_in}"
     titles = (f"{name}, whole road", name, "Price, US$", covered, "Median, ms")
@@ -76,12 +131,13 @@ def _table(material: Material, answer: Answer) -> Table:
     pairs = zip(answer.named, answer.relax, strict=True)
     rows = [_row(material, option, relax) for option, relax in pairs]
     caption = (
-        f"Options of pyinfra recommend, in order of {name} of {COUNTED[answer.named[0].whole]} "
-        f"(whole road). The other {name} is of the vehicles that the LiDAR captures. Road is "
-        "covered where the AP of the whole road is above the required AP."
+        f"{one.scene.capitalize()}: options of pyinfra recommend, in order of {name} of "
+        f"{COUNTED[answer.named[0].whole]} (whole road). The other {name} is of the vehicles that "
+        "the LiDAR captures. Road is covered where the AP of the whole road is above the required "
+        "AP."
     )
     if not answer.meets:
-        caption = f"The nearest options, and the requirement to relax for each. {caption}"
+        caption += " These are the nearest options, with the requirement to relax for each."
     return Table(caption, heads, rows, material.results.source("experiments"))
 
 
@@ -95,7 +151,7 @@ def _row(material: Material, option: Option, relax: str) -> list[TableCell]:
         _covered(option),
         number(option.latency_ms, ".0f"),
     ]
-    return [*cells, TableCell(relax.replace("`", ""))] if relax else cells
+    return [*cells, TableCell(in_words(relax))] if relax else cells
 
 
 def _covered(option: Option) -> TableCell:

@@ -118,7 +118,7 @@ def _panel(material: Material, rows: pd.DataFrame, cost: str) -> Panel:
             ax.axvline(FRAME_MS, color=FAINT, linewidth=0.7, linestyle=(0, (2, 2)))
         for row in rows.assign(front=on_front).itertuples():
             _mark(material, ax, row, cost)
-        ax.set(xscale="log", xlabel=label, ylabel=ap_name(rows))
+        ax.set(xscale="log", xlabel=label, ylim=(0, 102), ylabel=ap_name(rows))
         log_ticks(ax.xaxis)
         title = str(first.scene)
         text = f"{what} with the Pareto front, {title}, preset {first.preset}"
@@ -142,7 +142,7 @@ def _mark(material: Material, ax: Any, row: Any, cost: str) -> None:
 
 def _table(material: Material, rows: pd.DataFrame) -> Table:
     """Returns a table of the Pareto front of AP and latency."""
-    heads = [Column(c) for c in ("Scene", "Preset", "LiDAR", "Detector")]
+    heads = [Column(c) for c in ("LiDAR", "Scene", "Preset", "Detector")]
     heads += [
         Column(c, number=True)
         for c in (ap_name(rows), "Median, ms", "95th percentile, ms", "Training, s")
@@ -150,8 +150,8 @@ def _table(material: Material, rows: pd.DataFrame) -> Table:
     lines = []
     for row in rows.itertuples():
         origin = str(row.origin)
-        texts = [str(row.scene), str(row.preset)]
-        texts += [material.names.model(str(row.lidar)), detector(str(row.detector))]
+        texts = [material.names.model(str(row.lidar)), str(row.scene), str(row.preset)]
+        texts.append(detector(str(row.detector)))
         times = (row.latency_p50_ms, row.latency_p95_ms, row.train_seconds)
         numbers = [number_cell(float(row.ap_r1000), origin=origin)]
         numbers += [number_cell(float(t), ".0f", origin) for t in times]

@@ -121,7 +121,8 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
             face = look.colour if row.front else GROUND
             style: dict[str, Any] = {"color": look.colour, "markerfacecolor": face}
             ax.plot(row.price_usd, row.ap_whole_r1000, marker=look.marker, markersize=5, **style)
-        ax.set(xscale="log", xlabel="price (US$)", ylabel=f"{ap_name(rows)}, whole road")
+        ax.set(xscale="log", xlabel="price (US$)", ylim=(0, 102))
+        ax.set_ylabel(f"{ap_name(rows)}, whole road")
         log_ticks(ax.xaxis)
         title = str(first.scene)
         label = f"AP against price with the Pareto front, {title}, preset {first.preset}"
@@ -129,7 +130,7 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
 
 
 def _table(material: Material, value: pd.DataFrame) -> Table:
-    heads = [Column(c) for c in ("Scene", "LiDAR", "Preset", "Detector")]
+    heads = [Column(c) for c in ("LiDAR", "Scene", "Preset", "Detector")]
     name = ap_name(value)
     heads += [Column(name, number=True), Column(f"{name}, whole road", number=True)]
     heads += [Column(title, number=True) for title, _ in HEADS.values()]
@@ -145,7 +146,7 @@ def _table(material: Material, value: pd.DataFrame) -> Table:
 
 
 def _row(material: Material, row: pd.Series) -> list[TableCell]:
-    texts = [row.scene, material.names.model(row.lidar), row.preset, detector(row.detector)]
+    texts = [material.names.model(row.lidar), row.scene, row.preset, detector(row.detector)]
     values = [number(float(row[c]), form, str(row.origin)) for c, (_, form) in HEADS.items()]
     dominating = TableCell(spelled(material, str(row.dominated_by)))
     return [
