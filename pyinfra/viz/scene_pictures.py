@@ -24,6 +24,7 @@ from pyinfra.formats import kitti
 from pyinfra.viz import clouds
 from pyinfra.viz.drawn_area import DrawnArea, window_around
 from pyinfra.viz.picture_style import COLOURS, REGION_COLOUR, STYLE, legend_below
+from pyinfra.viz.plan_marks import draw_north, draw_scale
 
 STATION_STEP_M = 20.0
 SCALE_M = 20.0
@@ -48,13 +49,15 @@ class Scene:
     lidars: tuple[kitti.Lidar, ...]
     tilts: tuple[kitti.Tilt, ...]
     around: Surroundings
+    is_imported: bool  # whether the scene is from a map, with x to the east and y to the north
 
 
 def read_scene(folders: Sequence[Path]) -> Scene:
     """Reads the scene of some LiDAR folders. Raises OSError, and FormatError with the line."""
     data_set = folders[0].parent
     top = kitti.read_yaml(data_set / "dataset.yaml")
-    if top.maybe("lanes") is None:
+    is_imported = top.maybe("lanes") is not None
+    if not is_imported:
         top.at("roads").items()  # a plan needs roads or lanes
     return Scene(
         name=top.at("name").text(),
@@ -62,11 +65,14 @@ def read_scene(folders: Sequence[Path]) -> Scene:
         lidars=tuple(kitti.read_lidar(folder) for folder in folders),
         tilts=tuple(kitti.read_tilt(folder) for folder in folders),
         around=read_surroundings(data_set),
+        is_imported=is_imported,
     )
 
 
 def plan(scenes: Sequence[Scene]) -> Figure:
     """Draws roads, stations, buildings, sensor and fields of view of scenes to one scale.
+
+    The axes are those of the world frame. North is up in a scene that was imported from a map.
 
     LiDARs with the same field of view share a line.
     """
@@ -88,8 +94,10 @@ def plan(scenes: Sequence[Scene]) -> Figure:
             _draw_views(axes, scene, views)
             _draw_scale(axes, window)
             axes.set(aspect="equal", xlim=window.x, ylim=window.y, title=scene.name)
-            axes.set_xlabel("x, east (m)")
-        grid[0].set_ylabel("y, north (m)")
+            axes.set(xlabel="x (m)", ylabel="y (m)")
+            if scene.is_imported:
+                axes.set(xlabel="x, east (m)", ylabel="y, north (m)")
+                draw_north(axes)
         handles = [
             Patch(color=REGION_COLOUR, label="evaluation region; s in m"),
             *([Patch(**BUILDING, label="building")] if built else []),
@@ -162,6 +170,4 @@ def _draw_views(axes: Axes, scene: Scene, styles: dict[str, dict[str, Any]]) -> 
 
 def _draw_scale(axes: Axes, window: DrawnArea) -> None:
     """Draws a scale bar at the lower edge, where it overlaps neither stations nor circles."""
-    x, y = window.x[0] + 0.3 * window.shape()[0], window.y[0] + 2.5
-    axes.plot([x, x + SCALE_M], [y, y], color="black", linewidth=2.5, solid_capstyle="butt")
-    axes.text(x + SCALE_M + 1.5, y, f"{SCALE_M:g} m", ha="left", va="center", fontsize=7)
+    draw_scale(axes, window.x[0] + 0.3 * window.shape()[0], window.y[0] + 2.5, SCALE_M)

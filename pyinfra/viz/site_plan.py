@@ -20,6 +20,7 @@ from pyinfra.core.files import replacing
 from pyinfra.formats.ply import read_ply
 from pyinfra.scenes.maps.lane_map import MapError
 from pyinfra.viz.picture_style import STYLE, legend_below
+from pyinfra.viz.plan_marks import draw_north, draw_scale
 
 COLOURS = {
     "terrain": "#F4F4EE",
@@ -110,6 +111,7 @@ def plan(folder: Path, radius_m: float | None = None) -> Figure:
         for name, mount in scene["mounts"].items():
             _draw_pole(axes, name, mount)
         _draw_scale(axes, low, float(width))
+        draw_north(axes)
         axes.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         axes.set(title=scene["name"], xlabel="x, east (m)", ylabel="y, north (m)")
         handles = [Patch(color=COLOURS[m], label=m) for m in dict.fromkeys(used) if m != "terrain"]
@@ -197,6 +199,4 @@ def _draw_pole(axes: Axes, name: str, mount: dict[str, float]) -> None:
 
 def _draw_scale(axes: Axes, low: FloatArray, width: float) -> None:
     metres = max((s for s in SCALES_M if s < width / 4), default=SCALES_M[0])
-    x, y = low + 5
-    axes.plot([x, x + metres], [y, y], color="black", linewidth=2.5, solid_capstyle="butt")
-    axes.text(x + metres, y, f" {metres} m", ha="left", va="center", fontsize=7)
+    draw_scale(axes, *(low + 5), metres)

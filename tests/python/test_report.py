@@ -18,6 +18,7 @@ from pyinfra.viz.report import svg
 from pyinfra.viz.report.names import read_names
 from pyinfra.viz.report.sections.speed import pareto
 from pyinfra.viz.report.sections.stability import curve
+from pyinfra.viz.report.style import drawing, panel
 
 
 def report(results: Path, *words: object) -> Path:
@@ -93,7 +94,7 @@ def test_boxes_off_the_region_are_in_the_table_of_experiments(tmp_path: Path) ->
     rows = report_data.experiments()
     for name, table in (("old", rows), ("new", rows.assign(off_region_per_min=12.34))):
         page = Read(report(report_data.write(tmp_path / name, {"quick.csv": table})))
-        assert "Outside region, per min" in page.text
+        assert ("Outside region, per min" in page.text) == (name == "new")
         assert ("12.3" in page.text) == (name == "new")
 
 
@@ -310,7 +311,7 @@ def test_the_report_of_an_own_site_opens_with_what_is_recommended(tmp_path: Path
     answer = text[text.index("Bridge, preset paper, any price, AP of at least 85 for the") :]
     nearest = "no option meets the requirements. The nearest is RoboSense Ruby Plus"
     assert answer.index(nearest) < 170
-    assert "It meets the requirements with min_ap 46.2" in answer
+    assert "It meets the requirements with a minimum AP of 46.2" in answer
     assert "Prices include LiDARs only, without computer, pole, installation, energy" in answer
     assert "Highest AP of the vehicles it captures" not in text
 
@@ -420,3 +421,78 @@ def test_every_reference_in_a_figure_leads_to_an_id_of_this_figure() -> None:
     assert root.get("aria-label") == "a <label>"
     assert "#ff7f0e" in markup
     assert "#123456" in markup
+
+
+@pytest.mark.parametrize("top", [1.0, 1e7])
+def test_labels_are_not_cut_beside_wide_ticks(top: float) -> None:
+    with drawing():
+        figure, ax = panel()
+        ax.plot([0, 1], [0, top])
+        ax.set_yticks([0, top], ["0", f"{top:,.4f}"])
+        ax.set_xticks([0, 1], ["first", "the second of the ticks"])
+        ax.set(xlim=(0, 1), xlabel="x (m)", ylabel="points per vehicle")
+        svg.inline(figure, "wide", "wide ticks")
+        drawn, size = figure.get_tightbbox(), figure.get_size_inches()
+    assert min(drawn.x0, drawn.y0) >= 0
+    assert drawn.x1 <= size[0]
+    assert drawn.y1 <= size[1]
+
+
+def test_columns_without_a_value_are_left_out(tmp_path: Path) -> None:
+    """The artificial results have no US$ per metre of road."""
+    text = Read(report(report_data.write(tmp_path / "results"))).text
+    assert "US$ per high-quality area" in text
+    assert "US$ per metre of road" not in text
+
+
+def test_charts_of_ap_start_at_zero(whole: Path) -> None:
+    """The axis of AP in the charts of price and latency has the labels 0 and 100."""
+    page = whole.read_text()
+    for name in ("figure-price-paper", "figure-latency-paper"):
+        (drawn,) = re.findall(rf'id="{name}".*?</figure>', page, re.DOTALL)
+        labels = set(re.findall(r"<text[^>]*>([^<]*)</text>", drawn))
+        assert {"0", "100"} <= labels
+
+
+def several_scenes(folder: Path) -> Path:
+    """Writes results of two scenes; in `curve`, only Livox Avia with PointPillars has a high AP."""
+    low = {"ap": 60.0, "ap_all": 30.0, "ap_common": 60.0}
+    tables = {}
+    for name, table in report_data.tables().items():
+        if "scene" not in table:
+            tables[name] = table
+            continue
+        curve = table.assign(scene="curve")
+        if name == "quick.csv":
+            others = (curve.lidar != "livox_avia") & curve.ap.notna()
+            curve.loc[others, list(low)] = list(low.values())
+        tables[name] = pd.concat([table, curve])
+    return report_data.write(folder, tables)
+
+
+def test_results_of_several_scenes_begin_with_one_overall_answer(tmp_path: Path) -> None:
+    report_page = report(several_scenes(tmp_path / "results"))
+    text = Read(report_page).text
+    overall = text.index("Over all 2 scenes, Livox Avia with PointPillars has the highest mean AP")
+    first = text.index("On the highway, preset paper, RoboSense Ruby Plus with PointPillars")
+    second = text.index("On the curve, preset paper, Livox Avia with PointPillars")
+    assert overall < first < second < text.index("Highest AP of the vehicles it captures")
+    labels = re.findall(r'aria-label="(Plan of \w+)', report_page.read_text())
+    assert labels == ["Plan of highway", "Plan of curve"]
+
+
+@pytest.mark.parametrize(
+    ("least", "answer"),
+    [
+        (40, "Livox Avia with PointPillars meets this in all 2 scenes, for 2,079 USD."),
+        (46, "No option meets this in all 2 scenes."),
+        (90, "No option meets this in any of the 2 scenes."),
+    ],
+)
+def test_the_overall_answer_names_an_option_that_meets_the_requirements_in_all_scenes(
+    tmp_path: Path, least: float, answer: str
+) -> None:
+    text = Read(report(several_scenes(tmp_path / "results"), "--min-ap", least)).text
+    assert answer in text
+    assert text.index(answer) < text.index("Highway, preset paper:")
+    assert text.count("any price, AP of at least") == 1

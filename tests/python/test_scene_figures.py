@@ -133,6 +133,18 @@ def test_fields_of_view_differ_in_colour_and_line(data_sets: dict[str, Path]) ->
     assert len({to_hex(line.get_color()) for line in views}) == 2
 
 
+@pytest.mark.parametrize("is_imported", [True, False])
+def test_the_plan_of_an_imported_scene_has_a_north_arrow(
+    is_imported: bool, data_sets: dict[str, Path]
+) -> None:
+    (axes,) = scene_figures.plan(
+        [replace(read(data_sets["highway"]), is_imported=is_imported)]
+    ).axes
+    texts = [text.get_text() for text in axes.texts]
+    assert ("N" in texts) == ("north" in axes.get_ylabel()) == is_imported
+    assert any(text.strip() == "20 m" for text in texts)
+
+
 def test_every_lidar_shows_the_same_car_of_a_column(data_sets: dict[str, Path]) -> None:
     scene = read(data_sets["highway"])
     vehicles = cutout_figures.choose_vehicles(scene, 1)

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure as Drawing
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.boxes import footprints
+from pyinfra.dataset.catalogue import shipped
 from pyinfra.dataset.data_set import DataSet
 from pyinfra.dataset.frame_readers import read_cameras, read_predictions
 from pyinfra.dataset.prediction_origin import check_origin
@@ -40,9 +41,14 @@ WIDE_DPI = 110
 def section(material: Material) -> Section | None:
     """Returns pictures of scan patterns, plans, clouds, vehicles, predicted boxes and speeds."""
     if not material.data:
-        return None
+        plans = _plans(material, [])
+        return Section("pictures", "Plans of the scenes", "", plans) if plans else None
     exact = [d for d in material.data if d.aggregation == "exact"] or list(material.data)
-    blocks: list[Block] = [*_patterns(material, exact[0]), _plans(exact), _sheet(material, exact)]
+    blocks: list[Block] = [
+        *_patterns(material, exact[0]),
+        *_plans(material, exact),
+        _sheet(material, exact),
+    ]
     blocks += [_cutouts(material, d) for d in exact]
     blocks += [*_aggregations(material), *_boxes(material), _speeds(exact)]
     lead = (
@@ -96,15 +102,46 @@ def _patterns(material: Material, data: DataSet) -> list[Block]:
     return [Figure("figure-patterns", caption, [panel_of], layout="wide", plate=True)]
 
 
-def _plans(data_sets: Sequence[DataSet]) -> Block:
-    first = list({d.scene: d for d in data_sets}.values())
-    panels = []
-    for data in first:
-        read = scene_pictures.read_scene([data.lidar_folder(name) for name in data.names])
-        label = f"Plan of {data.scene} with the LiDAR's pose and the fields of view"
-        panels.append(_drawn(scene_pictures.plan([read]), f"plan {data.scene}", label))
-    caption = "Plans of the scenes: pose of the LiDARs, fields of view, evaluation region."
-    return Figure("figure-plans", caption, panels, layout="wide", plate=True)
+def _plans(material: Material, data_sets: Sequence[DataSet]) -> list[Block]:
+    """Draws the scenes of the data sets, and this package's scenes that have no data set."""
+    by_scene = {data.scene: data for data in data_sets}
+    panels, missing = [], []
+    for scene in material.scenes():
+        data = by_scene.get(scene)
+        figure = _plan_of_data(data) if data else _plan_of_package(scene)
+        if figure is None:
+            missing.append(scene)
+            continue
+        label = f"Plan of {scene} with the LiDAR's pose"
+        panels.append(_drawn(figure, f"plan {scene}", label))
+    if not panels:
+        return []
+    caption = (
+        "Plans of the scenes in the world frame: pose of the LiDARs, fields of view, evaluation "
+        "region."
+    )
+    if missing:
+        caption += f" No plan of {', '.join(missing)}: the report has no data set of it."
+    return [Figure("figure-plans", caption, panels, layout="wide", plate=True)]
+
+
+def _plan_of_data(data: DataSet) -> Drawing:
+    read = scene_pictures.read_scene([data.lidar_folder(name) for name in data.names])
+    return scene_pictures.plan([read])
+
+
+def _plan_of_package(scene: str) -> Drawing | None:
+    """Draws a scene of this package; returns None for another or without the extension."""
+    if scene not in shipped("scenes"):
+        return None
+    try:
+        from pyinfra.viz.plots import plot_scene
+    except ImportError:
+        return None
+    with mpl.rc_context(STYLE):
+        figure = Drawing(figsize=(8.5, 6), layout="constrained")
+        plot_scene(scene, ax=figure.subplots())
+    return figure
 
 
 def _sheet(material: Material, data_sets: Sequence[DataSet]) -> Block:
