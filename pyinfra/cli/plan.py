@@ -19,8 +19,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Chooses the positions, heights, number and models of LiDARs at a site, within a budget. "
         "Predicts the share of vehicles that a detector detects, and simulates the best options in "
-        "full. Writes plan.html, answer.txt and the tables options.csv, front.csv, candidates.csv "
-        "and sensitivity.csv. Run the same command again to resume."
+        "full. Writes plan.html, view.html, answer.txt and the tables options.csv, front.csv, "
+        "candidates.csv and sensitivity.csv. Run the same command again to resume."
     )
     parser.epilog = (
         "example: pyinfra plan crossroad --budget 9000 --find 0.9 --within 60 --out out/plan"

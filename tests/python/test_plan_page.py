@@ -11,11 +11,14 @@ import pytest
 from plan_page_data import LIDARS
 
 from pyinfra.cli import main
+from pyinfra.experiments.planner.costs import read_costs
+from pyinfra.experiments.planner.detectability import read_detectability
 from pyinfra.experiments.planner.front import CELL_M
 from pyinfra.experiments.planner.plan import Plan
+from pyinfra.experiments.planner.refusals import lowest_prices
 from pyinfra.experiments.planner.site import other_traffic
 from pyinfra.formats.ply import Triangles, write_ply
-from pyinfra.viz.plan_page.page import LARGEST_MB, write_plan_page
+from pyinfra.viz.plan_page.page import LARGEST_MB, render, write_plan_page
 from pyinfra.viz.plan_page.plan_data import FIRST_CODE, LEVELS, plan_data
 from pyinfra.viz.plan_page.site_map import site_map, window_of
 
@@ -35,7 +38,7 @@ def test_the_front_continues_the_options_with_the_same_columns(planned: Plan) ->
     assert table.option.max() > planned.options.option.max()
     assert {"recall_within_30_m", "recall_within_30_m_low", "recall_stop line_high"} <= set(table)
     best = table.drop_duplicates("option")
-    meets = best[(best.recall_in_choice >= 70) & best.keeps_false]
+    meets = best[(best.recall_in_choice >= 70) & best.keeps_false_in_choice]
     assert best.price_usd[best.option == 1].item() == meets.price_usd.min()
 
 
@@ -108,14 +111,51 @@ def test_the_map_of_an_imported_site_has_its_meshes_and_crossings(
     """The mesh has one triangle that is seen from above, and a wall that is not drawn."""
     corners = np.array([[10, 0, 0], [20, 0, 0], [20, 8, 0], [20, 8, 5]], float)
     write_ply(tmp_path / "house.ply", Triangles(corners, np.array([[0, 1, 2], [1, 2, 3]])))
-    (tmp_path / "map.yaml").write_text("features: {crossing: [{x_m: 3, y_m: 4}]}\n")
+    (tmp_path / "map.yaml").write_text(
+        "features: {crossing: [{x_m: 3, y_m: 4}], bus_stop: [{x_m: 9, y_m: 4}]}\n"
+    )
     keys = {"meshes": [{"file": "house.ply", "material": "structure"}]}
     site = replace(planned.site, keys=keys, file=tmp_path / "site.yaml")
     window = window_of(np.array([[-50.0, -50.0], [50.0, 50.0]]))
     svg = site_map(site, window, planned.candidates, ())
     assert re.findall('class="m-house" d="([^"]*)"', svg) == ["M10.0 -0.0L20.0 -0.0L20.0 -8.0z"]
     assert svg.count("m-crossing") == 1
+    assert re.findall('class="m-stop" d="([^"]*)"', svg) == [
+        "M7.5 -2.5L10.5 -2.5L10.5 -5.5L7.5 -5.5z"
+    ]
     assert svg.count("m-road") == 1
+
+
+def test_the_view_of_the_chosen_option_is_beside_the_page(planned: Plan, folder: Path) -> None:
+    pages = [folder / "plan.html", folder / "view.html"]
+    assert f'href="{pages[1].name}"' in pages[0].read_text()
+    assert sum(page.stat().st_size for page in pages) < 1e6 * LARGEST_MB
+    assert planned.options.lidar.iloc[0] in pages[1].read_text()
+    assert 'href="view' not in render(plan_data(planned))
+
+
+def test_lidars_above_the_budget_are_on_the_page_with_their_price(planned: Plan) -> None:
+    """All LiDARs of this plan are within its budget, so one is added."""
+    assert planned.above_budget == {}
+    dear = plan_data(replace(planned, above_budget={"dear": 50_000.4}))
+    assert dear["above_budget"] == {"dear": 50_000}
+    names = [one.name for one in planned.lidars]
+    poses = planned.candidates.assign(existing=False)
+    costs = read_costs(None, 5, read_detectability("generalist"))
+    prices = lowest_prices(planned.lidars, poses, costs)
+    assert sorted(prices) == sorted(names)
+    cheaper = lowest_prices(planned.lidars, poses.assign(existing=True), costs)
+    assert all(cheaper[name] < prices[name] for name in names)
+
+
+def test_the_page_and_the_plan_use_the_false_boxes_in_the_frames_of_the_choice(
+    planned: Plan,
+) -> None:
+    front = planned.front
+    table = front.table.assign(keeps_false=False, keeps_false_in_choice=True)
+    data = plan_data(replace(planned, front=replace(front, table=table)))
+    assert not any(one["keeps_false"] for one in data["options"])
+    assert all(one["keeps_false_in_choice"] for one in data["options"])
 
 
 def test_report_writes_the_same_page_again(

@@ -22,6 +22,7 @@ from pyinfra.experiments.planner.candidates import (
 )
 from pyinfra.experiments.planner.choice import Units, greedy, pairs, singles, upper_bound
 from pyinfra.experiments.planner.costs import read_costs
+from pyinfra.experiments.planner.decide import considered
 from pyinfra.experiments.planner.fused import fused
 from pyinfra.experiments.planner.lidars import open_lidars
 from pyinfra.experiments.planner.measure import frames_at
@@ -103,6 +104,18 @@ def test_pairs_are_the_best_of_all_pairs() -> None:
     assert best.value == pytest.approx(max(every))
     assert best.gap == pytest.approx(0, abs=1e-6)
     assert singles(some, 1e9)[0].value == pytest.approx(max(some.value([u]) for u in range(12)))
+
+
+def test_options_at_the_same_position_are_listed_once_with_the_best_pose() -> None:
+    """Two units have each position, like two pitches of a LiDAR on one pole."""
+    some = units()
+    options = considered(some, Request(1e6, poles=2))
+    for count in (1, 2):
+        places = [tuple(sorted(some.place[[*o.units]])) for o in options if len(o.units) == count]
+        assert len(places) == len(set(places)) > 1
+    for one in (one for one in options if len(one.units) == 1):
+        twins = np.flatnonzero(some.place == some.place[one.units[0]])
+        assert one.value == pytest.approx(max(some.value([u]) for u in twins))
 
 
 def test_prices_of_pairs_are_those_of_their_parts() -> None:

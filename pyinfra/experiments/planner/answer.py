@@ -37,12 +37,12 @@ def option_table(
     poses: pd.DataFrame,
     lidars: Sequence[PlanLidar],
     units: Units,
-    chosen_by: Sequence[float],
+    in_choice: Sequence[Prediction],
     law: Detectability,
 ) -> pd.DataFrame:
     """Returns a row for each unit of each option; the columns of the option are repeated.
 
-    chosen_by: share that each option finds in the frames of the choice.
+    in_choice: what each option finds in the frames of the choice.
     """
     rows = []
     for number, (choice, prediction) in enumerate(options, start=1):
@@ -63,7 +63,7 @@ def option_table(
                     "price_usd_low": choice.price.low,
                     "price_usd_high": choice.price.high,
                     **ends("recall", prediction.recall, 100),
-                    "recall_in_choice": 100 * chosen_by[number - 1],
+                    "recall_in_choice": 100 * in_choice[number - 1].recall.value,
                     "latency_ms": latency_ms,
                     **ends("people_recall", prediction.people, 100),
                     **{
@@ -73,6 +73,7 @@ def option_table(
                     **ends("false_per_frame", prediction.false_per_frame),
                     "score": prediction.cut,
                     "keeps_false": prediction.keeps_false,
+                    "keeps_false_in_choice": in_choice[number - 1].keeps_false,
                     **ends("ap_predicted", prediction.ap),
                     "ap_simulated": math.nan,
                     "ap_simulated_low": math.nan,

@@ -80,7 +80,7 @@ def check(
     out = options.copy()
     for number in to_check(options):
         rows = out.option == number
-        parts = _parts(options, number, lidars)
+        parts = units_at(options, number, lidars)
         result = measure(site, parts, numbers, detector, seed=site.other_seed)
         cut = float(out[rows].score.iloc[0])
         one = figures(result, site.centre, within_m, cut)
@@ -116,7 +116,7 @@ def check_yaw(
     for number in dict.fromkeys((1, to_check(options)[-1])):
         result = measure(
             site,
-            _parts(options, number, lidars),
+            units_at(options, number, lidars),
             site.other_frames(frames),
             detector,
             seed=site.other_seed,
@@ -128,7 +128,7 @@ def check_yaw(
     return out
 
 
-def _parts(
+def units_at(
     options: pd.DataFrame, number: int, lidars: Sequence[PlanLidar]
 ) -> list[tuple[list[float], simulation.Lidar]]:
     """Returns pose and LiDAR of each unit of an option."""

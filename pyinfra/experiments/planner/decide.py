@@ -67,7 +67,8 @@ def decide(
     """Orders the options by what they find in the frames of the race.
 
     front: options that are best for other settings. The first LISTED options are listed, and all
-    that `considered` returns. more: further sets of objects, as in `predict`.
+    that `considered` returns. Of options with the same LiDARs at the same positions, only the first
+    is listed. more: further sets of objects, as in `predict`.
     """
     known: dict[tuple[int, ...], Prediction] = {}
     values = replace(
@@ -84,8 +85,12 @@ def decide(
     first = considered(units, request)
     others = [with_bound(one, first, units, request) for one in front]
     order = in_order(merged(others, first), prediction, request)
-    always = {_key(one) for one in first}
-    is_listed = [k < LISTED or _key(one) in always for k, one in enumerate(order)]
+    always = {_stands(one, units) for one in first}
+    best = first_at_each_place(order, units)
+    listed = {
+        _key(one) for k, one in enumerate(best) if k < LISTED or _stands(one, units) in always
+    }
+    is_listed = [_key(one) in listed for one in order]
     options = [one for one, here in zip(order, is_listed, strict=True) if here]
     options += [one for one, here in zip(order, is_listed, strict=True) if not here]
     moves = []
@@ -109,6 +114,22 @@ def _key(one: Choice) -> tuple[int, ...]:
     return tuple(sorted(one.units))
 
 
+def first_at_each_place(options: Sequence[Choice], units: Units) -> list[Choice]:
+    """Returns the options without those that have the LiDARs and positions of an earlier one.
+
+    The others differ from an earlier one in height, pitch or yaw only.
+    """
+    first: dict[tuple[tuple[int, str], ...], Choice] = {}
+    for one in options:
+        first.setdefault(_stands(one, units), one)
+    return list(first.values())
+
+
+def _stands(one: Choice, units: Units) -> tuple[tuple[int, str], ...]:
+    """Returns the number of the pole and the LiDAR of each unit."""
+    return tuple(sorted((int(units.place[u]), units.lidars[u].name) for u in one.units))
+
+
 def with_bound(one: Choice, options: Sequence[Choice], units: Units, request: Request) -> Choice:
     """Returns an option of the front with its value for the plan's weights, and their bound."""
     value, count = units.value(one.units), len(one.units)
@@ -126,9 +147,10 @@ def considered(units: Units, request: Request) -> list[Choice]:
     alone = singles(units, request.budget_usd)
     if not alone:
         return []
-    options = alone[:SHOWN] + best_of_each_lidar(alone, units)
+    options = first_at_each_place(alone, units)[:SHOWN] + best_of_each_lidar(alone, units)
     if request.units >= 2:
-        options += pairs(units, request.budget_usd, request.poles, request.lidars_per_pole)[:SHOWN]
+        two = pairs(units, request.budget_usd, request.poles, request.lidars_per_pole)
+        options += first_at_each_place(two, units)[:SHOWN]
     if min(request.units, most_units(units, request.budget_usd)) > 2:
         more = greedy(units, request.budget_usd, request.poles, request.lidars_per_pole)
         options += [more] if more else []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
 
@@ -51,6 +51,7 @@ from pyinfra.experiments.planner.refusals import (
     affordable,
     check_settings,
     check_site,
+    lowest_prices,
     possible,
 )
 from pyinfra.experiments.planner.request import Request, checked
@@ -86,6 +87,8 @@ class Plan:
     sensitivity: pd.DataFrame
     answer: Answer
     front: Front
+    lidars: tuple[PlanLidar, ...] = ()  # within the budget
+    above_budget: dict[str, float] = field(default_factory=dict)  # lowest price of other LiDARs
 
     @property
     def text(self) -> str:
@@ -194,7 +197,8 @@ def plan(
     table_of_costs = read_costs(None if costs is None else path_of(costs, "costs"), years, law)
     site = open_site(scene, frames, preset=preset, seed=seed, centre_m=centre_m)
     check_site(site, request, check_frames, drawn=areas is not None)
-    units = affordable(open_lidars(lidars, site), table_of_costs, request)
+    asked = open_lidars(lidars, site)
+    units = affordable(asked, table_of_costs, request)
     table = candidates(site, None if poses is None else path_of(poses, "poses"), request, grid)
     free = feasible(table, site)
     pairs = possible(free, units, table_of_costs, request)
@@ -204,6 +208,9 @@ def plan(
     tell = progress or (lambda _: None)
     run = race(site, free, units, pairs, request, law, jobs=jobs, folder=parts, progress=tell)
     result = decided(site, request, law, table_of_costs, table, units, run, jobs, parts)
+    prices = lowest_prices(asked, free, table_of_costs)
+    above = {name: usd for name, usd in prices.items() if usd > request.budget_usd}
+    result = replace(result, lidars=tuple(units), above_budget=above)
     if check_frames:
         result = simulated(result, units, check_frames, tell)
     if folder is not None:
@@ -289,8 +296,7 @@ def decided(
         return predict(unseen, some, law, request, masks)
 
     shown = [(one, predicted(one.units)) for one in options]
-    chosen_by = [one.recall.value for one in decision.in_choice]
-    rows_of_all = option_table(shown, run.stayed, poses, lidars, units, chosen_by, law)
+    rows_of_all = option_table(shown, run.stayed, poses, lidars, units, decision.in_choice, law)
     rows = rows_of_all[rows_of_all.option <= len(listed)].copy()
     every = candidate_table(table, run.pairs, poses, lidars)
     sensitivity = table_of(options, decision.moves, units, predicted)

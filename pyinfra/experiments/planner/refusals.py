@@ -79,6 +79,14 @@ def affordable(lidars: list[PlanLidar], costs: Costs, request: Request) -> list[
     return good
 
 
+def lowest_prices(
+    lidars: Sequence[PlanLidar], poses: pd.DataFrame, costs: Costs
+) -> dict[str, float]:
+    """Returns the price of each LiDAR alone, on an existing pole if there is one."""
+    new = 0 if poses.existing.any() else 1
+    return {one.name: costs.price([one], new, 1).middle for one in lidars}
+
+
 def possible(
     poses: pd.DataFrame, lidars: Sequence[PlanLidar], costs: Costs, request: Request
 ) -> BoolArray:

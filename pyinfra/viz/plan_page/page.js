@@ -4,6 +4,10 @@ const D = JSON.parse(document.getElementById("data").textContent);
 const at = (id) => document.getElementById(id);
 const FIRST_CODE = 48, LEVELS = 50;  // of the shares of the cells
 const CLASSES = [[0.5, "below 50 (blind spot, hatched)"], [0.75, "50 to 75"], [0.9, "75 to 90"], [0.97, "90 to 97"], [2, "97 or more"]];
+const DRAWN = {  // features of the site: name and picture in the legend
+  walk: ["footway", '<rect x="-9" y="-7" width="18" height="14"/>'], house: ["building", '<rect x="-9" y="-7" width="18" height="14"/>'],
+  tree: ["tree", '<circle r="6"/>'], crossing: ["crossing", '<path d="M-6 -4H6M-6 0H6M-6 4H6" stroke-width="1.5"/>'], stop: ["stop of a bus or tram", '<rect x="-4" y="-4" width="8" height="8"/>'],
+};
 const options = D.options;
 const whats = [...new Set(D.goals.map((goal) => goal.what))];
 const mostPoles = Math.max(...options.map((one) => one.poles));
@@ -28,11 +32,11 @@ const share = (one) => one.shares[goal()] ?? [null, null, null];  // in other tr
 const inChoice = (one) => one.by[goal()] ?? 0;  // in the frames of the choice
 const counted = () => isDistance() ? `${state.what} within ${state.within} m` : `objects at ${state.what}`;
 
-/* ---- the choice: the rule of the plan ---- */
+/* ---- the choice: the rule of the plan, which uses the frames of the choice alone ---- */
 const isAllowed = (one) => one.price[0] <= state.budget && one.poles <= state.poles
   && one.units.every((unit) => state.lidars.has(unit.lidar));
 const finds = (one) => share(one)[0] !== null && share(one)[0] >= state.find && one.keeps_false;
-const isEnough = (one) => inChoice(one) >= state.find && one.keeps_false;
+const isEnough = (one) => inChoice(one) >= state.find && one.keeps_false_in_choice;
 
 function order(a, b) {
   if (isEnough(a) !== isEnough(b)) return isEnough(a) ? -1 : 1;
@@ -202,9 +206,11 @@ function build() {
   at("within").innerHTML = [...D.distances].sort((a, b) => a - b).map((d) => `<option value="${d}">${d} m</option>`).join("");
   at("poles").insertAdjacentHTML("beforeend", Array.from({ length: mostPoles }, (_, k) => `<span><input type="radio" name="poles" id="poles-${k + 1}" value="${k + 1}"> <label for="poles-${k + 1}">${k + 1}</label></span>`).join(""));
   at("lidars").insertAdjacentHTML("beforeend", D.lidars.map((name, k) => `<span><input type="checkbox" id="lidar-${k}" value="${escaped(name)}"> <label for="lidar-${k}">${escaped(name)}</label></span>`).join(""));
+  at("lidars").insertAdjacentHTML("beforeend", Object.entries(D.above_budget).map(([name, price], k) => `<span class="above"><input type="checkbox" disabled id="above-${k}"> <label for="above-${k}">${escaped(name)} (above the budget: ${usd(price)} or more)</label></span>`).join(""));
   const swatch = (inner) => `<svg width="18" height="14" viewBox="0 0 18 14" aria-hidden="true">${inner}</svg>`;
   at("map-legend").innerHTML = "<li>Found of 100 vehicles in a cell:</li>" + CLASSES.map(([, text], k) => `<li>${swatch(k ? `<rect class="found-${k}" width="18" height="14"/>` : '<path d="M1 1H17V13H1zM1 7L7 1M1 13L13 1M7 13L17 3M13 13L17 9" fill="none" stroke="var(--hatch)" stroke-width="1.4"/>')}${text}</li>`).join("")
-    + `<li>${swatch('<path d="M9 1L15 13H3z" fill="var(--pole)"/>')}pole, with its direction</li><li>${swatch('<circle cx="9" cy="7" r="4" class="mark"/>')}possible place</li><li>${swatch('<path d="M4 2L14 12M4 12L14 2" stroke="var(--faint)" stroke-width="1.4"/>')}no place</li>`;
+    + `<li>${swatch('<path d="M9 1L15 13H3z" fill="var(--pole)"/>')}pole, with its direction</li><li>${swatch('<circle cx="9" cy="7" r="4" class="mark"/>')}possible place</li><li>${swatch('<path d="M4 2L14 12M4 12L14 2" stroke="var(--faint)" stroke-width="1.4"/>')}no place</li>`
+    + Object.entries(DRAWN).filter(([kind]) => at("map").querySelector(`.m-${kind}`)).map(([kind, text]) => `<li>${swatch(`<g class="m-${kind}" transform="translate(9 7)">${text[1]}</g>`)}${text[0]}</li>`).join("");
   const marks = { 1: "1 pole", 2: "2 poles", 3: "3 poles or more" };
   at("chart-legend").innerHTML = Object.entries(marks).filter(([count]) => Number(count) <= mostPoles).map(([count, text]) => `<li>${swatch(`<path class="mark" transform="translate(9 7)" d="${SHAPES[count](5)}"/>`)}${text}</li>`).join("")
     + `<li>${swatch('<circle class="mark best" cx="9" cy="7" r="5"/>')}no allowed option beats it</li><li>${swatch('<circle class="mark off" cx="9" cy="7" r="5"/>')}not allowed</li>`;

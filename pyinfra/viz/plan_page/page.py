@@ -15,6 +15,7 @@ from pyinfra.experiments.planner.plan import Plan
 from pyinfra.viz.page_file import check_file, write_page_file
 from pyinfra.viz.plan_page.files import DATA_FILE, PAGE_FILE
 from pyinfra.viz.plan_page.plan_data import FORMAT, plan_data
+from pyinfra.viz.plan_page.view import VIEW_FILE, write_view
 from pyinfra.viz.report.style import themes
 
 HERE = Path(__file__).parent
@@ -26,6 +27,8 @@ def write_plan_page(plan: Plan, folder: Path) -> Path:
     data = plan_data(plan)
     with replacing(folder / DATA_FILE) as beside:
         beside.write_text(json.dumps(data, allow_nan=False), encoding="utf-8")
+    if plan.lidars:
+        write_view(plan, folder)
     return write_page(data, folder / PAGE_FILE)
 
 
@@ -49,12 +52,16 @@ def rewrite_plan_page(folder: Path, out: Path) -> Path:
 def write_page(data: dict[str, Any], out: Path) -> Path:
     """Writes the page. Raises Error if it would exceed LARGEST_MB or `out` is a folder."""
     check_file(out)
-    write_page_file(render(data), out, LARGEST_MB, "fewer `lidars` make the page smaller")
+    view = VIEW_FILE if (out.parent / VIEW_FILE).is_file() else ""
+    write_page_file(render(data, view), out, LARGEST_MB, "fewer `lidars` make the page smaller")
     return out
 
 
-def render(data: dict[str, Any]) -> str:
-    """Returns the page as HTML. Names in the data are shown as text and never as markup."""
+def render(data: dict[str, Any], view: str = "") -> str:
+    """Returns the page as HTML. Names in the data are shown as text and never as markup.
+
+    view: file of the 3-D view of option 1 beside the page; empty if there is none.
+    """
     environment = jinja2.Environment(
         autoescape=True, loader=jinja2.FileSystemLoader(HERE), undefined=jinja2.StrictUndefined
     )
@@ -64,6 +71,7 @@ def render(data: dict[str, Any]) -> str:
     light, dark = themes()
     return environment.get_template("page.html").render(
         data=data,
+        view=view,
         embedded=plain.replace("<", "\\u003c"),
         light=light,
         dark=dark,

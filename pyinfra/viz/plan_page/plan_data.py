@@ -14,7 +14,7 @@ from pyinfra.experiments.planner.front import CELL_M, Cells, Front, distances, w
 from pyinfra.experiments.planner.plan import Plan
 from pyinfra.viz.plan_page.site_map import site_map, window_of
 
-FORMAT = 1  # of the file of the data
+FORMAT = 2  # of the file of the data
 LEVELS = 50  # steps in which the share of a cell is stored
 FIRST_CODE = 48  # character code of the share 0
 COSTS = {
@@ -59,6 +59,7 @@ def plan_data(plan: Plan) -> dict[str, Any]:
         "distances": distances(front.goals),
         "goals": [{"what": one.what, "within": one.within_m} for one in front.goals],
         "lidars": sorted(set(table.lidar)),
+        "above_budget": {name: round(usd) for name, usd in sorted(plan.above_budget.items())},
         "costs": list(COSTS.values()),
         "cell_m": CELL_M,
         "cells": [[*map(int, at)] for at in cells.corner_m],
@@ -94,6 +95,7 @@ def _options(front: Front, table: pd.DataFrame, cells: Cells) -> list[dict[str, 
                 "shares": [_interval(first, goal.column) for goal in front.goals],
                 "false": _interval(first, "false_per_frame"),
                 "keeps_false": bool(first["keeps_false"]),
+                "keeps_false_in_choice": bool(first["keeps_false_in_choice"]),
                 "ap": _interval(first, "ap_predicted"),
                 "rain": _rounded([first.get("recall_in_rain", math.nan)])[0],
                 "simulated": _simulated(first),

@@ -1,4 +1,4 @@
-"""Draws the map of a plan's site as SVG: roads, lane lines, trees, houses, crossings, areas.
+"""Draws the map of a plan's site as SVG: roads, lane lines, trees, houses, crossings, stops, areas.
 
 North is up. The unit is the metre; y is mirrored, because that of SVG points down. The page adds
 cells and poles in two empty groups.
@@ -28,6 +28,7 @@ MARGIN_M = 12.0
 LINE_STEP = 4  # every fourth point of a road line is drawn
 CROWN_M = 5.0  # crown of a tree whose scene does not give one
 CROSSING_M = 1.5
+STOPS, STOP_M = ("bus_stop", "platform"), 3.0
 MOST_TRIANGLES = 20_000  # of meshes; further ones are left out
 SCALES_M = (10, 20, 50, 100)
 SURFACES = {"road": "road", "sidewalk": "walk"}  # class of each material of meshes
@@ -71,7 +72,7 @@ def site_map(
         *_houses(site),
         *_meshes(site, window, STANDING),
         *_plants(site, roads, window),
-        *_crossings(site.file.parent),
+        *_features(site.file.parent),
         *_places(candidates),
         *(_area(area) for area in areas),
         '<g id="map-within"></g><g id="map-poles"></g>',
@@ -189,11 +190,17 @@ def _trunks(
             yield roads[row["road"]].pose_at(float(s), float(row["offset_m"]))[:2]
 
 
-def _crossings(folder: Path) -> Iterator[str]:
-    for x, y in read_features(folder).get("crossing", ()):
+def _features(folder: Path) -> Iterator[str]:
+    """Yields the crossings, and the stops of buses and trams."""
+    features = read_features(folder)
+    for x, y in features.get("crossing", ()):
         half = CROSSING_M
         lines = [np.array([[x - half, y + k], [x + half, y + k]]) for k in (-half, 0, half)]
         yield path(lines, "crossing", closed=False)
+    for kind in STOPS:
+        for x, y in features.get(kind, ()):
+            square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * STOP_M / 2
+            yield path([square + np.array([x, y])], "stop", closed=True)
 
 
 def _places(candidates: pd.DataFrame) -> Iterator[str]:

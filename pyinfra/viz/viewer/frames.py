@@ -21,6 +21,7 @@ from pyinfra.core.arrays import (
 from pyinfra.core.errors import FormatError
 from pyinfra.core.progress import track
 from pyinfra.dataset.frame_readers import read_cameras, read_predictions, read_vehicles
+from pyinfra.dataset.frame_sequence import BOX, SimulatedFrames
 from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.world_frame import to_world
 from pyinfra.formats import kitti
@@ -81,6 +82,22 @@ def read_view_frames(
             )
         )
     return views
+
+
+def simulated_view(frames: SimulatedFrames, number: int) -> ViewFrame:
+    """Returns a simulated frame."""
+    frame, pose = frames.frame(number), frames.lidar.T_world_levelled
+    labels = frame.labels
+    return ViewFrame(
+        frame=number,
+        period_s=frames.period_s,
+        sensor=pose,
+        points=_in_world(frame.points[:, :3], pose).astype(np.float32),
+        intensity=frame.points[:, 3],
+        boxes=boxes_in_world(labels[BOX].to_numpy(float), pose),
+        names=labels.type.to_numpy(str),
+        hits=labels.points.to_numpy(np.int64),
+    )
 
 
 def boxes_in_world(boxes: FloatArray, pose: WorldPose) -> FloatArray:
