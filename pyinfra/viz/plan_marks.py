@@ -20,5 +20,10 @@ def draw_scale(axes: Axes, x: float, y: float, length_m: float) -> None:
 def draw_north(axes: Axes) -> None:
     """Draws an arrow to the north in the upper right corner. The y axis must point north."""
     arrow = {"arrowstyle": "-|>", "color": "black", "linewidth": 1.2, **HALO}
-    place = {"xycoords": "axes fraction", "ha": "center", "va": "center", "fontsize": 9}
+    place: dict[str, Any] = {
+        "xycoords": "axes fraction",
+        "ha": "center",
+        "va": "center",
+        "fontsize": 9,
+    }
     axes.annotate("N", (0.96, 0.98), (0.96, 0.9), arrowprops=arrow, zorder=ON_TOP, **place, **HALO)

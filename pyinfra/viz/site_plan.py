@@ -199,4 +199,4 @@ def _draw_pole(axes: Axes, name: str, mount: dict[str, float]) -> None:
 
 def _draw_scale(axes: Axes, low: FloatArray, width: float) -> None:
     metres = max((s for s in SCALES_M if s < width / 4), default=SCALES_M[0])
-    draw_scale(axes, *(low + 5), metres)
+    draw_scale(axes, float(low[0]) + 5, float(low[1]) + 5, metres)

@@ -24,6 +24,7 @@ from pyinfra.metrics.scanning_statistics import described, speed_table
 from pyinfra.viz import clouds, cutouts, scene_pictures
 from pyinfra.viz.pattern_picture import pattern_picture
 from pyinfra.viz.picture_style import STYLE
+from pyinfra.viz.plan_marks import draw_scale
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Block, Figure, LegendEntry, Panel, Section
 from pyinfra.viz.report.names import detector
@@ -116,13 +117,14 @@ def _plans(material: Material, data_sets: Sequence[DataSet]) -> list[Block]:
         panels.append(_drawn(figure, f"plan {scene}", label))
     if not panels:
         return []
+    views = ", fields of view" if by_scene else ""
     caption = (
-        "Plans of the scenes in the world frame: pose of the LiDARs, fields of view, evaluation "
-        "region."
+        f"Plans of the scenes in the world frame: pose of the LiDARs{views}, evaluation region."
     )
     if missing:
         caption += f" No plan of {', '.join(missing)}: the report has no data set of it."
-    return [Figure("figure-plans", caption, panels, layout="wide", plate=True)]
+    layout = "wide" if by_scene else "half"
+    return [Figure("figure-plans", caption, panels, layout=layout, plate=True)]
 
 
 def _plan_of_data(data: DataSet) -> Drawing:
@@ -139,8 +141,11 @@ def _plan_of_package(scene: str) -> Drawing | None:
     except ImportError:
         return None
     with mpl.rc_context(STYLE):
-        figure = Drawing(figsize=(8.5, 6), layout="constrained")
-        plot_scene(scene, ax=figure.subplots())
+        figure = Drawing(layout="constrained")
+        axes = plot_scene(scene, ax=figure.subplots())
+        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+        figure.set_size_inches(5.6, 5.6 * (high - low) / (right - left) + 0.7)
+        draw_scale(axes, left + 0.3 * (right - left), low + 2.5, scene_pictures.SCALE_M)
     return figure
 
 
