@@ -66,7 +66,7 @@ def test_what_stands_at_streets_is_listed_and_drawn_where_it_is(tmp_path: Path) 
     figure = plan(site)
     names = {text.get_text() for text in figure.legends[0].get_texts()}
     assert {kind.replace("_", " ") for kind in listed} <= names
-    assert {"N", "50 m"} <= {text.get_text().strip() for text in figure.axes[0].texts}
+    assert {"N", "100 m"} <= {text.get_text().strip() for text in figure.axes[0].texts}
     drawn = [line for line in figure.axes[0].lines if line.get_linestyle() == "None"]
     for kind, positions in read_features(site).items():
         look = MARKERS.get(kind, (".", "#555555"))

@@ -85,8 +85,8 @@ def _overall(material: Material, experiments: pd.DataFrame) -> str:
     everywhere = table.dropna() if table.shape[1] == scenes else table[:0]
     if everywhere.empty:
         return f"No LiDAR and detector have an AP in all {scenes} scenes."
-    best = everywhere.loc[everywhere.mean(axis=1).idxmax()]
-    lidar, name = best.name
+    at = int(everywhere.mean(axis=1).argmax())
+    best, (lidar, name) = everywhere.iloc[at], everywhere.index[at]
     less = table.max() - best
     behind = (
         f"is up to {less.max():.1f} below the best of a scene ({less.idxmax()})"

@@ -63,21 +63,22 @@ def overall(material: Material, answers: Sequence[SceneAnswer]) -> str:
     """Returns in words which option meets the requirements in all scenes, or in most of them."""
     tables = [option_table(one.options, material.requirements) for one in answers]
     rows = pd.concat(tables)
-    meeting = rows[rows.meets].groupby(["lidar", "detector"])
+    rows = rows[rows.meets]
     required = f"Required: {_asked(material.requirements)}."
-    if not len(meeting):
+    if rows.empty:
         return f"{required} No option meets this in any of the {len(answers)} scenes."
-    order = meeting.agg(scenes=("scene", "nunique"), ap=("ap_r1000", "mean"))
-    best = order.sort_values(["scenes", "ap"], ascending=False).iloc[0]
-    lidar, detector_name = best.name
+    groups = rows.groupby(["lidar", "detector"])
+    order = groups.agg(scenes=("scene", "nunique"), ap=("ap_r1000", "mean"))
+    lidar, detector_name = order.sort_values(["scenes", "ap"], ascending=False).index[0]
+    best = rows[(rows.lidar == lidar) & (rows.detector == detector_name)]
     name = f"{material.names.model(lidar)} with {detector(detector_name)}"
-    price = f"{meeting.get_group(best.name).price_usd.max():,.0f} USD"
-    if best.scenes == len(answers):
+    price = f"{best.price_usd.max():,.0f} USD"
+    if len(best) == len(answers):
         return f"{required} {name} meets this in all {len(answers)} scenes, for {price}."
-    where = ", ".join(meeting.get_group(best.name).scene)
+    where = ", ".join(best.scene)
     return (
         f"{required} No option meets this in all {len(answers)} scenes. {name} ({price}) meets it "
-        f"in {best.scenes} of them: {where}."
+        f"in {len(best)} of them: {where}."
     )
 
 
