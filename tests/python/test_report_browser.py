@@ -196,3 +196,18 @@ def test_it_is_small_and_opens_soon(browser: Browser, pictured: Path) -> None:
     with browser.open(pictured) as opened:
         timing = "performance.getEntriesByType('navigation')[0].domContentLoadedEventEnd"
         assert opened.page.evaluate(timing) < OPENS_IN_MS
+
+
+def test_no_label_of_a_figure_is_cut(browser: Browser, pictured: Path) -> None:
+    """Each text of a drawing lies within its drawing, to within one pixel."""
+    cut = """svg => { const box = svg.getBoundingClientRect();
+        return [...svg.querySelectorAll('text')].filter(text => {
+            const r = text.getBoundingClientRect();
+            return r.left < box.left - 1 || r.right > box.right + 1
+                || r.top < box.top - 1 || r.bottom > box.bottom + 1;
+        }).map(text => text.textContent); }"""
+    with browser.open(pictured, width=1440) as opened:
+        opened.page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+        opened.settle()
+        drawings = opened.page.locator(".drawing svg").all()
+        assert [text for one in drawings for text in one.evaluate(cut)] == []
