@@ -1,8 +1,9 @@
 """CenterPoint on pillars with ONNX Runtime: the pretrained detector without PyTorch.
 
 The steps are those of `detectors/centerpoint_pillar.py`, and the boxes are equal except for
-rounding. The compiled extension computes the pillars and the first convolution. ONNX Runtime
-computes the other layers. NumPy computes the boxes at the peaks of the heat.
+rounding. Cells more than REGION_MARGIN_M outside the evaluation region are not computed and give no
+boxes. The compiled extension computes the pillars and the first convolution. ONNX Runtime computes
+the other layers. NumPy computes the boxes at the peaks of the heat.
 """
 
 from __future__ import annotations
@@ -22,13 +23,15 @@ from pyinfra.models.detectors.bev_config import multiple
 from pyinfra.models.detectors.catalogue import config_of
 from pyinfra.models.detectors.centerpoint_config import Config
 from pyinfra.models.detectors.classes import ALONG_ROADS, TYPES
-from pyinfra.models.detectors.detection_area import Area, Site, around
+from pyinfra.models.detectors.detection_area import REGION_MARGIN_M, Area, Site, around
 from pyinfra.models.detectors.suppression import MIN_SCORE, empty, of_classes, suppressed
 from pyinfra.models.onnx.graph import Weights, fused, model_of
 from pyinfra.models.onnx.peaks import Peaks
+from pyinfra.models.onnx.tiles import tiles_of
 from pyinfra.models.ops.kernels import kernels
 from pyinfra.models.training.provenance import read_arrays, read_provenance
 
+NO_BOX = np.float32(-1e9)  # logit of cells that are not computed
 NAME = "centerpoint-pillar"  # the detector that this module can run
 
 
@@ -56,6 +59,10 @@ class OnnxDetector:
         rows, columns = self.map.array.shape[2:]
         self.peaks = Peaks(self.site, cell_m, config.axis, region, (rows, columns))
         self.session = session_of(bytes(model_of(config, weights)), threads)
+        near = self.peaks.near(region, REGION_MARGIN_M, (rows, columns))
+        self.tiles = tiles_of(near, config.bev)
+        outputs = len(self.classes) + len(weights["head.box.bias"])
+        self.maps = np.full((outputs, rows, columns), NO_BOX, np.float32)
 
     def predict(self, points: Points) -> Detections:
         """See pyinfra.models.detectors.Detector."""
@@ -67,8 +74,12 @@ class OnnxDetector:
         inside = self.site.area.crop(points)[:, : self.columns]
         if len(inside) == 0:
             return empty()
-        (maps,) = self.session.run(None, {"map": self.map.of(inside)})
-        return self.best(maps[0])
+        whole = self.map.of(inside)
+        for tile in self.tiles:
+            part = np.ascontiguousarray(whole[:, :, *tile.computed])
+            (maps,) = self.session.run(None, {"map": part})
+            self.maps[:, *tile.used] = maps[0][:, *tile.used_inside]
+        return self.best(self.maps)
 
     def best(self, maps: Float32Array) -> Detections:
         """Returns the detections in maps (classes + 8 or 9, H, W)."""

@@ -26,6 +26,14 @@ class Peaks:
             axes = region.axes(self.middle_of(row, column).astype(np.float64))
             self.road_axes = axes.astype(np.float32).reshape(*shape, 2)
 
+    def near(self, region: Region | None, margin_m: float, shape: tuple[int, int]) -> BoolArray:
+        """Returns which cells (H, W) are in the region or at most `margin_m` outside it."""
+        if region is None:
+            return np.ones(shape, np.bool_)
+        row, column = (numbers.ravel() for numbers in np.indices(shape))
+        middles = self.middle_of(row, column).astype(np.float64)
+        return np.asarray(region.holds(middles, margin_m).reshape(shape))
+
     def of(
         self, logits: Float32Array, maps: Float32Array, min_score: float, *, along_road: bool
     ) -> tuple[Float32Array, Float32Array]:

@@ -1,0 +1,118 @@
+"""Rectangles of a bird's-eye map that together contain the cells near an evaluation region.
+
+The roads of a junction fill a small part of the square around them. The network is therefore
+computed on a few rectangles, which also fit better into the processor's cache. Each of them is
+larger than the part whose values are used, by the receptive field of the network. The values are
+therefore those that the whole map would give.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from pyinfra.core.arrays import BoolArray, IntArray
+from pyinfra.models.detectors.bev_config import BevConfig
+
+Part = tuple[slice, slice]  # rows and columns
+Band = tuple[int, int, int, int]  # first row, row after the last, the same of columns
+PER_TILE = 1000.0  # number of cells whose computing time equals the constant time of a tile
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A rectangle of cells of the map that is computed, and the part whose values are used."""
+
+    computed: Part
+    used: Part
+
+    @property
+    def used_inside(self) -> Part:
+        """The used part in rows and columns of the rectangle."""
+        (top, left), (rows, columns) = self.computed, self.used
+        return (
+            slice(rows.start - top.start, rows.stop - top.start),
+            slice(columns.start - left.start, columns.stop - left.start),
+        )
+
+
+def receptive_cells(bev: BevConfig) -> int:
+    """Returns how many cells of the map around a cell its values depend on, rounded up to steps.
+
+    The map is the output of the first convolution. A step is a cell of the last block.
+    """
+    step = math.prod(bev.strides[1:])
+    cells = math.ceil(2 / step)  # two convolutions of the head, in cells of the last block
+    for layers, stride in zip(bev.layers[:0:-1], bev.strides[:0:-1], strict=True):
+        cells = stride * (cells + layers) + 1
+    return math.ceil((cells + bev.layers[0]) / step) * step
+
+
+def tiles_of(needed: BoolArray, bev: BevConfig) -> list[Tile]:
+    """Returns tiles whose used parts contain all needed cells (rows, columns) of a map.
+
+    The map is divided into bands of rows or of columns, whichever has fewer cells to compute.
+    """
+    step, halo = math.prod(bev.strides[1:]), receptive_cells(bev)
+    divisions = [_bands(needed, step, halo), _bands(needed.T, step, halo)]
+    turned = divisions[1][1] < divisions[0][1]
+    part = needed.T if turned else needed
+    return [_tile(band, part.shape, halo, turned=turned) for band in divisions[turned][0]]
+
+
+def _bands(needed: BoolArray, step: int, halo: int) -> tuple[list[Band], float]:
+    """Returns the bands of rows with the fewest cells to compute, and this number.
+
+    `least` holds the number of the bands up to each row, and `start` the first row of the last of
+    these bands, both in steps.
+    """
+    rows, columns = needed.shape
+    first, last = _ends(needed, step)
+    least, start = [0.0], [0]
+    for end in range(1, len(first) + 1):
+        low, high, choices = columns, 0, []
+        for begin in range(end - 1, -1, -1):
+            low, high = min(low, int(first[begin])), max(high, int(last[begin]))
+            height = min(rows, end * step + halo) - max(0, begin * step - halo)
+            width = min(columns, high + halo) - max(0, low - halo)
+            cells = PER_TILE + height * width if low < high else 0.0
+            choices.append((least[begin] + cells, begin))
+        best, begin = min(choices)
+        least.append(best)
+        start.append(begin)
+    return list(_traced(start, first, last, step)), least[-1]
+
+
+def _traced(start: list[int], first: IntArray, last: IntArray, step: int) -> Iterator[Band]:
+    end = len(start) - 1
+    while end > 0:
+        begin = start[end]
+        low, high = int(first[begin:end].min()), int(last[begin:end].max())
+        if low < high:
+            yield begin * step, end * step, low, high
+        end = begin
+
+
+def _ends(needed: BoolArray, step: int) -> tuple[IntArray, IntArray]:
+    """Returns the first needed column of each `step` rows, and the column after the last one.
+
+    Both are rounded to steps. Without a needed column they are the number of columns, and 0.
+    """
+    rows, columns = (size // step for size in needed.shape)
+    blocks = needed.reshape(rows, step, columns, step).any(axis=(1, 3))
+    has = blocks.any(axis=1)
+    first = np.where(has, blocks.argmax(axis=1), columns)
+    last = np.where(has, columns - blocks[:, ::-1].argmax(axis=1), 0)
+    return first * step, last * step
+
+
+def _tile(band: Band, shape: tuple[int, ...], halo: int, *, turned: bool) -> Tile:
+    used = slice(band[0], band[1]), slice(band[2], band[3])
+    rows, columns = (
+        slice(max(0, part.start - halo), min(size, part.stop + halo))
+        for part, size in zip(used, shape, strict=True)
+    )
+    return Tile((columns, rows), used[::-1]) if turned else Tile((rows, columns), used)
