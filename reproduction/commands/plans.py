@@ -33,6 +33,7 @@ FIGURES = (
     "price_usd_low price_usd_high gap"
 ).split()
 KEY = ["question", "option"]
+TEXT = ["question", "site", "lidars", "heights_m", "places_m"]  # columns that hold text in each row
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,7 @@ def rows_of(
             continue
         yield {
             **asdict(question),
+            "site": str(question.site),
             "option": number,
             "lidars": " + ".join(units.lidar),
             "heights_m": " + ".join(f"{h:.1f}" for h in units.height_m),
@@ -113,7 +115,7 @@ def main() -> None:
     args = parser.parse_args()
     args.work.mkdir(parents=True, exist_ok=True)
     for question in QUESTIONS:
-        known = store.read(args.out)
+        known = store.read(args.out, TEXT)
         if not known.empty and (known.question == question.question).any():
             continue
         result, times = answered(question, args.work)

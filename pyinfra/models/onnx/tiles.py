@@ -102,7 +102,7 @@ def _ends(needed: BoolArray, step: int) -> tuple[IntArray, IntArray]:
     Both are rounded to steps. Without a needed column they are the number of columns, and 0.
     """
     rows, columns = (size // step for size in needed.shape)
-    blocks = needed.reshape(rows, step, columns, step).any(axis=(1, 3))
+    blocks: BoolArray = np.maximum.reduce(needed.reshape(rows, step, columns, step), axis=(1, 3))
     has = blocks.any(axis=1)
     first = np.where(has, blocks.argmax(axis=1), columns)
     last = np.where(has, columns - blocks[:, ::-1].argmax(axis=1), 0)
