@@ -60,7 +60,8 @@ def cut_angles() -> str:
             if len(table.columns) == len(angles):
                 means = [f"{table[angle].mean():.1f}" for angle in angles]
                 p = _probability(table.to_numpy(float))
-                rows.append([*key, LIDARS[lidar], LABEL_TIMES[label_time], *means, f"{p:.2f}"])
+                text = "<0.01" if p < 0.01 else f"{p:.2f}"
+                rows.append([*key, LIDARS[lidar], LABEL_TIMES[label_time], *means, text])
     heads = ["scene", "preset", "detector", "LiDAR", "labels at", *(f"{a} degrees" for a in angles)]
     return markdown([*heads, "p"], rows)
 
