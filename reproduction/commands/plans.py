@@ -33,7 +33,14 @@ FIGURES = (
     "price_usd_low price_usd_high gap"
 ).split()
 KEY = ["question", "option"]
-TEXT = ["question", "site", "lidars", "heights_m", "places_m"]  # columns that hold text in each row
+TEXT = [
+    "question",
+    "site",
+    "only",
+    "lidars",
+    "heights_m",
+    "places_m",
+]  # columns that hold text in each row
 
 
 @dataclass(frozen=True)
@@ -47,6 +54,7 @@ class Question:
     within_m: float
     poles: int = 1
     people: float = 0.0
+    only: str = ""  # name of the only LiDAR that is considered; empty for all
 
 
 QUESTIONS = (
@@ -54,6 +62,7 @@ QUESTIONS = (
     Question("curve, 60 m", "curve", 12000, 95, 60),
     Question("one pole", "crossroad", 16000, 95, 60),
     Question("two poles", "crossroad", 16000, 95, 60, poles=2),
+    Question("two poles with 16 lines", "crossroad", 16000, 95, 60, poles=2, only="helios_16"),
     Question("T-junction", T_JUNCTION, 9000, 90, 60, people=1),
     Question("junction of a town", TOWN_JUNCTION, 9000, 90, 60, people=1),
 )
@@ -77,6 +86,7 @@ def answered(question: Question, work: Path) -> tuple[Plan, dict[str, float]]:
         within_m=question.within_m,
         poles=question.poles,
         people=question.people,
+        lidars=[question.only] if question.only else (),
         check_frames=CHECK_FRAMES,
         progress=progress,
     )
