@@ -40,7 +40,7 @@ TEXT = [
     "lidars",
     "heights_m",
     "places_m",
-]  # columns that hold text in each row
+]  # columns of text
 
 
 @dataclass(frozen=True)
