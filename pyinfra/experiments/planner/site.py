@@ -130,10 +130,9 @@ def scene_path(scene: StrPath) -> Path:
     if folder.is_dir():
         return scene_of(folder)
     if folder.name.lower().endswith((*FORMATS, *PACKED)):
-        name = folder.name.partition(".")[0]
         raise Error(
             f"scene: expected a scene file or the folder of a site, got the map '{scene}'; "
-            f"`pyinfra site import {scene} --out sites/{name}` makes a site"
+            "`pyinfra site import` makes a site of it"
         )
     shipped = {file.stem: file for file in (configs() / "scenes").glob("*.yaml")}
     return file_or_name(scene, shipped, "scene")
