@@ -63,7 +63,7 @@ MISTAKES = {
         ["use sites/a"]),
     "folder of sites in a plan": ("plan sites --budget 9000 --out o", ["sites in it: sites/a"]),
     "map for a site": ("plan town.osm --budget 9000 --out o",
-        ["`pyinfra site import town.osm --out sites/town`"]),
+        ["`pyinfra site import`"]),
     "folder one level too high": ("evaluate data/site boxes --out o", ["data/site/pole"]),
     "folder two levels too high": ("detect data --out o", ["data/site/pole"]),
     "folder one level too deep": ("detect data/site/pole/training --out o",
