@@ -139,7 +139,7 @@ def import_recording(
     from pyinfra.exchange.recording import Options
 
     check_name(format, IMPORTS, "format")
-    folder = imports.lidar_folder(path_of(out, "out"))
+    folder = imports.output_folder(path_of(out, "out"))
     facts = imports.facts_of(
         folder, period_s=period_s, height_m=height_m, tilt_deg=tilt_deg, types=types
     )

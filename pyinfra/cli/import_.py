@@ -16,7 +16,7 @@ from pyinfra.exchange.imports import (
     checked,
     facts_of,
     import_recording,
-    lidar_folder,
+    output_folder,
     recording_folder,
     warnings,
 )
@@ -134,7 +134,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     since = time.perf_counter()
-    args.out = lidar_folder(args.out)
+    args.out = output_folder(args.out)
     options = Options(args.intensity_max, args.columns, args.labels, args.channel, args.unit_m)
     facts = facts_of(
         args.out,

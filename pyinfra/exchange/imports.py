@@ -132,7 +132,7 @@ def _some(names: list[str]) -> str:
     return f"{len(names)} frame{'s'[: len(names) > 1]} ({listed})"
 
 
-def lidar_folder(out: Path) -> Path:
+def output_folder(out: Path) -> Path:
     """Returns the LiDAR's folder for `out`, so that nothing is written beside a folder of files.
 
     `out` is DATA/LIDAR if DATA is new, empty or a data set. Otherwise, and if DATA is the working
