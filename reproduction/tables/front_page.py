@@ -64,7 +64,7 @@ def same_vehicles() -> list[str]:
         f"128 lines is {paper} under the study's settings; by data sheets {datasheet}."
     )
     where = (
-        f"[highway](docs/results/detection.md), fine-tuned, {rows.replicates.min()} replicates; "
+        f"[highway](docs/results/detection.md), fine-tuned, {rows.replicates.iloc[0]} and {rows.replicates.iloc[1]} replicates; "
         f"{100 * LEVEL:.1f} % intervals {intervals}"
     )
     return [finding, where]
