@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
 import pandas as pd
 from scipy import stats
 
@@ -83,15 +82,10 @@ def comparison() -> str:
         for label_time, text in LABEL_TIMES.items():
             avia, wide = aps[NARROW, label_time][0], aps[WIDE, label_time]
             less = wide.mul(-1).add(avia, axis=0)
-            ends = [f"{less[angle].mean():.1f}" for angle in less]
-            rows.append([*key, text, _mean(less.mean(axis=1)), " to ".join(_ends(ends))])
+            ends = f"{less.mean().min():.1f} to {less.mean().max():.1f}"
+            rows.append([*key, text, _mean(less.mean(axis=1)), ends])
     heads = ["scene", "preset", "detector", "labels at", "Avia less 128 lines, AP"]
     return markdown([*heads, "at single cut angles"], rows)
-
-
-def _ends(texts: list[str]) -> tuple[str, str]:
-    values = np.array(texts, float)
-    return texts[int(values.argmin())], texts[int(values.argmax())]
 
 
 def _mean(values: pd.Series) -> str:

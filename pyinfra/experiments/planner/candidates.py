@@ -135,7 +135,7 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
         raise FormatError(f"{file}:{row + 2}: existing: expected one value for a pose, got two")
     poses = table.assign(kind="file", existing=existing == "yes")
     if "z_m" not in poses:
-        ground = _ground(site.roads, poses[["x_m", "y_m"]].to_numpy(float))
+        ground, _ = nearest_roads(site.roads, poses[["x_m", "y_m"]].to_numpy(float))
         parts = [poses.assign(z_m=ground + h) for h in grid.heights_m]
         poses = pd.concat(parts, ignore_index=True)
     return turned(poses, site, grid)
@@ -159,7 +159,7 @@ def turned(poses: pd.DataFrame, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
         poses = pd.concat(parts, ignore_index=True)
     columns = ["kind", "existing", *POSE, "turn"]
     table = poses[columns].drop_duplicates(POSE).sort_values(POSE, ignore_index=True)
-    ground = _ground(site.roads, table[["x_m", "y_m"]].to_numpy(float))
+    ground, _ = nearest_roads(site.roads, table[["x_m", "y_m"]].to_numpy(float))
     table.insert(5, "height_m", table.z_m - ground)
     return table.round(3)
 
@@ -234,24 +234,16 @@ def _beside_roads(
 
 def off_carriageways(places: FloatArray, roads: Sequence[Road]) -> BoolArray:
     """Returns which places (n, 2) are beside the carriageways and not enclosed by them."""
-    beside = outside_m(places, roads) >= KERB_M - KERB_TOLERANCE_M
+    beside = nearest_roads(roads, places)[1] >= KERB_M - KERB_TOLERANCE_M
     angles = np.arange(0, 2 * np.pi, np.pi / 8)
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)  # (16, 2)
     steps = np.arange(1, ISLAND_M + 1)[:, None, None] * ways  # (metres, 16, 2)
     around = places[beside, None, None] + steps  # (places, metres, 16, 2)
-    on_road = np.reshape(outside_m(around.reshape(-1, 2), roads) <= 0, around.shape[:-1])
+    _, outside = nearest_roads(roads, around.reshape(-1, 2))
+    on_road = np.reshape(outside <= 0, around.shape[:-1])
     enclosed = np.asarray(on_road.any(axis=1)).all(axis=1)  # in all 16 directions
     beside[beside] = ~enclosed
     return beside
-
-
-def outside_m(places: FloatArray, roads: Sequence[Road]) -> FloatArray:
-    """Returns the distance of each place (n, 2) from the nearest carriageway, below 0 on one."""
-    nearest = np.full(len(places), np.inf)
-    for road in roads:
-        away, index = cKDTree(road.xy).query(places)
-        nearest = np.minimum(nearest, away - road.half_width[index])
-    return nearest
 
 
 def _on_walls(site: PlanSite, every_m: float) -> Iterator[tuple[str, float, float, float, float]]:
@@ -277,20 +269,23 @@ def _on_walls(site: PlanSite, every_m: float) -> Iterator[tuple[str, float, floa
                     yield "wall", float(at[0]), float(at[1]), ground, top
 
 
+def nearest_roads(roads: Sequence[Road], places: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Returns the height (n,) of the road nearest to each place (n, 2), and the distance (n,) from
+    its carriageway, below 0 on it.
+    """
+    height, outside = np.zeros(len(places)), np.full(len(places), np.inf)
+    for road in roads:
+        away, index = cKDTree(road.xy).query(places)
+        away -= road.half_width[index]
+        nearer = away < outside
+        height[nearer], outside[nearer] = road.z[index[nearer]], away[nearer]
+    return height, outside
+
+
 def nearest_road(roads: Sequence[Road], at: FloatArray) -> tuple[float, float]:
     """Returns the height of the nearest road, and the distance from its carriageway."""
-    best = (0.0, math.inf)
-    for road in roads:
-        away = np.hypot(*(road.xy - at).T)
-        i = int(away.argmin())
-        outside = float(away[i] - road.half_width[i])
-        if outside < best[1]:
-            best = (float(road.z[i]), outside)
-    return best
-
-
-def _ground(roads: Sequence[Road], at: FloatArray) -> FloatArray:
-    return np.array([nearest_road(roads, one)[0] for one in at])
+    height, outside = nearest_roads(roads, at[None])
+    return float(height[0]), float(outside[0])
 
 
 def _wrapped(degrees: FloatArray) -> FloatArray:

@@ -87,7 +87,7 @@ class Plan:
     sensitivity: pd.DataFrame
     answer: Answer
     front: Front
-    lidars: tuple[PlanLidar, ...] = ()  # within the budget
+    lidars: tuple[PlanLidar, ...]  # within the budget
     above_budget: dict[str, float] = field(default_factory=dict)  # lowest price of other LiDARs
 
     @property
@@ -210,7 +210,7 @@ def plan(
     result = decided(site, request, law, table_of_costs, table, units, run, jobs, parts)
     prices = lowest_prices(asked, free, table_of_costs)
     above = {name: usd for name, usd in prices.items() if usd > request.budget_usd}
-    result = replace(result, lidars=tuple(units), above_budget=above)
+    result = replace(result, above_budget=above)
     if check_frames:
         result = simulated(result, units, check_frames, tell)
     if folder is not None:
@@ -323,7 +323,7 @@ def decided(
     front = front_of(
         shown, decision.in_choice, rows_of_all, goals, units, unseen.objects, law, request
     )
-    return Plan(site, request, rows, every, sensitivity, answer, front)
+    return Plan(site, request, rows, every, sensitivity, answer, front, tuple(lidars))
 
 
 def write(result: Plan, folder: Path) -> None:

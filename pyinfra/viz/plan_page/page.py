@@ -27,8 +27,7 @@ def write_plan_page(plan: Plan, folder: Path) -> Path:
     data = plan_data(plan)
     with replacing(folder / DATA_FILE) as beside:
         beside.write_text(json.dumps(data, allow_nan=False), encoding="utf-8")
-    if plan.lidars:
-        write_view(plan, folder)
+    write_view(plan, folder)
     return write_page(data, folder / PAGE_FILE)
 
 
