@@ -2,11 +2,10 @@
 
 A detector is trained on 400 s of fused frames with exact clocks and poses. It is tested on a later
 500 s of the same simulation: without errors, with late clocks, and with mounts that are turned by
-an unknown angle. The usual test of 90 s would be too short for an interval, because it is little
-longer than the wait of one vehicle. The ground-truth subset `all` has the vehicles that four poles
-together see, for any number of poles. Differences therefore use the same vehicles and time blocks.
-The command adds each row, with its bootstrap replicates, to out/poles.csv as soon as it is
-computed. Existing rows are not computed again.
+an unknown angle. For each traffic seed the detector is trained again with other noise. The
+ground-truth subset `all` has the vehicles that four poles together see, for any number of poles.
+Differences are therefore of the same vehicles. The command adds each row to out/poles.csv as soon
+as it is computed. Existing rows are not computed again, and several processes can share the work.
 
     python -m reproduction poles --work data/poles
 """
@@ -14,8 +13,9 @@ computed. Existing rows are not computed again.
 from __future__ import annotations
 
 import argparse
+import itertools
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
+from pyinfra.core.files import held
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.frame_readers import read_vehicles
 from pyinfra.dataset.frames import frame_numbers
@@ -32,12 +33,11 @@ from pyinfra.experiments import store
 from pyinfra.experiments.stress import altered_scenes
 from pyinfra.experiments.stress.score import as_predictions, box_errors
 from pyinfra.formats import kitti
-from pyinfra.metrics.evaluation_tables import ap_r1000_of, r1000_columns
+from pyinfra.metrics import ap
 from pyinfra.metrics.ground_truth import GroundTruth, read_ground_truth, with_unreached
 from pyinfra.metrics.match_input import match_input
 from pyinfra.metrics.match_results import MatchResult, causes, count_matches
 from pyinfra.metrics.matching import IOU
-from pyinfra.metrics.replicates import replicate_rows, same_of
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
@@ -47,13 +47,14 @@ from reproduction import ROOT, add_out, provenance
 
 SCENE = "crossroad_poles"
 LIDARS = ("helios_16", "livox_avia", "ruby_plus", "pandar_64")
-ANEW = "-relearnt"  # trained on the test frames with errors; Background needs no labels
-ARMS = ("background", "centerpoint-pillar", f"background{ANEW}")
+AGAIN = "-again"  # trained on the test frames with errors; Background needs no labels
+DETECTORS = ("background", "centerpoint-pillar", f"background{AGAIN}")
 MOUNTS = {1: ("west",), 2: ("west", "east"), 4: ("west", "east", "south", "north")}
-LEARNT_FRAMES, TEST_FRAMES = "0:4000:10", "5000:10000:50"
+TRAINING_FRAMES, TEST_FRAMES = "0:4000:10", "5000:10000:50"
 TEST_S = 1000
 SETTINGS = Settings(ground_truths=("all", "captured"))
-KEY = ["lidar", "poles", "arm", "error", "ground_truth"]
+KEY = ["lidar", "poles", "detector", "error", "seed", "ground_truth"]
+TEXT = ["error"]  # column of the key that holds text, besides those of every table
 
 
 @dataclass(frozen=True)
@@ -80,35 +81,41 @@ NONE = Error()
 ERRORS = (NONE, Error(clock_ms=20), Error(clock_ms=50), Error(yaw_deg=0.2), Error(yaw_deg=0.5))
 
 
-def simulated(lidar: str, poles: int, work: Path, error: Error | None = None) -> Path:
-    """Simulates fused frames and returns the LiDAR's folder.
+def simulated(lidar: str, poles: int, seed: int, work: Path, error: Error | None = None) -> Path:
+    """Simulates fused frames of a traffic seed and returns the LiDAR's folder.
 
     Parameters
     ----------
     error : pose or clock error of the test frames; with None, training frames are simulated
     """
-    out = work / f"{lidar}_{poles}_{error.name if error else 'learnt'}"
+    out = work / f"{lidar}_{poles}_{seed}_{error.name if error else 'training'}"
     folder = (out if poles == 1 else out / "fused") / lidar
-    if (done := out / "done").is_file():
-        return folder
+    with held(work / f"{out.name}.lock", wait=True):
+        if not (done := out / "done").is_file():
+            simulate(out, lidar, poles, seed, error)
+            (folder / "ImageSets").mkdir(exist_ok=True)
+            for part in ("train", "val") if error else ("train",):
+                numbers = "".join(f"{k:06d}\n" for k in kitti.frames(folder))
+                (folder / "ImageSets" / f"{part}.txt").write_text(numbers)
+            done.touch()
+    return folder
+
+
+def simulate(out: Path, lidar: str, poles: int, seed: int, error: Error | None) -> None:
+    """Runs the simulator; the fused frames of several poles replace those of each pole."""
     mounts = MOUNTS[poles]
     keys = yaml.safe_load(scene_file(SCENE).read_text("utf-8"))
     keys["mounts"] = {name: keys["mounts"][name] | {"own_random_stream": True} for name in mounts}
-    work.mkdir(parents=True, exist_ok=True)
-    (scene := work / f"{SCENE}_{poles}.yaml").write_text(yaml.safe_dump(keys, sort_keys=False))
-    words = ["--frames", TEST_FRAMES if error else LEARNT_FRAMES, "--threads", "1"]
+    scene = out.parent / f"{out.name}.yaml"
+    scene.write_text(yaml.safe_dump(keys, sort_keys=False))
+    words = ["--frames", TEST_FRAMES if error else TRAINING_FRAMES, "--threads", "1"]
+    words += ["--seed", str(seed)]
     words += ["--fuse"] if poles > 1 else []
     changes = [f"duration_s={TEST_S}", *error.assignments(keys["mounts"])] if error else []
     words += ["--set", *changes] if changes else []
     infrasim("run", scene, "--lidar", lidar_file(lidar), "--out", out, *words)
     for mount in mounts if poles > 1 else ():
-        shutil.rmtree(out / mount)  # the fused frames contain the points of each mount
-    (folder / "ImageSets").mkdir(exist_ok=True)
-    for part in ("train", "val") if error else ("train",):
-        numbers = "".join(f"{k:06d}\n" for k in kitti.frames(folder))
-        (folder / "ImageSets" / f"{part}.txt").write_text(numbers)
-    done.touch()
-    return folder
+        shutil.rmtree(out / mount)
 
 
 def truth_of(folder: Path, reference: Path) -> GroundTruth:
@@ -125,11 +132,13 @@ def truth_of(folder: Path, reference: Path) -> GroundTruth:
     return replace(truth, vehicles=replace(vehicles, visibility=visibility))
 
 
-def model_of(arm: str, folder: Path) -> tuple[Path, float]:
-    """Trains an arm on the folder's frames; returns the model and the CPU seconds of training."""
-    run = folder.parent / f"{folder.name}_{arm}"
-    recipe = read_recipe(ROOT / "configs/detectors" / f"{arm.removesuffix(ANEW)}.yaml", "quick")
-    file = train(recipe, [read_source(folder, "quick")], run, quiet=True)
+def model_of(detector: str, folder: Path, seed: int) -> tuple[Path, float]:
+    """Trains a detector on a folder's frames; returns the model and the CPU seconds of training."""
+    run = folder.parent / f"{folder.name}_{detector}"
+    recipe = read_recipe(
+        ROOT / "configs/detectors" / f"{detector.removesuffix(AGAIN)}.yaml", "quick"
+    )
+    file = train(recipe, [read_source(folder, "quick")], run, seed=seed, quiet=True)
     log = run / "log.csv"
     return file, float(pd.read_csv(log).cpu_seconds.sum()) if log.is_file() else 0.0
 
@@ -149,34 +158,48 @@ def match_results_of(model: Path, folder: Path, reference: Path) -> tuple[list[M
 
 
 def row(match_result: MatchResult, which: str) -> dict[str, object]:
-    bootstrapped = ap_r1000_of(match_result)
     vehicles = match_result.match_input.vehicles
-    same = same_of(match_result.match_input.truth, match_result.match_input.blocks, SETTINGS.seed)
     false_positive = causes(match_result, IOU, strict=False)
     frames = len(match_result.match_input.truth.frames)
     return {
-        **{name: round(v, 3) for name, v in r1000_columns(match_result, bootstrapped).items()},
+        "ground_truth": which,
+        "ap_r1000": float(ap.average_precision(match_result.ranking(), ap.R1000_RECALLS)[0]),
         "objects": match_result.objects,
         "true_positives": int(match_result.true_positive.sum()),
         "points_per_vehicle": float(np.median(vehicles.points[match_result.counted])),
         "background_per_frame": np.count_nonzero(false_positive == "background") / frames,
         "misplaced_per_frame": np.count_nonzero(false_positive == "localisation") / frames,
         **box_errors(match_result),
-        **replicate_rows(same, which, [("ap_r1000", bootstrapped)]).iloc[0].to_dict(),
     }
 
 
-def filled(lidar: str, poles: int, arm: str, args: argparse.Namespace) -> Iterator[pd.DataFrame]:
-    """Yields the rows of each error for which the table has no rows."""
-    table = store.read(args.out, KEY)
-    for error in ERRORS if poles > 1 else (NONE,):
-        experiment = {"lidar": lidar, "poles": poles, "arm": arm, "error": error.name}
-        if store.has(table, experiment):
-            continue
-        reference = simulated(lidar, max(MOUNTS), args.work, NONE)
-        folder = simulated(lidar, poles, args.work, error)
-        learnt = folder if arm.endswith(ANEW) else simulated(lidar, poles, args.work)
-        model, seconds = model_of(arm, learnt)
+@dataclass(frozen=True)
+class Experiment:
+    """One detector with one LiDAR on a number of poles, one error and one traffic seed."""
+
+    lidar: str
+    poles: int
+    detector: str
+    error: Error
+    seed: int
+
+    @property
+    def key(self) -> dict[str, object]:
+        return asdict(self) | {"error": self.error.name}
+
+    def is_done(self, out: Path) -> bool:
+        return store.has(store.read(out, TEXT), self.key)
+
+    def rows(self, work: Path) -> pd.DataFrame:
+        """Trains and tests the detector; returns one row per ground-truth subset."""
+        reference = simulated(self.lidar, max(MOUNTS), self.seed, work, NONE)
+        folder = simulated(self.lidar, self.poles, self.seed, work, self.error)
+        training = (
+            folder
+            if self.detector.endswith(AGAIN)
+            else simulated(self.lidar, self.poles, self.seed, work)
+        )
+        model, seconds = model_of(self.detector, training, self.seed)
         match_results, ms = match_results_of(model, folder, reference)
         rows = [
             row(j, which) for j, which in zip(match_results, SETTINGS.ground_truths, strict=True)
@@ -187,7 +210,21 @@ def filled(lidar: str, poles: int, arm: str, args: argparse.Namespace) -> Iterat
         ]
         more = {"points_per_frame": round(float(np.mean(points))), "train_cpu_s": round(seconds, 1)}
         more |= {"latency_p50_ms": round(ms, 1)}
-        yield pd.DataFrame([{**experiment, **asdict(error), **more, **figures} for figures in rows])
+        return pd.DataFrame(
+            [{**self.key, **asdict(self.error), **more, **figures} for figures in rows]
+        )
+
+
+def fill(experiment: Experiment, work: Path, out: Path) -> None:
+    """Adds the rows of one experiment, unless another process is computing them."""
+    name = "_".join(map(str, experiment.key.values()))
+
+    def run() -> None:
+        rows = experiment.rows(work).assign(**provenance(f"poles --seeds {experiment.seed}"))
+        store.put(out, rows[[*KEY, *(column for column in rows if column not in KEY)]], KEY)
+        print(name, *rows.ap_r1000.round(1), flush=True)
+
+    store.fill(work / "locks" / name, lambda: experiment.is_done(out), run)
 
 
 def main() -> None:
@@ -197,6 +234,13 @@ def main() -> None:
     )
     add_out(parser, "poles.csv")
     parser.add_argument(
+        "--seeds",
+        nargs="+",
+        type=int,
+        default=[1, 2, 3],
+        help="traffic seeds; a seed also seeds the training (default: 1 2 3)",
+    )
+    parser.add_argument(
         "--lidars",
         nargs="+",
         choices=LIDARS,
@@ -204,13 +248,29 @@ def main() -> None:
         help="names of the LiDARs (default: %(default)s)",
     )
     parser.add_argument(
-        "--arms", nargs="+", choices=ARMS, default=ARMS, help="detectors to test (default: all)"
+        "--detectors",
+        nargs="+",
+        choices=DETECTORS,
+        default=DETECTORS,
+        help="detectors to test (default: all)",
+    )
+    parser.add_argument(
+        "--errors",
+        nargs="+",
+        choices=[error.name for error in ERRORS],
+        default=[error.name for error in ERRORS],
+        help="errors of clocks and poses with several poles (default: all)",
     )
     args = parser.parse_args()
-    columns = provenance("poles")
-    for arm in args.arms:
-        for lidar in args.lidars:
-            for poles in MOUNTS:
-                for rows in filled(lidar, poles, arm, args):
-                    store.put(args.out, rows.assign(**columns), KEY)
-                    print(*rows.iloc[0][[*KEY, "ap_r1000", "train_cpu_s"]], flush=True)
+    errors = [error for error in ERRORS if error.name in args.errors]
+    for seed, lidar in itertools.product(args.seeds, args.lidars):
+        experiments = [
+            Experiment(lidar, poles, detector, error, seed)
+            for detector, poles, error in itertools.product(args.detectors, MOUNTS, errors)
+            if poles > 1 or error == NONE
+        ]
+        for experiment in experiments:
+            fill(experiment, args.work, args.out)
+        if all(experiment.is_done(args.out) for experiment in experiments):
+            for made in args.work.glob(f"{lidar}_*_{seed}_*/"):
+                shutil.rmtree(made)

@@ -53,7 +53,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "verdicts decided": verdicts.decided,
     "speed": simulator.speed,
     "ladder": simulator.ladder,
-    "ladder of PointPillars": partial(simulator.ladder, "ladder_pointpillars"),
+    "ladder of the fine-tuned detector": partial(simulator.ladder, "generalist"),
     "coverage": measure.coverage,
     "correlation": measure.correlation,
     "people": sites.people,

@@ -8,19 +8,19 @@ from dataclasses import dataclass
 import pandas as pd
 
 from pyinfra.experiments.result_tables import TableFile
-from pyinfra.metrics import comparison
-from pyinfra.metrics.replicates import are_pairs, bootstrapped_of, difference
-from pyinfra.metrics.row_selection import ap_name, with_r1000
+from pyinfra.metrics.comparison import Interval, over_replicates
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Block, Column, Figure, Panel, Table, TableCell, number
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.distance import legend
 from pyinfra.viz.report.style import drawing, panel
 
-NOT_SIGNIFICANT = (
-    "The table has no bootstrap replicates, so it is not known which scene models change no "
+TOO_FEW_SEEDS = (
+    "The table has fewer than three seeds, so it is not known which scene models change no "
     "conclusion."
 )
+MARGIN_AP = 3.0  # a model changes no AP if the interval of each difference is within +- MARGIN_AP
+LEAST_SEEDS = 3
 # The values of each setting from cheap to expensive. The last value is the reference.
 SETTINGS = {
     "detail": ("box", "low", "mid", "fine"),
@@ -41,7 +41,6 @@ class ComparedValue:
     seconds: float  # CPU time of the simulation
     change: float  # largest change of AP over all LiDARs
     same: bool  # whether all conclusions are the same
-    known: bool  # whether every LiDAR has an interval
 
 
 def blocks(material: Material) -> tuple[str, list[Block]]:
@@ -49,13 +48,18 @@ def blocks(material: Material) -> tuple[str, list[Block]]:
 
     Both are empty if the results have no table `ladder`.
     """
-    table = with_r1000(material.results.table("ladder"))
+    table = material.results.table("ladder")
     if table.empty:
         return "", []
     table = table.assign(seconds=table.ms_per_frame_set * table.frames.astype(float) / 1000)
     steps = compared_values(table)
-    words = recommendation(steps) if keeps_replicates(table) else NOT_SIGNIFICANT
-    return words, [_figure(material, table), _table(material, steps)]
+    words = recommendation(steps) if has_seeds(table) else TOO_FEW_SEEDS
+    return words, [_figure(material, table), _table(material, steps, has_seeds(table))]
+
+
+def has_seeds(table: pd.DataFrame) -> bool:
+    """Returns whether a table has enough seeds for an interval."""
+    return bool(table.seed.nunique() >= LEAST_SEEDS)
 
 
 def compared_values(table: pd.DataFrame) -> list[ComparedValue]:
@@ -69,24 +73,26 @@ def compared_values(table: pd.DataFrame) -> list[ComparedValue]:
         selected = _with_usual_others(table, setting, usual)
         selected = selected[selected.ap_r1000.notna()]
         present = [value for value in values if value in set(selected[setting])]
-        if not present:
-            continue
-        reference = selected[selected[setting] == present[-1]].set_index("lidar")
-        for value in present:
-            rows = selected[selected[setting] == value].set_index("lidar")
-            change = (rows.ap_r1000 - reference.ap_r1000).abs().max()
-            seconds = float(rows.seconds.mean())
-            made.append(
-                ComparedValue(
-                    setting,
-                    value,
-                    seconds,
-                    float(change),
-                    agrees(rows, reference, of_frames=setting == "frames"),
-                    rows.ap_r1000_low.notna().all(),
-                )
-            )
+        by_value = {value: by_seed(selected[selected[setting] == value]) for value in present}
+        for value, aps in by_value.items():
+            reference = by_value[present[-1]]
+            change = (aps - reference).mean().abs().max()
+            seconds = float(selected[selected[setting] == value].seconds.mean())
+            same = agrees(aps, reference)
+            made.append(ComparedValue(setting, value, seconds, float(change), same))
     return made
+
+
+def by_seed(rows: pd.DataFrame) -> pd.DataFrame:
+    """Returns the AP of one model: one row per seed and one column per LiDAR."""
+    return rows.pivot_table(index="seed", columns="lidar", values="ap_r1000")
+
+
+def interval(aps: pd.Series) -> Interval:
+    """Returns the mean over seeds with its 95 % interval; NaN as ends if there are too few."""
+    values = aps.dropna().to_list()
+    mean = over_replicates(values)
+    return mean if len(values) >= LEAST_SEEDS else Interval(mean.value, float("nan"), float("nan"))
 
 
 def settings_of(table: pd.DataFrame) -> dict[str, tuple[str, ...]]:
@@ -108,46 +114,28 @@ def _with_usual_others(table: pd.DataFrame, setting: str, usual: dict[str, str])
     return table[keep].assign(**{setting: table[setting].astype(str)})
 
 
-def agrees(rows: pd.DataFrame, reference: pd.DataFrame, *, of_frames: bool = False) -> bool:
+def agrees(aps: pd.DataFrame, reference: pd.DataFrame) -> bool:
     """Returns whether a cheaper model leads to the same conclusions as the most expensive one.
 
-    Two conditions must hold. No LiDAR's AP differs significantly from its AP under the most
-    expensive model. Every pair of LiDARs that differs significantly under the most expensive model
-    also differs significantly, with the same sign, under the cheaper model. The result is False if
-    a row has no bootstrap replicates.
+    Two conditions must hold. The 95 % interval of each LiDAR's change of AP lies within MARGIN_AP
+    to either side. Every pair of LiDARs that differs significantly under the most expensive model
+    also differs significantly, with the same sign, under the cheaper model. Differences are paired
+    by seed. The result is False if there are too few seeds for an interval.
 
     Parameters
     ----------
-    rows, reference : one row per LiDAR of the cheaper and of the most expensive model, both with
-        the same traffic
-    of_frames : tests only the second condition, because models with different frames have no paired
-        replicates
+    aps, reference : results of `by_seed` for the cheaper and for the most expensive model
     """
-    if set(rows.index) != set(reference.index) or not (
-        keeps_replicates(rows) and keeps_replicates(reference)
-    ):
+    if set(aps) != set(reference):
         return False
-    if not of_frames:
-        pairs = [(rows.loc[name], reference.loc[name]) for name in reference.index]
-        if not all(are_pairs(a, b) for a, b in pairs):
-            return False
-        differences = [difference(a, b).measured() for a, b in pairs]
-        if not all(interval.is_known and not interval.is_significant for interval in differences):
-            return False
-    ours, theirs = figures(rows), figures(reference)
+    changes = [interval(aps[lidar] - reference[lidar]) for lidar in reference]
+    if not all(change.low >= -MARGIN_AP and change.high <= MARGIN_AP for change in changes):
+        return False
     return all(
-        ours[a].less(ours[b]).measured().low > 0
-        for a, b in itertools.permutations(theirs, 2)
-        if theirs[a].less(theirs[b]).measured().low > 0
+        interval(aps[a] - aps[b]).low > 0
+        for a, b in itertools.permutations(reference, 2)
+        if interval(reference[a] - reference[b]).low > 0
     )
-
-
-def keeps_replicates(rows: pd.DataFrame) -> bool:
-    return bool((rows.replicates > 0).all())
-
-
-def figures(rows: pd.DataFrame) -> dict[str, comparison.Bootstrapped]:
-    return {str(name): bootstrapped_of(row) for name, row in rows.iterrows()}
 
 
 def recommendation(steps: list[ComparedValue]) -> str:
@@ -166,9 +154,9 @@ def recommendation(steps: list[ComparedValue]) -> str:
     if not parts:
         return "Every cheaper scene model changes a conclusion of the most expensive model."
     return (
-        f"The cheapest scene model that changes no conclusion: {', '.join(parts)}. No AP differs "
-        "significantly from that of the most expensive model, and every significant order of two "
-        "LiDARs is the same."
+        f"The cheapest scene model that changes no conclusion: {', '.join(parts)}. Each AP differs "
+        f"by less than {MARGIN_AP:g} from that of the most expensive model, and every significant "
+        "order of two LiDARs is the same."
     )
 
 
@@ -182,29 +170,28 @@ def _figure(material: Material, table: pd.DataFrame) -> Figure:
             figure, ax = panel(3.2, 2.7)
             shown = [value for value in values if value in set(selected[setting])]
             for i, lidar in enumerate(lidars):
-                rows = selected[selected.lidar == lidar].set_index(setting).reindex(shown)
+                rows = selected[selected.lidar == lidar]
+                aps = [interval(rows[rows[setting] == value].ap_r1000) for value in shown]
                 x = [tick + 0.12 * (i - (len(lidars) - 1) / 2) for tick in range(len(shown))]
-                spread = [rows.ap_r1000 - rows.ap_r1000_low, rows.ap_r1000_high - rows.ap_r1000]
-                look = material.names.look(lidar)
-                ax.errorbar(
-                    x, rows.ap_r1000, spread, linewidth=0.8, **look.style() | {"linestyle": "-"}
-                )
+                spread = [[ap.value - ap.low for ap in aps], [ap.high - ap.value for ap in aps]]
+                style = material.names.look(lidar).style() | {"linestyle": "-", "linewidth": 0.8}
+                ax.errorbar(x, [ap.value for ap in aps], spread, **style)
             seconds = selected.groupby(setting).seconds.mean().reindex(shown)
             labels = [f"{v}\n{s:.3g} s" for v, s in zip(shown, seconds, strict=True)]
             ax.set_xticks(range(len(shown)), labels)
-            ax.set(xlabel=f"{setting}, and CPU time of the run", ylabel=ap_name(selected))
+            ax.set(xlabel=f"{setting}, and CPU time of the run", ylabel="AP (R1000), %")
             panels.append(
                 Panel(setting, svg.inline(figure, f"ladder-{setting}", f"AP by {setting}"))
             )
     caption = (
         "Accuracy against the cost of the simulation: AP of Background on the highway, with 95 % "
-        "intervals. Each panel varies one setting of the scene model."
+        "intervals over traffic seeds. Each panel varies one setting of the scene model."
     )
     source = material.results.source("ladder")
     return Figure("figure-ladder", caption, panels, source, legend(material.names, lidars))
 
 
-def _table(material: Material, steps: list[ComparedValue]) -> Table:
+def _table(material: Material, steps: list[ComparedValue], known: bool) -> Table:
     heads = [Column("Setting"), Column("Value")]
     heads += [Column(c, number=True) for c in ("CPU time, s", "Largest change of AP")]
     rows = [
@@ -213,7 +200,7 @@ def _table(material: Material, steps: list[ComparedValue]) -> Table:
             TableCell(step.value),
             number(step.seconds, ".1f"),
             number(step.change, ".2f"),
-            TableCell(("same" if step.same else "changed") if step.known else "no interval"),
+            TableCell(("same" if step.same else "changed") if known else "no interval"),
         ]
         for step in steps
     ]

@@ -35,8 +35,7 @@ TABLES = {
     "ladder": kind(
         "ladder.csv",
         "detail aggregation frames lidar",
-        "ap ap_low ap_high vehicle_points_per_frame ms_per_frame_set",
-        later="ap_r1000 ap_r1000_low ap_r1000_high value blocks block_s replicates replicates_seed",
+        "seed ap_r1000 vehicle_points_per_frame ms_per_frame_set",
     ),
     "beam": kind("beam.csv", "lidar distance", "vehicles points_per_vehicle in_box"),
     "speed": kind("speed.csv", "what unit", "value"),

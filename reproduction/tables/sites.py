@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterator, Mapping
 
 import pandas as pd
 
-from pyinfra.metrics.replicates import difference
+from pyinfra.metrics.comparison import over_replicates
 from reproduction.tables.common import (
     DETECTORS,
     LIDARS,
@@ -18,7 +18,7 @@ from reproduction.tables.common import (
 )
 
 PEOPLE_POINTS, PEOPLE_BIN_M = 5, 10  # the same values as in the command `people`
-POLE_DETECTORS = DETECTORS | {"background-relearnt": "Background, trained again"}
+POLE_DETECTORS = DETECTORS | {"background-again": "Background, trained again"}
 COMPARED = "6m"
 PLACES = {
     "back": "40 m before the crossing, 6 m",
@@ -111,21 +111,10 @@ def site_ap(row: pd.Series, truth: str) -> str:
 def poles() -> str:
     """Returns a table of AP by number of poles, and of the gain from more poles."""
     rows = []
-    for names, by_poles in of_poles():
-        ap = [
-            with_interval(*by_poles[n][["ap_r1000", "ap_r1000_low", "ap_r1000_high"]])
-            if n in by_poles
-            else ""
-            for n in (1, 2, 4)
-        ]
-        rows.append(
-            [
-                *names,
-                *ap,
-                _less(by_poles.get(2), by_poles.get(1)),
-                _less(by_poles.get(4), by_poles.get(2)),
-            ]
-        )
+    for names, aps in ap_of_poles():
+        ap = [_mean(aps[n, "none"]) if (n, "none") in aps else "" for n in (1, 2, 4)]
+        gains = [_change(aps, (n, "none"), (n // 2, "none")) for n in (2, 4)]
+        rows.append([*names, *ap, *gains])
     heads = ["1 pole", "2 poles", "4 poles", "2 minus 1", "4 minus 2"]
     return markdown(["LiDAR", "detector", *heads], rows)
 
@@ -133,16 +122,20 @@ def poles() -> str:
 def pole_points() -> str:
     """Returns a table of the points on the median vehicle and of Background's false positives.
 
-    A table cell has the values for one, two and four poles.
+    A table cell has the values for one, two and four poles, as means over the traffic seeds.
     """
+    table = results("poles")
+    table = table[(table.error == "none") & (table.ground_truth == "all")]
+    means = (
+        table[table.detector == "background"].groupby(["lidar", "poles"]).mean(numeric_only=True)
+    )
+    columns = {"points_per_vehicle": 0, "background_per_frame": 1, "misplaced_per_frame": 1}
     rows = []
-    for (lidar, detector), by_poles in of_poles():
-        if detector == POLE_DETECTORS["background"]:
-            poles = [by_poles[n] for n in (1, 2, 4)]
-            points = " / ".join(f"{row.points_per_vehicle:.0f}" for row in poles)
-            background = " / ".join(f"{row.background_per_frame:.1f}" for row in poles)
-            misplaced = " / ".join(f"{row.misplaced_per_frame:.1f}" for row in poles)
-            rows.append([lidar, points, background, misplaced])
+    for lidar, words in LIDARS.items():
+        if lidar in means.index:
+            of_lidar = means.loc[lidar].loc[[1, 2, 4]]
+            cells = [" / ".join(f"{v:.{d}f}" for v in of_lidar[c]) for c, d in columns.items()]
+            rows.append([words, *cells])
     heads = ["points on the median vehicle", "boxes on background per frame"]
     return markdown(["LiDAR", *heads, "misplaced boxes per frame"], rows)
 
@@ -183,38 +176,40 @@ def _signed(value: float, low: float, high: float) -> str:
 def pole_errors() -> str:
     """Returns a table of the AP that each clock or pose error costs, with two and four poles."""
     rows = []
-    for names, by_poles in of_poles():
-        for right in (by_poles[n] for n in (2, 4) if n in by_poles):
-            cells = [_less(wrong, right) for wrong in _errors(right)]
-            rows.append([*names, f"{right.poles}", *cells])
+    for names, aps in ap_of_poles():
+        for n in (2, 4):
+            cells = [_change(aps, (n, error), (n, "none")) for error in POLE_ERRORS]
+            if any(cells):
+                rows.append([*names, f"{n}", *cells])
     return markdown(["LiDAR", "detector", "poles", *POLE_ERRORS.values()], rows)
 
 
-def of_poles() -> Iterable[tuple[list[str], dict[int, pd.Series]]]:
-    """Yields the labels [LiDAR, detector] and the rows by number of poles.
+def ap_of_poles() -> Iterator[tuple[list[str], dict[tuple[int, str], pd.Series]]]:
+    """Yields the labels [LiDAR, detector], and the AP by seed of each (number of poles, error).
 
-    The rows are those of ground-truth subset `all` without clock or pose errors.
+    The AP is that of ground-truth subset `all`.
     """
     table = results("poles")
-    right = table[(table.error == "none") & (table.ground_truth == "all")]
+    table = table[table.ground_truth == "all"]
     for detector, (lidar, words) in itertools.product(POLE_DETECTORS, LIDARS.items()):
-        selected = right[(right.lidar == lidar) & (right.arm == detector)]
+        selected = table[(table.lidar == lidar) & (table.detector == detector)]
         if len(selected):
-            rows = {int(row.poles): row for _, row in selected.iterrows()}
-            yield [words, POLE_DETECTORS[detector]], rows
+            groups = selected.groupby(["poles", "error"])
+            by_seed = {key: rows.set_index("seed").ap_r1000 for key, rows in groups}
+            yield [words, POLE_DETECTORS[detector]], by_seed
 
 
-def _errors(right: pd.Series) -> Iterable[pd.Series | None]:
-    """Returns, for each error, the row of the same experiment, or None if there is no row."""
-    table = results("poles")
-    keys = ["lidar", "arm", "poles", "ground_truth"]
-    by_error = table[(table[keys] == right[keys]).all(axis=1)].set_index("error", drop=False)
-    return (by_error.loc[name] if name in by_error.index else None for name in POLE_ERRORS)
+def _mean(values: pd.Series) -> str:
+    """Formats the mean over seeds with its 95 % interval."""
+    mean = over_replicates(values.to_list())
+    return with_interval(mean.value, mean.low, mean.high)
 
 
-def _less(a: pd.Series | None, b: pd.Series | None) -> str:
-    """Formats the paired difference a - b with its interval; returns "" if a row is missing."""
-    if a is None or b is None:
+def _change(
+    aps: Mapping[tuple[int, str], pd.Series], changed: tuple[int, str], to: tuple[int, str]
+) -> str:
+    """Formats the difference, paired by seed, of two entries; returns "" if one is missing."""
+    if changed not in aps or to not in aps:
         return ""
-    change = difference(a, b).measured()
-    return f"{change.value:+.1f} [{change.low:+.1f}, {change.high:+.1f}]"
+    mean = over_replicates((aps[changed] - aps[to]).dropna().to_list())
+    return _signed(mean.value, mean.low, mean.high)

@@ -169,8 +169,8 @@ def experiment_replicates() -> pd.DataFrame:
 
 
 def ladder() -> pd.DataFrame:
-    """Returns models of a scene. With detail `box`, and with 50 frames, the order of two LiDARs is
-    reversed."""
+    """Returns models of a scene with three seeds. With detail `box`, and with 50 frames, the order
+    of two LiDARs is reversed."""
     usual = {"detail": "low", "aggregation": "exact", "frames": 1000}
     models = [
         ({}, 90.0, 80.0),
@@ -184,13 +184,14 @@ def ladder() -> pd.DataFrame:
     ]
     table = pd.DataFrame(
         [
-            {**usual, **model, "lidar": lidar, "ap": ap, "ap_low": ap - 2, "ap_high": ap + 2}
+            {**usual, **model, "lidar": lidar, "seed": seed, "ap_r1000": ap + seed}
             | {"vehicle_points_per_frame": 300.0, "ms_per_frame_set": 20.0}
             for model, *pair in models
             for lidar, ap in zip(("ruby_plus", "helios_16"), pair, strict=True)
+            for seed in (1, 2, 3)
         ]
     )
-    return replicates(table.assign(label_time="frame"), "ap", 1)
+    return table.assign(label_time="frame")
 
 
 def aggregation() -> pd.DataFrame:

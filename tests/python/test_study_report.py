@@ -9,7 +9,6 @@ import report_data
 from report_data import Read
 
 from pyinfra.cli import main
-from pyinfra.metrics.row_selection import with_r1000
 from pyinfra.viz.report.report_data import Material, read_material
 from reproduction.paper_tables import paper_ap
 from reproduction.report import TABLES, ladder
@@ -103,46 +102,50 @@ def test_the_coarsest_model_that_changes_nothing_is_recommended(tmp_path: Path) 
 
 def test_the_cheapest_model_whose_conclusions_stay_is_named(tmp_path: Path) -> None:
     report_data.write(tmp_path, {"ladder.csv": report_data.ladder()})
-    material = read(tmp_path)
-    words, made = ladder.blocks(material)
+    words, made = ladder.blocks(read(tmp_path))
     assert "detail low (1.00 of the time of fine)" in words
     assert "aggregation instant (1.00 of the time of exact)" in words
     assert "frames 500 (0.50 of the time of 1000)" in words
     assert [block.kind for block in made] == ["figure", "table"]
-    same = {(r.setting, r.value): r.same for r in ladder.compared_values(with_seconds(material))}
+    same = {(r.setting, r.value): r.same for r in ladder.compared_values(with_seconds(tmp_path))}
     assert not same["detail", "box"]
     assert not same["frames", "50"]
 
 
-def test_a_ladder_without_replicates_recommends_nothing(tmp_path: Path) -> None:
+def test_a_ladder_with_two_seeds_recommends_nothing(tmp_path: Path) -> None:
     table = report_data.ladder()
-    kept = table[[name for name in table if not name.startswith("replicate")]]
-    report_data.write(tmp_path, {"ladder.csv": kept})
+    report_data.write(tmp_path, {"ladder.csv": table[table.seed < 3]})
     words, _ = ladder.blocks(read(tmp_path))
-    assert words == ladder.NOT_SIGNIFICANT
+    assert words == ladder.TOO_FEW_SEEDS
 
 
-def test_the_parts_of_vehicles_are_a_severity_where_the_ladder_has_them(tmp_path: Path) -> None:
+def test_a_model_with_an_uncertain_change_of_ap_is_not_recommended(tmp_path: Path) -> None:
+    table = report_data.ladder()
+    low = table.detail == "low"
+    table.loc[low & (table.seed == 2), "ap_r1000"] += 3  # the mean change is 1
+    report_data.write(tmp_path, {"ladder.csv": table})
+    same = {(r.setting, r.value): r.same for r in ladder.compared_values(with_seconds(tmp_path))}
+    assert same["detail", "mid"]
+    assert not same["detail", "low"]
+
+
+def test_the_parts_of_vehicles_are_a_setting_where_the_ladder_has_them(tmp_path: Path) -> None:
     usual = report_data.ladder().assign(parts="glass+gap+coat")
-    turned = usual[:2].assign(
-        parts="none", ap=[70.0, 60.0], ap_low=[68.0, 58.0], ap_high=[72.0, 62.0]
-    )
-    bootstrapped = [name for name in turned if name.startswith("replicate_")]
-    turned = report_data.replicates(turned.drop(columns=bootstrapped), "ap", 1)
-    every = usual[:2].assign(parts="all")
+    turned = usual[:6].assign(parts="none", ap_r1000=[70.0, 71.0, 72.0, 60.0, 61.0, 62.0])
+    every = usual[:6].assign(parts="all")
     report_data.write(tmp_path, {"ladder.csv": pd.concat([usual, turned, every])})
-    material = read(tmp_path)
-    words, _ = ladder.blocks(material)
+    words, _ = ladder.blocks(read(tmp_path))
     assert "parts glass+gap+coat (1.00 of the time of all)" in words
-    same = {(r.setting, r.value): r.same for r in ladder.compared_values(with_seconds(material))}
+    same = {(r.setting, r.value): r.same for r in ladder.compared_values(with_seconds(tmp_path))}
     assert same["parts", "glass+gap+coat"]
     assert not same["parts", "none"]
     assert not same["detail", "box"]
-    assert {value for severity, value in same if severity == "label_time"} == {"frame"}
+    assert {value for setting, value in same if setting == "label_time"} == {"frame"}
 
 
-def with_seconds(material: Material) -> pd.DataFrame:
-    return with_r1000(material.results.table("ladder")).assign(seconds=1.0)
+def with_seconds(folder: Path) -> pd.DataFrame:
+    table = read(folder).results.table("ladder")
+    return table.assign(seconds=table.ms_per_frame_set * table.frames.astype(float) / 1000)
 
 
 def test_the_papers_ap_is_complete() -> None:
