@@ -6,7 +6,8 @@ therefore include the variation of traffic, noise and training. docs/verdict_rul
 rules of the study.
 
 With --cut-angles, the same trained detector is also tested on frames of spinning LiDARs whose cut
-angle is turned left by these degrees. The LiDARs are trained at their own cut angle.
+angle is turned left by these degrees. With --training-cut-angles, it is trained on such frames; by
+default it is trained at the LiDAR's own cut angle.
 
 Rows are added to the output as they are made; existing rows are kept. Several processes can share
 the work.
@@ -92,7 +93,10 @@ SETUPS = {
     },
 }
 MAIN = ("fine-tuned", "background", "pretrained")
-KEY = "scene preset lidar detector judge replicate seed subset label_time cut_angle_deg".split()
+KEY = (
+    "scene preset lidar detector judge replicate seed subset label_time training_cut_angle_deg "
+    "cut_angle_deg"
+).split()
 TEXT = ["judge", "label_time", "subset"]  # columns of the key that hold text in each row
 SETTINGS = Settings(ground_truths=SUBSETS)
 
@@ -168,14 +172,15 @@ def turned(lidars: Sequence[Path], degrees: int, folder: Path) -> list[Path]:
     return files
 
 
-def model_of(setup: str, replicate: Replicate, lidar: str, work: Path) -> tuple[Path, float]:
-    """Returns the trained model of an entry of SETUPS, and the CPU seconds of its training."""
-    using = SETUPS[setup]
+def model_of(trained: Trained, work: Path) -> tuple[Path, float]:
+    """Returns the model of a trained detector, and the CPU seconds of its training."""
+    using, replicate, lidar = SETUPS[trained.setup], trained.replicate, trained.lidar
     if using.tier is None:
         return Path(using.detector), 0.0
-    run = work / "runs" / f"{replicate.name}_{lidar}_{setup}"
+    run = work / "runs" / trained.name
     recipe = read_recipe(RECIPES / f"{using.detector}.yaml", using.tier).for_budget(using.budget)
-    data = simulated(replicate, TRAIN_SEEDS_FROM + replicate.replicate, TRAIN_FRAMES, work)
+    angle, seed = trained.training_cut_angle_deg, TRAIN_SEEDS_FROM + replicate.replicate
+    data = simulated(replicate, seed, TRAIN_FRAMES, work, angle)
     test = simulated(replicate, replicate.test_seeds[0], TEST_FRAMES, work)
     split.write(read_data_set(data), split.by_seed(read_data_set(data), read_data_set(test))[0])
     source = read_source(data / lidar, using.tier, classes=recipe.classes)
@@ -225,12 +230,9 @@ def ap_of(result: MatchResult, part: Part | None = None) -> float:
     return float(ap.average_precision(result.ranking(part), ap.R1000_RECALLS)[0])
 
 
-def key_of(setup: str, replicate: Replicate, lidar: str) -> dict[str, object]:
-    using = SETUPS[setup]
-    return {
-        **asdict(replicate),
-        **{"lidar": lidar, "detector": using.detector, "judge": using.role},
-    }
+def at_own_cut_angle(table: pd.DataFrame) -> pd.DataFrame:
+    """Returns the rows of a table of experiments in which no cut angle is turned."""
+    return table[(table.cut_angle_deg == 0) & (table.training_cut_angle_deg == 0)]
 
 
 @dataclass(frozen=True)
@@ -241,10 +243,24 @@ class Trained:
     replicate: Replicate
     lidar: str
     cut_angles_deg: tuple[int, ...] = (0,)
+    training_cut_angle_deg: int = 0
 
     @property
     def name(self) -> str:
-        return f"{self.replicate.name}_{self.lidar}_{self.setup}"
+        angle = self.training_cut_angle_deg
+        return f"{self.replicate.name}_{self.lidar}_{self.setup}" + f"_cut_{angle}" * bool(angle)
+
+    @property
+    def key(self) -> dict[str, object]:
+        """The columns of the table that all tests of this detector share."""
+        using = SETUPS[self.setup]
+        return {
+            **asdict(self.replicate),
+            "lidar": self.lidar,
+            "detector": using.detector,
+            "judge": using.role,
+            "training_cut_angle_deg": self.training_cut_angle_deg,
+        }
 
     @property
     def tests(self) -> list[tuple[int, int]]:
@@ -254,9 +270,8 @@ class Trained:
 
     def is_done(self, out: Path) -> bool:
         """Returns whether the table `out` has all rows of the tests."""
-        key = key_of(self.setup, self.replicate, self.lidar)
         wanted = [
-            {**key, "seed": seed, "cut_angle_deg": angle, "subset": subset}
+            {**self.key, "seed": seed, "cut_angle_deg": angle, "subset": subset}
             for (seed, angle), subset in itertools.product(self.tests, SUBSETS)
         ]
         return all(store.has_each(store.read(out, KEY), wanted))
@@ -264,22 +279,23 @@ class Trained:
 
 def fill(trained: Trained, work: Path, out: Path) -> None:
     """Adds the rows of one trained detector, unless another process is computing them."""
-    setup, replicate, lidar = trained.setup, trained.replicate, trained.lidar
-    key = key_of(setup, replicate, lidar)
+    replicate = trained.replicate
 
     def run() -> None:
-        model, seconds = model_of(setup, replicate, lidar, work)
+        model, seconds = model_of(trained, work)
         rows: list[dict[str, object]] = []
         for seed, angle in trained.tests:
             data = simulated(replicate, seed, TEST_FRAMES, work, angle)
             predictions = work / "predictions" / f"{trained.name}_{seed}_{angle}"
-            tested = rows_of_test(model, data / lidar, predictions)
-            rows += [{**key, "seed": seed, "cut_angle_deg": angle, **row} for row in tested]
+            tested = rows_of_test(model, data / trained.lidar, predictions)
+            rows += [{**trained.key, "seed": seed, "cut_angle_deg": angle, **row} for row in tested]
             shutil.rmtree(predictions)
         words = f"experiments --scenes {replicate.scene} --presets {replicate.preset}"
         words += f" --label-times {replicate.label_time}"
         if len(trained.cut_angles_deg) > 1:
             words += f" --cut-angles {' '.join(map(str, trained.cut_angles_deg))}"
+        if trained.training_cut_angle_deg:
+            words += f" --training-cut-angles {trained.training_cut_angle_deg}"
         columns = {"train_cpu_s": round(seconds, 1), **provenance(words)}
         table = pd.DataFrame(rows).assign(**columns)
         store.put(out, table[[*KEY, *(name for name in table if name not in KEY)]], KEY)
@@ -308,6 +324,14 @@ def main() -> None:
         help="angles by which the cut angles of spinning LiDARs are turned left in the tests",
     )
     parser.add_argument(
+        "--training-cut-angles",
+        nargs="+",
+        type=int,
+        default=[0],
+        metavar="DEGREES",
+        help="as --cut-angles, of the frames of the training",
+    )
+    parser.add_argument(
         "--lidars",
         nargs="+",
         choices=LIDARS,
@@ -321,8 +345,11 @@ def main() -> None:
     ):
         replicate = Replicate(scene, preset, label_time, number)
         detectors = [
-            Trained(setup, replicate, lidar, tuple(args.cut_angles))
-            for lidar, setup in itertools.product(replicate.named(args.lidars), args.setups)
+            Trained(setup, replicate, lidar, tuple(args.cut_angles), angle)
+            for lidar, setup, angle in itertools.product(
+                replicate.named(args.lidars), args.setups, args.training_cut_angles
+            )
+            if lidar in SPINNING or angle == 0
         ]
         for trained in detectors:
             fill(trained, args.work, args.out)

@@ -24,7 +24,7 @@ from pyinfra.core.errors import Error
 from pyinfra.experiments import store
 from pyinfra.metrics.comparison import over_replicates
 from reproduction import add_out, provenance
-from reproduction.commands.experiments import TEXT
+from reproduction.commands.experiments import TEXT, at_own_cut_angle
 from reproduction.tables.common import results
 
 LEVEL = 1 - 0.05 / 3  # confidence level of each test, after 3, 5 and 10 replicates
@@ -140,7 +140,7 @@ def claims(table: pd.DataFrame) -> Iterator[dict[str, object]]:
 
     Tests at turned cut angles are left out.
     """
-    original = table[table.cut_angle_deg == 0]
+    original = at_own_cut_angle(table)
     table = original.assign(
         lidar=original.lidar.where(~original.lidar.str.contains("avia"), "avia")
     )
@@ -177,7 +177,7 @@ def main() -> None:
     add_out(parser, "claims.csv")
     args = parser.parse_args()
     table = store.read(args.experiments, TEXT)
-    check_pairs(table[table.cut_angle_deg == 0])
+    check_pairs(at_own_cut_angle(table))
     for line in missing(table):
         print(f"warning: {line}", file=sys.stderr)
     rows = pd.DataFrame(claims(table)).assign(**provenance("verdicts"))

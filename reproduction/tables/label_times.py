@@ -22,6 +22,7 @@ def _aps(subset: str = "captured") -> Iterator[tuple[tuple[str, str, str], Aps]]
     """Yields scene, preset and setup, with AP for both label times and several cut angles."""
     table = results("experiments")
     table = table[(table.subset == subset) & table["judge"].isin(SETUPS)]
+    table = table[table.training_cut_angle_deg == 0]
     for key, part in table.groupby(["scene", "preset", "judge"], sort=False):
         aps = {
             (str(lidar), str(label_time)): rows.pivot_table(

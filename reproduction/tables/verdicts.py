@@ -9,6 +9,7 @@ import pandas as pd
 
 from pyinfra.metrics.comparison import over_replicates
 from pyinfra.metrics.intervals import student
+from reproduction.commands.experiments import at_own_cut_angle
 from reproduction.commands.variance import DIFFERENCE
 from reproduction.commands.verdicts import LEAST_REPLICATES, LEVEL, LEVEL_AP, TOO_FEW
 from reproduction.tables.common import LIDARS, markdown, results
@@ -59,12 +60,9 @@ def _verdict(rows: pd.DataFrame, key: tuple[str, ...]) -> str:
 
 def _aps(subset: str, setup: str = "fine-tuned") -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
     """Yields the AP of each scene and preset: one row per replicate and one column per LiDAR."""
-    table = results("experiments")
+    table = at_own_cut_angle(results("experiments"))
     table = table[
-        (table.subset == subset)
-        & (table["judge"] == setup)
-        & (table.label_time == "scan")
-        & (table.cut_angle_deg == 0)
+        (table.subset == subset) & (table["judge"] == setup) & (table.label_time == "scan")
     ]
     for (scene, preset), rows in table.groupby(["scene", "preset"], sort=False):
         wide = rows.pivot_table(index="replicate", columns="lidar", values="ap_r1000")

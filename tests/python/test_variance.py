@@ -28,7 +28,12 @@ def table(replicates: int = 400) -> pd.DataFrame:
                 {
                     **{"scene": scene, "preset": "paper", "judge": "background", "lidar": lidar},
                     "detector": "background",
-                    **{"label_time": "scan", "subset": "captured", "cut_angle_deg": 0},
+                    **{
+                        "label_time": "scan",
+                        "subset": "captured",
+                        "cut_angle_deg": 0,
+                        "training_cut_angle_deg": 0,
+                    },
                     **{"replicate": r, "seed": seed, "ap_r1000": ap, "ap_r1000_frames_sd": FRAMES},
                 }
             )

@@ -28,7 +28,7 @@ def table(replicates: int = 3, avia: str = "livox_avia") -> pd.DataFrame:
         row = {
             **{"scene": "highway", "preset": "paper", "lidar": lidar, "replicate": r},
             **{"detector": "generalist", "judge": "fine-tuned", "label_time": "scan"},
-            **{"cut_angle_deg": 0, "version": "1", "frames": 107},
+            **{"cut_angle_deg": 0, "training_cut_angle_deg": 0, "version": "1", "frames": 107},
             **{"seed": 2 * r - 1 + test, "ap_r1000": ap, "ap_r1000_near": ap + 1},
             **{"ap_r1000_far": ap - (4 if lidar == avia else 9), "p_hqda": ap / 2},
         }
