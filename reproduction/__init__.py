@@ -46,6 +46,17 @@ def add_out(
     )
 
 
+def add_seeds(parser: argparse.ArgumentParser) -> None:
+    """Adds the option that names the traffic seeds of the measurement."""
+    parser.add_argument(
+        "--seeds",
+        nargs="+",
+        type=int,
+        default=[1, 2, 3],
+        help="traffic seeds; a seed also seeds the training (default: 1 2 3)",
+    )
+
+
 def provenance(command: str) -> dict[str, str]:
     """Returns the columns that record a row's origin: version, machine and command.
 

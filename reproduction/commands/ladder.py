@@ -35,7 +35,7 @@ from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
-from reproduction import ROOT, add_out, provenance
+from reproduction import ROOT, add_out, add_seeds, provenance
 from reproduction.report.ladder import SETTINGS
 
 LIDARS = ["ruby_plus", "livox_avia", "pandar_64", "helios_16"]
@@ -124,13 +124,7 @@ def main() -> None:
         "--work", type=Path, required=True, help="working folder for frames, about 2 GB"
     )
     add_out(parser, "ladder.csv")
-    parser.add_argument(
-        "--seeds",
-        nargs="+",
-        type=int,
-        default=[1, 2, 3],
-        help="traffic seeds; a seed also seeds the training (default: 1 2 3)",
-    )
+    add_seeds(parser)
     parser.add_argument(
         "--preset", default="datasheet", help="preset of the LiDARs (default: %(default)s)"
     )

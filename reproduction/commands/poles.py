@@ -43,7 +43,7 @@ from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
-from reproduction import ROOT, add_out, provenance
+from reproduction import ROOT, add_out, add_seeds, provenance
 
 SCENE = "crossroad_poles"
 LIDARS = ("helios_16", "livox_avia", "ruby_plus", "pandar_64")
@@ -233,13 +233,7 @@ def main() -> None:
         "--work", type=Path, required=True, help="working folder for frames, about 10 GB"
     )
     add_out(parser, "poles.csv")
-    parser.add_argument(
-        "--seeds",
-        nargs="+",
-        type=int,
-        default=[1, 2, 3],
-        help="traffic seeds; a seed also seeds the training (default: 1 2 3)",
-    )
+    add_seeds(parser)
     parser.add_argument(
         "--lidars",
         nargs="+",
