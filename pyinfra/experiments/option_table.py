@@ -26,7 +26,7 @@ class Shortfall:
 
     of: Literal["price", "ap", "latency"]
     reason: str
-    relax: str  # argument of `recommend` that the option would meet; empty if none exists
+    relax: str  # the requirement that the option would meet; empty if there is none
     share: float  # how far the option misses the requirement, as a share of the requirement
 
 
@@ -165,30 +165,30 @@ def shortfalls(option: Option, requirements: Requirements) -> list[Shortfall]:
     missed = []
     if option.price_usd > requirements.budget_usd:
         over = option.price_usd / requirements.budget_usd - 1
-        relax = f"`budget_usd` {math.ceil(option.price_usd)}"
+        relax = f"a budget of {math.ceil(option.price_usd)} USD"
         missed.append(Shortfall("price", f"costs {price(option, requirements)}", relax, over))
     ap, counted = option.ap_whole.value, COUNTED[option.whole]
     if not ap >= requirements.min_ap:
-        relax = f"`min_ap` {math.floor(10 * ap) / 10:g}" if ap >= 2 else ""
+        relax = f"a minimum AP of {math.floor(10 * ap) / 10:g}" if ap >= 2 else ""
         reason = f"AP {ap:.1f} of {counted}" if math.isfinite(ap) else f"no AP of {counted}"
         missed.append(Shortfall("ap", reason, relax, 1 - ap / requirements.min_ap))
     if not option.latency_ms <= requirements.latency_ms:
         known = math.isfinite(option.latency_ms)
-        relax = f"`latency_ms` {math.ceil(option.latency_ms)}" if known else ""
+        relax = f"a latency of {math.ceil(option.latency_ms)} ms" if known else ""
         share = option.latency_ms / requirements.latency_ms - 1 if known else math.inf
         missed.append(Shortfall("latency", latency(option), relax, share))
     return missed
 
 
 def relaxation(broken: Sequence[Shortfall], requirements: Requirements) -> str:
-    """Returns as text the arguments of `recommend` that an option would meet.
+    """Returns as text the requirements that an option would meet.
 
-    If no argument would help, the text asks for a measured latency.
+    If no other requirement would help, the text asks for a measured latency.
     """
-    words = " ".join(missed.relax for missed in broken if missed.relax)
-    unknown = any(not missed.relax for missed in broken)
-    measured = f"a measured latency of {requirements.latency_ms:g} ms or less" if unknown else ""
-    return " and ".join(text for text in (words, measured) if text)
+    words = [missed.relax for missed in broken if missed.relax]
+    if len(words) < len(broken):
+        words.append(f"a measured latency of {requirements.latency_ms:g} ms or less")
+    return " and ".join(words)
 
 
 def latency(option: Option) -> str:

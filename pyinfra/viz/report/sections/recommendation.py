@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -22,11 +21,6 @@ from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.value import spelled
 
 NEEDED = ("experiments", "value", "distance")
-RELAXED = {  # arguments of `recommend` in words
-    "budget_usd": r"a budget of \1 USD",
-    "min_ap": r"a minimum AP of \1",
-    "latency_ms": r"a latency of \1 ms",
-}
 
 
 def can_answer(material: Material) -> bool:
@@ -54,7 +48,7 @@ def answers(material: Material, scenes: Sequence[str]) -> list[SceneAnswer]:
 
 def blocks(material: Material, one: SceneAnswer, *, alone: bool) -> list[Block]:
     """Returns the options of a scene as a table, and remarks on them, open if it is alone."""
-    remarks = [spelled(material, in_words(remark)) for remark in one.answer.remarks]
+    remarks = [spelled(material, remark) for remark in one.answer.remarks]
     table = [_table(material, one)] if one.answer.named else []
     return [*table, Remarks(f"Remarks on the options: {one.scene}", remarks, not alone)]
 
@@ -99,16 +93,8 @@ def sentence(material: Material, one: SceneAnswer, *, alone: bool) -> str:
         return f"{text}{name}. {result}."
     return (
         f"{text}no option meets the requirements. The nearest is {name}: {result}. It meets the "
-        f"requirements with {in_words(answer.relax[0])}."
+        f"requirements with {answer.relax[0]}."
     )
-
-
-def in_words(text: str) -> str:
-    """Returns a remark with requirements in words, as in "a budget of 900 USD"."""
-    text = re.sub(r"(?<=\d) (?=`)", " and ", text)
-    for name, words in RELAXED.items():
-        text = re.sub(rf"`{name}` ([\d.]*\d)", words, text)
-    return text.replace("`", "")
 
 
 def _asked(requirements: Requirements) -> str:
@@ -152,7 +138,7 @@ def _row(material: Material, option: Option, relax: str) -> list[TableCell]:
         _covered(option),
         number(option.latency_ms, ".0f"),
     ]
-    return [*cells, TableCell(in_words(relax))] if relax else cells
+    return [*cells, TableCell(relax)] if relax else cells
 
 
 def _covered(option: Option) -> TableCell:
