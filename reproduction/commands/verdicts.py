@@ -2,7 +2,8 @@
 
 A claim's value in a replicate is the mean over the replicate's test seeds. The interval is
 Student's t interval over replicates. Its confidence level is 1 - 0.05 / 3, because a claim can be
-tested three times: after 3, 5 and 10 replicates. The command writes results/claims.csv:
+tested three times: after 3, 5 and 10 replicates. Replicates that lack a LiDAR are left out, and so
+are those after the last of these numbers. The command writes results/claims.csv:
 
     python -m reproduction verdicts results/experiments.csv --out results/claims.csv
 """
@@ -27,8 +28,9 @@ from reproduction import add_out, provenance
 from reproduction.commands.experiments import TEXT, at_own_cut_angle
 from reproduction.tables.common import results
 
-LEVEL = 1 - 0.05 / 3  # confidence level of each test, after 3, 5 and 10 replicates
-LEAST_REPLICATES = 3
+TESTS_AFTER = (3, 5, 10)  # numbers of replicates after which a claim is tested
+LEVEL = 1 - 0.05 / len(TESTS_AFTER)  # confidence level of each test
+LEAST_REPLICATES = TESTS_AFTER[0]
 LEVEL_AP = 80.0  # the AP that the claim `value` requires
 WIDE, MIDDLE = "ruby_plus", "pandar_64"
 SPINNING = [WIDE, MIDDLE, "helios_16"]
@@ -135,6 +137,12 @@ def missing(table: pd.DataFrame) -> Iterator[str]:
                 yield f"{' '.join(map(str, key))}: {lidar} has no replicate {numbers}"
 
 
+def tested(means: pd.DataFrame) -> pd.DataFrame:
+    """Returns the replicates that count: complete ones, up to a number in TESTS_AFTER."""
+    complete = means[means.ap_r1000.notna().all(axis=1)]
+    return complete[: max((n for n in TESTS_AFTER if n <= len(complete)), default=None)]
+
+
 def claims(table: pd.DataFrame) -> Iterator[dict[str, object]]:
     """Yields a row for each claim, scene, preset, judge, label time and subset.
 
@@ -145,8 +153,8 @@ def claims(table: pd.DataFrame) -> Iterator[dict[str, object]]:
         lidar=original.lidar.where(~original.lidar.str.contains("avia"), "avia")
     )
     for key, rows in table.groupby(GROUP, sort=False):
-        means = rows.pivot_table(
-            index="replicate", columns="lidar", aggfunc="mean", values=MEASURES
+        means = tested(
+            rows.pivot_table(index="replicate", columns="lidar", aggfunc="mean", values=MEASURES)
         )
         for claim in CLAIMS:
             if key[-1] not in claim.subsets or not {"avia", *SPINNING} <= set(rows.lidar):

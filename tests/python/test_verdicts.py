@@ -69,6 +69,22 @@ def test_two_replicates_have_no_interval() -> None:
     assert row.verdict == "too few replicates"
 
 
+def as_replicate(data: pd.DataFrame, number: int) -> pd.DataFrame:
+    """Returns the rows of replicate 1 as another replicate."""
+    first = data[data.replicate == 1]
+    return first.assign(replicate=number, seed=first.seed + 2 * (number - 1))
+
+
+@pytest.mark.parametrize("lacking", ["", "pandar_64"])
+def test_replicates_count_if_complete_and_up_to_a_planned_test(lacking: str) -> None:
+    data = table()
+    fourth, fifth = as_replicate(data, 4), as_replicate(data, 5)
+    four = pd.concat([data, fourth], ignore_index=True)
+    pd.testing.assert_frame_equal(rows_of(four), rows_of(data))
+    five = pd.concat([four, fifth[fifth.lidar != lacking]], ignore_index=True)
+    assert set(rows_of(five).replicates) == {3 if lacking else 5}
+
+
 def test_the_loss_with_distance_is_compared_with_the_best_spinning_lidar() -> None:
     row = rows_of(table()).loc["gentle", "captured"]
     assert (row.value, row.verdict) == (pytest.approx(5), "holds")
