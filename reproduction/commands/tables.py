@@ -82,7 +82,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "plans": placement.plans,
     "times of plans": placement.plan_times,
     "16 lines or 128": partial(placement.placement, "units"),
-    "detectors on the highway, paper": partial(findings.detectors, "highway", "paper"),
+    "detectors on the highway, paper": partial(verdicts.detectors, "highway", "paper"),
 }
 
 

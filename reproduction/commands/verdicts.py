@@ -34,6 +34,7 @@ LEAST_REPLICATES = TESTS_AFTER[0]
 LEVEL_AP = 80.0  # the AP that the claim `value` requires
 WIDE, MIDDLE = "ruby_plus", "pandar_64"
 SPINNING = [WIDE, MIDDLE, "helios_16"]
+PAIR = ("avia", WIDE)
 MEASURES = ["ap_r1000", "ap_r1000_near", "ap_r1000_far", "p_hqda"]
 TOO_FEW = "too few replicates"
 CHEAPER = "fails, as a cheaper LiDAR reaches it"
@@ -52,6 +53,7 @@ class Claim:
     low: float  # the claim holds if its interval lies between low and high
     high: float
     precision: float
+    lidars: tuple[str, ...] = ("avia", *SPINNING)  # LiDARs that `values` needs
 
 
 def less(column: str, a: str, b: str) -> Values:
@@ -83,10 +85,10 @@ def cheaper(lidars: Collection[str]) -> list[str]:
 
 
 CLAIMS = (
-    Claim("comparable", less("ap_r1000", "avia", WIDE), ("captured", "common"), -3, 3, 1.5),
+    Claim("comparable", less("ap_r1000", *PAIR), ("captured", "common"), -3, 3, 1.5, PAIR),
     Claim("64-below", less("ap_r1000", MIDDLE, "avia"), ("captured",), -math.inf, 0, 1.5),
     Claim("gentle", gentle, ("captured",), 0, math.inf, 3),
-    Claim("areas", less("p_hqda", "avia", WIDE), ("captured",), 0, math.inf, 5),
+    Claim("areas", less("p_hqda", *PAIR), ("captured",), 0, math.inf, 5, PAIR),
     Claim("value", above_level, ("present",), 0, math.inf, 1.5),
 )
 
@@ -157,7 +159,7 @@ def claims(table: pd.DataFrame) -> Iterator[dict[str, object]]:
             rows.pivot_table(index="replicate", columns="lidar", aggfunc="mean", values=MEASURES)
         )
         for claim in CLAIMS:
-            if key[-1] not in claim.subsets or not {"avia", *SPINNING} <= set(rows.lidar):
+            if key[-1] not in claim.subsets or not set(claim.lidars) <= set(rows.lidar):
                 continue
             low, high = interval(values := claim.values(means).dropna().to_numpy(np.float64))
             decided = verdict(claim, low, high)

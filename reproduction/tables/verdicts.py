@@ -11,14 +11,27 @@ from pyinfra.metrics.comparison import over_replicates
 from pyinfra.metrics.intervals import student
 from reproduction.commands.experiments import at_own_cut_angle
 from reproduction.commands.variance import DIFFERENCE
-from reproduction.commands.verdicts import LEAST_REPLICATES, LEVEL, LEVEL_AP, TOO_FEW
-from reproduction.tables.common import LIDARS, markdown, results
+from reproduction.commands.verdicts import LEAST_REPLICATES, LEVEL, LEVEL_AP, TOO_FEW, WIDE
+from reproduction.tables.common import (
+    DETECTORS,
+    LIDARS,
+    markdown,
+    results,
+    with_interval_of_ap,
+)
 
 SETUPS = {
     "fine-tuned": "fine-tuned",
     "background": "Background",
     "pretrained": "pretrained, not fine-tuned",
 }
+TRAINED = {  # detectors by (judge, detector)
+    ("fine-tuned", "generalist"): "pretrained, fine-tuned",
+    ("pretrained", "generalist"): "pretrained, not fine-tuned",
+    **{("from nothing", name): words for name, words in DETECTORS.items()},
+    ("background", "background"): "Background",
+}
+AVIA = "livox_avia"
 COMPONENTS = {
     "judge": "detector (judge)",
     "scene": "scene",
@@ -77,7 +90,7 @@ def _name(lidar: str) -> str:
 def _mean(values: pd.Series) -> str:
     """Formats the mean over replicates with its 95 % interval."""
     mean = over_replicates(values.dropna().to_list())
-    return f"{mean.value:.1f} [{mean.low:.1f}, {mean.high:.1f}]"
+    return with_interval_of_ap(mean.value, mean.low, mean.high)
 
 
 def average_precision(subset: str = "captured") -> str:
@@ -89,6 +102,28 @@ def average_precision(subset: str = "captured") -> str:
         names = ["ruby_plus", avia, "pandar_64", "helios_16"]
         rows.append([*pair, *(_mean(aps[name]) if name in aps else "" for name in names)])
     return markdown(heads, rows)
+
+
+def detectors(scene: str, preset: str, subset: str = "captured") -> str:
+    """Returns the AP of each detector with 128 lines and the Avia, and the paired difference.
+
+    A detector with one replicate has no interval. The CPU seconds of the training are the mean over
+    both LiDARs.
+    """
+    table = at_own_cut_angle(results("experiments"))
+    keep = (table.scene == scene) & (table.preset == preset) & (table.subset == subset)
+    table = table[keep & (table.label_time == "scan")]
+    rows = []
+    for (setup, name), words in TRAINED.items():
+        part = table[(table["judge"] == setup) & (table.detector == name)]
+        aps = part.pivot_table(index="replicate", columns="lidar", values="ap_r1000")
+        if {WIDE, AVIA} <= set(aps):
+            aps = aps.dropna(subset=[WIDE, AVIA])
+            cells = [_mean(aps[WIDE]), _mean(aps[AVIA]), _mean(aps[AVIA] - aps[WIDE])]
+            seconds = part[part.lidar.isin([WIDE, AVIA])].train_cpu_s.mean()
+            rows.append([words, *cells, str(len(aps)), f"{seconds:.0f}" if seconds else ""])
+    heads = ["detector", "128 lines", "Avia", "Avia less 128 lines", "replicates"]
+    return markdown([*heads, "training, CPU s"], rows)
 
 
 def bias() -> str:

@@ -85,6 +85,13 @@ def test_replicates_count_if_complete_and_up_to_a_planned_test(lacking: str) -> 
     assert set(rows_of(five).replicates) == {3 if lacking else 5}
 
 
+def test_two_lidars_are_enough_for_a_claim_about_two() -> None:
+    data = table()
+    pair = rows_of(data[data.lidar.isin(("livox_avia", "ruby_plus"))])
+    assert set(pair.index.get_level_values("claim")) == {"comparable", "areas"}
+    pd.testing.assert_frame_equal(pair, rows_of(data).loc[pair.index])
+
+
 def test_the_loss_with_distance_is_compared_with_the_best_spinning_lidar() -> None:
     row = rows_of(table()).loc["gentle", "captured"]
     assert (row.value, row.verdict) == (pytest.approx(5), "holds")
