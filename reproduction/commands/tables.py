@@ -25,6 +25,7 @@ from reproduction.tables import (
     placement,
     simulator,
     sites,
+    stress,
     verdicts,
 )
 
@@ -47,6 +48,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "gain by fine-tuning": verdicts.bias,
     "label times": label_times.label_times,
     "cut angles": label_times.cut_angles,
+    "cut angles of the training": label_times.training_cut_angles,
     "comparison at label times": label_times.comparison,
     "variance": verdicts.variance,
     "seeds": verdicts.seeds,
@@ -64,7 +66,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "detector latency": networks.detector_latency,
     "generalist": networks.generalist,
     "compared with site-trained detectors": networks.compared_with_site_trained,
-    "stress_generalist": networks.stress_generalist,
+    "stress": stress.stress,
     "unseen": networks.unseen,
     "unseen pose": networks.unseen_pose,
     "unseen shown": networks.unseen_shown,

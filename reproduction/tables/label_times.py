@@ -14,6 +14,7 @@ from reproduction.tables.common import LIDARS, markdown, results, with_interval_
 from reproduction.tables.verdicts import SETUPS
 
 LABEL_TIMES = {"scan": "scan time", "frame": "mid-frame"}
+ANGLES_DEG = (0, 90, 180, 270)  # cut angles of the tests
 WIDE, NARROW = "ruby_plus", "livox_avia"
 Aps = dict[tuple[str, str], pd.DataFrame]  # by LiDAR and label time: replicates x cut angles
 
@@ -54,15 +55,22 @@ def cut_angles() -> str:
     `p` is the probability of differences as large or larger if the angle has no effect (F test
     with replicates as blocks).
     """
-    rows, angles = [], [0, 90, 180, 270]
+    rows = []
     for key, aps in _aps():
         for (lidar, label_time), table in aps.items():
-            if len(table.columns) == len(angles):
-                means = [f"{table[angle].mean():.1f}" for angle in angles]
+            if len(table.columns) == len(ANGLES_DEG):
+                means = [f"{table[angle].mean():.1f}" for angle in ANGLES_DEG]
                 p = _probability(table.to_numpy(float))
                 text = "<0.01" if p < 0.01 else f"{p:.2f}"
                 rows.append([*key, LIDARS[lidar], LABEL_TIMES[label_time], *means, text])
-    heads = ["scene", "preset", "detector", "LiDAR", "labels at", *(f"{a} degrees" for a in angles)]
+    heads = [
+        "scene",
+        "preset",
+        "detector",
+        "LiDAR",
+        "labels at",
+        *(f"{a} degrees" for a in ANGLES_DEG),
+    ]
     return markdown([*heads, "p"], rows)
 
 
@@ -74,6 +82,29 @@ def _probability(table: FloatArray) -> float:
     between = blocks * (effect**2).sum() / (groups - 1)
     within = ((centred - effect) ** 2).sum() / ((groups - 1) * (blocks - 1))
     return float(stats.f.sf(between / within, groups - 1, (groups - 1) * (blocks - 1)))
+
+
+def training_cut_angles(subset: str = "captured") -> str:
+    """Returns the AP of detectors that were trained at several cut angles with mid-frame labels.
+
+    Each row is one cut angle of the training, and each column one of the tests.
+    """
+    table = results("experiments")
+    table = table[(table.subset == subset) & (table.label_time == "frame")]
+    groups = table.groupby(["scene", "preset", "judge", "lidar"], sort=False)
+    rows = []
+    for (scene, preset, setup, lidar), part in groups:
+        if part.training_cut_angle_deg.nunique() > 1:
+            for angle, tests in part.groupby("training_cut_angle_deg"):
+                aps = tests.pivot_table(
+                    index="replicate", columns="cut_angle_deg", values="ap_r1000"
+                )
+                cells = [_mean(aps[test]) for test in ANGLES_DEG]
+                rows.append(
+                    [scene, preset, SETUPS[setup], LIDARS[lidar], f"{angle} degrees", *cells]
+                )
+    heads = ["scene", "preset", "detector", "LiDAR", "trained at"]
+    return markdown([*heads, *(f"tested at {a}" for a in ANGLES_DEG)], rows)
 
 
 def comparison() -> str:

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.metrics.comparison import over_replicates
-from pyinfra.metrics.row_selection import AP_R1000
 from reproduction.tables.common import (
     LEAST_BOXES,
     LIDARS,
@@ -25,11 +24,6 @@ ARMS = {
     "tuned_120": "fine-tuned, 120 steps",
     "site_trained": "site-trained",
 }
-STRESSED = {
-    "background": "Background",
-    "centerpoint": "CenterPoint-Pillar",
-    "generalist": "generalist",
-}  # label of a detector by the last part of its run's name
 HELD_OUT = (
     "hesai_ot128",
     "hesai_xt32",
@@ -191,39 +185,6 @@ def fairness() -> str:
     return markdown(
         ["scene", "seed", "LiDAR", "not fine-tuned", "fine-tuned, 120 steps", "gain"], rows
     )
-
-
-def stress_generalist() -> str:
-    """Returns a table of stress test results of three detectors with two LiDARs.
-
-    Rows of stressors with numeric severities have the severity at which AP has fallen by 10, and
-    the severity at which it has fallen to half. Rows of named severities have the AP.
-    """
-    curves, trials = (
-        results(name).assign(network=lambda t: t.run.str.rsplit("_", n=1).str[-1])
-        for name in ("stress_generalist_summary", "stress_generalist")
-    )
-    columns = [(lidar, network) for lidar in curves.lidar.unique() for network in STRESSED]
-    rows = [[f"{AP_R1000} without stress", *(_unstressed(trials, *pair) for pair in columns)]]
-    for (stressor, unit), group in curves[curves.unit != "name"].groupby(
-        ["stressor", "unit"], sort=False
-    ):
-        severities = group.set_index(["lidar", "network"])[["falls_by_10", "falls_to_half"]]
-        falls = (" / ".join(severities.loc[c]) if c in severities.index else "" for c in columns)
-        rows.append([f"{stressor}, {unit}", *falls])
-    names = trials[trials.unit == "name"]
-    for (stressor, severity), group in names.groupby(["stressor", "severity"], sort=False):
-        ap = group.set_index(["lidar", "network"]).ap_r1000
-        cells = (f"{ap[c]:.0f}" if c in ap.index else "" for c in columns)
-        rows.append([f"{stressor}: {severity}", *cells])
-    return markdown(["stressor", *(f"{LIDARS[a]}: {STRESSED[b]}" for a, b in columns)], rows)
-
-
-def _unstressed(trials: pd.DataFrame, lidar: str, network: str) -> str:
-    selected = trials[
-        (trials.stressor == "none") & (trials.lidar == lidar) & (trials.network == network)
-    ]
-    return with_interval_of_ap(*ends(selected.iloc[0], "ap_r1000"))
 
 
 def detector_latency() -> str:

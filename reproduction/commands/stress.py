@@ -1,0 +1,126 @@
+"""Tests with several traffic seeds under which stress detectors fail.
+
+The scene is the highway with preset `datasheet`. For each seed and LiDAR, Background and the
+pretrained detector are trained on the first part of the frames. These two, and the pretrained
+detector without further training, are tested on the last part under growing stress. The command
+adds the rows of each detector to out/stress.csv as soon as they are computed. Existing rows are not
+computed again, and several processes can share the work.
+
+    python -m reproduction stress --work data/stress
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import shutil
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from pyinfra.core.files import held
+from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.runs import infrasim
+from pyinfra.experiments import store
+from pyinfra.experiments.benchmark.frames import split_by_time
+from pyinfra.experiments.benchmark.matrix import Parts
+from pyinfra.experiments.stress.runner import stress
+from pyinfra.formats.csv_table import read_csv
+from pyinfra.models.training.recipe import read_recipe
+from pyinfra.models.training.sources import read_source
+from pyinfra.models.training.train import train
+from reproduction import ROOT, add_out, add_seeds, provenance
+
+SCENE, PRESET, FRAMES = "highway", "datasheet", "0:5000:11"
+LIDARS = ("ruby_plus", "livox_avia")
+TRAINED = {"background": "background", "fine-tuned": "generalist"}  # detector file by setup
+SETUPS = (*TRAINED, "pretrained")
+# Other LiDARs, scenes and presets are tested by `reproduction unseen`.
+STRESSORS = (
+    *("drop_out", "rain", "fog", "range_noise", "height_error", "roll_error", "pitch_error"),
+    *("yaw_error", "lost_lines", "blocked_sector", "density", "speed", "tilt", "cut_angle"),
+    *("phase", "vehicle_class"),
+)
+KEY = ["lidar", "setup", "seed", "stressor", "severity"]
+MEASURES = "unit frames objects ap_r1000 background_per_frame position_error_m".split()
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One detector with one LiDAR and one traffic seed, under all stressors."""
+
+    lidar: str
+    setup: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        return f"{self.lidar}_{self.setup}_{self.seed}"
+
+    def is_done(self, out: Path) -> bool:
+        return store.has(store.read(out, ["setup"]), asdict(self))
+
+
+def simulated(seed: int, work: Path) -> Path:
+    """Simulates the frames of a traffic seed for all LiDARs; returns the data set's folder."""
+    folder = work / "data" / f"{SCENE}_{seed}"
+    with held(folder.with_name(f"{folder.name}.lock"), wait=True):
+        words = ["--preset", PRESET, "--seed", str(seed), "--frames", FRAMES, "--threads", "1"]
+        lidars = [lidar_file(name) for name in LIDARS]
+        infrasim("run", scene_file(SCENE), "--lidar", *lidars, *words, "--out", folder)
+        split_by_time(folder, Parts())
+    return folder
+
+
+def model_of(experiment: Experiment, data: Path, work: Path) -> Path:
+    """Trains the detector of an experiment on a LiDAR's folder; returns its folder or its name."""
+    name = TRAINED.get(experiment.setup)
+    if name is None:
+        return Path("generalist")
+    run = work / "runs" / experiment.name
+    recipe = read_recipe(ROOT / "configs/detectors" / f"{name}.yaml", "quick")
+    source = read_source(data, "quick", classes=recipe.classes)
+    train(recipe, [source], run, seed=experiment.seed, quiet=True)
+    return run
+
+
+def fill(experiment: Experiment, frames: int, work: Path, out: Path) -> None:
+    """Adds the rows of one experiment, unless another process is computing them."""
+
+    def run() -> None:
+        data = simulated(experiment.seed, work) / experiment.lidar
+        model = model_of(experiment, data, work)
+        trials = work / "trials" / experiment.name
+        stress(model, data, work=trials, stressors=STRESSORS, frames=frames, seed=experiment.seed)
+        table = read_csv(trials / "stress.csv")
+        table = table.assign(
+            setup=experiment.setup,
+            seed=experiment.seed,
+            **provenance(f"stress --seeds {experiment.seed} --frames {frames}"),
+        )
+        store.put(out, table[[*KEY, *MEASURES, "version", "machine", "command"]], KEY)
+        print(experiment.name, *table.ap_r1000.round(1)[:1], flush=True)
+        shutil.rmtree(trials)
+
+    store.fill(work / "locks" / experiment.name, lambda: experiment.is_done(out), run)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "--work", type=Path, required=True, help="working folder for frames, about 2 GB"
+    )
+    add_out(parser, "stress.csv")
+    add_seeds(parser)
+    parser.add_argument(
+        "--setups",
+        nargs="+",
+        choices=SETUPS,
+        default=SETUPS,
+        help="detectors and their trainings (default: all)",
+    )
+    parser.add_argument(
+        "--frames", type=int, default=30, help="frames of a test (default: %(default)s)"
+    )
+    args = parser.parse_args()
+    for seed, setup, lidar in itertools.product(args.seeds, args.setups, LIDARS):
+        fill(Experiment(lidar, setup, seed), args.frames, args.work, args.out)
