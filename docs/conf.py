@@ -63,6 +63,7 @@ sphinx_gallery_conf = {
 
 html_theme = "furo"
 html_title = "infrasim"
+templates_path = ["site/templates"]
 html_static_path = ["site/static"]
 html_css_files = ["site.css"]
 html_show_sourcelink = False
