@@ -155,7 +155,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Raises Error for arguments that exclude each other."""
+    """Raises Error for arguments that exclude each other, and OSError for missing inputs."""
     if args.max_frames < 0:
         raise Error(f"max_frames: expected 0 or more, got {args.max_frames}")
     if args.frames and args.frames.isdecimal():
@@ -169,6 +169,8 @@ def _check(args: argparse.Namespace) -> None:
     if not args.model.exists() and args.model.name == model and model not in shipped():
         near = suggestion(model, shipped())
         raise Error(f"--model: expected a training, a file or a name, got '{model}'{near}")
+    for path in args.inputs:
+        path.stat()  # raises FileNotFoundError, before the place of a cloud is examined
     folders = [path for path in args.inputs if path.is_dir()]
     if folders and len(args.inputs) > 1:
         raise Error(f"DATA: expected one folder, or clouds alone, got {len(args.inputs)} inputs")

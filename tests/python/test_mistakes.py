@@ -125,6 +125,16 @@ def test_a_mistake_is_answered_with_what_to_do(
     assert sorted(folder.rglob("*")) == before
 
 
+@pytest.mark.parametrize("data", ["nowhere/pole", "cloud.bin"])
+def test_missing_data_are_named_before_what_they_would_need(
+    data: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(tmp_path / data)
+    words = ["detect", path, "--model", "generalist", "--out", str(tmp_path / "boxes")]
+    assert main.main(words) == 1
+    assert capsys.readouterr().err == f"pyinfra: {path}: No such file or directory\n"
+
+
 @pytest.mark.parametrize(
     "command", ["recommend results", "report results --out o", "plan x --out o"]
 )
