@@ -1,0 +1,113 @@
+"""The tables of the study: means over seeds, paired differences, and what is missing."""
+
+import itertools
+
+import pandas as pd
+import pytest
+
+from reproduction.tables import label_times, simulator, sites, stress, verdicts
+
+
+def cells(table: str) -> list[list[str]]:
+    """Returns the cells of a Markdown table, without the line below the heads."""
+    heads, _, *rows = table.splitlines()
+    return [line[2:-2].split(" | ") for line in (heads, *rows)]
+
+
+def stress_rows() -> pd.DataFrame:
+    """Returns rows of two seeds. AP falls by 20 for each unit of drop_out, and not with rain."""
+    common = {"lidar": "ruby_plus", "setup": "background", "unit": "share"}
+    rows = []
+    for seed in (1, 2):
+        rows.append({**common, "seed": seed, "stressor": "none", "severity": "0", "ap_r1000": 90.0})
+        for at in (0.25, 1.0):
+            fall = {"drop_out": 20 * seed * at, "rain": 0.0}
+            rows += [
+                {**common, "seed": seed, "stressor": s, "severity": f"{at}", "ap_r1000": 90 - down}
+                for s, down in fall.items()
+            ]
+        named = {"stressor": "vehicle_class", "severity": "Bus", "unit": "name"}
+        rows.append({**common, **named, "seed": seed, "ap_r1000": 80.0 - seed})
+    return pd.DataFrame(rows)
+
+
+def test_a_fall_has_its_severity_and_the_ends_over_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stress, "results", lambda _: stress_rows())
+    table = dict(row[:2] for row in cells(stress.stress()))
+    assert table["drop_out, share"] == "0.33 [0.25 to 0.5]"
+    assert table["rain, mm/h"] == "beyond"
+    assert table["vehicle_class: Bus, change of AP"].startswith("-12 [")
+    assert table["AP (R1000) without stress"] == "90.0 [90.0, 90.0]"
+
+
+def ladder_rows() -> pd.DataFrame:
+    usual = {"detail": "low", "aggregation": "exact", "parts": "glass", "vegetation": "scene"}
+    usual |= {"label_time": "scan", "detector": "background", "lidar": "ruby_plus"}
+    models = [("low", 500, 80.0), ("box", 500, 85.0), ("low", 50, 70.0)]
+    return pd.DataFrame(
+        usual
+        | {"detail": detail, "frames": frames, "seed": seed, "ap_r1000": ap + seed}
+        | {"ms_per_frame_set": 40.0}
+        for (detail, frames, ap), seed in itertools.product(models, (1, 2, 3))
+    )
+
+
+def test_models_are_compared_with_the_default_by_seed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(simulator, "results", lambda _: ladder_rows())
+    _, *rows = cells(simulator.ladder())
+    assert [row[0] for row in rows] == ["default", "detail `box`", "frames `50`"]
+    assert rows[0][1:] == ["20", "82.0 [79.5, 84.5]"]
+    assert rows[1][2] == "**+5.0 [+5.0, +5.0]**"
+    assert rows[2][1:] == ["2", "**-10.0 [-10.0, -10.0]**"]
+
+
+def pole_rows() -> pd.DataFrame:
+    common = {"lidar": "helios_16", "detector": "background", "ground_truth": "all"}
+    aps = {(1, "none"): 30.0, (2, "none"): 45.0, (4, "none"): 60.0, (2, "clock_20_ms"): 44.0}
+    figures = {"points_per_vehicle": 5, "background_per_frame": 1.0, "misplaced_per_frame": 2.0}
+    return pd.DataFrame(
+        {**common, **figures, "poles": n, "error": error, "seed": seed, "ap_r1000": ap + 3 * seed}
+        for ((n, error), ap), seed in itertools.product(aps.items(), (1, 2, 3))
+    )
+
+
+def test_gains_and_costs_of_poles_are_paired_by_seed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sites, "results", lambda _: pole_rows())
+    (_, row), (_, errors) = cells(sites.poles()), cells(sites.pole_errors())
+    assert row[:2] == ["16 lines", "Background"]
+    assert row[2].startswith("36.0 [")
+    assert row[5:] == ["+15.0 [+15.0, +15.0]", "+15.0 [+15.0, +15.0]"]
+    assert errors[2:4] == ["2", "-1.0 [-1.0, -1.0]"]
+    assert errors[4:] == ["", "", ""]
+
+
+def experiment_rows() -> pd.DataFrame:
+    """Returns PointPillars with one replicate, and the fine-tuned detector at two cut angles."""
+    common = {"scene": "highway", "preset": "paper", "subset": "captured", "train_cpu_s": 60.0}
+    rows = []
+    for lidar, ap in (("ruby_plus", 95.0), ("livox_avia", 90.0)):
+        nothing = {"judge": "from nothing", "detector": "pointpillars", "label_time": "scan"}
+        nothing |= {"replicate": 1, "training_cut_angle_deg": 0, "cut_angle_deg": 0}
+        rows.append({**common, **nothing, "lidar": lidar, "ap_r1000": ap})
+    tuned = {"judge": "fine-tuned", "detector": "generalist", "label_time": "frame"}
+    for angle, test, r in itertools.product((0, 90), label_times.ANGLES_DEG, (1, 2, 3)):
+        angles = {"training_cut_angle_deg": angle, "cut_angle_deg": test, "replicate": r}
+        ap = 95.0 if angle == test else 80.0
+        rows.append({**common, **tuned, **angles, "lidar": "ruby_plus", "ap_r1000": ap})
+    return pd.DataFrame(rows)
+
+
+def test_a_detector_with_one_replicate_has_no_interval(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(verdicts, "results", lambda _: experiment_rows())
+    _, *rows = cells(verdicts.detectors("highway", "paper"))
+    assert rows == [["PointPillars", "95.0", "90.0", "-5.0", "1", "60"]]
+
+
+def test_cut_angles_of_training_and_test_make_a_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(label_times, "results", lambda _: experiment_rows())
+    _, *rows = cells(label_times.training_cut_angles())
+    assert [row[4] for row in rows] == ["0 degrees", "90 degrees"]
+    assert [[cell[:4] for cell in row[5:]] for row in rows] == [
+        ["95.0", "80.0", "80.0", "80.0"],
+        ["80.0", "95.0", "80.0", "80.0"],
+    ]
