@@ -59,13 +59,13 @@ def same_vehicles() -> list[str]:
     intervals = "; ".join(
         f"{rows.low[name]:.1f} to {rows.high[name]:.1f}" for name in ("paper", "datasheet")
     )
-    counts = "/".join(str(rows.replicates[name]) for name in ("paper", "datasheet"))
+    counts = dict.fromkeys(str(rows.replicates[name]) for name in ("paper", "datasheet"))
     finding = (
         "For vehicles that all LiDARs can see, the Avia's AP (average precision, %) less that of "
         f"128 lines is {paper} under the study's settings; by data sheets {datasheet}."
     )
     where = (
-        f"[highway](docs/results/detection.md), fine-tuned, {counts} replicates; "
+        f"[highway](docs/results/detection.md), fine-tuned, {'/'.join(counts)} replicates; "
         f"{100 * LEVEL:.1f} % intervals {intervals}"
     )
     return [finding, where]
