@@ -131,7 +131,7 @@ def check_pairs(table: pd.DataFrame) -> None:
 
 def missing(table: pd.DataFrame) -> Iterator[str]:
     """Yields a text for each LiDAR that lacks replicates which other LiDARs have."""
-    for key, rows in table.groupby(GROUP, sort=False):
+    for key, rows in table.groupby([name for name in GROUP if name != "subset"], sort=False):
         wanted = set(rows.replicate)
         for lidar, part in rows.groupby("lidar", sort=False):
             if lacking := sorted(wanted - set(part.replicate)):

@@ -183,9 +183,9 @@ def test_lidars_of_one_replicate_must_have_one_version_and_the_same_frames() -> 
 
 def test_missing_replicates_are_named() -> None:
     rows = table()
-    lacking = (rows.lidar == "helios_16") & (rows.replicate > 1) & (rows.subset == "captured")
+    lacking = (rows.lidar == "helios_16") & (rows.replicate > 1)
     (text,) = verdicts.missing(rows[~lacking])
-    assert text.endswith("captured: helios_16 has no replicate 2, 3")
+    assert text.endswith(" scan: helios_16 has no replicate 2, 3")
 
 
 def test_verdicts_and_variance_read_the_file_of_the_experiments(
