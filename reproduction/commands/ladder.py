@@ -104,7 +104,8 @@ def row(folder: Path, detector: str, seed: int) -> dict[str, object]:
     """Trains a detector and evaluates it on the test frames of one LiDAR."""
     run = folder.parent / f"{folder.name}_{detector}"
     recipe = read_recipe(ROOT / "configs" / "detectors" / f"{detector}.yaml", "quick")
-    train(recipe, [read_source(folder, "quick")], run, seed=seed, quiet=True)
+    source = read_source(folder, "quick", classes=recipe.classes)
+    train(recipe, [source], run, seed=seed, quiet=True)
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     detect.detect(detect.load_detector(run), files, run / "predictions")
     settings = Settings(ground_truths=("captured",))
