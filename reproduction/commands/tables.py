@@ -85,6 +85,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "times of plans": placement.plan_times,
     "16 lines or 128": partial(placement.placement, "units"),
     "detectors on the highway, paper": partial(verdicts.detectors, "highway", "paper"),
+    "detectors on the highway, datasheet": partial(verdicts.detectors, "highway", "datasheet"),
+    "networks on frames of version 0.1": partial(findings.detectors, "highway", "paper"),
 }
 
 
