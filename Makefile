@@ -77,7 +77,7 @@ lint:
 	.venv/bin/pre-commit run --all-files --show-diff-on-failure
 	.venv/bin/mypy
 	$(PYTHON) .venv/bin/run-clang-tidy.py -quiet -hide-progress -p build/dev \
-		-clang-tidy-binary .venv/bin/clang-tidy '$(CURDIR)/(cpp|bindings)/.*'
+		-clang-tidy-binary .venv/bin/clang-tidy '$(CURDIR)/(cpp|bindings|tests/cpp)/.*'
 
 stubs: build
 	@scripts/setup.sh test

@@ -123,7 +123,7 @@ inline std::vector<Box3d> traffic(std::span<const double> lanes_y, double spacin
   for (const double y : lanes_y) {
     const double way = y < 0 ? 1 : -1;
     for (double s = -240; s < 240; s += spacing_m, ++serial) {
-      const Rng rng = Rng::of(2, "traffic").at(static_cast<std::uint64_t>(serial));
+      const Rng rng = Rng::of(2, "traffic").at(serial);
       const auto& size = sizes[rng.bits(0) % 8];
       const double x = std::remainder(s + 8 * rng.uniform(1) + way * shift_m, 480.0);
       if (std::abs(x) > 118) continue;

@@ -180,7 +180,7 @@ TEST(rng, frames_are_not_shifted_copies_of_each_other) {
   const int n = 100000;
   for (const int shift : {-2, -1, 0, 1, 2}) {
     double sum = 0;
-    for (int i = 2; i < n + 2; ++i) {
+    for (std::int64_t i = 2; i < n + 2; ++i) {
       const auto ray = static_cast<std::uint64_t>(i);
       const auto other = static_cast<std::uint64_t>(i + shift);
       sum += (lidar.at(1).at(other).uniform(0) - 0.5) * (lidar.at(2).at(ray).uniform(0) - 0.5);

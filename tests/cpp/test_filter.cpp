@@ -157,16 +157,18 @@ TEST(ground, height_filter_keeps_points_above_the_road) {
 
 TEST(ground, plane_filter_keeps_points_above_threshold) {
   std::vector<float> xyz;
-  for (int i = 0; i < 400; ++i)
-    xyz.insert(xyz.end(), {static_cast<float>(i % 20), static_cast<float>(i / 20), -6});
+  for (int x = 0; x < 20; ++x)
+    for (int y = 0; y < 20; ++y)
+      xyz.insert(xyz.end(), {static_cast<float>(x), static_cast<float>(y), -6});
   xyz.insert(xyz.end(), {5.5F, 5.5F, -5.7F, 5.5F, 5.5F, -5.8F});
   EXPECT_EQ(keep(xyz, GroundPlane{.distance_m = 0.25, .max_tilt_deg = 10}), (Indices{400}));
 }
 
 TEST(ground, plane_filter_keeps_a_cloud_without_level_surface) {
   std::vector<float> wall;
-  for (int i = 0; i < 400; ++i)
-    wall.insert(wall.end(), {20, static_cast<float>(i % 20), static_cast<float>(i / 20)});
+  for (int y = 0; y < 20; ++y)
+    for (int z = 0; z < 20; ++z)
+      wall.insert(wall.end(), {20, static_cast<float>(y), static_cast<float>(z)});
   EXPECT_EQ(keep(wall, GroundPlane{}).size(), 400U);
   EXPECT_EQ(keep(std::vector<float>{1, 2, 3}, GroundPlane{}), (Indices{0}));
 }

@@ -124,8 +124,9 @@ TEST(spinning_pattern, turns_clockwise_by_the_azimuth_step_from_column_to_column
 TEST(spinning_pattern, later_channels_of_a_column_fire_later_and_look_further_round) {
   const RayBatch rays = rays_of(ScanPattern(vlp16(), 0, kLevel, 0), 0);
   for (std::size_t i = 0; i < 32; ++i) {
+    const std::size_t column = i / 16, channel = i % 16;
     const double since =
-        static_cast<double>(i / 16) / 18000 + static_cast<double>(i % 16) * 2.304e-6;
+        static_cast<double>(column) / 18000 + static_cast<double>(channel) * 2.304e-6;
     EXPECT_NEAR(rays.time[i], since, 1e-8);
     EXPECT_NEAR(azimuth(rays, i), -2 * kPi * 10 * since, 1e-5);
   }
@@ -370,8 +371,8 @@ TEST(table_pattern, fires_at_the_times_of_its_rows_over_and_over) {
       ASSERT_EQ(frame(pattern, k).first, row);  // of the previous frame
       const RayBatch rays = rays_of(pattern, k);
       for (std::size_t i = 0; i < rays.size(); ++i, ++row) {
-        const std::int64_t at = row + ahead;
-        const double time_s = static_cast<double>(at / 5) * kTable_s + times[at % 5] - start_s;
+        const std::int64_t repetition = (row + ahead) / 5, at = (row + ahead) % 5;
+        const double time_s = static_cast<double>(repetition) * kTable_s + times[at] - start_s;
         EXPECT_NEAR(rays.time[i], time_s - k * kFramePeriod, 1e-7);
       }
     }
