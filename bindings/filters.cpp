@@ -158,8 +158,8 @@ void bind_filters(py::module_& m) {
       });
   m.def("kept_rows", &kept_rows, py::arg("points"), py::arg("steps"),
         "Returns (k,) int32, increasing: the rows of points that every step keeps, "
-        "without rows that are not finite. points: (n, 3) or (n, 4) float32, levelled "
-        "LiDAR frame. Raises ValueError.");
+        "without rows that are not finite or 0 0 0. points: (n, 3) or (n, 4) float32, "
+        "levelled LiDAR frame. Raises ValueError.");
 }
 
 }  // namespace infrasim

@@ -240,7 +240,7 @@ def frames_version() -> int:
     """
 def kept_rows(points: numpy.ndarray, steps: collections.abc.Sequence[CropBox | CropPolygon | CropRange | CropFieldOfView | GroundHeight | GroundPlane | GroundMorphological | BackgroundModel]) -> numpy.typing.NDArray[numpy.int32]:
     """
-    Returns (k,) int32, increasing: the rows of points that every step keeps, without rows that are not finite. points: (n, 3) or (n, 4) float32, levelled LiDAR frame. Raises ValueError.
+    Returns (k,) int32, increasing: the rows of points that every step keeps, without rows that are not finite or 0 0 0. points: (n, 3) or (n, 4) float32, levelled LiDAR frame. Raises ValueError.
     """
 def learn_background(frames: collections.abc.Sequence[numpy.ndarray], *, azimuth_cell_deg: typing.SupportsFloat | typing.SupportsIndex = 0.2, elevation_cell_deg: typing.SupportsFloat | typing.SupportsIndex = 0.2, range_margin_m: typing.SupportsFloat | typing.SupportsIndex = 0.3, height_margin_m: typing.SupportsFloat | typing.SupportsIndex = 0.15) -> BackgroundModel:
     """

@@ -209,7 +209,8 @@ def filtered(points: Points, *steps: Filter) -> Float32Array:
     """Applies filter steps to points (n, 3 or 4) in the levelled LiDAR frame.
 
     Each step receives the points that the previous steps kept, as in `infrasim filter`. The order
-    of the points does not change. Raises Error for a wrong shape or type of points, and for
+    of the points does not change. Points that are not finite, or 0 0 0, are left out, because they
+    are not returns. Raises Error for a wrong shape or type of points, and for
     a parameter out of its range.
     """
     rows: Float32Array = points[kept_rows(points, list(steps))]

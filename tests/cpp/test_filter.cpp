@@ -101,6 +101,31 @@ TEST(filter, no_step_keeps_nan_or_infinite_points) {
   EXPECT_EQ(keep_all({}, xyz), Indices{});
 }
 
+/// The cloud with three points at 0 0 0 before each point, as drivers write rays without a return.
+std::vector<float> with_rays_without_return(const std::vector<float>& xyz) {
+  std::vector<float> out;
+  for (std::size_t i = 0; i < xyz.size(); i += 3) {
+    out.insert(out.end(), 9, 0);
+    out.insert(out.end(), {xyz[i], xyz[i + 1], xyz[i + 2]});
+  }
+  return out;
+}
+
+TEST(filter, rays_without_a_return_change_nothing) {
+  const std::vector<float> xyz = cast(flat_road(), spinning_directions(), 0, 100).xyz;
+  const std::vector<float> all_rays = with_rays_without_return(xyz);
+  const std::vector<float> frames[] = {xyz}, frames_of_all_rays[] = {all_rays};
+  EXPECT_EQ(background_to_bytes(learn_background(frames_of_all_rays)),
+            background_to_bytes(learn_background(frames)));
+  std::vector<FilterStep> steps = one_of_each();
+  steps.emplace_back(GroundPlane{.sensor_height_m = 6});
+  for (const FilterStep& step : steps) {
+    Indices expected = keep_all(std::span(&step, 1), xyz);
+    for (int& i : expected) i = 4 * i + 3;
+    EXPECT_EQ(keep_all(std::span(&step, 1), all_rays), expected) << "step " << step.index();
+  }
+}
+
 TEST(filter, every_step_keeps_nothing_of_an_empty_cloud) {
   for (const FilterStep& step : one_of_each()) EXPECT_TRUE(apply(step, {}).empty());
 }
@@ -116,8 +141,8 @@ TEST(filter, steps_narrow_down_one_after_another) {
 }
 
 TEST(crop, box_keeps_points_inside_and_on_its_faces) {
-  const std::vector<float> xyz = {0, 0, 0, 1, 2, 3, 1.01F, 0, 0, 0, -0.01F, 0, 0, 0, 3.01F};
-  EXPECT_EQ(keep(xyz, CropBox{{0, 0, 0}, {1, 2, 3}}), (Indices{0, 1}));
+  const std::vector<float> xyz = {0, 0, 1, 1, 2, 3, 1.01F, 0, 1, 0, -0.01F, 1, 0, 0, 3.01F};
+  EXPECT_EQ(keep(xyz, CropBox{{0, 0, 1}, {1, 2, 3}}), (Indices{0, 1}));
 }
 
 TEST(crop, polygon_keeps_what_lies_inside_in_either_direction_of_turn) {

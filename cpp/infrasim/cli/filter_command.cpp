@@ -169,7 +169,8 @@ void filter_command(const FilterOptions& o) {
 void add_filter_command(CLI::App& app) {
   auto* command = app.add_subcommand(
       "filter",
-      "Crop a cloud, or remove its ground or background. Steps run in the order below.\n"
+      "Crop a cloud, or remove its ground or background. Steps run in the order below. Points that "
+      "are not finite, or 0 0 0, are no returns and are left out.\n"
       "Example: infrasim filter 000000.bin --out vehicles.pcd --range 1,100 "
       "--ground-morphological");
   auto o = std::make_shared<FilterOptions>();

@@ -60,7 +60,7 @@ template <class Use>
 void for_each_point(std::span<const std::vector<float>> frames, Use use) {
   for (const std::vector<float>& xyz : frames)
     for (std::size_t i = 0; i < point_count(xyz); ++i)
-      if (const Vec3 p = point_at(xyz, i); is_finite(p)) use(p);
+      if (const Vec3 p = point_at(xyz, i); is_return(p)) use(p);
 }
 
 CellSamples sort_by_cell(std::span<const std::vector<float>> frames, const BackgroundModel& model) {

@@ -7,7 +7,7 @@
 
 namespace infrasim {
 
-/// Indices of the points to keep, in increasing order, without NaN and infinite points.
+/// Indices of the points to keep, in increasing order, without points that are no returns.
 /// @param xyz  row-major points, metres, levelled LiDAR frame (origin at the sensor)
 /// @throws std::invalid_argument if a bound is NaN, a minimum exceeds its maximum, or a polygon has
 ///   no area

@@ -12,13 +12,14 @@ namespace infrasim {
 
 using FilterStep = FilterOf<BackgroundModel>;
 
-/// Indices of the points that one step keeps, in increasing order, without NaN or infinite points.
+/// Indices of the points that one step keeps, in increasing order, without points that are no
+/// returns: NaN, infinite, or 0 0 0.
 /// @param xyz  row-major points, metres, levelled LiDAR frame (origin at the sensor)
 /// @throws std::invalid_argument if a parameter of the step is out of its range
 std::vector<int> apply(const FilterStep& step, std::span<const float> xyz);
 
 /// Returns the indices of the points that all steps keep. Each step receives only the points that
-/// the previous steps have kept. Without steps, all finite points are kept.
+/// the previous steps have kept. Without steps, all returns are kept.
 /// @param observer called after each step with the number of points before and after it
 using StepObserver =
     std::function<void(const FilterStep& step, std::size_t before, std::size_t after)>;

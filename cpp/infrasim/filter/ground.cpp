@@ -35,7 +35,7 @@ pcl::PointCloud<pcl::PointXYZ>::Ptr fit_points(std::span<const float> xyz) {
   auto cloud = pcl::make_shared<pcl::PointCloud<pcl::PointXYZ>>();
   const std::size_t step = 1 + point_count(xyz) / kFitPoints;
   for (std::size_t i = 0; i < point_count(xyz); i += step)
-    if (is_finite(point_at(xyz, i))) cloud->push_back({xyz[3 * i], xyz[3 * i + 1], xyz[3 * i + 2]});
+    if (is_return(point_at(xyz, i))) cloud->push_back({xyz[3 * i], xyz[3 * i + 1], xyz[3 * i + 2]});
   return cloud;
 }
 

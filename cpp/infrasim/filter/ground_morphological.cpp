@@ -155,7 +155,7 @@ void check(const GroundMorphological& ground) {
 std::vector<int> keep(std::span<const float> xyz, const GroundMorphological& ground) {
   check(ground);
   const auto in_height_band = [&](Vec3 p) {
-    return is_finite(p) && std::hypot(p.x, p.y) <= ground.max_range_m;
+    return is_return(p) && std::hypot(p.x, p.y) <= ground.max_range_m;
   };
   double farthest_m = 0;
   for (std::size_t i = 0; i < point_count(xyz); ++i)

@@ -19,17 +19,19 @@ inline Vec3 point_at(std::span<const float> xyz, std::size_t i) {
   return {xyz[3 * i], xyz[3 * i + 1], xyz[3 * i + 2]};
 }
 
-inline bool is_finite(Vec3 p) {
-  return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z);
+/// Whether a point is a return. Drivers write 0 0 0 or NaN for a ray without a return.
+inline bool is_return(Vec3 p) {
+  return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z) &&
+         (p.x != 0 || p.y != 0 || p.z != 0);
 }
 
-/// Indices of the finite points for which `wanted(Vec3)` holds, in increasing order.
+/// Indices of the returns for which `wanted(Vec3)` holds, in increasing order.
 template <class Predicate>
 std::vector<int> keep_if(std::span<const float> xyz, Predicate wanted) {
   std::vector<int> kept;
   for (std::size_t i = 0; i < point_count(xyz); ++i) {
     const Vec3 p = point_at(xyz, i);
-    if (is_finite(p) && wanted(p)) kept.push_back(static_cast<int>(i));
+    if (is_return(p) && wanted(p)) kept.push_back(static_cast<int>(i));
   }
   return kept;
 }
