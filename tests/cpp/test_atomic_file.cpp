@@ -11,6 +11,7 @@
 #include "infrasim/core/files.h"
 #include "infrasim/io/atomic_file.h"
 #include "infrasim/io/data_set.h"
+#include "reads.h"
 #include "small_scenes.h"
 
 namespace infrasim {
@@ -81,6 +82,18 @@ TEST(atomic_file, leftovers_of_the_dead_go_and_those_of_others_stay) {
   std::erase(stay, gone);
   create_folder(folder.path());
   EXPECT_EQ(names(folder.path()), stay);
+}
+
+TEST(read_file, of_a_disk_with_an_error_gives_no_part_of_a_file) {
+  const TestFolder folder;
+  const std::string text(100'000, 'x');
+  const auto file = folder.write("file", text);
+  for (const int reads : {0, 1, 2}) {
+    testing::reads_left = reads;
+    EXPECT_THROW(read_file(file), IoError) << reads;
+    testing::reads_left = -1;
+  }
+  EXPECT_EQ(read_file(file), text);
 }
 
 }  // namespace

@@ -13,7 +13,8 @@ std::string read_file(const std::filesystem::path& file) {
   std::ostringstream bytes;
   // Reading an empty file would set the stream's fail bit.
   if (in && in.peek() != std::ifstream::traits_type::eof()) bytes << in.rdbuf();
-  if (!in.is_open() || in.bad() || std::filesystem::is_directory(file))
+  // An error while the bytes are copied sets a bit of `bytes`, not of `in`.
+  if (!in.is_open() || in.bad() || !bytes || std::filesystem::is_directory(file))
     throw IoError(file.string() + ": can't be read");
   return bytes.str();
 }
