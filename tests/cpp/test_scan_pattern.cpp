@@ -391,6 +391,15 @@ TEST(table_pattern, repeats_its_rows_while_time_goes_on) {
   EXPECT_NEAR(pattern.ray(1).direction.y, std::cos(0.2) * std::sin(0.1), 1e-12);
 }
 
+TEST(pattern_table, has_the_elevation_of_a_ray_straight_up) {
+  LidarConfig lidar;
+  LidarUnit& unit = lidar.units.emplace_back();
+  unit.pitch_deg = -8;
+  unit.pattern = vlp16();
+  unit.pattern.spinning->channels.table = {Channel{.elevation_deg = 82}};
+  EXPECT_NEAR(pattern_table(lidar, 0, 1, 1, std::nullopt).at(1), kPi / 2, 1e-7);
+}
+
 // --- field of view ----------------------------------------------------------------------------
 
 TEST(field_of_view, is_that_of_a_whole_cycle) {

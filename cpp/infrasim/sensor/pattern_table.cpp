@@ -1,5 +1,6 @@
 #include "infrasim/sensor/pattern_table.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "infrasim/core/errors.h"
@@ -55,7 +56,9 @@ std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last,
       for (std::int64_t i = range.first; i < range.last; ++i) {
         const Ray ray = pattern.ray(i);
         const Vec3 d = pose * ray.direction;
-        rows.insert(rows.end(), {std::atan2(d.y, d.x), std::asin(d.z), ray.time_s});
+        // Rounding makes some vertical rays of tilted units longer than 1.
+        const double sine = std::clamp(d.z, -1.0, 1.0);
+        rows.insert(rows.end(), {std::atan2(d.y, d.x), std::asin(sine), ray.time_s});
       }
     }
   }
