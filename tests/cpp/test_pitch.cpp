@@ -73,6 +73,22 @@ TEST(pitch, points_of_a_vehicle_on_a_grade_lie_in_its_own_box) {
   }
 }
 
+TEST(pitch, a_vehicle_at_the_end_of_the_range_has_the_same_points_beside_a_longer_range) {
+  ObjectState truck = car_on_road(1, 53.85, 0, 0);
+  // The nose is low, and an upper corner of the front points at the LiDAR, 49.6 m away.
+  truck.box = {.x = 53.85, .y = 0, .z = 6, .dx = 7, .dy = 2.6, .dz = 4, .pitch = 0.5};
+  truck.box.heading = kPi - std::atan2(2.6, levelled(truck.box).dx);
+  World world = build_world(empty_road());  // bodies fill their boxes
+  world.trajectories = std::make_shared<const Trajectories>(testing::straight_on({truck}, 1));
+  std::array lidars{plain_lidar("short", spinning(64, -5, 5, 0.02)),
+                    plain_lidar("long", spinning(4, -5, 5, 1))};
+  lidars[0].units[0].returns.max_range_m = 50;
+  const Frame both = FrameSimulator(world, lidars).simulate(0, {true, true}).front();
+  const Frame alone = FrameSimulator(world, std::span(lidars).first(1)).simulate(0, {true}).front();
+  EXPECT_GT(std::ranges::count(both.cloud.object_id, 1), 0);
+  EXPECT_EQ(alone.cloud.xyz, both.cloud.xyz);
+}
+
 TEST(pitch, frozen_triangles_stand_where_rays_meet_them) {
   const World world = world_on_a_grade(0);
   const Box3d box = world.level.to_level(world.trajectories->in_frame(3)[0].at(0.5));

@@ -15,7 +15,7 @@ namespace {
 /// during the whole frame. May return true for an object slightly beyond `reach`.
 bool reachable(const MovingObject& o, const Box3d& middle, double reach) {
   const double travel = std::hypot(o.to.x - o.from.x, o.to.y - o.from.y);
-  const double half_diagonal = std::hypot(middle.dx, middle.dy) / 2;
+  const double half_diagonal = std::hypot(levelled(middle).dx, middle.dy) / 2;
   return std::hypot(middle.x, middle.y) <= reach + half_diagonal + travel / 2 + 0.1;
 }
 
