@@ -883,6 +883,15 @@ def test_a_pitched_mount_sees_nearer_ground(site: Site) -> None:
     assert "lowest ray meets the ground at 10 m, the highest at 34 m" in view
 
 
+def test_a_unit_that_looks_back_from_a_pitched_mount_sees_farther_ground(site: Site) -> None:
+    site.scene.write_text(SCENE.replace("z_m: 6", "z_m: 6, pitch_deg: 10"))
+    bundle = site.lidar.with_name("back.yaml")
+    bundle.write_text(f"name: back\nbundle: [{{lidar: {site.lidar.name}, yaw_deg: 180}}]\n")
+    view = site.infrasim("check", site.scene, "--lidar", bundle).stderr.splitlines()[1]
+    # 6 m / tan(10 degrees) = 34.0 m
+    assert "lowest ray meets the ground at 34 m, the highest above the horizon" in view
+
+
 def test_similar_names_and_renamed_options_are_suggested(site: Site) -> None:
     assert "did you mean 'highway'?" in site.infrasim("check", "higway").stderr
     old = site.infrasim("filter", "a.bin", "b.bin", "--range", "2,60")

@@ -20,6 +20,7 @@
 #include "infrasim/core/version.h"
 #include "infrasim/io/atomic_file.h"
 #include "infrasim/io/npy.h"
+#include "infrasim/pipeline/caster.h"
 #include "infrasim/pipeline/folder_identity.h"
 #include "infrasim/pipeline/world.h"
 #include "infrasim/scene/mesh_file.h"
@@ -142,11 +143,11 @@ std::string compass(double bearing_deg) {
 }
 
 /// Describes where a ray of this elevation meets level ground `height_m` below the sensor, in the
-/// direction in which the mount looks.
-std::string meets_ground(const MountConfig& mount, double elevation_deg, double height_m) {
+/// direction in which the unit looks.
+/// @param pose rotation from the unit's frame to the levelled frame
+std::string meets_ground(const Mat3& pose, double elevation_deg, double height_m) {
   const double e = rad(elevation_deg);
-  const Vec3 ray =
-      rotation(0, rad(mount.pitch_deg), rad(mount.roll_deg)) * Vec3{std::cos(e), 0, std::sin(e)};
+  const Vec3 ray = pose * Vec3{std::cos(e), 0, std::sin(e)};
   if (ray.z > -1e-3) return "above the horizon";
   return "at " + config::number_text(std::round(height_m * std::hypot(ray.x, ray.y) / -ray.z)) +
          " m";
@@ -178,13 +179,12 @@ std::vector<std::string> views_of_mounts(const SceneConfig& scene, const CheckOp
             width > 359 ? "sees all round"
                         : "sees from " + compass(bearing(view.azimuth_max_deg + turn)) + " to " +
                               compass(bearing(view.azimuth_min_deg + turn));
-        MountConfig unit = mount;
-        unit.pitch_deg += lidar.units[i].pitch_deg;
+        const Mat3 pose = unit_pose(scene_at_mount(scene, name), lidar.units[i]);
         std::ostringstream line;
         line << "mount " << name << ", " << lidar.name << ": " << seen
              << "; the lowest ray meets the ground "
-             << meets_ground(unit, view.elevation_min_deg, height) << ", the highest "
-             << meets_ground(unit, view.elevation_max_deg, height);
+             << meets_ground(pose, view.elevation_min_deg, height) << ", the highest "
+             << meets_ground(pose, view.elevation_max_deg, height);
         lines.push_back(line.str());
       }
     }
