@@ -892,6 +892,14 @@ def test_a_unit_that_looks_back_from_a_pitched_mount_sees_farther_ground(site: S
     assert "lowest ray meets the ground at 34 m, the highest above the horizon" in view
 
 
+def test_the_example_of_filter_works(site: Site) -> None:
+    (site.folder / "000000.bin").write_bytes(np.ones((5, 4), np.float32).tobytes())
+    text = site.infrasim("filter", "--help").stdout.replace("\n", " ")
+    words = text.split("Example: infrasim ")[1].split(" Usage: ")[0].split()
+    result = site.infrasim(*words, cwd=site.folder)
+    assert result.returncode == 0, result.stderr
+
+
 def test_similar_names_and_renamed_options_are_suggested(site: Site) -> None:
     assert "did you mean 'highway'?" in site.infrasim("check", "higway").stderr
     old = site.infrasim("filter", "a.bin", "b.bin", "--range", "2,60")

@@ -171,7 +171,7 @@ void add_filter_command(CLI::App& app) {
       "filter",
       "Crop a cloud, or remove its ground or background. Steps run in the order below. Points that "
       "are not finite, or 0 0 0, are no returns and are left out.\n"
-      "Example: infrasim filter 000000.bin --out vehicles.pcd --range 1,100 "
+      "Example: infrasim filter 000000.bin --out vehicles.pcd --crop-range 1,100 "
       "--ground-morphological");
   auto o = std::make_shared<FilterOptions>();
   command->add_option("in", o->in, "cloud: .bin (KITTI) or .pcd file")->required();
