@@ -10,6 +10,7 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.core.vocabulary import SUBSETS
+from pyinfra.metrics.intervals import FEW_BLOCKS
 from pyinfra.metrics.places import compare_places
 
 SHOWN = {"ap_r1000": "AP (R1000)", "recall_percent": "recall %", "hidden_percent": "hidden %"}
@@ -81,6 +82,6 @@ def _cell(row: Any) -> str:
 
 def _verdict(row: Any) -> str:
     if math.isnan(row.low):
-        return f"{_name(row)}: no interval of the difference: the time is too short"
+        return f"{_name(row)}: no interval of the difference: {FEW_BLOCKS}"
     is_significant = row.low > 0 or row.high < 0
     return f"{_name(row)}: AP {'differs' if is_significant else 'does not differ'} significantly"

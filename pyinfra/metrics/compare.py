@@ -8,7 +8,9 @@ from pyinfra.core.errors import Error
 from pyinfra.core.public import public
 from pyinfra.metrics.comparison import Bootstrapped, Interval, over_seeds
 from pyinfra.metrics.evaluation_result import Evaluation
+from pyinfra.metrics.matching import threshold_of
 from pyinfra.metrics.replicates import difference
+from pyinfra.metrics.settings import Settings
 
 
 @public
@@ -36,7 +38,8 @@ def compare(
 
     Raises
     ------
-    Error : for evaluations of different frames, label times or objects, or lists of unequal length
+    Error : for evaluations of different frames, label times, objects, thresholds or metrics, or
+        lists of unequal length
 
     Examples
     --------
@@ -72,6 +75,12 @@ def _difference(a: Evaluation, b: Evaluation, ground_truth: str | None) -> Boots
     subset = ground_truth or (common[0] if common else "")
     if subset not in common:
         raise Error(f"ground_truth: expected one of {', '.join(common)}, got '{subset}'")
+    second = _measured(b, subset)
+    for name, value in _measured(a, subset).items():
+        if value != second[name]:
+            raise Error(
+                f"compare: {name}: expected the same in both, got {value} and {second[name]}"
+            )
     rows = []
     for evaluation in (a, b):
         table = evaluation.replicates[
@@ -83,3 +92,15 @@ def _difference(a: Evaluation, b: Evaluation, ground_truth: str | None) -> Boots
         return difference(*rows)
     except ValueError as error:
         raise Error(f"compare: {error}") from None
+
+
+def _measured(evaluation: Evaluation, subset: str) -> dict[str, object]:
+    """Returns the settings that define the AP of an evaluation."""
+    settings = evaluation.settings or Settings()
+    metric = settings.metrics[0]
+    return {
+        "classes": sorted(next(iter(settings.classes.values()))),
+        "metrics": metric,
+        "ious": threshold_of(metric, settings.ious[0]),
+        "min_points": settings.min_points if subset == "captured" else None,
+    }

@@ -57,12 +57,15 @@ def ap_row(match_result: MatchResult, iou: float, protocol: Protocol) -> dict[st
 def ap_r1000_of(match_result: MatchResult, ranking: ap.Ranking | None = None) -> Bootstrapped:
     """Returns AP (R1000) over all frames, with its replicates.
 
+    The replicates are NaN if too few blocks of time have objects.
+
     ranking: predictions and objects of a part of the region; by default of the whole region.
     """
     ranking = match_result.ranking() if ranking is None else ranking
     value = float(ap.average_precision(ranking, ap.R1000_RECALLS)[0])
     replicates = ap.average_precision(ranking, ap.R1000_RECALLS, match_result.weights)
-    return Bootstrapped(value, replicates, match_result.blocks.count)
+    known = match_result.known(replicates, ranking.objects)
+    return Bootstrapped(value, known, match_result.blocks.count)
 
 
 def r1000_columns(

@@ -92,6 +92,17 @@ class MatchResult:
             np.int64
         )
 
+    def known(self, replicates: FloatArray, objects: IntArray) -> FloatArray:
+        """Returns the replicates (d, ...) of a figure, all NaN if too few blocks have objects.
+
+        objects: (slots,) number of objects that the figure is computed from.
+        """
+        firsts = np.arange(0, len(objects), self.blocks.length)
+        with_objects = np.count_nonzero(np.add.reduceat(objects, firsts))
+        if with_objects < intervals.MIN_BLOCKS:
+            return np.full(replicates.shape, np.nan)
+        return replicates
+
     def interval(
         self,
         value: FloatArray | float,
@@ -105,13 +116,8 @@ class MatchResult:
         replicates: replicates (d, ...). objects: (slots,) number of objects that the figure is
         computed from. The ends are NaN if too few blocks have objects.
         """
-        blocks = self.blocks
-        blocks_with_objects = np.count_nonzero(
-            np.add.reduceat(objects, np.arange(0, len(objects), blocks.length))
-        )
-        few = blocks_with_objects < intervals.MIN_BLOCKS
         low, high = intervals.interval(
-            np.asarray(value), replicates[: 0 if few else None], blocks.count
+            np.asarray(value), self.known(replicates, objects), self.blocks.count
         )
         return np.maximum(low, 0), np.minimum(high, most)
 

@@ -25,6 +25,7 @@ MEASURES = {
     "ap_r1000": "ap_r1000",
     "recall_percent": "recall",
 }  # name of a measure in the result: name in replicates.csv
+MEASURED_BY = ("class", "metric", "iou")  # columns of a row that define its AP
 COLUMNS = ["place", "minus", "measure", "value", "low", "high", "seeds", "frames"]
 
 
@@ -56,7 +57,7 @@ def compare_places(folders: Sequence[Path], which: Subset = "present") -> pd.Dat
 
     Raises
     ------
-    Error : for places whose vehicles, frames or label times differ
+    Error : for places whose vehicles, frames, label times, classes, thresholds or metrics differ
     FileNotFoundError : for a folder without an evaluation
     """
     places = [read_place(folder, which) for folder in folders]
@@ -101,8 +102,11 @@ def read_place(folder: Path, which: Subset) -> Place:
                 f"{file}: expected different seeds, got two evaluations of the same vehicles and "
                 "frames"
             )
-        tables[digest] = {r.measure: r for _, r in rows.assign(origin=str(file)).iterrows()}
-        counts = read_csv(file.with_name("ap.csv")).groupby("ground_truth").objects.first()
+        ap = read_csv(file.with_name("ap.csv"))
+        metric = str(ap.protocol.iloc[0]).partition("-")[2] or "bev"
+        rows = rows.assign(origin=str(file), metric=metric)
+        tables[digest] = {r.measure: r for _, r in rows.iterrows()}
+        counts = ap.groupby("ground_truth").objects.first()
         for name in objects:
             objects[name] += counts.get(name, math.nan)
     hidden = 1 - objects["all"] / objects[which] if which == "present" else math.nan
@@ -110,7 +114,10 @@ def read_place(folder: Path, which: Subset) -> Place:
 
 
 def check_pairs(places: Sequence[Place]) -> None:
-    """Raises Error unless all places have evaluations of the same vehicles and frames."""
+    """Raises Error unless all places have evaluations of the same vehicles and frames.
+
+    Class, threshold and metric must also be the same.
+    """
     first = places[0]
     for other in places[1:]:
         alone = set(first.rows) ^ set(other.rows)
@@ -125,7 +132,7 @@ def check_pairs(places: Sequence[Place]) -> None:
                 "the key `regions` in the scene, all mounts have the same region)"
             )
         for digest, rows in other.rows.items():
-            check_pair(first.rows[digest]["ap_r1000"], rows["ap_r1000"])
+            check_pair(first.rows[digest]["ap_r1000"], rows["ap_r1000"], MEASURED_BY)
 
 
 def _row(place: Place, minus: Place | None, measure: str) -> dict[str, object]:

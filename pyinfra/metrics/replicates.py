@@ -57,19 +57,19 @@ def figures(
     - ap_slope: change of AP per 10 m along the first road, if there are enough windows
     - recall: recall in percent of all counted predictions
 
+    If too few blocks of time have objects, all replicates are NaN.
+
     distance, areas: tables with their replicates, each as `distance_table` returns them.
     """
-    blocks = match_result.blocks.count
+    blocks, objects = match_result.blocks.count, match_result.ranking().objects
     yield "ap_r1000", ap_r1000_of(match_result)
     table, replicates = areas
     counts = (table.quality != "few").to_numpy()
     high = (table.ap_r1000[counts] > HIGH_QUALITY).sum()
-    yield (
-        "n_hqda",
-        Bootstrapped(float(high), (replicates[counts] > HIGH_QUALITY).sum(0).astype(float), blocks),
-    )
+    number = (replicates[counts] > HIGH_QUALITY).sum(0).astype(float)
+    yield "n_hqda", Bootstrapped(float(high), match_result.known(number, objects), blocks)
     if counts.any():
-        share = high_quality_share(table, replicates)
+        share = match_result.known(high_quality_share(table, replicates), objects)
         yield "p_hqda", Bootstrapped(100 * float(high) / int(counts.sum()), share, blocks)
     yield from _slope_ahead(*distance, blocks)
     yield "recall", recall(match_result)
@@ -86,7 +86,8 @@ def recall(match_result: MatchResult) -> Bootstrapped:
     value, *replicates = 100 * ratio(
         np.vstack([ones, weights]) @ true_positives, np.vstack([ones, weights]) @ objects
     )
-    return Bootstrapped(float(value), np.array(replicates), match_result.blocks.count)
+    known = match_result.known(np.array(replicates), ranking.objects)
+    return Bootstrapped(float(value), known, match_result.blocks.count)
 
 
 def _slope_ahead(
@@ -210,10 +211,13 @@ def check_pair(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> None:
         if _same(a, name) != _same(b, name):
             origins = [str(row["origin"]) for row in (a, b) if "origin" in row]
             prefix = f"{' and '.join(origins)}: " if origins else ""
+            why = (
+                "; bootstrap replicates can only be paired if vehicles, number of frames and label "
+                "time are the same"
+            )
             raise Error(
                 f"{prefix}{name}: expected the same value in both, got {_same(a, name)} and "
-                f"{_same(b, name)}; bootstrap replicates can only be paired if vehicles, number of "
-                "frames and label time are the same"
+                f"{_same(b, name)}{why if name in SAME else ''}"
             )
 
 

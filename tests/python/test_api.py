@@ -22,6 +22,7 @@ from pyinfra.cli import main
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.frame_sequence import BOX, FrameSequence, SimulatedFrames
 from pyinfra.dataset.prediction_origin import origin_of
+from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import boxes_table
 from pyinfra.models.training.accumulation import Accumulation
 from pyinfra.viz.report.report_data import Run
@@ -237,6 +238,25 @@ def test_results_of_other_frames_are_not_compared(
         pi.compare(whole, part)
     with pytest.raises(pi.Error, match="compare"):
         pi.compare([whole], [whole])
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        Settings(ious=(0.7,)),
+        Settings(metrics=("3d",)),
+        Settings(metrics=("centre",)),
+        Settings(min_points=20),
+        Settings(classes={"vehicle": ("Truck", "Bus")}),
+    ],
+)
+def test_results_of_other_settings_are_not_compared(
+    frames: FrameSequence, noisy: pd.DataFrame, other: Settings
+) -> None:
+    result = pi.evaluate(frames, noisy, other)
+    assert pi.compare(result, result).value == 0
+    with pytest.raises(pi.Error, match="expected the same"):
+        pi.compare(pi.evaluate(frames, noisy), result)
 
 
 def test_frames_are_plotted_from_above(frames: FrameSequence, noisy: pd.DataFrame) -> None:

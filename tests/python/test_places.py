@@ -7,6 +7,7 @@ import pytest
 from evaluation_data import Vehicle, box, car, write_lidar, write_predictions, write_roads
 
 from pyinfra.cli import main
+from pyinfra.core.errors import Error
 from pyinfra.metrics.evaluate import evaluate, write
 from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.metrics.match_input import block_seconds
@@ -106,6 +107,36 @@ def test_places_with_other_vehicles_are_refused_by_their_file(
     error = capsys.readouterr().err
     assert str(one / "replicates.csv") in error
     assert "the seed, the frames or the region differ" in error
+
+
+@pytest.mark.parametrize(
+    ("other", "name"),
+    [
+        (Settings(ground_truths=("present",), ious=(0.7,)), "iou"),
+        (Settings(ground_truths=("present",), metrics=("3d",)), "metric"),
+        (Settings(ground_truths=("present",), metrics=("centre",)), "metric"),
+        (Settings(ground_truths=("present",), classes={"truck": ("Truck",)}), "class"),
+    ],
+)
+def test_places_of_another_class_threshold_or_metric_are_refused(
+    tmp_path: Path, other: Settings, name: str
+) -> None:
+    one = evaluated(tmp_path / "one", vehicles(hidden=False))
+    data = tmp_path / "one_data"
+    write(evaluate(data / "lidar", data / "predictions", other), tmp_path / "other")
+    with pytest.raises(Error, match=f"{name}: expected the same"):
+        compare_places([one, tmp_path / "other"])
+
+
+def test_a_difference_has_no_interval_if_the_ap_has_none(tmp_path: Path) -> None:
+    """The vehicles are in the first 15 of 200 s: too few blocks, although the time is long."""
+    frames = [[car(10 + k, id=1)] if k < 15 else [] for k in range(FRAMES)]
+    places = [evaluated(tmp_path / name, frames, each) for name, each in (("a", 3), ("b", 99))]
+    ap = pd.read_csv(places[0] / "ap.csv")
+    assert ap.ap_r1000_low.isna().all()
+    table = compare_places(places)
+    assert value(table, places[1], places[0], "ap_r1000").value > 30
+    assert table.low.isna().all()
 
 
 @pytest.mark.parametrize(
