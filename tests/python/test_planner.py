@@ -1,6 +1,7 @@
 """The planner: candidate poses, observations, race, choice, costs and the answer."""
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ from pyinfra.experiments.planner.decide import considered
 from pyinfra.experiments.planner.fused import fused
 from pyinfra.experiments.planner.lidars import open_lidars
 from pyinfra.experiments.planner.measure import frames_at
+from pyinfra.experiments.planner.observe import observe
 from pyinfra.experiments.planner.race import is_worse, weighted_objects
 from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.site import PlanSite, frame_order, open_site
@@ -209,6 +211,30 @@ def test_plan_writes_its_tables_and_resumes(tmp_path: Path) -> None:
     again = pi.plan("crossroad", 12_000, poles=2, **words)
     pd.testing.assert_frame_equal(first.options, again.options)
     assert kept == {file: file.stat().st_mtime_ns for file in kept}
+
+
+def test_observations_are_made_again_if_a_file_changed(site: PlanSite, tmp_path: Path) -> None:
+    text = lidar_file("helios_16").read_text()
+    text = text.replace("channels/", f"{lidar_file('helios_16').parent}/channels/")
+    lidar, trajectories = tmp_path / "own.yaml", tmp_path / "t.csv"
+    trajectories.write_text("first")
+    named = replace(site, file=tmp_path / "s.yaml", keys=site.keys | {"trajectories": "t.csv"})
+    pose = pd.DataFrame([(-14.0, 9.5, 5.0, 0.0, 0.0)], columns=POSE)
+
+    def points() -> int:
+        lidars = open_lidars([lidar], site)
+        rows = observe(named, pose, lidars, np.ones((1, 1), bool), site.frames, folder=tmp_path)
+        return int(rows.points.sum())
+
+    lidar.write_text(text)
+    before = points()
+    assert before == points() > 0
+    assert len(list(tmp_path.glob("*.npy"))) == 1
+    lidar.write_text(text.replace("columns_per_turn: 1800", "columns_per_turn: 900"))
+    assert points() < 0.7 * before
+    trajectories.write_text("second")
+    points()
+    assert len(list(tmp_path.glob("*.npy"))) == 3
 
 
 def test_the_answer_says_what_an_engineer_asks(

@@ -17,6 +17,7 @@ import pandas as pd
 from pyinfra.core.arrays import AnyArray
 from pyinfra.core.files import replacing
 from pyinfra.dataset import simulation
+from pyinfra.experiments.benchmark.inputs import named_files
 from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.lidars import PlanLidar
 from pyinfra.experiments.planner.site import PlanSite
@@ -42,13 +43,13 @@ def observe(
     """
     tasks = [k for k in range(len(poses)) if wanted[k].any()]
     where = poses[POSE].to_numpy(float)
+    inputs = _inputs(site, lidars, frames)
     chunks = [tasks[i : i + POSES_AT_ONCE] for i in range(0, len(tasks), POSES_AT_ONCE)]
 
     def call(chunk: list[int]) -> AnyArray:
         file = None
         if folder is not None:
-            name = _digest(site, where[chunk], [one.name for one in lidars], wanted[chunk], frames)
-            file = folder / f"{name}.npy"
+            file = folder / f"{_digest(inputs, where[chunk], wanted[chunk])}.npy"
             if file.is_file():
                 return np.asarray(np.load(file))
         rows = _observed(site.observer, where[chunk], lidars, wanted[chunk], frames)
@@ -90,10 +91,21 @@ def _observed(
     return np.concatenate(parts)
 
 
-def _digest(
-    site: PlanSite, poses: AnyArray, lidars: list[str], wanted: AnyArray, frames: Sequence[int]
-) -> str:
+def _inputs(
+    site: PlanSite, lidars: Sequence[PlanLidar], frames: Sequence[int]
+) -> dict[str, object]:
+    """Returns all inputs of observations except the poses, with the contents of files."""
+    files = [(site.file.parent / name).read_bytes() for name in named_files(site.keys)]
+    return {
+        "scene": (site.keys, site.preset, site.seed),
+        "files": [hashlib.sha256(content).hexdigest() for content in files],
+        "lidars": [lidar.unit.dump() for lidar in lidars],
+        "frames": [*frames],
+        "version": simulation.frames_version(),
+    }
+
+
+def _digest(inputs: dict[str, object], poses: AnyArray, wanted: AnyArray) -> str:
     """Returns a name that changes with anything on which observations depend."""
-    text = [site.keys, site.preset, site.seed, poses.tolist(), lidars, wanted.tolist(), [*frames]]
-    version = simulation.frames_version()
-    return hashlib.sha256(repr((text, version)).encode()).hexdigest()[:20]
+    text = repr((inputs, poses.tolist(), wanted.tolist()))
+    return hashlib.sha256(text.encode()).hexdigest()[:20]
