@@ -101,7 +101,7 @@ def test_goals_are_classes_within_distances_and_areas() -> None:
         {"x": [20.0, 70.0, 0.0], "y": [0.0, 0.0, 40.0], "person": [False, False, True]}
     )
     ones = np.ones(3)
-    objects = Objects(table, ones, ones.astype(bool), np.zeros(3, int))
+    objects = Objects(table, ones, ones.astype(bool), np.zeros(3, int), 1)
     stop = Area("stop", 70, 0, 5)
     site = replace(open_site("crossroad", 1), centre=np.zeros(2))
     law = laws.read_detectability("generalist")

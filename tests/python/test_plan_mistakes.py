@@ -1,5 +1,6 @@
 """Realistic mistakes in plans: exit code 2, what is missing and what works, and no file written."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from pyinfra.dataset.catalogue import configs, lidar_file, scene_file
 from pyinfra.experiments.planner import observe
 from pyinfra.experiments.planner.answer import false_boxes
 from pyinfra.experiments.planner.candidates import make_candidates, with_faults
-from pyinfra.experiments.planner.site import open_site
+from pyinfra.experiments.planner.site import PlanSite, open_site, other_traffic
 from pyinfra.formats.csv_table import read_csv
 
 BASE = (
@@ -36,7 +37,7 @@ MISTAKES = {
     "folder without a site": ("empty", "", ["empty: expected a folder with site.yaml"]),
     "no traffic": ("still.yaml", "", ["traffic: expected either traffic or trajectories"]),
     "no traffic within the distance": ("small.yaml", "--centre 900 900",
-        ["--within: expected traffic", "the nearest object is"]),
+        ["--within: expected vehicles", "the nearest is"]),
     "no kerb within the distance": ("small.yaml", "--centre 40 0 --within 5",
         ["--within: ", "the nearest", "m away"]),
     # what is asked
@@ -189,6 +190,22 @@ def test_an_interrupted_plan_resumes_with_the_same_tables(
         assert (tmp_path / "stopped" / file).read_bytes() == (
             tmp_path / "whole" / file
         ).read_bytes()
+
+
+def test_frames_without_vehicles_give_no_recall(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No vehicle is near in the rainy frames."""
+    monkeypatch.setattr("pyinfra.experiments.planner.plan.in_rain", without_traffic)
+    result = pi.plan(folder / "small.yaml", 9000, **TINY)
+    assert "nan" not in result.text
+    assert not result.sensitivity.case.str.startswith("rain").any()
+    assert result.options.recall_in_rain.isna().all()
+
+
+def without_traffic(site: PlanSite, frames: int) -> PlanSite:
+    site = other_traffic(site, frames)
+    return replace(site, present=site.present.assign(x=1e4))
 
 
 def test_more_poles_than_poses_give_what_is_possible(folder: Path, tmp_path: Path) -> None:

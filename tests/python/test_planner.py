@@ -29,6 +29,7 @@ from pyinfra.experiments.planner.lidars import open_lidars
 from pyinfra.experiments.planner.measure import frames_at
 from pyinfra.experiments.planner.observe import observe
 from pyinfra.experiments.planner.race import is_worse, weighted_objects
+from pyinfra.experiments.planner.refusals import check_site
 from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.site import PlanSite, frame_order, open_site
 
@@ -43,6 +44,18 @@ def site() -> PlanSite:
 def test_the_same_objects_count_for_every_pose(site: PlanSite) -> None:
     assert set(site.present.frame) == set(site.frames)
     assert np.abs(site.present[["x", "y"]]).max().max() < 130
+
+
+def test_frames_without_objects_are_counted(site: PlanSite) -> None:
+    empty = site.frames[-1]
+    rest = replace(site, present=site.present[site.present.frame != empty])
+    assert weighted_objects(rest, Request(9000), site.frames).frames == len(site.frames)
+
+
+def test_people_alone_are_no_traffic_that_a_plan_can_find(site: PlanSite) -> None:
+    people = replace(site, present=site.present.assign(person=True))
+    with pytest.raises(pi.Error, match="within_m: expected vehicles"):
+        check_site(people, Request(9000, people=1.0), 0, drawn=False)
 
 
 def test_frames_show_every_phase_of_a_pattern_of_200_frames() -> None:

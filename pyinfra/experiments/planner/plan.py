@@ -237,7 +237,12 @@ def simulated(
     )
     lines = (
         *result.answer.lines,
-        *checked_lines(options, request, frames, recorded=result.site.recorded),
+        *checked_lines(
+            options,
+            request,
+            len(result.site.other_frames(frames)),
+            recorded=result.site.recorded,
+        ),
         *yaw_lines(errors),
     )
     return replace(
@@ -286,7 +291,7 @@ def decided(
     )
     unseen = again(other_traffic(site, frames), options=[*options, *changed])
 
-    is_unseen = unseen.objects.weight.sum() > 0
+    is_unseen = bool(unseen.objects.near_vehicles.any())
     unseen = unseen if is_unseen else run
     goals = with_objects(goals, site, unseen.objects, law, request)
     masks = masks_of(goals)
@@ -305,8 +310,9 @@ def decided(
     if site.preset == WITH_WEATHER:
         rainy = again(in_rain(site, frames), options=listed)
         wet = [predict(rainy, one.units, law, request).recall for one in listed]
-        moved += rain_lines(wet)
-        sensitivity = with_rain(sensitivity, listed, wet, units, request.find)
+        if rainy.objects.near_vehicles.any():
+            moved += rain_lines(wet)
+            sensitivity = with_rain(sensitivity, listed, wet, units, request.find)
         rows["recall_in_rain"] = 100 * np.array([one.value for one in wet])[rows.option - 1]
     answer = Answer.of(
         site,

@@ -83,7 +83,7 @@ def predict(
     known = ~person | (law.people is not None)
     rates = false_per_frame(law.vehicles.false.T, cut, seen_per_frame)[0].tolist()
     return Prediction(
-        recall=_interval(probability, near & ~person, objects),
+        recall=_interval(probability, objects.near_vehicles, objects),
         people=_interval(probability, near & person & known, objects),
         areas={
             name: _interval(

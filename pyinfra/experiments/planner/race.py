@@ -42,10 +42,12 @@ class Objects:
     weight: FloatArray  # (n,) 0 for an object that does not count
     near: BoolArray  # (n,) whether it lies within the distance of the request
     frame: IntArray  # (n,) index of the frame
+    frames: int  # number of frames, with those that have no object
 
     @property
-    def frames(self) -> int:
-        return int(self.frame.max()) + 1 if len(self.frame) else 0
+    def near_vehicles(self) -> BoolArray:
+        """Which objects are vehicles within the distance of the request: (n,)."""
+        return np.asarray(self.near & ~self.table.person.to_numpy(bool))
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +72,7 @@ def weighted_objects(site: PlanSite, request: Request, frames: Sequence[int]) ->
     weight = np.where(table.person, request.people, 1.0) * near
     weight = weighted(table, np.asarray(weight, float), request.areas)
     order = pd.Series(range(len(frames)), index=list(frames))
-    return Objects(table, weight, near, order[table.frame].to_numpy())
+    return Objects(table, weight, near, order[table.frame].to_numpy(), len(frames))
 
 
 def detection_probabilities(

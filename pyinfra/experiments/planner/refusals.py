@@ -51,12 +51,14 @@ def check_site(site: PlanSite, request: Request, check_frames: int, *, drawn: bo
     if drawn:
         check_on_roads(request.areas, site.roads)
     objects = weighted_objects(site, request, site.frames)
-    if objects.weight.sum() == 0:
+    if objects.weight.sum() == 0 or not objects.near_vehicles.any():
         x, y = site.centre
-        away = np.hypot(*(objects.table[["x", "y"]].to_numpy() - site.centre).T)
+        vehicles = objects.table[~objects.table.person]
+        away = np.hypot(*(vehicles[["x", "y"]].to_numpy() - site.centre).T)
+        nearest = f"; the nearest is {away.min():.0f} m away" if len(away) else ""
         raise Error(
-            f"within_m: expected traffic within {request.within_m:g} m of ({x:.0f}, {y:.0f}), got "
-            f"none in {len(site.frames)} frames; the nearest object is {away.min():.0f} m away"
+            f"within_m: expected vehicles within {request.within_m:g} m of ({x:.0f}, {y:.0f}), "
+            f"got none in {len(site.frames)} frames{nearest}"
         )
     left = site.every_frame - len(site.other_frames(check_frames))
     if request.detector == "background" and check_frames and left < 1:
