@@ -754,6 +754,10 @@ def test_the_own_lidar_scene_and_preset_are_no_stress(base: altered_scenes.Base)
             "--severities: expected a number, 0 or more, got '-3'",
         ),
         (
+            ["--stressors", "density", "--severities", "0.5"],
+            "--severities: expected a number, 1 or more, got '0.5'",
+        ),
+        (
             ["--stressors", "unseen_scene", "--severities", "moon"],
             "--severities: expected one of .*; got 'moon'",
         ),

@@ -214,6 +214,19 @@ def test_fewer_training_frames_are_the_stronger_severity() -> None:
     assert row["gentleness"] == pytest.approx((80 * 400 + 65 * 200) / 600 / 90)
 
 
+@pytest.mark.parametrize(
+    ("stressor", "none", "milder", "harder"),
+    [("density", "0", "0.5", "2"), ("training_frames", "0", "1600", "200")],
+)
+def test_a_curve_begins_without_stress_and_leaves_out_what_is_milder(
+    stressor: str, none: str, milder: str, harder: str
+) -> None:
+    (row,) = summary.summary(rows(stressor, {none: 80, milder: 95, harder: 60})).to_dict("records")
+    assert (row["ap_none"], row["ap_least"], row["severities"]) == (80, 60, 2)
+    assert row["gentleness"] == pytest.approx(70 / 80)
+    assert summary.summary(rows(stressor, {none: 80, milder: 95})).empty
+
+
 def test_the_blame_is_what_stress_added() -> None:
     """The AP falls by 20. Correcting the position gains 12, against 2 without stress. Correcting
     the heading gains 9 in both cases."""

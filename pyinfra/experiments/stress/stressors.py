@@ -62,23 +62,27 @@ class Stressor:
         return self.cloud(points, severity, np.random.default_rng(key))
 
     def parse(self, words: list[str]) -> tuple[Severity, ...]:
-        """Parses severities, and leaves out the severity without stress. Raises Error."""
+        """Parses severities, and leaves out the severity without stress.
+
+        Raises Error, also for less than the severity without stress.
+        """
         if self.named:
             unknown = [word for word in words if word not in self.severities]
             if unknown:
                 allowed = ", ".join(map(str, self.severities[1:]))
                 raise Error(f"severities: expected one of {allowed}; got '{unknown[0]}'")
             return tuple(word for word in words if word != UNSTRESSED)
-        return tuple(v for v in map(_severity, words) if v != self.severities[0])
+        least = float(self.severities[0])
+        return tuple(v for v in (_severity(word, least) for word in words) if v != least)
 
 
-def _severity(word: str) -> float:
+def _severity(word: str, least: float) -> float:
     try:
         value = float(word)
     except ValueError:
         value = -1.0
-    if not 0 <= value < float("inf"):
-        raise Error(f"severities: expected a number, 0 or more, got '{word}'")
+    if not least <= value < float("inf"):
+        raise Error(f"severities: expected a number, {least:g} or more, got '{word}'")
     return value
 
 

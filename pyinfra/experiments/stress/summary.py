@@ -30,7 +30,8 @@ def curves(table: pd.DataFrame) -> Iterator[tuple[dict[str, str], Stressor, pd.D
     """Yields the key, the stressor and the rows of each curve, ordered by severity.
 
     The first row of a curve is the row without stress. Column `at` is the severity, or the index of
-    a severity that is a name. Curves that have no AP without stress, or no other row, are left out.
+    a severity that is a name. Severities below that of the first row are left out, such as a
+    training with more frames. Curves that have no AP without stress, or no other row, are left out.
     """
     for key, rows in with_r1000(table).groupby(CURVE, sort=False):
         base = rows[rows.stressor == NONE.name]
@@ -40,8 +41,9 @@ def curves(table: pd.DataFrame) -> Iterator[tuple[dict[str, str], Stressor, pd.D
                 unstressed = base.assign(
                     severity=_unstressed_severity(stressor, base), stressor=name
                 )
-                curve = pd.concat([unstressed, part], ignore_index=True)
-                yield dict(zip(CURVE, key, strict=True)), stressor, _ordered(curve, stressor)
+                curve = _ordered(pd.concat([unstressed, part], ignore_index=True), stressor)
+                if len(curve) > 1:
+                    yield dict(zip(CURVE, key, strict=True)), stressor, curve
 
 
 def _unstressed_severity(stressor: Stressor, base: pd.DataFrame) -> str:
@@ -58,7 +60,9 @@ def _ordered(curve: pd.DataFrame, stressor: Stressor) -> pd.DataFrame:
         return curve.assign(at=at).sort_values("at", ignore_index=True)
     curve = curve.assign(at=curve.severity.astype(float))
     # A training with fewer frames is the higher severity.
-    return curve.sort_values("at", ascending=stressor.name != "training_frames", ignore_index=True)
+    sign = -1 if stressor.name == "training_frames" else 1
+    curve = curve[sign * curve["at"] >= sign * curve["at"].iloc[0]]
+    return curve.sort_values("at", ascending=sign > 0, ignore_index=True, kind="stable")
 
 
 def crossing(at: FloatArray, ap: FloatArray, level: float) -> float:
