@@ -284,6 +284,20 @@ def test_another_lidar_of_the_same_name_is_another_altered_scene(
     assert results[0] != results[1]
 
 
+def test_a_changed_lidar_of_the_catalogue_is_simulated_again(
+    base: altered_scenes.Base, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = stress("unseen_lidar", "livox_avia", base, tmp_path)
+    assert stress("unseen_lidar", "livox_avia", base, tmp_path) == before
+    file = tmp_path / "livox_avia.yaml"
+    text = altered_scenes.lidar_file("livox_avia").read_text()
+    file.write_text(text.replace("max_range_m: 260", "max_range_m: 50"))
+    assert file.read_text() != text
+    monkeypatch.setattr(altered_scenes, "lidar_file", lambda _: file)
+    after = stress("unseen_lidar", "livox_avia", base, tmp_path)
+    assert len(bytes_of(after)[0]) < len(bytes_of(before)[0])
+
+
 def test_an_own_lidar_goes_through_all_but_its_unknown_presets(
     made: Made, background: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

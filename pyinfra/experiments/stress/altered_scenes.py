@@ -292,10 +292,12 @@ def _written(texts: dict[str, str], altered: AlteredScene, folder: Path) -> tupl
 def _digest(base: Base, altered: AlteredScene, texts: dict[str, str]) -> str:
     """Returns a digest of a changed simulation's inputs.
 
-    The digest leaves out the frame numbers, the simulator's version and the files of LiDARs of the
-    catalogue.
+    The digest leaves out the frame numbers and the simulator's version. Raises SimulatorError.
     """
-    parts = [*texts.values(), _preset(base, altered), base.lidar.label_time, *altered.set]
+    preset = _preset(base, altered)
+    parts = [*texts.values(), preset, base.lidar.label_time, *altered.set]
+    if altered.lidar:
+        parts.append(infrasim("check", lidar_file(altered.lidar), "--preset", preset))
     digest = hashlib.sha256("\n".join(parts).encode())
     if base.trajectories and not altered.scene:
         digest.update(base.trajectories.read_bytes())
