@@ -226,6 +226,16 @@ def test_plan_writes_its_tables_and_resumes(tmp_path: Path) -> None:
     assert kept == {file: file.stat().st_mtime_ns for file in kept}
 
 
+def test_a_bundle_with_one_unconfirmed_price_is_unconfirmed(site: PlanSite, tmp_path: Path) -> None:
+    units = [lidar_file(name) for name in ("helios_16", "velodyne_vlp_16")]
+    assert [lidar.confirmed for lidar in open_lidars(units, site)] == [True, False]
+    file = tmp_path / "two.yaml"
+    words = ", ".join(f"{{lidar: {unit}}}" for unit in units)
+    file.write_text(f"name: two\nmodel: two\nbundle: [{words}]\n")
+    (bundle,) = open_lidars([file], site)
+    assert not bundle.confirmed
+
+
 def test_observations_are_made_again_if_a_file_changed(site: PlanSite, tmp_path: Path) -> None:
     text = lidar_file("helios_16").read_text()
     text = text.replace("channels/", f"{lidar_file('helios_16').parent}/channels/")

@@ -12,7 +12,7 @@ import yaml
 from pyinfra.core.errors import Error
 from pyinfra.core.names import StrPath, file_or_name
 from pyinfra.dataset import simulation
-from pyinfra.dataset.lidars import catalogue_files, presets_of
+from pyinfra.dataset.lidars import UNCONFIRMED, catalogue_files, presets_of, sum_source
 from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.formats import kitti
 
@@ -33,7 +33,7 @@ class PlanLidar:
 
     @property
     def confirmed(self) -> bool:
-        return "unconfirmed" not in self.source
+        return UNCONFIRMED not in self.source
 
     @property
     def price_usd(self) -> float:
@@ -72,9 +72,9 @@ def _open(file: Path, preset: str, world: simulation.World) -> PlanLidar:
 
 
 def _source(file: Path) -> str:
-    """Returns where the price of a LiDAR comes from; for a bundle, that of its first unit."""
+    """Returns where the price of a LiDAR comes from; for a bundle, that of all its units."""
     keys = yaml.safe_load(file.read_text(encoding="utf-8"))
     if "price_usd" in keys:
         return str(keys["price_usd"].get("source", ""))
     units = [unit for unit in keys.get("bundle", []) if "lidar" in unit]
-    return _source(file.parent / units[0]["lidar"]) if units else ""
+    return sum_source(_source(file.parent / unit["lidar"]) for unit in units)
