@@ -65,7 +65,9 @@ def compare(
         raise Error(
             f"compare: expected two lists of equal length, 2 or more, got {len(a)} and {len(b)}"
         )
-    pairs = zip(a, b, strict=True)
+    pairs = list(zip(a, b, strict=True))
+    if len({(id(x), id(y)) for x, y in pairs}) < len(pairs):
+        raise Error("compare: expected another seed in each pair, got the same two results twice")
     return over_seeds([_difference(x, y, ground_truth) for x, y in pairs])
 
 

@@ -146,6 +146,7 @@ CALLS: dict[str, tuple[Call, str]] = {
     "Settings: IoU": (lambda g: pi.Settings(ious=(2.0,)), "iou: "),
     "compare: one of each": (lambda g: pi.compare(g.result, [g.result]), "compare: "),
     "compare: lengths": (lambda g: pi.compare([g.result] * 2, [g.result] * 3), "compare: "),
+    "compare: twice": (lambda g: pi.compare([g.result] * 2, [g.result] * 2), "compare: "),
     "compare: tables": (lambda g: pi.compare(g.table, g.table), "a: "),
     "compare: list of tables": (lambda g: pi.compare([g.table] * 2, [g.result] * 2), "a: "),
     "compare: ground truth": (
