@@ -122,11 +122,10 @@ def _chosen(
             raise Error(
                 f"split: expected a LiDAR's folder as gt, got frames in memory and split '{split}'"
             )
-        if frames is None:
-            return gt
-        if other := sorted(set(frames) - set(gt.numbers)):
+        wanted = sorted(gt.numbers if frames is None else frames)
+        if other := sorted(set(wanted) - set(gt.numbers)):
             raise Error(f"frames: expected numbers of the {len(gt)} frames in gt, got {other[0]}")
-        return gt.of(sorted(frames))
+        return gt if wanted == list(gt.numbers) else gt.of(wanted)
     folder = path_of(gt, "gt")
     if isinstance(pred, pd.DataFrame):
         one_lidar(folder, "gt")  # raises Error for a data set with several LiDARs

@@ -229,6 +229,13 @@ def test_a_slice_is_a_sequence(frames: FrameSequence) -> None:
     np.testing.assert_array_equal(part[0].points, frames[2].points)
 
 
+def test_the_order_of_the_frames_does_not_matter(
+    frames: FrameSequence, noisy: pd.DataFrame
+) -> None:
+    backwards = pi.evaluate(frames[::-1], noisy[::-1])
+    pd.testing.assert_frame_equal(backwards.ap, pi.evaluate(frames, noisy).ap)
+
+
 def test_results_of_other_frames_are_not_compared(
     frames: FrameSequence, noisy: pd.DataFrame
 ) -> None:
