@@ -21,6 +21,7 @@ from detector_data import SITE
 
 import pyinfra as pi
 from pyinfra.cli import main
+from pyinfra.core.errors import Error
 from pyinfra.dataset.runs import SimulatorError
 from pyinfra.experiments.stress import altered_scenes, lidar, trials
 from pyinfra.experiments.stress.stressors import STRESSORS, chosen
@@ -698,6 +699,15 @@ def test_runs_of_one_detector_are_severities_of_the_training(base: altered_scene
         match=r"d: expected either the .* frames or the seed .* of a, got 200 frames and seed 2",
     ):
         trials.plan([first, trials.TrainedRun(Path("d"), "pointpillars", 200, 2)], stressors, base)
+
+
+def test_two_runs_of_the_same_frames_are_refused(base: altered_scenes.Base) -> None:
+    first, *same = (
+        trials.TrainedRun(Path(name), "pointpillars", frames, 1)
+        for name, frames in (("a", 800), ("b", 200), ("c", 200))
+    )
+    with pytest.raises(Error, match=r"c: expected one run of each training_frames, got two of 200"):
+        trials.plan([first, *same], chosen(["training_frames"], None), base)
 
 
 def untrained(folder: Path, frames: int, lidar: str = "helios_16") -> Path:

@@ -108,7 +108,7 @@ def plan(
 
     Stress is applied to the first run of each detector. Its other runs are severities of the
     stressors `training_frames` and `training_seed`. Raises Error for a run that differs from the
-    first in both frames and seed, or in neither.
+    first in both frames and seed, or in neither, and for two runs of the same frames or seed.
     """
     first: dict[str, TrainedRun] = {}
     for run in runs:
@@ -116,6 +116,11 @@ def plan(
     trials = [Trial(run, run, NONE, NONE.severities[0]) for run in first.values()]
     others = [(first[run.detector], run) for run in runs if first[run.detector] is not run]
     trained = [(a, b, *_difference(a, b)) for a, b in others]
+    known: set[tuple[str, str, Severity]] = set()
+    for _, run, name, severity in trained:
+        if (run.detector, name, severity) in known:
+            raise Error(f"{run.folder}: expected one run of each {name}, got two of {severity}")
+        known.add((run.detector, name, severity))
     for stressor, severities in stressors.items():
         defaults = {UNSTRESSED, base.lidar.name, base.lidar.preset, base.scene_name}
         if stressor.acts_on == "training":
