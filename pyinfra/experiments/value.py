@@ -58,7 +58,8 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
     High-quality areas and metres of road use the ground truth of `with_whole`, so that the same
     vehicles count for every LiDAR. Options of the same scene, preset, tier and seed are compared.
     An option is dominated if another option has no higher price and no lower AP (R1000) with this
-    ground truth, and is better in at least one of the two.
+    ground truth, and is better in at least one of the two. An option without this AP is neither
+    dominated nor in column `pareto`.
     """
     experiments = with_whole(with_r1000(tables["experiments"].dropna(subset=["ap"])))
     truth = "all" if experiments.empty else str(experiments.whole.iloc[0])
@@ -91,7 +92,8 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
         if len(t)
         else ""
     )
-    t.insert(len(t.columns) - 1, "pareto", t.dominated_by == "")
+    pareto = (t.dominated_by == "") & t.ap_whole_r1000.notna()
+    t.insert(len(t.columns) - 1, "pareto", pareto)
     return t
 
 

@@ -1,5 +1,6 @@
 """A benchmark of a few small experiments: its rows, and its behaviour after errors."""
 
+import math
 import os
 import signal
 import subprocess
@@ -527,6 +528,13 @@ def test_value_by_hand() -> None:
     assert table.covered_m == 20
     assert table.usd_per_m_road == 100
     assert table.points_per_1000_usd == 250
+
+
+def test_an_option_without_an_ap_of_all_vehicles_is_not_on_the_front() -> None:
+    tables = made_up({"a": (2000, 80), "b": (900, 70)})
+    tables["experiments"].loc[1, "ap_all"] = math.nan
+    table = value_table(tables, Costs()).set_index("lidar")
+    assert table.pareto.to_dict() == {"a": True, "b": False}
 
 
 def test_areas_of_a_scene_with_two_roads_count_once() -> None:
