@@ -25,8 +25,14 @@ def seconds_of(name: str) -> float | None:
     """Returns the time in a file's name in seconds since 1970, or None if there is no time in it.
 
     The name must begin with a time such as 1651673050.454284, 1651673050_454284855 or
-    1651673050454. A prefix without digits is allowed before the time.
+    1651673050454. A prefix without digits is allowed before the time. A frame number with many
+    zeros before it, such as 0000000007 in KITTI's raw data, is no time.
     """
+    seconds = _seconds_in(name)
+    return seconds if seconds is not None and EARLIEST_S < seconds < LATEST_S else None
+
+
+def _seconds_in(name: str) -> float | None:
     match = re.match(r"\D*(\d{10})(?:\.(\d+)|_(\d+))?(?!\d)", name)
     if match:
         seconds, decimals, digits = match.groups()
@@ -54,21 +60,18 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
     """Orders a recording by time, and derives frame period and frame numbers from its clock.
 
     Returns the recording and notes on its clock. `period_s` takes precedence over the clock. Times
-    come from the files, else from the file names. If there are no times, the recording is returned
-    unchanged. If times step back, the function looks at the steps between the sorted times. If all
-    of these steps are 0.5 to 1.5 times the median step, the function sorts the frames by time.
-    Otherwise the clock is assumed to be wrong, and the frames stay in the order of their names.
+    come from the files, else from the file names. If there are no times, or their median step
+    cannot be a frame period, the recording is returned unchanged. If times step back, the function
+    looks at the steps between the sorted times. If all of these steps are 0.5 to 1.5 times the
+    median step, the function sorts the frames by time. Otherwise the clock is assumed to be wrong,
+    and the frames stay in the order of their names.
     """
     if len(recording.names) < 2:
         return recording, []
     times, notes = _times(recording)
     if times is None:
-        if not (period_s or recording.period_s):
-            notes.append(
-                f"no times are known, so the time between frames is set to {USUAL_S:g} s; "
-                "`period_s` sets another time"
-            )
-        return recording, notes
+        why = "no times are known"
+        return recording, [*notes, *_without_clock(recording, period_s, why)]
     steps = np.diff(times)
     if (steps < 0).any():
         order = np.argsort(times, kind="stable")
@@ -78,7 +81,7 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
                 f"the clock steps back by {-steps[before]:.3g} s after {recording.names[before]}: "
                 "the clock is not used, and frames are in the order of their names"
             )
-            return recording, notes
+            return recording, [*notes, *_without_clock(recording, period_s, "the clock is wrong")]
         late = int((steps < 0).sum())
         notes.append(
             f"frames are out of order ({late} frames are older than the frame before them), so the "
@@ -87,6 +90,28 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
         recording, times = _reordered(recording, order), times[order]
         steps = np.diff(times)
     return _by_clock(recording, steps, period_s, notes)
+
+
+def _without_clock(recording: Recording, period_s: float | None, why: str) -> list[str]:
+    """Returns notes on an assumed frame period, and on gaps between the numbers in names."""
+    notes = []
+    if not (period_s or recording.period_s):
+        notes.append(
+            f"{why}, so the time between frames is set to {USUAL_S:g} s; `period_s` sets another "
+            "time"
+        )
+    parts = [re.fullmatch(r"(\D*)(\d+)(\D*)", name) for name in recording.names]
+    numbers = [int(match[2]) for match in parts if match]
+    alike = len({(match[1], match[3]) if match else None for match in parts}) == 1
+    if alike and numbers and recording.counted and recording.slots is None:
+        steps = np.diff(np.array(numbers, dtype=object))
+        gaps = np.flatnonzero(steps > steps.min())
+        if steps.min() > 0 and len(gaps) > 0:
+            notes.append(
+                f"frames are missing at {len(gaps)} places, such as after "
+                f"{recording.names[gaps[0]]}; the frame numbers have no gaps"
+            )
+    return notes
 
 
 def _times(recording: Recording) -> tuple[FloatArray | None, list[str]]:
@@ -133,7 +158,8 @@ def _by_clock(
             "frame before them"
         )
     if not PERIOD_S[0] <= usual <= PERIOD_S[1]:
-        return recording, notes
+        why = f"the median step of the clock is {usual:.4g} s, which is no frame period"
+        return recording, [*notes, *_without_clock(recording, period_s, why)]
     if period_s and not REGULAR[0] < period_s / usual < REGULAR[1]:
         notes.append(
             f"`period_s` is {period_s:g} s, but the median step of the clock is {usual:.4g} s; "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -74,9 +75,9 @@ class Recording:
     def counted(self) -> bool:
         """Whether frames are numbered by their order.
 
-        This is the case if the names are not unique numbers of up to 6 digits.
+        This is the case if the names are not unique numbers up to 999,999.
         """
-        if not all(re.fullmatch("[0-9]{1,6}", name) for name in self.names):
+        if not all(re.fullmatch("0*[0-9]{1,6}", name) for name in self.names):
             return True
         return len({int(name) for name in self.names}) < len(self.names)  # as for 1 and 01
 
@@ -99,7 +100,8 @@ def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
     files = [file for file in candidates if file.name.lower().endswith(tuple(suffixes))]
     if not files:
         raise Error(f"{folder}: expected at least one {' or '.join(suffixes)} file, got none")
-    return sorted(files, key=lambda file: (_digits(file.name), file.name))
+    of_name = _numbers_in([file.name for file in files])
+    return sorted(files, key=lambda file: (of_name[file.name], file.name))
 
 
 def read_splits(folder: Path, names: Sequence[str]) -> dict[str, tuple[str, ...]]:
@@ -192,6 +194,20 @@ def stem(file: Path) -> str:
     return re.sub(r"(\.pcd)?(\.bin)?$", "", file.name, flags=re.I).removesuffix(file.suffix)
 
 
-def _digits(name: str) -> tuple[int, ...]:
-    words = "".join(c if c.isdecimal() else " " for c in name).split()
-    return tuple(int(word) for word in words)
+def _numbers_in(names: Sequence[str]) -> dict[str, tuple[Decimal, ...]]:
+    """Returns the numbers in each name.
+
+    A point between two numbers, as in 1.25, is a decimal point if a program has written decimals
+    without trailing zeros, such as 1.0, 1.15 and 1.2. Otherwise, as in 1.9 and 1.10, it separates
+    whole numbers.
+    """
+    words = {name: re.findall(r"\d+(?:\.\d+)*", name) for name in names}
+    decimals = [word.partition(".")[2] for found in words.values() for word in found]
+    decimals = [digits for digits in decimals if digits]
+    separated = any("." in d or (len(d) > 1 and d.endswith("0")) for d in decimals)
+    return {
+        name: tuple(
+            Decimal(part) for word in found for part in (word.split(".") if separated else [word])
+        )
+        for name, found in words.items()
+    }

@@ -21,7 +21,7 @@ from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.frame_times import seconds_of
 from pyinfra.exchange.imports import import_recording, warnings
 from pyinfra.exchange.pose_estimation import UPS
-from pyinfra.exchange.recording import Options
+from pyinfra.exchange.recording import Options, sorted_files, stem
 from pyinfra.formats import kitti
 from pyinfra.formats.pcd_file import write_pcd
 
@@ -413,6 +413,8 @@ def names_at(times: list[float]) -> list[str]:
         ("1651673050", 1651673050.0),
         ("000123", None),
         ("frame_16516730501", None),
+        ("0000000007", None),  # a frame of KITTI's raw data
+        ("0000000000123", None),
     ],
 )
 def test_names_that_are_times(name: str, seconds: float | None) -> None:
@@ -432,6 +434,55 @@ def test_a_jump_of_the_clock_leaves_numbers_out(site: Path, tmp_path: Path) -> N
     folder, text = taken(write(tmp_path / "source", clouds, names_at(times)))
     assert "missing at 1 places, and the longest gap is 3 s after 1651673050.200000" in text
     assert kitti.frames(folder) == [0, 1, 2, 32, 33, 34]
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["0.05", "0.1", "0.15", "0.2", "1.0", "1.05"],
+        ["7.98_left", "8_left", "8.02_left"],
+        ["a.1.9.1", "a.1.9.2", "a.1.10.1"],
+        ["1.9", "1.10", "1.11"],
+        ["2", "10", "10b"],
+    ],
+)
+def test_files_are_in_the_order_of_their_numbers(names: list[str], tmp_path: Path) -> None:
+    for name in reversed(names):
+        (tmp_path / f"{name}.bin").touch()
+    assert [stem(file) for file in sorted_files(tmp_path, [".bin"])] == names
+
+
+def test_times_without_trailing_zeros_may_have_a_gap(site: Path, tmp_path: Path) -> None:
+    clouds = clouds_of(site, "helios_16")[:5]
+    names = [str(START + t) for t in (0.1, 0.15, 0.2, 0.35, 0.4)]
+    folder, text = taken(write(tmp_path / "source", clouds, names))
+    assert kitti.read_lidar(folder).period_s == 0.05
+    assert kitti.frames(folder) == [0, 1, 2, 5, 6]
+    assert "steps back" not in text
+
+
+def test_frame_numbers_with_many_zeros_are_no_times(site: Path, tmp_path: Path) -> None:
+    clouds = clouds_of(site, "helios_16")[:4]
+    names = [f"{number:010d}" for number in (3, 4, 5, 9)]
+    folder, _ = taken(write(tmp_path / "source", clouds, names))
+    assert kitti.read_lidar(folder).period_s == 0.1
+    assert kitti.frames(folder) == [3, 4, 5, 9]
+
+
+def test_a_period_without_a_usable_clock_is_reported(site: Path, tmp_path: Path) -> None:
+    clouds = clouds_of(site, "helios_16")[:4]
+    folder, text = taken(write(tmp_path / "source", clouds, names_at([0, 120, 240, 360])))
+    assert "the median step of the clock is 120 s" in text
+    assert "the time between frames is set to 0.1 s" in text
+    assert kitti.read_lidar(folder).period_s == 0.1
+
+
+def test_a_gap_between_numbered_names_is_reported(site: Path, tmp_path: Path) -> None:
+    clouds = clouds_of(site, "helios_16")[:4]
+    names = ["cloud_8", "cloud_9", "cloud_13", "cloud_14"]
+    folder, text = taken(write(tmp_path / "source", clouds, names))
+    assert "frames are missing at 1 places, such as after cloud_9" in text
+    assert kitti.frames(folder) == [0, 1, 2, 3]
 
 
 def write_stamped(folder: Path, clouds: Clouds, times: list[float]) -> Path:
