@@ -111,18 +111,17 @@ def write_lidar(
     return summary
 
 
-def write_description(data: Path, scene: str, *, ids_are_tracks: bool) -> None:
+def write_description(data: Path, scene: str, tracks_sha256: str) -> None:
     """Writes dataset.yaml, unless the data set already has a LiDAR.
 
-    Raises Error if the data set has a LiDAR and the new LiDAR cannot be added. This is the case if
-    the data set is simulated, or if the LiDARs do not share the ids of tracks.
+    `tracks_sha256` is the digest of `Recording`. Raises Error if the data set has a LiDAR and the
+    new LiDAR cannot be added. This is the case if the data set is simulated, or if the LiDARs do
+    not share the ids of tracks.
     """
     file = data / "dataset.yaml"
-    ids = "tracks" if ids_are_tracks else "rows"
     if file.exists() and lidars_in(data):
-        top = kitti.read_yaml(file)
-        joined = top.at("preset").text() == RECORDED and top.at("ids").text() == ids == "tracks"
-        if not joined:
+        tracks = kitti.read_yaml(file).maybe("tracks_sha256")
+        if tracks is None or tracks.text() != tracks_sha256:
             raise Error(
                 f"{data}: expected a new folder, got a data set that does not share object ids "
                 "with this recording"
@@ -134,8 +133,10 @@ def write_description(data: Path, scene: str, *, ids_are_tracks: bool) -> None:
         "aggregation": RECORDED,
         "seed": 0,
         "version": __version__,
-        "ids": ids,
+        "ids": "tracks" if tracks_sha256 else "rows",
     }
+    if tracks_sha256:
+        lines["tracks_sha256"] = tracks_sha256
     write(file, yaml.safe_dump(lines, sort_keys=False))
 
 

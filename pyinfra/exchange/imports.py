@@ -83,7 +83,7 @@ def import_recording(
         summary = write_lidar(recording, beside, facts, Shown(range(len(recording.names))))
         if region:
             write(beside / REGION_FILE, region.read_bytes())
-        write_description(out.parent, given.scene, ids_are_tracks=recording.ids_are_tracks)
+        write_description(out.parent, given.scene, recording.tracks_sha256)
     return summary, recording.labelled
 
 

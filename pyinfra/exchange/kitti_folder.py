@@ -7,6 +7,7 @@ of the benchmark's devkit.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -96,7 +97,8 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
         return RecordedFrame(points, boxes)
 
     labelled = file.is_file()
-    return Recording(names, frame, labelled, ids_are_tracks=labelled, notes=lambda: notes)
+    digest = sha256(file.read_bytes()).hexdigest()[:16] if labelled else ""
+    return Recording(names, frame, labelled, tracks_sha256=digest, notes=lambda: notes)
 
 
 def _tracks(file: Path, calib: Path) -> dict[int, Boxes]:

@@ -11,6 +11,7 @@ import json
 import math
 from collections import Counter
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ COLUMNS = 5  # x y z intensity ring
 INTENSITY_MAX = 255.0
 # Visible share of each level: the middle of 0-40, 40-60, 60-80 and 80-100 %.
 VISIBILITY = {"1": 0.2, "2": 0.5, "3": 0.7, "4": 0.9}
+STILL_M = 0.5  # largest distance between the positions of a LiDAR that does not move
 NEEDED = (
     *("sample", "sample_data", "calibrated_sensor", "sensor", "ego_pose"),
     *("sample_annotation", "instance", "category"),
@@ -67,8 +69,22 @@ def read(source: Path, options: Options) -> Recording:
         period_s=round(float(np.median(np.diff(times))), 4) if len(rows) > 1 else None,
         pose=WorldPose(x, y, z, poses[0].yaw),
         tilt=poses[0].tilt,
-        ids_are_tracks=True,
+        tracks_sha256=sha256("\n".join(tables.instances).encode()).hexdigest()[:16],
+        times=lambda: times,
+        notes=lambda: _motion(poses),
     )
+
+
+def _motion(poses: list[Pose]) -> list[str]:
+    """Returns a note if the LiDAR moves."""
+    origins = np.array([pose.origin for pose in poses])
+    away = float(np.linalg.norm(origins - origins[0], axis=1).max())
+    if away <= STILL_M:
+        return []
+    return [
+        f"the LiDAR moves by up to {away:.1f} m, as on a vehicle: boxes are right in each frame, "
+        "but positions in the world, such as tracks, use the pose of the first frame"
+    ]
 
 
 class Tables:

@@ -65,7 +65,8 @@ class Recording:
     pose: WorldPose | None = None
     # Pitch and roll (rad) of the sensor, which were already removed from the points.
     tilt: tuple[float, float] | None = None
-    ids_are_tracks: bool = False
+    # Digest of the tracks that ids identify; empty if ids do not identify tracks.
+    tracks_sha256: str = ""
     times: Callable[[], FloatArray | None] | None = None  # frame times in the files, seconds
     notes: Callable[[], list[str]] | None = None  # texts about assumptions of the reader
     origin: Callable[[], FloatArray | None] | None = None  # sensor position in the points' frame

@@ -212,6 +212,37 @@ def test_tables_by_hand(tmp_path: Path) -> None:
     assert kitti.read_tilt(tmp_path / "in/pole").pitch == pytest.approx(math.pi / 2)
 
 
+def test_gaps_between_key_frames_stay_gaps(tmp_path: Path) -> None:
+    """As between the scenes of nuScenes, and where only some frames were exported."""
+    folder = tables(tmp_path / "a")
+    row = json.loads((folder / "v1.0/sample_data.json").read_text())[0]
+    rows = [
+        row | {"token": f"d{i}", "timestamp": round(2e6 + 1e6 * t)}
+        for i, t in enumerate((0, 0.5, 1, 3, 3.5))
+    ]
+    (folder / "v1.0/sample_data.json").write_text(json.dumps(rows))
+    out = tmp_path / "in/pole"
+    summary, _ = import_recording(folder, "nuscenes", out, FACTS, Options())
+    assert kitti.frames(out) == [0, 1, 2, 6, 7]
+    assert kitti.read_lidar(out).period_s == 0.5
+    assert any("frames are missing at 1 places" in note for note in summary.assumed)
+    assert not any("moves" in note for note in summary.assumed)
+
+
+def test_a_lidar_that_moves_is_reported(tmp_path: Path) -> None:
+    folder = tables(tmp_path / "a")
+    later = {
+        "ego_pose": {"token": "later", "translation": [112, 205, 0]},
+        "sample_data": {"token": "d", "ego_pose_token": "later", "timestamp": 2_500_000},
+    }
+    for table, keys in later.items():
+        file = folder / f"v1.0/{table}.json"
+        rows = json.loads(file.read_text())
+        file.write_text(json.dumps([*rows, rows[0] | keys]))
+    summary, _ = import_recording(folder, "nuscenes", tmp_path / "in/pole", FACTS, Options())
+    assert any("the LiDAR moves by up to 13.0 m" in note for note in summary.assumed)
+
+
 WRONG_TABLES: dict[str, tuple[str, Callable[[Any], Any], str]] = {
     "no JSON": ("sample", lambda rows: None, "cannot be read as JSON"),
     "no list": ("sample", lambda rows: {"token": 1}, "expected a list of rows"),
@@ -537,6 +568,17 @@ def test_lidars_of_the_same_tables_stand_in_one_data_set(tmp_path: Path) -> None
         facts = LidarFacts(name, "junction")
         import_recording(recording, "nuscenes", tmp_path / "in" / name, facts, Options())
     assert read_data_set(tmp_path / "in").names == ("one", "two")
+
+
+def test_lidars_of_other_tables_need_another_data_set(tmp_path: Path) -> None:
+    other = tables(tmp_path / "b")
+    for table in ("instance", "sample_annotation"):
+        file = other / f"v1.0/{table}.json"
+        file.write_text(file.read_text().replace('"i"', '"j"'))
+    import_recording(tables(tmp_path / "a"), "nuscenes", tmp_path / "in/pole", FACTS, Options())
+    with pytest.raises(ValueError, match="does not share object ids"):
+        import_recording(other, "nuscenes", tmp_path / "in/other", FACTS, Options())
+    assert read_data_set(tmp_path / "in").names == ("pole",)
 
 
 def test_without_labels_there_is_a_warning(
