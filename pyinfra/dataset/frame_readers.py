@@ -102,15 +102,15 @@ def read_cameras(lidar_folder: Path, frames: Sequence[int]) -> Cameras:
     A frame without a calib file gets the calibration of a simulated LiDAR. Raises FormatError with
     file and line.
     """
-    number: dict[bytes, int] = {}
+    number: dict[bytes | None, int] = {}
     different: list[kitti.Calibration] = []
     of_frame = np.empty(len(frames), dtype=np.int64)
     for i, frame in enumerate(frames):
         file = kitti.frame_file(lidar_folder, "calib", frame)
-        text = file.read_bytes() if file.exists() else b""
+        text = file.read_bytes() if file.exists() else None
         if text not in number:
             number[text] = len(different)
-            different.append(kitti.read_calibration(file) if text else kitti.simulated())
+            different.append(kitti.simulated() if text is None else kitti.read_calibration(file))
         of_frame[i] = number[text]
     return Cameras(tuple(different), of_frame)
 

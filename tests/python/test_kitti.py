@@ -9,7 +9,7 @@ import pytest
 from message_pattern import pattern
 
 from pyinfra.core.errors import FormatError
-from pyinfra.dataset.frame_readers import Cameras, read_predictions
+from pyinfra.dataset.frame_readers import Cameras, read_cameras, read_predictions
 from pyinfra.formats import kitti
 
 WITHOUT_SCAN = "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility"
@@ -410,6 +410,15 @@ def test_a_byte_order_mark_is_no_part_of_a_table(tmp_path: Path) -> None:
     objects = written(tmp_path, f"\ufeff{HEADER}\r\n{VEHICLE}\r\n", "objects")
     assert kitti.read_objects(objects).names.tolist() == ["Car"]
     assert kitti.read_labels(written(tmp_path, f"\ufeff{LABEL}\n")).names.tolist() == ["Car"]
+
+
+def test_an_empty_calib_file_is_no_missing_one(tmp_path: Path) -> None:
+    assert len(read_cameras(tmp_path, [0]).different) == 1
+    file = kitti.frame_file(tmp_path, "calib", 0)
+    file.parent.mkdir(parents=True)
+    file.write_bytes(b"")
+    with pytest.raises(FormatError, match=r"000000\.txt: expected the matrices"):
+        read_cameras(tmp_path, [0])
 
 
 def test_missing_file_is_an_error_of_the_system(tmp_path: Path) -> None:

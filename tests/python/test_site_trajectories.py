@@ -12,7 +12,13 @@ from message_pattern import pattern
 
 from pyinfra.cli import main
 from pyinfra.core.arrays import FloatArray
-from pyinfra.formats.kitti import Labels, frame_file, write_labels
+from pyinfra.formats.kitti import (
+    Labels,
+    frame_file,
+    simulated,
+    write_calibration,
+    write_labels,
+)
 from pyinfra.scenes.maps.box_links import link
 from pyinfra.scenes.maps.openstreetmap import transverse_mercator
 
@@ -354,7 +360,13 @@ def test_a_million_vehicles_are_refused(
         assert "50" in capsys.readouterr().err
 
 
-def test_labels_of_frames_are_linked_in_world_coordinates(site: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("behind_m", [None, 0.27])
+def test_labels_of_frames_are_linked_in_world_coordinates(
+    behind_m: float | None, site: Path, tmp_path: Path
+) -> None:
+    """The camera may be at another place than the sensor."""
+    camera = simulated()
+    camera.Tr_velo_to_cam[2, 3] -= behind_m or 0
     lidar = tmp_path / "lidar"
     for part in ("velodyne", "label_2", "calib"):
         (lidar / "training" / part).mkdir(parents=True)
@@ -369,7 +381,9 @@ def test_labels_of_frames_are_linked_in_world_coordinates(site: Path, tmp_path: 
     for k in range(30):
         boxes = np.array([[k * 1.0, -3, -5.25, 4.5, 1.9, 1.5, 0]])
         labels = Labels(np.array(["Car"]), boxes, None, None)
-        write_labels(frame_file(lidar, "label_2", k), labels)
+        write_labels(frame_file(lidar, "label_2", k), labels, camera)
+        if behind_m is not None:
+            write_calibration(frame_file(lidar, "calib", k), camera)
         frame_file(lidar, "velodyne", k).write_bytes(b"")
     table = imported(site, lidar)
     assert table["id"].nunique() == 1

@@ -11,6 +11,7 @@ import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error, FormatError
+from pyinfra.dataset.frame_readers import read_cameras
 from pyinfra.dataset.world_frame import boxes_to_world
 from pyinfra.formats.csv_table import numbers, read_words
 from pyinfra.formats.kitti import frame_file, frames, read_labels, read_lidar
@@ -96,8 +97,11 @@ def read_frames(folder: Path) -> list[BoxTrack]:
     lidar = read_lidar(folder)
     pose = lidar.T_world_levelled
     times, boxes, names = [], [np.zeros((0, 7))], [np.zeros(0, str)]
-    for frame in frames(folder):
-        labels = read_labels(frame_file(folder, "label_2", frame))
+    numbers = frames(folder)
+    cameras = read_cameras(folder, numbers)
+    for frame, camera in zip(numbers, cameras.of_frame, strict=True):
+        file = frame_file(folder, "label_2", frame)
+        labels = read_labels(file, calibration=cameras.different[camera])
         times += [(frame + 0.5) * lidar.period_s] * len(labels.boxes)
         boxes.append(labels.boxes)
         names.append(labels.names.astype(str))
