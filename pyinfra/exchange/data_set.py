@@ -6,10 +6,12 @@ what each command does in this case.
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
 
@@ -30,6 +32,7 @@ from pyinfra.exchange.recording import Boxes, RecordedFrame, Recording
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import RECORDED, Labels, Objects, RoadShape, WorldPose
 
+HEIGHT_OFF_M = 0.5  # tolerated difference of a height from the vehicles' bottoms
 SEEN = 1.0  # visibility of a labelled object if the recording states none
 
 
@@ -107,7 +110,8 @@ def write_lidar(
         if summary.points == before:
             summary.empty.append(recording.names[i])
     _write_lists(out, recording, numbers)
-    write(out / "lidar.yaml", _lidar_yaml(recording, facts, summary, tilt))
+    pose = _pose(recording, facts, summary)
+    write(out / "lidar.yaml", _lidar_yaml(recording, pose, facts, summary, tilt))
     return summary
 
 
@@ -229,15 +233,20 @@ def _write_lists(out: Path, recording: Recording, numbers: tuple[int, ...]) -> N
         present = sorted(written & {of_name[name] for name in names})
         text = "".join(f"{number:06d}\n" for number in present)
         write(out / f"ImageSets/{part}.txt", text)
-    rows = [f"{n},{name}\n" for name, n in of_name.items() if n in written]
-    write(out / "sources.csv", "".join(["frame,source\n", *rows]))
+    rows = [(n, name) for name, n in of_name.items() if n in written]
+    table = io.StringIO()
+    csv.writer(table, lineterminator="\n").writerows([("frame", "source"), *rows])
+    write(out / "sources.csv", table.getvalue())
 
 
 def _lidar_yaml(
-    recording: Recording, facts: LidarFacts, summary: ImportSummary, tilt: tuple[float, float]
+    recording: Recording,
+    pose: WorldPose,
+    facts: LidarFacts,
+    summary: ImportSummary,
+    tilt: tuple[float, float],
 ) -> str:
     view = summary.coverage.measured()
-    pose = recording.pose or WorldPose(0.0, 0.0, _height(facts, summary), 0.0)
     low, high = facts.price_usd or (math.nan, math.nan)
     degrees = [[round(math.degrees(v), 6) for v in pair] for pair in (view.azimuth, view.elevation)]
     content = {
@@ -278,11 +287,21 @@ def _period_s(recording: Recording, facts: LidarFacts) -> float:
     return facts.period_s or recording.period_s or PERIOD_S
 
 
-def _height(facts: LidarFacts, summary: ImportSummary) -> float:
-    """Returns the height of the sensor above the road, or 0 if the height is unknown.
+def _pose(recording: Recording, facts: LidarFacts, summary: ImportSummary) -> WorldPose:
+    """Returns the pose in the world, in which the road is at z = 0.
 
-    The height in `facts` takes precedence over the height above the labelled vehicles' bottoms.
+    The user's height above the road takes precedence over the recording's pose, and this over the
+    height above the bottoms of the labelled vehicles. The world of a recording may begin at sea
+    level instead. Then the vehicles decide, which is added to `assumed` of the summary.
     """
-    if facts.height_m is not None:
-        return facts.height_m
-    return 0.0 if summary.below_m is None else round(summary.below_m, 3)
+    below, height = summary.below_m, facts.height_m
+    if recording.pose is None:
+        return WorldPose(0.0, 0.0, round(below or 0.0, 3) if height is None else height, 0.0)
+    z = recording.pose.z
+    if height is None and below is not None and abs(below - z) > HEIGHT_OFF_M:
+        height = below
+        summary.assumed += (
+            f"the sensor is at z = {z:.2f} m in the world of the recording, but the vehicles' "
+            f"bottoms are {below:.2f} m below it: z is measured from the road",
+        )
+    return recording.pose if height is None else replace(recording.pose, z=round(height, 3))

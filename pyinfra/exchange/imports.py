@@ -14,7 +14,13 @@ from pyinfra.core.files import new_folder, write
 from pyinfra.core.vocabulary import OTHER_TYPES, VEHICLE_TYPES
 from pyinfra.dataset.height_checks import check_height
 from pyinfra.dataset.regions import REGION_FILE, outline_region
-from pyinfra.exchange.data_set import ImportSummary, LidarFacts, write_description, write_lidar
+from pyinfra.exchange.data_set import (
+    HEIGHT_OFF_M,
+    ImportSummary,
+    LidarFacts,
+    write_description,
+    write_lidar,
+)
 from pyinfra.exchange.formats import FORMATS, reader
 from pyinfra.exchange.frame_times import timed
 from pyinfra.exchange.object_types import with_public_types
@@ -28,7 +34,6 @@ from pyinfra.formats.kitti.lidar import PERIOD_S
 Upright = Literal["auto", "road", "as-is"]
 SAMPLE = Path(__file__).with_name("sample")  # `python -m reproduction sample` writes its clouds
 NAME = "lidar"  # name of the LiDAR of a data set whose folder is given without a LiDAR
-HEIGHT_OFF_M = 0.5  # tolerated difference of the user's height from the vehicles' bottoms
 
 
 def recording_folder(source: Path) -> Path:

@@ -61,8 +61,12 @@ def read(source: Path, options: Options) -> Recording:
         fields = training / f"fields/{names[i]}.bin"
         return RecordedFrame(points, boxes, _fields(fields, len(points)))
 
-    splits = read_splits(source / "ImageSets", names)
-    return Recording(names, frame, folder is not None, splits, notes=lambda: [note] if note else [])
+    splits, notes = read_splits(source / "ImageSets", names)
+    notes += [note] if note else []
+    bare = [name for name in names if not (training / f"calib/{name}.txt").is_file()]
+    if folder is not None and bare:
+        notes.append(_without_calib(len(bare), len(names)))
+    return Recording(names, frame, folder is not None, splits, notes=lambda: notes)
 
 
 def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) -> Recording:
@@ -86,6 +90,8 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
     with_cloud = {int(name) for name in names if name.isdecimal()}
     lost = sorted(set(tracks) - with_cloud)
     notes = [note] if note else []
+    if file.is_file() and not calib.is_file():
+        notes.append(_without_calib(len(names), len(names)))
     if lost:
         notes.append(
             f"{len(lost)} labelled frames, such as {lost[0]}, have no cloud and are left out"
@@ -99,6 +105,13 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
     labelled = file.is_file()
     digest = sha256(file.read_bytes()).hexdigest()[:16] if labelled else ""
     return Recording(names, frame, labelled, tracks_sha256=digest, notes=lambda: notes)
+
+
+def _without_calib(count: int, frames: int) -> str:
+    return (
+        f"{count} of {frames} frames have no calib file: labels are assumed to be in the camera "
+        "frame of a simulated LiDAR, whose camera is at the sensor"
+    )
 
 
 def _tracks(file: Path, calib: Path) -> dict[int, Boxes]:

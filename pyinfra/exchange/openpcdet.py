@@ -87,8 +87,9 @@ def read(source: Path, options: Options) -> Recording:
         boxes = read_boxes(folder / f"{names[i]}.txt") if folder else NO_BOXES
         return RecordedFrame(_lowered(points, height), _lowered_boxes(boxes, height))
 
-    splits = read_splits(source / "ImageSets", names)
-    return Recording(names, frame, folder is not None, splits, notes=lambda: [note] if note else [])
+    splits, notes = read_splits(source / "ImageSets", names)
+    notes += [note] if note else []
+    return Recording(names, frame, folder is not None, splits, notes=lambda: notes)
 
 
 def _lowered(points: Points, height: float) -> Points:

@@ -81,7 +81,7 @@ def read(source: Path, options: Options) -> Recording:
         boxes = read_boxes(folder / f"{names[i]}.txt") if folder else NO_BOXES
         return RecordedFrame(points, boxes, _fields(clouds[i], records))
 
-    splits = read_splits(source / "ImageSets", names)
+    splits, notes = read_splits(source / "ImageSets", names)
     headers = Headers(clouds, folder is not None)
     return Recording(
         names,
@@ -89,7 +89,7 @@ def read(source: Path, options: Options) -> Recording:
         folder is not None,
         splits,
         times=lambda: stamps(clouds),
-        notes=headers.notes,
+        notes=lambda: notes + headers.notes(),
         origin=headers.origin,
     )
 

@@ -105,7 +105,8 @@ def survey(source: Path, read: Read, options: Options, given: LidarFacts, *, roa
     )
     if not road:
         return result
-    result = _with_road(source, result, [cloud[:, :3] * unit for cloud in clouds])
+    metres = [cloud[:, :3] * unit for cloud in clouds]
+    result = _with_road(source, result, metres, labelled=recording.labelled)
     if origin is None or result.plane is None:
         return result
     text = "the sensor becomes the origin: points are moved back by ({:.6g}, {:.6g}, {:.6g}) m"
@@ -173,7 +174,9 @@ def _clouds(recording: Recording) -> list[Floats]:
     return clouds
 
 
-def _with_road(source: Path, estimate: Survey, clouds: Sequence[Floats]) -> Survey:
+def _with_road(
+    source: Path, estimate: Survey, clouds: Sequence[Floats], *, labelled: bool
+) -> Survey:
     facts = estimate.facts
     if facts.tilt:
         leaning = Rotation.from_euler("ZYX", [0, *facts.tilt]).as_matrix()
@@ -197,6 +200,11 @@ def _with_road(source: Path, estimate: Survey, clouds: Sequence[Floats]) -> Surv
         return replace(estimate, assumed=(*estimate.assumed, text + height))
     turn = np.array(UPS[up], dtype=np.float64)
     assumed = list(estimate.assumed)
+    if up[0] != "z" and labelled:
+        raise Error(
+            f"{source}: expected z up in clouds with labels, because `heading` turns about z; got "
+            f"{up}"
+        )
     if up != "z up":
         assumed.append(
             f"{up}: points are turned so that z is up (x, y, z are {_axes(turn)} of the source)"

@@ -95,28 +95,47 @@ def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
     """Returns the files of a folder with one of the suffixes, sorted by the numbers in their names.
 
     Hidden files are skipped, because they belong to the system or are still being written. Raises
-    FileNotFoundError if the folder does not exist, and Error if it has no file with a suffix.
+    FileNotFoundError if the folder does not exist. Raises Error if it has no file with a suffix, or
+    two files of the same frame.
     """
     candidates = (file for file in folder.iterdir() if not file.name.startswith("."))
     files = [file for file in candidates if file.name.lower().endswith(tuple(suffixes))]
     if not files:
         raise Error(f"{folder}: expected at least one {' or '.join(suffixes)} file, got none")
+    first: dict[str, Path] = {}
+    for file in files:
+        if (other := first.setdefault(stem(file), file)) is not file:
+            raise Error(
+                f"{folder}: expected one file for each frame, got {other.name}, {file.name}"
+            )
     of_name = _numbers_in([file.name for file in files])
     return sorted(files, key=lambda file: (of_name[file.name], file.name))
 
 
-def read_splits(folder: Path, names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+def read_splits(folder: Path, names: Sequence[str]) -> tuple[dict[str, tuple[str, ...]], list[str]]:
     """Reads the frame names of train and val in an ImageSets folder, limited to `names`.
 
-    Returns an empty dict unless both lists have a frame of `names`.
+    Returns an empty dict unless both lists have a frame of `names`, and notes on frames that are
+    left out or in both lists.
     """
     existing = set(names)
-    splits = {}
-    for part in ("train", "val"):
-        file = folder / f"{part}.txt"
-        listed = lines_of(file) if file.is_file() else []
-        splits[part] = tuple(name for line in listed for name in line.split() if name in existing)
-    return splits if all(splits.values()) else {}
+    files = {part: folder / f"{part}.txt" for part in ("train", "val")}
+    listed = {
+        part: [name for line in lines_of(file) for name in line.split()]
+        for part, file in files.items()
+        if file.is_file()
+    }
+    splits = {part: tuple(n for n in listed.get(part, ()) if n in existing) for part in files}
+    notes = []
+    absent = [name for part in listed.values() for name in part if name not in existing]
+    if absent:
+        notes.append(
+            f"{folder.name}: {len(absent)} listed frames, such as {absent[0]}, have no cloud of "
+            "this name and are left out"
+        )
+    if both := set(splits["train"]) & set(splits["val"]):
+        notes.append(f"{folder.name}: {len(both)} frames, such as {min(both)}, are in both lists")
+    return (splits if all(splits.values()) else {}), notes
 
 
 def as_points(

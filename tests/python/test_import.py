@@ -20,6 +20,7 @@ from pyinfra.exchange.exports import export
 from pyinfra.exchange.imports import import_recording
 from pyinfra.exchange.recording import Options
 from pyinfra.formats import kitti
+from pyinfra.formats.csv_table import read_words
 
 LAYOUTS = ("kitti", "openpcdet", "pcd", "nuscenes")
 FACTS = LidarFacts("pole", "junction")
@@ -481,6 +482,7 @@ def test_numbers_of_frames_are_kept_and_blank_lines_are_no_objects(
     assert kitti.frames(tmp_path / "in/pole") == [9, 10, 11, 12]
     assert [len(objects(tmp_path / "in/pole", k)) for k in (9, 10, 11, 12)] == [0, 1, 0, 1]
     assert summary.empty == [name.format(9)]
+    assert any("4 of 4 frames have no calib file" in note for note in summary.assumed)
     # Without calib, the camera is at the sensor and looks along x.
     van = objects(tmp_path / "in/pole", 10).boxes[0]
     assert van == pytest.approx([25, 3, -0.98, 4.2, 1.8, 1.5, 0], abs=1e-4)
@@ -579,6 +581,46 @@ def test_lidars_of_other_tables_need_another_data_set(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="does not share object ids"):
         import_recording(other, "nuscenes", tmp_path / "in/other", FACTS, Options())
     assert read_data_set(tmp_path / "in").names == ("pole",)
+
+
+def test_two_files_of_one_frame_are_refused(source: Path, tmp_path: Path) -> None:
+    shutil.copy(source / "points/000006.npy", source / "points/000006.bin")
+    with pytest.raises(ValueError, match=r"one file for each frame, got 000006.*, 000006"):
+        import_recording(source, "openpcdet", tmp_path / "in/pole", FACTS, Options())
+
+
+def test_listed_frames_that_cannot_be_split_are_reported(source: Path, tmp_path: Path) -> None:
+    for part, frames in (("train", "000005 000007 000009"), ("val", "000007 6")):
+        (source / f"ImageSets/{part}.txt").write_text("\n".join(frames.split()))
+    summary, _ = import_recording(source, "openpcdet", tmp_path / "in/pole", FACTS, Options())
+    text = "\n".join(summary.assumed)
+    assert "ImageSets: 2 listed frames, such as 000009, have no cloud of this name" in text
+    assert "ImageSets: 1 frames, such as 000007, are in both lists" in text
+
+
+def test_names_of_frames_may_have_commas(source: Path, tmp_path: Path) -> None:
+    (tmp_path / "clouds").mkdir()
+    names = ["a, 1", 'b "2"']
+    for i, name in enumerate(names):
+        points(5 + i).tofile(tmp_path / f"clouds/{name}.bin")
+    import_recording(
+        tmp_path / "clouds", "bin", tmp_path / "in/pole", FACTS, Options(), upright="as-is"
+    )
+    assert read_words(tmp_path / "in/pole/sources.csv").source.tolist() == names
+
+
+def test_labels_need_clouds_with_z_up(tmp_path: Path) -> None:
+    for part in ("points", "labels"):
+        (tmp_path / "source" / part).mkdir(parents=True)
+    rng = np.random.default_rng(0)
+    for i in range(3):
+        road = np.column_stack([rng.uniform(-40, 40, (4000, 2)), np.full((4000, 2), (-5, 0.5))])
+        np.save(tmp_path / f"source/points/{i}.npy", road[:, [1, 2, 0, 3]].astype("<f4"))
+        (tmp_path / f"source/labels/{i}.txt").write_text("1 -4.2 9 4 2 1.6 0.5 Car\n")
+    with pytest.raises(ValueError, match=r"expected z up in clouds with labels, .* got y up"):
+        import_recording(
+            tmp_path / "source", "openpcdet", tmp_path / "in/p", FACTS, Options(), upright="road"
+        )
 
 
 def test_without_labels_there_is_a_warning(

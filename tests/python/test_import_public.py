@@ -161,6 +161,23 @@ def test_what_is_known_of_time_and_place(motorway: Path, tmp_path: Path) -> None
     assert height == pytest.approx(6, abs=0.02)
 
 
+@pytest.mark.parametrize("height_m", [None, 5.9])
+def test_the_height_is_that_above_the_road(
+    height_m: float | None, motorway: Path, tmp_path: Path
+) -> None:
+    """The world of the recording begins at sea level."""
+    source = rcooper(motorway, tmp_path / "set")
+    file = tmp_path / "set/calib/lidar2world/105.json"
+    pose = json.loads(file.read_text())
+    write_json(file, pose | {"translation": [10.0, 20.0, 31.0]})
+    facts = LidarFacts("pole", "junction", height_m=height_m)
+    summary, _ = import_recording(source, "rcooper", tmp_path / "in/pole", facts, Options())
+    z = kitti.read_lidar(tmp_path / "in/pole").T_world_levelled.z
+    assert z == pytest.approx(height_m or 6.0, abs=0.02)
+    said = any("the sensor is at z = 31.00 m in the world" in note for note in summary.assumed)
+    assert said == (height_m is None)
+
+
 def test_names_of_the_sets_and_those_that_are_not_understood(
     motorway: Path, tmp_path: Path
 ) -> None:
