@@ -6,9 +6,12 @@ import gzip
 import itertools
 import math
 import re
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 from xml.etree import ElementTree
 
 import numpy as np
@@ -18,8 +21,11 @@ import yaml
 from conftest import Infrasim
 
 from pyinfra.cli.main import main, make_parser
+from pyinfra.experiments.planner.candidates import PoseGrid, read_candidates
+from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.formats.ply import Triangles, degenerate, read_ply
 from pyinfra.scenes.maps.compass import looks_to
+from pyinfra.scenes.maps.geographic import Projection, metres_of_degrees
 from pyinfra.scenes.maps.lane_map import MapError, MapLane, SiteMap
 from pyinfra.scenes.maps.map_import import import_map
 from pyinfra.scenes.maps.map_readers import ImportOptions
@@ -27,6 +33,7 @@ from pyinfra.scenes.maps.mount_guess import guess_pole
 from pyinfra.scenes.maps.opendrive_geometry import read_reference_line
 from pyinfra.scenes.maps.openstreetmap import StreetMap, Way, transverse_mercator
 from pyinfra.scenes.maps.osm_pbf import write_xml
+from pyinfra.scenes.maps.site_folder import feet, projection
 from pyinfra.scenes.maps.site_writer import lanes_table
 from pyinfra.scenes.maps.sumo import sumo_folder
 from pyinfra.scenes.maps.surfaces import contains, ears
@@ -363,6 +370,36 @@ def test_a_mount_is_where_it_is_given(tmp_path: Path) -> None:
     assert main(words) == 0
     pole = yaml.safe_load((tmp_path / "s/site.yaml").read_text())["mounts"]["pole"]
     assert pole == {"x_m": 1.0, "y_m": -9.0, "z_m": 7.5, "yaw_deg": 80.0}
+
+
+def test_poles_in_longitude_and_latitude_are_refused(district: Path, tmp_path: Path) -> None:
+    known = projection(district)
+    assert known is not None
+    lon, lat = known.centre[0] + 0.0004, known.centre[1] - 0.0002
+    x, y = known.metres(np.array([[lon, lat]]))[0]
+    in_metres = rf"longitude and latitude of the site; in metres, this is {x:.2f}, {y:.2f}"
+    file = write_map(tmp_path, "district.osm", site_data.district())
+    with pytest.raises(ValueError, match=f"mount: .*{in_metres}"):
+        import_map(file, tmp_path / "s", ImportOptions(mount=(lon, lat, 6, 0)))
+    poses = tmp_path / "poses.csv"
+    poses.write_text(f"x_m,y_m\n{lat!r},{lon!r}\n")
+    site = cast(PlanSite, SimpleNamespace(file=district / "site.yaml"))
+    with pytest.raises(ValueError, match=f"x_m, y_m: .*{in_metres}"):
+        read_candidates(poses, site, PoseGrid())
+    edited = Path(shutil.copytree(district, tmp_path / "edited")) / "site.yaml"
+    scene = yaml.safe_load(edited.read_text())
+    scene["mounts"]["pole"] |= {"x_m": lon, "y_m": lat}
+    edited.write_text(yaml.safe_dump(scene))
+    with pytest.raises(ValueError, match=f"mounts: x_m, y_m: .*{in_metres}"):
+        feet(tmp_path / "edited")
+
+
+def test_metres_are_no_degrees() -> None:
+    near_greenwich = Projection((0.0, 51.5))
+    for metres in ([[0.0, 51.0]], [[0.0, 51.5], [3.0, 51.5]], [[0.0, 0.0]]):
+        assert metres_of_degrees(np.array(metres), near_greenwich) is None
+    without_a_place = Projection((0.0, 0.0))  # as in CARLA's maps
+    assert metres_of_degrees(np.array([[0.01, 0.02]]), without_a_place) is None
 
 
 def test_plans_of_sites(district: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,6 +17,7 @@ from pyinfra.core.names import suggestion
 from pyinfra.dataset.roads import Road, offset_curve
 from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.formats.csv_table import read_csv
+from pyinfra.scenes.maps.site_folder import check_metres
 
 POSE = ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"]
 KERB_M = 0.8  # distance of a pole from the edge of the carriageway
@@ -122,6 +123,8 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
             raise FormatError(
                 f"{file}:{row + 2}: {name}: expected a number, got {table[name][row]}"
             )
+    positions = table[["x_m", "y_m"]].to_numpy(float)
+    check_metres(site.file.parent, positions, f"{file}: x_m, y_m")
     existing = table["existing"] if "existing" in table else pd.Series("no", table.index)
     unknown = ~existing.isin(["yes", "no"])
     if unknown.any():

@@ -21,7 +21,7 @@ from pyinfra.dataset.catalogue import configs
 from pyinfra.dataset.frame_sequence import roads_of_world
 from pyinfra.dataset.roads import Road
 from pyinfra.scenes.maps.map_file import FORMATS, PACKED
-from pyinfra.scenes.maps.site_folder import scene_of
+from pyinfra.scenes.maps.site_folder import check_metres, scene_of
 
 LEAST_TO_SPLIT = 6  # frames of recorded traffic below which all of them serve every purpose
 PATTERN_FRAMES = 200  # frames after which the prisms of the Livox LiDARs repeat
@@ -73,11 +73,18 @@ def open_site(
     seed: int | None = None,
     centre_m: tuple[float, float] | None = None,
 ) -> PlanSite:
-    """Opens a scene, or the scene of a site folder. Raises Error without traffic in the region."""
+    """Opens a scene, or the scene of a site folder.
+
+    Raises Error without traffic in the region, and for positions in longitude and latitude.
+    """
     file = scene_path(scene)
     world = simulation.load_scene(file, preset=preset, seed=seed, mount=first_mount(file, preset))
     keys = dict(yaml.safe_load(world.dump()))
     mount = next(iter(keys["mounts"]))
+    feet = np.array([[one["x_m"], one["y_m"]] for one in keys["mounts"].values()])
+    check_metres(file.parent, feet, f"{file}: mounts: x_m, y_m")
+    if centre_m is not None:
+        check_metres(file.parent, np.array([centre_m]), "centre_m")
     count = world.frames
     order = frame_order(choice_end(keys, count), frames)
     observer = simulation.load_observer(file, order, preset=preset, seed=seed, mount=mount)

@@ -15,6 +15,7 @@ from pyinfra.core.errors import Error, FormatError
 from pyinfra.scenes.maps.openstreetmap import transverse_mercator
 
 NEAR_M = 20_000.0  # maximum distance of positions from the site's origin
+AT_SITE_M = 5_000.0  # maximum distance of a pole at the site from the site's origin
 # Limit for the change of x and y per second. If the coordinates of a moving object change more
 # slowly than this, they are in degrees; otherwise they are in metres.
 _CRAWL = 0.01
@@ -99,6 +100,23 @@ def _away_m(lon_lat: FloatArray, projection: Projection) -> float:
     """
     near = lon_lat[np.abs(lon_lat[:, 0] - projection.centre[0]) < 10]
     return float(np.hypot(*projection.metres(near).T).min(initial=math.inf))
+
+
+def metres_of_degrees(xy: FloatArray, projection: Projection | None) -> FloatArray | None:
+    """Returns positions (n, 2) in metres if the values are longitude and latitude, else None.
+
+    The order may also be latitude and longitude. All positions must be at the site. In metres, this
+    holds only within centimetres of one point, so the values cannot be metres. Values near 0 are
+    metres, because the projection of many maps without a place on earth begins at 0 degrees.
+    """
+    if projection is None or not len(xy) or (np.abs(xy).max(axis=1) < 1).any():
+        return None
+    for lon_lat in (xy, xy[:, ::-1]):
+        if fits(lon_lat) and (np.abs(lon_lat[:, 0] - projection.centre[0]) < 10).all():
+            metres = projection.metres(lon_lat)
+            if (np.hypot(*metres.T) < AT_SITE_M).all():
+                return metres
+    return None
 
 
 def network_projection(net_file: Path) -> Projection | None:

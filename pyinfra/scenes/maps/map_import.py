@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from pyinfra.core.files import new_folder, write
@@ -20,7 +21,7 @@ from pyinfra.scenes.maps.map_file import digest, format_of, unpacked
 from pyinfra.scenes.maps.map_readers import READERS, ImportOptions
 from pyinfra.scenes.maps.mount_guess import HEIGHT_M, Pole, guess_pole
 from pyinfra.scenes.maps.network import KERB_M
-from pyinfra.scenes.maps.site_folder import MAP
+from pyinfra.scenes.maps.site_folder import MAP, check_metres
 from pyinfra.scenes.maps.site_writer import write_site, yaml_text
 from pyinfra.scenes.maps.surfaces import surfaces
 
@@ -42,8 +43,8 @@ class Imported:
 def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> Imported:
     """Writes the site folder, unless it already has the result of the same import.
 
-    Raises MapError, and FileExistsError if the folder has other content. Raises ImportError if SUMO
-    or osmium is needed but not installed.
+    Raises MapError, FormatError for a mount in degrees, and FileExistsError if the folder has other
+    content. Raises ImportError if SUMO or osmium is needed but not installed.
     """
     options = options or ImportOptions()
     kind = format_of(file)
@@ -74,7 +75,7 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
                 f"{file}: expected up to {MOST_TRIANGLES} triangles, got more; use a smaller "
                 "`radius_m`"
             )
-        pole, assumption = _pole(site_map, options)
+        pole, assumption = _pole(site_map, folder, options)
         site_map.guessed += [assumption] if assumption else []
         write_site(folder, out.name, site_map, meshes, (pole, options), terrain)
         counts = {
@@ -102,8 +103,9 @@ def _options_as_keys(options: ImportOptions) -> dict[str, Any]:
     return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(options).items()}
 
 
-def _pole(site_map: SiteMap, options: ImportOptions) -> tuple[Pole, str]:
+def _pole(site_map: SiteMap, folder: Path, options: ImportOptions) -> tuple[Pole, str]:
     if options.mount is not None:
+        check_metres(folder, np.array([options.mount[:2]]), "mount")
         return Pole(*options.mount), ""
     pole, beside = guess_pole(site_map)
     return pole, f"the pole, {HEIGHT_M:g} m high, beside {beside}"

@@ -11,7 +11,7 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.files import write
 from pyinfra.formats.yaml_file import read_keys
-from pyinfra.scenes.maps.geographic import Projection, network_projection
+from pyinfra.scenes.maps.geographic import Projection, metres_of_degrees, network_projection
 
 SCENE, MAP, NET = "site.yaml", "map.yaml", "map.net.xml"
 
@@ -38,6 +38,7 @@ def feet(site: Path) -> FloatArray:
     points = np.array(positions).reshape(-1, 2)
     if not len(points) or not np.isfinite(points).all():
         raise FormatError(f"{file}: mounts: expected a mount with x_m and y_m, got none")
+    check_metres(site, points, f"{file}: mounts: x_m, y_m")
     return points
 
 
@@ -76,6 +77,24 @@ def projection(site: Path) -> Projection | None:
     """
     file = site / NET
     return network_projection(file) if file.exists() else None
+
+
+def check_metres(site: Path, xy: FloatArray, where: str) -> None:
+    """Raises FormatError if positions of poles (n, 2) are longitude and latitude of the site.
+
+    The message begins with `where`. Positions at a site without a known projection are not checked.
+    """
+    try:
+        known = projection(site)
+    except FormatError:  # of another kind than geographic.py knows
+        return
+    metres = metres_of_degrees(xy, known)
+    if metres is not None:
+        (x, y), (got_x, got_y) = metres[0], xy[0]
+        raise FormatError(
+            f"{where}: expected metres in the frame of the site, got {got_x:g}, {got_y:g}, which "
+            f"are longitude and latitude of the site; in metres, this is {x:.2f}, {y:.2f}"
+        )
 
 
 def set_duration(site: Path, seconds: float) -> None:
