@@ -6,6 +6,7 @@ import contextlib
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Literal
 
 from pyinfra.core.errors import Error
 from pyinfra.core.names import StrPath, check_name, path_of
@@ -22,6 +23,7 @@ def import_map(
     centre: tuple[float, float] | None = None,
     radius_m: float = 300.0,
     mount: tuple[float, float, float, float] | None = None,
+    traffic_side: Literal["left", "right"] | None = None,
     vehicles_per_hour: float = 1000.0,
     seconds: float = 500.0,
     seed: int = 1,
@@ -37,6 +39,7 @@ def import_map(
     centre : x, y in the map's frame (OpenStreetMap: longitude, latitude); default: the map's middle
     radius_m : radius around the centre within which the map is imported
     mount : x, y, z, yaw_deg of the pole in the site's frame; by default a position is estimated
+    traffic_side : `left` or `right` for OpenStreetMap; default: as in its roundabouts, else right
     vehicles_per_hour : traffic volume; 0 writes no trajectories, but `load_scene` needs them
     seconds : duration of the traffic, 1 to 3600
     seed : seed of the traffic simulation
@@ -74,7 +77,11 @@ def import_map(
     if not 10 <= radius_m <= 100_000:
         raise Error(f"radius_m: expected 10 to 100000, got {radius_m:g}")
     folder = path_of(out, "out")
-    options = ImportOptions(centre=centre, radius_m=radius_m, mount=mount)
+    if traffic_side is not None:
+        check_name(traffic_side, ("left", "right"), "traffic_side")
+    options = ImportOptions(
+        centre=centre, radius_m=radius_m, mount=mount, traffic_side=traffic_side
+    )
     run(path_of(file, "file"), folder, options)
     if vehicles_per_hour and not (folder / NAME).is_file():
         write_traffic(folder, Demand(vehicles_per_hour), seconds, seed)

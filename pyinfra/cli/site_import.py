@@ -36,12 +36,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="position of the sensor in the site, in metres, and its yaw in degrees; "
         "default: chosen from the map",
     )
+    parser.add_argument(
+        "--traffic-side",
+        choices=("left", "right"),
+        help="side of the road on which vehicles drive, for OSM; default: as in the map's "
+        "roundabouts, else right",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     if not 10 <= args.radius_m <= 100_000:
         raise Error(f"radius_m: expected 10 to 100000, got {args.radius_m:g}")
-    options = ImportOptions(centre=args.centre, radius_m=args.radius_m, mount=args.mount)
+    options = ImportOptions(
+        centre=args.centre,
+        radius_m=args.radius_m,
+        mount=args.mount,
+        traffic_side=args.traffic_side,
+    )
     made = import_map(args.file, args.out, options)
     pole = made.pole
     print(args.out / "site.yaml" if made.anew else f"{args.out}: has the same import already")

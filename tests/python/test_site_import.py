@@ -2,6 +2,7 @@
 clear."""
 
 import bz2
+import cmath
 import gzip
 import itertools
 import math
@@ -19,6 +20,7 @@ import pytest
 import site_data
 import yaml
 from conftest import Infrasim
+from site_maps import Osm
 
 from pyinfra.cli.main import main, make_parser
 from pyinfra.experiments.planner.candidates import PoseGrid, read_candidates
@@ -31,7 +33,12 @@ from pyinfra.scenes.maps.map_import import import_map
 from pyinfra.scenes.maps.map_readers import ImportOptions
 from pyinfra.scenes.maps.mount_guess import guess_pole
 from pyinfra.scenes.maps.opendrive_geometry import read_reference_line
-from pyinfra.scenes.maps.openstreetmap import StreetMap, Way, transverse_mercator
+from pyinfra.scenes.maps.openstreetmap import (
+    StreetMap,
+    Way,
+    read_street_map,
+    transverse_mercator,
+)
 from pyinfra.scenes.maps.osm_pbf import write_xml
 from pyinfra.scenes.maps.site_folder import feet, projection
 from pyinfra.scenes.maps.site_writer import lanes_table
@@ -370,6 +377,58 @@ def test_a_mount_is_where_it_is_given(tmp_path: Path) -> None:
     assert main(words) == 0
     pole = yaml.safe_load((tmp_path / "s/site.yaml").read_text())["mounts"]["pole"]
     assert pole == {"x_m": 1.0, "y_m": -9.0, "z_m": 7.5, "yaw_deg": 80.0}
+
+
+def lanes_west_and_east(folder: Path) -> tuple[float, float]:
+    """Returns the mean y of the lanes of the street along x that lead west, and of those that lead
+    east."""
+    streets = [
+        lane
+        for lane in read_lanes(folder / "lanes.csv").values()
+        if np.abs(lane[:, 1]).max() < 5 and np.abs(lane[-1, 0] - lane[0, 0]) > 50
+    ]
+    west, east = (
+        np.mean([lane[:, 1].mean() for lane in streets if (lane[-1, 0] > lane[0, 0]) == heads_east])
+        for heads_east in (False, True)
+    )
+    return float(west), float(east)
+
+
+def test_traffic_keeps_to_the_side_that_is_given(district: Path, tmp_path: Path) -> None:
+    file = write_map(tmp_path, "district.osm", site_data.district())
+    words = ["site", "import", str(file), "--out", str(tmp_path / "s"), "--traffic-side", "left"]
+    assert main(words) == 0
+    (west, east), (left_west, left_east) = map(lanes_west_and_east, (district, tmp_path / "s"))
+    assert east < 0 < west
+    assert left_west < 0 < left_east
+    guessed = yaml.safe_load((district / "map.yaml").read_text())["guessed"]
+    assert "traffic on the right: the map does not show the side" in guessed
+    assert "traffic on" not in (tmp_path / "s/map.yaml").read_text()
+    file = write_map(tmp_path, "a.xodr", site_data.straight())
+    with pytest.raises(MapError, match="`traffic_side`: expected none"):
+        import_map(file, tmp_path / "a", ImportOptions(traffic_side="left"))
+
+
+@pytest.mark.parametrize("parts", [1, 3])
+@pytest.mark.parametrize(("side", "turn"), [("left", -1), ("right", 1)])
+def test_roundabouts_show_the_side_of_traffic(
+    side: str, turn: int, parts: int, tmp_path: Path
+) -> None:
+    """A roundabout may consist of several ways. `oneway=-1` reverses a way."""
+    osm = Osm(-0.1, 51.5)
+    around = [cmath.rect(15, turn * k * math.tau / 12) for k in range(12)]
+    ring = [osm.node(at.real, at.imag) for at in around]
+    length = 12 // parts
+    for i in range(0, 12, length):
+        way = [*ring, *ring][i : i + length + 1]
+        osm.way(way if i else way[::-1], highway="primary", junction="roundabout",
+                oneway="yes" if i else "-1")  # fmt: skip
+    osm.way([ring[0], osm.node(300, 0)], highway="primary")
+    file = write_map(tmp_path, "ring.osm", osm.text())
+    assert read_street_map(file).traffic_side() == side
+    made = import_map(file, tmp_path / "site")
+    assert f"traffic on the {side}: as in its roundabouts" in made.record["guessed"]
+    assert ('lefthand="true"' in (tmp_path / "site/map.net.xml").read_text()) == (side == "left")
 
 
 def test_poles_in_longitude_and_latitude_are_refused(district: Path, tmp_path: Path) -> None:

@@ -30,11 +30,14 @@ class ImportOptions:
     mount: tuple[float, float, float, float] | None = None  # x, y, z, yaw_deg in the site's frame
     duration_s: float = 500.0
     region_half_length_m: float = 100.0
+    # Side of the road on which vehicles drive. Only OpenStreetMap does not state it.
+    traffic_side: openstreetmap.Side | None = None
 
 
 def _from_opendrive(
     file: Path, folder: Path, scratch: Path, options: ImportOptions
 ) -> tuple[SiteMap, dict[str, Any]]:
+    _check_side(file, options)
     site_map = read_opendrive(file)
     offset = _offset(site_map.lanes, file, options)
     x, y, z = offset.tolist()
@@ -59,6 +62,7 @@ def _from_opendrive(
 def _from_network(
     file: Path, folder: Path, scratch: Path, options: ImportOptions
 ) -> tuple[SiteMap, dict[str, Any]]:
+    _check_side(file, options)
     offset = _offset(read_network(file).lanes, file, options)
     warnings = _shifted_network(file, ["--sumo-net-file", str(file)], offset, folder / NET)
     site_map = _network_map(file, folder, options)
@@ -87,12 +91,17 @@ def _from_osm(
     arguments = without_sidewalk(bare, scratch / "sidewalks.netccfg")
     arguments += ["--osm-files", str(source), *OSM, "--proj", projection]
     arguments += ["--offset.disable-normalization", "--keep-edges.in-geo-boundary", box]
+    side = options.traffic_side or streets.traffic_side()
+    arguments += ["--lefthand"] if side == "left" else []
     warnings = netconvert(file, arguments, folder / NET)
     site_map = _network_map(file, folder, options)
     site_map.features = list(osm_features.features(streets, centre, options.radius_m))
     site_map.lanes = osm_features.without_kerb_at_crossings(site_map.lanes, streets)
     openstreetmap.add_surroundings(site_map, streets, centre, options.radius_m)
     site_map.guessed += ["sidewalks and crossings", "traffic lights", "widths of lanes"]
+    if options.traffic_side is None:
+        why = "as in its roundabouts" if side else "the map does not show the side"
+        site_map.guessed.append(f"traffic on the {side or 'right'}: {why}")
     if turned:
         site_map.guessed.append(
             f"`centre` appears to be lat,lon: read as {centre[0]:g} east, {centre[1]:g} north"
@@ -119,6 +128,11 @@ READERS = {
     ".osm": _from_osm,
     ".osm.xml": _from_osm,
 }
+
+
+def _check_side(file: Path, options: ImportOptions) -> None:
+    if options.traffic_side is not None:
+        raise MapError(f"{file}: `traffic_side`: expected none, because the map states the side")
 
 
 def _shifted_network(

@@ -7,6 +7,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -55,6 +56,8 @@ def _kruger(lon: FloatArray, lat: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.asarray(radius * east), np.asarray(radius * north)
 
 
+Side = Literal["left", "right"]
+ROUNDABOUTS = frozenset({"roundabout", "circular"})
 AT_STREETS = frozenset("highway railway public_transport traffic_sign".split())
 RAILWAYS = frozenset("rail light_rail tram subway narrow_gauge monorail".split())
 
@@ -107,6 +110,24 @@ class StreetMap:
         swapped = (centre[1], centre[0])
         turned = is_in_map(swapped) and not is_in_map(centre)
         return (swapped if turned else centre), turned
+
+    def traffic_side(self) -> Side | None:
+        """Returns the side of the road on which vehicles drive; None if the map does not show it.
+
+        Vehicles drive around a roundabout in the direction of its ways. With traffic on the left,
+        they drive clockwise. A way may be a part of a roundabout.
+        """
+        turns = 0.0
+        for way in self.ways:
+            corners = [self.nodes[i] for i in way.nodes if i in self.nodes]
+            if way.tags.get("junction") in ROUNDABOUTS and len(corners) > 2:
+                corners = corners[:: -1 if way.tags.get("oneway") == "-1" else 1]
+                xy = transverse_mercator(np.array(corners), corners[0])
+                ahead = np.arctan2(*np.diff(xy, axis=0).T[::-1])
+                turns += float(((np.diff(ahead) + np.pi) % (2 * np.pi) - np.pi).sum())
+        if abs(turns) < 1:
+            return None
+        return "left" if turns < 0 else "right"
 
     def check_centre(self, centre: tuple[float, float], file: Path, radius_m: float) -> None:
         """Raises MapError if the centre is farther from the map's roads than the radius."""
