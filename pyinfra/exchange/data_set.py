@@ -65,6 +65,7 @@ class ImportSummary:
     doubled: list[str] = field(default_factory=list)
     assumed: tuple[str, ...] = ()
     types: Counter[str] = field(default_factory=Counter)
+    wide: int = 0  # number of labelled vehicles that are wider than long
     bottoms: list[FloatArray] = field(default_factory=list)  # z of the vehicles' bottoms
     coverage: Coverage = field(default_factory=Coverage)
 
@@ -181,6 +182,7 @@ def _write_frame(
     summary.without_return += len(keep) - len(points)
     summary.types.update(types.tolist())
     vehicles = labels.boxes[np.isin(types, VEHICLE_TYPES)]
+    summary.wide += int((vehicles[:, 3] < vehicles[:, 4]).sum())
     summary.bottoms.append(vehicles[:, 2] - vehicles[:, 5] / 2)
     summary.coverage.add(_in_sensor_frame(points, T_levelled_sensor))
 

@@ -111,6 +111,12 @@ def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = No
             f"unknown classes, which do not count as vehicles: {names}; `types` (NAME=TYPE) maps "
             "them"
         )
+    vehicles = sum(summary.types[name] for name in VEHICLE_TYPES)
+    if summary.wide > vehicles / 2:
+        out.append(
+            f"{summary.wide} of {vehicles} labelled vehicles are wider than long: length and width "
+            "may be swapped"
+        )
     if summary.without_return:
         out.append(
             f"removed {summary.without_return} points without a return (not finite, or 0 0 0)"

@@ -598,6 +598,21 @@ def test_listed_frames_that_cannot_be_split_are_reported(source: Path, tmp_path:
     assert "ImageSets: 1 frames, such as 000007, are in both lists" in text
 
 
+def test_vehicles_that_are_wider_than_long_are_reported(
+    source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["import", source, "--from", "openpcdet", "--out", tmp_path / "in/pole"]
+    assert main.main([str(word) for word in words]) == 0
+    assert "wider than long" not in capsys.readouterr().err
+    for file in (source / "labels").iterdir():
+        rows = [line.split() for line in file.read_text().splitlines()]
+        swapped = [" ".join([*row[:3], row[4], row[3], *row[5:]]) + "\n" for row in rows]
+        file.write_text("".join(swapped))
+    words[-1] = tmp_path / "again/pole"
+    assert main.main([str(word) for word in words]) == 0
+    assert "3 of 3 labelled vehicles are wider than long" in capsys.readouterr().err
+
+
 def test_names_of_frames_may_have_commas(source: Path, tmp_path: Path) -> None:
     (tmp_path / "clouds").mkdir()
     names = ["a, 1", 'b "2"']

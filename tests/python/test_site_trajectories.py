@@ -360,6 +360,38 @@ def test_a_million_vehicles_are_refused(
         assert "50" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("change", "words", "message"),
+    [
+        ({"heading": np.pi / 2}, ["--degrees"], "heading: expected the direction of motion"),
+        ({"heading": 1.0}, [], r"headings that are off by 33 degrees"),
+        ({"heading": 0.0}, [], r"headings that are off by 90 degrees"),
+        ({"dx": 1.9, "dy": 4.5}, [], "1 of 1 vehicles that are wider than long"),
+    ],
+)
+def test_boxes_that_contradict_their_motion_are_refused(
+    site: Path,
+    change: dict[str, float],
+    words: list[str],
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    rows = data.drive()
+    table = pd.DataFrame({
+        "t": rows[:, 0], "id": 5, "class": "Car", "x": rows[:, 2], "y": rows[:, 1], "z": 0.75,
+        "heading": np.pi / 2, "dx": 4.5, "dy": 1.9, "dz": 1.5,
+    })  # fmt: skip
+    table.to_csv(site / "in.csv", index=False)
+    assert set(imported(site, site / "in.csv")["heading"].round(4)) == {1.5708}
+    table.assign(heading=-np.pi / 2).to_csv(site / "in.csv", index=False)  # it reverses
+    imported(site, site / "in.csv")
+    table.assign(**change).to_csv(site / "in.csv", index=False)
+    capsys.readouterr()
+    command = ["site", "trajectories", str(site / "in.csv"), "--out", str(site), *words]
+    assert main.main(command) == 2
+    assert re.search(message, capsys.readouterr().err)
+
+
 @pytest.mark.parametrize("behind_m", [None, 0.27])
 def test_labels_of_frames_are_linked_in_world_coordinates(
     behind_m: float | None, site: Path, tmp_path: Path

@@ -29,6 +29,8 @@ _FASTEST_M_S = 70.0  # a faster step is a change to another object, or a jump of
 _SHORTEST_S = 1.0  # minimum duration of a track
 _SAME_SIZE_M = 0.05  # larger variations of an object's size are reported
 _LONGEST_S = 7200.0  # maximum duration of a recording
+_SIDEWAYS_DEG = 30.0  # largest plausible median angle between headings and motion
+_LEAST_STEPS = 20  # minimum number of movements from which this angle is computed
 _MOVED_M = 0.5  # minimum movement from which a heading is derived
 
 # Maps class names of this package, SUMO's classes and SUMO's default types to classes of this
@@ -189,6 +191,7 @@ def import_boxes(objects: list[BoxTrack], offset_m: FloatArray) -> ImportedTrack
     motions = [Motion(o.times, o.boxes[:, :2], np.full(len(o.times), np.nan)) for o in objects]
     if in_degrees(motions, None):
         raise FormatError("x, y: expected metres, got values that look like longitude and latitude")
+    _check_boxes(objects)
     for o in objects:
         size = np.median(o.boxes[:, 3:6], axis=0)
         apart = float(np.abs(o.boxes[:, 3:6] - size).max())
@@ -204,6 +207,36 @@ def import_boxes(objects: list[BoxTrack], offset_m: FloatArray) -> ImportedTrack
             as_is = unsmoothed(path)
             _take(path, as_is if within_limits(as_is) else smooth(path), out)
     return _from_zero(out)
+
+
+def _check_boxes(objects: list[BoxTrack]) -> None:
+    """Raises FormatError if vehicles drive sideways, or most of them are wider than long.
+
+    Reversing vehicles, and boxes that point backwards, are accepted.
+    """
+    vehicles = [o for o in objects if o.object_class != "Pedestrian"]
+    sideways: list[float] = []
+    for o in vehicles:
+        rows = [0]  # rows that are apart by at least _MOVED_M
+        for k, xy in enumerate(o.boxes[:, :2]):
+            if math.dist(xy, o.boxes[rows[-1], :2]) >= _MOVED_M:
+                rows.append(k)
+        steps = np.diff(o.boxes[rows, :2], axis=0)
+        off = np.arctan2(steps[:, 1], steps[:, 0]) - o.boxes[rows[1:], 6]
+        sideways += np.abs(np.degrees(np.arcsin(np.sin(off)))).tolist()
+    if len(sideways) >= _LEAST_STEPS and (angle := float(np.median(sideways))) > _SIDEWAYS_DEG:
+        raise FormatError(
+            "heading: expected the direction of motion, in radians from x towards y, got headings "
+            f"that are off by {angle:.0f} degrees (median); for degrees, set `degrees`"
+        )
+    lengths, widths = (
+        np.array([np.median(o.boxes[:, 3:5], axis=0) for o in vehicles]).reshape(-1, 2).T
+    )
+    if (wide := int((lengths < widths).sum())) > len(vehicles) / 2:
+        raise FormatError(
+            f"dx, dy: expected length and width, got {wide} of {len(vehicles)} vehicles that are "
+            "wider than long; the columns may be swapped"
+        )
 
 
 def _take(path: FrontPath, track: Track | None, out: ImportedTracks) -> None:
