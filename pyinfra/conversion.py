@@ -30,7 +30,8 @@ def import_map(
 ) -> Path:
     """Makes a site folder from an OpenDRIVE map, an OpenStreetMap file or a SUMO network.
 
-    SUMO then simulates the traffic of the site, unless the folder already has trajectories.
+    SUMO then simulates the traffic of the site, unless the folder already has this traffic, or
+    recorded trajectories.
 
     Parameters
     ----------
@@ -40,7 +41,7 @@ def import_map(
     radius_m : radius around the centre within which the map is imported
     mount : x, y, z, yaw_deg of the pole in the site's frame; by default a position is estimated
     traffic_side : `left` or `right` for OpenStreetMap; default: as in its roundabouts, else right
-    vehicles_per_hour : traffic volume; 0 writes no trajectories, but `load_scene` needs them
+    vehicles_per_hour : traffic volume; 0 writes no trajectories, but `load_scene` needs some
     seconds : duration of the traffic, 1 to 3600
     seed : seed of the traffic simulation
 
@@ -50,7 +51,8 @@ def import_map(
 
     Raises
     ------
-    Error : for a map that cannot be read; the message names the file and, if known, the line
+    Error : for a map that cannot be read; the message names the file and, if known, the line. Also
+        for a folder with other traffic
 
     Examples
     --------
@@ -70,9 +72,8 @@ def import_map(
     """
     from pyinfra.scenes.maps.map_import import import_map as run
     from pyinfra.scenes.maps.map_readers import ImportOptions
-    from pyinfra.scenes.maps.site_traffic import write_traffic
+    from pyinfra.scenes.maps.site_traffic import has_traffic, write_traffic
     from pyinfra.scenes.maps.traffic_demand import Demand
-    from pyinfra.scenes.maps.trajectory_file import NAME
 
     if not 10 <= radius_m <= 100_000:
         raise Error(f"radius_m: expected 10 to 100000, got {radius_m:g}")
@@ -83,8 +84,9 @@ def import_map(
         centre=centre, radius_m=radius_m, mount=mount, traffic_side=traffic_side
     )
     run(path_of(file, "file"), folder, options)
-    if vehicles_per_hour and not (folder / NAME).is_file():
-        write_traffic(folder, Demand(vehicles_per_hour), seconds, seed)
+    demand = Demand(vehicles_per_hour)
+    if vehicles_per_hour and not has_traffic(folder, demand, seconds, seed):
+        write_traffic(folder, demand, seconds, seed)
     return folder / "site.yaml"
 
 

@@ -60,6 +60,7 @@ def run(args: argparse.Namespace) -> int:
 
     from pyinfra.core.errors import FormatError
     from pyinfra.scenes.maps import fcd, recorded_boxes, site_folder
+    from pyinfra.scenes.maps.site_traffic import RECORD
     from pyinfra.scenes.maps.tracks import lasts_s
     from pyinfra.scenes.maps.traffic_figures import report_lines
     from pyinfra.scenes.maps.trajectory_file import NAME, write_trajectories
@@ -86,6 +87,7 @@ def run(args: argparse.Namespace) -> int:
         named = text if text.startswith(str(args.file)) else f"{args.file}: {text}"
         raise FormatError(named) from error
     write_trajectories(args.out / NAME, imported.tracks)
+    (args.out / RECORD).unlink(missing_ok=True)
     if has_scene:
         site_folder.set_duration(args.out, lasts_s(imported.tracks))
     feet = site_folder.feet(args.out) if has_scene else np.zeros((1, 2))

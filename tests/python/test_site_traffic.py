@@ -10,14 +10,17 @@ import pytest
 
 pytest.importorskip("sumo", reason="Eclipse SUMO is not installed: extra `site`")
 
+import site_maps
 import traffic_data as data
 
+import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.core.arrays import FloatArray
 from pyinfra.dataset.launch import binary
 from pyinfra.scenes.maps.road_net import RoadNet, read_road_net
 from pyinfra.scenes.maps.site_folder import set_duration
 from pyinfra.scenes.maps.smoothing import MAX_ACCELERATION_M_S2, MAX_TURN_DEG, smooth, spread_jumps
+from pyinfra.scenes.maps.sumo import sumo_folder
 from pyinfra.scenes.maps.tracks import CLASSES, HEADING, PITCH, FrontPath, Track, lasts_s
 from pyinfra.scenes.maps.traffic import REACH_M, Traffic, simulate, without_route
 from pyinfra.scenes.maps.traffic_demand import Demand
@@ -27,7 +30,7 @@ from pyinfra.scenes.maps.traffic_figures import (
     traffic_figures,
     without_overlaps,
 )
-from pyinfra.scenes.maps.trajectory_file import write_trajectories
+from pyinfra.scenes.maps.trajectory_file import NAME, write_trajectories
 
 ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 60
@@ -223,6 +226,20 @@ def test_the_scene_is_as_long_as_its_traffic(folder: Path) -> None:
     )
     set_duration(net.parent, 7.5)
     assert "duration_s: 7.5  #" in file.read_text()
+
+
+def test_the_traffic_of_other_arguments_is_not_taken(tmp_path: Path) -> None:
+    map_file = site_maps.t_junction(tmp_path, sumo_folder())
+    arguments = {"vehicles_per_hour": 400, "seconds": 5, "seed": 2}
+    scene = pi.import_map(map_file, tmp_path / "site", **arguments)
+    traffic = (scene.parent / NAME).read_bytes()
+    assert pi.import_map(map_file, tmp_path / "site", **arguments) == scene
+    with pytest.raises(pi.Error, match=r"seed: expected 2 as for the trajectories of .*, got 3"):
+        pi.import_map(map_file, tmp_path / "site", **(arguments | {"seed": 3}))
+    pi.import_map(map_file, tmp_path / "site", vehicles_per_hour=0)
+    (scene.parent / "traffic.yaml").unlink()  # the trajectories are recorded
+    pi.import_map(map_file, tmp_path / "site", **arguments)
+    assert (scene.parent / NAME).read_bytes() == traffic
 
 
 def test_duration_is_added_where_there_is_none(tmp_path: Path) -> None:

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
+import yaml
+
+from pyinfra.core.errors import Error
+from pyinfra.core.files import write
+from pyinfra.formats.yaml_file import read_keys
 from pyinfra.scenes.maps import site_folder
 from pyinfra.scenes.maps.site_folder import NET
 from pyinfra.scenes.maps.tracks import lasts_s
@@ -12,15 +19,41 @@ from pyinfra.scenes.maps.traffic_demand import Demand
 from pyinfra.scenes.maps.traffic_figures import report_lines
 from pyinfra.scenes.maps.trajectory_file import NAME, write_trajectories
 
+RECORD = "traffic.yaml"  # the arguments of the simulation that wrote the trajectories
+
+
+def has_traffic(site: Path, demand: Demand, seconds: float, seed: int) -> bool:
+    """Returns whether a site has recorded trajectories, or those of these arguments.
+
+    Raises Error if it has trajectories of other arguments.
+    """
+    if not (site / NAME).is_file():
+        return False
+    stored = read_keys(site / RECORD) if (site / RECORD).is_file() else {}
+    for key, value in _arguments(demand, seconds, seed).items():
+        if stored.get(key, value) != value:
+            raise Error(
+                f"{key}: expected {stored[key]} as for the trajectories of {site}, got {value}; "
+                "choose another folder, or keep the trajectories with `vehicles_per_hour` 0"
+            )
+    return True
+
+
+def _arguments(demand: Demand, seconds: float, seed: int) -> dict[str, Any]:
+    rates = {name: value for name, value in asdict(demand).items() if name != "class_shares"}
+    return {**rates, "seconds": seconds, "seed": seed}
+
 
 def write_traffic(site: Path, demand: Demand, seconds: float, seed: int) -> list[str]:
     """Writes trajectories.csv of a site, sets its duration, and returns the lines of a report.
 
-    Raises Error for a demand out of range, MissingPackage if SUMO is not installed, and OSError.
+    traffic.yaml beside it has the arguments. Raises Error for a demand out of range, MissingPackage
+    if SUMO is not installed, and OSError.
     """
     feet = site_folder.feet(site)
     traffic = simulate(site / NET, feet, demand, seconds, seed)
     write_trajectories(site / NAME, traffic.tracks)
+    write(site / RECORD, yaml.safe_dump(_arguments(demand, seconds, seed), sort_keys=False))
     site_folder.set_duration(site, lasts_s(traffic.tracks))
     notes = [f"{name}: left out: smoothing failed" for name in traffic.rough]
     if traffic.unrouted:
