@@ -7,6 +7,7 @@
 
 #include "bindings.h"
 #include "infrasim/config/fields.h"
+#include "infrasim/config/lidar_checks.h"
 #include "infrasim/pipeline/frame_stream.h"
 #include "infrasim/pipeline/run_folder.h"
 #include "infrasim/sensor/pattern_period.h"
@@ -190,10 +191,14 @@ void bind_simulation(py::module_& m) {
   m.def(
       "warnings",
       [](const World& w, const std::vector<LidarConfig>& lidars) {
-        return weather_warnings(w.scene.weather, lidars);
+        std::vector<std::string> lines = weather_warnings(w.scene.weather, lidars);
+        const std::vector<std::string> angles = angle_warnings(lidars);
+        lines.insert(lines.end(), angles.begin(), angles.end());
+        return lines;
       },
       py::arg("world"), py::arg("lidars"),
-      "Returns warnings about the weather model for these LiDARs, one line each.");
+      "Returns warnings about these LiDARs, one line each: tables of angles that look like "
+      "radians, and a weather model without effect.");
 
   py::class_<FrameStream>(m, "FrameStream",
                           "Iterates over (number, [Frame per LiDAR]), computed ahead by threads.")

@@ -8,6 +8,7 @@ import pytest
 import yaml
 from conftest import Infrasim
 
+import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.experiments.stress import lidar as stress_lidar
 
@@ -60,6 +61,39 @@ def test_a_table_in_degrees_with_times_fires_its_rows_at_their_times(
     assert len(fired) == pytest.approx(0.1 * ROWS / table.time_s.max() * (ROWS - 1) / ROWS, abs=5)
     np.testing.assert_allclose(np.degrees(fired[:ROWS, 1]), table.elevation_deg, atol=1e-5)
     np.testing.assert_allclose(fired[:ROWS, 2], table.time_s, atol=1e-8)
+
+
+@pytest.mark.parametrize("kind", ["channels", "table"])
+def test_angles_that_look_like_radians_are_reported(
+    kind: str, tmp_path: Path, infrasim: Infrasim
+) -> None:
+    elevation = np.linspace(-25, 12.5, 16)
+    file = tmp_path / "own.yaml"
+    write_lidar(file, "table.csv")
+    keys = {"azimuth_deg": np.linspace(-180, 157.5, 16), "elevation_deg": elevation}
+    keys["time_s"] = np.arange(16) / 1000
+    if kind == "channels":
+        spinning = {"rate_hz": 10, "azimuth_step_deg": 0.2, "channels": {"file": "table.csv"}}
+        file.write_text(
+            yaml.safe_dump(yaml.safe_load(file.read_text()) | {"pattern": {"spinning": spinning}})
+        )
+        keys = {"channel": np.arange(16), "elevation_deg": elevation}
+        keys |= {"azimuth_offset_deg": np.zeros(16), "fire_time_us": np.arange(16.0)}
+    for in_degrees in (True, False):
+        columns = {
+            name: column if in_degrees or name[-3:] != "deg" else np.radians(column)
+            for name, column in keys.items()
+        }
+        pd.DataFrame(columns).to_csv(tmp_path / "table.csv", index=False)
+        done = infrasim("check", file)
+        assert done.returncode == 0, done.stderr
+        assert ("got 16 rows from -0.436" in done.stderr) != in_degrees
+        assert ("probably radians" in done.stderr) != in_degrees
+    frames = ["--frames", FRAMES, "--out", tmp_path / "data"]
+    done = infrasim("run", "configs/scenes/flat.yaml", "--lidar", file, *frames)
+    assert "own: elevation_deg: expected degrees" in done.stderr
+    with pytest.warns(UserWarning, match="own: elevation_deg: expected degrees"):
+        pi.simulate(pi.load_scene("highway", set={"duration_s": 1}), file, [0])
 
 
 def test_what_pattern_writes_is_a_table(folder: Path, infrasim: Infrasim) -> None:

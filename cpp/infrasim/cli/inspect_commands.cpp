@@ -14,6 +14,7 @@
 #include "infrasim/cli/frame_range.h"
 #include "infrasim/config/fields.h"
 #include "infrasim/config/key_list.h"
+#include "infrasim/config/lidar_checks.h"
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/config/scene_config.h"
 #include "infrasim/core/files.h"
@@ -77,6 +78,8 @@ LidarConfig checked_lidar(const std::filesystem::path& file,
     fields_of_view(lidar);
     for (const std::string& line : law_errors(file, lidar))
       if (printed) std::fprintf(stderr, "infrasim: %s\n", line.c_str());
+    for (const std::string& line : angle_warnings({&lidar, 1}))
+      if (printed) std::fprintf(stderr, "infrasim: warning: %s\n", line.c_str());
     return lidar;
   };
   LidarConfig lidar = checked(preset.value_or("datasheet"), true);

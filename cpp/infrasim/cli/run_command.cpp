@@ -13,6 +13,7 @@
 #include "infrasim/cli/commands.h"
 #include "infrasim/cli/frame_range.h"
 #include "infrasim/cli/signals.h"
+#include "infrasim/config/lidar_checks.h"
 #include "infrasim/core/errors.h"
 #include "infrasim/io/atomic_file.h"
 #include "infrasim/pipeline/run.h"
@@ -131,6 +132,7 @@ int run_command(const RunOptions& o) {
   const std::string summary = path_of("--summary", o.summary);
   for (const std::string& line : weather_warnings(request.scene.weather, request.lidars))
     warn(line);
+  for (const std::string& line : angle_warnings(request.lidars)) warn(line);
   const std::vector<SummaryRow> rows = run(request, noted_signal(), progress_bar(), warn);
   print_table(rows);
   if (!summary.empty()) write_file_atomically(summary, summary_csv(rows));
