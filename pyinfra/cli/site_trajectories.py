@@ -60,6 +60,7 @@ def run(args: argparse.Namespace) -> int:
 
     from pyinfra.core.errors import FormatError
     from pyinfra.scenes.maps import fcd, recorded_boxes, site_folder
+    from pyinfra.scenes.maps.lane_heights import height_notes
     from pyinfra.scenes.maps.site_traffic import RECORD
     from pyinfra.scenes.maps.tracks import lasts_s
     from pyinfra.scenes.maps.traffic_figures import report_lines
@@ -91,7 +92,8 @@ def run(args: argparse.Namespace) -> int:
     if has_scene:
         site_folder.set_duration(args.out, lasts_s(imported.tracks))
     feet = site_folder.feet(args.out) if has_scene else np.zeros((1, 2))
-    print(*report_lines(args.out / NAME, imported.tracks, feet, imported.notes), sep="\n")
+    notes = [*height_notes(args.out, imported.tracks), *imported.notes]
+    print(*report_lines(args.out / NAME, imported.tracks, feet, notes), sep="\n")
     return 0
 
 

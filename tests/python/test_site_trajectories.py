@@ -392,6 +392,23 @@ def test_boxes_that_contradict_their_motion_are_refused(
     assert re.search(message, capsys.readouterr().err)
 
 
+@pytest.mark.parametrize(
+    ("lane_m", "note"),
+    [(0.0, ""), (0.75, "0.75 m below the lanes (median)"), (-9, "9.00 m above the lanes")],
+)
+def test_boxes_off_the_lanes_are_reported(
+    site: Path, lane_m: float, note: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"a,{x},0,{lane_m},3.5\n" for x in range(-20, 120, 4))
+    (site / "lanes.csv").write_text(f"lane,x,y,z,width\n{rows}")
+    for name, text in (("in.csv", data.HEADER + GOOD), ("in.xml", FCD)):
+        (site / name).write_text(text)
+        imported(site, site / name)
+        out = capsys.readouterr().out
+        assert note in out
+        assert ("bottoms of vehicles" in out) == bool(note)
+
+
 @pytest.mark.parametrize("behind_m", [None, 0.27])
 def test_labels_of_frames_are_linked_in_world_coordinates(
     behind_m: float | None, site: Path, tmp_path: Path
