@@ -377,6 +377,9 @@ def test_a_mount_is_where_it_is_given(tmp_path: Path) -> None:
     assert main(words) == 0
     pole = yaml.safe_load((tmp_path / "s/site.yaml").read_text())["mounts"]["pole"]
     assert pole == {"x_m": 1.0, "y_m": -9.0, "z_m": 7.5, "yaw_deg": 80.0}
+    of_map = ImportOptions(mount=(1101, 1991, 7.5, 80))
+    with pytest.raises(MapError, match=r"origin \(1100, 2000 in the coordinates of the map\)"):
+        import_map(file, tmp_path / "other", of_map)
 
 
 def lanes_west_and_east(folder: Path) -> tuple[float, float]:

@@ -1,6 +1,8 @@
 """Imports a map file as a site folder with scene, lanes, meshes, network and import record."""
 
+import math
 import tempfile
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -75,7 +77,7 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
                 f"{file}: expected up to {MOST_TRIANGLES} triangles, got more; use a smaller "
                 "`radius_m`"
             )
-        pole, assumption = _pole(site_map, folder, options)
+        pole, assumption = _pole(site_map, folder, options, origin["offset_m"])
         site_map.guessed += [assumption] if assumption else []
         write_site(folder, out.name, site_map, meshes, (pole, options), terrain)
         counts = {
@@ -103,9 +105,19 @@ def _options_as_keys(options: ImportOptions) -> dict[str, Any]:
     return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(options).items()}
 
 
-def _pole(site_map: SiteMap, folder: Path, options: ImportOptions) -> tuple[Pole, str]:
+def _pole(
+    site_map: SiteMap, folder: Path, options: ImportOptions, offset_m: Sequence[float]
+) -> tuple[Pole, str]:
     if options.mount is not None:
-        check_metres(folder, np.array([options.mount[:2]]), "mount")
+        x, y = options.mount[:2]
+        check_metres(folder, np.array([[x, y]]), "mount")
+        if not math.hypot(x, y) <= options.radius_m:
+            at = ", ".join(f"{v:g}" for v in offset_m[:2])
+            of_map = f" ({at} in the coordinates of the map)" if any(offset_m) else ""
+            raise MapError(
+                f"mount: expected a position within {options.radius_m:g} m of the site's "
+                f"origin{of_map}, got {x:g}, {y:g}"
+            )
         return Pole(*options.mount), ""
     pole, beside = guess_pole(site_map)
     return pole, f"the pole, {HEIGHT_M:g} m high, beside {beside}"
