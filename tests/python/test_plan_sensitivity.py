@@ -11,6 +11,7 @@ import yaml
 import pyinfra as pi
 from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.experiments.planner import answer
 from pyinfra.experiments.planner import detectability as laws
 from pyinfra.experiments.planner.answer import meets, nearest
 from pyinfra.experiments.planner.check import YawError
@@ -147,7 +148,10 @@ def test_a_yaw_error_turns_the_points_and_no_label(site: PlanSite) -> None:
     )
 
 
-def test_a_plan_says_how_the_choice_moves(scene: Path, tmp_path: Path) -> None:
+def test_a_plan_says_how_the_choice_moves(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(answer, "FRAME_MS", 50)  # 20 frames a second, too many for one core
     poses = tmp_path / "poses.csv"
     poses.write_text("x_m,y_m,z_m,yaw_deg,pitch_deg\n-14,9.5,5,-30,0\n")
     words = {"lidars": ["helios_16"], "poses": poses, "frames": 4, "check_frames": 2}
