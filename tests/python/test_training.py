@@ -334,6 +334,23 @@ def test_a_run_of_other_frames_does_not_go_on(lidar_folder: Path, trained: Path)
     assert files_of(trained) == before
 
 
+def test_a_run_of_other_traffic_does_not_go_on(lidar_folder: Path, trained: Path) -> None:
+    source, before = read_source(lidar_folder, "smoke"), files_of(trained)
+    boxes = source.read_boxes()
+    other = dataclasses.replace(source, read_boxes=lambda: (*boxes[1:], boxes[0]))
+    with pytest.raises(ConfigError, match=r"run.yaml: drawn: expected labels .* got labels .*"):
+        train.train(recipe(), [other], trained, quiet=True)
+    assert files_of(trained) == before
+
+
+def test_a_run_of_a_version_without_a_digest_goes_on(lidar_folder: Path, trained: Path) -> None:
+    file = trained / "run.yaml"
+    file.write_text(re.sub(r"(?m)^drawn: .*$", "drawn: ''", file.read_text()))
+    before = (trained / "last.safetensors").read_bytes()
+    run(lidar_folder, trained)
+    assert (trained / "last.safetensors").read_bytes() == before
+
+
 def test_a_run_in_half_the_bits_goes_on_in_half_the_bits(
     lidar_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

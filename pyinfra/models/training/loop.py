@@ -213,7 +213,7 @@ class Description(Provenance):
     augmentation: Augmentation = field(default_factory=Augmentation)
     frames: int = 0  # number of training frames
     precision: Precision = "float32"
-    drawn: str = ""  # how the samples of a stream are chosen
+    drawn: str = ""  # how the samples of a stream are chosen, or a digest of the labels
 
 
 def describe(
@@ -250,6 +250,8 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
         )
     described = out / "run.yaml"
     before, now = (_ways(d) for d in (read_config(described, Description), ours))
+    if not before["drawn"]:  # written by a version without a digest
+        del before["drawn"]
     for key, value in before.items():
         if value != now[key]:
             raise ConfigError(f"{described}: {key}: expected {now[key]} to resume, got {value}")

@@ -74,7 +74,8 @@ class Stream:
     anywhere: bool = False  # whether there are many sites, so that the network suits other sites
     accumulation: Accumulation = ONE_FRAME
     classes: tuple[ObjectClass, ...] = VEHICLES  # classes of the samples' boxes
-    drawn: str = ""  # how samples are chosen; it must be the same when a training resumes
+    # How samples are chosen, or a digest of their labels; the same when a training resumes.
+    drawn: str = ""
 
 
 def read_source(

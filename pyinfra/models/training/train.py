@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import filecmp
+import hashlib
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -11,9 +12,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import yaml
 from tqdm import tqdm
 
+from pyinfra.core.arrays import FloatArray
 from pyinfra.core.config import as_plain
 from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.files import replacing
@@ -287,8 +290,17 @@ def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Fram
         *(lidar, preset, scene, label_time, frames, site, ground),
         accumulation=common_accumulation(sources),
         classes=sources[0].classes,
+        drawn=f"labels {_digest(frames.boxes)}",
     )
     return stream, held_out
+
+
+def _digest(boxes: Sequence[FloatArray]) -> str:
+    """Returns a short digest of the boxes of all frames."""
+    made = hashlib.sha256()
+    for of_frame in boxes:
+        made.update(np.ascontiguousarray(of_frame).tobytes() + b"|")
+    return made.hexdigest()[:12]
 
 
 def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None]:
