@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pandas as pd
 
@@ -49,8 +51,11 @@ def _mean(values: pd.Series, sign: str = "") -> str:
     if not known:
         return ""
     mean = over_replicates(known)
+    if sign and math.isnan(mean.low):
+        return f"{round(mean.value):+d}"
     if sign:
-        return f"{mean.value:+.0f} [{mean.low:+.0f}, {mean.high:+.0f}]"
+        value, low, high = (round(v) for v in (mean.value, mean.low, mean.high))  # no "-0"
+        return f"{value:+d} [{low:+d}, {high:+d}]"
     return with_interval_of_ap(mean.value, mean.low, mean.high)
 
 
