@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+import report_data
 import yaml
 
 import pyinfra as pi
@@ -305,14 +306,15 @@ sys.addaudithook(watch)
 result = pi.evaluate(frames, pi.detect("generalist", frames))
 result.by_distance, result.matches, pi.compare(result, result)
 pi.plot_scene(scene), pi.plot_frame(frames[0]), pi.plot_ap_by_distance(result)
-pi.recommend("results", scene="highway")
+pi.recommend(sys.argv[1], scene="highway")
 assert not written, written
 """
 
 
-def test_nothing_is_written_and_no_process_started() -> None:
+def test_nothing_is_written_and_no_process_started(tmp_path: Path) -> None:
     pytest.importorskip("torch", reason="the extra `train` is not installed")
-    command = [sys.executable, "-c", IN_MEMORY]
+    results = report_data.write(tmp_path / "results", report_data.study_tables())
+    command = [sys.executable, "-c", IN_MEMORY, str(results)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stderr
 

@@ -514,7 +514,8 @@ def test_train_takes_the_region_from_the_roads_or_a_file_or_says_that_there_is_n
 def test_a_height_or_region_for_what_learnt_its_own_is_an_error(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    (tmp_path / "background.npz").touch()
+    for name in ("background.npz", "cloud.bin"):
+        (tmp_path / name).touch()
     words = ["detect", str(tmp_path / "cloud.bin"), "--model", str(tmp_path), "--height-m", "6"]
     assert main.main(words) == 2
     assert "--height-m: expected no value for background" in capsys.readouterr().err
