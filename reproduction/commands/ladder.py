@@ -157,7 +157,7 @@ def main() -> None:
     )
     args = parser.parse_args()
     wanted = models(args.settings, args.frames, args.values)
-    for seed, model in itertools.product(args.seeds, list(wanted)):
+    for model, seed in itertools.product(wanted, args.seeds):
         fill(model, seed, args)
 
 
