@@ -169,8 +169,6 @@ def _check(args: argparse.Namespace) -> None:
     if not args.model.exists() and args.model.name == model and model not in shipped():
         near = suggestion(model, shipped())
         raise Error(f"--model: expected a training, a file or a name, got '{model}'{near}")
-    for path in args.inputs:
-        path.stat()  # raises FileNotFoundError, before the place of a cloud is examined
     folders = [path for path in args.inputs if path.is_dir()]
     if folders and len(args.inputs) > 1:
         raise Error(f"DATA: expected one folder, or clouds alone, got {len(args.inputs)} inputs")
@@ -182,6 +180,8 @@ def _check(args: argparse.Namespace) -> None:
     if not folders and (args.frames or args.max_frames or args.split):
         option = "--frames" if args.frames else "--max-frames" if args.max_frames else "--split"
         raise Error(f"{option}: expected the folder of a LiDAR, got clouds alone")
+    for path in args.inputs:
+        path.stat()  # raises FileNotFoundError, before the place of a cloud is examined
 
 
 def _folder_of(folder: Path) -> Path:

@@ -3,8 +3,8 @@
 The scene is the highway with preset `datasheet`. For each seed and LiDAR, Background and the
 pretrained detector are trained on the first part of the frames. These two, and the pretrained
 detector without further training, are tested on the last part under growing stress. The command
-adds the rows of each detector to out/stress.csv as soon as they are computed. Existing rows are not
-computed again, and several processes can share the work.
+adds the rows of each detector to out/stress_seeds.csv as soon as they are computed. Existing rows
+are not computed again, and several processes can share the work.
 
     python -m reproduction stress --work data/stress
 """
@@ -109,7 +109,7 @@ def main() -> None:
     parser.add_argument(
         "--work", type=Path, required=True, help="working folder for frames, about 2 GB"
     )
-    add_out(parser, "stress.csv")
+    add_out(parser, "stress_seeds.csv")
     add_seeds(parser)
     parser.add_argument(
         "--setups",

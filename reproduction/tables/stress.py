@@ -21,7 +21,7 @@ def stress() -> str:
     FALL, and the least and largest such severity of a single seed. Rows of named severities have
     the change of AP, paired by seed, with its 95 % interval.
     """
-    table = results("stress")
+    table = results("stress_seeds")
     columns = dict(list(table.groupby(["lidar", "setup"], sort=False)))
     columns = {(a, b): columns[a, b] for a in LIDARS for b in SETUPS if (a, b) in columns}
     unstressed = {key: _aps(part, NONE.name, "0") for key, part in columns.items()}

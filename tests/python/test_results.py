@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+import report_data
 
 from pyinfra.core.errors import FormatError
 from pyinfra.experiments.result_tables import read_results
@@ -19,10 +20,9 @@ TABLES = ("quick", "quick_areas", "quick_distance", "quick_value", "lidars", "qu
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Writes results with a few rows per table."""
-    for name in TABLES:
-        lines = (RESULTS / f"{name}.csv").read_text().splitlines(keepends=True)
-        (tmp_path / f"{name}.csv").write_text("".join(lines[:6]))
-    return tmp_path
+    tables = report_data.study_tables()
+    files = [f"{name}.csv" for name in TABLES]
+    return report_data.write(tmp_path, {file: tables[file][:5] for file in files})
 
 
 def changed(file: Path, row: int, **values: object) -> None:
@@ -35,28 +35,28 @@ def changed(file: Path, row: int, **values: object) -> None:
 @pytest.mark.parametrize(
     ("table", "values", "message"),
     [
-        ("quick", {"ap": 943}, "quick.csv:4: ap: expected 0 to 100, got 943"),
-        ("quick", {"ap_all": -1}, "quick.csv:4: ap_all: expected 0 to 100, got -1"),
-        ("quick", {"ap": "inf"}, "quick.csv:4: ap: expected 0 to 100, got inf"),
+        ("quick", {"ap": 943}, "quick.csv:3: ap: expected 0 to 100, got 943"),
+        ("quick", {"ap_all": -1}, "quick.csv:3: ap_all: expected 0 to 100, got -1"),
+        ("quick", {"ap": "inf"}, "quick.csv:3: ap: expected 0 to 100, got inf"),
         (
             "quick",
             {"ap": "much"},
-            "quick.csv:4: ap: expected a number or an empty cell, got 'much'",
+            "quick.csv:3: ap: expected a number or an empty cell, got 'much'",
         ),
-        ("quick", {"ap_low": 90, "ap_high": 80}, "quick.csv:4: ap_low: expected"),
-        ("quick", {"latency_p50_ms": -3}, "csv:4: latency_p50_ms: expected 0 or more, got -3"),
-        ("quick", {"lidar": ""}, "quick.csv:4: lidar: expected a name, got nothing"),
-        ("quick_areas", {"n_hqda": -1}, "quick_areas.csv:4: n_hqda: expected 0 or more, got -1"),
-        ("quick_distance", {"s": "inf"}, "csv:4: s: expected a finite number, got inf"),
-        ("quick_value", {"price_usd": -1}, "csv:4: price_usd: expected 0 or more, got -1"),
-        ("lidars", {"units": 0}, "lidars.csv:4: units: expected 1 to 1e+06, got 0"),
-        ("lidars", {"price_low_usd": 9e6}, "lidars.csv:4: price_low_usd: expected"),
+        ("quick", {"ap_low": 90, "ap_high": 80}, "quick.csv:3: ap_low: expected"),
+        ("quick", {"latency_p50_ms": -3}, "csv:3: latency_p50_ms: expected 0 or more, got -3"),
+        ("quick", {"lidar": ""}, "quick.csv:3: lidar: expected a name, got nothing"),
+        ("quick_areas", {"n_hqda": -1}, "quick_areas.csv:3: n_hqda: expected 0 or more, got -1"),
+        ("quick_distance", {"s": "inf"}, "csv:3: s: expected a finite number, got inf"),
+        ("quick_value", {"price_usd": -1}, "csv:3: price_usd: expected 0 or more, got -1"),
+        ("lidars", {"units": 0}, "lidars.csv:3: units: expected 1 to 1e+06, got 0"),
+        ("lidars", {"price_low_usd": 9e6}, "lidars.csv:3: price_low_usd: expected"),
     ],
 )
 def test_a_number_out_of_range_is_named_by_row_and_column(
     table: str, values: dict[str, object], message: str, folder: Path
 ) -> None:
-    changed(folder / f"{table}.csv", 2, **values)
+    changed(folder / f"{table}.csv", 1, **values)
     with pytest.raises(ValueError, match=re.escape(message)):
         read_results(folder, "quick", STUDY)
 
@@ -66,9 +66,9 @@ def test_a_row_that_comes_twice_is_an_error(table: str, folder: Path) -> None:
     file = folder / f"{table}.csv"
     lines = file.read_text().splitlines(keepends=True)
     file.write_text("".join([*lines, lines[2]]))
-    with pytest.raises(
-        ValueError, match=rf"{table}.csv:7: .*: expected one row with this key, got rows 3 and 7"
-    ):
+    last = len(lines) + 1
+    message = rf"{table}.csv:{last}: .*: expected one row with this key, got rows 3 and {last}"
+    with pytest.raises(ValueError, match=message):
         read_results(folder, "quick", STUDY)
 
 
