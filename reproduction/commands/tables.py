@@ -55,7 +55,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "verdicts decided": verdicts.decided,
     "speed": simulator.speed,
     "ladder": simulator.ladder,
-    "ladder of the fine-tuned detector": partial(simulator.ladder, "generalist"),
     "coverage": measure.coverage,
     "correlation": measure.correlation,
     "people": sites.people,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pandas as pd
 
 from pyinfra.metrics.comparison import Interval
@@ -45,5 +47,7 @@ def ladder(detector: str = "background") -> str:
 def _mean(mean: Interval, *, signed: bool) -> str:
     """Formats an AP or a difference; a significant difference is in bold."""
     sign = "+" if signed else ""
+    if math.isnan(mean.low):
+        return f"{mean.value:{sign}.1f}"
     text = f"{mean.value:{sign}.1f} [{mean.low:{sign}.1f}, {mean.high:{sign}.1f}]"
     return f"**{text}**" if signed and mean.is_significant else text
