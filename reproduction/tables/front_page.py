@@ -31,6 +31,11 @@ def far_points() -> list[str]:
     return [finding, where]
 
 
+def tenth(value: float) -> str:
+    """Formats a number with one decimal, without the sign of a rounded 0."""
+    return f"{round(value, 1) + 0.0:.1f}"
+
+
 def right_place() -> list[str]:
     """Returns the row about the AP of the pose that a plan chooses, at equal price."""
     table = results("placement_summary").set_index("quantity")
@@ -57,7 +62,7 @@ def same_vehicles() -> list[str]:
     rows = table[keep].set_index("preset")
     paper, datasheet = (f"{rows.value[name]:+.1f}" for name in ("paper", "datasheet"))
     intervals = "; ".join(
-        f"{rows.low[name]:.1f} to {rows.high[name]:.1f}" for name in ("paper", "datasheet")
+        f"{tenth(rows.low[name])} to {tenth(rows.high[name])}" for name in ("paper", "datasheet")
     )
     counts = dict.fromkeys(str(rows.replicates[name]) for name in ("paper", "datasheet"))
     finding = (
