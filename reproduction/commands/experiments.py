@@ -181,7 +181,7 @@ def model_of(trained: Trained, work: Path) -> tuple[Path, float]:
     recipe = read_recipe(RECIPES / f"{using.detector}.yaml", using.tier).for_budget(using.budget)
     angle, seed = trained.training_cut_angle_deg, TRAIN_SEEDS_FROM + replicate.replicate
     data = simulated(replicate, seed, TRAIN_FRAMES, work, angle)
-    test = simulated(replicate, replicate.test_seeds[0], TEST_FRAMES, work)
+    test = simulated(replicate, replicate.test_seeds[0], TEST_FRAMES, work, angle)
     split.write(read_data_set(data), split.by_seed(read_data_set(data), read_data_set(test))[0])
     source = read_source(data / lidar, using.tier, classes=recipe.classes)
     train(recipe, [source], run, seed=replicate.replicate, quiet=True)

@@ -145,6 +145,24 @@ def test_only_spinning_lidars_are_tested_at_turned_cut_angles() -> None:
     assert tests["ruby_plus"] == [(3, 0), (3, 45), (4, 0), (4, 45)]
 
 
+def test_a_detector_is_trained_at_a_turned_cut_angle(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trained: list[Path] = []
+    monkeypatch.setattr(experiments, "TRAIN_FRAMES", "0:1")
+    monkeypatch.setattr(experiments, "TEST_FRAMES", "0:1")
+    monkeypatch.setattr(experiments, "read_source", lambda folder, *_, **__: folder)
+    monkeypatch.setattr(
+        experiments, "train", lambda _, sources, *__, **___: trained.extend(sources)
+    )
+    replicate = experiments.Replicate("highway", "paper", "frame", 1)
+    one = experiments.Trained("fine-tuned", replicate, "ruby_plus", (0, 90), 90)
+    experiments.model_of(one, tmp_path)
+    assert "cut_angle_deg: 270" in (trained[0] / "lidar.yaml").read_text()
+    assert one.key["training_cut_angle_deg"] == 90
+    assert one.name.endswith("_cut_90")
+
+
 def test_turned_frames_differ_in_the_cut_angle_alone(tmp_path: Path) -> None:
     replicate = experiments.Replicate("highway", "paper", "scan", 1)
     turned = experiments.simulated(replicate, 1, "0:1", tmp_path, 45)
