@@ -52,6 +52,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "comparison at label times": label_times.comparison,
     "variance": verdicts.variance,
     "seeds": verdicts.seeds,
+    "cost of the trainings": verdicts.costs,
     "verdicts decided": verdicts.decided,
     "speed": simulator.speed,
     "ladder": simulator.ladder,

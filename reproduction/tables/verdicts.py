@@ -187,6 +187,20 @@ def _sd(table: pd.Series, key: tuple[str, str]) -> str:
     return f"{table[key]:.1f}" if key in table.index else ""
 
 
+def costs() -> str:
+    """Returns the number of trained detectors by scene, and the CPU time of their training."""
+    table = results("experiments")
+    key = ["judge", "scene", "preset", "label_time", "replicate", "lidar", "training_cut_angle_deg"]
+    table = table[table.train_cpu_s > 0].drop_duplicates(key)
+    groups = table.groupby(["judge", "scene"], sort=False).train_cpu_s
+    rows = []
+    for (judge, scene), part in groups:
+        figures = (f"{len(part)}", f"{part.mean():.0f}", f"{part.sum() / 3600:.1f}")
+        rows.append([JUDGES[str(judge)], str(scene), *figures])
+    heads = ["detector", "scene", "trainings", "CPU s of a training", "CPU h"]
+    return markdown(heads, rows)
+
+
 def seeds() -> str:
     """Returns the half-width of the interval of the Avia's AP minus that of 128 lines."""
     table = results("variance")
