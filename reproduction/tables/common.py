@@ -51,6 +51,7 @@ def with_interval(value: float, low: float, high: float) -> str:
 
 
 def with_interval_of_ap(value: float, low: float, high: float) -> str:
+    value = round(value, 1) + 0.0  # no "-0.0"
     return f"{value:.1f}" if math.isnan(low) else f"{value:.1f} [{low:.1f}, {high:.1f}]"
 
 

@@ -190,13 +190,14 @@ def _sd(table: pd.Series, key: tuple[str, str]) -> str:
 def costs() -> str:
     """Returns the number of trained detectors by scene, and the CPU time of their training."""
     table = results("experiments")
-    key = ["judge", "scene", "preset", "label_time", "replicate", "lidar", "training_cut_angle_deg"]
+    key = ["judge", "detector", "scene", "preset", "label_time", "replicate", "lidar"]
+    key += ["training_cut_angle_deg"]
     table = table[table.train_cpu_s > 0].drop_duplicates(key)
-    groups = table.groupby(["judge", "scene"], sort=False).train_cpu_s
+    groups = table.groupby(["judge", "detector", "scene"], sort=False).train_cpu_s
     rows = []
-    for (judge, scene), part in groups:
+    for (judge, detector, scene), part in groups:
         figures = (f"{len(part)}", f"{part.mean():.0f}", f"{part.sum() / 3600:.1f}")
-        rows.append([JUDGES[str(judge)], str(scene), *figures])
+        rows.append([TRAINED[str(judge), str(detector)], str(scene), *figures])
     heads = ["detector", "scene", "trainings", "CPU s of a training", "CPU h"]
     return markdown(heads, rows)
 
