@@ -46,6 +46,12 @@ def add_out(
     )
 
 
+def add_work(parser: argparse.ArgumentParser, *, gigabytes: int) -> None:
+    """Adds the option that names the working folder, which takes up to `gigabytes`."""
+    text = f"working folder for frames, about {gigabytes} GB"
+    parser.add_argument("--work", type=Path, required=True, help=text)
+
+
 def add_seeds(parser: argparse.ArgumentParser) -> None:
     """Adds the option that names the traffic seeds of the measurement."""
     parser.add_argument(

@@ -36,7 +36,7 @@ from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
-from reproduction import ROOT, add_out
+from reproduction import ROOT, add_out, add_work
 
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 SCENES = ("highway", "crossroad")
@@ -106,9 +106,7 @@ def integrated(series: FloatArray) -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--work", type=Path, required=True, help="working folder for frames, about 2 GB"
-    )
+    add_work(parser, gigabytes=2)
     add_out(parser, "correlation.csv")
     args = parser.parse_args()
     rows = []

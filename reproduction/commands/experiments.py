@@ -41,7 +41,6 @@ from pyinfra.dataset.windows import Near
 from pyinfra.experiments import store
 from pyinfra.experiments.stress import lidar as lidar_keys
 from pyinfra.formats import kitti
-from pyinfra.formats.csv_table import read_csv
 from pyinfra.metrics import ap
 from pyinfra.metrics.evaluate import match_results_of
 from pyinfra.metrics.evaluation_tables import area_table, distance_table
@@ -49,10 +48,8 @@ from pyinfra.metrics.match_results import MatchResult, Part
 from pyinfra.metrics.ranges import sensor_of
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
-from pyinfra.models.training.recipe import read_recipe
-from pyinfra.models.training.sources import read_source
-from pyinfra.models.training.train import train
-from reproduction import ROOT, add_out, provenance
+from reproduction import add_out, add_work, provenance
+from reproduction.train_detector import train_detector
 
 # The steps 11 and 47 share no factor with 200, the number of frames after which the Avia's pattern
 # repeats.
@@ -63,7 +60,6 @@ SPLIT_M = 60.0  # distance between the near and the far part of the region
 SPINNING = ("ruby_plus", "pandar_64", "helios_16")
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 BUNDLES = {"crossroad": "bundle_5_livox_avia"}  # the LiDAR that replaces the single Avia in a scene
-RECIPES = ROOT / "configs/detectors"
 
 
 @dataclass(frozen=True)
@@ -178,15 +174,12 @@ def model_of(trained: Trained, work: Path) -> tuple[Path, float]:
     if using.tier is None:
         return Path(using.detector), 0.0
     run = work / "runs" / trained.name
-    recipe = read_recipe(RECIPES / f"{using.detector}.yaml", using.tier).for_budget(using.budget)
     angle, seed = trained.training_cut_angle_deg, TRAIN_SEEDS_FROM + replicate.replicate
     data = simulated(replicate, seed, TRAIN_FRAMES, work, angle)
     test = simulated(replicate, replicate.test_seeds[0], TEST_FRAMES, work, angle)
     split.write(read_data_set(data), split.by_seed(read_data_set(data), read_data_set(test))[0])
-    source = read_source(data / lidar, using.tier, classes=recipe.classes)
-    train(recipe, [source], run, seed=replicate.replicate, quiet=True)
-    log = run / "log.csv"
-    return run, float(read_csv(log).cpu_seconds.sum()) if log.is_file() else 0.0
+    how = (replicate.replicate, using.tier, using.budget)
+    return run, train_detector(using.detector, data / lidar, run, *how)[1]
 
 
 def rows_of_test(model: Path, folder: Path, predictions: Path) -> list[dict[str, object]]:
@@ -307,9 +300,7 @@ def fill(trained: Trained, work: Path, out: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--work", type=Path, required=True, help="working folder for frames, about 3 GB"
-    )
+    add_work(parser, gigabytes=3)
     add_out(parser, "experiments.csv")
     parser.add_argument("--scenes", nargs="+", default=["highway", "crossroad", "curve"])
     parser.add_argument("--presets", nargs="+", choices=PRESETS, default=["paper", "datasheet"])

@@ -21,7 +21,7 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.experiments import store
-from reproduction import add_out, provenance
+from reproduction import add_out, add_work, provenance
 from reproduction.commands import generalist
 
 # A narrow and a wide LiDAR that the training used, then a narrow and a wide LiDAR that it did not.
@@ -34,9 +34,7 @@ COLUMNS = [*KEY, "steps", "train_cpu_s", "ap_r1000", "objects"]
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("models", nargs="+", type=Path, help="run folders, model files or names")
-    parser.add_argument(
-        "--work", type=Path, required=True, help="working folder for frames, about 1 GB"
-    )
+    add_work(parser, gigabytes=1)
     parser.add_argument(
         "--scenes",
         nargs="+",

@@ -51,7 +51,7 @@ from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
 from pyinfra.scenes.generator.generate import make_site
 from pyinfra.scenes.generator.random_stream import VERSION
-from reproduction import ROOT, add_out
+from reproduction import ROOT, add_out, add_work
 
 RECIPES = ROOT / "configs/detectors"
 SCENES = ("highway", "crossroad", "curve")
@@ -195,9 +195,7 @@ def start_of(arm: str, model: Path) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--work", type=Path, required=True, help="working folder for frames, about 1 GB"
-    )
+    add_work(parser, gigabytes=1)
     parser.add_argument(
         "--model",
         type=Path,

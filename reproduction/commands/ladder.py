@@ -32,11 +32,9 @@ from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import evaluate
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
-from pyinfra.models.training.recipe import read_recipe
-from pyinfra.models.training.sources import read_source
-from pyinfra.models.training.train import train
-from reproduction import ROOT, add_out, add_seeds, provenance
+from reproduction import add_out, add_seeds, add_work, provenance
 from reproduction.report.ladder import SETTINGS
+from reproduction.train_detector import train_detector
 
 LIDARS = ["ruby_plus", "livox_avia", "pandar_64", "helios_16"]
 DEFAULT = {
@@ -103,9 +101,7 @@ def simulated(
 def row(folder: Path, detector: str, seed: int) -> dict[str, object]:
     """Trains a detector and evaluates it on the test frames of one LiDAR."""
     run = folder.parent / f"{folder.name}_{detector}"
-    recipe = read_recipe(ROOT / "configs" / "detectors" / f"{detector}.yaml", "quick")
-    source = read_source(folder, "quick", classes=recipe.classes)
-    train(recipe, [source], run, seed=seed, quiet=True)
+    train_detector(detector, folder, run, seed)
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     detect.detect(detect.load_detector(run), files, run / "predictions")
     settings = Settings(ground_truths=("captured",))
@@ -121,9 +117,7 @@ def row(folder: Path, detector: str, seed: int) -> dict[str, object]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--work", type=Path, required=True, help="working folder for frames, about 2 GB"
-    )
+    add_work(parser, gigabytes=2)
     add_out(parser, "ladder.csv")
     add_seeds(parser)
     parser.add_argument(

@@ -27,7 +27,7 @@ import pandas as pd
 from pyinfra.dataset.catalogue import lidar_file
 from pyinfra.dataset.runs import infrasim
 from pyinfra.metrics.places import compare_places
-from reproduction import ROOT, add_out, provenance
+from reproduction import ROOT, add_out, add_work, provenance
 
 SEEDS = (1, 2, 3)
 FRAMES = "0:5000:47"
@@ -79,9 +79,7 @@ def evaluate(lidar: str, run: str, seed: int, work: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--work", type=Path, required=True, help="working folder for frames, about 5 GB"
-    )
+    add_work(parser, gigabytes=5)
     add_out(parser, "places.csv")
     parser.add_argument(
         "--lidars",

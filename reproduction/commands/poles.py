@@ -40,10 +40,8 @@ from pyinfra.metrics.match_results import MatchResult, causes, count_matches
 from pyinfra.metrics.matching import IOU
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
-from pyinfra.models.training.recipe import read_recipe
-from pyinfra.models.training.sources import read_source
-from pyinfra.models.training.train import train
-from reproduction import ROOT, add_out, add_seeds, provenance
+from reproduction import add_out, add_seeds, add_work, provenance
+from reproduction.train_detector import train_detector
 
 SCENE = "crossroad_poles"
 LIDARS = ("helios_16", "livox_avia", "ruby_plus", "pandar_64")
@@ -135,12 +133,7 @@ def truth_of(folder: Path, reference: Path) -> GroundTruth:
 def model_of(detector: str, folder: Path, seed: int) -> tuple[Path, float]:
     """Trains a detector on a folder's frames; returns the model and the CPU seconds of training."""
     run = folder.parent / f"{folder.name}_{detector}"
-    recipe = read_recipe(
-        ROOT / "configs/detectors" / f"{detector.removesuffix(AGAIN)}.yaml", "quick"
-    )
-    file = train(recipe, [read_source(folder, "quick")], run, seed=seed, quiet=True)
-    log = run / "log.csv"
-    return file, float(pd.read_csv(log).cpu_seconds.sum()) if log.is_file() else 0.0
+    return train_detector(detector.removesuffix(AGAIN), folder, run, seed)
 
 
 def match_results_of(model: Path, folder: Path, reference: Path) -> tuple[list[MatchResult], float]:
@@ -229,9 +222,7 @@ def fill(experiment: Experiment, work: Path, out: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--work", type=Path, required=True, help="working folder for frames, about 10 GB"
-    )
+    add_work(parser, gigabytes=10)
     add_out(parser, "poles.csv")
     add_seeds(parser)
     parser.add_argument(

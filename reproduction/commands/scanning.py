@@ -24,7 +24,7 @@ from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.runs import infrasim
 from pyinfra.metrics.comparison import over_replicates
-from reproduction import add_out, provenance
+from reproduction import add_out, add_work, provenance
 from reproduction.claims.scanning import AVIA, SPINNING, Row, claims_of, columns_of
 
 FRAMES = "0:5000:7"
@@ -62,9 +62,7 @@ def over_seeds(per_seed: Sequence[Sequence[Row]]) -> Iterator[Row]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--work", type=Path, required=True, help="working folder for frames, about 2 GB"
-    )
+    add_work(parser, gigabytes=2)
     add_out(parser, "scanning_claims.csv")
     parser.add_argument(
         "--seeds", nargs="+", type=int, default=[1, 2, 3], help="traffic seeds; default: 1 2 3"

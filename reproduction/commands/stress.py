@@ -25,10 +25,8 @@ from pyinfra.experiments.benchmark.frames import split_by_time
 from pyinfra.experiments.benchmark.matrix import Parts
 from pyinfra.experiments.stress.runner import stress
 from pyinfra.formats.csv_table import read_csv
-from pyinfra.models.training.recipe import read_recipe
-from pyinfra.models.training.sources import read_source
-from pyinfra.models.training.train import train
-from reproduction import ROOT, add_out, add_seeds, provenance
+from reproduction import add_out, add_seeds, add_work, provenance
+from reproduction.train_detector import train_detector
 
 SCENE, PRESET, FRAMES = "highway", "datasheet", "0:5000:11"
 LIDARS = ("ruby_plus", "livox_avia")
@@ -77,9 +75,7 @@ def model_of(experiment: Experiment, data: Path, work: Path) -> Path:
     if name is None:
         return Path("generalist")
     run = work / "runs" / experiment.name
-    recipe = read_recipe(ROOT / "configs/detectors" / f"{name}.yaml", "quick")
-    source = read_source(data, "quick", classes=recipe.classes)
-    train(recipe, [source], run, seed=experiment.seed, quiet=True)
+    train_detector(name, data, run, experiment.seed)
     return run
 
 
@@ -106,9 +102,7 @@ def fill(experiment: Experiment, frames: int, work: Path, out: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--work", type=Path, required=True, help="working folder for frames, about 2 GB"
-    )
+    add_work(parser, gigabytes=2)
     add_out(parser, "stress_seeds.csv")
     add_seeds(parser)
     parser.add_argument(

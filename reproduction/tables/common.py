@@ -8,6 +8,7 @@ from functools import cache
 
 import pandas as pd
 
+from pyinfra.metrics.comparison import Interval
 from reproduction import ROOT
 
 LEAST_BOXES = 10  # minimum number of boxes from which a site's precision is computed
@@ -51,8 +52,19 @@ def with_interval(value: float, low: float, high: float) -> str:
 
 
 def with_interval_of_ap(value: float, low: float, high: float) -> str:
-    value = round(value, 1) + 0.0  # no "-0.0"
-    return f"{value:.1f}" if math.isnan(low) else f"{value:.1f} [{low:.1f}, {high:.1f}]"
+    return tenth(value) if math.isnan(low) else f"{tenth(value)} [{low:.1f}, {high:.1f}]"
+
+
+def tenth(value: float) -> str:
+    """Formats a number with one decimal, without the sign of a rounded 0."""
+    return f"{round(value, 1) + 0.0:.1f}"
+
+
+def signed(mean: Interval) -> str:
+    """Formats a difference with its interval."""
+    if math.isnan(mean.low):
+        return f"{mean.value:+.1f}"
+    return f"{mean.value:+.1f} [{mean.low:+.1f}, {mean.high:+.1f}]"
 
 
 def ends(row: pd.Series, name: str) -> list[float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pyinfra.core.vocabulary import PRESETS
 from reproduction.commands.verdicts import LEVEL
-from reproduction.tables.common import markdown, number, results
+from reproduction.tables.common import markdown, number, results, tenth
 from reproduction.tables.findings import rows_of
 
 
@@ -29,11 +29,6 @@ def far_points() -> list[str]:
     )
     where = "[highway](docs/results/points.md), beyond 90 m; five seeds"
     return [finding, where]
-
-
-def tenth(value: float) -> str:
-    """Formats a number with one decimal, without the sign of a rounded 0."""
-    return f"{round(value, 1) + 0.0:.1f}"
 
 
 def right_place() -> list[str]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import astuple
 
 import pandas as pd
 
 from pyinfra.metrics.comparison import Interval
 from reproduction.report.ladder import by_seed, interval
-from reproduction.tables.common import LIDARS, markdown, results
+from reproduction.tables.common import LIDARS, markdown, results, signed, with_interval_of_ap
 
 
 def speed() -> str:
@@ -38,16 +38,14 @@ def ladder(detector: str = "background") -> str:
         seconds = group.ms_per_frame_set.mean() * int(model[-1]) / 1000
         aps = by_seed(group)
         default = aps if default.empty else default
-        changes = aps - default if other else aps
-        cells = [_mean(interval(changes[lidar]), signed=bool(other)) for lidar in lidars]
+        if other:
+            cells = [_difference(interval(aps[lidar] - default[lidar])) for lidar in lidars]
+        else:
+            cells = [with_interval_of_ap(*astuple(interval(aps[lidar]))) for lidar in lidars]
         rows.append([", ".join(other) or "default", f"{seconds:.0f}", *cells])
     return markdown(["model", "CPU, s", *(LIDARS[lidar] for lidar in lidars)], rows)
 
 
-def _mean(mean: Interval, *, signed: bool) -> str:
-    """Formats an AP or a difference; a significant difference is in bold."""
-    sign = "+" if signed else ""
-    if math.isnan(mean.low):
-        return f"{mean.value:{sign}.1f}"
-    text = f"{mean.value:{sign}.1f} [{mean.low:{sign}.1f}, {mean.high:{sign}.1f}]"
-    return f"**{text}**" if signed and mean.is_significant else text
+def _difference(mean: Interval) -> str:
+    """Formats a difference; a significant one is in bold."""
+    return f"**{signed(mean)}**" if mean.is_significant else signed(mean)

@@ -7,12 +7,13 @@ from collections.abc import Iterator, Mapping
 
 import pandas as pd
 
-from pyinfra.metrics.comparison import over_replicates
+from pyinfra.metrics.comparison import Interval, over_replicates
 from reproduction.tables.common import (
     DETECTORS,
     LIDARS,
     markdown,
     results,
+    signed,
     with_interval,
     with_interval_of_ap,
 )
@@ -161,16 +162,12 @@ def places() -> str:
             before = by_key.get(("present", COMPARED, place, "ap_r1000"))
             less = ""
             if after is not None:
-                less = _signed(after.value, after.low, after.high)
+                less = signed(Interval(after.value, after.low, after.high))
             elif before is not None:
-                less = _signed(-before.value, -before.high, -before.low)
+                less = signed(Interval(-before.value, -before.high, -before.low))
             rows.append([str(lidar), words, f"{hidden:.0f} %", *cells, less])
     heads = ["LiDAR", "position", "hidden", "AP of visible vehicles", "AP of all vehicles"]
     return markdown([*heads, "recall, %", "AP minus AP at the corner, 6 m"], rows)
-
-
-def _signed(value: float, low: float, high: float) -> str:
-    return f"{value:+.1f} [{low:+.1f}, {high:+.1f}]"
 
 
 def pole_errors() -> str:
@@ -211,5 +208,4 @@ def _change(
     """Formats the difference, paired by seed, of two entries; returns "" if one is missing."""
     if changed not in aps or to not in aps:
         return ""
-    mean = over_replicates((aps[changed] - aps[to]).dropna().to_list())
-    return _signed(mean.value, mean.low, mean.high)
+    return signed(over_replicates((aps[changed] - aps[to]).dropna().to_list()))

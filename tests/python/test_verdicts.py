@@ -151,10 +151,12 @@ def test_a_detector_is_trained_at_a_turned_cut_angle(
     trained: list[Path] = []
     monkeypatch.setattr(experiments, "TRAIN_FRAMES", "0:1")
     monkeypatch.setattr(experiments, "TEST_FRAMES", "0:1")
-    monkeypatch.setattr(experiments, "read_source", lambda folder, *_, **__: folder)
-    monkeypatch.setattr(
-        experiments, "train", lambda _, sources, *__, **___: trained.extend(sources)
-    )
+
+    def train_detector(_: str, folder: Path, *__: object) -> tuple[Path, float]:
+        trained.append(folder)
+        return folder, 0.0
+
+    monkeypatch.setattr(experiments, "train_detector", train_detector)
     replicate = experiments.Replicate("highway", "paper", "frame", 1)
     one = experiments.Trained("fine-tuned", replicate, "ruby_plus", (0, 90), 90)
     experiments.model_of(one, tmp_path)
