@@ -274,10 +274,9 @@ def test_frames_are_plotted_from_above(frames: FrameSequence, noisy: pd.DataFram
 
 
 IMPORT = """
-import sys, time
+import sys
 calls = []
 sys.addaudithook(lambda event, _: calls.append(event) if event == "subprocess.Popen" else None)
-since = time.perf_counter()
 import pyinfra
 assert not {"torch", "pandas", "numpy", "matplotlib"} & set(sys.modules)
 assert not calls
