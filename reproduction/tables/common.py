@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from functools import cache
 
@@ -35,7 +36,13 @@ def results(name: str) -> pd.DataFrame:
 
 
 def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Returns a Markdown table.
+
+    Raises ValueError if a cell is not a number (NaN); a cell without a value is empty.
+    """
     lines = [f"| {' | '.join(cells)} |\n" for cells in (heads, *rows)]
+    if missing := next((line for line in lines if re.search(r"\bnan\b", line)), None):
+        raise ValueError(f"expected a value in each cell, got {missing.strip()}")
     return "".join([lines[0], "|" + "---|" * len(heads) + "\n", *lines[1:]])
 
 

@@ -20,7 +20,10 @@ Aps = dict[tuple[str, str], pd.DataFrame]  # by LiDAR and label time: replicates
 
 
 def _aps(subset: str = "captured") -> Iterator[tuple[tuple[str, str, str], Aps]]:
-    """Yields scene, preset and setup, with AP for both label times and several cut angles."""
+    """Yields scene, preset and setup, with AP for both label times and several cut angles.
+
+    The AP of all LiDARs and label times is of the same replicates.
+    """
     table = results("experiments")
     table = table[(table.subset == subset) & table["judge"].isin(SETUPS)]
     table = table[table.training_cut_angle_deg == 0]
@@ -31,10 +34,12 @@ def _aps(subset: str = "captured") -> Iterator[tuple[tuple[str, str, str], Aps]]
             ).dropna()
             for (lidar, label_time), rows in part.groupby(["lidar", "label_time"], sort=False)
         }
-        measured = [aps.get((WIDE, label_time)) for label_time in LABEL_TIMES]
-        if all(one is not None and len(one) >= LEAST_REPLICATES for one in measured):
+        if any((WIDE, label_time) not in aps for label_time in LABEL_TIMES):
+            continue
+        replicates = sorted(set.intersection(*(set(one.index) for one in aps.values())))
+        if len(replicates) >= LEAST_REPLICATES:
             scene, preset, setup = map(str, key)
-            yield (scene, preset, SETUPS[setup]), aps
+            yield (scene, preset, SETUPS[setup]), {k: one.loc[replicates] for k, one in aps.items()}
 
 
 def label_times() -> str:

@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from reproduction.tables import label_times, simulator, sites, stress, verdicts
+from reproduction.tables.common import markdown
 
 
 def cells(table: str) -> list[list[str]]:
@@ -111,3 +112,30 @@ def test_cut_angles_of_training_and_test_make_a_table(monkeypatch: pytest.Monkey
         ["95.0", "80.0", "80.0", "80.0"],
         ["80.0", "95.0", "80.0", "80.0"],
     ]
+
+
+def label_time_rows() -> pd.DataFrame:
+    """Returns five replicates with labels at scan time, and three with labels at mid-frame."""
+    common = {"scene": "highway", "preset": "paper", "subset": "captured", "judge": "fine-tuned"}
+    common |= {"training_cut_angle_deg": 0, "cut_angle_deg": 0}
+    return pd.DataFrame(
+        {**common, "lidar": lidar, "label_time": label_time, "replicate": r, "ap_r1000": ap + r}
+        for lidar, aps in (("ruby_plus", (90.0, 80.0)), ("livox_avia", (85.0, 84.0)))
+        for label_time, ap, replicates in zip(("scan", "frame"), aps, (5, 3), strict=True)
+        for r in range(1, replicates + 1)
+    )
+
+
+def test_label_times_are_compared_in_the_same_replicates(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(label_times, "results", lambda _: label_time_rows())
+    _, *rows = cells(label_times.label_times())
+    assert [row[4][:4] for row in rows] == ["92.0", "87.0"]
+    assert [row[6] for row in rows] == ["-10.0 [-10.0, -10.0]", "-1.0 [-1.0, -1.0]"]
+    _, *rows = cells(label_times.comparison())
+    assert [row[4] for row in rows] == ["-5.0 [-5.0, -5.0]", "4.0 [4.0, 4.0]"]
+
+
+def test_a_table_with_a_value_that_is_no_number_is_refused() -> None:
+    assert markdown(["a", "b"], [["1", ""]]).count("\n") == 3
+    with pytest.raises(ValueError, match=r"got \| 1 \| nan \|"):
+        markdown(["a", "b"], [["1", "nan"]])

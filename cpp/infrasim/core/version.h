@@ -24,10 +24,11 @@ std::string_view version();
 /// - LiDARs with a beam wider than that of the Livox Avia;
 /// - frames from 1,000 on of LiDARs with `azimuth_step_deg`.
 ///
-/// Two further corrections since 0.3 concern only some geometries, and frames are added to earlier
+/// Further corrections since 0.3 concern only some geometries, and frames are added to earlier
 /// folders without a check:
 /// - echoes of a wide beam, or in front of a pane, within `min_range_m`;
-/// - surfaces that end at an azimuth of exactly 180 degrees.
+/// - surfaces that end at an azimuth of exactly 180 degrees;
+/// - vehicles on a slope, at the end of a LiDAR's range.
 ///
 /// Rows of results and checkpoints contain only the number.
 inline constexpr int kFramesVersion = 3;
