@@ -284,7 +284,8 @@ def fill(trained: Trained, work: Path, out: Path) -> None:
             rows += [{**trained.key, "seed": seed, "cut_angle_deg": angle, **row} for row in tested]
             shutil.rmtree(predictions)
         words = f"experiments --scenes {replicate.scene} --presets {replicate.preset}"
-        words += f" --label-times {replicate.label_time}"
+        words += f" --setups {trained.setup} --label-times {replicate.label_time}"
+        words += f" --replicates {replicate.replicate}"
         if len(trained.cut_angles_deg) > 1:
             words += f" --cut-angles {' '.join(map(str, trained.cut_angles_deg))}"
         if trained.training_cut_angle_deg:

@@ -29,6 +29,7 @@ from reproduction import add_out, add_seeds, add_work, provenance
 from reproduction.train_detector import train_detector
 
 SCENE, PRESET, FRAMES = "highway", "datasheet", "0:5000:11"
+TEST_FRAMES = 30
 LIDARS = ("ruby_plus", "livox_avia")
 TRAINED = {"background": "background", "fine-tuned": "generalist"}  # detector file by setup
 SETUPS = (*TRAINED, "pretrained")
@@ -79,19 +80,20 @@ def model_of(experiment: Experiment, data: Path, work: Path) -> Path:
     return run
 
 
-def fill(experiment: Experiment, frames: int, work: Path, out: Path) -> None:
+def fill(experiment: Experiment, work: Path, out: Path) -> None:
     """Adds the rows of one experiment, unless another process is computing them."""
 
     def run() -> None:
         data = simulated(experiment.seed, work) / experiment.lidar
         model = model_of(experiment, data, work)
         trials = work / "trials" / experiment.name
-        stress(model, data, work=trials, stressors=STRESSORS, frames=frames, seed=experiment.seed)
+        seed, frames = experiment.seed, TEST_FRAMES
+        stress(model, data, work=trials, stressors=STRESSORS, frames=frames, seed=seed)
         table = read_csv(trials / "stress.csv")
         table = table.assign(
             setup=experiment.setup,
-            seed=experiment.seed,
-            **provenance(f"stress --seeds {experiment.seed} --frames {frames}"),
+            seed=seed,
+            **provenance(f"stress --seeds {seed}"),
         )
         store.put(out, table[[*KEY, *MEASURES, "version", "machine", "command"]], KEY)
         print(experiment.name, *table.ap_r1000.round(1)[:1], flush=True)
@@ -112,9 +114,6 @@ def main() -> None:
         default=SETUPS,
         help="detectors and their trainings (default: all)",
     )
-    parser.add_argument(
-        "--frames", type=int, default=30, help="frames of a test (default: %(default)s)"
-    )
     args = parser.parse_args()
     for seed, setup, lidar in itertools.product(args.seeds, args.setups, LIDARS):
-        fill(Experiment(lidar, setup, seed), args.frames, args.work, args.out)
+        fill(Experiment(lidar, setup, seed), args.work, args.out)
