@@ -1,0 +1,126 @@
+"""Tests whether clouds of several frames give a higher AP than clouds of one frame.
+
+The integration time is the time of the frames that are stacked into one cloud. For each traffic
+seed, speed, LiDAR and integration time, the pretrained detector is fine-tuned on stacked frames of
+traffic seed 1000 + s, and tested on stacked frames of traffic seed s. The labelled frames are the
+same for each integration time. Rows are added to the output as they are made; existing rows are
+kept, and several processes can share the work.
+
+    python -m reproduction integration --work data/integration --out results/integration.csv
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import shutil
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.core.files import held
+from pyinfra.core.vocabulary import SUBSETS
+from pyinfra.dataset import split
+from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.data_set import read_data_set
+from pyinfra.dataset.runs import infrasim
+from pyinfra.experiments import store
+from pyinfra.metrics.evaluate import match_results_of
+from pyinfra.models.inference.folder import detect_folder, frame_files, place
+from pyinfra.models.training.accumulation import Accumulation
+from reproduction import add_out, add_seeds, add_work, provenance
+from reproduction.commands.experiments import SETTINGS, TRAIN_SEEDS_FROM, measures
+from reproduction.train_detector import train_detector
+
+SCENE, PRESET = "highway", "datasheet"
+LIDARS = ("livox_avia", "helios_16", "ruby_plus")
+SPEEDS_KM_H = (62, 20)  # mean speeds of the vehicles; 62 is that of the scene
+STACKS = (
+    Accumulation(1),
+    Accumulation(2, "newest"),
+    Accumulation(5, "newest"),
+    Accumulation(5, "middle"),
+)
+FIRST, END, TRAIN_STEP, TEST_STEP = 10, 4990, 11, 47  # numbers of the labelled frames
+KEY = ["speed_km_h", "lidar", "accumulate", "label_at", "seed", "subset"]
+MEASURES = ["frames", "objects", "ap_r1000", "ap_r1000_near", "ap_r1000_far", "train_cpu_s"]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One LiDAR and one way to stack frames, at one speed and with one traffic seed."""
+
+    speed_km_h: int
+    lidar: str
+    accumulate: int
+    label_at: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        return "_".join(map(str, asdict(self).values()))
+
+    def is_done(self, out: Path) -> bool:
+        return store.has(store.read(out, ["label_at"]), asdict(self))
+
+
+def simulated(speed_km_h: int, seed: int, step: int, work: Path) -> Path:
+    """Simulates every labelled frame and its neighbours; returns the data set's folder.
+
+    The labelled frames are training frames in ImageSets.
+    """
+    folder = work / "data" / f"{speed_km_h}_{seed}"
+    labelled = range(FIRST, END, step)
+    neighbours = sorted({k - FIRST for stack in STACKS for k in stack.around(FIRST)})
+    words = ["--preset", PRESET, "--seed", str(seed), "--threads", "1", "--out", str(folder)]
+    words += ["--set", f"traffic.speed.mean_km_h={speed_km_h}"]
+    with held(folder.with_name(f"{folder.name}.lock"), wait=True):
+        for k in neighbours:
+            frames = f"{FIRST + k}:{END + k}:{step}"
+            lidars = [lidar_file(name) for name in LIDARS]
+            infrasim("run", scene_file(SCENE), "--lidar", *lidars, *words, "--frames", frames)
+        split.write(read_data_set(folder), split.Split(tuple(labelled), ()))
+    return folder
+
+
+def fill(experiment: Experiment, stack: Accumulation, work: Path, out: Path) -> None:
+    """Adds the rows of one experiment, unless another process is computing them."""
+
+    def run() -> None:
+        speed, seed = experiment.speed_km_h, experiment.seed
+        train, test = (
+            simulated(speed, number, step, work) / experiment.lidar
+            for number, step in ((TRAIN_SEEDS_FROM + seed, TRAIN_STEP), (seed, TEST_STEP))
+        )
+        folder = work / "runs" / experiment.name
+        model, seconds = train_detector("generalist", train, folder, seed, accumulation=stack)
+        predictions = work / "predictions" / experiment.name
+        files = frame_files(test, "train", 0, None)
+        detect_folder(model, test, predictions, files=files, where=place(test), warn=print)
+        results = match_results_of(test, predictions, SETTINGS, split="train")
+        rows = [
+            {"subset": subset, "frames": len(files), **measures(result)}
+            for subset, result in zip(SUBSETS, results, strict=True)
+        ]
+        table = pd.DataFrame(rows).assign(**asdict(experiment), train_cpu_s=round(seconds, 1))
+        made_by = provenance(f"integration --seeds {seed} --speeds {speed}")
+        store.put(out, table[[*KEY, *MEASURES]].assign(**made_by), KEY)
+        print(experiment.name, *table.ap_r1000.round(1), flush=True)
+        shutil.rmtree(predictions)
+
+    store.fill(work / "locks" / experiment.name, lambda: experiment.is_done(out), run)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    add_work(parser, gigabytes=10)
+    add_out(parser, "integration.csv")
+    add_seeds(parser)
+    parser.add_argument("--speeds", nargs="+", type=int, default=SPEEDS_KM_H, metavar="KM_H")
+    parser.add_argument("--lidars", nargs="+", choices=LIDARS, default=LIDARS)
+    args = parser.parse_args()
+    experiments = itertools.product(args.speeds, args.lidars, args.seeds, STACKS)
+    for speed, lidar, seed, stack in experiments:
+        experiment = Experiment(speed, lidar, stack.frames, stack.label_at, seed)
+        fill(experiment, stack, args.work, args.out)
