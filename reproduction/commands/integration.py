@@ -62,7 +62,7 @@ class Experiment:
         return "_".join(map(str, asdict(self).values()))
 
     def is_done(self, out: Path) -> bool:
-        return store.has(store.read(out, ["label_at"]), asdict(self))
+        return store.has(store.read(out, ["label_at", "subset"]), asdict(self))
 
 
 def simulated(speed_km_h: int, seed: int, step: int, work: Path) -> Path:
