@@ -19,6 +19,7 @@ from reproduction import ROOT
 from reproduction.tables import (
     findings,
     front_page,
+    integration,
     label_times,
     measure,
     networks,
@@ -50,6 +51,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "cut angles": label_times.cut_angles,
     "cut angles of the training": label_times.training_cut_angles,
     "comparison at label times": label_times.comparison,
+    "integration time": integration.integration,
+    "integration time, all vehicles": partial(integration.integration, "present"),
     "variance": verdicts.variance,
     "seeds": verdicts.seeds,
     "cost of the trainings": verdicts.costs,

@@ -5,7 +5,7 @@ import itertools
 import pandas as pd
 import pytest
 
-from reproduction.tables import label_times, simulator, sites, stress, verdicts
+from reproduction.tables import integration, label_times, simulator, sites, stress, verdicts
 from reproduction.tables.common import markdown
 
 
@@ -133,6 +133,27 @@ def test_label_times_are_compared_in_the_same_replicates(monkeypatch: pytest.Mon
     assert [row[6] for row in rows] == ["-10.0 [-10.0, -10.0]", "-1.0 [-1.0, -1.0]"]
     _, *rows = cells(label_times.comparison())
     assert [row[4] for row in rows] == ["-5.0 [-5.0, -5.0]", "4.0 [4.0, 4.0]"]
+
+
+def integration_rows() -> pd.DataFrame:
+    common = {"speed_km_h": 20, "lidar": "livox_avia"}
+    stacks = ((1, "newest", 80.0), (5, "newest", 78.0), (5, "middle", 84.0))
+    return pd.DataFrame(
+        common
+        | {"accumulate": n, "label_at": at, "seed": seed, "subset": subset, "ap_r1000": ap + seed}
+        for (n, at, ap), seed, subset in itertools.product(
+            stacks, (1, 2, 3), ("captured", "present")
+        )
+    )
+
+
+def test_stacked_frames_are_compared_with_single_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(integration, "results", lambda _: integration_rows())
+    heads, row = cells(integration.integration("present"))
+    assert heads[2:] == ["AP, 0.1 s", "change, 0.5 s", "change, 0.5 s, middle labelled"]
+    assert row[:2] == ["20 km/h", "Avia"]
+    assert row[2].startswith("82.0 [")
+    assert row[3:] == ["-2.0 [-2.0, -2.0]", "+4.0 [+4.0, +4.0]"]
 
 
 def test_a_table_with_a_value_that_is_no_number_is_refused() -> None:

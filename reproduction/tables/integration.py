@@ -1,0 +1,30 @@
+"""Makes the table of AP with stacked frames."""
+
+from __future__ import annotations
+
+from dataclasses import astuple
+
+from reproduction.report.ladder import interval
+from reproduction.tables.common import LIDARS, markdown, results, signed, with_interval_of_ap
+
+PERIOD_S = 0.1  # of a frame
+LABELS_AT = {"newest": "", "middle": ", middle labelled"}
+
+
+def integration(subset: str = "captured") -> str:
+    """Returns AP (R1000) with single frames, and its change with stacked frames.
+
+    Values are means over traffic seeds. Changes are paired by seed.
+    """
+    table = results("integration")
+    table = table[table.subset == subset]
+    stacks = table[["accumulate", "label_at"]].drop_duplicates().apply(tuple, axis=1).to_list()
+    single, *longer = stacks
+    rows = []
+    for (speed, lidar), part in table.groupby(["speed_km_h", "lidar"], sort=False):
+        aps = part.pivot(index="seed", columns=["accumulate", "label_at"], values="ap_r1000")
+        changes = (signed(interval(aps[stack] - aps[single])) for stack in longer)
+        cell = with_interval_of_ap(*astuple(interval(aps[single])))
+        rows.append([f"{speed} km/h", LIDARS[str(lidar)], cell, *changes])
+    heads = [f"change, {PERIOD_S * n:g} s{LABELS_AT[label_at]}" for n, label_at in longer]
+    return markdown(["speed", "LiDAR", f"AP, {PERIOD_S:g} s", *heads], rows)
