@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from pyinfra.core.vocabulary import Tier
@@ -25,9 +26,12 @@ def train_detector(
     """Trains a detector; returns the model's file, and the CPU seconds of the training.
 
     budget: multiple of the tier's training steps. Background has no steps, so its CPU time is 0.
-    accumulation: which frames are stacked into one cloud.
+    accumulation: which frames are stacked into one cloud. If frames are stacked, the age of points
+    is an input of the network.
     """
     recipe = read_recipe(ROOT / "configs/detectors" / f"{detector}.yaml", tier).for_budget(budget)
+    if accumulation.frames > 1:
+        recipe = replace(recipe, network=replace(recipe.network, age=True))
     source = read_source(folder, tier, accumulation, recipe.classes)
     file = train(recipe, [source], run, seed=seed, quiet=True)
     log = run / "log.csv"

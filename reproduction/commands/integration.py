@@ -1,9 +1,9 @@
 """Tests whether clouds of several frames give a higher AP than clouds of one frame.
 
 The integration time is the time of the frames that are stacked into one cloud. For each traffic
-seed, speed, LiDAR and integration time, the pretrained detector is fine-tuned on stacked frames of
-traffic seed 1000 + s, and tested on stacked frames of traffic seed s. The labelled frames are the
-same for each integration time. Rows are added to the output as they are made; existing rows are
+seed s, speed, LiDAR and integration time, PointPillars is trained from random weights on stacked
+frames of traffic seed 1000 + s, and tested on stacked frames of traffic seed s. The age of each
+point is an input. The labelled frames are the same for each integration time. Rows are added to the output as they are made; existing rows are
 kept, and several processes can share the work.
 
     python -m reproduction integration --work data/integration --out results/integration.csv
@@ -36,12 +36,8 @@ from reproduction.train_detector import train_detector
 SCENE, PRESET = "highway", "datasheet"
 LIDARS = ("livox_avia", "helios_16", "ruby_plus")
 SPEEDS_KM_H = (62, 20)  # mean speeds of the vehicles; 62 is that of the scene
-STACKS = (
-    Accumulation(1),
-    Accumulation(2, "newest"),
-    Accumulation(5, "newest"),
-    Accumulation(5, "middle"),
-)
+STACKS = (Accumulation(1), Accumulation(5, "newest"), Accumulation(5, "middle"))
+DETECTOR = "pointpillars"
 FIRST, END, TRAIN_STEP, TEST_STEP = 10, 4990, 11, 47  # numbers of the labelled frames
 KEY = ["speed_km_h", "lidar", "accumulate", "label_at", "seed", "subset"]
 MEASURES = ["frames", "objects", "ap_r1000", "ap_r1000_near", "ap_r1000_far", "train_cpu_s"]
@@ -94,7 +90,7 @@ def fill(experiment: Experiment, stack: Accumulation, work: Path, out: Path) -> 
             for number, step in ((TRAIN_SEEDS_FROM + seed, TRAIN_STEP), (seed, TEST_STEP))
         )
         folder = work / "runs" / experiment.name
-        model, seconds = train_detector("generalist", train, folder, seed, accumulation=stack)
+        model, seconds = train_detector(DETECTOR, train, folder, seed, accumulation=stack)
         predictions = work / "predictions" / experiment.name
         files = frame_files(test, "train", 0, None)
         detect_folder(model, test, predictions, files=files, where=place(test), warn=print)

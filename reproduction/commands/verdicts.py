@@ -1,9 +1,10 @@
-"""Decides the primary claims of docs/verdict_rules.md from a table of experiments.
+"""Decides the claims of docs/verdict_rules.md from a table of experiments.
 
 A claim's value in a replicate is the mean over the replicate's test seeds. The interval is
 Student's t interval over replicates. Its confidence level is 1 - 0.05 / 3, because a claim can be
-tested three times: after 3, 5 and 10 replicates. Replicates that lack a LiDAR are left out, and so
-are those after the last of these numbers. The command writes results/claims.csv:
+tested three times: after 3, 5 and 10 replicates. Replicates that lack a LiDAR, or a detector if
+detectors are compared, are left out. So are those after the last of these numbers. The command
+writes results/claims.csv:
 
     python -m reproduction verdicts results/experiments.csv --out results/claims.csv
 """
@@ -39,21 +40,23 @@ MEASURES = ["ap_r1000", "ap_r1000_near", "ap_r1000_far", "p_hqda"]
 TOO_FEW = "too few replicates"
 CHEAPER = "fails, as a cheaper LiDAR reaches it"
 GROUP = ["scene", "preset", "judge", "detector", "label_time", "subset"]
+OF_DETECTORS = ["scene", "preset", "judge", "lidar", "label_time", "subset"]  # group of one LiDAR
+NETWORKS = ("pointpillars", "pv-rcnn", "dsvt")  # the study's, without PointRCNN
 
 Values = Callable[[pd.DataFrame], pd.Series]
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A primary claim: its value in each replicate, and the range in which it holds."""
+    """A claim: its value in each replicate, and the range in which it holds."""
 
     name: str
-    values: Values  # from measures by replicate and LiDAR to the value of each replicate
+    values: Values  # from measures by replicate and name to the value of each replicate
     subsets: tuple[str, ...]
     low: float  # the claim holds if its interval lies between low and high
     high: float
     precision: float
-    lidars: tuple[str, ...] = ("avia", *SPINNING)  # LiDARs that `values` needs
+    names: tuple[str, ...] = ("avia", *SPINNING)  # LiDARs or detectors that `values` needs
 
 
 def less(column: str, a: str, b: str) -> Values:
@@ -90,6 +93,31 @@ CLAIMS = (
     Claim("gentle", gentle, ("captured",), 0, math.inf, 3),
     Claim("areas", less("p_hqda", *PAIR), ("captured",), 0, math.inf, 5, PAIR),
     Claim("value", above_level, ("present",), 0, math.inf, 1.5),
+)
+
+
+def spread(rows: pd.DataFrame) -> pd.Series:
+    """Returns the highest AP of NETWORKS minus the lowest, by replicate."""
+    aps = rows.ap_r1000[list(NETWORKS)]
+    return aps.max(axis=1) - aps.min(axis=1)
+
+
+def best_less(name: str) -> Values:
+    """Returns a function that computes the best AP of NETWORKS minus that of a detector."""
+    return lambda rows: rows.ap_r1000[list(NETWORKS)].max(axis=1) - rows.ap_r1000[name]
+
+
+def _of_detectors(name: str, values: Values, low: float, high: float, *more: str) -> Claim:
+    return Claim(name, values, ("captured",), low, high, 1.5, (*NETWORKS, *more))
+
+
+CLAIMS_OF_DETECTORS = (
+    _of_detectors("similar", spread, -math.inf, 5),
+    *(
+        _of_detectors(f"algorithms, {name}", best_less(name), -math.inf, 5)
+        for name in ("pv-rcnn", "pointpillars")
+    ),
+    _of_detectors("algorithms, pointrcnn", best_less("pointrcnn"), 20, math.inf, "pointrcnn"),
 )
 
 
@@ -148,37 +176,53 @@ def tested(means: pd.DataFrame) -> pd.DataFrame:
 def claims(table: pd.DataFrame) -> Iterator[dict[str, object]]:
     """Yields a row for each claim, scene, preset, judge, label time and subset.
 
-    Tests at turned cut angles are left out.
+    A claim about LiDARs has a row for each detector, and one about detectors has a row for each
+    LiDAR. Tests at turned cut angles are left out.
     """
     original = at_own_cut_angle(table)
     table = original.assign(
         lidar=original.lidar.where(~original.lidar.str.contains("avia"), "avia")
     )
     for key, rows in table.groupby(GROUP, sort=False):
-        means = tested(
-            rows.pivot_table(index="replicate", columns="lidar", aggfunc="mean", values=MEASURES)
-        )
+        means = means_of(rows, "lidar")
         for claim in CLAIMS:
-            if key[-1] not in claim.subsets or not set(claim.lidars) <= set(rows.lidar):
+            if key[-1] not in claim.subsets or not set(claim.names) <= set(rows.lidar):
                 continue
-            low, high = interval(values := claim.values(means).dropna().to_numpy(np.float64))
-            decided = verdict(claim, low, high)
-            if claim.name == "value" and decided == "holds":
+            row = decided(claim, means)
+            if claim.name == "value" and row["verdict"] == "holds":
                 rivals = cheaper(set(original.lidar[rows.index]))
                 above = [interval(above_level(means, name).to_numpy()) for name in rivals]
-                decided = CHEAPER if any(low > 0 for low, _ in above) else decided
-            yield {
-                "claim": claim.name,
-                "primary": key[2] == "fine-tuned",
-                **dict(zip(GROUP, key, strict=True)),
-                "replicates": len(values),
-                "value": float(values.mean()) if len(values) else math.nan,
-                "low": low,
-                "high": high,
-                "precision": claim.precision,
-                "known": high - low <= 2 * claim.precision,
-                "verdict": decided,
-            }
+                row["verdict"] = CHEAPER if any(low > 0 for low, _ in above) else "holds"
+            yield {**row, "primary": key[2] == "fine-tuned", **dict(zip(GROUP, key, strict=True))}
+    networks = table[table["judge"] == "from nothing"]
+    for key, rows in networks.groupby(OF_DETECTORS, sort=False):
+        for claim in CLAIMS_OF_DETECTORS:
+            if key[-1] in claim.subsets and set(claim.names) <= set(rows.detector):
+                means = means_of(rows[rows.detector.isin(claim.names)], "detector")
+                group = dict(zip(OF_DETECTORS, key, strict=True))
+                yield {**decided(claim, means), "primary": False, **group}
+
+
+def means_of(rows: pd.DataFrame, compared: str) -> pd.DataFrame:
+    """Returns the measures of the replicates that count, by the names in the column `compared`."""
+    return tested(
+        rows.pivot_table(index="replicate", columns=compared, aggfunc="mean", values=MEASURES)
+    )
+
+
+def decided(claim: Claim, means: pd.DataFrame) -> dict[str, object]:
+    """Returns a claim's value, interval and verdict. means: measures by replicate."""
+    low, high = interval(values := claim.values(means).dropna().to_numpy(np.float64))
+    return {
+        "claim": claim.name,
+        "replicates": len(values),
+        "value": float(values.mean()) if len(values) else math.nan,
+        "low": low,
+        "high": high,
+        "precision": claim.precision,
+        "known": high - low <= 2 * claim.precision,
+        "verdict": verdict(claim, low, high),
+    }
 
 
 def main() -> None:
@@ -191,5 +235,7 @@ def main() -> None:
     for line in missing(table):
         print(f"warning: {line}", file=sys.stderr)
     rows = pd.DataFrame(claims(table)).assign(**provenance("verdicts"))
+    first = ["claim", "primary", *GROUP, "lidar"]
+    rows = rows.reindex(columns=[*first, *(name for name in rows if name not in first)])
     rows.to_csv(args.out, index=False, float_format="%.5g")
     print(rows.drop(columns=["version", "machine", "command"]).to_string(index=False))

@@ -218,3 +218,24 @@ def test_verdicts_and_variance_read_the_file_of_the_experiments(
         monkeypatch.setattr(sys, "argv", ["command", str(file), "--out", str(out)])
         command.main()
         assert len(pd.read_csv(out))
+
+
+def test_detectors_are_compared_for_each_lidar() -> None:
+    less = {"pointpillars": 0.0, "pv-rcnn": -2.0, "dsvt": -8.0, "pointrcnn": -40.0}
+    data = pd.concat(
+        data.assign(detector=name, judge="from nothing", ap_r1000=data.ap_r1000 + ap)
+        for name, ap in less.items()
+        for data in (table(),)
+    )
+    rows = pd.DataFrame(verdicts.claims(data)).dropna(subset="lidar")
+    assert set(rows.lidar) == {"ruby_plus", "avia", "pandar_64", "helios_16"}
+    of_wide = rows[rows.lidar == "ruby_plus"].set_index("claim")[["value", "verdict"]]
+    assert {claim: tuple(row) for claim, row in of_wide.iterrows()} == {
+        "similar": (8, "fails above"),
+        "algorithms, pv-rcnn": (2, "holds"),
+        "algorithms, pointpillars": (0, "holds"),
+        "algorithms, pointrcnn": (40, "holds"),
+    }
+    without = data[(data.detector != "dsvt") | (data.replicate > 1)]
+    rows = pd.DataFrame(verdicts.claims(without)).dropna(subset="lidar")
+    assert set(rows.verdict) == {"too few replicates"}
