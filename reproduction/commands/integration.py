@@ -3,8 +3,8 @@
 The integration time is the time of the frames that are stacked into one cloud. For each traffic
 seed s, speed, LiDAR and integration time, PointPillars is trained from random weights on stacked
 frames of traffic seed 1000 + s, and tested on stacked frames of traffic seed s. The age of each
-point is an input. The labelled frames are the same for each integration time. Rows are added to the output as they are made; existing rows are
-kept, and several processes can share the work.
+point is an input. The labelled frames are the same for each integration time. Rows are added to the
+output as they are made; existing rows are kept, and several processes can share the work.
 
     python -m reproduction integration --work data/integration --out results/integration.csv
 """
