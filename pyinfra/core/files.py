@@ -107,17 +107,19 @@ def naming(path: Path, beside: Path | None = None) -> Iterator[None]:
 
 
 @contextmanager
-def held(file: Path, *, wait: bool) -> Iterator[bool]:
-    """Yields whether this process holds an exclusive lock on the file.
+def held(file: Path, *, wait: bool, shared: bool = False) -> Iterator[bool]:
+    """Yields whether this process holds a lock on the file.
 
-    With `wait`, the function waits for the lock. Without `wait`, it yields False at once if another
-    process holds the lock. The lock is released at the end of the block, and when the
-    process dies.
+    The lock is exclusive. With `shared`, several processes can hold it together, but none can hold
+    it exclusively at the same time. With `wait`, the function waits for the lock. Without `wait`,
+    it yields False at once if another process holds a lock that prevents this one. The lock is
+    released at the end of the block, and when the process dies.
     """
     file.parent.mkdir(parents=True, exist_ok=True)
     with file.open("w") as stream:
         try:
-            fcntl.flock(stream, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+            kind = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
+            fcntl.flock(stream, kind | (0 if wait else fcntl.LOCK_NB))
         except BlockingIOError:
             yield False
             return

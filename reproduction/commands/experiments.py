@@ -48,7 +48,7 @@ from pyinfra.metrics.match_results import MatchResult, Part
 from pyinfra.metrics.ranges import sensor_of
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
-from reproduction import add_out, add_work, provenance
+from reproduction import add_out, add_work, provenance, shared_frames
 from reproduction.train_detector import train_detector
 
 # The steps 11 and 47 share no factor with 200, the number of frames after which the Avia's pattern
@@ -296,7 +296,8 @@ def fill(trained: Trained, work: Path, out: Path) -> None:
         first = table[table.subset == "captured"].ap_r1000
         print(trained.name, *first.round(1), flush=True)
 
-    store.fill(work / "locks" / trained.name, lambda: trained.is_done(out), run)
+    with shared_frames.in_use(work, replicate.name):
+        store.fill(work / "locks" / trained.name, lambda: trained.is_done(out), run)
 
 
 def main() -> None:
@@ -347,6 +348,5 @@ def main() -> None:
             fill(trained, args.work, args.out)
         if not all(trained.is_done(args.out) for trained in detectors):
             continue  # another process still uses the frames
-        for made in (args.work / "data").glob(f"{replicate.name}_*"):
-            if made.is_dir():
-                shutil.rmtree(made)
+        made = (args.work / "data").glob(f"{replicate.name}_*")
+        shared_frames.remove(args.work, replicate.name, made)

@@ -40,7 +40,7 @@ from pyinfra.metrics.match_results import MatchResult, causes, count_matches
 from pyinfra.metrics.matching import IOU
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
-from reproduction import add_out, add_seeds, add_work, provenance
+from reproduction import add_out, add_seeds, add_work, provenance, shared_frames
 from reproduction.train_detector import train_detector
 
 SCENE = "crossroad_poles"
@@ -217,7 +217,8 @@ def fill(experiment: Experiment, work: Path, out: Path) -> None:
         store.put(out, rows[[*KEY, *(column for column in rows if column not in KEY)]], KEY)
         print(name, *rows.ap_r1000.round(1), flush=True)
 
-    store.fill(work / "locks" / name, lambda: experiment.is_done(out), run)
+    with shared_frames.in_use(work, f"{experiment.lidar}_{experiment.seed}"):
+        store.fill(work / "locks" / name, lambda: experiment.is_done(out), run)
 
 
 def main() -> None:
@@ -257,5 +258,5 @@ def main() -> None:
         for experiment in experiments:
             fill(experiment, args.work, args.out)
         if all(experiment.is_done(args.out) for experiment in experiments):
-            for made in args.work.glob(f"{lidar}_*_{seed}_*/"):
-                shutil.rmtree(made)
+            made = args.work.glob(f"{lidar}_*_{seed}_*/")
+            shared_frames.remove(args.work, f"{lidar}_{seed}", made)
