@@ -116,7 +116,7 @@ def main() -> None:
     parser.add_argument("--speeds", nargs="+", type=int, default=SPEEDS_KM_H, metavar="KM_H")
     parser.add_argument("--lidars", nargs="+", choices=LIDARS, default=LIDARS)
     args = parser.parse_args()
-    experiments = itertools.product(args.speeds, args.lidars, args.seeds, STACKS)
-    for speed, lidar, seed, stack in experiments:
+    experiments = itertools.product(args.speeds, args.lidars, STACKS, args.seeds)
+    for speed, lidar, stack, seed in experiments:
         experiment = Experiment(speed, lidar, stack.frames, stack.label_at, seed)
         fill(experiment, stack, args.work, args.out)
