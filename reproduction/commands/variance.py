@@ -9,13 +9,14 @@ the LiDAR with 128 lines. The components are standard deviations:
 - training: between replicates, without `seed` and `frames`. A replicate has its own training seed
   and training traffic.
 - judge, scene, preset, label_time: between the means over replicates, while everything else is
-  equal. They include the remaining variation of the replicates.
+  equal. Only replicates that all options have are used. The components include the remaining
+  variation of the replicates.
 
 Groups with fewer than three replicates are left out. Of the networks of the judge
 `from nothing`, which are trained from random weights, only PointPillars is used.
 
-Components are averaged as variances over all groups that have them. The command writes
-results/variance.csv:
+Components are averaged as variances over all groups that have them. The estimate of a group can be
+negative; a mean below 0 counts as 0. The command writes results/variance.csv:
 
     python -m reproduction variance results/experiments.csv --out results/variance.csv
 """
@@ -57,15 +58,18 @@ def quantities(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def nested(rows: pd.DataFrame) -> dict[str, float]:
-    """Returns the variances within one quantity, judge, scene, preset and label time."""
+    """Returns the variances within one quantity, judge, scene, preset and label time.
+
+    They are estimates without bias, and can therefore be negative.
+    """
     by_replicate = rows.groupby("replicate").value
     within = float(by_replicate.var(ddof=1).mean())
     frames = float((rows.frames_sd**2).mean())
-    between = float(by_replicate.mean().var(ddof=1))
+    of_replicates = float(by_replicate.mean().var(ddof=1))
     return {
         "frames": frames,
-        "seed": max(0.0, within - (0.0 if math.isnan(frames) else frames)),
-        "training": max(0.0, between - within / 2),
+        "seed": within - (0.0 if math.isnan(frames) else frames),
+        "training": of_replicates - within / 2,
     }
 
 
@@ -76,23 +80,27 @@ def components(table: pd.DataFrame) -> Iterator[dict[str, object]]:
         groups = [nested(group) for _, group in rows.groupby(CHOICES)]
         for component in groups[0]:
             yield _row(quantity, setup, component, [group[component] for group in groups])
-    means = values.groupby([*CHOICES, "quantity"], sort=False).value.mean().reset_index()
     for choice in CHOICES:
         others = [name for name in CHOICES if name != choice]
-        for quantity, rows in means.groupby("quantity", sort=False):
-            variances = [
-                float(group.value.var(ddof=1))
-                for _, group in rows.groupby(others)
-                if len(group) > 1
-            ]
+        for quantity, rows in values.groupby("quantity", sort=False):
+            variances = [between(group, choice) for _, group in rows.groupby(others)]
             yield _row(quantity, "all", choice, variances)
+
+
+def between(rows: pd.DataFrame, choice: str) -> float:
+    """Returns the variance between the means of a choice's options; NaN if there is one option.
+
+    The means are over the replicates that all options have.
+    """
+    options = rows.pivot(index=["replicate", "seed"], columns=choice, values="value").dropna()
+    return float(options.mean().var(ddof=1))
 
 
 def _row(
     quantity: object, setup: object, component: str, variances: list[float]
 ) -> dict[str, object]:
     known = [variance for variance in variances if not math.isnan(variance)]
-    sd = float(np.sqrt(np.mean(known))) if known else math.nan
+    sd = math.sqrt(max(0.0, float(np.mean(known)))) if known else math.nan
     names = {"quantity": quantity, "judge": setup, "component": component}
     return {**names, "sd": sd, "groups": len(known)}
 

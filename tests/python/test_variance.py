@@ -65,3 +65,23 @@ def test_turned_cut_angles_and_other_subsets_are_left_out() -> None:
     pd.testing.assert_frame_equal(
         pd.DataFrame(variance.components(pd.concat([rows, *more]))), expected
     )
+
+
+def test_a_component_of_0_is_not_found_in_many_small_groups() -> None:
+    part = table(3)
+    one = part[part.scene == "a"]
+    rows = pd.concat([one.assign(scene=f"{number}") for number in range(100)], ignore_index=True)
+    rows["ap_r1000"] = 80 + np.random.default_rng(2).normal(0, SEED, len(rows))
+    rows["ap_r1000_frames_sd"] = 0.0
+    sd = pd.DataFrame(variance.components(rows)).set_index(["quantity", "component"]).sd
+    assert sd["avia", "seed"] == pytest.approx(SEED, rel=0.15)
+    assert sd["avia", "training"] < 0.25 * SEED
+
+
+def test_label_times_are_compared_in_the_replicates_that_both_have() -> None:
+    rows = table(5)
+    rows["ap_r1000"] = 80.0 + 10 * rows.replicate
+    frame = rows[rows.replicate <= 3].assign(label_time="frame")
+    both = pd.DataFrame(variance.components(pd.concat([rows, frame])))
+    sd = both.set_index(["quantity", "component"]).sd
+    assert sd["avia", "label_time"] == 0
