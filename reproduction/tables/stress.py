@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import astuple
 
 import numpy as np
 import pandas as pd
@@ -10,7 +10,7 @@ import pandas as pd
 from pyinfra.experiments.stress.stressors import NONE, STRESSORS, Stressor
 from pyinfra.experiments.stress.summary import BEYOND, FALL, crossing
 from pyinfra.metrics.comparison import over_replicates
-from reproduction.tables.common import LIDARS, markdown, results, with_interval_of_ap
+from reproduction.tables.common import LIDARS, markdown, results, signed, with_interval_of_ap
 from reproduction.tables.verdicts import SETUPS
 
 
@@ -30,7 +30,7 @@ def stress() -> str:
         if stressor.named:
             for severity in table[table.stressor == stressor.name].severity.unique():
                 cells = [
-                    _mean(_aps(part, stressor.name, severity) - unstressed[key], sign="+")
+                    _change(_aps(part, stressor.name, severity) - unstressed[key])
                     for key, part in columns.items()
                 ]
                 rows.append([f"{stressor.name}: {severity}, change of AP", *cells])
@@ -46,17 +46,14 @@ def _aps(part: pd.DataFrame, stressor: str, severity: str) -> pd.Series:
     return rows.set_index("seed").ap_r1000
 
 
-def _mean(values: pd.Series, sign: str = "") -> str:
+def _mean(values: pd.Series) -> str:
+    return with_interval_of_ap(*astuple(over_replicates(values.to_list())))
+
+
+def _change(values: pd.Series) -> str:
+    """Formats a mean difference; returns "" if the stressor does not apply to the LiDAR."""
     known = values.dropna().to_list()
-    if not known:
-        return ""
-    mean = over_replicates(known)
-    if sign and math.isnan(mean.low):
-        return f"{round(mean.value):+d}"
-    if sign:
-        value, low, high = (round(v) for v in (mean.value, mean.low, mean.high))  # no "-0"
-        return f"{value:+d} [{low:+d}, {high:+d}]"
-    return with_interval_of_ap(mean.value, mean.low, mean.high)
+    return signed(over_replicates(known)) if known else ""
 
 
 def _fall(part: pd.DataFrame, stressor: Stressor, unstressed: pd.Series) -> str:

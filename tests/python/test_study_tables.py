@@ -37,8 +37,18 @@ def test_a_fall_has_its_severity_and_the_ends_over_seeds(monkeypatch: pytest.Mon
     table = dict(row[:2] for row in cells(stress.stress()))
     assert table["drop_out, share"] == "0.33 [0.25 to 0.5]"
     assert table["rain, mm/h"] == "beyond"
-    assert table["vehicle_class: Bus, change of AP"].startswith("-12 [")
+    assert table["vehicle_class: Bus, change of AP"].startswith("-11.5 [")
     assert table["AP (R1000) without stress"] == "90.0 [90.0, 90.0]"
+
+
+def test_a_significant_change_is_printed_with_an_interval_without_0(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rows = stress_rows()
+    rows.loc[rows.stressor == "vehicle_class", "ap_r1000"] = [89.2, 89.3]
+    monkeypatch.setattr(stress, "results", lambda _: rows)
+    table = dict(row[:2] for row in cells(stress.stress()))
+    assert table["vehicle_class: Bus, change of AP"] == "-0.8 [-1.4, -0.1]"
 
 
 def ladder_rows() -> pd.DataFrame:
