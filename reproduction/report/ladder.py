@@ -85,7 +85,7 @@ def compared_values(table: pd.DataFrame) -> list[ComparedValue]:
 
 def by_seed(rows: pd.DataFrame) -> pd.DataFrame:
     """Returns the AP of one model: one row per seed and one column per LiDAR."""
-    return rows.pivot_table(index="seed", columns="lidar", values="ap_r1000")
+    return rows.pivot(index="seed", columns="lidar", values="ap_r1000")
 
 
 def interval(aps: pd.Series) -> Interval:

@@ -19,7 +19,8 @@ def integration(subset: str = "captured") -> str:
     table = results("integration")
     table = table[table.subset == subset]
     stacks = table[["accumulate", "label_at"]].drop_duplicates().apply(tuple, axis=1).to_list()
-    single, *longer = stacks
+    (single,) = (stack for stack in stacks if stack[0] == 1)
+    longer = [stack for stack in stacks if stack != single]
     rows = []
     for (speed, lidar), part in table.groupby(["speed_km_h", "lidar"], sort=False):
         aps = part.pivot(index="seed", columns=["accumulate", "label_at"], values="ap_r1000")

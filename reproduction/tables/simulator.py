@@ -19,25 +19,24 @@ def speed() -> str:
     return markdown(["measurement", "value"], rows)
 
 
-def ladder(detector: str = "background") -> str:
+def ladder(detector: str = "background", preset: str = "datasheet") -> str:
     """Returns a table of AP (R1000) of the default scene model, and of differences to it.
 
     Values are means over traffic seeds. Differences are paired by seed, and bold if significant.
     The times are CPU seconds of the simulation.
     """
     table = results("ladder")
-    table = table[table.detector == detector]
+    table = table[(table.detector == detector) & (table.preset == preset)]
     settings = ["detail", "aggregation", "parts", "vegetation", "label_time", "frames"]
     table = table.astype(dict.fromkeys(settings, str))
     usual = {setting: table[setting].mode()[0] for setting in settings}
     lidars = [lidar for lidar in LIDARS if lidar in set(table.lidar)]
     rows: list[list[str]] = []
-    default = pd.DataFrame()
+    default = by_seed(table[(table[settings] == pd.Series(usual)).all(axis=1)])
     for model, group in table.groupby(settings, sort=False):
         other = [f"{d} `{v}`" for d, v in zip(settings, model, strict=True) if v != usual[d]]
         seconds = group.ms_per_frame_set.mean() * int(model[-1]) / 1000
         aps = by_seed(group)
-        default = aps if default.empty else default
         if other:
             cells = [_difference(interval(aps[lidar] - default[lidar])) for lidar in lidars]
         else:

@@ -54,6 +54,7 @@ def test_a_significant_change_is_printed_with_an_interval_without_0(
 def ladder_rows() -> pd.DataFrame:
     usual = {"detail": "low", "aggregation": "exact", "parts": "glass", "vegetation": "scene"}
     usual |= {"label_time": "scan", "detector": "background", "lidar": "ruby_plus"}
+    usual |= {"preset": "datasheet"}
     models = [("low", 500, 80.0), ("box", 500, 85.0), ("low", 50, 70.0)]
     return pd.DataFrame(
         usual
@@ -70,6 +71,19 @@ def test_models_are_compared_with_the_default_by_seed(monkeypatch: pytest.Monkey
     assert rows[0][1:] == ["20", "82.0 [79.5, 84.5]"]
     assert rows[1][2] == "**+5.0 [+5.0, +5.0]**"
     assert rows[2][1:] == ["2", "**-10.0 [-10.0, -10.0]**"]
+
+
+def test_the_default_model_is_known_by_its_settings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Several processes add rows, so that the default model need not be the first one."""
+    other = ladder_rows().assign(preset="paper", ap_r1000=0.0)
+    rows = pd.concat([other, ladder_rows()[::-1]], ignore_index=True)
+    monkeypatch.setattr(simulator, "results", lambda _: rows)
+    _, *lines = cells(simulator.ladder())
+    assert {line[0]: line[2] for line in lines} == {
+        "frames `50`": "**-10.0 [-10.0, -10.0]**",
+        "detail `box`": "**+5.0 [+5.0, +5.0]**",
+        "default": "82.0 [79.5, 84.5]",
+    }
 
 
 def pole_rows() -> pd.DataFrame:
@@ -164,6 +178,13 @@ def test_stacked_frames_are_compared_with_single_ones(monkeypatch: pytest.Monkey
     assert row[:2] == ["20 km/h", "Avia"]
     assert row[2].startswith("82.0 [")
     assert row[3:] == ["-2.0 [-2.0, -2.0]", "+4.0 [+4.0, +4.0]"]
+
+
+def test_the_single_frame_is_known_by_its_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(integration, "results", lambda _: integration_rows()[::-1])
+    heads, row = cells(integration.integration("present"))
+    assert heads[3:] == ["change, 0.5 s, middle labelled", "change, 0.5 s"]
+    assert row[3:] == ["+4.0 [+4.0, +4.0]", "-2.0 [-2.0, -2.0]"]
 
 
 def test_a_table_with_a_value_that_is_no_number_is_refused() -> None:
