@@ -25,7 +25,7 @@ from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.runs import infrasim
 from pyinfra.metrics.comparison import over_replicates
 from reproduction import add_out, add_work, provenance
-from reproduction.claims.scanning import AVIA, SPINNING, Row, claims_of, columns_of
+from reproduction.claims.scanning import AVIA, SPINNING, Row, claims_of, columns_of, never
 
 FRAMES = "0:5000:7"
 REGION_HALF_LENGTH_M = 125  # the claims reach to 120 m
@@ -51,13 +51,16 @@ def rows_of_seed(preset: Preset, seed: int, frames: str, work: Path) -> list[Row
 def over_seeds(per_seed: Sequence[Sequence[Row]]) -> Iterator[Row]:
     """Yields each claim with its mean and interval over the seeds.
 
-    Numbers of vehicles, which differ between seeds, are left out of the statements.
+    Numbers of vehicles, which differ between seeds, are left out of the statements. A claim whose
+    case occurs with one of the seeds has the rule of that seed.
     """
     for rows in zip(*per_seed, strict=True):
         mean = over_replicates([row.value for row in rows])
         text, where = re.sub(r" \([^)]*\)", "", rows[0].statement).rsplit("; ", 1)
         statement = f"{text}; {', '.join(where.split(', ')[:2])}"
-        yield replace(rows[0], statement=statement, value=mean.value, low=mean.low, high=mean.high)
+        ends = {"value": mean.value, "low": mean.low, "high": mean.high}
+        rule = next((row.rule for row in rows if row.rule is not never), never)
+        yield replace(rows[0], statement=statement, rule=rule, **ends)
 
 
 def main() -> None:
