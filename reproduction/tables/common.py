@@ -54,7 +54,7 @@ def number(value: float) -> str:
 def with_interval(value: float, low: float, high: float) -> str:
     if value == low == high:
         return f"{value:g}"
-    digits = 1 if abs(value) >= 10 else 2
+    digits = 1 if abs(value) >= 10 else 3
     return f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
 
 

@@ -1,12 +1,16 @@
 """The tables of the study: means over seeds, paired differences, and what is missing."""
 
 import itertools
+import re
 
 import pandas as pd
 import pytest
 
+from reproduction.claims import scanning
+from reproduction.commands.verdicts import CHEAPER, CLAIMS, Claim
+from reproduction.commands.verdicts import verdict as verdict_of
 from reproduction.tables import integration, label_times, simulator, sites, stress, verdicts
-from reproduction.tables.common import markdown
+from reproduction.tables.common import markdown, results, with_interval
 
 
 def cells(table: str) -> list[list[str]]:
@@ -191,3 +195,35 @@ def test_a_table_with_a_value_that_is_no_number_is_refused() -> None:
     assert markdown(["a", "b"], [["1", ""]]).count("\n") == 3
     with pytest.raises(ValueError, match=r"got \| 1 \| nan \|"):
         markdown(["a", "b"], [["1", "nan"]])
+
+
+def ends_of(cell: str) -> tuple[float, float]:
+    """Returns the ends of the interval in a cell."""
+    low, high = re.findall(r"\[(.+), (.+)\]", cell)[0]
+    return float(low), float(high)
+
+
+@pytest.mark.parametrize(
+    ("claim", "subset"),
+    [(c, subset) for c in CLAIMS for subset in c.subsets],
+    ids=lambda value: getattr(value, "name", value),
+)
+def test_printed_intervals_of_detection_agree_with_their_verdicts(
+    claim: Claim, subset: str
+) -> None:
+    _, *rows = cells(verdicts.verdicts(claim.name, subset))
+    for cell in itertools.chain.from_iterable(row[2:] for row in rows):
+        if cell and not cell.endswith(CHEAPER):
+            assert cell.endswith(verdict_of(claim, *ends_of(cell))), cell
+
+
+def test_printed_intervals_of_scanning_agree_with_their_verdicts() -> None:
+    table = results("scanning_claims")
+    limits = table.statement.str.extract(r"(?:is|are) (?:above (\d)|([\d.]+) to ([\d.]+));?")
+    for row, (above, least, most) in zip(
+        table.itertuples(), limits.astype(float).to_numpy(), strict=True
+    ):
+        if row.claim not in ("deskew", "only-one"):
+            inside = (least, most) if above != above else (above, float("inf"))
+            ends = ends_of(with_interval(row.value, row.low, row.high))
+            assert scanning.verdict(*ends, inside) == row.verdict, row.statement
