@@ -143,18 +143,20 @@ def verdict(claim: Claim, low: float, high: float) -> str:
 
 
 def check_pairs(table: pd.DataFrame) -> None:
-    """Raises Error if the LiDARs of one replicate differ in software version or in frames."""
-    for key, rows in table.groupby([*GROUP, "replicate", "seed"], sort=False):
+    """Raises Error if the LiDARs of one replicate differ in software version, frames or seeds.
+
+    Each LiDAR must have one row for each test seed of the replicate.
+    """
+    for key, rows in table.groupby([*GROUP, "replicate"], sort=False):
+        case = " ".join(map(str, key))
         for column in ("version", "frames"):
             if rows[column].nunique() > 1:
-                values = ", ".join(
-                    f"{lidar} {value}"
-                    for lidar, value in zip(rows.lidar, rows[column], strict=True)
-                )
-                raise Error(
-                    f"{' '.join(map(str, key))}: {column}: expected one value for all LiDARs, "
-                    f"got {values}"
-                )
+                pairs = zip(rows.lidar, rows[column], strict=True)
+                values = ", ".join(dict.fromkeys(f"{lidar} {value}" for lidar, value in pairs))
+                raise Error(f"{case}: {column}: expected one value for all LiDARs, got {values}")
+        counts = rows.groupby(["lidar", "seed"]).size().unstack(fill_value=0).stack()
+        for (lidar, seed), count in counts[counts != 1].items():
+            raise Error(f"{case}: {lidar}: expected one row with seed {seed}, got {count}")
 
 
 def missing(table: pd.DataFrame) -> Iterator[str]:
@@ -167,10 +169,20 @@ def missing(table: pd.DataFrame) -> Iterator[str]:
                 yield f"{' '.join(map(str, key))}: {lidar} has no replicate {numbers}"
 
 
-def tested(means: pd.DataFrame) -> pd.DataFrame:
-    """Returns the replicates that count: complete ones, up to a number in TESTS_AFTER."""
-    complete = means[means.ap_r1000.notna().all(axis=1)]
-    return complete[: max((n for n in TESTS_AFTER if n <= len(complete)), default=None)]
+def planned(count: int) -> int:
+    """Returns how many of `count` replicates are used: a number in TESTS_AFTER, or all if fewer."""
+    return max((n for n in TESTS_AFTER if n <= count), default=count)
+
+
+def means_of(rows: pd.DataFrame, compared: str) -> pd.DataFrame:
+    """Returns the means over test seeds: a row per replicate that has the AP of each name.
+
+    The columns are pairs of a measure and a name in the column `compared`, which is the LiDAR or
+    the detector. A mean is NaN if the value of a seed is NaN.
+    """
+    by_name = rows.groupby(["replicate", compared])[MEASURES]
+    means = by_name.agg(lambda seeds: seeds.mean(skipna=False)).unstack()
+    return means[means.ap_r1000.notna().all(axis=1)]
 
 
 def claims(table: pd.DataFrame) -> Iterator[dict[str, object]]:
@@ -188,32 +200,30 @@ def claims(table: pd.DataFrame) -> Iterator[dict[str, object]]:
         for claim in CLAIMS:
             if key[-1] not in claim.subsets or not set(claim.names) <= set(rows.lidar):
                 continue
-            row = decided(claim, means)
+            row, values = decided(claim, means)
             if claim.name == "value" and row["verdict"] == "holds":
                 rivals = cheaper(set(original.lidar[rows.index]))
-                above = [interval(above_level(means, name).to_numpy()) for name in rivals]
+                same = means.loc[values.index]
+                above = [interval(above_level(same, name).to_numpy()) for name in rivals]
                 row["verdict"] = CHEAPER if any(low > 0 for low, _ in above) else "holds"
             yield {**row, "primary": key[2] == "fine-tuned", **dict(zip(GROUP, key, strict=True))}
     networks = table[table["judge"] == "from nothing"]
     for key, rows in networks.groupby(OF_DETECTORS, sort=False):
         for claim in CLAIMS_OF_DETECTORS:
             if key[-1] in claim.subsets and set(claim.names) <= set(rows.detector):
-                means = means_of(rows[rows.detector.isin(claim.names)], "detector")
-                group = dict(zip(OF_DETECTORS, key, strict=True))
-                yield {**decided(claim, means), "primary": False, **group}
+                row, _ = decided(claim, means_of(rows[rows.detector.isin(claim.names)], "detector"))
+                yield {**row, "primary": False, **dict(zip(OF_DETECTORS, key, strict=True))}
 
 
-def means_of(rows: pd.DataFrame, compared: str) -> pd.DataFrame:
-    """Returns the measures of the replicates that count, by the names in the column `compared`."""
-    return tested(
-        rows.pivot_table(index="replicate", columns=compared, aggfunc="mean", values=MEASURES)
-    )
+def decided(claim: Claim, means: pd.DataFrame) -> tuple[dict[str, object], pd.Series]:
+    """Returns a claim's value, interval and verdict, and its value in each replicate that counts.
 
-
-def decided(claim: Claim, means: pd.DataFrame) -> dict[str, object]:
-    """Returns a claim's value, interval and verdict. means: measures by replicate."""
-    low, high = interval(values := claim.values(means).dropna().to_numpy(np.float64))
-    return {
+    means: measures by replicate.
+    """
+    values = claim.values(means).dropna()
+    values = values[: planned(len(values))]
+    low, high = interval(values.to_numpy(np.float64))
+    row = {
         "claim": claim.name,
         "replicates": len(values),
         "value": float(values.mean()) if len(values) else math.nan,
@@ -223,6 +233,7 @@ def decided(claim: Claim, means: pd.DataFrame) -> dict[str, object]:
         "known": high - low <= 2 * claim.precision,
         "verdict": verdict(claim, low, high),
     }
+    return row, values
 
 
 def main() -> None:

@@ -206,6 +206,27 @@ def test_lidars_of_one_replicate_must_have_one_version_and_the_same_frames() -> 
             verdicts.check_pairs(other)
 
 
+@pytest.mark.parametrize("count", [0, 2])
+def test_each_lidar_has_one_row_of_each_seed(count: int) -> None:
+    rows = table()
+    one = (rows.lidar == "helios_16") & (rows.seed == 4)
+    other = pd.concat([rows[~one], *[rows[one]] * count])
+    with pytest.raises(Error, match=f" 2: helios_16: expected one row with seed 4, got {count}"):
+        verdicts.check_pairs(other)
+
+
+def test_a_replicate_counts_only_if_each_seed_has_the_measure() -> None:
+    data = table()
+    five = pd.concat([data, as_replicate(data, 4), as_replicate(data, 5)], ignore_index=True)
+    five.loc[(five.seed == 10) & (five.lidar == "livox_avia"), "p_hqda"] = math.nan
+    rows = rows_of(five)
+    assert rows.replicates["areas", "captured"] == 3
+    assert rows.replicates["comparable", "captured"] == 5
+    pd.testing.assert_series_equal(
+        rows.loc["areas", "captured"], rows_of(data).loc["areas", "captured"]
+    )
+
+
 def test_missing_replicates_are_named() -> None:
     rows = table()
     lacking = (rows.lidar == "helios_16") & (rows.replicate > 1)
