@@ -11,7 +11,14 @@ from pyinfra.metrics.comparison import over_replicates
 from pyinfra.metrics.intervals import student
 from reproduction.commands.experiments import at_own_cut_angle
 from reproduction.commands.variance import DIFFERENCE
-from reproduction.commands.verdicts import LEAST_REPLICATES, LEVEL, LEVEL_AP, TOO_FEW, WIDE
+from reproduction.commands.verdicts import (
+    LEAST_REPLICATES,
+    LEVEL,
+    LEVEL_AP,
+    TOO_FEW,
+    WIDE,
+    planned,
+)
 from reproduction.tables.common import (
     DETECTORS,
     LIDARS,
@@ -79,15 +86,18 @@ def _verdict(rows: pd.DataFrame, key: tuple[str, ...]) -> str:
 
 
 def _aps(subset: str, setup: str = "fine-tuned") -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
-    """Yields the AP of each scene and preset: one row per replicate and one column per LiDAR."""
+    """Yields the AP of each scene and preset: one row per replicate and one column per LiDAR.
+
+    The replicates are those of the verdicts.
+    """
     table = at_own_cut_angle(results("experiments"))
     table = table[
         (table.subset == subset) & (table["judge"] == setup) & (table.label_time == "scan")
     ]
     for (scene, preset), rows in table.groupby(["scene", "preset"], sort=False):
-        wide = rows.pivot_table(index="replicate", columns="lidar", values="ap_r1000")
+        wide = rows.pivot_table(index="replicate", columns="lidar", values="ap_r1000").dropna()
         if len(wide) >= LEAST_REPLICATES:
-            yield (str(scene), str(preset)), wide
+            yield (str(scene), str(preset)), wide[: planned(len(wide))]
 
 
 def _name(lidar: str) -> str:

@@ -154,6 +154,15 @@ def label_time_rows() -> pd.DataFrame:
     )
 
 
+def test_ap_is_the_mean_over_the_replicates_of_the_verdicts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scan = label_time_rows().query("label_time == 'scan' and replicate <= 4")
+    monkeypatch.setattr(verdicts, "results", lambda _: scan)
+    _, (*_, wide, avia, middle, narrow) = cells(verdicts.average_precision())
+    assert [wide[:4], avia[:4], middle, narrow] == ["92.0", "87.0", "", ""]
+
+
 def test_label_times_are_compared_in_the_same_replicates(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(label_times, "results", lambda _: label_time_rows())
     _, *rows = cells(label_times.label_times())
