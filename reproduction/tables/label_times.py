@@ -92,19 +92,20 @@ def _probability(table: FloatArray) -> float:
 def training_cut_angles(subset: str = "captured") -> str:
     """Returns the AP of detectors that were trained at several cut angles with mid-frame labels.
 
-    Each row is one cut angle of the training, and each column one of the tests.
+    Each row is one cut angle of the training, and each column one of the tests. All of them have
+    the same replicates.
     """
     table = results("experiments")
     table = table[(table.subset == subset) & (table.label_time == "frame")]
     groups = table.groupby(["scene", "preset", "judge", "lidar"], sort=False)
     rows = []
     for (scene, preset, setup, lidar), part in groups:
-        if part.training_cut_angle_deg.nunique() > 1:
-            for angle, tests in part.groupby("training_cut_angle_deg"):
-                aps = tests.pivot_table(
-                    index="replicate", columns="cut_angle_deg", values="ap_r1000"
-                )
-                cells = [_mean(aps[test]) for test in ANGLES_DEG]
+        angles = sorted(set(part.training_cut_angle_deg))
+        if len(angles) > 1:
+            columns = ["training_cut_angle_deg", "cut_angle_deg"]
+            aps = part.pivot_table(index="replicate", columns=columns, values="ap_r1000").dropna()
+            for angle in angles:
+                cells = [_mean(aps[angle, test]) for test in ANGLES_DEG]
                 rows.append(
                     [scene, preset, SETUPS[setup], LIDARS[lidar], f"{angle} degrees", *cells]
                 )

@@ -133,7 +133,10 @@ def test_a_detector_with_one_replicate_has_no_interval(monkeypatch: pytest.Monke
 
 
 def test_cut_angles_of_training_and_test_make_a_table(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(label_times, "results", lambda _: experiment_rows())
+    data = experiment_rows()
+    at_0 = (data.training_cut_angle_deg == 0) & (data.replicate == 3)
+    fourth = data[at_0].assign(replicate=4, ap_r1000=0.0)
+    monkeypatch.setattr(label_times, "results", lambda _: pd.concat([data, fourth]))
     _, *rows = cells(label_times.training_cut_angles())
     assert [row[4] for row in rows] == ["0 degrees", "90 degrees"]
     assert [[cell[:4] for cell in row[5:]] for row in rows] == [
