@@ -286,7 +286,7 @@ def fill(trained: Trained, work: Path, out: Path) -> None:
         words = f"experiments --scenes {replicate.scene} --presets {replicate.preset}"
         words += f" --setups {trained.setup} --label-times {replicate.label_time}"
         words += f" --replicates {replicate.replicate}"
-        if len(trained.cut_angles_deg) > 1:
+        if trained.cut_angles_deg != (0,):
             words += f" --cut-angles {' '.join(map(str, trained.cut_angles_deg))}"
         if trained.training_cut_angle_deg:
             words += f" --training-cut-angles {trained.training_cut_angle_deg}"

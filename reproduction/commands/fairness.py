@@ -52,7 +52,6 @@ def main() -> None:
     )
     add_out(parser, "fairness.csv")
     args = parser.parse_args()
-    columns = provenance(f"fairness --scenes {' '.join(args.scenes)}")
     for seed, scene, lidar in itertools.product(args.seeds, args.scenes, args.lidars):
         experiment = generalist.Experiment(scene, seed, lidar)
         folder = None
@@ -63,7 +62,9 @@ def main() -> None:
             folder = folder or generalist.simulated(experiment, args.work)
             record = {**generalist.row(folder, arm, model), **wanted}
             row = {name: record[name] for name in COLUMNS}
-            store.put(args.out, pd.DataFrame([{"model": model.stem, **row, **columns}]), KEY)
+            words = f"fairness {model} --scenes {scene} --lidars {lidar} --seeds {seed}"
+            columns = {"model": model.stem, **row, **provenance(words)}
+            store.put(args.out, pd.DataFrame([columns]), KEY)
             print(model.stem, *(row[name] for name in (*KEY[:5], "ap_r1000")), flush=True)
             for made in folder.parent.glob(f"{folder.name}_*"):
                 shutil.rmtree(made)

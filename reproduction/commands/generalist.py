@@ -215,10 +215,12 @@ def main() -> None:
     )
     args = parser.parse_args()
     chosen = experiments_of_trial(args.seeds) if args.paper else experiments(args.sites, args.seeds)
+    words = f"generalist --model {args.model} --seeds {args.seeds}"
+    words += " --paper" if args.paper else f" --sites {args.sites}"
     provenance = {
         "commit": __version__,
         "machine": machine(),
-        "command": "python -m reproduction generalist",
+        "command": f"python -m reproduction {words}",
     }
     for experiment in chosen:
         key = asdict(experiment)

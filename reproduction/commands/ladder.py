@@ -167,6 +167,7 @@ def fill(model: dict[str, str], seed: int, args: argparse.Namespace) -> None:
 
     def run() -> None:
         words = f"ladder --preset {args.preset} --detector {args.detector} --seeds {seed}"
+        words += f" --frames {args.frames} --lidars {' '.join(args.lidars)}"
         ms = simulated(model, args.preset, seed, args.lidars, folder)
         columns = {"ms_per_frame_set": ms, **provenance(words)}
         rows = pd.DataFrame(

@@ -24,7 +24,6 @@ import pandas as pd
 from torch import Tensor
 
 from pyinfra.core.arrays import BoolArray, FloatArray
-from pyinfra.core.version import __version__
 from pyinfra.core.vocabulary import VEHICLES, ObjectClass
 from pyinfra.dataset.regions import FOOTWAYS_M
 from pyinfra.metrics import matching
@@ -35,7 +34,7 @@ from pyinfra.models.detectors.network import Network
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.training import checkpoint
 from pyinfra.models.training.samples import SiteSample
-from reproduction import add_out
+from reproduction import add_out, provenance
 from reproduction.commands import frozen_sites
 
 MIN_SCORE = 0.002  # the calibration also uses boxes with a score below CUT
@@ -173,15 +172,15 @@ def main() -> None:
     line = tuple(itertools.chain.from_iterable(lines.values()))
     rows = [row(experiment, lines[experiment.name]) for experiment in experiments]
     table = pd.DataFrame(rows).assign(
-        version=__version__, command="python -m reproduction pack_generalist"
+        **provenance(f"pack_generalist {args.run} --sites {args.sites} --frames {args.frames}")
     )
     table.to_csv(args.table, index=False, float_format="%.4g")
     figures = figures_of(table)
-    provenance = replace(
+    described = replace(
         loaded.provenance,
         anywhere=True,
         calibration=line,
         figures={"cut": CUT, "sites": args.sites, **figures},
     )
-    checkpoint.write(args.out, halved(loaded.weights()), provenance)
+    checkpoint.write(args.out, halved(loaded.weights()), described)
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.2f} MB, {line}, {figures}")

@@ -153,7 +153,9 @@ def order_rows(table: pd.DataFrame) -> list[dict[str, object]]:
     return out
 
 
-def units_rows(site_number: int, frames: int, work: Path, out: Path) -> None:
+def units_rows(
+    site_number: int, frames: int, work: Path, out: Path, made_by: dict[str, str]
+) -> None:
     """Plans and measures both options at a site, unless the table has its rows."""
     seed = FIRST_CHECK_SITE + site_number
     keys = [{"site": seed, "lidar": lidar, "seed": 1} for lidar in (WIDE, NARROW)]
@@ -201,7 +203,7 @@ def units_rows(site_number: int, frames: int, work: Path, out: Path) -> None:
                 "false_per_frame": measured.false_per_frame,
             }
         )
-    table = pd.DataFrame(rows).assign(**provenance(f"placement --frames {frames}"))
+    table = pd.DataFrame(rows).assign(**made_by)
     rows_store.put(out, table, KEY)
     print(table.iloc[:, :-3].round(1).to_string(index=False, header=site_number == 0), flush=True)
 
@@ -252,9 +254,11 @@ def main() -> None:
     args = parser.parse_args()
     warnings.simplefilter("ignore")
     args.work.mkdir(parents=True, exist_ok=True)
+    sites = f"--sites {args.sites} --unit-sites {args.unit_sites}"
+    made_by = provenance(f"placement {args.check} {sites} --frames {args.frames}")
     for number in range(args.unit_sites):
         try:
-            units_rows(number, args.frames, args.work, args.out)
+            units_rows(number, args.frames, args.work, args.out, made_by)
         except Error as error:
             print(f"site {FIRST_CHECK_SITE + number}: left out: {error}", flush=True)
     order = order_table(args.sites, args.frames, args.work)
@@ -263,7 +267,6 @@ def main() -> None:
         *order_rows(order),
         *units_summary(rows_store.read(args.out)),
     ]
-    made_by = provenance(f"placement --sites {args.sites} --frames {args.frames}")
     for suffix, table in (("_order", order), ("_summary", pd.DataFrame(summary))):
         file = args.out.with_name(f"{args.out.stem}{suffix}.csv")
         table.assign(**made_by).to_csv(file, index=False, float_format="%.4g")

@@ -213,7 +213,8 @@ def fill(experiment: Experiment, work: Path, out: Path) -> None:
     name = "_".join(map(str, experiment.key.values()))
 
     def run() -> None:
-        rows = experiment.rows(work).assign(**provenance(f"poles --seeds {experiment.seed}"))
+        words = f"poles --seeds {experiment.seed} --lidars {experiment.lidar}"
+        rows = experiment.rows(work).assign(**provenance(words))
         store.put(out, rows[[*KEY, *(column for column in rows if column not in KEY)]], KEY)
         print(name, *rows.ap_r1000.round(1), flush=True)
 

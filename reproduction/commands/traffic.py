@@ -21,13 +21,12 @@ import pandas as pd
 import traffic_data
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.core.version import __version__, machine
 from pyinfra.formats.yaml_file import read_keys
 from pyinfra.scenes.maps.smoothing import unsmoothed
 from pyinfra.scenes.maps.traffic import cleaned, record
 from pyinfra.scenes.maps.traffic_demand import Demand
 from pyinfra.scenes.maps.traffic_figures import TrafficFigures, traffic_figures
-from reproduction import add_out
+from reproduction import add_out, provenance
 
 SEEDS = (1, 2)
 ON_FOOT = ("Pedestrian",)
@@ -106,7 +105,11 @@ def main() -> None:
             for row in rows(place, demand, args.seconds, seed)
         ]  # fmt: skip
     table = pd.DataFrame(records).assign(
-        version=__version__, machine=machine(), command="python -m reproduction traffic"
+        **provenance(
+            f"traffic {' '.join(map(str, args.sites))} --seconds {args.seconds:g} "
+            f"--vehicles-per-hour {args.vehicles_per_hour:g} "
+            f"--people-per-hour {args.people_per_hour:g}"
+        )
     )
     table.to_csv(args.out, index=False)
     print(table.drop(columns=["version", "machine", "command"]).to_string(index=False))

@@ -261,7 +261,10 @@ def main() -> None:
     networks = [fused(checkpoint.load(model_file(model)).network()) for model in args.models]
     names = [model.stem for model in args.models]
     table = pd.DataFrame(tested(networks, names, args.sites, args.frames)).assign(
-        **provenance(f"unseen --frames {args.frames}")
+        **provenance(
+            f"unseen {' '.join(map(str, args.models))} --frames {args.frames}"
+            + (f" --sites {args.sites}" if args.sites else "")
+        )
     )
     table.to_csv(args.out, index=False, float_format="%.4g")
     print(table[table.sites == "all"].iloc[:, :-3].to_string(index=False))

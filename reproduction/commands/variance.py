@@ -111,5 +111,7 @@ def main() -> None:
     add_out(parser, "variance.csv")
     args = parser.parse_args()
     rows = pd.DataFrame(components(store.read(args.experiments, TEXT))).dropna(subset="sd")
-    rows.assign(**provenance("variance")).to_csv(args.out, index=False, float_format="%.4g")
+    rows.assign(**provenance(f"variance {args.experiments}")).to_csv(
+        args.out, index=False, float_format="%.4g"
+    )
     print(rows.to_string(index=False, float_format=lambda sd: f"{sd:.2f}"))

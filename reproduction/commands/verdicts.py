@@ -245,7 +245,7 @@ def main() -> None:
     check_pairs(at_own_cut_angle(table))
     for line in missing(table):
         print(f"warning: {line}", file=sys.stderr)
-    rows = pd.DataFrame(claims(table)).assign(**provenance("verdicts"))
+    rows = pd.DataFrame(claims(table)).assign(**provenance(f"verdicts {args.experiments}"))
     first = ["claim", "primary", *GROUP, "lidar"]
     rows = rows.reindex(columns=[*first, *(name for name in rows if name not in first)])
     rows.to_csv(args.out, index=False, float_format="%.5g")

@@ -3,13 +3,16 @@
 import argparse
 import ast
 import importlib
+import shlex
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
+from pyinfra.core.vocabulary import SUBSETS
 from reproduction import ROOT, add_out, commands
 from reproduction import __main__ as reproduction
-from reproduction.commands import demo
+from reproduction.commands import demo, experiments, fairness, generalist, ladder, poles
 
 FILES = sorted(Path(commands.__path__[0]).glob("[a-z]*.py"))
 
@@ -82,6 +85,71 @@ def test_an_output_is_where_it_is_asked_and_a_wrong_one_is_an_error_at_once(
         parser.parse_args(["--out", f"{tmp_path}/file/speed.csv"])
     assert end.value.code == 2
     assert "--out: expected a path" in capsys.readouterr().err
+
+
+ONE = {"ap_r1000": 1.0, "train_cpu_s": 1.0, "steps": 1, "objects": 1}
+
+
+def without_work(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+    """Replaces the simulations, trainings and tests of some commands by results at once."""
+
+    def rows_of_test(_: Path, __: Path, predictions: Path) -> list[dict[str, object]]:
+        predictions.mkdir(parents=True)
+        return [{**ONE, "subset": subset} for subset in SUBSETS]
+
+    def simulated(*values: object) -> float:
+        Path(str(values[-1])).mkdir(parents=True)
+        return 1.0
+
+    def rows_of_poles(self: poles.Experiment, _: Path) -> pd.DataFrame:
+        return pd.DataFrame([{**self.key, **ONE, "ground_truth": "all"}])
+
+    def made(*_: object) -> Path:
+        lidar = folder / "data/lidar"
+        lidar.mkdir(parents=True, exist_ok=True)
+        return lidar
+
+    monkeypatch.setattr(experiments, "model_of", lambda *_: (Path("model"), 1.0))
+    monkeypatch.setattr(experiments, "simulated", made)
+    monkeypatch.setattr(experiments, "rows_of_test", rows_of_test)
+    monkeypatch.setattr(poles.Experiment, "rows", rows_of_poles)
+    monkeypatch.setattr(ladder, "simulated", simulated)
+    monkeypatch.setattr(ladder, "row", lambda *_: ONE)
+    monkeypatch.setattr(generalist, "simulated", made)
+    monkeypatch.setattr(generalist, "shows_vehicles", lambda _: True)
+    monkeypatch.setattr(generalist, "row", lambda *_: dict(ONE))
+
+
+@pytest.mark.parametrize(
+    ("module", "words"),
+    [
+        (experiments, "--scenes curve --presets paper --setups dsvt --cut-angles 90"),
+        (experiments, "--scenes curve --setups fine-tuned --training-cut-angles 90"),
+        (poles, "--seeds 4 --lidars pandar_64"),
+        (ladder, "--seeds 4 --frames 1000 --lidars hesai_ot128 --settings frames"),
+        (fairness, "generalist --scenes curve --lidars pandar_64 --seeds 2"),
+        (generalist, "--seeds 1 --sites 15 --arms none"),
+        (generalist, "--seeds 1 --paper"),
+    ],
+)
+def test_a_recorded_command_repeats_its_row(
+    module: object, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    without_work(monkeypatch, tmp_path)
+    name = str(module.__name__).rpartition(".")[2]
+
+    def keys(command: str, out: Path) -> set[tuple[str, ...]]:
+        """Runs a command; returns the keys of its rows, with the command that each row records."""
+        paths = ["--work", f"{out}", "--out", f"{out}.csv"]
+        assert reproduction.main([*shlex.split(command), *paths]) == 0
+        columns = [*module.KEY, "command"]
+        return set(pd.read_csv(f"{out}.csv", dtype=str)[columns].itertuples(index=False, name=None))
+
+    first = keys(f"{name} {words}", tmp_path / "first")
+    for number, command in enumerate({key[-1] for key in first}):
+        again = keys(command.removeprefix(f"{reproduction.PROGRAM} "), tmp_path / f"{number}")
+        wanted = {key[:-1] for key in first if key[-1] == command}
+        assert wanted <= {key[:-1] for key in again}
 
 
 def test_an_unknown_command_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
