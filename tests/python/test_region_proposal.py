@@ -19,6 +19,7 @@ from pyinfra.models.inference.region_proposal import (
     in_windows,
     propose_outline,
     simplified,
+    spaced,
 )
 
 PERIOD_S = 0.25
@@ -85,6 +86,20 @@ def test_too_little_is_refused(frames: int, still: bool, message: str) -> None:
 def test_few_frames_per_second_are_refused() -> None:
     with pytest.raises(Error, match=r"expected 0\.25 s or less between frames, got 0\.5 s"):
         propose_outline(cloud, range(0, 200, 2), PERIOD_S)
+
+
+def test_a_gap_loses_no_later_frame() -> None:
+    """After the gap, the numbers of a recording with every second frame are odd."""
+    numbers = [*range(0, 80, 2), *range(85, 320, 2)]
+    read = []
+
+    def made(number: int) -> np.ndarray:
+        read.append(number)
+        return cloud(number // 2)
+
+    assert propose_outline(made, numbers, PERIOD_S / 2).vehicles >= 6
+    assert set(read) == set(numbers)
+    assert spaced([0, 1, 2, 5, 6, 7], 2) == [0, 2, 5, 7]
 
 
 def test_long_recordings_are_sampled_in_windows() -> None:

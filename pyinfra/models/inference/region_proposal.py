@@ -116,7 +116,7 @@ def propose_outline(
             f"expected {MOST_SPACING_S:g} s or less between frames, got {gap * period_s:g} s"
         )
     stride = gap * max(1, round(SPACING_S / (gap * period_s)))
-    chosen = in_windows([k for k in numbers if (k - numbers[0]) % stride == 0])
+    chosen = in_windows(spaced(numbers, stride))
     learnt = [cloud_of(k) for k in spread(chosen, BACKGROUND_FRAMES)]
     background = Background.learn(learnt, DEFAULT, None, road)
     seen, moving = _clusters(background, cloud_of, chosen, stride)
@@ -143,19 +143,30 @@ def _clusters(
 ) -> tuple[BoxSeries, FloatArray]:
     """Returns the clusters of all chosen frames, and x, y of all moving points (k, 2).
 
-    Frame numbers of the clusters are divided by the stride.
+    The frames of the clusters are counted in strides. A larger gap counts as two strides or more,
+    so that no track continues over it.
     """
     frames, boxes, scores, moving = [], [], [], []
-    for number in track(chosen, "frame"):
+    strides = np.cumsum(np.ceil(np.diff(chosen, prepend=chosen[:1]) / stride)).astype(int)
+    for number, at in zip(track(chosen, "frame"), strides, strict=True):
         points = cloud_of(number)
         clusters = background.predict(points)
         keep = clusters.scores >= LEAST_SCORE
-        frames.append(np.full(int(keep.sum()), (number - chosen[0]) // stride))
+        frames.append(np.full(int(keep.sum()), at))
         boxes.append(clusters.boxes[keep])
         scores.append(clusters.scores[keep])
         moving.append(background.moving(points)[:, :2].astype(np.float64))
     series = BoxSeries(np.concatenate(frames), np.concatenate(boxes), np.concatenate(scores))
     return series, np.concatenate(moving)
+
+
+def spaced(numbers: Sequence[int], stride: int) -> list[int]:
+    """Returns the first of ascending numbers, and each further one a stride or more after it."""
+    kept: list[int] = []
+    for number in numbers:
+        if not kept or number - kept[-1] >= stride:
+            kept.append(number)
+    return kept
 
 
 def in_windows(numbers: Sequence[int]) -> list[int]:
