@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import tempfile
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
 from pyinfra.core.errors import Error
 from pyinfra.core.names import StrPath, check_name, path_of
-from pyinfra.core.public import public
+from pyinfra.core.public import CALLER, public
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
 from pyinfra.dataset.loading import load_dataset, one_lidar
 
@@ -107,7 +108,8 @@ def import_recording(
 ) -> RecordedFrames:
     """Converts a recording of another tool to the folder of one LiDAR.
 
-    All assumptions about the recording are written to the folder's lidar.yaml.
+    All assumptions about the recording are written to the folder's lidar.yaml. The function warns
+    of frames without labels, of vehicles wider than long, and of what it left out or changed.
 
     Parameters
     ----------
@@ -154,7 +156,9 @@ def import_recording(
     )
     options = imports.checked(Options(intensity_max, columns, None, channel, unit_m))
     recording = imports.recording_folder(path_of(source, "source"))
-    imports.import_recording(recording, format, folder, facts, options)
+    summary, labelled = imports.import_recording(recording, format, folder, facts, options)
+    for text in imports.warnings(summary, labelled, height_m):
+        warnings.warn(f"{source}: {text}", stacklevel=CALLER)
     loaded = load_dataset(folder)
     assert isinstance(loaded, RecordedFrames)
     return loaded

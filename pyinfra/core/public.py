@@ -13,6 +13,7 @@ from typing import Any, TypeVar, cast
 from pyinfra.core.errors import Error
 
 F = TypeVar("F", bound=Callable[..., Any])
+CALLER = 3  # `stacklevel` of a warning in a public function: the line of the user's call
 MENDABLE = {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.EACCES, None}
 
 

@@ -688,3 +688,19 @@ def test_frames_without_a_region_are_warned_of_once(
     pi.detect("generalist", pi.load_dataset(site / "helios_16")[:2])
     pi.detect(lambda _: pd.DataFrame(columns=BOX), frames)
     pi.detect(pi.train("background", folder, work=tmp_path / "model"), frames)
+
+
+def test_the_function_warns_like_the_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    x, y = np.meshgrid(np.arange(-30.0, 30), np.arange(-30.0, 30))
+    cloud = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, -6.0), np.full(x.size, 0.5)])
+    source = write(tmp_path / "source", [np.add(cloud, [k / 100, 0, 0, 0]) for k in range(3)])
+    with pytest.warns(UserWarning, match="no labels") as caught:
+        pi.import_recording(source, "bin", tmp_path / "a/pole", height_m=6)
+    assert {one.filename for one in caught} == {__file__}
+    out = str(tmp_path / "b/pole")
+    words = ["import", str(source), "--from", "bin", "--out", out, "--height-m", "6"]
+    assert main.main(words) == 0
+    printed = capsys.readouterr().err.splitlines()
+    assert [f"pyinfra: warning: {one.message}" for one in caught] == printed

@@ -17,7 +17,7 @@ import pandas as pd
 from pyinfra.core.arrays import Points
 from pyinfra.core.errors import Error
 from pyinfra.core.names import path_of, suggestion
-from pyinfra.core.public import public
+from pyinfra.core.public import CALLER, public
 from pyinfra.dataset.frame_sequence import BOX, FrameSequence
 from pyinfra.dataset.ground import level_ground
 from pyinfra.dataset.height_checks import CHECKED, check_height, height_warnings
@@ -143,11 +143,11 @@ def detect(
     if site.height_m is not None:
         clouds = [frames.frame(k).points for k in spread(frames.numbers, CHECKED)]
         for text in height_warnings(clouds, site.height_m):
-            warnings.warn(text, stacklevel=2)
+            warnings.warn(text, stacklevel=CALLER)
     numbers = frames.numbers
     if isinstance(model, TrainedDetector):
         if text := region_warning(model.file, site):
-            warnings.warn(f"{text}: `region` takes an outline of the road", stacklevel=2)
+            warnings.warn(f"{text}: `region` takes an outline of the road", stacklevel=CALLER)
         detector = detector_at_place(model.file, site, model.device, model.threads)
         per_frame = [detector.predict(points) for points in _stacked(model.file, frames)]
     elif hasattr(model, "predict"):
@@ -158,7 +158,7 @@ def detect(
         raise Error(f"model: expected a detector or a callable, got {type(model).__name__}")
     if drop_standing and numbers:
         if text := length_warning(numbers, frames.period_s):
-            warnings.warn(text, stacklevel=2)
+            warnings.warn(text, stacklevel=CALLER)
         reads = [partial(_points, frames, k) for k in numbers]
         per_frame = without_standing(reads, per_frame, site.region, site.ground)
     return _table(numbers, per_frame)
