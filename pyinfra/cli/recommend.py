@@ -10,7 +10,7 @@ from pyinfra.cli.number_option import usd
 from pyinfra.core.vocabulary import TIERS
 from pyinfra.experiments.options import read_options
 from pyinfra.experiments.recommend import answer_lines, recommend
-from pyinfra.experiments.requirements import Requirements, checked_requirements
+from pyinfra.experiments.requirements import Requirements, checked_requirements, place_of
 from pyinfra.metrics.row_selection import COUNTED
 
 
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=Requirements.range_m,
         help="maximum distance, one of 10, 20 ... 100 m; AP, recall and coverage count only "
         "vehicles and roads within it; it is measured along the road or, at a site from a map, "
-        "from the sensor; "
+        "from the sensor; with 100, AP and recall are those of the whole region; "
         f"default: {Requirements.range_m:g}",
     )
     parser.add_argument(
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     print(
         f"{first.scene}, preset {first.preset}, {args.tier} tier: at most "
         f"{requirements.budget_usd:,.0f} USD, AP {requirements.min_ap:g} of "
-        f"{COUNTED[first.whole]}, {requirements.range_m:g} m in each direction, "
+        f"{COUNTED[first.whole]} {place_of(requirements.range_m)}, "
         f"{requirements.latency_ms:g} ms a frame."
     )
     if names := ", ".join(sorted({option.detector for option in options if option.hardly_learnt})):

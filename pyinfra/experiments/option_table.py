@@ -50,7 +50,7 @@ def recommend(
     budget_usd : highest price of LiDAR and site
     min_ap : lowest AP of all vehicles in the region, 1 to 100
     range_m : range within which AP, recall and coverage are computed, up to 100; along a road it
-        is measured to either side of the sensor
+        is measured to either side of the sensor; with 100, AP and recall are of the whole region
     latency_ms : longest median time per frame
     scene : name of the scene; required if the tables have several
     preset : preset of the LiDARs; by default the first of `datasheet`, `equal` and `paper` that

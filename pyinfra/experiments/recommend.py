@@ -21,7 +21,7 @@ from pyinfra.dataset.windows import REGION_M
 from pyinfra.experiments.coverage import ROAD
 from pyinfra.experiments.option_table import latency, option_table, price, price_range
 from pyinfra.experiments.options import Option
-from pyinfra.experiments.requirements import Requirements
+from pyinfra.experiments.requirements import Requirements, place_of
 from pyinfra.experiments.value import SITE_ITEMS
 from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.intervals import FEW_BLOCKS
@@ -96,7 +96,7 @@ def sentence(option: Option, requirements: Requirements) -> str:
     if option.whole == "present":
         hidden = f" ({100 * option.hidden:.0f} % are hidden)" if option.hidden >= 0 else ""
         visible = f"of those visible from the mount {with_interval(option.ap_visible)}{hidden}, "
-    near = f" within {option.range_m:g} m" if option.range_m >= 0 else ""
+    near = f" {place_of(option.range_m)}" if option.range_m >= 0 else ""
     recall = option.recall
     ends = f" [{recall.low:.0f}, {recall.high:.0f}]" if recall.is_known else ""
     of = "all vehicles" if option.whole == "present" else COUNTED[option.whole]

@@ -27,6 +27,11 @@ class Requirements:
     latency_ms: float = FRAME_MS  # longest median time per frame
 
 
+def place_of(range_m: float) -> str:
+    """Returns in words where vehicles count for a range."""
+    return "in the whole region" if range_m >= REGION_M else f"within {range_m:g} m"
+
+
 def checked_requirements(
     budget_usd: float, min_ap: float, range_m: float, latency_ms: float
 ) -> Requirements:

@@ -106,7 +106,7 @@ def test_evaluate_report_and_recommend_show_the_same_digits(
     captured, whole = shown(evaluated["captured"]), shown(evaluated["present"])
     assert main.main(["recommend", str(results), "--budget", "9000", "--min-ap", "20"]) == 0
     output = capsys.readouterr().out
-    assert f"AP (R1000) of every vehicle within 100 m {whole}, of those visible" in output
+    assert f"AP (R1000) of every vehicle in the whole region {whole}, of those visible" in output
     assert f"of the vehicles it captures {captured};" in output
     out = results.parent / "report.html"
     assert main.main(["report", str(results), "--out", str(out)]) == 0

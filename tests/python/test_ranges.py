@@ -122,8 +122,8 @@ def test_ap_recall_and_coverage_are_those_of_the_range(
 ) -> None:
     with_ranges(results)
     far = output_lines(capsys, results, "--budget", 8000)[1]
-    assert far.startswith(f"1. {NEAR} with pointpillars: AP (R1000) of all visible vehicles within")
-    assert "within 100 m 94.0 [93.0, 95.0]" in far
+    assert far.startswith(f"1. {NEAR} with pointpillars: AP (R1000) of all visible vehicles")
+    assert "vehicles in the whole region 94.0 [93.0, 95.0]" in far
     assert "; finds 60 % [50, 70] of all visible vehicles, at any score; " in far
     assert "on 40 [20 to 60] of 200 m of road" in far
     lines = output_lines(capsys, results, "--budget", 8000, "--range", 60)

@@ -83,8 +83,8 @@ def test_the_highest_ap_of_all_vehicles_comes_first(
 ) -> None:
     lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 85)
     assert lines[0] == (
-        "road, preset paper, quick tier: at most 8,000 USD, AP 85 of all visible vehicles, "
-        "100 m in each direction, 100 ms a frame."
+        "road, preset paper, quick tier: at most 8,000 USD, AP 85 of all visible vehicles in the "
+        "whole region, 100 ms a frame."
     )
     assert lines[1] == (
         "1. livox_avia with pointpillars: AP (R40) of all visible vehicles 94.0 [93.0, 95.0], of "

@@ -12,7 +12,7 @@ from pyinfra.experiments.coverage import ROAD
 from pyinfra.experiments.option_table import option_table
 from pyinfra.experiments.options import Option, options_of
 from pyinfra.experiments.recommend import Answer, recommend, with_interval
-from pyinfra.experiments.requirements import Requirements
+from pyinfra.experiments.requirements import Requirements, place_of
 from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.row_selection import COUNTED
 from pyinfra.viz.report.blocks import Block, Column, Remarks, Table, TableCell, number, span
@@ -103,9 +103,9 @@ def _asked(requirements: Requirements) -> str:
         if math.isfinite(requirements.budget_usd)
         else "any price"
     )
-    ap = f"AP of at least {requirements.min_ap:g} for the vehicles of the whole road"
-    asked = f"{money}, {ap}, {requirements.range_m:g} m in each direction"
-    return f"{asked}, at most {requirements.latency_ms:g} ms per frame"
+    place = place_of(requirements.range_m)
+    ap = f"AP of at least {requirements.min_ap:g} for the vehicles {place}"
+    return f"{money}, {ap}, at most {requirements.latency_ms:g} ms per frame"
 
 
 def _table(material: Material, one: SceneAnswer) -> Table:
