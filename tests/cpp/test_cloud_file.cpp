@@ -115,6 +115,18 @@ TEST(bin, of_a_cloud_without_intensity_has_zeros) {
   EXPECT_EQ(bin_bytes(cloud), packed(1.F, 2.F, 3.F, 0.F, -4.F, 0.5F, 6.F, 0.F));
 }
 
+TEST(bin, intensities_are_0_to_1) {
+  const auto of = [](float a, float b) {
+    return parse_bin(packed(0.F, 0.F, 0.F, a, 0.F, 0.F, 0.F, b), "a.bin");
+  };
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_EQ(of(0, 1).intensity_max(), 1);
+  EXPECT_EQ(of(nan, 51).intensity_max(), 255);
+  EXPECT_EQ(of(3, 256).intensity_max(), 65535);
+  EXPECT_EQ(of(3, 1e6F).intensity_max(), 1);
+  EXPECT_EQ(bin_bytes(of(0, 51), 255), bin_bytes(of(0, 0.2F)));
+}
+
 TEST(pcd, ascii_is_read) {
   const CloudFile cloud =
       parse_pcd("# made by hand\r\n" + xyz_header(2, "ascii") + "1 2 3\r\n-4 5e-1 6\n", "a.pcd");

@@ -139,6 +139,9 @@ void warn_of_bin(const FilterOptions& o, const CloudFile& cloud) {
          "expected intensities of 0 or more, got others: does a point have four float32 values?");
   if (!o.out.ends_with(".bin")) return;
   if (intensity.empty()) warn(o.out, "the cloud has no intensity field: intensities are set to 0");
+  if (const float most = cloud.intensity_max(); most != 1)
+    warn(o.out, "intensities are divided by " + config::number_text(most) +
+                    ", because those of a .bin are 0 to 1");
   const Viewpoint pose = cloud.pose();
   if (pose.is_identity()) return;
   const std::string shift = pose.is_far() ? "; its shift of 10 km or more is ignored" : "";
@@ -160,7 +163,7 @@ void filter_command(const FilterOptions& o) {
   if (o.encoding == "ascii") out.encoding = PcdEncoding::kAscii;
   if (o.encoding == "binary") out.encoding = PcdEncoding::kBinary;
   if (o.encoding == "binary_compressed") out.encoding = PcdEncoding::kBinaryCompressed;
-  write_cloud(o.out, out);
+  write_cloud(o.out, out, cloud.intensity_max());
   std::printf("%zu points, %zu kept\n", cloud.points, kept.size());
 }
 
@@ -175,7 +178,9 @@ void add_filter_command(CLI::App& app) {
       "--ground-morphological");
   auto o = std::make_shared<FilterOptions>();
   command->add_option("in", o->in, "cloud: .bin (KITTI) or .pcd file")->required();
-  command->add_option("--out", o->out, "output: .bin or .pcd file")->required();
+  command
+      ->add_option("--out", o->out, "output: .bin or .pcd file; a .bin gets intensities of 0 to 1")
+      ->required();
   for (std::size_t i = 0; i < kFilterOptions.size(); ++i) {
     const FilterOption& row = kFilterOptions[i];
     if (row.numbers == 0)

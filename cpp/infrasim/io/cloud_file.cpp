@@ -100,6 +100,15 @@ std::vector<float> CloudFile::intensity() const {
   return {};
 }
 
+float CloudFile::intensity_max() const {
+  float brightest = 0;
+  for (const float value : intensity())
+    if (std::isfinite(value)) brightest = std::max(brightest, value);
+  for (const float top : {1.0F, 255.0F, 65535.0F})
+    if (brightest <= top) return top;
+  return 1;
+}
+
 std::vector<float> CloudFile::xyz() const {
   const auto x = column("x"), y = column("y"), z = column("z");
   std::vector<float> rows;
@@ -168,10 +177,11 @@ CloudFile parse_bin(std::string_view bytes, const std::string& name) {
   return cloud;
 }
 
-std::string bin_bytes(const CloudFile& cloud) {
+std::string bin_bytes(const CloudFile& cloud, float intensity_max) {
   const std::vector<float> xyz = cloud.moved_xyz();
   std::vector<float> intensity = cloud.intensity();
   intensity.resize(cloud.points);
+  for (float& value : intensity) value /= intensity_max;
   std::string bytes(16 * cloud.points, '\0');
   for (std::size_t i = 0; i < cloud.points; ++i) {
     std::memcpy(&bytes[16 * i], &xyz[3 * i], 12);
@@ -195,8 +205,8 @@ CloudFile read_cloud(const std::filesystem::path& file) {
   return pcd ? parse_pcd(bytes, file.string()) : parse_bin(bytes, file.string());
 }
 
-void write_cloud(const std::filesystem::path& file, const CloudFile& cloud) {
-  write_file_atomically(file, is_pcd(file) ? pcd_bytes(cloud) : bin_bytes(cloud));
+void write_cloud(const std::filesystem::path& file, const CloudFile& cloud, float intensity_max) {
+  write_file_atomically(file, is_pcd(file) ? pcd_bytes(cloud) : bin_bytes(cloud, intensity_max));
 }
 
 }  // namespace infrasim

@@ -50,6 +50,8 @@ struct CloudFile {
   std::vector<float> column(std::string_view name) const;
   /// Values of the first field with a usual name of the intensity; empty if there is none.
   std::vector<float> intensity() const;
+  /// Smallest of 1, 255 and 65535 that no intensity exceeds, as in `pyinfra import`; else 1.
+  float intensity_max() const;
   /// Row-major x y z as stored.
   std::vector<float> xyz() const;
   /// Row-major x y z transformed by the viewpoint. The point 0 0 0 means no return and is not
@@ -65,16 +67,17 @@ struct CloudFile {
 CloudFile read_cloud(const std::filesystem::path& file);
 
 /// Writes a cloud in the format of the file's suffix. A .bin gets x y z intensity, with 0 for a
-/// missing intensity. A .bin has no viewpoint, so its points are transformed by the cloud's
-/// viewpoint.
+/// missing intensity, and intensities divided by `intensity_max`. A .bin has no viewpoint, so its
+/// points are transformed by the cloud's viewpoint.
 /// @throws ConfigError for another suffix, IoError
-void write_cloud(const std::filesystem::path& file, const CloudFile& cloud);
+void write_cloud(const std::filesystem::path& file, const CloudFile& cloud,
+                 float intensity_max = 1);
 
 // These functions are like read_cloud and write_cloud, for bytes in memory. Messages use `name` as
 // the file name.
 CloudFile parse_bin(std::string_view bytes, const std::string& name);
 CloudFile parse_pcd(std::string_view bytes, const std::string& name);
 std::string pcd_bytes(const CloudFile& cloud);
-std::string bin_bytes(const CloudFile& cloud);
+std::string bin_bytes(const CloudFile& cloud, float intensity_max = 1);
 
 }  // namespace infrasim
