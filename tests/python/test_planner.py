@@ -3,6 +3,7 @@
 import itertools
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -32,6 +33,7 @@ from pyinfra.experiments.planner.race import is_worse, weighted_objects
 from pyinfra.experiments.planner.refusals import check_site
 from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.site import PlanSite, frame_order, open_site
+from pyinfra.viz.plan_page import site_map
 
 FEW = pi.PoseGrid(every_m=40, heights_m=(5.0,), pitches_deg=(0.0,), yaws=1)
 
@@ -92,6 +94,20 @@ def test_no_pole_stands_between_lanes_or_in_a_gap_of_a_junction() -> None:
     around = [lane((-20, y), (20, y)) for y in (-4, 4)] + [lane((x, -20), (x, 20)) for x in (-4, 4)]
     corners = np.array([[0.0, 0.0], [-8, -8]])
     assert off_carriageways(corners, around).tolist() == [False, True]
+
+
+def test_a_roundabout_is_drawn_where_its_roads_meet() -> None:
+    roads = [
+        replace(lane((-40, 20), (60, 20)), name="a"),
+        replace(lane((30, 0), (30, 90)), name="b"),
+    ]
+    ring = {"roads": ["a", "b"], "roundabout": {"radius_m": 15, "width_m": 6}}
+    site = SimpleNamespace(keys={"junctions": [ring]}, roads=roads)
+    circles = [
+        one for one in site_map._roads(site, [], site_map.window_of(roads[0].xy)) if "circle" in one
+    ]
+    assert len(circles) == 2
+    assert all('cx="30.0" cy="-20.0"' in one for one in circles)
 
 
 def units(count: int = 12, objects: int = 40) -> Units:

@@ -182,12 +182,21 @@ def middle_of(keys: dict[str, Any], roads: tuple[Road, ...]) -> FloatArray:
     """Returns the middle of the first junction, or the region's road point next to the mount."""
     mount = next(iter(keys["mounts"].values()))
     foot = np.array([mount["x_m"], mount["y_m"]])
-    named = [one["roads"] for one in keys.get("junctions") or [] if one.get("roads")]
-    lines = {road.name: road.xy for road in roads}
-    if named and all(name in lines for name in named[0]) and len(named[0]) > 1:
-        a, b = (lines[name] for name in named[0][:2])
-        away = np.hypot(a[:, None, 0] - b[None, :, 0], a[:, None, 1] - b[None, :, 1])
-        i, j = np.unravel_index(away.argmin(), away.shape)
-        return np.asarray((a[i] + b[j]) / 2)
+    named = [one for one in keys.get("junctions") or [] if one.get("roads")]
+    middle = junction_middle(named[0], roads) if named else None
+    if middle is not None:
+        return middle
     every = np.concatenate([road.xy for road in roads])
     return np.asarray(every[np.hypot(*(every - foot).T).argmin()])
+
+
+def junction_middle(junction: Mapping[str, Any], roads: Sequence[Road]) -> FloatArray | None:
+    """Returns the middle of a junction of two roads; None if a road is not in the region."""
+    lines = {road.name: road.xy for road in roads}
+    names = junction.get("roads") or []
+    if len(names) < 2 or not all(name in lines for name in names):
+        return None
+    a, b = (lines[name] for name in names[:2])
+    away = np.hypot(a[:, None, 0] - b[None, :, 0], a[:, None, 1] - b[None, :, 1])
+    i, j = np.unravel_index(away.argmin(), away.shape)
+    return np.asarray((a[i] + b[j]) / 2)

@@ -19,7 +19,7 @@ from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.boxes import footprints
 from pyinfra.dataset.surroundings import Lanes, Surroundings, road_lines
 from pyinfra.experiments.planner.areas import Area
-from pyinfra.experiments.planner.site import PlanSite
+from pyinfra.experiments.planner.site import PlanSite, junction_middle
 from pyinfra.formats.ply import read_ply
 from pyinfra.scenes.generator.layout import PlannedRoad
 from pyinfra.viz.site_plan import read_features
@@ -106,10 +106,12 @@ def _roads(site: PlanSite, roads: Sequence[PlannedRoad], window: Window) -> Iter
             sides = [_thin(road.beside(way * getattr(road, half))[part]) for way in (1, -1)]
             yield path([np.concatenate([sides[0], sides[1][::-1]])], kind, closed=True)
     for junction in site.keys.get("junctions") or []:
-        if "roundabout" in junction:
-            ring = junction["roundabout"]
+        ring, middle = junction.get("roundabout"), junction_middle(junction, site.roads)
+        if ring and middle is not None:
+            x, y = middle
             for kind, half in (("road", ring["width_m"] / 2), ("ground", -ring["width_m"] / 2)):
-                yield f'<circle class="m-{kind}" r="{ring["radius_m"] + half:.1f}"/>'
+                radius = ring["radius_m"] + half
+                yield f'<circle class="m-{kind}" cx="{x:.1f}" cy="{-y:.1f}" r="{radius:.1f}"/>'
 
 
 def _lines(site: PlanSite, window: Window) -> Iterator[str]:
