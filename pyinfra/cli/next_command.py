@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import shlex
 import sys
 from collections.abc import Callable
@@ -136,17 +137,38 @@ def _plan(args: argparse.Namespace) -> Words:
 
 
 def _recommend(args: argparse.Namespace) -> Words:
-    budget = ["--budget", f"{args.budget_usd:g}"]
-    page = args.results / "report.html"
-    return ["pyinfra", "report", args.results, "--tier", args.tier, *budget, "--out", page]
+    words = ["pyinfra", "report", args.results, "--tier", args.tier, *_requirements(args)]
+    return [*words, "--out", args.results / "report.html"]
 
 
 def _report(args: argparse.Namespace) -> Words:
     if is_plan(args.results):
         return ["pyinfra", "benchmark", "first_look", "--out", args.results / "benchmark"]
     tier = ["--tier", args.tier] if args.tier else []
-    budget = f"{args.budget_usd:g}" if args.budget_usd < float("inf") else BUDGET_USD
-    return ["pyinfra", "recommend", args.results, *tier, "--budget", budget]
+    budget = [] if args.budget_usd < math.inf else ["--budget", BUDGET_USD]
+    return ["pyinfra", "recommend", args.results, *tier, *budget, *_requirements(args)]
+
+
+def _requirements(args: argparse.Namespace) -> Words:
+    """Returns the requirements that the user has set, as options of recommend and report."""
+    from pyinfra.experiments.requirements import Requirements  # imports pandas
+
+    default = Requirements()
+    options = {
+        "budget_usd": "budget",
+        "min_ap": "min-ap",
+        "range_m": "range",
+        "latency_ms": "latency",
+    }
+    changed = [name for name in options if getattr(args, name) != getattr(default, name)]
+    return [
+        word for name in changed for word in (f"--{options[name]}", number(getattr(args, name)))
+    ]
+
+
+def number(value: float) -> str:
+    """Returns a number as text that is read as the same number."""
+    return f"{value:.15g}"
 
 
 def _import(args: argparse.Namespace) -> Words:

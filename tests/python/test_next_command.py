@@ -34,6 +34,14 @@ COMMANDS = {
 }
 
 
+def test_the_requirements_of_a_recommendation_are_kept() -> None:
+    words = "--budget 1234567 --min-ap 60.25 --range 60 --latency 200"
+    for command, more in (("recommend", ""), ("report", " --out a.html")):
+        text = next_command(command, parsed(f"{command} out {words}{more}".split()))
+        assert words in text
+        assert text.count("--budget") == 1
+
+
 def test_every_command_has_a_next_one() -> None:
     assert set(NEXT) == set(COMMANDS)
     # demo prints its own text
