@@ -145,7 +145,8 @@ def plot_stress(
 
     Parameters
     ----------
-    rows : table read from stress.csv, or the output folder of `stress`; one LiDAR only
+    rows : table read from stress.csv, or the output folder of `stress`; of one LiDAR, preset and
+        scene only
     stressor : name of the stressor, such as `rain`
     ax : axes to draw into; by default those of a new figure
 
@@ -155,7 +156,8 @@ def plot_stress(
 
     Raises
     ------
-    Error : if the stressor has no rows, or the folder has no stress.csv
+    Error : if the stressor has no rows, the folder has no stress.csv, or the rows are of several
+        LiDARs, presets or scenes
 
     Examples
     --------
@@ -181,6 +183,10 @@ def plot_stress(
     missing = [name for name in trials.KEY if name not in rows.columns]
     if missing:
         raise Error(f"rows: expected the column '{missing[0]}' of stress.csv, got none")
+    for name in ("lidar", "preset", "scene"):
+        some = list(dict.fromkeys(rows[name].astype(str)))
+        if len(some) > 1:
+            raise Error(f"rows: expected rows of one {name}, got {', '.join(some)}")
     stressor_curves = [(key["detector"], s, curve) for key, s, curve in curves(rows)]
     known = list(dict.fromkeys(s.name for _, s, _ in stressor_curves))
     if stressor not in known:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+import report_data
 
 import pyinfra as pi
 from pyinfra.dataset.frame_sequence import BOX, FrameSequence
@@ -46,6 +47,10 @@ def boxes(**columns: Any) -> pd.DataFrame:
     """Returns one box with some other columns."""
     usual: dict[str, Any] = dict(zip(BOX, [10.0, 0, -5, 4, 2, 1.5, 0], strict=True))
     return pd.DataFrame([usual | columns])
+
+
+def stressed(*lidars: str) -> pd.DataFrame:
+    return pd.concat([report_data.stress().assign(lidar=name) for name in lidars])
 
 
 def without(table: pd.DataFrame, name: str) -> pd.DataFrame:
@@ -180,6 +185,10 @@ CALLS: dict[str, tuple[Call, str]] = {
         "ground_truth: ",
     ),
     "plot_stress: folder": (lambda g: pi.plot_stress(g.empty, "rain"), "rows: "),
+    "plot_stress: two LiDARs": (
+        lambda g: pi.plot_stress(stressed("ruby_plus", "helios_16"), "rain"),
+        "rows: expected rows of one lidar, got ruby_plus, helios_16",
+    ),
     "plot_stress: table": (lambda g: pi.plot_stress(g.table, "rain"), "rows: "),
     "train: config": (
         lambda g: pi.train("pointpilars", g.empty, work=g.empty),
