@@ -3,6 +3,7 @@ missing."""
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -13,9 +14,14 @@ from matplotlib.figure import Figure
 from report_data import HOSTILE, Read
 
 from pyinfra.cli import main
+from pyinfra.dataset.catalogue import configs
+from pyinfra.experiments.requirements import Requirements
 from pyinfra.experiments.result_tables import read_results
 from pyinfra.viz.report import svg
-from pyinfra.viz.report.names import read_names
+from pyinfra.viz.report.names import capitalized, read_names
+from pyinfra.viz.report.report_data import read_material
+from pyinfra.viz.report.sections import answer as answer_section
+from pyinfra.viz.report.sections import methods, recommendation, value
 from pyinfra.viz.report.sections.speed import pareto
 from pyinfra.viz.report.sections.stability import curve
 from pyinfra.viz.report.style import drawing, panel
@@ -83,7 +89,7 @@ def test_cards_rank_by_the_whole_road_and_not_by_what_a_lidar_captured(
     for card, words in {
         "Fastest with at most 5 AP less than": f"70 ms a frame, AP (R1000) 80.0 of {of}",
         "Cheapest LiDAR with at most 5 AP less than": f"US$ 24,000, AP (R1000) 80.0 of {of}",
-        "Without labelled training data": f"AP (R1000) 80.0 [80.0, 80.0] of {of}",
+        "Without labels of the site": f"AP (R1000) 80.0 [80.0, 80.0] of {of}",
     }.items():
         named = cards[cards.index(card) + len(card) :][:160]
         assert "RoboSense Ruby Plus" in named.split("Livox")[0], card
@@ -466,6 +472,56 @@ def several_scenes(folder: Path) -> Path:
             curve.loc[others, list(low)] = list(low.values())
         tables[name] = pd.concat([table, curve])
     return report_data.write(folder, tables)
+
+
+def test_prices_that_differ_between_scenes_are_a_range(tmp_path: Path) -> None:
+    """Two LiDARs stand at the curve, and the site costs more there."""
+    results = several_scenes(tmp_path / "results")
+    file = results / "quick_value.csv"
+    table = pd.read_csv(file)
+    at_curve = table.scene == "curve"
+    table.assign(
+        price_usd=table.price_usd.where(~at_curve, 2 * table.price_usd + 3000),
+        site_usd=3000.0 * at_curve,
+        pole_usd=3000.0 * at_curve,
+        mounts=1 + at_curve,
+    ).to_csv(file, index=False)
+    asked = Requirements(min_ap=40)
+    material = read_material(results, [], [], "quick", asked)
+    answers = recommendation.answers(material, ["highway", "curve"])
+    assert "in all 2 scenes, for 2,079 to 7,158 USD." in recommendation.overall(material, answers)
+    lead = value._lead(material, value._value(material))
+    assert "plus an assumed US$ 0 to 3,000 for the site" in lead
+
+
+def test_each_detector_of_the_package_is_described() -> None:
+    for file in (configs() / "detectors").glob("*.yaml"):
+        assert file.stem in methods.KINDS
+
+
+def test_the_pretrained_detector_needs_no_labels_of_the_site() -> None:
+    rows = pd.DataFrame(
+        {
+            "detector": ["pv-rcnn", "generalist-as-is", "background"],
+            "lidar": "a",
+            "scene": "b",
+            "origin": "",
+            "whole": "present",
+            "latency_p50_ms": 80.0,
+            "ap_whole": [90.0, 70.0, 40.0],
+        }
+    )
+    for end in ("", "_low", "_high"):
+        rows[f"ap_whole_r1000{end}"] = rows.ap_whole
+    material = SimpleNamespace(names=read_names(["a"], {}))
+    line = answer_section._untrained(material, rows)
+    assert line is not None
+    assert line.choice.endswith("generalist-as-is")
+
+
+def test_a_scene_keeps_the_capitals_of_its_name() -> None:
+    assert capitalized("A8_Nord") == "A8_Nord"
+    assert capitalized("junction") == "Junction"
 
 
 def test_results_of_several_scenes_begin_with_one_overall_answer(tmp_path: Path) -> None:

@@ -79,6 +79,11 @@ def detector(name: str) -> str:
     return DETECTORS.get(name, name)
 
 
+def capitalized(name: str) -> str:
+    """Returns a name with a capital first letter; the other letters stay as they are."""
+    return name[:1].upper() + name[1:]
+
+
 def in_order(names: Iterable[str], first: Iterable[str]) -> list[str]:
     """Returns the distinct names: first the names in `first`, in its order, then others sorted."""
     present = set(names)

@@ -22,7 +22,7 @@ from pyinfra.viz.report.blocks import (
     shown,
     span,
 )
-from pyinfra.viz.report.names import DETECTORS, detector, in_order
+from pyinfra.viz.report.names import DETECTORS, capitalized, detector, in_order
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.speed import timing_load
 
@@ -76,7 +76,7 @@ def _grid(material: Material, rows: pd.DataFrame, note: Note) -> Table:
         lines.append([TableCell(material.names.label(lidar)), *cells])
     scene, preset = str(rows.scene.iloc[0]), str(rows.preset.iloc[0])
     return Table(
-        f"{scene.capitalize()}, preset {preset}: {ap_name(rows)}.",
+        f"{capitalized(scene)}, preset {preset}: {ap_name(rows)}.",
         [Column("LiDAR"), *(Column(detector(d), number=True) for d in detectors)],
         lines,
         material.results.source("experiments"),

@@ -9,6 +9,7 @@ import pandas as pd
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.benchmark.replicates import ExperimentReplicates
 from pyinfra.experiments.requirements import FRAME_MS
+from pyinfra.experiments.result_tables import AS_THEY_COME
 from pyinfra.metrics.row_selection import AP_OF, COUNTED, ap_name
 from pyinfra.viz.report.blocks import Block, Card, CardLine, Cards, Section, Text, span
 from pyinfra.viz.report.names import detector
@@ -174,10 +175,10 @@ def _cheapest(material: Material, rows: pd.DataFrame) -> CardLine | None:
 
 def _untrained(material: Material, rows: pd.DataFrame) -> CardLine | None:
     rows, of = _to_compare(rows)
-    background = rows[(rows.detector == "background") & rows.compared.notna()]
-    if background.empty:
+    untrained = rows[rows.detector.isin(AS_THEY_COME) & rows.compared.notna()]
+    if untrained.empty:
         return None
-    best = background.loc[background.compared.idxmax()]
+    best = untrained.loc[untrained.compared.idxmax()]
     speed = f", {best.latency_p50_ms:.0f} ms a frame" if best.latency_p50_ms > 0 else ""
     return _line(
         material,
@@ -205,7 +206,7 @@ PURPOSES: tuple[tuple[str, Choice], ...] = (
     ("Highest AP of the whole road", _whole_road),
     (f"Fastest with at most {CLOSE_AP:g} AP less than the best", _fastest),
     (f"Cheapest LiDAR with at most {CLOSE_AP:g} AP less than the best", _cheapest),
-    ("Without labelled training data", _untrained),
+    ("Without labels of the site", _untrained),
 )
 
 

@@ -42,6 +42,11 @@ KINDS = {
         "pillars, one stage",
         "predicts the centres of vehicles, without anchors",
     ),
+    "generalist": (
+        "pillars, one stage",
+        "the pretrained detector of the package, trained further at the site",
+    ),
+    "generalist-as-is": ("pillars, one stage", "the pretrained detector of the package"),
     "background": ("no training", "a model of the empty site, clusters, fitted boxes"),
 }
 

@@ -121,6 +121,7 @@ def _plans(material: Material, data_sets: Sequence[DataSet]) -> list[Block]:
     caption = (
         f"Plans of the scenes in the world frame: pose of the LiDARs{views}, evaluation region."
     )
+    caption += " Footways, plants and meshes, such as the houses of a map, are not drawn."
     if missing:
         caption += f" No plan of {', '.join(missing)}: the report has no data set of it."
     layout = "wide" if by_scene else "half"

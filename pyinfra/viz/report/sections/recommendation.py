@@ -16,7 +16,7 @@ from pyinfra.experiments.requirements import Requirements, place_of
 from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.row_selection import COUNTED
 from pyinfra.viz.report.blocks import Block, Column, Remarks, Table, TableCell, number, span
-from pyinfra.viz.report.names import detector
+from pyinfra.viz.report.names import capitalized, detector
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.value import spelled
 
@@ -66,7 +66,8 @@ def overall(material: Material, answers: Sequence[SceneAnswer]) -> str:
     lidar, detector_name = order.sort_values(["scenes", "ap"], ascending=False).index[0]
     best = rows[(rows.lidar == lidar) & (rows.detector == detector_name)]
     name = f"{material.names.model(lidar)} with {detector(detector_name)}"
-    price = f"{best.price_usd.max():,.0f} USD"
+    least, most = (f"{usd:,.0f}" for usd in (best.price_usd.min(), best.price_usd.max()))
+    price = f"{least} USD" if least == most else f"{least} to {most} USD"
     if len(best) == len(answers):
         return f"{required} {name} meets this in all {len(answers)} scenes, for {price}."
     where = ", ".join(best.scene)
@@ -80,7 +81,7 @@ def sentence(material: Material, one: SceneAnswer, *, alone: bool) -> str:
     """Returns the answer for a scene. alone: whether to repeat the requirements in it."""
     answer, any_one = one.answer, one.options[0]
     required = f", {_asked(material.requirements)}" if alone else ""
-    text = f"{any_one.scene.capitalize()}, preset {any_one.preset}{required}: "
+    text = f"{capitalized(any_one.scene)}, preset {any_one.preset}{required}: "
     if not answer.named:
         return f"{text}no option meets the requirements."
     first = answer.named[0]
@@ -118,7 +119,7 @@ def _table(material: Material, one: SceneAnswer) -> Table:
     pairs = zip(answer.named, answer.relax, strict=True)
     rows = [_row(material, option, relax) for option, relax in pairs]
     caption = (
-        f"{one.scene.capitalize()}: options of pyinfra recommend, in order of {name} of "
+        f"{capitalized(one.scene)}: options of pyinfra recommend, in order of {name} of "
         f"{COUNTED[answer.named[0].whole]} (whole road). The other {name} is of the vehicles that "
         "the LiDAR captures. Road is covered where the AP of the whole road is above the required "
         "AP."

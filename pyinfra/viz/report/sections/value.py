@@ -64,7 +64,8 @@ def _lead(material: Material, value: pd.DataFrame) -> str:
         "power."
     )
     if value.site_usd.max() > 0:
-        site = f"US$ {value.site_usd.max():,.0f}"
+        least, most = (f"{usd:,.0f}" for usd in (value.site_usd.min(), value.site_usd.max()))
+        site = f"US$ {least}" if least == most else f"US$ {least} to {most}"
         text = (
             f"Prices are those of the LiDARs, from the listed sources, plus an assumed {site} for "
             "the site."
