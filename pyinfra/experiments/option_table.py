@@ -15,7 +15,7 @@ from pyinfra.core.names import path_of
 from pyinfra.core.public import public
 from pyinfra.core.vocabulary import TIERS, Tier
 from pyinfra.experiments.options import Option, read_options
-from pyinfra.experiments.requirements import Requirements, checked_requirements
+from pyinfra.experiments.requirements import Requirements, checked_requirements, unlike
 from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.row_selection import COUNTED, OFF_REGION
 
@@ -170,13 +170,14 @@ def shortfalls(option: Option, requirements: Requirements) -> list[Shortfall]:
     ap, counted = option.ap_whole.value, COUNTED[option.whole]
     if not ap >= requirements.min_ap:
         relax = f"a minimum AP of {math.floor(10 * ap) / 10:g}" if ap >= 2 else ""
-        reason = f"AP {ap:.1f} of {counted}" if math.isfinite(ap) else f"no AP of {counted}"
+        shown = unlike(ap, requirements.min_ap, 1)
+        reason = f"AP {shown} of {counted}" if math.isfinite(ap) else f"no AP of {counted}"
         missed.append(Shortfall("ap", reason, relax, 1 - ap / requirements.min_ap))
     if not option.latency_ms <= requirements.latency_ms:
         known = math.isfinite(option.latency_ms)
         relax = f"a latency of {math.ceil(option.latency_ms)} ms" if known else ""
         share = option.latency_ms / requirements.latency_ms - 1 if known else math.inf
-        missed.append(Shortfall("latency", latency(option), relax, share))
+        missed.append(Shortfall("latency", latency(option, requirements), relax, share))
     return missed
 
 
@@ -191,10 +192,15 @@ def relaxation(broken: Sequence[Shortfall], requirements: Requirements) -> str:
     return " and ".join(words)
 
 
-def latency(option: Option) -> str:
+def latency(option: Option, requirements: Requirements) -> str:
     if math.isnan(option.latency_ms):
         return "no latency was measured"
-    return f"{option.latency_ms:.0f} ms a frame"
+    return f"{against(option.latency_ms, requirements.latency_ms)} ms a frame"
+
+
+def against(value: float, limit: float) -> str:
+    """Returns a number as text, with more digits if it is above the limit and would round to it."""
+    return unlike(value, limit, 0) if value > limit else f"{value:,.0f}"
 
 
 def price(option: Option, requirements: Requirements) -> str:
@@ -202,7 +208,7 @@ def price(option: Option, requirements: Requirements) -> str:
 
     A remark is added if the price is above the budget but the low end of its range is not.
     """
-    text = f"{option.price_usd:,.0f} USD"
+    text = f"{against(option.price_usd, requirements.budget_usd)} USD"
     noun = f"{option.mounts} LiDARs" if option.mounts > 1 else "LiDAR"
     lidar = f"{noun} {option.price_usd - option.site_usd:,.0f}" if option.site_usd else ""
     span, may = "", ""

@@ -105,7 +105,8 @@ def sentence(option: Option, requirements: Requirements) -> str:
         f"{option.name}: {option.ap_name} of {COUNTED[option.whole]}{near} "
         f"{with_interval(option.ap_whole)}, {recall_text}{visible}of the vehicles it captures "
         f"{with_interval(option.ap)}; {recalled if recall.value >= 0 else ''}"
-        f"{price(option, requirements)}; {covered_road(option, requirements)}{latency(option)}"
+        f"{price(option, requirements)}; {covered_road(option, requirements)}"
+        f"{latency(option, requirements)}"
     )
 
 

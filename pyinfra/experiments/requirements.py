@@ -27,6 +27,13 @@ class Requirements:
     latency_ms: float = FRAME_MS  # longest median time per frame
 
 
+def unlike(value: float, limit: float, digits: int) -> str:
+    """Returns a number that misses a limit as text, with more digits if it would round to it."""
+    text = f"{value:,.{digits}f}"
+    is_alike = text == f"{limit:,.{digits}f}" and digits < 4
+    return unlike(value, limit, digits + 1) if is_alike else text
+
+
 def place_of(range_m: float) -> str:
     """Returns in words where vehicles count for a range."""
     return "in the whole region" if range_m >= REGION_M else f"within {range_m:g} m"

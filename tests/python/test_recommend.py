@@ -13,6 +13,7 @@ from benchmark_data import PRICES, experiments, replicates_of, values
 import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.experiments.benchmark import measure
+from pyinfra.experiments.requirements import unlike
 from pyinfra.experiments.result_tables import AS_THEY_COME, hardly_learnt
 from pyinfra.experiments.value import KEY
 from pyinfra.metrics.row_selection import preset_of_answers
@@ -251,6 +252,21 @@ def test_if_none_meets_the_requirements_the_nearest_three_say_what_to_relax(
     far = "costs 2,000 USD, 120 ms a frame."
     assert f"Left out: livox_avia with pv-rcnn: {far}" in lines
     assert not any(line.startswith("Left out: helios_16 with pv-rcnn") for line in lines)
+
+
+def test_a_reason_is_not_rounded_to_the_requirement(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert [unlike(*of) for of in ((79.96, 80, 1), (70, 80, 1), (2000.4, 2000, 0))] == [
+        "79.96",
+        "70.0",
+        "2,000.4",
+    ]
+    change(results / "quick.csv", "lidar == 'livox_avia'", latency_p50_ms=50.3)
+    lines = output_lines(capsys, results, "--budget", 8000, "--min-ap", 85, "--latency", 50)
+    slow = [line for line in lines if line.startswith("More accurate, but too slow: livox_avia")]
+    assert len(slow) == 2
+    assert all("; 50.3 ms a frame; meets" in line for line in slow)
 
 
 def test_what_is_to_be_relaxed_is_enough(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
