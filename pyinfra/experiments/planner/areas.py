@@ -20,6 +20,7 @@ CLASSES = ("vehicle", "person", "any")
 CROSSINGS = "the crossings"
 BESIDE_M = 10.0  # width beside a carriageway in which people walk
 CROSSING_M = 6.0  # radius around the middle of a crossing of a map
+ENDS = ("low", "high", "in_choice", "in_rain", "simulated")  # of columns of the plan's tables
 COLUMNS = ("name", "x_m", "y_m", "radius_m")
 
 
@@ -58,6 +59,8 @@ def read_areas(file: Path) -> tuple[Area, ...]:
             raise FormatError(f"{file}:1: expected known columns, got '{name}'{near}")
     if table.empty:
         raise FormatError(f"{file}: expected one area or more, got none")
+    names = [f"{name}_" for name in table["name"]]
+    taken = {f"{stem}{end}" for stem in ("", *names) for end in ENDS}
     areas = []
     for row, one in enumerate(table.to_dict("records"), start=2):
         area = Area(
@@ -70,6 +73,11 @@ def read_areas(file: Path) -> tuple[Area, ...]:
         )
         if not isinstance(one["name"], str):
             raise FormatError(f"{file}:{row}: name: expected a name, got none")
+        if area.name in taken or area.name.startswith("within_"):
+            raise FormatError(
+                f"{file}:{row}: name: expected a name of which no other column of options.csv is "
+                f"made, got '{area.name}'"
+            )
         if not np.isfinite([area.x_m, area.y_m]).all():
             raise FormatError(f"{file}:{row}: x_m, y_m: expected numbers, got none")
         for key, low, value in (

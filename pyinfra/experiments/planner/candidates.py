@@ -130,12 +130,11 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
     if unknown.any():
         row = int(np.flatnonzero(unknown)[0])
         raise FormatError(f"{file}:{row + 2}: existing: expected yes or no, got '{existing[row]}'")
-    given = [name for name in POSE if name in table]
-    rows = table.assign(existing=existing).drop_duplicates([*given, "existing"])
-    twice = rows.duplicated(given)
+    rows = table.assign(existing=existing).drop_duplicates(["x_m", "y_m", "existing"])
+    twice = rows.duplicated(["x_m", "y_m"])
     if twice.any():
         row = int(rows.index[twice][0])
-        raise FormatError(f"{file}:{row + 2}: existing: expected one value for a pose, got two")
+        raise FormatError(f"{file}:{row + 2}: existing: expected one value for a position, got two")
     poses = table.assign(kind="file", existing=existing == "yes")
     if "z_m" not in poses:
         ground, _ = nearest_roads(site.roads, poses[["x_m", "y_m"]].to_numpy(float))
