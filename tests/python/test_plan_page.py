@@ -64,7 +64,7 @@ def test_the_page_has_the_figures_of_the_tables(planned: Plan) -> None:
     for one in data["options"]:
         row = rows.loc[one["number"]]
         assert one["price"] == pytest.approx(
-            row[["price_usd", "price_usd_low", "price_usd_high"]].tolist(), abs=0.5
+            row[["price_usd", "price_usd_low", "price_usd_high"]].tolist(), abs=0.01
         )
         assert one["shares"][0] == pytest.approx(
             row[["recall", "recall_low", "recall_high"]].tolist(), abs=1e-3
@@ -72,8 +72,8 @@ def test_the_page_has_the_figures_of_the_tables(planned: Plan) -> None:
         columns = ["recall_in_choice", "recall_within_30_m_in_choice"]
         goals = [[goal["within"] for goal in data["goals"]].index(within) for within in (60, 30)]
         assert [one["by"][k] for k in goals] == pytest.approx(row[columns].tolist(), abs=1e-3)
-        assert sum(low for low, _ in one["costs"]) == pytest.approx(one["price"][1], abs=5)
-        assert sum(high for _, high in one["costs"]) == pytest.approx(one["price"][2], abs=5)
+        assert sum(low for low, _ in one["costs"]) == pytest.approx(one["price"][1], abs=0.05)
+        assert sum(high for _, high in one["costs"]) == pytest.approx(one["price"][2], abs=0.05)
         assert f"finds {row.recall:.0f} of 100" in one["text"][0]
     assert data["options"][0]["simulated"]["recall"] == 91
     assert all(one["simulated"] is None for one in data["options"][1:])

@@ -23,7 +23,13 @@ from pyinfra.experiments.planner.lidars import open_lidars
 from pyinfra.experiments.planner.measure import frames_at
 from pyinfra.experiments.planner.predict import UNKNOWN, Prediction
 from pyinfra.experiments.planner.request import Request
-from pyinfra.experiments.planner.sensitivity import losses, price_lines, yaw_lines
+from pyinfra.experiments.planner.sensitivity import (
+    COLUMNS,
+    losses,
+    price_lines,
+    with_rain,
+    yaw_lines,
+)
 from pyinfra.experiments.planner.site import PlanSite, choice_end, open_site, other_traffic
 from pyinfra.metrics.comparison import Interval
 
@@ -60,8 +66,8 @@ def units(site: PlanSite) -> Units:
 
 
 def predicted(recall: float, *, keeps_false: bool = True) -> Prediction:
-    share = Interval(recall, recall - 0.02, recall + 0.02)
-    return Prediction(share, UNKNOWN, {}, UNKNOWN, keeps_false, 0.5, UNKNOWN, {}, np.zeros(0))
+    share, false = Interval(recall, recall - 0.02, recall + 0.02), Interval(0.01, 0, 0.02)
+    return Prediction(share, UNKNOWN, {}, false, keeps_false, 0.5, UNKNOWN, {}, np.zeros(0))
 
 
 def chosen(units: Units, *some: int) -> Choice:
@@ -98,12 +104,17 @@ def test_a_choice_that_stays_is_one_sentence(units: Units) -> None:
     assert "fall by 20 %, the choice is option 2 (helios_16), which finds 93 of 100" in lines[0]
     assert lines[1].endswith("no option is within the budget.")
     assert lines[2].endswith("stays the same.")
+    moves[0] = replace(moves[0], choice=chosen(units, 0))
+    line = next(price_lines(moves, [first, other], units, lambda _: predicted(0.93)))
+    assert f"an option of US$ {first.price.middle:,.0f} today (helios_16)" in line
 
 
 def test_another_option_is_better_with_a_yaw_error() -> None:
     (line,) = yaw_lines([YawError(1, 70.0, 90.0), YawError(4, 80.0, 85.0)])
     assert "option 1 finds 70 of 100 (90 without)" in line
     assert "option 4 finds more then" in line
+    (line,) = yaw_lines([YawError(1, 80.1, 90.0), YawError(4, 80.4, 85.0)])
+    assert "more then" not in line
     (line,) = yaw_lines([YawError(1, 85.0, 90.0), YawError(4, 80.0, 85.0)])
     assert "more then" not in line
 
@@ -116,6 +127,43 @@ def test_an_option_that_misses_in_other_frames_is_compared_with_one_that_does_no
     assert not meets(options[0], request)
     assert "Option 2 finds 95 of 100 for US$" in nearest(options, request)
     assert "`find` 0.88 would do" in nearest(options[:1], request)
+    false = [(options[0][0], predicted(0.95, keeps_false=False)), options[1]]
+    assert "no score keeps its false boxes below 6 a minute" in nearest(false, request)
+    assert "finds 95 of 100 in other traffic" not in nearest(false, request)
+
+
+def test_a_share_is_not_rounded_up_to_the_wanted_one(units: Units) -> None:
+    text = nearest([(chosen(units, 2), predicted(0.8996))], Request(9000, find=0.9))
+    assert "finds 89.96 of 100" in text
+
+
+def test_the_option_of_rain_keeps_false_boxes_rare(units: Units) -> None:
+    options = [chosen(units, 0), chosen(units, 2)]
+    wet = [predicted(0.95, keeps_false=False), predicted(0.92)]
+    rows = with_rain(pd.DataFrame(columns=COLUMNS), options, wet, units, 0.9)
+    assert rows.option[rows.chosen == "yes"].tolist() == [2]
+
+
+def test_a_choice_is_exact_only_without_larger_sets(units: Units, site: PlanSite) -> None:
+    law = laws.read_detectability("generalist")
+    rows = pd.DataFrame({"option": [1], "poles": [2], "recall": [90.0], "price_usd": [9000.0]})
+    first = [(chosen(units, 0, 2), predicted(0.9))]
+    for poles, words in ((2, "exact over all"), (3, "exact for one and two LiDARs")):
+        request = Request(50_000, poles=poles)
+        assert any(
+            words in line for line in answer.notes(first, rows, request, law, units.costs, units)
+        )
+    text = answer.asked(site, Request(9000, poles=2, lidars_per_pole=3, people=0.5))
+    assert "2 poles of at most 3 LiDARs each" in text
+    assert "a pedestrian 0.5" in text
+
+
+def test_each_lidar_of_a_bundle_counts_in_the_latency(units: Units) -> None:
+    """As in the number of computers."""
+    five = replace(units.lidars[0], units=5)
+    bundle = replace(units, lidars=[five, *units.lidars[1:]])
+    assert bundle.latency_ms([0, 2]) == pytest.approx(6 * units.costs.latency_ms)
+    assert units.latency_ms([0, 2]) == pytest.approx(2 * units.costs.latency_ms)
 
 
 def test_predictions_are_of_other_traffic(site: PlanSite) -> None:

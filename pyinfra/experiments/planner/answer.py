@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.experiments.planner.candidates import POSE
-from pyinfra.experiments.planner.choice import Choice, Units
+from pyinfra.experiments.planner.choice import Choice, Units, most_units
 from pyinfra.experiments.planner.costs import CORES, FRAME_MS, Costs, Range
 from pyinfra.experiments.planner.detectability import Detectability
 from pyinfra.experiments.planner.lidars import PlanLidar
@@ -18,6 +18,7 @@ from pyinfra.experiments.planner.predict import Prediction
 from pyinfra.experiments.planner.race import FRAMES_PER_MINUTE
 from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.site import PlanSite
+from pyinfra.experiments.requirements import unlike
 from pyinfra.metrics.comparison import Interval
 
 LISTED = 3  # options that are described in full
@@ -38,7 +39,6 @@ def option_table(
     lidars: Sequence[PlanLidar],
     units: Units,
     in_choice: Sequence[Prediction],
-    law: Detectability,
 ) -> pd.DataFrame:
     """Returns a row for each unit of each option; the columns of the option are repeated.
 
@@ -46,7 +46,7 @@ def option_table(
     """
     rows = []
     for number, (choice, prediction) in enumerate(options, start=1):
-        latency_ms = law.latency_ms * len(choice.units)
+        latency_ms = units.latency_ms(choice.units)
         for k, unit in enumerate(choice.units, start=1):
             pose = poses.iloc[int(stayed.pose[unit])]
             rows.append(
@@ -146,7 +146,7 @@ class Answer:
             lines.append(nearest(options, request))
         kept = options[:LISTED]
         lines += [
-            f"{i}. {sentence(one, rows[rows.option == i], request, law)}"
+            f"{i}. {sentence(one, rows[rows.option == i], request)}"
             for i, one in enumerate(kept, start=1)
         ]
         lines.append(where_predicted(site, rows) if is_unseen else SAME)
@@ -162,11 +162,17 @@ def asked(site: PlanSite, request: Request) -> str:
     if math.isfinite(request.false_per_minute):
         false = f", at most {request.false_per_minute:g} false boxes a minute"
     poles = f"{request.poles} pole{'s' if request.poles > 1 else ''}"
+    if request.lidars_per_pole > 1:
+        poles += f" of at most {request.lidars_per_pole} LiDARs each"
+    weights = [f"a pedestrian {request.people:g}"] if request.people else []
+    weights += [f"an object at {one.name} {one.weight:g}" for one in request.areas if one.weight]
+    weights = list(dict.fromkeys(weights))
+    weighed = f" Weights in the choice: {', '.join(weights)}; other vehicles 1." if weights else ""
     return (
         f"{site.name}, preset {site.preset}, detector {request.detector}: "
         f"{100 * request.find:g} of 100 vehicles within {request.within_m:g} m of ({x:.0f}, "
         f"{y:.0f}) in a frame{false}; at most {usd(request.budget_usd)} over "
-        f"{request.years:g} years and {poles}."
+        f"{request.years:g} years and {poles}.{weighed}"
     )
 
 
@@ -186,31 +192,34 @@ def meets(option: tuple[Choice, Prediction], request: Request) -> bool:
 
 def nearest(options: Options, request: Request) -> str:
     """Returns what the first option lacks, and what would have to be asked instead."""
+    prediction = options[0][1]
+    found, least = prediction.recall.value, FRAMES_PER_MINUTE * prediction.false_per_frame.value
+    share_found = unlike(100 * found, 100 * request.find, 0)
     others = [k for k, one in enumerate(options, start=1) if meets(one, request)]
     if others:
         k = min(others, key=lambda k: options[k - 1][0].price.middle)
         share, price_usd = options[k - 1][1].recall.value, options[k - 1][0].price.middle
+        lacks = [f"it finds {share_found} of 100"] if found < request.find else []
+        if not prediction.keeps_false:
+            lacks.append(f"no score keeps its false boxes below {math.ceil(least)} a minute")
         return (
-            f"The chosen option may miss this: it finds {100 * options[0][1].recall.value:.0f} of "
-            f"100 in other traffic. Option {k} finds {100 * share:.0f} of 100 for {usd(price_usd)}."
+            f"The chosen option may miss this: {' and '.join(lacks)} in other traffic. "
+            f"Option {k} finds {100 * share:.0f} of 100 for {usd(price_usd)}."
         )
-    prediction, reasons = options[0][1], []
-    if prediction.recall.value < request.find:
+    reasons = []
+    if found < request.find:
         reasons.append(
-            f"the chosen one finds {100 * prediction.recall.value:.0f} of 100; a higher budget, "
-            f"more poles or `find` {math.floor(100 * prediction.recall.value) / 100:g} would do"
+            f"the chosen one finds {share_found} of 100; a higher budget or more poles "
+            f"may help, and `find` {math.floor(100 * found) / 100:g} would do"
         )
     if not prediction.keeps_false:
-        least = FRAMES_PER_MINUTE * prediction.false_per_frame.value
         reasons.append(
             f"no score keeps false boxes that rare; `false_per_minute` {math.ceil(least)} would do"
         )
     return f"No option meets this: {'; '.join(reasons)}."
 
 
-def sentence(
-    option: tuple[Choice, Prediction], rows: pd.DataFrame, request: Request, law: Detectability
-) -> str:
+def sentence(option: tuple[Choice, Prediction], rows: pd.DataFrame, request: Request) -> str:
     """Returns an option in an engineer's words."""
     choice, prediction = option
     where = " and ".join(
@@ -227,13 +236,12 @@ def sentence(
         for name, share in prediction.areas.items()
         if math.isfinite(share.value)
     )
-    latency = law.latency_ms * len(choice.units)
     return (
         f"{where}: finds {of_hundred(prediction.recall)} vehicles{people} within "
         f"{request.within_m:g} m in a frame{areas}, "
-        f"{false_boxes(prediction.false_per_frame.value)}; about {latency:.0f} ms a frame on one "
-        f"core; {price(choice.price)} over {request.years:g} years; AP of all vehicles "
-        f"{prediction.ap.value:.0f} [{prediction.ap.low:.0f} to {prediction.ap.high:.0f}]."
+        f"{false_boxes(prediction.false_per_frame.value)}; about {rows.latency_ms.iloc[0]:.0f} ms "
+        f"a frame on one core; {price(choice.price)} over {request.years:g} years; AP of all "
+        f"vehicles {prediction.ap.value:.0f} [{prediction.ap.low:.0f} to {prediction.ap.high:.0f}]."
     )
 
 
@@ -275,7 +283,7 @@ def notes(
         )
     if choice.price.high > request.budget_usd:
         yield f"The first option may cost up to {usd(choice.price.high)}, more than the budget."
-    latency_ms = law.latency_ms * len(choice.units)
+    latency_ms = units.latency_ms(choice.units)
     if latency_ms > FRAME_MS:
         yield (
             f"The detector takes {latency_ms:.0f} ms for a frame, and a frame comes every "
@@ -288,6 +296,11 @@ def notes(
             f"The search for {len(choice.units)} LiDARs is greedy: in the frames of the choice, no "
             f"other set finds more than {100 * choice.bound:.1f} of 100; the gap is "
             f"{100 * choice.gap:.1f}."
+        )
+    elif min(request.units, most_units(units, request.budget_usd)) > 2:
+        yield (
+            "The choice is exact for one and two LiDARs over all candidates that stayed in the "
+            "race. The search for more LiDARs is greedy, so a better set may exist."
         )
     else:
         yield "The choice is exact over all candidates that stayed in the race."

@@ -36,6 +36,10 @@ class Units:
         new = sum(not there for there in poles.values())
         return self.costs.parts([self.lidars[u] for u in units], new, len(poles))
 
+    def latency_ms(self, units: Sequence[int]) -> float:
+        """Returns the time of a frame of an option on one core. Each LiDAR of a bundle counts."""
+        return self.costs.latency_ms * sum(self.lidars[u].units for u in units)
+
     def price(self, units: Sequence[int]) -> Range:
         """Returns the price of an option over the years."""
         return sum(self.parts(units).values(), NOTHING)

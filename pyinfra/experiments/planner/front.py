@@ -251,7 +251,7 @@ def front_of(
     shares = shares[[name for name in shares if name not in rows]]
     table = rows.join(shares, on="option").reset_index(drop=True)
     sentences = tuple(
-        tuple(_sentences(one, rows[rows.option == n], goals, request, law))
+        tuple(_sentences(one, rows[rows.option == n], goals, request))
         for n, one in zip(numbers, options, strict=True)
     )
     costs = pd.DataFrame(
@@ -290,7 +290,6 @@ def _sentences(
     rows: pd.DataFrame,
     goals: Sequence[Goal],
     request: Request,
-    law: Detectability,
 ) -> Iterator[str]:
     """Yields the sentence of an option for each distance."""
     choice, prediction = option
@@ -301,7 +300,7 @@ def _sentences(
             recall=of.get("vehicles", UNKNOWN),
             people=of.get("pedestrians", UNKNOWN),
         )
-        yield sentence((choice, near), rows, replace(request, within_m=within), law)
+        yield sentence((choice, near), rows, replace(request, within_m=within))
 
 
 def _cells(probability: Sequence[FloatArray], objects: Objects) -> Cells:

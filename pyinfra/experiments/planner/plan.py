@@ -301,7 +301,7 @@ def decided(
         return predict(unseen, some, law, request, masks)
 
     shown = [(one, predicted(one.units)) for one in options]
-    rows_of_all = option_table(shown, run.stayed, poses, lidars, units, decision.in_choice, law)
+    rows_of_all = option_table(shown, run.stayed, poses, lidars, units, decision.in_choice)
     rows = rows_of_all[rows_of_all.option <= len(listed)].copy()
     every = candidate_table(table, run.pairs, poses, lidars)
     sensitivity = table_of(options, decision.moves, units, predicted)
@@ -309,11 +309,11 @@ def decided(
     moved += few_positions(poses, request)
     if site.preset == WITH_WEATHER:
         rainy = again(in_rain(site, frames), options=listed)
-        wet = [predict(rainy, one.units, law, request).recall for one in listed]
+        wet = [predict(rainy, one.units, law, request) for one in listed]
         if rainy.objects.near_vehicles.any():
-            moved += rain_lines(wet)
+            moved += rain_lines([one.recall for one in wet])
             sensitivity = with_rain(sensitivity, listed, wet, units, request.find)
-        rows["recall_in_rain"] = 100 * np.array([one.value for one in wet])[rows.option - 1]
+        rows["recall_in_rain"] = 100 * np.array([one.recall.value for one in wet])[rows.option - 1]
     answer = Answer.of(
         site,
         request,

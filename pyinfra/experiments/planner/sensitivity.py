@@ -86,19 +86,19 @@ def losses(first: Choice, units: Units) -> dict[str, set[int]]:
 def with_rain(
     table: pd.DataFrame,
     options: Sequence[Choice],
-    recalls: Sequence[Interval],
+    wet: Sequence[Prediction],
     units: Units,
     find: float,
 ) -> pd.DataFrame:
     """Returns the table with the option that is chosen in rain, and option 1 if it is another."""
-    enough = [k for k, one in enumerate(recalls) if one.value >= find]
+    enough = [k for k, one in enumerate(wet) if one.recall.value >= find and one.keeps_false]
     if enough:
         best = min(enough, key=lambda k: options[k].price.middle)
     else:
-        best = max(range(len(recalls)), key=lambda k: recalls[k].value)
+        best = max(range(len(wet)), key=lambda k: wet[k].recall.value)
     case = f"rain {RAIN_MM_PER_H:g} mm/h"
     rows = [
-        row(case, k + 1, options[k], units, recalls[k], chosen=k == best)
+        row(case, k + 1, options[k], units, wet[k].recall, chosen=k == best)
         for k in dict.fromkeys((best, 0))
     ]
     return pd.concat([table, pd.DataFrame(rows, columns=COLUMNS)], ignore_index=True)
@@ -127,7 +127,8 @@ def price_lines(
             continue
         names = " and ".join(units.lidars[u].name for u in move.choice.units)
         k = number.get(frozenset(move.choice.units))
-        which = f"option {k} ({names})" if k else f"an option that costs too much today ({names})"
+        today = units.price(move.choice.units).middle
+        which = f"option {k} ({names})" if k else f"an option of US$ {today:,.0f} today ({names})"
         yield (
             f"{start} the choice is {which}, which finds "
             f"{100 * predicted(move.choice.units).recall.value:.0f} of 100 for "
@@ -184,6 +185,6 @@ def yaw_lines(errors: Sequence[YawError]) -> Iterator[str]:
     ]
     text = f"With a yaw error of {YAW_ERROR_DEG:g} degrees, {' and '.join(texts)}"
     first, last = known[0], known[-1]
-    if first.without >= last.without and first.with_error < last.with_error:
+    if first.without >= last.without and round(first.with_error) < round(last.with_error):
         text += f"; option {last.option} finds more then"
     yield f"{text}."

@@ -20,6 +20,8 @@ const usd = (value) => `US$ ${Math.round(value).toLocaleString("en-US")}`;
 const shown = (value, digits = 0) => value === null ? "\u2013" : value.toFixed(digits);
 const within = (value, digits = 0) => value[1] === null ? shown(value[0], digits)
   : `${shown(value[0], digits)} [${shown(value[1], digits)} to ${shown(value[2], digits)}]`;
+/* A share as text, never rounded up to the wanted one. */
+const found = (value) => value !== null && value < state.find && Math.round(value) >= state.find ? shown(Math.floor(10 * value) / 10, 1) : shown(value);
 const plural = (count, word) => `${count} ${word}${count === 1 ? "" : "s"}`;
 const names = (one) => {
   const counts = new Map();
@@ -68,7 +70,7 @@ function answer(one, picked, some) {
   const done = one.simulated;
   at("answer-body").innerHTML = `
 <p class="status ${meets ? "meets" : "misses"}">${meets ? "\u2713 Meets" : "\u2717 Does not meet"} what is asked: ${state.find} of 100 ${escaped(counted())}, at most ${usd(state.budget)} and ${plural(state.poles, "pole")}.</p>
-<p class="headline">Option ${one.number} finds ${shown(value)} of 100 ${escaped(counted())} in a frame${interval}</p>
+<p class="headline">Option ${one.number} finds ${found(value)} of 100 ${escaped(counted())} in a frame${interval}</p>
 <dl class="figures">
 ${figure(`Price over ${D.request.years} years`, usd(one.price[0]), `${usd(one.price[1])} to ${usd(one.price[2])}${doubtful(one).length ? ", unconfirmed" : ""}`)}
 ${figure("LiDARs", escaped(names(one)), `on ${plural(one.poles, "pole")}`)}
@@ -80,13 +82,13 @@ ${figure("Simulated in full", done ? `${shown(done.recall)} of 100` : "not simul
 </dl>
 <p>${escaped(one.text[lines])}</p>
 <ul class="notes">${notes(one, picked, some).map((line) => `<li>${escaped(line)}</li>`).join("")}</ul>`;
-  at("brief").textContent = `${meets ? "\u2713" : "\u2717"} Option ${one.number}: ${shown(value)} of 100, ${usd(one.price[0])}`;
+  at("brief").textContent = `${meets ? "\u2713" : "\u2717"} Option ${one.number}: ${found(value)} of 100, ${usd(one.price[0])}`;
 }
 
 function* noteLines(one, picked, some) {
   if (picked) yield "You picked this option. Changing a control chooses again.";
   if (!isAllowed(one)) yield "This option is outside the budget, the poles or the LiDARs that are allowed.";
-  yield `In the frames of the choice it finds ${shown(inChoice(one))} of 100.`;
+  yield `In the frames of the choice it finds ${found(inChoice(one))} of 100.`;
   if (!isEnough(one) && !picked) {
     const all = options.filter(isEnough).sort(order);
     yield some.length ? `No allowed option finds ${state.find} of 100${D.request.limits_false ? " with so few false boxes" : ""} there; this one finds the most.` : "";

@@ -46,7 +46,7 @@ def plan_data(plan: Plan) -> dict[str, Any]:
         "lines": list(plan.answer.lines[1:]),
         "request": {
             "budget": request.budget_usd,
-            "find": round(100 * request.find, 1),
+            "find": round(100 * request.find, 6),
             "poles": request.poles,
             "within": request.within_m,
             "years": request.years,
@@ -90,7 +90,7 @@ def _options(front: Front, table: pd.DataFrame, cells: Cells) -> list[dict[str, 
                 "number": int(number),
                 "units": [_unit(row) for row in rows.to_dict("records")],
                 "poles": int(first["poles"]),
-                "price": _rounded([first[f"price_usd{end}"] for end in ("", "_low", "_high")], 0),
+                "price": _rounded([first[f"price_usd{end}"] for end in ("", "_low", "_high")], 2),
                 "by": _rounded([first[f"{goal.column}_in_choice"] for goal in front.goals], 3),
                 "shares": [_interval(first, goal.column) for goal in front.goals],
                 "false": _interval(first, "false_per_frame"),
@@ -102,7 +102,7 @@ def _options(front: Front, table: pd.DataFrame, cells: Cells) -> list[dict[str, 
                 "method": str(first["method"]),
                 "text": list(text),
                 "costs": [
-                    _rounded([lines.low_usd[item], lines.high_usd[item]], 0) for item in COSTS
+                    _rounded([lines.low_usd[item], lines.high_usd[item]], 2) for item in COSTS
                 ],
                 "cells": "".join(chr(FIRST_CODE + round(LEVELS * one)) for one in share),
             }
