@@ -7,6 +7,7 @@ The other public functions are in `conversion.py` and in the packages on lower l
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +16,7 @@ import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.core.names import StrPath, check_name, file_or_name
-from pyinfra.core.public import public
+from pyinfra.core.public import CALLER, public
 from pyinfra.dataset.catalogue import shipped
 
 if TYPE_CHECKING:
@@ -37,6 +38,8 @@ def train(
     device: str = "cpu",
 ) -> TrainedDetector:
     """Trains a detector, or resumes a training that was stopped.
+
+    The function warns of labels of types that are no class of the detector.
 
     Parameters
     ----------
@@ -83,6 +86,8 @@ def train(
     if start is not None:
         recipe = recipe.begun_with(Path(start))
     sources = [read_source(Path(path), tier, classes=recipe.classes) for path in paths]
+    for text in filter(None, (source.read_warning() for source in sources)):
+        warnings.warn(f"other-types: {text}", stacklevel=CALLER)
     model = training.train(recipe, sources, Path(work), seed=seed, device=device, quiet=True)
     return load_detector(model, device=device)
 

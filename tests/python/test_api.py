@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -162,6 +163,20 @@ def test_an_export_from_memory_is_that_from_disk(
     for file in files:
         assert (ours / file).read_bytes() == (theirs / file).read_bytes(), file
     assert sorted(path.name for path in tmp_path.iterdir()) == ["ours", "theirs"]
+
+
+def test_training_warns_of_labels_that_no_class_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pyinfra.models.training import sources, train
+
+    source = SimpleNamespace(read_warning=lambda: "3 of Tricycle")
+    monkeypatch.setattr(sources, "read_source", lambda *_, **__: source)
+    monkeypatch.setattr(train, "train", lambda *_, **__: tmp_path)
+    monkeypatch.setattr(boxes_table, "load_detector", lambda *_, **__: None)
+    with pytest.warns(UserWarning, match="other-types: 3 of Tricycle") as caught:
+        pi.train("background", tmp_path, work=tmp_path)
+    assert caught[0].filename == __file__
 
 
 def test_what_stands_goes(frames: FrameSequence) -> None:

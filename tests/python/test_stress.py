@@ -23,7 +23,7 @@ import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.core.errors import Error
 from pyinfra.dataset.runs import SimulatorError
-from pyinfra.experiments.stress import altered_scenes, lidar, trials
+from pyinfra.experiments.stress import altered_scenes, lidar, runner, trials
 from pyinfra.experiments.stress.stressors import STRESSORS, chosen
 from pyinfra.formats import kitti
 from pyinfra.models.detectors.background import Background
@@ -523,6 +523,19 @@ def test_a_wrong_stress_test_is_named(
     usual = {"models": background, "data": data, "work": tmp_path / "work"}
     with pytest.raises(pi.Error, match=message):
         pi.stress(**(usual | words))
+
+
+def test_a_stressor_by_name_that_is_left_out_is_warned_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = runner.Prepared(None, [], [], {}, {"the preset has no weather": ["rain"]})
+    monkeypatch.setattr(runner, "prepare", lambda *_: plan)
+    monkeypatch.setattr(trials, "write_summary", lambda _: [])
+    monkeypatch.setattr(trials, "read", lambda _: pd.DataFrame())
+    monkeypatch.setattr(runner.summary, "summary", lambda table: table)
+    with pytest.warns(UserWarning, match="left out rain: the preset has no weather"):
+        pi.stress("background", tmp_path, work=tmp_path, stressors=["rain"])
+    pi.stress("background", tmp_path, work=tmp_path)
 
 
 def test_a_bug_in_a_trial_keeps_its_traceback(

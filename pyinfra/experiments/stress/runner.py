@@ -12,7 +12,7 @@ import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.core.names import path_of, suggestion
-from pyinfra.core.public import public
+from pyinfra.core.public import CALLER, public
 from pyinfra.experiments.pool import silent
 from pyinfra.experiments.stress import altered_scenes, summary, trials
 from pyinfra.experiments.stress.altered_scenes import Base
@@ -102,7 +102,10 @@ def stress(
     names = list(STRESSORS) if stressors is None else list(stressors)
     plan = prepare(paths, path_of(data, "data"), out, names, words, frames, seed)
     for why, left in plan.left_out.items():
-        progress(f"left out {', '.join(left)}: {why}")
+        text = f"left out {', '.join(left)}: {why}"
+        progress(text)
+        if stressors is not None:
+            warnings.warn(text, stacklevel=CALLER)
     failed = dict(plan.wrong)
     for trial in plan.todo:
         progress(trial.title)
@@ -113,7 +116,7 @@ def stress(
         text = (
             f"{len(failed)} of {len(plan.every)} trials failed, the first is {first.title}: {error}"
         )
-        warnings.warn(f"{text}; call the function again to repeat them", stacklevel=2)
+        warnings.warn(f"{text}; call the function again to repeat them", stacklevel=CALLER)
     trials.write_summary(out)
     return summary.summary(trials.read(out / "stress.csv"))
 
