@@ -8,6 +8,7 @@ from pyinfra.core.errors import Error
 from pyinfra.scenes.maps.compass import looks_to
 from pyinfra.scenes.maps.map_import import import_map
 from pyinfra.scenes.maps.map_readers import RADIUS_M, ImportOptions
+from pyinfra.scenes.maps.site_folder import yaws
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,8 +58,10 @@ def run(args: argparse.Namespace) -> int:
     pole = made.pole
     print(args.out / "site.yaml" if made.anew else f"{args.out}: has the same import already")
     print(f"{made.lanes} lanes, {made.triangles} triangles")
-    print(f"pole at {pole.x_m:g} {pole.y_m:g} {pole.z_m:g} m, yaw {pole.yaw_deg:g} degrees")
-    print(f"pole looks to {looks_to(pole.yaw_deg)}")
+    if made.anew:
+        print(f"pole at {pole.x_m:g} {pole.y_m:g} {pole.z_m:g} m, yaw {pole.yaw_deg:g} degrees")
+    for name, yaw_deg in yaws(args.out).items():  # the user may have changed the mounts
+        print(f"{name} looks to {looks_to(yaw_deg)}")
     listed = [f"{len(rows)} {kind}" for kind, rows in made.record["features"].items()]
     if listed:
         print(f"features: {', '.join(listed)} (map.yaml)")

@@ -371,12 +371,19 @@ def test_the_same_import_is_accepted_and_another_refused(tmp_path: Path) -> None
         import_map(file, tmp_path / "site", ImportOptions(radius_m=60))
 
 
-def test_a_mount_is_where_it_is_given(tmp_path: Path) -> None:
+def test_a_mount_is_where_it_is_given(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = write_map(tmp_path, "a.xodr", site_data.straight())
     words = ["site", "import", str(file), "--out", str(tmp_path / "s"), "--mount-pose=1,-9,7.5,80"]
     assert main(words) == 0
     pole = yaml.safe_load((tmp_path / "s/site.yaml").read_text())["mounts"]["pole"]
     assert pole == {"x_m": 1.0, "y_m": -9.0, "z_m": 7.5, "yaw_deg": 80.0}
+    assert "pole at 1 -9 7.5 m, yaw 80 degrees\npole looks to 10 " in capsys.readouterr().out
+    scene = tmp_path / "s/site.yaml"
+    scene.write_text(scene.read_text().replace("yaw_deg: 80.0", "yaw_deg: 0.0"))
+    assert main(words) == 0
+    printed = capsys.readouterr().out
+    assert "pole looks to 90 degrees (east)" in printed
+    assert "yaw 80" not in printed
     of_map = ImportOptions(mount=(1101, 1991, 7.5, 80))
     with pytest.raises(MapError, match=r"origin \(1100, 2000 in the coordinates of the map\)"):
         import_map(file, tmp_path / "other", of_map)
@@ -705,7 +712,12 @@ def test_what_an_import_writes_passes_check_with_its_traffic(
 
 @pytest.mark.parametrize(
     ("yaw_deg", "text"),
-    [(0, "90 degrees (east)"), (90, "0 degrees (north)"), (-135, "225 degrees (south-west)")],
+    [
+        (0, "90 degrees (east)"),
+        (90, "0 degrees (north)"),
+        (90.3, "0 degrees (north)"),
+        (-135, "225 degrees (south-west)"),
+    ],
 )
 def test_a_yaw_is_a_compass_bearing(yaw_deg: float, text: str) -> None:
     assert looks_to(yaw_deg) == text
