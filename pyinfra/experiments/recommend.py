@@ -151,13 +151,13 @@ def latency_note(options: Iterable[Option]) -> str:
     """Returns a remark on the computer and the load under which latencies were measured."""
     timed = [option for option in options if math.isfinite(option.latency_ms)]
     if not timed:
-        return "These results have no latency; a benchmark with `latency` measures it."
+        return "These results have no latency; repeat the benchmark for the latency only."
     machines = ", ".join(sorted({option.machine for option in timed} - {""}))
     where = f"one core of {machines}" if machines else "one core"
     load = load_text([option.other_cores for option in timed])
     return (
-        f"Latencies were measured on {where} ({load}). A benchmark with `latency` measures them on "
-        "your computer."
+        f"Latencies were measured on {where} ({load}). To measure them on your computer, "
+        "repeat the benchmark for the latency only."
     )
 
 

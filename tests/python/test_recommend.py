@@ -193,7 +193,7 @@ def test_the_machine_of_the_latency_is_named(
     lines = output_lines(capsys, results, "--budget", 8000)
     where, hint = (
         "Latencies were measured on one core of 2 x A",
-        "A benchmark with `latency` measures them on your computer.",
+        "To measure them on your computer, repeat the benchmark for the latency only.",
     )
     assert f"{where} (the load of the machine was not recorded). {hint}" in lines
 
@@ -300,7 +300,7 @@ def test_a_latency_that_is_not_known_is_asked_for_after_ap_and_budget(
         "no latency was measured; meets the requirements with a measured latency of 100 ms or less"
     )
     assert lines[2].endswith(measured)
-    assert "These results have no latency; a benchmark with `latency` measures it." in lines
+    assert "These results have no latency; repeat the benchmark for the latency only." in lines
 
 
 def test_the_best_by_ap_is_named_with_the_latency_that_it_misses(
@@ -338,7 +338,7 @@ def test_the_load_under_which_latency_was_measured_is_reported(
     change(results / "quick.csv", "detector == 'dsvt'", latency_other_cores=1.62)
     where, hint = (
         "Latencies were measured on one core",
-        "A benchmark with `latency` measures them on your computer.",
+        "To measure them on your computer, repeat the benchmark for the latency only.",
     )
     line = f"{where} (other processes used 0.0 to 1.6 cores). {hint}"
     assert line in output_lines(capsys, results, "--budget", 8000)

@@ -303,7 +303,7 @@ def notes(
             "race. The search for more LiDARs is greedy, so a better set may exist."
         )
     else:
-        yield "The choice is exact over all candidates that stayed in the race."
+        yield "The choice is exact over all pairs of pose and LiDAR that were not left out."
     lidars = [units.lidars[u] for u in choice.units]
     doubtful = list(dict.fromkeys(one.name for one in lidars if not one.confirmed))
     if doubtful:
