@@ -147,6 +147,27 @@ def test_another_lidar_changes_what_all_see(
     assert run(config, "--out", str(config.parent / "other")) == 0
 
 
+@pytest.mark.parametrize("asked", ["0:20:15", "0:20", "0:40:5"])
+def test_frames_of_another_benchmark_are_neither_measured_nor_extended(
+    asked: str, config: Path
+) -> None:
+    lidar = config.parent / "data/own"
+    (lidar / "training/velodyne").mkdir(parents=True)
+    (lidar / "ImageSets").mkdir()
+    (lidar / "lidar.yaml").touch()
+    for k in (0, 5, 15):  # a simulation that was stopped before frame 10
+        (lidar / f"training/velodyne/{k:06d}.bin").touch()
+    frames.check_data_set(lidar.parent, read_plan(config, "smoke"))
+    (lidar / "training/velodyne/000010.bin").touch()
+    (lidar / "ImageSets/train.txt").write_text("000000\n000005\n")
+    (lidar / "ImageSets/val.txt").write_text("000015\n")
+    frames.check_data_set(lidar.parent, read_plan(config, "smoke"))
+    changed(config, "0:20:5", asked)
+    text = f"{lidar}: expected the frames {asked} and the split of this benchmark, got 4 frames"
+    with pytest.raises(ConfigError, match=text):
+        frames.check_data_set(lidar.parent, read_plan(config, "smoke"))
+
+
 def test_a_digest_knows_the_split_and_the_recorded_vehicles(config: Path) -> None:
     def digest() -> str:
         inputs.resolved.cache_clear()

@@ -10,8 +10,10 @@ from pathlib import Path
 
 import pandas as pd
 
+from pyinfra.core.errors import ConfigError
 from pyinfra.dataset import split
 from pyinfra.dataset.data_set import read_data_set
+from pyinfra.dataset.frames import PERIOD_S, lidars_in
 from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments.benchmark.inputs import (
     has_several_mounts,
@@ -83,6 +85,28 @@ def warnings(plan: Plan) -> list[str]:
     ends = (chosen.start, chosen.stop, chosen.step)
     lines = [simulation.load_lidar(*unit).period_warnings(*ends) for unit in units]
     return list(dict.fromkeys(itertools.chain(*lines)))
+
+
+def check_data_set(folder: Path, plan: Plan) -> None:
+    """Raises ConfigError if a folder has frames or a split that are not those of the plan.
+
+    Experiments use all frames of the folder. A part of the frames without a split is accepted,
+    because the simulation may have been stopped.
+    """
+    numbers, parts = range_of(plan.frames), plan.parts
+    wanted = split.by_time(numbers, PERIOD_S, parts.train_until_s, parts.val_from_s)
+    for lidar in lidars_in(folder):
+        present = kitti.frames(lidar) if (lidar / "training/velodyne").is_dir() else []
+        lists = {"train": wanted.train, "val": wanted.val}
+        if not set(present) <= set(numbers) or any(
+            (file := lidar / f"ImageSets/{part}.txt").is_file()
+            and tuple(map(int, file.read_text("utf-8").split())) != listed
+            for part, listed in lists.items()
+        ):
+            raise ConfigError(
+                f"{lidar}: expected the frames {plan.frames} and the split of this benchmark, got "
+                f"{len(present)} frames of another benchmark or tier; choose another `work`"
+            )
 
 
 def simulate(shard: Shard) -> None:

@@ -109,6 +109,7 @@ def simulate_data_sets(
 ) -> None:
     """Simulates and splits all data sets of the plan, and writes their tables."""
     for data_set, experiments in plan.data_sets().items():
+        frames.check_data_set(workspace.data(data_set), plan)
         for name in frames.lidars_of(experiments):
             for file in lidar_files(workspace.work / "data" / data_set, name):
                 inputs.renew_price(plan.files["lidars", name], experiments[0].preset, file)
