@@ -1,7 +1,7 @@
 """`pyinfra stress DATA/LIDAR --model RUN... --out DIR`: finds where detectors fail.
 
-The rules are in the section "Stress" of docs/conventions.md. They were written before the first
-stress test.
+The rules are in the section "Stress" of docs/conventions/detectors.md. They were written before the
+first stress test.
 """
 
 from __future__ import annotations

@@ -30,7 +30,8 @@ def missing(package: str | None, extra: str) -> MissingPackage:
     """Returns the error for a package that is not installed."""
     return MissingPackage(
         f"expected the package '{package}', got none; "
-        f"install it with: pip install 'infrasim[{extra}]'"
+        f"install it with: pip install 'infrasim[{extra}]', or in a checkout: "
+        f"scripts/setup.sh {extra}"
     )
 
 

@@ -1,8 +1,8 @@
 """Splits a data set into training and test frames (`ImageSets`), for `pyinfra split DATA`.
 
 The default is a split by time, because neighbouring frames show the same vehicles. With a random
-split, the same vehicles would be in the training and test frames (`val`). See docs/conventions.md,
-"Split".
+split, the same vehicles would be in the training and test frames (`val`). See
+docs/conventions/evaluation.md, "Split".
 """
 
 import itertools

@@ -2,7 +2,7 @@
 
 Predictions can come from any detector, as KITTI result files or as CSV in the LiDAR frame.
 match_results.py defines which predictions and vehicles count. ap.py defines AP. The other rules are
-in the section "Evaluation" of docs/conventions.md.
+in the section "AP and matching" of docs/conventions/evaluation.md.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 They include returns per frame, points per vehicle and the coverage of the field of view.
 scanning_tables.py computes the statistics of vehicles. scan_patterns.py computes the statistics of
 rays. This module combines their tables and writes CSV files. The definitions are in the section
-"Scanning statistics" of docs/conventions.md.
+"Scanning statistics" of docs/conventions/evaluation.md.
 """
 
 import itertools

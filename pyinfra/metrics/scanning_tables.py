@@ -1,7 +1,7 @@
 """Scanning statistics as tidy tables: one row per figure, with its 95 % interval.
 
-docs/conventions.md defines the sets of vehicles, the bootstrap blocks and the decay. In all tables
-ci_low and ci_high are the ends of the interval. They are NaN if the interval is unknown.
+docs/conventions/evaluation.md defines the sets of vehicles, the bootstrap blocks and the decay. In
+all tables ci_low and ci_high are the ends of the interval. They are NaN if the interval is unknown.
 """
 
 import itertools

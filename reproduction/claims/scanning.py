@@ -1,6 +1,7 @@
 """Tests the paper's claims about scanning with statistics of points on vehicles.
 
-docs/conventions.md, "Claims", defines the rules. The rules were written before the first run.
+docs/conventions/claims.md, "Claims about scanning", defines the rules. The rules were written
+before the first run.
 """
 
 from collections.abc import Callable, Sequence

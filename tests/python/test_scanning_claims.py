@@ -1,4 +1,4 @@
-"""`python -m reproduction claims`: verdicts by the rules of docs/conventions.md."""
+"""`python -m reproduction claims`: verdicts by the rules of docs/conventions/claims.md."""
 
 import math
 from collections.abc import Callable

@@ -2,7 +2,7 @@
 
 points: (n, 4) float32, x y z intensity, levelled LiDAR frame. Each function returns (m, 4) float32.
 With the same random numbers, points that are lost at one severity are also lost at every higher
-severity. The section "Stress" of docs/conventions.md has the formulas and their sources.
+severity. The section "Stress" of docs/conventions/detectors.md has the formulas and their sources.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 All figures are for class vehicle, BEV IoU 0.5 and ground truth `captured`, as in `pyinfra
 evaluate`. The cost of a kind of error is the gain in AP when these errors are corrected, as in TIDE
-(Bolya et al., ECCV 2020). The section "Stress" of docs/conventions.md defines the rules.
+(Bolya et al., ECCV 2020). The section "Stress" of docs/conventions/detectors.md defines the rules.
 """
 
 from __future__ import annotations

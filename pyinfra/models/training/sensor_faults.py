@@ -3,7 +3,7 @@
 Training uses these functions for augmentation. The stress test uses them as stressors. points:
 (n, 4) float32, x y z intensity, levelled LiDAR frame. Each function returns (m, 4) float32. With
 the same random numbers, points that are lost at one severity are also lost at every higher
-severity. The definitions are in the section "Stress" of docs/conventions.md.
+severity. The definitions are in the section "Stress" of docs/conventions/detectors.md.
 """
 
 from __future__ import annotations
