@@ -14,9 +14,9 @@ PREDICTORS = {
     "another seed": "AP measured with another traffic seed",
 }
 ERRORS = {
-    "mean error": "prediction from other traffic",
-    "mean error with the same traffic": "prediction from the same traffic",
-    "mean error of another seed": "AP or recall measured with another traffic seed",
+    "mean error": "prediction from other traffic, with the mean of three seeds",
+    "mean error with the same traffic": "prediction from the traffic of a seed, with that seed",
+    "mean error of another seed": "measurement with one seed, with the mean of the other two",
 }
 
 
@@ -61,7 +61,10 @@ def _two_digits(row: pd.Series) -> str:
 
 
 def errors() -> str:
-    """Returns a table of the mean errors of predicted AP and recall, by detector."""
+    """Returns a table of the mean errors of predicted AP and recall, by detector.
+
+    A row names what is compared with which measurement.
+    """
     table = results("detectability_summary").set_index(["detector", "measure"])
     rows = []
     for detector in table.index.unique(0):
@@ -70,9 +73,7 @@ def errors() -> str:
                 _cell(table.loc[(detector, f"{measure}, {figure}")]) for figure in ("ap", "recall")
             ]
             rows.append([detector, name, *cells])
-    return markdown(
-        ["detector", "compared with the mean of other seeds", "AP", "recall, percent"], rows
-    )
+    return markdown(["detector", "comparison", "AP", "recall, percent"], rows)
 
 
 def reliability() -> str:
