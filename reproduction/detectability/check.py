@@ -6,6 +6,7 @@ other seeds of the traffic. A group is one site and LiDAR with several poses.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -18,6 +19,7 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.dataset.catalogue import lidar_file
 from pyinfra.dataset.simulation import load_lidar
 from pyinfra.experiments.planner import detectability as laws
+from pyinfra.metrics.comparison import over_replicates
 from reproduction.detectability import empty_scene
 from reproduction.detectability.runs import (
     CHECK_SEEDS,
@@ -138,21 +140,26 @@ def summary(table: pd.DataFrame) -> Iterator[dict[str, object]]:
 
 
 def row(measure: str, predictor: str, values: FloatArray) -> dict[str, object]:
-    """Returns the mean over groups with its 95 % interval, from resampled groups."""
+    """Returns the mean over groups with Student's 95 % interval, clipped to possible values."""
     values = values[np.isfinite(values)]
-    names = {"measure": measure, "predictor": predictor, "groups": len(values)}
-    if not len(values):
-        return names | dict.fromkeys(("value", "low", "high", "median"), float("nan"))
-    rng = np.random.default_rng(1)
-    means = rng.choice(values, (REPLICATES, len(values))).mean(1)
-    low, high = np.quantile(means, [0.025, 0.975])
+    mean = over_replicates(values.tolist())
+    low, high = np.clip([mean.low, mean.high], *limits(measure))
     return {
-        **names,
-        "value": values.mean(),
-        "low": low,
-        "high": high,
-        "median": np.median(values),
+        "measure": measure,
+        "predictor": predictor,
+        "groups": len(values),
+        "value": mean.value,
+        "low": float(low),
+        "high": float(high),
+        "median": float(np.median(values)) if len(values) else math.nan,
     }
+
+
+def limits(measure: str) -> tuple[float, float]:
+    """Returns the least and the largest possible value of a measure."""
+    if measure.startswith("r "):
+        return -1.0, 1.0
+    return (-math.inf if measure.startswith("bias") else 0.0), math.inf
 
 
 def per_group(table: pd.DataFrame, of: Callable[[pd.DataFrame], float]) -> FloatArray:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 from reproduction.commands.detectability import part_of
 from reproduction.commands.placement import order_rows, place_rows
@@ -102,6 +103,16 @@ def test_a_predictor_that_is_the_same_at_each_pose_has_no_correlation() -> None:
     row = rows[(rows.measure == "r within a site") & (rows.predictor == "information_bits")]
     assert row.groups.item() == 0
     assert np.isnan(row.value.item())
+
+
+def test_a_mean_over_sites_has_students_interval() -> None:
+    values = np.array([1.0, 2.0, 6.0, np.nan])
+    row = check.row("bias, ap", "", values)
+    half = stats.t.ppf(0.975, 2) * values[:3].std(ddof=1) / np.sqrt(3)
+    assert (row["groups"], row["value"], row["median"]) == (3, 3.0, 2.0)
+    assert (row["low"], row["high"]) == (pytest.approx(3 - half), pytest.approx(3 + half))
+    assert check.row("mean error, ap", "", values)["low"] == 0
+    assert check.row("r within a site", "", np.array([0.0, 1.0, 1.0]))["high"] == 1
 
 
 def test_seeds_that_differ_set_a_ceiling() -> None:
