@@ -198,17 +198,21 @@ def _sd(table: pd.Series, key: tuple[str, str]) -> str:
 
 
 def costs() -> str:
-    """Returns the number of trained detectors by scene, and the CPU time of their training."""
+    """Returns the number of trained detectors by scene, and the CPU time of their training.
+
+    The time of a training is a mean over the most frequent machine, and the sum is over all.
+    """
     table = results("experiments")
     key = ["judge", "detector", "scene", "preset", "label_time", "replicate", "lidar"]
     key += ["training_cut_angle_deg"]
     table = table[table.train_cpu_s > 0].drop_duplicates(key)
-    groups = table.groupby(["judge", "detector", "scene"], sort=False).train_cpu_s
+    machine = table.machine.mode()[0]
     rows = []
-    for (judge, detector, scene), part in groups:
-        figures = (f"{len(part)}", f"{part.mean():.0f}", f"{part.sum() / 3600:.1f}")
+    for (judge, detector, scene), part in table.groupby(["judge", "detector", "scene"], sort=False):
+        seconds = part.train_cpu_s[part.machine == machine].mean()
+        figures = (f"{len(part)}", f"{seconds:.0f}", f"{part.train_cpu_s.sum() / 3600:.1f}")
         rows.append([TRAINED[str(judge), str(detector)], str(scene), *figures])
-    heads = ["detector", "scene", "trainings", "CPU s of a training", "CPU h"]
+    heads = ["detector", "scene", "trainings", f"CPU s of a training on {machine}", "CPU h"]
     return markdown(heads, rows)
 
 

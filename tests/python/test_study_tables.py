@@ -132,6 +132,16 @@ def test_a_detector_with_one_replicate_has_no_interval(monkeypatch: pytest.Monke
     assert rows == [["PointPillars", "95.0", "90.0", "-5.0", "1", "60"]]
 
 
+def test_times_of_different_machines_are_not_averaged(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = experiment_rows().query("judge == 'fine-tuned'").assign(machine="fast")
+    slow = rows.assign(machine="slow", train_cpu_s=600.0, replicate=rows.replicate + 3)
+    some = slow[slow.replicate == 4]
+    monkeypatch.setattr(verdicts, "results", lambda _: pd.concat([rows, some]))
+    heads, row = cells(verdicts.costs())
+    assert heads[3] == "CPU s of a training on fast"
+    assert row[2:] == ["8", "60", "0.4"]
+
+
 def test_cut_angles_of_training_and_test_make_a_table(monkeypatch: pytest.MonkeyPatch) -> None:
     data = experiment_rows()
     at_0 = (data.training_cut_angle_deg == 0) & (data.replicate == 3)
