@@ -58,18 +58,20 @@ def people() -> str:
 def people_distance(bins: pd.DataFrame) -> str:
     """Returns the far end (m) of the last distance bin that has at least PEOPLE_POINTS points.
 
-    If a nearer bin has fewer points, the text also gives the distance up to which all bins have
-    enough points.
+    If the nearest bins have fewer points, the text begins with the distance from which there are
+    enough. If another bin has fewer points, it also gives the distance up to which all bins have
+    enough.
     """
     enough = (bins.points >= PEOPLE_POINTS).to_numpy()
     if not enough.any():
         return "-"
     end = bins.from_m.to_numpy() + PEOPLE_BIN_M
     first, last = enough.argmax(), len(enough) - 1 - enough[::-1].argmax()
+    text = f"{end[last]}" if enough[0] else f"{bins.from_m.iloc[first]} to {end[last]}"
     if enough[first : last + 1].all():
-        return f"{end[last]}"
+        return text
     unbroken = first + (~enough[first:]).argmax() - 1
-    return f"{end[last]} (all to {end[unbroken]})"
+    return f"{text} (all to {end[unbroken]})"
 
 
 def traffic() -> str:

@@ -110,6 +110,21 @@ def test_gains_and_costs_of_poles_are_paired_by_seed(monkeypatch: pytest.MonkeyP
     assert errors[4:] == ["", "", ""]
 
 
+@pytest.mark.parametrize(
+    ("points", "text"),
+    [
+        ((9, 7, 5, 4), "40"),
+        ((9, 4, 5, 4), "40 (all to 20)"),
+        ((0, 7, 5, 4), "20 to 40"),
+        ((0, 7, 4, 5), "20 to 50 (all to 30)"),
+        ((4, 4, 4, 4), "-"),
+    ],
+)
+def test_distances_with_too_few_points_are_named(points: tuple[int, ...], text: str) -> None:
+    bins = pd.DataFrame({"from_m": range(10, 50, 10), "points": points})
+    assert sites.people_distance(bins) == text
+
+
 def experiment_rows() -> pd.DataFrame:
     """Returns PointPillars with one replicate, and the fine-tuned detector at two cut angles."""
     common = {"scene": "highway", "preset": "paper", "subset": "captured", "train_cpu_s": 60.0}
