@@ -46,11 +46,15 @@ class ComparedValue:
 def blocks(material: Material) -> tuple[str, list[Block]]:
     """Returns the recommendation, and the blocks with its figure and table.
 
-    Both are empty if the results have no table `ladder`.
+    Both are empty if the results have no table `ladder`. Of several detectors or presets, the one
+    with most rows is used.
     """
     table = material.results.table("ladder")
     if table.empty:
         return "", []
+    for name in ("detector", "preset"):
+        if name in table:
+            table = table[table[name] == table[name].mode()[0]]
     table = table.assign(seconds=table.ms_per_frame_set * table.frames.astype(float) / 1000)
     steps = compared_values(table)
     words = recommendation(steps) if has_seeds(table) else TOO_FEW_SEEDS

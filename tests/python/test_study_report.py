@@ -112,6 +112,15 @@ def test_the_cheapest_model_whose_conclusions_stay_is_named(tmp_path: Path) -> N
     assert not same["frames", "50"]
 
 
+def test_a_ladder_of_another_preset_is_left_out(tmp_path: Path) -> None:
+    table = report_data.ladder().assign(preset="datasheet")
+    report_data.write(tmp_path, {"ladder.csv": table})
+    words, _ = ladder.blocks(read(tmp_path))
+    other = table[table.seed < 3].assign(preset="paper", ap_r1000=1.0)
+    report_data.write(tmp_path, {"ladder.csv": pd.concat([other, table])})
+    assert ladder.blocks(read(tmp_path))[0] == words
+
+
 def test_a_ladder_with_two_seeds_recommends_nothing(tmp_path: Path) -> None:
     table = report_data.ladder()
     report_data.write(tmp_path, {"ladder.csv": table[table.seed < 3]})
