@@ -110,6 +110,7 @@ def test_goals_are_classes_within_distances_and_areas() -> None:
         ("recall", [True, False, False]),
         ("people_recall", [False, False, True]),
         ("recall_within_90_m", [True, True, False]),
+        ("people_recall_within_90_m", [False, False, True]),
         ("recall_stop", [False, True, False]),
     ]
     others = replace(objects, table=table.iloc[[2, 1, 1]])
@@ -118,6 +119,7 @@ def test_goals_are_classes_within_distances_and_areas() -> None:
         ("recall", [False, False, False]),
         ("people_recall", [True, False, False]),
         ("recall_within_90_m", [False, True, True]),
+        ("people_recall_within_90_m", [True, False, False]),
         ("recall_stop", [False, True, True]),
     ]
     blind = laws.read_detectability("background")

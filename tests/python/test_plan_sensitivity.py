@@ -158,6 +158,18 @@ def test_a_choice_is_exact_only_without_larger_sets(units: Units, site: PlanSite
     assert "a pedestrian 0.5" in text
 
 
+def test_a_sentence_names_no_share_without_an_object(units: Units) -> None:
+    """Without a vehicle within the distance in the frames of the prediction."""
+    row = {"lidar": "a", "x_m": 0.0, "y_m": 0.0, "height_m": 5.0, "yaw_deg": 0.0, "pitch_deg": 0.0}
+    rows = pd.DataFrame([row | {"existing": False, "latency_ms": 91.1}])
+    people = replace(predicted(0.9), recall=UNKNOWN, people=Interval(0.5, 0.4, 0.6))
+    for prediction, words in (
+        (people, ": finds 50 of 100 [40 to 60] pedestrians within 60 m"),
+        (replace(people, people=UNKNOWN), ": no object is within 60 m"),
+    ):
+        assert words in answer.sentence((chosen(units, 2), prediction), rows, Request(9000))
+
+
 def test_each_lidar_of_a_bundle_counts_in_the_latency(units: Units) -> None:
     """As in the number of computers."""
     five = replace(units.lidars[0], units=5)

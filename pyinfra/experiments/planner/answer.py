@@ -228,17 +228,16 @@ def sentence(option: tuple[Choice, Prediction], rows: pd.DataFrame, request: Req
         f"{' on an existing mast or wall' if row.existing else ''}"
         for row in rows.itertuples()
     )
-    people = ""
-    if prediction.people.is_known:
-        people = f", {of_hundred(prediction.people)} pedestrians"
+    shares = {"vehicles": prediction.recall, "pedestrians": prediction.people}
+    found = ", ".join(f"{of_hundred(s)} {name}" for name, s in shares.items() if s.value >= 0)
     areas = "".join(
         f", {of_hundred(share)} at {name}"
         for name, share in prediction.areas.items()
         if math.isfinite(share.value)
     )
     return (
-        f"{where}: finds {of_hundred(prediction.recall)} vehicles{people} within "
-        f"{request.within_m:g} m in a frame{areas}, "
+        f"{where}: {f'finds {found}' if found else 'no object is'} within {request.within_m:g} m "
+        f"in a frame{areas}, "
         f"{false_boxes(prediction.false_per_frame.value)}; about {rows.latency_ms.iloc[0]:.0f} ms "
         f"a frame on one core; {price(choice.price)} over {request.years:g} years; AP of all "
         f"vehicles {prediction.ap.value:.0f} [{prediction.ap.low:.0f} to {prediction.ap.high:.0f}]."

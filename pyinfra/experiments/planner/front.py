@@ -77,16 +77,19 @@ def goals_of(
 ) -> tuple[Goal, ...]:
     """Returns the goals of a plan; the first one is that of the request.
 
-    A distance that adds no vehicle to a smaller one is left out.
+    A distance without a vehicle, or with the vehicles of another one, is left out.
     """
-    goals, counts = [], set()
+    goals, numbers = [], {0}
     for factor in sorted(DISTANCES, key=lambda f: f != 1):
         within = factor * request.within_m
+        vehicles = int(_counted("vehicles", within, site, objects, law, request).sum())
+        if vehicles in numbers:
+            continue
+        numbers.add(vehicles)
+        distance = "" if factor == 1 else f"_within_{within:g}_m"
         for name, prefix in (("vehicles", ""), ("pedestrians", "people_")):
             counted = _counted(name, within, site, objects, law, request)
-            if counted.any() and (name, counted.sum()) not in counts:
-                counts.add((name, counted.sum()))
-                distance = "" if factor == 1 else f"_within_{within:g}_m"
+            if counted.any():
                 goals.append(Goal(f"{prefix}recall{distance}", name, within, counted))
     for name in dict.fromkeys(area.name for area in request.areas):
         counted = _counted(name, None, site, objects, law, request)

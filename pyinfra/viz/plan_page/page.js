@@ -78,7 +78,7 @@ ${people >= 0 && state.what !== "pedestrians" ? figure("Pedestrians found of 100
 ${figure("False boxes a frame", within(one.false, 1))}
 ${figure("AP of all vehicles", within(one.ap))}
 ${figure(`Vehicles found in rain, ${D.request.within} m`, one.rain === null ? "not computed" : `${shown(one.rain)} of 100`)}
-${figure("Simulated in full", done ? `${shown(done.recall)} of 100` : "not simulated", done ? `AP ${within([done.ap, done.ap_low, done.ap_high])}; 95 % of positions within ${shown(done.position_m, 1)} m` : "the figures are predicted")}
+${figure(`Vehicles simulated in full, ${D.request.within} m`, done ? `${shown(done.recall)} of 100` : "not simulated", done ? `AP ${within([done.ap, done.ap_low, done.ap_high])}; 95 % of positions within ${shown(done.position_m, 1)} m` : "the figures are predicted")}
 </dl>
 <p>${escaped(one.text[lines])}</p>
 <ul class="notes">${notes(one, picked, some).map((line) => `<li>${escaped(line)}</li>`).join("")}</ul>`;
