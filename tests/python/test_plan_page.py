@@ -69,6 +69,7 @@ def test_the_page_has_the_figures_of_the_tables(planned: Plan) -> None:
         assert one["shares"][0] == pytest.approx(
             row[["recall", "recall_low", "recall_high"]].tolist(), abs=1e-3
         )
+        assert one["weighted"] == pytest.approx(row.weighted_in_choice, abs=1e-3)
         columns = ["recall_in_choice", "recall_within_30_m_in_choice"]
         goals = [[goal["within"] for goal in data["goals"]].index(within) for within in (60, 30)]
         assert [one["by"][k] for k in goals] == pytest.approx(row[columns].tolist(), abs=1e-3)

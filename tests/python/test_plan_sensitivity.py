@@ -17,7 +17,7 @@ from pyinfra.experiments.planner.answer import meets, nearest
 from pyinfra.experiments.planner.check import YawError
 from pyinfra.experiments.planner.choice import Choice, Units
 from pyinfra.experiments.planner.costs import read_costs
-from pyinfra.experiments.planner.decide import PRICES, Move, with_prices
+from pyinfra.experiments.planner.decide import PRICES, Move, in_order, with_prices
 from pyinfra.experiments.planner.fused import fused
 from pyinfra.experiments.planner.lidars import open_lidars
 from pyinfra.experiments.planner.measure import frames_at
@@ -67,7 +67,7 @@ def units(site: PlanSite) -> Units:
 
 def predicted(recall: float, *, keeps_false: bool = True) -> Prediction:
     share, false = Interval(recall, recall - 0.02, recall + 0.02), Interval(0.01, 0, 0.02)
-    return Prediction(share, UNKNOWN, {}, false, keeps_false, 0.5, UNKNOWN, {}, np.zeros(0))
+    return Prediction(share, UNKNOWN, {}, false, keeps_false, 0.5, UNKNOWN, {}, np.zeros(0), recall)
 
 
 def chosen(units: Units, *some: int) -> Choice:
@@ -144,15 +144,40 @@ def test_the_option_of_rain_keeps_false_boxes_rare(units: Units) -> None:
     assert rows.option[rows.chosen == "yes"].tolist() == [2]
 
 
-def test_a_choice_is_exact_only_without_larger_sets(units: Units, site: PlanSite) -> None:
+def test_weights_decide_between_options_of_one_price_and_if_none_finds_enough(
+    units: Units,
+) -> None:
+    """The second option finds fewer vehicles, and more of the objects with a large weight."""
+    found = {
+        (2,): replace(predicted(0.92), weighted=0.5),
+        (3,): replace(predicted(0.9), weighted=0.8),
+    }
+    options = [chosen(units, 2), chosen(units, 3)]
+    for find in (0.9, 0.95):
+        order = in_order(options, found.__getitem__, Request(9000, find=find, people=1))
+        assert order[0].units == (3,)
+    order = in_order(options, found.__getitem__, Request(9000, find=0.91, people=1))
+    assert order[0].units == (2,)
+
+
+def notes_of(units: Units, request: Request) -> str:
     law = laws.read_detectability("generalist")
     rows = pd.DataFrame({"option": [1], "poles": [2], "recall": [90.0], "price_usd": [9000.0]})
     first = [(chosen(units, 0, 2), predicted(0.9))]
-    for poles, words in ((2, "exact over all"), (3, "exact for one and two LiDARs")):
-        request = Request(50_000, poles=poles)
-        assert any(
-            words in line for line in answer.notes(first, rows, request, law, units.costs, units)
-        )
+    return " ".join(answer.notes(first, rows, request, law, units.costs, units))
+
+
+def test_a_choice_is_exact_only_without_larger_sets(units: Units) -> None:
+    assert "exact over all candidates" in notes_of(units, Request(50_000, poles=2))
+    assert "exact for one and two LiDARs" in notes_of(units, Request(50_000, poles=3))
+
+
+def test_pedestrians_of_a_request_that_are_not_there_are_named(units: Units) -> None:
+    assert "no share of pedestrians" in notes_of(units, Request(50_000, people=1))
+    assert "pedestrian" not in notes_of(units, Request(50_000))
+
+
+def test_the_first_line_repeats_the_whole_request(site: PlanSite) -> None:
     text = answer.asked(site, Request(9000, poles=2, lidars_per_pole=3, people=0.5))
     assert "2 poles of at most 3 LiDARs each" in text
     assert "a pedestrian 0.5" in text

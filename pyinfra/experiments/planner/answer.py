@@ -64,6 +64,7 @@ def option_table(
                     "price_usd_high": choice.price.high,
                     **ends("recall", prediction.recall, 100),
                     "recall_in_choice": 100 * in_choice[number - 1].recall.value,
+                    "weighted_in_choice": 100 * in_choice[number - 1].weighted,
                     "latency_ms": latency_ms,
                     **ends("people_recall", prediction.people, 100),
                     **{
@@ -279,6 +280,11 @@ def notes(
         yield (
             f"The interval of the first option begins below {100 * request.find:g} of 100, so it "
             "may miss the requirement."
+        )
+    if request.people and not prediction.people.value >= 0:
+        yield (
+            f"No pedestrian is within {request.within_m:g} m in the frames of the prediction, so "
+            "the answer has no share of pedestrians."
         )
     if choice.price.high > request.budget_usd:
         yield f"The first option may cost up to {usd(choice.price.high)}, more than the budget."

@@ -164,15 +164,15 @@ def in_order(
 ) -> list[Choice]:
     """Returns the options, the chosen one first.
 
-    Options that find enough come first, the cheapest first. The others follow, ordered by the
-    share that they find.
+    Options that find enough vehicles come first, the cheapest first. Of options of one price, and
+    of those that do not find enough, the one with the largest weighted share comes first.
     """
 
     def key(choice: Choice) -> tuple[float, float, float]:
-        recall, keeps = prediction(choice.units).recall.value, prediction(choice.units).keeps_false
-        if recall >= request.find and keeps:
-            return 0, choice.price.middle, -recall
-        return 1, -recall, choice.price.middle
+        one = prediction(choice.units)
+        if one.recall.value >= request.find and one.keeps_false:
+            return 0, choice.price.middle, -one.weighted
+        return 1, -one.weighted, choice.price.middle
 
     return sorted(options, key=key)
 

@@ -47,6 +47,7 @@ class Prediction:
     ap: Interval  # AP of all present vehicles of the region
     shares: dict[str, Interval]  # share of the objects of each further set
     probability: FloatArray  # (objects,) probability that the option finds each object
+    weighted: float  # share of all objects by their weights in the request
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +100,7 @@ def predict(
             name: _interval(probability, counted & known, objects) for name, counted in more.items()
         },
         probability=probability[:, 0],
+        weighted=float(probability[:, 0] @ objects.weight / max(objects.weight.sum(), 1e-12)),
     )
 
 

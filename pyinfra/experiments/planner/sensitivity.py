@@ -95,7 +95,7 @@ def with_rain(
     if enough:
         best = min(enough, key=lambda k: options[k].price.middle)
     else:
-        best = max(range(len(wet)), key=lambda k: wet[k].recall.value)
+        best = max(range(len(wet)), key=lambda k: wet[k].weighted)
     case = f"rain {RAIN_MM_PER_H:g} mm/h"
     rows = [
         row(case, k + 1, options[k], units, wet[k].recall, chosen=k == best)

@@ -32,6 +32,8 @@ const isDistance = () => D.goals.some((goal) => goal.what === state.what && goal
 const goal = () => D.goals.findIndex((one) => one.what === state.what && (one.within === null || one.within === state.within));
 const share = (one) => one.shares[goal()] ?? [null, null, null];  // in other traffic
 const inChoice = (one) => one.by[goal()] ?? 0;  // in the frames of the choice
+/* What orders options: as in the plan, the weighted share, as long as its own question is asked. */
+const worth = (one) => goal() === 0 ? one.weighted : inChoice(one);
 const counted = () => isDistance() ? `${state.what} within ${state.within} m` : `objects at ${state.what}`;
 
 /* ---- the choice: the rule of the plan, which uses the frames of the choice alone ---- */
@@ -42,7 +44,7 @@ const isEnough = (one) => inChoice(one) >= state.find && one.keeps_false_in_choi
 
 function order(a, b) {
   if (isEnough(a) !== isEnough(b)) return isEnough(a) ? -1 : 1;
-  const price = a.price[0] - b.price[0], recall = inChoice(b) - inChoice(a);
+  const price = a.price[0] - b.price[0], recall = worth(b) - worth(a);
   return (isEnough(a) ? price || recall : recall || price) || a.number - b.number;
 }
 
@@ -91,7 +93,7 @@ function* noteLines(one, picked, some) {
   yield `In the frames of the choice it finds ${found(inChoice(one))} of 100.`;
   if (!isEnough(one) && !picked) {
     const all = options.filter(isEnough).sort(order);
-    yield some.length ? `No allowed option finds ${state.find} of 100${D.request.limits_false ? " with so few false boxes" : ""} there; this one finds the most.` : "";
+    yield some.length ? `No allowed option finds ${state.find} of 100${D.request.limits_false ? " with so few false boxes" : ""} there; this one finds the most${D.request.has_weights && goal() === 0 ? " by the weights of the plan" : ""}.` : "";
     yield all.length ? `Option ${all[0].number} would: ${names(all[0])} on ${plural(all[0].poles, "pole")}, ${usd(all[0].price[0])}.`
       : "No option of this plan does.";
   }

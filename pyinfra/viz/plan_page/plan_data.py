@@ -14,7 +14,7 @@ from pyinfra.experiments.planner.front import CELL_M, Cells, Front, distances, w
 from pyinfra.experiments.planner.plan import Plan
 from pyinfra.viz.plan_page.site_map import site_map, window_of
 
-FORMAT = 2  # of the file of the data
+FORMAT = 3  # of the file of the data
 LEVELS = 50  # steps in which the share of a cell is stored
 FIRST_CODE = 48  # character code of the share 0
 COSTS = {
@@ -50,6 +50,7 @@ def plan_data(plan: Plan) -> dict[str, Any]:
             "poles": request.poles,
             "within": request.within_m,
             "years": request.years,
+            "has_weights": bool(request.people or any(one.weight for one in request.areas)),
             "limits_false": math.isfinite(request.false_per_minute),
         },
         "centre": [round(float(value), 1) for value in site.centre],
@@ -92,6 +93,7 @@ def _options(front: Front, table: pd.DataFrame, cells: Cells) -> list[dict[str, 
                 "poles": int(first["poles"]),
                 "price": _rounded([first[f"price_usd{end}"] for end in ("", "_low", "_high")], 2),
                 "by": _rounded([first[f"{goal.column}_in_choice"] for goal in front.goals], 3),
+                "weighted": _rounded([first["weighted_in_choice"]], 3)[0],
                 "shares": [_interval(first, goal.column) for goal in front.goals],
                 "false": _interval(first, "false_per_frame"),
                 "keeps_false": bool(first["keeps_false"]),
