@@ -28,6 +28,7 @@ from pyinfra.metrics.intervals import FEW_BLOCKS
 from pyinfra.metrics.row_selection import COUNTED
 
 MOST = 5  # options that are described in full
+PRETRAINED = "generalist-as-is"  # detector file of the pretrained detector as it is shipped
 NEAREST = 3  # options that are described if none meets the requirements
 
 
@@ -142,9 +143,22 @@ def general_notes(options: Sequence[Option], requirements: Requirements) -> Iter
     if unknown:
         why = f"{FEW_BLOCKS}, or the table has no intervals"
         yield f"No interval is available for the AP of {names(unknown)}: {why}."
+    yield from pretrained_note(options)
     yield from cost_notes(options[0])
     yield from price_notes(options)
     yield latency_note(options)
+
+
+def pretrained_note(options: Sequence[Option]) -> Iterator[str]:
+    """Yields a remark if the pretrained detector ranks LiDARs without further training."""
+    lidars = {option.lidar for option in options if option.detector == PRETRAINED}
+    if len(lidars) > 1:
+        yield (
+            f"{PRETRAINED} is the pretrained detector without further training. It is more accurate "
+            "with LiDARs of a wide field of view, which it was trained with most. Before you rank "
+            "LiDARs by AP, repeat the benchmark with the detector `generalist`, which is trained "
+            "further with each LiDAR."
+        )
 
 
 def latency_note(options: Iterable[Option]) -> str:
