@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from scipy import stats
 
 from pyinfra.cli import main
 from pyinfra.core.errors import Error
+from pyinfra.dataset.catalogue import configs
 from pyinfra.experiments.benchmark import inputs, until
 from pyinfra.experiments.benchmark.matrix import read_plan
 from pyinfra.experiments.benchmark.workspace import Workspace
@@ -69,6 +71,35 @@ def test_replicates_stop_at_the_first_look_that_is_precise_enough(
     table = until.benchmark_until(read_plan(config, "smoke"), workspace, Pool("local", 1), 1.0)
     assert (len(made), table.replicates.item()) == (runs, runs)
     assert pd.read_csv(workspace.table("until")).replicates.item() == runs
+
+
+def test_the_table_has_the_rows_of_all_scenes(
+    config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    workspace = Workspace(tmp_path / "work", tmp_path / "out", "smoke")
+    for scene, ap in (("highway", 90.0), ("crossroad", 80.0), ("highway", 70.0)):
+        table = rows(ap, 60).assign(scene=scene)
+        monkeypatch.setattr(until, "_replicate", lambda *_, table=table: table)
+        plan = read_plan(config, "smoke", scene)
+        until.benchmark_until(plan, workspace, Pool("local", 1), 1.0)
+    written = pd.read_csv(workspace.table("until")).set_index("scene")
+    assert written.difference.to_dict() == {"crossroad": 20, "highway": 10}
+
+
+def test_recorded_traffic_has_no_replicates(config: Path, tmp_path: Path) -> None:
+    scene = yaml.safe_load((configs() / "scenes/highway.yaml").read_text())
+    del scene["traffic"]
+    (tmp_path / "recorded.yaml").write_text(
+        yaml.safe_dump(scene | {"trajectories": "t.csv", "duration_s": 0.1})
+    )
+    (tmp_path / "t.csv").write_text(
+        "t,id,class,x,y,z,heading,dx,dy,dz,speed\n"
+        "0,1,Car,1,0,1,0,4,2,2,0\n0.1,1,Car,1,0,1,0,4,2,2,0\n"
+    )
+    config.write_text(CONFIG.replace("[highway]", "[recorded.yaml]"))
+    workspace = Workspace(tmp_path / "work", tmp_path / "out", "smoke")
+    with pytest.raises(Error, match="expected simulated traffic, because each replicate has its"):
+        until.benchmark_until(read_plan(config, "smoke"), workspace, Pool("local", 1), 1.0)
 
 
 def test_other_traffic_changes_the_seed_and_the_digest(config: Path) -> None:

@@ -12,9 +12,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import pandas as pd
+import yaml
 
 from pyinfra.core.errors import Error
 from pyinfra.experiments import pool, store
+from pyinfra.experiments.benchmark import inputs
 from pyinfra.experiments.benchmark.matrix import Plan
 from pyinfra.experiments.benchmark.runner import benchmark
 from pyinfra.experiments.benchmark.workspace import Workspace
@@ -46,9 +48,9 @@ def benchmark_until(
 
     Returns
     -------
-    DataFrame, as in `comparison_table`. It is also written to the table `until`.
+    DataFrame, as in `comparison_table`. Its rows are also added to the table `until`.
 
-    Raises Error if the benchmark has several seeds, or if an experiment failed.
+    Raises Error if the benchmark has several seeds or recorded traffic, or if an experiment failed.
     """
     if len({experiment.seed for experiment in plan.experiments}) != 1:
         raise Error(
@@ -56,13 +58,20 @@ def benchmark_until(
         )
     if not half_width_ap > 0:
         raise Error(f"until: expected a half-width above 0 AP, got {half_width_ap:g}")
+    for name in dict.fromkeys(experiment.scene for experiment in plan.experiments):
+        file = plan.files["scenes", name]
+        if not yaml.safe_load(inputs.resolved(file)).get("traffic"):
+            raise Error(
+                f"{file}: traffic: expected simulated traffic, because each replicate has its own "
+                "traffic, got recorded trajectories"
+            )
     tables: list[pd.DataFrame] = []
     for look in LOOKS:
         for number in range(len(tables) + 1, look + 1):
             progress(f"pyinfra: replicate {number}")
             tables.append(_replicate(plan, workspace, where, number, device, progress))
         table = comparison_table(tables)
-        store.write(workspace.table("until"), table)
+        workspace.put({"until": table})
         if (table.half_width <= half_width_ap).all():
             break
     return table
