@@ -198,6 +198,18 @@ def test_latency_can_be_measured_again_alone(results: Path) -> None:
     assert sorted(after.ap) == sorted(before.ap)
 
 
+def test_a_latency_names_the_gpu_of_a_network(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    torch = pytest.importorskip("torch")
+    monkeypatch.setattr(torch.cuda, "get_device_name", lambda device: f"GPU of {device}")
+    (tmp_path / "background.npz").touch()
+    assert measure.computer(tmp_path, "cuda:1") == measure.machine()
+    (tmp_path / "last.safetensors").touch()
+    assert measure.computer(tmp_path, "cuda:1") == f"{measure.machine()} with GPU of cuda:1"
+    assert measure.computer(tmp_path, "cpu") == measure.machine()
+
+
 def test_latency_without_a_run_is_an_error(
     results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -102,7 +102,7 @@ def detected(run: Path, folder: Path, device: str) -> None:
 def timed_alone(
     run: Path, folder: Path, device: str, *, every: int | None = None
 ) -> tuple[dict[str, object], OtherLoad]:
-    """Measures the latency from points to boxes, on one thread.
+    """Measures the latency from points to boxes, on one thread, or on the GPU `device`.
 
     Returns the columns of the latency, and the load by other processes. every: n to use every n-th
     test frame; by default at most TIMED_FRAMES frames are used. The caller must make sure that
@@ -115,10 +115,19 @@ def timed_alone(
     detect.detect(detector, files[:5], None)  # the first calls are slower
     with other_load() as load:
         times = detect.detect(detector, files, None)[1]
-    return latency_columns(times, load), load
+    return latency_columns(times, load, computer(run, device)), load
 
 
-def latency_columns(times: FloatArray, load: OtherLoad) -> dict[str, object]:
+def computer(run: Path, device: str) -> str:
+    """Returns the machine that runs a detector, with the GPU if the detector uses one."""
+    if not device.startswith("cuda") or detect.model_file(run).suffix == ".npz":
+        return machine()
+    import torch
+
+    return f"{machine()} with {torch.cuda.get_device_name(device)}"
+
+
+def latency_columns(times: FloatArray, load: OtherLoad, computer: str) -> dict[str, object]:
     p50, p95 = np.percentile(times, (50, 95))
     return {
         "latency_p50_ms": round(p50, 2),
@@ -127,7 +136,7 @@ def latency_columns(times: FloatArray, load: OtherLoad) -> dict[str, object]:
         "latency_frames": len(times),
         "latency_threads": 1,
         "latency_version": __version__,
-        "latency_machine": machine(),
+        "latency_machine": computer,
     }
 
 
