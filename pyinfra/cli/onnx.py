@@ -9,7 +9,10 @@ from pyinfra.models.pytorch import need_pytorch
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Exports a dense detector, from points to boxes, as one ONNX file."
+    parser.description = (
+        "Exports a dense detector, from points to boxes, as one ONNX file. z of points and boxes "
+        "is the height above the road, and scores are not calibrated."
+    )
     parser.epilog = "example: pyinfra onnx runs/pillars --out pillars.onnx"
     parser.add_argument("model", metavar="RUN", type=Path, help="output folder of `pyinfra train`")
     parser.add_argument("--out", type=Path, required=True, help=".onnx file to write")

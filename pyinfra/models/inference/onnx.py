@@ -3,7 +3,8 @@
 The input is `points` (n, 4) float32, n >= 1, inside the area in the file's metadata. The outputs
 are `boxes` (k, 7) and `scores` (k,), best first, before non-maximum suppression. A network with
 several classes returns the boxes of one class after another. It also has the output `classes` (k,)
-with class numbers. All coordinates are in the levelled LiDAR frame.
+with class numbers. x and y of points and boxes are in the levelled LiDAR frame, and z is measured
+from the road. Scores are those before calibration.
 """
 
 from __future__ import annotations
