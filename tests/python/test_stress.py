@@ -61,6 +61,20 @@ def base(data: Path) -> altered_scenes.Base:
     return altered_scenes.read_base(data, 60)
 
 
+def test_frames_without_a_split_are_tested_where_trainings_do_not_learn(
+    data: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "ring"
+    (folder / "training/velodyne").mkdir(parents=True)
+    shutil.copy(data / "lidar.yaml", folder)
+    for k in (0, 1000, 4050):
+        (folder / f"training/velodyne/{k:06d}.bin").touch()
+    assert altered_scenes.read_base(folder, 60).frames == (0, 1000, 4050)  # too few for a split
+    for k in (4100, 4500):
+        (folder / f"training/velodyne/{k:06d}.bin").touch()
+    assert altered_scenes.read_base(folder, 60).frames == (4100, 4500)
+
+
 def bytes_of(folder: Path) -> list[bytes]:
     return [kitti.frame_file(folder, "velodyne", k).read_bytes() for k in FRAMES]
 

@@ -10,6 +10,7 @@ import itertools
 import math
 import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,8 +21,9 @@ import yaml
 
 from pyinfra.core.errors import Error
 from pyinfra.core.files import held, replacing
+from pyinfra.dataset import split
 from pyinfra.dataset.catalogue import lidar_file, scene_file
-from pyinfra.dataset.frames import frame_numbers, lidar_folder
+from pyinfra.dataset.frames import frame_numbers, lidar_folder, period_of
 from pyinfra.dataset.runs import SimulatorError, infrasim
 from pyinfra.experiments.stress import lidar
 from pyinfra.formats import kitti
@@ -88,10 +90,16 @@ class AlteredScene:
 def read_base(folder: Path, most: int) -> Base:
     """Returns at most `most` test frames of a LiDAR's folder, evenly spread.
 
+    Without val.txt, the test frames are those of the split by time, because trainings then use the
+    other part. If frames are too few for this split, all of them are used.
+
     Raises FileNotFoundError, FormatError, and Error for another kind of folder.
     """
     folder = lidar_folder(folder)
-    frames = frame_numbers(folder)
+    frames: Sequence[int] = frame_numbers(folder)
+    if not (folder / "ImageSets/val.txt").is_file():
+        with suppress(Error):
+            frames = split.by_time(frames, period_of(folder)).val
     if not frames:
         raise Error(f"{folder}: expected a test frame, got none")
     description = folder.parent / "dataset.yaml"
