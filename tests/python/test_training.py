@@ -36,6 +36,7 @@ from pyinfra.models.detectors.sample import Sample  # noqa: E402
 from pyinfra.models.detectors.suppression import MIN_SCORE  # noqa: E402
 from pyinfra.models.inference import detect  # noqa: E402
 from pyinfra.models.training import checkpoint, loop, train, validation  # noqa: E402
+from pyinfra.models.training.provenance import is_among  # noqa: E402
 from pyinfra.models.training.recipe import Recipe, read_recipe  # noqa: E402
 from pyinfra.models.training.samples import (  # noqa: E402
     Augmentation,
@@ -783,6 +784,42 @@ def test_a_recipe_without_steps_takes_a_network_as_it_comes(
     assert file.read_bytes() == (trained / "last.safetensors").read_bytes()
     with pytest.raises(FileNotFoundError, match="and no model of the package"):
         train.train(still.begun_with(Path("nobody")), [source], tmp_path / "as_is", quiet=True)
+
+
+def test_a_network_of_another_detector_is_not_taken_as_it_comes(
+    trained: Path, lidar_folder: Path, tmp_path: Path
+) -> None:
+    other = read_recipe(ROOT / "configs/detectors/pointpillars.yaml", "smoke").begun_with(trained)
+    still = dataclasses.replace(other, learning=dataclasses.replace(other.learning, steps=0))
+    with pytest.raises(ConfigError, match="expected a model of pointpillars, got a model of cent"):
+        train.train(still, [read_source(lidar_folder, "smoke")], tmp_path / "as_is", quiet=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "names", "expected"),
+    [
+        ("my lidar", "my lidar", True),
+        ("my lidar", "avia my lidar", True),
+        ("avia", "avia my lidar", True),
+        ("via", "avia my lidar", False),
+    ],
+)
+def test_a_name_with_a_blank_is_among_names(name: str, names: str, expected: bool) -> None:
+    assert is_among(name, names) == expected
+
+
+def test_frames_of_a_test_list_alone_are_not_learnt_from(tmp_path: Path) -> None:
+    for k in (0, 1000, 2000, 3000, 4000, 4100, 4200):
+        sample = road_sample(k)
+        labels = kitti.Labels(np.full(len(sample.boxes), "Car"), sample.boxes, None)
+        kitti.write_frame(tmp_path, k, sample.points, labels)
+    (tmp_path / "lidar.yaml").write_text(LIDAR)
+    (tmp_path / "ImageSets").mkdir()
+    (tmp_path / "ImageSets/val.txt").write_text("001000\n002000\n")
+    source = read_source(tmp_path, "smoke")
+    expected = [road_sample(k).points for k in (0, 3000)]
+    for cloud, points in zip(source.clouds, expected, strict=True):
+        np.testing.assert_array_equal(cloud(), points)
 
 
 def test_another_lidar_or_preset_is_a_warning_unless_it_is_meant(

@@ -24,7 +24,7 @@ from pyinfra.formats.csv_table import WORDS, read_csv
 from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.models.detectors import Detector
 from pyinfra.models.inference.detect import detect, detector_at, model_file
-from pyinfra.models.training.provenance import read_provenance
+from pyinfra.models.training.provenance import is_among, read_provenance
 
 # Key of a row. A trial that has a row is not computed again.
 KEY = "detector run lidar preset scene stressor severity seed frames".split()
@@ -94,7 +94,7 @@ def read_run(folder: Path, base: Base) -> TrainedRun:
     if model_file(folder).suffix == ".npz":
         return TrainedRun(folder, "background", -1, -1)
     provenance = read_provenance(model_file(folder))
-    if not provenance.anywhere and base.lidar.name not in provenance.lidar.split():
+    if not provenance.anywhere and not is_among(base.lidar.name, provenance.lidar):
         raise Error(f"{folder}: lidar: expected {base.lidar.name}, got {provenance.lidar}")
     description = folder / "run.yaml"
     keys = kitti.read_keys(description) if description.is_file() else {}

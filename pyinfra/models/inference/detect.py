@@ -23,7 +23,7 @@ from pyinfra.models.detectors.background import Background
 from pyinfra.models.detectors.ground_adapter import OnRoad
 from pyinfra.models.pytorch import need_pytorch
 from pyinfra.models.training.accumulation import Accumulation
-from pyinfra.models.training.provenance import read_provenance
+from pyinfra.models.training.provenance import is_among, read_provenance
 from pyinfra.models.training.sources import read_frame, scene_of
 
 MODELS = Path(__file__).resolve().parents[1]  # folder of the pretrained detectors
@@ -201,7 +201,7 @@ def transfer(run: Path, lidar_folder: Path) -> str:
     return ", ".join(
         f"{name} {theirs} (trained on {ours})"
         for name, (ours, theirs) in pairs.items()
-        if theirs not in ours.split()
+        if not is_among(theirs, ours)
     )
 
 

@@ -54,6 +54,14 @@ class Provenance:
     version: str = __version__
 
 
+def is_among(name: str, names: str) -> bool:
+    """Returns whether a name is one of `names`, which are separated by blanks.
+
+    A name may contain blanks too.
+    """
+    return f" {name} " in f" {names} "
+
+
 def read_provenance(file: Path) -> Provenance:
     """Reads the description of a checkpoint. Raises the errors of checkpoint.load."""
     with opened(file, "np") as weights:

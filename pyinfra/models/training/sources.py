@@ -87,8 +87,9 @@ def read_source(
     """Returns the training frames of a folder.
 
     The training frames are listed in ImageSets/train.txt. If this file does not exist, they are the
-    training frames of the split by time, or all frames if the folder has no labels. Only training
-    frames and frames between them are stacked. Test frames are never stacked.
+    training frames of the split by time without those of val.txt and test.txt, or all frames if the
+    folder has no labels. Only training frames and frames between them are stacked. Test frames are
+    never stacked.
 
     Raises FileNotFoundError, FormatError and Error.
     """
@@ -121,7 +122,18 @@ def _train_frames(folder: Path, period_s: float) -> Sequence[int]:
         return frame_numbers(folder, "train")
     if not has_labels(folder):
         return kitti.frames(folder)  # without labels there can be no test frames
-    return split.by_time(kitti.frames(folder), period_s).train
+    tested = _tested(folder)
+    return [k for k in split.by_time(kitti.frames(folder), period_s).train if k not in tested]
+
+
+def _tested(folder: Path) -> set[int]:
+    """Returns the frames of val.txt and test.txt, as far as these files exist."""
+    return {
+        k
+        for part in ("val", "test")
+        if (folder / f"ImageSets/{part}.txt").is_file()
+        for k in frame_numbers(folder, part)
+    }
 
 
 def _stackable(folder: Path, train: Sequence[int]) -> set[int]:
@@ -131,12 +143,11 @@ def _stackable(folder: Path, train: Sequence[int]) -> set[int]:
     list may be a test frame. Then only the training frames are returned.
     """
     lists = folder / "ImageSets"
-    named = [part for part in ("val", "test") if (lists / f"{part}.txt").is_file()]
+    named = any((lists / f"{part}.txt").is_file() for part in ("val", "test"))
     if not train or ((lists / "train.txt").is_file() and not named):
         return set(train)
-    tested = {k for part in named for k in frame_numbers(folder, part)}
     between = range(train[0], train[-1] + 1)
-    return {k for k in kitti.frames(folder) if k in between} - tested
+    return {k for k in kitti.frames(folder) if k in between} - _tested(folder)
 
 
 def read_frame(folder: Path, frame: int) -> Points:

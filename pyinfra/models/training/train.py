@@ -25,6 +25,7 @@ from pyinfra.models.detectors.background import Background
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.pytorch import need_pytorch
 from pyinfra.models.training.accumulation import Accumulation
+from pyinfra.models.training.provenance import Provenance, read_provenance
 from pyinfra.models.training.recipe import Precision, Recipe
 from pyinfra.models.training.samples import Frames
 from pyinfra.models.training.sources import Source, Stream, on_road, spread
@@ -32,7 +33,6 @@ from pyinfra.models.training.sources import Source, Stream, on_road, spread
 if TYPE_CHECKING:
     from pyinfra.models.detectors.network import Network
     from pyinfra.models.training.loop import Description, Progress
-    from pyinfra.models.training.provenance import Provenance
 
 
 BACKGROUND_FRAMES = 100
@@ -65,18 +65,25 @@ def train(
     if recipe.detector == "background":
         return _learn_background(recipe, sources, out)
     if recipe.learning.steps == 0:
-        return _as_it_comes(Path(recipe.learning.start), out)
+        return _as_it_comes(recipe, out)
     return _train_network(recipe, sources, out, seed, device, precision, quiet)
 
 
-def _as_it_comes(start: Path, out: Path) -> Path:
+def _as_it_comes(recipe: Recipe, out: Path) -> Path:
     """Copies the network `start` to the folder `out` without training; returns the new file.
 
-    Raises FileNotFoundError, and FileExistsError if the folder has another network.
+    Raises FileNotFoundError, FileExistsError if the folder has another network, and ConfigError if
+    the network is that of another detector.
     """
-    source, model = model_file(start), out / "last.safetensors"
+    source, model = model_file(Path(recipe.learning.start)), out / "last.safetensors"
     if model.exists() and not filecmp.cmp(source, model, shallow=False):
         raise FileExistsError(f"{out}: expected no model of another network, got {model.name}")
+    detector = read_provenance(source).detector
+    if detector != recipe.detector:
+        raise ConfigError(
+            f"{recipe.learning.start}: expected a model of {recipe.detector}, got a model of "
+            f"{detector}"
+        )
     with replacing(model) as beside:
         shutil.copyfile(source, beside)
     return model
@@ -159,8 +166,6 @@ def _train_network(
 
 def _provenance(recipe: Recipe, stream: Stream, seed: int) -> Provenance:
     """Returns the description of the checkpoint before the first step."""
-    from pyinfra.models.training.provenance import Provenance
-
     return Provenance(
         detector=recipe.detector,
         network=as_plain(recipe.network),
