@@ -18,16 +18,15 @@ def far_points() -> list[str]:
     The row has the ratio of the Avia to the best other LiDAR under each of three presets.
     """
     table = results("scanning_claims")
-    paper, equal, datasheet = (
-        number(rows_of(table, "far-range", " common,", preset=preset).value.item())
-        for preset in PRESETS
-    )
+    rows = rows_of(table, "far-range", " common,").set_index("preset")
+    paper, equal, datasheet = (number(rows.value[preset]) for preset in PRESETS)
+    (seeds,) = set(rows.seeds)
     finding = (
         f"On far vehicles the Livox Avia has {paper} times the points of the best other LiDAR "
         f"under [the study's settings](docs/first_steps.md#presets), {equal} times at equal range, "
         f"{datasheet} times by data sheets."
     )
-    where = "[highway](docs/results/points.md), beyond 90 m; five seeds"
+    where = f"[highway](docs/results/points.md), beyond 90 m; {seeds} seeds"
     return [finding, where]
 
 
