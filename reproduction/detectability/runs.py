@@ -130,10 +130,12 @@ def pose_of(run: Run, site: PlanSite) -> FloatArray:
 
 
 def store(run: Run, frames: int, work: Path) -> None:
-    """Measures a run and writes its file, if it is missing."""
+    """Measures a run and writes its file, unless there is a file with this number of frames."""
     file = work / f"{run.name}.npz"
     if file.is_file():
-        return
+        with np.load(file) as data:
+            if int(data["frames"]) == frames:
+                return
     started = time.process_time()
     site = site_of(run.site, frames, work, traffic=run.seed)
     pose = pose_of(run, site)

@@ -9,7 +9,7 @@ from scipy import stats
 
 from reproduction.commands.detectability import part_of
 from reproduction.commands.placement import order_rows, place_rows
-from reproduction.detectability import check
+from reproduction.detectability import check, runs
 from reproduction.detectability.empty_scene import Occupancy, reached_voxels
 from reproduction.detectability.runs import CHECK_SEEDS, Run, check_runs, fit_runs
 
@@ -103,6 +103,24 @@ def test_a_predictor_that_is_the_same_at_each_pose_has_no_correlation() -> None:
     row = rows[(rows.measure == "r within a site") & (rows.predictor == "information_bits")]
     assert row.groups.item() == 0
     assert np.isnan(row.value.item())
+
+
+class Measured(Exception):
+    """Is raised when a run is measured."""
+
+
+def test_a_run_of_another_number_of_frames_is_measured_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def site_of(*_: object, **__: object) -> None:
+        raise Measured
+
+    monkeypatch.setattr(runs, "site_of", site_of)
+    run = Run(1, 0, "ruby_plus")
+    np.savez(tmp_path / f"{run.name}.npz", frames=30)
+    runs.store(run, 30, tmp_path)
+    with pytest.raises(Measured):
+        runs.store(run, 60, tmp_path)
 
 
 def test_a_mean_over_sites_has_students_interval() -> None:
