@@ -1,4 +1,8 @@
-"""Makes the tables about the time at which a label holds, and the angle at which a frame begins."""
+"""Makes the tables about the time at which a label holds, and the angle at which a frame begins.
+
+The ground truth is `captured`. The subset `common` has other vehicles at turned cut angles, because
+only spinning LiDARs are simulated there.
+"""
 
 from __future__ import annotations
 
@@ -19,13 +23,13 @@ WIDE, NARROW = "ruby_plus", "livox_avia"
 Aps = dict[tuple[str, str], pd.DataFrame]  # by LiDAR and label time: replicates x cut angles
 
 
-def _aps(subset: str = "captured") -> Iterator[tuple[tuple[str, str, str], Aps]]:
+def _aps() -> Iterator[tuple[tuple[str, str, str], Aps]]:
     """Yields scene, preset and setup, with AP for both label times and several cut angles.
 
     The AP of all LiDARs and label times is of the same replicates.
     """
     table = results("experiments")
-    table = table[(table.subset == subset) & table["judge"].isin(SETUPS)]
+    table = table[(table.subset == "captured") & table["judge"].isin(SETUPS)]
     table = table[table.training_cut_angle_deg == 0]
     for key, part in table.groupby(["scene", "preset", "judge"], sort=False):
         aps = {
@@ -89,14 +93,14 @@ def _probability(table: FloatArray) -> float:
     return float(stats.f.sf(between / within, groups - 1, (groups - 1) * (blocks - 1)))
 
 
-def training_cut_angles(subset: str = "captured") -> str:
+def training_cut_angles() -> str:
     """Returns the AP of detectors that were trained at several cut angles with mid-frame labels.
 
     Each row is one cut angle of the training, and each column one of the tests. All of them have
     the same replicates.
     """
     table = results("experiments")
-    table = table[(table.subset == subset) & (table.label_time == "frame")]
+    table = table[(table.subset == "captured") & (table.label_time == "frame")]
     groups = table.groupby(["scene", "preset", "judge", "lidar"], sort=False)
     rows = []
     for (scene, preset, setup, lidar), part in groups:
