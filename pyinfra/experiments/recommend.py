@@ -154,10 +154,10 @@ def pretrained_note(options: Sequence[Option]) -> Iterator[str]:
     lidars = {option.lidar for option in options if option.detector == PRETRAINED}
     if len(lidars) > 1:
         yield (
-            f"{PRETRAINED} is the pretrained detector without further training. It is more accurate "
-            "with LiDARs of a wide field of view, which it was trained with most. Before you rank "
-            "LiDARs by AP, repeat the benchmark with the detector `generalist`, which is trained "
-            "further with each LiDAR."
+            f"{PRETRAINED} is the pretrained detector without further training. It is more "
+            "accurate with LiDARs of a wide field of view, because most of its training frames "
+            "were theirs. Before you rank LiDARs by AP, repeat the benchmark with the detector "
+            "`generalist`, which is trained further with each LiDAR."
         )
 
 

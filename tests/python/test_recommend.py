@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -13,6 +14,7 @@ from benchmark_data import PRICES, experiments, replicates_of, values
 import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.experiments.benchmark import measure
+from pyinfra.experiments.recommend import pretrained_note
 from pyinfra.experiments.requirements import unlike
 from pyinfra.experiments.result_tables import AS_THEY_COME, hardly_learnt
 from pyinfra.experiments.value import KEY
@@ -166,6 +168,21 @@ def test_a_lidar_that_looks_one_way_does_not_win_by_what_it_captures(
     assert "Left out: livox_avia with pv-rcnn: AP 40.0 of all visible vehicles." in lines
     wide = output_lines(capsys, results, "--budget", 8000, "--min-ap", 39)
     assert [line for line in wide if line[0].isdigit()][-1].startswith("5. helios_16")
+
+
+@pytest.mark.parametrize(
+    ("detector", "lidars", "warned"),
+    [
+        ("generalist-as-is", ("ruby_plus", "livox_avia"), True),
+        ("generalist-as-is", ("ruby_plus",), False),
+        ("generalist", ("ruby_plus", "livox_avia"), False),
+    ],
+)
+def test_rankings_by_the_pretrained_detector_are_warned_of(
+    detector: str, lidars: tuple[str, ...], warned: bool
+) -> None:
+    options = [SimpleNamespace(detector=detector, lidar=lidar) for lidar in lidars]
+    assert any(pretrained_note(options)) == warned  # type: ignore[arg-type]
 
 
 def test_real_time_is_asked_unless_another_latency_is(
