@@ -1,20 +1,16 @@
-"""Makes the tables of the paper's claims about scanning, and of its detectors."""
+"""Makes the tables of the paper's claims about scanning."""
 
 from __future__ import annotations
 
 import pandas as pd
 
 from pyinfra.core.vocabulary import PRESETS
-from pyinfra.metrics.row_selection import ap_name, with_r1000
 from reproduction.tables.common import (
-    DETECTORS,
     LIDARS,
-    ends,
     markdown,
     number,
     results,
     with_interval,
-    with_interval_of_ap,
 )
 
 # Claims about scanning. An entry has the paper's statement, the claim's name, and words that select
@@ -118,23 +114,3 @@ def scanned_row(claim: str, words: str, preset: str) -> str:
         index=False
     )
     return f"{with_interval(value, low, high)} {verdict}"
-
-
-def detectors(scene: str, preset: str) -> str:
-    """Returns a table of AP with its interval, and of training time, for the smallest seed.
-
-    The benchmark has frames of version 0.1, one seed and one training per row.
-    """
-    table = with_r1000(results("quick"))
-    table = table[(table.scene == scene) & (table.preset == preset)].sort_values("seed")
-    rows = []
-    for name, words in DETECTORS.items():
-        by_lidar = table[table.detector == name].drop_duplicates("lidar").set_index("lidar")
-        cells = [
-            with_interval_of_ap(*ends(by_lidar.loc[x], "ap_r1000")) if x in by_lidar.index else ""
-            for x in LIDARS
-        ]
-        seconds = by_lidar.train_seconds.dropna()
-        span = f"{seconds.min():.0f} to {seconds.max():.0f}" if len(seconds) else ""
-        rows.append([words, *cells, span])
-    return markdown([f"{ap_name(table)} of", *LIDARS.values(), "train, CPU s"], rows)

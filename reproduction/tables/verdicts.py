@@ -124,10 +124,13 @@ def average_precision(subset: str = "captured") -> str:
 def detectors(scene: str, preset: str, subset: str = "captured") -> str:
     """Returns the AP of each detector with 128 lines and the Avia, and the paired difference.
 
-    A detector with one replicate has no interval. The CPU seconds of the training are the mean over
-    both LiDARs.
+    A detector with one replicate has no interval. The CPU seconds of the training, and the
+    milliseconds of a frame on one thread, are means over both LiDARs.
     """
     table = at_own_cut_angle(results("experiments"))
+    latency = results("latency")
+    latency = latency[(latency.scene == scene) & (latency.preset == preset)]
+    ms_of = latency.groupby(["judge", "detector"]).latency_p50_ms.mean()
     keep = (table.scene == scene) & (table.preset == preset) & (table.subset == subset)
     table = table[keep & (table.label_time == "scan")]
     rows = []
@@ -138,9 +141,29 @@ def detectors(scene: str, preset: str, subset: str = "captured") -> str:
             aps = aps.dropna(subset=[WIDE, AVIA])
             cells = [_mean(aps[WIDE]), _mean(aps[AVIA]), _mean(aps[AVIA] - aps[WIDE])]
             seconds = part[part.lidar.isin([WIDE, AVIA])].train_cpu_s.mean()
-            rows.append([words, *cells, str(len(aps)), f"{seconds:.0f}" if seconds else ""])
+            times = [f"{seconds:.0f}" if seconds else ""]
+            if len(ms_of):
+                times.append(f"{ms_of[setup, name]:.0f}")
+            rows.append([words, *cells, str(len(aps)), *times])
     heads = ["detector", "128 lines", "Avia", "Avia less 128 lines", "replicates"]
-    return markdown([*heads, "training, CPU s"], rows)
+    heads += ["training, CPU s", *["frame, ms"][: len(ms_of)]]
+    return markdown(heads, rows)
+
+
+def claims_of_detectors() -> str:
+    """Returns the verdicts of the claims about detectors: a row per claim, a column per LiDAR."""
+    table = results("claims").dropna(subset="lidar")
+    rows = []
+    for claim, group in table.groupby("claim", sort=False):
+        by_lidar = {row.lidar: row for row in group.itertuples()}
+        cells = [
+            f"{row.value:.1f} [{row.low:.1f}, {row.high:.1f}], {row.verdict}"
+            if row.verdict != TOO_FEW
+            else f"{row.value:.1f}, {row.verdict} ({row.replicates})"
+            for row in (by_lidar[name] for name in (WIDE, "avia"))
+        ]
+        rows.append([f"`{claim}`", *cells])
+    return markdown(["claim", "128 lines", "Avia"], rows)
 
 
 def bias() -> str:

@@ -142,9 +142,27 @@ def experiment_rows() -> pd.DataFrame:
 
 
 def test_a_detector_with_one_replicate_has_no_interval(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(verdicts, "results", lambda _: experiment_rows())
-    _, *rows = cells(verdicts.detectors("highway", "paper"))
-    assert rows == [["PointPillars", "95.0", "90.0", "-5.0", "1", "60"]]
+    latency = {"scene": "highway", "preset": "paper", "judge": "from nothing"}
+    latency |= {"detector": "pointpillars", "latency_p50_ms": [30.0, 40.0]}
+    tables = {"experiments": experiment_rows(), "latency": pd.DataFrame(latency)}
+    monkeypatch.setattr(verdicts, "results", tables.__getitem__)
+    heads, *rows = cells(verdicts.detectors("highway", "paper"))
+    assert rows == [["PointPillars", "95.0", "90.0", "-5.0", "1", "60", "35"]]
+    assert heads[-2:] == ["training, CPU s", "frame, ms"]
+
+
+def test_claims_about_detectors_have_a_verdict_for_each_lidar(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    wide = {"claim": "similar", "lidar": "ruby_plus", "value": 1.0, "low": 0.0, "high": 2.0}
+    rows = [
+        {**wide, "verdict": "holds", "replicates": 3},
+        {**wide, "lidar": "avia", "verdict": verdicts.TOO_FEW, "replicates": 1},
+        {**wide, "claim": "comparable", "lidar": None, "replicates": 3},
+    ]
+    monkeypatch.setattr(verdicts, "results", lambda _: pd.DataFrame(rows))
+    _, *table = cells(verdicts.claims_of_detectors())
+    assert table == [["`similar`", "1.0 [0.0, 2.0], holds", "1.0, too few replicates (1)"]]
 
 
 def test_times_of_different_machines_are_not_averaged(monkeypatch: pytest.MonkeyPatch) -> None:
