@@ -46,7 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--work",
         type=Path,
         default=Path("data/benchmark"),
-        help="folder for simulated frames and trained detectors; default: data/benchmark",
+        help="folder for simulated frames and trained detectors, one for each tier; default: "
+        "data/benchmark",
     )
     parser.add_argument(
         "--jobs",
