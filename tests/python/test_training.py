@@ -21,7 +21,7 @@ from safetensors.torch import load_file, save_file  # noqa: E402
 
 from pyinfra.cli import main  # noqa: E402
 from pyinfra.core.boxes import points_in_box, points_in_boxes  # noqa: E402
-from pyinfra.core.errors import ConfigError  # noqa: E402
+from pyinfra.core.errors import ConfigError, Error  # noqa: E402
 from pyinfra.dataset import regions  # noqa: E402
 from pyinfra.dataset.ground import level_ground  # noqa: E402
 from pyinfra.dataset.outlines import in_outline  # noqa: E402
@@ -820,6 +820,10 @@ def test_frames_of_a_test_list_alone_are_not_learnt_from(tmp_path: Path) -> None
     expected = [road_sample(k).points for k in (0, 3000)]
     for cloud, points in zip(source.clouds, expected, strict=True):
         np.testing.assert_array_equal(cloud(), points)
+    kitti.frame_file(tmp_path, "velodyne", 4100).unlink()
+    kitti.frame_file(tmp_path, "velodyne", 4200).unlink()
+    with pytest.raises(Error, match=f"{tmp_path}: expected frames before 400 s"):
+        read_source(tmp_path, "smoke")
 
 
 def test_another_lidar_or_preset_is_a_warning_unless_it_is_meant(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, IntArray, Points
+from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import OBJECT_CLASSES, VEHICLES, LabelTime, ObjectClass, Tier
 from pyinfra.dataset import regions, split
 from pyinfra.dataset.frame_readers import other_types, read_vehicles
@@ -122,8 +123,12 @@ def _train_frames(folder: Path, period_s: float) -> Sequence[int]:
         return frame_numbers(folder, "train")
     if not has_labels(folder):
         return kitti.frames(folder)  # without labels there can be no test frames
+    try:
+        train = split.by_time(kitti.frames(folder), period_s).train
+    except Error as error:
+        raise Error(f"{folder}: {error}") from None
     tested = _tested(folder)
-    return [k for k in split.by_time(kitti.frames(folder), period_s).train if k not in tested]
+    return [k for k in train if k not in tested]
 
 
 def _tested(folder: Path) -> set[int]:
