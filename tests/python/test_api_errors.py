@@ -128,6 +128,10 @@ CALLS: dict[str, tuple[Call, str]] = {
     "detect: frames type": (lambda g: pi.detect(len, 7), "frames: "),
     "detect: height": (lambda g: pi.detect("generalist", g.frames, height_m=-1), "height_m: "),
     "detect: region": (lambda g: pi.detect(len, g.frames, region=[[0, 0]]), "region: "),
+    "detect: region without effect": (
+        lambda g: pi.detect(len, g.frames, region=[[0, 0], [9, 0], [9, 9]]),
+        "region: ",
+    ),
     "detect: region 3": (lambda g: pi.detect(len, g.frames, region=np.zeros((4, 3))), "region: "),
     "detect: region NaN": (
         lambda g: pi.detect(len, g.frames, region=[[np.nan] * 2] * 3),

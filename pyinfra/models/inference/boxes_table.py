@@ -123,8 +123,8 @@ def detect(
 
     Raises
     ------
-    Error : for an unknown model, a callable that fails or returns another kind of object, and for
-        an invalid height or region
+    Error : for an unknown model, a callable that fails or returns another kind of object, for an
+        invalid height or region, and for a region that would have no effect
 
     Examples
     --------
@@ -150,6 +150,11 @@ def detect(
             warnings.warn(f"{text}: `region` takes an outline of the road", stacklevel=CALLER)
         detector = detector_at_place(model.file, site, model.device, model.threads)
         per_frame = [detector.predict(points) for points in _stacked(model.file, frames)]
+    elif region is not None and not drop_standing:
+        raise Error(
+            "region: expected no value for a detector of your own, which gets all points and "
+            "whose boxes are all returned, got an outline"
+        )
     elif hasattr(model, "predict"):
         per_frame = [model.predict(frame.points) for frame in frames]
     elif callable(model):
