@@ -5,6 +5,7 @@ from pathlib import Path
 
 import yaml
 
+from pyinfra.cli.messages import note
 from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.core.progress import track
@@ -49,4 +50,6 @@ def run(args: argparse.Namespace) -> int:
     with replacing(args.out / SHEET) as beside:
         sheet(sites[:MOST_ON_A_SHEET]).savefig(beside, format="png", dpi=DPI)
     print(args.out / SHEET)
+    if len(sites) > MOST_ON_A_SHEET:
+        note(f"{SHEET} shows the first {MOST_ON_A_SHEET} of {len(sites)} sites", args)
     return 0

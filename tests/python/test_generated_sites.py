@@ -412,6 +412,14 @@ def test_the_command_writes_scene_files_and_a_sheet(
     assert capsys.readouterr().out.split()[-1].endswith("sheet.png")
 
 
+def test_a_sheet_that_is_not_of_all_sites_is_noted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pyinfra.cli.sites.MOST_ON_A_SHEET", 1)
+    assert main(["sites", "--count", "2", "--out", str(tmp_path)]) == 0
+    assert "sheet.png shows the first 1 of 2 sites" in capsys.readouterr().err
+
+
 def test_the_command_says_what_is_allowed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
