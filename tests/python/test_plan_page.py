@@ -61,6 +61,7 @@ def test_the_page_has_the_figures_of_the_tables(planned: Plan) -> None:
     rows = planned.front.table.drop_duplicates("option").set_index("option")
     assert [one["number"] for one in data["options"]] == rows.index.tolist()
     assert data["lidars"] == sorted(LIDARS)
+    assert data["request"]["false_per_minute"] is None
     for one in data["options"]:
         row = rows.loc[one["number"]]
         assert one["price"] == pytest.approx(

@@ -22,6 +22,7 @@ const within = (value, digits = 0) => value[1] === null ? shown(value[0], digits
   : `${shown(value[0], digits)} [${shown(value[1], digits)} to ${shown(value[2], digits)}]`;
 /* A share as text, never rounded up to the wanted one. */
 const found = (value) => value !== null && value < state.find && Math.round(value) >= state.find ? shown(Math.floor(10 * value) / 10, 1) : shown(value);
+const rare = D.request.false_per_minute === null ? "" : `at most ${D.request.false_per_minute} false boxes a minute`;
 const plural = (count, word) => `${count} ${word}${count === 1 ? "" : "s"}`;
 const names = (one) => {
   const counts = new Map();
@@ -71,7 +72,7 @@ function answer(one, picked, some) {
   const people = D.goals.findIndex((g) => g.what === "pedestrians" && g.within === state.within);
   const done = one.simulated;
   at("answer-body").innerHTML = `
-<p class="status ${meets ? "meets" : "misses"}">${meets ? "\u2713 Meets" : "\u2717 Does not meet"} what is asked: ${state.find} of 100 ${escaped(counted())}, at most ${usd(state.budget)} and ${plural(state.poles, "pole")}.</p>
+<p class="status ${meets ? "meets" : "misses"}">${meets ? "\u2713 Meets" : "\u2717 Does not meet"} what is asked: ${state.find} of 100 ${escaped(counted())}, ${rare ? `${rare}, ` : ""}at most ${usd(state.budget)} and ${plural(state.poles, "pole")}.</p>
 <p class="headline">Option ${one.number} finds ${found(value)} of 100 ${escaped(counted())} in a frame${interval}</p>
 <dl class="figures">
 ${figure(`Price over ${D.request.years} years`, usd(one.price[0]), `${usd(one.price[1])} to ${usd(one.price[2])}${doubtful(one).length ? ", unconfirmed" : ""}`)}
@@ -93,11 +94,12 @@ function* noteLines(one, picked, some) {
   yield `In the frames of the choice it finds ${found(inChoice(one))} of 100.`;
   if (!isEnough(one) && !picked) {
     const all = options.filter(isEnough).sort(order);
-    yield some.length ? `No allowed option finds ${state.find} of 100${D.request.limits_false ? " with so few false boxes" : ""} there; this one finds the most${D.request.has_weights && goal() === 0 ? " by the weights of the plan" : ""}.` : "";
+    yield some.length ? `No allowed option finds ${state.find} of 100${rare ? " with so few false boxes" : ""} there; this one finds the most${D.request.has_weights && goal() === 0 ? " by the weights of the plan" : ""}.` : "";
     yield all.length ? `Option ${all[0].number} would: ${names(all[0])} on ${plural(all[0].poles, "pole")}, ${usd(all[0].price[0])}.`
       : "No option of this plan does.";
   }
   if (share(one)[1] !== null && share(one)[1] < state.find && finds(one)) yield `The interval begins below ${state.find} of 100, so it may miss what is asked.`;
+  if (rare && !one.keeps_false) yield "No score keeps its false boxes that rare.";
   if (one.price[2] > state.budget) yield `It may cost up to ${usd(one.price[2])}, more than the budget.`;
   if (one.method === "greedy") yield "The search for more than two LiDARs is greedy: a better set may exist.";
   if (doubtful(one).length) yield `Prices are unconfirmed: ${doubtful(one).join(", ")}.`;

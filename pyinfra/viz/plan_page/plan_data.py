@@ -51,7 +51,9 @@ def plan_data(plan: Plan) -> dict[str, Any]:
             "within": request.within_m,
             "years": request.years,
             "has_weights": bool(request.people or any(one.weight for one in request.areas)),
-            "limits_false": math.isfinite(request.false_per_minute),
+            "false_per_minute": request.false_per_minute
+            if math.isfinite(request.false_per_minute)
+            else None,
         },
         "centre": [round(float(value), 1) for value in site.centre],
         "frames": front.frames,
