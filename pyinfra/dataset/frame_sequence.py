@@ -23,7 +23,7 @@ from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray, Records
 from pyinfra.core.version import __version__
 from pyinfra.core.vocabulary import OBJECT_NAMES, LabelTime
 from pyinfra.dataset.frame_readers import read_vehicles
-from pyinfra.dataset.frame_tables import Vehicles, concatenated, without_points
+from pyinfra.dataset.frame_tables import Vehicles, concatenated, no_vehicles, without_points
 from pyinfra.dataset.frames import PERIOD_S, frame_numbers
 from pyinfra.dataset.ground import Ground, ground_of, ground_of_roads
 from pyinfra.dataset.outlines import outlines_of
@@ -238,18 +238,16 @@ class SimulatedFrames(FrameSequence):
         for _ in self._cast(missing):
             pass
         label_time = self.label_time
-        return concatenated(
-            [vehicles_of(self.rows[k], i, label_time) for i, k in enumerate(self.numbers)]
-        )
+        parts = [vehicles_of(self.rows[k], i, label_time) for i, k in enumerate(self.numbers)]
+        return concatenated([no_vehicles(), *parts])
 
     def everybody(self) -> Vehicles:
         """Returns all objects of the scene, at any distance.
 
         Their boxes are the boxes at mid-frame, and `points` is 0.
         """
-        return concatenated(
-            [scene_objects(self.world.objects(k), i) for i, k in enumerate(self.numbers)]
-        )
+        parts = [scene_objects(self.world.objects(k), i) for i, k in enumerate(self.numbers)]
+        return concatenated([no_vehicles(), *parts])
 
     @property
     def label_time(self) -> LabelTime:

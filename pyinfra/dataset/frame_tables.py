@@ -57,6 +57,12 @@ def concatenated(parts: Sequence[Table]) -> Table:
     return type(parts[0])(**{name: np.concatenate(column) for name, column in columns.items()})
 
 
+def no_vehicles() -> Vehicles:
+    """Returns a table without objects."""
+    none = np.empty(0, np.int64)
+    return without_points(none, none, np.empty(0, "<U12"), np.empty((0, 7)))
+
+
 def without_points(frame: IntArray, ids: IntArray, names: NameArray, boxes: FloatArray) -> Vehicles:
     """Returns objects with `boxes` at mid-frame. `points` is 0 and `visibility` is -1 (unknown)."""
     return Vehicles(

@@ -161,6 +161,8 @@ def ground_truth_of(frames: FrameSequence) -> GroundTruth:
         return read_ground_truth(frames.folder, frames.numbers, beyond_range=True)
     if not isinstance(frames, SimulatedFrames):
         raise Error(f"frames: expected a sequence of frames, got {type(frames).__name__}")
+    if not frames.numbers:
+        raise Error("frames: expected a frame to evaluate, got none")
     vehicles = frames.vehicles()
     sequences = [frames, *frames.beside.values()]
     farthest = max(sequences, key=lambda sequence: (_reach(sequence.lidar), sequence.name))

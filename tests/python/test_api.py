@@ -245,6 +245,18 @@ def test_a_slice_is_a_sequence(frames: FrameSequence) -> None:
     np.testing.assert_array_equal(part[0].points, frames[2].points)
 
 
+def test_an_empty_slice_has_no_labels_and_is_not_evaluated(
+    frames: FrameSequence, noisy: pd.DataFrame, written: Path
+) -> None:
+    for sequence in (frames, pi.load_dataset(written)):
+        assert isinstance(sequence, FrameSequence)
+        none = sequence[:0]
+        assert none.labels.columns.tolist() == frames.labels.columns.tolist()
+        assert len(none.labels) == len(none.objects) == 0
+        with pytest.raises(pi.Error, match="expected a frame to evaluate, got none"):
+            pi.evaluate(none, noisy[:0])
+
+
 def test_the_order_of_the_frames_does_not_matter(
     frames: FrameSequence, noisy: pd.DataFrame
 ) -> None:
