@@ -285,6 +285,16 @@ def test_a_lidar_may_have_a_name_that_looks_like_no_text(name: str, config: Path
     assert [line.split(",")[1] for line in lines[1:]] == [name]
 
 
+def test_two_experiments_do_not_share_a_folder(config: Path) -> None:
+    shutil.copy(config.parent / "site.yaml", config.parent / "site_wide.yaml")
+    shutil.copy(config.parent / "own.yaml", config.parent / "wide_own.yaml")
+    changed(config, "[site.yaml]", "[site.yaml, site_wide.yaml]")
+    changed(config, "[own.yaml]", "[own.yaml, wide_own.yaml]")
+    text = "site_wide_own_paper_background_smoke_1 for 'site wide_own .*' and 'site_wide own .*'"
+    with pytest.raises(ConfigError, match=text):
+        read_plan(config, "smoke")
+
+
 @pytest.mark.parametrize("name", ["=1+1", "-rf", "+1", "@sum", ".hidden"])
 def test_a_name_that_is_an_order_to_a_shell_or_a_spreadsheet_is_refused(
     name: str, config: Path

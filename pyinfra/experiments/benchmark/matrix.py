@@ -192,6 +192,14 @@ def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
                 yield Experiment(scene, lidar, preset, detector, tier, seed)
 
     unique_experiments = tuple(dict.fromkeys(experiments()))
+    by_name: dict[str, Experiment] = {}
+    for experiment in unique_experiments:
+        if (other := by_name.setdefault(experiment.name, experiment)) is not experiment:
+            raise ConfigError(
+                f"{file}: matrix: expected a different folder for each experiment, got "
+                f"{experiment.name} for '{other.title}' and '{experiment.title}'; rename a scene "
+                "or a LiDAR"
+            )
     frames = benchmark.frames or FRAMES[tier]
     check_parts(file, frames, benchmark.split)
     return Plan(unique_experiments, frames, files, benchmark.costs, benchmark.split)
