@@ -70,12 +70,12 @@ def test_turned_cut_angles_and_other_subsets_are_left_out() -> None:
 def test_a_component_of_0_is_not_found_in_many_small_groups() -> None:
     part = table(3)
     one = part[part.scene == "a"]
-    rows = pd.concat([one.assign(scene=f"{number}") for number in range(100)], ignore_index=True)
+    rows = pd.concat([one.assign(scene=f"{number}") for number in range(40)], ignore_index=True)
     rows["ap_r1000"] = 80 + np.random.default_rng(2).normal(0, SEED, len(rows))
     rows["ap_r1000_frames_sd"] = 0.0
     sd = pd.DataFrame(variance.components(rows)).set_index(["quantity", "component"]).sd
     assert sd["avia", "seed"] == pytest.approx(SEED, rel=0.15)
-    assert sd["avia", "training"] < 0.25 * SEED
+    assert sd["avia", "training"] < 0.4 * SEED
 
 
 def test_label_times_are_compared_in_the_replicates_that_both_have() -> None:
