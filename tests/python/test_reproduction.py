@@ -123,8 +123,14 @@ def without_work(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
 @pytest.mark.parametrize(
     ("module", "words"),
     [
-        (experiments, "--scenes curve --presets paper --setups dsvt --cut-angles 90"),
-        (experiments, "--scenes curve --setups fine-tuned --training-cut-angles 90"),
+        (
+            experiments,
+            "--scenes curve --presets paper --setups dsvt --replicates 1 --cut-angles 90",
+        ),
+        (
+            experiments,
+            "--scenes curve --presets paper --setups dsvt --replicates 1 --training-cut-angles 90",
+        ),
         (poles, "--seeds 4 --lidars pandar_64"),
         (ladder, "--seeds 4 --frames 1000 --lidars hesai_ot128 --settings frames"),
         (fairness, "generalist --scenes curve --lidars pandar_64 --seeds 2"),
