@@ -24,6 +24,7 @@ from reproduction.tables.common import (
     LIDARS,
     markdown,
     results,
+    tenth,
     with_interval_of_ap,
 )
 
@@ -105,8 +106,11 @@ def _name(lidar: str) -> str:
 
 
 def _mean(values: pd.Series) -> str:
-    """Formats the mean over replicates with its 95 % interval."""
-    mean = over_replicates(values.dropna().to_list())
+    """Formats the mean over replicates, with its 95 % interval if they are enough."""
+    values = values.dropna()
+    if len(values) < LEAST_REPLICATES:
+        return tenth(values.mean())
+    mean = over_replicates(values.to_list())
     return with_interval_of_ap(mean.value, mean.low, mean.high)
 
 
@@ -124,7 +128,7 @@ def average_precision(subset: str = "captured") -> str:
 def detectors(scene: str, preset: str, subset: str = "captured") -> str:
     """Returns the AP of each detector with 128 lines and the Avia, and the paired difference.
 
-    A detector with one replicate has no interval. The CPU seconds of the training, and the
+    A detector with one or two replicates has no interval. The CPU seconds of the training, and the
     milliseconds of a frame on one thread, are means over both LiDARs.
     """
     table = at_own_cut_angle(results("experiments"))
@@ -143,7 +147,7 @@ def detectors(scene: str, preset: str, subset: str = "captured") -> str:
             seconds = part[part.lidar.isin([WIDE, AVIA])].train_cpu_s.mean()
             times = [f"{seconds:.0f}" if seconds else ""]
             if len(ms_of):
-                times.append(f"{ms_of[setup, name]:.0f}")
+                times.append(f"{ms_of[setup, name]:.0f}" if (setup, name) in ms_of else "")
             rows.append([words, *cells, str(len(aps)), *times])
     heads = ["detector", "128 lines", "Avia", "Avia less 128 lines", "replicates"]
     heads += ["training, CPU s", *["frame, ms"][: len(ms_of)]]

@@ -1,6 +1,6 @@
 """
-Accuracy against speed and price
-================================
+Accuracy against speed and training
+===================================
 
 Each point is one detector with one LiDAR on the motorway, with the settings of the study. The left
 picture compares the AP with the time that the detector takes for a frame on one thread of a CPU,
