@@ -168,7 +168,7 @@ def notes_of(units: Units, request: Request) -> str:
 
 
 def test_a_choice_is_exact_only_without_larger_sets(units: Units) -> None:
-    assert "exact over all candidates" in notes_of(units, Request(50_000, poles=2))
+    assert "exact over all pairs of pose and LiDAR" in notes_of(units, Request(50_000, poles=2))
     assert "exact for one and two LiDARs" in notes_of(units, Request(50_000, poles=3))
 
 
