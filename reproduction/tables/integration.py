@@ -24,7 +24,9 @@ def integration(subset: str = "captured") -> str:
     rows = []
     for (speed, lidar), part in table.groupby(["speed_km_h", "lidar"], sort=False):
         aps = part.pivot(index="seed", columns=["accumulate", "label_at"], values="ap_r1000")
-        changes = (signed(interval(aps[stack] - aps[single])) for stack in longer)
+        changes = (
+            signed(interval(aps[stack] - aps[single])) if stack in aps else "" for stack in longer
+        )
         cell = with_interval_of_ap(*astuple(interval(aps[single])))
         rows.append([f"{speed} km/h", LIDARS[str(lidar)], cell, *changes])
     heads = [f"change, {PERIOD_S * n:g} s{LABELS_AT[label_at]}" for n, label_at in longer]

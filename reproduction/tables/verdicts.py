@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import pandas as pd
 
@@ -154,19 +155,19 @@ def detectors(scene: str, preset: str, subset: str = "captured") -> str:
     return markdown(heads, rows)
 
 
+def _of_detectors(row: Any) -> str:
+    if row.verdict == TOO_FEW:
+        return f"{row.value:.1f}, {row.verdict} ({row.replicates})"
+    return f"{row.value:.1f} [{row.low:.1f}, {row.high:.1f}], {row.verdict}"
+
+
 def claims_of_detectors() -> str:
     """Returns the verdicts of the claims about detectors: a row per claim, a column per LiDAR."""
     table = results("claims").dropna(subset="lidar")
     rows = []
     for claim, group in table.groupby("claim", sort=False):
-        by_lidar = {row.lidar: row for row in group.itertuples()}
-        cells = [
-            f"{row.value:.1f} [{row.low:.1f}, {row.high:.1f}], {row.verdict}"
-            if row.verdict != TOO_FEW
-            else f"{row.value:.1f}, {row.verdict} ({row.replicates})"
-            for row in (by_lidar[name] for name in (WIDE, "avia"))
-        ]
-        rows.append([f"`{claim}`", *cells])
+        by_lidar = {row.lidar: _of_detectors(row) for row in group.itertuples()}
+        rows.append([f"`{claim}`", *(by_lidar.get(name, "") for name in (WIDE, "avia"))])
     return markdown(["claim", "128 lines", "Avia"], rows)
 
 
