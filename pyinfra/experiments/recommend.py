@@ -22,13 +22,13 @@ from pyinfra.experiments.coverage import ROAD
 from pyinfra.experiments.option_table import latency, option_table, price, price_range
 from pyinfra.experiments.options import Option
 from pyinfra.experiments.requirements import Requirements, place_of
+from pyinfra.experiments.result_tables import PRETRAINED
 from pyinfra.experiments.value import SITE_ITEMS
 from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.intervals import FEW_BLOCKS
 from pyinfra.metrics.row_selection import COUNTED
 
 MOST = 5  # options that are described in full
-PRETRAINED = "generalist-as-is"  # detector file of the pretrained detector as it is shipped
 NEAREST = 3  # options that are described if none meets the requirements
 
 

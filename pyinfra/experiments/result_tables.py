@@ -87,7 +87,8 @@ ENDS = (  # columns with the low and the high end of an interval
 )
 
 
-AS_THEY_COME = ("background", "generalist-as-is")  # detectors that have no training steps
+PRETRAINED = "generalist-as-is"  # the pretrained detector without further training
+AS_THEY_COME = ("background", PRETRAINED)  # detectors that have no training steps
 _EXPERIMENT = " ".join((*EXPERIMENT, "seed"))
 KINDS = {
     "experiments": kind(

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import astuple
 from functools import cache
 
 import pandas as pd
 
 from pyinfra.metrics.comparison import Interval
 from reproduction import ROOT
+from reproduction.report.ladder import interval
 
 LEAST_BOXES = 10  # minimum number of boxes from which a site's precision is computed
 DETECTORS = {
@@ -56,6 +58,11 @@ def with_interval(value: float, low: float, high: float) -> str:
         return f"{value:g}"
     digits = 1 if abs(value) >= 10 else 3
     return f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+
+
+def mean_of_ap(values: pd.Series) -> str:
+    """Formats the mean AP over seeds or replicates, with its 95 % interval if they are enough."""
+    return with_interval_of_ap(*astuple(interval(values)))
 
 
 def with_interval_of_ap(value: float, low: float, high: float) -> str:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
-
 from reproduction.report.ladder import interval
-from reproduction.tables.common import LIDARS, markdown, results, signed, with_interval_of_ap
+from reproduction.tables.common import LIDARS, markdown, mean_of_ap, results, signed
 
 PERIOD_S = 0.1  # of a frame
 LABELS_AT = {"newest": "", "middle": ", middle labelled"}
@@ -27,7 +25,6 @@ def integration(subset: str = "captured") -> str:
         changes = (
             signed(interval(aps[stack] - aps[single])) if stack in aps else "" for stack in longer
         )
-        cell = with_interval_of_ap(*astuple(interval(aps[single])))
-        rows.append([f"{speed} km/h", LIDARS[str(lidar)], cell, *changes])
+        rows.append([f"{speed} km/h", LIDARS[str(lidar)], mean_of_ap(aps[single]), *changes])
     heads = [f"change, {PERIOD_S * n:g} s{LABELS_AT[label_at]}" for n, label_at in longer]
     return markdown(["speed", "LiDAR", f"AP, {PERIOD_S:g} s", *heads], rows)

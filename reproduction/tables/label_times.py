@@ -12,9 +12,8 @@ import pandas as pd
 from scipy import stats
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.metrics.comparison import over_replicates
 from reproduction.commands.verdicts import LEAST_REPLICATES
-from reproduction.tables.common import LIDARS, markdown, results, with_interval_of_ap
+from reproduction.tables.common import LIDARS, markdown, mean_of_ap, results
 from reproduction.tables.verdicts import SETUPS
 
 LABEL_TIMES = {"scan": "scan time", "frame": "mid-frame"}
@@ -52,7 +51,7 @@ def label_times() -> str:
     for key, aps in _aps():
         for lidar in dict.fromkeys(lidar for lidar, _ in aps):
             both = [aps[lidar, label_time].mean(axis=1) for label_time in LABEL_TIMES]
-            cells = [_mean(one) for one in (*both, both[1] - both[0])]
+            cells = [mean_of_ap(one) for one in (*both, both[1] - both[0])]
             rows.append([*key, LIDARS[lidar], *cells])
     heads = [f"labels at {text}" for text in LABEL_TIMES.values()]
     return markdown(["scene", "preset", "detector", "LiDAR", *heads, "difference"], rows)
@@ -109,7 +108,7 @@ def training_cut_angles() -> str:
             columns = ["training_cut_angle_deg", "cut_angle_deg"]
             aps = part.pivot_table(index="replicate", columns=columns, values="ap_r1000").dropna()
             for angle in angles:
-                cells = [_mean(aps[angle, test]) for test in ANGLES_DEG]
+                cells = [mean_of_ap(aps[angle, test]) for test in ANGLES_DEG]
                 rows.append(
                     [scene, preset, SETUPS[setup], LIDARS[lidar], f"{angle} degrees", *cells]
                 )
@@ -125,11 +124,6 @@ def comparison() -> str:
             avia, wide = aps[NARROW, label_time][0], aps[WIDE, label_time]
             less = wide.mul(-1).add(avia, axis=0)
             ends = f"{less.mean().min():.1f} to {less.mean().max():.1f}"
-            rows.append([*key, text, _mean(less.mean(axis=1)), ends])
+            rows.append([*key, text, mean_of_ap(less.mean(axis=1)), ends])
     heads = ["scene", "preset", "detector", "labels at", "Avia less 128 lines, AP"]
     return markdown([*heads, "at single cut angles"], rows)
-
-
-def _mean(values: pd.Series) -> str:
-    mean = over_replicates(values.to_list())
-    return with_interval_of_ap(mean.value, mean.low, mean.high)

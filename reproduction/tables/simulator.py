@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
-
 import pandas as pd
 
 from pyinfra.metrics.comparison import Interval
 from reproduction.report.ladder import by_seed, interval
-from reproduction.tables.common import LIDARS, markdown, results, signed, with_interval_of_ap
+from reproduction.tables.common import LIDARS, markdown, mean_of_ap, results, signed
 
 
 def speed() -> str:
@@ -40,7 +38,7 @@ def ladder(detector: str = "background", preset: str = "datasheet") -> str:
         if other:
             cells = [_difference(interval(aps[lidar] - default[lidar])) for lidar in lidars]
         else:
-            cells = [with_interval_of_ap(*astuple(interval(aps[lidar]))) for lidar in lidars]
+            cells = [mean_of_ap(aps[lidar]) for lidar in lidars]
         rows.append([", ".join(other) or "default", f"{seconds:.0f}", *cells])
     return markdown(["model", "CPU, s", *(LIDARS[lidar] for lidar in lidars)], rows)
 

@@ -24,9 +24,8 @@ from reproduction.tables.common import (
     DETECTORS,
     LIDARS,
     markdown,
+    mean_of_ap,
     results,
-    tenth,
-    with_interval_of_ap,
 )
 
 SETUPS = {
@@ -106,15 +105,6 @@ def _name(lidar: str) -> str:
     return LIDARS.get(lidar, "5 Avias" if "avia" in lidar else lidar)
 
 
-def _mean(values: pd.Series) -> str:
-    """Formats the mean over replicates, with its 95 % interval if they are enough."""
-    values = values.dropna()
-    if len(values) < LEAST_REPLICATES:
-        return tenth(values.mean())
-    mean = over_replicates(values.to_list())
-    return with_interval_of_ap(mean.value, mean.low, mean.high)
-
-
 def average_precision(subset: str = "captured") -> str:
     """Returns the AP of the fine-tuned detector: one row per scene and preset."""
     heads = ["scene", "preset", "128 lines", "Avia (crossroad: 5)", "64 lines", "16 lines"]
@@ -122,7 +112,7 @@ def average_precision(subset: str = "captured") -> str:
     for pair, aps in _aps(subset):
         avia = next((name for name in aps if "avia" in name), "livox_avia")
         names = ["ruby_plus", avia, "pandar_64", "helios_16"]
-        rows.append([*pair, *(_mean(aps[name]) if name in aps else "" for name in names)])
+        rows.append([*pair, *(mean_of_ap(aps[name]) if name in aps else "" for name in names)])
     return markdown(heads, rows)
 
 
@@ -136,6 +126,7 @@ def detectors(scene: str, preset: str, subset: str = "captured") -> str:
     latency = results("latency")
     latency = latency[(latency.scene == scene) & (latency.preset == preset)]
     ms_of = latency.groupby(["judge", "detector"]).latency_p50_ms.mean()
+    timed = len(ms_of) > 0
     keep = (table.scene == scene) & (table.preset == preset) & (table.subset == subset)
     table = table[keep & (table.label_time == "scan")]
     rows = []
@@ -144,14 +135,18 @@ def detectors(scene: str, preset: str, subset: str = "captured") -> str:
         aps = part.pivot_table(index="replicate", columns="lidar", values="ap_r1000")
         if {WIDE, AVIA} <= set(aps):
             aps = aps.dropna(subset=[WIDE, AVIA])
-            cells = [_mean(aps[WIDE]), _mean(aps[AVIA]), _mean(aps[AVIA] - aps[WIDE])]
+            cells = [
+                mean_of_ap(aps[WIDE]),
+                mean_of_ap(aps[AVIA]),
+                mean_of_ap(aps[AVIA] - aps[WIDE]),
+            ]
             seconds = part[part.lidar.isin([WIDE, AVIA])].train_cpu_s.mean()
             times = [f"{seconds:.0f}" if seconds else ""]
-            if len(ms_of):
+            if timed:
                 times.append(f"{ms_of[setup, name]:.0f}" if (setup, name) in ms_of else "")
             rows.append([words, *cells, str(len(aps)), *times])
     heads = ["detector", "128 lines", "Avia", "Avia less 128 lines", "replicates"]
-    heads += ["training, CPU s", *["frame, ms"][: len(ms_of)]]
+    heads += ["training, CPU s", "frame, ms"] if timed else ["training, CPU s"]
     return markdown(heads, rows)
 
 
@@ -181,7 +176,9 @@ def bias() -> str:
     ]
     heads = ["scene", "preset", "LiDAR", "AP gained by fine-tuning"]
     rows = [
-        [*pair, _name(lidar), _mean(gain[lidar])] for pair, gain in gains for lidar in gain.columns
+        [*pair, _name(lidar), mean_of_ap(gain[lidar])]
+        for pair, gain in gains
+        for lidar in gain.columns
     ]
     return markdown(heads, rows)
 
@@ -195,7 +192,7 @@ def value(preset: str) -> str:
     for (scene, of), aps in _aps("present"):
         for lidar in prices[list(aps)].sort_values().index if of == preset else ():
             per = [1000 * aps[lidar].mean() / (prices[lidar] + cost) for cost in SITE_COSTS_USD]
-            cells = [scene, _name(lidar), f"{prices[lidar]:,.0f}", _mean(aps[lidar])]
+            cells = [scene, _name(lidar), f"{prices[lidar]:,.0f}", mean_of_ap(aps[lidar])]
             rows.append([*cells, _reached(aps[lidar]), *(f"{ratio:.1f}" for ratio in per)])
     return markdown(heads, rows)
 
