@@ -34,7 +34,7 @@ from pyinfra.core.vocabulary import PRESETS, SUBSETS, LabelTime, Preset, Tier
 from pyinfra.dataset import split
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.data_set import read_data_set
-from pyinfra.dataset.prediction_origin import origin_of, write_origin
+from pyinfra.dataset.frames import frame_numbers
 from pyinfra.dataset.roads import Places
 from pyinfra.dataset.runs import infrasim
 from pyinfra.dataset.windows import Near
@@ -47,7 +47,8 @@ from pyinfra.metrics.evaluation_tables import area_table, distance_table
 from pyinfra.metrics.match_results import MatchResult, Part
 from pyinfra.metrics.ranges import sensor_of
 from pyinfra.metrics.settings import Settings
-from pyinfra.models.inference import detect
+from pyinfra.models.inference.detect import model_file
+from pyinfra.models.inference.folder import detect_folder, place
 from reproduction import add_out, add_work, provenance, shared_frames
 from reproduction.train_detector import train_detector
 
@@ -182,21 +183,27 @@ def model_of(trained: Trained, work: Path) -> tuple[Path, float]:
     return run, train_detector(using.detector, data / lidar, run, *how)[1]
 
 
-def rows_of_test(model: Path, folder: Path, predictions: Path) -> list[dict[str, object]]:
-    """Runs a model on all frames of a LiDAR's folder.
+def rows_of_test(
+    model: Path, folder: Path, predictions: Path, part: str = "all"
+) -> list[dict[str, object]]:
+    """Runs a model on frames of a LiDAR's folder; returns a row of measures per subset.
 
-    Returns one row of measures per ground-truth subset.
+    Frames are stacked if the model needs stacked frames. The folder `predictions` is removed.
+    part: list of frames in ImageSets, or `all`.
     """
-    numbers = kitti.frames(folder)
-    predictions.mkdir(parents=True, exist_ok=True)
-    files = [kitti.frame_file(folder, "velodyne", k) for k in numbers]
-    write_origin(predictions, origin_of(folder, detect.model_file(model)), replace=True)
-    detect.detect(detect.detector_at(model, folder), files, predictions)
-    results = match_results_of(folder, predictions, SETTINGS, frames=numbers)
-    return [
-        {"subset": subset, "frames": len(numbers), **measures(result)}
+    frames = frame_numbers(folder, part)
+    if predictions.is_dir():  # of a test that was stopped
+        shutil.rmtree(predictions)
+    files = [kitti.frame_file(folder, "velodyne", k) for k in frames]
+    site = place(folder)
+    detect_folder(model_file(model), folder, predictions, files=files, where=site, warn=print)
+    results = match_results_of(folder, predictions, SETTINGS, frames=frames)
+    rows = [
+        {"subset": subset, "frames": len(frames), **measures(result)}
         for subset, result in zip(SUBSETS, results, strict=True)
     ]
+    shutil.rmtree(predictions)
+    return rows
 
 
 def measures(result: MatchResult) -> dict[str, object]:
@@ -282,7 +289,6 @@ def fill(trained: Trained, work: Path, out: Path) -> None:
             predictions = work / "predictions" / f"{trained.name}_{seed}_{angle}"
             tested = rows_of_test(model, data / trained.lidar, predictions)
             rows += [{**trained.key, "seed": seed, "cut_angle_deg": angle, **row} for row in tested]
-            shutil.rmtree(predictions)
         words = f"experiments --scenes {replicate.scene} --presets {replicate.preset}"
         words += f" --setups {trained.setup} --label-times {replicate.label_time}"
         words += f" --replicates {replicate.replicate}"

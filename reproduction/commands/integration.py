@@ -13,24 +13,20 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import shutil
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import pandas as pd
 
 from pyinfra.core.files import held
-from pyinfra.core.vocabulary import SUBSETS
 from pyinfra.dataset import split
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store
-from pyinfra.metrics.evaluate import match_results_of
-from pyinfra.models.inference.folder import detect_folder, frame_files, place
 from pyinfra.models.training.accumulation import Accumulation
 from reproduction import add_out, add_seeds, add_work, provenance
-from reproduction.commands.experiments import SETTINGS, TRAIN_SEEDS_FROM, measures
+from reproduction.commands.experiments import TRAIN_SEEDS_FROM, rows_of_test
 from reproduction.train_detector import train_detector
 
 SCENE, PRESET = "highway", "datasheet"
@@ -92,18 +88,11 @@ def fill(experiment: Experiment, stack: Accumulation, work: Path, out: Path) -> 
         folder = work / "runs" / experiment.name
         model, seconds = train_detector(DETECTOR, train, folder, seed, accumulation=stack)
         predictions = work / "predictions" / experiment.name
-        files = frame_files(test, "train", 0, None)
-        detect_folder(model, test, predictions, files=files, where=place(test), warn=print)
-        results = match_results_of(test, predictions, SETTINGS, split="train")
-        rows = [
-            {"subset": subset, "frames": len(files), **measures(result)}
-            for subset, result in zip(SUBSETS, results, strict=True)
-        ]
+        rows = rows_of_test(model, test, predictions, "train")
         table = pd.DataFrame(rows).assign(**asdict(experiment), train_cpu_s=round(seconds, 1))
-        made_by = provenance(f"integration --seeds {seed} --speeds {speed}")
-        store.put(out, table[[*KEY, *MEASURES]].assign(**made_by), KEY)
+        words = f"integration --seeds {seed} --speeds {speed} --lidars {experiment.lidar}"
+        store.put(out, table[[*KEY, *MEASURES]].assign(**provenance(words)), KEY)
         print(experiment.name, *table.ap_r1000.round(1), flush=True)
-        shutil.rmtree(predictions)
 
     store.fill(work / "locks" / experiment.name, lambda: experiment.is_done(out), run)
 

@@ -16,7 +16,7 @@ import pandas as pd
 
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark.measure import timed_alone
-from reproduction import add_out, add_work, provenance
+from reproduction import add_out, add_work, provenance, shared_frames
 from reproduction.commands.experiments import (
     SETUPS,
     TEST_FRAMES,
@@ -39,12 +39,13 @@ def main() -> None:
         "--setups", nargs="+", choices=SETUPS, default=list(SETUPS), help="default: all"
     )
     args = parser.parse_args()
-    test = simulated(REPLICATE, REPLICATE.test_seeds[0], TEST_FRAMES, args.work)
-    for setup, lidar in itertools.product(args.setups, LIDARS):
-        trained = Trained(setup, REPLICATE, lidar)
-        model, _ = model_of(trained, args.work)
-        columns, load = timed_alone(model, test / lidar, "cpu", every=2)
-        row = pd.DataFrame([{**trained.key, **columns}])[[*KEY, *columns]]
-        command = provenance(f"latency --setups {setup}")["command"]
-        store.put(args.out, row.assign(command=command), KEY)
-        print(trained.name, columns["latency_p50_ms"], "ms;", load.text, flush=True)
+    with shared_frames.in_use(args.work, REPLICATE.name):
+        test = simulated(REPLICATE, REPLICATE.test_seeds[0], TEST_FRAMES, args.work)
+        for setup, lidar in itertools.product(args.setups, LIDARS):
+            trained = Trained(setup, REPLICATE, lidar)
+            model, _ = model_of(trained, args.work)
+            columns, load = timed_alone(model, test / lidar, "cpu", every=2)
+            row = pd.DataFrame([{**trained.key, **columns}])[[*KEY, *columns]]
+            command = provenance(f"latency --setups {setup}")["command"]
+            store.put(args.out, row.assign(command=command), KEY)
+            print(trained.name, columns["latency_p50_ms"], "ms;", load.text, flush=True)

@@ -12,7 +12,15 @@ import pytest
 from pyinfra.core.vocabulary import SUBSETS
 from reproduction import ROOT, add_out, commands
 from reproduction import __main__ as reproduction
-from reproduction.commands import demo, experiments, fairness, generalist, ladder, poles
+from reproduction.commands import (
+    demo,
+    experiments,
+    fairness,
+    generalist,
+    integration,
+    ladder,
+    poles,
+)
 
 FILES = sorted(Path(commands.__path__[0]).glob("[a-z]*.py"))
 
@@ -88,14 +96,14 @@ def test_an_output_is_where_it_is_asked_and_a_wrong_one_is_an_error_at_once(
 
 
 ONE = {"ap_r1000": 1.0, "train_cpu_s": 1.0, "steps": 1, "objects": 1}
+NOTHING = dict.fromkeys(integration.MEASURES, 0)
 
 
 def without_work(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
     """Replaces the simulations, trainings and tests of some commands by results at once."""
 
-    def rows_of_test(_: Path, __: Path, predictions: Path) -> list[dict[str, object]]:
-        predictions.mkdir(parents=True)
-        return [{**ONE, "subset": subset} for subset in SUBSETS]
+    def rows_of_test(*_: object) -> list[dict[str, object]]:
+        return [{**NOTHING, **ONE, "subset": subset} for subset in SUBSETS]
 
     def simulated(*values: object) -> float:
         Path(str(values[-1])).mkdir(parents=True)
@@ -112,6 +120,9 @@ def without_work(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
     monkeypatch.setattr(experiments, "model_of", lambda *_: (Path("model"), 1.0))
     monkeypatch.setattr(experiments, "simulated", made)
     monkeypatch.setattr(experiments, "rows_of_test", rows_of_test)
+    monkeypatch.setattr(integration, "rows_of_test", rows_of_test)
+    monkeypatch.setattr(integration, "simulated", made)
+    monkeypatch.setattr(integration, "train_detector", lambda *_, **__: (Path("model"), 1.0))
     monkeypatch.setattr(poles.Experiment, "rows", rows_of_poles)
     monkeypatch.setattr(ladder, "simulated", simulated)
     monkeypatch.setattr(ladder, "row", lambda *_: ONE)
@@ -132,6 +143,7 @@ def without_work(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
             "--scenes curve --presets paper --setups dsvt --replicates 1 --training-cut-angles 90",
         ),
         (poles, "--seeds 4 --lidars pandar_64"),
+        (integration, "--seeds 4 --lidars helios_16 --speeds 20"),
         (ladder, "--seeds 4 --frames 1000 --lidars hesai_ot128 --settings frames"),
         (fairness, "generalist --scenes curve --lidars pandar_64 --seeds 2"),
         (generalist, "--seeds 1 --sites 15 --arms none"),
