@@ -112,7 +112,7 @@ def test_dataset_yaml_is_the_resolved_scene_with_preset_seed_and_version(
     keys = yaml.safe_load(text)
     version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
     assert (keys["preset"], keys["seed"], keys["version"]) == ("paper", 1, version)
-    assert keys["frames_version"] == 3
+    assert keys["frames_version"] == 4
     assert keys["traffic"]["warm_up_s"] == 5
     assert keys["fields"] is True
     scene = {k: v for k, v in keys.items() if k not in {"preset", "version", "frames_version"}}
@@ -549,7 +549,7 @@ def test_every_command_of_the_help_is_tested_here(infrasim: Infrasim) -> None:
 def test_version_is_the_packages(infrasim: Infrasim) -> None:
     version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
     result = infrasim("--version")
-    assert (result.returncode, result.stdout) == (0, f"infrasim {version} (frames 3)\n")
+    assert (result.returncode, result.stdout) == (0, f"infrasim {version} (frames 4)\n")
 
 
 def test_trajectories_command_writes_the_file_of_a_run(

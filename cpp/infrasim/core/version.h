@@ -12,25 +12,8 @@ std::string_view version();
 /// the same number are therefore compatible.
 ///
 /// The number increases by 1 when points, labels, objects, calibration or fields change for a
-/// shipped scene (tests/golden shows it). It does not increase for a release, for a new or renamed
-/// key, or for a scene that was rejected before. Frames of version 0.3 have the number 3.
-///
-/// The number does not increase for a correction that changes only frames of other scenes. In this
-/// case, `folder_identity.cpp` refuses to add frames to earlier folders of such scenes. Corrections
-/// since 0.3 concern:
-/// - scenes with traffic at several junctions;
-/// - scenes with rain or fog;
-/// - scenes with parked or recorded vehicles whose gap below the body is modelled;
-/// - LiDARs with a beam wider than that of the Livox Avia;
-/// - frames from 1,000 on of LiDARs with `azimuth_step_deg`.
-///
-/// Further corrections since 0.3 concern only some geometries, and frames are added to earlier
-/// folders without a check:
-/// - echoes of a wide beam, or in front of a pane, within `min_range_m`;
-/// - surfaces that end at an azimuth of exactly 180 degrees;
-/// - vehicles on a slope, at the end of a LiDAR's range.
-///
-/// Rows of results and checkpoints contain only the number.
-inline constexpr int kFramesVersion = 3;
+/// scene that could already be simulated. It does not increase for a release, for a new or renamed
+/// key, or for a scene that was rejected before. Frames of versions 0.3 and 0.4 have the number 3.
+inline constexpr int kFramesVersion = 4;
 
 }  // namespace infrasim
