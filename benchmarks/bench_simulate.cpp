@@ -58,7 +58,7 @@ class BareScene {
       : device_(rtcNewDevice("threads=1")), scene_(rtcNewScene(device_)) {
     rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
     for (const TriangleMesh& mesh : w.bodies) bodies_.push_back(mesh_scene(mesh));
-    bodies_.push_back(mesh_scene(w.background));
+    bodies_.push_back(mesh_scene(w.background()));
     for (const MovingObject& o : w.trajectories->in_frame(k)) {
       std::size_t body = 0;
       while (kObjectClasses[body].id != o.object_class) ++body;

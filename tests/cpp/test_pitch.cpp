@@ -94,7 +94,7 @@ TEST(pitch, frozen_triangles_stand_where_rays_meet_them) {
   const Box3d box = world.level.to_level(world.trajectories->in_frame(3)[0].at(0.5));
   const TriangleMesh mesh = frozen_mesh(world, 3, 0.5);
   double highest = -kInf, lowest = kInf;
-  for (std::size_t i = world.background.vertices.size(); i < mesh.vertices.size(); ++i) {
+  for (std::size_t i = world.background().vertices.size(); i < mesh.vertices.size(); ++i) {
     const auto& v = mesh.vertices[i];
     if (v[1] < 0) continue;  // point of the other car
     EXPECT_LE(outside(box, {v[0], v[1], v[2]}), 1e-4);

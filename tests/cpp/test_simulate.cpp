@@ -643,7 +643,7 @@ TEST(hits, on_vehicles_that_touch_and_stand_on_the_road_do_not_depend_on_the_ord
   const std::vector cars{car_on_road(1, 12, -1.8, 0), car_on_road(2, 16.5, -1.8, 0),
                          car_on_road(3, 12, -3.7, 0), car_on_road(4, 16.5, -3.7, 0)};
   const World world = world_with(empty_road(), cars);
-  Raycaster raycaster(*world.meshes);
+  Raycaster raycaster = world.raycaster();
   set_vehicles(world, 0, 200, raycaster);
   const RayBatch rays = rays_at_shared_edges(world, cars);
   std::vector<std::uint32_t> order = every(rays);
@@ -666,8 +666,8 @@ TEST(hits, on_vehicles_that_touch_and_stand_on_the_road_do_not_depend_on_the_ord
 TEST(hits, at_a_vehicles_foot_are_those_on_the_road_alone_and_on_vehicles_alone) {
   const std::vector cars{car_on_road(1, 12, -1.8, 0), car_on_road(2, 16.5, -1.8, 0)};
   const World both = world_with(empty_road(), cars), road = world_with(empty_road(), {});
-  const MeshLibrary nothing({}, both.bodies);
-  Raycaster together(*both.meshes), on_road(*road.meshes), on_vehicles(nothing);
+  const MeshLibrary nothing({}, both.meshes->bodies);
+  Raycaster together = both.raycaster(), on_road = road.raycaster(), on_vehicles(nothing);
   set_vehicles(both, 0, 200, together);
   set_vehicles(road, 0, 200, on_road);
   set_vehicles(both, 0, 200, on_vehicles);
@@ -691,7 +691,7 @@ TEST(frozen_mesh, has_the_vehicles_where_they_are_at_that_instant) {
   scene.mounts["pole"] = {.x_m = 3, .y_m = -7, .z_m = 5, .yaw_deg = 30};
   const World world = world_with(scene, {car_on_road(1, 20, -1.8, 0.2, 20)});
   const TriangleMesh mesh = frozen_mesh(world, 2, 0.25);
-  const std::size_t background = world.background.vertices.size();
+  const std::size_t background = world.background().vertices.size();
   ASSERT_EQ(mesh.vertices.size(), background + world.bodies.front().vertices.size());
   EXPECT_EQ(mesh.class_id.size(), mesh.triangles.size());
   const Box3d box =

@@ -282,8 +282,8 @@ TEST_F(SiteFiles, RaysMeetTheSurfaceOfAFileAndItsMaterial) {
   write("road.ply", square("-150 -9 -9 0\n150 -9 9 0\n150 9 9 0\n-150 9 -9 0\n"));
   write("cars.csv", standing_car());
   const World world = build_world(site(folder_));
-  EXPECT_EQ(world.background.class_id, (std::vector<std::uint16_t>{0, 0}));
-  Raycaster raycaster(*world.meshes);
+  EXPECT_EQ(world.background().class_id, (std::vector<std::uint16_t>{0, 0}));
+  Raycaster raycaster = world.raycaster();
   raycaster.set_bodies({}, kFramePeriod);
   RayBatch down;
   down.resize(1);

@@ -68,7 +68,7 @@ TEST(static_layer_file, stands_for_a_world_that_is_not_there) {
   const LidarConfig lidar = shipped("ruby_plus");
   const World world = crossroad(whole, "datasheet");
   World given = crossroad(bare, "datasheet");
-  EXPECT_LT(given.background.triangles.size(), world.background.triangles.size());
+  EXPECT_LT(given.background().triangles.size(), world.background().triangles.size());
   give_layer(given, lidar, cast_static_layer(world, lidar));
   expect_same_frames(world, given, lidar);
 }
@@ -104,7 +104,7 @@ class LayerOnDisk {
   explicit LayerOnDisk(bool recording) {
     const LidarConfig lidar = shipped("ruby_plus");
     const World world = crossroad({}, "datasheet");
-    LayerOrigin origin = layer_origin(world.scene, world.background);
+    LayerOrigin origin = layer_origin(world.scene, world.background());
     if (recording) origin.scene = 0;
     const std::vector<ScannerUnit> scanners = make_scanner_units(world.scene, lidar);
     folder_.write("a.layer", static_layer_to_bytes(origin, units_without_hits(lidar, scanners)));

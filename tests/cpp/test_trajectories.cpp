@@ -496,7 +496,7 @@ TEST(static_world, needs_no_trajectories_and_simulates_none) {
   EXPECT_TRUE(world.trajectories->rows.empty());
   scene.traffic.reset();
   scene.trajectories = "none.csv";
-  EXPECT_EQ(build_static_world(scene).background.vertices, world.background.vertices);
+  EXPECT_EQ(build_static_world(scene).background().vertices, world.background().vertices);
 }
 
 TEST(scenes, of_one_file_move_alike_whatever_their_sensors_see) {

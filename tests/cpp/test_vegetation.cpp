@@ -344,7 +344,7 @@ TEST(vegetation, hides_vehicles_by_its_mean) {
     World world = build_world(s);
     world.trajectories =
         std::make_shared<const Trajectories>(straight_on({car_on_road(1, 0, 40, 0)}, 2));
-    Raycaster raycaster(*world.meshes);
+    Raycaster raycaster = world.raycaster();
     FrameVehicles vehicles = set_vehicles(world, 0, 200, raycaster);
     return raycaster.visibility(0, world.leaves);
   };

@@ -18,6 +18,7 @@
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/config/scene_config.h"
 #include "infrasim/core/files.h"
+#include "infrasim/core/math.h"
 #include "infrasim/core/version.h"
 #include "infrasim/io/atomic_file.h"
 #include "infrasim/io/npy.h"
@@ -150,9 +151,9 @@ std::string compass(double bearing_deg) {
 /// @param pose rotation from the unit's frame to the levelled frame
 std::string meets_ground(const Mat3& pose, double elevation_deg, double height_m) {
   const double e = rad(elevation_deg);
-  const Vec3 ray = pose * Vec3{std::cos(e), 0, std::sin(e)};
+  const Vec3 ray = pose * Vec3{math::cos(e), 0, math::sin(e)};
   if (ray.z > -1e-3) return "above the horizon";
-  return "at " + config::number_text(std::round(height_m * std::hypot(ray.x, ray.y) / -ray.z)) +
+  return "at " + config::number_text(std::round(height_m * math::hypot(ray.x, ray.y) / -ray.z)) +
          " m";
 }
 

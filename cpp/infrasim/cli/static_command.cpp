@@ -60,7 +60,7 @@ void static_command(const StaticOptions& o) {
   const World world = build_static_world(scene);
   const std::vector<StaticHits> units =
       o.recording ? recorded_units(scene, lidar, o) : cast_static_layer(world, lidar);
-  LayerOrigin origin = layer_origin(world.scene, world.background);
+  LayerOrigin origin = layer_origin(world.scene, world.background());
   if (o.recording) origin.scene = 0;
   write_file_atomically(o.out, static_layer_to_bytes(origin, units));
   std::size_t rays = 0, hits = 0;

@@ -3,6 +3,7 @@
 #include "infrasim/config/fields.h"
 #include "infrasim/config/key_list.h"
 #include "infrasim/config/shared_keys.h"
+#include "infrasim/core/math.h"
 
 namespace infrasim {
 
@@ -21,7 +22,7 @@ void visit(Fields& f, GroundConfig& c) {
   for (std::size_t i = 0, n = c.outline_m.size(); i < n; ++i) {
     const Vec2 a = c.outline_m[i], b = c.outline_m[(i + 1) % n], d = c.outline_m[(i + 2) % n];
     left = left && cross(b - a, d - b) > 0;
-    turned += std::atan2(cross(b - a, d - b), dot(b - a, d - b));
+    turned += math::atan2(cross(b - a, d - b), dot(b - a, d - b));
   }
   f.check(left && turned < 3 * kPi, "outline_m",
           "expected a convex outline, counter-clockwise, got corners that do not "

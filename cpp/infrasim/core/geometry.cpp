@@ -2,11 +2,13 @@
 
 #include <algorithm>
 
+#include "infrasim/core/math.h"
+
 namespace infrasim {
 
 Box3d levelled(const Box3d& box) {
   if (box.pitch == 0) return box;
-  const double c = std::abs(std::cos(box.pitch)), s = std::abs(std::sin(box.pitch));
+  const double c = std::abs(math::cos(box.pitch)), s = std::abs(math::sin(box.pitch));
   Box3d out = box;
   out.dx = c * box.dx + s * box.dz;
   out.dz = s * box.dx + c * box.dz;
@@ -16,10 +18,10 @@ Box3d levelled(const Box3d& box) {
 
 BoxFrame::BoxFrame(const Box3d& box)
     : box_(box),
-      cos_(std::cos(box.heading)),
-      sin_(std::sin(box.heading)),
-      cos_pitch_(std::cos(box.pitch)),
-      sin_pitch_(std::sin(box.pitch)) {}
+      cos_(math::cos(box.heading)),
+      sin_(math::sin(box.heading)),
+      cos_pitch_(math::cos(box.pitch)),
+      sin_pitch_(math::sin(box.pitch)) {}
 
 Vec3 BoxFrame::to_box(Vec3 p) const {
   const double x = p.x - box_.x, y = p.y - box_.y;

@@ -6,6 +6,8 @@
 #include <numbers>
 #include <span>
 
+#include "infrasim/core/math.h"
+
 namespace infrasim {
 
 inline constexpr double kPi = std::numbers::pi;
@@ -28,9 +30,9 @@ inline Vec2 operator-(Vec2 a, Vec2 b) { return {a.x - b.x, a.y - b.y}; }
 inline Vec2 operator*(double s, Vec2 a) { return {s * a.x, s * a.y}; }
 inline double dot(Vec2 a, Vec2 b) { return a.x * b.x + a.y * b.y; }
 inline double cross(Vec2 a, Vec2 b) { return a.x * b.y - a.y * b.x; }
-inline double norm(Vec2 a) { return std::hypot(a.x, a.y); }
+inline double norm(Vec2 a) { return math::hypot(a.x, a.y); }
 /// Unit vector in the direction of a heading.
-inline Vec2 heading_vector(double heading) { return {std::cos(heading), std::sin(heading)}; }
+inline Vec2 heading_vector(double heading) { return {math::cos(heading), math::sin(heading)}; }
 
 struct Vec3 {
   double x = 0;
@@ -64,9 +66,9 @@ inline Mat3 operator*(const Mat3& a, const Mat3& b) {
 /// Rotation by yaw about z, then pitch about the new y, then roll about the new x (radians). The y
 /// axis points left, so by the right-hand rule a positive pitch looks down.
 inline Mat3 rotation(double yaw, double pitch, double roll) {
-  const double cy = std::cos(yaw), sy = std::sin(yaw);
-  const double cp = std::cos(pitch), sp = std::sin(pitch);
-  const double cr = std::cos(roll), sr = std::sin(roll);
+  const double cy = math::cos(yaw), sy = math::sin(yaw);
+  const double cp = math::cos(pitch), sp = math::sin(pitch);
+  const double cr = math::cos(roll), sr = math::sin(roll);
   return Mat3{cy, -sy, 0, sy, cy, 0, 0, 0, 1} * Mat3{cp, 0, sp, 0, 1, 0, -sp, 0, cp} *
          Mat3{1, 0, 0, 0, cr, -sr, 0, sr, cr};
 }

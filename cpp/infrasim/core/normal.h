@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "infrasim/core/math.h"
+
 namespace infrasim {
 
 /// Quantile of the standard normal distribution for probability p, 0 < p < 1, accurate to 1e-7
@@ -13,7 +15,7 @@ inline double normal_quantile(double p) {
     return q * (((59.109374720 * r + 159.29113202) * r + 50.434271938) * r + 3.3871327179) /
            (((67.187563600 * r + 78.757757664) * r + 17.895169469) * r + 1);
   }
-  double r = std::sqrt(-std::log(q < 0 ? p : 1 - p));
+  double r = std::sqrt(-math::log(q < 0 ? p : 1 - p));
   if (r <= 5) {
     r -= 1.6;
     r = (((0.17023821103 * r + 1.3067284816) * r + 2.7568153900) * r + 1.4234372777) /

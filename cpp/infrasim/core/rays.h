@@ -7,9 +7,11 @@
 
 namespace infrasim {
 
-/// Rays from the origin of the levelled frame. Each attribute is a column. The rays of a
-/// group are adjacent.
+/// Rays from the origin of the levelled frame. Each attribute is a column.
 struct RayBatch {
+  /// number of the ray among the consecutive rays of the pattern from which the batch was made,
+  /// ascending; empty for other rays
+  std::vector<std::uint32_t> number;
   std::vector<float> dx, dy, dz;  ///< unit direction, levelled frame
   std::vector<float> time;        ///< seconds since the start of the frame
   std::vector<std::uint16_t> ring;

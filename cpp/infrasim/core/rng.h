@@ -5,6 +5,8 @@
 #include <numbers>
 #include <string_view>
 
+#include "infrasim/core/math.h"
+
 namespace infrasim {
 
 /// Finaliser of SplitMix64 (Steele, Lea, Flood 2014): a bijection whose output bits all depend on
@@ -52,8 +54,8 @@ class Rng {
   /// Sample j of the standard normal distribution (Box-Muller), made from the uniform samples j and
   /// j + 1.
   double normal(unsigned j) const {
-    const double radius = std::sqrt(-2.0 * std::log(1.0 - uniform(j)));
-    return radius * std::cos(2.0 * std::numbers::pi * uniform(j + 1));
+    const double radius = std::sqrt(-2.0 * math::log(1.0 - uniform(j)));
+    return radius * math::cos(2.0 * std::numbers::pi * uniform(j + 1));
   }
 
   constexpr std::uint64_t bits(unsigned j) const { return mix64(key_ + kStep * (j + 1ULL)); }

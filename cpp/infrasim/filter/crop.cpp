@@ -2,6 +2,7 @@
 
 #include <stdexcept>
 
+#include "infrasim/core/math.h"
 #include "infrasim/filter/points.h"
 
 namespace infrasim {
@@ -41,9 +42,9 @@ std::vector<int> keep(std::span<const float> xyz, const CropFieldOfView& view) {
   require(view.elevation_min_deg <= view.elevation_max_deg,
           "crop_field_of_view: elevation min must not be above max");
   return keep_if(xyz, [&](Vec3 p) {
-    const double elevation = deg(std::atan2(p.z, std::hypot(p.x, p.y)));
+    const double elevation = deg(math::atan2(p.z, math::hypot(p.x, p.y)));
     if (elevation < view.elevation_min_deg || elevation > view.elevation_max_deg) return false;
-    const double azimuth = deg(std::atan2(p.y, p.x));
+    const double azimuth = deg(math::atan2(p.y, p.x));
     return from <= to ? azimuth >= from && azimuth <= to : azimuth >= from || azimuth <= to;
   });
 }

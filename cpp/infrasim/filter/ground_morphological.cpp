@@ -4,6 +4,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "infrasim/core/math.h"
 #include "infrasim/filter/ground.h"
 #include "infrasim/filter/points.h"
 
@@ -50,8 +51,8 @@ struct GroundGrids {
   }
   /// Returns the polar cell of a position; null beyond the farthest point.
   float* on_ray(double x, double y) {
-    const int column = static_cast<int>(std::hypot(x, y) / cell_m);
-    const double turn = std::atan2(y, x) / (2 * kPi) + 0.5;
+    const int column = static_cast<int>(math::hypot(x, y) / cell_m);
+    const double turn = math::atan2(y, x) / (2 * kPi) + 0.5;
     const int row = std::min(static_cast<int>(turn * rays.rows), rays.rows - 1);
     return column < rays.columns ? &rays.at(row, column) : nullptr;
   }
@@ -155,12 +156,12 @@ void check(const GroundMorphological& ground) {
 std::vector<int> keep(std::span<const float> xyz, const GroundMorphological& ground) {
   check(ground);
   const auto in_height_band = [&](Vec3 p) {
-    return is_return(p) && std::hypot(p.x, p.y) <= ground.max_range_m;
+    return is_return(p) && math::hypot(p.x, p.y) <= ground.max_range_m;
   };
   double farthest_m = 0;
   for (std::size_t i = 0; i < point_count(xyz); ++i)
     if (const Vec3 p = point_at(xyz, i); in_height_band(p))
-      farthest_m = std::max(farthest_m, std::hypot(p.x, p.y));
+      farthest_m = std::max(farthest_m, math::hypot(p.x, p.y));
 
   GroundGrids grids(static_cast<int>(farthest_m / ground.cell_m) + 1, ground);
   for (std::size_t i = 0; i < point_count(xyz); ++i) {

@@ -12,6 +12,7 @@
 
 #include "infrasim/core/errors.h"
 #include "infrasim/core/files.h"
+#include "infrasim/core/math.h"
 #include "infrasim/core/numbers.h"
 #include "infrasim/io/atomic_file.h"
 #include "infrasim/io/cloud_file.h"
@@ -59,7 +60,7 @@ std::string label_text(const std::vector<ObjectRecord>& objects, bool all, Label
     const double rotation_y = wrap_angle(-b.heading - kPi / 2);
     text += class_of(o.object_class).name;
     text += " 0.00 " + std::to_string(occluded(o.visibility));
-    append_all(text, ' ', 6, {wrap_angle(rotation_y - std::atan2(x, z))});
+    append_all(text, ' ', 6, {wrap_angle(rotation_y - math::atan2(x, z))});
     text += " 0.00 0.00 50.00 50.00";
     append_all(text, ' ', 4, {b.dz, b.dy, b.dx, x, y, z});
     append_all(text, ' ', 6, {rotation_y});

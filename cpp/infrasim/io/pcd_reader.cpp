@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "infrasim/core/errors.h"
+#include "infrasim/core/math.h"
 #include "infrasim/core/numbers.h"
 #include "infrasim/io/cloud_file.h"
 #include "infrasim/io/lzf.h"
@@ -106,7 +107,7 @@ class PcdReader {
     for (std::size_t i = 0; i < values.size(); ++i) {
       const double value = number<double>(key, values[i], "a number");
       if (!std::isfinite(value)) fail(key, "expected finite numbers, got '" + values[i] + "'");
-      if (i >= 3) length = std::hypot(length, value);
+      if (i >= 3) length = math::hypot(length, value);
       cloud_.viewpoint += (i == 0 ? "" : " ") + values[i];
     }
     // Programs that do not support a rotation write zeros.

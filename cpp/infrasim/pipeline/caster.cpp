@@ -1,6 +1,7 @@
 #include "infrasim/pipeline/caster.h"
 
 #include <algorithm>
+#include <iterator>
 #include <limits>
 #include <numeric>
 
@@ -85,10 +86,14 @@ std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& ve
   std::size_t cast = 0;
   for (std::int64_t first = range.first / size, end = 0; first < last; first = end) {
     end = part_end(scanner, first, last);
-    scanner.pattern.generate({first * size, end * size}, k * kFramePeriod, rays_);
-    rays_.max_range = scanner.max_range;
-    const Part part{scanner, vehicles, first,
-                    end,     rng,      static_cast<std::uint64_t>(first * size - frame.first)};
+    const Part part{.scanner = scanner,
+                    .vehicles = vehicles,
+                    .first = first,
+                    .last = end,
+                    .start_s = k * kFramePeriod,
+                    .frame = rng,
+                    .first_ray = static_cast<std::uint64_t>(first * size - frame.first)};
+    make_rays(part);
     cast += cast_rays(part);
     if (part.by_power() && !leaves_.empty()) stop_in_leaves(part);
     if (part.by_power() || scanner.beam)
@@ -101,12 +106,59 @@ std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& ve
   return cast;
 }
 
+/// Makes the rays of a part. Of a unit with a static layer, the batch has only rays that can give a
+/// point: those that may meet a body, and the candidates of the layer. Only rays that may meet
+/// something that the layer does not have get a direction now.
+void Caster::make_rays(const Part& part) {
+  const ScannerUnit& scanner = part.scanner;
+  const int size = scanner.pattern.group_size();
+  rays_.max_range = scanner.max_range;
+  if (!scanner.layer)
+    return scanner.pattern.generate({part.first * size, part.last * size}, part.start_s, rays_);
+  const StaticLayer& layer = *scanner.layer;
+  layer.select(part.first, part.last, raycaster_.bodies(), selected_);
+  in_leaves_.clear();
+  if (part.by_power() && !layer.knows_leaves())
+    layer.select(part.first, part.last, leaves_.index(), in_leaves_);
+  dynamic_ = selected_;
+  dynamic_.insert(dynamic_.end(), in_leaves_.begin(), in_leaves_.end());
+  std::ranges::sort(dynamic_);
+  dynamic_.erase(std::ranges::unique(dynamic_).begin(), dynamic_.end());
+  position_.resize(static_cast<std::size_t>(part.groups() * size));
+  rays_.number.clear();
+  const auto candidates = layer.candidates(part.first, part.last);
+  const std::uint32_t first = layer.first_ray(part.first);
+  auto candidate = candidates.begin();
+  for (std::uint32_t& dynamic : dynamic_) {
+    for (; candidate != candidates.end() && *candidate - first < dynamic; ++candidate)
+      rays_.number.push_back(*candidate - first);
+    if (candidate != candidates.end() && *candidate - first == dynamic) ++candidate;
+    rays_.number.push_back(dynamic);
+    position_[dynamic] = static_cast<std::uint32_t>(rays_.number.size() - 1);
+    dynamic = position_[dynamic];
+  }
+  for (; candidate != candidates.end(); ++candidate) rays_.number.push_back(*candidate - first);
+  for (auto* some : {&selected_, &in_leaves_})
+    for (std::uint32_t& i : *some) i = position_[i];
+  rays_.resize(rays_.number.size());
+  scanner.pattern.generate(part.first, part.start_s, dynamic_, rays_);
+}
+
+/// Makes the rays that gave a point and do not have a direction yet.
+void Caster::make_returned_rays(const Part& part) {
+  if (!part.scanner.layer) return;
+  static_.clear();
+  std::ranges::set_difference(returns_.ray, dynamic_, std::back_inserter(static_));
+  part.scanner.pattern.generate(part.first, part.start_s, static_, rays_);
+}
+
 /// Finds the nearest hits of the rays, or of the sub-rays of beams.
 /// @return number of rays cast
 std::size_t Caster::cast_rays(const Part& part) {
   const ScannerUnit& scanner = part.scanner;
   if (scanner.layer) {
-    cast_moving(*scanner.layer, part);
+    take_static_hits(part);
+    raycaster_.cast_bodies(rays_, selected_, hits_, part.by_power());
     return selected_.size();
   }
   select(part);
@@ -152,10 +204,18 @@ void Caster::select_for_bodies(const Part& part) {
   }
 }
 
-void Caster::cast_moving(const StaticLayer& layer, const Part& part) {
-  layer.hits(part.first, part.last, part.by_power(), hits_);
-  layer.select(part.first, part.last, raycaster_.bodies(), selected_);
-  raycaster_.cast_bodies(rays_, selected_, hits_, part.by_power());
+/// Sets the hits of the rays to those of the static layer. The gain becomes the cosine of
+/// incidence, also of recorded surfaces, whose gain is not a cosine.
+void Caster::take_static_hits(const Part& part) {
+  const StaticSlice layer = part.scanner.layer->slice(part.first, part.last, rays_.number);
+  hits_.resize(rays_.size());
+  for (std::size_t k = 0; k < rays_.size(); ++k) {
+    const std::uint32_t i = layer.number[k];
+    hits_.range[k] = layer.range_m[i];
+    hits_.cos_incidence[k] = layer.gain[i];
+    hits_.class_id[k] = layer.class_id[i];
+    hits_.object[k] = -1;
+  }
 }
 
 const RayBatch& Caster::rays_cast(const Part& part) const {
@@ -164,12 +224,26 @@ const RayBatch& Caster::rays_cast(const Part& part) const {
 
 /// Replaces the hits of rays that leaves stop.
 void Caster::stop_in_leaves(const Part& part) {
+  if (part.scanner.layer && part.scanner.layer->knows_leaves()) {
+    const std::uint32_t first = part.scanner.layer->first_ray(part.first);
+    std::uint32_t k = 0;
+    for (const Volumes::RayWay& way : part.scanner.layer->leaf_ways(part.first, part.last)) {
+      const std::uint32_t number = way.ray - first;
+      while (k < rays_.size() && rays_.number[k] < number) ++k;
+      if (k == rays_.size()) break;
+      if (rays_.number[k] != number) continue;  // the ray gives no point
+      if (way.way.from < std::min(hits_.range[k], rays_.max_range))
+        leaves_.stop_in(way, part.frame.at(part.first_ray + number).at(kLeafStream), k,
+                        rays_.max_range, hits_);
+    }
+    return;
+  }
   const auto width =
       part.scanner.beam ? static_cast<std::uint32_t>(part.scanner.beam->sub_rays()) : 0;
   const auto rng_of = [&](std::uint32_t k) {
     const std::uint32_t ray = width > 0 ? selected_[k / width] : k,
                         sub_ray = width > 0 ? k % width : 0;
-    return part.frame.at(part.first_ray + ray).at(kLeafStream + sub_ray);
+    return part.frame.at(part.first_ray + rays_.number[ray]).at(kLeafStream + sub_ray);
   };
   leaves_.stop(rays_cast(part), order_for_leaves(part), rng_of, hits_);
 }
@@ -178,9 +252,8 @@ void Caster::stop_in_leaves(const Part& part) {
 std::span<const std::uint32_t> Caster::order_for_leaves(const Part& part) {
   if (part.scanner.beam) return sub_selected_;
   if (bodies_only_) return selected_;
-  if (!part.scanner.layer) return tile_order(part.scanner, part.groups());
-  part.scanner.layer->select(part.first, part.last, leaves_.index(), in_leaves_);
-  return in_leaves_;
+  if (part.scanner.layer) return in_leaves_;
+  return tile_order(part.scanner, part.groups());
 }
 
 /// Makes echoes from the hits, including surfaces behind panes and below bodies.
@@ -188,7 +261,7 @@ std::span<const std::uint32_t> Caster::order_for_leaves(const Part& part) {
 std::size_t Caster::pass_panes(const Part& part) {
   const ScannerUnit& scanner = part.scanner;
   const StaticSlice background =
-      scanner.layer ? scanner.layer->slice(part.first, part.last) : StaticSlice{};
+      scanner.layer ? scanner.layer->slice(part.first, part.last, rays_.number) : StaticSlice{};
   return transparent_.resolve(rays_cast(part), part.vehicles, part.by_power() ? parts_ : kNoParts,
                               scanner.returns.path(), hits_, echoes_, background);
 }
@@ -207,7 +280,8 @@ void Caster::detect(const Part& part, FrameBuilder& out) {
     for (std::size_t i = 0; i < echoes.size(); ++i)
       if (echoes.object[i] < 0) echoes.range[i] = std::numeric_limits<float>::infinity();
   part.scanner.returns.apply(part.frame, part.first_ray, echoes,
-                             wide ? sunlit_ : echoes.reflectance, returns_);
+                             wide ? sunlit_ : echoes.reflectance, returns_, rays_.number);
+  make_returned_rays(part);
   collect(part.vehicles.moving, wide, echoes, out);
 }
 

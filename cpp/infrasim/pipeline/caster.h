@@ -79,6 +79,7 @@ class Caster {
     ScannerUnit& scanner;
     const FrameVehicles& vehicles;
     std::int64_t first, last;  ///< groups
+    double start_s;            ///< start of the frame
     const Rng& frame;          ///< random numbers of the unit and frame
     std::uint64_t first_ray;   ///< number of the part's first ray within the frame
 
@@ -86,15 +87,17 @@ class Caster {
     bool by_power() const { return scanner.returns.needs_reflectance(); }
   };
 
+  void make_rays(const Part& part);
   std::size_t cast_rays(const Part& part);
   void stop_in_leaves(const Part& part);
   std::size_t pass_panes(const Part& part);
   void merge_beams(const Part& part);
   void detect(const Part& part, FrameBuilder& out);
+  void make_returned_rays(const Part& part);
 
   void select(const Part& part);
   void select_for_bodies(const Part& part);
-  void cast_moving(const StaticLayer& layer, const Part& part);
+  void take_static_hits(const Part& part);
   const RayBatch& rays_cast(const Part& part) const;
   std::span<const std::uint32_t> order_for_leaves(const Part& part);
   void collect(std::span<const MovingObject> objects, bool wide, const EchoBatch& echoes,
@@ -105,7 +108,10 @@ class Caster {
   const Volumes& leaves_;
   bool bodies_only_ = false;
   TransparentCaster transparent_;
-  RayBatch rays_;
+  RayBatch rays_;  ///< of a unit with a static layer, only rays that can give a point
+  std::vector<std::uint32_t> dynamic_;    ///< rays that need a direction before they are detected
+  std::vector<std::uint32_t> static_;     ///< rays that get a direction after they are detected
+  std::vector<std::uint32_t> position_;   ///< position in `rays_` of a dynamic ray, by its number
   std::vector<std::uint32_t> selected_;   ///< rays that must be cast
   std::vector<std::uint32_t> in_leaves_;  ///< rays that may meet leaves
   RayBatch sub_rays_;  ///< sub-rays of the selected rays, if beams are wider than rays

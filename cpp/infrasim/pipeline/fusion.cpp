@@ -4,6 +4,7 @@
 #include <cmath>
 #include <unordered_map>
 
+#include "infrasim/core/math.h"
 #include "infrasim/pipeline/frame_builder.h"
 
 namespace infrasim {
@@ -99,7 +100,7 @@ ObjectRecord Fusion::record(const MovingObject& o, std::span<const Frame* const>
   out.object_class = o.object_class;
   out.box = first_.level.to_level(middle);
   out.speed_m_s = o.speed_m_s;
-  out.distance = std::hypot(out.box.x, out.box.y);
+  out.distance = math::hypot(out.box.x, out.box.y);
   const bool inside = first_.region.contains({middle.x, middle.y}, o.object_class);
   double time_s = 0;
   for (std::size_t m = 0; m < frames.size(); ++m) {

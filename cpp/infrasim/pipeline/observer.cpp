@@ -42,7 +42,7 @@ Observer::Observer(const SceneConfig& scene, const std::string& mount, std::span
   source.each([&](const auto& states) { keeper.take(states); },
               static_cast<int>(rows.rend() - last));
   trajectories_ = std::make_shared<const Trajectories>(keeper.finish());
-  surface_ = build_static_surface(*site_);
+  meshes_ = build_meshes(*site_);
 }
 
 std::string Observer::fault(const MountConfig& pose) const {
@@ -65,7 +65,7 @@ std::vector<std::vector<std::vector<Observation>>> Observer::observe(
   for (const int k : frames) check(k);
   SceneConfig scene = view_;
   scene.mounts = {{mount_, pose}};
-  World world = build_world_at(scene, site_, surface_, trajectories_);
+  World world = build_world_at(scene, site_, meshes_, trajectories_);
   world.region = *region_;
   const auto none = std::make_shared<const std::vector<FilterStep>>();
   FrameSimulator simulator(world, lidars, StaticLayers{}, LidarFilters(lidars.size(), none));

@@ -47,7 +47,7 @@ class Observer {
   std::shared_ptr<const Site> site_;
   std::optional<EvaluationRegion> region_;
   std::shared_ptr<const Trajectories> trajectories_;
-  Surface surface_;
+  std::shared_ptr<const SceneMeshes> meshes_;
 };
 
 }  // namespace infrasim

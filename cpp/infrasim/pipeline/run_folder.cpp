@@ -32,7 +32,7 @@ std::string digest(const std::vector<T>& values) {
 /// different digests.
 std::string surfaces_text(const World& world) {
   if (!world.scene.meshes) return "";
-  const TriangleMesh& mesh = world.background;
+  const TriangleMesh mesh = world.background();
   return "surfaces: \"" + digest(mesh.vertices) + digest(mesh.triangles) + "\"\n";
 }
 

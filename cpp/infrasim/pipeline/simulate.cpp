@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "infrasim/core/math.h"
 #include "infrasim/pipeline/caster.h"
 #include "infrasim/pipeline/frame_builder.h"
 #include "infrasim/pipeline/scan_time.h"
@@ -78,7 +79,7 @@ struct FrameSimulator::Impl {
         slices(world_slices(w.scene.aggregation)),
         filters(std::move(made)),
         pitched(w.trajectories->pitched),
-        raycaster(*w.meshes),
+        raycaster(w.raycaster()),
         caster(raycaster, w.scene.vehicle_parts, w.leaves) {
     for (std::size_t i = 0; i < configs.size(); ++i) {
       lidars.push_back(make_lidar(world.scene, configs[i], layers_of(layers, i)));
@@ -125,7 +126,7 @@ struct FrameSimulator::Impl {
       const Box3d& box = vehicles.boxes[i];
       out.push_back({.id = vehicles.moving[i].id,
                      .points = points[i],
-                     .distance = std::hypot(box.x, box.y),
+                     .distance = math::hypot(box.x, box.y),
                      .visibility = vehicles.visibility[i]});
     }
     return out;
@@ -149,7 +150,7 @@ struct FrameSimulator::Impl {
         lidar.builder.count(boxes, [&](std::size_t i, double time_s) { return box_at(i, time_s); });
     for (std::size_t i = 0; i < vehicles.size(); ++i) {
       const Box3d& box = vehicles.boxes[i];
-      const double distance = std::hypot(box.x, box.y);
+      const double distance = math::hypot(box.x, box.y);
       if (distance > lidar.reach && counts[i].points == 0) continue;
       const MovingObject& o = vehicles.moving[i];
       frame.objects.push_back({o.id, o.object_class, box, o.speed_m_s, counts[i].points,
@@ -173,7 +174,7 @@ bool pays(const ScanPattern& pattern, std::size_t frames) {
 
 StaticLayers make_static_layers(const World& world, std::span<const LidarConfig> lidars,
                                 std::size_t frames) {
-  Raycaster raycaster(*world.meshes);
+  Raycaster raycaster = world.raycaster();
   StaticLayers layers;
   std::size_t bytes_left = kMostLayerBytes;
   for (const LidarConfig& config : lidars) {
@@ -183,17 +184,19 @@ StaticLayers make_static_layers(const World& world, std::span<const LidarConfig>
     const bool read = file != world.static_layers.end();
     if (read) {
       check_is_of(file->second, units_without_hits(config, scanners), words_of(config));
-      check_is_from(file->second, layer_origin(world.scene, world.background));
+      check_is_from(file->second, layer_origin(world.scene, world.background()));
     }
     for (std::size_t i = 0; i < scanners.size(); ++i) {
       const ScannerUnit& scanner = scanners[i];
       const ScanPattern& pattern = scanner.pattern;
       if (read) {
-        units.push_back(std::make_shared<const StaticLayer>(pattern, file->second.units[i]));
+        units.push_back(std::make_shared<const StaticLayer>(pattern, file->second.units[i],
+                                                            scanner.returns, world.leaves));
       } else if (scanner.can_have_layer() && layer_bytes(pattern) <= bytes_left &&
                  pays(pattern, frames)) {
         units.push_back(std::make_shared<const StaticLayer>(
-            pattern, cast_static(pattern, scanner.max_range, raycaster)));
+            pattern, cast_static(pattern, scanner.max_range, raycaster), scanner.returns,
+            world.leaves));
         bytes_left -= layer_bytes(pattern);
       } else {
         units.push_back(nullptr);

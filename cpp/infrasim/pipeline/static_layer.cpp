@@ -7,6 +7,7 @@
 #include <limits>
 #include <utility>
 
+#include "infrasim/core/classes.h"
 #include "infrasim/core/rng.h"
 
 namespace infrasim {
@@ -16,6 +17,9 @@ namespace {
 constexpr std::int64_t kTileRays = kPacketRays;
 constexpr std::int64_t kLeastColumns =
     4;  // minimum number of columns in a block, so that a tile is as wide as it is high
+
+/// Bytes per ray, on average, that ways through leaves may take.
+constexpr std::size_t kLeafBytes = 12;
 
 /// Number of groups in a block of neighbouring rays.
 std::int64_t block_groups(std::int64_t group_size) {
@@ -36,7 +40,8 @@ void for_each_block(const ScanPattern& pattern, RayBatch& rays, const Use& use) 
 }  // namespace
 
 std::size_t layer_bytes(const ScanPattern& pattern) {
-  constexpr std::size_t kRayBytes = 2 * sizeof(float) + sizeof(std::uint16_t);
+  constexpr std::size_t kRayBytes =
+      2 * sizeof(float) + sizeof(std::uint16_t) + sizeof(std::uint32_t) + kLeafBytes;
   constexpr std::size_t kTileBytes = 2;  // bytes per ray for the view of a tile of 8 or more rays
   const auto rays = static_cast<std::size_t>(pattern.repeats_after() * pattern.group_size());
   return rays * (kRayBytes + kTileBytes);
@@ -88,18 +93,52 @@ StaticHits cast_static(const ScanPattern& pattern, float max_range_m, Raycaster&
   return out;
 }
 
-StaticLayer::StaticLayer(const ScanPattern& pattern, StaticHits hits)
+StaticLayer::StaticLayer(const ScanPattern& pattern, StaticHits hits, const ReturnModel& returns,
+                         const Volumes& leaves)
     : hits_(std::move(hits)),
       block_groups_(block_groups(hits_.group_size)),
-      order_(pattern.tile_order(static_cast<int>(block_groups_))) {
+      order_(pattern.tile_order(static_cast<int>(block_groups_))),
+      knows_leaves_(returns.needs_reflectance()) {
+  const std::size_t most_ways = hits_.rays() * kLeafBytes / sizeof(Volumes::RayWay);
   RayBatch rays;
+  rays.max_range = hits_.max_range_m;
+  std::vector<std::uint32_t> order;
+  std::size_t first = 0;
   for_each_block(pattern, rays, [&](const RayBatch& block) {
+    order.clear();
     for (std::size_t i = 0; i < order_.size(); ++i) {
       if (i % kTileRays == 0) tiles_.emplace_back();
       const std::uint32_t k = order_[i];
-      if (k < block.size()) tiles_.back().add(block.dx[k], block.dy[k], block.dz[k]);
+      if (k >= block.size()) continue;
+      tiles_.back().add(block.dx[k], block.dy[k], block.dz[k]);
+      order.push_back(k);
     }
+    for (std::size_t k = first; k < first + block.size(); ++k)
+      if (returns.can_return(hits_.range_m[k], hits_.gain[k], hits_.class_id[k]))
+        candidates_.push_back(static_cast<std::uint32_t>(k));
+    if (knows_leaves_) {
+      const std::size_t before = leaf_ways_.size();
+      leaves.for_each_way(block, order, std::span(hits_.range_m).subspan(first, block.size()),
+                          [&](Volumes::RayWay way) {
+                            way.ray += static_cast<std::uint32_t>(first);
+                            leaf_ways_.push_back(leaves.with_limit(way));
+                          });
+      std::stable_sort(leaf_ways_.begin() + static_cast<std::ptrdiff_t>(before), leaf_ways_.end(),
+                       [](const auto& a, const auto& b) { return a.ray < b.ray; });
+      knows_leaves_ = leaf_ways_.size() <= most_ways;
+    }
+    first += block.size();
   });
+  if (!knows_leaves_) leaf_ways_.clear();
+  leaf_ways_.shrink_to_fit();
+  const auto surfaces = static_cast<std::ptrdiff_t>(candidates_.size());
+  for (const Volumes::RayWay& way : leaf_ways_)
+    if (returns.can_return(returns.nearest(static_cast<float>(way.way.from)), 1,
+                           static_cast<std::uint16_t>(Class::kVegetation)))
+      candidates_.push_back(way.ray);
+  std::ranges::inplace_merge(candidates_, candidates_.begin() + surfaces);
+  candidates_.erase(std::ranges::unique(candidates_).begin(), candidates_.end());
+  candidates_.shrink_to_fit();
 }
 
 std::int64_t StaticLayer::part_end(std::int64_t first, std::int64_t last) const {
@@ -110,21 +149,30 @@ std::int64_t StaticLayer::part_end(std::int64_t first, std::int64_t last) const 
   return std::min({last, period + (within / step + 1) * step, period + hits_.groups});
 }
 
-StaticSlice StaticLayer::slice(std::int64_t first_group, std::int64_t last_group) const {
-  const auto from = static_cast<std::size_t>(first_group % hits_.groups * hits_.group_size);
+StaticSlice StaticLayer::slice(std::int64_t first_group, std::int64_t last_group,
+                               std::span<const std::uint32_t> number) const {
   const auto n = static_cast<std::size_t>((last_group - first_group) * hits_.group_size);
-  const auto part = [&](const auto& column) { return std::span(column).subspan(from, n); };
-  return {part(hits_.range_m), part(hits_.gain), part(hits_.class_id)};
+  const auto part = [&](const auto& column) {
+    return std::span(column).subspan(first_ray(first_group), n);
+  };
+  return {part(hits_.range_m), part(hits_.gain), part(hits_.class_id), number};
 }
 
-void StaticLayer::hits(std::int64_t first_group, std::int64_t last_group, bool incidence,
-                       HitBatch& out) const {
-  const StaticSlice part = slice(first_group, last_group);
-  out.resize(part.range_m.size());
-  std::ranges::copy(part.range_m, out.range.begin());
-  std::ranges::copy(part.class_id, out.class_id.begin());
-  if (incidence) std::ranges::copy(part.gain, out.cos_incidence.begin());
-  std::ranges::fill(out.object, -1);
+std::span<const std::uint32_t> StaticLayer::candidates(std::int64_t first_group,
+                                                       std::int64_t last_group) const {
+  const std::uint32_t first = first_ray(first_group);
+  const auto rays = static_cast<std::uint32_t>((last_group - first_group) * hits_.group_size);
+  return {std::ranges::lower_bound(candidates_, first),
+          std::ranges::lower_bound(candidates_, first + rays)};
+}
+
+std::span<const Volumes::RayWay> StaticLayer::leaf_ways(std::int64_t first_group,
+                                                        std::int64_t last_group) const {
+  const std::uint32_t first = first_ray(first_group);
+  const auto rays = static_cast<std::uint32_t>((last_group - first_group) * hits_.group_size);
+  const auto from = std::ranges::lower_bound(leaf_ways_, first, {}, &Volumes::RayWay::ray);
+  const auto to = std::ranges::lower_bound(leaf_ways_, first + rays, {}, &Volumes::RayWay::ray);
+  return {from, to};
 }
 
 void StaticLayer::select(std::int64_t first_group, std::int64_t last_group, const BodyIndex& bodies,
@@ -146,7 +194,8 @@ void StaticLayer::select(std::int64_t first_group, std::int64_t last_group, cons
 
 std::size_t StaticLayer::bytes() const {
   return hits_.rays() * (2 * sizeof(float) + sizeof(std::uint16_t)) +
-         tiles_.size() * sizeof(ViewBounds);
+         candidates_.size() * sizeof(std::uint32_t) + tiles_.size() * sizeof(ViewBounds) +
+         leaf_ways_.size() * sizeof(Volumes::RayWay);
 }
 
 }  // namespace infrasim

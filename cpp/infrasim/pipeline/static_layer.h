@@ -9,6 +9,8 @@
 #include "infrasim/raycast/packets.h"
 #include "infrasim/raycast/raycaster.h"
 #include "infrasim/raycast/view_bounds.h"
+#include "infrasim/raycast/volumes.h"
+#include "infrasim/sensor/return_model.h"
 #include "infrasim/sensor/scan_pattern.h"
 
 namespace infrasim {
@@ -43,19 +45,26 @@ StaticHits no_hits(const ScanPattern& pattern, float max_range_m);
 /// Casts a period of the pattern at the raycaster's background.
 StaticHits cast_static(const ScanPattern& pattern, float max_range_m, Raycaster& raycaster);
 
-/// Hits of consecutive rays.
+/// Static hits of the rays of a batch.
 struct StaticSlice {
-  std::span<const float> range_m, gain;
+  std::span<const float> range_m, gain;  ///< of consecutive rays of the pattern
   std::span<const std::uint16_t> class_id;
+  std::span<const std::uint32_t> number;  ///< number of each ray of the batch in these columns
+
+  bool empty() const { return range_m.empty(); }
 };
 
 /// The static scene as seen by one unit with a repeating pattern. It stores the nearest hit of each
-/// ray of a period. It also stores the views of groups of neighbouring rays, so that only rays that
-/// may meet a vehicle are cast again.
+/// ray of a period, whether the ray can give a point, and its ways through leaves. It also stores
+/// the views of groups of neighbouring rays, so that only rays that may meet a vehicle are cast
+/// again.
 class StaticLayer {
  public:
-  /// @param hits hits of this pattern
-  StaticLayer(const ScanPattern& pattern, StaticHits hits);
+  /// @param hits    hits of this pattern
+  /// @param returns return model of the unit
+  /// @param leaves  volumes of leaves; only LiDARs that detect by received power see them
+  StaticLayer(const ScanPattern& pattern, StaticHits hits, const ReturnModel& returns,
+              const Volumes& leaves);
 
   std::int64_t groups() const { return hits_.groups; }  ///< number of groups in a period
 
@@ -64,10 +73,24 @@ class StaticLayer {
   std::int64_t part_end(std::int64_t first, std::int64_t last) const;
 
   /// Returns the hits of the rays in a run of groups, which `part_end` has determined.
-  StaticSlice slice(std::int64_t first_group, std::int64_t last_group) const;
-  /// Copies the same hits to a HitBatch, with the gain as cosine of incidence. The gain of a
-  /// recorded surface is not a cosine.
-  void hits(std::int64_t first_group, std::int64_t last_group, bool incidence, HitBatch& out) const;
+  /// @param number numbers of the batch's rays in the run
+  StaticSlice slice(std::int64_t first_group, std::int64_t last_group,
+                    std::span<const std::uint32_t> number) const;
+
+  /// Returns the rays of a run that can give a point of a static surface or, if the ways through
+  /// leaves are known, of leaves: their numbers in the period, ascending.
+  std::span<const std::uint32_t> candidates(std::int64_t first_group,
+                                            std::int64_t last_group) const;
+
+  /// Whether the ways through leaves are known. They are not if they would take too much memory.
+  bool knows_leaves() const { return knows_leaves_; }
+  /// Ways of the rays of a run through leaves, by increasing number of the ray in the period.
+  std::span<const Volumes::RayWay> leaf_ways(std::int64_t first_group,
+                                             std::int64_t last_group) const;
+  /// Number of the run's first ray in the period.
+  std::uint32_t first_ray(std::int64_t first_group) const {
+    return static_cast<std::uint32_t>(first_group % hits_.groups * hits_.group_size);
+  }
 
   /// Selects the rays of a run from `part_end` that may meet a body, with neighbouring rays
   /// together.
@@ -82,6 +105,9 @@ class StaticLayer {
   std::int64_t block_groups_;
   std::vector<std::uint32_t> order_;  ///< order of the rays in a block; a tile is a packet of it
   std::vector<ViewBounds> tiles_;     ///< views of the tiles, block by block
+  std::vector<std::uint32_t> candidates_;  ///< ascending
+  std::vector<Volumes::RayWay> leaf_ways_;
+  bool knows_leaves_ = true;
 };
 
 }  // namespace infrasim

@@ -10,6 +10,7 @@
 #include "infrasim/config/fields.h"
 #include "infrasim/core/classes.h"
 #include "infrasim/core/errors.h"
+#include "infrasim/core/math.h"
 #include "infrasim/io/kitti.h"
 #include "infrasim/pipeline/static_units.h"
 
@@ -56,14 +57,14 @@ struct Unit {
   /// Returns the azimuth offset of the recorded columns, if it is constant.
   std::optional<double> offset() const {
     const bool constant =
-        std::hypot(grid_cos, grid_sin) > kConstantEnough * static_cast<double>(points);
-    return constant ? std::optional(std::atan2(grid_sin, grid_cos) / columns()) : std::nullopt;
+        math::hypot(grid_cos, grid_sin) > kConstantEnough * static_cast<double>(points);
+    return constant ? std::optional(math::atan2(grid_sin, grid_cos) / columns()) : std::nullopt;
   }
 };
 
 Mat3 transposed(const Mat3& m) { return {m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]}; }
 
-double azimuth(Vec3 v) { return std::atan2(v.y, v.x); }
+double azimuth(Vec3 v) { return math::atan2(v.y, v.x); }
 
 /// Returns the directions of a unit's lasers, by ring.
 std::vector<Ring> rings_of(const ScanPattern& pattern) {
@@ -75,7 +76,7 @@ std::vector<Ring> rings_of(const ScanPattern& pattern) {
   for (std::int64_t i = 0; i < pattern.repeats_after() * size; ++i) {
     Ring& ring = rings[first.ring[static_cast<std::size_t>(i % size)] - lowest];
     const Vec3 direction = pattern.ray(i).direction;
-    ring.elevation = std::asin(direction.z);
+    ring.elevation = math::asin(direction.z);
     ring.rays.emplace_back(azimuth(direction), static_cast<std::size_t>(i));
   }
   for (Ring& ring : rings) std::ranges::sort(ring.rays);
@@ -117,10 +118,10 @@ void take_point(Unit& unit, Ring& ring, Vec3 levelled, float intensity) {
   const Vec3 direction = unit.from_levelled * (1 / range * levelled);
   const double at = azimuth(direction);
   const double between = (at - ring.rays.front().first) * unit.columns();
-  unit.grid_cos += std::cos(between);
-  unit.grid_sin += std::sin(between);
+  unit.grid_cos += math::cos(between);
+  unit.grid_sin += math::sin(between);
   ++unit.points;
-  ring.sum_of_misses += std::abs(std::asin(std::clamp(direction.z, -1.0, 1.0)) - ring.elevation);
+  ring.sum_of_misses += std::abs(math::asin(std::clamp(direction.z, -1.0, 1.0)) - ring.elevation);
   ++ring.points;
   ring.frames.back().push_back({static_cast<float>(at), static_cast<float>(range), intensity});
 }

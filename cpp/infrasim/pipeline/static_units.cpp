@@ -38,7 +38,7 @@ std::vector<StaticHits> units_without_hits(const LidarConfig& lidar,
 std::vector<StaticHits> cast_static_layer(const World& world, const LidarConfig& lidar) {
   const std::vector<ScannerUnit> scanners = make_scanner_units(world.scene, lidar);
   check_can_have_layer(lidar, scanners);
-  Raycaster raycaster(*world.meshes);
+  Raycaster raycaster = world.raycaster();
   std::vector<StaticHits> units;
   for (const ScannerUnit& scanner : scanners)
     units.push_back(cast_static(scanner.pattern, scanner.max_range, raycaster));

@@ -45,7 +45,6 @@ std::size_t TransparentCaster::resolve(const RayBatch& rays, const FrameVehicles
     if (echoes.object[i] < 0) {
       const auto material = static_cast<Class>(echoes.class_id[i]);
       echoes.reflectance[i] = background_reflectance(material);
-      if (material == Class::kRecorded) echoes.gain[i] = background.gain[i];
     } else {
       meet_vehicle(
           rays, {.ray = static_cast<std::uint32_t>(i)},
@@ -75,7 +74,7 @@ void TransparentCaster::cast_on(const RayBatch& rays) {
     on_.time[k] = rays.time[i];
     on_.near[k] = passing_[k].near;
   }
-  if (background_.range_m.empty())
+  if (background_.empty())
     raycaster_.cast(on_, on_order_, on_hits_);
   else
     cast_on_with(background_);
@@ -87,7 +86,7 @@ void TransparentCaster::cast_on_with(const StaticSlice& background) {
   on_hits_.resize(on_.size());
   std::ranges::fill(on_hits_.object, -1);
   for (std::size_t k = 0; k < on_.size(); ++k) {
-    const std::uint32_t i = passing_[k].ray;
+    const std::uint32_t i = background.number[passing_[k].ray];
     const bool ahead = background.range_m[i] >= on_.near[k];
     on_hits_.range[k] = ahead ? background.range_m[i] : kNever;
     on_hits_.cos_incidence[k] = background.gain[i];
@@ -175,7 +174,8 @@ BodyHit TransparentCaster::body_hit(const Hit& hit) const {
 /// @param cosine cosine of incidence; a recorded surface has its stored gain instead
 Echo TransparentCaster::background_echo(float range, Class material, std::uint32_t ray,
                                         float cosine) const {
-  const float gain = material == Class::kRecorded ? background_.gain[ray] : cosine;
+  const float gain =
+      material == Class::kRecorded ? background_.gain[background_.number[ray]] : cosine;
   return {range, -1, static_cast<std::uint16_t>(material), background_reflectance(material), gain};
 }
 

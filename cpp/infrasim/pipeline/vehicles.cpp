@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "infrasim/core/math.h"
 #include "infrasim/core/rng.h"
 #include "infrasim/scene/parked.h"
 #include "infrasim/scene/vehicle_body.h"
@@ -14,9 +15,9 @@ namespace {
 /// Returns false if the object stays farther than `reach` metres (horizontal) from the sensor
 /// during the whole frame. May return true for an object slightly beyond `reach`.
 bool reachable(const MovingObject& o, const Box3d& middle, double reach) {
-  const double travel = std::hypot(o.to.x - o.from.x, o.to.y - o.from.y);
-  const double half_diagonal = std::hypot(levelled(middle).dx, middle.dy) / 2;
-  return std::hypot(middle.x, middle.y) <= reach + half_diagonal + travel / 2 + 0.1;
+  const double travel = math::hypot(o.to.x - o.from.x, o.to.y - o.from.y);
+  const double half_diagonal = math::hypot(levelled(middle).dx, middle.dy) / 2;
+  return math::hypot(middle.x, middle.y) <= reach + half_diagonal + travel / 2 + 0.1;
 }
 
 }  // namespace

@@ -63,19 +63,26 @@ StateSink checking_sensors(const SceneConfig& scene, const StateSink& sink) {
 
 }  // namespace
 
+std::shared_ptr<const SceneMeshes> build_meshes(const Site& site) {
+  Surface surface = build_static_surface(site);
+  const LevelPose level = level_pose(site.scene.mounts.begin()->second);
+  std::vector<TriangleMesh> bodies;
+  for (const ObjectClass& row : kObjectClasses)
+    bodies.push_back(build_vehicle_body(row.id, site.scene.detail));
+  MeshLibrary library(to_level(surface, level), bodies);
+  return std::make_shared<const SceneMeshes>(
+      SceneMeshes{std::move(surface), level, std::move(bodies), std::move(library)});
+}
+
 World build_world_at(const SceneConfig& scene, const std::shared_ptr<const Site>& site,
-                     const Surface& surface, std::shared_ptr<const Trajectories> trajectories) {
+                     const std::shared_ptr<const SceneMeshes>& meshes,
+                     std::shared_ptr<const Trajectories> trajectories) {
   if (const double late_s = clock_offset_s(scene); late_s != 0)
     trajectories =
         std::make_shared<const Trajectories>(resample_at_clock_offset(*trajectories, late_s));
   const MountConfig& mount = scene.mounts.begin()->second;
   const LevelPose level = level_pose(mount);
-  TriangleMesh background = to_level(surface, level);
-  check_sensor_above(scene, background);
-  std::vector<TriangleMesh> bodies;
-  for (const ObjectClass& row : kObjectClasses)
-    bodies.push_back(build_vehicle_body(row.id, scene.detail));
-  auto meshes = std::make_unique<const MeshLibrary>(background, bodies);
+  if (scene.meshes) check_sensor_above(scene, to_level(meshes->surface, level));
   std::vector<LeafVolume> leaves = site->leaves;
   for (LeafVolume& volume : leaves) {
     volume.box.z += site->profile.rise({volume.box.x, volume.box.y});
@@ -86,9 +93,9 @@ World build_world_at(const SceneConfig& scene, const std::shared_ptr<const Site>
           level,
           EvaluationRegion(*site, mount),
           std::move(trajectories),
-          std::move(background),
-          std::move(bodies),
-          std::move(meshes),
+          meshes,
+          meshes->library.viewpoint(meshes->level.to_level(level.origin),
+                                    level.yaw - meshes->level.yaw),
           Volumes(leaves),
           read_static_layers(scene)};
 }
@@ -111,10 +118,10 @@ std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std:
   state_source.each(checking_sensors(scene, [&](const auto& states) { keeper.take(states); }),
                     static_cast<int>(to_end ? asked.size() : asked.rend() - last));
   const auto trajectories = std::make_shared<const Trajectories>(keeper.finish());
-  const Surface surface = build_static_surface(*site);
+  const auto meshes = build_meshes(*site);
   std::vector<World> worlds;
   for (const SceneConfig& view : views)
-    worlds.push_back(build_world_at(view, site, surface, trajectories));
+    worlds.push_back(build_world_at(view, site, meshes, trajectories));
   return worlds;
 }
 
@@ -129,7 +136,7 @@ World build_lazy_world(const SceneConfig& scene, const std::string& mount) {
   auto lazy = std::make_shared<LazyTrajectories>(site, clock_offset_s(view));
   TrajectoryKeeper none(std::vector<bool>(static_cast<std::size_t>(lazy->frames()) + 1),
                         lazy->pitched());
-  World world = build_world_at(view, site, build_static_surface(*site),
+  World world = build_world_at(view, site, build_meshes(*site),
                                std::make_shared<const Trajectories>(none.finish()));
   world.lazy_trajectories = std::move(lazy);
   return world;
@@ -137,16 +144,16 @@ World build_lazy_world(const SceneConfig& scene, const std::string& mount) {
 
 World build_static_world(const SceneConfig& scene, const std::string& mount) {
   const auto site = std::make_shared<const Site>(checked_site(scene));
-  return build_world_at(scene_at_mount(scene, mount), site, build_static_surface(*site),
+  return build_world_at(scene_at_mount(scene, mount), site, build_meshes(*site),
                         std::make_shared<const Trajectories>());
 }
 
 void check_worlds(const SceneConfig& scene, bool drive) {
   const auto site = std::make_shared<const Site>(checked_site(scene));
   if (drive) StateSource(*site).each(checking_sensors(scene, [](const auto&) {}));
-  const Surface surface = build_static_surface(*site);
+  const auto meshes = build_meshes(*site);
   for (const std::string& mount : mount_names(scene))
-    build_world_at(scene_at_mount(scene, mount), site, surface,
+    build_world_at(scene_at_mount(scene, mount), site, meshes,
                    std::make_shared<const Trajectories>());
 }
 
@@ -210,10 +217,10 @@ void check_frame(const World& world, int k) {
 
 TriangleMesh frozen_mesh(const World& world, int k, double share) {
   check_frame(world, k);
-  TriangleMesh mesh = world.background;
+  TriangleMesh mesh = world.background();
   for (const MovingObject& o : world.objects_in_frame(k)) {
     const Box3d box = world.level.to_level(body_box(o.at(share)));
-    const TriangleMesh& body = world.bodies[body_index(o.object_class)];
+    const TriangleMesh& body = world.meshes->bodies[body_index(o.object_class)];
     const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
     const BoxFrame frame(box);
     for (const auto& v : body.vertices) {

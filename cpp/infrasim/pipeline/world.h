@@ -20,6 +20,16 @@
 
 namespace infrasim {
 
+/// The surfaces of a scene and their hierarchies, which all mounts share.
+struct SceneMeshes {
+  Surface surface;  ///< static surfaces, world frame
+  LevelPose level;  ///< pose of the library's frame: the levelled frame of the scene's first mount
+  std::vector<TriangleMesh> bodies;  ///< in the unit box, in the order of kObjectClasses
+  MeshLibrary library;
+};
+/// @throws IoError, ConfigError for a file of `meshes`
+std::shared_ptr<const SceneMeshes> build_meshes(const Site& site);
+
 /// A scene at one mount with its trajectories and meshes. It is built once, and all threads share
 /// it.
 struct World {
@@ -28,14 +38,16 @@ struct World {
   LevelPose level;
   EvaluationRegion region;
   std::shared_ptr<const Trajectories> trajectories;  ///< in the time of the mount's clock
-  TriangleMesh background;                           ///< levelled frame
-  std::vector<TriangleMesh> bodies;  ///< in the unit box, in the order of kObjectClasses
-  std::unique_ptr<const MeshLibrary> meshes;
+  std::shared_ptr<const SceneMeshes> meshes;
+  Viewpoint viewpoint;  ///< of the mount in the frame of the meshes
   Volumes leaves;
   std::map<std::string, StaticLayerFile> static_layers;  ///< static layers from files, by LiDAR
   /// in the time of the mount's clock; if set, `trajectories` has no rows
   std::shared_ptr<LazyTrajectories> lazy_trajectories = nullptr;
 
+  Raycaster raycaster() const { return Raycaster(meshes->library, viewpoint); }
+  /// Static surfaces; levelled frame.
+  TriangleMesh background() const { return to_level(meshes->surface, level); }
   /// Objects that exist for the whole of frame k.
   std::vector<MovingObject> objects_in_frame(int k) const;
 };
@@ -53,11 +65,12 @@ World build_lazy_world(const SceneConfig& scene, const std::string& mount = "");
 /// Builds the world of a checked site at one mount.
 /// @param view         the result of scene_at_mount
 /// @param site         site of the scene
-/// @param surface      static surface of the site
+/// @param meshes       meshes of the site
 /// @param trajectories trajectories of the scene
 /// @throws ConfigError
 World build_world_at(const SceneConfig& view, const std::shared_ptr<const Site>& site,
-                     const Surface& surface, std::shared_ptr<const Trajectories> trajectories);
+                     const std::shared_ptr<const SceneMeshes>& meshes,
+                     std::shared_ptr<const Trajectories> trajectories);
 
 /// Builds a world of static objects only, which has no frames. Traffic and recorded trajectories
 /// are not required.
@@ -94,7 +107,7 @@ std::vector<std::string> mount_names(const SceneConfig& scene);
 /// @throws the exceptions of build_world
 std::vector<Overlap> traffic_overlaps(SceneConfig scene);
 
-/// Index of a class in World::bodies.
+/// Index of a class in SceneMeshes::bodies.
 std::size_t body_index(Class object_class);
 
 /// @throws ConfigError if the scene has no frame k

@@ -1,5 +1,7 @@
 #include "infrasim/raycast/moving_bodies.h"
 
+#include "infrasim/core/math.h"
+
 namespace infrasim {
 
 namespace {
@@ -19,7 +21,7 @@ Box3d swept(const MovingBody& body) {
       side = std::max(side, std::abs(cross(axis, d)));
     }
   const double turn = std::abs(wrap_angle(body.to.heading - body.from.heading));
-  const double margin = kMargin_m + std::hypot(box.dx, box.dy) / 2 * (1 - std::cos(turn / 2));
+  const double margin = kMargin_m + math::hypot(box.dx, box.dy) / 2 * (1 - math::cos(turn / 2));
   box.dx = 2 * (front + margin);
   box.dy = 2 * (side + margin);
   box.dz = std::max(levelled(body.from).dz, levelled(body.to).dz);
@@ -49,8 +51,8 @@ BodyMotion::BodyMotion(const MovingBody& body)
       travel_z_(static_cast<float>(body.to.z - body.from.z)),
       heading_(static_cast<float>(body.from.heading)),
       turn_(static_cast<float>(wrap_angle(body.to.heading - body.from.heading))),
-      cos_(static_cast<float>(std::cos(body.from.heading))),
-      sin_(static_cast<float>(std::sin(body.from.heading))),
+      cos_(static_cast<float>(math::cos(body.from.heading))),
+      sin_(static_cast<float>(math::sin(body.from.heading))),
       pitch_(static_cast<float>(body.from.pitch)),
       pitch_turn_(static_cast<float>(body.to.pitch - body.from.pitch)),
       inv_dx_(static_cast<float>(1 / body.from.dx)),

@@ -5,11 +5,13 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 #include <numeric>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "infrasim/core/math.h"
 #include "infrasim/raycast/embree.h"
 #include "infrasim/raycast/packets.h"
 
@@ -26,34 +28,56 @@ struct Release {
 using SceneHandle = std::unique_ptr<RTCSceneTy, Release>;
 using GeometryHandle = std::unique_ptr<RTCGeometryTy, Release>;
 
-GeometryHandle mesh_geometry(RTCDevice device, const TriangleMesh& mesh, const EmbreeError& error) {
+/// Where a ray meets the plane of a triangle.
+struct PlaneHit {
+  float range;
+  double ahead;  ///< scalar product of the plane's normal and the ray's direction
+};
+
+/// A mesh with its hierarchy. Embree reads the vertices and triangles from here.
+struct MeshScene {
+  std::vector<std::array<float, 3>> vertices;
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+  SceneHandle scene;
+
+  /// Where a ray meets the plane of a triangle. Embree's own range depends on the processor, which
+  /// approximates reciprocals.
+  /// @param normal of the triangle, of any length
+  /// @param embree range that is used if the ray is parallel to the plane
+  PlaneHit hit(std::uint32_t triangle, Vec3 normal, const BodyMotion::UnitRay& ray,
+               float embree) const {
+    const auto& v = vertices[triangles[triangle][0]];
+    const double ahead = dot(normal, Vec3{ray.dx, ray.dy, ray.dz});
+    const double range =
+        dot(normal, Vec3{v[0] - double{ray.x}, v[1] - double{ray.y}, v[2] - double{ray.z}}) / ahead;
+    return {std::isfinite(range) ? static_cast<float>(range) : embree, ahead};
+  }
+};
+
+GeometryHandle mesh_geometry(RTCDevice device, const MeshScene& mesh, const EmbreeError& error) {
   GeometryHandle handle(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE));
   error.check();
-  void* vertices =
-      rtcSetNewGeometryBuffer(handle.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                              3 * sizeof(float), mesh.vertices.size());
+  rtcSetSharedGeometryBuffer(handle.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                             mesh.vertices.data(), 0, 3 * sizeof(float), mesh.vertices.size() - 1);
   error.check();
-  void* triangles =
-      rtcSetNewGeometryBuffer(handle.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                              3 * sizeof(std::uint32_t), mesh.triangles.size());
+  rtcSetSharedGeometryBuffer(handle.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                             mesh.triangles.data(), 0, 3 * sizeof(std::uint32_t),
+                             mesh.triangles.size());
   error.check();
-  std::copy_n(mesh.vertices.front().data(), 3 * mesh.vertices.size(),
-              static_cast<float*>(vertices));
-  std::copy_n(mesh.triangles.front().data(), 3 * mesh.triangles.size(),
-              static_cast<std::uint32_t*>(triangles));
   rtcCommitGeometry(handle.get());
   return handle;
 }
 
-SceneHandle mesh_scene(RTCDevice device, const TriangleMesh& mesh, const EmbreeError& error) {
-  SceneHandle handle(rtcNewScene(device));
+MeshScene mesh_scene(RTCDevice device, const TriangleMesh& mesh, const EmbreeError& error) {
+  MeshScene out{mesh.vertices, mesh.triangles, SceneHandle(rtcNewScene(device))};
+  out.vertices.emplace_back();  // Embree reads 4 bytes more than the last vertex has
   error.check();
-  rtcSetSceneFlags(handle.get(), RTC_SCENE_FLAG_ROBUST);
-  if (!mesh.triangles.empty())
-    rtcAttachGeometryByID(handle.get(), mesh_geometry(device, mesh, error).get(), 0);
-  rtcCommitScene(handle.get());
+  rtcSetSceneFlags(out.scene.get(), RTC_SCENE_FLAG_ROBUST);
+  if (!out.triangles.empty())
+    rtcAttachGeometryByID(out.scene.get(), mesh_geometry(device, out, error).get(), 0);
+  rtcCommitScene(out.scene.get());
   error.check();
-  return handle;
+  return out;
 }
 
 /// One packet of rays. Fields that Embree does not change (masks, flags, nearest range) are set
@@ -85,7 +109,30 @@ struct Packet {
   }
 
   bool hit(std::size_t i) const { return rh.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID; }
+
+  /// The hit of a ray that the packet contains.
+  PlaneHit plane_hit(std::size_t i, const MeshScene& mesh, const BodyMotion::UnitRay& ray) const {
+    return mesh.hit(rh.hit.primID[i], {rh.hit.Ng_x[i], rh.hit.Ng_y[i], rh.hit.Ng_z[i]}, ray,
+                    rh.ray.tfar[i]);
+  }
 };
+
+/// Whether a ray meets the unit box, in which the mesh of a body lies, between two ranges. May be
+/// true for a ray that passes slightly beside it.
+bool meets_unit_box(const BodyMotion::UnitRay& ray, float from, float to) {
+  constexpr float kHalf = 0.5F + 1e-3F;  // larger than rounding errors
+  const auto clip = [&](float origin, float direction) {
+    const float inverse = 1 / direction;
+    const float a = (-kHalf - origin) * inverse, b = (kHalf - origin) * inverse;
+    // NaN, of a ray in the plane of a side, leaves the limits as they are.
+    from = std::max(from, std::min(a, b));
+    to = std::min(to, std::max(a, b));
+  };
+  clip(ray.x, ray.dx);
+  clip(ray.y, ray.dy);
+  clip(ray.z, ray.dz);
+  return from <= to * (1 + 1e-5F);
+}
 
 /// Flushes denormals, as Embree's manual recommends for threads that cast. The destructor restores
 /// the caller's mode.
@@ -110,107 +157,143 @@ void clear(std::size_t n, HitBatch& hits) {
   std::ranges::fill(hits.class_id, std::uint16_t{0});
 }
 
-Horizon horizon_of(const TriangleMesh& mesh) {
-  Horizon horizon;
-  for (const auto& triangle : mesh.triangles) {
-    std::array<Vec2, 3> outline;
-    double top = -kInf;
-    for (std::size_t i = 0; i < 3; ++i) {
-      const auto& vertex = mesh.vertices[triangle[i]];
-      outline[i] = {vertex[0], vertex[1]};
-      top = std::max<double>(top, vertex[2]);
-    }
-    if (top > 0)
-      for (const ViewBounds& view : view_of(outline, top, top)) horizon.add(view);
-  }
-  return horizon;
-}
-
-float cos_incidence(const RayBatch& rays, std::uint32_t k, float nx, float ny, float nz) {
-  const float length = std::sqrt(nx * nx + ny * ny + nz * nz);
-  const float ahead = std::abs(nx * rays.dx[k] + ny * rays.dy[k] + nz * rays.dz[k]);
-  return length > 0 ? std::min(1.0F, ahead / length) : 0.0F;
-}
-
 }  // namespace
 
 struct MeshLibrary::Impl {
   EmbreeError error;
   RTCDevice device = nullptr;
-  Horizon horizon;  ///< horizon of the background
   std::vector<std::uint16_t> background_class;
-  std::vector<SceneHandle> bodies;  ///< one per body, then the background
+  std::vector<MeshScene> meshes;  ///< one per body, then the background
 
   ~Impl() {
-    bodies.clear();
+    meshes.clear();
     if (device != nullptr) rtcReleaseDevice(device);
   }
 };
 
 MeshLibrary::MeshLibrary(const TriangleMesh& background, std::span<const TriangleMesh> bodies)
     : impl_(std::make_unique<Impl>()) {
-  // One build thread, so that the hierarchy does not depend on the number of threads.
-  impl_->device = rtcNewDevice("threads=1,set_affinity=0");
+  // One build thread, so that the hierarchy does not depend on the number of threads. One
+  // instruction set that every x86-64 processor has, and no configuration files of the user, so
+  // that the hits do not depend on the machine.
+  impl_->device = rtcNewDevice("threads=1,set_affinity=0,ignore_config_files=1,isa=sse2");
   if (impl_->device == nullptr) throw std::runtime_error("Embree: no device");
   impl_->error.watch(impl_->device);
   impl_->background_class = background.class_id;
-  impl_->horizon = horizon_of(background);
   for (const TriangleMesh& body : bodies)
-    impl_->bodies.push_back(mesh_scene(impl_->device, body, impl_->error));
-  impl_->bodies.push_back(mesh_scene(impl_->device, background, impl_->error));
+    impl_->meshes.push_back(mesh_scene(impl_->device, body, impl_->error));
+  impl_->meshes.push_back(mesh_scene(impl_->device, background, impl_->error));
 }
 
 MeshLibrary::~MeshLibrary() = default;
+MeshLibrary::MeshLibrary(MeshLibrary&&) noexcept = default;
+
+Viewpoint MeshLibrary::viewpoint(Vec3 position, double yaw) const {
+  const MeshScene& mesh = impl_->meshes.back();
+  const double c = math::cos(yaw), s = math::sin(yaw);
+  Viewpoint out{.position = position, .yaw = yaw, .horizon = {}};
+  for (const auto& triangle : mesh.triangles) {
+    std::array<Vec2, 3> outline;
+    double top = -kInf;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto& vertex = mesh.vertices[triangle[i]];
+      const Vec2 d = Vec2{vertex[0], vertex[1]} - Vec2{position.x, position.y};
+      outline[i] = {c * d.x + s * d.y, c * d.y - s * d.x};
+      top = std::max(top, vertex[2] - position.z);
+    }
+    if (top > 0)
+      for (const ViewBounds& view : view_of(outline, top, top)) out.horizon.add(view);
+  }
+  return out;
+}
 
 struct Raycaster::Impl {
   const MeshLibrary::Impl& library;
+  Viewpoint viewpoint;
+  float cos, sin;  ///< of the viewpoint's yaw
   std::vector<MovingBody> moving;
   std::vector<BodyMotion> motions;
   BodyIndex index;
   float time_scale = 1;
   Horizon horizon;
   Packet packet;
-  RayBatch probe;  ///< rays of a visibility test
+  /// rays to cast at one body
+  std::array<std::uint32_t, kPacketRays> queued{};
+  std::array<BodyMotion::UnitRay, kPacketRays> queued_unit{};
+  std::size_t queue_size = 0;
+  std::vector<std::vector<std::uint32_t>> packets_of;  ///< numbers of packets that may meet a body
+  RayBatch probe;                                      ///< rays of a visibility test
   HitBatch probe_hits;
 
-  explicit Impl(const MeshLibrary::Impl& l) : library(l) {}
+  Impl(const MeshLibrary::Impl& l, const Viewpoint& from)
+      : library(l),
+        viewpoint(from),
+        cos(static_cast<float>(math::cos(from.yaw))),
+        sin(static_cast<float>(math::sin(from.yaw))) {}
 
-  RTCScene background() const { return library.bodies.back().get(); }
+  const MeshScene& background() const { return library.meshes.back(); }
 
-  /// Casts one packet at one body and keeps hits that are nearer than the previous ones.
-  void cast_body(std::size_t body, const RayBatch& rays, std::span<const std::uint32_t> order,
-                 HitBatch& hits, bool incidence) {
+  /// A ray in the frame of the library.
+  BodyMotion::UnitRay in_library(const RayBatch& rays, std::uint32_t k) const {
+    const auto [x, y, z] = viewpoint.position;
+    return {static_cast<float>(x),
+            static_cast<float>(y),
+            static_cast<float>(z),
+            cos * rays.dx[k] - sin * rays.dy[k],
+            sin * rays.dx[k] + cos * rays.dy[k],
+            rays.dz[k]};
+  }
+
+  /// Queues the rays of a packet that meet the box of a body.
+  void queue(std::size_t body, const RayBatch& rays, std::span<const std::uint32_t> order,
+             HitBatch& hits, bool incidence) {
     const BodyMotion& motion = motions[body];
-    std::array<BodyMotion::UnitRay, kPacketRays> unit;
-    for (std::size_t i = 0; i < order.size(); ++i) {
-      const std::uint32_t k = order[i];
+    for (const std::uint32_t k : order) {
       const float share = std::clamp(rays.time[k] * time_scale, 0.0F, 1.0F);
-      unit[i] = motion.to_unit(rays.dx[k], rays.dy[k], rays.dz[k], share);
-      packet.set(i, unit[i], rays.near_range(k), std::min(hits.range[k], rays.max_range));
+      const BodyMotion::UnitRay unit = motion.to_unit(rays.dx[k], rays.dy[k], rays.dz[k], share);
+      if (!meets_unit_box(unit, rays.near_range(k), std::min(hits.range[k], rays.max_range)))
+        continue;
+      queued[queue_size] = k;
+      queued_unit[queue_size] = unit;
+      if (++queue_size == kPacketRays) cast_queue(body, rays, hits, incidence);
     }
-    packet.intersect(library.bodies[moving[body].body].get(), order.size());
+  }
+
+  /// Casts the queued rays at a body and keeps hits that are nearer than the previous ones.
+  void cast_queue(std::size_t body, const RayBatch& rays, HitBatch& hits, bool incidence) {
+    if (queue_size == 0) return;
+    const BodyMotion& motion = motions[body];
+    const MeshScene& mesh = library.meshes[static_cast<std::size_t>(moving[body].body)];
+    for (std::size_t i = 0; i < queue_size; ++i) {
+      const std::uint32_t k = queued[i];
+      packet.set(i, queued_unit[i], rays.near_range(k), std::min(hits.range[k], rays.max_range));
+    }
+    packet.intersect(mesh.scene.get(), queue_size);
     const RTCHit16& hit = packet.rh.hit;
-    for (std::size_t i = 0; i < order.size(); ++i) {
-      const std::uint32_t k = order[i];
-      if (!packet.hit(i) || !(packet.rh.ray.tfar[i] < hits.range[k])) continue;
-      hits.range[k] = packet.rh.ray.tfar[i];
+    for (std::size_t i = 0; i < queue_size; ++i) {
+      if (!packet.hit(i)) continue;
+      const std::uint32_t k = queued[i];
+      const BodyMotion::UnitRay& unit = queued_unit[i];
+      const float range = packet.plane_hit(i, mesh, unit).range;
+      if (!(range < hits.range[k])) continue;
+      hits.range[k] = range;
       hits.object[k] = static_cast<std::int32_t>(body);
       if (!incidence) continue;
-      hits.cos_incidence[k] = motion.cos_incidence(unit[i], hit.Ng_x[i], hit.Ng_y[i], hit.Ng_z[i]);
-      hits.place[k] = {unit[i].at(hits.range[k]),
-                       motion.normal(hit.Ng_x[i], hit.Ng_y[i], hit.Ng_z[i])};
+      hits.cos_incidence[k] = motion.cos_incidence(unit, hit.Ng_x[i], hit.Ng_y[i], hit.Ng_z[i]);
+      hits.place[k] = {unit.at(range), motion.normal(hit.Ng_x[i], hit.Ng_y[i], hit.Ng_z[i])};
     }
+    queue_size = 0;
   }
 
   /// Makes rays through the centres of the grid cells in the box's angular rectangle.
   void aim_probe(const Box3d& box) {
-    const double centre = std::atan2(box.y, box.x);
+    const double centre = math::atan2(box.y, box.x);
     double left = -kPi, right = kPi, up = -kPi, down = kPi;
     const auto corners = footprint(box);
     for (const Vec2& corner : corners)
       for (const double z : {box.z - box.dz / 2, box.z + box.dz / 2}) {
-        const double azimuth = wrap_angle(std::atan2(corner.y, corner.x) - centre);
-        const double elevation = std::atan2(z, norm(corner));
+        const double azimuth = wrap_angle(math::atan2(corner.y, corner.x) - centre);
+        const double elevation = math::atan2(z, norm(corner));
         left = std::max(left, azimuth);
         right = std::min(right, azimuth);
         up = std::max(up, elevation);
@@ -223,15 +306,16 @@ struct Raycaster::Impl {
         const double azimuth = centre + right + (left - right) * (i + 0.5) / kGrid;
         const double elevation = down + (up - down) * (j + 0.5) / kGrid;
         const auto k = static_cast<std::size_t>(i) * kGrid + static_cast<std::size_t>(j);
-        probe.dx[k] = static_cast<float>(std::cos(elevation) * std::cos(azimuth));
-        probe.dy[k] = static_cast<float>(std::cos(elevation) * std::sin(azimuth));
-        probe.dz[k] = static_cast<float>(std::sin(elevation));
+        probe.dx[k] = static_cast<float>(math::cos(elevation) * math::cos(azimuth));
+        probe.dy[k] = static_cast<float>(math::cos(elevation) * math::sin(azimuth));
+        probe.dz[k] = static_cast<float>(math::sin(elevation));
         probe.time[k] = 0.5F / time_scale;
       }
   }
 };
 
-Raycaster::Raycaster(const MeshLibrary& library) : impl_(std::make_unique<Impl>(*library.impl_)) {
+Raycaster::Raycaster(const MeshLibrary& library, const Viewpoint& viewpoint)
+    : impl_(std::make_unique<Impl>(*library.impl_, viewpoint)) {
   set_bodies({}, 1);
 }
 
@@ -243,7 +327,7 @@ void Raycaster::set_bodies(std::span<const MovingBody> bodies, double period_s) 
   m.motions.clear();
   m.index.set(bodies);
   m.time_scale = static_cast<float>(1 / period_s);
-  m.horizon = m.library.horizon;
+  m.horizon = m.viewpoint.horizon;
   for (const MovingBody& b : bodies) m.motions.emplace_back(b);
   for (const auto& views : m.index.views())
     for (const ViewBounds& view : views) m.horizon.add(view);
@@ -264,21 +348,24 @@ void Raycaster::cast_background(const RayBatch& rays, std::span<const std::uint3
   const FlushedDenormals flushed;
   Impl& m = *impl_;
   clear(rays.size(), hits);
+  std::array<BodyMotion::UnitRay, kPacketRays> in_library;
   for_each_packet(order, [&](std::span<const std::uint32_t> part) {
     for (std::size_t i = 0; i < part.size(); ++i) {
-      const std::uint32_t k = part[i];
-      m.packet.set(i, {0, 0, 0, rays.dx[k], rays.dy[k], rays.dz[k]}, rays.near_range(k),
-                   rays.max_range);
+      in_library[i] = m.in_library(rays, part[i]);
+      m.packet.set(i, in_library[i], rays.near_range(part[i]), rays.max_range);
     }
-    m.packet.intersect(m.background(), part.size());
+    m.packet.intersect(m.background().scene.get(), part.size());
     const RTCHit16& hit = m.packet.rh.hit;
     for (std::size_t i = 0; i < part.size(); ++i) {
       if (!m.packet.hit(i)) continue;
       const std::uint32_t k = part[i];
-      hits.range[k] = m.packet.rh.ray.tfar[i];
+      const PlaneHit plane = m.packet.plane_hit(i, m.background(), in_library[i]);
+      hits.range[k] = plane.range;
       hits.class_id[k] = m.library.background_class[hit.primID[i]];
-      if (incidence)
-        hits.cos_incidence[k] = cos_incidence(rays, k, hit.Ng_x[i], hit.Ng_y[i], hit.Ng_z[i]);
+      if (!incidence) continue;
+      const double length = norm(Vec3{hit.Ng_x[i], hit.Ng_y[i], hit.Ng_z[i]});
+      hits.cos_incidence[k] =
+          length > 0 ? static_cast<float>(std::min(1.0, std::abs(plane.ahead) / length)) : 0.0F;
     }
   });
 }
@@ -287,12 +374,21 @@ void Raycaster::cast_bodies(const RayBatch& rays, std::span<const std::uint32_t>
                             HitBatch& hits, bool incidence) {
   const FlushedDenormals flushed;
   Impl& m = *impl_;
+  m.packets_of.resize(m.moving.size());
+  for (auto& packets : m.packets_of) packets.clear();
+  std::uint32_t number = 0;
   for_each_packet(order, [&](std::span<const std::uint32_t> part) {
     m.index.for_each_in(view_of(rays, part), [&](std::size_t body) {
-      m.cast_body(body, rays, part, hits, incidence);
+      m.packets_of[body].push_back(number);
       return true;
     });
+    ++number;
   });
+  for (std::size_t body = 0; body < m.moving.size(); ++body) {
+    for (const std::uint32_t p : m.packets_of[body])
+      m.queue(body, rays, packet_of(order, p), hits, incidence);
+    m.cast_queue(body, rays, hits, incidence);
+  }
 }
 
 double Raycaster::visibility(std::size_t index, const Volumes& leaves) {
@@ -304,17 +400,19 @@ double Raycaster::visibility(std::size_t index, const Volumes& leaves) {
   Impl& m = *impl_;
   m.aim_probe(levelled(box_at(m.moving[index], 0.5)));
   clear(m.probe.size(), m.probe_hits);
-  for_each_packet(kOrder, [&](std::span<const std::uint32_t> part) {
-    m.cast_body(index, m.probe, part, m.probe_hits, false);
-  });
-  const auto alone = std::ranges::count(m.probe_hits.object, static_cast<std::int32_t>(index));
-  cast(m.probe, kOrder, m.probe_hits, false);
+  m.queue(index, m.probe, kOrder, m.probe_hits, false);
+  m.cast_queue(index, m.probe, m.probe_hits, false);
+  const auto own = static_cast<std::int32_t>(index);
+  std::vector<std::uint32_t> meeting;  // rays that hit the body without other objects
+  std::ranges::copy_if(kOrder, std::back_inserter(meeting),
+                       [&](std::uint32_t k) { return m.probe_hits.object[k] == own; });
+  cast(m.probe, meeting, m.probe_hits, false);
   double first = 0;
-  for (const std::uint32_t k : kOrder)
-    if (m.probe_hits.object[k] == static_cast<std::int32_t>(index))
+  for (const std::uint32_t k : meeting)
+    if (m.probe_hits.object[k] == own)
       first +=
           leaves.transmission(m.probe.dx[k], m.probe.dy[k], m.probe.dz[k], m.probe_hits.range[k]);
-  return alone == 0 ? 0 : first / static_cast<double>(alone);
+  return meeting.empty() ? 0 : first / static_cast<double>(meeting.size());
 }
 
 }  // namespace infrasim

@@ -11,14 +11,25 @@
 
 namespace infrasim {
 
-/// Meshes that do not change during a run; shared by the raycasters of all threads.
+/// Where a sensor stands in the frame of a mesh library.
+struct Viewpoint {
+  Vec3 position;
+  double yaw = 0;
+  Horizon horizon;  ///< upper limit of the elevation of the background
+};
+
+/// Meshes that do not change during a run; shared by the raycasters of all mounts and threads.
 class MeshLibrary {
  public:
-  /// @param background triangles with a class each
+  /// @param background triangles with a class each. Its frame is that of the library.
   /// @param bodies     meshes in the unit box
   /// @throws std::runtime_error if Embree rejects a mesh
   MeshLibrary(const TriangleMesh& background, std::span<const TriangleMesh> bodies);
+
+  /// Returns a viewpoint with its horizon.
+  Viewpoint viewpoint(Vec3 position = {}, double yaw = 0) const;
   ~MeshLibrary();
+  MeshLibrary(MeshLibrary&&) noexcept;
   MeshLibrary(const MeshLibrary&) = delete;
   MeshLibrary& operator=(const MeshLibrary&) = delete;
 
@@ -28,10 +39,12 @@ class MeshLibrary {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Nearest hits of rays from the origin of the levelled frame. Not thread-safe.
+/// Nearest hits of rays from the origin of a sensor's levelled frame. Not thread-safe.
 class Raycaster {
  public:
-  explicit Raycaster(const MeshLibrary& library);
+  Raycaster(const MeshLibrary& library, const Viewpoint& viewpoint);
+  /// A raycaster at the origin of the library.
+  explicit Raycaster(const MeshLibrary& library) : Raycaster(library, library.viewpoint()) {}
   ~Raycaster();
   Raycaster(const Raycaster&) = delete;
   Raycaster& operator=(const Raycaster&) = delete;

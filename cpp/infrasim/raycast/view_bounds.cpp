@@ -1,5 +1,7 @@
 #include "infrasim/raycast/view_bounds.h"
 
+#include "infrasim/core/math.h"
+
 namespace infrasim {
 
 namespace {
@@ -23,19 +25,19 @@ double nearest(std::span<const Vec2> outline) {
   return left != right ? 0 : distance;
 }
 
-double sine(double z, double distance) { return z == 0 ? 0 : z / std::hypot(z, distance); }
+double sine(double z, double distance) { return z == 0 ? 0 : z / math::hypot(z, distance); }
 
 float bearing_of(double azimuth) {
-  return bearing(static_cast<float>(std::cos(azimuth)), static_cast<float>(std::sin(azimuth)));
+  return bearing(static_cast<float>(math::cos(azimuth)), static_cast<float>(math::sin(azimuth)));
 }
 
 }  // namespace
 
 std::array<ViewBounds, 2> view_of(std::span<const Vec2> outline, double bottom, double top) {
-  const double near = nearest(outline), start = std::atan2(outline[0].y, outline[0].x);
+  const double near = nearest(outline), start = math::atan2(outline[0].y, outline[0].x);
   double from = start, to = start, far = 0;
   for (const Vec2& corner : outline) {
-    const double azimuth = start + wrap_angle(std::atan2(corner.y, corner.x) - start);
+    const double azimuth = start + wrap_angle(math::atan2(corner.y, corner.x) - start);
     from = std::min(from, azimuth);
     to = std::max(to, azimuth);
     far = std::max(far, norm(corner));
@@ -67,7 +69,7 @@ void Horizon::add(const ViewBounds& view) {
 /// Returns the horizon's highest sine of elevation over the azimuths that a cone spans.
 float Horizon::highest_around(float dx, float dy, float spread) const {
   // The steeper a cone is, the more azimuths it spans. A bearing changes no faster than an azimuth.
-  const float half = std::asin(std::min(1.0F, spread / std::hypot(dx, dy))) + kMargin;
+  const float half = math::asin(std::min(1.0F, spread / math::hypot(dx, dy))) + kMargin;
   constexpr float kBinsPerUnit = kBins / 4.0F;
   const float middle = bearing(dx, dy) + 2;
   const auto first = static_cast<int>(std::floor((middle - half) * kBinsPerUnit));

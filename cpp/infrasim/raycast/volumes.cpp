@@ -1,6 +1,7 @@
 #include "infrasim/raycast/volumes.h"
 
 #include "infrasim/core/classes.h"
+#include "infrasim/core/math.h"
 
 namespace infrasim {
 
@@ -14,15 +15,15 @@ Volumes::Volumes(std::span<const LeafVolume> volumes) {
   // The nearest volumes are first, because volumes behind a stopped ray need no random numbers.
   std::vector<LeafVolume> by_distance(volumes.begin(), volumes.end());
   std::ranges::stable_sort(by_distance, {}, [](const LeafVolume& leaves) {
-    return std::hypot(leaves.box.x, leaves.box.y);
+    return math::hypot(leaves.box.x, leaves.box.y);
   });
   std::vector<std::array<ViewBounds, 2>> views;
   for (const LeafVolume& leaves : by_distance) {
     const Box3d& box = leaves.box;
     Volume v{.ellipsoid = leaves.ellipsoid,
              .density_per_m = leaves.density_per_m,
-             .cos = std::cos(box.heading),
-             .sin = std::sin(box.heading),
+             .cos = math::cos(box.heading),
+             .sin = math::sin(box.heading),
              .inv_x = 2 / box.dx,
              .inv_y = 2 / box.dy,
              .inv_z = 2 / box.dz,
@@ -62,14 +63,23 @@ Volumes::Way Volumes::way_through(std::size_t volume, float dx, float dy, float 
   return way;
 }
 
-/// Stops a ray in a volume, with a random number of this volume. In overlapping volumes, the
-/// nearest stop therefore has the distribution of the summed density.
-void Volumes::stop_in(std::size_t volume, const Way& way, const Rng& rng, std::uint32_t ray,
-                      float max_range, HitBatch& hits) const {
-  const double depth = -std::log(rng.open_uniform(kFirstVolume + static_cast<unsigned>(volume)));
-  const double range = way.from + depth / volumes_[volume].density_per_m;
+Volumes::RayWay Volumes::with_limit(RayWay way) const {
+  constexpr double kSlack = 1e-5;  // more than the errors of exp and log
+  const double depth = volumes_[way.volume].density_per_m * (way.way.to - way.way.from);
+  way.passes = math::exp(-depth) * (1 - kSlack);
+  return way;
+}
+
+/// Each volume has its own random number. In overlapping volumes, the nearest stop therefore has
+/// the distribution of the summed density.
+void Volumes::stop_in(const RayWay& way, const Rng& rng, std::uint32_t ray, float max_range,
+                      HitBatch& hits) const {
+  const double sample = rng.open_uniform(kFirstVolume + way.volume);
+  if (sample < way.passes) return;
+  const double depth = -math::log(static_cast<float>(sample));
+  const double range = way.way.from + depth / volumes_[way.volume].density_per_m;
   const auto stop = static_cast<float>(range);
-  if (!(range < way.to && stop < hits.range[ray] && stop <= max_range)) return;
+  if (!(range < way.way.to && stop < hits.range[ray] && stop <= max_range)) return;
   hits.range[ray] = stop;
   hits.object[ray] = -1;
   hits.class_id[ray] = static_cast<std::uint16_t>(Class::kVegetation);
@@ -88,7 +98,7 @@ double Volumes::transmission(float dx, float dy, float dz, double range) const {
     depth += volumes_[v].density_per_m * std::max(0.0, std::min(range, way.to) - way.from);
     return true;
   });
-  return std::exp(-depth);
+  return math::exp(-depth);
 }
 
 }  // namespace infrasim

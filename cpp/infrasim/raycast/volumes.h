@@ -27,6 +27,43 @@ class Volumes {
   const BodyIndex& index() const { return index_; }
   const Horizon& horizon() const { return horizon_; }
 
+  /// Part of a ray within a volume, metres; empty unless from < to.
+  struct Way {
+    double from = 0, to = 0;
+  };
+  /// The part of one ray of a batch within one volume.
+  struct RayWay {
+    std::uint32_t ray;
+    std::uint32_t volume;
+    Way way;
+    double passes;  ///< a ray whose sample is smaller certainly passes the volume
+  };
+
+  /// Calls use(RayWay) for each volume that each ray meets before its hit.
+  /// @param order rays that may meet a volume; neighbouring rays should be together
+  template <class Use>
+  void for_each_way(const RayBatch& rays, std::span<const std::uint32_t> order,
+                    std::span<const float> hit_range, const Use& use) const {
+    for_each_packet(order, [&](std::span<const std::uint32_t> packet) {
+      index_.for_each_in(view_of(rays, packet), [&](std::size_t v) {
+        for (const std::uint32_t k : packet) {
+          const Way way = way_through(v, rays.dx[k], rays.dy[k], rays.dz[k]);
+          if (way.from < way.to && way.from < std::min<double>(hit_range[k], rays.max_range))
+            use(RayWay{k, static_cast<std::uint32_t>(v), way, 0});
+        }
+        return true;
+      });
+    });
+  }
+
+  /// Returns the way with the value of `passes`, for ways that are used several times.
+  RayWay with_limit(RayWay way) const;
+
+  /// Replaces the hit of a ray if leaves on its way stop the ray before it.
+  /// @param rng random stream of the ray
+  void stop_in(const RayWay& way, const Rng& rng, std::uint32_t ray, float max_range,
+               HitBatch& hits) const;
+
   /// Replaces the hit of each ray that leaves stop before it. The result depends neither on the
   /// order of the rays nor on rays that meet no volume.
   /// @param order    rays that may meet a volume; neighbouring rays should be together
@@ -34,15 +71,8 @@ class Volumes {
   template <class RngOf>
   void stop(const RayBatch& rays, std::span<const std::uint32_t> order, const RngOf& rng_of,
             HitBatch& hits) const {
-    for_each_packet(order, [&](std::span<const std::uint32_t> packet) {
-      index_.for_each_in(view_of(rays, packet), [&](std::size_t v) {
-        for (const std::uint32_t k : packet) {
-          const Way way = way_through(v, rays.dx[k], rays.dy[k], rays.dz[k]);
-          if (way.from < way.to && way.from < std::min<double>(hits.range[k], rays.max_range))
-            stop_in(v, way, rng_of(k), k, rays.max_range, hits);
-        }
-        return true;
-      });
+    for_each_way(rays, order, hits.range, [&](const RayWay& way) {
+      stop_in(way, rng_of(way.ray), way.ray, rays.max_range, hits);
     });
   }
 
@@ -58,14 +88,7 @@ class Volumes {
     double inv_x, inv_y, inv_z;  ///< 1 / half of its size
     double x, y, z;              ///< origin of the rays
   };
-  /// Part of a ray within a volume, metres; empty unless from < to.
-  struct Way {
-    double from = 0, to = 0;
-  };
-
   Way way_through(std::size_t volume, float dx, float dy, float dz) const;
-  void stop_in(std::size_t volume, const Way& way, const Rng& rng, std::uint32_t ray,
-               float max_range, HitBatch& hits) const;
 
   std::vector<Volume> volumes_;
   BodyIndex index_;

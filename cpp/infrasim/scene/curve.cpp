@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "infrasim/core/math.h"
+
 namespace infrasim {
 
 Curve::Curve(std::vector<CurvePoint> samples) : samples_(std::move(samples)) {
@@ -84,7 +86,7 @@ Curve turn(const CurvePoint& from, const CurvePoint& to) {
                           u * u * u * to.position;
     const Vec2 slope =
         v * v * (p1 - from.position) + 2 * u * v * (p2 - p1) + u * u * (to.position - p2);
-    samples.push_back({position, std::atan2(slope.y, slope.x)});
+    samples.push_back({position, math::atan2(slope.y, slope.x)});
   }
   return Curve(std::move(samples));
 }

@@ -4,6 +4,7 @@
 #include <set>
 
 #include "infrasim/config/fields.h"
+#include "infrasim/core/math.h"
 #include "infrasim/io/csv.h"
 
 namespace infrasim {
@@ -26,7 +27,7 @@ std::vector<CurvePoint> directed(const std::vector<LaneFileRow>& rows) {
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Vec2 from = rows[i == 0 ? 0 : i - 1].place;
     const Vec2 to = rows[std::min(i + 1, rows.size() - 1)].place;
-    out.push_back({rows[i].place, std::atan2(to.y - from.y, to.x - from.x)});
+    out.push_back({rows[i].place, math::atan2(to.y - from.y, to.x - from.x)});
   }
   return out;
 }

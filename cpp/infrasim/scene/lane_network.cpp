@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "infrasim/config/fields.h"
+#include "infrasim/core/math.h"
 
 namespace infrasim {
 
@@ -84,8 +85,8 @@ bool ends_at(const RoadLine& road) {
 /// Returns half the length of the part of a road that a crossing road and its footways cover.
 double half_crossing(const LanesConfig& road, const LanesConfig& other, double angle) {
   const double across = outer_half_width(other);
-  const double along = carriageway_half_width(road) * std::abs(std::cos(angle));
-  return (across + along) / std::abs(std::sin(angle));
+  const double along = carriageway_half_width(road) * std::abs(math::cos(angle));
+  return (across + along) / std::abs(math::sin(angle));
 }
 
 /// Angle between two lines, 0 to 90 degrees, in radians.
@@ -154,10 +155,10 @@ std::optional<Ring> cut_roads(const SceneConfig& scene, int index, std::vector<R
   const double angle =
       between_lines(a.curve.at(stations[0]).heading, b.curve.at(stations[1]).heading);
   const double least = std::max(angle, kSharpestCrossing);
-  const double reach_a = outer_half_width(b.config->lanes) / std::sin(least);
-  const double reach_b = outer_half_width(a.config->lanes) / std::sin(least);
+  const double reach_a = outer_half_width(b.config->lanes) / math::sin(least);
+  const double reach_b = outer_half_width(a.config->lanes) / math::sin(least);
   const bool t = is_end(a, stations[0], reach_a) || is_end(b, stations[1], reach_b);
-  const double gap = kStopLineGap + (t ? kSharpTurnGap * std::cos(least) : 0);
+  const double gap = kStopLineGap + (t ? kSharpTurnGap * math::cos(least) : 0);
   std::optional<Ring> ring;
   if (junction.roundabout) ring = ring_at(junction, *point, *a.config, *b.config);
   for (RoadLine* road : {&a, &b}) {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "infrasim/core/math.h"
+
 namespace infrasim {
 
 namespace {
@@ -45,7 +47,7 @@ double heading_at(const Curve& line, double s) {
   const Vec2 before = line.at(s - kHalfChord).position, after = line.at(s + kHalfChord).position;
   const Vec2 way =
       norm(after - before) > kLeastPart / 2 ? after - before : after - line.at(s).position;
-  return std::atan2(way.y, way.x);
+  return math::atan2(way.y, way.x);
 }
 
 /// Rounds a length as in roads.csv, so that programs that read the file get the same region.

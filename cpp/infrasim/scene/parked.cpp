@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "infrasim/config/fields.h"
+#include "infrasim/core/math.h"
 #include "infrasim/core/rng.h"
 #include "infrasim/scene/fleet.h"
 #include "infrasim/scene/roads.h"
@@ -39,7 +40,8 @@ class Row {
       const VehicleSize size = sample_size(kind, rng);
       const double askew = rad(kAskew_deg) * (2 * rng.uniform(kAfterParkedSize) - 1);
       const double turn = rad(config_.turn_deg) + askew;
-      const double taken = std::abs(std::cos(turn)) * size.dx + std::abs(std::sin(turn)) * size.dy;
+      const double taken =
+          std::abs(math::cos(turn)) * size.dx + std::abs(math::sin(turn)) * size.dy;
       if (s + taken > line_.length()) return;
       if (rng.uniform(kAfterParkedSize + 1) < config_.occupied) {
         if (out.size() == kMost)

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "infrasim/core/math.h"
+
 namespace infrasim {
 
 namespace {
@@ -96,7 +98,7 @@ Box3d Profile::on_slope(const Box3d& box) const {
   const Vec2 place{box.x, box.y};
   const double front = rise(place + half), rear = rise(place - half);
   Box3d out = box;
-  out.pitch = std::atan2(rear - front, kWheelbase * box.dx);
+  out.pitch = math::atan2(rear - front, kWheelbase * box.dx);
   const Vec3 up = rotation(box.heading, out.pitch, 0) * Vec3{0, 0, box.dz / 2};
   out.x += up.x;
   out.y += up.y;

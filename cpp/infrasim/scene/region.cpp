@@ -7,6 +7,7 @@
 
 #include "infrasim/config/fields.h"
 #include "infrasim/core/errors.h"
+#include "infrasim/core/math.h"
 #include "infrasim/core/numbers.h"
 
 namespace infrasim {
@@ -21,7 +22,7 @@ EvaluationRegion::EvaluationRegion(const Site& site, const MountConfig& mount)
     const RoadConfig& road = scene.roads[i];
     Curve along = site.centrelines[i];
     const double heading = along.at(along.project(foot)).heading;
-    if (std::cos(heading - rad(mount.yaw_deg)) < 0) along = along.reversed();
+    if (math::cos(heading - rad(mount.yaw_deg)) < 0) along = along.reversed();
     const double station = along.project(foot);
     roads_.push_back({road.name, std::move(along), station, road.elevation_m,
                       carriageway_half_width(road.lanes)});

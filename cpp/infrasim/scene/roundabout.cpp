@@ -1,5 +1,7 @@
 #include "infrasim/scene/roundabout.h"
 
+#include "infrasim/core/math.h"
+
 namespace infrasim {
 
 namespace {
@@ -7,7 +9,9 @@ namespace {
 constexpr double kFlareAngle =
     kPi * 25 / 180;  // angle on the ring between an arm's lane and the entry or exit
 
-double polar(Vec2 centre, Vec2 point) { return std::atan2(point.y - centre.y, point.x - centre.x); }
+double polar(Vec2 centre, Vec2 point) {
+  return math::atan2(point.y - centre.y, point.x - centre.x);
+}
 
 CurvePoint on_ring(const Ring& ring, double angle) {
   return {ring.centre + ring.config.radius_m * heading_vector(angle), wrap_angle(angle + kPi / 2)};

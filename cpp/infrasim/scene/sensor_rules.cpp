@@ -8,6 +8,7 @@
 #include "infrasim/config/fields.h"
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/core/classes.h"
+#include "infrasim/core/math.h"
 
 namespace infrasim {
 
@@ -53,7 +54,7 @@ double distance_beside(const Curve& line, Vec2 point) {
 double distance_to_surfaces(const Site& site, const Sensor& sensor) {
   double nearest = kInf;
   const auto meet = [&](double beside, double z) {
-    nearest = std::min(nearest, std::hypot(std::max(0.0, beside), sensor.z - z));
+    nearest = std::min(nearest, math::hypot(std::max(0.0, beside), sensor.z - z));
   };
   for (std::size_t i = 0; i < site.centrelines.size(); ++i) {
     const RoadConfig& road = site.scene.roads[i];

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <initializer_list>
 
+#include "infrasim/core/math.h"
+
 namespace infrasim {
 
 namespace {
@@ -27,14 +29,14 @@ void join(TriangleMesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t n)
 void add_ellipsoid(TriangleMesh& mesh, const Ellipsoid& e, int bands, int sectors) {
   // Area of the polygon relative to a half circle, and mean width of the polygon relative to a
   // circle.
-  const double tall = bands * std::sin(kPi / bands) / kPi;
-  const double round = sectors * std::sin(kPi / sectors) / kPi;
+  const double tall = bands * math::sin(kPi / bands) / kPi;
+  const double round = sectors * math::sin(kPi / sectors) / kPi;
   const double wide = 1 / (tall * round);
   const auto n = static_cast<std::uint32_t>(sectors);
   const auto place = [&](double latitude, double angle) {
-    const double r = wide * std::cos(latitude), up = std::sin(latitude);
-    return e.centre + Vec3{e.radii.x * r * std::cos(angle) + e.lean * up,
-                           e.radii.y * r * std::sin(angle), e.radii.z * up};
+    const double r = wide * math::cos(latitude), up = math::sin(latitude);
+    return e.centre + Vec3{e.radii.x * r * math::cos(angle) + e.lean * up,
+                           e.radii.y * r * math::sin(angle), e.radii.z * up};
   };
   const std::uint32_t bottom = add_vertex(mesh, place(-kPi / 2, 0));
   for (int band = 1; band < bands; ++band)
@@ -55,7 +57,7 @@ void add_ring(TriangleMesh& mesh, Vec3 centre, double radius, double depth, doub
   const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
   for (int k = 0; k < segments; ++k) {
     const double angle = 2 * kPi * (k + 0.5) / segments;
-    const Vec3 out{std::cos(angle), 0, -std::sin(angle)};
+    const Vec3 out{math::cos(angle), 0, -math::sin(angle)};
     add_vertex(mesh, centre + radius * out);
     for (const double side : {-1.0, 1.0})
       add_vertex(mesh, centre + (radius - depth) * out + Vec3{0, side * width / 2, 0});
@@ -72,8 +74,8 @@ void add_bar(TriangleMesh& mesh, Vec3 from, Vec3 to, double radius, int sides) {
   for (const Vec3 end : {from, to})
     for (int k = 0; k < sides; ++k) {
       const double angle = 2 * kPi * k / sides;
-      add_vertex(mesh, end + (radius * std::cos(angle) / norm(up)) * up +
-                           (radius * std::sin(angle) / norm(aside)) * aside);
+      add_vertex(mesh, end + (radius * math::cos(angle) / norm(up)) * up +
+                           (radius * math::sin(angle) / norm(aside)) * aside);
     }
   join(mesh, first + n, first, n);
   for (std::uint32_t i = 1; i + 1 < n; ++i) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "infrasim/core/classes.h"
+#include "infrasim/core/math.h"
 #include "infrasim/io/ply_file.h"
 
 namespace infrasim {
@@ -113,7 +114,7 @@ void add_barrier(MeshBuilder& mesh, const Site& site, const BarrierConfig& barri
 
 Vec3 LevelPose::to_level(Vec3 world) const {
   const Vec3 d = world - origin;
-  const double c = std::cos(yaw), s = std::sin(yaw);
+  const double c = math::cos(yaw), s = math::sin(yaw);
   return {c * d.x + s * d.y, -s * d.x + c * d.y, d.z};
 }
 

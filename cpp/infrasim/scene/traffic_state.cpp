@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "infrasim/core/math.h"
+
 namespace infrasim {
 
 namespace {
@@ -21,7 +23,7 @@ double half_width_in_bend(const Vehicle& v, double radius, double outwards) {
   if (std::isinf(radius)) return v.dy / 2 + std::abs(outwards);
   const double a = std::min(half_base(v), radius);
   const double middle = std::sqrt(radius * radius - a * a) + outwards;
-  return std::max(std::hypot(middle + v.dy / 2, v.dx / 2) - radius, radius - middle + v.dy / 2);
+  return std::max(math::hypot(middle + v.dy / 2, v.dx / 2) - radius, radius - middle + v.dy / 2);
 }
 
 TrafficState::TrafficState(const LaneNetwork& lane_network)
@@ -44,7 +46,7 @@ Vec2 TrafficState::on_path(const Vehicle& v, double s) const {
 
 ObjectState TrafficState::object_state(const Vehicle& v) const {
   const Vec2 rear = on_path(v, v.s - half_base(v)), front = on_path(v, v.s + half_base(v));
-  const double heading = std::atan2(front.y - rear.y, front.x - rear.x);
+  const double heading = math::atan2(front.y - rear.y, front.x - rear.x);
   const Vec2 xy = 0.5 * (rear + front) + v.lateral * heading_vector(heading + kPi / 2);
   return rounded({v.id,
                   v.object_class->id,

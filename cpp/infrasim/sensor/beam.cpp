@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "infrasim/core/math.h"
+
 namespace infrasim {
 
 namespace {
@@ -21,7 +23,7 @@ Beam::Beam(const BeamConfig& config, const Mat3& unit_pose)
       left_(unit_pose * Vec3{0, 1, 0}) {
   const double width = rad(std::max(config.vertical_deg, config.horizontal_deg));
   for (int i = 0; i < config.sub_rays; ++i)
-    offsets_.push_back(static_cast<float>(std::tan(width * ((i + 0.5) / config.sub_rays - 0.5))));
+    offsets_.push_back(static_cast<float>(math::tan(width * ((i + 0.5) / config.sub_rays - 0.5))));
 }
 
 /// Returns the unit vector along which the sub-rays of a ray are offset. For vertical rays it is

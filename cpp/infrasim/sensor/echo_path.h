@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "infrasim/core/math.h"
+
 namespace infrasim {
 
 /// Attenuation between the LiDAR and an echo, without the decrease with the square of the range.
@@ -12,7 +14,8 @@ struct EchoPath {
   /// The share of an echo's power that is received.
   float share(float range_m) const {
     if (range_m < min_range_m) return 0;
-    return extinction_per_m > 0 ? static_cast<float>(std::exp(-2 * extinction_per_m * range_m)) : 1;
+    return extinction_per_m > 0 ? static_cast<float>(math::exp(-2 * extinction_per_m * range_m))
+                                : 1;
   }
 };
 

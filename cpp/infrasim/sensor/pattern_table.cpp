@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "infrasim/core/errors.h"
+#include "infrasim/core/math.h"
 #include "infrasim/core/rng.h"
 #include "infrasim/scene/trajectories.h"
 
@@ -58,7 +59,7 @@ std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last,
         const Vec3 d = pose * ray.direction;
         // Rounding makes some vertical rays of tilted units longer than 1.
         const double sine = std::clamp(d.z, -1.0, 1.0);
-        rows.insert(rows.end(), {std::atan2(d.y, d.x), std::asin(sine), ray.time_s});
+        rows.insert(rows.end(), {math::atan2(d.y, d.x), math::asin(sine), ray.time_s});
       }
     }
   }

@@ -6,6 +6,8 @@
 #include <limits>
 #include <vector>
 
+#include "infrasim/core/math.h"
+
 namespace infrasim {
 
 namespace {
@@ -22,7 +24,7 @@ double tolerance(const PublishedRange& pair) {
 
 /// Returns the logarithm of the ratio of the published range to the predicted range.
 double error(const RangeLaw& law, const PublishedRange& pair) {
-  return std::log(pair.range_m / law.range_m(pair.reflectance, pair.sunlight_klux));
+  return math::log(pair.range_m / law.range_m(pair.reflectance, pair.sunlight_klux));
 }
 
 /// Returns the dark range that fits the published ranges best for a given crossover. Ranges that
@@ -38,7 +40,7 @@ double best_dark_range(double background_noise_crossover_klux,
     sum += weight * error(one, pair);
     weights += weight;
   }
-  return weights > 0 ? std::exp(sum / weights) : pairs.front().range_m;
+  return weights > 0 ? math::exp(sum / weights) : pairs.front().range_m;
 }
 
 double misfit(const RangeLaw& law, const std::vector<PublishedRange>& pairs, double max_range_m) {
@@ -67,7 +69,7 @@ RangeLaw fit_range_law(const DetectionConfig& detection, double max_range_m) {
   for (int i = 0; i <= 2 * kSteps; ++i) {
     const int step = i % 2 == 0 ? -i / 2 : (i + 1) / 2;  // 0, 1, -1, 2, -2, ...
     RangeLaw law{.dark_range_m = 0,
-                 .background_noise_crossover_klux = std::pow(10, 2 + step / 100.0)};
+                 .background_noise_crossover_klux = math::pow(10, 2 + step / 100.0)};
     law.dark_range_m = best_dark_range(law.background_noise_crossover_klux, pairs, max_range_m);
     const double error = misfit(law, pairs, max_range_m);
     if (error < least - 1e-9) least = error, best = law;

@@ -6,8 +6,10 @@
 #include <numbers>
 
 #include "infrasim/core/classes.h"
+#include "infrasim/core/math.h"
 #include "infrasim/core/normal.h"
 #include "infrasim/sensor/range_law.h"
+#include "infrasim/sensor/reflectance.h"
 
 namespace infrasim {
 
@@ -18,8 +20,8 @@ constexpr float kCarlaAttenuation = 0.004F;  // 1/m, CARLA's atmosphere_attenuat
 enum ReturnSample : unsigned { kLoss, kKeep, kDetection, kNoise };
 
 double extinction(const WeatherConfig& weather) {
-  const double rain = 3.65e-4 * std::pow(weather.rain_mm_per_h, 0.63);
-  return rain + std::log(20.0) / weather.visibility_m;
+  const double rain = 3.65e-4 * math::pow(weather.rain_mm_per_h, 0.63);
+  return rain + math::log(20.0) / weather.visibility_m;
 }
 
 /// Larger than the absolute value of the normal quantile of any sample.
@@ -31,7 +33,7 @@ constexpr double kCertain = 8.5;
 class Detector {
  public:
   Detector() {
-    const auto phi = [](double x) { return std::erfc(-x / std::numbers::sqrt2) / 2; };
+    const auto phi = [](double x) { return math::erfc(-x / std::numbers::sqrt2) / 2; };
     for (std::size_t i = 0; i < kSteps; ++i) {
       const double margin = static_cast<double>(i) / kStepsPerUnit - kCertain;
       always_[i] = phi(margin - kSlack);
@@ -86,36 +88,62 @@ bool ReturnModel::dropped_when_faint(const Rng& ray_rng, double intensity) const
   return ray_rng.uniform(kKeep) >= slope * intensity + 1 - d.zero_intensity_rate;
 }
 
-double ReturnModel::snr(double range, double reflected, double sunlit) const {
-  double signal = signal_m2_ * reflected / (range * range);
-  if (extinction_per_m_ > 0) signal *= std::exp(-2 * extinction_per_m_ * range);
-  const double sun = sun_per_rho_ * sunlit;
-  return sun > 1 ? signal / std::sqrt(sun) : signal;
+/// Computes what decides on each echo: the signal-to-noise ratio of LiDARs that detect by received
+/// power, otherwise CARLA's intensity.
+void ReturnModel::strengths(const EchoBatch& echoes, const std::vector<float>& sunlit,
+                            std::vector<double>& out) const {
+  out.resize(echoes.size());
+  const std::size_t n = echoes.size();
+  if (!config_.detection) {
+    for (std::size_t i = 0; i < n; ++i) out[i] = -kCarlaAttenuation * echoes.range[i];
+    return math::exp_all(out);
+  }
+  const float* range = echoes.range.data();
+  const float* reflectance = echoes.reflectance.data();
+  const float* gain = echoes.gain.data();
+  const float* lit = sunlit.data();
+  for (std::size_t i = 0; i < n; ++i) {
+    const double r = range[i], reflected = reflectance[i] * gain[i];
+    const double noise = std::sqrt(std::max(1.0, sun_per_rho_ * lit[i]));
+    out[i] = signal_m2_ * reflected / (r * r) / noise;
+  }
+  if (extinction_per_m_ > 0)
+    for (std::size_t i = 0; i < n; ++i)
+      out[i] *= math::exp(-2 * extinction_per_m_ * double{range[i]});
+}
+
+bool ReturnModel::can_return(float range, float gain, std::uint16_t class_id) const {
+  if (!in_range(range)) return false;
+  if (!config_.detection) return true;
+  EchoBatch one;
+  one.resize(1);
+  const float reflectance = background_reflectance(static_cast<Class>(class_id));
+  one.set(0, {range, -1, class_id, reflectance, gain});
+  std::vector<double> ratio;
+  strengths(one, one.reflectance, ratio);
+  return is_recorded(one, 0) || config_.detection->steepness * (ratio[0] - 1) > -kCertain;
 }
 
 void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const EchoBatch& echoes,
-                        const std::vector<float>& sunlit, ReturnBatch& out) const {
+                        const std::vector<float>& sunlit, ReturnBatch& out,
+                        std::span<const std::uint32_t> number) const {
   static const Detector detector;
   out.resize(echoes.size());
+  strengths(echoes, sunlit, out.strength);
   std::size_t n = 0;
-  const auto min_range = static_cast<float>(config_.min_range_m);
-  const auto max_range = static_cast<float>(config_.max_range_m);
   for (std::size_t i = 0; i < echoes.size(); ++i) {
     float range = echoes.range[i];
-    if (!(range >= min_range && range <= max_range)) continue;
-    const Rng ray_rng = rng.at(first_ray + i);
+    if (!in_range(range)) continue;
+    const Rng ray_rng = rng.at(first_ray + (number.empty() ? i : number[i]));
     const bool recorded = is_recorded(echoes, i);
     if (config_.drop_off && !recorded && lost_at_random(ray_rng)) continue;
-    double intensity = 0, sigma = config_.range_accuracy_m;
+    double intensity = out.strength[i], sigma = config_.range_accuracy_m;
     if (config_.detection) {
-      intensity = echoes.reflectance[i] * echoes.gain[i];
-      const double ratio = snr(range, intensity, sunlit[i]);
-      const double margin = config_.detection->steepness * (ratio - 1);
+      const double ratio = out.strength[i], margin = config_.detection->steepness * (ratio - 1);
       if (!recorded && !detector.detects(margin, ray_rng)) continue;
+      intensity = echoes.reflectance[i] * echoes.gain[i];
       // A detected signal, including its noise, is at least as strong as the threshold.
       sigma /= std::sqrt(2 * std::max(1.0, ratio));
-    } else {
-      intensity = std::exp(-kCarlaAttenuation * range);
     }
     if (config_.drop_off && !recorded && dropped_when_faint(ray_rng, intensity)) continue;
     if (sigma > 0)

@@ -5,12 +5,14 @@
 #include <numeric>
 
 #include "infrasim/core/errors.h"
+#include "infrasim/core/math.h"
 
 namespace infrasim {
 
 namespace {
 
 constexpr int kTileSide = 4;
+constexpr std::int64_t kMostTurns = 1 << 17;  // maximum number of columns whose turns are kept
 
 double positive_fmod(double value, double period) {
   const double r = std::fmod(value, period);
@@ -67,7 +69,7 @@ void trace(const std::vector<PrismConfig>& prisms, const DirectionBatch& lasers,
   for (const PrismConfig& prism : prisms) {
     const double phi = 2 * kPi * std::fmod(prism.rpm / 60 * time_s, 1.0) + rad(prism.phase_deg);
     const double a = rad(prism.angle_deg);
-    pass(prism, {std::cos(a), std::sin(a) * std::cos(phi), std::sin(a) * std::sin(phi)},
+    pass(prism, {math::cos(a), math::sin(a) * math::cos(phi), math::sin(a) * math::sin(phi)},
          directions);
   }
   check_transmitted(directions);
@@ -100,18 +102,24 @@ ScanPattern::ScanPattern(const PatternConfig& config, double phase_s, const Mat3
       // The unit turns while a column fires. A channel that fires later therefore has an additional
       // azimuth offset.
       const double shift = -rad(c.azimuth_offset_deg + 360 * config_.spinning->rate_hz * fire_time);
-      lasers_.push_back({static_cast<float>(std::cos(e)), static_cast<float>(std::sin(e)),
-                         static_cast<float>(std::cos(shift)), static_cast<float>(std::sin(shift)),
+      lasers_.push_back({static_cast<float>(math::cos(e)), static_cast<float>(math::sin(e)),
+                         static_cast<float>(math::cos(shift)), static_cast<float>(math::sin(shift)),
                          static_cast<float>(fire_time)});
+    }
+    if (columns_per_turn_ && columns_per_turn_->numerator <= kMostTurns) {
+      std::vector<std::pair<float, float>> turns;
+      for (std::int64_t column = 0; column < columns_per_turn_->numerator; ++column)
+        turns.push_back(turn(column));
+      turns_ = std::move(turns);
     }
   } else if (config_.prisms) {
     elevations = config_.prisms->laser_offsets;
     groups_per_s_ = config_.prisms->steps_per_s;
     for (const double offset : elevations) {
-      const double e = std::atan(offset / config_.prisms->focal_length);
-      lasers_of_step_.x.push_back(std::cos(e));
+      const double e = math::atan(offset / config_.prisms->focal_length);
+      lasers_of_step_.x.push_back(math::cos(e));
       lasers_of_step_.y.push_back(0);
-      lasers_of_step_.z.push_back(std::sin(e));
+      lasers_of_step_.z.push_back(math::sin(e));
     }
   } else {
     groups_per_s_ = config_.table->rays_per_s;
@@ -182,8 +190,8 @@ Ray ScanPattern::spinning_ray(std::int64_t group, int member) const {
   const double turned_deg =
       column_deg(group) + start_deg_ + 360 * s.rate_hz * fire_time + c.azimuth_offset_deg;
   const double azimuth = -rad(std::fmod(turned_deg, 360)), elevation = rad(c.elevation_deg);
-  return {{std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
-           std::sin(elevation)},
+  return {{math::cos(elevation) * math::cos(azimuth), math::cos(elevation) * math::sin(azimuth),
+           math::sin(elevation)},
           static_cast<double>(group) / groups_per_s_ + fire_time};
 }
 
@@ -202,7 +210,7 @@ Ray ScanPattern::prism_ray(std::int64_t group, int member) const {
 Ray ScanPattern::table_ray(std::int64_t group) const {
   const TableConfig& table = *config_.table;
   const Vec2 d = table.directions[static_cast<std::size_t>((group + first_row_) % repeats_after())];
-  return {{std::cos(d.y) * std::cos(d.x), std::cos(d.y) * std::sin(d.x), std::sin(d.y)},
+  return {{math::cos(d.y) * math::cos(d.x), math::cos(d.y) * math::sin(d.x), math::sin(d.y)},
           table.times_s.empty() ? static_cast<double>(group) / groups_per_s_
                                 : table_time(group + first_row_) - table_time(first_row_)};
 }
@@ -216,13 +224,19 @@ double ScanPattern::table_time(std::int64_t row) const {
 }
 
 void ScanPattern::generate(RayRange range, double start_s, RayBatch& rays) const {
-  rays.resize(static_cast<std::size_t>(range.size()));
-  const std::int64_t first = range.first / group_size_, last = range.last / group_size_;
-  if (config_.spinning) return generate_columns(first, last, start_s, rays);
-  if (config_.prisms) return generate_steps(first, last, start_s, rays);
-  for (std::int64_t group = first; group < last; ++group) {
-    const Ray ray = table_ray(group);
-    put(static_cast<std::size_t>(group - first), ray.direction, ray.time_s - start_s, 0, rays);
+  rays.number.resize(static_cast<std::size_t>(range.size()));
+  std::iota(rays.number.begin(), rays.number.end(), 0U);
+  rays.resize(rays.number.size());
+  generate(range.first / group_size_, start_s, rays.number, rays);
+}
+
+void ScanPattern::generate(std::int64_t first_group, double start_s,
+                           std::span<const std::uint32_t> which, RayBatch& rays) const {
+  if (config_.spinning) return generate_columns(first_group, start_s, which, rays);
+  if (config_.prisms) return generate_steps(first_group, start_s, which, rays);
+  for (const std::uint32_t k : which) {
+    const Ray ray = table_ray(first_group + rays.number[k]);
+    put(k, ray.direction, ray.time_s - start_s, 0, rays);
   }
 }
 
@@ -236,29 +250,41 @@ void ScanPattern::put(std::size_t k, Vec3 direction, double time_s, int member,
   rays.ring[k] = ring_[static_cast<std::size_t>(member)];
 }
 
-void ScanPattern::generate_steps(std::int64_t first_group, std::int64_t last_group, double start_s,
-                                 RayBatch& rays) const {
+void ScanPattern::generate_steps(std::int64_t first_group, double start_s,
+                                 std::span<const std::uint32_t> which, RayBatch& rays) const {
   DirectionBatch directions;
-  std::size_t k = 0;
-  for (std::int64_t group = first_group; group < last_group; ++group) {
-    trace(config_.prisms->prisms, lasers_of_step_, optical_time(group), directions);
-    const double time = static_cast<double>(group) / groups_per_s_ - start_s;
-    for (std::size_t i = 0; i < directions.x.size(); ++i, ++k)
-      put(k, {directions.x[i], directions.y[i], directions.z[i]}, time, static_cast<int>(i), rays);
+  std::int64_t traced = -1;  // group whose directions are known
+  for (const std::uint32_t k : which) {
+    const std::int64_t group = first_group + rays.number[k] / group_size_;
+    if (group != traced)
+      trace(config_.prisms->prisms, lasers_of_step_, optical_time(group), directions);
+    traced = group;
+    const auto i = rays.number[k] % static_cast<std::uint32_t>(group_size_);
+    put(k, {directions.x[i], directions.y[i], directions.z[i]},
+        static_cast<double>(group) / groups_per_s_ - start_s, static_cast<int>(i), rays);
   }
 }
 
-void ScanPattern::generate_columns(std::int64_t first_group, std::int64_t last_group,
-                                   double start_s, RayBatch& rays) const {
+/// Cosine and sine of the azimuth to which a unit has turned at a column.
+std::pair<float, float> ScanPattern::turn(std::int64_t column) const {
+  if (!turns_.empty())
+    return turns_[static_cast<std::size_t>(column % columns_per_turn_->numerator)];
+  const double azimuth = -rad(column_deg(column) + start_deg_);
+  return {static_cast<float>(math::cos(azimuth)), static_cast<float>(math::sin(azimuth))};
+}
+
+void ScanPattern::generate_columns(std::int64_t first_group, double start_s,
+                                   std::span<const std::uint32_t> which, RayBatch& rays) const {
   const auto& m = pose_;
-  std::size_t k = 0;
-  for (std::int64_t group = first_group; group < last_group; ++group) {
-    const double turned = column_deg(group) + start_deg_;
-    const auto ca = static_cast<float>(std::cos(-rad(turned)));
-    const auto sa = static_cast<float>(std::sin(-rad(turned)));
+  const auto size = static_cast<std::uint32_t>(group_size_);
+  for (std::size_t n = 0; n < which.size();) {
+    const std::uint32_t within = rays.number[which[n]] / size, begin = within * size;
+    const std::int64_t group = first_group + within;
+    const auto [ca, sa] = turn(group);
     const auto time =
         std::max(0.0F, static_cast<float>(static_cast<double>(group) / groups_per_s_ - start_s));
-    for (int i = 0; i < group_size_; ++i, ++k) {
+    for (; n < which.size() && rays.number[which[n]] < begin + size; ++n) {
+      const std::uint32_t k = which[n], i = rays.number[k] - begin;
       const Laser& laser = lasers_[i];
       const float x = laser.cos_elevation * (ca * laser.cos_shift - sa * laser.sin_shift);
       const float y = laser.cos_elevation * (sa * laser.cos_shift + ca * laser.sin_shift);
@@ -295,7 +321,7 @@ FieldOfView field_of_view(const ScanPattern& pattern) {
     rays.last = rays.first + pattern.group_size();  // one column has all elevations
   for (std::int64_t i = rays.first; i < rays.last; ++i) {
     const Vec3 d = pattern.ray(i).direction;
-    const double azimuth = deg(std::atan2(d.y, d.x)), elevation = deg(std::asin(d.z));
+    const double azimuth = deg(math::atan2(d.y, d.x)), elevation = deg(math::asin(d.z));
     fov.azimuth_min_deg = std::min(fov.azimuth_min_deg, azimuth);
     fov.azimuth_max_deg = std::max(fov.azimuth_max_deg, azimuth);
     fov.elevation_min_deg = std::min(fov.elevation_min_deg, elevation);

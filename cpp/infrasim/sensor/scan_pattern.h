@@ -2,6 +2,8 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "infrasim/config/lidar_config.h"
@@ -61,17 +63,24 @@ class ScanPattern {
   /// `start_s`.
   void generate(RayRange range, double start_s, RayBatch& rays) const;
 
+  /// Generates some rays of a batch, whose `number` counts from the first ray of group
+  /// `first_group`.
+  /// @param which positions in the batch, ascending; the other positions do not change
+  void generate(std::int64_t first_group, double start_s, std::span<const std::uint32_t> which,
+                RayBatch& rays) const;
+
   /// Returns an order of the rays of a number of groups in which neighbouring rays are together.
   /// For a spinning unit, a tile of 4 columns by 4 neighbouring rings is together.
   std::vector<std::uint32_t> tile_order(int groups) const;
 
  private:
-  void generate_columns(std::int64_t first_group, std::int64_t last_group, double start_s,
-                        RayBatch& rays) const;
-  void generate_steps(std::int64_t first_group, std::int64_t last_group, double start_s,
-                      RayBatch& rays) const;
+  void generate_columns(std::int64_t first_group, double start_s,
+                        std::span<const std::uint32_t> which, RayBatch& rays) const;
+  void generate_steps(std::int64_t first_group, double start_s,
+                      std::span<const std::uint32_t> which, RayBatch& rays) const;
   void put(std::size_t k, Vec3 direction, double time_s, int member, RayBatch& rays) const;
   double column_deg(std::int64_t column) const;
+  std::pair<float, float> turn(std::int64_t column) const;
   double optical_time(std::int64_t group) const;
   Ray spinning_ray(std::int64_t group, int member) const;
   Ray prism_ray(std::int64_t group, int member) const;
@@ -93,8 +102,9 @@ class ScanPattern {
   struct Laser {
     float cos_elevation, sin_elevation, cos_shift, sin_shift, fire_time;
   };
-  std::vector<Laser> lasers_;      ///< lasers of a spinning unit
-  DirectionBatch lasers_of_step_;  ///< directions before the prisms
+  std::vector<Laser> lasers_;                   ///< lasers of a spinning unit
+  std::vector<std::pair<float, float>> turns_;  ///< of each column of a period, if they are few
+  DirectionBatch lasers_of_step_;               ///< directions before the prisms
 };
 
 /// Extent of a pattern in its own frame.

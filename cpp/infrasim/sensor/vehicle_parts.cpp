@@ -4,6 +4,8 @@
 #include <cmath>
 #include <optional>
 
+#include "infrasim/core/math.h"
+
 namespace infrasim {
 
 namespace {
@@ -19,6 +21,8 @@ struct Layout {
   double wheel_radius_m;
 };
 
+// share of the length; a hit on the front or rear face lies beside it by rounding errors
+constexpr double kOnFace = 1e-3;
 constexpr double kPillar_m = 0.14;  // width between side windows
 // width of windscreen and rear window between their pillars, as a share of the vehicle's width
 constexpr double kScreenHalfWidth = 0.38;
@@ -51,7 +55,7 @@ bool is_side(const BodyHit& hit) { return std::abs(hit.normal.y) > std::abs(hit.
 bool is_glass(const BodyHit& hit, const Layout& body) {
   const double height = hit.at.z + 0.5;
   if (height < body.belt || height > body.window_top || std::abs(hit.normal.z) > kRoofNormal ||
-      hit.at.x < body.cabin_rear || hit.at.x > body.cabin_front)
+      hit.at.x < body.cabin_rear - kOnFace || hit.at.x > body.cabin_front + kOnFace)
     return false;
   if (!is_side(hit)) return std::abs(hit.at.y) < kScreenHalfWidth;
   if (hit.at.x < body.window_rear || hit.at.x > body.window_front) return false;
@@ -65,7 +69,7 @@ bool is_tyre(const BodyHit& hit, const Layout& body) {
   const double z = (hit.at.z + 0.5) * hit.size_m.z - body.wheel_radius_m;
   for (const double axle : {body.rear_axle, body.front_axle}) {
     const double x = (hit.at.x - axle) * hit.size_m.x;
-    const double share = std::hypot(x, z) / body.wheel_radius_m;
+    const double share = math::hypot(x, z) / body.wheel_radius_m;
     if (share > kTyreInner && share < 1) return true;
   }
   return false;
