@@ -16,8 +16,7 @@ import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
-from pyinfra.dataset.frames import data_set_of
-from pyinfra.formats.kitti import read_yaml
+from pyinfra.dataset.frames_version import frames_version_of, written_versions
 from pyinfra.metrics.comparison import Bootstrapped
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, ap_r1000_of, high_quality_share
 from pyinfra.metrics.ground_truth import GroundTruth
@@ -165,21 +164,7 @@ def versions_of(truth: GroundTruth) -> tuple[str, str]:
     """
     if truth.versions is not None:
         return truth.versions
-    file = data_set_of(truth.folder) / "dataset.yaml"
-    top = read_yaml(file) if file.is_file() else None
-    number, version = (top.maybe(k) if top else None for k in ("frames_version", "version"))
-    text = version.text() if version else ""
-    return number.text() if number else frames_version_of(text), text
-
-
-def frames_version_of(version: str) -> str:
-    """Returns the frames_version of a data set whose dataset.yaml does not have this key.
-
-    The frames_version of data sets of package version 0.3 is "3". For other data sets it is
-    unknown. The function then returns the package version, so that only frames of the same package
-    version can be compared.
-    """
-    return "3" if version.startswith("0.3.") else version
+    return written_versions(truth.folder)
 
 
 def _same(row: pd.Series, name: str) -> str:

@@ -4,11 +4,12 @@
 
 #include <filesystem>
 #include <string>
-#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "infrasim/config/fields.h"
 #include "infrasim/core/files.h"
+#include "infrasim/core/version.h"
 #include "infrasim/io/data_set.h"
 #include "infrasim/pipeline/folder_identity.h"
 #include "small_scenes.h"
@@ -156,82 +157,27 @@ TEST(folder_identity, hangs_on_the_number_of_the_frames_and_not_on_the_version) 
   EXPECT_NE(of(old), of(replaced(old, "\"datasheet\"", "\"paper\"")));
 }
 
-TEST(folder_identity, of_version_0_3_is_another_where_frames_have_changed_since) {
-  const auto of = [](const std::string& text) { return data_set_identity(text, "d.yaml"); };
-  const std::string site = read_file(kData / "dataset.yaml");
-  const std::string end = "trajectories: \"\"";
-  const std::string traffic =
-      site.substr(site.find("traffic:"), site.find(end) + end.size() - site.find("traffic:"));
-  const std::string junction = "\n  - roads: [road, road]";
-  const std::string parked =
-      "parked:\n  - {road: road, offset_m: 9, gap_m: 1, class_shares: {Car: 1}}\ntrajectories: "
-      "\"\"";
-  const auto replaced_in = [&](const std::string& text, const std::string& old,
-                               const std::string& now) {
-    return old.empty() ? text : replaced(text, old, now);
-  };
-  for (const auto& [old, now, changed] : std::vector<std::tuple<std::string, std::string, bool>>{
-           {"", "", false},
-           {"junctions: []", "junctions:" + junction, false},
-           {"junctions: []", "junctions:" + junction + junction, true},
-           {"rain_mm_per_h: 0", "rain_mm_per_h: 2.5", true},
-           {"visibility_m: .inf", "visibility_m: 100", true},
-           {"sunlight_klux: 100", "sunlight_klux: 5", false},
-           {"trajectories: \"\"", parked, true},
-           {traffic, "trajectories: \"cars.csv\"", true}}) {
-    const std::string then = replaced_in(site, old, now);
-    const std::string of_now = replaced(then, "\"0.3.0\"", "\"0.3.0\"\nframes_version: 3");
-    EXPECT_EQ(of(then) != of(of_now), changed) << now;
-    EXPECT_EQ(of(then).find("simulate again") != std::string::npos, changed) << now;
-    const auto no_gap = [&](const std::string& text) {
-      return of(replaced(text, "gap: true", "gap: false"));
-    };
-    if (now == parked) {
-      EXPECT_EQ(no_gap(then), no_gap(of_now));
-    }
-  }
-}
-
-TEST(folder_identity, of_the_shipped_scenes_is_as_in_version_0_3) {
-  for (const auto& entry : std::filesystem::directory_iterator(testing::configs() / "scenes"))
-    for (const std::string preset : {"paper", "equal", "datasheet"}) {
-      const std::string text =
-          dump_scene(read_scene(entry.path(), {}, preset)) + "version: \"0.3.0\"\n";
-      EXPECT_TRUE(data_set_identity(text, "d.yaml").ends_with("frames_version: 3\n"))
-          << entry.path() << " " << preset;
-    }
-}
-
-TEST(folder_identity, of_version_0_3_takes_no_lidar_whose_frames_have_changed_since) {
+TEST(folder_identity, a_folder_of_another_number_is_refused_and_both_numbers_are_named) {
   const testing::TestFolder folder;
-  const auto refused = [&](const LidarConfig& lidar, int end, const std::string& version) {
-    const auto file = folder.write("dataset.yaml", "name: \"site\"\n" + version);
-    try {
-      check_is_not_older(file, {lidar}, end);
-    } catch (const IoError& error) {
-      EXPECT_NE(std::string(error.what()).find("in another folder"), std::string::npos)
-          << error.what();
-      return true;
-    }
-    return false;
+  const std::string now = std::to_string(kFramesVersion);
+  const auto error = [&](const std::string& lines) {
+    const auto file = folder.write("dataset.yaml", "name: \"site\"\n" + lines);
+    return testing::error_of<IoError>([&] { check_frames_version(file); });
   };
-  const std::string then = "version: \"0.3.0\"\n", now = then + "frames_version: 3\n";
-  for (const auto& entry : std::filesystem::directory_iterator(testing::configs() / "lidars")) {
-    if (entry.path().extension() != ".yaml") continue;
-    for (const std::string& preset : preset_names(entry.path()))
-      EXPECT_FALSE(refused(read_lidar(entry.path(), preset), 5000, then)) << entry.path();
+  EXPECT_NO_THROW(check_frames_version(folder.path() / "none.yaml"));
+  for (const auto& [lines, got] : std::vector<std::pair<std::string, std::string>>{
+           {"version: \"0.3.0\"\n", "3"},
+           {"version: \"0.2.0\"\n", "unknown, of version 0.2.0"},
+           {"frames_version: 3\n", "3"},
+           {"frames_version: 99\n", "99"}}) {
+    const std::string message = error(lines);
+    EXPECT_TRUE(message.ends_with("dataset.yaml:2: frames_version: expected " + now + ", got " +
+                                  got + ": simulate again in another folder"))
+        << message;
   }
-  const LidarConfig shipped = read_lidar(testing::configs() / "lidars/helios_16.yaml", "datasheet");
-  LidarConfig wide = shipped, step = shipped;
-  wide.units.front().returns.beam = BeamConfig{.vertical_deg = 8, .horizontal_deg = 0.1};
-  EXPECT_TRUE(refused(wide, 1, then));
-  EXPECT_FALSE(refused(wide, 1, now));
-  SpinningConfig& spinning = *step.units.front().pattern.spinning;
-  spinning.columns_per_turn.reset();
-  spinning.azimuth_step_deg = 0.2;
-  EXPECT_FALSE(refused(step, 1000, then));
-  EXPECT_TRUE(refused(step, 1001, then));
-  EXPECT_FALSE(refused(step, 1001, now));
+  for (const std::string& lines :
+       std::vector<std::string>{"frames_version: " + now + "\n", ": :\n- a\n"})
+    EXPECT_NO_THROW(check_frames_version(folder.write("dataset.yaml", "name: \"site\"\n" + lines)));
 }
 
 TEST(folder_identity, of_a_lidar_is_its_file_by_canonical_names) {

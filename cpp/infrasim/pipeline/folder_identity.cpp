@@ -12,53 +12,12 @@ namespace infrasim {
 
 namespace {
 
-bool is_0_3(const std::string& version) { return version.starts_with("0.3."); }
-
-/// The property of a scene for which frames have changed since version 0.3; empty if there is none.
-std::string changed_since_0_3(const config::Tree& scene) {
-  const auto items = [&](const char* key) {
-    const config::Tree* list = scene.find(key);
-    return list == nullptr ? 0 : list->items.size();
-  };
-  const auto value = [&](const char* key, const char* inner) {
-    const config::Tree* map = scene.find(key);
-    const config::Tree* scalar = map == nullptr ? nullptr : map->find(inner);
-    return scalar == nullptr ? "" : scalar->scalar;
-  };
-  const config::Tree* recorded = scene.find("trajectories");
-  if (items("junctions") > 1 && items("traffic") > 0) return "several junctions";
-  if (value("weather", "rain_mm_per_h") != "0" || value("weather", "visibility_m") != ".inf")
-    return "rain or fog";
-  if (value("vehicle_parts", "gap") == "true") {
-    if (items("parked") > 0) return "parked vehicles";
-    if (recorded != nullptr && !recorded->scalar.empty()) return "recorded vehicles";
-  }
-  return "";
-}
-
-/// The property of a LiDAR for which frames have changed since version 0.3; empty if there is none.
-/// @param end one past the last frame
-std::string changed_since_0_3(const LidarConfig& lidar, int end) {
-  constexpr double kAviaBeam_deg = 0.28;
-  constexpr int kEqualFrames = 1000;
-  for (const LidarUnit& unit : lidar.units) {
-    const auto& beam = unit.returns.beam;
-    if (beam && std::max(beam->vertical_deg, beam->horizontal_deg) > kAviaBeam_deg)
-      return "a beam wider than 0.28 degrees";
-    const auto& spinning = unit.pattern.spinning;
-    if (end > kEqualFrames && spinning && spinning->azimuth_step_deg && columns_per_turn(*spinning))
-      return "azimuth_step_deg and frames from 1000 on";
-  }
-  return "";
-}
-
-/// The version number of the frames in a folder whose files, from version 0.3, have no such number.
-std::string frames_version_of(const std::string& version, const config::Tree& scene) {
-  if (!is_0_3(version)) return "unknown, of version " + version;
-  const std::string changed = changed_since_0_3(scene);
-  return changed.empty() ? "3"
-                         : "3 of version 0.3, but frames have changed since for " + changed +
-                               ": simulate again";
+/// The version number of the frames of a folder, from the keys of its dataset.yaml. Versions before
+/// 0.4 wrote no number: it is 3 for version 0.3, and the text of the version for earlier ones.
+std::string frames_version_of(const config::Tree* number, const config::Tree* version) {
+  if (number != nullptr) return number->scalar;
+  if (version == nullptr) return "unknown";
+  return version->scalar.starts_with("0.3.") ? "3" : "unknown, of version " + version->scalar;
 }
 
 /// Removes the lines with paths of firing tables. The digests of the tables identify them.
@@ -87,29 +46,27 @@ std::string data_set_identity(const std::string& text, const std::string& file) 
   const auto version = config::take(tree, "version");
   const auto number = config::take(tree, "frames_version");
   of_run += "frames_version: " +
-            (number ? number->scalar : frames_version_of(version ? version->scalar : "", tree)) +
-            "\n";
+            frames_version_of(number ? &*number : nullptr, version ? &*version : nullptr) + "\n";
   return canonical_scene(tree) + of_run;
 }
 
-void check_is_not_older(const std::filesystem::path& description,
-                        const std::vector<LidarConfig>& lidars, int end) {
+void check_frames_version(const std::filesystem::path& description) {
+  if (!std::filesystem::exists(description)) return;
   config::Tree tree;
   try {
     tree = config::read_tree(description);
   } catch (const ConfigError&) {
-    return;  // the text of this run, which is compared as it is
+    return;  // the text is compared later, which gives the error
   }
+  const config::Tree* number = tree.find("frames_version");
   const config::Tree* version = tree.find("version");
-  if (version == nullptr || !is_0_3(version->scalar) || tree.find("frames_version") != nullptr)
-    return;
-  for (const LidarConfig& lidar : lidars)
-    if (const std::string changed = changed_since_0_3(lidar, end); !changed.empty())
-      throw IoError(description.string() +
-                    ": version: expected the current version, because frames have changed since "
-                    "0.3 for a LiDAR with " +
-                    changed + ", got " + version->scalar + "; simulate " + lidar.name +
-                    " again in another folder");
+  if (number == nullptr && version == nullptr) return;  // not a dataset.yaml of a simulation
+  const std::string found = frames_version_of(number, version);
+  const std::string expected = std::to_string(kFramesVersion);
+  if (found == expected) return;
+  const int line = (number != nullptr ? number : version)->place.line;
+  throw IoError(description.string() + ":" + std::to_string(line) + ": frames_version: expected " +
+                expected + ", got " + found + ": simulate again in another folder");
 }
 
 std::string lidar_identity(const std::string& text, const std::string& file) {

@@ -153,8 +153,8 @@ void claim_trajectories(const std::filesystem::path& file, const World& world) {
 void claim_folder(const RunRequest& request, const World& world,
                   const std::vector<std::string>& texts) {
   create_folder(request.out);
+  check_frames_version(request.out / "dataset.yaml");
   claim_file(request.out / "dataset.yaml", run_text(request, world), data_set_identity);
-  check_is_not_older(request.out / "dataset.yaml", request.lidars, request.frames.last);
   claim_trajectories(request.out / "trajectories.csv", world);
   claim_file(request.out / "roads.csv", world.region.roads_csv());
   if (const std::string regions = world.region.regions_csv(); !regions.empty())

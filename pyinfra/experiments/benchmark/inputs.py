@@ -25,9 +25,6 @@ PRICE = re.compile(r"^price_usd:\n(?:  .*\n)+", re.MULTILINE)
 TOTAL = re.compile(r"^price_total_usd: .*\n", re.MULTILINE)
 PRICE_TEXT = ["price_source", "price_date"]
 FRAMES_OF = ["scene", "preset", "lidar"]
-FIRST_NUMBER = (
-    "frames_version: 3\n"  # left out of digests, because the digests of version 0.3 lack it
-)
 
 
 @cache
@@ -44,7 +41,7 @@ def canonical(file: Path, preset: str) -> str:
 
     The text stays the same when a later version renames a key. Raises SimulatorError.
     """
-    return resolved(file, preset, "--canonical").removesuffix(FIRST_NUMBER)
+    return resolved(file, preset, "--canonical")
 
 
 def price_of(lidar: Path, preset: str) -> dict[str, Any]:
@@ -157,8 +154,8 @@ def check_frames(hits: Path, wanted: pd.DataFrame) -> None:
         row = other.iloc[0]
         raise ConfigError(
             f"{hits}: {row.scene} {row.preset} {row.lidar}: expected rows of this benchmark, got "
-            "rows of another scene, LiDAR, range of frames or split with these names; choose "
-            "another `out`"
+            "rows of another scene, LiDAR, number or range of frames, or split with these names; "
+            "choose another `out`"
         )
 
 

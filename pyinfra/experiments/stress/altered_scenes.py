@@ -30,7 +30,6 @@ from pyinfra.formats import kitti
 
 # Keys in dataset.yaml that a run adds to the keys of the scene.
 NOT_OF_THE_SCENE = ("surfaces", "preset", "version", "frames_version")
-FIRST_NUMBER = 3  # frames_version of version 0.3, whose digests do not include it
 PHASES = 16  # number of random angles; in a bundle with more spinning units, they repeat
 SCENE = "scene.yaml"
 
@@ -135,9 +134,7 @@ def _identity(base: Base) -> str:
         text = infrasim("check", lidar_yaml, "--canonical")
     except SimulatorError:  # a recording, or a simulation whose files were changed
         return f"{base.scene}\n{lidar_yaml.read_text('utf-8')}"
-    number = keys["frames_version"]
-    later = "" if number == FIRST_NUMBER else f"\nframes_version: {number}"
-    return f"{_scene(keys, base.folder)}\n{text}{later}"
+    return f"{_scene(keys, base.folder)}\n{text}\nframes_version: {keys['frames_version']}"
 
 
 def density(base: Base, times: float | str) -> AlteredScene:

@@ -10,6 +10,7 @@ import yaml
 
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import lidar_file
+from pyinfra.dataset.frames_version import number_at
 from pyinfra.dataset.runs import SimulatorError, infrasim
 from pyinfra.experiments.stress import lidar
 from pyinfra.experiments.stress.altered_scenes import Base
@@ -18,7 +19,11 @@ ONLY_CLOUDS = "expected stressors that only change clouds"
 
 
 def scene(base: Base) -> str:
-    """Requires a simulated scene whose files, including recorded trajectories, are available."""
+    """Requires a simulated scene whose files, including recorded trajectories, are available.
+
+    The frames must have the number of the simulator. Otherwise a difference would also be that
+    between two versions of the simulator.
+    """
     folder = base.folder.parent
     if not base.scene:
         return f"{folder}: {ONLY_CLOUDS}, because there is no dataset.yaml"
@@ -31,6 +36,12 @@ def scene(base: Base) -> str:
     recorded = base.trajectories
     if recorded is not None and not recorded.is_file():
         return f"{recorded}: expected this file for another simulation, got no such file"
+    from pyinfra.dataset.simulation import frames_version
+
+    number = number_at(base.folder) or "none"
+    if number != str(frames_version()):
+        problem = f"{folder / 'dataset.yaml'}: frames_version: {ONLY_CLOUDS}"
+        return f"{problem}, because changed scenes have frames {frames_version()}, got {number}"
     return ""
 
 
