@@ -19,6 +19,7 @@ import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.dataset.data_set import DataSet, read_data_set
+from pyinfra.dataset.frames_version import number_at
 from pyinfra.formats import kitti
 
 SAME_RAYS_PERCENT = 99.99
@@ -106,7 +107,8 @@ def main() -> int:
     names = sorted(file.parent.name for file in args.here.glob("*/dataset.yaml"))
     pairs = [[read_data_set(side / name) for side in (args.here, args.there)] for name in names]
     table = pd.concat([compare(*pair) for pair in pairs], ignore_index=True)
-    table = table.assign(seed=pairs[0][0].seed, version=pairs[0][0].version)
+    (number,) = {number_at(data.lidar_folder(data.names[0])) for pair in pairs for data in pair}
+    table = table.assign(seed=pairs[0][0].seed, version=pairs[0][0].version, frames_version=number)
     table.to_csv(args.out, index=False, float_format="%.5f")
     same, apart = table.same_rays_percent.min(), totals_apart_percent(table)
     print(table.to_string(index=False))

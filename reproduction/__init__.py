@@ -49,7 +49,31 @@ def add_out(
 def add_work(parser: argparse.ArgumentParser, *, gigabytes: int) -> None:
     """Adds the option that names the working folder, which takes up to `gigabytes`."""
     text = f"working folder for frames, about {gigabytes} GB"
-    parser.add_argument("--work", type=Path, required=True, help=text)
+    parser.add_argument("--work", type=work_folder, required=True, help=text)
+
+
+def work_folder(text: str) -> Path:
+    """Returns a working folder, and notes the number of its frames in it.
+
+    Raises ArgumentTypeError for a folder of frames of another number. Such frames, and detectors
+    that learnt from them, must not be mixed with the simulator's frames.
+    """
+    from pyinfra.dataset.simulation import frames_version
+    from reproduction.frames_number import COLUMN, FIRST
+
+    folder, number = Path(text), str(frames_version())
+    file = folder / f"{COLUMN}.txt"
+    if file.is_file():
+        found = file.read_text().strip()
+    else:
+        found = str(FIRST) if folder.is_dir() and any(folder.iterdir()) else number
+    if found != number:
+        raise argparse.ArgumentTypeError(
+            f"{folder}: expected a folder of frames {number}, got {found}: use another folder"
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    file.write_text(f"{number}\n")
+    return folder
 
 
 def add_seeds(parser: argparse.ArgumentParser) -> None:
@@ -63,10 +87,14 @@ def add_seeds(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def provenance(command: str) -> dict[str, str]:
-    """Returns the columns that record a row's origin: version, machine and command.
+def provenance(command: str, frames_version: int | None = None) -> dict[str, object]:
+    """Returns the columns that record a row's origin: versions, machine and command.
 
-    command: the command's name and those of its options that affect the result.
+    command: the command's name and those of its options that affect the result. frames_version: the
+    number of the frames on which the row rests; by default the number of the simulator's frames.
     """
-    made_by = f"python -m reproduction {command}"
-    return {"version": __version__, "machine": machine(), "command": made_by}
+    from pyinfra.dataset.simulation import frames_version as current
+
+    number = current() if frames_version is None else frames_version
+    versions = {"version": __version__, "frames_version": number}
+    return {**versions, "machine": machine(), "command": f"python -m reproduction {command}"}

@@ -25,6 +25,7 @@ from pyinfra.core.vocabulary import OBJECT_NAMES, LabelTime
 from pyinfra.dataset.frame_readers import read_vehicles
 from pyinfra.dataset.frame_tables import Vehicles, concatenated, no_vehicles, without_points
 from pyinfra.dataset.frames import PERIOD_S, frame_numbers
+from pyinfra.dataset.frames_version import number_at
 from pyinfra.dataset.ground import Ground, ground_of, ground_of_roads
 from pyinfra.dataset.outlines import outlines_of
 from pyinfra.dataset.regions import Region, region_of, roads_region
@@ -92,6 +93,11 @@ class FrameSequence(Sequence[LidarFrame], ABC):
     @abstractmethod
     def known(self) -> Sequence[int]:
         """Numbers of all frames in the scene or folder, including frames outside this sequence."""
+
+    @property
+    @abstractmethod
+    def frames_version(self) -> str:
+        """The number of the frames; empty for a recording."""
 
     @property
     def period_s(self) -> float:
@@ -214,6 +220,10 @@ class SimulatedFrames(FrameSequence):
         return str(simulation.frames_version()), __version__
 
     @property
+    def frames_version(self) -> str:
+        return self.versions[0]
+
+    @property
     def known(self) -> Sequence[int]:
         return range(self.world.frames)
 
@@ -298,6 +308,10 @@ class RecordedFrames(FrameSequence):
     @cached_property
     def region(self) -> Region | None:
         return region_of(self.folder, self.lidar.T_world_levelled) if self.lidar else None
+
+    @property
+    def frames_version(self) -> str:
+        return number_at(self.folder)
 
     @property
     def known(self) -> Sequence[int]:

@@ -22,10 +22,16 @@ ORIGIN_FILE = "origin.yaml"
 # Keys that identify the frames, and the model.
 OF_FRAMES = ("lidar", "preset", "scene", "seed", "dataset_sha256", "lidar_sha256")
 OF_MODEL = ("model_sha256",)
+MODEL_FRAMES = "model_frames_version"  # number of the frames that the model was learnt from
 # Model files with these names are identified by the name of their training folder.
 RUN_FILES = ("last", "best", "background")
 # The prices in a lidar.yaml.
 PRICES = re.compile(rb"^price_usd:\n(?:  .*\n)+|^price_total_usd: .*\n", re.MULTILINE)
+
+
+def model_name(model: Path) -> str:
+    """Returns the name of a model's file, or of its folder if the file is that of a training."""
+    return model.resolve().parent.name if model.stem in RUN_FILES else model.stem
 
 
 def origin_of(lidar_folder: Path, model: Path | None = None) -> dict[str, str]:
@@ -35,7 +41,7 @@ def origin_of(lidar_folder: Path, model: Path | None = None) -> dict[str, str]:
     """
     origin = {"version": __version__}
     if model is not None:
-        origin["model"] = model.resolve().parent.name if model.stem in RUN_FILES else model.stem
+        origin["model"] = model_name(model)
         origin["model_sha256"] = _digest(model.read_bytes())
     if (lidar_folder / "lidar.yaml").is_file():
         lidar = kitti.read_lidar(lidar_folder)

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.errors import Error
+from pyinfra.dataset.frames_version import LEARNT, MAY_BE_BETTER, other_frames
 from pyinfra.experiments.benchmark.replicates import ExperimentReplicates
 from pyinfra.experiments.coverage import ROAD, coverage
 from pyinfra.experiments.requirements import Requirements
@@ -76,6 +77,7 @@ class Option:
     mounts: int = 1  # number of LiDARs whose frames are fused
     off_region_per_min: float = math.nan  # boxes outside the region, score 0.5 or more
     hardly_learnt: bool = False  # whether the detector is a network trained in the smoke tier
+    other_frames: str = ""  # remark if the detector learnt from frames of another number
 
     @property
     def name(self) -> str:
@@ -241,6 +243,12 @@ def within(
     return experiments[others].merge(merged, on=KEY)
 
 
+def other_frames_of(row: pd.Series) -> str:
+    """Returns a remark if an experiment's detector learnt from frames of another number."""
+    learnt, used = (str(row.get(name, "")) for name in (LEARNT, "frames_version"))
+    return other_frames(str(row.detector), learnt, used, MAY_BE_BETTER)
+
+
 def option(row: pd.Series, replicates: ExperimentReplicates) -> Option:
     recall = replicates.row(row, row.whole, "recall")
     return Option(
@@ -276,4 +284,5 @@ def option(row: pd.Series, replicates: ExperimentReplicates) -> Option:
         mounts=int(row[MOUNTS]),
         off_region_per_min=row[OFF_REGION],
         hardly_learnt=bool(row.hardly_learnt),
+        other_frames=other_frames_of(row),
     )

@@ -144,6 +144,7 @@ def general_notes(options: Sequence[Option], requirements: Requirements) -> Iter
         why = f"{FEW_BLOCKS}, or the table has no intervals"
         yield f"No interval is available for the AP of {names(unknown)}: {why}."
     yield from pretrained_note(options)
+    yield from (f"{text}." for text in dict.fromkeys(o.other_frames for o in options) if text)
     yield from cost_notes(options[0])
     yield from price_notes(options)
     yield latency_note(options)

@@ -23,7 +23,7 @@ WORDS = frozenset(
         "statement verdict "
         "dominated_by pareto model class protocol place minus "
         "price_source price_date inputs recipe findings reason command commit version "
-        "frames_version "
+        "frames_version learnt_frames_version "
         "latency_version latency_machine machine"
     ).split()
 )

@@ -18,9 +18,16 @@ from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.errors import FormatError
 from pyinfra.core.vocabulary import PERSON_TYPES, VEHICLE_TYPES
 from pyinfra.dataset.frame_tables import Predictions, Vehicles
-from pyinfra.dataset.prediction_origin import ORIGIN_FILE, check_origin
+from pyinfra.dataset.frames_version import FIRST, MAY_BE_BETTER, number_at, other_frames
+from pyinfra.dataset.prediction_origin import (
+    MODEL_FRAMES,
+    ORIGIN_FILE,
+    check_origin,
+    read_origin,
+)
 from pyinfra.metrics.matching import pairs_of_frames
 
+OTHER_FRAMES = "other-frames"  # the finding that a model was learnt from frames of another number
 NEAR_M = 2.0  # largest horizontal distance of a near prediction from the centre of a vehicle
 FAR_M = 20.0  # largest common displacement of all boxes in x or y that is recognised
 LEAST_NEAR = 0.3  # below this share of near predictions, common errors of position are tested
@@ -92,6 +99,8 @@ def find_files(
     if lidar_folder is not None and not check_origin(folder, lidar_folder):
         text = f"{folder}: no {ORIGIN_FILE}, so the frames of these predictions are not known"
         findings.append(Finding("note", "origin", text))
+    if lidar_folder is not None and (text := other_frames_of(folder, lidar_folder)):
+        findings.append(Finding("warning", OTHER_FRAMES, text))
     named = set(by_frame.values())
     odd = [file for file in present if file not in named]
     if odd:
@@ -114,6 +123,19 @@ def find_files(
             Finding("warning", "missing-files", f"{text} and count as frames without boxes")
         )
     return PredictionFiles(tuple(by_frame.get(frame) for frame in frames), tuple(findings))
+
+
+def other_frames_of(predictions: Path, lidar_folder: Path) -> str:
+    """Returns a warning if the model of predictions learnt from frames of another number.
+
+    Predictions of versions before 0.5 are of models that were learnt from frames 3. The text is
+    empty for predictions without a model in their origin.
+    """
+    origin = read_origin(predictions) or {}
+    if "model" not in origin:
+        return ""
+    learnt = origin.get(MODEL_FRAMES, FIRST)
+    return other_frames(origin["model"], learnt, number_at(lidar_folder), MAY_BE_BETTER)
 
 
 def _of_frame(file: Path) -> bool:

@@ -15,6 +15,7 @@ import pandas as pd
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
 from pyinfra.dataset.data_set import DataSet, read_data_set
+from pyinfra.dataset.frames_version import number_at
 from pyinfra.metrics.intervals import Blocks, Estimate, ratio
 from pyinfra.metrics.observations import Observations, blocks_of, read_observations
 from pyinfra.metrics.scanning_tables import (
@@ -34,7 +35,9 @@ FAR_SPAN_M = (FAR_M, 120.0)
 WHOLE_M = (30.0, 120.0)
 ABOVE_0 = (float(np.nextafter(0, 1)), np.inf)  # the smallest number above 0
 ABOVE_1 = (float(np.nextafter(1, 2)), np.inf)
-COLUMNS = "claim preset statement value low high verdict command seed version".split(" ")
+COLUMNS = "claim preset statement value low high verdict command seed version frames_version".split(
+    " "
+)
 
 
 @dataclass(frozen=True)
@@ -191,10 +194,9 @@ def only_one(vehicles: Observations, blocks: Blocks, name: str) -> Row:
 def claims_table(folders: Sequence[Path]) -> pd.DataFrame:
     """Returns the tested claims of all data sets as a table.
 
-    Columns: claim, preset, statement, value, low, high, verdict, command, seed, version. The claim
-    `deskew` compares a data set of aggregation `instant` with the `exact` data set of the same
-    scene, preset and seed. Raises Error if that `exact` data set is missing, or if a data set has
-    another aggregation.
+    The columns are COLUMNS. The claim `deskew` compares a data set of aggregation `instant` with
+    the `exact` data set of the same scene, preset and seed. Raises Error if that `exact` data set
+    is missing, or if a data set has another aggregation.
     """
     data_sets = [read_data_set(folder) for folder in folders]
     command = "python -m reproduction claims " + " ".join(str(folder) for folder in folders)
@@ -209,6 +211,7 @@ def claims_table(folders: Sequence[Path]) -> pd.DataFrame:
             )
         for row in claims_of(data, instants.pop(_key(data), None)):
             origin = {"command": command, "seed": data.seed, "version": data.version}
+            origin["frames_version"] = number_at(data.lidar_folder(data.names[0]))
             rows.append({**columns_of(row), "preset": data.preset, **origin})
     for data in instants.values():
         raise Error(

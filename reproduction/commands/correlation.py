@@ -17,7 +17,6 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.core.version import __version__, machine
 from pyinfra.core.vocabulary import SUBSETS
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.frame_readers import read_cameras, read_predictions
@@ -36,7 +35,7 @@ from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
-from reproduction import ROOT, add_out, add_work
+from reproduction import ROOT, add_out, add_work, provenance
 
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 SCENES = ("highway", "crossroad")
@@ -115,11 +114,6 @@ def main() -> None:
         for lidar in LIDARS:
             computed = correlation(data / lidar, predictions(data / lidar))
             rows += [{"scene": scene, "lidar": lidar} | row for row in computed]
-    provenance = {
-        "command": "python -m reproduction correlation",
-        "seed": 1,
-        "version": __version__,
-    }
     table = pd.DataFrame(rows)
-    table.assign(**provenance, machine=machine()).to_csv(args.out, index=False)
+    table.assign(seed=1, **provenance("correlation")).to_csv(args.out, index=False)
     print(table.to_string(index=False))

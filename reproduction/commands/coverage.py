@@ -20,13 +20,12 @@ import pandas as pd
 from scipy.signal import lfilter
 
 from pyinfra.core.arrays import FloatArray, IntArray
-from pyinfra.core.version import __version__, machine
 from pyinfra.dataset.catalogue import scene_file
 from pyinfra.dataset.roads import Road, locate, read_roads
 from pyinfra.dataset.runs import infrasim
 from pyinfra.metrics import ap, intervals
 from pyinfra.metrics.comparison import Bootstrapped
-from reproduction import add_out
+from reproduction import add_out, provenance, work_folder
 
 SCENES = ("highway", "curve", "crossroad")
 SPANS_S = (90, 250, 500)
@@ -219,7 +218,7 @@ def rows(scene: str, count: int, work: Path) -> Iterator[dict[str, object]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "--work", type=Path, required=True, help="working folder for simulated data"
+        "--work", type=work_folder, required=True, help="working folder for simulated data"
     )
     parser.add_argument(
         "--studies",
@@ -233,10 +232,7 @@ def main() -> None:
     for scene in SCENES:
         (args.work / scene).mkdir(parents=True, exist_ok=True)
         all_rows += rows(scene, args.studies, args.work / scene)
-        provenance = {
-            "command": f"python -m reproduction coverage --studies {args.studies}",
-            "seed": 1,
-        }
-        table = pd.DataFrame(all_rows).assign(**provenance, version=__version__, machine=machine())
+        made_by = provenance(f"coverage --studies {args.studies}")
+        table = pd.DataFrame(all_rows).assign(seed=1, **made_by)
         table.to_csv(args.out, index=False)
         print(table[table.scene == scene].iloc[:, :9].to_string(index=False), flush=True)

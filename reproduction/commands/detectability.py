@@ -28,8 +28,9 @@ import pandas as pd
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
 from pyinfra.core.version import machine
+from pyinfra.dataset import simulation
 from pyinfra.experiments.planner import detectability as laws
-from reproduction import add_out, provenance
+from reproduction import add_out, provenance, work_folder
 from reproduction.detectability import check
 from reproduction.detectability.runs import (
     DETECTORS,
@@ -107,7 +108,7 @@ def part_of(text: str) -> tuple[int, int]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=Path, required=True, help="folder of the runs")
+    parser.add_argument("--work", type=work_folder, required=True, help="folder of the runs")
     parser.add_argument(
         "--fit", type=int, default=40, help="sites of the fit, 0 for no fit; default: 40"
     )
@@ -162,6 +163,7 @@ def fit_all(runs: list[Run], frames: int, work: Path) -> dict[str, dict[str, Any
             "pilot": sites < FEW_SITES,
             "sites": sites,
             "frames": frames,
+            "frames_version": str(simulation.frames_version()),
             "note": f"{len(runs)} poses at {sites} generated sites, labels at the scan's time",
             **timed(runs[0], detector, frames, work),
             "vehicles": fit(runs, detector, work, person=False),

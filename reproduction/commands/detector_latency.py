@@ -32,7 +32,7 @@ from pyinfra.models.detectors.ground_adapter import OnRoad
 from pyinfra.models.detectors.network import one_thread
 from pyinfra.models.inference import detect
 from pyinfra.models.onnx.detector import OnnxDetector
-from reproduction import add_out, provenance
+from reproduction import add_out, provenance, work_folder
 
 FRAMES = "0:1450:47"  # 31 frames; the first one is not timed
 SCENES = ("highway", "crossroad", "curve")
@@ -147,7 +147,7 @@ def simulated(scene: str, lidar: str, work: Path) -> Path:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=Path, required=True, help="working folder for frames")
+    parser.add_argument("--work", type=work_folder, required=True, help="working folder for frames")
     add_out(parser, "detector_latency.csv")
     args = parser.parse_args()
     torch.set_grad_enabled(False)

@@ -25,7 +25,6 @@ os.environ["OMP_NUM_THREADS"] = "1"  # must be set before numpy is imported
 
 import pandas as pd
 
-from pyinfra.core.version import __version__
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.exports import export
@@ -33,7 +32,7 @@ from pyinfra.exchange.formats import EXPORTS, IMPORTS
 from pyinfra.exchange.imports import import_recording
 from pyinfra.exchange.rates import size_of
 from pyinfra.exchange.recording import Options
-from reproduction import ROOT, add_out
+from reproduction import ROOT, add_out, provenance
 
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 Row = dict[str, object]
@@ -102,6 +101,6 @@ def main() -> None:
         simulate(folder / "data", args.frames)
         warm_up(folder)
         table = pd.DataFrame(list(rows(folder / "data", folder / "out")))
-    described = table.assign(command="python -m reproduction exchange", seed=1, version=__version__)
+    described = table.assign(seed=1, **provenance("exchange"))
     described.to_csv(args.out, index=False, float_format="%.4g")
     print(table.to_string(index=False, float_format="%.4g"))

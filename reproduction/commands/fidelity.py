@@ -17,9 +17,8 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from pyinfra.core.version import __version__
 from pyinfra.dataset import simulation
-from reproduction import RECORDED, ROOT, add_out
+from reproduction import RECORDED, ROOT, add_out, provenance
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -199,7 +198,7 @@ def main() -> None:
     recorded = args.out.resolve() == RECORDED
     pictures = ROOT / "docs" / "pictures" if recorded else args.out
     aggregation_picture(pictures / "aggregation.png")
-    command = f"python -m reproduction fidelity --frames {args.frames}"
+    made_by = provenance(f"fidelity --frames {args.frames}")
     for name, table in (
         ("fidelity", points_ladder("detail", DETAILS, frames, "equal")),
         ("fidelity_parts", points_ladder("parts", PART_MODELS, frames, "datasheet")),
@@ -207,6 +206,4 @@ def main() -> None:
         ("beam", beam_table(frames)),
     ):
         print(f"\n{name}\n{table.to_string(index=False)}")
-        table.assign(command=command, seed=1, version=__version__).to_csv(
-            args.out / f"{name}.csv", index=False
-        )
+        table.assign(seed=1, **made_by).to_csv(args.out / f"{name}.csv", index=False)

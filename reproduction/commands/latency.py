@@ -46,6 +46,7 @@ def main() -> None:
             model, _ = model_of(trained, args.work)
             columns, load = timed_alone(model, test / lidar, "cpu", every=2)
             row = pd.DataFrame([{**trained.key, **columns}])[[*KEY, *columns]]
-            command = provenance(f"latency --setups {setup}")["command"]
-            store.put(args.out, row.assign(command=command), KEY)
+            made_by = provenance(f"latency --setups {setup}")
+            columns_of_row = {key: made_by[key] for key in ("frames_version", "command")}
+            store.put(args.out, row.assign(**columns_of_row), KEY)
             print(trained.name, columns["latency_p50_ms"], "ms;", load.text, flush=True)

@@ -38,7 +38,7 @@ from pyinfra.experiments.planner.lidars import open_lidars
 from pyinfra.experiments.planner.measure import measure
 from pyinfra.experiments.planner.plan import plan
 from pyinfra.metrics.comparison import over_replicates
-from reproduction import add_out, provenance
+from reproduction import add_out, provenance, work_folder
 from reproduction.detectability.runs import (
     CHECK_POSES,
     FIRST_CHECK_SITE,
@@ -48,6 +48,7 @@ from reproduction.detectability.runs import (
     site_of,
     store,
 )
+from reproduction.frames_number import common_number, number_of
 
 DETECTOR = "generalist"
 LIDARS = ("ruby_plus", "pandar_64", "livox_avia")
@@ -243,7 +244,7 @@ def summary_row(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=Path, required=True, help="folder of the runs")
+    parser.add_argument("--work", type=work_folder, required=True, help="folder of the runs")
     parser.add_argument(
         "check", type=Path, help="check of the detectability: results/detectability.csv"
     )
@@ -256,6 +257,9 @@ def main() -> None:
     args.work.mkdir(parents=True, exist_ok=True)
     sites = f"--sites {args.sites} --unit-sites {args.unit_sites}"
     made_by = provenance(f"placement {args.check} {sites} --frames {args.frames}")
+    checked = pd.read_csv(args.check)
+    numbers = {str(args.check): number_of(checked, str(args.check))}
+    common_number({**numbers, "the simulator's frames": int(str(made_by["frames_version"]))})
     for number in range(args.unit_sites):
         try:
             units_rows(number, args.frames, args.work, args.out, made_by)
@@ -263,7 +267,7 @@ def main() -> None:
             print(f"site {FIRST_CHECK_SITE + number}: left out: {error}", flush=True)
     order = order_table(args.sites, args.frames, args.work)
     summary = [
-        *place_rows(pd.read_csv(args.check)),
+        *place_rows(checked),
         *order_rows(order),
         *units_summary(rows_store.read(args.out)),
     ]

@@ -21,7 +21,7 @@ import pandas as pd
 from pyinfra.experiments import store
 from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.plan import Plan, plan
-from reproduction import add_out, provenance
+from reproduction import add_out, provenance, work_folder
 from reproduction.detectability.runs import scene_file_of
 
 T_JUNCTION, TOWN_JUNCTION = 900015, 900048  # seeds of the scene generator
@@ -120,7 +120,7 @@ def rows_of(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=Path, required=True, help="folder for generated sites")
+    parser.add_argument("--work", type=work_folder, required=True, help="folder for sites")
     add_out(parser, "plans.csv")
     args = parser.parse_args()
     args.work.mkdir(parents=True, exist_ok=True)

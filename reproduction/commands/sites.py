@@ -21,9 +21,8 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
-from pyinfra.core.version import __version__, machine
 from pyinfra.scenes.maps.sumo import sumo_folder
-from reproduction import ROOT, add_out
+from reproduction import ROOT, add_out, provenance, work_folder
 
 TOWNS = ("Town04", "Town05", "Town10HD")
 LIDARS = ("ruby_plus", "livox_avia")
@@ -125,7 +124,7 @@ def maps_of(towns: Path | None, work: Path) -> Iterator[tuple[str, Path]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "--work", type=Path, required=True, help="working folder for sites and frames"
+        "--work", type=work_folder, required=True, help="working folder for sites and frames"
     )
     parser.add_argument("--towns", type=Path, help=f"folder with {', '.join(TOWNS)} (.xodr)")
     parser.add_argument("--sites", nargs="+", help="run only these sites")
@@ -134,7 +133,7 @@ def main() -> None:
     )
     add_out(parser, "sites.csv")
     args = parser.parse_args()
-    provenance = {"preset": PRESET, "seed": SEED, "version": __version__, "machine": machine()}
+    made_by = {"preset": PRESET, "seed": SEED, **provenance("sites"), "command": COMMAND}
     table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame({"site": []})
     for name, map_ in maps_of(args.towns, args.work.resolve()):
         wanted = not args.sites or name in args.sites
@@ -145,7 +144,7 @@ def main() -> None:
         except RuntimeError as error:
             print(f"{name}: {error}")
             continue
-        new = pd.DataFrame(rows).assign(**provenance, command=COMMAND)
+        new = pd.DataFrame(rows).assign(**made_by)
         table = pd.concat([table[table.site != name], new], ignore_index=True)
         table.to_csv(args.out, index=False, float_format="%.4g")
         print(new.T.to_string(header=False), flush=True)

@@ -95,7 +95,9 @@ def fill(experiment: Experiment, work: Path, out: Path) -> None:
             seed=seed,
             **provenance(f"stress --seeds {seed}"),
         )
-        store.put(out, table[[*KEY, *MEASURES, "version", "machine", "command"]], KEY)
+        store.put(
+            out, table[[*KEY, *MEASURES, "version", "frames_version", "machine", "command"]], KEY
+        )
         print(experiment.name, *table.ap_r1000.round(1)[:1], flush=True)
         shutil.rmtree(trials)
 

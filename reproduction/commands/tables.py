@@ -1,8 +1,8 @@
 """Writes the tables of the documentation from the CSV files in results/: `make docs`.
 
 In a page, a table is between `<!-- table NAME -->` and `<!-- end -->`. TABLES maps each NAME to the
-function that makes the table. `--check` writes nothing and fails if a table in a page differs from
-the result of its function.
+function that makes the table. Below the table, a sentence names the frames on which it rests.
+`--check` writes nothing and fails if a table in a page differs from the result of its function.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from reproduction.tables import (
     stress,
     verdicts,
 )
+from reproduction.tables.common import frames_of_results, with_frames
 
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 BLOCK = re.compile(r"(<!-- table (.+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
@@ -91,6 +92,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "detectors on the highway, datasheet": partial(verdicts.detectors, "highway", "datasheet"),
     "claims about detectors": verdicts.claims_of_detectors,
 }
+FRAMES: dict[str, Callable[[], str]] = {"frames of the results": frames_of_results}
 
 
 def rewritten(page: Path) -> str:
@@ -98,9 +100,9 @@ def rewritten(page: Path) -> str:
 
     def table(match: re.Match[str]) -> str:
         begin, name, _, end = match.groups()
-        if name not in TABLES:
+        if name not in {*TABLES, *FRAMES}:
             raise Error(f"{page}: expected one of the tables {'; '.join(TABLES)}; got '{name}'")
-        return begin + TABLES[name]() + end
+        return begin + (FRAMES[name]() if name in FRAMES else with_frames(TABLES[name])) + end
 
     return BLOCK.sub(table, page.read_text(encoding="utf-8"))
 

@@ -35,6 +35,7 @@ from pyinfra.experiments import store
 from reproduction import add_out, provenance
 from reproduction.commands.experiments import TEXT, at_own_cut_angle
 from reproduction.commands.verdicts import LEAST_REPLICATES, WIDE
+from reproduction.frames_number import number_of
 
 CHOICES = ["judge", "scene", "preset", "label_time"]
 DIFFERENCE = "avia less ruby_plus"
@@ -110,8 +111,10 @@ def main() -> None:
     parser.add_argument("experiments", type=Path, help="table of `reproduction experiments`")
     add_out(parser, "variance.csv")
     args = parser.parse_args()
-    rows = pd.DataFrame(components(store.read(args.experiments, TEXT))).dropna(subset="sd")
-    rows.assign(**provenance(f"variance {args.experiments}")).to_csv(
+    table = store.read(args.experiments, TEXT)
+    rows = pd.DataFrame(components(table)).dropna(subset="sd")
+    number = number_of(table, str(args.experiments))
+    rows.assign(**provenance(f"variance {args.experiments}", number)).to_csv(
         args.out, index=False, float_format="%.4g"
     )
     print(rows.to_string(index=False, float_format=lambda sd: f"{sd:.2f}"))

@@ -27,6 +27,7 @@ from pyinfra.experiments import store
 from pyinfra.metrics.comparison import over_replicates
 from reproduction import add_out, provenance
 from reproduction.commands.experiments import TEXT, at_own_cut_angle
+from reproduction.frames_number import number_of
 from reproduction.tables.common import results
 
 TESTS_AFTER = (3, 5, 10)  # numbers of replicates after which a claim is tested
@@ -149,7 +150,7 @@ def check_pairs(table: pd.DataFrame) -> None:
     """
     for key, rows in table.groupby([*GROUP, "replicate"], sort=False):
         case = " ".join(map(str, key))
-        for column in ("version", "frames"):
+        for column in {"version", "frames", "frames_version"} & set(rows):
             if rows[column].nunique() > 1:
                 pairs = zip(rows.lidar, rows[column], strict=True)
                 values = ", ".join(dict.fromkeys(f"{lidar} {value}" for lidar, value in pairs))
@@ -245,7 +246,8 @@ def main() -> None:
     check_pairs(at_own_cut_angle(table))
     for line in missing(table):
         print(f"warning: {line}", file=sys.stderr)
-    rows = pd.DataFrame(claims(table)).assign(**provenance(f"verdicts {args.experiments}"))
+    number = number_of(table, str(args.experiments))
+    rows = pd.DataFrame(claims(table)).assign(**provenance(f"verdicts {args.experiments}", number))
     first = ["claim", "primary", *GROUP, "lidar"]
     rows = rows.reindex(columns=[*first, *(name for name in rows if name not in first)])
     rows.to_csv(args.out, index=False, float_format="%.5g")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple
 from functools import cache
 
@@ -12,6 +12,7 @@ import pandas as pd
 
 from pyinfra.metrics.comparison import Interval
 from reproduction import ROOT
+from reproduction.frames_number import common_number, number_of, sentence
 from reproduction.report.ladder import interval
 
 LEAST_BOXES = 10  # minimum number of boxes from which a site's precision is computed
@@ -32,9 +33,45 @@ LIDARS = {
 }
 
 
-@cache
+# Tables of results whose values do not depend on frames.
+WITHOUT_FRAMES = frozenset(("evaluation", "impossible_sites", "lidars", "ops"))
+_used: set[str] = set()  # tables of results that `with_frames` notes
+
+
 def results(name: str) -> pd.DataFrame:
+    _used.add(name)
+    return _read(name)
+
+
+@cache
+def _read(name: str) -> pd.DataFrame:
     return pd.read_csv(ROOT / "results" / f"{name}.csv")
+
+
+def with_frames(make: Callable[[], str]) -> str:
+    """Returns a table, followed by a sentence that names the frames on which it rests.
+
+    Raises Error if the table rests on frames of several numbers.
+    """
+    _used.clear()
+    text = make()
+    numbers = {
+        f"results/{name}.csv": number_of(_read(name), f"results/{name}.csv")
+        for name in _used - WITHOUT_FRAMES
+    }
+    return f"{text}\n{sentence(common_number(numbers))}\n"
+
+
+def frames_of_results() -> str:
+    """Returns the sentence on the frames of all tables of results, or one for each number."""
+    names: dict[int, list[str]] = {}
+    for file in sorted((ROOT / "results").glob("*.csv")):
+        if file.stem not in WITHOUT_FRAMES:
+            names.setdefault(number_of(_read(file.stem), file.name), []).append(f"`{file.stem}`")
+    if len(names) == 1:
+        return f"The tables are measured{sentence(*names).removeprefix('Measured')}\n"
+    rows = ([sentence(number), ", ".join(some)] for number, some in sorted(names.items()))
+    return markdown(["frames", "tables of `results/`"], rows)
 
 
 def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

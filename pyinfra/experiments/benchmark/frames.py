@@ -11,9 +11,11 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.core.errors import ConfigError
+from pyinfra.core.vocabulary import Tier
 from pyinfra.dataset import split
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.frames import PERIOD_S, lidars_in
+from pyinfra.dataset.frames_version import MAY_BE_BETTER, other_frames
 from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments.benchmark.inputs import (
     has_several_mounts,
@@ -25,6 +27,9 @@ from pyinfra.experiments.value import MOUNTS
 from pyinfra.formats import kitti
 from pyinfra.metrics.observations import blocks_of, read_observations
 from pyinfra.metrics.scanning_statistics import vehicle_tables
+from pyinfra.models.inference.detect import model_file
+from pyinfra.models.inference.frames_learnt import learnt_from
+from pyinfra.models.training.recipe import read_recipe
 
 POINT_BYTES = 16
 STATISTICS = ("points_per_vehicle", "quality")
@@ -72,7 +77,10 @@ def parts_of(frames: str, parts: int) -> list[str]:
 
 
 def warnings(plan: Plan) -> list[str]:
-    """Returns warnings about the frames of each LiDAR; empty if the extension is not built."""
+    """Returns warnings about the frames of each LiDAR, and about detectors that learnt from others.
+
+    The result is empty if the extension is not built.
+    """
     try:
         from pyinfra.dataset import simulation
     except ImportError:
@@ -84,7 +92,19 @@ def warnings(plan: Plan) -> list[str]:
     )
     ends = (chosen.start, chosen.stop, chosen.step)
     lines = [simulation.load_lidar(*unit).period_warnings(*ends) for unit in units]
-    return list(dict.fromkeys(itertools.chain(*lines)))
+    detectors = dict.fromkeys((one.detector, one.tier) for one in plan.experiments)
+    used = str(simulation.frames_version())
+    learnt = [_learnt_warning(plan, *detector, used) for detector in detectors]
+    return list(dict.fromkeys(filter(None, itertools.chain(*lines, learnt))))
+
+
+def _learnt_warning(plan: Plan, detector: str, tier: Tier, used: str) -> str:
+    """Returns a warning if a detector without further training learnt from other frames."""
+    learning = read_recipe(plan.files["detectors", detector], tier).learning
+    if learning.steps or not learning.start:
+        return ""
+    learnt = learnt_from(model_file(Path(learning.start)))
+    return other_frames(detector, learnt, used, MAY_BE_BETTER)
 
 
 def check_data_set(folder: Path, plan: Plan) -> None:

@@ -16,7 +16,8 @@ from pyinfra.core.machine_load import OtherLoad, other_load
 from pyinfra.core.version import __version__, machine
 from pyinfra.core.vocabulary import SUBSETS
 from pyinfra.dataset.frames import frame_numbers
-from pyinfra.dataset.prediction_origin import origin_of, write_origin
+from pyinfra.dataset.frames_version import LEARNT, number_at
+from pyinfra.dataset.prediction_origin import MODEL_FRAMES, read_origin, write_origin
 from pyinfra.experiments.benchmark.matrix import Experiment
 from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import read_csv
@@ -25,6 +26,7 @@ from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.row_selection import AP_COLUMNS, AP_ENDS, AP_OF, OFF_REGION
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
+from pyinfra.models.inference.frames_learnt import model_origin
 from pyinfra.models.training.recipe import Recipe
 from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
@@ -66,7 +68,9 @@ def tables(
         "areas": keyed(experiment, evaluation.areas),
         "distance": keyed(experiment, windows[windows.ground_truth != "common"]),
         "replicates": keyed(experiment, evaluation.replicates),
-        "experiments": pd.DataFrame([row(experiment, evaluation, seconds, steps_of(recipe))]),
+        "experiments": pd.DataFrame(
+            [row(experiment, evaluation, seconds, steps_of(recipe)) | numbers_of(folder, run)]
+        ),
     }
 
 
@@ -95,7 +99,7 @@ def detected(run: Path, folder: Path, device: str) -> None:
     """Writes the predictions for the test frames to the folder `predictions` of a run."""
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     (run / "predictions").mkdir(exist_ok=True)
-    write_origin(run / "predictions", origin_of(folder, detect.model_file(run)), replace=True)
+    write_origin(run / "predictions", model_origin(folder, detect.model_file(run)), replace=True)
     detect.detect(detect.detector_at(run, folder, device=device), files, run / "predictions")
 
 
@@ -171,6 +175,12 @@ def row(
         **provenance(),
         "findings": " ".join(dict.fromkeys(finding.name for finding in evaluation.findings)),
     }
+
+
+def numbers_of(folder: Path, run: Path) -> dict[str, str]:
+    """Returns the number of the test frames, and that of the detector's training frames."""
+    learnt = (read_origin(run / "predictions") or {}).get(MODEL_FRAMES, "")
+    return {"frames_version": number_at(folder), LEARNT: learnt}
 
 
 def off_region_per_min(evaluation: Evaluation) -> float:

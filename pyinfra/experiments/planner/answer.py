@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from pyinfra.dataset import simulation
+from pyinfra.dataset.frames_version import other_frames
 from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.choice import Choice, Units, most_units
 from pyinfra.experiments.planner.costs import CORES, FRAME_MS, Costs, Range
@@ -315,6 +317,10 @@ def notes(
         yield f"The price of {', '.join(doubtful)} is unconfirmed."
     if costs.unconfirmed:
         yield f"Unconfirmed costs: {', '.join(costs.unconfirmed)}; your own table replaces them."
+    used = str(simulation.frames_version())
+    name = f"The detectability of {law.detector}"
+    if text := other_frames(name, law.frames_version, used):
+        yield f"{text}."
     if law.pilot:
         yield (
             f"The detectability is a pilot: it was fitted on {law.sites} sites, and its intervals "

@@ -18,6 +18,7 @@ import pandas as pd
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
 from pyinfra.core.names import check_name
+from pyinfra.dataset.frames_version import FIRST
 from pyinfra.experiments.planner.logistic import fit_logistic, fit_poisson, probability
 
 FILE = Path(__file__).with_name("detectability.json")
@@ -52,6 +53,7 @@ class Detectability:
     machine: str
     vehicles: Law
     people: Law | None
+    frames_version: str = FIRST  # number of the frames that the laws and the detector learnt from
 
     def law(self, *, person: bool) -> Law | None:
         return self.people if person else self.vehicles
@@ -73,6 +75,7 @@ def read_detectability(detector: str, file: Path = FILE) -> Detectability:
         str(one["machine"]),
         law_of(one["vehicles"], detector),
         law_of(people, detector) if people else None,
+        str(one.get("frames_version", FIRST)),
     )
 
 

@@ -164,8 +164,11 @@ class Background:
         cloud = _usable(points, self.settings)
         return cloud[self._moving(cloud)[0]]
 
-    def save(self, file: Path) -> None:
-        """Writes the arrays as a .npz file of NumPy."""
+    def save(self, file: Path, frames_version: str = "") -> None:
+        """Writes the arrays as a .npz file of NumPy.
+
+        frames_version: number of the frames of the model; empty if they were recorded.
+        """
         with replacing(file) as beside, beside.open("wb") as stream:
             np.savez_compressed(
                 stream,
@@ -175,6 +178,7 @@ class Background:
                 region=self.region,
                 road=self.road,
                 expected=self.expected,
+                frames_version=np.array(frames_version),
             )
 
     @classmethod

@@ -26,6 +26,7 @@ from pyinfra.dataset.regions import Outline, read_outline, region_within
 from pyinfra.models.detectors import Detections, Detector
 from pyinfra.models.inference import detect as inference
 from pyinfra.models.inference.folder import Place, detector_at_place, region_warning
+from pyinfra.models.inference.frames_learnt import frames_warning
 from pyinfra.models.inference.own_detector import OwnDetector, detections_of_own
 from pyinfra.models.inference.static_filter import length_warning, without_standing
 from pyinfra.models.inference.threads import checked_threads
@@ -98,8 +99,8 @@ def detect(
 
     For a trained detector, z of the points is converted to height above the road, and frames are
     stacked as in the training of the detector. The function warns if the road in the clouds is not
-    `height_m` below the sensor. It also warns if a trained network has no region, and if the frames
-    are too short for `drop_standing`.
+    `height_m` below the sensor. It also warns if a trained network has no region, if it was learnt
+    from frames of another number, and if the frames are too short for `drop_standing`.
 
     Parameters
     ----------
@@ -148,6 +149,8 @@ def detect(
     if isinstance(model, TrainedDetector):
         if text := region_warning(model.file, site):
             warnings.warn(f"{text}: `region` takes an outline of the road", stacklevel=CALLER)
+        if text := frames_warning(model.file, frames.frames_version):
+            warnings.warn(text, stacklevel=CALLER)
         detector = detector_at_place(model.file, site, model.device, model.threads)
         per_frame = [detector.predict(points) for points in _stacked(model.file, frames)]
     elif region is not None and not drop_standing:

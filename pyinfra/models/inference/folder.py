@@ -13,9 +13,10 @@ from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.frames import frame_numbers, frame_range, has_labels, period_of
+from pyinfra.dataset.frames_version import number_at
 from pyinfra.dataset.ground import Ground, level_ground
 from pyinfra.dataset.height_checks import CHECKED, check_height, height_warnings
-from pyinfra.dataset.prediction_origin import origin_of, read_origin, write_origin
+from pyinfra.dataset.prediction_origin import read_origin, write_origin
 from pyinfra.dataset.regions import Region, outline_region
 from pyinfra.formats import kitti
 from pyinfra.models.detectors import Detections, Detector
@@ -30,6 +31,7 @@ from pyinfra.models.inference.detect import (
     transfer,
     write,
 )
+from pyinfra.models.inference.frames_learnt import frames_warning, model_origin
 from pyinfra.models.inference.static_filter import length_warning, without_standing
 from pyinfra.models.training.sources import spread
 
@@ -165,11 +167,13 @@ def detect_folder(
     if out.name == "label_2":
         raise Error(f"out: expected a folder other than that of the labels, got {out}")
     numbers = [int(file.stem) for file in files]
+    if text := frames_warning(model, number_at(lidar_folder)):
+        warn(text)
     detector = detector_at_place(model, where, device, threads)
     read = stacking(lidar_folder, numbers, accumulation_of(model))
     out.mkdir(parents=True, exist_ok=True)
     if read_origin(out) is not None or not others(out, files):
-        write_origin(out, origin_of(lidar_folder, model))
+        write_origin(out, model_origin(lidar_folder, model))
     warn_of_height(files, read, where, warn)
     if not drop_standing:
         return FolderDetections(files, *detect(detector, files, out, read=read))

@@ -257,4 +257,5 @@ def site_stream(
         anywhere=True,
         classes=classes,
         drawn=str(drawn | {**chosen.presets} | of_narrow),
+        frames_version=str(simulation.frames_version()),
     )

@@ -242,6 +242,8 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
     theirs, wanted = as_plain(loaded.provenance), as_plain(ours)
     if loaded.provenance.detector == ours.detector:  # adds keys that earlier versions did not have
         theirs["network"] = as_plain(config_of(ours.detector, theirs["network"]))
+    if not ours.frames_version:  # recorded frames; earlier versions wrote no key
+        theirs["frames_version"] = ""
     different = [key for key in theirs if key not in PASSING and theirs[key] != wanted[key]]
     if different:
         raise ConfigError(

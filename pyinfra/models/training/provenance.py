@@ -16,6 +16,7 @@ from pyinfra.core.arrays import Floats
 from pyinfra.core.config import from_plain
 from pyinfra.core.errors import ConfigError
 from pyinfra.core.version import __version__
+from pyinfra.dataset.frames_version import FIRST
 from pyinfra.models.detectors.detection_area import Site
 from pyinfra.models.training.accumulation import LabelAt
 
@@ -49,6 +50,9 @@ class Provenance:
     # positive. If there are several classes, each class has a pair a, b.
     calibration: tuple[float, ...] | None = None
     figures: Any = None  # measured figures, by name
+    # frames_version of the training frames, several separated by blanks; empty if they were
+    # recorded. Versions before 0.5, which did not write the key, made frames 3.
+    frames_version: str = FIRST
     format: int = FORMAT
     convention: str = CONVENTION
     version: str = __version__

@@ -24,6 +24,7 @@ from pyinfra.dataset.frames import (
     has_labels,
     lidar_folder,
 )
+from pyinfra.dataset.frames_version import number_at
 from pyinfra.dataset.ground import Ground, ground_of, ground_of_boxes
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import read_yaml
@@ -58,6 +59,7 @@ class Source:
     classes: tuple[ObjectClass, ...] = VEHICLES  # classes of the boxes
     # (k,) class numbers of the boxes in each frame; if empty, all boxes are of the first class
     read_classes: Callable[[], tuple[IntArray, ...]] = tuple
+    frames_version: str = ""  # number of the frames; empty if they were recorded
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +79,7 @@ class Stream:
     classes: tuple[ObjectClass, ...] = VEHICLES  # classes of the samples' boxes
     # How samples are chosen, or a digest of their labels; the same when a training resumes.
     drawn: str = ""
+    frames_version: str = ""  # numbers of the frames; empty if they were recorded
 
 
 def read_source(
@@ -115,6 +118,7 @@ def read_source(
         accumulation=accumulation,
         classes=classes,
         read_classes=lambda: hit_boxes(vehicles(), len(frames), classes)[1],
+        frames_version=number_at(folder),
     )
 
 
@@ -235,6 +239,7 @@ def simulated_source(
         accumulation=accumulation,
         classes=classes,
         read_classes=lambda: labels()[1],
+        frames_version=str(simulation.frames_version()),
     )
 
 

@@ -103,7 +103,8 @@ def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: P
     chosen = spread(range(len(source.clouds)), BACKGROUND_FRAMES)
     file = out / "background.npz"
     clouds = [source.clouds[i]() for i in chosen]
-    Background.learn(clouds, recipe.network, source.region, source.ground).save(file)
+    background = Background.learn(clouds, recipe.network, source.region, source.ground)
+    background.save(file, source.frames_version)
     return file
 
 
@@ -178,6 +179,7 @@ def _provenance(recipe: Recipe, stream: Stream, seed: int) -> Provenance:
         anywhere=stream.anywhere,
         accumulate=stream.accumulation.frames,
         label_at=stream.accumulation.label_at,
+        frames_version=stream.frames_version,
         seed=seed,
         step=0,
         steps=recipe.learning.steps,
@@ -287,6 +289,7 @@ def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Fram
         " ".join(sorted({getattr(source, name) for source in sources}))
         for name in ("lidar", "preset", "scene")
     )
+    numbers = sorted({source.frames_version for source in sources} - {""})
     label_time = common_label_time(sources)
     regions = [source.region for source in sources if source.region is not None]
     site = site_of(frames.boxes, regions if len(regions) == len(sources) else ())
@@ -296,6 +299,7 @@ def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Fram
         accumulation=common_accumulation(sources),
         classes=sources[0].classes,
         drawn=f"labels {_digest(frames.boxes)}",
+        frames_version=" ".join(numbers),
     )
     return stream, held_out
 

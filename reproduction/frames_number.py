@@ -1,0 +1,45 @@
+"""The number of the frames on which recorded tables rest (`frames_version`)."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from pyinfra.core.errors import Error
+
+COLUMN = "frames_version"
+FIRST = 3  # number of rows that were recorded before the tables had the column
+VERSIONS = {3: "0.4", 4: "0.5"}  # the last version of the package that made frames of a number
+
+
+def number_of(table: pd.DataFrame, name: str) -> int:
+    """Returns the number of the frames on which all rows of a table rest.
+
+    name: name of the table in messages. Raises Error if the rows rest on frames of several numbers.
+    """
+    if COLUMN not in table:
+        return FIRST
+    numbers = sorted(set(pd.to_numeric(table[COLUMN]).fillna(FIRST).astype(int)))
+    if len(numbers) > 1:
+        listed = " and ".join(map(str, numbers))
+        raise Error(
+            f"{name}: {COLUMN}: expected rows of one number, got {listed}: measure the others again"
+        )
+    return numbers[0] if numbers else FIRST
+
+
+def common_number(numbers: dict[str, int]) -> int:
+    """Returns the number that all tables of a page's table share, by name of the table.
+
+    Raises Error if the tables rest on frames of several numbers.
+    """
+    if len(set(numbers.values())) > 1:
+        each = ", ".join(f"{name} {number}" for name, number in sorted(numbers.items()))
+        raise Error(
+            f"{COLUMN}: expected tables of one number, got {each}: measure the others again"
+        )
+    return next(iter(numbers.values()), FIRST)
+
+
+def sentence(number: int) -> str:
+    """Returns the sentence that names the frames on which a table rests."""
+    return f"Measured on frames {number} (version {VERSIONS[number]})."
