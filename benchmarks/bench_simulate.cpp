@@ -13,6 +13,7 @@
 #include "infrasim/pipeline/simulate.h"
 #include "infrasim/raycast/embree.h"
 #include "infrasim/sensor/scan_pattern.h"
+#include "stages.h"
 
 namespace {
 
@@ -190,6 +191,27 @@ void pipeline(benchmark::State& state, const std::vector<std::string>& names,
   state.SetItemsProcessed(cast);
 }
 
+/// Measures the stages of a LiDAR's frames, in nanoseconds per ray. The points of a frame are
+/// compared with those of the simulator, because StagedCaster repeats its order of the stages.
+void stages(benchmark::State& state, const std::string& name, const char* preset) {
+  const World& w = world(kSteady);
+  const std::vector<LidarConfig> lidar = lidars({name}, preset);
+  StagedCaster caster(w, lidar.front());
+  const Frame frame = std::move(FrameSimulator(w, lidar).simulate(0, {true}).front());
+  const auto expected = static_cast<double>(frame.cloud.size());
+  const auto points = static_cast<double>(caster.cast(0));
+  if (std::abs(points - expected) > 0.01 * expected)
+    return state.SkipWithError("the stages differ from those of the simulator");
+  const auto before = caster.seconds();
+  const std::size_t rays = caster.rays();
+  for (auto _ : state)
+    for (int k = 0; k < kFrames; ++k) benchmark::DoNotOptimize(caster.cast(k));
+  const auto done = static_cast<double>(caster.rays() - rays);
+  for (std::size_t i = 0; i < kStageNames.size(); ++i)
+    state.counters[std::string(kStageNames[i])] = 1e9 * (caster.seconds()[i] - before[i]) / done;
+  state.SetItemsProcessed(static_cast<std::int64_t>(done));
+}
+
 void add(const char* name, const std::vector<std::string>& names,
          const std::vector<std::string>& overrides, int threads, const char* preset = "paper",
          bool format = false) {
@@ -208,6 +230,10 @@ int main(int argc, char** argv) {
   add("pipeline_128_equal", kRuby, {}, 2, "equal", true);
   add("pipeline_128_datasheet", kRuby, {}, 2, "datasheet", true);
   add("pipeline_avia_datasheet", {"livox_avia"}, {}, 2, "datasheet", true);
+  for (const char* preset : {"paper", "datasheet"})
+    for (const char* name : {"ruby_plus", "livox_avia"})
+      benchmark::RegisterBenchmark(std::string("stages_") + name + "_" + preset, stages, name,
+                                   preset);
   add("four_exact", kFour, {}, 1);
   add("four_exact", kFour, {}, 2);
   add("four_slices_100", kFour, {"aggregation=slices:100"}, 2);

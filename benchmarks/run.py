@@ -3,11 +3,15 @@
 `make bench` runs this program, and docs/results/speed.md has the table. The program compares two
 rates by the ratio of their medians. The runs of both alternate in one process. The number of rays
 is that of the whole scan pattern: it includes rays whose result is read from the static layer.
-`--before` adds a comparison with an earlier version; it names a checkout of that version in which
-the binary has been built. The program writes out/speed.csv. To replace the committed table, name it
-with `--out`:
+The program writes out/speed.csv. To replace the committed table, name it with `--out`:
 
-    .venv/bin/python benchmarks/run.py [--before ../before] [--out results/speed.csv]
+    .venv/bin/python benchmarks/run.py [--out results/speed.csv]
+
+`--against` compares this build with that of another checkout, such as an earlier version, in which
+the binary has been built. It measures nothing else, and writes out/speed_against.csv. A value above
+1 means that this build is faster, or takes more memory:
+
+    .venv/bin/python benchmarks/run.py --against ../other
 """
 
 from __future__ import annotations
@@ -22,7 +26,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -36,16 +39,30 @@ from reproduction import add_out
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "dev"
 SCENE = ROOT / "configs" / "scenes" / "highway.yaml"
+DURATION_S = 80  # of the scene of `--against`
+FIRST_FRAMES, LAST_FRAMES = 20, 620
+STAGE_NAMES = (
+    *("making rays", "selecting", "casting", "leaves", "panes", "beam", "return model"),
+    "collecting",
+)
+AGAINST = "this / other: "  # begins the rows of `--against`
+STAGES = {
+    "ruby_plus_paper": "128 lines, paper",
+    "ruby_plus_datasheet": "128 lines, datasheet",
+    "livox_avia_paper": "Avia, paper",
+    "livox_avia_datasheet": "Avia, datasheet",
+}
 LIDARS = [
     ROOT / "configs" / "lidars" / f"{name}.yaml"
     for name in ("livox_avia", "helios_16", "pandar_64", "ruby_plus")
 ]
 
 
-def medians(repetitions: int) -> dict[str, float]:
-    """Returns the median rate of each C++ benchmark in millions of rays per second.
+def medians(repetitions: int) -> dict[str, dict[str, float]]:
+    """Returns the medians of each C++ benchmark, by name.
 
-    The repetitions of the benchmarks alternate.
+    `items_per_second` is the rate in rays per second. Benchmarks of stages also have the
+    nanoseconds per ray of each stage. The repetitions of the benchmarks alternate.
     """
     with tempfile.NamedTemporaryFile(suffix=".json") as out:
         subprocess.run(
@@ -63,18 +80,16 @@ def medians(repetitions: int) -> dict[str, float]:
         )
         report = json.loads(Path(out.name).read_text())
     return {
-        run["run_name"]: run["items_per_second"] / 1e6
-        for run in report["benchmarks"]
-        if run["aggregate_name"] == "median"
+        run["run_name"]: run for run in report["benchmarks"] if run["aggregate_name"] == "median"
     }
 
 
 def core_rows(repetitions: int) -> list[tuple[str, float, str]]:
     """Compares the pipeline with its upper bounds, such as a loop that only casts ray packets."""
-    rate = medians(repetitions)
+    every = medians(repetitions)
 
     def r(name: str, threads: int = 2) -> float:
-        return rate[f"{name}/real_time/threads:{threads}"]
+        return every[f"{name}/real_time/threads:{threads}"]["items_per_second"] / 1e6
 
     return [
         ("128-line pipeline, paper preset", r("pipeline_128"), "Mrays/s"),
@@ -94,6 +109,20 @@ def core_rows(repetitions: int) -> list[tuple[str, float, str]]:
         ("time of 2 threads against 1", r("four_exact") / r("four_exact", 1), "speed-up"),
         ("time of 10 x triangles", r("detail_mid") / r("detail_fine"), "times"),
         ("time of 10 x vehicles", r("density_4") / r("density_40"), "times"),
+        *stage_rows(every),
+    ]
+
+
+def stage_rows(every: dict[str, dict[str, float]]) -> list[tuple[str, float, str]]:
+    """Returns the nanoseconds per ray of each stage, without stages that a LiDAR does not have.
+
+    every: the result of `medians`.
+    """
+    return [
+        (f"{words}: {stage}", every[f"stages_{name}"][stage], "ns/ray")
+        for name, words in STAGES.items()
+        for stage in STAGE_NAMES
+        if every[f"stages_{name}"][stage] > 0
     ]
 
 
@@ -161,40 +190,50 @@ def run_binary(frames: int, out: Path | None) -> tuple[float, float]:
     return cost.wall_s, cost.peak_mb
 
 
-def seconds_of(tree: Path, lidars: list[str], preset: str, more: list[str]) -> float:
-    """Returns the wall seconds that the binary of a source tree takes for 300 highway frames.
+def cost_of(
+    tree: Path, lidars: list[str], preset: str, frames: int, *, write: bool
+) -> process.Cost:
+    """Returns the cost of the binary of a checkout for frames of its highway, on one thread.
 
-    The binary uses one thread for one LiDAR, and two threads for several LiDARs.
+    write: whether it writes the frames, to memory.
     """
     with tempfile.TemporaryDirectory(dir="/dev/shm") as out:
         command = [tree / "build/dev/cpp/infrasim", "run", tree / "configs/scenes/highway.yaml"]
         command += ["--lidar", *(tree / f"configs/lidars/{name}.yaml" for name in lidars)]
-        command += ["--preset", preset, "--frames", "0:300", "--out", Path(out) / "data"]
-        command += ["--threads", min(2, len(lidars)), "--set", "duration_s=40", *more]
-        return process.run(command).wall_s
+        command += ["--preset", preset, "--frames", f"0:{frames}", "--threads", "1"]
+        command += ["--set", f"duration_s={DURATION_S}"]
+        command += ["--out", Path(out) / "data"] if write else []
+        return process.run(command)
 
 
-def before_rows(before: Path, repetitions: int) -> list[tuple[str, float, str]]:
-    """Compares the speed with that of an earlier version.
+def against_rows(other: Path, repetitions: int) -> list[tuple[str, float, str]]:
+    """Compares this build with that of another checkout.
 
-    The runs of the two versions alternate. They write their files to memory.
+    The runs of both alternate. The speed is that of the frames after the first FIRST_FRAMES, so
+    that the start of the program does not count. It is measured in CPU time, which depends less on
+    other processes than the wall time.
     """
     four = [file.stem for file in LIDARS]
-    plain = ["--set", "vegetation=[]"]
-    rows = []
-    cases: tuple[tuple[str, list[str], str, list[str]], ...] = (
-        ("four LiDARs with writing, paper", four, "paper", []),
-        ("four LiDARs with writing, equal", four, "equal", []),
-        ("four LiDARs with writing, datasheet, no plants", four, "datasheet", plain),
-        ("Avia with writing, datasheet, no plants", four[:1], "datasheet", plain),
+    cases: tuple[tuple[str, list[str], str, bool], ...] = (
+        ("128 lines, datasheet", ["ruby_plus"], "datasheet", False),
+        ("Avia, datasheet", ["livox_avia"], "datasheet", False),
+        ("128 lines, paper", ["ruby_plus"], "paper", False),
+        ("four LiDARs with files, paper", four, "paper", True),
     )
-    for what, lidars, preset, more in cases:
-        today, earlier = alternate(
-            partial(seconds_of, ROOT, lidars, preset, more),
-            partial(seconds_of, before, lidars, preset, []),
-            repetitions,
-        )
-        rows.append((f"speed / before, {what}", earlier / today, "ratio"))
+    rows = []
+    for what, lidars, preset, write in cases:
+        seconds: dict[Path, list[float]] = {ROOT: [], other: []}
+        peaks: dict[Path, list[float]] = {ROOT: [], other: []}
+        for _ in range(repetitions):
+            for tree in (ROOT, other):
+                few = cost_of(tree, lidars, preset, FIRST_FRAMES, write=write)
+                many = cost_of(tree, lidars, preset, LAST_FRAMES, write=write)
+                seconds[tree].append(many.cpu_s - few.cpu_s)
+                peaks[tree].append(many.peak_mb)
+        ours, theirs = (statistics.median(seconds[tree]) for tree in (ROOT, other))
+        rows.append((f"{AGAINST}speed, {what}", theirs / ours, "times"))
+    here, there = (statistics.median(peaks[tree]) for tree in (ROOT, other))
+    rows.append((f"{AGAINST}peak memory, {cases[-1][0]}", here / there, "times"))
     return rows
 
 
@@ -239,9 +278,10 @@ def arguments() -> argparse.ArgumentParser:
         help="repetitions of each measurement (default: %(default)s)",
     )
     parser.add_argument(
-        "--before",
+        "--against",
         type=Path,
-        help="checkout of an earlier version in which the binary has been built",
+        metavar="CHECKOUT",
+        help="only compare this build with that of another checkout, in build/dev",
     )
     add_out(parser, "speed.csv")
     return parser
@@ -256,8 +296,10 @@ def main() -> None:
         lambda: stream_rows(fewer),
         growth_rows,
     ]
-    if args.before is not None:
-        parts.append(lambda: before_rows(args.before.resolve(), fewer))
+    out: Path = args.out
+    if args.against is not None:
+        parts = [lambda: against_rows(args.against.resolve(), fewer)]
+        out = out.with_name(f"{out.stem}_against.csv")
     rows = []
     for part in parts:
         for name, value, unit in part():
@@ -267,8 +309,9 @@ def main() -> None:
         command=f"benchmarks/run.py --repetitions {args.repetitions}",
         seed=1,
         version=__version__,
+        frames_version=simulation.frames_version(),
         machine=machine(),
-    ).to_csv(args.out, index=False)
+    ).to_csv(out, index=False)
     print(
         f"peak of this process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024} MB",
         file=sys.stderr,
