@@ -16,7 +16,7 @@ configure = cmake --preset $(1) $(2) -DCMAKE_UNITY_BUILD=$(or $(3),$(UNITY)) -DP
 	-Dpybind11_DIR=$$($(PYTHON) -m pybind11 --cmakedir) >build/$(1)-configure.log 2>&1 \
 	|| { cat build/$(1)-configure.log; exit 1; }
 
-.PHONY: setup build demo dataset generalist debian13 test lint stubs reference tables docs viewer bench wheel wheels hashes sanitize fuzz nightly clean
+.PHONY: setup build demo dataset generalist debian13 test lint stubs reference tables docs viewer bench wheel wheels hashes sanitize fuzz test-nightly nightly clean
 .NOTPARALLEL:
 
 build:
@@ -104,9 +104,10 @@ docs: build tables
 	@echo "build/docs/index.html"
 
 # Writes out/speed.csv; to record a measurement: benchmarks/run.py --out results/speed.csv.
+# AGAINST=DIR only compares with the build of another checkout, and writes out/speed_against.csv.
 bench: build
 	@scripts/setup.sh bench
-	$(PYTHON) benchmarks/run.py
+	$(PYTHON) benchmarks/run.py $(if $(AGAINST),--against $(AGAINST))
 
 # One wheel, which brings its libraries.
 wheel:
@@ -135,12 +136,17 @@ fuzz:
 		build/fuzz/tests/fuzz/$$name -max_total_time=$(FUZZ_SECONDS) -artifact_prefix=build/fuzz/ \
 			build/fuzz/corpus/$$name configs || exit 1; \
 	done
-	FUZZ_SECONDS=$(FUZZ_SECONDS) $(PYTHON) -m pytest -n 2 tests/python/test_reader_fuzz.py \
+	FUZZ_SECONDS=$(FUZZ_SECONDS) $(PYTHON) -m pytest -n 2 -m "" tests/python/test_reader_fuzz.py \
 		tests/python/test_reader_properties.py tests/python/test_site_properties.py \
 		tests/python/test_core_fuzz.py
 
+# The Python tests that `make test` leaves out.
+test-nightly: build
+	@scripts/setup.sh train exchange test
+	$(PYTHON) -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m nightly
+
 # The slow checks that CI leaves out, one after the other.
-nightly: sanitize fuzz bench
+nightly: sanitize fuzz bench test-nightly
 
 clean:
 	rm -rf build docs/examples pyinfra/_core*.so

@@ -370,7 +370,7 @@ def test_a_task_that_always_kills_its_worker_is_lost_alone(tmp_path: Path) -> No
 
 # starts two clusters, which takes 300 s beside a training and other tests
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("backend", ["ray", "dask"])
+@pytest.mark.parametrize("backend", [pytest.param("ray", marks=pytest.mark.nightly), "dask"])
 def test_a_cluster_gives_the_same_rows(
     backend: str, results: Path, config: Path, tmp_path: Path
 ) -> None:

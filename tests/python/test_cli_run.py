@@ -732,7 +732,7 @@ def test_two_processes_fill_one_folder_with_disjoint_frames(
     pd.testing.assert_frame_equal(counted(out), counted(reference), rtol=1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_processes_that_end_at_once_all_succeed(run_command: Words, tmp_path: Path) -> None:
     """Six processes with one frame each end at the same time, and each writes summary.csv."""
     for attempt in range(8):

@@ -35,6 +35,10 @@ from pyinfra.models.training.recipe import read_recipe  # noqa: E402
 ROOT = Path(__file__).resolve().parents[2]
 needs_gpu = pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU here")
 LEARNT = [name for name, entry in DETECTORS.items() if entry.learnt]
+FIRST = (
+    "pointpillars",
+    "centerpoint-pillar",
+)  # the others take longer
 
 
 def network_of(name: str) -> Network:
@@ -50,8 +54,10 @@ def overlaps(detections: Detections, boxes: np.ndarray) -> list[float]:
     return exact.bev_iou(boxes, detections.boxes).max(axis=1).tolist()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", LEARNT)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[] if name in FIRST else pytest.mark.nightly) for name in LEARNT],
+)
 def test_overfits_one_frame_without_a_miss_or_a_false_positive(name: str) -> None:
     sample, network = road_sample(1), network_of(name)
     batch = make_batch([sample], network.site.area)

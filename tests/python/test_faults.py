@@ -439,7 +439,7 @@ def test_signal_before_the_first_frame(
     assert not (tmp_path / "trajectories.csv").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_kills_at_random_moments_leave_whole_frames_and_a_folder_that_resumes(
     infrasim: Infrasim,
     long_command: Words,

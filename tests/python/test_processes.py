@@ -68,7 +68,7 @@ def learn(folder: Path, out: Path, count: int) -> list[dict[str, torch.Tensor]]:
     return [torch.load(out / f"{rank}.pt", weights_only=True) for rank in range(count)]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.timeout(1100)
 def test_two_processes_learn_what_one_does_and_write_once(tmp_path: Path) -> None:
     folder = lidar_folder(tmp_path / "road/ring")
