@@ -232,8 +232,8 @@ int main(int argc, char** argv) {
   add("pipeline_avia_datasheet", {"livox_avia"}, {}, 2, "datasheet", true);
   for (const char* preset : {"paper", "datasheet"})
     for (const char* name : {"ruby_plus", "livox_avia"})
-      benchmark::RegisterBenchmark(std::string("stages_") + name + "_" + preset, stages, name,
-                                   preset);
+      benchmark::RegisterBenchmark(("stages_" + std::string(name) + "_" + preset).c_str(), stages,
+                                   name, preset);
   add("four_exact", kFour, {}, 1);
   add("four_exact", kFour, {}, 2);
   add("four_slices_100", kFour, {"aggregation=slices:100"}, 2);
