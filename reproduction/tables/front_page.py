@@ -9,7 +9,7 @@ from reproduction.tables.findings import rows_of
 
 
 def findings() -> str:
-    return markdown(["finding", "measured on"], [far_points(), same_vehicles(), right_place()])
+    return markdown(["finding", "where"], [far_points(), same_vehicles(), right_place()])
 
 
 def far_points() -> list[str]:
@@ -23,8 +23,8 @@ def far_points() -> list[str]:
     (seeds,) = set(rows.seeds)
     finding = (
         f"On far vehicles the Livox Avia has {paper} times the points of the best other LiDAR "
-        f"under [the study's settings](docs/first_steps.md#presets), {equal} times at equal range, "
-        f"{datasheet} times by data sheets."
+        f"under [the study's settings](docs/first_steps.md#presets), {equal} at equal range, "
+        f"{datasheet} by data sheets."
     )
     where = f"[highway](docs/results/points.md), beyond 90 m; {seeds} seeds"
     return [finding, where]
