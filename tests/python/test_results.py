@@ -116,4 +116,4 @@ def test_a_measurement_replaces_no_recorded_result_unless_it_is_named(
     arguments = importlib.import_module("run").arguments()
     assert arguments.parse_args([]).out == RESULTS.parent / "out/speed.csv"
     recipe = (RESULTS.parent / "Makefile").read_text().split("\nbench:")[1].split("\n\n")[0]
-    assert recipe.endswith("benchmarks/run.py")
+    assert recipe.endswith("benchmarks/run.py $(if $(AGAINST),--against $(AGAINST))")

@@ -14,7 +14,7 @@ from scipy import stats
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import SUBSETS
 from pyinfra.experiments import store
-from reproduction import shared_frames
+from reproduction import shared_frames, work_folder
 from reproduction.commands import experiments, variance, verdicts
 
 AVIA_LESS_WIDE = {1: -5.0, 2: -4.0, 3: -6.0}
@@ -125,6 +125,7 @@ def test_steps_of_frames_share_no_factor_with_the_pattern_of_200_frames() -> Non
 def test_frames_stay_while_another_process_uses_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, done: bool, used: bool
 ) -> None:
+    work_folder(str(tmp_path))
     frames = tmp_path / "data/highway_paper_scan_1_1001"
     frames.mkdir(parents=True)
     # as if another process held the locks
