@@ -24,14 +24,16 @@ constexpr int kFrames = 20;  // several frames, because the rate differs between
 std::string configs(const std::string& name) { return std::string(INFRASIM_CONFIGS) + "/" + name; }
 
 /// Returns the world of the highway with these overrides. Each world is built once.
-const World& world(const std::vector<std::string>& assignments) {
+/// @param preset preset of the scene, which has plants with `datasheet`
+const World& world(const std::vector<std::string>& assignments, const std::string& preset = "") {
   static std::mutex mutex;
-  static std::map<std::vector<std::string>, World> worlds;
+  static std::map<std::pair<std::vector<std::string>, std::string>, World> worlds;
   const std::lock_guard lock(mutex);
-  const auto it = worlds.find(assignments);
+  const std::pair key{assignments, preset};
+  const auto it = worlds.find(key);
   if (it != worlds.end()) return it->second;
   return worlds
-      .emplace(assignments, build_world(read_scene(configs("scenes/highway.yaml"), assignments)))
+      .emplace(key, build_world(read_scene(configs("scenes/highway.yaml"), assignments, preset)))
       .first->second;
 }
 
@@ -194,7 +196,7 @@ void pipeline(benchmark::State& state, const std::vector<std::string>& names,
 /// Measures the stages of a LiDAR's frames, in nanoseconds per ray. The points of a frame are
 /// compared with those of the simulator, because StagedCaster repeats its order of the stages.
 void stages(benchmark::State& state, const std::string& name, const char* preset) {
-  const World& w = world(kSteady);
+  const World& w = world(kSteady, preset);
   const std::vector<LidarConfig> lidar = lidars({name}, preset);
   StagedCaster caster(w, lidar.front());
   const Frame frame = std::move(FrameSimulator(w, lidar).simulate(0, {true}).front());

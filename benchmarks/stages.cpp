@@ -1,6 +1,7 @@
 #include "stages.h"
 
 #include <algorithm>
+#include <ctime>
 #include <numeric>
 #include <span>
 
@@ -24,6 +25,12 @@ std::int64_t part_end(const ScannerUnit& scanner, std::int64_t first, std::int64
 }
 
 }  // namespace
+
+double thread_cpu_s() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
 
 StagedCaster::StagedCaster(const World& world, const LidarConfig& lidar)
     : world_(world),

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <array>
-#include <chrono>
 #include <cstddef>
 #include <string_view>
 #include <vector>
@@ -17,6 +16,9 @@ enum class Stage { kMaking, kSelecting, kCasting, kLeaves, kPanes, kBeam, kRetur
 inline constexpr std::array<std::string_view, 8> kStageNames{
     "making rays", "selecting", "casting", "leaves", "panes", "beam", "return model", "collecting"};
 
+/// CPU time of the calling thread.
+double thread_cpu_s();
+
 /// Simulates the rays of one LiDAR stage by stage, in the order of Caster::cast, and measures the
 /// time of each stage. It calls the public classes, so that the simulator itself has no timers.
 class StagedCaster {
@@ -26,7 +28,7 @@ class StagedCaster {
   /// Simulates frame k; returns its number of points.
   std::size_t cast(int k);
 
-  /// Total seconds of each stage.
+  /// Total CPU seconds of each stage, which depend less on other processes than wall seconds.
   const std::array<double, kStageNames.size()>& seconds() const { return seconds_; }
   /// Number of rays so far.
   std::size_t rays() const { return rays_done_; }
@@ -41,10 +43,9 @@ class StagedCaster {
 
   template <class Work>
   void timed(Stage stage, const Work& work) {
-    const auto start = std::chrono::steady_clock::now();
+    const double start_s = thread_cpu_s();
     work();
-    const auto end = std::chrono::steady_clock::now();
-    seconds_[static_cast<std::size_t>(stage)] += std::chrono::duration<double>(end - start).count();
+    seconds_[static_cast<std::size_t>(stage)] += thread_cpu_s() - start_s;
   }
 
   const World& world_;
