@@ -38,6 +38,7 @@ from reproduction import add_out
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "dev"
+BINARY = Path("build/dev/cpp/infrasim")  # in a checkout
 SCENE = ROOT / "configs" / "scenes" / "highway.yaml"
 DURATION_S = 80  # of the scene of `--against`
 FIRST_FRAMES, LAST_FRAMES = 20, 620
@@ -182,7 +183,7 @@ def alternate(
 
 def run_binary(frames: int, out: Path | None) -> tuple[float, float]:
     """Returns the wall seconds and peak memory (MB) of one `infrasim run` of the four LiDARs."""
-    command = [BUILD / "cpp" / "infrasim", "run", SCENE, "--lidar", *LIDARS, "--preset", "paper"]
+    command = [ROOT / BINARY, "run", SCENE, "--lidar", *LIDARS, "--preset", "paper"]
     command += ["--frames", f"0:{frames}", "--threads", "2"]
     if out is not None:
         command += ["--out", out]
@@ -198,7 +199,7 @@ def cost_of(
     write: whether it writes the frames, to memory.
     """
     with tempfile.TemporaryDirectory(dir="/dev/shm") as out:
-        command = [tree / "build/dev/cpp/infrasim", "run", tree / "configs/scenes/highway.yaml"]
+        command = [tree / BINARY, "run", tree / "configs/scenes/highway.yaml"]
         command += ["--lidar", *(tree / f"configs/lidars/{name}.yaml" for name in lidars)]
         command += ["--preset", preset, "--frames", f"0:{frames}", "--threads", "1"]
         command += ["--set", f"duration_s={DURATION_S}"]
@@ -288,7 +289,10 @@ def arguments() -> argparse.ArgumentParser:
 
 
 def main() -> None:
-    args = arguments().parse_args()
+    parser = arguments()
+    args = parser.parse_args()
+    if args.against is not None and not (args.against / BINARY).is_file():
+        parser.error(f"--against: expected a checkout with {BINARY}, got {args.against}")
     fewer = max(3, args.repetitions // 2)
     parts = [
         lambda: core_rows(args.repetitions),
