@@ -155,7 +155,7 @@ def order_rows(table: pd.DataFrame) -> list[dict[str, object]]:
 
 
 def units_rows(
-    site_number: int, frames: int, work: Path, out: Path, made_by: dict[str, str]
+    site_number: int, frames: int, work: Path, out: Path, made_by: dict[str, object]
 ) -> None:
     """Plans and measures both options at a site, unless the table has its rows."""
     seed = FIRST_CHECK_SITE + site_number
