@@ -30,6 +30,11 @@ def folder(planned: Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def test_the_answer_names_the_frames_of_the_fit_once(planned: Plan) -> None:
+    law = f"The detectability of {planned.request.detector}: learnt from frames 3"
+    assert sum(line.startswith(law) for line in planned.answer.lines) == 1
+
+
 def test_the_front_continues_the_options_with_the_same_columns(planned: Plan) -> None:
     table = planned.front.table
     listed = table[table.option <= planned.options.option.max()]
