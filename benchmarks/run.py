@@ -40,8 +40,8 @@ ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "dev"
 BINARY = Path("build/dev/cpp/infrasim")  # in a checkout
 SCENE = ROOT / "configs" / "scenes" / "highway.yaml"
-DURATION_S = 80  # of the scene of `--against`
-FIRST_FRAMES, LAST_FRAMES = 20, 620
+DURATION_S = 40  # of the scene of `--against`
+FIRST_FRAMES, LAST_FRAMES = 20, 220
 STAGE_NAMES = (
     *("making rays", "selecting", "casting", "leaves", "panes", "beam", "return model"),
     "collecting",
