@@ -233,6 +233,7 @@ def test_a_failed_experiment_is_a_row_with_its_reason_and_is_tried_again(
     assert experiments_of(tmp_path / "out").get("reason", pd.Series()).isna().all()
 
 
+@pytest.mark.nightly
 def test_a_run_killed_and_resumed_equals_an_uninterrupted_one(
     results: Path, config: Path, tmp_path: Path
 ) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra.core.errors import ConfigError
+from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.vocabulary import Tier
 from pyinfra.dataset import split
 from pyinfra.dataset.data_set import read_data_set
@@ -100,10 +100,13 @@ def warnings(plan: Plan) -> list[str]:
 
 def _learnt_warning(plan: Plan, detector: str, tier: Tier, used: str) -> str:
     """Returns a warning if a detector without further training learnt from other frames."""
-    learning = read_recipe(plan.files["detectors", detector], tier).learning
-    if learning.steps or not learning.start:
+    try:
+        learning = read_recipe(plan.files["detectors", detector], tier).learning
+        if learning.steps or not learning.start:
+            return ""
+        learnt = learnt_from(model_file(Path(learning.start)))
+    except (Error, OSError):  # the rows of the experiments have the reason
         return ""
-    learnt = learnt_from(model_file(Path(learning.start)))
     return other_frames(detector, learnt, used, MAY_BE_BETTER)
 
 
