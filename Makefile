@@ -136,7 +136,7 @@ fuzz:
 		build/fuzz/tests/fuzz/$$name -max_total_time=$(FUZZ_SECONDS) -artifact_prefix=build/fuzz/ \
 			build/fuzz/corpus/$$name configs || exit 1; \
 	done
-	FUZZ_SECONDS=$(FUZZ_SECONDS) $(PYTHON) -m pytest -n 2 -m "" tests/python/test_reader_fuzz.py \
+	FUZZ_SECONDS=$(FUZZ_SECONDS) $(PYTHON) -m pytest -n 2 tests/python/test_reader_fuzz.py \
 		tests/python/test_reader_properties.py tests/python/test_site_properties.py \
 		tests/python/test_core_fuzz.py
 

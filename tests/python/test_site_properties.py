@@ -32,7 +32,7 @@ from pyinfra.scenes.maps.tracks import CLASSES
 from pyinfra.scenes.maps.trajectory_import import import_fcd
 from pyinfra.viz.site_plan import read_lanes
 
-pytestmark = [pytest.mark.timeout(LIMIT_S), pytest.mark.nightly]
+pytestmark = pytest.mark.timeout(LIMIT_S)
 CENTRES = [(8.4, 49.0), (-122.4, 37.8), (151.2, -33.9), (18.1, 59.3), (0.01, 51.5), (-58.4, -34.6)]
 
 
