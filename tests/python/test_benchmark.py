@@ -234,6 +234,7 @@ def test_a_failed_experiment_is_a_row_with_its_reason_and_is_tried_again(
 
 
 @pytest.mark.nightly
+@pytest.mark.timeout(600)
 def test_a_run_killed_and_resumed_equals_an_uninterrupted_one(
     results: Path, config: Path, tmp_path: Path
 ) -> None:

@@ -63,7 +63,7 @@ def test_a_site_can_be(seed: int, tmp_path: Path) -> None:
     assert result.returncode == 0, result.stderr
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_vehicles_of_sites_share_no_place(tmp_path: Path) -> None:
     for seed in range(0, MANY, 10):
         file = tmp_path / f"{seed}.yaml"
@@ -473,7 +473,7 @@ def stream_until(plan: StreamPlan, sample: int) -> Stream:
     return replace(site_stream(plan, FEW), samples=samples)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_a_run_on_a_stream_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     whole = run_of(tmp_path / "whole", 6)
     assert run_of(tmp_path / "parts", 6, stop_at=7) == whole
