@@ -44,7 +44,10 @@ def saved(name: str, folder: Path, steps: int = 0) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["pointpillars", "centerpoint-pillar", "generalist"])
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param("pointpillars", marks=pytest.mark.nightly), "centerpoint-pillar", "generalist"],
+)
 def test_the_file_gives_the_boxes_of_the_network(name: str, tmp_path: Path) -> None:
     run, file = saved(name, tmp_path / "run", 60), tmp_path / "d.onnx"
     assert main.main(["onnx", str(run), "--out", str(file)]) == 0
