@@ -84,11 +84,19 @@ GIVEN = {
     "own_site": make_map,
     "plan": make_map,
 }
+LONG_PAGES = ("cluster",)  # start clusters, which takes long and seldom fails
 LEAST_AP = {"own_detector": ("out/blocks_ap/ap.csv", 20), "tutorial": ("out/background/ap.csv", 20)}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda page: page.stem)
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, marks=pytest.mark.nightly if page.stem in LONG_PAGES else [])
+        for page in WITH_COMMANDS
+    ],
+    ids=lambda page: page.stem,
+)
 def test_every_command_of_the_page_runs(
     page: Path,
     infrasim: Callable[..., object],
