@@ -20,12 +20,24 @@ bool reachable(const MovingObject& o, const Box3d& middle, double reach) {
   return math::hypot(middle.x, middle.y) <= reach + half_diagonal + travel / 2 + 0.1;
 }
 
+// m, more than the distance of any part of an object from its middle during a frame
+constexpr double kLargestObject_m = 100;
+
+/// Returns true if the middle of the object's path is so far away that the object is not reachable.
+/// This costs less than the exact test, which most objects of a large map do not need.
+bool far_beyond(const MovingObject& o, Vec3 sensor, double reach) {
+  const double x = (o.from.x + o.to.x) / 2 - sensor.x, y = (o.from.y + o.to.y) / 2 - sensor.y;
+  const double most = reach + kLargestObject_m;
+  return x * x + y * y > most * most;
+}
+
 }  // namespace
 
 FrameVehicles set_vehicles(const World& world, int k, double reach, Raycaster& raycaster) {
   const Rng paint = Rng::of(world.scene.seed, "paint");
   FrameVehicles out;
   for (const MovingObject& o : world.objects_in_frame(k)) {
+    if (far_beyond(o, world.level.origin, reach)) continue;
     const Box3d box = world.level.to_level(o.at(0.5));
     if (!reachable(o, box, reach)) continue;
     out.moving.push_back(o);

@@ -1,6 +1,8 @@
 #include "infrasim/scene/curve.h"
 
 #include <algorithm>
+#include <array>
+#include <utility>
 
 #include "infrasim/core/math.h"
 
@@ -26,20 +28,18 @@ CurvePoint Curve::at(double s) const {
           a.heading + u * wrap_angle(b.heading - a.heading)};
 }
 
+Curve::SegmentPoint Curve::nearest_on(std::size_t segment, Vec2 point) const {
+  const Vec2 a = samples_[segment].position;
+  const Vec2 edge = samples_[segment + 1].position - a;
+  const double u = std::clamp(dot(point - a, edge) / dot(edge, edge), 0.0, 1.0);
+  return {norm(point - (a + u * edge)), s_[segment] + u * (s_[segment + 1] - s_[segment])};
+}
+
 double Curve::project(Vec2 point) const {
-  double best = kInf;
-  double station = 0;
-  for (std::size_t i = 0; i + 1 < samples_.size(); ++i) {
-    const Vec2 a = samples_[i].position;
-    const Vec2 edge = samples_[i + 1].position - a;
-    const double u = std::clamp(dot(point - a, edge) / dot(edge, edge), 0.0, 1.0);
-    const double distance = norm(point - (a + u * edge));
-    if (distance < best) {
-      best = distance;
-      station = s_[i] + u * (s_[i + 1] - s_[i]);
-    }
-  }
-  return station;
+  SegmentPoint best{kInf, 0};
+  for (std::size_t i = 0; i + 1 < samples_.size(); ++i)
+    if (const SegmentPoint here = nearest_on(i, point); here.away < best.away) best = here;
+  return best.station;
 }
 
 Curve Curve::part(double s0, double s1) const {
@@ -70,6 +70,60 @@ double Curve::tightest_radius() const {
     if (turned > 1e-9) radius = std::min(radius, (s_[i + 1] - s_[i]) / turned);
   }
   return radius;
+}
+
+namespace {
+
+// m, length of the pieces of a segment in the grid; the bounding boxes of long pieces would touch
+// many squares
+constexpr double kGridPiece_m = 16;
+
+/// Returns the part of a segment, as shares from 0 to 1, whose coordinate lies between two limits.
+/// The part is empty if its first share is above the second one.
+std::pair<double, double> part_between(double from, double to, double low, double high) {
+  const double step = to - from;
+  if (step == 0) return from < low || from > high ? std::pair{1.0, 0.0} : std::pair{0.0, 1.0};
+  const auto [a, b] = std::minmax({(low - from) / step, (high - from) / step});
+  return {std::max(a, 0.0), std::min(b, 1.0)};
+}
+
+}  // namespace
+
+CurveGrid::CurveGrid(const Curve& curve, Vec2 low, Vec2 high, double reach_m)
+    : low_(low), high_(high), reach_m_(reach_m) {
+  const double beside = reach_m + 1;
+  for (std::size_t i = 0; i + 1 < curve.samples().size(); ++i) {
+    const Vec2 a = curve.samples()[i].position, b = curve.samples()[i + 1].position;
+    const auto [x0, x1] = part_between(a.x, b.x, low.x - beside, high.x + beside);
+    const auto [y0, y1] = part_between(a.y, b.y, low.y - beside, high.y + beside);
+    const double from = std::max(x0, y0), to = std::min(x1, y1);
+    if (from > to) continue;
+    const auto pieces =
+        std::max(1, static_cast<int>(std::ceil((to - from) * norm(b - a) / kGridPiece_m)));
+    for (int k = 0; k < pieces; ++k) {
+      const auto at = [&](int n) { return a + (from + (to - from) * n / pieces) * (b - a); };
+      segments_.add(std::array{at(k), at(k + 1)}, i);
+    }
+  }
+}
+
+std::optional<double> CurveGrid::project(const Curve& curve, Vec2 point) const {
+  if (point.x < low_.x || point.x > high_.x || point.y < low_.y || point.y > high_.y)
+    return std::nullopt;
+  // A little more than the reach, so that rounding does not lose a segment at the limit.
+  const Vec2 beside{reach_m_ + 0.01, reach_m_ + 0.01};
+  Curve::SegmentPoint best{kInf, 0};
+  std::size_t best_segment = 0;
+  segments_.any_near(std::array{point - beside, point + beside}, [&](std::size_t i) {
+    const Curve::SegmentPoint here = curve.nearest_on(i, point);
+    // Of equally near segments the first one counts, as in Curve::project.
+    if (here.away < best.away || (here.away == best.away && i < best_segment)) {
+      best = here;
+      best_segment = i;
+    }
+    return false;
+  });
+  return best.away <= reach_m_ ? std::optional(best.station) : std::nullopt;
 }
 
 Curve turn(const CurvePoint& from, const CurvePoint& to) {

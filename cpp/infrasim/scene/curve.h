@@ -1,8 +1,10 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "infrasim/core/geometry.h"
+#include "infrasim/scene/outline_index.h"
 
 namespace infrasim {
 
@@ -27,6 +29,14 @@ class Curve {
   CurvePoint at(double s) const;
   /// Station of the curve's point nearest to `point`.
   double project(Vec2 point) const;
+  /// A point of a segment.
+  struct SegmentPoint {
+    double away;     ///< distance from the given point
+    double station;  ///< station on the curve
+  };
+  /// Returns the point of a segment that is nearest to `point`.
+  /// @param segment index of the segment's first sample
+  SegmentPoint nearest_on(std::size_t segment, Vec2 point) const;
   /// The part from s0 to s1.
   Curve part(double s0, double s1) const;
   /// Returns the curve with every sample moved to the left.
@@ -40,6 +50,25 @@ class Curve {
 
   std::vector<CurvePoint> samples_;
   std::vector<double> s_;
+};
+
+/// Finds the part of a curve near a point without a search over the whole curve. A grid holds the
+/// segments in a rectangle.
+class CurveGrid {
+ public:
+  /// @param low, high  corners of the rectangle of the points that may be searched
+  /// @param reach_m    largest distance of a curve from a point
+  CurveGrid(const Curve& curve, Vec2 low, Vec2 high, double reach_m);
+
+  /// Returns the same station as Curve::project if the curve is within `reach_m` of the point.
+  /// Otherwise it returns no value.
+  /// @param curve the curve of the constructor, or a copy of it
+  std::optional<double> project(const Curve& curve, Vec2 point) const;
+
+ private:
+  Vec2 low_, high_;
+  double reach_m_;
+  OutlineIndex segments_;
 };
 
 /// Smooth turn from one directed point to another (cubic Bezier, almost a circle for a right

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -11,6 +12,12 @@
 #include "infrasim/core/numbers.h"
 
 namespace infrasim {
+
+namespace {
+
+constexpr double kRounding_m = 0.01;  // m, more than the rounding errors of a distance
+
+}  // namespace
 
 EvaluationRegion::EvaluationRegion(const Site& site, const MountConfig& mount)
     : outlines_(site.scene.regions.value_or(std::vector<RegionConfig>{})),
@@ -24,15 +31,14 @@ EvaluationRegion::EvaluationRegion(const Site& site, const MountConfig& mount)
     const double heading = along.at(along.project(foot)).heading;
     if (math::cos(heading - rad(mount.yaw_deg)) < 0) along = along.reversed();
     const double station = along.project(foot);
-    roads_.push_back({road.name, std::move(along), station, road.elevation_m,
-                      carriageway_half_width(road.lanes)});
+    add_road(road.name, std::move(along), station, road.elevation_m,
+             carriageway_half_width(road.lanes));
   }
   for (const std::optional<Ring>& ring : site.network.rings) {
     if (!ring) continue;
     Curve along = ring->line(foot);
     const double station = along.length() / 2;  // nearest to the foot
-    roads_.push_back(
-        {ring->name, std::move(along), station, ring->elevation_m, ring->config.width_m / 2});
+    add_road(ring->name, std::move(along), station, ring->elevation_m, ring->config.width_m / 2);
   }
   for (const LanePath& lane : site.lanes) {
     std::vector<LanePart> parts = parts_within(lane, foot, half_length_);
@@ -43,6 +49,26 @@ EvaluationRegion::EvaluationRegion(const Site& site, const MountConfig& mount)
                       config::number_text(half_length_) + " m of the mount, got none");
   check_names(scene);
   check_outlines(scene);
+}
+
+void EvaluationRegion::add_road(const std::string& name, Curve along, double foot, double elevation,
+                                double half_width) {
+  const double from = std::max(0.0, foot - half_length_);
+  const double to = std::min(along.length(), foot + half_length_);
+  const double widest = half_width + kFootways_m + kRounding_m;
+  Vec2 low{kInf, kInf}, high{-kInf, -kInf};
+  const auto take = [&](Vec2 place) {
+    low = {std::min(low.x, place.x - widest), std::min(low.y, place.y - widest)};
+    high = {std::max(high.x, place.x + widest), std::max(high.y, place.y + widest)};
+  };
+  take(along.at(from).position);
+  take(along.at(to).position);
+  const auto& stations = along.stations();
+  const auto first = std::ranges::lower_bound(stations, from) - stations.begin();
+  const auto last = std::ranges::upper_bound(stations, to) - stations.begin();
+  for (auto i = first; i < last; ++i) take(along.samples()[static_cast<std::size_t>(i)].position);
+  CurveGrid grid(along, low, high, widest);
+  roads_.push_back({name, std::move(along), foot, elevation, half_width, std::move(grid)});
 }
 
 template <class Take>
@@ -93,9 +119,9 @@ bool EvaluationRegion::contains(Vec2 point, Class object_class) const {
                           [&](const LanePart& part) { return part.contains(point, beside); }))
     return true;
   return std::ranges::any_of(roads_, [&](const RoadPart& road) {
-    const double station = road.along.project(point);
-    return std::abs(station - road.foot) <= half_length_ &&
-           norm(point - road.along.at(station).position) <= road.half_width + beside;
+    const std::optional<double> station = road.grid.project(road.along, point);
+    return station && std::abs(*station - road.foot) <= half_length_ &&
+           norm(point - road.along.at(*station).position) <= road.half_width + beside;
   });
 }
 

@@ -44,7 +44,10 @@ class EvaluationRegion {
     double foot;  ///< station of the sensor's foot on `along`
     double elevation;
     double half_width;
+    CurveGrid grid;  ///< of the part in the region
   };
+  void add_road(const std::string& name, Curve along, double foot, double elevation,
+                double half_width);
   void check_names(const SceneConfig& scene) const;
   void check_outlines(const SceneConfig& scene) const;
   bool in_outlines(Vec2 point) const;
