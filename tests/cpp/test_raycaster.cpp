@@ -443,6 +443,19 @@ TEST(embree_error, is_kept_until_it_is_asked_for_and_passes_through_no_function_
   rtcReleaseDevice(device);
 }
 
+TEST(raycaster, an_error_of_embree_after_the_build_is_an_exception_and_no_miss) {
+  const MeshLibrary library(wall(10, -5, 5), bodies(Detail::kBox));
+  Raycaster caster(library);
+  const RayBatch rays = ray_batch({{1, 0, 0}}, {0});
+  const std::vector<std::uint32_t> order{0};
+  HitBatch hits;
+  caster.cast(rays, order, hits);
+  EXPECT_EQ(rtcNewGeometry(library.device(), static_cast<RTCGeometryType>(99)), nullptr);
+  EXPECT_THROW(caster.cast(rays, order, hits), std::runtime_error);
+  EXPECT_THROW(caster.cast_background(rays, order, hits), std::runtime_error);
+  EXPECT_THROW(caster.cast_bodies(rays, order, hits), std::runtime_error);
+}
+
 TEST(raycaster, horizon_is_level_where_nothing_rises) {
   const MeshLibrary library(triangles({{{{-90, -90, -5}, {90, -90, -5}, {0, 90, -5}}}}),
                             bodies(Detail::kBox));

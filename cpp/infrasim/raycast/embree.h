@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstring>
 #include <stdexcept>
 #include <string>
@@ -16,8 +17,8 @@
 
 namespace infrasim {
 
-/// Stores the first error of a device until `check` is called. Embree is a C library, so no
-/// exception may pass through its functions.
+/// Stores the first error of a device. Embree is a C library, so no exception may pass through its
+/// functions. Any thread may cause an error, and any thread may check for one.
 class EmbreeError {
  public:
   /// Registers this object with a device. The object must outlive the device.
@@ -25,19 +26,20 @@ class EmbreeError {
 
   /// @throws std::runtime_error if there was one
   void check() const {
-    if (code_ != RTC_ERROR_NONE)
-      throw std::runtime_error("Embree error " + std::to_string(code_) + ": " + text_.data());
+    if (const RTCError code = code_.load(std::memory_order_acquire); code != RTC_ERROR_NONE)
+      throw std::runtime_error("Embree error " + std::to_string(code) + ": " + text_.data());
   }
 
  private:
   static void keep(void* self, RTCError code, const char* text) noexcept {
     auto& error = *static_cast<EmbreeError*>(self);
-    if (error.code_ != RTC_ERROR_NONE) return;
-    error.code_ = code;
+    if (error.taken_.exchange(true)) return;
     if (text != nullptr) std::strncpy(error.text_.data(), text, error.text_.size() - 1);
+    error.code_.store(code, std::memory_order_release);
   }
 
-  RTCError code_ = RTC_ERROR_NONE;
+  std::atomic<bool> taken_ = false;  ///< whether an error has been stored, or is being stored
+  std::atomic<RTCError> code_ = RTC_ERROR_NONE;
   std::array<char, 200> text_{};
 };
 

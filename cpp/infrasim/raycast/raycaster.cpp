@@ -65,6 +65,7 @@ GeometryHandle mesh_geometry(RTCDevice device, const MeshScene& mesh, const Embr
                              mesh.triangles.size());
   error.check();
   rtcCommitGeometry(handle.get());
+  error.check();
   return handle;
 }
 
@@ -206,6 +207,8 @@ Viewpoint MeshLibrary::viewpoint(Vec3 position, double yaw) const {
   }
   return out;
 }
+
+RTCDeviceTy* MeshLibrary::device() const { return impl_->device; }
 
 struct Raycaster::Impl {
   const MeshLibrary::Impl& library;
@@ -368,6 +371,7 @@ void Raycaster::cast_background(const RayBatch& rays, std::span<const std::uint3
           length > 0 ? static_cast<float>(std::min(1.0, std::abs(plane.ahead) / length)) : 0.0F;
     }
   });
+  m.library.error.check();
 }
 
 void Raycaster::cast_bodies(const RayBatch& rays, std::span<const std::uint32_t> order,
@@ -389,6 +393,7 @@ void Raycaster::cast_bodies(const RayBatch& rays, std::span<const std::uint32_t>
       m.queue(body, rays, packet_of(order, p), hits, incidence);
     m.cast_queue(body, rays, hits, incidence);
   }
+  m.library.error.check();
 }
 
 double Raycaster::visibility(std::size_t index, const Volumes& leaves) {

@@ -9,6 +9,8 @@
 #include "infrasim/raycast/moving_bodies.h"
 #include "infrasim/raycast/volumes.h"
 
+struct RTCDeviceTy;
+
 namespace infrasim {
 
 /// Where a sensor stands in the frame of a mesh library.
@@ -33,13 +35,17 @@ class MeshLibrary {
   MeshLibrary(const MeshLibrary&) = delete;
   MeshLibrary& operator=(const MeshLibrary&) = delete;
 
+  /// The Embree device of the meshes.
+  RTCDeviceTy* device() const;
+
  private:
   friend class Raycaster;
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
 
-/// Nearest hits of rays from the origin of a sensor's levelled frame. Not thread-safe.
+/// Nearest hits of rays from the origin of a sensor's levelled frame. Not thread-safe. Functions that cast
+/// throw std::runtime_error if Embree reports an error.
 class Raycaster {
  public:
   Raycaster(const MeshLibrary& library, const Viewpoint& viewpoint);
