@@ -17,6 +17,7 @@
 #include "infrasim/pipeline/run.h"
 #include "infrasim/pipeline/scheduler.h"
 #include "infrasim/pipeline/simulate.h"
+#include "infrasim/pipeline/summary.h"
 #include "infrasim/pipeline/vehicles.h"
 #include "infrasim/scene/vehicle_body.h"
 #include "infrasim/sensor/beam.h"
@@ -759,6 +760,21 @@ TEST(background_filter, draws_noise_of_its_own) {
   const std::size_t other = frame(world_with(scene, {}), lidar, 1).cloud.size();
   EXPECT_GT(built, 1000U);
   EXPECT_NEAR(static_cast<double>(built) / static_cast<double>(other), 1, 0.1);
+}
+
+TEST(summary, has_exact_counts_and_means_of_six_decimals) {
+  SummaryRow row;
+  row.lidar = "own";
+  row.preset = "equal";
+  row.frames = 3;
+  row.rays_per_frame = 1234567;
+  row.hits_per_frame = 1234567 + 1.0 / 3;
+  row.vehicles_per_frame = 30;
+  row.vehicle_points_per_frame = 123456789.5;
+  row.seconds = 0.00001;
+  const std::string text = summary_csv({row});
+  EXPECT_EQ(text.substr(text.find('\n') + 1),
+            "own,equal,3,1234567,1234567.333333,30,123456789.5,0,0.00001,0\n");
 }
 
 }  // namespace

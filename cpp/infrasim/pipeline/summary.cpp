@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "infrasim/core/files.h"
+#include "infrasim/core/numbers.h"
 #include "infrasim/io/atomic_file.h"
 #include "infrasim/io/data_set.h"
 
@@ -16,12 +17,21 @@ constexpr std::string_view kSummaryHeader =
     "lidar,preset,frames,rays_per_frame,hits_per_frame,vehicles_per_frame,"
     "vehicle_points_per_frame,rays_cast_per_frame,seconds,mrays_per_s";
 
+/// Formats a mean with up to six decimals, and without an exponent.
+std::string mean_text(double value) {
+  std::string text = fixed_text(value, 6);
+  text.erase(text.find_last_not_of('0') + 1);
+  if (text.ends_with('.')) text.pop_back();
+  return text;
+}
+
 std::string line_of(const SummaryRow& r) {
-  std::ostringstream text;
-  text << r.lidar << ',' << r.preset << ',' << r.frames << ',' << r.rays_per_frame << ','
-       << r.hits_per_frame << ',' << r.vehicles_per_frame << ',' << r.vehicle_points_per_frame
-       << ',' << r.rays_cast_per_frame << ',' << r.seconds << ',' << r.mrays_per_s;
-  return text.str();
+  std::string text = r.lidar + "," + r.preset + "," + std::to_string(r.frames);
+  for (const double mean :
+       {r.rays_per_frame, r.hits_per_frame, r.vehicles_per_frame, r.vehicle_points_per_frame,
+        r.rays_cast_per_frame, r.seconds, r.mrays_per_s})
+    text += "," + mean_text(mean);
+  return text;
 }
 
 /// Returns the last three cells of a line: rays cast and computing times.
