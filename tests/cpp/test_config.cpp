@@ -514,6 +514,28 @@ TEST(lidar_file, evenly_spaced_channels_go_from_upper_to_lower) {
   EXPECT_EQ(lidar.preset, "even");
 }
 
+TEST(lidar_file, one_channel_has_one_elevation) {
+  const auto elevation = [](const std::string& angles) {
+    const TestFolder folder;
+    const std::string text =
+        replaced(kLidar, "count: 2, upper_deg: 1, lower_deg: -1", "count: 1" + angles);
+    const LidarConfig lidar = read_lidar(folder.write("lidar.yaml", text), "even");
+    const auto& table = lidar.units.at(0).pattern.spinning->channels.table;
+    EXPECT_EQ(table.size(), 1U);
+    return table.front().elevation_deg;
+  };
+  EXPECT_EQ(elevation(", upper_deg: -3, lower_deg: -3"), -3);
+  EXPECT_EQ(elevation(", upper_deg: -3"), -3);
+  EXPECT_EQ(elevation(", lower_deg: -3"), -3);
+  EXPECT_EQ(elevation(""), 0);
+  expect_lidar_error("count: 2, upper_deg: 1, lower_deg: -1",
+                     "count: 1, upper_deg: 1, lower_deg: -1 #!\n",
+                     "pattern.spinning.channels.upper_deg", "one elevation");
+  expect_lidar_error("count: 2, upper_deg: 1, lower_deg: -1",
+                     "count: 2, upper_deg: 1, lower_deg: 1 #!\n",
+                     "pattern.spinning.channels.upper_deg", "above");
+}
+
 TEST(lidar_file, an_unknown_preset_is_an_error_that_names_the_known_ones) {
   const TestFolder folder;
   const auto file = folder.write("lidar.yaml", kLidar);
@@ -545,6 +567,18 @@ TEST(lidar_file, keys_are_checked) {
   expect_lidar_error("azimuth_step_deg: 0.2}\n",
                      "azimuth_step_deg: 0.2} #!\n  table: {file: a.csv, rays_per_s: 10}\n",
                      "pattern.spinning", "one of spinning, prisms, table");
+}
+
+TEST(lidar_file, targets_without_a_signal_are_not_detected) {
+  const auto with = [](const std::string& steepness) {
+    return "detection: {range_at_10_percent_m: 90, steepness: " + steepness + "}";
+  };
+  for (const char* low : {"0.5", "1", "3.7"})
+    expect_lidar_error("range_accuracy_m: 0.02", with(low) + " #!\n", "returns.detection.steepness",
+                       "without a signal");
+  const TestFolder folder;
+  const std::string text = replaced(kLidar, "range_accuracy_m: 0.02", with("3.72"));
+  read_lidar(folder.write("lidar.yaml", text), "even");
 }
 
 TEST(lidar_file, presets_are_maps) {

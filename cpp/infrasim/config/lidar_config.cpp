@@ -115,10 +115,10 @@ config::Tree preset_tree(const std::filesystem::path& file, const std::string& p
 
 void resolve_channels(const std::filesystem::path& folder, ChannelsConfig& c) {
   if (!c.file.empty()) c.table = config::read_channels(folder / c.file);
-  for (int i = 0; i < c.count; ++i) {
-    const double step = c.count > 1 ? (c.upper_deg - c.lower_deg) / (c.count - 1) : 0;
-    c.table.push_back({c.upper_deg - i * step, 0, 0});
-  }
+  if (c.count == 1) c.table.push_back({c.upper_deg.value_or(c.lower_deg.value_or(0)), 0, 0});
+  const double upper = c.upper_deg.value_or(0), lower = c.lower_deg.value_or(0);
+  for (int i = 0; c.count > 1 && i < c.count; ++i)
+    c.table.push_back({upper - i * ((upper - lower) / (c.count - 1)), 0, 0});
   c = ChannelsConfig{.file = "", .count = 0, .upper_deg = 0, .lower_deg = 0, .table = c.table};
 }
 

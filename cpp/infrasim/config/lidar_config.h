@@ -28,8 +28,8 @@ struct Channel {
 struct ChannelsConfig {
   std::string file;
   int count = 0;
-  double upper_deg = 0;
-  double lower_deg = 0;
+  std::optional<double> upper_deg;  ///< 0 if missing
+  std::optional<double> lower_deg;
   std::vector<Channel> table;  ///< the resolved channels
 };
 

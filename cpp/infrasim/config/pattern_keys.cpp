@@ -41,14 +41,18 @@ void visit(Fields& f, Channel& c) {
 template <class Fields>
 void visit(Fields& f, ChannelsConfig& c) {
   f.field("count", c.count, "number of evenly spaced channels", between(0, 65535));
-  f.field("upper_deg", c.upper_deg, "elevation of the first channel", between(-90, 90));
-  f.field("lower_deg", c.lower_deg, "elevation of the last channel", between(-90, 90));
+  f.field("upper_deg", c.upper_deg, "elevation of the first channel; default: 0", between(-90, 90));
+  f.field("lower_deg", c.lower_deg,
+          "elevation of the last channel; default: 0, or upper_deg for one channel",
+          between(-90, 90));
   f.field("file", c.file, "table of channels, relative to this file");
   f.field("table", c.table, "channels, in the order of their points in a column");
   const int ways = (c.count > 0) + !c.file.empty() + !c.table.empty();
   f.check(ways == 1, "count", "expected one of count, file, table, got none or several");
-  f.check(c.count == 0 || c.upper_deg > c.lower_deg, "upper_deg",
-          "expected above lower_deg, got at most that");
+  const double upper = c.upper_deg.value_or(0), lower = c.lower_deg.value_or(0);
+  f.check(c.count <= 1 || upper > lower, "upper_deg", "expected above lower_deg, got at most that");
+  f.check(c.count != 1 || !c.upper_deg || !c.lower_deg || upper == lower, "upper_deg",
+          "expected lower_deg, as one channel has one elevation, got another angle");
 }
 
 double columns_per_s(const SpinningConfig& spinning) {

@@ -1,5 +1,8 @@
 #include "infrasim/config/returns_keys.h"
 
+#include <cmath>
+#include <numbers>
+
 #include "infrasim/config/fields.h"
 #include "infrasim/config/key_list.h"
 
@@ -39,6 +42,10 @@ std::string range_text(const PublishedRange& r) {
 
 namespace {
 
+/// Largest probability that a target without a signal is detected. With this value, a car that 100
+/// rays hit beyond its range has a point in one of 100 frames.
+constexpr double kMostFalseAlarms = 1e-4;
+
 /// Describes two published ranges that contradict each other; empty if there are none. Two ranges
 /// contradict each other if a target has the shorter range despite a higher reflectance or less
 /// light.
@@ -64,6 +71,13 @@ void visit(Fields& f, DetectionConfig& c) {
           "reflectance");
   f.field("steepness", c.steepness,
           "steepness of the detection probability over the signal-to-noise ratio", positive(1000));
+  const double false_alarms = std::erfc(c.steepness / std::numbers::sqrt2) / 2;
+  f.check(false_alarms <= kMostFalseAlarms, "steepness",
+          "expected a steepness at which at most 1 of " +
+              config::number_text(std::round(1 / kMostFalseAlarms)) +
+              " rays returns without a signal, such as 4, got " + config::number_text(c.steepness) +
+              ", at which " + config::number_text(std::round(1e6 * false_alarms) / 1e4) +
+              " % of them return");
   const std::string both = contradiction(c);
   f.check(both.empty(), "further_ranges",
           "expected ranges that grow with reflectance and shrink with sunlight, got " + both);
