@@ -192,13 +192,16 @@ void bind_simulation(py::module_& m) {
       "warnings",
       [](const World& w, const std::vector<LidarConfig>& lidars) {
         std::vector<std::string> lines = weather_warnings(w.scene.weather, lidars);
-        const std::vector<std::string> angles = angle_warnings(lidars);
-        lines.insert(lines.end(), angles.begin(), angles.end());
+        const std::vector<std::string> own = lidar_warnings(lidars);
+        lines.insert(lines.end(), own.begin(), own.end());
+        lines.insert(lines.end(), w.warnings.begin(), w.warnings.end());
         return lines;
       },
       py::arg("world"), py::arg("lidars"),
       "Returns warnings about these LiDARs, one line each: tables of angles that look like "
-      "radians, and a weather model without effect.");
+      "radians or repeat too soon, and a weather model without effect. Then returns those about "
+      "the world's "
+      "trajectories and meshes.");
 
   py::class_<FrameStream>(m, "FrameStream",
                           "Iterates over (number, [Frame per LiDAR]), computed ahead by threads.")

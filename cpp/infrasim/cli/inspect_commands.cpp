@@ -29,6 +29,7 @@
 #include "infrasim/scene/sensor_rules.h"
 #include "infrasim/scene/site_rules.h"
 #include "infrasim/scene/state_source.h"
+#include "infrasim/scene/traffic_checks.h"
 #include "infrasim/sensor/pattern_table.h"
 #include "infrasim/sensor/range_law.h"
 
@@ -79,7 +80,7 @@ LidarConfig checked_lidar(const std::filesystem::path& file,
     fields_of_view(lidar);
     for (const std::string& line : law_errors(file, lidar))
       if (printed) std::fprintf(stderr, "infrasim: %s\n", line.c_str());
-    for (const std::string& line : angle_warnings({&lidar, 1}))
+    for (const std::string& line : lidar_warnings({&lidar, 1}))
       if (printed) std::fprintf(stderr, "infrasim: warning: %s\n", line.c_str());
     return lidar;
   };
@@ -93,15 +94,8 @@ LidarConfig checked_lidar(const std::filesystem::path& file,
 void check_traffic(const std::filesystem::path& file, const SceneConfig& scene) {
   const std::vector<Overlap> overlaps = traffic_overlaps(scene);
   if (overlaps.empty()) return;
-  const Overlap& first = overlaps.front();
-  const auto n = [](double v) { return config::number_text(std::round(v * 100) / 100); };
-  const std::string others =
-      overlaps.size() == 1 ? "" : " (" + std::to_string(overlaps.size()) + " pairs in all)";
-  throw ConfigError((scene.traffic ? file : scene.folder / scene.trajectories).string() +
-                    ": (vehicles): expected vehicles apart, got " + std::to_string(first.first_id) +
-                    " and " + std::to_string(first.second_id) + " in one place at " +
-                    n(first.time_s) + " s, x " + n(first.place.x) + ", y " + n(first.place.y) +
-                    others);
+  throw ConfigError((scene.traffic ? file : scene.folder / scene.trajectories).string() + ": " +
+                    overlap_text(overlaps));
 }
 
 /// Builds the scene under the given preset. If no preset is given, the scene is built without a
@@ -125,7 +119,7 @@ SceneConfig checked_scene(const std::filesystem::path& file, const CheckOptions&
     const bool known = std::ranges::any_of(
         driven, [&](const SceneConfig& other) { return move_alike(scene, other); });
     const bool drive = !known && (o.traffic || !lacks_trajectories(scene));
-    check_worlds(scene, drive);
+    for (const std::string& line : check_worlds(scene, drive)) findings.insert(line);
     for (const std::string& line : flat_triangles(scene)) findings.insert(line);
     if (o.traffic && drive) check_traffic(file, scene);
     if (drive) driven.push_back(scene);

@@ -132,7 +132,7 @@ int run_command(const RunOptions& o) {
   const std::string summary = path_of("--summary", o.summary);
   for (const std::string& line : weather_warnings(request.scene.weather, request.lidars))
     warn(line);
-  for (const std::string& line : angle_warnings(request.lidars)) warn(line);
+  for (const std::string& line : lidar_warnings(request.lidars)) warn(line);
   const std::vector<SummaryRow> rows = run(request, noted_signal(), progress_bar(), warn);
   print_table(rows);
   if (!summary.empty()) write_file_atomically(summary, summary_csv(rows));

@@ -31,6 +31,18 @@ std::vector<double> table_of(const PatternConfig& pattern) {
   return elevations;
 }
 
+constexpr double kMostSpacing_deg = 0.25;  // largest angle between two sub-rays
+constexpr double kShortestPeriod_s = 1;    // minimum period of a pattern that does not repeat
+
+/// Returns the number of turns of the azimuth in one pass through a table, which ends where it
+/// begins.
+double turns_of(std::span<const Vec2> directions) {
+  double sum = 0;
+  for (std::size_t i = 0; i < directions.size(); ++i)
+    sum += wrap_angle(directions[(i + 1) % directions.size()].x - directions[i].x);
+  return std::round(sum / (2 * kPi));
+}
+
 }  // namespace
 
 std::vector<std::string> angle_warnings(std::span<const LidarConfig> lidars) {
@@ -47,6 +59,52 @@ std::vector<std::string> angle_warnings(std::span<const LidarConfig> lidars) {
                          ", which are probably radians";
       if (lines.empty() || lines.back() != line) lines.push_back(std::move(line));
     }
+  return lines;
+}
+
+std::vector<std::string> repetition_warnings(std::span<const LidarConfig> lidars) {
+  std::vector<std::string> lines;
+  for (const LidarConfig& lidar : lidars)
+    for (const LidarUnit& unit : lidar.units) {
+      const auto& table = unit.pattern.table;
+      if (!table || table->phase != MotorPhase::kFree) continue;
+      const double period_s = static_cast<double>(table->directions.size()) / table->rays_per_s;
+      if (period_s >= kShortestPeriod_s || std::abs(turns_of(table->directions)) == 1) continue;
+      std::string line = lidar.name +
+                         ": pattern.table: expected a pattern without repetition for " +
+                         config::number_text(kShortestPeriod_s) + " s, as its phase is free, got " +
+                         std::to_string(table->directions.size()) + " rows that repeat every " +
+                         config::number_text(std::round(1e4 * period_s) / 1e4) +
+                         " s; for a pattern that repeats, set phase: locked";
+      if (lines.empty() || lines.back() != line) lines.push_back(std::move(line));
+    }
+  return lines;
+}
+
+bool sub_rays_miss_targets(double spacing_deg) { return spacing_deg > kMostSpacing_deg; }
+
+std::vector<std::string> sub_ray_warnings(std::span<const LidarConfig> lidars) {
+  std::vector<std::string> lines;
+  for (const LidarConfig& lidar : lidars)
+    for (const LidarUnit& unit : lidar.units) {
+      const auto& beam = unit.returns.beam;
+      if (!beam) continue;
+      const double width_deg = std::max(beam->vertical_deg, beam->horizontal_deg);
+      if (!sub_rays_miss_targets(width_deg / beam->sub_rays)) continue;
+      std::string line = lidar.name + ": returns.beam.sub_rays: expected " +
+                         config::number_text(std::ceil(width_deg / kMostSpacing_deg)) +
+                         " or more for a beam of " + config::number_text(width_deg) +
+                         " degrees, got " + std::to_string(beam->sub_rays) +
+                         ", between which small targets are missed";
+      if (lines.empty() || lines.back() != line) lines.push_back(std::move(line));
+    }
+  return lines;
+}
+
+std::vector<std::string> lidar_warnings(std::span<const LidarConfig> lidars) {
+  std::vector<std::string> lines = angle_warnings(lidars);
+  for (const auto& more : {repetition_warnings(lidars), sub_ray_warnings(lidars)})
+    lines.insert(lines.end(), more.begin(), more.end());
   return lines;
 }
 

@@ -48,6 +48,7 @@ Observer::Observer(const SceneConfig& scene, const std::string& mount, std::span
 std::string Observer::fault(const MountConfig& pose) const {
   try {
     check_sensor_at(*site_, mount_, pose);
+    check_sensor_in_meshes(*site_, mount_, pose, meshes_->surface);
     SceneConfig scene;
     scene.mounts = {{mount_, pose}};
     for (std::size_t k = 0; k < trajectories_->rows.size(); ++k)

@@ -268,6 +268,7 @@ std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& s
   // The trajectories in a folder always cover the whole scene, and not only the requested frames.
   const std::vector<World> worlds =
       build_worlds(request.scene, mounts_of(request), frames, !request.out.empty());
+  for (const std::string& line : worlds.front().warnings) warn(line);
   const Parts parts = parts_of(request, worlds);
   std::optional<Fusion> fusion;
   if (request.fuse) fusion.emplace(request.scene, worlds);

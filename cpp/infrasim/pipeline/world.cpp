@@ -2,11 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 
+#include "infrasim/config/lidar_config.h"
+#include "infrasim/scene/mesh_file.h"
 #include "infrasim/scene/sensor_rules.h"
 #include "infrasim/scene/site_rules.h"
 #include "infrasim/scene/state_source.h"
+#include "infrasim/scene/traffic_checks.h"
 #include "infrasim/scene/vehicle_body.h"
 
 namespace infrasim {
@@ -61,6 +65,19 @@ StateSink checking_sensors(const SceneConfig& scene, const StateSink& sink) {
   };
 }
 
+/// Returns whether a box is farther from the origin than any ray or object that a ray hits.
+bool is_beyond_all_rays(const Box3d& box) {
+  constexpr double kObjects_m = 200;  // more than an object at the end of a ray covers
+  return std::hypot(box.x, box.y) - std::hypot(box.dx, box.dy) > kLongestRange_m + kObjects_m;
+}
+
+std::vector<std::string> findings_of(const Site& site, const Surface& surface,
+                                     const TrafficChecks& checks) {
+  std::vector<std::string> lines = checks.warnings();
+  std::ranges::move(unit_warnings(site, surface), std::back_inserter(lines));
+  return lines;
+}
+
 }  // namespace
 
 std::shared_ptr<const SceneMeshes> build_meshes(const Site& site) {
@@ -82,12 +99,13 @@ World build_world_at(const SceneConfig& scene, const std::shared_ptr<const Site>
         std::make_shared<const Trajectories>(resample_at_clock_offset(*trajectories, late_s));
   const MountConfig& mount = scene.mounts.begin()->second;
   const LevelPose level = level_pose(mount);
-  if (scene.meshes) check_sensor_above(scene, to_level(meshes->surface, level));
+  check_sensor_in_meshes(*site, scene.mounts.begin()->first, mount, meshes->surface);
   std::vector<LeafVolume> leaves = site->leaves;
   for (LeafVolume& volume : leaves) {
     volume.box.z += site->profile.rise({volume.box.x, volume.box.y});
     volume.box = level.to_level(volume.box);
   }
+  std::erase_if(leaves, [](const LeafVolume& volume) { return is_beyond_all_rays(volume.box); });
   return {scene,
           site,
           level,
@@ -115,13 +133,19 @@ std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std:
   const std::vector<bool> asked = rows_of(frames, views);
   const auto last = std::find(asked.rbegin(), asked.rend(), true);
   TrajectoryKeeper keeper(asked, state_source.pitched());
-  state_source.each(checking_sensors(scene, [&](const auto& states) { keeper.take(states); }),
+  TrafficChecks checks(*site);
+  const auto take = [&](const auto& states) {
+    checks.take(states);
+    keeper.take(states);
+  };
+  state_source.each(checking_sensors(scene, take),
                     static_cast<int>(to_end ? asked.size() : asked.rend() - last));
   const auto trajectories = std::make_shared<const Trajectories>(keeper.finish());
   const auto meshes = build_meshes(*site);
   std::vector<World> worlds;
   for (const SceneConfig& view : views)
     worlds.push_back(build_world_at(view, site, meshes, trajectories));
+  for (World& world : worlds) world.warnings = findings_of(*site, meshes->surface, checks);
   return worlds;
 }
 
@@ -148,13 +172,17 @@ World build_static_world(const SceneConfig& scene, const std::string& mount) {
                         std::make_shared<const Trajectories>());
 }
 
-void check_worlds(const SceneConfig& scene, bool drive) {
+std::vector<std::string> check_worlds(const SceneConfig& scene, bool drive) {
   const auto site = std::make_shared<const Site>(checked_site(scene));
-  if (drive) StateSource(*site).each(checking_sensors(scene, [](const auto&) {}));
+  TrafficChecks checks(*site);
+  if (drive)
+    StateSource(*site).each(
+        checking_sensors(scene, [&](const auto& states) { checks.take(states); }));
   const auto meshes = build_meshes(*site);
   for (const std::string& mount : mount_names(scene))
     build_world_at(scene_at_mount(scene, mount), site, meshes,
                    std::make_shared<const Trajectories>());
+  return findings_of(*site, meshes->surface, checks);
 }
 
 bool move_alike(const SceneConfig& a, const SceneConfig& b) {

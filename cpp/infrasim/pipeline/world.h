@@ -44,6 +44,8 @@ struct World {
   std::map<std::string, StaticLayerFile> static_layers;  ///< static layers from files, by LiDAR
   /// in the time of the mount's clock; if set, `trajectories` has no rows
   std::shared_ptr<LazyTrajectories> lazy_trajectories = nullptr;
+  /// what is suspicious about the trajectories and meshes that were read, one line per finding
+  std::vector<std::string> warnings = {};
 
   Raycaster raycaster() const { return Raycaster(meshes->library, viewpoint); }
   /// Static surfaces; levelled frame.
@@ -89,8 +91,9 @@ std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std:
 
 /// Builds the worlds of a scene without frames, to find its errors.
 /// @param drive whether the traffic is simulated and checked too
+/// @return warnings as in World
 /// @throws the exceptions of build_world
-void check_worlds(const SceneConfig& scene, bool drive);
+std::vector<std::string> check_worlds(const SceneConfig& scene, bool drive);
 
 /// Returns whether two scenes from one file have the same traffic and the same sensor positions.
 bool move_alike(const SceneConfig& a, const SceneConfig& b);

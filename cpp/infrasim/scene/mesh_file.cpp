@@ -17,6 +17,27 @@ bool is_flat(const PlySurface& surface, const std::array<std::uint32_t, 3>& corn
   return norm(cross(b - a, c - a)) / 2 < kLeastArea_m2;
 }
 
+// A surface is suspicious if it is this many times as wide as the roads of its site. Terrain around
+// a site is up to about ten times as wide.
+constexpr double kMostRoads = 20;
+constexpr double kLeastRoads_m = 250;  // roads of short sites count as this wide
+constexpr double kMostRelief_m = 1000;
+constexpr double kTallest_m = 300;  // for surfaces that are taller than wide, such as poles
+
+/// Returns the larger side of the rectangle around all roads and lanes.
+double size_of_roads(const Site& site) {
+  Vec2 low{kInf, kInf}, high{-kInf, -kInf};
+  const auto take = [&](const Curve& line) {
+    for (const CurvePoint& p : line.samples()) {
+      low = {std::min(low.x, p.position.x), std::min(low.y, p.position.y)};
+      high = {std::max(high.x, p.position.x), std::max(high.y, p.position.y)};
+    }
+  };
+  for (const Curve& line : site.centrelines) take(line);
+  for (const LanePath& lane : site.lanes) take(lane.line);
+  return std::max({0.0, high.x - low.x, high.y - low.y});
+}
+
 }  // namespace
 
 std::vector<std::string> flat_triangles(const SceneConfig& scene) {
@@ -34,6 +55,25 @@ std::vector<std::string> flat_triangles(const SceneConfig& scene) {
                     std::to_string(surface.triangles.size()) +
                     " triangles without an area, the first at x " + fixed_text(at.x, 6) + ", y " +
                     fixed_text(at.y, 6) + "; rays pass them");
+  }
+  return lines;
+}
+
+std::vector<std::string> unit_warnings(const Site& site, const Surface& surface) {
+  std::vector<std::string> lines;
+  if (!site.scene.meshes) return lines;
+  const double roads = size_of_roads(site);
+  for (std::size_t i = 0; i < surface.mesh_bounds.size(); ++i) {
+    const auto& [low, high] = surface.mesh_bounds[i];
+    const double wide = std::max(high.x - low.x, high.y - low.y), tall = high.z - low.z;
+    const bool is_pole = tall > kTallest_m && tall > wide;
+    if (wide <= kMostRoads * std::max(roads, kLeastRoads_m) && tall <= kMostRelief_m && !is_pole)
+      continue;
+    const auto m = [](double value) { return fixed_text(value, 0); };
+    lines.push_back("mesh-units: " + (site.scene.folder / (*site.scene.meshes)[i].file).string() +
+                    ": expected metres, got a surface of " + m(high.x - low.x) + " x " +
+                    m(high.y - low.y) + " x " + m(tall) + " beside roads of " + m(roads) +
+                    " m, which is probably in centimetres or millimetres");
   }
   return lines;
 }

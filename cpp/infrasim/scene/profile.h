@@ -14,6 +14,8 @@ struct Surface {
   std::vector<Vec3> vertices;
   std::vector<std::array<std::uint32_t, 3>> triangles;
   std::vector<std::uint16_t> class_id;
+  /// lowest and highest coordinates of each file of `meshes`, before the profile raises it
+  std::vector<std::array<Vec3, 2>> mesh_bounds = {};
 };
 
 /// The scene's rise as a function of position, in the world frame. Grades are constant between

@@ -135,37 +135,88 @@ std::optional<double> lane_around(const Site& site, const Sensor& sensor) {
   return std::nullopt;
 }
 
-/// Heights of the road, footway or terrain above and below the origin; infinite if there is none.
-struct SurfacesAt {
-  double over = kInf;
-  double under = -kInf;
+constexpr double kHouse_m = 100;         // largest distance of a sensor from the walls around it
+constexpr std::size_t kDirections = 16;  // number of directions in which walls are searched
+// minimum number of directions with a wall inside a building; one may pass an open door
+constexpr std::size_t kFewestWalls = 15;
+
+/// What is around a sensor in the meshes. Distances and heights are infinite if there is none.
+struct MeshesAround {
+  double over = kInf;    ///< height above the sensor of the lowest road, footway or terrain
+  double under = -kInf;  ///< height of the highest one below the sensor
+  bool on_road = false;  ///< whether the highest one below the sensor is a road
+  bool roof = false;     ///< whether a structure is above the sensor
+  std::array<double, kDirections> walls;  ///< distances of structures at the sensor's height
+
+  MeshesAround() { walls.fill(kInf); }
 };
 
-SurfacesAt surfaces_at_origin(const TriangleMesh& mesh) {
-  SurfacesAt surfaces;
-  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
-    if (mesh.class_id[i] > static_cast<std::uint16_t>(Class::kTerrain)) continue;
-    std::array<Vec2, 3> outline;
-    std::array<double, 3> z{};
-    for (std::size_t k = 0; k < 3; ++k) {
-      const auto& v = mesh.vertices[mesh.triangles[i][k]];
-      outline[k] = {v[0], v[1]};
-      z[k] = v[2];
-    }
-    const double twice = cross(outline[1] - outline[0], outline[2] - outline[0]);
-    if (twice == 0) continue;
-    double height = 0;
-    bool here = true;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const double share = cross(outline[(k + 1) % 3], outline[(k + 2) % 3]) / twice;
-      here = here && share >= 0;
-      height += share * z[k];
-    }
-    if (!here) continue;
-    (height < 0 ? surfaces.under : surfaces.over) =
-        height < 0 ? std::max(surfaces.under, height) : std::min(surfaces.over, height);
+using Corners = std::array<Vec3, 3>;  // a triangle, relative to the sensor
+
+/// Returns the height of a triangle at the sensor's position; no value if it is beside it.
+std::optional<double> height_over_foot(const Corners& t) {
+  const double twice =
+      cross(Vec2{t[1].x - t[0].x, t[1].y - t[0].y}, {t[2].x - t[0].x, t[2].y - t[0].y});
+  if (twice == 0) return std::nullopt;
+  double height = 0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec3 &a = t.at((k + 1) % 3), &b = t.at((k + 2) % 3);
+    const double share = cross(Vec2{a.x, a.y}, {b.x, b.y}) / twice;
+    if (share < 0) return std::nullopt;
+    height += share * t.at(k).z;
   }
-  return surfaces;
+  return height;
+}
+
+/// Cuts a triangle at the sensor's height, and shortens the distances of walls to the cut.
+void meet_walls(const Corners& t, std::array<double, kDirections>& walls) {
+  std::array<Vec2, 3> cut;
+  std::size_t n = 0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec3 &a = t.at(k), &b = t.at((k + 1) % 3);
+    if ((a.z < 0) == (b.z < 0)) continue;
+    const double u = a.z / (a.z - b.z);
+    cut.at(n++) = {a.x + u * (b.x - a.x), a.y + u * (b.y - a.y)};
+  }
+  if (n < 2) return;
+  const Vec2 edge = cut[1] - cut[0];
+  for (std::size_t i = 0; i < kDirections; ++i) {
+    // Walls are often along the axes. A turned fan of directions rarely meets their corners.
+    const Vec2 ray = heading_vector(0.1 + 2 * kPi * static_cast<double>(i) / kDirections);
+    const double side = cross(ray, cut[0]), other = cross(ray, cut[1]);
+    if ((side < 0) == (other < 0)) continue;
+    const double away = cross(cut[0], edge) / cross(ray, edge);
+    if (away > 0) walls.at(i) = std::min(walls.at(i), away);
+  }
+}
+
+MeshesAround meshes_around(const Surface& surface, Vec3 place) {
+  MeshesAround around;
+  for (std::size_t i = 0; i < surface.triangles.size(); ++i) {
+    const auto material = static_cast<Class>(surface.class_id[i]);
+    if (material > Class::kStructure) continue;
+    Corners t;
+    for (std::size_t k = 0; k < 3; ++k)
+      t.at(k) = surface.vertices[surface.triangles[i].at(k)] - place;
+    const auto height = height_over_foot(t);
+    if (material == Class::kStructure) {
+      around.roof |= height && *height > 0;
+      meet_walls(t, around.walls);
+    } else if (height && *height >= 0) {
+      around.over = std::min(around.over, *height);
+    } else if (height && *height > around.under) {
+      around.under = *height;
+      around.on_road = material == Class::kRoad;
+    }
+  }
+  return around;
+}
+
+/// Returns whether a building encloses the sensor: a roof is above it, walls are around it, and it
+/// is not over a road, as in a tunnel or below a bridge.
+bool in_building(const MeshesAround& around) {
+  const auto walls = std::ranges::count_if(around.walls, [](double m) { return m < kHouse_m; });
+  return around.roof && !around.on_road && static_cast<std::size_t>(walls) >= kFewestWalls;
 }
 
 }  // namespace
@@ -220,23 +271,29 @@ void check_sensor_at(const Site& site, const std::string& name, const MountConfi
                     ", where vehicles hit it, above a lane at " + metres(*lane + rise));
 }
 
-void check_sensor_above(const SceneConfig& scene, const TriangleMesh& background) {
-  if (!scene.meshes) return;
-  const auto [over, under] = surfaces_at_origin(background);
-  const bool bridge = std::isfinite(under) && over - under >= kClearance_m;
-  if (!std::isfinite(over) || bridge) return;
-  const auto& [name, mount] = *scene.mounts.begin();
+void check_sensor_in_meshes(const Site& site, const std::string& name, const MountConfig& mount,
+                            const Surface& surface) {
+  if (!site.scene.meshes) return;
+  const MeshesAround around = meshes_around(surface, {mount.x_m, mount.y_m, mount.z_m});
+  if (in_building(around))
+    config::fail(mount.place, "mounts." + name + ".x_m",
+                 "expected a position outside buildings, got one inside a structure of the meshes, "
+                 "below a roof and between walls " +
+                     metres(std::ranges::min(around.walls)) + " m away or more");
+  const bool bridge = std::isfinite(around.under) && around.over - around.under >= kClearance_m;
+  if (!std::isfinite(around.over) || bridge) return;
   config::fail(mount.place, "mounts." + name + ".z_m",
                "expected a mount above the surface, or below a bridge with a clearance of " +
                    number_text(kClearance_m) + " m, got " + number_text(mount.z_m) +
-                   " below a surface of the meshes at " + metres(mount.z_m + over) + " m");
+                   " below a surface of the meshes at " + metres(mount.z_m + around.over) + " m");
 }
 
 void check_sensor_is_free(const SceneConfig& scene, const std::vector<ObjectState>& states,
                           int instant) {
   for (const auto& [name, mount] : scene.mounts)
     for (const ObjectState& s : states)
-      if (holds(s.box, {{mount.x_m, mount.y_m}, mount.z_m}))
+      if (norm(Vec2{s.box.x - mount.x_m, s.box.y - mount.y_m}) <= s.box.dx + s.box.dy + s.box.dz &&
+          holds(s.box, {{mount.x_m, mount.y_m}, mount.z_m}))
         config::fail(mount.place, "mounts." + name + ".x_m",
                      "expected a position outside the paths of vehicles, got one inside vehicle " +
                          std::to_string(s.id) + " at " + number_text(instant / 10.0) + " s");

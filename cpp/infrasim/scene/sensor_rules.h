@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "infrasim/core/triangle_mesh.h"
+#include "infrasim/scene/profile.h"
 #include "infrasim/scene/site.h"
 #include "infrasim/scene/trajectories.h"
 
@@ -20,9 +20,12 @@ void check_sensor_at(const Site& site, const std::string& name, const MountConfi
 /// infinite. All heights are those of the scene file, before the profile raises the scene.
 double height_above_surface(const Site& site, Vec2 foot, double z);
 
-/// @param background static surfaces in the levelled frame of the scene's mount
-/// @throws ConfigError for a sensor below a road, footway or terrain of a mesh that is not a bridge
-void check_sensor_above(const SceneConfig& scene, const TriangleMesh& background);
+/// @param surface the site's static surface
+/// @throws ConfigError for a sensor below a road, footway or terrain of a mesh that is not a
+/// bridge,
+///   or inside a building of the meshes
+void check_sensor_in_meshes(const Site& site, const std::string& name, const MountConfig& mount,
+                            const Surface& surface);
 
 /// @param states objects at an instant of the scene
 /// @throws ConfigError if a vehicle drives through the sensor

@@ -55,6 +55,12 @@ class MeshBuilder {
     vertices.insert(vertices.end(), surface.vertices.begin(), surface.vertices.end());
     for (const auto& t : surface.triangles)
       triangle(first + t[0], first + t[1], first + t[2], material);
+    Vec3 low{kInf, kInf, kInf}, high{-kInf, -kInf, -kInf};
+    for (const Vec3& v : surface.vertices) {
+      low = {std::min(low.x, v.x), std::min(low.y, v.y), std::min(low.z, v.z)};
+      high = {std::max(high.x, v.x), std::max(high.y, v.y), std::max(high.z, v.z)};
+    }
+    surface_.mesh_bounds.push_back({low, high});
   }
 
   /// Returns the whole surface, raised by the profile.

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "infrasim/scene/overlaps.h"
+#include "infrasim/scene/site.h"
+#include "infrasim/scene/strips.h"
+
+namespace infrasim {
+
+/// Describes the first overlap, with the number of all pairs.
+std::string overlap_text(const std::vector<Overlap>& overlaps);
+
+/// Finds what is suspicious about the objects of a scene, one instant after the other. Objects of
+/// any origin must not overlap. Recorded vehicles must also be on the height of their lane, point
+/// in the direction of their motion, and be longer than wide.
+class TrafficChecks {
+ public:
+  /// @param site must outlive this object
+  explicit TrafficChecks(const Site& site);
+
+  /// Adds the states of the next instant.
+  void take(const std::vector<ObjectState>& states);
+
+  /// Returns one line for each kind of finding.
+  std::vector<std::string> warnings() const;
+
+ private:
+  /// A recorded vehicle.
+  struct Track {
+    Box3d last;  ///< where the last movement ended
+    int movements = 0, sideways = 0;
+    bool wide = false;   ///< wider than long
+    int sampled = -1;    ///< instant at which the height was last tested
+    double above_m = 0;  ///< height above its lane when it was first off it
+    int first_off = -1;  ///< instant at which it was first off the height of its lane
+    int first_sideways = -1;
+    Vec2 off_at, sideways_at;
+  };
+
+  void add_lanes();
+  void test(const ObjectState& state);
+  void test_motion(const Box3d& box, Track& track) const;
+  void test_height(const Box3d& box, Track& track) const;
+
+  const Site& site_;
+  OverlapSearch overlaps_;
+  StripIndex strips_;
+  std::vector<double> levels_;  ///< z of each strip, by Strip::of
+  int instant_ = 0;
+  std::map<int, Track> tracks_;
+};
+
+}  // namespace infrasim
