@@ -268,5 +268,5 @@ def version() -> str:
     """
 def warnings(world: World, lidars: collections.abc.Sequence[Lidar]) -> list[str]:
     """
-    Returns warnings about these LiDARs, one line each: tables of angles that look like radians, and a weather model without effect.
+    Returns warnings about these LiDARs, one line each: tables of angles that look like radians or repeat too soon, and a weather model without effect. Then returns those about the world's trajectories and meshes.
     """
