@@ -104,6 +104,16 @@ void bind_simulation(py::module_& m) {
           "Returns a copy whose spinning motors start at random angles, derived from "
           "the scene's seed.")
       .def(
+          "with_law_exponent",
+          [](LidarConfig lidar, double exponent) {
+            set_law_exponent(lidar, exponent);
+            return lidar;
+          },
+          py::arg("exponent"),
+          "Returns a copy whose range grows in full sun with this power of the reflectance, 0.25 "
+          "to "
+          "0.5. Units with several published ranges keep the exponent that these determine.")
+      .def(
           "period_warnings",
           [](const LidarConfig& lidar, int first_frame, int last_frame, int step) {
             check_frames(first_frame, last_frame, step);

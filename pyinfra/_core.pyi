@@ -144,6 +144,10 @@ class Lidar:
         """
         Returns a copy whose spinning motors start at random angles, derived from the scene's seed.
         """
+    def with_law_exponent(self, exponent: typing.SupportsFloat | typing.SupportsIndex) -> Lidar:
+        """
+        Returns a copy whose range grows in full sun with this power of the reflectance, 0.25 to 0.5. Units with several published ranges keep the exponent that these determine.
+        """
     @property
     def name(self) -> str:
         ...

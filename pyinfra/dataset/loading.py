@@ -66,13 +66,18 @@ def load_scene(
 
 
 @public
-def load_lidar(lidar: str | os.PathLike[str], *, preset: str = "datasheet") -> simulation.Lidar:
+def load_lidar(
+    lidar: str | os.PathLike[str], *, preset: str = "datasheet", law_exponent: float | None = None
+) -> simulation.Lidar:
     """Loads a LiDAR under one preset.
 
     Parameters
     ----------
     lidar : name of a shipped LiDAR (`pyinfra lidars` lists them), or a file
     preset : `paper`, `equal` or `datasheet`
+    law_exponent : power of the reflectance with which the range grows in full sun, 0.25 to 0.5, for
+        a LiDAR with one published range; by default, that of the file. It has no effect on a LiDAR
+        whose published ranges determine the exponent.
 
     Returns
     -------
@@ -91,7 +96,7 @@ def load_lidar(lidar: str | os.PathLike[str], *, preset: str = "datasheet") -> s
     from pyinfra.dataset import simulation
 
     file = file_or_name(lidar, shipped("lidars"), "lidar")
-    return simulation.load_lidar(file, preset)
+    return simulation.load_lidar(file, preset, law_exponent=law_exponent)
 
 
 @overload

@@ -138,9 +138,15 @@ def make_world(scene: Mapping[str, object], *, preset: str = "datasheet", mount:
     return World.of_text(text, str(scene.get("name", "scene")), preset, mount)
 
 
-def load_lidar(file: str | Path, preset: str = "datasheet") -> Lidar:
-    """Loads a LiDAR file under one preset. Raises ConfigError and IoError."""
-    return Lidar(str(file), preset)
+def load_lidar(
+    file: str | Path, preset: str = "datasheet", *, law_exponent: float | None = None
+) -> Lidar:
+    """Loads a LiDAR file under one preset. Raises ConfigError and IoError.
+
+    law_exponent: exponent of the detection law of a LiDAR with one published range
+    """
+    lidar = Lidar(str(file), preset)
+    return lidar if law_exponent is None else lidar.with_law_exponent(law_exponent)
 
 
 def label_time(scene: World, lidar: Lidar) -> LabelTime:

@@ -643,9 +643,73 @@ TEST(lidar_file, columns_per_turn_are_a_whole_number_or_a_fraction) {
   expect_lidar_error("azimuth_step_deg: 0.2}", "columns_per_turn: 15/4} #!",
                      "pattern.spinning.columns_per_turn", "expected 4 to 1000000000, got '15/4'");
   expect_lidar_error("azimuth_step_deg: 0.2}", "azimuth_step_deg: 0.2, columns_per_turn: 1800} #!",
-                     "pattern.spinning.columns_per_turn", "got both or neither");
+                     "pattern.spinning.columns_per_turn", "got none or several");
   expect_lidar_error("rate_hz: 10, azimuth_step_deg: 0.2}", "rate_hz: 10} #!",
-                     "pattern.spinning.azimuth_step_deg", "got both or neither");
+                     "pattern.spinning.azimuth_step_deg", "got none or several");
+}
+
+TEST(lidar_file, a_cycle_is_an_exact_fraction_of_a_turn_at_each_rate) {
+  const TestFolder folder;
+  const auto fraction = [&](const std::string& by) {
+    const auto file =
+        folder.write("lidar.yaml", replaced(kLidar, "rate_hz: 10, azimuth_step_deg: 0.2", by));
+    const SpinningConfig spinning = *read_lidar(file, "even").units.at(0).pattern.spinning;
+    const auto columns = columns_per_turn(spinning);
+    EXPECT_NEAR(columns_per_s(spinning), columns->value() * spinning.rate_hz, 1e-6);
+    return std::to_string(columns->numerator) + "/" + std::to_string(columns->denominator);
+  };
+  EXPECT_EQ(fraction("rate_hz: 10, cycle_us: 55.296"), "390625/216");
+  EXPECT_EQ(fraction("rate_hz: 20, cycle_us: 55.296"), "390625/432");
+  EXPECT_EQ(fraction("rate_hz: 10, cycle_us: 57.6"), "15625/9");
+  EXPECT_EQ(fraction("rate_hz: 10, cycle_us: 50"), "2000/1");
+  EXPECT_EQ(fraction("rate_hz: 0.5, cycle_us: 0.1"), "20000000/1");
+}
+
+TEST(lidar_file, a_cycle_of_too_many_digits_has_no_exact_fraction) {
+  SpinningConfig spinning;
+  spinning.cycle_us = 55.296000001;
+  EXPECT_FALSE(columns_per_turn(spinning));
+  spinning.cycle_us = 50;
+  EXPECT_TRUE(columns_per_turn(spinning));
+  spinning.rate_hz = 1 / 3.0;
+  EXPECT_FALSE(columns_per_turn(spinning));
+}
+
+TEST(lidar_file, a_cycle_replaces_the_columns_of_a_turn) {
+  expect_lidar_error("azimuth_step_deg: 0.2}", "azimuth_step_deg: 0.2, cycle_us: 50} #!",
+                     "pattern.spinning.cycle_us", "got none or several");
+  expect_lidar_error("azimuth_step_deg: 0.2}", "columns_per_turn: 1800, cycle_us: 50} #!",
+                     "pattern.spinning.cycle_us", "got none or several");
+  expect_lidar_error("azimuth_step_deg: 0.2}", "cycle_us: 0} #!", "pattern.spinning.cycle_us",
+                     "above 0");
+  expect_lidar_error("azimuth_step_deg: 0.2}", "cycle_us: 30000} #!", "pattern.spinning.cycle_us",
+                     "expected 4 or more columns per turn, got 3.3");
+}
+
+TEST(lidar_file, a_law_exponent_stands_only_without_further_ranges) {
+  const std::string detection = "max_range_m: 100, range_accuracy_m: 0.02}";
+  const auto with = [](const std::string& keys) {
+    return "max_range_m: 100, detection: {range_at_10_percent_m: 50, " + keys + "}} #!";
+  };
+  expect_lidar_error(detection,
+                     with("law_exponent: 0.3, further_ranges: [{range_m: 90, reflectance: 0.8}]"),
+                     "returns.detection.law_exponent", "expected no further_ranges");
+  for (const char* value : {"0.2", "0.51"})
+    expect_lidar_error(detection, with(std::string("law_exponent: ") + value),
+                       "returns.detection.law_exponent", "expected 0.25 to 0.5");
+}
+
+TEST(lidar_file, an_exponent_is_set_on_units_with_one_published_range) {
+  const auto read = [](const char* name) {
+    return read_lidar(configs() / "lidars" / (std::string(name) + ".yaml"), "datasheet");
+  };
+  LidarConfig ruby = read("ruby_plus"), avia = read("livox_avia");
+  EXPECT_TRUE(set_law_exponent(ruby, 0.5));
+  EXPECT_EQ(ruby.units.at(0).returns.detection->law_exponent, 0.5);
+  EXPECT_FALSE(set_law_exponent(avia, 0.5));
+  EXPECT_EQ(dump_lidar(avia), dump_lidar(read("livox_avia")));
+  EXPECT_NE(error_of([&] { set_law_exponent(ruby, 0.6); }).find("expected 0.25 to 0.5, got 0.6"),
+            std::string::npos);
 }
 
 /// Returns the message of reading channels from a file with this text.
@@ -680,6 +744,52 @@ TEST(channel_table, errors_name_the_line_and_the_column) {
   expect_channels_error(kHeader + "1,0,0\n", 2, "(row)", "4 columns");
   expect_channels_error(kHeader + "1,0,0,0,0\n", 2, "(row)", "4 columns");
   expect_channels_error(kHeader + "1,0,0,-1\n", 2, "fire_time_us", "'-1'");
+}
+
+TEST(channel_table, may_have_columns_and_ranges_of_its_channels) {
+  const TestFolder folder;
+  const std::string header = kHeader.substr(0, kHeader.size() - 1);
+  const auto all = config::read_channels(folder.write(
+      "all.csv", header + ",column_step,first_column,range_at_10_percent_m,min_range_m\n"
+                          "1,-1,,,,,,\n2,1,,,2,1,60,1.4\n"));
+  EXPECT_EQ(all[0].column_step, 1);
+  EXPECT_EQ(all[0].first_column, 0);
+  EXPECT_FALSE(all[0].range_at_10_percent_m || all[0].min_range_m);
+  EXPECT_EQ(all[1].column_step, 2);
+  EXPECT_EQ(all[1].first_column, 1);
+  EXPECT_EQ(all[1].range_at_10_percent_m, 60);
+  EXPECT_EQ(all[1].min_range_m, 1.4);
+  const auto some = config::read_channels(
+      folder.write("some.csv", header + ",first_column,min_range_m\n1,-1,,,0,0\n"));
+  EXPECT_EQ(some[0].min_range_m, 0);
+}
+
+TEST(channel_table, names_the_wrong_cell_of_an_optional_column) {
+  const std::string header = kHeader.substr(0, kHeader.size() - 1);
+  const auto expect = [&](const std::string& column, const std::string& value,
+                          const std::string& what) {
+    expect_channels_error(header + "," + column + "\n1,0,,," + value + "\n", 2, column, what);
+  };
+  expect("column_step", "0", "expected 1 or more");
+  expect("column_step", "1.5", "a whole number");
+  expect("column_step", "17", "16");
+  expect("first_column", "1", "expected below column_step, got 1");
+  expect("range_at_10_percent_m", "0", "above 0");
+  expect("range_at_10_percent_m", "2001", "2000");
+  expect("min_range_m", "-1", "'-1'");
+  for (const char* columns : {",range_m", ",min_range_m,column_step", ",min_range_m,min_range_m"})
+    expect_channels_error(header + columns + "\n", 1, "(header)", "then any of 'column_step,");
+}
+
+TEST(channel_table, has_steps_with_a_short_common_multiple) {
+  const TestFolder folder;
+  const auto file = folder.write("lidar.yaml", kLidar);
+  const std::string header = kHeader.substr(0, kHeader.size() - 1) + ",column_step\n";
+  folder.write("two.csv", header + "1,0,0,0,2\n2,1,0,0,8\n");
+  EXPECT_NO_THROW(read_lidar(file, "table"));
+  folder.write("two.csv", header + "1,0,0,0,3\n2,1,0,0,7\n");
+  EXPECT_NE(error_of([&] { read_lidar(file, "table"); }).find("column_step: expected steps with"),
+            std::string::npos);
 }
 
 TEST(channel_table, of_every_committed_file_is_read) {

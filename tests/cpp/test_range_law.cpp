@@ -30,13 +30,52 @@ TEST(range_law, goes_with_the_square_root_of_reflectance_at_night) {
   EXPECT_NEAR(law.range_m(0.1, 0), 100, 1e-9);
 }
 
-TEST(range_law, finds_the_balance_that_two_published_ranges_have) {
-  // At 80 %, sunlight determines the noise: sqrt(8 x 100 / 400), because the crossover is at 400
-  // klx.
-  const double range_m = 100 * std::sqrt(8 / std::sqrt(2.0));
-  const RangeLaw law = law_of(100, {{.range_m = range_m, .reflectance = 0.8}});
-  EXPECT_NEAR(law.background_noise_crossover_klux, 400, 0.02 * 400);
-  EXPECT_NEAR(law.range_m(0.8, 100), range_m, 1e-2 * range_m);
+TEST(range_law, finds_the_exponent_that_two_published_ranges_have) {
+  for (const double exponent : {0.25, 0.3, 0.375, 0.42, 0.5}) {
+    const double range_m = 100 * std::pow(8, exponent);
+    const RangeLaw law = law_of(100, {{.range_m = range_m, .reflectance = 0.8}});
+    EXPECT_EQ(law.background_noise_crossover_klux, 100);
+    EXPECT_NEAR(law.day_exponent, exponent, 1e-4);
+    EXPECT_NEAR(law.range_m(0.8, 100), range_m, 1e-3 * range_m);
+    EXPECT_NEAR(law.range_m(0.4, 0), 2 * law.range_m(0.1, 0), 1e-9) << "at night";
+  }
+}
+
+TEST(range_law, of_one_published_range_has_the_chosen_exponent_in_full_sun) {
+  for (const double exponent : {0.25, 0.375, 0.5}) {
+    const RangeLaw law = fit_range_law(
+        {.range_at_10_percent_m = 100, .further_ranges = {}, .law_exponent = exponent}, 1000);
+    EXPECT_NEAR(law.range_m(0.1, 100), 100, 1e-9);
+    EXPECT_NEAR(law.range_m(0.8, 100), 100 * std::pow(8, exponent), 1e-9);
+    EXPECT_NEAR(law.range_m(0.8, 0), 100 * std::sqrt(8), 1e-9);
+    EXPECT_GE(law.range_m(0.8, 10), law.range_m(0.8, 100));
+  }
+}
+
+TEST(range_law, of_a_fitted_lidar_falls_with_sunlight_and_grows_with_reflectance) {
+  for (const double exponent : {0.25, 0.3, 0.5}) {
+    const RangeLaw law{
+        .dark_range_m = 100, .background_noise_crossover_klux = 80, .day_exponent = exponent};
+    for (double rho = 0.02; rho < 1; rho *= 1.3)
+      for (double klux = 0; klux < 150; klux += 10) {
+        EXPECT_GT(law.range_m(1.1 * rho, klux), law.range_m(rho, klux));
+        EXPECT_LE(law.range_m(rho, klux + 10), law.range_m(rho, klux) * (1 + 1e-12));
+      }
+  }
+}
+
+TEST(range_law, of_livox_mid_has_the_square_root_and_of_the_hdl_64e_the_power_0_42) {
+  const auto exponent = [](const char* name) {
+    const auto file = testing::configs() / "lidars" / (std::string(name) + ".yaml");
+    const ReturnsConfig returns = read_lidar(file, "datasheet").units.front().returns;
+    return fit_range_law(*returns.detection, returns.max_range_m).day_exponent;
+  };
+  EXPECT_EQ(exponent("livox_mid_40"), 0.5);
+  EXPECT_EQ(exponent("livox_mid_70"), 0.5);
+  EXPECT_EQ(exponent("livox_horizon"), 0.5);
+  EXPECT_EQ(exponent("livox_avia"), 0.25);
+  EXPECT_NEAR(exponent("velodyne_hdl_64e"), 0.421, 1e-3);
+  EXPECT_NEAR(exponent("livox_tele_15"), 0.277, 1e-3);
 }
 
 TEST(range_law, of_a_lidar_that_the_sun_blinds_sees_farther_at_night) {
@@ -83,7 +122,7 @@ TEST(range_law, holds_every_published_range_of_the_catalogue) {
     }
   }
   EXPECT_EQ(lidars, 15U);
-  EXPECT_GE(pairs, 29U);
+  EXPECT_GE(pairs, 33U);
 }
 
 }  // namespace

@@ -6,10 +6,13 @@
 #include <string>
 #include <vector>
 
+#include "infrasim/config/lidar_config.h"
 #include "infrasim/core/geometry.h"
 #include "infrasim/core/normal.h"
 #include "infrasim/core/rng.h"
 #include "infrasim/sensor/return_model.h"
+#include "infrasim/sensor/scan_pattern.h"
+#include "small_scenes.h"
 
 namespace infrasim {
 namespace {
@@ -37,7 +40,7 @@ ReturnBatch returns(const ReturnsConfig& config, double range, float reflectance
   const Rng rng = Rng::of(1, "lidar").at(0);
   ReturnBatch out;
   const EchoBatch echoes = echoes_at(range, n, reflectance);
-  model.apply(rng, 0, echoes, echoes.reflectance, out);
+  model.apply(rng, 0, echoes, echoes.reflectance, {}, out);
   return out;
 }
 
@@ -117,6 +120,56 @@ ReturnsConfig detecting(double range_at_10_percent_m) {
   return config;
 }
 
+/// The share of echoes of one ring that are detected.
+double kept_in_ring(const ReturnModel& model, std::uint16_t ring, double range) {
+  constexpr std::size_t kFew = 4000;
+  const EchoBatch echoes = echoes_at(range, kFew, 0.1F);
+  ReturnBatch out;
+  model.apply(Rng::of(1, "lidar").at(0), 0, echoes, echoes.reflectance,
+              std::vector<std::uint16_t>(kFew, ring), out);
+  return static_cast<double>(out.size()) / kFew;
+}
+
+TEST(detection, of_a_10_percent_target_is_a_half_at_the_published_range_of_each_channel) {
+  struct Rings {
+    int first, last;  ///< channels, counted from 1
+    double range_m;
+  };
+  const std::vector<Rings> ot128{{1, 1, 60},     {2, 6, 80},     {7, 24, 100},   {25, 32, 140},
+                                 {33, 64, 200},  {65, 88, 140},  {89, 112, 100}, {113, 125, 80},
+                                 {126, 126, 50}, {127, 127, 40}, {128, 128, 30}};
+  const std::vector<Rings> xt32{{1, 8, 50}, {9, 23, 80}, {24, 32, 50}};
+  for (const auto& [name, published] : {std::pair{"hesai_ot128", ot128}, {"hesai_xt32", xt32}}) {
+    const LidarUnit unit =
+        read_lidar(testing::configs() / "lidars" / (std::string(name) + ".yaml"), "datasheet")
+            .units.front();
+    constexpr int kFirstRing = 7;  // as in a bundle
+    const std::vector<Channel> channels = channels_by_ring(*unit.pattern.spinning);
+    const ReturnModel model(unit.returns, {}, channels, kFirstRing);
+    for (const auto& [first, last, range_m] : published)
+      for (int channel = first; channel <= last; ++channel) {
+        const auto ring =
+            static_cast<std::uint16_t>(kFirstRing + static_cast<int>(channels.size()) - channel);
+        EXPECT_GT(kept_in_ring(model, ring, 0.98 * range_m), 0.5) << name << " " << channel;
+        EXPECT_LT(kept_in_ring(model, ring, 1.02 * range_m), 0.5) << name << " " << channel;
+      }
+  }
+}
+
+TEST(returns, of_a_channel_begin_at_its_own_shortest_range) {
+  ReturnsConfig config = detecting(100);
+  config.min_range_m = 0.3;
+  const std::vector<Channel> channels{{.elevation_deg = -1, .min_range_m = 1.4},
+                                      {.elevation_deg = 1}};
+  const ReturnModel model(config, {}, channels);
+  EXPECT_EQ(kept_in_ring(model, 0, 1.3), 0);
+  EXPECT_EQ(kept_in_ring(model, 0, 1.5), 1);
+  EXPECT_EQ(kept_in_ring(model, 1, 1.3), 1);
+  EXPECT_EQ(kept_in_ring(model, 1, 0.2), 0);
+  config.detection.reset();  // as under the preset `equal`, all channels are alike
+  EXPECT_EQ(kept_in_ring(ReturnModel(config, {}, channels), 0, 1.3), 1);
+}
+
 TEST(detection, of_a_10_percent_target_at_its_range_is_a_half) {
   EXPECT_NEAR(kept(detecting(150), 150), 0.5, bound(0.5));
   EXPECT_GT(kept(detecting(150), 100), 0.999);
@@ -139,7 +192,7 @@ TEST(detection, hears_the_sun_on_all_that_the_detector_looks_at) {
   const ReturnModel model(detecting(100), {});
   const std::vector<float> bright(kDraws, 1.6F);
   ReturnBatch out;
-  model.apply(Rng::of(1, "lidar").at(0), 0, echoes_at(50, kDraws, 0.1F), bright, out);
+  model.apply(Rng::of(1, "lidar").at(0), 0, echoes_at(50, kDraws, 0.1F), bright, {}, out);
   EXPECT_NEAR(static_cast<double>(out.ray.size()) / kDraws, 0.5, bound(0.5));
 }
 
@@ -147,7 +200,7 @@ TEST(detection, falls_with_the_cosine_of_incidence) {
   const ReturnModel model(detecting(100), kNight);
   const EchoBatch echoes = echoes_at(100, kDraws, 0.2F, 0.5F);
   ReturnBatch out;
-  model.apply(Rng::of(1, "lidar").at(0), 0, echoes, echoes.reflectance, out);
+  model.apply(Rng::of(1, "lidar").at(0), 0, echoes, echoes.reflectance, {}, out);
   EXPECT_NEAR(static_cast<double>(out.ray.size()) / kDraws, 0.5, bound(0.5));
   EXPECT_NEAR(out.intensity.at(0), 0.1, 1e-6);
 }
@@ -240,7 +293,7 @@ ReturnsConfig noisy() {
 ReturnBatch some(const Rng& rng, std::uint64_t first, std::size_t n) {
   ReturnBatch out;
   const EchoBatch echoes = echoes_at(100, n, 0.1F);
-  ReturnModel(noisy(), {}).apply(rng, first, echoes, echoes.reflectance, out);
+  ReturnModel(noisy(), {}).apply(rng, first, echoes, echoes.reflectance, {}, out);
   return out;
 }
 
@@ -280,7 +333,7 @@ TEST(draws, of_targets_that_can_not_be_seen_or_missed_change_nothing) {
   for (std::size_t i = 0; i < echoes.size(); ++i)
     echoes.range[i] = 60 + 0.05F * static_cast<float>(i);
   ReturnBatch out;
-  model.apply(rng, 0, echoes, echoes.reflectance, out);
+  model.apply(rng, 0, echoes, echoes.reflectance, {}, out);
   std::vector<std::uint32_t> wanted;
   for (std::size_t i = 0; i < echoes.size(); ++i) {
     const double ratio = std::pow(100 / echoes.range[i], 2);

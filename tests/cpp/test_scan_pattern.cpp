@@ -42,6 +42,16 @@ PatternConfig avia() {
   return read_lidar(configs() / "lidars/livox_avia.yaml", "paper").units.front().pattern;
 }
 
+/// 16 lines, of which some fire in every second, third or sixth column.
+PatternConfig alternating() {
+  PatternConfig pattern = vlp16();
+  std::vector<Channel>& channels = pattern.spinning->channels.table;
+  channels[1].column_step = 2;
+  channels[4].column_step = 3, channels[4].first_column = 2;
+  channels[5].column_step = 6, channels[5].first_column = 5;
+  return pattern;
+}
+
 PatternConfig five_directions() {
   TableConfig table;
   table.rays_per_s = 1003;
@@ -85,6 +95,7 @@ std::vector<Named> all_patterns() {
   return {{"vlp16", ScanPattern(vlp16(), 0, kLevel, 0)},
           {"vlp16 turned", ScanPattern(vlp16(), 512.3456, pose, 0)},
           {"uneven", ScanPattern(uneven, 77.7, pose, 0)},
+          {"alternating", ScanPattern(alternating(), 77.7, pose, 0)},
           {"avia", ScanPattern(avia(), 0, kLevel, 0)},
           {"avia turned", ScanPattern(avia(), 512.3456, pose, 0)},
           {"table", ScanPattern(five_directions(), 0.0123, pose, 0)},
@@ -140,6 +151,37 @@ TEST(spinning_pattern, azimuth_offsets_are_in_the_sense_of_rotation) {
   EXPECT_NEAR(deg(azimuth(rays, 1)), -5, 1e-4);
 }
 
+TEST(spinning_pattern, a_channel_with_a_column_step_has_every_so_many_rays_of_one_without) {
+  const ScanPattern full(vlp16(), 0.012, kLevel, 0), some(alternating(), 0.012, kLevel, 0);
+  EXPECT_EQ(some.rings(), 16);
+  EXPECT_EQ(some.group_size(), 13 * 6 + 3 + 2 + 1);
+  for (const int k : {0, 3, 4999}) {
+    const RayBatch all = rays_of(full, k), rays = rays_of(some, k);
+    std::vector<int> steps(16, 1);
+    const PatternConfig config = alternating();
+    for (const Channel& c : config.spinning->channels.table)
+      steps[static_cast<std::size_t>((c.elevation_deg + 15) / 2)] = c.column_step;
+    for (int ring = 0; ring < 16; ++ring) {
+      // Rays of a ring, by time.
+      std::vector<std::size_t> of_all, of_some;
+      for (std::size_t i = 0; i < all.size(); ++i)
+        if (all.ring[i] == ring) of_all.push_back(i);
+      for (std::size_t i = 0; i < rays.size(); ++i)
+        if (rays.ring[i] == ring) of_some.push_back(i);
+      const std::size_t step = static_cast<std::size_t>(steps[static_cast<std::size_t>(ring)]);
+      ASSERT_EQ(of_some.size() * step, of_all.size()) << ring;
+      const std::size_t first = step == 3 ? 2 : step == 6 ? 5 : 0;
+      for (std::size_t i = 0; i < of_some.size(); ++i) {
+        const std::size_t a = of_some[i], b = of_all[i * step + first];
+        ASSERT_NEAR(rays.dx[a], all.dx[b], 1e-6);
+        ASSERT_NEAR(rays.dy[a], all.dy[b], 1e-6);
+        ASSERT_NEAR(rays.dz[a], all.dz[b], 1e-6);
+        ASSERT_NEAR(rays.time[a], all.time[b], 1e-7);
+      }
+    }
+  }
+}
+
 TEST(spinning_pattern, a_phase_is_a_turn_that_has_been_made) {
   const RayBatch rays = rays_of(ScanPattern(vlp16(), 0.025, kLevel, 0), 0);
   EXPECT_NEAR(deg(azimuth(rays, 0)), -90, 1e-4);
@@ -192,8 +234,9 @@ TEST(scan_pattern, repeats_its_directions_bit_for_bit_after_as_many_groups_as_it
   const Mat3 pose = rotation(0.4, -0.2, 0.1);
   for (const auto& [config, repeats] :
        {std::pair{in_columns({1800, 1}), 1800}, std::pair{in_columns({8125, 4}), 8125},
-        std::pair{five_directions(), 5}, std::pair{spinning(3, -9, 1, 0.2), 1800},
-        std::pair{spinning(3, -9, 1, 0.7), 3600}, std::pair{spinning(3, -9, 1, 0.3515625), 1024}}) {
+        std::pair{alternating(), 300}, std::pair{five_directions(), 5},
+        std::pair{spinning(3, -9, 1, 0.2), 1800}, std::pair{spinning(3, -9, 1, 0.7), 3600},
+        std::pair{spinning(3, -9, 1, 0.3515625), 1024}}) {
     SCOPED_TRACE(repeats);
     const ScanPattern pattern(config, 512.3456, pose, 0);
     ASSERT_EQ(pattern.repeats_after(), repeats);
@@ -252,6 +295,93 @@ TEST(scan_pattern, of_every_spinning_lidar_that_ships_repeats) {
     }
   }
   EXPECT_EQ(spinning_units, 9);
+}
+
+PatternConfig shipped(const std::string& name) {
+  return read_lidar(configs() / "lidars" / (name + ".yaml"), "datasheet").units.front().pattern;
+}
+
+TEST(catalogue, lidars_have_the_columns_of_their_firing_cycle) {
+  struct Cycle {
+    std::string name;
+    double cycle_us;
+    Fraction columns;  ///< per turn at 10 Hz
+  };
+  for (const auto& [name, cycle_us, columns] :
+       std::vector<Cycle>{{"velodyne_vlp_16", 55.296, {390625, 216}},
+                          {"velodyne_vlp_32c", 55.296, {390625, 216}},
+                          {"velodyne_hdl_64e", 57.6, {15625, 9}},
+                          {"velodyne_vls_128", 53.3, {1876, 1}},
+                          {"hesai_xt32", 50, {2000, 1}},
+                          {"hesai_ot128", 27.778, {3600, 1}},
+                          {"pandar_64", 55.556, {1800, 1}},
+                          {"ruby_plus", 55.556, {1800, 1}},
+                          {"helios_16", 55.556, {1800, 1}}}) {
+    SCOPED_TRACE(name);
+    const SpinningConfig spinning = *shipped(name).spinning;
+    const auto per_turn = columns_per_turn(spinning);
+    EXPECT_EQ(per_turn->numerator, columns.numerator);
+    EXPECT_EQ(per_turn->denominator, columns.denominator);
+    EXPECT_NEAR(1e6 / columns_per_s(spinning), cycle_us, 0.006);
+  }
+}
+
+TEST(catalogue, channels_fire_one_after_the_other_within_their_cycle) {
+  struct Times {
+    std::string name;
+    double step_us, last_us;  ///< step between neighbouring fire times, and the last one
+  };
+  for (const auto& [name, step_us, last_us] : std::vector<Times>{{"velodyne_vlp_16", 2.304, 34.56},
+                                                                 {"velodyne_vlp_32c", 2.304, 34.56},
+                                                                 {"velodyne_vls_128", 2.665, 42.64},
+                                                                 {"hesai_xt32", 1.512, 47.152}}) {
+    SCOPED_TRACE(name);
+    const SpinningConfig spinning = *shipped(name).spinning;
+    const std::vector<Channel>& channels = spinning.channels.table;
+    EXPECT_NEAR(channels.back().fire_time_us, last_us, 1e-9);
+    EXPECT_LT(channels.back().fire_time_us, 1e6 / columns_per_s(spinning));
+    for (std::size_t i = 1; i < channels.size(); ++i) {
+      const double steps = (channels[i].fire_time_us - channels[i - 1].fire_time_us) / step_us;
+      EXPECT_NEAR(steps, std::round(steps), 1e-6) << i;
+      EXPECT_TRUE(steps > -1e-6 && steps < 2.001) << i;
+    }
+  }
+  // The two blocks of the HDL-64E fire at the same time.
+  const PatternConfig config = shipped("velodyne_hdl_64e");
+  const std::vector<Channel>& hdl = config.spinning->channels.table;
+  for (std::size_t i = 0; i < 32; ++i) {
+    EXPECT_EQ(hdl[i].fire_time_us, hdl[i + 32].fire_time_us);
+    if (i > 0) {
+      EXPECT_GT(hdl[i].fire_time_us, hdl[i - 1].fire_time_us);
+    }
+  }
+}
+
+TEST(catalogue, the_ot128_has_3600_rays_per_turn_in_channels_25_to_88_and_1800_in_the_others) {
+  const PatternConfig config = shipped("hesai_ot128");
+  const ScanPattern pattern(config, 0, kLevel, 0);
+  EXPECT_EQ(pattern.rings(), 128);
+  EXPECT_NEAR(rays_per_s(config), 3'456'000, 1e-6);
+  for (const int k : {0, 4999}) {
+    const RayBatch rays = rays_of(pattern, k);
+    ASSERT_EQ(rays.size(), 345'600U);
+    std::vector<std::vector<double>> azimuths(128);
+    for (std::size_t i = 0; i < rays.size(); ++i)
+      azimuths[rays.ring[i]].push_back(deg(azimuth(rays, i)));
+    for (std::size_t ring = 0; ring < 128; ++ring) {
+      const std::size_t channel = 128 - ring;  // channel 1 is the highest
+      const bool dense = channel >= 25 && channel <= 88;
+      ASSERT_EQ(azimuths[ring].size(), dense ? 3600U : 1800U) << channel;
+      std::ranges::sort(azimuths[ring]);
+      for (std::size_t i = 1; i < azimuths[ring].size(); ++i)
+        ASSERT_NEAR(azimuths[ring][i] - azimuths[ring][i - 1], dense ? 0.1 : 0.2, 1e-3) << channel;
+    }
+  }
+  int even = 0, odd = 0;
+  for (const Channel& c : config.spinning->channels.table)
+    if (c.column_step == 2) ++(c.first_column == 0 ? even : odd);
+  EXPECT_EQ(even, 32);
+  EXPECT_EQ(odd, 32);
 }
 
 TEST(scan_pattern, runs_on_from_frame_to_frame) {

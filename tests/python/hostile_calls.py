@@ -279,6 +279,12 @@ SCENE = (INPUTS / "site.yaml").read_text().replace("duration_s: 150", "duration_
 WORLD = _core.World.of_text(SCENE, "site")
 
 
+@given(st.sampled_from(LIDARS), st.floats() | st.just(0.3))
+def law_exponent(lidar: Any, exponent: float) -> None:
+    changed = logged(lidar.with_law_exponent, exponent)
+    assert changed is None or changed.name == lidar.name
+
+
 @given(st.sampled_from(LIDARS), few, few, few, st.none() | few, word)
 def pattern(lidar: Any, first: int, last: int, step: int, seed: int | None, mount: str) -> None:
     result = logged(lidar.pattern, first, last, step, seed, mount)
@@ -394,6 +400,7 @@ TESTS: tuple[Callable[[], None], ...] = (
     kept_rows,
     learn_background,
     load_background,
+    law_exponent,
     pattern,
     files,
     of_text,

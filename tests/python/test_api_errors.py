@@ -99,6 +99,10 @@ CALLS: dict[str, tuple[Call, str]] = {
     "load_scene: file": (lambda g: pi.load_scene(g.file), "file.txt"),
     "load_lidar: name": (lambda g: pi.load_lidar("rubi_plus"), "lidar: .*did you mean 'ruby_plus'"),
     "load_lidar: preset": (lambda g: pi.load_lidar("ruby_plus", preset="papr"), "papr"),
+    "load_lidar: exponent": (
+        lambda g: pi.load_lidar("ruby_plus", law_exponent=0.6),
+        "law_exponent: expected 0.25 to 0.5, got 0.6",
+    ),
     "load_lidar: type": (lambda g: pi.load_lidar(None), "lidar: "),
     "simulate: scene": (lambda g: pi.simulate("hiway", "helios_16", [0]), "scene: "),
     "simulate: lidar": (lambda g: pi.simulate(g.scene, "helios", [0]), "lidar: "),

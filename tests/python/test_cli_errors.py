@@ -286,7 +286,7 @@ WRONG_LIDARS = {
     "turn of years": ("rate_hz: 10", "rate_hz: 1e-9",
         "pattern.spinning.rate_hz", ["columns a second", "expected 10 to 100000000"]),
     "step and columns": ("azimuth_step_deg: 2", "azimuth_step_deg: 2, columns_per_turn: 180",
-        "pattern.spinning.columns_per_turn", ["both or neither"]),
+        "pattern.spinning.columns_per_turn", ["none or several"]),
     "columns by zero": ("azimuth_step_deg: 2", "columns_per_turn: 180/0",
         "pattern.spinning.columns_per_turn", ["'180/0'", "a fraction such as 8125/4"]),
     "rays too few": ("  spinning: ", "  table: {file: a.csv, rays_per_s: 9}\n  #",

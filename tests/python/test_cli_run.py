@@ -458,15 +458,15 @@ def test_a_step_that_shows_a_part_of_a_pattern_is_warned_of(
     infrasim: Infrasim, run_command: Words
 ) -> None:
     words = [
-        *run_command("velodyne_hdl_64e", preset="equal", frames="0:10:2"),
+        *run_command("velodyne_hdl_64e", preset="equal", frames="0:12:3"),
         *("--set", "traffic.vehicles_per_km_lane=0"),
     ]
     result = infrasim(*words)
     assert result.returncode == 0
     (line,) = result.stderr.splitlines()
     assert line.startswith("infrasim: warning: pattern-period: velodyne_hdl_64e: ")
-    assert "shows 2 of the pattern's 4 frames" in line
-    assert infrasim(*(word.replace("0:10:2", "0:10:3") for word in words)).stderr == ""
+    assert "shows 3 of the pattern's 9 frames" in line
+    assert infrasim(*(word.replace("0:12:3", "0:12:4") for word in words)).stderr == ""
 
 
 def test_existing_frames_are_left_alone(

@@ -107,7 +107,15 @@ def test_frames_join_without_a_gap_or_a_double(model: str, pattern: Pattern) -> 
 def test_spinning_rays_are_the_channel_table_turned_column_by_column(
     model: str, channels: str, pattern: Pattern
 ) -> None:
-    table = pd.read_csv(LIDARS / f"channels/{channels}.csv").fillna(0)
+    table = pd.read_csv(LIDARS / f"channels/{channels}.csv")
+    if "column_step" in table:  # two columns make a group, in which some channels fire once
+        column_us = 1e5 / 3600
+        odd = table.assign(fire_time_us=table.fire_time_us + column_us)
+        table = pd.concat(
+            shots[column % shots.column_step == shots.first_column]
+            for column, shots in enumerate((table, odd))
+        )
+    table = table.fillna(0)
     rays = pattern(model)
     n = len(table)
     columns = rays.reshape(-1, n, 3)
@@ -116,7 +124,7 @@ def test_spinning_rays_are_the_channel_table_turned_column_by_column(
         elevation, np.tile(table.elevation_deg, (len(columns), 1)), atol=1e-9
     )
 
-    # A turn takes 0.1 s. A channel fires some time after the start of its column.
+    # A turn takes 0.1 s. A channel fires some time after the start of its columns.
     step_s = columns[1, 0, 2] - columns[0, 0, 2]
     fire_s = table.fire_time_us.to_numpy() * 1e-6
     times = np.arange(len(columns))[:, None] * step_s + fire_s

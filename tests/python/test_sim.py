@@ -12,7 +12,8 @@ from pyinfra.dataset import simulation
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = ROOT / "configs" / "scenes" / "curve.yaml"
-LIDARS = [ROOT / "configs" / "lidars" / f"{name}.yaml" for name in ("livox_avia", "helios_16")]
+CATALOGUE = ROOT / "configs" / "lidars"
+LIDARS = [CATALOGUE / f"{name}.yaml" for name in ("livox_avia", "helios_16")]
 SHORT = {"duration_s": 2, "traffic.warm_up_s": 5}
 
 
@@ -102,6 +103,22 @@ def test_objects_count_the_points_of_their_id(world: simulation.World) -> None:
     ((frame, _),) = frames(world, range(1))
     for row in frame.objects:
         assert row["points"] == np.count_nonzero(frame.object_id == row["id"])
+
+
+def test_a_higher_law_exponent_gives_more_points_to_a_lidar_with_one_published_range(
+    world: simulation.World,
+) -> None:
+    def dumped(name: str, law_exponent: float | None) -> str:
+        return simulation.load_lidar(CATALOGUE / f"{name}.yaml", law_exponent=law_exponent).dump()
+
+    points = []
+    for law_exponent in (None, 0.25, 0.375, 0.5):
+        lidar = simulation.load_lidar(CATALOGUE / "helios_16.yaml", law_exponent=law_exponent)
+        ((_, (frame,)),) = simulation.simulate(world, [lidar], range(1))
+        points.append(len(frame))
+    assert points[0] == points[1] < points[2] < points[3]
+    assert "law_exponent: 0.5" in dumped("helios_16", 0.5)
+    assert dumped("livox_mid_70", 0.25) == dumped("livox_mid_70", None)
 
 
 def test_labels_hold_when_the_scene_or_the_preset_says(world: simulation.World) -> None:

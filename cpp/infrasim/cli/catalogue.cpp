@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
 #include <numeric>
 #include <utility>
 
@@ -72,6 +73,17 @@ fs::path config_file(const std::string& word, const std::vector<std::string>& ki
   for (const std::string& name : known) listed += ", " + name;
   throw ConfigError("(name): expected a path with a '/' or '.'" + listed + ", got '" + word + "'" +
                     suggestion(word, known));
+}
+
+LidarConfig lidar_with_exponent(const fs::path& file, const std::string& preset,
+                                const std::optional<double>& law_exponent) {
+  LidarConfig lidar = read_lidar(file, preset);
+  if (law_exponent && !set_law_exponent(lidar, *law_exponent))
+    std::fprintf(stderr,
+                 "infrasim: warning: --law-exponent: no effect on %s, preset %s, because its "
+                 "published ranges determine the exponent or it has no returns.detection\n",
+                 lidar.name.c_str(), lidar.preset.c_str());
+  return lidar;
 }
 
 }  // namespace infrasim::cli

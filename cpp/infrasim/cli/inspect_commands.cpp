@@ -40,6 +40,7 @@ namespace {
 struct CheckOptions {
   std::string file;
   std::optional<std::string> preset;
+  std::optional<double> law_exponent;
   std::vector<std::string> assignments;
   bool traffic = false;
   bool canonical = false;
@@ -74,9 +75,11 @@ std::set<std::string> law_errors(const std::filesystem::path& file, const LidarC
 
 /// Reads the LiDAR under a preset, or under all presets if none is given, and traces every ray.
 LidarConfig checked_lidar(const std::filesystem::path& file,
-                          const std::optional<std::string>& preset) {
-  const auto checked = [&file](const std::string& name, bool printed) {
-    LidarConfig lidar = read_lidar(file, name);
+                          const std::optional<std::string>& preset,
+                          const std::optional<double>& law_exponent) {
+  const auto checked = [&](const std::string& name, bool printed) {
+    LidarConfig lidar =
+        printed ? lidar_with_exponent(file, name, law_exponent) : read_lidar(file, name);
     fields_of_view(lidar);
     for (const std::string& line : law_errors(file, lidar))
       if (printed) std::fprintf(stderr, "infrasim: %s\n", line.c_str());
@@ -198,7 +201,7 @@ std::string canonical_of(const std::filesystem::path& file, const config::Tree& 
     return lidar_identity(read_file(file), file.string());
   if (tree.find("version") != nullptr) return data_set_identity(read_file(file), file.string());
   const std::string preset = o.preset.value_or("datasheet");
-  if (lidar) return canonical_lidar(read_lidar(file, preset));
+  if (lidar) return canonical_lidar(lidar_with_exponent(file, preset, o.law_exponent));
   return canonical_scene(read_scene(file, o.assignments, preset)) +
          "frames_version: " + std::to_string(kFramesVersion) + "\n";
 }
@@ -217,9 +220,10 @@ void check_command(const CheckOptions& o) {
     if (!o.assignments.empty()) throw ConfigError("--set: expected a scene, got a LiDAR file");
     if (o.traffic) throw ConfigError("--traffic: expected a scene, got a LiDAR file");
     if (!o.lidars.empty()) throw ConfigError("--lidar: expected a scene, got a LiDAR file");
-    std::fputs(dump_lidar(checked_lidar(file, o.preset)).c_str(), stdout);
+    std::fputs(dump_lidar(checked_lidar(file, o.preset, o.law_exponent)).c_str(), stdout);
     return;
   }
+  if (o.law_exponent) throw ConfigError("--law-exponent: expected a LiDAR, got a scene file");
   std::set<std::string> findings;
   const SceneConfig scene = checked_scene(file, o, findings);
   for (const std::string& line : findings)
@@ -284,6 +288,7 @@ void add_check_command(CLI::App& app) {
       "--preset", o->preset,
       "preset of the file; default: all presets are checked, and datasheet is printed");
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of a scene");
+  command->add_option("--law-exponent", o->law_exponent, kLawExponentHelp);
   command->add_option("--lidar", o->lidars,
                       "LiDARs: files or names; print what they see of the ground from the mounts");
   command->add_flag("--canonical", o->canonical,

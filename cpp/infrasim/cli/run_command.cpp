@@ -29,6 +29,7 @@ struct RunOptions {
   std::vector<std::string> lidars;
   std::string preset = "datasheet";
   std::string frames = "0:100";
+  std::optional<double> law_exponent;
   std::optional<std::string> out, summary, aggregation, detail, labels, label_time, seed;
   std::vector<std::string> assignments;
   std::vector<std::string> mounts;
@@ -82,7 +83,8 @@ RunRequest request_of(const RunOptions& o) {
   RunRequest request;
   request.scene = read_scene(config_file(o.scene, {"scenes"}), assignments(o), o.preset);
   for (const std::string& word : o.lidars)
-    request.lidars.push_back(read_lidar(config_file(word, {"lidars"}), o.preset));
+    request.lidars.push_back(
+        lidar_with_exponent(config_file(word, {"lidars"}), o.preset, o.law_exponent));
   request.preset = o.preset;
   request.frames = parse_frames(o.frames, request.scene.duration_s);
   request.out = path_of("--out", o.out);
@@ -191,6 +193,7 @@ void add_run_command(CLI::App& app, CommandResult& result) {
   command->add_flag("--cast-all", o->cast_all,
                     "cast the static scene in every frame too; slower, with the same frames");
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of the scene");
+  command->add_option("--law-exponent", o->law_exponent, kLawExponentHelp);
   command->callback([o, &result] { result.exit_code = run_command(*o); });
 }
 

@@ -7,6 +7,7 @@
 #include "infrasim/config/lidar_tables.h"
 #include "infrasim/config/pattern_keys.h"
 #include "infrasim/config/returns_keys.h"
+#include "infrasim/core/errors.h"
 #include "infrasim/core/rng.h"
 
 namespace infrasim {
@@ -115,10 +116,11 @@ config::Tree preset_tree(const std::filesystem::path& file, const std::string& p
 
 void resolve_channels(const std::filesystem::path& folder, ChannelsConfig& c) {
   if (!c.file.empty()) c.table = config::read_channels(folder / c.file);
-  if (c.count == 1) c.table.push_back({c.upper_deg.value_or(c.lower_deg.value_or(0)), 0, 0});
+  if (c.count == 1)
+    c.table.push_back({.elevation_deg = c.upper_deg.value_or(c.lower_deg.value_or(0))});
   const double upper = c.upper_deg.value_or(0), lower = c.lower_deg.value_or(0);
   for (int i = 0; c.count > 1 && i < c.count; ++i)
-    c.table.push_back({upper - i * ((upper - lower) / (c.count - 1)), 0, 0});
+    c.table.push_back({.elevation_deg = upper - i * ((upper - lower) / (c.count - 1))});
   c = ChannelsConfig{.file = "", .count = 0, .upper_deg = 0, .lower_deg = 0, .table = c.table};
 }
 
@@ -166,6 +168,10 @@ void resolve_files(const std::filesystem::path& file, PatternConfig& pattern) {
         config::fail({file.string()}, "fire_time_us",
                      "expected below " + config::number_text(column_us) +
                          ", the time of a column, got " + config::number_text(c.fire_time_us));
+    if (const int columns = columns_per_group(spinning); columns > kMostColumnStep)
+      config::fail({file.string()}, "column_step",
+                   "expected steps with a least common multiple of at most " +
+                       std::to_string(kMostColumnStep) + ", got " + std::to_string(columns));
   }
   if (pattern.table) resolve_table(file, *pattern.table);
 }
@@ -243,7 +249,12 @@ LidarConfig lidar_of(const std::filesystem::path& file, const LidarFile& keys,
 
 double rays_per_s(const PatternConfig& pattern) {
   const auto lasers = static_cast<double>(lasers_of(pattern));
-  if (pattern.spinning) return lasers * columns_per_s(*pattern.spinning);
+  if (pattern.spinning) {
+    double rays_per_column = 0;
+    for (const Channel& c : pattern.spinning->channels.table)
+      rays_per_column += 1.0 / c.column_step;
+    return rays_per_column * columns_per_s(*pattern.spinning);
+  }
   return pattern.prisms ? lasers * pattern.prisms->steps_per_s : pattern.table->rays_per_s;
 }
 
@@ -252,6 +263,20 @@ LidarConfig read_lidar(const std::filesystem::path& file, const std::string& pre
   LidarConfig lidar = lidar_of(file, keys, preset);
   check_size(file, lidar);
   return lidar;
+}
+
+bool set_law_exponent(LidarConfig& lidar, double exponent) {
+  if (!(exponent >= kLeastExponent && exponent <= kMostExponent))
+    throw ConfigError("law_exponent: expected " + config::number_text(kLeastExponent) + " to " +
+                      config::number_text(kMostExponent) + ", got " +
+                      config::number_text(exponent));
+  bool changed = false;
+  for (LidarUnit& unit : lidar.units)
+    if (auto& detection = unit.returns.detection; detection && detection->further_ranges.empty()) {
+      detection->law_exponent = exponent;
+      changed = true;
+    }
+  return changed;
 }
 
 std::vector<std::string> preset_names(const std::filesystem::path& file) {

@@ -17,11 +17,21 @@ namespace config {
 struct Tree;
 }
 
-/// One laser of a spinning sensor.
+inline constexpr int kMostColumnStep = 16;
+inline constexpr double kLongestPublishedRange_m = 2000;
+inline constexpr double kLongestMinRange_m = 1000;
+
+/// One laser of a spinning sensor. It fires in every column_step-th column, beginning with
+/// first_column.
 struct Channel {
   double elevation_deg = 0;
   double azimuth_offset_deg = 0;  ///< positive in the direction of rotation
   double fire_time_us = 0;        ///< after the start of its column
+  int column_step = 1;
+  int first_column = 0;
+  /// detection range of this channel; without a value it is that of the LiDAR
+  std::optional<double> range_at_10_percent_m{};
+  std::optional<double> min_range_m{};  ///< without a value, that of the LiDAR
 };
 
 /// Channels from a file, or evenly spaced from upper to lower.
@@ -39,22 +49,27 @@ enum class MotorPhase { kLocked, kFree };
 std::span<const char* const> enum_names(MotorPhase);
 
 /// A sensor that turns clockwise seen from above, as all spinning sensors of the catalogue do.
-/// Exactly one of azimuth_step_deg and columns_per_turn is set.
+/// Exactly one of azimuth_step_deg, columns_per_turn and cycle_us is set.
 struct SpinningConfig {
   double rate_hz = 10;
   MotorPhase phase = MotorPhase::kLocked;  ///< a locked motor is at cut_angle_deg at time 0
   double cut_angle_deg = 180;              ///< azimuth in the unit's own frame
   std::optional<double> azimuth_step_deg;
   std::optional<Fraction>
-      columns_per_turn;  ///< exact; the columns repeat after `denominator` turns
+      columns_per_turn;            ///< exact; the columns repeat after `denominator` turns
+  std::optional<double> cycle_us;  ///< time between two columns, at any rate_hz
   ChannelsConfig channels;
 };
 double columns_per_s(const SpinningConfig& spinning);
 /// Returns the columns per turn as an exact fraction. If the file gives a step in degrees, the
 /// fraction is found from the step: 0.2 means 1800 columns per turn, although the floating-point
 /// number only approximates 360 / 1800. Returns no value if no fraction with a denominator up to 16
-/// fits the step.
+/// fits the step. The fraction of a cycle is exact for its decimal text: 55.296 us at 10 Hz is
+/// 390625/216 columns per turn.
 std::optional<Fraction> columns_per_turn(const SpinningConfig& spinning);
+/// Returns the number of columns after which the same channels fire again: the least common
+/// multiple of all column_step.
+int columns_per_group(const SpinningConfig& spinning);
 
 enum class Faces { kTiltedFirst, kFlatFirst };
 std::span<const char* const> enum_names(Faces);
@@ -110,10 +125,15 @@ struct PublishedRange {
   double sunlight_klux = 100;
 };
 
+/// By default, range grows in sunlight with this power of the reflectance.
+inline constexpr double kLawExponent = 0.25;
+inline constexpr double kLeastExponent = 0.25, kMostExponent = 0.5;
+
 /// Detection by received power. The 10 % range applies to sunlight of 100 klx.
 struct DetectionConfig {
   double range_at_10_percent_m = 100;
   std::vector<PublishedRange> further_ranges;
+  std::optional<double> law_exponent{};  ///< only without further_ranges; default kLawExponent
   double steepness = 5;
 };
 
@@ -163,6 +183,12 @@ struct LidarConfig {
 };
 
 double rays_per_s(const PatternConfig& pattern);
+
+/// Sets `law_exponent` of the units with one published range. The published ranges of the other
+/// units determine the exponent.
+/// @return whether any unit has changed
+/// @throws ConfigError for an exponent that is not allowed
+bool set_law_exponent(LidarConfig& lidar, double exponent);
 
 /// Reads one preset of a LiDAR file. Paths in the file are relative to the file.
 /// @throws ConfigError, IoError

@@ -1,6 +1,7 @@
 #include "infrasim/config/lidar_tables.h"
 
 #include <cmath>
+#include <optional>
 
 #include "infrasim/config/fields.h"
 #include "infrasim/config/tree.h"
@@ -61,7 +62,18 @@ FiringTable read_npy_table(const std::filesystem::path& file) {
 }  // namespace
 
 std::vector<Channel> read_channels(const std::filesystem::path& file) {
-  CsvReader csv(file, "channel,elevation_deg,azimuth_offset_deg,fire_time_us");
+  CsvReader csv(file, "channel,elevation_deg,azimuth_offset_deg,fire_time_us",
+                "column_step,first_column,range_at_10_percent_m,min_range_m");
+  const auto whole = [&](const char* key, int blank, int most) {
+    const double value = csv.has(key) ? csv.number_or(blank, key, 0, most) : blank;
+    if (value != std::round(value))
+      csv.fail(key, "expected a whole number, got " + number_text(value));
+    return static_cast<int>(value);
+  };
+  const auto metres = [&](const char* key, double most) -> std::optional<double> {
+    const double value = csv.has(key) ? csv.number_or(-1, key, 0, most) : -1;
+    return value < 0 ? std::nullopt : std::optional(value);
+  };
   std::vector<Channel> channels;
   while (csv.next_row()) {
     csv.cell();
@@ -69,6 +81,16 @@ std::vector<Channel> read_channels(const std::filesystem::path& file) {
     channel.elevation_deg = csv.number("elevation_deg", -90, 90);
     channel.azimuth_offset_deg = csv.number_or(0, "azimuth_offset_deg", -180, 180);
     channel.fire_time_us = csv.number_or(0, "fire_time_us", 0, 1e6);
+    channel.column_step = whole("column_step", 1, kMostColumnStep);
+    if (channel.column_step == 0) csv.fail("column_step", "expected 1 or more, got 0");
+    channel.first_column = whole("first_column", 0, kMostColumnStep);
+    if (channel.first_column >= channel.column_step)
+      csv.fail("first_column",
+               "expected below column_step, got " + std::to_string(channel.first_column));
+    channel.range_at_10_percent_m = metres("range_at_10_percent_m", kLongestPublishedRange_m);
+    if (channel.range_at_10_percent_m == 0.0)
+      csv.fail("range_at_10_percent_m", "expected above 0, got 0");
+    channel.min_range_m = metres("min_range_m", kLongestMinRange_m);
   }
   if (channels.empty()) fail({file.string(), 1, 1}, "(rows)", "expected at least one, got none");
   return channels;

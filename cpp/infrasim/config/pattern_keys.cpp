@@ -1,5 +1,8 @@
 #include "infrasim/config/pattern_keys.h"
 
+#include <cmath>
+#include <numeric>
+
 #include "infrasim/config/fields.h"
 #include "infrasim/config/key_list.h"
 
@@ -36,6 +39,22 @@ void visit(Fields& f, Channel& c) {
           between(-180, 180));
   f.field("fire_time_us", c.fire_time_us, "firing time after the start of the column",
           between(0, 1e6));
+  f.field("column_step", c.column_step,
+          "the channel fires in every column_step-th column; 1: in all columns",
+          between(1, kMostColumnStep));
+  f.field("first_column", c.first_column, "first column in which the channel fires, from 0",
+          between(0, kMostColumnStep - 1));
+  f.field("range_at_10_percent_m", c.range_at_10_percent_m,
+          "range of this channel on a 10 % target in full sun; default: that of returns.detection, "
+          "without which the key has no effect",
+          positive(kLongestPublishedRange_m));
+  f.field(
+      "min_range_m", c.min_range_m,
+      "shortest range of a return of this channel, for presets with returns.detection; default: "
+      "that of returns",
+      between(0, kLongestMinRange_m));
+  f.check(c.first_column < c.column_step, "first_column",
+          "expected below column_step, got " + std::to_string(c.first_column));
 }
 
 template <class Fields>
@@ -55,13 +74,56 @@ void visit(Fields& f, ChannelsConfig& c) {
           "expected lower_deg, as one channel has one elevation, got another angle");
 }
 
+namespace {
+
+constexpr std::int64_t kLargest = 1'000'000'000;
+
+/// Returns the value of a number's shortest decimal text as an exact fraction; no value if that has
+/// numbers above kLargest.
+std::optional<Fraction> decimal_fraction(double value) {
+  for (std::int64_t power = 1; power <= kLargest; power *= 10) {
+    const double scaled = value * static_cast<double>(power);
+    if (scaled > static_cast<double>(kLargest)) break;
+    const std::int64_t whole = std::llround(scaled);
+    if (whole == 0 || static_cast<double>(whole) / static_cast<double>(power) != value) continue;
+    const std::int64_t divisor = std::gcd(whole, power);
+    return Fraction{whole / divisor, power / divisor};
+  }
+  return std::nullopt;
+}
+
+/// Returns a / b; no value if that has numbers above kLargest.
+std::optional<Fraction> ratio(const Fraction& a, const Fraction& b) {
+  const std::int64_t x = std::gcd(a.numerator, b.numerator);
+  const std::int64_t y = std::gcd(a.denominator, b.denominator);
+  const std::int64_t numerator = a.numerator / x * (b.denominator / y);
+  const std::int64_t denominator = a.denominator / y * (b.numerator / x);
+  if (numerator > kLargest || denominator > kLargest) return std::nullopt;
+  return Fraction{numerator, denominator};
+}
+
+}  // namespace
+
+int columns_per_group(const SpinningConfig& spinning) {
+  int columns = 1;
+  for (const Channel& c : spinning.channels.table) columns = std::lcm(columns, c.column_step);
+  return columns;
+}
+
 double columns_per_s(const SpinningConfig& spinning) {
+  if (spinning.cycle_us) return 1e6 / *spinning.cycle_us;
   const auto& step_deg = spinning.azimuth_step_deg;
   return step_deg ? spinning.rate_hz * 360 / *step_deg
                   : spinning.rate_hz * spinning.columns_per_turn->value();
 }
 
 std::optional<Fraction> columns_per_turn(const SpinningConfig& spinning) {
+  if (spinning.cycle_us) {
+    const auto cycle = decimal_fraction(*spinning.cycle_us);
+    const auto rate = decimal_fraction(spinning.rate_hz);
+    const auto cycles_per_s = cycle ? ratio({1'000'000, 1}, *cycle) : std::nullopt;
+    return cycles_per_s && rate ? ratio(*cycles_per_s, *rate) : std::nullopt;
+  }
   if (!spinning.azimuth_step_deg) return spinning.columns_per_turn;
   constexpr std::int64_t kMostTurns = 16;
   for (std::int64_t turns = 1; turns <= kMostTurns; ++turns) {
@@ -82,20 +144,32 @@ void visit(Fields& f, SpinningConfig& c) {
   f.field("cut_angle_deg", c.cut_angle_deg,
           "azimuth at which a frame begins and ends, in the frame of the unit", between(-360, 360));
   f.field("azimuth_step_deg", c.azimuth_step_deg,
-          "angle between two columns; replaces columns_per_turn", positive(90));
+          "angle between two columns; replaces columns_per_turn and cycle_us", positive(90));
   f.field("columns_per_turn", c.columns_per_turn,
-          "number of columns per turn, such as 1800 or 8125/4; replaces azimuth_step_deg",
+          "number of columns per turn, such as 1800 or 8125/4; replaces azimuth_step_deg and "
+          "cycle_us",
           between(4, 1e9));
+  f.field("cycle_us", c.cycle_us,
+          "time between two columns, such as 55.296, at any rate_hz; replaces azimuth_step_deg and "
+          "columns_per_turn",
+          positive(1e6));
   f.field("channels", c.channels, "channels of the LiDAR", required());
-  const char* step = c.columns_per_turn ? "columns_per_turn" : "azimuth_step_deg";
-  const bool one = c.azimuth_step_deg.has_value() != c.columns_per_turn.has_value();
-  f.check(one, step, "expected azimuth_step_deg or columns_per_turn, got both or neither");
+  const char* step = c.cycle_us           ? "cycle_us"
+                     : c.columns_per_turn ? "columns_per_turn"
+                                          : "azimuth_step_deg";
+  const int ways =
+      c.azimuth_step_deg.has_value() + c.columns_per_turn.has_value() + c.cycle_us.has_value();
+  const bool one = ways == 1;
+  f.check(one, step,
+          "expected one of azimuth_step_deg, columns_per_turn, cycle_us, got none or several");
   const double columns = one ? columns_per_s(c) : kFewestPerSecond;
   f.check(columns >= kFewestPerSecond && columns <= kMostRaysPerSecond,
           columns < kFewestPerSecond ? "rate_hz" : step,
           "expected " + config::number_text(kFewestPerSecond) + " to " +
               config::number_text(kMostRaysPerSecond) + " columns a second, got " +
               config::number_text(columns));
+  f.check(!one || columns >= 4 * c.rate_hz, step,
+          "expected 4 or more columns per turn, got " + config::number_text(columns / c.rate_hz));
 }
 
 template <class Fields>

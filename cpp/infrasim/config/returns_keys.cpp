@@ -5,6 +5,7 @@
 
 #include "infrasim/config/fields.h"
 #include "infrasim/config/key_list.h"
+#include "infrasim/core/math.h"
 
 namespace infrasim {
 
@@ -24,7 +25,8 @@ void visit(Fields& f, DropOffConfig& c) {
 
 template <class Fields>
 void visit(Fields& f, PublishedRange& c) {
-  f.field("range_m", c.range_m, "range from the data sheet", required(positive(2000)));
+  f.field("range_m", c.range_m, "range from the data sheet",
+          required(positive(kLongestPublishedRange_m)));
   f.field("reflectance", c.reflectance, "reflectance of the target", required(positive(1)));
   f.field("sunlight_klux", c.sunlight_klux, "illuminance of the target; 0: night", between(0, 200));
 }
@@ -65,19 +67,25 @@ template <class Fields>
 void visit(Fields& f, DetectionConfig& c) {
   f.field("range_at_10_percent_m", c.range_at_10_percent_m,
           "range on a target with a reflectance of 10 % in full sun (100 klx)",
-          required(positive(2000)));
+          required(positive(kLongestPublishedRange_m)));
   f.field("further_ranges", c.further_ranges,
           "ranges on other targets or in other light, which determine how range depends on "
           "reflectance");
+  f.field("law_exponent", c.law_exponent,
+          "power of the reflectance with which the range grows in full sun, for a LiDAR without "
+          "further_ranges; default: 0.25",
+          between(kLeastExponent, kMostExponent));
   f.field("steepness", c.steepness,
           "steepness of the detection probability over the signal-to-noise ratio", positive(1000));
-  const double false_alarms = std::erfc(c.steepness / std::numbers::sqrt2) / 2;
+  const double false_alarms = math::erfc(c.steepness / std::numbers::sqrt2) / 2;
   f.check(false_alarms <= kMostFalseAlarms, "steepness",
           "expected a steepness at which at most 1 of " +
               config::number_text(std::round(1 / kMostFalseAlarms)) +
               " rays returns without a signal, such as 4, got " + config::number_text(c.steepness) +
               ", at which " + config::number_text(std::round(1e6 * false_alarms) / 1e4) +
               " % of them return");
+  f.check(!c.law_exponent || c.further_ranges.empty(), "law_exponent",
+          "expected no further_ranges beside it, because they determine the exponent, got both");
   const std::string both = contradiction(c);
   f.check(both.empty(), "further_ranges",
           "expected ranges that grow with reflectance and shrink with sunlight, got " + both);
@@ -94,7 +102,8 @@ void visit(Fields& f, BeamConfig& c) {
 
 template <class Fields>
 void visit(Fields& f, ReturnsConfig& c) {
-  f.field("min_range_m", c.min_range_m, "shortest range of a return", between(0, 1000));
+  f.field("min_range_m", c.min_range_m, "shortest range of a return",
+          between(0, kLongestMinRange_m));
   f.field("max_range_m", c.max_range_m, "longest range of a return",
           required(positive(kLongestRange_m)));
   f.field("range_accuracy_m", c.range_accuracy_m,

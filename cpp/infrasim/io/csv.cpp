@@ -10,17 +10,33 @@
 namespace infrasim {
 
 CsvReader::CsvReader(const std::filesystem::path& file, std::string_view header,
-                     std::string_view last)
+                     std::string_view optional)
     : name_(file.string()),
       text_(read_file(file)),
       rest_(text_),
       columns_(std::ranges::count(header, ',') + 1) {
   next_line();
-  has_last_ = !last.empty() && row_ == std::string(header) + "," + std::string(last);
-  columns_ += has_last_ ? 1 : 0;
-  if (row_ != header && !has_last_)
-    fail_row("(header)", "expected '" + std::string(header) + "', got '" +
-                             std::string(row_.substr(0, 80)) + "'");
+  std::string found(header);
+  for (std::string_view rest = optional; !rest.empty();) {
+    const auto end = std::min(rest.find(','), rest.size());
+    const std::string column(rest.substr(0, end));
+    rest.remove_prefix(std::min(end + 1, rest.size()));
+    const std::string longer = found + "," + column;
+    if (row_ != longer && !row_.starts_with(longer + ",")) continue;
+    found = longer;
+    extra_.push_back(column);
+  }
+  columns_ += std::ssize(extra_);
+  if (row_ == found) return;
+  const bool several = optional.find(',') != std::string_view::npos;
+  fail_row("(header)",
+           "expected '" + std::string(header) + "'" +
+               (several ? ", then any of '" + std::string(optional) + "' in this order" : "") +
+               ", got '" + std::string(row_.substr(0, 80)) + "'");
+}
+
+bool CsvReader::has(std::string_view column) const {
+  return std::ranges::find(extra_, column) != extra_.end();
 }
 
 void CsvReader::next_line() {

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace infrasim {
 
@@ -11,15 +12,18 @@ namespace infrasim {
 /// column.
 class CsvReader {
  public:
-  /// @param last name of an optional last column after those of the header; empty for no such
-  /// column
+  /// @param optional names of columns that may follow those of the header, in this order; any of
+  /// them may be missing
   /// @throws ConfigError if the first line is not the header, IoError if the file can't be read
-  CsvReader(const std::filesystem::path& file, std::string_view header, std::string_view last = "");
+  CsvReader(const std::filesystem::path& file, std::string_view header,
+            std::string_view optional = "");
   CsvReader(const CsvReader&) = delete;  // the views would refer to the text of the other reader
   CsvReader& operator=(const CsvReader&) = delete;
 
-  /// Whether the file has the optional last column.
-  bool has_last() const { return has_last_; }
+  /// Whether the file has any optional column.
+  bool has_last() const { return !extra_.empty(); }
+  /// Whether the file has this optional column.
+  bool has(std::string_view column) const;
   /// Goes to the first or next row; returns false if there is none.
   /// @throws ConfigError if the number of its cells differs from the header's
   bool next_row();
@@ -48,7 +52,7 @@ class CsvReader {
   std::size_t next_cell_ = 0;  ///< start of the next cell in row_
   std::ptrdiff_t columns_;
   int line_ = 0;
-  bool has_last_ = false;
+  std::vector<std::string> extra_;  ///< the optional columns of the file
 };
 
 }  // namespace infrasim

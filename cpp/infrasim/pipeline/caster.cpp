@@ -54,9 +54,12 @@ ScannerUnit make_scanner_unit(const SceneConfig& scene, const LidarConfig& lidar
   const std::string mount_prefix =
       mount.own_random_stream.value_or(false) ? "mount " + name + " " : "";
   const auto& beam = config.returns.beam;
+  const auto& spinning = config.pattern.spinning;
+  const std::vector<Channel> channels =
+      spinning ? channels_by_ring(*spinning) : std::vector<Channel>{};
   return {
       ScanPattern(config.pattern, start_phase_s(scene.seed, name, lidar, unit), pose, first_ring),
-      ReturnModel(config.returns, scene.weather),
+      ReturnModel(config.returns, scene.weather, channels, first_ring),
       beam ? std::optional<Beam>(Beam(*beam, pose)) : std::nullopt,
       static_cast<float>(config.returns.max_range_m),
       Rng::of(scene.seed, stream_prefix + mount_prefix + stream_name(lidar, unit)),
@@ -72,7 +75,7 @@ std::vector<ScannerUnit> make_scanner_units(const SceneConfig& scene, const Lida
   int first_ring = 0;
   for (std::size_t i = 0; i < lidar.units.size(); ++i) {
     scanners.push_back(make_scanner_unit(scene, lidar, i, first_ring, stream_prefix));
-    first_ring += scanners.back().pattern.group_size();
+    first_ring += scanners.back().pattern.rings();
   }
   return scanners;
 }
@@ -141,6 +144,7 @@ void Caster::make_rays(const Part& part) {
   for (auto* some : {&selected_, &in_leaves_})
     for (std::uint32_t& i : *some) i = position_[i];
   rays_.resize(rays_.number.size());
+  if (scanner.returns.has_channels()) scanner.pattern.set_rings(rays_);
   scanner.pattern.generate(part.first, part.start_s, dynamic_, rays_);
 }
 
@@ -280,7 +284,8 @@ void Caster::detect(const Part& part, FrameBuilder& out) {
     for (std::size_t i = 0; i < echoes.size(); ++i)
       if (echoes.object[i] < 0) echoes.range[i] = std::numeric_limits<float>::infinity();
   part.scanner.returns.apply(part.frame, part.first_ray, echoes,
-                             wide ? sunlit_ : echoes.reflectance, returns_, rays_.number);
+                             wide ? sunlit_ : echoes.reflectance, rays_.ring, returns_,
+                             rays_.number);
   make_returned_rays(part);
   collect(part.vehicles.moving, wide, echoes, out);
 }

@@ -9,6 +9,8 @@
 
 #include "infrasim/core/classes.h"
 #include "infrasim/core/rng.h"
+#include "infrasim/sensor/echoes.h"
+#include "infrasim/sensor/reflectance.h"
 
 namespace infrasim {
 
@@ -102,8 +104,16 @@ StaticLayer::StaticLayer(const ScanPattern& pattern, StaticHits hits, const Retu
   const std::size_t most_ways = hits_.rays() * kLeafBytes / sizeof(Volumes::RayWay);
   RayBatch rays;
   rays.max_range = hits_.max_range_m;
-  std::vector<std::uint32_t> order;
+  std::vector<std::uint32_t> order, leaf_candidates;
   std::size_t first = 0;
+  EchoBatch echoes;
+  std::vector<std::uint16_t> rings;
+  const auto add_candidates = [&](const EchoBatch& of, std::span<const std::uint16_t> ring,
+                                  const auto& number, std::vector<std::uint32_t>& to) {
+    const std::vector<bool> can = returns.can_return(of, ring);
+    for (std::size_t i = 0; i < can.size(); ++i)
+      if (can[i]) to.push_back(static_cast<std::uint32_t>(number(i)));
+  };
   for_each_block(pattern, rays, [&](const RayBatch& block) {
     order.clear();
     for (std::size_t i = 0; i < order_.size(); ++i) {
@@ -113,9 +123,13 @@ StaticLayer::StaticLayer(const ScanPattern& pattern, StaticHits hits, const Retu
       tiles_.back().add(block.dx[k], block.dy[k], block.dz[k]);
       order.push_back(k);
     }
-    for (std::size_t k = first; k < first + block.size(); ++k)
-      if (returns.can_return(hits_.range_m[k], hits_.gain[k], hits_.class_id[k]))
-        candidates_.push_back(static_cast<std::uint32_t>(k));
+    echoes.resize(block.size());
+    for (std::size_t i = 0; i < block.size(); ++i) {
+      const auto material = static_cast<Class>(hits_.class_id[first + i]);
+      echoes.set(i, {hits_.range_m[first + i], -1, hits_.class_id[first + i],
+                     background_reflectance(material), hits_.gain[first + i]});
+    }
+    add_candidates(echoes, block.ring, [&](std::size_t i) { return first + i; }, candidates_);
     if (knows_leaves_) {
       const std::size_t before = leaf_ways_.size();
       leaves.for_each_way(block, order, std::span(hits_.range_m).subspan(first, block.size()),
@@ -125,6 +139,18 @@ StaticLayer::StaticLayer(const ScanPattern& pattern, StaticHits hits, const Retu
                           });
       std::stable_sort(leaf_ways_.begin() + static_cast<std::ptrdiff_t>(before), leaf_ways_.end(),
                        [](const auto& a, const auto& b) { return a.ray < b.ray; });
+      echoes.resize(leaf_ways_.size() - before);
+      rings.resize(echoes.size());
+      for (std::size_t i = 0; i < echoes.size(); ++i) {
+        const Volumes::RayWay& way = leaf_ways_[before + i];
+        rings[i] = block.ring[way.ray - first];
+        const float nearest = returns.nearest(static_cast<float>(way.way.from), rings[i]);
+        echoes.set(i, {nearest, -1, static_cast<std::uint16_t>(Class::kVegetation),
+                       background_reflectance(Class::kVegetation), 1});
+      }
+      add_candidates(
+          echoes, rings, [&](std::size_t i) { return leaf_ways_[before + i].ray; },
+          leaf_candidates);
       knows_leaves_ = leaf_ways_.size() <= most_ways;
     }
     first += block.size();
@@ -132,10 +158,9 @@ StaticLayer::StaticLayer(const ScanPattern& pattern, StaticHits hits, const Retu
   if (!knows_leaves_) leaf_ways_.clear();
   leaf_ways_.shrink_to_fit();
   const auto surfaces = static_cast<std::ptrdiff_t>(candidates_.size());
-  for (const Volumes::RayWay& way : leaf_ways_)
-    if (returns.can_return(returns.nearest(static_cast<float>(way.way.from)), 1,
-                           static_cast<std::uint16_t>(Class::kVegetation)))
-      candidates_.push_back(way.ray);
+  std::ranges::sort(leaf_candidates);
+  if (knows_leaves_)
+    candidates_.insert(candidates_.end(), leaf_candidates.begin(), leaf_candidates.end());
   std::ranges::inplace_merge(candidates_, candidates_.begin() + surfaces);
   candidates_.erase(std::ranges::unique(candidates_).begin(), candidates_.end());
   candidates_.shrink_to_fit();

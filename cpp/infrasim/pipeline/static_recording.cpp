@@ -39,6 +39,7 @@ struct RecordedReturn {
 /// One laser and its returns.
 struct Ring {
   double elevation = 0;
+  double reach = 0;  ///< maximum azimuth difference between a ray and its return
   std::vector<std::pair<double, std::size_t>> rays;  ///< azimuth, index in the period; ascending
   std::vector<std::vector<RecordedReturn>> frames;   ///< ascending in azimuth
   double sum_of_misses = 0;
@@ -47,13 +48,17 @@ struct Ring {
 
 struct Unit {
   Mat3 from_levelled;
-  double reach = 0;    ///< maximum azimuth difference between a ray and its return
   double agree_m = 0;  ///< maximum extent of a group of returns
   std::vector<Ring> rings;
   double grid_cos = 0, grid_sin = 0;  ///< sums over points of their phase between two columns
   std::size_t points = 0;
 
-  double columns() const { return static_cast<double>(rings.front().rays.size()); }
+  /// Returns the number of columns in a period. Some channels do not fire in every column.
+  double columns() const {
+    std::size_t most = 0;
+    for (const Ring& ring : rings) most = std::max(most, ring.rays.size());
+    return static_cast<double>(most);
+  }
   /// Returns the azimuth offset of the recorded columns, if it is constant.
   std::optional<double> offset() const {
     const bool constant =
@@ -67,19 +72,24 @@ Mat3 transposed(const Mat3& m) { return {m[0], m[3], m[6], m[1], m[4], m[7], m[2
 double azimuth(Vec3 v) { return math::atan2(v.y, v.x); }
 
 /// Returns the directions of a unit's lasers, by ring.
-std::vector<Ring> rings_of(const ScanPattern& pattern) {
+std::vector<Ring> rings_of(const ScanPattern& pattern, const SpinningConfig& spinning) {
   const std::int64_t size = pattern.group_size();
   RayBatch first;
   pattern.generate({0, size}, 0, first);
   const auto lowest = *std::ranges::min_element(first.ring);
-  std::vector<Ring> rings(static_cast<std::size_t>(size));
+  std::vector<Ring> rings(static_cast<std::size_t>(pattern.rings()));
   for (std::int64_t i = 0; i < pattern.repeats_after() * size; ++i) {
     Ring& ring = rings[first.ring[static_cast<std::size_t>(i % size)] - lowest];
     const Vec3 direction = pattern.ray(i).direction;
     ring.elevation = math::asin(direction.z);
     ring.rays.emplace_back(azimuth(direction), static_cast<std::size_t>(i));
   }
-  for (Ring& ring : rings) std::ranges::sort(ring.rays);
+  const double column = 2 * kPi / columns_per_turn(spinning)->value();
+  const std::vector<Channel> channels = channels_by_ring(spinning);
+  for (std::size_t r = 0; r < rings.size(); ++r) {
+    std::ranges::sort(rings[r].rays);
+    rings[r].reach = kColumnReach * column * channels[r].column_step;
+  }
   return rings;
 }
 
@@ -91,11 +101,9 @@ std::vector<Unit> units_of(const SceneConfig& scene, const LidarConfig& lidar,
     if (!spinning)
       throw ConfigError(words_of(lidar) + ": unit " + std::to_string(i) +
                         ": expected a spinning LiDAR, for a recording, got a table of rays");
-    const double column = 2 * kPi / columns_per_turn(*spinning)->value();
     units.push_back({.from_levelled = transposed(unit_pose(scene, lidar.units[i])),
-                     .reach = kColumnReach * column,
                      .agree_m = std::max(kAgree_m, 6 * lidar.units[i].returns.range_accuracy_m),
-                     .rings = rings_of(scanners[i].pattern)});
+                     .rings = rings_of(scanners[i].pattern, *spinning)});
   }
   return units;
 }
@@ -218,7 +226,7 @@ std::size_t fill(const Unit& unit, StaticHits& hits) {
     for (const auto& [at, ray] : ring.rays) {
       seen.clear();
       for (const auto& frame : ring.frames)
-        if (const RecordedReturn* echo = nearest(frame, wrap_angle(at + offset), unit.reach))
+        if (const RecordedReturn* echo = nearest(frame, wrap_angle(at + offset), ring.reach))
           seen.push_back(*echo);
       const auto echo = agreed(seen, unit.agree_m, ring.frames.size());
       if (!echo) continue;

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "infrasim/config/lidar_config.h"
+#include "infrasim/core/math.h"
 #include "infrasim/scene/mesh_file.h"
 #include "infrasim/scene/sensor_rules.h"
 #include "infrasim/scene/site_rules.h"
@@ -68,7 +69,7 @@ StateSink checking_sensors(const SceneConfig& scene, const StateSink& sink) {
 /// Returns whether a box is farther from the origin than any ray or object that a ray hits.
 bool is_beyond_all_rays(const Box3d& box) {
   constexpr double kObjects_m = 200;  // more than an object at the end of a ray covers
-  return std::hypot(box.x, box.y) - std::hypot(box.dx, box.dy) > kLongestRange_m + kObjects_m;
+  return math::hypot(box.x, box.y) - math::hypot(box.dx, box.dy) > kLongestRange_m + kObjects_m;
 }
 
 std::vector<std::string> findings_of(const Site& site, const Surface& surface,

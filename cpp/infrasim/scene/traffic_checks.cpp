@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "infrasim/config/fields.h"
+#include "infrasim/core/math.h"
 #include "infrasim/scene/parked.h"
 
 namespace infrasim {
@@ -92,7 +93,7 @@ void TrafficChecks::test_motion(const Box3d& box, Track& track) const {
   if (norm(step) < kMovement_m) return;
   ++track.movements;
   if (std::abs(cross(heading_vector(track.last.heading), step)) >
-      std::sin(rad(kSideways_deg)) * norm(step)) {
+      math::sin(rad(kSideways_deg)) * norm(step)) {
     if (track.sideways++ == 0) {
       track.first_sideways = instant_;
       track.sideways_at = {box.x, box.y};

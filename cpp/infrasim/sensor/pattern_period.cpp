@@ -17,7 +17,7 @@ constexpr int kLongestPeriod = static_cast<int>(kLongestScene_s / kFramePeriod);
 /// rate must give a whole number.
 void add_rates(const PatternConfig& pattern, std::vector<double>& per_s) {
   if (pattern.spinning) {
-    per_s.push_back(columns_per_s(*pattern.spinning));
+    per_s.push_back(columns_per_s(*pattern.spinning) / columns_per_group(*pattern.spinning));
     per_s.push_back(pattern.spinning->rate_hz);
   } else if (pattern.prisms) {
     per_s.push_back(pattern.prisms->steps_per_s);

@@ -4,13 +4,21 @@
 
 namespace infrasim {
 
-/// The range of a LiDAR as a function of reflectance and sunlight. By day, most of the noise is
-/// sunlight that the target reflects, so the range grows with the fourth root of the reflectance.
-/// In low light the noise of the detector dominates, and the range grows with the square root.
+/// Returns the noise relative to the detector's noise in the dark.
+/// @param sun sunlight that the detector sees, relative to the crossover of its RangeLaw
+double noise_in_sun(double sun, double day_exponent);
+
+/// The range of a LiDAR as a function of reflectance and sunlight. In low light the noise of the
+/// detector dominates, and the range grows with the square root of the reflectance. Above the
+/// crossover, the noise grows with the power 1 - 2 day_exponent of the sunlight that the target
+/// reflects, so the range grows with the power day_exponent of the reflectance. With 1/4, the noise
+/// is shot noise of the sunlight. With 1/2, sunlight adds no noise. Values between them describe
+/// receivers that sunlight disturbs less.
 struct RangeLaw {
   double dark_range_m;                     ///< range of a 10 % target without sunlight
   double background_noise_crossover_klux;  ///< sunlight on a 10 % target at which
                                            ///< its noise equals the detector's noise
+  double day_exponent = kLawExponent;
 
   /// Returns the noise at `klux` of sunlight, relative to the detector's noise in the dark.
   /// @param sunlit reflectance of the surface that the detector looks at
@@ -23,8 +31,9 @@ struct RangeLaw {
 /// Fits the law to the published ranges by the squared errors of the logarithm of the range. In the
 /// fit, an error of 2 % by day has the same weight as an error of 4 % at night. A published range
 /// that equals the device's maximum is only a lower limit. Of equally good laws, the fit selects
-/// the one with the crossover nearest to 100 klx. For a LiDAR with one published range, the
-/// crossover is therefore 100 klx.
+/// the one with the crossover nearest to 100 klx, and of these the one with the smallest exponent.
+/// For a LiDAR with one published range, the crossover is therefore 100 klx, and the exponent is
+/// `law_exponent`.
 RangeLaw fit_range_law(const DetectionConfig& detection, double max_range_m);
 
 /// A published range, and the range that the law predicts.

@@ -61,12 +61,24 @@ class Detector {
 
 }  // namespace
 
-ReturnModel::ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather)
-    : config_(config), extinction_per_m_(extinction(weather)) {
+ReturnModel::ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather,
+                         std::span<const Channel> channels, int first_ring)
+    : config_(config), extinction_per_m_(extinction(weather)), first_ring_(first_ring) {
+  limits_.min_range_m = static_cast<float>(config.min_range_m);
   if (!config.detection) return;
   const RangeLaw law = fit_range_law(*config.detection, config.max_range_m);
-  signal_m2_ = law.dark_range_m * law.dark_range_m / 0.1;
+  limits_.signal_m2 = law.dark_range_m * law.dark_range_m / 0.1;
   sun_per_rho_ = weather.sunlight_klux / law.background_noise_crossover_klux / 0.1;
+  day_exponent_ = law.day_exponent;
+  const auto has_limits = [](const Channel& c) { return c.range_at_10_percent_m || c.min_range_m; };
+  if (std::ranges::none_of(channels, has_limits)) return;
+  // In full sun, all channels have the law of the LiDAR, scaled to the channel's 10 % range.
+  const double published_m = config.detection->range_at_10_percent_m;
+  for (const Channel& c : channels) {
+    const double scale = c.range_at_10_percent_m.value_or(published_m) / published_m;
+    by_ring_.push_back({limits_.signal_m2 * scale * scale,
+                        static_cast<float>(c.min_range_m.value_or(config.min_range_m))});
+  }
 }
 
 /// Returns whether an echo comes directly from a recorded surface, which has a reflectance of 1.
@@ -91,7 +103,7 @@ bool ReturnModel::dropped_when_faint(const Rng& ray_rng, double intensity) const
 /// Computes what decides on each echo: the signal-to-noise ratio of LiDARs that detect by received
 /// power, otherwise CARLA's intensity.
 void ReturnModel::strengths(const EchoBatch& echoes, const std::vector<float>& sunlit,
-                            std::vector<double>& out) const {
+                            std::span<const std::uint16_t> rings, std::vector<double>& out) const {
   out.resize(echoes.size());
   const std::size_t n = echoes.size();
   if (!config_.detection) {
@@ -102,38 +114,44 @@ void ReturnModel::strengths(const EchoBatch& echoes, const std::vector<float>& s
   const float* reflectance = echoes.reflectance.data();
   const float* gain = echoes.gain.data();
   const float* lit = sunlit.data();
+  const bool shot_noise = day_exponent_ == kLawExponent;
   for (std::size_t i = 0; i < n; ++i) {
     const double r = range[i], reflected = reflectance[i] * gain[i];
-    const double noise = std::sqrt(std::max(1.0, sun_per_rho_ * lit[i]));
-    out[i] = signal_m2_ * reflected / (r * r) / noise;
+    const double noise = shot_noise ? std::sqrt(std::max(1.0, sun_per_rho_ * lit[i])) : 1.0;
+    out[i] = limits_.signal_m2 * reflected / (r * r) / noise;
   }
+  if (!shot_noise)
+    for (std::size_t i = 0; i < n; ++i)
+      out[i] /= noise_in_sun(sun_per_rho_ * double{lit[i]}, day_exponent_);
+  if (has_channels())
+    for (std::size_t i = 0; i < n; ++i) out[i] *= limits_of(rings[i]).signal_m2 / limits_.signal_m2;
   if (extinction_per_m_ > 0)
     for (std::size_t i = 0; i < n; ++i)
       out[i] *= math::exp(-2 * extinction_per_m_ * double{range[i]});
 }
 
-bool ReturnModel::can_return(float range, float gain, std::uint16_t class_id) const {
-  if (!in_range(range)) return false;
-  if (!config_.detection) return true;
-  EchoBatch one;
-  one.resize(1);
-  const float reflectance = background_reflectance(static_cast<Class>(class_id));
-  one.set(0, {range, -1, class_id, reflectance, gain});
-  std::vector<double> ratio;
-  strengths(one, one.reflectance, ratio);
-  return is_recorded(one, 0) || config_.detection->steepness * (ratio[0] - 1) > -kCertain;
+std::vector<bool> ReturnModel::can_return(const EchoBatch& echoes,
+                                          std::span<const std::uint16_t> rings) const {
+  std::vector<double> strength;
+  strengths(echoes, echoes.reflectance, rings, strength);
+  std::vector<bool> can(echoes.size());
+  for (std::size_t i = 0; i < echoes.size(); ++i)
+    can[i] = in_range(echoes.range[i], rings[i]) &&
+             (!config_.detection || is_recorded(echoes, i) ||
+              config_.detection->steepness * (strength[i] - 1) > -kCertain);
+  return can;
 }
 
 void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const EchoBatch& echoes,
-                        const std::vector<float>& sunlit, ReturnBatch& out,
-                        std::span<const std::uint32_t> number) const {
+                        const std::vector<float>& sunlit, std::span<const std::uint16_t> rings,
+                        ReturnBatch& out, std::span<const std::uint32_t> number) const {
   static const Detector detector;
   out.resize(echoes.size());
-  strengths(echoes, sunlit, out.strength);
+  strengths(echoes, sunlit, rings, out.strength);
   std::size_t n = 0;
   for (std::size_t i = 0; i < echoes.size(); ++i) {
     float range = echoes.range[i];
-    if (!in_range(range)) continue;
+    if (!in_range(range, has_channels() ? rings[i] : std::uint16_t{0})) continue;
     const Rng ray_rng = rng.at(first_ray + (number.empty() ? i : number[i]));
     const bool recorded = is_recorded(echoes, i);
     if (config_.drop_off && !recorded && lost_at_random(ray_rng)) continue;

@@ -34,49 +34,69 @@ struct ReturnBatch {
 /// Recorded surfaces have no additional losses.
 class ReturnModel {
  public:
-  ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather);
+  /// @param channels    channels of a spinning unit from the lowest ring up; their ranges replace
+  ///   those of `config` if the unit detects by received power. Empty for other units.
+  /// @param first_ring  ring number of the unit's lowest laser
+  ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather,
+              std::span<const Channel> channels = {}, int first_ring = 0);
 
   /// @param rng         stream of this unit and frame; ray i of the frame uses rng.at(i)
   /// @param first_ray   number within the frame of the ray from which `number` counts
   /// @param echoes      one per ray; reflectance and gain are read only if needs_reflectance()
   /// @param sunlit      reflectance of everything that the detector sees in this direction; for a
   ///   single ray it is that of its echo
+  /// @param rings       ring of each ray; read only if has_channels()
   /// @param number      number of each ray of the batch; if empty, the rays are consecutive
   void apply(const Rng& rng, std::uint64_t first_ray, const EchoBatch& echoes,
-             const std::vector<float>& sunlit, ReturnBatch& out,
-             std::span<const std::uint32_t> number = {}) const;
+             const std::vector<float>& sunlit, std::span<const std::uint16_t> rings,
+             ReturnBatch& out, std::span<const std::uint32_t> number = {}) const;
 
-  /// Returns whether a hit on the background can become a point. If not, no sample makes it one.
-  /// @param gain of the Echo
-  bool can_return(float range, float gain, std::uint16_t class_id) const;
-  /// The range or, if it lies in the blind zone, the end of the blind zone.
-  float nearest(float range) const {
-    return std::max(range, static_cast<float>(config_.min_range_m));
+  /// Returns whether each echo of the background can become a point. If not, no sample makes it
+  /// one.
+  std::vector<bool> can_return(const EchoBatch& echoes, std::span<const std::uint16_t> rings) const;
+  /// The range or, if it lies in the blind zone of the ring, the end of the blind zone.
+  float nearest(float range, std::uint16_t ring) const {
+    return std::max(range, limits_of(ring).min_range_m);
   }
+
+  /// Whether channels have ranges of their own.
+  bool has_channels() const { return !by_ring_.empty(); }
 
   bool needs_reflectance() const { return config_.detection.has_value(); }
 
   /// Attenuation by which the strongest echo of a ray is selected. For LiDARs that do not detect by
-  /// received power, the air has no effect.
+  /// received power, the air has no effect. The shortest range is that of the LiDAR, for all
+  /// channels.
   EchoPath path() const {
     return {static_cast<float>(config_.min_range_m), config_.detection ? extinction_per_m_ : 0};
   }
 
  private:
   void strengths(const EchoBatch& echoes, const std::vector<float>& sunlit,
-                 std::vector<double>& out) const;
-  bool in_range(float range) const {
-    return range >= static_cast<float>(config_.min_range_m) &&
-           range <= static_cast<float>(config_.max_range_m);
-  }
+                 std::span<const std::uint16_t> rings, std::vector<double>& out) const;
   bool is_recorded(const EchoBatch& echoes, std::size_t i) const;
   bool lost_at_random(const Rng& ray_rng) const;
   bool dropped_when_faint(const Rng& ray_rng, double intensity) const;
 
   ReturnsConfig config_;
   double extinction_per_m_ = 0;
-  double signal_m2_ = 0;    ///< signal of a reflectance of 1 at 1 m
-  double sun_per_rho_ = 0;  ///< squared ratio of the sunlight's noise to the detector's noise
+  /// What may differ between the channels of a unit.
+  struct ChannelLimits {
+    double signal_m2 = 0;  ///< signal of a reflectance of 1 at 1 m
+    float min_range_m = 0;
+  };
+  bool in_range(float range, std::uint16_t ring) const {
+    return range >= limits_of(ring).min_range_m && range <= static_cast<float>(config_.max_range_m);
+  }
+  const ChannelLimits& limits_of(std::uint16_t ring) const {
+    return by_ring_.empty() ? limits_ : by_ring_[static_cast<std::size_t>(ring - first_ring_)];
+  }
+
+  ChannelLimits limits_;                ///< of channels without ranges of their own
+  std::vector<ChannelLimits> by_ring_;  ///< empty if no channel has a range of its own
+  int first_ring_ = 0;
+  double sun_per_rho_ = 0;  ///< sunlight on a reflectance of 1, relative to the law's crossover
+  double day_exponent_ = kLawExponent;
 };
 
 /// Returns warnings, one line for each LiDAR with units on which the weather has no effect.

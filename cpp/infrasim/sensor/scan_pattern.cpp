@@ -12,7 +12,7 @@ namespace infrasim {
 namespace {
 
 constexpr int kTileSide = 4;
-constexpr std::int64_t kMostTurns = 1 << 17;  // maximum number of columns whose turns are kept
+constexpr std::int64_t kMostTurns = 1 << 17;  // maximum number of groups whose turns are kept
 
 double positive_fmod(double value, double period) {
   const double r = std::fmod(value, period);
@@ -91,25 +91,15 @@ ScanPattern::ScanPattern(const PatternConfig& config, double phase_s, const Mat3
   std::ranges::transform(unit_pose, pose_.begin(), [](double v) { return static_cast<float>(v); });
   std::vector<double> elevations{0};
   if (config_.spinning) {
+    add_lasers();
     elevations.clear();
-    groups_per_s_ = columns_per_s(*config_.spinning);
-    columns_per_turn_ = columns_per_turn(*config_.spinning);
+    for (const Channel& c : config_.spinning->channels.table) elevations.push_back(c.elevation_deg);
     start_deg_ = positive_fmod(
         360 * config_.spinning->rate_hz * phase_s - config_.spinning->cut_angle_deg, 360);
-    for (const Channel& c : config_.spinning->channels.table) {
-      elevations.push_back(c.elevation_deg);
-      const double e = rad(c.elevation_deg), fire_time = c.fire_time_us * 1e-6;
-      // The unit turns while a column fires. A channel that fires later therefore has an additional
-      // azimuth offset.
-      const double shift = -rad(c.azimuth_offset_deg + 360 * config_.spinning->rate_hz * fire_time);
-      lasers_.push_back({static_cast<float>(math::cos(e)), static_cast<float>(math::sin(e)),
-                         static_cast<float>(math::cos(shift)), static_cast<float>(math::sin(shift)),
-                         static_cast<float>(fire_time)});
-    }
-    if (columns_per_turn_ && columns_per_turn_->numerator <= kMostTurns) {
+    if (groups_per_turn_ && groups_per_turn_->numerator <= kMostTurns) {
       std::vector<std::pair<float, float>> turns;
-      for (std::int64_t column = 0; column < columns_per_turn_->numerator; ++column)
-        turns.push_back(turn(column));
+      for (std::int64_t group = 0; group < groups_per_turn_->numerator; ++group)
+        turns.push_back(turn(group));
       turns_ = std::move(turns);
     }
   } else if (config_.prisms) {
@@ -125,11 +115,44 @@ ScanPattern::ScanPattern(const PatternConfig& config, double phase_s, const Mat3
     groups_per_s_ = config_.table->rays_per_s;
     first_row_ = static_cast<std::int64_t>(phase_s * groups_per_s_);
   }
-  group_size_ = static_cast<int>(elevations.size());
-  member_of_ring_ = ascending(elevations);
-  ring_.resize(elevations.size());
-  for (std::size_t r = 0; r < ring_.size(); ++r)
-    ring_[member_of_ring_[r]] = static_cast<std::uint16_t>(first_ring + static_cast<int>(r));
+  rings_ = static_cast<int>(elevations.size());
+  std::vector<std::uint16_t> ring_of(elevations.size());
+  const std::vector<std::uint32_t> order = ascending(elevations);
+  for (std::size_t r = 0; r < order.size(); ++r)
+    ring_of[order[r]] = static_cast<std::uint16_t>(first_ring + static_cast<int>(r));
+  if (shots_.empty()) ring_ = ring_of;
+  for (const Shot& shot : shots_) ring_.push_back(ring_of[shot.channel]);
+  group_size_ = static_cast<int>(ring_.size());
+  members_by_ring_.resize(ring_.size());
+  std::iota(members_by_ring_.begin(), members_by_ring_.end(), 0U);
+  std::ranges::stable_sort(members_by_ring_, {}, [&](std::uint32_t i) { return ring_[i]; });
+}
+
+/// Adds the lasers of a spinning unit's group, column by column.
+void ScanPattern::add_lasers() {
+  const SpinningConfig& s = *config_.spinning;
+  const int columns = columns_per_group(s);
+  groups_per_s_ = columns_per_s(s) / columns;
+  if (const auto per_turn = columns_per_turn(s)) {
+    const std::int64_t divisor = std::gcd(per_turn->numerator, std::int64_t{columns});
+    groups_per_turn_ =
+        Fraction{per_turn->numerator / divisor, per_turn->denominator * (columns / divisor)};
+  }
+  const std::vector<Channel>& channels = s.channels.table;
+  for (int column = 0; column < columns; ++column)
+    for (std::uint32_t i = 0; i < channels.size(); ++i) {
+      const Channel& c = channels[i];
+      if (column % c.column_step != c.first_column) continue;
+      const double fire_time = column / columns_per_s(s) + c.fire_time_us * 1e-6;
+      // The unit turns while a group fires. A channel that fires later therefore has an additional
+      // azimuth offset.
+      shots_.push_back(
+          {i, c.elevation_deg, c.azimuth_offset_deg + 360 * s.rate_hz * fire_time, fire_time});
+      const double e = rad(c.elevation_deg), shift = -rad(shots_.back().shift_deg);
+      lasers_.push_back({static_cast<float>(math::cos(e)), static_cast<float>(math::sin(e)),
+                         static_cast<float>(math::cos(shift)), static_cast<float>(math::sin(shift)),
+                         static_cast<float>(fire_time)});
+    }
 }
 
 RayRange ScanPattern::fired_between(double from_s, double to_s) const {
@@ -163,15 +186,19 @@ double ScanPattern::cycle_s() const {
 
 std::int64_t ScanPattern::repeats_after() const {
   if (config_.table) return static_cast<std::int64_t>(config_.table->directions.size());
-  return columns_per_turn_ ? columns_per_turn_->numerator : 0;
+  return groups_per_turn_ ? groups_per_turn_->numerator : 0;
 }
 
-/// Angle by which a unit has turned at a column, 0 to 360 degrees.
-double ScanPattern::column_deg(std::int64_t column) const {
-  if (!columns_per_turn_)
-    return positive_fmod(static_cast<double>(column) * *config_.spinning->azimuth_step_deg, 360);
-  const std::int64_t n = columns_per_turn_->numerator;
-  return 360 * static_cast<double>(column % n * columns_per_turn_->denominator % n) /
+/// Angle by which a unit has turned at the start of a group, 0 to 360 degrees.
+double ScanPattern::group_deg(std::int64_t group) const {
+  if (!groups_per_turn_) {
+    const SpinningConfig& s = *config_.spinning;
+    const double step_deg = s.azimuth_step_deg ? *s.azimuth_step_deg * columns_per_group(s)
+                                               : 360 * s.rate_hz / groups_per_s_;
+    return positive_fmod(static_cast<double>(group) * step_deg, 360);
+  }
+  const std::int64_t n = groups_per_turn_->numerator;
+  return 360 * static_cast<double>(group % n * (groups_per_turn_->denominator % n) % n) /
          static_cast<double>(n);
 }
 
@@ -184,15 +211,12 @@ Ray ScanPattern::ray(std::int64_t index) const {
 }
 
 Ray ScanPattern::spinning_ray(std::int64_t group, int member) const {
-  const SpinningConfig& s = *config_.spinning;
-  const Channel& c = s.channels.table[member];
-  const double fire_time = c.fire_time_us * 1e-6;
-  const double turned_deg =
-      column_deg(group) + start_deg_ + 360 * s.rate_hz * fire_time + c.azimuth_offset_deg;
-  const double azimuth = -rad(std::fmod(turned_deg, 360)), elevation = rad(c.elevation_deg);
+  const Shot& shot = shots_[static_cast<std::size_t>(member)];
+  const double turned_deg = group_deg(group) + start_deg_ + shot.shift_deg;
+  const double azimuth = -rad(std::fmod(turned_deg, 360)), elevation = rad(shot.elevation_deg);
   return {{math::cos(elevation) * math::cos(azimuth), math::cos(elevation) * math::sin(azimuth),
            math::sin(elevation)},
-          static_cast<double>(group) / groups_per_s_ + fire_time};
+          static_cast<double>(group) / groups_per_s_ + shot.fire_time_s};
 }
 
 double ScanPattern::optical_time(std::int64_t group) const {
@@ -265,12 +289,16 @@ void ScanPattern::generate_steps(std::int64_t first_group, double start_s,
   }
 }
 
-/// Cosine and sine of the azimuth to which a unit has turned at a column.
-std::pair<float, float> ScanPattern::turn(std::int64_t column) const {
-  if (!turns_.empty())
-    return turns_[static_cast<std::size_t>(column % columns_per_turn_->numerator)];
-  const double azimuth = -rad(column_deg(column) + start_deg_);
+/// Cosine and sine of the azimuth to which a unit has turned at the start of a group.
+std::pair<float, float> ScanPattern::turn(std::int64_t group) const {
+  if (!turns_.empty()) return turns_[static_cast<std::size_t>(group % groups_per_turn_->numerator)];
+  const double azimuth = -rad(group_deg(group) + start_deg_);
   return {static_cast<float>(math::cos(azimuth)), static_cast<float>(math::sin(azimuth))};
+}
+
+void ScanPattern::set_rings(RayBatch& rays) const {
+  for (std::size_t k = 0; k < rays.size(); ++k)
+    rays.ring[k] = ring_[rays.number[k] % static_cast<std::uint32_t>(group_size_)];
 }
 
 void ScanPattern::generate_columns(std::int64_t first_group, double start_s,
@@ -310,15 +338,24 @@ std::vector<std::uint32_t> ScanPattern::tile_order(int groups) const {
     for (int r0 = 0; r0 < group_size_; r0 += kTileSide)
       for (int g = g0; g < std::min(g0 + kTileSide, groups); ++g)
         for (int r = r0; r < std::min(r0 + kTileSide, group_size_); ++r)
-          order.push_back(static_cast<std::uint32_t>(g * group_size_) + member_of_ring_[r]);
+          order.push_back(static_cast<std::uint32_t>(g * group_size_) + members_by_ring_[r]);
   return order;
+}
+
+std::vector<Channel> channels_by_ring(const SpinningConfig& spinning) {
+  std::vector<double> elevations;
+  for (const Channel& c : spinning.channels.table) elevations.push_back(c.elevation_deg);
+  std::vector<Channel> channels;
+  for (const std::uint32_t i : ascending(elevations))
+    channels.push_back(spinning.channels.table[i]);
+  return channels;
 }
 
 FieldOfView field_of_view(const ScanPattern& pattern) {
   FieldOfView fov{180, -180, 90, -90};
   RayRange rays = pattern.fired_between(0, pattern.cycle_s());
   if (pattern.spins())
-    rays.last = rays.first + pattern.group_size();  // one column has all elevations
+    rays.last = rays.first + pattern.group_size();  // one group has all elevations
   for (std::int64_t i = rays.first; i < rays.last; ++i) {
     const Vec3 d = pattern.ray(i).direction;
     const double azimuth = deg(math::atan2(d.y, d.x)), elevation = deg(math::asin(d.z));

@@ -32,8 +32,9 @@ struct DirectionBatch {
 };
 
 /// Directions and times of the rays of one optical unit. Rays are fired in groups. A group is a
-/// column of channels, the lasers of one step, or one row of a table. Groups are numbered from the
-/// start of the run. A pattern does not restart at a frame.
+/// column of channels, the lasers of one step, or one row of a table. If some channels do not fire
+/// in every column, a group is the shortest run of columns after which the same channels fire
+/// again. Groups are numbered from the start of the run. A pattern does not restart at a frame.
 class ScanPattern {
  public:
   /// @param phase_s   time by which the motors are ahead of their locked phase
@@ -42,6 +43,8 @@ class ScanPattern {
   ScanPattern(const PatternConfig& config, double phase_s, const Mat3& unit_pose, int first_ring);
 
   int group_size() const { return group_size_; }
+  /// Returns the number of rings: channels, lasers, or 1 for a table.
+  int rings() const { return rings_; }
   double groups_per_s() const { return groups_per_s_; }
   bool spins() const;
   /// Returns the time in which a pattern covers the whole field of view; 1 s for prisms, which
@@ -69,6 +72,9 @@ class ScanPattern {
   void generate(std::int64_t first_group, double start_s, std::span<const std::uint32_t> which,
                 RayBatch& rays) const;
 
+  /// Sets the ring of each ray of a batch, which does not need a direction for it.
+  void set_rings(RayBatch& rays) const;
+
   /// Returns an order of the rays of a number of groups in which neighbouring rays are together.
   /// For a spinning unit, a tile of 4 columns by 4 neighbouring rings is together.
   std::vector<std::uint32_t> tile_order(int groups) const;
@@ -79,8 +85,9 @@ class ScanPattern {
   void generate_steps(std::int64_t first_group, double start_s,
                       std::span<const std::uint32_t> which, RayBatch& rays) const;
   void put(std::size_t k, Vec3 direction, double time_s, int member, RayBatch& rays) const;
-  double column_deg(std::int64_t column) const;
-  std::pair<float, float> turn(std::int64_t column) const;
+  void add_lasers();
+  double group_deg(std::int64_t group) const;
+  std::pair<float, float> turn(std::int64_t group) const;
   double optical_time(std::int64_t group) const;
   Ray spinning_ray(std::int64_t group, int member) const;
   Ray prism_ray(std::int64_t group, int member) const;
@@ -90,22 +97,33 @@ class ScanPattern {
   PatternConfig config_;
   double phase_s_;
   std::optional<Fraction>
-      columns_per_turn_;  ///< columns per turn of a spinning unit, if the fraction is exact
+      groups_per_turn_;   ///< groups per turn of a spinning unit, if the fraction is exact
   double start_deg_ = 0;  ///< angle between a spinning unit's x axis and its direction at time 0
   std::array<float, 9> pose_;
   Mat3 pose_exact_;
   int group_size_ = 1;
+  int rings_ = 1;
   double groups_per_s_ = 0;
-  std::int64_t first_row_ = 0;                 ///< row of a table at time 0
-  std::vector<std::uint16_t> ring_;            ///< ring of each member of a group
-  std::vector<std::uint32_t> member_of_ring_;  ///< the inverse of ring_
+  std::int64_t first_row_ = 0;                  ///< row of a table at time 0
+  std::vector<std::uint16_t> ring_;             ///< ring of each member of a group
+  std::vector<std::uint32_t> members_by_ring_;  ///< members of a group from the lowest ring up
   struct Laser {
     float cos_elevation, sin_elevation, cos_shift, sin_shift, fire_time;
   };
-  std::vector<Laser> lasers_;                   ///< lasers of a spinning unit
-  std::vector<std::pair<float, float>> turns_;  ///< of each column of a period, if they are few
+  std::vector<Laser> lasers_;  ///< lasers of a group of a spinning unit
+  struct Shot {
+    std::uint32_t channel;
+    double elevation_deg, shift_deg;  ///< the shift is in the direction of rotation
+    double fire_time_s;               ///< after the start of the group
+  };
+  std::vector<Shot> shots_;                     ///< the same lasers in double precision
+  std::vector<std::pair<float, float>> turns_;  ///< of each group of a period, if they are few
   DirectionBatch lasers_of_step_;               ///< directions before the prisms
 };
+
+/// Returns the channels of a spinning unit from the lowest ring up. Channels of one elevation keep
+/// their order.
+std::vector<Channel> channels_by_ring(const SpinningConfig& spinning);
 
 /// Extent of a pattern in its own frame.
 struct FieldOfView {
