@@ -159,8 +159,8 @@ void bare_loop(benchmark::State& state) {
   std::vector<RayBatch> rays(kFrames);
   for (int k = 0; k < kFrames; ++k) {
     scenes.push_back(std::make_unique<BareScene>(w, k));
-    pattern.generate(pattern.fired_between(k * kFramePeriod, (k + 1) * kFramePeriod),
-                     k * kFramePeriod, rays[k]);
+    pattern.generate(pattern.fired_between(k * kUsualPeriod_s, (k + 1) * kUsualPeriod_s),
+                     k * kUsualPeriod_s, rays[k]);
     rays[k].max_range = static_cast<float>(unit.returns.max_range_m);
   }
   std::int64_t cast = 0;

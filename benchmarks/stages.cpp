@@ -66,7 +66,7 @@ void StagedCaster::cast_part(ScannerUnit& scanner, std::int64_t first, std::int6
   const auto first_ray = static_cast<std::uint64_t>(first * size - scanner.rays(k).first);
   const bool by_power = scanner.returns.needs_reflectance(), wide = scanner.beam.has_value();
   timed(Stage::kMaking, [&] {
-    scanner.pattern.generate({first * size, last * size}, k * kFramePeriod, rays_);
+    scanner.pattern.generate({first * size, last * size}, k * kUsualPeriod_s, rays_);
     rays_.max_range = scanner.max_range;
   });
   timed(Stage::kSelecting, [&] { select(scanner, first, last); });

@@ -90,12 +90,17 @@ void bind_observer(py::module_& m) {
       "z (m, world frame), yaw and pitch (deg). Thread-safe.")
       .def(py::init([](const std::string& file, const std::vector<std::string>& set,
                        const std::string& preset, const std::string& mount,
-                       const std::vector<int>& frames) {
+                       const std::vector<int>& frames, double period_s) {
              const py::gil_scoped_release release;
-             return std::make_unique<Observer>(read_scene(file, set, preset), mount, frames);
+             if (!(period_s >= kShortestPeriod_s && period_s <= kLongestPeriod_s))
+               throw ConfigError("period_s: expected " + config::number_text(kShortestPeriod_s) +
+                                 " to " + config::number_text(kLongestPeriod_s) + ", got " +
+                                 config::number_text(period_s));
+             return std::make_unique<Observer>(read_scene(file, set, preset), mount, frames,
+                                               period_s);
            }),
            py::arg("file"), py::arg("assignments"), py::arg("preset"), py::arg("mount"),
-           py::arg("frames"))
+           py::arg("frames"), py::arg("period_s") = kUsualPeriod_s)
       .def(
           "fault",
           [](const Observer& o, const std::array<double, 5>& pose) {

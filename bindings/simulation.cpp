@@ -41,13 +41,23 @@ py::array_t<double> pattern_rays(const LidarConfig& lidar, int first_frame, int 
                              rows.data());
 }
 
+/// @throws ConfigError for a period that no LiDAR has
+void check_period(double period_s) {
+  if (!(period_s >= kShortestPeriod_s && period_s <= kLongestPeriod_s))
+    throw ConfigError("period_s: expected " + config::number_text(kShortestPeriod_s) + " to " +
+                      config::number_text(kLongestPeriod_s) + ", got " +
+                      config::number_text(period_s));
+}
+
 std::pair<py::array_t<float>, py::array_t<std::uint32_t>> mesh_arrays(const World& world, int frame,
-                                                                      double share) {
+                                                                      double share,
+                                                                      double period_s) {
+  check_period(period_s);
   if (!(share >= 0 && share <= 1))
     throw ConfigError("share: expected 0 to 1, got " + config::number_text(share));
   const TriangleMesh mesh = [&] {
     const py::gil_scoped_release release;
-    return frozen_mesh(world, frame, share);
+    return frozen_mesh(world, frame, period_s, share);
   }();
   return {
       py::array_t<float>({static_cast<py::ssize_t>(mesh.vertices.size()), py::ssize_t{3}},
@@ -63,13 +73,14 @@ struct SceneObject {
   double x, y, z, dx, dy, dz, heading, speed;
 };
 
-py::array object_array(const World& world, int frame) {
-  if (frame < 0 || frame >= world.trajectories->frames())
-    throw ConfigError("frame: expected 0 to " + std::to_string(world.trajectories->frames() - 1) +
-                      ", got " + std::to_string(frame));
+py::array object_array(const World& world, int frame, double period_s) {
+  check_period(period_s);
+  if (const int frames = world.frames(period_s); frame < 0 || frame >= frames)
+    throw ConfigError("frame: expected 0 to " + std::to_string(frames - 1) + ", got " +
+                      std::to_string(frame));
   const std::vector<MovingObject> objects = [&] {
     const py::gil_scoped_release release;
-    return world.objects_in_frame(frame);
+    return world.objects_in_frame(frame, period_s);
   }();
   py::array_t<SceneObject> rows(static_cast<py::ssize_t>(objects.size()));
   auto out = rows.mutable_unchecked<1>();
@@ -103,6 +114,12 @@ void bind_simulation(py::module_& m) {
           },
           "Returns a copy whose spinning motors start at random angles, derived from "
           "the scene's seed.")
+      .def("with_rate", &with_rate, py::arg("rate_hz"),
+           "Returns a copy with another number of frames per second, 5 to 20. The firing cycle of "
+           "a spinning LiDAR does not change, so that its columns per turn do.")
+      .def_property_readonly(
+          "period_s", [](const LidarConfig& lidar) { return period_s(lidar); },
+          "Frame period in seconds.")
       .def(
           "with_law_exponent",
           [](LidarConfig lidar, double exponent) {
@@ -169,7 +186,7 @@ void bind_simulation(py::module_& m) {
           "Empty without outlines.")
       .def("lidar_yaml", &lidar_yaml, py::arg("lidar"),
            "Returns the content of lidar.yaml for a LiDAR in this scene.")
-      .def("objects", &object_array, py::arg("frame"),
+      .def("objects", &object_array, py::arg("frame"), py::arg("period_s") = kUsualPeriod_s,
            "Returns (k,) structured: every object of the scene at the middle of a frame, "
            "at any distance. Levelled frame.")
       .def(
@@ -183,8 +200,15 @@ void bind_simulation(py::module_& m) {
           },
           py::arg("preset"), "Returns the label time of a preset: frame or scan.")
       .def_property_readonly(
-          "frames", [](const World& w) { return w.trajectories->frames(); },
-          "Number of 0.1 s frames in the scene's duration.")
+          "frames", [](const World& w) { return w.frames(kUsualPeriod_s); },
+          "Number of frames of 0.1 s in the scene's duration.")
+      .def(
+          "frames_of",
+          [](const World& w, double period_s) {
+            check_period(period_s);
+            return w.frames(period_s);
+          },
+          py::arg("period_s"), "Returns the number of frames of a period in the scene's duration.")
       .def(
           "drive",
           [](const World& w) {
@@ -194,6 +218,7 @@ void bind_simulation(py::module_& m) {
           "Simulates the traffic of the whole scene, which is otherwise simulated up to the last "
           "frame that was requested. Raises ConfigError if a vehicle hits the sensor.")
       .def("mesh", &mesh_arrays, py::arg("frame"), py::arg("share") = 0.5,
+           py::arg("period_s") = kUsualPeriod_s,
            "Returns all triangles at one instant of a frame: (n, 3) float32 vertices and "
            "(m, 3) uint32 vertex indices. Levelled frame. share: 0 at the start of the "
            "frame, 1 at its end.");

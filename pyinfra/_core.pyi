@@ -148,9 +148,18 @@ class Lidar:
         """
         Returns a copy whose range grows in full sun with this power of the reflectance, 0.25 to 0.5. Units with several published ranges keep the exponent that these determine.
         """
+    def with_rate(self, rate_hz: typing.SupportsFloat | typing.SupportsIndex) -> Lidar:
+        """
+        Returns a copy with another number of frames per second, 5 to 20. The firing cycle of a spinning LiDAR does not change, so that its columns per turn do.
+        """
     @property
     def name(self) -> str:
         ...
+    @property
+    def period_s(self) -> float:
+        """
+        Frame period in seconds.
+        """
     @property
     def preset(self) -> str:
         ...
@@ -173,6 +182,10 @@ class World:
         """
         Returns every key with its value, as YAML.
         """
+    def frames_of(self, period_s: typing.SupportsFloat | typing.SupportsIndex) -> int:
+        """
+        Returns the number of frames of a period in the scene's duration.
+        """
     def label_time(self, preset: str) -> str:
         """
         Returns the label time of a preset: frame or scan.
@@ -181,11 +194,11 @@ class World:
         """
         Returns the content of lidar.yaml for a LiDAR in this scene.
         """
-    def mesh(self, frame: typing.SupportsInt | typing.SupportsIndex, share: typing.SupportsFloat | typing.SupportsIndex = 0.5) -> tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.uint32]]:
+    def mesh(self, frame: typing.SupportsInt | typing.SupportsIndex, share: typing.SupportsFloat | typing.SupportsIndex = 0.5, period_s: typing.SupportsFloat | typing.SupportsIndex = 0.1) -> tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.uint32]]:
         """
         Returns all triangles at one instant of a frame: (n, 3) float32 vertices and (m, 3) uint32 vertex indices. Levelled frame. share: 0 at the start of the frame, 1 at its end.
         """
-    def objects(self, frame: typing.SupportsInt | typing.SupportsIndex) -> numpy.ndarray:
+    def objects(self, frame: typing.SupportsInt | typing.SupportsIndex, period_s: typing.SupportsFloat | typing.SupportsIndex = 0.1) -> numpy.ndarray:
         """
         Returns (k,) structured: every object of the scene at the middle of a frame, at any distance. Levelled frame.
         """
@@ -200,7 +213,7 @@ class World:
     @property
     def frames(self) -> int:
         """
-        Number of 0.1 s frames in the scene's duration.
+        Number of frames of 0.1 s in the scene's duration.
         """
 class FrameStream:
     """
@@ -216,7 +229,7 @@ class Observer:
     """
     What LiDARs see of the objects of one site from many poses. A pose is x, y, z (m, world frame), yaw and pitch (deg). Thread-safe.
     """
-    def __init__(self, file: str, assignments: collections.abc.Sequence[str], preset: str, mount: str, frames: collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex]) -> None:
+    def __init__(self, file: str, assignments: collections.abc.Sequence[str], preset: str, mount: str, frames: collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex], period_s: typing.SupportsFloat | typing.SupportsIndex = 0.1) -> None:
         ...
     def fault(self, pose: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(5)"]) -> str:
         """

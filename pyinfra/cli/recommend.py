@@ -52,9 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--latency",
         dest="latency_ms",
         type=float,
-        default=Requirements.latency_ms,
         help="maximum median time per frame, in milliseconds; "
-        f"default: {Requirements.latency_ms:g}, the duration of a frame",
+        "default: the frame period of the LiDAR, 100 at 10 frames per second",
     )
     parser.add_argument("--scene", default="", help="scene; required if several were measured")
     parser.add_argument(
@@ -76,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
         f"{first.scene}, preset {first.preset}, {args.tier} tier: at most "
         f"{requirements.budget_usd:,.0f} USD, AP {requirements.min_ap:g} of "
         f"{COUNTED[first.whole]} {place_of(requirements.range_m)}, "
-        f"{requirements.latency_ms:g} ms a frame."
+        f"{requirements.limits_text(option.frame_ms for option in options)} a frame."
     )
     if names := ", ".join(sorted({option.detector for option in options if option.hardly_learnt})):
         text = "The smoke tier trains networks too little; do not use the AP of "

@@ -225,7 +225,7 @@ class SimulatedFrames(FrameSequence):
 
     @property
     def known(self) -> Sequence[int]:
-        return range(self.world.frames)
+        return range(self.world.frames_of(self.unit.period_s))
 
     def of(self, numbers: Sequence[int]) -> SimulatedFrames:
         beside = {
@@ -256,7 +256,10 @@ class SimulatedFrames(FrameSequence):
 
         Their boxes are the boxes at mid-frame, and `points` is 0.
         """
-        parts = [scene_objects(self.world.objects(k), i) for i, k in enumerate(self.numbers)]
+        period_s = self.unit.period_s
+        parts = [
+            scene_objects(self.world.objects(k, period_s), i) for i, k in enumerate(self.numbers)
+        ]
         return concatenated([no_vehicles(), *parts])
 
     @property

@@ -44,7 +44,8 @@ def load_scene(
 
     Returns
     -------
-    The scene, an input of `simulate`; its attribute `frames` is the number of frames of 0.1 s
+    The scene, an input of `simulate`; its attribute `frames` is the number of frames of 0.1 s, and
+    `frames_of(period_s)` that of frames of another period
 
     Raises
     ------
@@ -67,7 +68,11 @@ def load_scene(
 
 @public
 def load_lidar(
-    lidar: str | os.PathLike[str], *, preset: str = "datasheet", law_exponent: float | None = None
+    lidar: str | os.PathLike[str],
+    *,
+    preset: str = "datasheet",
+    rate_hz: float | None = None,
+    law_exponent: float | None = None,
 ) -> simulation.Lidar:
     """Loads a LiDAR under one preset.
 
@@ -78,6 +83,8 @@ def load_lidar(
     law_exponent : power of the reflectance with which the range grows in full sun, 0.25 to 0.5, for
         a LiDAR with one published range; by default, that of the file. It has no effect on a LiDAR
         whose published ranges determine the exponent.
+    rate_hz : frames per second, 5 to 20; by default that of the file. The firing cycle of a
+        spinning LiDAR stays the same, so that the number of columns per turn changes.
 
     Returns
     -------
@@ -85,18 +92,20 @@ def load_lidar(
 
     Raises
     ------
-    Error : for an unknown name or preset, or for a wrong key or value
+    Error : for an unknown name or preset, or for a wrong key, value or rate
 
     Examples
     --------
     >>> import pyinfra as pi
     >>> pi.load_lidar("ruby_plus").name
     'ruby_plus'
+    >>> pi.load_lidar("ruby_plus", rate_hz=20).period_s
+    0.05
     """
     from pyinfra.dataset import simulation
 
     file = file_or_name(lidar, shipped("lidars"), "lidar")
-    return simulation.load_lidar(file, preset, law_exponent=law_exponent)
+    return simulation.load_lidar(file, preset, rate_hz=rate_hz, law_exponent=law_exponent)
 
 
 @overload
@@ -129,7 +138,8 @@ def simulate(
     ----------
     scene : a result of `load_scene`, or a name or file of a scene
     lidar : a result of `load_lidar`, or a name or file of a LiDAR; or a list of these
-    frames : numbers of frames of 0.1 s, such as `range(0, 1000, 10)`
+    frames : frame numbers, such as `range(0, 1000, 10)`; frame k begins after k periods of the
+        LiDAR, which are usually 0.1 s long
     threads : number of threads that cast rays; by default the number of processors
 
     Returns
@@ -140,7 +150,8 @@ def simulate(
 
     Raises
     ------
-    Error : for frames that the scene does not have, or a LiDAR whose preset does not fit the scene
+    Error : for frames that the scene does not have, a LiDAR whose preset does not fit the scene, or
+        LiDARs of different frame periods
 
     Examples
     --------
@@ -163,11 +174,12 @@ def simulate(
         raise Error("frames: expected one or more numbers, got none")
     if list(numbers) != sorted(set(numbers)):
         raise Error("frames: expected ascending numbers without repetition, got other numbers")
-    if numbers[0] < 0 or numbers[-1] >= world.frames:
-        raise Error(f"frames: expected 0 to {world.frames - 1}, got {numbers[0]} to {numbers[-1]}")
+    existing = world.frames_of(units[0].period_s)
+    if numbers[0] < 0 or numbers[-1] >= existing:
+        raise Error(f"frames: expected 0 to {existing - 1}, got {numbers[0]} to {numbers[-1]}")
     if threads is not None and threads < 1:
         raise Error(f"threads: expected 1 or more, got {threads}")
-    simulation.simulate(world, units, [])  # raises for presets that do not fit the scene
+    simulation.simulate(world, units, [])  # raises for presets or periods that do not fit
     sequences = {unit.name: SimulatedFrames(world, unit, numbers, threads) for unit in units}
     if len(sequences) < len(units):
         raise Error("lidar: expected different LiDARs, got the same LiDAR twice")

@@ -35,6 +35,7 @@ from pyinfra._core import (
 from pyinfra.core.arrays import Float32Array, FloatArray, Points, Records
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import LabelTime
+from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.formats import kitti
 
 __all__ = [
@@ -115,17 +116,19 @@ def load_observer(
     seed: int | None = None,
     set: Mapping[str, object] | None = None,
     mount: str = "",
+    period_s: float = PERIOD_S,
 ) -> Observer:
     """Builds a site and the traffic of some frames, to be observed from many poses.
 
-    frames: the frames that may be observed. mount: the mount whose evaluation region counts; only
-    needed if the scene has several. set: overrides of keys, as in `load_scene`. The scene's
-    filters have no effect. Raises ConfigError and IoError.
+    frames: the frames that may be observed. period_s: frame period of the LiDARs.
+    mount: the mount whose evaluation region counts; only needed if the scene has several.
+    set: overrides of keys, as in `load_scene`. The scene's filters have no effect.
+    Raises ConfigError and IoError.
     """
     assignments = [f"{key}={_yaml(value)}" for key, value in (set or {}).items()]
     if seed is not None:
         assignments.append(f"seed={seed}")
-    return Observer(str(file), assignments, preset, mount, list(frames))
+    return Observer(str(file), assignments, preset, mount, list(frames), period_s)
 
 
 def make_world(scene: Mapping[str, object], *, preset: str = "datasheet", mount: str = "") -> World:
@@ -139,13 +142,20 @@ def make_world(scene: Mapping[str, object], *, preset: str = "datasheet", mount:
 
 
 def load_lidar(
-    file: str | Path, preset: str = "datasheet", *, law_exponent: float | None = None
+    file: str | Path,
+    preset: str = "datasheet",
+    *,
+    rate_hz: float | None = None,
+    law_exponent: float | None = None,
 ) -> Lidar:
     """Loads a LiDAR file under one preset. Raises ConfigError and IoError.
 
+    rate_hz: frames per second; by default that of the file
     law_exponent: exponent of the detection law of a LiDAR with one published range
     """
     lidar = Lidar(str(file), preset)
+    if rate_hz is not None:
+        lidar = lidar.with_rate(rate_hz)
     return lidar if law_exponent is None else lidar.with_law_exponent(law_exponent)
 
 
@@ -177,7 +187,7 @@ def simulate(
     Warns if the scene's weather has no effect on a LiDAR.
     Raises IoError, and ConfigError for a wrong file or a frame that the scene does not have. Also
     raises ConfigError if the scene has keys for a LiDAR's preset but was loaded with a different
-    preset.
+    preset, and for LiDARs of different frame periods.
     """
     if isinstance(scene, World):
         if seed is not None or set or mount:
@@ -189,10 +199,11 @@ def simulate(
     for line in warnings(world, units):
         warn(line, stacklevel=2)
     count = threads or os.cpu_count() or 1
+    existing = world.frames_of(units[0].period_s) if units else world.frames
     numbers = []
     for k in frames:  # one by one, because an iterable may be larger than the memory
-        if not 0 <= k < world.frames:
-            raise ConfigError(f"frames: expected 0 to {world.frames - 1}, got {k}")
+        if not 0 <= k < existing:
+            raise ConfigError(f"frames: expected 0 to {existing - 1}, got {k}")
         numbers.append(k)
     return FrameStream(world, units, numbers, count)
 

@@ -4,47 +4,132 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from pyinfra.core.arrays import FloatArray, IntArray
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset.frame_tables import Vehicles, without_points
+from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.world_frame import to_levelled
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.text_table import is_whole
 
-INSTANT_S = 0.1  # interval between instants; frame k lies between instants k and k + 1
+ROW_STEP_S = 0.1  # interval between rows
 _NUMBERS = ["x", "y", "z", "dx", "dy", "dz", "heading"]
 
 
-def read_objects_at(file: Path, frames: Sequence[int], pose: WorldPose) -> Vehicles:
+def read_objects_at(
+    file: Path, frames: Sequence[int], pose: WorldPose, period_s: float = PERIOD_S
+) -> Vehicles:
     """Returns the objects of trajectories.csv at the middle of the given ascending frames.
 
     Boxes are in the levelled LiDAR frame with the given pose. For all objects, `points` is 0 and
     `visibility` is -1, because the file contains no data about LiDARs. Raises FormatError.
     """
     rows = read_rows(file, ["t", "id", "class", *_NUMBERS])
-    instant = np.round(rows.t.to_numpy() / INSTANT_S).astype(np.int64)
-    index = pd.Series(np.arange(len(frames)), index=np.array(frames, dtype=np.int64))
-    before = rows.assign(frame=index.reindex(instant).to_numpy()).dropna(subset="frame")
-    after = rows.assign(frame=index.reindex(instant - 1).to_numpy()).dropna(subset="frame")
-    pairs = before.merge(after, on=["frame", "id"], suffixes=("", "_after"))
-    pairs = pairs.sort_values(["frame", "id"], kind="stable")
-    first = pairs[_NUMBERS].to_numpy(np.float64)
-    last = pairs[[f"{name}_after" for name in _NUMBERS]].to_numpy(np.float64)
+    rows = rows.sort_values(["id", "t"], kind="stable")
+    numbers = np.array(frames, dtype=np.float64)
+    spans = existing(rows, numbers * period_s, (numbers + 1) * period_s)
+    values = rows[_NUMBERS].to_numpy(np.float64)
+    first, last = spans.at_start(values), spans.at_end(values)
     boxes = (first + last) / 2
-    turned = (last[:, 6] - first[:, 6] + np.pi) % (2 * np.pi) - np.pi
-    boxes[:, 6] = (first[:, 6] + turned / 2 - pose.yaw + np.pi) % (2 * np.pi) - np.pi
+    turned = _wrapped(last[:, 6] - first[:, 6])
+    boxes[:, 6] = _wrapped(first[:, 6] + turned / 2 - pose.yaw)
     boxes[:, :2] = to_levelled(boxes[:, :2], pose)
     boxes[:, 2] -= pose.z
     return without_points(
-        frame=pairs.frame.to_numpy(np.int64),
-        ids=pairs.id.to_numpy(np.int64),
-        names=pairs["class"].to_numpy(dtype=np.str_),
+        frame=spans.span,
+        ids=rows.id.to_numpy(np.int64)[spans.row],
+        names=rows["class"].to_numpy(dtype=np.str_)[spans.row],
         boxes=boxes,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class ExistingObjects:
+    """The objects that exist in spans of time, ordered by span and object.
+
+    row : (k,) a row of the object in the sorted table
+    span : (k,) index of the span of time
+    start, end : (k,) position of the span's start and end in the sorted table: 2.5 is between rows
+        2 and 3
+    """
+
+    row: IntArray
+    span: IntArray
+    start: FloatArray
+    end: FloatArray
+
+    def at_start(self, values: FloatArray) -> FloatArray:
+        """Interpolates columns (n, m) of the table at the starts: (k, m).
+
+        Column 6, if there is one, is an angle, which changes the short way.
+        """
+        return _between_rows(values, self.start)
+
+    def at_end(self, values: FloatArray) -> FloatArray:
+        return _between_rows(values, self.end)
+
+
+def existing(rows: pd.DataFrame, starts: FloatArray, ends: FloatArray) -> ExistingObjects:
+    """Returns the objects of trajectories.csv that exist in ascending spans of time.
+
+    rows : columns t and id, sorted by id, then by t. An object exists from its first to its last
+        row. Between two rows it moves linearly, so the file omits rows in which it stands.
+    starts, ends : (m,) seconds
+    """
+    ids = rows.id.to_numpy(np.int64)
+    steps = np.rint(rows.t.to_numpy(np.float64) / ROW_STEP_S).astype(np.int64)
+    first = np.flatnonzero(np.diff(ids, prepend=-1) != 0)
+    last = np.append(first[1:], len(ids))[: len(first)] - 1
+    start, end = _positions(starts), _positions(ends)
+    begin = np.searchsorted(start, steps[first])
+    count = np.maximum(0, np.searchsorted(end, steps[last], side="right") - begin)
+    which = np.repeat(np.arange(len(first)), count)
+    span = np.repeat(begin - np.cumsum(count) + count, count) + np.arange(len(which))
+    order = np.lexsort((which, span))
+    which, span = which[order], span[order]
+    # All rows on one axis of time: each object after the object before it.
+    apart = int(steps.max(initial=0)) + 2
+    number = np.cumsum(np.diff(ids, prepend=-1) != 0) - 1
+    axis = (number * apart + steps).astype(np.float64)
+
+    def place(positions: FloatArray) -> FloatArray:
+        at = which * apart + positions[span]
+        before = np.searchsorted(axis, at, side="right") - 1
+        after = np.minimum(before + 1, last[which])
+        gap = np.maximum(axis[after] - axis[before], 1)
+        out: FloatArray = before + (at - axis[before]) / gap
+        return out
+
+    return ExistingObjects(first[which], span, place(start), place(end))
+
+
+def _positions(times: FloatArray) -> FloatArray:
+    """Returns times in steps of rows; a time within 1e-6 of a row is that row."""
+    positions = np.asarray(times, dtype=np.float64) / ROW_STEP_S
+    nearest = np.rint(positions)
+    out: FloatArray = np.where(np.abs(positions - nearest) <= 1e-6, nearest, positions)
+    return out
+
+
+def _between_rows(values: FloatArray, at: FloatArray) -> FloatArray:
+    before = np.floor(at).astype(np.int64)
+    share = (at - before)[:, None]
+    after = np.minimum(before + (share[:, 0] > 0), len(values) - 1)
+    change = values[after] - values[before]
+    change[:, 6:7] = _wrapped(change[:, 6:7])
+    out: FloatArray = values[before] + share * change
+    return out
+
+
+def _wrapped(angle: FloatArray) -> FloatArray:
+    out: FloatArray = (angle + np.pi) % (2 * np.pi) - np.pi
+    return out
 
 
 def read_rows(file: Path, columns: Sequence[str]) -> pd.DataFrame:

@@ -37,7 +37,7 @@ def recommend(
     budget_usd: float = math.inf,
     min_ap: float = Requirements.min_ap,
     range_m: float = Requirements.range_m,
-    latency_ms: float = Requirements.latency_ms,
+    latency_ms: float | None = None,
     scene: str = "",
     preset: str = "",
     tier: Tier = "quick",
@@ -51,7 +51,7 @@ def recommend(
     min_ap : lowest AP of all vehicles in the region, 1 to 100
     range_m : range within which AP, recall and coverage are computed, up to 100; along a road it
         is measured to either side of the sensor; with 100, AP and recall are of the whole region
-    latency_ms : longest median time per frame
+    latency_ms : longest median time per frame; by default the frame period of the LiDAR
     scene : name of the scene; required if the tables have several
     preset : preset of the LiDARs; by default the first of `datasheet`, `equal` and `paper` that
         has two LiDARs or more
@@ -133,7 +133,7 @@ def _row(
         "latency_ms": option.latency_ms,
         "meets": not broken,
         "reason": ", ".join(missed.reason for missed in broken),
-        "relax": relaxation(broken, requirements),
+        "relax": relaxation(broken, requirements.limit_ms(option.frame_ms)),
         "meets_price": "price" not in over,
         "meets_ap": "ap" not in over,
         "meets_latency": "latency" not in over,
@@ -173,29 +173,30 @@ def shortfalls(option: Option, requirements: Requirements) -> list[Shortfall]:
         shown = unlike(ap, requirements.min_ap, 1)
         reason = f"AP {shown} of {counted}" if math.isfinite(ap) else f"no AP of {counted}"
         missed.append(Shortfall("ap", reason, relax, 1 - ap / requirements.min_ap))
-    if not option.latency_ms <= requirements.latency_ms:
+    limit_ms = requirements.limit_ms(option.frame_ms)
+    if not option.latency_ms <= limit_ms:
         known = math.isfinite(option.latency_ms)
         relax = f"a latency of {math.ceil(option.latency_ms)} ms" if known else ""
-        share = option.latency_ms / requirements.latency_ms - 1 if known else math.inf
+        share = option.latency_ms / limit_ms - 1 if known else math.inf
         missed.append(Shortfall("latency", latency(option, requirements), relax, share))
     return missed
 
 
-def relaxation(broken: Sequence[Shortfall], requirements: Requirements) -> str:
+def relaxation(broken: Sequence[Shortfall], limit_ms: float) -> str:
     """Returns as text the requirements that an option would meet.
 
     If no other requirement would help, the text asks for a measured latency.
     """
     words = [missed.relax for missed in broken if missed.relax]
     if len(words) < len(broken):
-        words.append(f"a measured latency of {requirements.latency_ms:g} ms or less")
+        words.append(f"a measured latency of {limit_ms:g} ms or less")
     return " and ".join(words)
 
 
 def latency(option: Option, requirements: Requirements) -> str:
     if math.isnan(option.latency_ms):
         return "no latency was measured"
-    return f"{against(option.latency_ms, requirements.latency_ms)} ms a frame"
+    return f"{against(option.latency_ms, requirements.limit_ms(option.frame_ms))} ms a frame"
 
 
 def against(value: float, limit: float) -> str:

@@ -14,7 +14,7 @@ from pyinfra.core.errors import Error
 from pyinfra.dataset.frames_version import LEARNT, MAY_BE_BETTER, other_frames
 from pyinfra.experiments.benchmark.replicates import ExperimentReplicates
 from pyinfra.experiments.coverage import ROAD, coverage
-from pyinfra.experiments.requirements import Requirements
+from pyinfra.experiments.requirements import FRAME_MS, Requirements
 from pyinfra.experiments.result_tables import Results, check_tier, hardly_learnt, read_results
 from pyinfra.experiments.value import KEY, MOUNTS, SITE_ITEMS, mounts_of
 from pyinfra.metrics.comparison import Interval
@@ -70,6 +70,7 @@ class Option:
     recall: Interval = UNKNOWN  # percent of all vehicles within range_m, predictions of any score
     covered_in: str = ROAD  # what covered_m and road_m count
     no_interval: str = ""  # why covered_m has no interval
+    frame_ms: float = FRAME_MS  # frame period of the LiDAR
     ap_name: str = AP_R1000  # name of the AP measure; in tables of version 0.2 it is AP (R40)
     # Percent of all vehicles of the region that a box of any score matches.
     detected: Interval | None = None
@@ -202,11 +203,17 @@ def prices(results: Results) -> pd.DataFrame:
     lidars = results.table("lidars")
     if lidars.empty:
         price = value.price_usd
-        return value.assign(price_low_usd=price, price_high_usd=price, price_source="")
+        return value.assign(
+            price_low_usd=price, price_high_usd=price, price_source="", frame_ms=FRAME_MS
+        )
     ends = ["price_low_usd", "price_high_usd"]
-    columns = ["lidar", "preset", "price_source", *ends]
+    lidars = lidars.assign(frame_ms=1000 * lidars["period_s"])
+    columns = ["lidar", "preset", "price_source", "frame_ms", *ends]
     value = value.merge(lidars[columns], on=["lidar", "preset"], how="left")
-    value = value.assign(price_source=value.price_source.fillna("").astype(str))
+    value = value.assign(
+        price_source=value.price_source.fillna("").astype(str),
+        frame_ms=value.frame_ms.fillna(FRAME_MS),
+    )
     totals = {end: value[end] * value[MOUNTS] + value.site_usd for end in ends}
     return value.assign(**{end: usd.fillna(value.price_usd) for end, usd in totals.items()})
 
@@ -270,6 +277,7 @@ def option(row: pd.Series, replicates: ExperimentReplicates) -> Option:
         road_m=row.road_m,
         latency_ms=row.latency_p50_ms,
         latency_p95_ms=row.latency_p95_ms,
+        frame_ms=row.frame_ms,
         machine=str(row.get("latency_machine", "")),
         other_cores=row.latency_other_cores,
         replicates=replicates.row(

@@ -289,9 +289,10 @@ def doubts_of_price(named: Sequence[Option], requirements: Requirements) -> Iter
 
 def doubts_of_latency(named: Sequence[Option], requirements: Requirements) -> Iterator[str]:
     """Yields a remark on options that exceed the latency in more than 5 % of the frames."""
-    late = [option for option in named if option.latency_p95_ms > requirements.latency_ms]
+    late = [o for o in named if o.latency_p95_ms > requirements.limit_ms(o.frame_ms)]
     if late:
-        text = f"Above {requirements.latency_ms:g} ms in more than 5 % of the frames: {names(late)}"
+        limits = requirements.limits_text(option.frame_ms for option in late)
+        text = f"Above {limits} in more than 5 % of the frames: {names(late)}"
         yield f"{text}. Their median latency is lower."
 
 

@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+
+import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.windows import REGION_M
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
 
-FRAME_MS = 1000 * PERIOD_S  # a detector that takes longer per frame is slower than its LiDAR
+FRAME_MS = 1000 * PERIOD_S  # frame period of LiDARs in tables that do not have it
+
+
+def frame_ms(lidars: pd.DataFrame, lidar: str, preset: str) -> float:
+    """Returns the frame period of a LiDAR from the table `lidars`, in ms."""
+    if lidars.empty:
+        return FRAME_MS
+    rows = lidars[(lidars.lidar == lidar) & (lidars.preset == preset)].period_s.dropna()
+    return 1000 * float(rows.iloc[0]) if len(rows) else FRAME_MS
+
 
 # No detector is faster than this, so that a smaller number is probably in seconds.
 LEAST_LATENCY_MS = 1.0
@@ -24,7 +36,18 @@ class Requirements:
     # Lowest AP of all vehicles, 0 to 100. Road counts as covered where AP is above it.
     min_ap: float = HIGH_QUALITY
     range_m: float = REGION_M  # range within which AP and coverage are computed, to either side
-    latency_ms: float = FRAME_MS  # longest median time per frame
+    # Longest median time per frame. None: the frame period of the LiDAR. A detector that takes
+    # longer is slower than its LiDAR.
+    latency_ms: float | None = None
+
+    def limit_ms(self, frame_ms: float) -> float:
+        """Returns the longest median time per frame of a LiDAR with a frame period."""
+        return frame_ms if self.latency_ms is None else self.latency_ms
+
+    def limits_text(self, frames_ms: Iterable[float]) -> str:
+        """Returns the longest median times of LiDARs with these frame periods as text."""
+        limits = sorted({self.limit_ms(frame_ms) for frame_ms in frames_ms})
+        return " or ".join(f"{limit:g}" for limit in limits) + " ms"
 
 
 def unlike(value: float, limit: float, digits: int) -> str:
@@ -40,21 +63,21 @@ def place_of(range_m: float) -> str:
 
 
 def checked_requirements(
-    budget_usd: float, min_ap: float, range_m: float, latency_ms: float
+    budget_usd: float, min_ap: float, range_m: float, latency_ms: float | None
 ) -> Requirements:
     """Returns the requirements. Raises Error for a number out of range."""
     for key, value, least, top in (
         ("budget_usd", budget_usd, 0, math.inf),
         ("min_ap", min_ap, 1, 100),
         ("range_m", range_m, 0, REGION_M),
-        ("latency_ms", latency_ms, 0, math.inf),
+        ("latency_ms", math.inf if latency_ms is None else latency_ms, 0, math.inf),
     ):
         if not least < value <= top:
             upper = f" to {top:g}" if top < math.inf else ""
             text = f"{key}: expected above {least}{upper}, got {value:g}"
             share = key == "min_ap" and 0 < value <= 1
             raise Error(f"{text}; AP is 0 to 100, not a share" if share else text)
-    if latency_ms < LEAST_LATENCY_MS:
+    if latency_ms is not None and latency_ms < LEAST_LATENCY_MS:
         raise Error(
             f"latency_ms: expected milliseconds, {LEAST_LATENCY_MS:g} or more, got "
             f"{latency_ms:g}; {latency_ms:g} s are {1000 * latency_ms:g} ms"

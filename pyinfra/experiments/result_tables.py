@@ -153,6 +153,7 @@ KINDS = {
         "lidar price_source price_date",
         "units price_low_usd price_high_usd",
         "lidar preset",
+        "period_s",
     ),
     "stress": kind(
         "stress.csv",

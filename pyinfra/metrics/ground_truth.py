@@ -207,7 +207,7 @@ def with_absent(
     """Returns `vehicles`, plus the vehicles of trajectories.csv that are not in `vehicles`."""
     if not file.is_file():
         return vehicles
-    others = read_objects_at(file, frames, lidar.T_world_levelled)
+    others = read_objects_at(file, frames, lidar.T_world_levelled, lidar.period_s)
     return _with(vehicles, others.select(_unknown(vehicles, others)))
 
 

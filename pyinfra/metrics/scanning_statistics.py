@@ -19,7 +19,7 @@ from pyinfra.core.files import replacing
 from pyinfra.core.progress import track
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.data_set import DataSet, read_data_set
-from pyinfra.dataset.trajectories import read_rows
+from pyinfra.dataset.trajectories import existing, read_rows
 from pyinfra.formats.kitti import RECORDED
 from pyinfra.metrics import scanning_tables as statistics_tables
 from pyinfra.metrics.intervals import Blocks
@@ -61,14 +61,16 @@ def vehicle_tables(vehicles: Observations, blocks: Blocks) -> Tables:
 
 
 def speed_table(data: DataSet) -> pd.DataFrame:
-    """Returns the speeds of all vehicles at the times of the frames, from trajectories.csv.
+    """Returns the speeds of all vehicles at the starts of the frames, from trajectories.csv.
 
     Raises FormatError with file and line.
     """
     rows = _speeds(data.folder / "trajectories.csv")
-    number = np.round(rows.t / data.period_s).astype(np.int64)
-    rows = rows[np.isin(number, data.frames) & ~rows["class"].isin(PERSON_TYPES)]
-    return statistics_tables.speed_distribution(rows.id.to_numpy(), rows.speed.to_numpy())
+    rows = rows[~rows["class"].isin(PERSON_TYPES)].sort_values(["id", "t"], kind="stable")
+    starts = np.array(data.frames) * data.period_s
+    seen = existing(rows, starts, starts)
+    speed = seen.at_start(rows[["speed"]].to_numpy(np.float64))[:, 0]
+    return statistics_tables.speed_distribution(rows.id.to_numpy()[seen.row], speed)
 
 
 def _speeds(file: Path) -> pd.DataFrame:

@@ -22,25 +22,31 @@ FIELD = DrawnArea((-40, 40), (-40, 40))  # degrees
 CLOSE_UP = DrawnArea((-3, 3), (-8, -2))
 
 
-def draw_patterns(patterns: Mapping[str, FloatArray], file: Path) -> Path:
+def draw_patterns(
+    patterns: Mapping[str, FloatArray], file: Path, periods_s: Mapping[str, float] | None = None
+) -> Path:
     """Writes the figure of pattern_picture() to `file` and returns `file`."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    save(pattern_picture(patterns), file)
+    save(pattern_picture(patterns, periods_s), file)
     return file
 
 
-def pattern_picture(patterns: Mapping[str, FloatArray]) -> Figure:
+def pattern_picture(
+    patterns: Mapping[str, FloatArray], periods_s: Mapping[str, float] | None = None
+) -> Figure:
     """Draws the directions of each LiDAR's rays: all rays, and the rays on a car's rear at 60 m.
 
     patterns: by name, (n, 3) azimuth, elevation (rad) and time (s), from 0 s on. Only the rays of
-    the first 0.1 s are drawn. The mean number of rays on the car is computed from all rays.
+    the first frame are drawn. The mean number of rays on the car is computed from all rays.
+    periods_s: frame periods by name; by default 0.1 s.
     """
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(2.5 * len(patterns) + 0.3, 5.3), layout="constrained")
         grid = figure.subplots(2, len(patterns), squeeze=False, sharey="row")
         for column, (name, rays) in enumerate(patterns.items()):
             field, close = grid[:, column]
-            frame = np.degrees(rays[rays[:, 2] < PERIOD_S, :2])
+            period_s = (periods_s or {}).get(name, PERIOD_S)
+            frame = np.degrees(rays[rays[:, 2] < period_s, :2])
             _draw_rays(field, frame, FIELD, 0.35)
             _draw_rays(close, frame, CLOSE_UP, 2.3)
             low, high = np.degrees(CAR)
@@ -48,8 +54,8 @@ def pattern_picture(patterns: Mapping[str, FloatArray]) -> Figure:
             car = Rectangle(low, *size, fill=False, edgecolor="#D55E00", linewidth=1.6)
             close.add_patch(car)
             on_car = ((rays[:, :2] > CAR[0]) & (rays[:, :2] < CAR[1])).all(axis=1)
-            frames = max(1, round(float(rays[:, 2].max()) / PERIOD_S))
-            field.set_title(f"{name}\n{len(frame):,} rays in {PERIOD_S:g} s")
+            frames = max(1, round(float(rays[:, 2].max()) / period_s))
+            field.set_title(f"{name}\n{len(frame):,} rays in {period_s:g} s")
             close.set_title(
                 f"on a car's rear at {CAR_AT_M:g} m:\n{on_car.sum() / frames:.0f} rays on average"
             )

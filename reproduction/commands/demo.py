@@ -70,7 +70,9 @@ def main() -> None:
         kitti.read_lidar(folder).model: scan_pattern(lidar_file(folder.name))
         for folder in data_sets[0]
     }
-    pictures.append(draw_patterns(patterns, out / "pictures/patterns.png"))
+    read = [kitti.read_lidar(folder) for folder in data_sets[0]]
+    periods_s = {lidar.model: lidar.period_s for lidar in read}
+    pictures.append(draw_patterns(patterns, out / "pictures/patterns.png", periods_s))
     progress("done")
     print(f"\nhit points   {out / 'hit_points.csv'}\nframes       {out / 'data'}")
     for file in pictures:

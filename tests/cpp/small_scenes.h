@@ -120,8 +120,8 @@ inline Trajectories straight_on(const std::vector<ObjectState>& at_start, int fr
   for (int k = 0; k <= frames; ++k) {
     auto& row = out.rows.emplace_back(at_start);
     for (ObjectState& s : row) {
-      s.box.x += s.speed_m_s * k * kFramePeriod * std::cos(s.box.heading);
-      s.box.y += s.speed_m_s * k * kFramePeriod * std::sin(s.box.heading);
+      s.box.x += s.speed_m_s * k * kRowStep_s * std::cos(s.box.heading);
+      s.box.y += s.speed_m_s * k * kRowStep_s * std::sin(s.box.heading);
     }
   }
   return out;

@@ -557,7 +557,7 @@ TEST(lidar_file, keys_are_checked) {
   expect_lidar_error("range_accuracy_m: 0.02", "accuracy_m: 0.02 #!\n", "returns.accuracy_m",
                      "range_accuracy_m");
   expect_lidar_error("{rate_hz: 10, azi", "{rate_hz: .inf, #!\n azi", "pattern.spinning.rate_hz",
-                     "1000");
+                     "expected 5 to 20");
   expect_lidar_error("low: 1, high: 2", "low: 3, high: 2 #!\n", "price_usd.high", "low or more");
   expect_lidar_error("name: two", "name: a/b #!", "name", "folder");
   expect_lidar_error("upper_deg: 1, lower_deg: -1", "upper_deg: -1, lower_deg: 1 #!\n",
@@ -565,7 +565,7 @@ TEST(lidar_file, keys_are_checked) {
   expect_lidar_error("count: 2, upper", "file: a.csv, count: 2, #!\n upper",
                      "pattern.spinning.channels.count", "one of");
   expect_lidar_error("azimuth_step_deg: 0.2}\n",
-                     "azimuth_step_deg: 0.2} #!\n  table: {file: a.csv, rays_per_s: 10}\n",
+                     "azimuth_step_deg: 0.2} #!\n  table: {file: a.csv, rays_per_s: 20}\n",
                      "pattern.spinning", "one of spinning, prisms, table");
 }
 
@@ -593,10 +593,11 @@ TEST(lidar_file, a_frame_has_at_least_one_ray_and_no_more_than_memory_holds) {
     expect_lidar_error("rate_hz: 10, azimuth_step_deg: 0.2}", by + "} #!", "pattern." + key, what);
   };
   expect("rate_hz: 10, azimuth_step_deg: 1e-9", "spinning.azimuth_step_deg",
-         "expected 10 to 100000000 columns a second, got 3600000000000");
-  expect("rate_hz: 10, azimuth_step_deg: 1e-300", "spinning.azimuth_step_deg", "expected 10 to");
-  expect("rate_hz: 1e-9, azimuth_step_deg: 0.2", "spinning.rate_hz", "columns a second");
-  expect("rate_hz: 1000, columns_per_turn: 1000000", "spinning.columns_per_turn", "1000000000");
+         "expected 20 to 100000000 columns a second, got 3600000000000");
+  expect("rate_hz: 10, azimuth_step_deg: 1e-300", "spinning.azimuth_step_deg", "expected 20 to");
+  expect("rate_hz: 4.9, azimuth_step_deg: 0.2", "spinning.rate_hz", "expected 5 to 20, got");
+  expect("rate_hz: 20.1, azimuth_step_deg: 0.2", "spinning.rate_hz", "expected 5 to 20, got");
+  expect("rate_hz: 20, columns_per_turn: 50000000", "spinning.columns_per_turn", "1000000000");
 }
 
 TEST(lidar_file, rays_of_all_lasers_and_units_are_counted) {

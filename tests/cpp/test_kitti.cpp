@@ -321,39 +321,6 @@ TEST(claim, of_a_folder_with_the_same_text_is_fine) {
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
 }
 
-TEST(claim, of_a_text_in_pieces_is_that_of_the_whole) {
-  const TestFolder folder;
-  const auto claim = [&](const std::vector<std::string>& pieces) {
-    claim_file(folder.path() / "long.csv", [&](const TakeText& take) {
-      for (const std::string& piece : pieces) take(piece);
-    });
-  };
-  std::vector<std::string> lines;
-  for (int i = 0; i < 90'000; ++i) lines.push_back("line " + std::to_string(100'000 + i) + "\n");
-  std::string whole;  // longer than one write
-  for (const std::string& line : lines) whole += line;
-  claim(lines);
-  EXPECT_EQ(content(folder.path() / "long.csv"), whole);
-  EXPECT_NO_THROW(claim(lines));
-  EXPECT_NO_THROW(claim({whole}));
-  const auto refused = [&](std::vector<std::string> pieces, const std::string& what) {
-    const std::string message = error_of<IoError>([&] { claim(pieces); });
-    EXPECT_NE(message.find(what), std::string::npos) << message;
-  };
-  lines[300] = "lint 100300\n";
-  refused(lines,
-          ":301: the folder holds another run: it has 'line 100300', this run has "
-          "'lint");
-  lines[300] = "line 100300\n";
-  lines.emplace_back("more\n");
-  refused(lines, ":90001: the folder holds another run: it has '(end)', this run has 'more'");
-  lines.resize(2);
-  refused(lines,
-          ":3: the folder holds another run: it has 'line 100002', this run has "
-          "'(end)'");
-  EXPECT_EQ(content(folder.path() / "long.csv"), whole);
-}
-
 TEST(claim, of_a_folder_with_another_text_is_an_error_that_names_the_line) {
   const TestFolder folder;
   const auto file = folder.path() / "dataset.yaml";

@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include <cmath>
 
 #include "infrasim/pipeline/world.h"
@@ -41,15 +43,16 @@ TEST(parked, vehicles_stand_for_the_whole_run_and_change_nothing_of_the_traffic)
   const Trajectories traffic = simulate_traffic(build_site(scene));
   const World world = build_world(scene);
   ASSERT_EQ(world.trajectories->rows.size(), traffic.rows.size());
-  for (std::size_t k = 0; k < traffic.rows.size(); ++k) {
-    const auto& row = world.trajectories->rows[k];
-    ASSERT_EQ(row.size(), traffic.rows[k].size() + parked.size());
-    const ObjectState& last = row.back();
-    EXPECT_EQ(last.id, kFirstParkedId + static_cast<int>(parked.size()) - 1);
-    EXPECT_EQ(last.box.x, parked.back().state.box.x);
-    EXPECT_EQ(last.speed_m_s, 0);
-    EXPECT_EQ(row.front().box.x, traffic.rows[k].front().box.x);
-  }
+  const std::vector<ObjectState>& standing = world.trajectories->standing;
+  ASSERT_EQ(standing.size(), parked.size());
+  EXPECT_EQ(standing.back().id, kFirstParkedId + static_cast<int>(parked.size()) - 1);
+  EXPECT_EQ(standing.back().box.x, parked.back().state.box.x);
+  EXPECT_EQ(standing.back().speed_m_s, 0);
+  for (std::size_t k = 0; k < traffic.rows.size(); ++k)
+    EXPECT_EQ(world.trajectories->rows[k], traffic.rows[k]);
+  const auto objects = world.objects_in_frame(0, kUsualPeriod_s);
+  EXPECT_EQ(objects.size(), world.trajectories->rows[0].size() + parked.size());
+  EXPECT_TRUE(std::ranges::is_sorted(objects, {}, &MovingObject::id));
 }
 
 TEST(parked, vehicles_are_a_draw_of_the_seed) {
@@ -108,7 +111,7 @@ TEST(parked, vehicles_stand_beside_recorded_ones_with_other_ids) {
     scene.traffic.reset();
     scene.trajectories = "recorded.csv";
     scene.duration_s = 0.2;
-    return build_world(scene).trajectories->rows.back().size();
+    return build_world(scene).objects_in_frame(1, kUsualPeriod_s).size();
   };
   EXPECT_GT(recorded(7), 20U);
   const std::string message = error_of([&] { recorded(kFirstParkedId); });

@@ -63,7 +63,7 @@ TEST(people, come_and_go_at_the_ends_of_their_line_alone) {
   const SceneConfig scene = with_people(kBothSides);
   const People people = people_of(scene);
   Trajectories rows;
-  for (int k = 0; k <= 3000; ++k) rows.rows.push_back(people.at(k * kFramePeriod));
+  for (int k = 0; k <= 3000; ++k) rows.rows.push_back(people.at(k * kRowStep_s));
   const Curve line = centreline(scene.roads[0]);
   std::map<int, ObjectState> before;
   int came = 0;
@@ -84,7 +84,7 @@ TEST(people, come_and_go_at_the_ends_of_their_line_alone) {
         continue;
       }
       const Box3d &a = last->second.box, &b = s.box;
-      EXPECT_NEAR(norm(Vec2{b.x - a.x, b.y - a.y}), s.speed_m_s * kFramePeriod, 0.12);
+      EXPECT_NEAR(norm(Vec2{b.x - a.x, b.y - a.y}), s.speed_m_s * kRowStep_s, 0.12);
       EXPECT_LT(std::abs(wrap_angle(b.heading - a.heading)), rad(5));
       EXPECT_EQ(a.dx, b.dx);
     }
@@ -109,7 +109,7 @@ TEST(people, share_no_place) {
     OverlapSearch search;
     double farthest = 0;
     for (int k = 0; k <= 3000; ++k) {
-      const auto there = people.at(k * kFramePeriod);
+      const auto there = people.at(k * kRowStep_s);
       for (const ObjectState& s : there) {
         const Vec2 xy{s.box.x, s.box.y};
         farthest = std::max(farthest, std::abs(norm(xy - line.at(line.project(xy)).position) - 11));
@@ -125,7 +125,7 @@ TEST(people, are_as_many_at_all_times) {
   const People people = people_of(with_people(kBothSides));
   const auto first = static_cast<double>(people.at(0).size());
   for (int k = 0; k <= 5000; k += 100)
-    EXPECT_NEAR(static_cast<double>(people.at(k * kFramePeriod).size()), first, 0.15 * first);
+    EXPECT_NEAR(static_cast<double>(people.at(k * kRowStep_s).size()), first, 0.15 * first);
 }
 
 TEST(people, change_nothing_of_the_traffic_and_stand_behind_it_in_the_rows) {
@@ -192,12 +192,14 @@ TEST(people_who_stand, are_as_many_as_asked_inside_the_radius_and_share_no_place
   }
 }
 
-TEST(people_who_stand, stand_in_every_row_of_the_world_after_all_others) {
+TEST(people_who_stand, stand_in_every_frame_of_the_world_after_all_others) {
   const World world = build_world(with_group("x_m: 3, y_m: 40, count: 3"));
-  for (const auto& row : world.trajectories->rows) {
-    ASSERT_GE(row.size(), 3U);
+  for (const int k : {0, world.frames(kUsualPeriod_s) - 1}) {
+    const auto objects = world.objects_in_frame(k, kUsualPeriod_s);
+    ASSERT_GE(objects.size(), 3U);
     for (std::size_t i = 0; i < 3; ++i) {
-      const ObjectState& state = row[row.size() - 3 + i];
+      const MovingObject& state = objects[objects.size() - 3 + i];
+      EXPECT_EQ(state.from, state.to);
       EXPECT_EQ(state.id, kFirstStandingPersonId + static_cast<int>(i));
       EXPECT_EQ(state.object_class, Class::kPedestrian);
       EXPECT_EQ(state.speed_m_s, 0);

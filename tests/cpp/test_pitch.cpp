@@ -47,14 +47,14 @@ TEST(pitch, points_of_a_vehicle_on_a_grade_lie_in_its_own_box) {
     const World world = world_on_a_grade(speed);
     const std::array lidars{plain_lidar("turning", spinning(128, -25, 5, 0.1))};
     const Frame frame = FrameSimulator(world, lidars).simulate(3, {true}).front();
-    const auto moving = world.trajectories->in_frame(3);
+    const auto moving = world.trajectories->in_step(3);
     std::array<int, 2> points{};
     double farthest_from_level = 0;
     for (std::size_t i = 0; i < frame.cloud.size(); ++i) {
       if (frame.cloud.object_id[i] < 0) continue;
       const auto car = static_cast<std::size_t>(frame.cloud.object_id[i] - 1);
       const Vec3 p{frame.cloud.xyz[3 * i], frame.cloud.xyz[3 * i + 1], frame.cloud.xyz[3 * i + 2]};
-      Box3d box = world.level.to_level(moving[car].at(frame.cloud.time[i] / kFramePeriod));
+      Box3d box = world.level.to_level(moving[car].at(frame.cloud.time[i] / kUsualPeriod_s));
       EXPECT_LE(outside(box, p), 0.01) << "car " << car << " at " << speed << " m/s";
       box.pitch = 0;
       farthest_from_level = std::max(farthest_from_level, outside(box, p));
@@ -91,8 +91,8 @@ TEST(pitch, a_vehicle_at_the_end_of_the_range_has_the_same_points_beside_a_longe
 
 TEST(pitch, frozen_triangles_stand_where_rays_meet_them) {
   const World world = world_on_a_grade(0);
-  const Box3d box = world.level.to_level(world.trajectories->in_frame(3)[0].at(0.5));
-  const TriangleMesh mesh = frozen_mesh(world, 3, 0.5);
+  const Box3d box = world.level.to_level(world.trajectories->in_step(3)[0].at(0.5));
+  const TriangleMesh mesh = frozen_mesh(world, 3, kUsualPeriod_s, 0.5);
   double highest = -kInf, lowest = kInf;
   for (std::size_t i = world.background().vertices.size(); i < mesh.vertices.size(); ++i) {
     const auto& v = mesh.vertices[i];

@@ -140,8 +140,9 @@ TEST(frame, that_the_scene_does_not_have_is_an_error) {
 
 /// The box of a vehicle at the firing time of a point.
 Box3d box_at(const World& world, const PointCloud& cloud, std::size_t i, int k) {
-  for (const MovingObject& o : world.trajectories->in_frame(k))
-    if (o.id == cloud.object_id[i]) return world.level.to_level(o.at(cloud.time[i] / kFramePeriod));
+  for (const MovingObject& o : world.trajectories->in_step(k))
+    if (o.id == cloud.object_id[i])
+      return world.level.to_level(o.at(cloud.time[i] / kUsualPeriod_s));
   ADD_FAILURE() << "no vehicle " << cloud.object_id[i];
   return {};
 }
@@ -645,7 +646,7 @@ TEST(hits, on_vehicles_that_touch_and_stand_on_the_road_do_not_depend_on_the_ord
                          car_on_road(3, 12, -3.7, 0), car_on_road(4, 16.5, -3.7, 0)};
   const World world = world_with(empty_road(), cars);
   Raycaster raycaster = world.raycaster();
-  set_vehicles(world, 0, 200, raycaster);
+  set_vehicles(world, 0, kUsualPeriod_s, 200, raycaster);
   const RayBatch rays = rays_at_shared_edges(world, cars);
   std::vector<std::uint32_t> order = every(rays);
   HitBatch in_order, shuffled;
@@ -669,9 +670,9 @@ TEST(hits, at_a_vehicles_foot_are_those_on_the_road_alone_and_on_vehicles_alone)
   const World both = world_with(empty_road(), cars), road = world_with(empty_road(), {});
   const MeshLibrary nothing({}, both.meshes->bodies);
   Raycaster together = both.raycaster(), on_road = road.raycaster(), on_vehicles(nothing);
-  set_vehicles(both, 0, 200, together);
-  set_vehicles(road, 0, 200, on_road);
-  set_vehicles(both, 0, 200, on_vehicles);
+  set_vehicles(both, 0, kUsualPeriod_s, 200, together);
+  set_vehicles(road, 0, kUsualPeriod_s, 200, on_road);
+  set_vehicles(both, 0, kUsualPeriod_s, 200, on_vehicles);
   const RayBatch rays = rays_at_shared_edges(both, cars);
   HitBatch all, still, moving;
   together.cast(rays, every(rays), all);
@@ -691,12 +692,11 @@ TEST(frozen_mesh, has_the_vehicles_where_they_are_at_that_instant) {
   SceneConfig scene = empty_road();
   scene.mounts["pole"] = {.x_m = 3, .y_m = -7, .z_m = 5, .yaw_deg = 30};
   const World world = world_with(scene, {car_on_road(1, 20, -1.8, 0.2, 20)});
-  const TriangleMesh mesh = frozen_mesh(world, 2, 0.25);
+  const TriangleMesh mesh = frozen_mesh(world, 2, kUsualPeriod_s, 0.25);
   const std::size_t background = world.background().vertices.size();
   ASSERT_EQ(mesh.vertices.size(), background + world.bodies.front().vertices.size());
   EXPECT_EQ(mesh.class_id.size(), mesh.triangles.size());
-  const Box3d box =
-      world.level.to_level(body_box(world.trajectories->in_frame(2).front().at(0.25)));
+  const Box3d box = world.level.to_level(body_box(world.trajectories->in_step(2).front().at(0.25)));
   for (std::size_t i = background; i < mesh.vertices.size(); ++i)
     EXPECT_LT(
         distance_to_surface(box, {mesh.vertices[i][0], mesh.vertices[i][1], mesh.vertices[i][2]}),

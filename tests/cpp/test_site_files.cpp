@@ -284,7 +284,7 @@ TEST_F(SiteFiles, RaysMeetTheSurfaceOfAFileAndItsMaterial) {
   const World world = build_world(site(folder_));
   EXPECT_EQ(world.background().class_id, (std::vector<std::uint16_t>{0, 0}));
   Raycaster raycaster = world.raycaster();
-  raycaster.set_bodies({}, kFramePeriod);
+  raycaster.set_bodies({}, kUsualPeriod_s);
   RayBatch down;
   down.resize(1);
   down.dz[0] = -1;

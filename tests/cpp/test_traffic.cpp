@@ -132,7 +132,7 @@ TEST_P(committed_traffic, never_drives_backwards_nor_faster_than_drivers_wish) {
 /// Calls check(before, after, seconds) for each vehicle in each pair of consecutive rows.
 template <class Check>
 void for_each_step(const Trajectories& t, const Check& check) {
-  for (int k = 0; k < t.frames(); ++k) {
+  for (int k = 0; k < t.steps(); ++k) {
     auto before = t.rows[k].begin();
     for (const ObjectState& after : t.rows[k + 1]) {
       while (before != t.rows[k].end() && before->id < after.id) ++before;
@@ -144,7 +144,7 @@ void for_each_step(const Trajectories& t, const Check& check) {
 TEST_P(committed_traffic, moves_as_far_as_its_speed_says) {
   int wrong = 0;
   for_each_step(trajectories, [&](const ObjectState& a, const ObjectState& b, double t) {
-    const double moved = std::hypot(b.box.x - a.box.x, b.box.y - a.box.y) / kFramePeriod;
+    const double moved = std::hypot(b.box.x - a.box.x, b.box.y - a.box.y) / kRowStep_s;
     const double stated = (a.speed_m_s + b.speed_m_s) / 2;
     // The way of a driver beside the lane's centre is longer or shorter in a bend.
     if (std::abs(moved - stated) > 0.1 * stated + 0.05 && ++wrong <= 5)
@@ -170,7 +170,7 @@ TEST_P(committed_traffic, looks_where_it_goes) {
 TEST_P(committed_traffic, accelerates_as_vehicles_can) {
   int wrong = 0;
   for_each_step(trajectories, [&](const ObjectState& a, const ObjectState& b, double t) {
-    const double acceleration = (b.speed_m_s - a.speed_m_s) / kFramePeriod;
+    const double acceleration = (b.speed_m_s - a.speed_m_s) / kRowStep_s;
     if ((acceleration < -8.01 || acceleration > 3) && ++wrong <= 5)
       ADD_FAILURE() << "vehicle " << a.id << " at " << t << " s: " << acceleration << " m/s2";
   });

@@ -98,7 +98,7 @@ TEST(trajectories, of_a_scene_without_anybody_are_a_header_that_fits_any_duratio
   EXPECT_EQ(text, kHeader);
   scene.trajectories = folder.write("file.csv", text).string();
   scene.traffic.reset();
-  EXPECT_EQ(build_world(scene).trajectories->frames(), 30);
+  EXPECT_EQ(build_world(scene).trajectories->steps(), 30);
 }
 
 /// The road rises, so the tables have a column for the pitch.
@@ -168,12 +168,19 @@ TEST(trajectories, give_the_same_frames_from_their_file_as_from_the_traffic) {
 
 TEST(trajectories, handed_over_one_by_one_are_those_of_the_world) {
   const SceneConfig scene = road_with_traffic(15);
-  TrajectoryText lines;
-  std::string text = lines.header();
-  StateSource(checked_site(scene)).each([&](const auto& states) { text += lines.rows(states); });
-  text += lines.end();
+  const Site site = checked_site(scene);
+  const StateSource source(site);
+  std::string text;
+  int rows = 0;
+  write_trajectories(
+      false,
+      [&](const RowSink& sink) {
+        rows = 0;
+        source.each([&](const auto& states) { sink(rows++, states); });
+      },
+      [&](std::string_view piece) { text += piece; });
   EXPECT_EQ(text, trajectories_csv(*build_world(scene).trajectories));
-  EXPECT_EQ(lines.instants(), 31);
+  EXPECT_EQ(rows, 31);
 }
 
 TEST(trajectories, handed_over_one_by_one_need_a_scene_that_is_right_as_a_whole) {
@@ -200,7 +207,7 @@ TEST(trajectories, in_a_scene_file_are_relative_to_it) {
   scene.trajectories = "file.csv";
   folder.write("file.csv", kHeader + row("0", 1, "0") + row("0.1", 1, "1"));
   const auto file = folder.write("scene.yaml", dump_scene(scene));
-  EXPECT_EQ(build_world(read_scene(file)).trajectories->frames(), 1);
+  EXPECT_EQ(build_world(read_scene(file)).trajectories->steps(), 1);
 }
 
 TEST(trajectory_file, rows_out_of_order_are_an_error) {
@@ -212,6 +219,19 @@ TEST(trajectory_file, rows_out_of_order_are_an_error) {
 TEST(trajectory_file, a_vehicle_that_comes_back_after_a_gap_is_an_error) {
   const std::string other = row("0.1", 2, "50");
   expect_error(row("0", 1, "0") + row("0", 2, "50") + other + row("0.2", 1, "2"), 5, "id", "gap");
+}
+
+TEST(trajectory_file, of_equal_states_in_a_row_has_the_first_and_the_last) {
+  const std::string standing = row("0.1", 1, "1"), text = row("0", 1, "0") + standing;
+  const Trajectories back =
+      read(kHeader + text + row("0.3", 2, "50") + row("0.5", 1, "1") + row("0.6", 1, "2"));
+  ASSERT_EQ(back.rows.size(), 7U);
+  for (std::size_t k = 1; k <= 5; ++k) {
+    ASSERT_EQ(back.rows[k].size(), k == 3 ? 2U : 1U) << k;
+    EXPECT_EQ(back.rows[k].front(), back.rows[1].front()) << k;
+  }
+  EXPECT_EQ(trajectories_csv(back),
+            kHeader + text + row("0.3", 2, "50") + row("0.5", 1, "1") + row("0.6", 1, "2"));
 }
 
 TEST(trajectory_file, a_jump_or_a_sudden_turn_is_an_error) {
@@ -256,7 +276,7 @@ TEST(trajectory_file, what_is_no_number_is_an_error) {
 
 TEST(trajectory_file, starts_at_0_and_steps_by_a_tenth_of_a_second) {
   expect_error(row("0.1", 1, "0") + row("0.2", 1, "0"), 2, "t", "start");
-  expect_error(row("0", 1, "0") + row("0.2", 1, "0"), 3, "id", "0.1 s");
+  expect_error(row("0", 1, "0") + row("0.2", 1, "1"), 3, "id", "0.1 s");
   expect_error(row("0", 1, "0") + row("0.05", 1, "0"), 3, "t", "0.1 s");
   expect_error(row("0", 1, "0"), 2, "t", "two");
 }
@@ -304,7 +324,7 @@ TEST(trajectories, in_a_frame_are_the_vehicles_that_are_there_at_both_of_its_end
   Trajectories t;
   t.rows = {{car_on_road(1, 0, 0, 0, 8), car_on_road(2, 9, 0, 0), car_on_road(4, 30, 0, 0)},
             {car_on_road(1, 1, 0, 0, 12), car_on_road(3, 20, 0, 0), car_on_road(4, 31, 0, 0)}};
-  const auto objects = t.in_frame(0);
+  const auto objects = t.in_step(0);
   ASSERT_EQ(objects.size(), 2U);
   EXPECT_EQ(objects[0].id, 1);
   EXPECT_EQ(objects[0].to.x, 1);
@@ -335,7 +355,7 @@ bool equal(const std::vector<MovingObject>& a, const std::vector<MovingObject>& 
 }
 
 bool same_in_frame(const Trajectories& a, const Trajectories& b, int k) {
-  return equal(a.in_frame(k), b.in_frame(k));
+  return equal(a.in_step(k), b.in_step(k));
 }
 
 TEST(kept_trajectories, are_whole_while_they_are_few) {
@@ -352,51 +372,46 @@ TEST(kept_trajectories, that_are_many_are_those_of_the_frames_asked_for) {
     std::vector<bool> asked(11);
     asked[3] = asked[4] = asked[9] = asked[10] = true;
     const Trajectories some = kept(all, asked, most);
-    EXPECT_EQ(some.frames(), 10);
+    EXPECT_EQ(some.steps(), 10);
     EXPECT_FALSE(some.whole());
     for (const int k : {3, 9}) EXPECT_TRUE(same_in_frame(some, all, k));
-    for (const int k : {0, 2, 4, 8}) EXPECT_THROW(some.in_frame(k), std::logic_error) << k;
+    for (const int k : {0, 2, 4, 8}) EXPECT_THROW(some.in_step(k), std::logic_error) << k;
     for (const std::size_t k : {0U, 5U, 8U}) EXPECT_EQ(some.rows[k].capacity(), 0U) << k;
   }
 }
 
 TEST(kept_trajectories, end_where_nobody_asks_for_more) {
   const Trajectories some = kept(three_cars(), std::vector<bool>(11), 33, 5);
-  EXPECT_EQ(some.frames(), 10);
+  EXPECT_EQ(some.steps(), 10);
   EXPECT_TRUE(same_in_frame(some, three_cars(), 3));
-  EXPECT_THROW(some.in_frame(4), std::logic_error);
+  EXPECT_THROW(some.in_step(4), std::logic_error);
 }
 
-TEST(kept_trajectories, of_some_frames_give_the_frames_and_the_file_of_all) {
+TEST(kept_trajectories, of_some_frames_give_the_frames_of_all) {
   SceneConfig scene = with_profile(road_with_traffic(15));
   scene.mounts["late"] = scene.mounts["pole"];
   scene.mounts["late"].clock_offset_s = 0.03;
   scene.mounts["early"] = scene.mounts["pole"];
   scene.mounts["early"].clock_offset_s = -0.03;
   const std::vector<std::string> mounts = mount_names(scene);
-  const auto text = [](const World& world) {
-    TrajectoryText lines(world.trajectories->pitched);
-    std::string out = lines.header();
-    each_instant(world, [&](const auto& states) { out += lines.rows(states); });
-    return out + lines.end();
-  };
   const std::vector<World> all = build_worlds(scene, mounts);
   const std::vector<int> frames{0, 7, 29};
   for (std::size_t last = 1; last <= frames.size(); ++last) {
     const std::span<const int> asked = std::span(frames).first(last);
-    const std::vector<World> some = build_worlds(scene, mounts, asked, false);
+    const std::vector<World> some = build_worlds(scene, mounts, asked, kUsualPeriod_s);
     for (std::size_t m = 0; m < mounts.size(); ++m) {
       for (const int k : asked)
-        EXPECT_TRUE(same_in_frame(*some[m].trajectories, *all[m].trajectories, k));
+        EXPECT_TRUE(equal(some[m].objects_in_frame(k, kUsualPeriod_s),
+                          all[m].objects_in_frame(k, kUsualPeriod_s)));
       EXPECT_EQ(some[m].trajectories->whole(), last == 3);
-      EXPECT_EQ(text(some[m]), trajectories_csv(*all[m].trajectories)) << mounts[m];
     }
   }
 }
 
-TEST(kept_trajectories, are_shared_by_mounts_of_one_clock) {
+TEST(kept_trajectories, are_shared_by_all_mounts) {
   SceneConfig scene = road_with_traffic(15);
   scene.mounts["other"] = scene.mounts["pole"];
+  scene.mounts["other"].clock_offset_s = 0.03;
   const std::vector<World> worlds = build_worlds(scene, mount_names(scene));
   EXPECT_EQ(worlds[0].trajectories, worlds[1].trajectories);
 }
@@ -409,16 +424,15 @@ SceneConfig with_clock_offset(SceneConfig scene, double late_s) {
 }
 
 TEST(lazy_trajectories, give_the_frames_of_the_whole_scene_in_any_order) {
-  for (const double late_s : {0.0, 0.03, -0.03}) {
-    const SceneConfig scene = with_clock_offset(with_profile(road_with_traffic(15)), late_s);
-    const auto all = build_world(scene).trajectories;
-    for (const std::size_t most : {std::size_t{0}, std::size_t{40}, std::size_t{1000}}) {
-      LazyTrajectories lazy(std::make_shared<const Site>(build_site(scene)), late_s, most);
-      ASSERT_EQ(lazy.frames(), all->frames());
-      ASSERT_EQ(lazy.pitched(), all->pitched);
-      for (const int k : {4, 4, 5, 3, 29, 0, 28, 17})
-        EXPECT_TRUE(equal(lazy.in_frame(k), all->in_frame(k))) << k;
-    }
+  const SceneConfig scene = with_profile(road_with_traffic(15));
+  const auto all = build_world(scene).trajectories;
+  for (const std::size_t most : {std::size_t{0}, std::size_t{40}, std::size_t{1000}}) {
+    LazyTrajectories lazy(std::make_shared<const Site>(build_site(scene)), most);
+    ASSERT_EQ(lazy.steps(), all->steps());
+    ASSERT_EQ(lazy.pitched(), all->pitched);
+    for (const double length : {0.5, 1.0, 2.0})
+      for (const double k : {4.0, 4.5, 5.0, 3.3, 28.0, -0.3, 28.3, 17.0})
+        EXPECT_TRUE(equal(lazy.between(k, k + length), all->between(k, k + length))) << k;
   }
 }
 
@@ -428,12 +442,12 @@ TEST(lazy_trajectories, are_simulated_no_further_than_the_last_frame_requested) 
     scene.duration_s = kLongestScene_s;
     const World world = build_lazy_world(scene);
     LazyTrajectories& lazy = *world.lazy_trajectories;
-    EXPECT_EQ(world.trajectories->frames(), lazy.frames());
+    EXPECT_EQ(world.trajectories->steps(), lazy.steps());
     EXPECT_EQ(lazy.simulated(), 0);
-    frozen_mesh(world, 7, 0.5);
+    frozen_mesh(world, 7, kUsualPeriod_s, 0.5);
     EXPECT_LE(lazy.simulated(), late_s > 0 ? 10 : 9);
     const int before = lazy.simulated();
-    frozen_mesh(world, 3, 0.5);
+    frozen_mesh(world, 3, kUsualPeriod_s, 0.5);
     EXPECT_EQ(lazy.simulated(), before);
   }
 }
@@ -441,16 +455,16 @@ TEST(lazy_trajectories, are_simulated_no_further_than_the_last_frame_requested) 
 TEST(lazy_trajectories, that_are_many_keep_the_last_rows_until_an_earlier_one_is_requested) {
   SceneConfig scene = road_with_traffic(15);
   scene.duration_s = 60;
-  LazyTrajectories lazy(std::make_shared<const Site>(build_site(scene)), 0, 100);
+  LazyTrajectories lazy(std::make_shared<const Site>(build_site(scene)), 100);
   for (int k = 0; k < 600; ++k) {
-    lazy.in_frame(k);
+    lazy.between(k, k + 1);
     ASSERT_LE(lazy.kept(), 40U);
   }
   EXPECT_LT(lazy.kept(), 40U);
-  lazy.in_frame(300);
+  lazy.between(300, 300 + 1);
   lazy.drive();
   EXPECT_EQ(lazy.kept(), 601U);
-  for (const int k : {0, 500}) lazy.in_frame(k);
+  for (const int k : {0, 500}) lazy.between(k, k + 1);
   EXPECT_EQ(lazy.simulated(), 601);
 }
 
@@ -458,13 +472,14 @@ TEST(lazy_trajectories, are_the_same_to_several_threads) {
   SceneConfig scene = road_with_traffic(15);
   scene.duration_s = 20;
   const auto all = build_world(scene).trajectories;
-  LazyTrajectories lazy(std::make_shared<const Site>(build_site(scene)), 0, 300);
+  LazyTrajectories lazy(std::make_shared<const Site>(build_site(scene)), 300);
   std::atomic<int> next = 0, same = 0;
   {
     std::vector<std::jthread> threads;
     for (int i = 0; i < 4; ++i)
       threads.emplace_back([&] {
-        for (int k = next++; k < 200; k = next++) same += equal(lazy.in_frame(k), all->in_frame(k));
+        for (int k = next++; k < 200; k = next++)
+          same += equal(lazy.between(k, k + 1), all->in_step(k));
       });
   }
   EXPECT_EQ(same, 200);
@@ -478,13 +493,13 @@ TEST(lazy_trajectories, refuse_every_frame_from_the_one_in_which_somebody_hits_t
   const World world = build_lazy_world(scene);
   int k = 0;
   EXPECT_EQ(error_of([&] {
-              for (; k < 600; ++k) world.objects_in_frame(k);
+              for (; k < 600; ++k) world.objects_in_frame(k, kUsualPeriod_s);
             }),
             message);
   EXPECT_GT(k, 0);
-  EXPECT_EQ(error_of([&] { world.objects_in_frame(599); }), message);
+  EXPECT_EQ(error_of([&] { world.objects_in_frame(599, kUsualPeriod_s); }), message);
   EXPECT_EQ(error_of([&] { world.lazy_trajectories->drive(); }), message);
-  EXPECT_NO_THROW(world.objects_in_frame(k - 1));
+  EXPECT_NO_THROW(world.objects_in_frame(k - 1, kUsualPeriod_s));
 }
 
 TEST(static_world, needs_no_trajectories_and_simulates_none) {
@@ -516,17 +531,16 @@ TEST(scenes, of_one_file_move_alike_whatever_their_sensors_see) {
 
 // --- another clock ------------------------------------------------------------------------------
 
-TEST(resample_at_clock_offset, vehicles_are_farther_on_by_the_way_of_the_offset) {
-  const Trajectories true_time = testing::straight_on({car_on_road(1, 0, 2, 0, 15)}, 4);
-  for (const double late_s : {0.05, -0.05, 0.1, -0.1}) {
-    const Trajectories late = resample_at_clock_offset(true_time, late_s);
-    ASSERT_EQ(late.rows.size(), true_time.rows.size());
-    for (std::size_t k = 0; k < late.rows.size(); ++k) {
-      ASSERT_EQ(late.rows[k].size(), 1U);
-      EXPECT_NEAR(late.rows[k][0].box.x, true_time.rows[k][0].box.x + 15 * late_s, 1e-3);
-      EXPECT_EQ(late.rows[k][0].speed_m_s, 15);
+TEST(clock_offset, vehicles_are_farther_on_by_the_way_of_the_offset) {
+  const Trajectories cars = testing::straight_on({car_on_road(1, 0, 2, 0, 15)}, 4);
+  for (const double late_s : {0.05, -0.05, 0.1, -0.1})
+    for (int k = 0; k <= 4; ++k) {
+      const auto late = cars.moving_at(row_position(k * kRowStep_s + late_s));
+      ASSERT_EQ(late.size(), 1U);
+      EXPECT_NEAR(late[0].box.x, cars.rows[static_cast<std::size_t>(k)][0].box.x + 15 * late_s,
+                  1e-3);
+      EXPECT_EQ(late[0].speed_m_s, 15);
     }
-  }
 }
 
 }  // namespace

@@ -345,7 +345,7 @@ TEST(vegetation, hides_vehicles_by_its_mean) {
     world.trajectories =
         std::make_shared<const Trajectories>(straight_on({car_on_road(1, 0, 40, 0)}, 2));
     Raycaster raycaster = world.raycaster();
-    FrameVehicles vehicles = set_vehicles(world, 0, 200, raycaster);
+    FrameVehicles vehicles = set_vehicles(world, 0, kUsualPeriod_s, 200, raycaster);
     return raycaster.visibility(0, world.leaves);
   };
   EXPECT_EQ(visibility(empty_road()), 1);

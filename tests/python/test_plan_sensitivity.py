@@ -233,13 +233,14 @@ def test_a_yaw_error_turns_the_points_and_no_label(site: PlanSite) -> None:
     )
 
 
-def test_a_plan_says_how_the_choice_moves(
-    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(answer, "FRAME_MS", 50)  # 20 frames a second, too many for one core
+def test_a_plan_says_how_the_choice_moves(scene: Path, tmp_path: Path) -> None:
+    text = lidar_file("helios_16").read_text()
+    text = text.replace("rate_hz: 10, columns_per_turn: 1800", "rate_hz: 20, columns_per_turn: 900")
+    fast = tmp_path / "fast.yaml"  # 20 frames a second, too many for one core
+    fast.write_text(text.replace("channels/", f"{lidar_file('helios_16').parent / 'channels'}/"))
     poses = tmp_path / "poses.csv"
     poses.write_text("x_m,y_m,z_m,yaw_deg,pitch_deg\n-14,9.5,5,-30,0\n")
-    words = {"lidars": ["helios_16"], "poses": poses, "frames": 4, "check_frames": 2}
+    words = {"lidars": [fast], "poses": poses, "frames": 4, "check_frames": 2}
     plan = pi.plan(scene, 8000, out=tmp_path / "out", **words)
     assert "If LiDAR prices rise by 20 %, no option is within the budget." in plan.text
     assert "It needs 2 cores to keep up" in plan.text

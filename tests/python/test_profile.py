@@ -72,7 +72,11 @@ def test_vehicles_stand_on_the_ground_that_detectors_are_told_of(crest: Path) ->
 def test_a_run_from_its_own_trajectories_is_the_run_itself(
     crest: Path, tmp_path: Path, infrasim: Infrasim
 ) -> None:
-    text = CREST[: CREST.index("traffic:")] + f"trajectories: {crest / 'trajectories.csv'}\n"
+    (tmp_path / "driven.yaml").write_text(CREST)
+    file = tmp_path / "driven.csv"
+    result = infrasim("trajectories", tmp_path / "driven.yaml", "--preset", "paper", "--out", file)
+    assert result.returncode == 0, result.stderr
+    text = CREST[: CREST.index("traffic:")] + f"trajectories: {file}\n"
     (tmp_path / "crest.yaml").write_text(text)
     result = infrasim("run", tmp_path / "crest.yaml", *RUN, "--out", tmp_path / "data")
     assert result.returncode == 0, result.stderr

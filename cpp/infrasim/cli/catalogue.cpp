@@ -75,15 +75,19 @@ fs::path config_file(const std::string& word, const std::vector<std::string>& ki
                     suggestion(word, known));
 }
 
-LidarConfig lidar_with_exponent(const fs::path& file, const std::string& preset,
-                                const std::optional<double>& law_exponent) {
-  LidarConfig lidar = read_lidar(file, preset);
-  if (law_exponent && !set_law_exponent(lidar, *law_exponent))
+LidarConfig with_changes(LidarConfig lidar, const LidarChanges& changes) {
+  if (changes.rate_hz) lidar = with_rate(std::move(lidar), *changes.rate_hz);
+  if (changes.law_exponent && !set_law_exponent(lidar, *changes.law_exponent))
     std::fprintf(stderr,
                  "infrasim: warning: --law-exponent: no effect on %s, preset %s, because its "
                  "published ranges determine the exponent or it has no returns.detection\n",
                  lidar.name.c_str(), lidar.preset.c_str());
   return lidar;
+}
+
+LidarConfig lidar_of(const std::string& word, const std::string& preset,
+                     const LidarChanges& changes) {
+  return with_changes(read_lidar(config_file(word, {"lidars"}), preset), changes);
 }
 
 }  // namespace infrasim::cli

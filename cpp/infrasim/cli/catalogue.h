@@ -16,13 +16,24 @@ namespace infrasim::cli {
 /// @throws ConfigError if the name is unknown; the message lists the known names
 std::filesystem::path config_file(const std::string& word, const std::vector<std::string>& kinds);
 
+inline constexpr const char* kRateHelp =
+    "frames per second of the LiDARs, 5 to 20; default: that of their files";
 inline constexpr const char* kLawExponentHelp =
     "power of the reflectance with which the range grows in full sun, 0.25 to 0.5, for LiDARs of "
     "which only one range is published";
 
-/// Reads a LiDAR and sets the exponent of its detection law. Warns if its published ranges
-/// determine the exponent.
-LidarConfig lidar_with_exponent(const std::filesystem::path& file, const std::string& preset,
-                                const std::optional<double>& law_exponent);
+/// Values of a command that replace those of LiDAR files.
+struct LidarChanges {
+  std::optional<double> rate_hz;
+  std::optional<double> law_exponent;
+};
+
+/// Returns a LiDAR with the changes of a command. Warns if its published ranges determine the
+/// exponent of its law.
+LidarConfig with_changes(LidarConfig lidar, const LidarChanges& changes);
+
+/// Reads the LiDAR of a command-line argument.
+LidarConfig lidar_of(const std::string& word, const std::string& preset,
+                     const LidarChanges& changes);
 
 }  // namespace infrasim::cli

@@ -6,7 +6,6 @@
 
 #include "infrasim/core/errors.h"
 #include "infrasim/core/numbers.h"
-#include "infrasim/scene/trajectories.h"
 
 namespace infrasim::cli {
 
@@ -20,7 +19,7 @@ bool parse_whole(std::string_view text, int& value) {
 
 }  // namespace
 
-FrameRange parse_frames(const std::string& text, double duration_s) {
+FrameRange parse_frames(const std::string& text, int frames) {
   std::vector<std::string_view> parts;
   std::string_view rest = text;
   for (std::size_t colon = rest.find(':'); colon != std::string_view::npos;
@@ -33,7 +32,6 @@ FrameRange parse_frames(const std::string& text, double duration_s) {
   const bool valid = (parts.size() == 2 || parts.size() == 3) &&
                      parse_whole(parts[0], range.first) && parse_whole(parts[1], range.last) &&
                      (parts.size() == 2 || parse_whole(parts[2], range.step));
-  const auto frames = frame_count(duration_s);
   if (!valid || range.first < 0 || range.last <= range.first || range.step < 1 ||
       range.last > frames)
     throw ConfigError("--frames: expected A:B or A:B:STEP with 0 <= A < B <= " +

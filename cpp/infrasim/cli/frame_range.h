@@ -7,9 +7,9 @@
 
 namespace infrasim::cli {
 
-/// Parses a frame range A:B or A:B:STEP, B excluded, within a duration.
+/// Parses a frame range A:B or A:B:STEP, B excluded, within a number of frames.
 /// @throws ConfigError
-FrameRange parse_frames(const std::string& text, double duration_s);
+FrameRange parse_frames(const std::string& text, int frames);
 
 /// @throws ConfigError
 std::uint64_t parse_seed(const std::string& text);

@@ -45,6 +45,7 @@ struct CheckOptions {
   bool traffic = false;
   bool canonical = false;
   std::vector<std::string> lidars;
+  std::optional<double> rate_hz;
 };
 
 /// maximum relative error of the detection law at a published range
@@ -75,11 +76,10 @@ std::set<std::string> law_errors(const std::filesystem::path& file, const LidarC
 
 /// Reads the LiDAR under a preset, or under all presets if none is given, and traces every ray.
 LidarConfig checked_lidar(const std::filesystem::path& file,
-                          const std::optional<std::string>& preset,
-                          const std::optional<double>& law_exponent) {
+                          const std::optional<std::string>& preset, const LidarChanges& changes) {
   const auto checked = [&](const std::string& name, bool printed) {
-    LidarConfig lidar =
-        printed ? lidar_with_exponent(file, name, law_exponent) : read_lidar(file, name);
+    LidarConfig lidar = with_changes(
+        read_lidar(file, name), printed ? changes : LidarChanges{changes.rate_hz, std::nullopt});
     fields_of_view(lidar);
     for (const std::string& line : law_errors(file, lidar))
       if (printed) std::fprintf(stderr, "infrasim: %s\n", line.c_str());
@@ -170,7 +170,7 @@ std::vector<std::string> views_of_mounts(const SceneConfig& scene, const CheckOp
                     compass(bearing(0)) + ", y is north");
     for (const std::string& word : o.lidars) {
       const LidarConfig lidar =
-          read_lidar(config_file(word, {"lidars"}), o.preset.value_or("datasheet"));
+          lidar_of(word, o.preset.value_or("datasheet"), {o.rate_hz, o.law_exponent});
       const std::vector<FieldOfView> views = fields_of_view(lidar);
       for (std::size_t i = 0; i < views.size(); ++i) {
         const FieldOfView& view = views[i];
@@ -201,7 +201,8 @@ std::string canonical_of(const std::filesystem::path& file, const config::Tree& 
     return lidar_identity(read_file(file), file.string());
   if (tree.find("version") != nullptr) return data_set_identity(read_file(file), file.string());
   const std::string preset = o.preset.value_or("datasheet");
-  if (lidar) return canonical_lidar(lidar_with_exponent(file, preset, o.law_exponent));
+  if (lidar)
+    return canonical_lidar(with_changes(read_lidar(file, preset), {o.rate_hz, o.law_exponent}));
   return canonical_scene(read_scene(file, o.assignments, preset)) +
          "frames_version: " + std::to_string(kFramesVersion) + "\n";
 }
@@ -220,7 +221,8 @@ void check_command(const CheckOptions& o) {
     if (!o.assignments.empty()) throw ConfigError("--set: expected a scene, got a LiDAR file");
     if (o.traffic) throw ConfigError("--traffic: expected a scene, got a LiDAR file");
     if (!o.lidars.empty()) throw ConfigError("--lidar: expected a scene, got a LiDAR file");
-    std::fputs(dump_lidar(checked_lidar(file, o.preset, o.law_exponent)).c_str(), stdout);
+    std::fputs(dump_lidar(checked_lidar(file, o.preset, {o.rate_hz, o.law_exponent})).c_str(),
+               stdout);
     return;
   }
   if (o.law_exponent) throw ConfigError("--law-exponent: expected a LiDAR, got a scene file");
@@ -237,6 +239,7 @@ void check_command(const CheckOptions& o) {
 struct PatternOptions {
   std::string file;
   std::string preset = "datasheet";
+  std::optional<double> rate_hz;
   std::string frames = "0:1";
   std::string out;
   std::string mount = kUsualMount;
@@ -244,8 +247,8 @@ struct PatternOptions {
 };
 
 void pattern_command(const PatternOptions& o) {
-  const LidarConfig lidar = read_lidar(config_file(o.file, {"lidars"}), o.preset);
-  const FrameRange frames = parse_frames(o.frames, kLongestScene_s);
+  const LidarConfig lidar = lidar_of(o.file, o.preset, {o.rate_hz, std::nullopt});
+  const FrameRange frames = parse_frames(o.frames, frame_count(kLongestScene_s, period_s(lidar)));
   const auto seed = o.seed ? std::optional(parse_seed(*o.seed)) : std::nullopt;
   const std::vector<double> rows =
       pattern_table(lidar, frames.first, frames.last, frames.step, seed, o.mount);
@@ -267,12 +270,12 @@ void trajectories_command(const TrajectoriesOptions& o) {
   AtomicFile out(file);
   const Site site = checked_site(scene);
   const StateSource state_source(site);
-  TrajectoryText lines(state_source.pitched());
-  out.write(lines.header());
-  state_source.each([&](const auto& states) { out.write(lines.rows(states)); });
-  out.write(lines.end());
+  const RowSource rows = [&](const RowSink& sink) {
+    state_source.each([&, row = 0](const auto& states) mutable { sink(row++, states); });
+  };
+  write_trajectories(state_source.pitched(), rows, [&](std::string_view text) { out.write(text); });
   out.replace();
-  std::printf("%d frames\n", lines.instants() - 1);
+  std::printf("%d frames\n", row_steps(scene.duration_s));
 }
 
 }  // namespace
@@ -291,6 +294,7 @@ void add_check_command(CLI::App& app) {
   command->add_option("--law-exponent", o->law_exponent, kLawExponentHelp);
   command->add_option("--lidar", o->lidars,
                       "LiDARs: files or names; print what they see of the ground from the mounts");
+  command->add_option("--rate-hz", o->rate_hz, kRateHelp);
   command->add_flag("--canonical", o->canonical,
                     "print the keys under the names of version 0.3, and the version of the frames, "
                     "which identify results; check nothing else");
@@ -325,6 +329,7 @@ void add_pattern_command(CLI::App& app) {
   auto o = std::make_shared<PatternOptions>();
   command->add_option("lidar", o->file, "LiDAR: a file or a name")->required();
   command->add_option("--preset", o->preset, "preset of the LiDAR")->capture_default_str();
+  command->add_option("--rate-hz", o->rate_hz, kRateHelp);
   command->add_option("--frames", o->frames, "frame numbers from A to B without B: A:B[:STEP]")
       ->capture_default_str();
   command->add_option("--out", o->out, "output: .npy file")->required();
@@ -336,10 +341,10 @@ void add_pattern_command(CLI::App& app) {
 }
 
 void add_trajectories_command(CLI::App& app) {
-  auto* command = app.add_subcommand(
-      "trajectories",
-      "Write the vehicles of a scene as .csv, with 10 rows per second.\nExample: "
-      "infrasim trajectories configs/scenes/curve.yaml --out curve.csv");
+  auto* command =
+      app.add_subcommand("trajectories",
+                         "Write the objects of a scene as .csv, with 10 rows per second.\nExample: "
+                         "infrasim trajectories configs/scenes/curve.yaml --out curve.csv");
   auto o = std::make_shared<TrajectoriesOptions>();
   command->add_option("scene", o->scene, "scene: a file or a name")->required();
   command->add_option("--out", o->out, "output: .csv file")->required();

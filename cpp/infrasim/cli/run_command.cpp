@@ -18,6 +18,7 @@
 #include "infrasim/io/atomic_file.h"
 #include "infrasim/pipeline/run.h"
 #include "infrasim/pipeline/scheduler.h"
+#include "infrasim/scene/trajectories.h"
 #include "infrasim/sensor/return_model.h"
 
 namespace infrasim::cli {
@@ -28,6 +29,7 @@ struct RunOptions {
   std::string scene;
   std::vector<std::string> lidars;
   std::string preset = "datasheet";
+  std::optional<double> rate_hz;
   std::string frames = "0:100";
   std::optional<double> law_exponent;
   std::optional<std::string> out, summary, aggregation, detail, labels, label_time, seed;
@@ -83,10 +85,10 @@ RunRequest request_of(const RunOptions& o) {
   RunRequest request;
   request.scene = read_scene(config_file(o.scene, {"scenes"}), assignments(o), o.preset);
   for (const std::string& word : o.lidars)
-    request.lidars.push_back(
-        lidar_with_exponent(config_file(word, {"lidars"}), o.preset, o.law_exponent));
+    request.lidars.push_back(lidar_of(word, o.preset, {o.rate_hz, o.law_exponent}));
   request.preset = o.preset;
-  request.frames = parse_frames(o.frames, request.scene.duration_s);
+  request.frames =
+      parse_frames(o.frames, frame_count(request.scene.duration_s, period_s(request.lidars)));
   request.out = path_of("--out", o.out);
   if (o.mounts.size() == 1) request.mount = o.mounts.front();
   if (o.mounts.size() > 1) keep_mounts(request.scene, o.mounts);
@@ -163,6 +165,7 @@ void add_run_command(CLI::App& app, CommandResult& result) {
       ->add_option("--preset", o->preset,
                    "preset of the LiDARs, and of the scene if the scene has it")
       ->capture_default_str();
+  command->add_option("--rate-hz", o->rate_hz, kRateHelp);
   command->add_option("--frames", o->frames, "frame numbers from A to B without B: A:B[:STEP]")
       ->capture_default_str();
   command->add_option("--out", o->out, "folder of the data set; default: nothing is written");

@@ -25,6 +25,7 @@ struct StaticOptions {
   std::string scene;
   std::string lidar;
   std::string preset = "datasheet";
+  std::optional<double> rate_hz;
   std::optional<std::string> recording;
   std::string out;
   std::vector<std::string> assignments;
@@ -56,7 +57,7 @@ std::vector<StaticHits> recorded_units(const SceneConfig& scene, const LidarConf
 void static_command(const StaticOptions& o) {
   SceneConfig scene = read_scene(config_file(o.scene, {"scenes"}), o.assignments, o.preset);
   scene.static_layers.reset();  // this command makes the static layers
-  const LidarConfig lidar = read_lidar(config_file(o.lidar, {"lidars"}), o.preset);
+  const LidarConfig lidar = lidar_of(o.lidar, o.preset, {o.rate_hz, std::nullopt});
   const World world = build_static_world(scene);
   const std::vector<StaticHits> units =
       o.recording ? recorded_units(scene, lidar, o) : cast_static_layer(world, lidar);
@@ -84,6 +85,7 @@ void add_static_command(CLI::App& app) {
   command->add_option("--lidar", o->lidar, "LiDAR: a file or a name")->required();
   command->add_option("--preset", o->preset, "preset of the LiDAR and of the scene")
       ->capture_default_str();
+  command->add_option("--rate-hz", o->rate_hz, kRateHelp);
   command->add_option(
       "--recording", o->recording,
       "recording of the empty site (DATA/LIDAR), whose points replace those of the scene");

@@ -35,8 +35,9 @@ struct CanonicalKeys {
 inline constexpr std::array kRenamedKeys{
     RenamedKey{"spinning.cut_angle_deg", "seam_deg"}, RenamedKey{"pattern.prisms", "wedges"},
     RenamedKey{"prisms.prisms", "wedges"}, RenamedKey{"mounts.*.own_random_stream", "own_draws"}};
-inline constexpr std::array kLaterKeys{LaterKey{"channels.table.column_step", "1"},
-                                       LaterKey{"channels.table.first_column", "0"}};
+inline constexpr std::array kLaterKeys{
+    LaterKey{"channels.table.column_step", "1"}, LaterKey{"channels.table.first_column", "0"},
+    LaterKey{"prisms.period_s", "0.1"}, LaterKey{"table.period_s", "0.1"}};
 inline constexpr CanonicalKeys kCanonicalKeys{kRenamedKeys, kLaterKeys};
 
 /// Whether a path, such as `.pattern.spinning.cut_angle_deg`, ends with the pattern of a table

@@ -32,7 +32,7 @@ std::vector<double> table_of(const PatternConfig& pattern) {
 }
 
 constexpr double kMostSpacing_deg = 0.25;  // largest angle between two sub-rays
-constexpr double kShortestPeriod_s = 1;    // minimum period of a pattern that does not repeat
+constexpr double kLeastTable_s = 1;    // minimum period of a pattern that does not repeat
 
 /// Returns the number of turns of the azimuth in one pass through a table, which ends where it
 /// begins.
@@ -69,10 +69,10 @@ std::vector<std::string> repetition_warnings(std::span<const LidarConfig> lidars
       const auto& table = unit.pattern.table;
       if (!table || table->phase != MotorPhase::kFree) continue;
       const double period_s = static_cast<double>(table->directions.size()) / table->rays_per_s;
-      if (period_s >= kShortestPeriod_s || std::abs(turns_of(table->directions)) == 1) continue;
+      if (period_s >= kLeastTable_s || std::abs(turns_of(table->directions)) == 1) continue;
       std::string line = lidar.name +
                          ": pattern.table: expected a pattern without repetition for " +
-                         config::number_text(kShortestPeriod_s) + " s, as its phase is free, got " +
+                         config::number_text(kLeastTable_s) + " s, as its phase is free, got " +
                          std::to_string(table->directions.size()) + " rows that repeat every " +
                          config::number_text(std::round(1e4 * period_s) / 1e4) +
                          " s; for a pattern that repeats, set phase: locked";

@@ -1,6 +1,8 @@
 #include "infrasim/config/lidar_config.h"
 
+#include <cmath>
 #include <cstring>
+#include <numeric>
 
 #include "infrasim/config/fields.h"
 #include "infrasim/config/key_list.h"
@@ -241,6 +243,11 @@ LidarConfig lidar_of(const std::filesystem::path& file, const LidarFile& keys,
                                            : unit_of(file, entry));
     unit.yaw_deg = entry.yaw_deg;
     unit.pitch_deg = entry.pitch_deg;
+    if (period_s(unit.pattern) != period_s(out.units.front().pattern))
+      config::fail({file.string()}, "bundle",
+                   "expected units of one frame period, got " +
+                       config::number_text(period_s(out.units.front().pattern)) + " s and " +
+                       config::number_text(period_s(unit.pattern)) + " s");
   }
   return out;
 }
@@ -256,6 +263,79 @@ double rays_per_s(const PatternConfig& pattern) {
     return rays_per_column * columns_per_s(*pattern.spinning);
   }
   return pattern.prisms ? lasers * pattern.prisms->steps_per_s : pattern.table->rays_per_s;
+}
+
+double period_s(const PatternConfig& pattern) {
+  if (pattern.spinning) return 1 / pattern.spinning->rate_hz;
+  return pattern.prisms ? pattern.prisms->period_s : pattern.table->period_s;
+}
+
+double period_s(const LidarConfig& lidar) { return period_s(lidar.units.front().pattern); }
+
+double period_s(std::span<const LidarConfig> lidars) {
+  if (lidars.empty()) return kUsualPeriod_s;
+  const LidarConfig& first = lidars.front();
+  for (const LidarConfig& lidar : lidars)
+    if (period_s(lidar) != period_s(first)) {
+      const auto text = [](const LidarConfig& one) {
+        return one.name + " with " + config::number_text(period_s(one)) + " s";
+      };
+      throw ConfigError("lidars: expected one period in a run, got " + text(first) + " and " +
+                        text(lidar));
+    }
+  return period_s(first);
+}
+
+namespace {
+
+/// Returns a ratio of rates as a fraction in lowest terms.
+std::optional<Fraction> ratio_of(double a, double b) {
+  constexpr std::int64_t kMostParts = 1000;
+  for (std::int64_t parts = 1; parts <= kMostParts; ++parts) {
+    const double whole = a * static_cast<double>(parts) / b;
+    if (std::abs(whole - std::round(whole)) < 1e-9 * whole)
+      return Fraction{std::llround(whole), parts};
+  }
+  return std::nullopt;
+}
+
+/// Changes the rate of a spinning unit whose columns per turn follow from the rate.
+void set_rate(SpinningConfig& spinning, double rate_hz) {
+  const auto ratio = ratio_of(spinning.rate_hz, rate_hz);
+  if (!ratio)
+    throw ConfigError("rate_hz: expected a short ratio to " +
+                      config::number_text(spinning.rate_hz) + ", such as 20 to 10, got " +
+                      config::number_text(rate_hz));
+  std::optional<Fraction> columns = columns_per_turn(spinning);
+  if (columns) {
+    const std::int64_t numerator = columns->numerator * ratio->numerator;
+    const std::int64_t denominator = columns->denominator * ratio->denominator;
+    const std::int64_t common = std::gcd(numerator, denominator);
+    columns = {numerator / common, denominator / common};
+  }
+  spinning.rate_hz = rate_hz;
+  if (spinning.columns_per_turn)
+    spinning.columns_per_turn = columns;
+  else if (columns)  // the step from which columns_per_turn finds the same fraction
+    spinning.azimuth_step_deg =
+        360.0 * static_cast<double>(columns->denominator) / static_cast<double>(columns->numerator);
+  else
+    *spinning.azimuth_step_deg /= ratio->value();
+}
+
+}  // namespace
+
+LidarConfig with_rate(LidarConfig lidar, double rate_hz) {
+  if (!(rate_hz >= 1 / kLongestPeriod_s && rate_hz <= 1 / kShortestPeriod_s))
+    throw ConfigError("rate_hz: expected " + config::number_text(1 / kLongestPeriod_s) + " to " +
+                      config::number_text(1 / kShortestPeriod_s) + ", got " +
+                      config::number_text(rate_hz));
+  for (LidarUnit& unit : lidar.units) {
+    if (unit.pattern.spinning) set_rate(*unit.pattern.spinning, rate_hz);
+    if (unit.pattern.prisms) unit.pattern.prisms->period_s = 1 / rate_hz;
+    if (unit.pattern.table) unit.pattern.table->period_s = 1 / rate_hz;
+  }
+  return lidar;
 }
 
 LidarConfig read_lidar(const std::filesystem::path& file, const std::string& preset) {

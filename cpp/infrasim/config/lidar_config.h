@@ -43,6 +43,9 @@ struct ChannelsConfig {
   std::vector<Channel> table;  ///< the resolved channels
 };
 
+inline constexpr double kUsualPeriod_s = 0.1;  ///< frame period of most LiDARs
+inline constexpr double kShortestPeriod_s = 0.05, kLongestPeriod_s = 0.2;
+
 /// How a pattern starts. The start of a free motor is sampled from the seed, the mount and the
 /// unit.
 enum class MotorPhase { kLocked, kFree };
@@ -86,6 +89,7 @@ struct PrismConfig {
 /// Lasers behind a row of rotating prisms.
 struct PrismsConfig {
   double steps_per_s = 0;
+  double period_s = kUsualPeriod_s;      ///< frame period
   MotorPhase phase = MotorPhase::kFree;  ///< no vendor offers a lock
   int first_step = 0;
   double focal_length = 1;
@@ -98,6 +102,7 @@ struct PrismsConfig {
 struct TableConfig {
   std::string file;
   double rays_per_s = 0;
+  double period_s = kUsualPeriod_s;  ///< frame period
   MotorPhase phase = MotorPhase::kFree;
   std::string digest;            ///< digest of the directions
   std::vector<Vec2> directions;  ///< resolved: azimuth, elevation (rad)
@@ -189,6 +194,18 @@ double rays_per_s(const PatternConfig& pattern);
 /// @return whether any unit has changed
 /// @throws ConfigError for an exponent that is not allowed
 bool set_law_exponent(LidarConfig& lidar, double exponent);
+/// Returns the frame period of a LiDAR, which all its units have: one turn of a spinning unit, or
+/// the key period_s.
+double period_s(const PatternConfig& pattern);
+double period_s(const LidarConfig& lidar);
+/// Returns the common frame period of LiDARs; kUsualPeriod_s without a LiDAR.
+/// @throws ConfigError if the periods differ
+double period_s(std::span<const LidarConfig> lidars);
+
+/// Returns the LiDAR with another number of frames per second. The firing cycle of a spinning unit
+/// does not change, so that the number of its columns per turn does.
+/// @throws ConfigError if the rate is out of range, or gives no short fraction of columns
+LidarConfig with_rate(LidarConfig lidar, double rate_hz);
 
 /// Reads one preset of a LiDAR file. Paths in the file are relative to the file.
 /// @throws ConfigError, IoError

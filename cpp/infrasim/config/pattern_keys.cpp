@@ -137,7 +137,8 @@ std::optional<Fraction> columns_per_turn(const SpinningConfig& spinning) {
 
 template <class Fields>
 void visit(Fields& f, SpinningConfig& c) {
-  f.field("rate_hz", c.rate_hz, "turns per second", required(positive(1000)));
+  f.field("rate_hz", c.rate_hz, "turns per second; a frame is one turn",
+          required(between(1 / kLongestPeriod_s, 1 / kShortestPeriod_s)));
   f.field("phase", c.phase,
           "locked: the motor is at cut_angle_deg at time 0; free: the motor starts at a random "
           "angle, which depends on the seed");
@@ -187,6 +188,7 @@ template <class Fields>
 void visit(Fields& f, PrismsConfig& c) {
   f.field("steps_per_s", c.steps_per_s, "firings per second",
           required(between(kFewestPerSecond, 1e7)));
+  f.field("period_s", c.period_s, "frame period", between(kShortestPeriod_s, kLongestPeriod_s));
   f.field("phase", c.phase,
           "locked: the firing first_step is at time 0; free: the pattern starts at a random "
           "firing, which depends on the seed");
@@ -209,6 +211,7 @@ void visit(Fields& f, TableConfig& c) {
           required());
   f.field("rays_per_s", c.rays_per_s, "rays per second; needed for a table without times",
           between(kFewestPerSecond, kMostRaysPerSecond));
+  f.field("period_s", c.period_s, "frame period", between(kShortestPeriod_s, kLongestPeriod_s));
   f.field("phase", c.phase,
           "locked: the first row is at time 0; free: the pattern starts at a random row, which "
           "depends on the seed");

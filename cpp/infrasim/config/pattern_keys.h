@@ -6,8 +6,8 @@
 
 namespace infrasim {
 
-// A frame lasts 0.1 s. It must have at least one ray, and its rays must fit into memory.
-inline constexpr double kFewestPerSecond = 10;
+// A frame must have at least one ray, and its rays must fit into memory.
+inline constexpr double kFewestPerSecond = 1 / kShortestPeriod_s;
 inline constexpr double kMostRaysPerSecond = 1e8;
 
 /// Visits the keys of `pattern` of a unit.

@@ -80,6 +80,8 @@ struct Box3d {
   double dx = 0, dy = 0, dz = 0;
   double heading = 0;
   double pitch = 0;
+
+  bool operator==(const Box3d&) const = default;
 };
 
 /// The smallest box without pitch and with the same heading that contains the box.

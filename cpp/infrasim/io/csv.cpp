@@ -12,8 +12,7 @@ namespace infrasim {
 CsvReader::CsvReader(const std::filesystem::path& file, std::string_view header,
                      std::string_view optional)
     : name_(file.string()),
-      text_(read_file(file)),
-      rest_(text_),
+      stream_(open_file(file)),
       columns_(std::ranges::count(header, ',') + 1) {
   next_line();
   std::string found(header);
@@ -42,18 +41,17 @@ bool CsvReader::has(std::string_view column) const {
 void CsvReader::next_line() {
   ++line_;
   cell_ = next_cell_ = 0;
-  const auto end = std::min(rest_.find('\n'), rest_.size());
-  row_ = rest_.substr(0, end);
-  rest_.remove_prefix(std::min(end + 1, rest_.size()));
-  if (row_.ends_with('\r')) row_.remove_suffix(1);
+  std::getline(stream_, row_);
+  if (stream_.bad()) throw IoError(name_ + ": can't be read");
+  if (row_.ends_with('\r')) row_.pop_back();
 }
 
 bool CsvReader::next_row() {
-  if (rest_.empty()) return false;
+  if (!stream_ || stream_.peek() == std::ifstream::traits_type::eof()) return false;
   next_line();
   if (const auto columns = std::ranges::count(row_, ',') + 1; columns != columns_)
     fail_row("(row)", "expected " + std::to_string(columns_) + " columns, got '" +
-                          std::string(row_.substr(0, 80)) + "'");
+                          std::string(std::string_view(row_).substr(0, 80)) + "'");
   return true;
 }
 
@@ -62,7 +60,7 @@ std::string_view CsvReader::cell() {
   const auto end = std::min(row_.find(',', next_cell_), row_.size());
   cell_ = next_cell_;
   next_cell_ = end + 1;
-  return row_.substr(cell_, end - cell_);
+  return std::string_view(row_).substr(cell_, end - cell_);
 }
 
 double CsvReader::number(std::string_view key, double low, double high) {

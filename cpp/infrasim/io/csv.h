@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <fstream>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -17,7 +18,7 @@ class CsvReader {
   /// @throws ConfigError if the first line is not the header, IoError if the file can't be read
   CsvReader(const std::filesystem::path& file, std::string_view header,
             std::string_view optional = "");
-  CsvReader(const CsvReader&) = delete;  // the views would refer to the text of the other reader
+  CsvReader(const CsvReader&) = delete;
   CsvReader& operator=(const CsvReader&) = delete;
 
   /// Whether the file has any optional column.
@@ -45,9 +46,8 @@ class CsvReader {
   [[noreturn]] void fail_at(std::size_t place, std::string_view key, const std::string& what) const;
 
   std::string name_;
-  std::string text_;
-  std::string_view rest_;      ///< the text after the current line
-  std::string_view row_;       ///< the current line
+  std::ifstream stream_;
+  std::string row_;            ///< the current line
   std::size_t cell_ = 0;       ///< start of the current cell in row_
   std::size_t next_cell_ = 0;  ///< start of the next cell in row_
   std::ptrdiff_t columns_;

@@ -62,61 +62,6 @@ void compare(const std::filesystem::path& file, const std::string& text, const I
   fail_at_difference(file, in_folder, of_run, lines_of(there));
 }
 
-constexpr std::size_t kPiece = 1 << 20;  // number of bytes per write
-
-/// Compares a text that arrives in pieces with a file.
-class Comparison {
- public:
-  explicit Comparison(const std::filesystem::path& file)
-      : name_(file.string()), there_(file, std::ios::binary) {
-    if (!there_) throw IoError(name_ + ": can't be read");
-  }
-
-  void take(std::string_view piece) {
-    std::string there(piece.size(), '\0');
-    there_.read(there.data(), static_cast<std::streamsize>(there.size()));
-    there.resize(static_cast<std::size_t>(there_.gcount()));
-    const auto same =
-        static_cast<std::size_t>(std::ranges::mismatch(piece, there).in1 - piece.begin());
-    pass(piece.substr(0, same));
-    if (same == piece.size()) return;
-    std::string rest;
-    if (there.find('\n', same) == std::string::npos) std::getline(there_, rest);
-    fail(there.substr(same) + rest, std::string(piece.substr(same)));
-  }
-
-  void end() {
-    std::string rest;
-    if (there_.peek() == std::ifstream::traits_type::eof()) return;
-    std::getline(there_, rest);
-    fail(rest, "");
-  }
-
- private:
-  void pass(std::string_view same) {
-    line_ += static_cast<int>(std::ranges::count(same, '\n'));
-    const auto last = same.rfind('\n');
-    if (last == std::string_view::npos)
-      begun_ += same;
-    else
-      begun_ = same.substr(last + 1);
-  }
-
-  [[noreturn]] void fail(const std::string& there, const std::string& in_run) const {
-    const auto line = [&](const std::string& rest) {
-      const std::string text = begun_ + rest.substr(0, rest.find('\n'));
-      return text.empty() && rest.empty() ? std::string("(end)") : text.substr(0, 100);
-    };
-    throw IoError(name_ + ":" + std::to_string(line_) + ": the folder holds another run: it has '" +
-                  line(there) + "', this run has '" + line(in_run) + "'");
-  }
-
-  std::string name_;
-  std::ifstream there_;
-  int line_ = 1;
-  std::string begun_;  ///< start of the current line, which both texts have
-};
-
 }  // namespace
 
 void create_folder(const std::filesystem::path& folder) {
@@ -139,25 +84,6 @@ void claim_file(const std::filesystem::path& file, const std::string& text,
                 const Identity& identity) {
   if (std::filesystem::exists(file) || !create_file_atomically(file, text))
     compare(file, text, identity);
-}
-
-void claim_file(const std::filesystem::path& file,
-                const std::function<void(const TakeText&)>& give_all) {
-  if (!std::filesystem::exists(file)) {
-    AtomicFile out(file);
-    std::string text;
-    give_all([&](std::string_view piece) {
-      text += piece;
-      if (text.size() < kPiece) return;
-      out.write(text);
-      text.clear();
-    });
-    out.write(text);
-    if (out.create()) return;
-  }
-  Comparison comparison(file);
-  give_all([&](std::string_view piece) { comparison.take(piece); });
-  comparison.end();
 }
 
 }  // namespace infrasim

@@ -36,11 +36,4 @@ using Identity = std::function<std::string(const std::string& text, const std::s
 void claim_file(const std::filesystem::path& file, const std::string& text,
                 const Identity& identity = {});
 
-/// A function that receives the next piece of a text.
-using TakeText = std::function<void(std::string_view)>;
-/// Like the function above, for a text that is too long for memory. `give_all` passes the text to
-/// its argument in pieces of whole lines. It may be called twice.
-void claim_file(const std::filesystem::path& file,
-                const std::function<void(const TakeText&)>& give_all);
-
 }  // namespace infrasim

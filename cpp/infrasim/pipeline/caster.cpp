@@ -33,7 +33,7 @@ std::span<const std::uint32_t> tile_order(ScannerUnit& scanner, std::int64_t gro
 }  // namespace
 
 RayRange ScannerUnit::rays(int k, double from, double to) const {
-  return pattern.fired_between((k + from) * kFramePeriod, (k + to) * kFramePeriod);
+  return pattern.fired_between((k + from) * period_s, (k + to) * period_s);
 }
 
 Mat3 unit_pose(const SceneConfig& scene, const LidarUnit& unit) {
@@ -62,6 +62,7 @@ ScannerUnit make_scanner_unit(const SceneConfig& scene, const LidarConfig& lidar
       ReturnModel(config.returns, scene.weather, channels, first_ring),
       beam ? std::optional<Beam>(Beam(*beam, pose)) : std::nullopt,
       static_cast<float>(config.returns.max_range_m),
+      period_s(config.pattern),
       Rng::of(scene.seed, stream_prefix + mount_prefix + stream_name(lidar, unit)),
       {},
       {}};
@@ -93,7 +94,7 @@ std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& ve
                     .vehicles = vehicles,
                     .first = first,
                     .last = end,
-                    .start_s = k * kFramePeriod,
+                    .start_s = k * scanner.period_s,
                     .frame = rng,
                     .first_ray = static_cast<std::uint64_t>(first * size - frame.first)};
     make_rays(part);

@@ -30,7 +30,8 @@ struct ScannerUnit {
   ReturnModel returns;
   std::optional<Beam> beam;
   float max_range;
-  Rng stream;  ///< random numbers of the unit
+  double period_s;  ///< frame period
+  Rng stream;       ///< random numbers of the unit
   /// tile orders by number of groups
   std::map<std::int64_t, std::vector<std::uint32_t>> tile_orders;
   std::shared_ptr<const StaticLayer> layer;  ///< if null, all rays are cast

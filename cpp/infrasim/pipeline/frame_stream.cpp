@@ -6,11 +6,13 @@ namespace infrasim {
 
 namespace {
 
-/// @throws ConfigError if the scene has other values under the preset of a LiDAR
+/// @throws ConfigError if the scene has other values under the preset of a LiDAR, or if LiDARs have
+///   different periods
 std::vector<LidarConfig> of_its_preset(const World& world, std::vector<LidarConfig> lidars) {
   const auto has_block = [&](const std::string& preset) {
     return std::ranges::find(world.scene.preset_blocks, preset) != world.scene.preset_blocks.end();
   };
+  period_s(lidars);  // throws for different periods
   const std::string& read = world.scene.preset;
   for (const LidarConfig& lidar : lidars)
     if (lidar.preset != read && (has_block(lidar.preset) || has_block(read)))

@@ -13,8 +13,8 @@ namespace infrasim {
 class FrameStream {
  public:
   /// The world must outlive the stream.
-  /// @throws ConfigError unless threads is 1 to kMostThreads, and if the scene has a block for the
-  ///   LiDARs' preset but was read for another preset
+  /// @throws ConfigError unless threads is 1 to kMostThreads, if the scene has a block for the
+  ///   LiDARs' preset but was read for another preset, and if the LiDARs have different periods
   FrameStream(const World& world, const std::vector<LidarConfig>& lidars, std::vector<int> frames,
               int threads);
 

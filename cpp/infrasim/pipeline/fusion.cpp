@@ -44,7 +44,8 @@ void count_in_boxes(Frame& frame) {
 
 }  // namespace
 
-Fusion::Fusion(const SceneConfig& scene, std::span<const World> worlds) : first_(worlds.front()) {
+Fusion::Fusion(const SceneConfig& scene, std::span<const World> worlds, double period_s)
+    : first_(worlds.front()), period_s_(period_s) {
   for (const auto& [name, mount] : scene.mounts) mounts_.push_back(mount);
   for (const MountConfig& mount : mounts_) transforms_.push_back(transform_of(mount));
 }
@@ -110,8 +111,8 @@ ObjectRecord Fusion::record(const MovingObject& o, std::span<const Frame* const>
     out.points += seen->points;
     time_s += seen->points * (seen->scan_time_s + transforms_[m].late_s);
   }
-  out.scan_time_s = out.points > 0 ? time_s / out.points : kFramePeriod / 2;
-  out.scan_box = first_.level.to_level(o.at(out.scan_time_s / kFramePeriod));
+  out.scan_time_s = out.points > 0 ? time_s / out.points : period_s_ / 2;
+  out.scan_box = first_.level.to_level(o.at(out.scan_time_s / period_s_));
   return out;
 }
 
@@ -126,7 +127,7 @@ FusedFrame Fusion::fuse(int k, std::span<const Frame* const> frames) const {
     whole.pitched |= frames[m]->pitched;
     whole.seconds += frames[m]->seconds;
   }
-  for (const MovingObject& o : first_.objects_in_frame(k))
+  for (const MovingObject& o : first_.objects_in_frame(k, period_s_))
     if (std::ranges::any_of(frames, [&](const Frame* f) { return find_object(*f, o.id); }))
       whole.objects.push_back(record(o, frames));
   count_in_boxes(whole);

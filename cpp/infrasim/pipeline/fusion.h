@@ -20,7 +20,8 @@ class Fusion {
  public:
   /// @param scene  scene with all its mounts
   /// @param worlds one per mount, in the scene's order; must outlive the fusion
-  Fusion(const SceneConfig& scene, std::span<const World> worlds);
+  /// @param period_s frame period of the LiDARs
+  Fusion(const SceneConfig& scene, std::span<const World> worlds, double period_s);
 
   /// Merges the frames of all mounts. Points are transformed by the assumed poses of the mounts.
   /// They keep the time stamps of their mounts. The labels use the clock of the first mount, and
@@ -42,6 +43,7 @@ class Fusion {
   ObjectRecord record(const MovingObject& object, std::span<const Frame* const> frames) const;
 
   const World& first_;
+  double period_s_;
   std::vector<MountConfig> mounts_;
   std::vector<RigidTransform> transforms_;
 };

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "infrasim/config/fields.h"
 #include "infrasim/pipeline/world.h"
 #include "infrasim/scene/sensor_rules.h"
 #include "infrasim/scene/site_rules.h"
@@ -10,23 +11,11 @@
 
 namespace infrasim {
 
-namespace {
-
-std::vector<bool> rows_with(std::span<const int> frames, int count) {
-  std::vector<bool> rows(static_cast<std::size_t>(count) + 1);
-  for (const int k : frames) {
-    if (k < 0 || k >= count)
-      throw ConfigError("frames: expected 0 to " + std::to_string(count - 1) + ", got " +
-                        std::to_string(k));
-    rows[static_cast<std::size_t>(k)] = rows[static_cast<std::size_t>(k) + 1] = true;
-  }
-  return rows;
-}
-
-}  // namespace
-
-Observer::Observer(const SceneConfig& scene, const std::string& mount, std::span<const int> frames)
-    : view_(scene_at_mount(scene, mount)), mount_(view_.mounts.begin()->first) {
+Observer::Observer(const SceneConfig& scene, const std::string& mount, std::span<const int> frames,
+                   double period_s)
+    : period_s_(period_s),
+      view_(scene_at_mount(scene, mount)),
+      mount_(view_.mounts.begin()->first) {
   MountConfig& pose = view_.mounts[mount_];
   pose.clock_offset_s.reset();
   pose.own_random_stream.reset();
@@ -35,13 +24,20 @@ Observer::Observer(const SceneConfig& scene, const std::string& mount, std::span
   site_ = std::make_shared<const Site>(checked_site(scene));
   region_.emplace(*site_, pose);
   const StateSource source(*site_);
-  const std::vector<bool> rows = rows_with(frames, frame_count(scene.duration_s));
+  const int count = frame_count(scene.duration_s, period_s);
+  for (const int k : frames)
+    if (k < 0 || k >= count)
+      throw ConfigError("frames: expected 0 to " + std::to_string(count - 1) + ", got " +
+                        std::to_string(k));
+  const std::vector<bool> rows = rows_of_frames(frames, period_s, row_steps(scene.duration_s));
   const auto last = std::find(rows.rbegin(), rows.rend(), true);
   // Rows that are not requested are dropped, so that `check` knows the frames.
   TrajectoryKeeper keeper(rows, source.pitched(), 0);
-  source.each([&](const auto& states) { keeper.take(states); },
-              static_cast<int>(rows.rend() - last));
-  trajectories_ = std::make_shared<const Trajectories>(keeper.finish());
+  StateSteps steps(source);
+  for (std::ptrdiff_t k = 0; k < rows.rend() - last; ++k) keeper.take(steps.next_moving());
+  auto trajectories = std::make_shared<Trajectories>(keeper.finish());
+  trajectories->standing = source.standing();
+  trajectories_ = std::move(trajectories);
   meshes_ = build_meshes(*site_);
 }
 
@@ -51,6 +47,7 @@ std::string Observer::fault(const MountConfig& pose) const {
     check_sensor_in_meshes(*site_, mount_, pose, meshes_->surface);
     SceneConfig scene;
     scene.mounts = {{mount_, pose}};
+    check_sensor_is_free(scene, trajectories_->standing, 0);
     for (std::size_t k = 0; k < trajectories_->rows.size(); ++k)
       check_sensor_is_free(scene, trajectories_->rows[k], static_cast<int>(k));
   } catch (const ConfigError& error) {
@@ -64,6 +61,11 @@ std::vector<std::vector<std::vector<Observation>>> Observer::observe(
     std::span<const int> frames) const {
   if (const std::string what = fault(pose); !what.empty()) throw ConfigError(what);
   for (const int k : frames) check(k);
+  for (const LidarConfig& lidar : lidars)
+    if (infrasim::period_s(lidar) != period_s_)
+      throw ConfigError(lidar.name + ": expected the observer's frame period of " +
+                        config::number_text(period_s_) + " s, got " +
+                        config::number_text(infrasim::period_s(lidar)) + " s");
   SceneConfig scene = view_;
   scene.mounts = {{mount_, pose}};
   World world = build_world_at(scene, site_, meshes_, trajectories_);
@@ -77,7 +79,8 @@ std::vector<std::vector<std::vector<Observation>>> Observer::observe(
 
 std::vector<MovingObject> Observer::present(int frame) const {
   check(frame);
-  std::vector<MovingObject> objects = trajectories_->in_frame(frame);
+  std::vector<MovingObject> objects = trajectories_->between(row_position(frame * period_s_),
+                                                             row_position((frame + 1) * period_s_));
   std::erase_if(objects, [&](const MovingObject& o) {
     const Box3d middle = o.at(0.5);
     return !region_->contains({middle.x, middle.y}, o.object_class);
@@ -86,10 +89,9 @@ std::vector<MovingObject> Observer::present(int frame) const {
 }
 
 void Observer::check(int frame) const {
-  const auto row = static_cast<std::size_t>(frame);
-  const bool known =
-      frame >= 0 && frame < trajectories_->frames() &&
-      (trajectories_->whole() || (trajectories_->kept[row] && trajectories_->kept[row + 1]));
+  const bool known = frame >= 0 && frame < frame_count(view_.duration_s, period_s_) &&
+                     trajectories_->has(row_position(frame * period_s_)) &&
+                     trajectories_->has(row_position((frame + 1) * period_s_));
   if (!known)
     throw ConfigError("frames: expected frames of the observer, got " + std::to_string(frame));
 }

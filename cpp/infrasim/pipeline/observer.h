@@ -23,14 +23,19 @@ class Observer {
  public:
   /// @param mount  name of the mount whose region counts; may be empty if the scene has one mount
   /// @param frames the frames that may be observed
+  /// @param period_s frame period of the LiDARs
   /// @throws the exceptions of build_worlds
-  Observer(const SceneConfig& scene, const std::string& mount, std::span<const int> frames);
+  Observer(const SceneConfig& scene, const std::string& mount, std::span<const int> frames,
+           double period_s);
+
+  double frame_period_s() const { return period_s_; }
 
   /// Returns why a sensor can't be at a pose; empty if it can.
   std::string fault(const MountConfig& pose) const;
 
   /// Returns what each LiDAR sees in each frame: an entry per frame, and in it an entry per LiDAR.
-  /// @throws ConfigError for a pose with a fault, or a frame that can't be observed
+  /// @throws ConfigError for a pose with a fault, a frame that can't be observed, or a LiDAR of
+  ///   another period
   std::vector<std::vector<std::vector<Observation>>> observe(const MountConfig& pose,
                                                              std::span<const LidarConfig> lidars,
                                                              std::span<const int> frames) const;
@@ -42,6 +47,7 @@ class Observer {
  private:
   void check(int frame) const;
 
+  double period_s_;
   SceneConfig view_;  ///< the scene at its mount
   std::string mount_;
   std::shared_ptr<const Site> site_;

@@ -19,7 +19,7 @@ namespace infrasim {
 namespace {
 
 void check(const RunRequest& request) {
-  const auto frames = frame_count(request.scene.duration_s);
+  const auto frames = frame_count(request.scene.duration_s, period_s(request.lidars));
   const FrameRange& f = request.frames;
   if (f.first < 0 || f.step < 1 || f.last <= f.first || f.last > frames)
     throw ConfigError("--frames: expected A:B[:STEP] within 0:" + std::to_string(frames) +
@@ -34,14 +34,6 @@ void check(const RunRequest& request) {
   for (const LidarConfig& lidar : request.lidars)
     if (!names.insert(lidar.name).second)
       throw ConfigError("--lidar: expected each once, got '" + lidar.name + "' twice");
-}
-
-std::vector<int> numbers(const FrameRange& range) {
-  std::vector<int> frames;
-  // 64 bits, because a step may be INT_MAX
-  for (std::int64_t k = range.first; k < range.last; k += range.step)
-    frames.push_back(static_cast<int>(k));
-  return frames;
 }
 
 /// @throws ConfigError if the request can't be fused
@@ -256,6 +248,14 @@ std::vector<std::string> mounts_of(const RunRequest& request) {
 
 }  // namespace
 
+std::vector<int> frame_numbers(const FrameRange& range) {
+  std::vector<int> frames;
+  // 64 bits, because a step may be INT_MAX
+  for (std::int64_t k = range.first; k < range.last; k += range.step)
+    frames.push_back(static_cast<int>(k));
+  return frames;
+}
+
 std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& stop,
                             const Progress& progress, const Warn& warn) {
   check(request);
@@ -264,14 +264,14 @@ std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& s
   for (const std::string& line :
        period_warnings(request.lidars, range.first, range.last, range.step))
     warn(line);
-  const std::vector<int> frames = numbers(request.frames);
-  // The trajectories in a folder always cover the whole scene, and not only the requested frames.
+  const double frame_s = period_s(request.lidars);
+  const std::vector<int> frames = frame_numbers(request.frames);
   const std::vector<World> worlds =
-      build_worlds(request.scene, mounts_of(request), frames, !request.out.empty());
+      build_worlds(request.scene, mounts_of(request), frames, frame_s);
   for (const std::string& line : worlds.front().warnings) warn(line);
   const Parts parts = parts_of(request, worlds);
   std::optional<Fusion> fusion;
-  if (request.fuse) fusion.emplace(request.scene, worlds);
+  if (request.fuse) fusion.emplace(request.scene, worlds, frame_s);
   open_folders(request, parts, worlds, fusion);
   const auto total = frames.size();
   FrameWriter writer(static_cast<std::size_t>(request.threads));

@@ -19,6 +19,9 @@ struct FrameRange {
   int step = 1;
 };
 
+/// Returns the frame numbers of a range.
+std::vector<int> frame_numbers(const FrameRange& range);
+
 /// The input of a run.
 struct RunRequest {
   SceneConfig scene;

@@ -6,12 +6,15 @@
 #include <string_view>
 
 #include "infrasim/config/fields.h"
+#include "infrasim/config/tree.h"
+#include "infrasim/core/errors.h"
 #include "infrasim/core/rng.h"
 #include "infrasim/core/version.h"
 #include "infrasim/io/data_set.h"
 #include "infrasim/io/kitti.h"
 #include "infrasim/io/npy.h"
 #include "infrasim/pipeline/folder_identity.h"
+#include "infrasim/pipeline/trajectory_file.h"
 #include "infrasim/sensor/pattern_table.h"
 
 namespace infrasim {
@@ -75,7 +78,7 @@ std::string frames_text(const World& world, const LidarConfig& lidar, const Moun
       enum_names(LabelTime{})[static_cast<std::size_t>(label_time_of(scene, lidar.preset))] + "\n";
   if (const auto layer = world.static_layers.find(lidar.name); layer != world.static_layers.end())
     text += "static_layer: \"" + layer->second.digest + "\"\n";
-  text += "period_s: " + n(kFramePeriod) + "\n";
+  text += "period_s: " + n(period_s(lidar)) + "\n";
   text += "T_world_levelled: {x_m: " + n(mount.x_m) + ", y_m: " + n(mount.y_m) +
           ", z_m: " + n(mount.z_m) + ", yaw_deg: " + n(mount.yaw_deg) + "}\n";
   text += "T_levelled_sensor: {pitch_deg: " + n(mount.pitch_deg) +
@@ -139,13 +142,19 @@ void write_tables(const LidarConfig& lidar, const std::filesystem::path& folder)
   }
 }
 
-void claim_trajectories(const std::filesystem::path& file, const World& world) {
-  claim_file(file, [&](const TakeText& take) {
-    TrajectoryText lines(world.trajectories->pitched);
-    take(lines.header());
-    each_instant(world, [&](const auto& states) { take(lines.rows(states)); });
-    take(lines.end());
-  });
+/// Checks that the LiDARs of a folder have the period of the run.
+/// @throws IoError
+void check_same_period(const std::filesystem::path& folder, double period_s) {
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    const auto file = entry.path() / "lidar.yaml";
+    if (!std::filesystem::exists(file)) continue;
+    const config::Tree tree = config::read_tree(file);
+    const config::Tree* there = tree.find("period_s");
+    if (there != nullptr && there->scalar != config::number_text(period_s))
+      throw IoError(file.string() + ": period_s: expected one period in a folder, got " +
+                    there->scalar + " s there and " + config::number_text(period_s) +
+                    " s in this run");
+  }
 }
 
 /// Creates the folder of a run and its files, or checks that existing files belong to the same run.
@@ -155,7 +164,10 @@ void claim_folder(const RunRequest& request, const World& world,
   create_folder(request.out);
   check_frames_version(request.out / "dataset.yaml");
   claim_file(request.out / "dataset.yaml", run_text(request, world), data_set_identity);
-  claim_trajectories(request.out / "trajectories.csv", world);
+  check_same_period(request.out, period_s(request.lidars));
+  const std::vector<int> frames = frame_numbers(request.frames);
+  merge_trajectories(request.out / "trajectories.csv", world,
+                     rows_of_run(request.scene, frames, period_s(request.lidars)));
   claim_file(request.out / "roads.csv", world.region.roads_csv());
   if (const std::string regions = world.region.regions_csv(); !regions.empty())
     claim_file(request.out / "regions.csv", regions);

@@ -15,7 +15,7 @@ std::string lidar_yaml(const World& world, const LidarConfig& lidar);
 
 /// Creates the folder of a run with the files that identify it (dataset.yaml, trajectories.csv,
 /// roads.csv and a lidar.yaml per LiDAR), or checks that an existing folder belongs to the same
-/// run.
+/// run. The rows of the requested frames are added to trajectories.csv.
 /// @throws ConfigError for a LiDAR with rays that can't be traced
 /// @throws IoError if a file can't be written, or exists with another content
 void open_run_folder(const RunRequest& request, const World& world);

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <numeric>
 
-#include "infrasim/scene/trajectories.h"
-
 namespace infrasim {
 
 namespace {
@@ -32,10 +30,9 @@ double scan_time_s(std::span<double> times_s, double cut_s) {
 }
 
 double cut_s(const LidarConfig& lidar) {
-  double turn_s = 0;
-  for (const LidarUnit& unit : lidar.units)
-    if (unit.pattern.spinning) turn_s = std::max(turn_s, 1 / unit.pattern.spinning->rate_hz);
-  return turn_s > 0 ? std::max(turn_s, kFramePeriod) / 2 : kInf;
+  const bool spins = std::ranges::any_of(
+      lidar.units, [](const LidarUnit& unit) { return unit.pattern.spinning.has_value(); });
+  return spins ? period_s(lidar) / 2 : kInf;
 }
 
 }  // namespace infrasim

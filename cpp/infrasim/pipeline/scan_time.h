@@ -15,9 +15,7 @@ namespace infrasim {
 double scan_time_s(std::span<double> times_s, double cut_s);
 
 /// Returns the minimum pause (s) in an object's returns that counts as a split at the cut angle. It
-/// is half a turn of the slowest spinning unit. If a frame has several turns, it is half a frame,
-/// so that the returns of one pass over an object are not split. It is infinite without a spinning
-/// unit.
+/// is half a turn of a spinning unit. It is infinite without a spinning unit.
 double cut_s(const LidarConfig& lidar);
 
 }  // namespace infrasim

@@ -64,6 +64,7 @@ double timed(const Work& work) {
 
 struct FrameSimulator::Impl {
   const World& world;
+  double frame_s;  ///< frame period of the LiDARs
   std::vector<WorldSlice> slices;
   std::vector<Lidar> lidars;
   LidarFilters filters;  ///< one per LiDAR
@@ -76,6 +77,7 @@ struct FrameSimulator::Impl {
   Impl(const World& w, std::span<const LidarConfig> configs, const StaticLayers& layers,
        LidarFilters made)
       : world(w),
+        frame_s(period_s(configs)),
         slices(world_slices(w.scene.aggregation)),
         filters(std::move(made)),
         pitched(w.trajectories->pitched),
@@ -90,14 +92,14 @@ struct FrameSimulator::Impl {
   /// Returns the points of one frame without any object.
   std::vector<float> empty_frame(int k, Lidar& lidar) {
     vehicles = {};
-    raycaster.set_bodies({}, kFramePeriod);
+    raycaster.set_bodies({}, frame_s);
     lidar.start();
     cast_slice(k, WorldSlice{}, lidar);
     return {lidar.builder.xyz().begin(), lidar.builder.xyz().end()};
   }
 
   void cast_slice(int k, const WorldSlice& slice, Lidar& lidar) {
-    lidar.builder.see_objects_at(slice.frozen ? std::optional(slice.middle() * kFramePeriod)
+    lidar.builder.see_objects_at(slice.frozen ? std::optional(slice.middle() * frame_s)
                                               : std::nullopt);
     for (ScannerUnit& scanner : lidar.scanners)
       lidar.rays_cast += caster.cast(k, slice, vehicles, scanner, lidar.builder);
@@ -105,7 +107,7 @@ struct FrameSimulator::Impl {
 
   Box3d box_at(std::size_t vehicle, double time_s) const {
     return world.level.to_level(
-        vehicles.moving[vehicle].at(std::clamp(time_s / kFramePeriod, 0.0, 1.0)));
+        vehicles.moving[vehicle].at(std::clamp(time_s / frame_s, 0.0, 1.0)));
   }
 
   /// Returns the times at which the objects were scanned, since the start of the frame. For objects
@@ -113,7 +115,7 @@ struct FrameSimulator::Impl {
   std::vector<double> scan_times_s(const Lidar& lidar) const {
     std::vector<double> out;
     for (std::vector<double>& times : lidar.builder.times_seen(vehicles.size()))
-      out.push_back(times.empty() ? kFramePeriod / 2 : scan_time_s(times, lidar.cut_s));
+      out.push_back(times.empty() ? frame_s / 2 : scan_time_s(times, lidar.cut_s));
     return out;
   }
 
@@ -163,10 +165,10 @@ struct FrameSimulator::Impl {
 
 namespace {
 
-/// Returns whether a period of the pattern has at most as many rays as the frames. If not, a static
-/// layer costs more than it saves.
-bool pays(const ScanPattern& pattern, std::size_t frames) {
-  const double groups = static_cast<double>(frames) * kFramePeriod * pattern.groups_per_s();
+/// Returns whether a period of the pattern has at most as many rays as the seconds. If not, a
+/// static layer costs more than it saves.
+bool pays(const ScanPattern& pattern, double seconds) {
+  const double groups = seconds * pattern.groups_per_s();
   return static_cast<double>(pattern.repeats_after()) <= std::round(groups);
 }
 
@@ -193,7 +195,7 @@ StaticLayers make_static_layers(const World& world, std::span<const LidarConfig>
         units.push_back(std::make_shared<const StaticLayer>(pattern, file->second.units[i],
                                                             scanner.returns, world.leaves));
       } else if (scanner.can_have_layer() && layer_bytes(pattern) <= bytes_left &&
-                 pays(pattern, frames)) {
+                 pays(pattern, static_cast<double>(frames) * period_s(config))) {
         units.push_back(std::make_shared<const StaticLayer>(
             pattern, cast_static(pattern, scanner.max_range, raycaster), scanner.returns,
             world.leaves));
@@ -216,6 +218,7 @@ LidarFilters FrameSimulator::learn_filters(const World& world, std::span<const L
     out.push_back(std::make_shared<const std::vector<FilterStep>>(
         make_filters(*world.site, world.scene.mounts.begin()->second, [&](int k) {
           if (!impl) impl.emplace(world, std::span<const LidarConfig>{}, StaticLayers{}, out);
+          impl->frame_s = period_s(lidars);
           if (!learning)
             learning = make_lidar(world.scene, lidars[i], layers_of(layers, i), "background ");
           return impl->empty_frame(k, *learning);
@@ -234,12 +237,12 @@ const LidarFilters& FrameSimulator::filters() const { return impl_->filters; }
 
 std::vector<std::vector<Observation>> FrameSimulator::observe(int k) {
   Impl& m = *impl_;
-  check_frame(m.world, k);
+  check_frame(m.world, k, m.frame_s);
   m.caster.see_bodies_only();
-  m.vehicles = set_vehicles(m.world, k, m.reach, m.raycaster);
+  m.vehicles = set_vehicles(m.world, k, m.frame_s, m.reach, m.raycaster);
   for (Lidar& lidar : m.lidars) lidar.start();
   for (const WorldSlice& slice : m.slices) {
-    if (slice.frozen) freeze_vehicles(m.world, m.vehicles, slice.middle(), m.raycaster);
+    if (slice.frozen) freeze_vehicles(m.world, m.vehicles, m.frame_s, slice.middle(), m.raycaster);
     for (Lidar& lidar : m.lidars) m.cast_slice(k, slice, lidar);
   }
   std::vector<std::vector<Observation>> out;
@@ -249,7 +252,7 @@ std::vector<std::vector<Observation>> FrameSimulator::observe(int k) {
 
 std::vector<Frame> FrameSimulator::simulate(int k, const std::vector<bool>& wanted) {
   Impl& m = *impl_;
-  check_frame(m.world, k);
+  check_frame(m.world, k, m.frame_s);
   std::vector<std::size_t> asked;
   for (std::size_t i = 0; i < wanted.size(); ++i)
     if (wanted[i]) asked.push_back(i);
@@ -258,12 +261,12 @@ std::vector<Frame> FrameSimulator::simulate(int k, const std::vector<bool>& want
   const auto place = [&](const auto& work) {
     if (!asked.empty()) shared += timed(work);
   };
-  place([&] { m.vehicles = set_vehicles(m.world, k, m.reach, m.raycaster); });
+  place([&] { m.vehicles = set_vehicles(m.world, k, m.frame_s, m.reach, m.raycaster); });
   std::vector<double> seconds(m.lidars.size());
   for (const std::size_t i : asked) m.lidars[i].start();
   for (const WorldSlice& slice : m.slices) {
     if (slice.frozen)
-      place([&] { freeze_vehicles(m.world, m.vehicles, slice.middle(), m.raycaster); });
+      place([&] { freeze_vehicles(m.world, m.vehicles, m.frame_s, slice.middle(), m.raycaster); });
     for (const std::size_t i : asked)
       seconds[i] += timed([&] { m.cast_slice(k, slice, m.lidars[i]); });
   }

@@ -39,7 +39,8 @@ struct Observation {
   double visibility = 0;  ///< visible share, [0, 1]
 };
 
-/// Computes frames of several LiDARs at one mount. Not thread-safe.
+/// Computes frames of several LiDARs of one frame period at one mount. Not thread-safe. The
+/// constructors throw ConfigError if the LiDARs have different periods.
 class FrameSimulator {
  public:
   FrameSimulator(const World& world, std::span<const LidarConfig> lidars)

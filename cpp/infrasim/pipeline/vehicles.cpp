@@ -33,10 +33,11 @@ bool far_beyond(const MovingObject& o, Vec3 sensor, double reach) {
 
 }  // namespace
 
-FrameVehicles set_vehicles(const World& world, int k, double reach, Raycaster& raycaster) {
+FrameVehicles set_vehicles(const World& world, int k, double period_s, double reach,
+                           Raycaster& raycaster) {
   const Rng paint = Rng::of(world.scene.seed, "paint");
   FrameVehicles out;
-  for (const MovingObject& o : world.objects_in_frame(k)) {
+  for (const MovingObject& o : world.objects_in_frame(k, period_s)) {
     if (far_beyond(o, world.level.origin, reach)) continue;
     const Box3d box = world.level.to_level(o.at(0.5));
     if (!reachable(o, box, reach)) continue;
@@ -48,7 +49,7 @@ FrameVehicles set_vehicles(const World& world, int k, double reach, Raycaster& r
     out.on_lane.push_back(world.scene.traffic && o.id < kFirstParkedId);
     out.reflectance.push_back(paint_reflectance(paint.at(static_cast<std::uint64_t>(o.id) + 1)));
   }
-  raycaster.set_bodies(out.bodies, kFramePeriod);
+  raycaster.set_bodies(out.bodies, period_s);
   for (std::size_t i = 0; i < out.size(); ++i) {
     const Box3d middle = out.moving[i].at(0.5);
     const bool inside = world.region.contains({middle.x, middle.y}, out.moving[i].object_class);
@@ -57,12 +58,12 @@ FrameVehicles set_vehicles(const World& world, int k, double reach, Raycaster& r
   return out;
 }
 
-void freeze_vehicles(const World& world, const FrameVehicles& vehicles, double share,
-                     Raycaster& raycaster) {
+void freeze_vehicles(const World& world, const FrameVehicles& vehicles, double period_s,
+                     double share, Raycaster& raycaster) {
   std::vector<MovingBody> bodies = vehicles.bodies;
   for (std::size_t i = 0; i < bodies.size(); ++i)
     bodies[i].from = bodies[i].to = world.level.to_level(body_box(vehicles.moving[i].at(share)));
-  raycaster.set_bodies(bodies, kFramePeriod);
+  raycaster.set_bodies(bodies, period_s);
 }
 
 }  // namespace infrasim

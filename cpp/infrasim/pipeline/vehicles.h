@@ -21,10 +21,11 @@ struct FrameVehicles {
 
 /// Sets the objects of frame k in the raycaster. Leaves out objects that stay farther than `reach`
 /// metres (horizontal) from the sensor during the whole frame.
-FrameVehicles set_vehicles(const World& world, int k, double reach, Raycaster& raycaster);
+FrameVehicles set_vehicles(const World& world, int k, double period_s, double reach,
+                           Raycaster& raycaster);
 
 /// Freezes the raycaster's objects at a share of the frame.
-void freeze_vehicles(const World& world, const FrameVehicles& vehicles, double share,
-                     Raycaster& raycaster);
+void freeze_vehicles(const World& world, const FrameVehicles& vehicles, double period_s,
+                     double share, Raycaster& raycaster);
 
 }  // namespace infrasim

@@ -44,26 +44,17 @@ double clock_offset_s(const SceneConfig& view) {
   return view.mounts.begin()->second.clock_offset_s.value_or(0);
 }
 
-/// Returns which rows the frames require. These are the rows at the start and the end of each
-/// frame. If a mount has a clock offset, they also include one more row on each side.
-std::vector<bool> rows_of(std::span<const int> frames, const std::vector<SceneConfig>& views) {
-  const bool late =
-      std::ranges::any_of(views, [](const SceneConfig& view) { return clock_offset_s(view) != 0; });
-  const int count = frame_count(views.front().duration_s), beside = late ? 1 : 0;
-  std::vector<bool> rows(static_cast<std::size_t>(count) + 1);
-  for (const int k : frames)
-    for (int row = std::max(0, k - beside); row <= std::min(count, k + 1 + beside); ++row)
-      rows[static_cast<std::size_t>(row)] = true;
-  return rows;
-}
-
-/// Returns a sink that checks that no vehicle hits a sensor, and then passes each instant to
-/// `sink`.
-StateSink checking_sensors(const SceneConfig& scene, const StateSink& sink) {
-  return [&scene, sink, instant = 0](const std::vector<ObjectState>& states) mutable {
-    check_sensor_is_free(scene, states, instant++);
+/// Passes the moving objects of the first instants of a source to `sink`, and checks that no object
+/// is at a sensor.
+void each_checked(const StateSource& source, const SceneConfig& scene, int instants,
+                  const StateSink& sink) {
+  check_sensor_is_free(scene, source.standing(), 0);
+  StateSteps steps(source);
+  for (int k = 0; k < instants; ++k) {
+    const std::vector<ObjectState> states = steps.next_moving();
+    check_sensor_is_free(scene, states, k);
     sink(states);
-  };
+  }
 }
 
 /// Returns whether a box is farther from the origin than any ray or object that a ray hits.
@@ -81,6 +72,27 @@ std::vector<std::string> findings_of(const Site& site, const Surface& surface,
 
 }  // namespace
 
+std::vector<bool> rows_of_frames(std::span<const int> frames, double period_s, int steps) {
+  std::vector<bool> rows(static_cast<std::size_t>(steps) + 1);
+  for (const int k : frames) {
+    const int first = static_cast<int>(std::floor(row_position(k * period_s)));
+    const int last = static_cast<int>(std::ceil(row_position((k + 1) * period_s)));
+    for (int row = first; row <= std::min(last, steps); ++row)
+      rows[static_cast<std::size_t>(row)] = true;
+  }
+  return rows;
+}
+
+void mark_true_rows(const std::vector<bool>& rows, double late_s, std::vector<bool>& true_rows) {
+  const int steps = static_cast<int>(rows.size()) - 1;
+  for (int k = 0; k <= steps; ++k) {
+    if (!rows[static_cast<std::size_t>(k)]) continue;
+    const auto [first, last] = rows_around(row_position(k * kRowStep_s + late_s), steps);
+    true_rows[static_cast<std::size_t>(first)] = true;
+    true_rows[static_cast<std::size_t>(last)] = true;
+  }
+}
+
 std::shared_ptr<const SceneMeshes> build_meshes(const Site& site) {
   Surface surface = build_static_surface(site);
   const LevelPose level = level_pose(site.scene.mounts.begin()->second);
@@ -95,9 +107,6 @@ std::shared_ptr<const SceneMeshes> build_meshes(const Site& site) {
 World build_world_at(const SceneConfig& scene, const std::shared_ptr<const Site>& site,
                      const std::shared_ptr<const SceneMeshes>& meshes,
                      std::shared_ptr<const Trajectories> trajectories) {
-  if (const double late_s = clock_offset_s(scene); late_s != 0)
-    trajectories =
-        std::make_shared<const Trajectories>(resample_at_clock_offset(*trajectories, late_s));
   const MountConfig& mount = scene.mounts.begin()->second;
   const LevelPose level = level_pose(mount);
   check_sensor_in_meshes(*site, scene.mounts.begin()->first, mount, meshes->surface);
@@ -116,32 +125,39 @@ World build_world_at(const SceneConfig& scene, const std::shared_ptr<const Site>
           meshes->library.viewpoint(meshes->level.to_level(level.origin),
                                     level.yaw - meshes->level.yaw),
           Volumes(leaves),
-          read_static_layers(scene)};
+          read_static_layers(scene),
+          nullptr,
+          clock_offset_s(scene)};
 }
 
 std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts) {
-  std::vector<int> all(static_cast<std::size_t>(frame_count(scene.duration_s)));
+  std::vector<int> all(static_cast<std::size_t>(row_steps(scene.duration_s)));
   std::iota(all.begin(), all.end(), 0);
-  return build_worlds(scene, mounts, all, true);
+  return build_worlds(scene, mounts, all, kRowStep_s);
 }
 
 std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts,
-                                std::span<const int> frames, bool to_end) {
+                                std::span<const int> frames, double period_s) {
   std::vector<SceneConfig> views;
   for (const std::string& mount : mounts) views.push_back(scene_at_mount(scene, mount));
   const auto site = std::make_shared<const Site>(checked_site(scene));
-  const StateSource state_source(*site);
-  const std::vector<bool> asked = rows_of(frames, views);
+  std::vector<bool> rows = rows_of_frames(frames, period_s, row_steps(scene.duration_s));
+  if (!scene.traffic) rows.assign(rows.size(), true);  // a run writes all of a recording
+  std::vector<bool> asked(rows.size());
+  for (const SceneConfig& view : views) mark_true_rows(rows, clock_offset_s(view), asked);
   const auto last = std::find(asked.rbegin(), asked.rend(), true);
-  TrajectoryKeeper keeper(asked, state_source.pitched());
   TrafficChecks checks(*site);
-  const auto take = [&](const auto& states) {
-    checks.take(states);
-    keeper.take(states);
-  };
-  state_source.each(checking_sensors(scene, take),
-                    static_cast<int>(to_end ? asked.size() : asked.rend() - last));
-  const auto trajectories = std::make_shared<const Trajectories>(keeper.finish());
+  const auto trajectories = [&] {
+    const StateSource source(*site);
+    TrajectoryKeeper keeper(asked, source.pitched());
+    each_checked(source, scene, static_cast<int>(asked.rend() - last), [&](const auto& states) {
+      checks.take(with_standing(states, source.standing()));
+      keeper.take(states);
+    });
+    auto kept = std::make_shared<Trajectories>(keeper.finish());
+    kept->standing = source.standing();
+    return std::shared_ptr<const Trajectories>(std::move(kept));
+  }();
   const auto meshes = build_meshes(*site);
   std::vector<World> worlds;
   for (const SceneConfig& view : views)
@@ -150,16 +166,17 @@ std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std:
   return worlds;
 }
 
-std::vector<MovingObject> World::objects_in_frame(int k) const {
-  return lazy_trajectories ? lazy_trajectories->in_frame(k) : trajectories->in_frame(k);
+std::vector<MovingObject> World::objects_in_frame(int k, double period_s) const {
+  const double from = position(k * period_s), to = position((k + 1) * period_s);
+  return lazy_trajectories ? lazy_trajectories->between(from, to) : trajectories->between(from, to);
 }
 
 World build_lazy_world(const SceneConfig& scene, const std::string& mount) {
   if (!scene.traffic) return build_world(scene, mount);
   const SceneConfig view = scene_at_mount(scene, mount);
   const auto site = std::make_shared<const Site>(checked_site(scene));
-  auto lazy = std::make_shared<LazyTrajectories>(site, clock_offset_s(view));
-  TrajectoryKeeper none(std::vector<bool>(static_cast<std::size_t>(lazy->frames()) + 1),
+  auto lazy = std::make_shared<LazyTrajectories>(site);
+  TrajectoryKeeper none(std::vector<bool>(static_cast<std::size_t>(lazy->steps()) + 1),
                         lazy->pitched());
   World world = build_world_at(view, site, build_meshes(*site),
                                std::make_shared<const Trajectories>(none.finish()));
@@ -176,9 +193,12 @@ World build_static_world(const SceneConfig& scene, const std::string& mount) {
 std::vector<std::string> check_worlds(const SceneConfig& scene, bool drive) {
   const auto site = std::make_shared<const Site>(checked_site(scene));
   TrafficChecks checks(*site);
-  if (drive)
-    StateSource(*site).each(
-        checking_sensors(scene, [&](const auto& states) { checks.take(states); }));
+  if (drive) {
+    const StateSource source(*site);
+    each_checked(source, scene, row_steps(scene.duration_s) + 1, [&](const auto& states) {
+      checks.take(with_standing(states, source.standing()));
+    });
+  }
   const auto meshes = build_meshes(*site);
   for (const std::string& mount : mount_names(scene))
     build_world_at(scene_at_mount(scene, mount), site, meshes,
@@ -209,17 +229,6 @@ bool move_alike(const SceneConfig& a, const SceneConfig& b) {
   return text(a) == text(b);
 }
 
-void each_instant(const World& world, const StateSink& sink) {
-  if (world.trajectories->whole()) {
-    for (const auto& states : world.trajectories->rows) sink(states);
-    return;
-  }
-  const double late_s = clock_offset_s(world.scene);
-  const int frames = world.trajectories->frames();
-  StateSource(*world.site)
-      .each(late_s == 0 ? sink : resample_at_clock_offset(late_s, frames, sink));
-}
-
 World build_world(const SceneConfig& scene, const std::string& mount) {
   return std::move(build_worlds(scene, {mount}).front());
 }
@@ -238,16 +247,17 @@ std::vector<Overlap> traffic_overlaps(SceneConfig scene) {
   return search.overlaps();
 }
 
-void check_frame(const World& world, int k) {
-  if (k < 0 || k >= world.trajectories->frames())
-    throw ConfigError("frames: expected 0 to " + std::to_string(world.trajectories->frames() - 1) +
-                      ", got " + std::to_string(k));
+void check_frame(const World& world, int k, double period_s) {
+  const int frames = world.frames(period_s);
+  if (k < 0 || k >= frames)
+    throw ConfigError("frames: expected 0 to " + std::to_string(frames - 1) + ", got " +
+                      std::to_string(k));
 }
 
-TriangleMesh frozen_mesh(const World& world, int k, double share) {
-  check_frame(world, k);
+TriangleMesh frozen_mesh(const World& world, int k, double period_s, double share) {
+  check_frame(world, k, period_s);
   TriangleMesh mesh = world.background();
-  for (const MovingObject& o : world.objects_in_frame(k)) {
+  for (const MovingObject& o : world.objects_in_frame(k, period_s)) {
     const Box3d box = world.level.to_level(body_box(o.at(share)));
     const TriangleMesh& body = world.meshes->bodies[body_index(o.object_class)];
     const auto first = static_cast<std::uint32_t>(mesh.vertices.size());

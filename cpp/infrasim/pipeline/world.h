@@ -37,22 +37,34 @@ struct World {
   std::shared_ptr<const Site> site;  ///< site of the scene with all its mounts
   LevelPose level;
   EvaluationRegion region;
-  std::shared_ptr<const Trajectories> trajectories;  ///< in the time of the mount's clock
+  std::shared_ptr<const Trajectories> trajectories;  ///< in true time; all mounts share them
   std::shared_ptr<const SceneMeshes> meshes;
   Viewpoint viewpoint;  ///< of the mount in the frame of the meshes
   Volumes leaves;
   std::map<std::string, StaticLayerFile> static_layers;  ///< static layers from files, by LiDAR
-  /// in the time of the mount's clock; if set, `trajectories` has no rows
+  /// if set, `trajectories` has no rows
   std::shared_ptr<LazyTrajectories> lazy_trajectories = nullptr;
+  double late_s = 0;  ///< clock offset of the mount: true time less the time of its clock
   /// what is suspicious about the trajectories and meshes that were read, one line per finding
   std::vector<std::string> warnings = {};
 
   Raycaster raycaster() const { return Raycaster(meshes->library, viewpoint); }
   /// Static surfaces; levelled frame.
   TriangleMesh background() const { return to_level(meshes->surface, level); }
-  /// Objects that exist for the whole of frame k.
-  std::vector<MovingObject> objects_in_frame(int k) const;
+  /// Number of frames of a period.
+  int frames(double period_s) const { return frame_count(scene.duration_s, period_s); }
+  /// Returns a time of the mount's clock as a position in the rows of the trajectories.
+  double position(double time_s) const { return row_position(time_s + late_s); }
+  /// Objects that exist for the whole of frame k, which covers [k, k + 1) periods. They move
+  /// linearly from their states at its begin to those at its end.
+  std::vector<MovingObject> objects_in_frame(int k, double period_s) const;
 };
+
+/// Returns which rows of 0.1 s in the time of a mount's clock the frames need: those around the
+/// begin and the end of each frame.
+std::vector<bool> rows_of_frames(std::span<const int> frames, double period_s, int steps);
+/// Marks the rows of trajectories in true time from which marked rows of a late clock follow.
+void mark_true_rows(const std::vector<bool>& rows, double late_s, std::vector<bool>& true_rows);
 
 /// Builds the world of a scene at a mount.
 /// @param mount name of the mount; may be empty if the scene has one mount
@@ -82,12 +94,10 @@ World build_static_world(const SceneConfig& scene, const std::string& mount = ""
 /// Builds one world per mount. All worlds have the same objects.
 /// @throws the exceptions of build_world
 std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts);
-/// Like the function above, but only for some frames. Rows of trajectories that these frames do not
-/// require may be omitted.
-/// @param to_end  whether to simulate and check the whole scene, or only up to the last of the
-///   frames
+/// Like the function above, but only for some frames of a period. The scene is simulated up to the
+/// last of them. Rows of trajectories that these frames do not require may be omitted.
 std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts,
-                                std::span<const int> frames, bool to_end);
+                                std::span<const int> frames, double period_s);
 
 /// Builds the worlds of a scene without frames, to find its errors.
 /// @param drive whether the traffic is simulated and checked too
@@ -97,10 +107,6 @@ std::vector<std::string> check_worlds(const SceneConfig& scene, bool drive);
 
 /// Returns whether two scenes from one file have the same traffic and the same sensor positions.
 bool move_alike(const SceneConfig& a, const SceneConfig& b);
-
-/// Passes all instants of a world's trajectories to `sink`, including rows that the world has
-/// omitted.
-void each_instant(const World& world, const StateSink& sink);
 
 /// Names of the mounts, in the order of the file.
 std::vector<std::string> mount_names(const SceneConfig& scene);
@@ -114,10 +120,10 @@ std::vector<Overlap> traffic_overlaps(SceneConfig scene);
 std::size_t body_index(Class object_class);
 
 /// @throws ConfigError if the scene has no frame k
-void check_frame(const World& world, int k);
+void check_frame(const World& world, int k, double period_s);
 
 /// Returns all triangles at one instant, which is given as a share of frame k. Levelled frame.
 /// @throws ConfigError if the scene has no frame k
-TriangleMesh frozen_mesh(const World& world, int k, double share);
+TriangleMesh frozen_mesh(const World& world, int k, double period_s, double share);
 
 }  // namespace infrasim

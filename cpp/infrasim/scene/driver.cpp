@@ -154,8 +154,8 @@ double acceleration(const TrafficState& state, const TrafficSignals& signals, in
 }
 
 void advance(Vehicle& v, double acceleration) {
-  const double speed = std::max(0.0, v.speed + acceleration * kFramePeriod);
-  v.s += (v.speed + speed) / 2 * kFramePeriod;
+  const double speed = std::max(0.0, v.speed + acceleration * kRowStep_s);
+  v.s += (v.speed + speed) / 2 * kRowStep_s;
   v.speed = speed;
 }
 

@@ -8,35 +8,38 @@ namespace infrasim {
 
 namespace {
 
-// Minimum number of rows that are kept: two for a frame, and one more for a clock offset.
-constexpr std::size_t kFewestRows = 3;
+// Minimum number of rows that are kept: three for a frame of 0.2 s, and one more for a clock
+// offset.
+constexpr std::size_t kFewestRows = 4;
 
 }  // namespace
 
-LazyTrajectories::LazyTrajectories(std::shared_ptr<const Site> site, double late_s,
-                                   std::size_t most)
+LazyTrajectories::LazyTrajectories(std::shared_ptr<const Site> site, std::size_t most)
     : site_(std::move(site)),
       source_(*site_),
-      late_s_(late_s),
       most_(most),
-      frames_(frame_count(site_->scene.duration_s)) {
+      steps_count_(row_steps(site_->scene.duration_s)) {
   restart();
 }
 
-std::vector<MovingObject> LazyTrajectories::in_frame(int k) {
+std::vector<MovingObject> LazyTrajectories::between(double from, double to) {
   const std::lock_guard lock(mutex_);
-  if (k < first_) {
+  if (rows_around(from, steps_count_).first < first_) {
     keeps_all_ = true;
     restart();
   }
-  advance_to(k + 1);
-  const auto at = static_cast<std::size_t>(k - first_);
-  return objects_between(rows_[at], rows_[at + 1]);
+  advance_to(rows_around(to, steps_count_).second);
+  const RowOf row = [&](int k) -> const std::vector<ObjectState>& {
+    return rows_[static_cast<std::size_t>(k - first_)];
+  };
+  return with_standing(
+      objects_between(states_at(from, steps_count_, row), states_at(to, steps_count_, row)),
+      source_.standing());
 }
 
 void LazyTrajectories::drive() {
   const std::lock_guard lock(mutex_);
-  advance_to(frames_);
+  advance_to(steps_count_);
 }
 
 int LazyTrajectories::simulated() const {
@@ -55,8 +58,6 @@ void LazyTrajectories::restart() {
   states_ = 0;
   error_ = nullptr;
   steps_.emplace(source_);
-  sink_ = [this](const std::vector<ObjectState>& states) { take(states); };
-  if (late_s_ != 0) sink_ = resample_at_clock_offset(late_s_, frames_, sink_);
 }
 
 void LazyTrajectories::advance_to(int row) {
@@ -71,14 +72,11 @@ void LazyTrajectories::advance_to(int row) {
 }
 
 void LazyTrajectories::advance() {
-  const std::vector<ObjectState> states = steps_->next();
+  if (instant_ == 0) check_sensor_is_free(site_->scene, source_.standing(), 0);
+  std::vector<ObjectState> states = steps_->next_moving();
   check_sensor_is_free(site_->scene, states, instant_++);
-  sink_(states);
-}
-
-void LazyTrajectories::take(const std::vector<ObjectState>& states) {
-  rows_.push_back(states);
   states_ += states.size();
+  rows_.push_back(std::move(states));
   while (!keeps_all_ && states_ > most_ && rows_.size() > kFewestRows) {
     states_ -= rows_.front().size();
     rows_.pop_front();

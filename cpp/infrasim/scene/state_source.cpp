@@ -1,5 +1,7 @@
 #include "infrasim/scene/state_source.h"
 
+#include <algorithm>
+
 #include "infrasim/config/fields.h"
 #include "infrasim/core/errors.h"
 
@@ -14,12 +16,12 @@ Trajectories load_recorded(const SceneConfig& scene) {
                   ": can't be read: not there; `pyinfra site traffic` or `pyinfra site "
                   "trajectories` writes the file of a site");
   Trajectories trajectories = read_trajectories(file);
-  const int frames = frame_count(scene.duration_s);
-  if (!trajectories.rows.empty() && trajectories.frames() < frames)
+  const int steps = row_steps(scene.duration_s);
+  if (!trajectories.rows.empty() && trajectories.steps() < steps)
     throw ConfigError(file.string() + ": t: expected at least the scene's duration_s of " +
                       config::number_text(scene.duration_s) + ", got " +
-                      config::number_text(trajectories.frames() / 10.0) + " s");
-  trajectories.rows.resize(static_cast<std::size_t>(frames) + 1);
+                      config::number_text(trajectories.steps() / 10.0) + " s");
+  trajectories.rows.resize(static_cast<std::size_t>(steps) + 1);
   const bool people = scene.people || scene.standing_people;
   if (!scene.parked && !people) return trajectories;
   const int first = scene.parked ? kFirstParkedId : kFirstPersonId;
@@ -31,14 +33,40 @@ Trajectories load_recorded(const SceneConfig& scene) {
   return trajectories;
 }
 
+/// Removes the objects from all rows that have the same state in each, and returns their states.
+std::vector<ObjectState> take_standing(std::vector<std::vector<ObjectState>>& rows) {
+  std::vector<ObjectState> standing = rows.front();
+  const auto has = [](const std::vector<ObjectState>& states, const ObjectState& s) {
+    const auto same_id = std::ranges::lower_bound(states, s.id, {}, &ObjectState::id);
+    return same_id != states.end() && *same_id == s;
+  };
+  for (const auto& states : rows)
+    std::erase_if(standing, [&](const ObjectState& s) { return !has(states, s); });
+  for (auto& states : rows) {
+    std::erase_if(states, [&](const ObjectState& s) { return has(standing, s); });
+    states.shrink_to_fit();
+  }
+  return standing;
+}
+
 }  // namespace
 
 StateSource::StateSource(const Site& site) : site_(site) {
-  if (!site.scene.traffic) recorded_ = load_recorded(site.scene);
+  if (!site.scene.traffic) {
+    recorded_ = load_recorded(site.scene);
+    standing_ = take_standing(recorded_->rows);
+  }
+  std::vector<ObjectState> parked;
+  for (const ParkedVehicle& vehicle : site.parked) parked.push_back(vehicle.state);
+  std::vector<ObjectState> people = standing_people(site.scene);
+  for (std::vector<ObjectState>* more : {&parked, &people}) {
+    site.profile.lift(*more);
+    standing_.insert(standing_.end(), more->begin(), more->end());
+  }
 }
 
 void StateSource::each(const StateSink& sink) const {
-  each(sink, frame_count(site_.scene.duration_s) + 1);
+  each(sink, row_steps(site_.scene.duration_s) + 1);
 }
 
 void StateSource::each(const StateSink& sink, int instants) const {
@@ -47,17 +75,15 @@ void StateSource::each(const StateSink& sink, int instants) const {
 }
 
 StateSteps::StateSteps(const StateSource& source)
-    : source_(source),
-      people_(source.site_.scene, source.site_.centrelines),
-      standing_people_(standing_people(source.site_.scene)) {
-  const Site& site = source.site_;
-  for (const ParkedVehicle& vehicle : site.parked) parked_.push_back(vehicle.state);
-  site.profile.lift(parked_);
-  site.profile.lift(standing_people_);
-  if (site.scene.traffic) traffic_.emplace(site);
+    : source_(source), people_(source.site_.scene, source.site_.centrelines) {
+  if (source.site_.scene.traffic) traffic_.emplace(source.site_);
 }
 
 std::vector<ObjectState> StateSteps::next() {
+  return with_standing(next_moving(), source_.standing());
+}
+
+std::vector<ObjectState> StateSteps::next_moving() {
   const Profile& profile = source_.site_.profile;
   std::vector<ObjectState> states;
   if (traffic_) {
@@ -66,10 +92,9 @@ std::vector<ObjectState> StateSteps::next() {
   } else {
     states = source_.recorded_->rows[static_cast<std::size_t>(instant_)];
   }
-  std::vector<ObjectState> people = people_.at(instant_ * kFramePeriod);
+  std::vector<ObjectState> people = people_.at(instant_ * kRowStep_s);
   profile.lift(people);
-  for (const auto* more : {&parked_, &people, &standing_people_})
-    states.insert(states.end(), more->begin(), more->end());
+  states.insert(states.end(), people.begin(), people.end());
   ++instant_;
   return states;
 }

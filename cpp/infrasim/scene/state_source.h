@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "infrasim/scene/people.h"
 #include "infrasim/scene/site.h"
@@ -19,6 +20,9 @@ class StateSource {
   /// @throws ConfigError, IoError for the file of trajectories
   explicit StateSource(const Site& site);
 
+  /// Objects that stand during the whole scene, by increasing id: recorded vehicles, parked
+  /// vehicles and standing people.
+  const std::vector<ObjectState>& standing() const { return standing_; }
   /// Returns whether objects may have a pitch. Their tables then have a column for the pitch.
   bool pitched() const { return site_.scene.profile || (recorded_ && recorded_->pitched); }
   void each(const StateSink& sink) const;
@@ -29,6 +33,7 @@ class StateSource {
   friend class StateSteps;
   const Site& site_;
   std::optional<Trajectories> recorded_;
+  std::vector<ObjectState> standing_;
 };
 
 /// Computes the instants of a source one by one, on request.
@@ -38,15 +43,15 @@ class StateSteps {
   /// @throws ConfigError if vehicles of a class do not fit the lanes, or people do not fit a road
   explicit StateSteps(const StateSource& source);
 
-  /// The states of the next instant, by increasing id: vehicles, parked vehicles, people.
+  /// The states of the next instant, by increasing id, without the source's standing objects.
+  std::vector<ObjectState> next_moving();
+  /// The states of the next instant, by increasing id, with the standing objects.
   std::vector<ObjectState> next();
 
  private:
   const StateSource& source_;
   std::optional<TrafficSteps> traffic_;
   People people_;
-  std::vector<ObjectState> standing_people_;
-  std::vector<ObjectState> parked_;
   int instant_ = 0;
 };
 

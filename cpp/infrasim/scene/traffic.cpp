@@ -21,7 +21,7 @@ class TrafficSteps::Impl {
     if (started_) {
       step();
     } else {
-      for (double t = 0; t < warm_up_s_; t += kFramePeriod) step();
+      for (double t = 0; t < warm_up_s_; t += kRowStep_s) step();
       started_ = true;
     }
     return state_.object_states();
@@ -87,7 +87,7 @@ std::vector<ObjectState> TrafficSteps::next() { return impl_->next(); }
 
 void simulate_traffic(const Site& site, const StateSink& sink) {
   TrafficSteps steps(site);
-  for (int k = 0; k <= frame_count(site.scene.duration_s); ++k) sink(steps.next());
+  for (int k = 0; k <= row_steps(site.scene.duration_s); ++k) sink(steps.next());
 }
 
 Trajectories simulate_traffic(const Site& site) {

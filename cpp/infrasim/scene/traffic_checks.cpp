@@ -25,7 +25,7 @@ std::string rounded_text(double value) {
 }
 
 std::string time_and_place(int instant, Vec2 place) {
-  return rounded_text(instant * kFramePeriod) + " s, " + at_text(place);
+  return rounded_text(instant * kRowStep_s) + " s, " + at_text(place);
 }
 
 /// Returns the part "N of M vehicles".

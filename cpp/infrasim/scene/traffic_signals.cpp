@@ -25,7 +25,7 @@ void TrafficSignals::update(const TrafficState& state) {
     if (network_.rings[j]) continue;
     Signal& signal = signals_[j];
     const SignalConfig timing = network_.junctions[j].signal.value_or(SignalConfig{});
-    signal.since += kFramePeriod;
+    signal.since += kRowStep_s;
     if (signal.green && signal.since >= timing.green_s) {
       signal.green = false;
       signal.since = 0;

@@ -1,12 +1,16 @@
 #include "infrasim/scene/trajectories.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
+#include <iterator>
+#include <limits>
 #include <map>
 #include <stdexcept>
+#include <unordered_map>
+#include <utility>
 
 #include "infrasim/config/fields.h"
-#include "infrasim/io/csv.h"
 
 namespace infrasim {
 
@@ -38,6 +42,7 @@ Box3d MovingObject::at(double u) const {
 std::vector<MovingObject> objects_between(const std::vector<ObjectState>& before,
                                           const std::vector<ObjectState>& after) {
   std::vector<MovingObject> objects;
+  objects.reserve(std::min(before.size(), after.size()));
   auto to = after.begin();
   for (const ObjectState& from : before) {
     while (to != after.end() && to->id < from.id) ++to;
@@ -49,11 +54,72 @@ std::vector<MovingObject> objects_between(const std::vector<ObjectState>& before
   return objects;
 }
 
-std::vector<MovingObject> Trajectories::in_frame(int k) const {
-  const auto n = static_cast<std::size_t>(k);
-  if (!kept.empty() && !(kept[n] && kept[n + 1]))
-    throw std::logic_error("trajectories of frame " + std::to_string(k) + " were not kept");
-  return objects_between(rows[n], rows[n + 1]);
+double row_position(double time_s) {
+  constexpr double kTolerance = 1e-6;
+  const double position = time_s / kRowStep_s, row = std::round(position);
+  return std::abs(position - row) <= kTolerance ? row : position;
+}
+
+std::pair<int, int> rows_around(double position, int steps) {
+  const int before = std::clamp(static_cast<int>(std::floor(position)), 0, steps);
+  if (before == position) return {before, before};
+  const int first = std::min(before, steps - 1);
+  return {first, first + 1};
+}
+
+std::vector<ObjectState> states_at(double position, int steps, const RowOf& row) {
+  const auto [first, last] = rows_around(position, steps);
+  if (first == last) return row(first);
+  std::vector<ObjectState> states;
+  for (const MovingObject& o : objects_between(row(first), row(last)))
+    states.push_back(rounded({o.id, o.object_class, o.at(position - first), o.speed_m_s}));
+  return states;
+}
+
+bool Trajectories::has(double position) const {
+  const auto [first, last] = rows_around(position, steps());
+  return kept.empty() ||
+         (kept[static_cast<std::size_t>(first)] && kept[static_cast<std::size_t>(last)]);
+}
+
+std::vector<ObjectState> Trajectories::moving_at(double position) const {
+  return states_at(position, steps(), [&](int k) -> const std::vector<ObjectState>& {
+    const auto row = static_cast<std::size_t>(k);
+    if (!kept.empty() && !kept[row])
+      throw std::logic_error("row " + std::to_string(k) + " of the trajectories was not kept");
+    return rows[row];
+  });
+}
+
+std::vector<MovingObject> Trajectories::between(double from, double to) const {
+  return with_standing(objects_between(moving_at(from), moving_at(to)), standing);
+}
+
+std::vector<MovingObject> with_standing(std::vector<MovingObject> moving,
+                                        const std::vector<ObjectState>& standing) {
+  if (standing.empty()) return moving;
+  std::vector<MovingObject> objects;
+  objects.reserve(moving.size() + standing.size());
+  auto next = standing.begin();
+  const auto add_before = [&](int id) {
+    for (; next != standing.end() && next->id < id; ++next)
+      objects.push_back({next->id, next->object_class, next->box, next->box, next->speed_m_s});
+  };
+  for (const MovingObject& o : moving) {
+    add_before(o.id);
+    objects.push_back(o);
+  }
+  add_before(std::numeric_limits<int>::max());
+  return objects;
+}
+
+std::vector<ObjectState> with_standing(const std::vector<ObjectState>& moving,
+                                       const std::vector<ObjectState>& standing) {
+  std::vector<ObjectState> states;
+  states.reserve(moving.size() + standing.size());
+  std::ranges::merge(moving, standing, std::back_inserter(states), {}, &ObjectState::id,
+                     &ObjectState::id);
+  return states;
 }
 
 TrajectoryKeeper::TrajectoryKeeper(std::vector<bool> asked, bool pitched, std::size_t most)
@@ -85,44 +151,6 @@ Trajectories TrajectoryKeeper::finish() {
   return std::move(out_);
 }
 
-namespace {
-
-/// Returns the frame that contains an instant of a late clock, or the nearest frame if none does.
-int frame_of_late(double late_s, int instant, int frames) {
-  return std::clamp(late_s < 0 ? instant - 1 : instant, 0, frames - 1);
-}
-
-}  // namespace
-
-StateSink resample_at_clock_offset(double late_s, int frames, const StateSink& sink) {
-  return [late = late_s / kFramePeriod, late_s, frames, sink, window = Trajectories{}, frame = -2,
-          next = 0](const std::vector<ObjectState>& states) mutable {
-    window.rows.push_back(states);
-    if (window.rows.size() > 2) window.rows.erase(window.rows.begin());
-    if (++frame < 0) return;
-    for (; next <= frames && frame_of_late(late_s, next, frames) == frame; ++next) {
-      std::vector<ObjectState> row;
-      for (const MovingObject& o : window.in_frame(0))
-        row.push_back(rounded({o.id, o.object_class, o.at(next + late - frame), o.speed_m_s}));
-      sink(row);
-    }
-  };
-}
-
-Trajectories resample_at_clock_offset(const Trajectories& trajectories, double late_s) {
-  Trajectories out{{}, trajectories.pitched, {}};
-  const int frames = trajectories.frames();
-  const StateSink late = resample_at_clock_offset(
-      late_s, frames, [&](const auto& states) { out.rows.push_back(states); });
-  for (const auto& states : trajectories.rows) late(states);
-  if (trajectories.whole()) return out;
-  for (int k = 0; k <= frames; ++k) {
-    const auto frame = static_cast<std::size_t>(frame_of_late(late_s, k, frames));
-    out.kept.push_back(trajectories.kept[frame] && trajectories.kept[frame + 1]);
-  }
-  return out;
-}
-
 ObjectState rounded(ObjectState state) {
   Box3d& b = state.box;
   for (double* v : {&b.x, &b.y, &b.z, &b.dx, &b.dy, &b.dz}) *v = round_to(*v, kMetreDigits);
@@ -132,37 +160,29 @@ ObjectState rounded(ObjectState state) {
   return state;
 }
 
-std::string TrajectoryText::header() const {
-  return std::string(kHeader) + (pitched_ ? std::string(",") + kPitchColumn : "") + "\n";
-}
+namespace {
 
-std::string TrajectoryText::nobody_at(int instant) const {
-  const double t = round_to(instant * kFramePeriod, 10);
-  return config::number_text(t) + std::string(pitched_ ? kColumns : kColumns - 1, ',') + "\n";
-}
+/// Makes lines of trajectories.csv.
+class LineText {
+ public:
+  explicit LineText(bool pitched) : pitched_(pitched) {}
 
-std::string TrajectoryText::end() const {
-  return first_ < 0 || last_ == instants_ - 1 ? "" : nobody_at(instants_ - 1);
-}
-
-std::string TrajectoryText::rows(const std::vector<ObjectState>& states) {
-  std::string text;
-  if (!states.empty()) {
-    last_ = instants_;
-    if (first_ < 0) {
-      first_ = instants_;
-      if (first_ > 0) text = nobody_at(0);
-    }
+  std::string header() const {
+    return std::string(kHeader) + (pitched_ ? std::string(",") + kPitchColumn : "") + "\n";
   }
-  std::array<char, 32> buffer{};
-  const auto append = [&](auto value, char end) {
-    text.append(buffer.data(),
-                std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr);
-    text += end;
-  };
-  const double t = round_to(instants_ * kFramePeriod, 10);
-  for (const ObjectState& s : states) {
-    append(t, ',');
+  /// The line of a time without an object.
+  std::string nobody(int row) const {
+    return config::number_text(time_s(row)) + std::string(pitched_ ? kColumns : kColumns - 1, ',') +
+           "\n";
+  }
+  void add(int row, const ObjectState& s, std::string& text) const {
+    std::array<char, 32> buffer{};
+    const auto append = [&](auto value, char end) {
+      text.append(buffer.data(),
+                  std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr);
+      text += end;
+    };
+    append(time_s(row), ',');
     append(s.id, ',');
     text += class_of(s.object_class).name;
     text += ',';
@@ -171,47 +191,119 @@ std::string TrajectoryText::rows(const std::vector<ObjectState>& states) {
     append(s.speed_m_s, pitched_ ? ',' : '\n');
     if (pitched_) append(s.box.pitch, '\n');
   }
-  ++instants_;
-  return text;
-}
 
-std::string trajectories_csv(const Trajectories& trajectories) {
-  TrajectoryText lines(trajectories.pitched);
-  std::string text = lines.header();
-  for (const auto& states : trajectories.rows) text += lines.rows(states);
-  return text + lines.end();
-}
+ private:
+  static double time_s(int row) { return round_to(row * kRowStep_s, 10); }
 
-namespace {
+  bool pitched_;
+};
 
-/// Reads a trajectory file row by row and reports errors with their position.
-class TrajectoryReader {
+/// Finds the states that the text must have: the first and the last of consecutive equal states.
+class EndsOfRuns {
  public:
-  explicit TrajectoryReader(const std::filesystem::path& file)
-      : csv_(file, kHeader, kPitchColumn) {}
-
-  Trajectories read() {
-    out_.pitched = csv_.has_last();
-    while (csv_.next_row()) row();
-    if (out_.rows.size() == 1) csv_.fail_row("t", "expected two or more instants, got fewer");
-    return std::move(out_);
+  /// Takes the next row in the first pass.
+  void take(int row, const std::vector<ObjectState>& states) {
+    for (const ObjectState& s : states) {
+      auto& [run, ends, next] =
+          objects_.try_emplace(s.id, Object{{s, row, row}, {}, 0}).first->second;
+      if (run.state != s) {
+        if (run.last > run.first) ends.push_back(run.last);
+        run = {s, row, row};
+      }
+      run.last = row;
+    }
+  }
+  void finish() {
+    for (auto& [id, object] : objects_) {
+      auto& [run, ends, next] = object;
+      if (run.last > run.first) ends.push_back(run.last);
+      run.first = -1;  // the second pass begins
+    }
+  }
+  /// Returns, in the second pass, whether the text has this state.
+  bool has(int row, const ObjectState& s) {
+    auto& [run, ends, next] = objects_.at(s.id);
+    if (run.first < 0 || run.state != s) {
+      run = {s, row, row};
+      return true;
+    }
+    if (next == ends.size() || ends[next] != row) return false;
+    ++next;
+    return true;
   }
 
  private:
-  static constexpr double kNobody = -1;  // stands for the blank id of a row with only a time
+  struct Run {
+    ObjectState state;
+    int first, last;  ///< rows
+  };
+  struct Object {
+    Run run;
+    std::vector<int> ends;  ///< last rows of runs of several rows
+    std::size_t next;       ///< index of the next end in the second pass
+  };
+  std::unordered_map<int, Object> objects_;
+};
 
-  void row() {
-    const double t = csv_.number("t", 0, 1e5);
-    ObjectState s;
-    const double id = csv_.number_or(kNobody, "id", 0, 2e9);
-    if (id == kNobody) {
-      for (int i = 2; i < kColumns + (csv_.has_last() ? 1 : 0); ++i)
-        if (!csv_.cell().empty())
-          csv_.fail("id", "expected a number, got '' in a row with more than its time");
-      return go_to(t);
+}  // namespace
+
+void write_trajectories(bool pitched, const RowSource& source,
+                        const std::function<void(std::string_view)>& take) {
+  EndsOfRuns ends;
+  int first = -1, last = -1;
+  source([&](int row, const auto& states) {
+    if (first < 0) first = row;
+    last = row;
+    ends.take(row, states);
+  });
+  ends.finish();
+  const LineText lines(pitched);
+  std::string text = lines.header();
+  bool objects = false, ended = false;
+  std::string begin;  // written only if an object follows
+  source([&](int row, const auto& states) {
+    if (states.empty() && row == first) begin = lines.nobody(row);
+    if (!states.empty()) {
+      text += std::exchange(begin, "");
+      objects = true;
     }
+    for (const ObjectState& s : states)
+      if (ends.has(row, s)) lines.add(row, s, text);
+    ended = row == last && states.empty();
+    take(std::exchange(text, ""));
+  });
+  if (!text.empty()) take(text);
+  if (objects && ended) take(lines.nobody(last));
+}
+
+std::string trajectories_csv(const Trajectories& trajectories) {
+  std::string text;
+  write_trajectories(
+      trajectories.pitched,
+      [&](const RowSink& sink) {
+        for (int k = 0; k <= trajectories.steps(); ++k)
+          sink(k, with_standing(trajectories.moving_at(k), trajectories.standing));
+      },
+      [&](std::string_view piece) { text += piece; });
+  return text;
+}
+
+TrajectoryLines::TrajectoryLines(const std::filesystem::path& file)
+    : csv_(file, kHeader, kPitchColumn) {}
+
+std::optional<TrajectoryLine> TrajectoryLines::next() {
+  constexpr double kNobody = -1;  // stands for the blank id of a line with only a time
+  if (!csv_.next_row()) return std::nullopt;
+  const double t = csv_.number("t", 0, 1e5);
+  TrajectoryLine line{static_cast<int>(std::llround(t / kRowStep_s)), std::nullopt};
+  if (const double id = csv_.number_or(kNobody, "id", 0, 2147483647); id == kNobody) {
+    for (int i = 2; i < kColumns + (pitched() ? 1 : 0); ++i)
+      if (!csv_.cell().empty())
+        csv_.fail("id", "expected a number, got '' in a row with more than its time");
+  } else {
     if (id != std::floor(id))
       csv_.fail("id", "expected a whole number, got '" + config::number_text(id) + "'");
+    ObjectState& s = line.state.emplace();
     s.id = static_cast<int>(id);
     const std::string_view class_name = csv_.cell();
     const ObjectClass* class_entry = find_class(class_name);
@@ -227,49 +319,76 @@ class TrajectoryReader {
     s.box.dy = csv_.number("dy", 0.1, 50);
     s.box.dz = csv_.number("dz", 0.1, 50);
     s.speed_m_s = csv_.number("speed", -100, 200);
-    if (csv_.has_last()) s.box.pitch = csv_.number(kPitchColumn, -kMostPitch, kMostPitch);
-    add(t, s);
+    if (pitched()) s.box.pitch = csv_.number(kPitchColumn, -kMostPitch, kMostPitch);
+  }
+  if (std::abs(t - line.step * kRowStep_s) > 1e-6)
+    fail("t", "expected a multiple of 0.1 s, got another time");
+  if (begun_ && line.step < last_.step)
+    fail("t", "expected ascending times, got a time before that of the row above");
+  if (begun_ && line.step == last_.step && line.state && last_.state &&
+      last_.state->id >= line.state->id)
+    fail("id", "expected ascending ids within an instant, got others");
+  begun_ = true;
+  last_ = line;
+  return line;
+}
+
+namespace {
+
+/// Reads a trajectory file row by row and reports errors with their position.
+class TrajectoryReader {
+ public:
+  explicit TrajectoryReader(const std::filesystem::path& file) : lines_(file) {}
+
+  Trajectories read() {
+    out_.pitched = lines_.pitched();
+    while (const auto line = lines_.next()) {
+      go_to(line->step);
+      if (line->state) add(static_cast<std::size_t>(line->step), *line->state);
+    }
+    if (out_.rows.size() == 1) lines_.fail("t", "expected two or more instants, got fewer");
+    return std::move(out_);
   }
 
-  /// Appends instants up to time t.
-  void go_to(double t) {
-    const auto step = static_cast<std::size_t>(std::llround(t / kFramePeriod));
-    if (std::abs(t - static_cast<double>(step) * kFramePeriod) > 1e-6)
-      csv_.fail_row("t", "expected a multiple of 0.1 s, got another time");
-    if (step + 1 < out_.rows.size())
-      csv_.fail_row("t", "expected ascending times, got a time before that of the row above");
-    if (out_.rows.empty() && step != 0) csv_.fail_row("t", "expected 0, got a start after 0");
-    out_.rows.resize(std::max(out_.rows.size(), step + 1));  // an instant without rows is empty
+ private:
+  /// Appends instants up to a row.
+  void go_to(int step) {
+    if (out_.rows.empty() && step != 0) lines_.fail("t", "expected 0, got a start after 0");
+    // an instant without rows is empty
+    out_.rows.resize(std::max(out_.rows.size(), static_cast<std::size_t>(step) + 1));
   }
 
-  void add(double t, const ObjectState& s) {
-    go_to(t);
-    auto& row = out_.rows.back();
-    if (!row.empty() && row.back().id >= s.id)
-      csv_.fail_row("id", "expected ascending ids within an instant, got others");
-    const std::size_t step = out_.rows.size() - 1;
-    check_motion(step, s);
+  void add(std::size_t step, const ObjectState& s) {
+    if (const auto it = last_.find(s.id); it != last_.end()) {
+      check_motion(it->second.second, s);
+      if (it->second.first + 1 != step) stand(it->second.first + 1, step, s);
+    }
     last_[s.id] = {step, s};
-    row.push_back(s);
+    out_.rows.back().push_back(s);
   }
 
-  void check_motion(std::size_t step, const ObjectState& s) {
-    const auto it = last_.find(s.id);
-    if (it == last_.end()) return;
-    const auto& [last_step, before] = it->second;
-    if (last_step + 1 != step)
-      csv_.fail_row("id", "expected steps of 0.1 s, got vehicle " + std::to_string(s.id) +
-                              " again after a gap");
+  void check_motion(const ObjectState& before, const ObjectState& s) {
     const Box3d &a = before.box, &b = s.box;
     if (norm(Vec3{b.x - a.x, b.y - a.y, b.z - a.z}) > kMaxStep)
-      csv_.fail_row("x", "expected at most 10 m in 0.1 s, got a jump");
+      lines_.fail("x", "expected at most 10 m in 0.1 s, got a jump");
     if (std::abs(wrap_angle(b.heading - a.heading)) > kMaxTurn)
-      csv_.fail_row("heading", "expected at most 60 degrees in 0.1 s, got a turn of more");
+      lines_.fail("heading", "expected at most 60 degrees in 0.1 s, got a turn of more");
     if (a.dx != b.dx || a.dy != b.dy || a.dz != b.dz || before.object_class != s.object_class)
-      csv_.fail_row("dx", "expected one size and class of an object, got others than before");
+      lines_.fail("dx", "expected one size and class of an object, got others than before");
   }
 
-  CsvReader csv_;
+  /// Adds a state to rows [first, last) that the object lacks.
+  void stand(std::size_t first, std::size_t last, const ObjectState& s) {
+    if (last_.at(s.id).second != s)
+      lines_.fail("id", "expected steps of 0.1 s, or of more between equal states, got vehicle " +
+                            std::to_string(s.id) + " again after a gap");
+    for (std::size_t k = first; k < last; ++k) {
+      auto& row = out_.rows[k];
+      row.insert(std::ranges::upper_bound(row, s.id, {}, &ObjectState::id), s);
+    }
+  }
+
+  TrajectoryLines lines_;
   std::map<int, std::pair<std::size_t, ObjectState>> last_;
   Trajectories out_;
 };

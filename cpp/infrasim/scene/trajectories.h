@@ -3,20 +3,34 @@
 #include <cmath>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "infrasim/core/classes.h"
 #include "infrasim/core/geometry.h"
+#include "infrasim/io/csv.h"
 
 namespace infrasim {
 
-inline constexpr double kFramePeriod = 0.1;  ///< seconds; also the time step of the trajectory rows
+inline constexpr double kRowStep_s = 0.1;  ///< time step of the trajectory rows
 
-/// Number of frames in a duration.
-inline int frame_count(double duration_s) {
-  return static_cast<int>(std::llround(duration_s / kFramePeriod));
+/// Number of row steps in a duration. There is one row more.
+inline int row_steps(double duration_s) {
+  return static_cast<int>(std::llround(duration_s / kRowStep_s));
 }
+
+/// Number of whole frames of a period in a duration.
+inline int frame_count(double duration_s, double period_s) {
+  constexpr double kTolerance = 1e-6;
+  return static_cast<int>(row_steps(duration_s) * kRowStep_s / period_s + kTolerance);
+}
+
+/// Returns a time as a position in the rows: 2 is row 2, and 2.5 is between rows 2 and 3. A
+/// position within 1e-6 of a row is that row.
+double row_position(double time_s);
 
 /// One object at one instant. The position is that of the box's centre in the world frame.
 struct ObjectState {
@@ -24,6 +38,8 @@ struct ObjectState {
   Class object_class = Class::kCar;
   Box3d box;
   double speed_m_s = 0;
+
+  bool operator==(const ObjectState&) const = default;
 };
 
 /// One object during one frame. The position is linear in time, and the heading changes linearly
@@ -39,9 +55,19 @@ struct MovingObject {
   Box3d at(double u) const;
 };
 
-/// Returns the objects that exist at two consecutive instants, and therefore for the whole frame.
+/// Returns the objects that exist at two instants, and therefore at the time between them.
 std::vector<MovingObject> objects_between(const std::vector<ObjectState>& before,
                                           const std::vector<ObjectState>& after);
+
+/// Passes row i of a table of instants.
+using RowOf = std::function<const std::vector<ObjectState>&(int)>;
+/// Returns the states at a position in the rows. They are those of a row, or they are interpolated
+/// in the two rows around the position and rounded. Objects must exist in both rows. Before the
+/// first and after the last row, objects continue with uniform motion.
+/// @param steps number of row steps, at least 1
+std::vector<ObjectState> states_at(double position, int steps, const RowOf& row);
+/// Returns the first and the last row that `states_at` needs for a position.
+std::pair<int, int> rows_around(double position, int steps);
 
 /// All objects of a run: row k holds the states at 0.1 k seconds, by increasing id.
 struct Trajectories {
@@ -49,13 +75,28 @@ struct Trajectories {
   bool pitched =
       false;  ///< whether objects may have a pitch, so that their tables have a column for it
   std::vector<bool> kept;  ///< which rows are present; if empty, all rows are present
+  /// objects that stand during the whole run, by increasing id; `rows` does not have them
+  std::vector<ObjectState> standing = {};
 
-  int frames() const { return static_cast<int>(rows.size()) - 1; }
+  int steps() const { return static_cast<int>(rows.size()) - 1; }
   bool whole() const { return kept.empty(); }
-  /// Objects that exist for the whole of frame k.
+  /// Returns whether the rows are present that a position needs.
+  bool has(double position) const;
+  /// States at a position in the rows, without the standing objects.
   /// @throws std::logic_error if its rows are missing
-  std::vector<MovingObject> in_frame(int k) const;
+  std::vector<ObjectState> moving_at(double position) const;
+  /// Objects that exist from one position in the rows to another, with the standing objects.
+  /// @throws std::logic_error if rows are missing
+  std::vector<MovingObject> between(double from, double to) const;
+  /// Objects that exist from row k to row k + 1.
+  std::vector<MovingObject> in_step(int k) const { return between(k, k + 1); }
 };
+
+/// Adds objects that stand to objects that move. Both are sorted by id, as is the result.
+std::vector<MovingObject> with_standing(std::vector<MovingObject> moving,
+                                        const std::vector<ObjectState>& standing);
+std::vector<ObjectState> with_standing(const std::vector<ObjectState>& moving,
+                                       const std::vector<ObjectState>& standing);
 
 /// Rounds a state to the digits of the file, so that a run from the file equals the original run.
 ObjectState rounded(ObjectState state);
@@ -67,7 +108,7 @@ using StateSink = std::function<void(const std::vector<ObjectState>&)>;
 /// keeps only the requested rows.
 class TrajectoryKeeper {
  public:
-  static constexpr std::size_t kMostStates = 2'000'000;  ///< 160 MB
+  static constexpr std::size_t kMostStates = 1'000'000;  ///< 80 MB
 
   /// @param asked whether each row is requested; one entry per row
   /// @param most  maximum number of states kept in rows that are not requested
@@ -84,47 +125,55 @@ class TrajectoryKeeper {
   std::size_t states_ = 0;
 };
 
-/// Returns a sink that converts instants to a clock that is late by `late_s` (less than a frame),
-/// and passes them to `sink`. Instant k of the late clock has the objects at 0.1 k + late_s,
-/// interpolated as in a frame. Before the first and after the last instant, objects continue with
-/// uniform motion. Objects that do not exist for the whole of a frame are omitted.
-/// @param frames number of frames that will be passed on, one less than the number of instants
-StateSink resample_at_clock_offset(double late_s, int frames, const StateSink& sink);
-/// Like the function above, for trajectories. A row is kept if the two rows around it are present.
-Trajectories resample_at_clock_offset(const Trajectories& trajectories, double late_s);
+/// Receives the states of a row, with its number.
+using RowSink = std::function<void(int, const std::vector<ObjectState>&)>;
+/// Passes rows with ascending numbers, as often as it is called.
+using RowSource = std::function<void(const RowSink&)>;
 
-/// Makes the text of trajectories.csv, one instant after the other. The columns are
+/// Makes the text of trajectories.csv and passes it on in pieces of whole lines. The columns are
 /// t,id,class,x,y,z,heading,dx,dy,dz,speed, and pitch if objects have a pitch. The units are metres
-/// and radians, the frame is the world frame, and the rate is 10 Hz. If the first or the last
-/// instant has no object, a row with only a time marks the begin or the end. A file without rows
+/// and radians, the frame is the world frame, and times are multiples of 0.1 s. Of consecutive
+/// equal states of an object, the text has only the first and the last. If the first or the last
+/// row has no object, a line with only a time marks the begin or the end. A file without rows
 /// describes a scene without objects.
-class TrajectoryText {
- public:
-  explicit TrajectoryText(bool pitched = false) : pitched_(pitched) {}
-
-  /// The header line.
-  std::string header() const;
-  /// The rows of the next instant.
-  std::string rows(const std::vector<ObjectState>& states);
-  /// The text after the rows of the last instant.
-  std::string end() const;
-
-  int instants() const { return instants_; }
-
- private:
-  std::string nobody_at(int instant) const;
-
-  bool pitched_;
-  int instants_ = 0;
-  int first_ = -1;  ///< first instant with an object
-  int last_ = -1;
-};
+/// @param source is called twice
+void write_trajectories(bool pitched, const RowSource& source,
+                        const std::function<void(std::string_view)>& take);
 
 /// The whole text of trajectories.csv.
 std::string trajectories_csv(const Trajectories& trajectories);
 
+/// One line of trajectories.csv.
+struct TrajectoryLine {
+  int step = 0;                      ///< number of the row
+  std::optional<ObjectState> state;  ///< no value in a line with only a time
+};
+
+/// Reads the lines of trajectories.csv one by one.
+class TrajectoryLines {
+ public:
+  /// @throws ConfigError if the first line is not the header, IoError if the file can't be read
+  explicit TrajectoryLines(const std::filesystem::path& file);
+
+  bool pitched() const { return csv_.has_last(); }
+  /// Returns the next line; no value after the last.
+  /// @throws ConfigError with file and line, for a wrong value or lines out of order
+  std::optional<TrajectoryLine> next();
+  /// Throws an error about the line that was read last.
+  [[noreturn]] void fail(std::string_view key, const std::string& what) const {
+    csv_.fail_row(key, what);
+  }
+
+ private:
+  CsvReader csv_;
+  TrajectoryLine last_;
+  bool begun_ = false;
+};
+
+/// Reads all rows. An object may lack rows only between two equal states, which it then has in
+/// these rows too.
 /// @return the trajectories; they have no instants if the file has no rows
-/// @throws ConfigError with file and line, for rows out of order, gaps, jumps or changing sizes
+/// @throws ConfigError with file and line, for lines out of order, gaps, jumps or changing sizes
 /// @throws IoError if the file can't be read
 Trajectories read_trajectories(const std::filesystem::path& file);
 

@@ -5,13 +5,12 @@
 #include <numeric>
 
 #include "infrasim/config/scene_config.h"
-#include "infrasim/scene/trajectories.h"
 
 namespace infrasim {
 
 namespace {
 
-constexpr int kLongestPeriod = static_cast<int>(kLongestScene_s / kFramePeriod);
+constexpr int kLongestPeriod = static_cast<int>(kLongestScene_s / kShortestPeriod_s);
 
 /// Adds the rates (per second) of groups of rays and of turns of moving parts. Over a period, each
 /// rate must give a whole number.
@@ -45,7 +44,7 @@ int pattern_period(const LidarConfig& lidar, int most) {
   for (const LidarUnit& unit : lidar.units) add_rates(unit.pattern, per_s);
   for (int frames = 1; frames <= most; ++frames) {
     const auto is_whole = [&](double rate) {
-      const double count = rate * kFramePeriod * frames;
+      const double count = rate * period_s(lidar) * frames;
       return std::abs(count - std::round(count)) <= kWhole;
     };
     if (std::ranges::all_of(per_s, is_whole)) return frames;

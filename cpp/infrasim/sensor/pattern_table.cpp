@@ -6,7 +6,6 @@
 #include "infrasim/core/errors.h"
 #include "infrasim/core/math.h"
 #include "infrasim/core/rng.h"
-#include "infrasim/scene/trajectories.h"
 
 namespace infrasim {
 
@@ -23,7 +22,7 @@ MotorPhase motor_phase(const PatternConfig& pattern) {
 void check_rows(const LidarConfig& lidar, int frames) {
   double rows = 0;
   for (const LidarUnit& unit : lidar.units)
-    rows += rays_per_s(unit.pattern) * kFramePeriod * frames;
+    rows += rays_per_s(unit.pattern) * period_s(lidar) * frames;
   if (rows > kMostRows)
     throw ConfigError("frames: expected at most " + std::to_string(std::llround(kMostRows)) +
                       ", got " + std::to_string(frames) + " with about " +
@@ -45,6 +44,7 @@ double start_phase_s(std::uint64_t seed, const std::string& mount, const LidarCo
 std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last, int step,
                                   std::optional<std::uint64_t> seed, const std::string& mount) {
   check_rows(lidar, 1 + (last - 1 - first) / step);
+  const double frame_s = period_s(lidar);
   std::vector<double> rows;
   for (std::size_t u = 0; u < lidar.units.size(); ++u) {
     const LidarUnit& unit = lidar.units[u];
@@ -52,8 +52,8 @@ std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last,
     const double phase_s = seed ? start_phase_s(*seed, mount, lidar, u) : 0;
     const ScanPattern pattern(unit.pattern, phase_s, pose, 0);
     for (std::int64_t k = first; k < last; k += step) {
-      const RayRange range = pattern.fired_between(static_cast<double>(k) * kFramePeriod,
-                                                   static_cast<double>(k + 1) * kFramePeriod);
+      const RayRange range = pattern.fired_between(static_cast<double>(k) * frame_s,
+                                                   static_cast<double>(k + 1) * frame_s);
       for (std::int64_t i = range.first; i < range.last; ++i) {
         const Ray ray = pattern.ray(i);
         const Vec3 d = pose * ray.direction;

@@ -14,7 +14,7 @@ from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.vocabulary import Tier
 from pyinfra.dataset import split
 from pyinfra.dataset.data_set import read_data_set
-from pyinfra.dataset.frames import PERIOD_S, lidars_in
+from pyinfra.dataset.frames import lidars_in
 from pyinfra.dataset.frames_version import MAY_BE_BETTER, other_frames
 from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments.benchmark.inputs import (
@@ -117,8 +117,9 @@ def check_data_set(folder: Path, plan: Plan) -> None:
     because the simulation may have been stopped.
     """
     numbers, parts = range_of(plan.frames), plan.parts
-    wanted = split.by_time(numbers, PERIOD_S, parts.train_until_s, parts.val_from_s)
     for lidar in lidars_in(folder):
+        period_s = kitti.read_lidar(lidar).period_s
+        wanted = split.by_time(numbers, period_s, parts.train_until_s, parts.val_from_s)
         present = kitti.frames(lidar) if (lidar / "training/velodyne").is_dir() else []
         lists = {"train": wanted.train, "val": wanted.val}
         if not set(present) <= set(numbers) or any(
@@ -184,6 +185,7 @@ def lidar_row(folder: Path) -> dict[str, object]:
         "preset": lidar.preset,
         "model": lidar.model,
         "units": len(units),
+        "period_s": lidar.period_s,
         "price_low_usd": lidar.price_usd[0],
         "price_high_usd": lidar.price_usd[1],
         "price_source": price.at("source").text() if price else "sum of the units",

@@ -201,14 +201,28 @@ def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
                 "or a LiDAR"
             )
     frames = benchmark.frames or FRAMES[tier]
-    check_parts(file, frames, benchmark.split)
+    for period_s in {_period_s(files["lidars", e.lidar], e.preset) for e in unique_experiments}:
+        check_parts(file, frames, benchmark.split, period_s)
     return Plan(unique_experiments, frames, files, benchmark.costs, benchmark.split)
 
 
-def check_parts(file: Path, frames: str, parts: Parts) -> None:
+def _period_s(lidar: Path, preset: str) -> float:
+    """Returns the frame period of a LiDAR; the usual one for a file with errors.
+
+    The simulation reports the errors.
+    """
+    try:
+        from pyinfra.dataset import simulation
+
+        return simulation.load_lidar(lidar, preset).period_s
+    except (ImportError, Error):
+        return PERIOD_S
+
+
+def check_parts(file: Path, frames: str, parts: Parts, period_s: float = PERIOD_S) -> None:
     """Raises ConfigError if no frame is left for training, or none for testing."""
     try:
-        split.by_time(range_of(frames), PERIOD_S, parts.train_until_s, parts.val_from_s)
+        split.by_time(range_of(frames), period_s, parts.train_until_s, parts.val_from_s)
     except ValueError as error:
         raise ConfigError(f"{file}: frames, split: {error}") from None
 

@@ -13,11 +13,10 @@ from pyinfra.dataset import simulation
 from pyinfra.dataset.frames_version import other_frames
 from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.choice import Choice, Units, most_units
-from pyinfra.experiments.planner.costs import CORES, FRAME_MS, Costs, Range
+from pyinfra.experiments.planner.costs import CORES, Costs, Range
 from pyinfra.experiments.planner.detectability import Detectability
 from pyinfra.experiments.planner.lidars import PlanLidar
 from pyinfra.experiments.planner.predict import Prediction
-from pyinfra.experiments.planner.race import FRAMES_PER_MINUTE
 from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.experiments.requirements import unlike
@@ -196,7 +195,8 @@ def meets(option: tuple[Choice, Prediction], request: Request) -> bool:
 def nearest(options: Options, request: Request) -> str:
     """Returns what the first option lacks, and what would have to be asked instead."""
     prediction = options[0][1]
-    found, least = prediction.recall.value, FRAMES_PER_MINUTE * prediction.false_per_frame.value
+    found = prediction.recall.value
+    least = request.frames_per_minute * prediction.false_per_frame.value
     share_found = unlike(100 * found, 100 * request.find, 0)
     others = [k for k, one in enumerate(options, start=1) if meets(one, request)]
     if others:
@@ -291,11 +291,11 @@ def notes(
     if choice.price.high > request.budget_usd:
         yield f"The first option may cost up to {usd(choice.price.high)}, more than the budget."
     latency_ms = units.latency_ms(choice.units)
-    if latency_ms > FRAME_MS:
+    if latency_ms > costs.frame_ms:
         yield (
             f"The detector takes {latency_ms:.0f} ms for a frame, and a frame comes every "
-            f"{FRAME_MS:g} ms. It needs {math.ceil(latency_ms / FRAME_MS)} cores to keep up, of "
-            f"the {CORES} of a computer; the price has enough computers."
+            f"{costs.frame_ms:g} ms. It needs {math.ceil(latency_ms / costs.frame_ms)} cores to "
+            f"keep up, of the {CORES} of a computer; the price has enough computers."
         )
     yield from number_of_poles(options, rows)
     if choice.method == "greedy":

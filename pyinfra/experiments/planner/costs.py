@@ -11,6 +11,7 @@ import numpy as np
 
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset.catalogue import configs
+from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.experiments.planner.detectability import Detectability
 from pyinfra.experiments.planner.lidars import PlanLidar
 from pyinfra.formats.csv_table import read_csv
@@ -21,7 +22,6 @@ ITEMS = (
 )  # fmt: skip
 HOURS_A_YEAR = 8766
 CORES = 4  # cores of the computer of the table
-FRAME_MS = 100.0
 
 
 @dataclass(frozen=True)
@@ -54,13 +54,14 @@ class Costs:
     sources: dict[str, str]
     years: float
     latency_ms: float  # time of a frame of one LiDAR on one core
+    frame_ms: float = 1000 * PERIOD_S  # frame period of the LiDARs
 
     @property
     def unconfirmed(self) -> list[str]:
         return [item for item, source in self.sources.items() if "unconfirmed" in source]
 
     def computers(self, lidars: int) -> int:
-        return math.ceil(max(1e-9, lidars * self.latency_ms) / (CORES * FRAME_MS))
+        return math.ceil(max(1e-9, lidars * self.latency_ms) / (CORES * self.frame_ms))
 
     def parts(self, lidars: Sequence[PlanLidar], new_poles: int, poles: int) -> dict[str, Range]:
         """Returns the ranges whose sum is the price of an option, by name.

@@ -12,6 +12,7 @@ import yaml
 
 from pyinfra.core.errors import Error
 from pyinfra.core.files import write
+from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.experiments.planner.costs import Costs
 from pyinfra.experiments.planner.lidars import PlanLidar
 from pyinfra.experiments.planner.request import Request
@@ -31,6 +32,8 @@ def described(
     """Returns everything on which the tables of a plan depend. Keys are those of `plan`."""
     asked = dataclasses.asdict(request)
     areas = asked.pop("areas")
+    period_s = asked.pop("period_s")
+    periods = {} if period_s == PERIOD_S else {"period_s": str(period_s)}
     return {
         "scene": f"{site.name}, {_digest(site.keys)}",
         **{name: str(value) for name, value in asked.items()},
@@ -43,6 +46,7 @@ def described(
         "areas": f"{len(areas)}, {_digest(areas)}",
         "costs": _digest(costs.lines),
         "check_frames": str(check_frames),
+        **periods,
     }
 
 

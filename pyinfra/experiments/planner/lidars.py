@@ -12,6 +12,7 @@ import yaml
 from pyinfra.core.errors import Error
 from pyinfra.core.names import StrPath, file_or_name
 from pyinfra.dataset import simulation
+from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.lidars import UNCONFIRMED, catalogue_files, presets_of, sum_source
 from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.formats import kitti
@@ -47,14 +48,30 @@ class PlanLidar:
 
 def open_lidars(names: Sequence[StrPath], site: PlanSite) -> list[PlanLidar]:
     """Opens LiDARs by name or file; without names, all of the catalogue that have the preset."""
-    files = {file.stem: file for file in catalogue_files()}
-    if not names:
-        names = [name for name, file in files.items() if site.preset in presets_of(file)]
     world = simulation.load_scene(site.file, preset=site.preset, mount=site.mount)
-    lidars = [_open(file_or_name(name, files, "lidars"), site.preset, world) for name in names]
+    lidars = [_open(file, site.preset, world) for file in _files(names, site.preset)]
     if len({lidar.name for lidar in lidars}) < len(lidars):
         raise Error("lidars: expected each LiDAR once, got one twice")
     return lidars
+
+
+def common_period_s(names: Sequence[StrPath], preset: str) -> float:
+    """Returns the frame period of LiDARs, as in `open_lidars`. Raises Error if periods differ."""
+    units = [simulation.load_lidar(file, preset) for file in _files(names, preset)]
+    for unit in units:
+        if unit.period_s != units[0].period_s:
+            raise Error(
+                f"lidars: expected one frame period in a plan, got {units[0].name} with "
+                f"{units[0].period_s:g} s and {unit.name} with {unit.period_s:g} s"
+            )
+    return units[0].period_s if units else PERIOD_S
+
+
+def _files(names: Sequence[StrPath], preset: str) -> list[Path]:
+    files = {file.stem: file for file in catalogue_files()}
+    if not names:
+        names = [name for name, file in files.items() if preset in presets_of(file)]
+    return [file_or_name(name, files, "lidars") for name in names]
 
 
 def _open(file: Path, preset: str, world: simulation.World) -> PlanLidar:

@@ -43,7 +43,7 @@ from pyinfra.experiments.planner.front import (
     with_objects,
 )
 from pyinfra.experiments.planner.kept import described, keep_request
-from pyinfra.experiments.planner.lidars import PlanLidar, open_lidars
+from pyinfra.experiments.planner.lidars import PlanLidar, common_period_s, open_lidars
 from pyinfra.experiments.planner.predict import Prediction, predict
 from pyinfra.experiments.planner.race import Race, race
 from pyinfra.experiments.planner.rain import WITH_WEATHER, in_rain, rain_lines
@@ -195,7 +195,10 @@ def plan(
     check_settings(law, request, centre_m, seed, check_frames, jobs)
     grid = checked_grid(grid or PoseGrid())
     table_of_costs = read_costs(None if costs is None else path_of(costs, "costs"), years, law)
-    site = open_site(scene, frames, preset=preset, seed=seed, centre_m=centre_m)
+    period_s = common_period_s(lidars, preset)
+    request = replace(request, period_s=period_s)
+    table_of_costs = replace(table_of_costs, frame_ms=1000 * period_s)
+    site = open_site(scene, frames, preset=preset, seed=seed, centre_m=centre_m, period_s=period_s)
     check_site(site, request, check_frames, drawn=areas is not None)
     asked = open_lidars(lidars, site)
     units = affordable(asked, table_of_costs, request)

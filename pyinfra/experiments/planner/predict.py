@@ -26,7 +26,7 @@ from pyinfra.experiments.planner.detectability import (
     highest_recall_cut,
     object_terms,
 )
-from pyinfra.experiments.planner.race import FRAMES_PER_MINUTE, Objects, Race
+from pyinfra.experiments.planner.race import Objects, Race
 from pyinfra.experiments.planner.request import Request
 from pyinfra.metrics.comparison import Interval
 
@@ -119,7 +119,7 @@ def _cut(seen_per_frame: float, law: Law, request: Request) -> tuple[float, bool
     """Returns the score above which a box counts, and whether false boxes are as rare as asked."""
     if not np.isfinite(request.false_per_minute):
         return CUT, True
-    most = request.false_per_minute / FRAMES_PER_MINUTE
+    most = request.false_per_minute / request.frames_per_minute
     return highest_recall_cut(law.false[0], seen_per_frame, most)
 
 

@@ -30,7 +30,6 @@ from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.site import PlanSite
 
 FIRST_FRAMES = 6
-FRAMES_PER_MINUTE = 600.0
 LEAST_PER_LIDAR = 3  # pairs of each LiDAR that always stay
 
 
@@ -93,7 +92,7 @@ def detection_probabilities(
     person = objects.table.person.to_numpy()[at]
     if np.isfinite(request.false_per_minute):
         per_frame = np.bincount(pair[~person], minlength=pairs) / max(objects.frames, 1)
-        most = request.false_per_minute / FRAMES_PER_MINUTE
+        most = request.false_per_minute / request.frames_per_minute
         false = law.vehicles.false[0]
         cuts = np.array([highest_recall_cut(false, float(n), most)[0] for n in per_frame])
     terms = object_terms(seen)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pyinfra.core.errors import Error
 from pyinfra.core.names import check_name
 from pyinfra.core.vocabulary import PRESETS
+from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.experiments.planner.areas import Area
 
 
@@ -29,11 +30,16 @@ class Request:
     frames: int = 96  # most frames of a pose
     most: int = 1200  # most pairs of pose and LiDAR after the first frames
     keep: float = 0.99  # confidence with which a pose must be worse to be left out
+    period_s: float = PERIOD_S  # frame period of the LiDARs
 
     @property
     def units(self) -> int:
         """The most LiDARs of an option."""
         return self.poles * self.lidars_per_pole
+
+    @property
+    def frames_per_minute(self) -> float:
+        return 60 / self.period_s
 
 
 WHOLE = ("poles", "lidars_per_pole", "frames", "most")

@@ -19,6 +19,7 @@ from pyinfra.core.vocabulary import OBJECT_NAMES
 from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import configs
 from pyinfra.dataset.frame_sequence import roads_of_world
+from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.roads import Road
 from pyinfra.scenes.maps.map_file import FORMATS, PACKED
 from pyinfra.scenes.maps.site_folder import check_metres, scene_of
@@ -44,6 +45,7 @@ class PlanSite:
     present: pd.DataFrame  # every object in the region: frame, id, type, person, x, y, speed
     centre: FloatArray  # (2,) from which distances of the request are measured, world frame
     observer: simulation.Observer
+    period_s: float = PERIOD_S  # frame period of the LiDARs
 
     @property
     def mount_keys(self) -> dict[str, float]:
@@ -72,8 +74,9 @@ def open_site(
     preset: str = "datasheet",
     seed: int | None = None,
     centre_m: tuple[float, float] | None = None,
+    period_s: float = PERIOD_S,
 ) -> PlanSite:
-    """Opens a scene, or the scene of a site folder.
+    """Opens a scene, or the scene of a site folder. `period_s` is the LiDARs' frame period.
 
     Raises Error without traffic in the region, and for positions in longitude and latitude.
     """
@@ -85,9 +88,11 @@ def open_site(
     check_metres(file.parent, feet, f"{file}: mounts: x_m, y_m")
     if centre_m is not None:
         check_metres(file.parent, np.array([centre_m]), "centre_m")
-    count = world.frames
+    count = world.frames_of(period_s)
     order = frame_order(choice_end(keys, count), frames)
-    observer = simulation.load_observer(file, order, preset=preset, seed=seed, mount=mount)
+    observer = simulation.load_observer(
+        file, order, preset=preset, seed=seed, mount=mount, period_s=period_s
+    )
     roads = tuple(roads_of_world(world, f"{file.name}: roads"))
     present = present_objects(observer, order)
     if present.empty:
@@ -98,8 +103,9 @@ def open_site(
     centre = np.array(centre_m if centre_m else middle_of(keys, roads))
     name = str(keys.get("name", file.stem))
     return PlanSite(
-        file, name, preset, seed, mount, keys, roads, count, order, present, centre, observer
-    )
+        file, name, preset, seed, mount, keys, roads, count, order, present, centre, observer,
+        period_s,
+    )  # fmt: skip
 
 
 def other_traffic(
@@ -118,6 +124,7 @@ def other_traffic(
         seed=site.other_seed,
         mount=site.mount,
         set=scene_keys,
+        period_s=site.period_s,
     )
     present = present_objects(observer, frames)
     keys = site.keys | dict(scene_keys or {})

@@ -130,7 +130,8 @@ class SiteSamples:
         for lidar in sensors.draw(random, self.plan.lidars):
             # Frames are random instead of evenly spaced. If the scan pattern of a LiDAR almost
             # repeats, evenly spaced frames would have only few phases of the pattern.
-            frames = sorted(random.choice(world.frames, self.plan.frames, replace=False).tolist())
+            count = world.frames_of(lidar.period_s)
+            frames = sorted(random.choice(count, self.plan.frames, replace=False).tolist())
             samples += samples_of(world, keys, lidar, frames, self.classes)
         return samples
 

@@ -18,7 +18,6 @@ from pyinfra.dataset.frame_readers import other_types, read_vehicles
 from pyinfra.dataset.frame_sequence import SimulatedFrames, vehicles_of
 from pyinfra.dataset.frame_tables import Vehicles
 from pyinfra.dataset.frames import (
-    PERIOD_S,
     data_set_of,
     frame_numbers,
     has_labels,
@@ -224,7 +223,8 @@ def simulated_source(
 
     world = simulation.load_scene(scene, preset=preset, seed=seed, set=set, mount=mount)
     unit = simulation.load_lidar(lidar, preset)
-    numbers = split.by_time(range(world.frames), PERIOD_S).train
+    period_s = unit.period_s
+    numbers = split.by_time(range(world.frames_of(period_s)), period_s).train
     frames = SimulatedFrames(world, unit, spread(numbers, MOST_FRAMES[tier]), threads=1)
     labels = cache(lambda: hit_boxes(frames.vehicles(), len(frames), classes))
     return Source(
@@ -232,7 +232,7 @@ def simulated_source(
         preset=unit.preset,
         scene=str(frames.keys["name"]),
         label_time=frames.label_time,
-        clouds=accumulation.clouds(partial(cast, world, unit), frames.numbers, numbers, PERIOD_S),
+        clouds=accumulation.clouds(partial(cast, world, unit), frames.numbers, numbers, period_s),
         read_boxes=lambda: labels()[0],
         region=frames.region,
         ground=frames.ground,

@@ -8,7 +8,7 @@ import pandas as pd
 
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.benchmark.replicates import ExperimentReplicates
-from pyinfra.experiments.requirements import FRAME_MS
+from pyinfra.experiments.requirements import frame_ms
 from pyinfra.experiments.result_tables import AS_THEY_COME
 from pyinfra.metrics.row_selection import AP_OF, COUNTED, ap_name
 from pyinfra.viz.report.blocks import Block, Card, CardLine, Cards, Section, Text, span
@@ -152,7 +152,8 @@ def _fastest(material: Material, rows: pd.DataFrame) -> CardLine | None:
     if near.empty:
         return None
     best = near.loc[near.latency_p50_ms.idxmin()]
-    late = f", more than the {FRAME_MS:g} ms of a frame" if best.latency_p50_ms > FRAME_MS else ""
+    limit_ms = frame_ms(material.results.table("lidars"), best.lidar, best.preset)
+    late = f", more than the {limit_ms:g} ms of a frame" if best.latency_p50_ms > limit_ms else ""
     return _line(
         material,
         best,

@@ -95,7 +95,7 @@ def _patterns(material: Material, data: DataSet) -> list[Block]:
         patterns[material.names.model(folder.name)] = np.stack([*angles, rays.time_s], axis=1)
     if not patterns:
         return []
-    picture = pattern_picture(patterns)
+    picture = pattern_picture(patterns, dict.fromkeys(patterns, data.period_s))
     panel_of = _drawn(picture, "patterns", f"Rays of {', '.join(patterns)} in one frame")
     caption = (
         f"Scan patterns of one frame, preset {data.preset}, and the rays on a car's rear at 60 m."

@@ -58,7 +58,7 @@ def overall(material: Material, answers: Sequence[SceneAnswer]) -> str:
     tables = [option_table(one.options, material.requirements) for one in answers]
     rows = pd.concat(tables)
     rows = rows[rows.meets]
-    required = f"Required: {_asked(material.requirements)}."
+    required = f"Required: {_asked(material.requirements, answers)}."
     if rows.empty:
         return f"{required} No option meets this in any of the {len(answers)} scenes."
     groups = rows.groupby(["lidar", "detector"])
@@ -80,7 +80,7 @@ def overall(material: Material, answers: Sequence[SceneAnswer]) -> str:
 def sentence(material: Material, one: SceneAnswer, *, alone: bool) -> str:
     """Returns the answer for a scene. alone: whether to repeat the requirements in it."""
     answer, any_one = one.answer, one.options[0]
-    required = f", {_asked(material.requirements)}" if alone else ""
+    required = f", {_asked(material.requirements, [one])}" if alone else ""
     text = f"{capitalized(any_one.scene)}, preset {any_one.preset}{required}: "
     if not answer.named:
         return f"{text}no option meets the requirements."
@@ -98,7 +98,7 @@ def sentence(material: Material, one: SceneAnswer, *, alone: bool) -> str:
     )
 
 
-def _asked(requirements: Requirements) -> str:
+def _asked(requirements: Requirements, answers: Sequence[SceneAnswer]) -> str:
     money = (
         f"at most {requirements.budget_usd:,.0f} USD"
         if math.isfinite(requirements.budget_usd)
@@ -106,7 +106,8 @@ def _asked(requirements: Requirements) -> str:
     )
     place = place_of(requirements.range_m)
     ap = f"AP of at least {requirements.min_ap:g} for the vehicles {place}"
-    return f"{money}, {ap}, at most {requirements.latency_ms:g} ms per frame"
+    limits = requirements.limits_text(option.frame_ms for one in answers for option in one.options)
+    return f"{money}, {ap}, at most {limits} per frame"
 
 
 def _table(material: Material, one: SceneAnswer) -> Table:

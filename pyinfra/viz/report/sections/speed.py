@@ -10,7 +10,7 @@ import pandas as pd
 from pyinfra.core.machine_load import load_text
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
-from pyinfra.experiments.requirements import FRAME_MS
+from pyinfra.experiments.requirements import frame_ms
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics.row_selection import ap_name
 from pyinfra.viz.report import svg
@@ -38,12 +38,20 @@ def section(material: Material) -> Section | None:
     blocks = [Figure(**vars(f) | {"closed": not f.name.endswith(presets[0])}) for f in figures]
     fronts = [_fronts(experiments[experiments.preset == preset]) for preset in presets]
     table = _table(material, pd.concat(fronts, ignore_index=True))
+    every = " or ".join(f"{ms:g}" for ms in _frame_ms(material, experiments))
     lead = (
         "Latency is the time from the points of a frame to its boxes on one core "
-        f"({timing_load(experiments)}). A LiDAR delivers a frame every {FRAME_MS:g} ms (the "
+        f"({timing_load(experiments)}). A LiDAR delivers a frame every {every} ms (the "
         "vertical line). Training time is CPU time of one core."
     )
     return Section("speed", "Speed against accuracy", lead, [*blocks, table])
+
+
+def _frame_ms(material: Material, rows: pd.DataFrame) -> list[float]:
+    """Returns the different frame periods of the rows' LiDARs, in ms."""
+    lidars = material.results.table("lidars")
+    pairs = rows[["lidar", "preset"]].drop_duplicates()
+    return sorted({frame_ms(lidars, *pair) for pair in pairs.itertuples(index=False)})
 
 
 def timing_load(experiments: pd.DataFrame) -> str:
@@ -115,7 +123,8 @@ def _panel(material: Material, rows: pd.DataFrame, cost: str) -> Panel:
         front = rows[on_front].sort_values(cost)
         ax.step(front[cost], front.ap_r1000, where="post", color=FAINT, linewidth=0.9)
         if cost == "latency_p50_ms":
-            ax.axvline(FRAME_MS, color=FAINT, linewidth=0.7, linestyle=(0, (2, 2)))
+            for ms in _frame_ms(material, rows):
+                ax.axvline(ms, color=FAINT, linewidth=0.7, linestyle=(0, (2, 2)))
         for row in rows.assign(front=on_front).itertuples():
             _mark(material, ax, row, cost)
         ax.set(xscale="log", xlabel=label, ylim=(0, 102), ylabel=ap_name(rows))

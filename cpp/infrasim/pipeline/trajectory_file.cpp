@@ -1,0 +1,153 @@
+#include "infrasim/pipeline/trajectory_file.h"
+
+#include <algorithm>
+#include <fstream>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "infrasim/config/fields.h"
+#include "infrasim/core/errors.h"
+#include "infrasim/core/files.h"
+#include "infrasim/io/atomic_file.h"
+#include "infrasim/io/data_set.h"
+
+namespace infrasim {
+
+namespace {
+
+/// The rows of a file, one after the other, with the states that the file has.
+class StoredRows {
+ public:
+  explicit StoredRows(const std::filesystem::path& file) : lines_(file), line_(lines_.next()) {}
+
+  bool pitched() const { return lines_.pitched(); }
+  /// Number of the next row; no value after the last.
+  std::optional<int> step() const { return line_ ? std::optional(line_->step) : std::nullopt; }
+  /// Returns the states of the next row and goes on to the row after it.
+  std::vector<ObjectState> take() {
+    std::vector<ObjectState> states;
+    for (const int step = line_->step; line_ && line_->step == step; line_ = lines_.next())
+      if (line_->state) states.push_back(*line_->state);
+    return states;
+  }
+
+ private:
+  TrajectoryLines lines_;
+  std::optional<TrajectoryLine> line_;
+};
+
+/// The rows of a world and of an existing file.
+class UnionOfRows {
+ public:
+  /// @param existing file with further rows; empty if there is none
+  UnionOfRows(const World& world, const std::vector<bool>& rows, std::filesystem::path existing)
+      : world_(world), rows_(rows), existing_(std::move(existing)) {}
+
+  void each(const RowSink& sink) const {
+    std::optional<StoredRows> stored;
+    if (!existing_.empty()) stored.emplace(existing_);
+    for (int k = 0; k < static_cast<int>(rows_.size()); ++k) {
+      while (stored && stored->step() && *stored->step() < k) {
+        const int step = *stored->step();
+        sink(step, stored->take());
+      }
+      if (!has(k)) continue;
+      if (stored && stored->step() == k) check(k, stored->take());
+      // A standing object need not be passed between two rows in which it is passed.
+      const std::vector<ObjectState> moving = moving_at(k);
+      sink(k, has(k - 1) && has(k + 1) ? moving
+                                       : with_standing(moving, world_.trajectories->standing));
+    }
+    while (stored && stored->step()) {
+      const int step = *stored->step();
+      sink(step, stored->take());
+    }
+  }
+
+ private:
+  bool has(int k) const {
+    return k >= 0 && k < static_cast<int>(rows_.size()) && rows_[static_cast<std::size_t>(k)];
+  }
+
+  std::vector<ObjectState> moving_at(int k) const {
+    return world_.trajectories->moving_at(world_.position(k * kRowStep_s));
+  }
+
+  /// @throws IoError if a stored state differs from that of the world
+  void check(int k, const std::vector<ObjectState>& stored) const {
+    if (stored.empty()) return;
+    const std::vector<ObjectState> states =
+        with_standing(moving_at(k), world_.trajectories->standing);
+    for (const ObjectState& s : stored) {
+      const auto there = std::ranges::lower_bound(states, s.id, {}, &ObjectState::id);
+      const bool exists = there != states.end() && there->id == s.id;
+      if (exists && *there == s) continue;
+      throw IoError(existing_.string() + ": the folder holds another run: at " + text(k / 10.0) +
+                    " s it has object " + std::to_string(s.id) + " at x " + text(s.box.x) + ", y " +
+                    text(s.box.y) + ", this run has " +
+                    (exists ? "it at x " + text(there->box.x) + ", y " + text(there->box.y)
+                            : "no such object"));
+    }
+  }
+
+  static std::string text(double value) { return config::number_text(value); }
+
+  const World& world_;
+  const std::vector<bool>& rows_;
+  const std::filesystem::path existing_;
+};
+
+/// Returns whether the file has the text that `give` passes on.
+bool has_text(const std::filesystem::path& file,
+              const std::function<void(const std::function<void(std::string_view)>&)>& give) {
+  std::ifstream there = open_file(file);
+  bool same = true;
+  std::string read;
+  give([&](std::string_view piece) {
+    if (!same) return;
+    read.resize(piece.size());
+    there.read(read.data(), static_cast<std::streamsize>(read.size()));
+    same = there.gcount() == static_cast<std::streamsize>(piece.size()) && read == piece;
+  });
+  return same && there.peek() == std::ifstream::traits_type::eof();
+}
+
+constexpr std::size_t kPiece = 1 << 20;  // number of bytes per write
+
+}  // namespace
+
+std::vector<bool> rows_of_run(const SceneConfig& scene, std::span<const int> frames,
+                              double period_s) {
+  const int steps = row_steps(scene.duration_s);
+  return scene.traffic ? rows_of_frames(frames, period_s, steps)
+                       : std::vector<bool>(static_cast<std::size_t>(steps) + 1, true);
+}
+
+void merge_trajectories(const std::filesystem::path& file, const World& world,
+                        const std::vector<bool>& rows) {
+  const FolderLock lock(file.parent_path());
+  const bool exists = std::filesystem::exists(file);
+  const bool pitched = world.trajectories->pitched;
+  if (exists && StoredRows(file).pitched() != pitched)
+    throw IoError(file.string() + ":1: the folder holds another run: expected the column pitch " +
+                  (pitched ? "in both runs" : "in no run") + ", got it in one");
+  const UnionOfRows all(world, rows, exists ? file : "");
+  const RowSource source = [&](const RowSink& sink) { all.each(sink); };
+  const auto give = [&](const std::function<void(std::string_view)>& take) {
+    write_trajectories(pitched, source, take);
+  };
+  if (exists && has_text(file, give)) return;
+  AtomicFile out(file);
+  std::string text;
+  give([&](std::string_view piece) {
+    text += piece;
+    if (text.size() >= kPiece) out.write(std::exchange(text, ""));
+  });
+  out.write(text);
+  out.replace();
+}
+
+}  // namespace infrasim
