@@ -178,7 +178,10 @@ def test_the_current_name_of_a_renamed_key_of_a_mount_is_named(
 def test_all_mounts_see_one_scene(runs: Runs) -> None:
     out = runs("out")
     texts = {(out / mount / "trajectories.csv").read_text() for mount in MOUNTS}
-    assert texts == {trajectories()}
+    # Vehicle 1 stands, so it has only its first and last row.
+    standing = [f"{k / 10:g},1," for k in range(1, 10)]
+    lines = trajectories().splitlines(keepends=True)
+    assert texts == {"".join(one for one in lines if not one.startswith(tuple(standing)))}
     poses = [read_data_set(out / mount).lidars[0].T_world_levelled for mount in MOUNTS]
     assert [(pose.x, pose.y, pose.z) for pose in poses] == [(-20, -8, 6), (30, 9, 7)]
 

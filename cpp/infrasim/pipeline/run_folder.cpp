@@ -142,13 +142,19 @@ void write_tables(const LidarConfig& lidar, const std::filesystem::path& folder)
   }
 }
 
-/// Checks that the LiDARs of a folder have the period of the run.
+/// Checks that the LiDARs of a folder have the period of the run. A damaged lidar.yaml is reported
+/// by the run of its LiDAR.
 /// @throws IoError
 void check_same_period(const std::filesystem::path& folder, double period_s) {
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     const auto file = entry.path() / "lidar.yaml";
     if (!std::filesystem::exists(file)) continue;
-    const config::Tree tree = config::read_tree(file);
+    config::Tree tree;
+    try {
+      tree = config::read_tree(file);
+    } catch (const ConfigError&) {
+      continue;
+    }
     const config::Tree* there = tree.find("period_s");
     if (there != nullptr && there->scalar != config::number_text(period_s))
       throw IoError(file.string() + ": period_s: expected one period in a folder, got " +
@@ -165,9 +171,6 @@ void claim_folder(const RunRequest& request, const World& world,
   check_frames_version(request.out / "dataset.yaml");
   claim_file(request.out / "dataset.yaml", run_text(request, world), data_set_identity);
   check_same_period(request.out, period_s(request.lidars));
-  const std::vector<int> frames = frame_numbers(request.frames);
-  merge_trajectories(request.out / "trajectories.csv", world,
-                     rows_of_run(request.scene, frames, period_s(request.lidars)));
   claim_file(request.out / "roads.csv", world.region.roads_csv());
   if (const std::string regions = world.region.regions_csv(); !regions.empty())
     claim_file(request.out / "regions.csv", regions);
@@ -176,6 +179,10 @@ void claim_folder(const RunRequest& request, const World& world,
     create_frame_folders(folder, request.scene.point_fields);
     claim_file(folder / "lidar.yaml", texts[i], lidar_identity);
   }
+  // last, because it changes a file of an existing folder
+  const std::vector<int> frames = frame_numbers(request.frames);
+  merge_trajectories(request.out / "trajectories.csv", world,
+                     rows_of_run(request.scene, frames, period_s(request.lidars)));
 }
 
 }  // namespace

@@ -126,8 +126,10 @@ std::vector<bool> rows_of_run(const SceneConfig& scene, std::span<const int> fra
                        : std::vector<bool>(static_cast<std::size_t>(steps) + 1, true);
 }
 
-void merge_trajectories(const std::filesystem::path& file, const World& world,
-                        const std::vector<bool>& rows) {
+namespace {
+
+void merge_rows(const std::filesystem::path& file, const World& world,
+                const std::vector<bool>& rows) {
   const FolderLock lock(file.parent_path());
   const bool exists = std::filesystem::exists(file);
   const bool pitched = world.trajectories->pitched;
@@ -148,6 +150,17 @@ void merge_trajectories(const std::filesystem::path& file, const World& world,
   });
   out.write(text);
   out.replace();
+}
+
+}  // namespace
+
+void merge_trajectories(const std::filesystem::path& file, const World& world,
+                        const std::vector<bool>& rows) {
+  try {
+    merge_rows(file, world, rows);
+  } catch (const ConfigError& error) {  // the file is no input of the user, but part of the folder
+    throw IoError(error.what());
+  }
 }
 
 }  // namespace infrasim
