@@ -13,7 +13,6 @@
 #include "infrasim/pipeline/simulate.h"
 #include "infrasim/raycast/embree.h"
 #include "infrasim/sensor/scan_pattern.h"
-#include "stages.h"
 
 namespace {
 
@@ -60,9 +59,9 @@ class BareScene {
   BareScene(const World& w, int k)
       : device_(rtcNewDevice("threads=1")), scene_(rtcNewScene(device_)) {
     rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
-    for (const TriangleMesh& mesh : w.bodies) bodies_.push_back(mesh_scene(mesh));
+    for (const TriangleMesh& mesh : w.meshes->bodies) bodies_.push_back(mesh_scene(mesh));
     bodies_.push_back(mesh_scene(w.background()));
-    for (const MovingObject& o : w.trajectories->in_frame(k)) {
+    for (const MovingObject& o : w.objects_in_frame(k, kUsualPeriod_s)) {
       std::size_t body = 0;
       while (kObjectClasses[body].id != o.object_class) ++body;
       RTCGeometry instance = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_INSTANCE);
@@ -193,25 +192,20 @@ void pipeline(benchmark::State& state, const std::vector<std::string>& names,
   state.SetItemsProcessed(cast);
 }
 
-/// Measures the stages of a LiDAR's frames, in nanoseconds per ray. The points of a frame are
-/// compared with those of the simulator, because StagedCaster repeats its order of the stages.
+/// Measures the stages of a LiDAR's frames, in nanoseconds per ray.
 void stages(benchmark::State& state, const std::string& name, const char* preset) {
   const World& w = world(kSteady, preset);
   const std::vector<LidarConfig> lidar = lidars({name}, preset);
-  StagedCaster caster(w, lidar.front());
-  const Frame frame = std::move(FrameSimulator(w, lidar).simulate(0, {true}).front());
-  const auto expected = static_cast<double>(frame.cloud.size());
-  const auto points = static_cast<double>(caster.cast(0));
-  if (std::abs(points - expected) > 0.01 * expected)
-    return state.SkipWithError("the stages differ from those of the simulator");
-  const auto before = caster.seconds();
-  const std::size_t rays = caster.rays();
+  FrameSimulator simulator(w, lidar);
+  StageTimes times;
+  simulator.measure(times);
+  std::size_t rays = 0;
   for (auto _ : state)
-    for (int k = 0; k < kFrames; ++k) benchmark::DoNotOptimize(caster.cast(k));
-  const auto done = static_cast<double>(caster.rays() - rays);
+    for (int k = 0; k < kFrames; ++k) rays += simulator.simulate(k, {true}).front().rays;
   for (std::size_t i = 0; i < kStageNames.size(); ++i)
-    state.counters[std::string(kStageNames[i])] = 1e9 * (caster.seconds()[i] - before[i]) / done;
-  state.SetItemsProcessed(static_cast<std::int64_t>(done));
+    state.counters[std::string(kStageNames[i])] =
+        1e9 * times.seconds()[i] / static_cast<double>(rays);
+  state.SetItemsProcessed(static_cast<std::int64_t>(rays));
 }
 
 void add(const char* name, const std::vector<std::string>& names,

@@ -43,7 +43,7 @@ SCENE = ROOT / "configs" / "scenes" / "highway.yaml"
 DURATION_S = 40  # of the scene of `--against`
 FIRST_FRAMES, LAST_FRAMES = 20, 220
 STAGE_NAMES = (
-    *("making rays", "selecting", "casting", "leaves", "panes", "beam", "return model"),
+    *("making rays", "casting", "leaves", "panes", "beam", "return model"),
     "collecting",
 )
 AGAINST = "this / other: "  # begins the rows of `--against`

@@ -694,7 +694,7 @@ TEST(frozen_mesh, has_the_vehicles_where_they_are_at_that_instant) {
   const World world = world_with(scene, {car_on_road(1, 20, -1.8, 0.2, 20)});
   const TriangleMesh mesh = frozen_mesh(world, 2, kUsualPeriod_s, 0.25);
   const std::size_t background = world.background().vertices.size();
-  ASSERT_EQ(mesh.vertices.size(), background + world.bodies.front().vertices.size());
+  ASSERT_EQ(mesh.vertices.size(), background + world.meshes->bodies.front().vertices.size());
   EXPECT_EQ(mesh.class_id.size(), mesh.triangles.size());
   const Box3d box = world.level.to_level(body_box(world.trajectories->in_step(2).front().at(0.25)));
   for (std::size_t i = background; i < mesh.vertices.size(); ++i)

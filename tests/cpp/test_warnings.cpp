@@ -201,7 +201,7 @@ TEST_F(ImportedSite, with_terrain_of_3_km_and_a_tower_of_200_m_has_no_warning) {
 }
 
 TEST_F(ImportedSite, has_no_mount_inside_a_house) {
-  const Observer observer(scene(), "pole", std::vector<int>{0});
+  const Observer observer(scene(), "pole", std::vector<int>{0}, kUsualPeriod_s);
   const auto fault = [&](double x, double y, double z) {
     const std::string at =
         "x_m: " + std::to_string(x) + ", y_m: " + std::to_string(y) + ", z_m: " + std::to_string(z);

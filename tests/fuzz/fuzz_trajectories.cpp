@@ -17,8 +17,8 @@ void read(const std::string& text) {
   const auto file = folder.write("trajectories.csv", text);
   Trajectories trajectories;
   if (!fuzz::is_done([&] { trajectories = read_trajectories(file); })) return;
-  for (int k = 0; k < std::min(trajectories.frames(), 100); ++k)
-    for (const MovingObject& o : trajectories.in_frame(k))
+  for (int k = 0; k < std::min(trajectories.steps(), 100); ++k)
+    for (const MovingObject& o : trajectories.in_step(k))
       fuzz::require(std::abs(o.at(0.5).x) <= 1e7);
   const std::string written = trajectories_csv(trajectories);
   fuzz::require(trajectories_csv(read_trajectories(folder.write("again.csv", written))) == written);

@@ -301,6 +301,10 @@ std::optional<Fraction> ratio_of(double a, double b) {
 
 /// Changes the rate of a spinning unit whose columns per turn follow from the rate.
 void set_rate(SpinningConfig& spinning, double rate_hz) {
+  if (spinning.cycle_us) {
+    spinning.rate_hz = rate_hz;
+    return;
+  }
   const auto ratio = ratio_of(spinning.rate_hz, rate_hz);
   if (!ratio)
     throw ConfigError("rate_hz: expected a short ratio to " +

@@ -97,14 +97,17 @@ std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& ve
                     .start_s = k * scanner.period_s,
                     .frame = rng,
                     .first_ray = static_cast<std::uint64_t>(first * size - frame.first)};
-    make_rays(part);
-    cast += cast_rays(part);
-    if (part.by_power() && !leaves_.empty()) stop_in_leaves(part);
+    const auto timed = [&](Stage stage, const auto& work) {
+      return StageTimes::measure(times_, stage, work);
+    };
+    timed(Stage::kMaking, [&] { make_rays(part); });
+    cast += timed(Stage::kCasting, [&] { return cast_rays(part); });
+    if (part.by_power() && !leaves_.empty()) timed(Stage::kLeaves, [&] { stop_in_leaves(part); });
     if (part.by_power() || scanner.beam)
-      cast += pass_panes(part);
+      cast += timed(Stage::kPanes, [&] { return pass_panes(part); });
     else
       echoes_.take(hits_);
-    if (scanner.beam) merge_beams(part);
+    if (scanner.beam) timed(Stage::kBeam, [&] { merge_beams(part); });
     detect(part, out);
   }
   return cast;
@@ -284,11 +287,14 @@ void Caster::detect(const Part& part, FrameBuilder& out) {
   if (bodies_only_)
     for (std::size_t i = 0; i < echoes.size(); ++i)
       if (echoes.object[i] < 0) echoes.range[i] = std::numeric_limits<float>::infinity();
-  part.scanner.returns.apply(part.frame, part.first_ray, echoes,
-                             wide ? sunlit_ : echoes.reflectance, rays_.ring, returns_,
-                             rays_.number);
-  make_returned_rays(part);
-  collect(part.vehicles.moving, wide, echoes, out);
+  StageTimes::measure(times_, Stage::kReturns, [&] {
+    part.scanner.returns.apply(part.frame, part.first_ray, echoes,
+                               wide ? sunlit_ : echoes.reflectance, rays_.ring, returns_,
+                               rays_.number);
+  });
+  StageTimes::measure(times_, Stage::kMaking, [&] { make_returned_rays(part); });
+  StageTimes::measure(times_, Stage::kCollecting,
+                      [&] { collect(part.vehicles.moving, wide, echoes, out); });
 }
 
 void Caster::collect(std::span<const MovingObject> objects, bool wide, const EchoBatch& echoes,

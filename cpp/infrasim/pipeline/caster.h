@@ -12,6 +12,7 @@
 #include "infrasim/core/aggregation.h"
 #include "infrasim/core/rng.h"
 #include "infrasim/pipeline/frame_builder.h"
+#include "infrasim/pipeline/stage_times.h"
 #include "infrasim/pipeline/static_layer.h"
 #include "infrasim/pipeline/transparent.h"
 #include "infrasim/pipeline/vehicles.h"
@@ -68,6 +69,9 @@ class Caster {
   /// are the same as when all rays are cast.
   void see_bodies_only() { bodies_only_ = true; }
 
+  /// Measures the stages of the following casts. The object must outlive them.
+  void measure(StageTimes& times) { times_ = &times; }
+
   /// Adds the returns of the rays that the unit fires in one slice of frame k.
   /// @param vehicles the vehicles that the raycaster has
   /// @return number of rays that were cast; a static layer makes it smaller, a wide beam larger
@@ -108,6 +112,7 @@ class Caster {
   VehicleParts parts_;
   const Volumes& leaves_;
   bool bodies_only_ = false;
+  StageTimes* times_ = nullptr;
   TransparentCaster transparent_;
   RayBatch rays_;  ///< of a unit with a static layer, only rays that can give a point
   std::vector<std::uint32_t> dynamic_;    ///< rays that need a direction before they are detected

@@ -235,6 +235,8 @@ FrameSimulator::FrameSimulator(FrameSimulator&&) noexcept = default;
 
 const LidarFilters& FrameSimulator::filters() const { return impl_->filters; }
 
+void FrameSimulator::measure(StageTimes& times) { impl_->caster.measure(times); }
+
 std::vector<std::vector<Observation>> FrameSimulator::observe(int k) {
   Impl& m = *impl_;
   check_frame(m.world, k, m.frame_s);

@@ -11,6 +11,7 @@
 #include "infrasim/core/frame.h"
 #include "infrasim/filter/filter.h"
 #include "infrasim/pipeline/frame_builder.h"
+#include "infrasim/pipeline/stage_times.h"
 #include "infrasim/pipeline/static_layer.h"
 #include "infrasim/pipeline/world.h"
 
@@ -71,6 +72,9 @@ class FrameSimulator {
   std::vector<std::vector<Observation>> observe(int k);
 
   const LidarFilters& filters() const;
+
+  /// Measures the stages of the following frames. The object must outlive them.
+  void measure(StageTimes& times);
 
  private:
   struct Impl;

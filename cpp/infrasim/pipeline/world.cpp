@@ -116,18 +116,18 @@ World build_world_at(const SceneConfig& scene, const std::shared_ptr<const Site>
     volume.box = level.to_level(volume.box);
   }
   std::erase_if(leaves, [](const LeafVolume& volume) { return is_beyond_all_rays(volume.box); });
-  return {scene,
-          site,
-          level,
-          EvaluationRegion(*site, mount),
-          std::move(trajectories),
-          meshes,
-          meshes->library.viewpoint(meshes->level.to_level(level.origin),
-                                    level.yaw - meshes->level.yaw),
-          Volumes(leaves),
-          read_static_layers(scene),
-          nullptr,
-          clock_offset_s(scene)};
+  return {
+      scene,
+      site,
+      level,
+      EvaluationRegion(*site, mount),
+      std::move(trajectories),
+      meshes,
+      meshes->library.origin(meshes->level.to_level(level.origin), level.yaw - meshes->level.yaw),
+      Volumes(leaves),
+      read_static_layers(scene),
+      nullptr,
+      clock_offset_s(scene)};
 }
 
 std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts) {

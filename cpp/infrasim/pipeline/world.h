@@ -39,7 +39,7 @@ struct World {
   EvaluationRegion region;
   std::shared_ptr<const Trajectories> trajectories;  ///< in true time; all mounts share them
   std::shared_ptr<const SceneMeshes> meshes;
-  Viewpoint viewpoint;  ///< of the mount in the frame of the meshes
+  CastOrigin cast_origin;  ///< of the mount in the frame of the meshes
   Volumes leaves;
   std::map<std::string, StaticLayerFile> static_layers;  ///< static layers from files, by LiDAR
   /// if set, `trajectories` has no rows
@@ -48,7 +48,7 @@ struct World {
   /// what is suspicious about the trajectories and meshes that were read, one line per finding
   std::vector<std::string> warnings = {};
 
-  Raycaster raycaster() const { return Raycaster(meshes->library, viewpoint); }
+  Raycaster raycaster() const { return Raycaster(meshes->library, cast_origin); }
   /// Static surfaces; levelled frame.
   TriangleMesh background() const { return to_level(meshes->surface, level); }
   /// Number of frames of a period.

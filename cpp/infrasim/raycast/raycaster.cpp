@@ -189,10 +189,10 @@ MeshLibrary::MeshLibrary(const TriangleMesh& background, std::span<const Triangl
 MeshLibrary::~MeshLibrary() = default;
 MeshLibrary::MeshLibrary(MeshLibrary&&) noexcept = default;
 
-Viewpoint MeshLibrary::viewpoint(Vec3 position, double yaw) const {
+CastOrigin MeshLibrary::origin(Vec3 position, double yaw) const {
   const MeshScene& mesh = impl_->meshes.back();
   const double c = math::cos(yaw), s = math::sin(yaw);
-  Viewpoint out{.position = position, .yaw = yaw, .horizon = {}};
+  CastOrigin out{.position = position, .yaw = yaw, .horizon = {}};
   for (const auto& triangle : mesh.triangles) {
     std::array<Vec2, 3> outline;
     double top = -kInf;
@@ -212,8 +212,8 @@ RTCDeviceTy* MeshLibrary::device() const { return impl_->device; }
 
 struct Raycaster::Impl {
   const MeshLibrary::Impl& library;
-  Viewpoint viewpoint;
-  float cos, sin;  ///< of the viewpoint's yaw
+  CastOrigin origin;
+  float cos, sin;  ///< of the origin's yaw
   std::vector<MovingBody> moving;
   std::vector<BodyMotion> motions;
   BodyIndex index;
@@ -228,9 +228,9 @@ struct Raycaster::Impl {
   RayBatch probe;                                      ///< rays of a visibility test
   HitBatch probe_hits;
 
-  Impl(const MeshLibrary::Impl& l, const Viewpoint& from)
+  Impl(const MeshLibrary::Impl& l, const CastOrigin& from)
       : library(l),
-        viewpoint(from),
+        origin(from),
         cos(static_cast<float>(math::cos(from.yaw))),
         sin(static_cast<float>(math::sin(from.yaw))) {}
 
@@ -238,7 +238,7 @@ struct Raycaster::Impl {
 
   /// A ray in the frame of the library.
   BodyMotion::UnitRay in_library(const RayBatch& rays, std::uint32_t k) const {
-    const auto [x, y, z] = viewpoint.position;
+    const auto [x, y, z] = origin.position;
     return {static_cast<float>(x),
             static_cast<float>(y),
             static_cast<float>(z),
@@ -317,8 +317,8 @@ struct Raycaster::Impl {
   }
 };
 
-Raycaster::Raycaster(const MeshLibrary& library, const Viewpoint& viewpoint)
-    : impl_(std::make_unique<Impl>(*library.impl_, viewpoint)) {
+Raycaster::Raycaster(const MeshLibrary& library, const CastOrigin& origin)
+    : impl_(std::make_unique<Impl>(*library.impl_, origin)) {
   set_bodies({}, 1);
 }
 
@@ -330,7 +330,7 @@ void Raycaster::set_bodies(std::span<const MovingBody> bodies, double period_s) 
   m.motions.clear();
   m.index.set(bodies);
   m.time_scale = static_cast<float>(1 / period_s);
-  m.horizon = m.viewpoint.horizon;
+  m.horizon = m.origin.horizon;
   for (const MovingBody& b : bodies) m.motions.emplace_back(b);
   for (const auto& views : m.index.views())
     for (const ViewBounds& view : views) m.horizon.add(view);

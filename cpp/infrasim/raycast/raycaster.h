@@ -14,7 +14,7 @@ struct RTCDeviceTy;
 namespace infrasim {
 
 /// Where a sensor stands in the frame of a mesh library.
-struct Viewpoint {
+struct CastOrigin {
   Vec3 position;
   double yaw = 0;
   Horizon horizon;  ///< upper limit of the elevation of the background
@@ -28,8 +28,8 @@ class MeshLibrary {
   /// @throws std::runtime_error if Embree rejects a mesh
   MeshLibrary(const TriangleMesh& background, std::span<const TriangleMesh> bodies);
 
-  /// Returns a viewpoint with its horizon.
-  Viewpoint viewpoint(Vec3 position = {}, double yaw = 0) const;
+  /// Returns an origin with its horizon.
+  CastOrigin origin(Vec3 position = {}, double yaw = 0) const;
   ~MeshLibrary();
   MeshLibrary(MeshLibrary&&) noexcept;
   MeshLibrary(const MeshLibrary&) = delete;
@@ -44,13 +44,13 @@ class MeshLibrary {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Nearest hits of rays from the origin of a sensor's levelled frame. Not thread-safe. Functions that cast
-/// throw std::runtime_error if Embree reports an error.
+/// Nearest hits of rays from the origin of a sensor's levelled frame. Not thread-safe. Functions
+/// that cast throw std::runtime_error if Embree reports an error.
 class Raycaster {
  public:
-  Raycaster(const MeshLibrary& library, const Viewpoint& viewpoint);
+  Raycaster(const MeshLibrary& library, const CastOrigin& origin);
   /// A raycaster at the origin of the library.
-  explicit Raycaster(const MeshLibrary& library) : Raycaster(library, library.viewpoint()) {}
+  explicit Raycaster(const MeshLibrary& library) : Raycaster(library, library.origin()) {}
   ~Raycaster();
   Raycaster(const Raycaster&) = delete;
   Raycaster& operator=(const Raycaster&) = delete;
