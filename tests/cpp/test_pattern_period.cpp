@@ -78,7 +78,7 @@ TEST(pattern_period, is_the_first_after_which_frames_are_the_same) {
       EXPECT_GT(difference(lidar, 3, 3 + period / factor), 3e-4) << lidar.name << " " << factor;
     }
   }
-  EXPECT_EQ(periods, (std::vector{200, 300, 9, 1, 1, 50, 2, 7, 14}));
+  EXPECT_EQ(periods, (std::vector{200, 300, 9, 1, 1, 50, 1, 7, 7}));
 }
 
 TEST(pattern_period, of_a_bundle_is_that_of_all_its_units) {

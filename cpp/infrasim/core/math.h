@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <span>
+#include <utility>
 
 // Elementary functions that give the same bits on every x86-64 processor. The functions of the C
 // library do not: it selects an implementation by the processor, with or without fused
@@ -15,6 +16,11 @@ namespace infrasim::math {
 
 inline double sin(double x) { return Sleef_cinz_sind1_u10purec(x); }
 inline double cos(double x) { return Sleef_cinz_cosd1_u10purec(x); }
+/// Cosine and sine.
+inline std::pair<double, double> cos_sin(double x) {
+  const Sleef_double_2 both = Sleef_cinz_sincosd1_u10purec(x);
+  return {both.y, both.x};
+}
 inline double tan(double x) { return Sleef_cinz_tand1_u10purec(x); }
 inline double asin(double x) { return Sleef_cinz_asind1_u10purec(x); }
 inline double atan(double x) { return Sleef_cinz_atand1_u10purec(x); }

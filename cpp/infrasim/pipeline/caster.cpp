@@ -133,18 +133,16 @@ void Caster::make_rays(const Part& part) {
   dynamic_.erase(std::ranges::unique(dynamic_).begin(), dynamic_.end());
   position_.resize(static_cast<std::size_t>(part.groups() * size));
   rays_.number.clear();
-  const auto candidates = layer.candidates(part.first, part.last);
-  const std::uint32_t first = layer.first_ray(part.first);
-  auto candidate = candidates.begin();
+  layer.candidates(part.first, part.last, static_);
+  auto candidate = static_.begin();
   for (std::uint32_t& dynamic : dynamic_) {
-    for (; candidate != candidates.end() && *candidate - first < dynamic; ++candidate)
-      rays_.number.push_back(*candidate - first);
-    if (candidate != candidates.end() && *candidate - first == dynamic) ++candidate;
+    while (candidate != static_.end() && *candidate < dynamic) rays_.number.push_back(*candidate++);
+    if (candidate != static_.end() && *candidate == dynamic) ++candidate;
     rays_.number.push_back(dynamic);
     position_[dynamic] = static_cast<std::uint32_t>(rays_.number.size() - 1);
     dynamic = position_[dynamic];
   }
-  for (; candidate != candidates.end(); ++candidate) rays_.number.push_back(*candidate - first);
+  rays_.number.insert(rays_.number.end(), candidate, static_.end());
   for (auto* some : {&selected_, &in_leaves_})
     for (std::uint32_t& i : *some) i = position_[i];
   rays_.resize(rays_.number.size());

@@ -116,7 +116,7 @@ class Caster {
   TransparentCaster transparent_;
   RayBatch rays_;  ///< of a unit with a static layer, only rays that can give a point
   std::vector<std::uint32_t> dynamic_;    ///< rays that need a direction before they are detected
-  std::vector<std::uint32_t> static_;     ///< rays that get a direction after they are detected
+  std::vector<std::uint32_t> static_;     ///< rays that need no direction before they are detected
   std::vector<std::uint32_t> position_;   ///< position in `rays_` of a dynamic ray, by its number
   std::vector<std::uint32_t> selected_;   ///< rays that must be cast
   std::vector<std::uint32_t> in_leaves_;  ///< rays that may meet leaves

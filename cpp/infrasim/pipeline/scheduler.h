@@ -59,7 +59,8 @@ class Scheduler {
         work_(std::move(work)),
         layers_(worlds.size()) {
     for (std::size_t i = 0; i < worlds.size() && !schedule_.cast_all; ++i)
-      layers_[i] = make_static_layers(worlds[i], lidars_, schedule_.frames.size());
+      layers_[i] = make_static_layers(worlds[i], lidars_, schedule_.frames.size(),
+                                      kMostLayerBytes / worlds.size());
     for (std::size_t i = 0; i < worlds.size(); ++i)
       filters_.push_back(FrameSimulator::learn_filters(worlds[i], lidars_, layers_[i]));
     const int threads = schedule_.threads;

@@ -175,10 +175,10 @@ bool pays(const ScanPattern& pattern, double seconds) {
 }  // namespace
 
 StaticLayers make_static_layers(const World& world, std::span<const LidarConfig> lidars,
-                                std::size_t frames) {
+                                std::size_t frames, std::size_t most_bytes) {
   Raycaster raycaster = world.raycaster();
   StaticLayers layers;
-  std::size_t bytes_left = kMostLayerBytes;
+  std::size_t bytes_left = most_bytes;
   for (const LidarConfig& config : lidars) {
     UnitLayers& units = layers.emplace_back();
     const std::vector<ScannerUnit> scanners = make_scanner_units(world.scene, config);

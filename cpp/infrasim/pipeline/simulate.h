@@ -22,12 +22,13 @@ namespace infrasim {
 /// all threads share the layers. If the outer vector is empty, all rays are cast.
 using StaticLayers = std::vector<std::vector<std::shared_ptr<const StaticLayer>>>;
 /// Makes static layers. A layer is read if the scene names a file for it. Other layers are cast, up
-/// to kMostLayerBytes in total. A layer is cast only if the frames have at least as many rays as a
+/// to `most_bytes` in total. A layer is cast only if the frames have at least as many rays as a
 /// period of the pattern.
 /// @param frames number of frames that will be simulated
 /// @throws ConfigError for a file of another LiDAR or another scene
 StaticLayers make_static_layers(const World& world, std::span<const LidarConfig> lidars,
-                                std::size_t frames = std::numeric_limits<std::size_t>::max());
+                                std::size_t frames = std::numeric_limits<std::size_t>::max(),
+                                std::size_t most_bytes = kMostLayerBytes);
 
 /// The scene's filters for each LiDAR. The simulators of all threads share them.
 using LidarFilters = std::vector<std::shared_ptr<const std::vector<FilterStep>>>;

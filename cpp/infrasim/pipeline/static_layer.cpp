@@ -20,8 +20,10 @@ constexpr std::int64_t kTileRays = kPacketRays;
 constexpr std::int64_t kLeastColumns =
     4;  // minimum number of columns in a block, so that a tile is as wide as it is high
 
-/// Bytes per ray, on average, that ways through leaves may take.
-constexpr std::size_t kLeafBytes = 12;
+/// Bytes that ways through leaves may take: on average per ray, and in all.
+constexpr std::size_t kLeafBytes = 12, kMostLeafBytes = std::size_t{16} << 20;
+
+constexpr std::size_t kWordBits = 64;
 
 /// Number of groups in a block of neighbouring rays.
 std::int64_t block_groups(std::int64_t group_size) {
@@ -39,14 +41,18 @@ void for_each_block(const ScanPattern& pattern, RayBatch& rays, const Use& use) 
   }
 }
 
+std::size_t leaf_bytes(std::size_t rays) { return std::min(rays * kLeafBytes, kMostLeafBytes); }
+
+std::size_t words_of(std::size_t rays) { return (rays + kWordBits - 1) / kWordBits; }
+
 }  // namespace
 
 std::size_t layer_bytes(const ScanPattern& pattern) {
-  constexpr std::size_t kRayBytes =
-      2 * sizeof(float) + sizeof(std::uint16_t) + sizeof(std::uint32_t) + kLeafBytes;
+  constexpr std::size_t kRayBytes = 2 * sizeof(float) + sizeof(std::uint16_t);
   constexpr std::size_t kTileBytes = 2;  // bytes per ray for the view of a tile of 8 or more rays
   const auto rays = static_cast<std::size_t>(pattern.repeats_after() * pattern.group_size());
-  return rays * (kRayBytes + kTileBytes);
+  return rays * (kRayBytes + kTileBytes) + words_of(rays) * sizeof(std::uint64_t) +
+         leaf_bytes(rays);
 }
 
 StaticHits no_hits(const ScanPattern& pattern, float max_range_m) {
@@ -100,70 +106,80 @@ StaticLayer::StaticLayer(const ScanPattern& pattern, StaticHits hits, const Retu
     : hits_(std::move(hits)),
       block_groups_(block_groups(hits_.group_size)),
       order_(pattern.tile_order(static_cast<int>(block_groups_))),
+      candidates_(words_of(hits_.rays())),
       knows_leaves_(returns.needs_reflectance()) {
-  const std::size_t most_ways = hits_.rays() * kLeafBytes / sizeof(Volumes::RayWay);
+  const std::size_t most_ways = leaf_bytes(hits_.rays()) / sizeof(Volumes::RayWay);
   RayBatch rays;
   rays.max_range = hits_.max_range_m;
-  std::vector<std::uint32_t> order, leaf_candidates;
+  std::vector<std::uint32_t> leaf_candidates;
   std::size_t first = 0;
-  EchoBatch echoes;
-  std::vector<std::uint16_t> rings;
-  const auto add_candidates = [&](const EchoBatch& of, std::span<const std::uint16_t> ring,
-                                  const auto& number, std::vector<std::uint32_t>& to) {
-    const std::vector<bool> can = returns.can_return(of, ring);
-    for (std::size_t i = 0; i < can.size(); ++i)
-      if (can[i]) to.push_back(static_cast<std::uint32_t>(number(i)));
-  };
   for_each_block(pattern, rays, [&](const RayBatch& block) {
-    order.clear();
-    for (std::size_t i = 0; i < order_.size(); ++i) {
-      if (i % kTileRays == 0) tiles_.emplace_back();
-      const std::uint32_t k = order_[i];
-      if (k >= block.size()) continue;
-      tiles_.back().add(block.dx[k], block.dy[k], block.dz[k]);
-      order.push_back(k);
-    }
-    echoes.resize(block.size());
-    for (std::size_t i = 0; i < block.size(); ++i) {
-      const auto material = static_cast<Class>(hits_.class_id[first + i]);
-      echoes.set(i, {hits_.range_m[first + i], -1, hits_.class_id[first + i],
-                     background_reflectance(material), hits_.gain[first + i]});
-    }
-    add_candidates(echoes, block.ring, [&](std::size_t i) { return first + i; }, candidates_);
-    if (knows_leaves_) {
-      const std::size_t before = leaf_ways_.size();
-      leaves.for_each_way(block, order, std::span(hits_.range_m).subspan(first, block.size()),
-                          [&](Volumes::RayWay way) {
-                            way.ray += static_cast<std::uint32_t>(first);
-                            leaf_ways_.push_back(leaves.with_limit(way));
-                          });
-      std::stable_sort(leaf_ways_.begin() + static_cast<std::ptrdiff_t>(before), leaf_ways_.end(),
-                       [](const auto& a, const auto& b) { return a.ray < b.ray; });
-      echoes.resize(leaf_ways_.size() - before);
-      rings.resize(echoes.size());
-      for (std::size_t i = 0; i < echoes.size(); ++i) {
-        const Volumes::RayWay& way = leaf_ways_[before + i];
-        rings[i] = block.ring[way.ray - first];
-        const float nearest = returns.nearest(static_cast<float>(way.way.from), rings[i]);
-        echoes.set(i, {nearest, -1, static_cast<std::uint16_t>(Class::kVegetation),
-                       background_reflectance(Class::kVegetation), 1});
-      }
-      add_candidates(
-          echoes, rings, [&](std::size_t i) { return leaf_ways_[before + i].ray; },
-          leaf_candidates);
-      knows_leaves_ = leaf_ways_.size() <= most_ways;
-    }
+    add_tiles(block);
+    mark_surfaces(block, first, returns);
+    if (knows_leaves_) add_leaf_ways(block, first, returns, leaves, leaf_candidates);
+    knows_leaves_ = knows_leaves_ && leaf_ways_.size() <= most_ways;
     first += block.size();
   });
   if (!knows_leaves_) leaf_ways_.clear();
   leaf_ways_.shrink_to_fit();
-  const auto surfaces = static_cast<std::ptrdiff_t>(candidates_.size());
-  std::ranges::sort(leaf_candidates);
   if (knows_leaves_)
-    candidates_.insert(candidates_.end(), leaf_candidates.begin(), leaf_candidates.end());
-  std::ranges::inplace_merge(candidates_, candidates_.begin() + surfaces);
-  candidates_.erase(std::ranges::unique(candidates_).begin(), candidates_.end());
-  candidates_.shrink_to_fit();
+    for (const std::uint32_t ray : leaf_candidates) mark(ray);
+}
+
+void StaticLayer::add_tiles(const RayBatch& block) {
+  for (std::size_t i = 0; i < order_.size(); ++i) {
+    if (i % kTileRays == 0) tiles_.emplace_back();
+    const std::uint32_t k = order_[i];
+    if (k < block.size()) tiles_.back().add(block.dx[k], block.dy[k], block.dz[k]);
+  }
+}
+
+void StaticLayer::mark(std::size_t ray) {
+  candidates_[ray / kWordBits] |= std::uint64_t{1} << (ray % kWordBits);
+}
+
+/// Marks the rays of a block that can give a point of a static surface.
+/// @param first number of the block's first ray in the period
+void StaticLayer::mark_surfaces(const RayBatch& block, std::size_t first,
+                                const ReturnModel& returns) {
+  EchoBatch echoes;
+  echoes.resize(block.size());
+  for (std::size_t i = 0; i < block.size(); ++i) {
+    const std::uint16_t material = hits_.class_id[first + i];
+    echoes.set(i, {hits_.range_m[first + i], -1, material,
+                   background_reflectance(static_cast<Class>(material)), hits_.gain[first + i]});
+  }
+  const std::vector<bool> can = returns.can_return(echoes, block.ring);
+  for (std::size_t i = 0; i < can.size(); ++i)
+    if (can[i]) mark(first + i);
+}
+
+/// Adds the ways of a block's rays through leaves, and the rays that can give a point of leaves to
+/// `candidates`.
+void StaticLayer::add_leaf_ways(const RayBatch& block, std::size_t first,
+                                const ReturnModel& returns, const Volumes& leaves,
+                                std::vector<std::uint32_t>& candidates) {
+  std::vector<std::uint32_t> order;
+  std::ranges::copy_if(order_, std::back_inserter(order),
+                       [&](std::uint32_t i) { return i < block.size(); });
+  std::vector<Volumes::RayWay> ways;
+  leaves.for_each_way(block, order, std::span(hits_.range_m).subspan(first, block.size()),
+                      [&](const Volumes::RayWay& way) { ways.push_back(leaves.with_limit(way)); });
+  std::ranges::stable_sort(ways, {}, &Volumes::RayWay::ray);
+  EchoBatch echoes;
+  echoes.resize(ways.size());
+  std::vector<std::uint16_t> rings(ways.size());
+  for (std::size_t i = 0; i < ways.size(); ++i) {
+    rings[i] = block.ring[ways[i].ray];
+    const float nearest = returns.nearest(static_cast<float>(ways[i].way.from), rings[i]);
+    echoes.set(i, {nearest, -1, static_cast<std::uint16_t>(Class::kVegetation),
+                   background_reflectance(Class::kVegetation), 1});
+    ways[i].ray += static_cast<std::uint32_t>(first);
+  }
+  const std::vector<bool> can = returns.can_return(echoes, rings);
+  for (std::size_t i = 0; i < can.size(); ++i)
+    if (can[i]) candidates.push_back(ways[i].ray);
+  leaf_ways_.insert(leaf_ways_.end(), ways.begin(), ways.end());
 }
 
 std::int64_t StaticLayer::part_end(std::int64_t first, std::int64_t last) const {
@@ -183,12 +199,20 @@ StaticSlice StaticLayer::slice(std::int64_t first_group, std::int64_t last_group
   return {part(hits_.range_m), part(hits_.gain), part(hits_.class_id), number};
 }
 
-std::span<const std::uint32_t> StaticLayer::candidates(std::int64_t first_group,
-                                                       std::int64_t last_group) const {
-  const std::uint32_t first = first_ray(first_group);
-  const auto rays = static_cast<std::uint32_t>((last_group - first_group) * hits_.group_size);
-  return {std::ranges::lower_bound(candidates_, first),
-          std::ranges::lower_bound(candidates_, first + rays)};
+void StaticLayer::candidates(std::int64_t first_group, std::int64_t last_group,
+                             std::vector<std::uint32_t>& out) const {
+  out.clear();
+  const std::size_t from = first_ray(first_group);
+  const std::size_t to =
+      from + static_cast<std::size_t>((last_group - first_group) * hits_.group_size);
+  for (std::size_t w = from / kWordBits; w * kWordBits < to; ++w) {
+    std::uint64_t word = candidates_[w];
+    if (w * kWordBits < from) word &= ~std::uint64_t{0} << (from % kWordBits);
+    if ((w + 1) * kWordBits > to) word &= ~(~std::uint64_t{0} << (to % kWordBits));
+    for (; word != 0; word &= word - 1)
+      out.push_back(static_cast<std::uint32_t>(
+          w * kWordBits + static_cast<std::size_t>(std::countr_zero(word)) - from));
+  }
 }
 
 std::span<const Volumes::RayWay> StaticLayer::leaf_ways(std::int64_t first_group,
@@ -219,7 +243,7 @@ void StaticLayer::select(std::int64_t first_group, std::int64_t last_group, cons
 
 std::size_t StaticLayer::bytes() const {
   return hits_.rays() * (2 * sizeof(float) + sizeof(std::uint16_t)) +
-         candidates_.size() * sizeof(std::uint32_t) + tiles_.size() * sizeof(ViewBounds) +
+         candidates_.size() * sizeof(std::uint64_t) + tiles_.size() * sizeof(ViewBounds) +
          leaf_ways_.size() * sizeof(Volumes::RayWay);
 }
 

@@ -32,7 +32,7 @@ struct StaticHits {
   std::size_t rays() const { return static_cast<std::size_t>(groups * group_size); }
 };
 
-/// Maximum size of all layers of a mount's LiDARs together.
+/// Maximum size of all layers of a run together.
 inline constexpr std::size_t kMostLayerBytes = std::size_t{256} << 20;
 
 /// Returns the maximum size of the layer of a repeating pattern.
@@ -77,10 +77,10 @@ class StaticLayer {
   StaticSlice slice(std::int64_t first_group, std::int64_t last_group,
                     std::span<const std::uint32_t> number) const;
 
-  /// Returns the rays of a run that can give a point of a static surface or, if the ways through
-  /// leaves are known, of leaves: their numbers in the period, ascending.
-  std::span<const std::uint32_t> candidates(std::int64_t first_group,
-                                            std::int64_t last_group) const;
+  /// Sets `out` to the rays of a run that can give a point of a static surface or, if the ways
+  /// through leaves are known, of leaves: their numbers in the run, ascending.
+  void candidates(std::int64_t first_group, std::int64_t last_group,
+                  std::vector<std::uint32_t>& out) const;
 
   /// Whether the ways through leaves are known. They are not if they would take too much memory.
   bool knows_leaves() const { return knows_leaves_; }
@@ -100,12 +100,18 @@ class StaticLayer {
   std::size_t bytes() const;
 
  private:
+  void add_tiles(const RayBatch& block);
+  void mark(std::size_t ray);
+  void mark_surfaces(const RayBatch& block, std::size_t first, const ReturnModel& returns);
+  void add_leaf_ways(const RayBatch& block, std::size_t first, const ReturnModel& returns,
+                     const Volumes& leaves, std::vector<std::uint32_t>& candidates);
+
   StaticHits hits_;
   /// number of groups in a block; `order_` puts its neighbouring rays together
   std::int64_t block_groups_;
   std::vector<std::uint32_t> order_;  ///< order of the rays in a block; a tile is a packet of it
   std::vector<ViewBounds> tiles_;     ///< views of the tiles, block by block
-  std::vector<std::uint32_t> candidates_;  ///< ascending
+  std::vector<std::uint64_t> candidates_;  ///< one bit per ray
   std::vector<Volumes::RayWay> leaf_ways_;
   bool knows_leaves_ = true;
 };

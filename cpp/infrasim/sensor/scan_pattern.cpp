@@ -63,14 +63,17 @@ void check_transmitted(const DirectionBatch& directions) {
 
 /// The directions of all lasers behind the prisms at one time.
 /// @throws ConfigError for total reflection
-void trace(const std::vector<PrismConfig>& prisms, const DirectionBatch& lasers, double time_s,
-           DirectionBatch& directions) {
+/// @param tilts cosine and sine of the wedge angle of each prism
+void trace(const std::vector<PrismConfig>& prisms,
+           const std::vector<std::pair<double, double>>& tilts, const DirectionBatch& lasers,
+           double time_s, DirectionBatch& directions) {
   directions = lasers;
-  for (const PrismConfig& prism : prisms) {
-    const double phi = 2 * kPi * std::fmod(prism.rpm / 60 * time_s, 1.0) + rad(prism.phase_deg);
-    const double a = rad(prism.angle_deg);
-    pass(prism, {math::cos(a), math::sin(a) * math::cos(phi), math::sin(a) * math::sin(phi)},
-         directions);
+  for (std::size_t i = 0; i < prisms.size(); ++i) {
+    const PrismConfig& prism = prisms[i];
+    const auto [ca, sa] = tilts[i];
+    const auto [c, s] =
+        math::cos_sin(2 * kPi * std::fmod(prism.rpm / 60 * time_s, 1.0) + rad(prism.phase_deg));
+    pass(prism, {ca, sa * c, sa * s}, directions);
   }
   check_transmitted(directions);
 }
@@ -105,6 +108,8 @@ ScanPattern::ScanPattern(const PatternConfig& config, double phase_s, const Mat3
   } else if (config_.prisms) {
     elevations = config_.prisms->laser_offsets;
     groups_per_s_ = config_.prisms->steps_per_s;
+    for (const PrismConfig& prism : config_.prisms->prisms)
+      tilts_.push_back(math::cos_sin(rad(prism.angle_deg)));
     for (const double offset : elevations) {
       const double e = math::atan(offset / config_.prisms->focal_length);
       lasers_of_step_.x.push_back(math::cos(e));
@@ -225,7 +230,7 @@ double ScanPattern::optical_time(std::int64_t group) const {
 
 Ray ScanPattern::prism_ray(std::int64_t group, int member) const {
   DirectionBatch directions;
-  trace(config_.prisms->prisms, lasers_of_step_, optical_time(group), directions);
+  trace(config_.prisms->prisms, tilts_, lasers_of_step_, optical_time(group), directions);
   const auto i = static_cast<std::size_t>(member);
   return {{directions.x[i], directions.y[i], directions.z[i]},
           static_cast<double>(group) / groups_per_s_};
@@ -281,7 +286,7 @@ void ScanPattern::generate_steps(std::int64_t first_group, double start_s,
   for (const std::uint32_t k : which) {
     const std::int64_t group = first_group + rays.number[k] / group_size_;
     if (group != traced)
-      trace(config_.prisms->prisms, lasers_of_step_, optical_time(group), directions);
+      trace(config_.prisms->prisms, tilts_, lasers_of_step_, optical_time(group), directions);
     traced = group;
     const auto i = rays.number[k] % static_cast<std::uint32_t>(group_size_);
     put(k, {directions.x[i], directions.y[i], directions.z[i]},

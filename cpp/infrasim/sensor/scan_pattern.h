@@ -116,9 +116,10 @@ class ScanPattern {
     double elevation_deg, shift_deg;  ///< the shift is in the direction of rotation
     double fire_time_s;               ///< after the start of the group
   };
-  std::vector<Shot> shots_;                     ///< the same lasers in double precision
-  std::vector<std::pair<float, float>> turns_;  ///< of each group of a period, if they are few
-  DirectionBatch lasers_of_step_;               ///< directions before the prisms
+  std::vector<Shot> shots_;                       ///< the same lasers in double precision
+  std::vector<std::pair<float, float>> turns_;    ///< of each group of a period, if they are few
+  DirectionBatch lasers_of_step_;                 ///< directions before the prisms
+  std::vector<std::pair<double, double>> tilts_;  ///< cosine and sine of the prisms' wedge angles
 };
 
 /// Returns the channels of a spinning unit from the lowest ring up. Channels of one elevation keep
