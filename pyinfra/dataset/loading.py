@@ -80,11 +80,11 @@ def load_lidar(
     ----------
     lidar : name of a shipped LiDAR (`pyinfra lidars` lists them), or a file
     preset : `paper`, `equal` or `datasheet`
+    rate_hz : frames per second, 5 to 20; by default that of the file. The firing cycle of a
+        spinning LiDAR stays the same, so that the number of columns per turn changes.
     law_exponent : power of the reflectance with which the range grows in full sun, 0.25 to 0.5, for
         a LiDAR with one published range; by default, that of the file. It has no effect on a LiDAR
         whose published ranges determine the exponent.
-    rate_hz : frames per second, 5 to 20; by default that of the file. The firing cycle of a
-        spinning LiDAR stays the same, so that the number of columns per turn changes.
 
     Returns
     -------

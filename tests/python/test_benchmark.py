@@ -397,7 +397,7 @@ def test_a_dry_run_refuses_a_preset_that_a_lidar_lacks(
     config.write_text(config.read_text().replace("helios_16", "hesai_xt32"))
     assert main.main(words(config, tmp_path / "out", "--dry-run")) != 0
     assert (
-        "hesai_xt32.yaml:12:3: presets: expected equal, datasheet, got unknown preset 'paper'"
+        "hesai_xt32.yaml:14:3: presets: expected equal, datasheet, got unknown preset 'paper'"
         in capsys.readouterr().err
     )
 

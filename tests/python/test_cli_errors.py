@@ -350,8 +350,8 @@ def test_check_says_how_well_the_detection_law_meets_the_ranges(site: Site) -> N
 
     good = checked(210)
     assert good.stderr == (
-        "infrasim: tiny: detection law: off by at most 0.1 %, "
-        "210.3 m by the nearest law for 210 m at 80 % in 100 klx\n"
+        "infrasim: tiny: detection law: off by at most 0 %, "
+        "210 m by the nearest law for 210 m at 80 % in 100 klx\n"
     )
     assert good.stdout.startswith('name: "tiny"')
     words = ("returns.detection.further_ranges: ", "expected ranges that one detection law meets")

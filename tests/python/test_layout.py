@@ -104,6 +104,18 @@ def test_no_number_of_the_simulator_is_written_by_the_locale_of_its_process() ->
     assert offenders == []
 
 
+def test_the_simulator_calls_no_function_whose_bits_depend_on_the_processor() -> None:
+    """`infrasim/core/math.h` has these functions with equal bits on every processor."""
+    call = r"\bstd::(sin|cos|tan|asin|acos|atan2?|exp2?|log(2|10)?|pow|hypot|cbrt|erfc?)\("
+    offenders = [
+        f"{file.relative_to(ROOT)}: {line.strip()}"
+        for file in [*sources(ROOT / "cpp/infrasim"), *sources(ROOT / "bindings")]
+        for line in file.read_text().splitlines()
+        if re.search(call, line)
+    ]
+    assert offenders == []
+
+
 @pytest.mark.parametrize("folder", ["cpp", "bindings", "tests/cpp", "tests/fuzz", "benchmarks"])
 def test_every_source_is_built(folder: str) -> None:
     listed = re.findall(r"[\w/]+\.cpp", (ROOT / folder / "CMakeLists.txt").read_text())
