@@ -285,6 +285,14 @@ def law_exponent(lidar: Any, exponent: float) -> None:
     assert changed is None or changed.name == lidar.name
 
 
+@given(st.sampled_from(LIDARS), st.floats() | st.sampled_from([5.0, 20.0]))
+def rate(lidar: Any, rate_hz: float) -> None:
+    changed = logged(lidar.with_rate, rate_hz)
+    assert changed is None or changed.period_s == 1 / rate_hz
+    frames = logged(WORLD.frames_of, 1 / rate_hz if rate_hz else 0.0)
+    assert frames is None or frames > 0
+
+
 @given(st.sampled_from(LIDARS), few, few, few, st.none() | few, word)
 def pattern(lidar: Any, first: int, last: int, step: int, seed: int | None, mount: str) -> None:
     result = logged(lidar.pattern, first, last, step, seed, mount)
@@ -401,6 +409,7 @@ TESTS: tuple[Callable[[], None], ...] = (
     learn_background,
     load_background,
     law_exponent,
+    rate,
     pattern,
     files,
     of_text,

@@ -7,6 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import yaml
+from evaluation_data import LIDAR
 
 from pyinfra.cli import main
 from pyinfra.core.errors import ConfigError
@@ -154,7 +155,8 @@ def test_frames_of_another_benchmark_are_neither_measured_nor_extended(
     lidar = config.parent / "data/own"
     (lidar / "training/velodyne").mkdir(parents=True)
     (lidar / "ImageSets").mkdir()
-    (lidar / "lidar.yaml").touch()
+    text = LIDAR.format(name="own", period=0.1, label_time="scan", half=180, reach=100)
+    (lidar / "lidar.yaml").write_text(text)
     for k in (0, 5, 15):  # a simulation that was stopped before frame 10
         (lidar / f"training/velodyne/{k:06d}.bin").touch()
     frames.check_data_set(lidar.parent, read_plan(config, "smoke"))
