@@ -19,8 +19,8 @@ ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = ROOT / "tests/golden"
 SCENES = ROOT / "configs/scenes"
 EVERY = 200  # every 200th point of a frame is kept
-# maximum number of points of a frame that exist only on one type of CPU. The instructions that cast
-# rays differ in the last digits, and `datasheet` compares a random sample with the power of a
+# maximum number of points of a frame that exist only with Embree 3 (Debian 12) or Embree 4 (Debian
+# 13), which may differ in the last digits. `datasheet` compares a random sample with the power of a
 # return.
 LOST = 3
 
