@@ -32,7 +32,7 @@ std::vector<double> table_of(const PatternConfig& pattern) {
 }
 
 constexpr double kMostSpacing_deg = 0.25;  // largest angle between two sub-rays
-constexpr double kLeastTable_s = 1;    // minimum period of a pattern that does not repeat
+constexpr double kLeastTable_s = 1;        // minimum period of a pattern that does not repeat
 
 /// Returns the number of turns of the azimuth in one pass through a table, which ends where it
 /// begins.

@@ -169,7 +169,11 @@ def spelled(material: Material, text: str) -> str:
 def _prices(material: Material, prices: pd.DataFrame) -> Table:
     """Returns a table of the LiDARs with prices and specifications from their files."""
     known = ("lidar", "model", "units", "origin")
-    more = [c for c in prices if c not in known and not c.startswith("price_")]
+    more = [
+        c
+        for c in prices
+        if c not in known and not c.startswith("price_") and prices[c].notna().any()
+    ]
     numbers = prices[more].apply(pd.to_numeric, errors="coerce")
     heads = [Column("LiDAR"), Column("Units", number=True), Column("Price, US$", number=True)]
     heads += [Column(_title(c), number=bool(numbers[c].notna().any())) for c in more]
@@ -178,7 +182,11 @@ def _prices(material: Material, prices: pd.DataFrame) -> Table:
         low, high = float(row.price_low_usd), float(row.price_high_usd)
         price = f"{low:,.0f}" if low == high else f"{low:,.0f} to {high:,.0f}"
         first = [TableCell(material.names.label(row.lidar)), number(row.units, ".0f")]
-        others = [_value_cell(str(row[c]), float(numbers[c][at]), row.origin) for c in more]
+        words = ["" if pd.isna(row[c]) else str(row[c]) for c in more]
+        others = [
+            _value_cell(word, float(numbers[c][at]), row.origin)
+            for c, word in zip(more, words, strict=True)
+        ]
         source = TableCell(f"{row.price_source}, {row.price_date}".strip(", "))
         rows.append([*first, TableCell(price, low, row.origin), *others, source])
     heads.append(Column("Source of the price"))
