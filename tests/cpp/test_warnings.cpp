@@ -14,7 +14,6 @@ namespace infrasim {
 namespace {
 
 using testing::car_on_road;
-using testing::error_of;
 using testing::straight_on;
 
 void expect_within(const std::string& message, const std::string& what) {
@@ -35,7 +34,7 @@ class Mesh {
     }
     faces_ += "4 " + first;
     for (int i = 1; i < 4; ++i) faces_ += " " + std::to_string(count_ - 4 + i);
-    faces_ += "\n";
+    faces_ += '\n';
     ++face_count_;
     return *this;
   }

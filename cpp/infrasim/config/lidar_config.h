@@ -30,8 +30,8 @@ struct Channel {
   int column_step = 1;
   int first_column = 0;
   /// detection range of this channel; without a value it is that of the LiDAR
-  std::optional<double> range_at_10_percent_m{};
-  std::optional<double> min_range_m{};  ///< without a value, that of the LiDAR
+  std::optional<double> range_at_10_percent_m = std::nullopt;
+  std::optional<double> min_range_m = std::nullopt;  ///< without a value, that of the LiDAR
 };
 
 /// Channels from a file, or evenly spaced from upper to lower.
@@ -138,7 +138,8 @@ inline constexpr double kLeastExponent = 0.25, kMostExponent = 0.5;
 struct DetectionConfig {
   double range_at_10_percent_m = 100;
   std::vector<PublishedRange> further_ranges;
-  std::optional<double> law_exponent{};  ///< only without further_ranges; default kLawExponent
+  /// only without further_ranges; default kLawExponent
+  std::optional<double> law_exponent = std::nullopt;
   double steepness = 5;
 };
 

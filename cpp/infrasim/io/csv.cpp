@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <utility>
 
 #include "infrasim/core/errors.h"
 #include "infrasim/core/files.h"
@@ -20,9 +21,11 @@ CsvReader::CsvReader(const std::filesystem::path& file, std::string_view header,
     const auto end = std::min(rest.find(','), rest.size());
     const std::string column(rest.substr(0, end));
     rest.remove_prefix(std::min(end + 1, rest.size()));
-    const std::string longer = found + "," + column;
+    std::string longer = found;
+    longer += ',';
+    longer += column;
     if (row_ != longer && !row_.starts_with(longer + ",")) continue;
-    found = longer;
+    found = std::move(longer);
     extra_.push_back(column);
   }
   columns_ += std::ssize(extra_);

@@ -46,6 +46,7 @@ struct World {
   std::shared_ptr<LazyTrajectories> lazy_trajectories = nullptr;
   double late_s = 0;  ///< clock offset of the mount: true time less the time of its clock
   /// what is suspicious about the trajectories and meshes that were read, one line per finding
+  // NOLINTNEXTLINE(readability-redundant-member-init): GCC warns of initializers without it
   std::vector<std::string> warnings = {};
 
   Raycaster raycaster() const { return Raycaster(meshes->library, cast_origin); }

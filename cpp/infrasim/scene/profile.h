@@ -15,6 +15,7 @@ struct Surface {
   std::vector<std::array<std::uint32_t, 3>> triangles;
   std::vector<std::uint16_t> class_id;
   /// lowest and highest coordinates of each file of `meshes`, before the profile raises it
+  // NOLINTNEXTLINE(readability-redundant-member-init): GCC warns of initializers without it
   std::vector<std::array<Vec3, 2>> mesh_bounds = {};
 };
 

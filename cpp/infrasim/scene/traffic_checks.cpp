@@ -93,11 +93,10 @@ void TrafficChecks::test_motion(const Box3d& box, Track& track) const {
   if (norm(step) < kMovement_m) return;
   ++track.movements;
   if (std::abs(cross(heading_vector(track.last.heading), step)) >
-      math::sin(rad(kSideways_deg)) * norm(step)) {
-    if (track.sideways++ == 0) {
-      track.first_sideways = instant_;
-      track.sideways_at = {box.x, box.y};
-    }
+          math::sin(rad(kSideways_deg)) * norm(step) &&
+      track.sideways++ == 0) {
+    track.first_sideways = instant_;
+    track.sideways_at = {box.x, box.y};
   }
   track.last = box;
 }

@@ -76,6 +76,7 @@ struct Trajectories {
       false;  ///< whether objects may have a pitch, so that their tables have a column for it
   std::vector<bool> kept;  ///< which rows are present; if empty, all rows are present
   /// objects that stand during the whole run, by increasing id; `rows` does not have them
+  // NOLINTNEXTLINE(readability-redundant-member-init): GCC warns of initializers without it
   std::vector<ObjectState> standing = {};
 
   int steps() const { return static_cast<int>(rows.size()) - 1; }
