@@ -34,7 +34,6 @@ inline float sin(float x) { return Sleef_cinz_sinf1_u10purec(x); }
 inline float cos(float x) { return Sleef_cinz_cosf1_u10purec(x); }
 inline float asin(float x) { return Sleef_cinz_asinf1_u10purec(x); }
 inline float log(float x) { return Sleef_cinz_logf1_u10purec(x); }
-inline float exp(float x) { return Sleef_cinz_expf1_u10purec(x); }
 
 /// Replaces each value by its exponential. Two are computed at once; the bits are those of `exp`.
 inline void exp_all(std::span<double> values) {

@@ -137,7 +137,7 @@ std::optional<double> lane_around(const Site& site, const Sensor& sensor) {
 
 constexpr double kHouse_m = 100;         // largest distance of a sensor from the walls around it
 constexpr std::size_t kDirections = 16;  // number of directions in which walls are searched
-// minimum number of directions with a wall inside a building; one may pass an open door
+// minimum number of directions with a wall inside a building; one may pass an opening
 constexpr std::size_t kFewestWalls = 15;
 
 /// What is around a sensor in the meshes. Distances and heights are infinite if there is none.
