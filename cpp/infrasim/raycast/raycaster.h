@@ -81,6 +81,12 @@ class Raycaster {
   void cast_bodies(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
                    bool incidence = true);
 
+  /// Finds the rays of `order` whose cone may meet a body in the frame, in that order. Cones of other
+  /// rays meet none.
+  /// @param spread tangent of half the cone's angle
+  void near_bodies(const RayBatch& rays, std::span<const std::uint32_t> order, float spread,
+                   std::vector<std::uint32_t>& near) const;
+
   /// Returns the visible share of a body at mid-frame. 8 x 8 rays are cast through the angular
   /// rectangle of its box. Of the rays that would hit the body without other objects, the visible
   /// share is the part that reaches the body first. Each ray is weighted by the transmission of
