@@ -60,22 +60,25 @@ TEST(beam, has_the_shape_of_an_even_ellipse) {
     RayBatch ray, sub_rays;
     ray.resize(1);
     ray.dx[0] = 1;
-    beam.expand(ray, std::array{0U}, sub_rays);
+    beam.expand(ray, std::array{0U}, 0, beam.sub_rays(), sub_rays);
     ASSERT_EQ(sub_rays.size(), 1 + 3 * (across / 2) * (across / 2 + 1));
     EXPECT_EQ(sub_rays.dx[0], 1);
-    double sum = 0, left = 0, up = 0;
-    for (std::size_t i = 0; i < sub_rays.size(); ++i) {
-      const double y = sub_rays.dy[i] / sub_rays.dx[i] / std::tan(rad(0.1));
-      const double z = sub_rays.dz[i] / sub_rays.dx[i] / std::tan(rad(0.2));
-      EXPECT_LT(std::hypot(y, z), 1);
-      sum += beam.shares()[i];
-      left += beam.shares()[i] * y * y;
-      up += beam.shares()[i] * z * z;
+    for (const std::span<const float> shares : {beam.shares(), beam.probe_shares()}) {
+      double sum = 0, left = 0, up = 0;
+      for (std::size_t i = 0; i < shares.size(); ++i) {
+        const double y = sub_rays.dy[i] / sub_rays.dx[i] / std::tan(rad(0.1));
+        const double z = sub_rays.dz[i] / sub_rays.dx[i] / std::tan(rad(0.2));
+        EXPECT_LT(std::hypot(y, z), 1);
+        sum += shares[i];
+        left += shares[i] * y * y;
+        up += shares[i] * z * z;
+      }
+      EXPECT_NEAR(sum, 1, 1e-6);
+      // The mean square distance from an axis of an even disc is a quarter.
+      EXPECT_NEAR(left, 0.25, 0.005);
+      EXPECT_NEAR(up, 0.25, 0.005);
     }
-    EXPECT_NEAR(sum, 1, 1e-6);
-    // The mean square distance from an axis of an even disc is a quarter.
-    EXPECT_NEAR(left, 0.25, 0.005);
-    EXPECT_NEAR(up, 0.25, 0.005);
+    EXPECT_EQ(beam.probes(), across == 3 ? 4U : beam.sub_rays());
   }
 }
 
@@ -143,11 +146,12 @@ std::vector<Echo> merged(const std::vector<Echo>& of_sub_rays, double separation
   sub_echoes.resize(of_sub_rays.size());
   echoes.resize(1);
   for (std::size_t i = 0; i < of_sub_rays.size(); ++i) sub_echoes.set(i, of_sub_rays[i]);
-  const std::vector<float> shares(of_sub_rays.size(), 1.F / static_cast<float>(of_sub_rays.size()));
+  const std::vector<SubRay> sub_rays(of_sub_rays.size(),
+                                     {0, 1.F / static_cast<float>(of_sub_rays.size())});
   std::vector<float> sunlit(1);
   std::vector<WeakerEcho> others;
-  EchoMerger(shares, separation_m, path)
-      .merge(sub_echoes, {}, std::array{0U}, std::array<std::uint16_t, 1>{}, echoes, sunlit,
+  EchoMerger(separation_m, path)
+      .merge(sub_rays, sub_echoes, {}, std::array{0U}, std::array<std::uint16_t, 1>{}, echoes, sunlit,
              &others);
   std::vector<Echo> out{echoes.at(0)};
   for (const WeakerEcho& other : others) out.push_back(other.echo);

@@ -461,9 +461,9 @@ float reported(const std::array<float, 2>& ranges, const std::array<float, 2>& r
   echoes.resize(1);
   for (std::size_t i = 0; i < 2; ++i) sub_echoes.set(i, {ranges[i], -1, 0, reflectance[i], 1});
   std::vector<float> sunlit(1);
-  constexpr std::array<float, 2> kShares{0.5F, 0.5F};
-  EchoMerger(kShares, 0.5, path)
-      .merge(sub_echoes, {}, std::array{0U}, std::array<std::uint16_t, 1>{}, echoes, sunlit,
+  constexpr std::array<SubRay, 2> kSubRays{{{0, 0.5F}, {0, 0.5F}}};
+  EchoMerger(0.5, path)
+      .merge(kSubRays, sub_echoes, {}, std::array{0U}, std::array<std::uint16_t, 1>{}, echoes, sunlit,
              nullptr);
   return echoes.range[0];
 }
@@ -604,8 +604,8 @@ TEST(beam, turns_with_its_unit) {
       set_direction(rays, i, d);
       set_direction(turned_rays, i, turned * d);
     }
-    Beam(config, level).expand(rays, every(rays), sub_rays);
-    Beam(config, turned).expand(turned_rays, every(turned_rays), turned_sub_rays);
+    Beam(config, level).expand(rays, every(rays), 0, 7, sub_rays);
+    Beam(config, turned).expand(turned_rays, every(turned_rays), 0, 7, turned_sub_rays);
     for (std::size_t i = 0; i < sub_rays.size(); ++i)
       EXPECT_LT(norm(turned * direction(sub_rays, i) - direction(turned_sub_rays, i)), 1e-6);
   }

@@ -183,26 +183,14 @@ std::size_t Caster::cast_rays(const Part& part) {
 
 std::size_t Caster::cast_beams(const Part& part) {
   const Beam& beam = *part.scanner.beam;
-  const auto n = static_cast<std::size_t>(beam.sub_rays());
-  if (beam.everywhere())
-    beams_ = selected_;
-  else
-    raycaster_.near_bodies(rays_, selected_, beam.half_width(), beams_);
-  std::size_t cast = n * beams_.size();
+  std::size_t cast = 0;
   if (!part.scanner.layer) {
-    static constexpr std::span<const std::uint32_t> kNone;
-    const std::span<const std::uint32_t> alone =
-        beam.everywhere() ? kNone : std::span<const std::uint32_t>(bodies_only_ ? beams_ : selected_);
-    raycaster_.cast_background(rays_, alone, hits_, true);
-    cast += alone.size();
+    if (beam.everywhere()) beams_.swap(selected_), selected_.clear();
+    raycaster_.cast_background(rays_, selected_, hits_, true);
+    cast += selected_.size();
   }
-  beam.expand(rays_, beams_, sub_rays_);
-  sub_order_.resize(sub_rays_.size());
-  std::iota(sub_order_.begin(), sub_order_.end(), 0U);
-  if (beam.everywhere()) {
-    raycaster_.cast(sub_rays_, sub_order_, sub_hits_, true);
-    return cast;
-  }
+  if (!beam.everywhere())
+    raycaster_.near_bodies(rays_, selected_, hits_.range, beam.half_width(), beam.from_m(), beams_);
   static_range_m_.clear();
   static_gain_.clear();
   static_class_.clear();
@@ -211,26 +199,70 @@ std::size_t Caster::cast_beams(const Part& part) {
     static_gain_.push_back(hits_.cos_incidence[i]);
     static_class_.push_back(hits_.class_id[i]);
   }
-  sub_hits_.resize(sub_rays_.size());
-  std::ranges::fill(sub_hits_.object, -1);
-  for (std::size_t k = 0; k < sub_rays_.size(); ++k) {
-    sub_hits_.range[k] = static_range_m_[k / n];
-    sub_hits_.cos_incidence[k] = static_gain_[k / n];
-    sub_hits_.class_id[k] = static_class_[k / n];
+  sub_rays_.resize(0);
+  std::vector<std::uint32_t> every(beams_.size());
+  std::iota(every.begin(), every.end(), 0U);
+  if (beam.everywhere()) {
+    cast_sub_rays(part, every, 0, beam.sub_rays());
+    return cast + sub_rays_.size();
   }
-  raycaster_.cast_bodies(sub_rays_, sub_order_, sub_hits_, true);
+  // The other rays may meet bodies nearby.
+  auto next = beams_.begin();
+  std::erase_if(selected_, [&](std::uint32_t ray) {
+    const bool beam_of_ray = next != beams_.end() && *next == ray;
+    if (beam_of_ray) ++next;
+    return beam_of_ray;
+  });
+  raycaster_.cast_bodies(rays_, selected_, hits_, true);
+  cast_sub_rays(part, every, 0, beam.probes());
+  cast += sub_rays_.size() + selected_.size();
   keep_beams_on_bodies(part);
-  return cast;
+  const std::size_t probes = sub_rays_.size();
+  if (beam.probes() < beam.sub_rays())
+    cast_sub_rays(part, mixed_beams(part), beam.probes(), beam.sub_rays());
+  return cast + sub_rays_.size() - probes;
 }
 
-/// Removes the beams that meet no moving object. Such a beam is its ray.
+/// Appends sub-rays `from` to `to` - 1 of some beams to `sub_rays_`, with their hits.
+/// @param beams positions in `beams_`
+void Caster::cast_sub_rays(const Part& part, std::span<const std::uint32_t> beams, std::size_t from,
+                           std::size_t to) {
+  const Beam& beam = *part.scanner.beam;
+  const std::size_t first = sub_rays_.size(), n = to - from;
+  std::vector<std::uint32_t> rays;
+  for (const std::uint32_t b : beams) rays.push_back(beams_[b]);
+  beam.expand(rays_, rays, from, to, sub_rays_);
+  sub_.resize(sub_rays_.size());
+  sub_number_.resize(sub_rays_.size());
+  const std::span<const float> shares = from == 0 ? beam.probe_shares() : beam.shares();
+  for (std::size_t k = first; k < sub_rays_.size(); ++k) {
+    const std::size_t number = from + (k - first) % n;
+    sub_[k] = {beams[(k - first) / n], shares[number]};
+    sub_number_[k] = static_cast<std::uint8_t>(number);
+  }
+  if (from > 0)  // the probes of these beams have other shares now
+    for (const std::uint32_t b : beams)
+      for (std::size_t j = 0; j < from; ++j) sub_[from * b + j].share = shares[j];
+  sub_order_.resize(sub_rays_.size() - first);
+  std::iota(sub_order_.begin(), sub_order_.end(), static_cast<std::uint32_t>(first));
+  if (beam.everywhere()) return raycaster_.cast(sub_rays_, sub_order_, sub_hits_, true);
+  sub_hits_.resize(sub_rays_.size());
+  for (std::size_t k = first; k < sub_rays_.size(); ++k) {
+    sub_hits_.range[k] = static_range_m_[sub_[k].beam];
+    sub_hits_.cos_incidence[k] = static_gain_[sub_[k].beam];
+    sub_hits_.class_id[k] = static_class_[sub_[k].beam];
+    sub_hits_.object[k] = -1;
+  }
+  raycaster_.cast_bodies(sub_rays_, sub_order_, sub_hits_, true);
+}
+
+/// Removes the beams whose probes meet no moving object. Such a beam is its ray.
 void Caster::keep_beams_on_bodies(const Part& part) {
-  const auto n = static_cast<std::size_t>(part.scanner.beam->sub_rays());
+  const std::size_t n = part.scanner.beam->probes();
   std::size_t kept = 0;
   for (std::size_t beam = 0; beam < beams_.size(); ++beam) {
-    const auto hit = [&](std::size_t j) { return sub_hits_.object[n * beam + j] >= 0; };
     bool any = false;
-    for (std::size_t j = 0; j < n; ++j) any = any || hit(j);
+    for (std::size_t k = n * beam; k < n * (beam + 1); ++k) any = any || sub_hits_.object[k] >= 0;
     if (!any) continue;
     if (kept < beam) {
       beams_[kept] = beams_[beam];
@@ -244,8 +276,21 @@ void Caster::keep_beams_on_bodies(const Part& part) {
   }
   beams_.resize(kept);
   sub_rays_.resize(n * kept);
-  sub_hits_.resize(n * kept);
-  sub_order_.resize(n * kept);
+  sub_.resize(n * kept);
+}
+
+/// Returns the positions in `beams_` of beams whose probes meet different surfaces.
+std::vector<std::uint32_t> Caster::mixed_beams(const Part& part) const {
+  const std::size_t n = part.scanner.beam->probes();
+  const double separation_m = part.scanner.returns.separation_m();
+  std::vector<std::uint32_t> mixed;
+  for (std::size_t beam = 0; beam < beams_.size(); ++beam) {
+    const std::span objects = std::span(sub_hits_.object).subspan(n * beam, n);
+    const auto [low, high] = std::ranges::minmax(std::span(sub_hits_.range).subspan(n * beam, n));
+    const bool one = std::ranges::all_of(objects, [&](int o) { return o == objects.front(); });
+    if (!one || !(high - low <= separation_m)) mixed.push_back(static_cast<std::uint32_t>(beam));
+  }
+  return mixed;
 }
 
 /// Static hits of the sub-rays, which are those of their rays.
@@ -302,12 +347,13 @@ void Caster::take_static_hits(const Part& part) {
 /// Replaces the hits of rays and of sub-rays that leaves stop.
 void Caster::stop_in_leaves(const Part& part) {
   if (part.scanner.beam) {
-    const auto width = static_cast<std::uint32_t>(part.scanner.beam->sub_rays());
+    sub_order_.resize(sub_rays_.size());
+    std::iota(sub_order_.begin(), sub_order_.end(), 0U);
     leaves_.stop(
         sub_rays_, sub_order_,
         [&](std::uint32_t k) {
-          return part.frame.at(part.first_ray + rays_.number[beams_[k / width]])
-              .at(kLeafStream + k % width);
+          return part.frame.at(part.first_ray + rays_.number[beams_[sub_[k].beam]])
+              .at(kLeafStream + sub_number_[k]);
         },
         sub_hits_);
     if (part.scanner.beam->everywhere()) return;
@@ -349,9 +395,8 @@ std::size_t Caster::pass_panes(const Part& part) {
   std::size_t cast = transparent_.resolve(rays_, part.vehicles, parts, scanner.returns.path(), hits_,
                                           echoes_, background);
   if (!scanner.beam) return cast;
-  const auto n = static_cast<std::uint32_t>(scanner.beam->sub_rays());
-  beam_of_.resize(sub_rays_.size());
-  for (std::uint32_t k = 0; k < beam_of_.size(); ++k) beam_of_[k] = k / n;
+  beam_of_.clear();
+  for (const SubRay& sub : sub_) beam_of_.push_back(sub.beam);
   const bool several = scanner.returns.echo_mode() != EchoMode::kStrongest;
   cast += transparent_.resolve(
       sub_rays_, part.vehicles, parts, scanner.returns.path(), sub_hits_, sub_echoes_,
@@ -367,8 +412,8 @@ void Caster::merge_beams(const Part& part) {
   weaker_.resize(several ? weaker_.size() : 0);
   others_.clear();
   sunlit_ = echoes_.reflectance;
-  EchoMerger(scanner.beam->shares(), scanner.returns.separation_m(), scanner.returns.path())
-      .merge(sub_echoes_, weaker_, beams_, rays_.ring, echoes_, sunlit_,
+  EchoMerger(scanner.returns.separation_m(), scanner.returns.path())
+      .merge(sub_, sub_echoes_, weaker_, beams_, rays_.ring, echoes_, sunlit_,
              several ? &others_ : nullptr);
 }
 

@@ -109,7 +109,10 @@ class Caster {
   void select_for_bodies(const Part& part);
   void take_static_hits(const Part& part);
   std::size_t cast_beams(const Part& part);
+  void cast_sub_rays(const Part& part, std::span<const std::uint32_t> beams, std::size_t from,
+                     std::size_t to);
   void keep_beams_on_bodies(const Part& part);
+  std::vector<std::uint32_t> mixed_beams(const Part& part) const;
   std::span<const std::uint32_t> order_for_leaves(const Part& part);
   StaticSlice static_hits_of_beams() const;
   void add_other_echoes();
@@ -134,7 +137,9 @@ class Caster {
   HitBatch hits_;       ///< hits of the rays, until they become echoes
   EchoBatch echoes_;    ///< strongest echo of each ray, then `others_`
   std::vector<std::uint32_t> beams_;  ///< rays that have sub-rays
-  RayBatch sub_rays_;                 ///< of `beams_`, one beam after the other
+  RayBatch sub_rays_;                 ///< of `beams_`: the probes, then the others
+  std::vector<SubRay> sub_;           ///< beam and share of each sub-ray
+  std::vector<std::uint8_t> sub_number_;   ///< number of each sub-ray in its beam
   std::vector<std::uint32_t> sub_order_;
   std::vector<std::uint32_t> beam_of_;  ///< position in `beams_` of each sub-ray
   HitBatch sub_hits_;

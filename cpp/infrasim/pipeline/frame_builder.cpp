@@ -88,7 +88,8 @@ std::vector<PointCount> FrameBuilder::count(std::span<const ObjectBoxes> boxes,
     if (again) continue;
     const auto k = static_cast<std::size_t>(hit.object);
     const auto& [frame, scan] = held[k];
-    const Vec3 place = hit.wide ? BoxFrame(box_at(k, hit.time_s)).nearest(hit.place) : hit.place;
+    const Vec3 place =
+        hit.wide ? BoxFrame(box_at(k, hit.time_s), frame).nearest(hit.place) : hit.place;
     ++counts[k].points;
     counts[k].points_in_box += frame.contains(place, kBoxMargin);
     counts[k].points_in_scan_box += scan.contains(place, kBoxMargin);

@@ -387,7 +387,8 @@ void Raycaster::cast_background(const RayBatch& rays, std::span<const std::uint3
 }
 
 void Raycaster::near_bodies(const RayBatch& rays, std::span<const std::uint32_t> order,
-                            float spread, std::vector<std::uint32_t>& near) const {
+                            std::span<const float> range, float spread, float from_m,
+                            std::vector<std::uint32_t>& near) const {
   const Impl& m = *impl_;
   near.clear();
   for_each_packet(order, [&](std::span<const std::uint32_t> part) {
@@ -395,13 +396,14 @@ void Raycaster::near_bodies(const RayBatch& rays, std::span<const std::uint32_t>
     for (const std::uint32_t k : part) view.add_cone(rays.dx[k], rays.dy[k], rays.dz[k], spread);
     std::uint32_t meets = 0;  // one bit per ray of the part
     m.index.for_each_in(view, [&](std::size_t body) {
+      if (m.farthest_m[body] < from_m) return true;
       const BodyMotion& motion = m.motions[body];
       const std::array<float, 3> margin = motion.to_unit_lengths(spread * m.farthest_m[body]);
       for (std::size_t i = 0; i < part.size(); ++i) {
         const std::uint32_t k = part[i];
         const float share = std::clamp(rays.time[k] * m.time_scale, 0.0F, 1.0F);
         if (meets_unit_box(motion.to_unit(rays.dx[k], rays.dy[k], rays.dz[k], share), 0,
-                           rays.max_range, margin))
+                           std::min(range[k], rays.max_range), margin))
           meets |= 1U << i;
       }
       return true;

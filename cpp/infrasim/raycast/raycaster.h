@@ -81,10 +81,13 @@ class Raycaster {
   void cast_bodies(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
                    bool incidence = true);
 
-  /// Finds the rays of `order` whose cone may meet a body in the frame, in that order. Cones of other
-  /// rays meet none.
+  /// Finds the rays of `order` whose cone may meet a body from a distance on before the ray's hit,
+  /// in that order.
+  /// @param range  range of each ray's hit; +inf: none
   /// @param spread tangent of half the cone's angle
-  void near_bodies(const RayBatch& rays, std::span<const std::uint32_t> order, float spread,
+  /// @param from_m bodies that are nearer in the whole frame do not count
+  void near_bodies(const RayBatch& rays, std::span<const std::uint32_t> order,
+                   std::span<const float> range, float spread, float from_m,
                    std::vector<std::uint32_t>& near) const;
 
   /// Returns the visible share of a body at mid-frame. 8 x 8 rays are cast through the angular

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "infrasim/core/math.h"
 
@@ -12,12 +13,15 @@ namespace {
 // sine; for rays closer to the vertical, rounding errors determine the axes
 constexpr double kAlongUp = 1e-6;
 constexpr int kSubRaysOfRing = 6;  // of the first ring; ring k has k times as many
+constexpr float kLeastRadius_m = 0.02F;  // of the outermost sub-rays
+constexpr int kProbes = kSubRaysOfRing / 2;  // on the ring; every second sub-ray
 
 }  // namespace
 
 Beam::Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose)
     : places_{{0, 0}},
       shares_{1},
+      probe_shares_{1},
       up_(unit_pose * Vec3{0, 0, 1}),
       left_(unit_pose * Vec3{0, 1, 0}) {
   if (!config) return;
@@ -32,14 +36,22 @@ Beam::Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose)
     // The mean square radius of the ring, which reaches from 2 ring - 1 to 2 ring + 1.
     const double radius = std::sqrt((4.0 * ring * ring + 1) / parts);
     for (int i = 0; i < n; ++i) {
-      // The first sub-ray is on the longer axis.
-      const auto [along, across] = math::cos_sin(2 * kPi * i / n);
+      // The first sub-ray is on the longer axis. In a single ring, the three probes come first.
+      const int place = rings == 1 ? 2 * i % n + i / kProbes : i;
+      const auto [along, across] = math::cos_sin(2 * kPi * place / n);
       places_.push_back(up > left ? Vec2{radius * left * across, radius * up * along}
                                   : Vec2{radius * left * along, radius * up * across});
       shares_.push_back(static_cast<float>(8.0 * ring / n / parts));
     }
     half_width_ = static_cast<float>(radius * std::max(left, up));
+    from_m_ = half_width_ > 0 ? kLeastRadius_m / half_width_ : std::numeric_limits<float>::max();
   }
+  probe_shares_ = shares_;
+  if (rings > 1) return;
+  // The probes have the ellipse's mean square distance from its axes, which is a quarter.
+  const double on_ring = 0.5 / ((4 + 1) / parts);
+  probe_shares_.assign(1 + kProbes, static_cast<float>(on_ring / kProbes));
+  probe_shares_[0] = static_cast<float>(1 - on_ring);
 }
 
 /// Returns the unit vectors to the left of a ray and upwards in its frame. A vertical ray has the
@@ -51,16 +63,15 @@ std::array<Vec3, 2> Beam::axes_of(Vec3 ray) const {
   return {left, cross(ray, left)};
 }
 
-void Beam::expand(const RayBatch& rays, std::span<const std::uint32_t> selected,
-                  RayBatch& sub_rays) const {
-  const std::size_t n = places_.size();
-  sub_rays.resize(n * selected.size());
+void Beam::expand(const RayBatch& rays, std::span<const std::uint32_t> selected, std::size_t from,
+                  std::size_t to, RayBatch& sub_rays) const {
+  std::size_t k = sub_rays.size();
+  sub_rays.resize(k + (to - from) * selected.size());
   sub_rays.max_range = rays.max_range;
-  std::size_t k = 0;
   for (const std::uint32_t i : selected) {
     const Vec3 d{rays.dx[i], rays.dy[i], rays.dz[i]};
     const auto [left, up] = axes_of(d);
-    for (std::size_t j = 0; j < n; ++j, ++k) {
+    for (std::size_t j = from; j < to; ++j, ++k) {
       sub_rays.time[k] = rays.time[i];
       sub_rays.ring[k] = rays.ring[i];
       sub_rays.dx[k] = rays.dx[i];

@@ -22,27 +22,37 @@ class Beam {
   /// @param unit_pose rotation from the unit's frame to the levelled frame
   Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose);
 
-  int sub_rays() const { return static_cast<int>(places_.size()); }
+  std::size_t sub_rays() const { return places_.size(); }
+  /// Number of the first sub-rays that are enough for a beam that meets one surface.
+  std::size_t probes() const { return probe_shares_.size(); }
 
   /// Share of the beam's power in each sub-ray; the sum is 1.
   std::span<const float> shares() const { return shares_; }
+  /// Share of the beam's power in each probe, for a beam without other sub-rays; the sum is 1.
+  std::span<const float> probe_shares() const { return probe_shares_; }
 
   /// Tangent of the angle between a ray and its outermost sub-rays.
   float half_width() const { return half_width_; }
 
+  /// Range from which a beam is wider than some 2 cm, so that it differs from a ray.
+  float from_m() const { return from_m_; }
+
   /// Whether all rays have sub-rays; otherwise only those near moving objects.
   bool everywhere() const { return everywhere_; }
 
-  /// Makes the sub-rays of the selected rays. The first sub-ray is the ray itself.
-  void expand(const RayBatch& rays, std::span<const std::uint32_t> selected,
-              RayBatch& sub_rays) const;
+  /// Appends sub-rays `from` to `to` - 1 of the selected rays, ray by ray. Sub-ray 0 is the ray
+  /// itself.
+  void expand(const RayBatch& rays, std::span<const std::uint32_t> selected, std::size_t from,
+              std::size_t to, RayBatch& sub_rays) const;
 
  private:
   std::array<Vec3, 2> axes_of(Vec3 ray) const;
 
   std::vector<Vec2> places_;  ///< offsets of the sub-rays as tangents: left, up
   std::vector<float> shares_;
+  std::vector<float> probe_shares_;
   float half_width_ = 0;
+  float from_m_ = 0;
   bool everywhere_ = false;
   Vec3 up_, left_;  ///< axes of the unit in the levelled frame
 };

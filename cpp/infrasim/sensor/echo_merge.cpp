@@ -6,29 +6,34 @@
 
 namespace infrasim {
 
-void EchoMerger::merge(const EchoBatch& sub_echoes, std::span<const WeakerEcho> weaker,
-                       std::span<const std::uint32_t> beams, std::span<const std::uint16_t> rings,
-                       EchoBatch& echoes, std::vector<float>& sunlit,
-                       std::vector<WeakerEcho>* others) {
-  const std::size_t n = shares_.size();
-  auto next = weaker.begin();
-  for (std::size_t k = 0; k < beams.size(); ++k) {
-    const std::size_t ray = beams[k], first = n * k;
-    parts_.clear();
-    const auto add = [&](const Echo& echo, float share) {
-      parts_.push_back(
-          {echo.range, share * echo.reflectance * echo.gain, echo.object, echo.class_id});
-    };
-    float lit = 0;
-    for (std::size_t j = 0; j < n; ++j) {
-      const std::size_t i = first + j;
-      if (!std::isfinite(sub_echoes.range[i])) continue;
-      lit += shares_[j] * sub_echoes.reflectance[i];
-      add(sub_echoes.at(i), shares_[j]);
-    }
-    for (; next != weaker.end() && next->ray < first + n; ++next)
-      add(next->echo, shares_[next->ray - first]);
-    sunlit[ray] = lit;
+void EchoMerger::merge(std::span<const SubRay> sub_rays, const EchoBatch& sub_echoes,
+                       std::span<const WeakerEcho> weaker, std::span<const std::uint32_t> beams,
+                       std::span<const std::uint16_t> rings, EchoBatch& echoes,
+                       std::vector<float>& sunlit, std::vector<WeakerEcho>* others) {
+  // The parts of all beams, beam by beam.
+  std::vector<std::uint32_t> end(beams.size() + 1);
+  const auto add = [&](std::uint32_t beam) { ++end[beam + 1]; };
+  for (std::size_t i = 0; i < sub_rays.size(); ++i)
+    if (std::isfinite(sub_echoes.range[i])) add(sub_rays[i].beam);
+  for (const WeakerEcho& one : weaker) add(sub_rays[one.ray].beam);
+  for (std::size_t beam = 0; beam < beams.size(); ++beam) end[beam + 1] += end[beam];
+  std::vector<PartialEcho> all(end.back());
+  std::vector<std::uint32_t> next(end.begin(), end.end() - 1);
+  for (const std::uint32_t ray : beams) sunlit[ray] = 0;
+  const auto put = [&](const SubRay& sub, const Echo& echo) {
+    all[next[sub.beam]++] = {echo.range, sub.share * echo.reflectance * echo.gain, echo.object,
+                             echo.class_id};
+  };
+  for (std::size_t i = 0; i < sub_rays.size(); ++i) {
+    if (!std::isfinite(sub_echoes.range[i])) continue;
+    put(sub_rays[i], sub_echoes.at(i));
+    sunlit[beams[sub_rays[i].beam]] += sub_rays[i].share * sub_echoes.reflectance[i];
+  }
+  for (const WeakerEcho& one : weaker) put(sub_rays[one.ray], one.echo);
+
+  for (std::size_t beam = 0; beam < beams.size(); ++beam) {
+    const std::uint32_t ray = beams[beam];
+    parts_.assign(all.begin() + end[beam], all.begin() + end[beam + 1]);
     echoes.range[ray] = std::numeric_limits<float>::infinity();
     echoes.object[ray] = -1;
     for (bool strongest = true; !parts_.empty(); strongest = false) {
@@ -37,7 +42,7 @@ void EchoMerger::merge(const EchoBatch& sub_echoes, std::span<const WeakerEcho> 
       if (strongest)
         echoes.set(ray, sum.echo);
       else
-        others->push_back({static_cast<std::uint32_t>(ray), sum.echo});
+        others->push_back({ray, sum.echo});
       if (others == nullptr) break;
       const float middle = parts_[sum.around].range;
       std::erase_if(parts_, [&](const PartialEcho& part) {
