@@ -172,7 +172,8 @@ def batch_of(frames: Samples, recipe: Recipe, network: Network, seed: int, step:
     batch = dataclasses.replace(batch, balance=learning.balance)
     if learning.window_m2 == 0:
         return batch
-    training_windows = Windows(learning.window_m2, torch.tensor(np.array(centres)))
+    middles = tuple((float(x), float(y)) for x, y in centres)
+    training_windows = Windows(learning.window_m2, middles)
     return dataclasses.replace(batch, windows=training_windows)
 
 
