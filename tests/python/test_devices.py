@@ -121,3 +121,63 @@ def test_the_code_for_a_gpu_gives_the_losses_of_the_cpu(
     there = losses()
     for term, value in here.items():
         torch.testing.assert_close(there[term], value, atol=1e-4, rtol=1e-4)
+
+
+def some_clouds(counts: Sequence[int], seed: int) -> Tensor:
+    xyz = torch.rand(sum(counts), 3, generator=torch.Generator().manual_seed(seed))
+    return xyz * torch.tensor([20.0, 20, 3])
+
+
+@pytest.mark.parametrize(
+    ("counts", "of_others"),
+    [
+        ([900, 0, 5, 1, 300], [70, 3, 2, 1, 20]),
+        ([40], [1]),
+        ([0, 0], [0, 2]),
+        ([0, 30, 0], [0, 30, 0]),
+    ],
+)
+@pytest.mark.parametrize("known", [True, False])
+def test_searches_in_a_batch_of_clouds_are_those_in_each_cloud(
+    counts: list[int], of_others: list[int], known: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    xyz, others = some_clouds(counts, 1), some_clouds(of_others, 2)
+    sizes, other_sizes = (c if known else torch.tensor(c) for c in (counts, of_others))
+
+    def results() -> list[Tensor]:
+        chosen, numbers = zip(
+            *(clouds.farthest_of_clouds(xyz, sizes, most) for most in (1, 4, 100)), strict=True
+        )
+        near = [
+            pair
+            for radius, most in ((1.0, 4), (3.0, 16), (50.0, 2))
+            for pair in clouds.neighbours(xyz, sizes, others, other_sizes, radius, most)
+        ]
+        distances, rows = clouds.nearest_of_clouds(others, other_sizes, xyz, sizes)
+        apart = (others[:, None] - xyz[rows]).norm(dim=2) if len(xyz) else distances
+        there = torch.isfinite(distances)
+        torch.testing.assert_close(apart[there], distances[there], atol=1e-4, rtol=0)
+        return [*chosen, *map(torch.as_tensor, numbers), *near, distances]
+
+    if any(other > 0 and count == 0 for count, other in zip(counts, of_others, strict=True)):
+        of_others = [min(pair) for pair in zip(counts, of_others, strict=True)]
+        others, other_sizes = some_clouds(of_others, 2), of_others
+    one_by_one = results()
+    for module in (clouds, points):
+        monkeypatch.setattr(module, "on_cpu", lambda _: False)
+    for small in (False, True):  # small: the distances do not fit into memory together
+        if small:
+            monkeypatch.setattr(points, "_CHUNK_ON_GPU", 50)
+        for one, two in zip(one_by_one, results(), strict=True):
+            torch.testing.assert_close(two, one, atol=1e-4, rtol=0)
+
+
+def test_a_random_order_keeps_the_points_of_each_cloud(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pointnet, "on_cpu", lambda _: False)
+    xyz = some_clouds([60, 0, 40], 1)
+    shuffled = pointnet.shuffled(pointnet.Clouds(xyz, xyz[:, :1], [60, 0, 40]))
+    for part in (slice(0, 60), slice(60, 100)):
+        moved = (shuffled.xyz[part] != xyz[part]).any(1)
+        assert moved.float().mean() > 0.9
+        assert torch.equal(shuffled.xyz[part].sort(0).values, xyz[part].sort(0).values)
+    assert torch.equal(shuffled.xyz[:, :1], shuffled.features)

@@ -117,7 +117,9 @@ class VoxelBackbone(nn.Module):
 
         stride: size of a voxel of this level along x, y, z, in voxels of the finest level.
         """
-        low, size = constant(self.area.low, x.features), constant(self.size, x.features)
+        # Features may have 16 bits, but positions always have 32.
+        low = constant(self.area.low, x.features, torch.float32)
+        size = constant(self.size, x.features, torch.float32)
         cells = (x.coordinates[:, 1:].flip(1) + 0.5) * constant(stride, size)
         frame = torch.arange(x.batch_size, device=low.device)
         counts = (x.coordinates[:, :1] == frame).sum(dim=0)

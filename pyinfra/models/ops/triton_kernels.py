@@ -21,9 +21,10 @@ except ImportError:  # PyTorch's CPU build, and systems without Triton
 
 def usable(tensor: Tensor) -> bool:
     """Returns whether the kernels run on the device of a tensor."""
-    return triton is not None and (tensor.device.type == "cuda" or INTERPRETED)
+    return enabled and (tensor.device.type == "cuda" or INTERPRETED)
 
 
+enabled = triton is not None  # if False, the twins in PyTorch are used
 INTERPRETED = os.environ.get("TRITON_INTERPRET") == "1"  # Triton's own variable, for tests on a CPU
 
 if triton is not None:
