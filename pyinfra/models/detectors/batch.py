@@ -16,7 +16,7 @@ from pyinfra.models.detectors.sample import Sample
 from pyinfra.models.ops.constants import owners
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Windows:
     """The part of each frame's canvas that is used for training (windows.py).
 
