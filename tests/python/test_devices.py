@@ -21,10 +21,11 @@ from pyinfra.models.detectors import pointnet  # noqa: E402
 from pyinfra.models.detectors.batch import Batch, Windows, make_batch  # noqa: E402
 from pyinfra.models.detectors.catalogue import DETECTORS  # noqa: E402
 from pyinfra.models.detectors.network import Network, one_thread  # noqa: E402
-from pyinfra.models.ops import boxes, clouds, points, sparse  # noqa: E402
+from pyinfra.models.ops import boxes, clouds, points, sparse, triton_kernels  # noqa: E402
 from pyinfra.models.training import checkpoint  # noqa: E402
 from pyinfra.models.training.recipe import read_recipe  # noqa: E402
 
+needs_gpu = pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU here")
 ROOT = Path(__file__).resolve().parents[2]
 LEARNT = [name for name, entry in DETECTORS.items() if entry.learnt]
 MOVED = {"cpu", "cuda", "numpy", "tolist", "item", "__array__"}
@@ -181,3 +182,33 @@ def test_a_random_order_keeps_the_points_of_each_cloud(monkeypatch: pytest.Monke
         assert moved.float().mean() > 0.9
         assert torch.equal(shuffled.xyz[part].sort(0).values, xyz[part].sort(0).values)
     assert torch.equal(shuffled.xyz[:, :1], shuffled.features)
+
+
+@needs_gpu
+@pytest.mark.parametrize("kernels", [False, True])
+def test_searches_of_clouds_on_a_gpu_are_those_of_the_cpu(
+    kernels: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(triton_kernels, "enabled", kernels)
+    counts, of_centres = [20_000, 0, 700, 3], [500, 0, 20, 3]
+    xyz, centres = some_clouds(counts, 1), some_clouds(of_centres, 2)
+    results = []
+    for device in ("cpu", "cuda"):
+        here, middles = xyz.to(device), centres.to(device)
+        rows, _ = clouds.farthest_of_clouds(here, counts, 600)
+        near = clouds.neighbours(here, counts, middles, of_centres, 0.8, 16)
+        distances, _ = clouds.nearest_of_clouds(middles, of_centres, here, counts)
+        results.append((rows, *near, distances))
+    for one, two in zip(*results, strict=True):
+        assert two.is_cuda
+        torch.testing.assert_close(two.cpu(), one, atol=1e-4, rtol=0)
+
+
+@needs_gpu
+@pytest.mark.parametrize("name", LEARNT)
+def test_a_step_reads_no_tensor_from_a_gpu(name: str) -> None:
+    network = network_of(name).train().to("cuda")
+    batch = batch_of(network).to(torch.device("cuda"))
+    network.losses(batch)
+    with NothingMoves():
+        network.losses(batch)
