@@ -54,14 +54,16 @@ SCENE, LIDAR, PRESET, SEED = "highway", "ruby_plus", "paper", 1
 FRAMES = "0:5000:30"  # frames of the traffic seed SEED; those before 400 s are used
 HELD_OUT = 20  # last frames, which the AP is measured on
 WARM_UP, PROFILED = 6, 5  # steps before the measurement, and steps whose kernels are timed
-AP_STEPS = 120  # steps of the tier `quick` before the AP is measured
+AP_STEPS = 100  # steps of the tier `quick` before the AP is measured
 KEY = ["device", "detector", "tier", "setting", "measure"]
 
 # Other settings than the default, of which a GPU may be faster with some.
 SETTINGS: dict[str, tuple[Precision, dict[str, bool]]] = {
     "tf32": ("float32", {"tf32": True}),
-    "compiled": ("float32", {"tf32": True, "compiled": True}),
-    "bfloat16 compiled": ("bfloat16", {"tf32": True, "compiled": True}),
+    "tuned": ("float32", {"tf32": True, "tuned": True}),
+    "bfloat16 tuned": ("bfloat16", {"tf32": True, "tuned": True}),
+    "compiled": ("float32", {"tf32": True, "tuned": True, "compiled": True}),
+    "bfloat16 compiled": ("bfloat16", {"tf32": True, "tuned": True, "compiled": True}),
 }
 # What one process measures, and its longest time in seconds.
 TASKS: tuple[tuple[str, tuple[Part, ...], float], ...] = (
@@ -170,7 +172,7 @@ def rate(bench: Bench, setting: str, precision: Precision, changes: dict[str, bo
         waited += time.perf_counter() - before
         readings.add(number, *step_of(number, batch.to(device)))
 
-    with closing(made), one_thread(), loop.fast_products(pace.tf32):
+    with closing(made), one_thread(), loop.products_of(pace):
         for _ in range(WARM_UP if device.type == "cuda" else 1):
             step()
         wait_for(device)

@@ -76,6 +76,7 @@ class Pace:
     reads_every: int = 1  # steps after which losses are read from the device, checked and reported
     fused: bool = False  # whether the optimiser changes all weights in one kernel
     tf32: bool = False  # whether products of matrices round their inputs to 10 bits
+    tuned: bool = False  # whether cuDNN tries its algorithms and uses the fastest
     compiled: bool = False  # whether torch.compile compiles the two-dimensional network
 
 
@@ -122,7 +123,7 @@ def train(
     checks = Checks(held_out, out / "validation.csv", done) if held_out is not None else None
     readings = Readings(pace.reads_every, learning.steps, last, report)
     keep_memory()
-    with one_thread(), fast_products(pace.tf32), closing(batches):
+    with one_thread(), products_of(pace), closing(batches):
         for step, made in batches:
             readings.add(step, *step_of(step, made.to(device)))
             done = step + 1
@@ -246,14 +247,16 @@ def batches_of(
 
 
 @contextmanager
-def fast_products(tf32: bool) -> Iterator[None]:
-    """Context manager in which a GPU may round the inputs of matrix products to 10 bits."""
-    before = torch.get_float32_matmul_precision()
-    torch.set_float32_matmul_precision("high" if tf32 else before)
+def products_of(pace: Pace) -> Iterator[None]:
+    """Context manager in which a GPU computes products and convolutions at a pace."""
+    before = torch.get_float32_matmul_precision(), torch.backends.cudnn.benchmark
+    torch.set_float32_matmul_precision("high" if pace.tf32 else before[0])
+    torch.backends.cudnn.benchmark = pace.tuned
     try:
         yield
     finally:
-        torch.set_float32_matmul_precision(before)
+        torch.set_float32_matmul_precision(before[0])
+        torch.backends.cudnn.benchmark = before[1]
 
 
 def check_finite(name: str, value: float, step: int, last: Path) -> None:
