@@ -45,16 +45,16 @@ from pyinfra.models.training.samples import Frames
 from pyinfra.models.training.sources import on_road, read_source
 from pyinfra.models.training.validation import average_precision
 from reproduction import ROOT, add_out, add_work, provenance
+from reproduction.tables.gpu import AP_STEPS, DETECTORS
 
 Part = Literal["batches", "rates", "latency", "ap", "settings"]
-DETECTORS = ("centerpoint-pillar", "pointpillars", "dsvt", "pv-rcnn", "pointrcnn")
 ON_POINTS = ("pv-rcnn", "pointrcnn")  # these search points with the Triton kernels
 WORKERS = (0, 1, 2, 4, 8)
 SCENE, LIDAR, PRESET, SEED = "highway", "ruby_plus", "paper", 1
 FRAMES = "0:5000:30"  # frames of the traffic seed SEED; those before 400 s are used
 HELD_OUT = 20  # last frames, which the AP is measured on
 WARM_UP, PROFILED = 6, 5  # steps before the measurement, and steps whose kernels are timed
-AP_STEPS = 100  # steps of the tier `quick` before the AP is measured
+LONGEST = 8  # kernels that are printed
 KEY = ["device", "detector", "tier", "setting", "measure"]
 
 # Other settings than the default, of which a GPU may be faster with some.
@@ -194,12 +194,15 @@ def rate(bench: Bench, setting: str, precision: Precision, changes: dict[str, bo
 
 
 def busy_s(step: Callable[[], None]) -> float:
-    """Returns the time in which the GPU computes, in PROFILED steps."""
+    """Returns the time in which the GPU computes, in PROFILED steps; prints the longest kernels."""
     with profile(activities=[ProfilerActivity.CUDA]) as profiler:
         for _ in range(PROFILED):
             step()
         torch.cuda.synchronize()
-    return sum(float(event.self_device_time_total) for event in profiler.key_averages()) / 1e6
+    times = {event.key: float(event.self_device_time_total) for event in profiler.key_averages()}
+    for name in sorted(times, key=lambda key: -times[key])[:LONGEST]:
+        print(f"    {times[name] / 1000 / PROFILED:8.2f} ms {name[:100]}", flush=True)
+    return sum(times.values()) / 1e6
 
 
 def trained(bench: Bench, recipe: Recipe, frames: Frames, site: Site, steps: int) -> Network:

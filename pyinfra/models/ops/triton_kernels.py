@@ -25,6 +25,8 @@ def usable(tensor: Tensor) -> bool:
 
 
 enabled = triton is not None  # if False, the twins in PyTorch are used
+# Products and sums are rounded one by one, as in PyTorch, so that both choose the same points.
+ROUNDING = {"enable_fp_fusion": False}
 INTERPRETED = os.environ.get("TRITON_INTERPRET") == "1"  # Triton's own variable, for tests on a CPU
 
 if triton is not None:
@@ -45,7 +47,9 @@ if triton is not None:
             at_x = tl.load(x + start + last)
             at_y = tl.load(y + start + last)
             at_z = tl.load(z + start + last)
-            farthest = -1.0
+            # Each lane keeps its farthest point, so that lanes are compared once per chosen point.
+            farthest = tl.full((LANES,), -1.0, tl.float32)
+            farthest_row = tl.zeros((LANES,), tl.int32)
             for first in range(0, count, LANES):
                 row = first + lanes
                 inside = row < count
@@ -55,11 +59,11 @@ if triton is not None:
                 apart = tl.load(aparts + start + row, mask=inside, other=0.0)
                 apart = tl.minimum(apart, dx * dx + dy * dy + dz * dz)
                 tl.store(aparts + start + row, apart, mask=inside)
-                apart = tl.where(inside, apart, -1.0)
-                value = tl.max(apart, axis=0)
-                index = first + tl.argmax(apart, axis=0)
-                last = tl.where(value > farthest, index, last)
-                farthest = tl.maximum(value, farthest)
+                farther = inside & (apart > farthest)
+                farthest = tl.where(farther, apart, farthest)
+                farthest_row = tl.where(farther, row, farthest_row)
+            ties = farthest == tl.max(farthest, axis=0)
+            last = tl.min(tl.where(ties, farthest_row, 2147483647), axis=0)
 
     @triton.jit  # type: ignore[untyped-decorator]
     def _first_near(  # type: ignore[no-untyped-def]  # pragma: no cover
@@ -120,7 +124,15 @@ def farthest(xyz: Tensor, counts: Tensor, most: int) -> Tensor:
     chosen = torch.empty_like(rows)
     lanes = 512 if len(counts) > 64 else 4096
     _farthest[(len(counts),)](
-        *columns.unbind(0), starts, large, apart, chosen, most, LANES=lanes, num_warps=lanes // 256
+        *columns.unbind(0),
+        starts,
+        large,
+        apart,
+        chosen,
+        most,
+        LANES=lanes,
+        num_warps=lanes // 256,
+        **ROUNDING,
     )
     return torch.where(counts[:, None] > most, chosen, rows)
 
@@ -150,5 +162,6 @@ def first_near(
         most,
         MIDDLES=middles,
         LANES=128,
+        **ROUNDING,
     )
     return rows
