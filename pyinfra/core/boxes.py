@@ -75,12 +75,17 @@ def points_in_boxes(points: Floats, boxes: FloatArray) -> IntArray:
     `points` is (n, 3 or more). `points_in_box` defines which points belong to a vehicle.
     """
     x = np.ascontiguousarray(points[:, 0])
-    counts = np.zeros(len(boxes), dtype=np.int64)
-    for i, box in enumerate(boxes):
-        reach = x.dtype.type(np.hypot(box[3], box[4]) / 2 + 2 * AROUND_M)
-        near = np.flatnonzero(np.abs(x - x.dtype.type(box[0])) <= reach)
-        counts[i] = np.count_nonzero(points_in_box(points[near], box))
-    return counts
+    return np.array([len(rows_in_box(points, x, box)) for box in boxes], dtype=np.int64)
+
+
+def rows_in_box(points: Floats, x: Floats, box: FloatArray, around_m: float = AROUND_M) -> IntArray:
+    """Returns the rows (k,) of the points that `points_in_box` returns as a mask, faster.
+
+    x: (n,) the first column of the points, contiguous.
+    """
+    reach = x.dtype.type(np.hypot(box[3], box[4]) / 2 + 2 * AROUND_M)
+    near = np.flatnonzero(np.abs(x - x.dtype.type(box[0])) <= reach)
+    return np.asarray(near[points_in_box(points[near], box, around_m)])
 
 
 def pair_bev_iou(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -187,7 +187,7 @@ def test_augmentation_and_windows_keep_ages() -> None:
     above = level_ground(-6).above(sample.points)
     np.testing.assert_array_equal(above[:, 3:], sample.points[:, 3:])
     batch = make_batch([sample], SITE.area, 5)
-    seen = Windows(200, torch.tensor([[20.0, 0.0]]))
+    seen = Windows(200, ((20.0, 0.0),))
     batch = dataclasses.replace(batch, windows=seen)
     part = windows.cut(batch, windows.view_of(batch, SITE.area, 0.4, 8), SITE.area, 0.4)
     assert 0 < len(part.points) < len(batch.points)

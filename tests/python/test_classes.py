@@ -135,7 +135,7 @@ def test_boxes_keep_their_classes_whatever_is_done_to_a_frame() -> None:
         assert len(changed.numbers) == len(changed.boxes)
         assert ((changed.boxes[:, 3] < 1) == (changed.numbers > 0)).all()
     batch = make_batch([sample, other], SITE.area)
-    seen = Windows(100.0, torch.tensor([[12.0, 10.0], [22.0, -10.0]]))
+    seen = Windows(100.0, ((12.0, 10.0), (22.0, -10.0)))
     view = view_of(dataclasses.replace(batch, windows=seen), SITE.area, 0.4, 4)
     assert [part.tolist() for part in view.classes] == [[1], [2]]
     assert [len(part) for part in view.boxes] == [1, 1]

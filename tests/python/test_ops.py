@@ -542,7 +542,7 @@ def test_points_on_a_gpu_are_as_on_the_cpu() -> None:
 
 
 @needs_gpu
-def test_groups_boxes_and_sets_on_a_gpu_are_as_on_the_cpu() -> None:
+def test_features_boxes_and_sets_on_a_gpu_are_as_on_the_cpu() -> None:
     xyz, centres, features = cloud(3000, 0), cloud(200, 1), torch.randn(3000, 4)
     b = random_boxes(30, 3).float()
     b[:, :3] += torch.tensor([30.0, 0, -4.5])
@@ -552,12 +552,10 @@ def test_groups_boxes_and_sets_on_a_gpu_are_as_on_the_cpu() -> None:
     results = []
     for device in ("cpu", "cuda"):
         x, c, f = xyz.to(device), centres.to(device), features.to(device)
-        rows, empty = points.ball_query(x, c, 2, 8)
         windows = sets.windows_of(frame.to(device), row.to(device), column.to(device), 12, 6)
         parts = sets.partition(windows, windows.by_row, 36)
         results.append(
             [
-                points.group(x, f, c, rows, empty),
                 points.interpolate(f, *points.three_nearest(c, x)),
                 points.points_in_boxes(x, b.to(device)).float(),
                 points.box_of_points(x, b.to(device)),

@@ -80,8 +80,8 @@ def test_a_full_ball_of_voxels_is_not_its_lowest_corner() -> None:
     levels, _ = net.eval().backbone(make_batch([sample], SITE.area))
     car = torch.from_numpy(sample.boxes[:1, :3]).float()
     coarse, radius = shuffled(levels[-1]), RADII[-1][1]
-    every, _ = neighbours(coarse, car, [1], radius, 4096)
-    some, _ = neighbours(coarse, car, [1], radius, 32)
+    every, _ = neighbours(coarse.xyz, coarse.counts, car, [1], radius, 4096)
+    some, _ = neighbours(coarse.xyz, coarse.counts, car, [1], radius, 32)
     assert len(every) > 3 * len(some)
     off = coarse.xyz[some].mean(dim=0) - coarse.xyz[every].mean(dim=0)
     # The mean of 32 samples differs this much from the mean of all samples in one of a thousand

@@ -35,7 +35,7 @@ from pyinfra.models.detectors.detection_area import Area  # noqa: E402
 from pyinfra.models.detectors.sample import Sample  # noqa: E402
 from pyinfra.models.detectors.suppression import MIN_SCORE  # noqa: E402
 from pyinfra.models.inference import detect  # noqa: E402
-from pyinfra.models.training import checkpoint, loop, train, validation  # noqa: E402
+from pyinfra.models.training import batches, checkpoint, loop, train, validation  # noqa: E402
 from pyinfra.models.training.provenance import is_among  # noqa: E402
 from pyinfra.models.training.recipe import Recipe, read_recipe  # noqa: E402
 from pyinfra.models.training.samples import (  # noqa: E402
@@ -1116,10 +1116,10 @@ def test_batches_made_ahead_come_in_their_order_and_what_fails_names_its_step() 
             raise OSError("no frame 30")
         return make_batch([road_sample(step)], Area((0, -20, -3), (60, 20, 1)))
 
-    batches = loop.ahead(make, range(5, 60))
+    made = batches.ahead(make, range(5, 60))
     for step in range(5, 30):
-        came, batch = next(batches)
+        came, batch = next(made)
         assert came == step
         torch.testing.assert_close(batch.points, make(step).points)
     with pytest.raises(OSError, match="no frame 30"):
-        next(batches)
+        next(made)

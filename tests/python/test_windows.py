@@ -30,7 +30,7 @@ def network_of(name: str, site: Site = SITE) -> Network:
 
 
 def looking_at(batch: Batch, most_m2: float, *centres: tuple[float, float]) -> Batch:
-    return dataclasses.replace(batch, windows=Windows(most_m2, torch.tensor(centres)))
+    return dataclasses.replace(batch, windows=Windows(most_m2, centres))
 
 
 @pytest.mark.parametrize(

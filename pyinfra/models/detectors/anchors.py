@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from pyinfra.core.boxes import CAR_M, LONG_M
 from pyinfra.core.config import ruled
@@ -52,15 +52,22 @@ class Targets:
     box: Tensor  # (...) int64: row of the assigned box
 
 
-class Anchors:
+class Anchors(nn.Module):
     """Anchors (rows, columns, per_cell, 7) that stand on the road (z = `Site.floor_z`)."""
 
+    x: Tensor  # (columns,) centres of the cells
+    y: Tensor  # (rows,)
+    boxes: Tensor  # (rows, columns, per_cell, 7)
+
     def __init__(self, config: AnchorConfig, site: Site, cell_m: float, grid: tuple[int, int]):
+        super().__init__()
         self.config = config
         rows, columns = grid
         x = site.area.low[0] + (torch.arange(columns) + 0.5) * cell_m
         y = site.area.low[1] + (torch.arange(rows) + 0.5) * cell_m
-        self.x, self.y = x, y
+        # Buffers are on the network's device. They follow from the settings and are not saved.
+        self.register_buffer("x", x, persistent=False)
+        self.register_buffer("y", y, persistent=False)
         kinds = [
             torch.tensor([site.floor_z + size[2] / 2, *size, heading])
             for size in config.sizes
@@ -68,7 +75,8 @@ class Anchors:
         ]
         xy = torch.stack(torch.meshgrid(y, x, indexing="ij")[::-1], dim=-1)  # (rows, columns, 2)
         xy = xy[:, :, None].expand(-1, -1, len(kinds), -1)
-        self.boxes = torch.cat([xy, torch.stack(kinds).expand(rows, columns, -1, -1)], dim=-1)
+        boxes = torch.cat([xy, torch.stack(kinds).expand(rows, columns, -1, -1)], dim=-1)
+        self.register_buffer("boxes", boxes, persistent=False)
 
     def targets(self, boxes: Tensor, grid: tuple[int, int] | None = None) -> Targets:
         """Assigns anchors to boxes (k, 7); returns tensors (rows, columns, per_cell).
@@ -78,8 +86,8 @@ class Anchors:
         rows, columns = grid or self.boxes.shape[:2]
         shape = (rows, columns, self.config.per_cell)
         if len(boxes) == 0:
-            no_anchor = torch.zeros(shape, dtype=torch.bool)
-            return Targets(no_anchor, ~no_anchor, torch.zeros(shape, dtype=torch.int64))
+            no_anchor = torch.zeros(shape, dtype=torch.bool, device=boxes.device)
+            return Targets(no_anchor, ~no_anchor, torch.zeros_like(no_anchor, dtype=torch.int64))
         overlap = self.axis_aligned_iou(boxes, grid)  # (rows, columns, per_cell, k)
         best, box = overlap.max(dim=-1)
         positive = best >= self.config.matched

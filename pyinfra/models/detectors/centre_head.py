@@ -29,6 +29,7 @@ from pyinfra.models.detectors.distributed import of_all
 from pyinfra.models.detectors.head_settings import BOX, PEAKS, ROAD_WEIGHT
 from pyinfra.models.detectors.losses import heat_map_focal, start_rare
 from pyinfra.models.detectors.network import Losses
+from pyinfra.models.ops.constants import constant, numbers, owners
 
 BOX_WEIGHT, DIRECTION_WEIGHT = 0.5, 0.2
 LEAST_CELLS = 0.6  # least standard deviation of a Gaussian, in cells
@@ -76,21 +77,30 @@ class CentreHead(nn.Module):
         With balance 1 all frames have the same weight.
         """
         logits, residuals = self(x)
-        counts = torch.tensor([len(b) for b in boxes])
-        weights = (counts.clamp(min=1).float() ** -balance).to(x.device)
-        count = of_all((weights * counts.to(x.device)).sum())
+        sizes = [len(b) for b in boxes]
+        counts = numbers(sizes, x.device)
+        weights = counts.clamp(min=1).float() ** -balance
+        count = of_all((weights * counts).sum())
         heat = {
             "heat" if len(self.classes) == 1 else f"heat_{name}": self.heat_loss(
-                logits[:, i], [b[c == i] for b, c in zip(boxes, classes, strict=True)], weights
+                logits[:, i], self._of_class(i, boxes, classes), weights
             )
             for i, name in enumerate(self.classes)
         }
-        frame = torch.repeat_interleave(torch.arange(len(boxes)), counts).to(x.device)
+        frame = owners(sizes, x.device)
         every = torch.cat(boxes)
         row, column = self.cells_of(every, logits.shape[2:])
         at = residuals[frame, row, column]  # (k, 8)
         parts = self.box_losses(at, every, row, column, weights[frame])
         return {name: part / count for name, part in (heat | parts).items()}
+
+    def _of_class(
+        self, number: int, boxes: Sequence[Tensor], classes: Sequence[Tensor]
+    ) -> Sequence[Tensor]:
+        """Returns the boxes of a class in each frame. classes: class numbers of the boxes."""
+        if len(self.classes) == 1:
+            return boxes
+        return [b[c == number] for b, c in zip(boxes, classes, strict=True)]
 
     def heat_loss(self, logits: Tensor, boxes: Sequence[Tensor], weights: Tensor) -> Tensor:
         """Returns the loss of one class's heat: the sum over frames, weighted by `weights` (B,).
@@ -115,14 +125,14 @@ class CentreHead(nn.Module):
 
         Rounding may move a centre beyond the last cell, so rows and columns are clipped.
         """
-        low = boxes.new_tensor(self.site.area.low[:2])
+        low = constant(self.site.area.low[:2], boxes)
         cell = ((boxes[:, :2] - low) / self.cell_m).long()
         return cell[:, 1].clamp(max=shape[0] - 1), cell[:, 0].clamp(max=shape[1] - 1)
 
     def middle_of(self, row: Tensor, column: Tensor) -> Tensor:
         """Returns x, y of the middles of cells in metres: (k, 2)."""
         cell = torch.stack([column, row], dim=1)
-        low = torch.tensor(self.site.area.low[:2], device=row.device)
+        low = constant(self.site.area.low[:2], row, torch.float32)
         return low + (cell + 0.5) * self.cell_m
 
     def encode(self, boxes: Tensor, row: Tensor, column: Tensor) -> Tensor:
@@ -217,7 +227,8 @@ class AxisHead(CentreHead):
     ) -> None:
         super().__init__(channels, width, site, cell_m, classes)
         self.box = nn.Conv2d(width, BOX + 1, 3, padding=1)
-        self.road_axes: Tensor | None = None
+        self.road_axes: Tensor | None
+        self.register_buffer("road_axes", None, persistent=False)
 
     def know(self, region: Region, shape: tuple[int, int]) -> None:
         """Stores the axis of the region's road in each cell (H, W); stores None without roads."""
@@ -227,7 +238,8 @@ class AxisHead(CentreHead):
         cells = torch.meshgrid(*map(torch.arange, shape), indexing="ij")
         row, column = (numbers.flatten() for numbers in cells)
         axes = region.axes(self.middle_of(row, column).double().numpy())
-        self.road_axes = torch.from_numpy(axes).float().reshape(*shape, 2)
+        device = next(self.parameters()).device
+        self.road_axes = torch.from_numpy(axes).float().reshape(*shape, 2).to(device)
 
     def box_losses(
         self, at: Tensor, boxes: Tensor, row: Tensor, column: Tensor, weights: Tensor
@@ -250,10 +262,7 @@ class AxisHead(CentreHead):
         if along_road and self.road_axes is not None:
             predicted_axis = residuals[:, 6:8]
             lacking = (1 - predicted_axis.norm(dim=1, keepdim=True)).clamp(min=0)
-            axis = (
-                predicted_axis
-                + ROAD_WEIGHT * lacking * self.road_axes.to(predicted_axis.device)[row, column]
-            )
+            axis = predicted_axis + ROAD_WEIGHT * lacking * self.road_axes[row, column]
             residuals = torch.cat([residuals[:, :6], axis, residuals[:, 8:]], dim=1)
         boxes = super().decode(residuals, row, column)
         heading = in_half_turn(boxes[:, 6] / 2) + math.pi * (residuals[:, BOX] > 0)

@@ -120,7 +120,11 @@ class Network(nn.Module, abc.ABC):
         if len(batch.points) == 0:
             return [empty() for _ in clouds]
         device = next(self.parameters()).device
-        return [self.best(*candidates) for candidates in self.candidates(batch.to(device))]
+        # The suppression of a frame takes less time than waiting for a GPU several times.
+        return [
+            self.best(*(part.cpu() for part in candidates))
+            for candidates in self.candidates(batch.to(device))
+        ]
 
     def best(self, boxes: Tensor, scores: Tensor, numbers: Tensor | None = None) -> Detections:
         """Returns the detections of candidates; each class is suppressed separately."""

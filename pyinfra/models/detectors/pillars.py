@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from pyinfra.models.detectors import distributed
 from pyinfra.models.detectors.batch import Batch, CanvasPart
 from pyinfra.models.detectors.detection_area import Area
+from pyinfra.models.ops.constants import constant
 
 
 class PillarEncoder(nn.Module):
@@ -104,7 +105,7 @@ class PillarEncoder(nn.Module):
 
     def pillar_of(self, batch: Batch) -> Tensor:
         """Returns the number of each point's pillar on the canvas: (n,)."""
-        low = batch.points.new_tensor(self.area.low[:2])
+        low = constant(self.area.low[:2], batch.points)
         cell = ((batch.points[:, :2] - low) / self.pillar_m).long()
         column = cell[:, 0].clamp(max=self.columns - 1)
         row = cell[:, 1].clamp(max=self.rows - 1)

@@ -10,8 +10,7 @@ Deviations from the paper:
   are the same, but batch norms use existing points only
 - a centre without points around it has features of 0
 
-Searches run on the CPU, even for tensors on a GPU. Their loops over points and clouds would be many
-small steps on a GPU.
+The order in which balls take their points (`shuffled`) is another one on a GPU than on a CPU.
 """
 
 from __future__ import annotations
@@ -23,7 +22,17 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from pyinfra.models.ops.points import ball_query, farthest_points, interpolate, three_nearest
+from pyinfra.models.ops.clouds import (
+    Counts,
+    cloud_of_rows,
+    farthest_of_clouds,
+    nearest_of_clouds,
+    neighbours,
+    on_device,
+    sizes_of,
+)
+from pyinfra.models.ops.kernels import on_cpu
+from pyinfra.models.ops.points import interpolate
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +41,7 @@ class Clouds:
 
     xyz: Tensor  # (n, 3) float32
     features: Tensor  # (n, c)
-    counts: list[int]  # number of points in each cloud; may be 0
+    counts: Counts  # number of points in each cloud; may be 0
 
     def with_features(self, features: Tensor) -> Clouds:
         return Clouds(self.xyz, features, self.counts)
@@ -59,20 +68,12 @@ def mlp(channels: int, widths: Sequence[int]) -> nn.Sequential:
     return nn.Sequential(*layers)
 
 
-def sampled(clouds: Clouds, most: int) -> tuple[Tensor, list[int]]:
+def sampled(clouds: Clouds, most: int) -> tuple[Tensor, Counts]:
     """Samples at most `most` points of each cloud by farthest point sampling.
 
     Returns the rows (m,) of the sampled points and their number in each cloud.
     """
-    xyz = clouds.xyz.detach().cpu()
-    indices, start = [torch.zeros(0, dtype=torch.int64)], 0
-    for count in clouds.counts:
-        if count > most:
-            indices.append(start + farthest_points(xyz[start : start + count], most))
-        else:
-            indices.append(torch.arange(start, start + count))
-        start += count
-    return torch.cat(indices).to(clouds.xyz.device), [min(most, n) for n in clouds.counts]
+    return farthest_of_clouds(clouds.xyz.detach(), clouds.counts, most)
 
 
 def shuffled(clouds: Clouds) -> Clouds:
@@ -81,39 +82,35 @@ def shuffled(clouds: Clouds) -> Clouds:
     `neighbours` returns the first points of a ball by row. Voxels are ordered by height. Without a
     random order, a ball would therefore get its lowest voxels only.
     """
-    orders, start = [torch.zeros(0, dtype=torch.int64)], 0
-    for count in clouds.counts:
-        rng = torch.Generator().manual_seed(count)
-        orders.append(start + torch.randperm(count, generator=rng))
-        start += count
-    order = torch.cat(orders).to(clouds.xyz.device)
+    order = _random_order(clouds)
     return Clouds(clouds.xyz[order], clouds.features[order], clouds.counts)
 
 
-def neighbours(
-    clouds: Clouds, centres: Tensor, counts: Sequence[int], radius: float, most: int
-) -> tuple[Tensor, Tensor]:
-    """Returns the pairs of a point and a centre that are closer than a radius.
+def _random_order(clouds: Clouds) -> Tensor:
+    """Returns the rows (n,) of the clouds' points in a random order within each cloud."""
+    if on_cpu(clouds.xyz):
+        orders, start = [torch.zeros(0, dtype=torch.int64)], 0
+        for count in sizes_of(clouds.counts):
+            rng = torch.Generator().manual_seed(count)
+            orders.append(start + torch.randperm(count, generator=rng))
+            start += count
+        return torch.cat(orders)
+    cloud, counts = cloud_of_rows(clouds.counts, clouds.xyz), on_device(clouds.counts, clouds.xyz)
+    row = torch.arange(len(clouds.xyz), device=clouds.xyz.device)
+    within = row - (counts.cumsum(0) - counts)[cloud]
+    return torch.argsort((cloud << 32) + _scrambled(within + (counts[cloud] << 20)), stable=True)
 
-    The results are rows of points (p,) and rows of centres (p,), ordered by centre. centres: (m,
-    3). counts: number of centres in each cloud. radius: metres. most: largest number of points of a
-    centre; if there are more, the first points by row are returned.
+
+def _scrambled(numbers: Tensor) -> Tensor:
+    """Returns pseudo-random numbers below 2^32 of int64 numbers, each from its number alone.
+
+    PyTorch's random generators cannot have a seed for each cloud.
     """
-    xyz, middles = clouds.xyz.detach().cpu(), centres.detach().cpu()
-    points, owners = [torch.zeros(0, dtype=torch.int64)], [torch.zeros(0, dtype=torch.int64)]
-    start = first = 0
-    for n, m in zip(clouds.counts, counts, strict=True):
-        if n > 0 and m > 0:
-            rows, empty = ball_query(
-                xyz[start : start + n], middles[first : first + m], radius, most
-            )
-            new = rows != rows[:, :1]  # ball_query fills a ball with copies of its first point
-            new[:, 0] = ~empty
-            points.append(rows[new] + start)
-            owners.append(new.nonzero()[:, 0] + first)
-        start, first = start + n, first + m
-    device = clouds.xyz.device
-    return torch.cat(points).to(device), torch.cat(owners).to(device)
+    low = 0xFFFFFFFF
+    x = numbers & low
+    for _ in range(2):
+        x = ((x ^ (x >> 16)) * 0x45D9F3B) & low
+    return x ^ (x >> 16)
 
 
 class LocalMax(nn.Module):
@@ -157,13 +154,14 @@ class SetAbstraction(nn.Module):
         self.scales = nn.ModuleList(LocalMax(channels, b.widths) for b in balls)
         self.channels = sum(b.widths[-1] for b in balls)
 
-    def forward(self, clouds: Clouds, centres: Tensor, counts: list[int]) -> Clouds:
+    def forward(self, clouds: Clouds, centres: Tensor, counts: Counts) -> Clouds:
         """Returns features (m, channels) of centres (m, 3).
 
         counts: number of centres in each cloud.
         """
+        where = clouds.xyz.detach(), clouds.counts, centres.detach(), counts
         features = [
-            scale(clouds, centres, *neighbours(clouds, centres, counts, b.radius_m, b.most))
+            scale(clouds, centres, *neighbours(*where, b.radius_m, b.most))
             for b, scale in zip(self.balls, self.scales, strict=True)
         ]
         return Clouds(centres, torch.cat(features, dim=1), counts)
@@ -178,11 +176,10 @@ class WholeAbstraction(nn.Module):
 
     def forward(self, clouds: Clouds) -> Tensor:
         """Returns features (clouds, widths[-1])."""
-        device = clouds.xyz.device
-        counts = torch.tensor(clouds.counts, dtype=torch.int64, device=device)
-        owners = torch.repeat_interleave(torch.arange(len(counts), device=device), counts)
-        points = torch.arange(len(clouds.xyz), device=device)
-        features: Tensor = self.all(clouds, clouds.xyz.new_zeros(len(counts), 3), points, owners)
+        owners = cloud_of_rows(clouds.counts, clouds.xyz)
+        points = torch.arange(len(clouds.xyz), device=clouds.xyz.device)
+        origins = clouds.xyz.new_zeros(len(clouds.counts), 3)
+        features: Tensor = self.all(clouds, origins, points, owners)
         return features
 
 
@@ -205,14 +202,5 @@ class FeaturePropagation(nn.Module):
 
 def propagated(fine: Clouds, coarse: Clouds) -> Tensor:
     """Returns features (n, c) from the three nearest coarse points, weighted by 1 / distance."""
-    xyz, coarse_xyz = fine.xyz.detach().cpu(), coarse.xyz.detach().cpu()
-    distances, rows = [xyz.new_zeros(0, 3)], [torch.zeros(0, 3, dtype=torch.int64)]
-    start = first = 0
-    for n, m in zip(fine.counts, coarse.counts, strict=True):
-        if n > 0:
-            apart, nearest = three_nearest(xyz[start : start + n], coarse_xyz[first : first + m])
-            distances.append(apart)
-            rows.append(nearest + first)
-        start, first = start + n, first + m
-    device = fine.xyz.device
-    return interpolate(coarse.features, torch.cat(distances).to(device), torch.cat(rows).to(device))
+    xyz, known = fine.xyz.detach(), coarse.xyz.detach()
+    return interpolate(coarse.features, *nearest_of_clouds(xyz, fine.counts, known, coarse.counts))

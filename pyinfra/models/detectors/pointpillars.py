@@ -9,10 +9,12 @@ Deviations from the paper:
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from pyinfra.core.config import ruled
 from pyinfra.models.detectors.anchors import AnchorConfig, Anchors, decode, encode, is_backwards
@@ -24,6 +26,7 @@ from pyinfra.models.detectors.losses import focal, smooth_l1, start_rare
 from pyinfra.models.detectors.network import Losses, Network
 from pyinfra.models.detectors.pillars import PillarEncoder
 from pyinfra.models.detectors.windows import view_of
+from pyinfra.models.ops.constants import numbers
 
 BOX_WEIGHT, DIRECTION_WEIGHT = 2.0, 0.2
 
@@ -67,44 +70,33 @@ class AnchorHead(nn.Module):
         A smaller canvas has the windows of the frames, shifted to the first cell. boxes: (k, 7) of
         each frame, shifted in the same way.
         """
-        scores, residuals, directions = self(x)
+        scores, residuals, directions = self(x)  # (B, n), (B, n, 7), (B, n, 2)
         grid = (x.shape[2], x.shape[3])
-        anchors = self.anchors.boxes[: grid[0], : grid[1]].flatten(0, 2)
-        per_frame = [
-            self._frame_losses(scores[i], residuals[i], directions[i], anchors, b, grid)
-            for i, b in enumerate(boxes)
-        ]
-        names = ("score", "box", "direction")
+        anchors = self.anchors.boxes[: grid[0], : grid[1]].flatten(0, 2)  # (n, 7)
+        targets = [self.anchors.targets(b, grid) for b in boxes]
+        positive = torch.stack([t.positive.flatten() for t in targets])  # (B, n) bool
+        negative = torch.stack([t.negative.flatten() for t in targets])
+        # The loss of a frame is divided by its number of positive anchors.
+        share = 1 / (len(boxes) * positive.sum(dim=1).clamp(min=1))  # (B,)
+        every = focal(scores, positive.to(scores.dtype))
+        score = (torch.where(positive | negative, every, 0).sum(dim=1) * share).sum()
+        frame, anchor = positive.nonzero().unbind(1)  # (p,) of all frames; p: positive anchors
+        first = numbers([0, *itertools.accumulate(map(len, boxes))][:-1], x.device)
+        box_of = torch.stack([t.box.flatten() for t in targets]) + first[:, None]
+        assigned, weight = torch.cat(boxes)[box_of[frame, anchor]], share[frame]  # (p, 7), (p,)
+        wanted = encode(assigned, anchors[anchor])
+        box = (_box_loss(residuals[frame, anchor], wanted).sum(dim=1) * weight).sum()
+        backwards = is_backwards(assigned[:, 6]).long()
+        direction = functional.cross_entropy(directions[frame, anchor], backwards, reduction="none")
+        direction = (direction * weight).sum()
         return {
-            name: torch.stack(parts).mean()
-            for name, parts in zip(names, zip(*per_frame, strict=True), strict=True)
+            "score": score,
+            "box": BOX_WEIGHT * box,
+            "direction": DIRECTION_WEIGHT * direction,
         }
 
-    def _frame_losses(
-        self,
-        scores: Tensor,
-        residuals: Tensor,
-        directions: Tensor,
-        anchors: Tensor,
-        boxes: Tensor,
-        grid: tuple[int, int],
-    ) -> tuple[Tensor, Tensor, Tensor]:
-        targets = self.anchors.targets(boxes.cpu(), grid)
-        positive = targets.positive.flatten().to(scores.device)
-        counts = positive | targets.negative.flatten().to(scores.device)
-        count = positive.sum().clamp(min=1)
-        score = focal(scores[counts], positive[counts].to(scores.dtype)).sum() / count
-        assigned = boxes[targets.box.flatten().to(scores.device)[positive]]
-        at = anchors.to(scores.device)[positive]
-        wanted = encode(assigned, at)
-        box = _box_loss(residuals[positive], wanted).sum() / count
-        direction = nn.functional.cross_entropy(
-            directions[positive], is_backwards(assigned[:, 6]).long(), reduction="sum"
-        )
-        return score, BOX_WEIGHT * box, DIRECTION_WEIGHT * direction / count
-
     def candidates(self, x: Tensor) -> list[tuple[Tensor, Tensor]]:
-        anchors = self.anchors.boxes[: x.shape[2], : x.shape[3]].flatten(0, 2).to(x.device)
+        anchors = self.anchors.boxes[: x.shape[2], : x.shape[3]].flatten(0, 2)
         candidates = []
         for scores, residuals, directions in zip(*self(x), strict=True):
             best = torch.sigmoid(scores).topk(min(self.anchors.config.candidates, len(scores)))

@@ -17,6 +17,8 @@ Deviations from the paper:
   labels
 - see also pointnet.py
 
+A GPU has another random generator than a CPU, so it samples other points and proposals.
+
 `sampling: faithful` samples a fixed number of points of the whole frame with equal probability, as
 in the paper. If most points are on the ground, distant vehicles lose their few points, and the
 farthest point sampling of the set abstractions mostly selects points on the ground. OpenPCDet keeps
@@ -56,6 +58,8 @@ from pyinfra.models.detectors.pointnet import (
     sampled,
 )
 from pyinfra.models.ops.boxes import best_overlap, nms
+from pyinfra.models.ops.clouds import sizes_of
+from pyinfra.models.ops.constants import constant
 from pyinfra.models.ops.points import box_of_points, points_in_boxes
 
 POINT_FEATURES = 4  # intensity, height, position (2)
@@ -112,7 +116,7 @@ class Config:
 class Seen:
     """The output of the first stage for a batch."""
 
-    clouds: Clouds  # points of the frames, with semantic features
+    clouds: Clouds  # points of the frames, with semantic features; `counts` are integers
     intensity: Tensor  # (n,)
     logits: Tensor  # (n,) whether a point belongs to a vehicle
     residuals: Tensor  # (n, 8) residuals of the box at each point
@@ -198,8 +202,9 @@ class Refiner(nn.Module):
         more = torch.stack([seen.intensity[rows], score, distance], dim=1)
         local = self.local(torch.cat([canonical, more], dim=1))
         merged = self.merge(torch.cat([local, seen.clouds.features[rows]], dim=1))
-        held = torch.bincount(owners, minlength=len(rois))
-        clouds = Clouds(canonical, merged, held.tolist())
+        held = rois.new_zeros(len(rois), dtype=torch.int64)
+        held = held.index_add(0, owners, torch.ones_like(owners))
+        clouds = Clouds(canonical, merged, held)
         for most, layer in zip(self.levels, self.down, strict=True):
             centres, numbers = sampled(clouds, most)
             clouds = layer(clouds, clouds.xyz[centres], numbers)
@@ -220,8 +225,11 @@ class PointRCNN(Network):
         self.box = head(self.backbone.channels, 8, config.width)
         self.refiner = Refiner(config, self.backbone.channels)
         # Number of random samplings so far, which seeds the next sampling. The number is saved with
-        # the weights, so that a resumed training gives the same result.
+        # the weights, so that a resumed training gives the same result. `draw` is the same number
+        # for the CPU, so that it need not be read from a GPU in each step.
         self.register_buffer("draws", torch.zeros((), dtype=torch.int64))
+        self.draw = 0
+        self.register_load_state_dict_post_hook(_read_draw)  # type: ignore[no-untyped-call]
 
     def losses(self, batch: Batch) -> Losses:
         seen = self.seen(batch)
@@ -244,12 +252,7 @@ class PointRCNN(Network):
     def seen(self, batch: Batch) -> Seen:
         """Runs the first stage."""
         generator = self.generator()
-        parts = [
-            points[self.chosen(points, generator)]
-            for points in batch.points.split_with_sizes(
-                torch.bincount(batch.frame, minlength=batch.size).tolist()
-            )
-        ]
+        parts = [points[self.chosen(points, generator)] for points in batch.clouds()]
         points = torch.cat(parts)
         clouds = Clouds(points[:, :3].contiguous(), self.described(points), [len(p) for p in parts])
         clouds = self.backbone(clouds)
@@ -257,21 +260,22 @@ class PointRCNN(Network):
         return Seen(clouds, points[:, 3], logits.float(), residuals.float())
 
     def generator(self) -> torch.Generator:
-        """Returns a random generator.
+        """Returns a random generator on the device of the network.
 
         In detection its seed is 0. In training each call has a new seed.
         """
-        generator = torch.Generator()
+        generator = torch.Generator(self.draws.device)
         if self.training:
             self.draws += 1
-            return generator.manual_seed(int(self.draws))
+            self.draw += 1
+            return generator.manual_seed(self.draw)
         return generator.manual_seed(0)
 
     def chosen(self, points: Tensor, generator: torch.Generator) -> Tensor:
         """Returns the rows of a frame's points (n, 4) that are used, in random order."""
         if not self.training:
             generator.manual_seed(0)  # so that a frame's result does not depend on earlier frames
-        rows = torch.randperm(len(points), generator=generator).to(points.device)
+        rows = torch.randperm(len(points), generator=generator, device=generator.device)
         if self.config.sampling == "remedied":
             rows = rows[points[rows, 2] > self.site.floor_z + self.config.clearance_m]
             rows = rows[by_area(points[rows, :2], self.config.cell_m)]
@@ -280,7 +284,7 @@ class PointRCNN(Network):
     def described(self, points: Tensor) -> Tensor:
         """Returns the input features (n, 4) of points (n, 4)."""
         area = self.site.area
-        low, size = points.new_tensor(area.low[:2]), points.new_tensor(area.size[:2])
+        low, size = constant(area.low[:2], points), constant(area.size[:2], points)
         normalised_xy = (points[:, :2] - low) / size * 2 - 1
         height = points[:, 2:3] - self.site.floor_z
         return torch.cat([points[:, 3:], height, normalised_xy], dim=1)
@@ -288,8 +292,8 @@ class PointRCNN(Network):
     @torch.no_grad()
     def proposals(self, seen: Seen, most: int) -> list[Tensor]:
         """Returns at most `most` proposals (k, 7) of each frame, best first."""
-        counts = seen.clouds.counts
-        size = seen.logits.new_tensor(self.config.size_m)
+        counts = list(sizes_of(seen.clouds.counts))
+        size = constant(self.config.size_m, seen.logits)
         parts = (seen.clouds.xyz, seen.residuals, seen.logits)
         proposals = []
         for xyz, residuals, logits in zip(
@@ -304,7 +308,8 @@ class PointRCNN(Network):
 
     def point_losses(self, seen: Seen, boxes: tuple[Tensor, ...]) -> Losses:
         positive, counted, assigned = [], [], []
-        for xyz, b in zip(seen.clouds.xyz.split_with_sizes(seen.clouds.counts), boxes, strict=True):
+        sizes = list(sizes_of(seen.clouds.counts))
+        for xyz, b in zip(seen.clouds.xyz.split_with_sizes(sizes), boxes, strict=True):
             box = box_of_points(xyz, grown(b, 2 * AROUND_M))
             positive.append(box >= 0)
             counted.append((box >= 0) | (box_of_points(xyz, grown(b, 2 * DOUBT_M)) < 0))
@@ -312,7 +317,7 @@ class PointRCNN(Network):
         is_vehicle, counts = torch.cat(positive), torch.cat(counted)
         number = of_all(is_vehicle.sum())
         score = focal(seen.logits[counts], is_vehicle[counts].to(seen.logits.dtype)).sum() / number
-        size = seen.logits.new_tensor(self.config.size_m)
+        size = constant(self.config.size_m, seen.logits)
         wanted = encode(torch.cat(assigned), seen.clouds.xyz[is_vehicle], size)
         box_loss = smooth_l1(seen.residuals[is_vehicle], wanted).sum() / number
         return {"score": score, "box": box_loss}
@@ -327,7 +332,7 @@ class PointRCNN(Network):
         for proposed, b in zip(self.proposals(seen, self.config.proposals), boxes, strict=True):
             rois = torch.cat([proposed, moved(b, generator)])
             overlap, box = best_overlap(rois, b)
-            rows = balanced(overlap.cpu(), self.config.rois, generator).to(rois.device)
+            rows = balanced(overlap, self.config.rois, generator)
             assigned = b[box[rows]] if len(b) else rois[rows]
             parts.append((rois[rows], overlap[rows], assigned))
         rois, overlap, assigned = (torch.cat(column) for column in zip(*parts, strict=True))
@@ -347,6 +352,12 @@ class PointRCNN(Network):
         apart = corner_distances(refined(predicted, rois), boxes)
         corners = smooth_l1(apart, torch.zeros_like(apart), beta=1.0).mean(dim=1).sum() / number
         return {"confidence": confidence, "refinement": refinement, "corners": corners}
+
+
+def _read_draw(network: nn.Module, _: object) -> None:
+    """Reads the number of samplings of loaded weights."""
+    assert isinstance(network, PointRCNN)
+    network.draw = int(network.draws)
 
 
 def scaled(widths: Sequence[int], share: float) -> tuple[int, ...]:
@@ -406,8 +417,9 @@ def pooled(clouds: Clouds, rois: Tensor, counts: Sequence[int], most: int) -> tu
     """
     rows, owners = [], []
     start = first = 0
+    sizes = list(sizes_of(clouds.counts))
     for xyz, frame_boxes in zip(
-        clouds.xyz.split_with_sizes(clouds.counts), rois.split_with_sizes(list(counts)), strict=True
+        clouds.xyz.split_with_sizes(sizes), rois.split_with_sizes(list(counts)), strict=True
     ):
         owner, row = points_in_boxes(xyz, grown(frame_boxes, CONTEXT_M)).t().nonzero().unbind(1)
         few = rank_in(owner) < most
@@ -481,14 +493,14 @@ def corner_distances(a: Tensor, b: Tensor) -> Tensor:
 
 def corners(boxes: Tensor) -> Tensor:
     """Returns the corners of boxes: (n, 8, 3)."""
-    signs = torch.cartesian_prod(*(boxes.new_tensor([-0.5, 0.5]) for _ in range(3)))  # (8, 3)
+    signs = torch.cartesian_prod(*(constant([-0.5, 0.5], boxes) for _ in range(3)))  # (8, 3)
     local = (boxes[:, None, 3:6] * signs).reshape(-1, 3)
     return turned_out_of(local, boxes.repeat_interleave(8, dim=0)).reshape(-1, 8, 3)
 
 
 def moved(boxes: Tensor, generator: torch.Generator) -> Tensor:
     """Returns boxes (n, 7) with small random changes of position, size and heading."""
-    noise = (torch.rand(len(boxes), 7, generator=generator) * 2 - 1).to(boxes)
+    noise = torch.rand(len(boxes), 7, generator=generator, device=generator.device) * 2 - 1
     centre = boxes[:, :3] + 0.1 * noise[:, :3] * boxes[:, 3:6]
     sizes = boxes[:, 3:6] * (1 + 0.1 * noise[:, 3:6])
     return torch.cat([centre, sizes, wrapped(boxes[:, 6:] + 0.1 * noise[:, 6:])], dim=1)
@@ -500,7 +512,7 @@ def balanced(overlap: Tensor, most: int, generator: torch.Generator) -> Tensor:
     At most half of them have an overlap of REFINED or more. Of the other proposals, a share of
     HARD_SHARE is hard background, if there are enough such proposals.
     """
-    order = torch.randperm(len(overlap), generator=generator)
+    order = torch.randperm(len(overlap), generator=generator, device=generator.device)
     overlaps = overlap[order]
     near, hard = order[overlaps >= REFINED], order[(overlaps < REFINED) & (overlaps >= HARD)]
     easy = order[overlaps < HARD]

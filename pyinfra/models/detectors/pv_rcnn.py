@@ -22,6 +22,7 @@ Deviations from the paper:
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import torch
@@ -42,6 +43,8 @@ from pyinfra.models.detectors.pointpillars import AnchorHead
 from pyinfra.models.detectors.voxel_backbone import VoxelBackbone
 from pyinfra.models.detectors.windows import cut, view_of
 from pyinfra.models.ops.boxes import best_overlap, nms
+from pyinfra.models.ops.clouds import sizes_of
+from pyinfra.models.ops.constants import constant
 from pyinfra.models.ops.points import box_of_points
 
 # Radii in metres around a key point, for the raw points and for each level of voxels. GRID_RADII
@@ -103,7 +106,7 @@ class KeyPoints(nn.Module):
         self.foreground = nn.Sequential(mlp(gathered, [width, width]), nn.Linear(width, 1))
 
     def forward(
-        self, clouds: list[Clouds], canvas: Tensor, xyz: Tensor, counts: list[int]
+        self, clouds: list[Clouds], canvas: Tensor, xyz: Tensor, counts: Sequence[int]
     ) -> tuple[Clouds, Tensor]:
         """Returns the key points with features, and their foreground logits (m,).
 
@@ -119,16 +122,16 @@ class KeyPoints(nn.Module):
         features = self.fuse(gathered) * torch.sigmoid(logits)[:, None]
         return Clouds(xyz, features, counts), logits
 
-    def seen_from_above(self, canvas: Tensor, xyz: Tensor, counts: list[int]) -> Tensor:
+    def seen_from_above(self, canvas: Tensor, xyz: Tensor, counts: Sequence[int]) -> Tensor:
         """Returns the features of the canvas (B, C, H, W), interpolated at key points: (m, C)."""
-        low = xyz.new_tensor(self.area.low[:2])
-        size = xyz.new_tensor([canvas.shape[3] * self.cell_m, canvas.shape[2] * self.cell_m])
+        low = constant(self.area.low[:2], xyz)
+        size = constant([canvas.shape[3] * self.cell_m, canvas.shape[2] * self.cell_m], xyz)
         positions = 2 * (xyz[:, :2] - low) / size - 1  # (m, 2)
         features = [
             functional.grid_sample(
                 canvas[i : i + 1], part[None, None], padding_mode="border", align_corners=False
             )[0, :, 0].t()
-            for i, part in enumerate(positions.split_with_sizes(counts))
+            for i, part in enumerate(positions.split_with_sizes(list(counts)))
             if len(part)
         ]
         return torch.cat([canvas.new_zeros(0, canvas.shape[1]), *features])
@@ -236,28 +239,33 @@ class PvRcnn(Network):
         return key
 
     @torch.no_grad()
-    def rows_of_key_points(self, raw: Clouds, proposals: list[Tensor]) -> tuple[Tensor, list[int]]:
+    def rows_of_key_points(
+        self, raw: Clouds, proposals: list[Tensor]
+    ) -> tuple[Tensor, Sequence[int]]:
         """Returns the rows (m,) of the key points and their number in each frame.
 
         Key points are selected by farthest point sampling.
         """
-        candidates, counts = torch.arange(len(raw.xyz), device=raw.xyz.device), raw.counts
+        candidates = torch.arange(len(raw.xyz), device=raw.xyz.device)
+        counts = list(sizes_of(raw.counts))
         if self.config.around_m > 0:
-            near = [
-                is_around(xyz, boxes, self.config.around_m)
-                for xyz, boxes in zip(raw.xyz.split_with_sizes(counts), proposals, strict=True)
-            ]
-            candidates, counts = torch.cat(near).nonzero()[:, 0], [int(part.sum()) for part in near]
-        rows, counts = sampled(
+            parts = zip(
+                candidates.split_with_sizes(counts),
+                raw.xyz.split_with_sizes(counts),
+                proposals,
+                strict=True,
+            )
+            near = [rows[is_around(xyz, boxes, self.config.around_m)] for rows, xyz, boxes in parts]
+            candidates, counts = torch.cat(near), [len(part) for part in near]
+        rows, key_counts = sampled(
             Clouds(raw.xyz[candidates], raw.features[candidates], counts), self.config.key_points
         )
-        return candidates[rows], counts
+        return candidates[rows], sizes_of(key_counts)
 
 
 def raw_points(batch: Batch) -> Clouds:
     """Returns the points of a batch as clouds, with the other columns as features."""
-    counts = torch.bincount(batch.frame, minlength=batch.size).tolist()
-    return Clouds(batch.points[:, :3].contiguous(), batch.points[:, 3:], counts)
+    return Clouds(batch.points[:, :3].contiguous(), batch.points[:, 3:], list(batch.counts))
 
 
 def is_around(xyz: Tensor, boxes: Tensor, margin_m: float) -> Tensor:
@@ -340,7 +348,7 @@ def refinement_losses(
     box = smooth_l1(residuals[on], wanted_residuals(proposed[on], truth[on])).sum()
     corner = corner_loss(refined(proposed[on], residuals[on]), truth[on]).sum()
     return {
-        "confidence": score / of_all(torch.tensor(len(scores), device=scores.device)),
+        "confidence": score / of_all(torch.full((), len(scores), device=scores.device)),
         "refinement": box / count,
         "corner": corner / count,
     }
@@ -352,7 +360,7 @@ def corner_loss(predicted: Tensor, truth: Tensor) -> Tensor:
     Each corner has two distances: to the vehicle, and to the vehicle turned by half a turn. The
     smaller distance counts.
     """
-    half_turn = truth + truth.new_tensor([0, 0, 0, 0, 0, 0, math.pi])
+    half_turn = truth + constant([0, 0, 0, 0, 0, 0, math.pi], truth)
     corners = grid_corners(predicted)
     apart = torch.minimum(
         (corners - grid_corners(truth)).norm(dim=2), (corners - grid_corners(half_turn)).norm(dim=2)
@@ -372,8 +380,9 @@ def grid_corners(boxes: Tensor) -> Tensor:
 def foreground_loss(key: Clouds, logits: Tensor, boxes: tuple[Tensor, ...]) -> Tensor:
     """Returns the focal loss of key points. Points just outside vehicles have no loss."""
     on, near = [logits.new_zeros(0, dtype=torch.bool)], [logits.new_zeros(0, dtype=torch.bool)]
-    for xyz, frame_boxes in zip(key.xyz.split_with_sizes(key.counts), boxes, strict=True):
-        wider = frame_boxes + frame_boxes.new_tensor([0, 0, 0, *[2 * UNSURE_M] * 3, 0])
+    sizes = list(sizes_of(key.counts))
+    for xyz, frame_boxes in zip(key.xyz.split_with_sizes(sizes), boxes, strict=True):
+        wider = frame_boxes + constant([0, 0, 0, *[2 * UNSURE_M] * 3, 0], frame_boxes)
         on.append(box_of_points(xyz, frame_boxes) >= 0)
         near.append(box_of_points(xyz, wider) >= 0)
     target = torch.cat(on)

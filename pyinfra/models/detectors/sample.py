@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, IntArray, Points
+from pyinfra.core.boxes import points_in_box
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,8 +18,16 @@ class Sample:
     boxes: FloatArray  # (k, 7) boxes of the objects with a point of this LiDAR
     classes: IntArray | None = None  # (k,) class numbers of the boxes; None: all 0
     height_m: float = field(default=0.0, kw_only=True)  # height of the sensor above z = 0
+    # points (m, 4 or 5) of each box, if they were found before
+    objects: tuple[Points, ...] | None = field(default=None, kw_only=True)
 
     @property
     def numbers(self) -> IntArray:
         """(k,) class numbers of the boxes."""
         return np.zeros(len(self.boxes), np.int64) if self.classes is None else self.classes
+
+    def points_of(self, i: int) -> Points:
+        """Returns the points of the object in box i: (m, 4 or 5)."""
+        if self.objects is not None:
+            return self.objects[i]
+        return self.points[points_in_box(self.points, self.boxes[i])]

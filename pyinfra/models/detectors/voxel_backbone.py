@@ -18,6 +18,7 @@ from torch.nn import functional
 from pyinfra.models.detectors.batch import Batch, CanvasPart
 from pyinfra.models.detectors.detection_area import Area
 from pyinfra.models.detectors.pointnet import Clouds, Norm
+from pyinfra.models.ops.constants import constant
 from pyinfra.models.ops.sparse import SparseConv3d, SparseTensor, SubmanifoldConv3d
 
 
@@ -93,15 +94,15 @@ class VoxelBackbone(nn.Module):
         depth, rows, columns = self.shape
         if view is not None:
             rows, columns = view.sides
-        low = batch.points.new_tensor(self.area.low)
-        extent = batch.points.new_tensor(self.area.size)
+        low = constant(self.area.low, batch.points)
+        extent = constant(self.area.size, batch.points)
         away = batch.points[:, :3] - low
-        cell = (away / batch.points.new_tensor(self.size)).long()  # (n, 3)
-        cell = torch.minimum(cell, cell.new_tensor([columns, rows, depth]) - 1)
+        cell = (away / constant(self.size, batch.points)).long()  # (n, 3)
+        cell = torch.minimum(cell, constant([columns, rows, depth], cell) - 1)
         key = ((batch.frame * depth + cell[:, 2]) * rows + cell[:, 1]) * columns + cell[:, 0]
         keys, member = torch.unique(key, return_inverse=True)
         if view is not None and view.first is not None:
-            moved = functional.pad(view.first.flip(1), (0, 1)) * away.new_tensor(self.size)
+            moved = functional.pad(view.first.flip(1), (0, 1)) * constant(self.size, away)
             away = away + moved[batch.frame]
         inputs = torch.cat([2 * away / extent - 1, batch.points[:, 3:]], dim=1)  # (n, 4)
         count = torch.bincount(member, minlength=len(keys)).clamp(min=1).to(inputs.dtype)
@@ -116,9 +117,12 @@ class VoxelBackbone(nn.Module):
 
         stride: size of a voxel of this level along x, y, z, in voxels of the finest level.
         """
-        low, size = x.features.new_tensor(self.area.low), x.features.new_tensor(self.size)
-        cells = (x.coordinates[:, [3, 2, 1]] + 0.5) * size.new_tensor(stride)
-        counts = torch.bincount(x.coordinates[:, 0], minlength=x.batch_size).tolist()
+        # Features may have 16 bits, but positions always have 32.
+        low = constant(self.area.low, x.features, torch.float32)
+        size = constant(self.size, x.features, torch.float32)
+        cells = (x.coordinates[:, 1:].flip(1) + 0.5) * constant(stride, size)
+        frame = torch.arange(x.batch_size, device=low.device)
+        counts = (x.coordinates[:, :1] == frame).sum(dim=0)
         return Clouds(low + cells * size, x.features, counts)
 
 

@@ -17,6 +17,7 @@ from pyinfra.core.errors import Error
 from pyinfra.models.detectors.batch import Batch, CanvasPart
 from pyinfra.models.detectors.detection_area import Area
 from pyinfra.models.detectors.sample import Sample
+from pyinfra.models.ops.constants import constant, numbers
 
 if TYPE_CHECKING:
     from pyinfra.models.detectors.network import Network
@@ -54,22 +55,22 @@ def view_of(batch: Batch, area: Area, cell_m: float, step: int) -> CanvasPart:
     sides = sides_of(whole, batch.windows.most_m2 / cell_m**2, step)
     if sides == whole:
         return CanvasPart(whole, None, batch.boxes, batch.classes)
-    low = torch.tensor(area.low[:2])
-    middles = ((batch.windows.centres - low) / cell_m).flip(1).tolist()  # row, column
-    first = torch.tensor(
-        [
-            [_start(m, side, most, step) for m, side, most in zip(pair, sides, whole, strict=True)]
-            for pair in middles
-        ]
-    ).to(batch.frame.device)
+    low = np.array(area.low[:2], np.float32)
+    middles = ((np.array(batch.windows.centres) - low) / cell_m)[:, ::-1].tolist()  # row, column
+    starts = [
+        _start(m, side, most, step)
+        for pair in middles
+        for m, side, most in zip(pair, sides, whole, strict=True)
+    ]
+    first = numbers(starts, batch.points.device).view(-1, 2)
     boxes, classes = [], []
-    for frame_boxes, numbers, corner in zip(batch.boxes, batch.classes, first, strict=True):
+    for frame_boxes, of_class, corner in zip(batch.boxes, batch.classes, first, strict=True):
         moved = frame_boxes.clone()
         moved[:, :2] -= corner.flip(0) * cell_m
-        cell = (moved[:, :2] - low.to(moved)) / cell_m
-        inside = (cell >= 0).all(dim=1) & (cell < cell.new_tensor(sides[::-1])).all(dim=1)
+        cell = (moved[:, :2] - constant(area.low[:2], moved)) / cell_m
+        inside = (cell >= 0).all(dim=1) & (cell < constant(sides[::-1], cell)).all(dim=1)
         boxes.append(moved[inside])
-        classes.append(numbers[inside])
+        classes.append(of_class[inside])
     return CanvasPart(sides, first, tuple(boxes), tuple(classes))
 
 
@@ -79,9 +80,13 @@ def cut(batch: Batch, view: CanvasPart, area: Area, cell_m: float) -> Batch:
         return batch
     points = batch.points.clone()
     points[:, :2] -= (view.first.flip(1) * cell_m)[batch.frame].to(points)
-    offset = points[:, :2] - points.new_tensor(area.low[:2])
-    inside = ((offset >= 0) & (offset < offset.new_tensor(view.sides[::-1]) * cell_m)).all(dim=1)
-    return Batch(points[inside], batch.frame[inside], view.boxes, classes=view.classes)
+    offset = points[:, :2] - constant(area.low[:2], points)
+    inside = ((offset >= 0) & (offset < constant(view.sides[::-1], offset) * cell_m)).all(dim=1)
+    sizes = list(batch.counts)
+    frames = zip(points.split_with_sizes(sizes), inside.split_with_sizes(sizes), strict=True)
+    parts = [cloud[mask] for cloud, mask in frames]
+    counts = tuple(len(part) for part in parts)
+    return Batch(torch.cat(parts), counts, view.boxes, classes=view.classes)
 
 
 def sides_of(whole: tuple[int, int], cells: float, step: int) -> tuple[int, int]:

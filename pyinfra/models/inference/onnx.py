@@ -46,7 +46,7 @@ class Graph(nn.Module):
 
 def whole_canvas(encoder: PillarEncoder, points: Tensor) -> Tensor:
     """Returns the canvas of the encoder, computed with a pillar in every cell: (1, C, H, W)."""
-    batch = Batch(points, torch.zeros_like(points[:, 0], dtype=torch.int64), ())
+    batch = Batch(points, (points.shape[0],), ())
     cells = encoder.rows * encoder.columns
     member = encoder.pillar_of(batch)
     features = encoder.point_features(batch, torch.arange(cells), member)

@@ -10,11 +10,14 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from pyinfra.models.ops.kernels import kernels
+from pyinfra.models.ops.constants import constant
+from pyinfra.models.ops.kernels import kernels, on_cpu
+from pyinfra.models.ops.points import chunk_of
 
 # An overlap counts as 0 if it is below this many rounding errors of the larger box's squared size.
 _ROUNDING = 4
-_CHUNK = 1 << 22  # pairs whose distances are computed together
+_PAIRS = 1 << 22  # pairs whose overlaps are computed together
+_ROUNDS = 8  # rounds of a suppression between two tests whether it has ended
 
 # Corners of the unit box, counter-clockwise from front right.
 _AHEAD = (0.5, 0.5, -0.5, -0.5)
@@ -90,36 +93,46 @@ def nms(boxes: Tensor, scores: Tensor, iou: float, limit: int) -> Tensor:
     """
     order = torch.argsort(scores, descending=True, stable=True)
     best_first = boxes.detach()[order].double()
-    if kernels is not None and boxes.device.type == "cpu":
+    if kernels is not None and on_cpu(boxes):
         return order[torch.from_numpy(kernels.suppress(best_first.numpy(), iou, limit))]
-    remaining = _suppress(best_first, iou, limit)
-    return order[torch.tensor(remaining, dtype=torch.int64, device=order.device)]
+    return order[_suppress(best_first, iou)[:limit]]
 
 
-def _suppress(boxes: Tensor, iou: float, limit: int) -> list[int]:
-    """Returns the rows of boxes (n, 7), sorted best first, that remain after suppression."""
+def _suppress(boxes: Tensor, iou: float) -> Tensor:
+    """Returns the rows of boxes (n, 7), sorted best first, that remain after suppression: (k,).
+
+    In each round, the boxes that remained in the last round remove others, all at the same time.
+    A round fixes at least one more box, from the best to the worst. The rounds end when no box
+    changes, and then the result is that of the greedy order.
+    """
+    better, worse = _overlapping(boxes, iou)
+    remains = torch.ones(len(boxes), dtype=torch.bool, device=boxes.device)
+    while True:
+        for _ in range(_ROUNDS):
+            before = remains
+            removals = worse.new_zeros(len(boxes)).index_add(0, worse, remains[better].long())
+            remains = removals == 0
+        if not len((remains != before).nonzero()):
+            return remains.nonzero()[:, 0]
+
+
+def _overlapping(boxes: Tensor, iou: float) -> tuple[Tensor, Tensor]:
+    """Returns the pairs of rows (i, j), i < j, of boxes (n, 7) with an IoU above `iou`."""
     i, j = _near_pairs(boxes, boxes)
     i, j = i[i < j], j[i < j]
-    above = bev_iou_pairs(boxes[i], boxes[j]) > iou
-    i, j = i[above].cpu(), j[above].cpu()
-    ends = torch.bincount(i, minlength=len(boxes)).cumsum(0).tolist()
-    losers = j.numpy()
-    alive = torch.ones(len(boxes), dtype=torch.bool).numpy()
-    remaining: list[int] = []
-    for row in range(len(boxes)):
-        if len(remaining) == limit:
-            break
-        if alive[row]:
-            remaining.append(row)
-            alive[losers[ends[row - 1] if row else 0 : ends[row]]] = False
-    return remaining
+    above = [
+        bev_iou_pairs(boxes[a], boxes[b]) > iou
+        for a, b in zip(torch.split(i, _PAIRS), torch.split(j, _PAIRS), strict=True)
+    ]
+    kept = torch.cat([torch.zeros_like(i[:0], dtype=torch.bool), *above])
+    return i[kept], j[kept]
 
 
 def _near_pairs(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
     """Returns the pairs of rows (i, j), sorted, whose circumscribed circles touch."""
     a, b = a.detach(), b.detach()
     reach_a, reach_b = a[:, 3:5].norm(dim=1) / 2, b[:, 3:5].norm(dim=1) / 2
-    rows = max(1, _CHUNK // max(1, len(b)))
+    rows = max(1, chunk_of(a) // max(1, len(b)))
     pairs = [torch.zeros(0, 2, dtype=torch.int64, device=a.device)]
     for start in range(0, len(a), rows):
         part = slice(start, start + rows)
@@ -137,7 +150,7 @@ def _corners_seen_from(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
     dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
     x, y = (cos * dx + sin * dy)[:, None], (cos * dy - sin * dx)[:, None]
     turn = (b[:, 6] - a[:, 6])[:, None]
-    ahead, left = b[:, 3, None] * b.new_tensor(_AHEAD), b[:, 4, None] * b.new_tensor(_LEFT)
+    ahead, left = b[:, 3, None] * constant(_AHEAD, b), b[:, 4, None] * constant(_LEFT, b)
     cos, sin = turn.cos(), turn.sin()
     return x + cos * ahead - sin * left, y + sin * ahead + cos * left
 

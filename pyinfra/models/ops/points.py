@@ -11,9 +11,15 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from pyinfra.models.ops.kernels import kernels
+from pyinfra.models.ops.kernels import kernels, on_cpu
 
-_CHUNK = 1 << 22  # distances that are computed together
+# Distances that are computed together. A GPU has more memory, and small steps leave it idle.
+_CHUNK, _CHUNK_ON_GPU = 1 << 22, 1 << 27
+
+
+def chunk_of(tensor: Tensor) -> int:
+    """Returns how many distances are computed together on the device of a tensor."""
+    return _CHUNK if on_cpu(tensor) else _CHUNK_ON_GPU
 
 
 @torch.no_grad()
@@ -27,7 +33,7 @@ def farthest_points(xyz: Tensor, k: int) -> Tensor:
     _check(xyz)
     if not len(xyz):
         raise ValueError("xyz: expected points, got none")
-    if kernels is not None and xyz.device.type == "cpu":
+    if kernels is not None and on_cpu(xyz):
         return torch.from_numpy(kernels.farthest_points(xyz.contiguous().numpy(), k))
     columns = xyz.t().contiguous()  # (3, n)
     chosen = torch.zeros(k, dtype=torch.int64, device=xyz.device)
@@ -35,7 +41,7 @@ def farthest_points(xyz: Tensor, k: int) -> Tensor:
     for count in range(1, k):
         # The index is a slice, because reading a single number would make the CPU wait for the GPU.
         last = columns.index_select(1, chosen[count - 1 : count])  # (3, 1)
-        torch.minimum(apart, _squared(*(columns - last)), out=apart)
+        torch.minimum(apart, squared(*(columns - last)), out=apart)
         chosen[count] = apart.argmax()
     return chosen
 
@@ -52,7 +58,7 @@ def ball_query(points: Tensor, centres: Tensor, radius: float, k: int) -> tuple[
     _check(centres)
     if radius <= 0 or k < 1:
         raise ValueError(f"radius, k: expected above 0, got {radius}, {k}")
-    if kernels is not None and points.device.type == "cpu":
+    if kernels is not None and on_cpu(points):
         indices, empty = kernels.ball_query(
             points.contiguous().numpy(), centres.contiguous().numpy(), radius, k
         )
@@ -83,7 +89,7 @@ def three_nearest(points: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
     _check(known)
     if not len(known):
         raise ValueError("known: expected points, got none")
-    if points.device.type == "cpu":
+    if on_cpu(points):
         distances, indices = cKDTree(known.numpy()).query(points.numpy(), k=3)
         indices[indices == len(known)] = 0
         return torch.from_numpy(distances).to(points.dtype), torch.from_numpy(indices)
@@ -141,7 +147,7 @@ def _nearest_of_all(points: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
 
 def _parts(xyz: Tensor, others: int) -> list[Tensor]:
     """Divides xyz into parts, so that the distances to `others` points fit into memory."""
-    rows = max(1, _CHUNK // max(1, others))
+    rows = max(1, chunk_of(xyz) // max(1, others))
     return [xyz[start : start + rows] for start in range(0, len(xyz), rows)]
 
 
@@ -150,10 +156,11 @@ def _squared_distances(a: Tensor, b: Tensor) -> Tensor:
 
     They are sums of squared differences, which are more exact than a difference of large squares.
     """
-    return _squared(*(a[:, None, axis] - b[:, axis] for axis in range(3)))
+    return squared(*(a[:, None, axis] - b[:, axis] for axis in range(3)))
 
 
-def _squared(dx: Tensor, dy: Tensor, dz: Tensor) -> Tensor:
+def squared(dx: Tensor, dy: Tensor, dz: Tensor) -> Tensor:
+    """Returns the squared lengths of offsets along x, y and z."""
     # The order of operations is the same as in the compiled kernels, so that both select the same
     # points.
     return dx * dx + dy * dy + dz * dz
@@ -163,5 +170,5 @@ def _check(xyz: Tensor) -> None:
     if xyz.ndim != 2 or xyz.shape[1] != 3 or xyz.dtype != torch.float32:
         actual = f"{tuple(xyz.shape)} {xyz.dtype}"
         raise ValueError(f"points: expected (n, 3) torch.float32, got {actual}")
-    if not xyz.isfinite().all():
+    if on_cpu(xyz) and not xyz.isfinite().all():
         raise ValueError("points: expected finite values, got NaN or inf")

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+MOST_WINDOWS = 1 << 16  # more windows than any canvas has along a side
+
 
 @dataclass(frozen=True, eq=False)
 class VoxelWindows:
@@ -44,8 +46,8 @@ def windows_of(frame: Tensor, row: Tensor, column: Tensor, side: int, shift: int
     """Returns the windows of voxels (n,). The grid starts `shift` cells inside a window."""
     row, column = row + shift, column + shift
     down, across = row // side, column // side
-    rows, columns = (int(v.max()) + 1 if len(v) else 1 for v in (down, across))
-    window = (frame * rows + down) * columns + across
+    # The largest row and column are not needed, so that no value is read from a GPU.
+    window = (frame * MOST_WINDOWS + down) * MOST_WINDOWS + across
     return VoxelWindows(window, row % side, column % side, side)
 
 

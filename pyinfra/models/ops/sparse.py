@@ -15,7 +15,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from pyinfra.models.ops.kernels import kernels
+from pyinfra.models.ops.constants import constant
+from pyinfra.models.ops.kernels import kernels, on_cpu
 
 Triple = tuple[int, int, int]  # along z, y, x
 
@@ -250,7 +251,7 @@ def _shifted_pairs(keys: Tensor, steps: list[int]) -> tuple[Tensor, Tensor, list
 
     keys: ascending.
     """
-    if kernels is not None and keys.device.type == "cpu":
+    if kernels is not None and on_cpu(keys):
         first, second, counts = kernels.shifted_pairs(keys.numpy(), steps)
         return torch.from_numpy(first), torch.from_numpy(second), counts
     neighbours, here = [keys[:0]], [keys[:0]]
@@ -270,7 +271,7 @@ def _reached_voxels(
     target_shape: Triple,
 ) -> tuple[Tensor, Tensor, list[int], Tensor]:
     """Returns inputs, outputs and counts of a rulebook, and the ascending keys of the outputs."""
-    if kernels is not None and coordinates.device.type == "cpu":
+    if kernels is not None and on_cpu(coordinates):
         (inputs, outputs, counts), keys = kernels.reached_voxels(
             coordinates.contiguous().numpy(), shape, kernel, stride, padding, target_shape
         )
@@ -296,14 +297,18 @@ def _reached_voxels(
 def _sorted_keys(coordinates: Tensor, shape: Triple, pad: Triple) -> tuple[Tensor, Tensor]:
     """Returns the sorted keys (n,) of voxels in a padded grid, and the rows in this order.
 
-    Raises ValueError for a voxel outside the grid, and for a duplicate.
+    On a CPU, raises ValueError for a voxel outside the grid, and for a duplicate. On a GPU these
+    tests would make the CPU wait.
     """
-    beyond = coordinates[:, 1:] >= coordinates.new_tensor(shape)
-    if (coordinates < 0).any() or beyond.any():
-        raise ValueError(f"coordinates: expected voxels in the grid {shape}, got a voxel outside")
     padded = _padded(shape, pad)
     batch, z, y, x = coordinates.unbind(1)
     keys = _keys(batch, z + pad[0], y + pad[1], x + pad[2], padded)
+    if not on_cpu(keys):
+        sorted_keys, order = keys.sort()
+        return sorted_keys, order
+    beyond = coordinates[:, 1:] >= constant(shape, coordinates)
+    if (coordinates < 0).any() or beyond.any():
+        raise ValueError(f"coordinates: expected voxels in the grid {shape}, got a voxel outside")
     if (keys[1:] > keys[:-1]).all():
         return keys, torch.arange(len(keys), device=keys.device)
     keys, order = keys.sort()

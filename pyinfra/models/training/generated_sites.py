@@ -94,6 +94,11 @@ class SiteSamples:
         """
         return self.plan.sites * self.plan.of_visit
 
+    @property
+    def together(self) -> int:
+        """Number of samples of a group, which are simulated together."""
+        return self.plan.of_group
+
     def nth(self, _seed: int, n: int) -> int:
         """Returns n, because samples are used in the stream's order. Each scene is built once."""
         return n

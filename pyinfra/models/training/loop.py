@@ -9,11 +9,10 @@ from __future__ import annotations
 import csv
 import dataclasses
 import math
+import os
 import time
-from collections import deque
-from collections.abc import Callable, Generator
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import closing
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -30,18 +29,21 @@ from pyinfra.models.detectors.batch import Batch, Windows, make_batch
 from pyinfra.models.detectors.catalogue import config_of
 from pyinfra.models.detectors.network import Network, keep_memory, one_thread
 from pyinfra.models.training import checkpoint
+from pyinfra.models.training.batches import ahead, from_workers
 from pyinfra.models.training.checkpoint import Checkpoint
+from pyinfra.models.training.kept_frames import kept
 from pyinfra.models.training.provenance import Provenance
 from pyinfra.models.training.recipe import Learning, Precision, Recipe
 from pyinfra.models.training.samples import Augmentation, Frames, Samples, augmented
-from pyinfra.models.training.validation import Checks
+from pyinfra.models.training.validation import Checks, is_due
 
 WARM_UP = 0.4  # share of the steps in which the rate rises
 DIVIDED = 10.0  # ratio of the highest learning rate to the first
 LAST = 1e-4  # ratio of the last learning rate to the first
 MOMENTA = (0.95, 0.85)
 SAVES = 20  # number of checkpoints in a training
-AHEAD = 16  # batches made in advance; a stream makes the samples of about 12 batches at once
+READS = 20  # steps on a GPU between two readings of the losses, each of which waits for the GPU
+MOST_WORKERS = 8  # processes that make batches for one GPU
 PASSING = ("step", "version")  # fields of a checkpoint that may differ when a training resumes
 
 
@@ -61,7 +63,30 @@ class Progress:
     loss: float
     parts: dict[str, float]
     seconds: float  # time since this process started or resumed the training
-    cpu_seconds: float  # CPU time since the previous step, including batches made in advance
+    # CPU time since the previous step, including batches that a thread makes in advance
+    cpu_seconds: float
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How a training uses its device. The weights are the same up to rounding."""
+
+    workers: int = 0  # processes that make batches; 0: a thread of this process
+    in_memory: bool = False  # whether all frames are read once, before the first step
+    reads_every: int = 1  # steps after which losses are read from the device, checked and reported
+    fused: bool = False  # whether the optimiser changes all weights in one kernel
+    tf32: bool = False  # whether products of matrices round their inputs to 10 bits
+    tuned: bool = False  # whether cuDNN tries its algorithms and uses the fastest
+    compiled: bool = False  # whether torch.compile compiles the two-dimensional network
+
+
+def pace_of(device: torch.device) -> Pace:
+    """Returns the default pace of a device."""
+    if device.type == "cpu":
+        return Pace()
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    workers = min(MOST_WORKERS, ((cores or 1) - 1) // distributed.count())
+    return Pace(workers=workers, in_memory=workers > 0, reads_every=READS, fused=True)
 
 
 def train(
@@ -76,73 +101,162 @@ def train(
     device: torch.device | None = None,
     precision: Precision = "float32",
     report: Callable[[Progress], None] | None = None,
+    pace: Pace | None = None,
 ) -> Network:
     """Trains a network to the last step; writes `out`/last.safetensors at intervals.
 
     held_out: frames whose AP selects best.safetensors; they do not affect the training. begun: the
-    checkpoint to resume from, as `read_begun` returns it. Raises TrainingDiverged with the step,
-    the loss and the last checkpoint.
+    checkpoint to resume from, as `read_begun` returns it. pace: by default that of the device.
+    Raises TrainingDiverged with the step, the loss and the last checkpoint.
     """
     learning, device = recipe.learning, device or torch.device("cpu")
+    pace = pace or pace_of(device)
+    done = begun.provenance.step if begun is not None else 0
+    # Workers are forked before this process uses the GPU.
+    batches = batches_of(frames, recipe, network, provenance.seed, done, pace, device)
     first = distributed.rank() == 0  # only the first process writes files
-    network = network.to(device).train()
-    distributed.share_norms(network)
-    optimizer = torch.optim.AdamW(network.parameters(), learning.rate, foreach=False)
+    step_of = begin(network, recipe, precision, device, pace)
+    optimizer = step_of.optimizer
     last = out / "last.safetensors"
-    done = resume(network, optimizer, begun) if begun is not None else 0
+    if begun is not None:
+        resume(network, optimizer, begun)
     checks = Checks(held_out, out / "validation.csv", done) if held_out is not None else None
-    make = partial(batch_of, frames, recipe, network, provenance.seed)
-    start, before = time.monotonic(), time.process_time()
+    readings = Readings(pace.reads_every, learning.steps, last, report)
     keep_memory()
-    with one_thread(), closing(ahead(make, range(done, learning.steps))) as batches:
+    with one_thread(), products_of(pace), closing(batches):
         for step, made in batches:
-            rate = set_rate(optimizer, learning, step)
-            batch = made.to(device)
-            with torch.autocast(device.type, torch.bfloat16, enabled=precision == "bfloat16"):
-                parts = network.losses(batch)
-            loss = torch.stack(list(parts.values())).sum()
-            # The loss of the whole batch is checked, so that all processes stop together.
-            loss_values = distributed.mean(torch.stack([loss, *parts.values()])).tolist()
-            check_finite("loss", loss_values[0], step, last)
-            optimizer.zero_grad(set_to_none=True)
-            loss.backward()  # type: ignore[no-untyped-call]
-            distributed.average_gradients(network)
-            norm = torch.nn.utils.clip_grad_norm_(network.parameters(), learning.clip)
-            check_finite("norm of the gradients", norm.item(), step, last)
-            optimizer.step()
+            readings.add(step, *step_of(step, made.to(device)))
             done = step + 1
             described = dataclasses.replace(provenance, step=done)
             # The check is made before last.safetensors is written. If the process ends after the
             # check and before the writing, a resumed training repeats the check.
+            checked = checks is not None and is_due(done, learning.steps)
+            saved = done % max(1, learning.steps // SAVES) == 0 or done == learning.steps
+            if checked or saved or done == learning.steps:
+                readings.read()  # weights that are not finite are never saved
             if first and checks is not None and checks.find_best(network, done, learning.steps):
                 checkpoint.save(out / "best.safetensors", network, {}, described)
-            if first and (done % max(1, learning.steps // SAVES) == 0 or done == learning.steps):
+            if first and saved:
                 checkpoint.save(last, network, optimizer_tensors(optimizer), described)
-            if report is None:
-                continue
-            numbers = dict(zip(parts, loss_values[1:], strict=True))
-            now = time.process_time()
-            times, before = (time.monotonic() - start, now - before), now
-            report(Progress(done, learning.steps, rate, loss_values[0], numbers, *times))
     return network.eval()
 
 
-def ahead(make: Callable[[int], Batch], steps: range) -> Generator[tuple[int, Batch]]:
-    """Yields each step with its batch. A second thread makes the batches in advance.
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One step of a training."""
 
-    If making a batch fails, the error is raised when its step is due.
-    """
-    pool, begun = ThreadPoolExecutor(1), deque[tuple[int, Future[Batch]]]()
+    network: Network
+    optimizer: torch.optim.Optimizer
+    recipe: Recipe
+    precision: Precision
+    device: torch.device
+
+    def __call__(self, step: int, batch: Batch) -> tuple[float, tuple[str, ...], Tensor]:
+        """Changes the weights; returns the rate, the names of the losses, and their values.
+
+        The values are on the device: the sum, each loss, and the norm of the gradients.
+        """
+        network, learning = self.network, self.recipe.learning
+        rate = set_rate(self.optimizer, learning, step)
+        half = self.precision == "bfloat16"
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=half):
+            parts = network.losses(batch)
+        loss = torch.stack(list(parts.values())).sum()
+        # The loss of the whole batch is checked, so that all processes stop together.
+        values = distributed.mean(torch.stack([loss, *parts.values()]))
+        self.optimizer.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        distributed.average_gradients(network)
+        norm = torch.nn.utils.clip_grad_norm_(network.parameters(), learning.clip)
+        self.optimizer.step()
+        return rate, tuple(parts), torch.cat([values, norm.detach().view(1)])
+
+
+def begin(
+    network: Network, recipe: Recipe, precision: Precision, device: torch.device, pace: Pace
+) -> Step:
+    """Moves a network to its device in train mode, and returns the step of its training."""
+    network = network.to(device).train()
+    distributed.share_norms(network)
+    part = getattr(network, "bev", None)
+    if pace.compiled and part is not None:
+        part.compile(dynamic=False)  # its shapes are the same in each step
+    optimizer = torch.optim.AdamW(
+        network.parameters(), recipe.learning.rate, foreach=False, fused=pace.fused
+    )
+    return Step(network, optimizer, recipe, precision, device)
+
+
+class Readings:
+    """The losses of some steps on the device, which are read, checked and reported together."""
+
+    def __init__(
+        self, every: int, steps: int, last: Path, report: Callable[[Progress], None] | None
+    ) -> None:
+        self.every, self.steps, self.last, self.report = every, steps, last, report
+        self.start, self.before = time.monotonic(), time.process_time()
+        self.rows: list[tuple[int, float, tuple[str, ...], float, float]] = []
+        self.values: list[Tensor] = []
+
+    def add(self, step: int, rate: float, names: tuple[str, ...], values: Tensor) -> None:
+        """Adds the values of a step, and reads them if `every` steps were added."""
+        now = time.process_time()
+        times, self.before = (time.monotonic() - self.start, now - self.before), now
+        self.rows.append((step, rate, names, *times))
+        self.values.append(values)
+        if len(self.rows) == self.every:
+            self.read()
+
+    def read(self) -> None:
+        """Reads, checks and reports the values. Raises TrainingDiverged."""
+        if not self.rows:
+            return
+        rows, values = self.rows, torch.stack(self.values).tolist()
+        self.rows, self.values = [], []
+        for (step, rate, names, seconds, cpu_seconds), (loss, *parts, norm) in zip(
+            rows, values, strict=True
+        ):
+            check_finite("loss", loss, step, self.last)
+            check_finite("norm of the gradients", norm, step, self.last)
+            if self.report is not None:
+                numbers = dict(zip(names, parts, strict=True))
+                self.report(
+                    Progress(step + 1, self.steps, rate, loss, numbers, seconds, cpu_seconds)
+                )
+
+
+def batches_of(
+    frames: Samples,
+    recipe: Recipe,
+    network: Network,
+    seed: int,
+    done: int,
+    pace: Pace,
+    device: torch.device,
+) -> Generator[tuple[int, Batch]]:
+    """Yields each remaining step with its batch. Processes of the pace start at once."""
+    steps, batch = range(done, recipe.learning.steps), recipe.learning.batch
+    if pace.in_memory and isinstance(frames, Frames) and steps:
+        frames = kept(frames, pasted=recipe.augmentation.pasted > 0)
+    make = partial(batch_of, frames, recipe, network, seed)
+    if pace.workers == 0:
+        return ahead(make, steps)
+    together = -(-frames.together // batch)
+    pinned = device.type == "cuda"
+    return from_workers(make, steps, pace.workers, together=together, pinned=pinned)
+
+
+@contextmanager
+def products_of(pace: Pace) -> Iterator[None]:
+    """Context manager in which a GPU computes products and convolutions at a pace."""
+    before = torch.get_float32_matmul_precision(), torch.backends.cudnn.benchmark
+    torch.set_float32_matmul_precision("high" if pace.tf32 else before[0])
+    torch.backends.cudnn.benchmark = pace.tuned
     try:
-        for step in steps:
-            begun.append((step, pool.submit(make, step)))
-            if len(begun) > AHEAD:
-                first, batch = begun.popleft()
-                yield first, batch.result()
-        for step, batch in begun:
-            yield step, batch.result()
+        yield
     finally:
-        pool.shutdown(cancel_futures=True)
+        torch.set_float32_matmul_precision(before[0])
+        torch.backends.cudnn.benchmark = before[1]
 
 
 def check_finite(name: str, value: float, step: int, last: Path) -> None:
@@ -172,7 +286,8 @@ def batch_of(frames: Samples, recipe: Recipe, network: Network, seed: int, step:
     batch = dataclasses.replace(batch, balance=learning.balance)
     if learning.window_m2 == 0:
         return batch
-    training_windows = Windows(learning.window_m2, torch.tensor(np.array(centres)))
+    middles = tuple((float(x), float(y)) for x, y in centres)
+    training_windows = Windows(learning.window_m2, middles)
     return dataclasses.replace(batch, windows=training_windows)
 
 

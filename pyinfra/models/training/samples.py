@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, Points
-from pyinfra.core.boxes import bev_iou, points_in_box, points_in_boxes
+from pyinfra.core.boxes import bev_iou, points_in_boxes, rows_in_box
 from pyinfra.core.config import ruled
 from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors.sample import Sample
@@ -49,6 +49,11 @@ class SiteSample(Sample):
 class Samples(Protocol):
     """The samples of a training, numbered from 0."""
 
+    @property
+    def together(self) -> int:
+        """Number of consecutive samples that are made together."""
+        ...
+
     def __len__(self) -> int:
         """Returns the number of different samples."""
         ...
@@ -60,7 +65,7 @@ class Samples(Protocol):
     def sample(self, i: int) -> Sample: ...
 
     def another(self, i: int, rng: np.random.Generator) -> Sample:
-        """Returns a random sample of the same LiDAR as sample i."""
+        """Returns a random sample of the same LiDAR as sample i, for its objects."""
         ...
 
 
@@ -73,6 +78,9 @@ class Frames:
     starts: tuple[int, ...] = (0,)  # first frame of each LiDAR
     classes: tuple[IntArray, ...] = ()  # (k,) class numbers of each frame's boxes; empty: all 0
     heights_m: tuple[float, ...] = ()  # height of each frame's sensor above z = 0; empty: all 0
+    # points of each box of each frame, if the frames were read before (kept_frames.py)
+    objects: tuple[tuple[Points, ...], ...] = ()
+    together: int = 1
 
     def __len__(self) -> int:
         return len(self.clouds)
@@ -105,7 +113,9 @@ class Frames:
     def another(self, i: int, rng: np.random.Generator) -> Sample:
         """Returns a random frame of the same LiDAR as frame i."""
         of = bisect.bisect(self.starts, i)
-        return self.sample(int(rng.integers(self.starts[of - 1], [*self.starts, len(self)][of])))
+        chosen = int(rng.integers(self.starts[of - 1], [*self.starts, len(self)][of]))
+        sample = self.sample(chosen)
+        return replace(sample, objects=self.objects[chosen]) if self.objects else sample
 
 
 def augmented(
@@ -217,23 +227,24 @@ def with_pasted(
     free = np.ones(len(order), dtype=np.bool_)
     if len(sample.boxes) > 0:
         free = bev_iou(other.boxes, sample.boxes).max(axis=1, initial=0) == 0
-    points, boxes, numbers = [sample.points], [sample.boxes], [sample.numbers]
+    pasted, boxes, numbers = list[Points](), [sample.boxes], [sample.numbers]
+    replaced = np.zeros(len(sample.points), dtype=np.bool_)
+    x = np.ascontiguousarray(sample.points[:, 0])
     for i in order[free[order]]:
         if len(boxes) > how.pasted:
             break
-        pasted = other.points[points_in_box(other.points, other.boxes[i])]
-        if len(pasted) < how.least_points:
+        brought = other.points_of(i)
+        if len(brought) < how.least_points:
             continue
-        replaced = points_in_box(points[0], other.boxes[i], 0)
+        replaced[rows_in_box(sample.points, x, other.boxes[i], 0)] = True
         if how.shadows:
-            replaced |= hidden_by(pasted, points[0], sample.height_m)
-        points[0] = points[0][~replaced]
-        points.append(pasted)
+            replaced |= hidden_by(brought, sample.points, sample.height_m)
+        pasted.append(brought)
         boxes.append(other.boxes[i : i + 1])
         numbers.append(other.numbers[i : i + 1])
     return replace(
         sample,
-        points=np.concatenate(points),
+        points=np.concatenate([sample.points[~replaced], *pasted]),
         boxes=np.concatenate(boxes),
         classes=np.concatenate(numbers),
     )

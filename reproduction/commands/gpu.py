@@ -1,0 +1,356 @@
+"""Measures the training and the latency of networks on a GPU, within some minutes.
+
+For each detector, the command measures steps per second with the recipe of the tier `full`, the
+share of the time in which the GPU waits, its memory, the latency from points to boxes, and the AP
+after a fixed number of steps of the tier `quick`. It also measures the batches per second with
+several numbers of worker processes. Each detector is measured in its own process, and each value is
+written at once. A failure or the end of the time loses only the values that are not yet measured.
+On a CPU all values have the tier `quick`:
+
+    python -m reproduction gpu --work out/gpu --out results/gpu.csv
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from statistics import median
+from typing import Literal, get_args
+
+import pandas as pd
+import torch
+from torch.profiler import ProfilerActivity, profile
+
+from pyinfra.core.version import machine
+from pyinfra.core.vocabulary import Tier
+from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.runs import infrasim
+from pyinfra.experiments import store
+from pyinfra.models.detectors.detection_area import Site, site_of
+from pyinfra.models.detectors.fuse_batchnorm import fused
+from pyinfra.models.detectors.network import Network, device_of, one_thread
+from pyinfra.models.ops import clouds, triton_kernels
+from pyinfra.models.training import checkpoint, loop
+from pyinfra.models.training.recipe import Precision, Recipe, read_recipe
+from pyinfra.models.training.samples import Frames
+from pyinfra.models.training.sources import on_road, read_source
+from pyinfra.models.training.validation import average_precision
+from reproduction import ROOT, add_out, add_work, provenance
+from reproduction.tables.gpu import AP_STEPS, DETECTORS
+
+Part = Literal["batches", "rates", "latency", "ap", "settings"]
+ON_POINTS = ("pv-rcnn", "pointrcnn")  # these search points with the Triton kernels
+WORKERS = (0, 1, 2, 4, 8)
+SCENE, LIDAR, PRESET, SEED = "highway", "ruby_plus", "paper", 1
+FRAMES = "0:5000:30"  # frames of the traffic seed SEED; those before 400 s are used
+HELD_OUT = 20  # last frames, which the AP is measured on
+WARM_UP, PROFILED = 6, 5  # steps before the measurement, and steps whose kernels are timed
+LONGEST = 8  # kernels that are printed
+KEY = ["device", "detector", "tier", "setting", "measure"]
+
+# Other settings than the default, of which a GPU may be faster with some.
+SETTINGS: dict[str, tuple[Precision, dict[str, bool]]] = {
+    "tf32": ("float32", {"tf32": True}),
+    "tuned": ("float32", {"tf32": True, "tuned": True}),
+    "bfloat16 tuned": ("bfloat16", {"tf32": True, "tuned": True}),
+    "compiled": ("float32", {"tf32": True, "tuned": True, "compiled": True}),
+    "bfloat16 compiled": ("bfloat16", {"tf32": True, "tuned": True, "compiled": True}),
+}
+# What one process measures, and its longest time in seconds.
+TASKS: tuple[tuple[str, tuple[Part, ...], float], ...] = (
+    ("centerpoint-pillar", ("batches",), 60),
+    *((detector, ("rates", "latency", "ap"), 110) for detector in DETECTORS),
+    *((detector, ("settings",), 100) for detector in DETECTORS),
+)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The measurements of one detector on one device."""
+
+    detector: str
+    device: torch.device
+    folder: Path  # frames of the LiDAR
+    out: Path
+    seconds: float  # of one measurement of steps
+
+    @property
+    def tier(self) -> Tier:
+        return "full" if self.device.type == "cuda" else "quick"
+
+    def recipe(self, tier: Tier, steps: int) -> Recipe:
+        recipe = read_recipe(ROOT / "configs/detectors" / f"{self.detector}.yaml", tier)
+        learning = dataclasses.replace(recipe.learning, steps=steps, validate_frames=0)
+        if tier == "full":
+            learning = dataclasses.replace(learning, batch=8)
+        return dataclasses.replace(recipe, learning=learning)
+
+    def frames(self) -> tuple[Frames, Frames, Site]:
+        """Returns the training frames, the held-out frames, and the site."""
+        source = on_road(read_source(self.folder, "full"))
+        frames = Frames(source.clouds, source.read_boxes())
+        site = site_of(frames.boxes, [] if source.region is None else [source.region])
+        return frames.part(slice(0, -HELD_OUT)), frames.part(slice(-HELD_OUT, None)), site
+
+    def write(self, tier: Tier, setting: str, measure: str, value: float) -> None:
+        name = torch.cuda.get_device_name() if self.device.type == "cuda" else machine()
+        row = dict(zip(KEY, (name, self.detector, tier, setting, measure), strict=True))
+        words = f"gpu --device {self.device.type}"
+        columns = {**row, "value": value, "seed": SEED, **provenance(words)}
+        store.put(self.out, pd.DataFrame([columns]), KEY)
+        print(f"{self.detector} {tier} {setting}: {measure} {value:.4g}", flush=True)
+
+
+def build(recipe: Recipe, site: Site) -> Network:
+    torch.manual_seed(SEED)
+    return checkpoint.build(recipe.detector, recipe.network, site)
+
+
+def batches(bench: Bench) -> None:
+    """Measures the batches per second with several numbers of worker processes."""
+    frames, _, site = bench.frames()
+    recipe = bench.recipe("full", 100_000)
+    network = build(recipe, site)
+    for workers in (n for n in WORKERS if n <= (os.cpu_count() or 1)):
+        pace = loop.Pace(workers=workers, in_memory=True)
+        made = loop.batches_of(frames, recipe, network, SEED, 0, pace, torch.device("cpu"))
+        with closing(made):
+            for _ in range(16 + 4 * workers):
+                next(made)  # those that were made in advance do not count
+            count, started = 0, time.perf_counter()
+            while (spent := time.perf_counter() - started) < bench.seconds / 2:
+                next(made)
+                count += 1
+        bench.write("full", f"{workers} workers", "batches_per_s", count / spent)
+
+
+def rates(bench: Bench) -> None:
+    """Measures steps per second with 32 and with 16 bits."""
+    cpu = bench.device.type == "cpu"  # few CPUs multiply matrices of 16 bits
+    for precision in get_args(Precision)[: 1 if cpu else None]:
+        attempt(bench, precision, partial(rate, bench, precision, precision, {}))
+
+
+def settings(bench: Bench) -> None:
+    """Measures steps per second with the settings that are not the default."""
+    for name, (precision, changes) in SETTINGS.items():
+        attempt(bench, name, partial(rate, bench, name, precision, changes))
+
+
+def attempt(bench: Bench, setting: str, measure: Callable[[], None]) -> None:
+    """Measures a setting; a failure is printed, and the next setting is measured."""
+    try:
+        measure()
+    except Exception as error:
+        print(f"{bench.detector} {setting}: {type(error).__name__}: {error}", flush=True)
+
+
+def rate(bench: Bench, setting: str, precision: Precision, changes: dict[str, bool]) -> None:
+    """Measures steps per second, the share of the time in which the GPU waits, and its memory."""
+    frames, _, site = bench.frames()
+    recipe, device = bench.recipe(bench.tier, 100_000), bench.device
+    network, pace = build(recipe, site), loop.pace_of(device)
+    pace = dataclasses.replace(pace, **changes)
+    made = loop.batches_of(frames, recipe, network, SEED, 0, pace, device)
+    step_of = loop.begin(network, recipe, precision, device, pace)
+    readings = loop.Readings(pace.reads_every, 100_000, Path("none"), None)
+    waited = 0.0
+
+    def step() -> None:
+        nonlocal waited
+        before = time.perf_counter()
+        number, batch = next(made)
+        waited += time.perf_counter() - before
+        readings.add(number, *step_of(number, batch.to(device)))
+
+    with closing(made), one_thread(), loop.products_of(pace):
+        for _ in range(WARM_UP if device.type == "cuda" else 1):
+            step()
+        wait_for(device)
+        if device.type == "cuda":
+            torch.cuda.reset_peak_memory_stats()
+        count, waited, started = 0, 0.0, time.perf_counter()
+        while time.perf_counter() - started < bench.seconds or count < 3:
+            step()
+            count += 1
+        wait_for(device)
+        per_step = (time.perf_counter() - started) / count
+        bench.write(bench.tier, setting, "steps_per_s", 1 / per_step)
+        bench.write(bench.tier, setting, "waits_for_batches", waited / count / per_step)
+        if device.type == "cuda":
+            memory = torch.cuda.max_memory_allocated() / 1e9
+            bench.write(bench.tier, setting, "memory_gb", memory)
+            busy = busy_s(step) / PROFILED
+            bench.write(bench.tier, setting, "waits", max(0.0, 1 - busy / per_step))
+
+
+def busy_s(step: Callable[[], None]) -> float:
+    """Returns the time in which the GPU computes, in PROFILED steps; prints the longest kernels."""
+    with profile(activities=[ProfilerActivity.CUDA]) as profiler:
+        for _ in range(PROFILED):
+            step()
+        torch.cuda.synchronize()
+    times = {event.key: float(event.self_device_time_total) for event in profiler.key_averages()}
+    for name in sorted(times, key=lambda key: -times[key])[:LONGEST]:
+        print(f"    {times[name] / 1000 / PROFILED:8.2f} ms {name[:100]}", flush=True)
+    return sum(times.values()) / 1e6
+
+
+def trained(bench: Bench, recipe: Recipe, frames: Frames, site: Site, steps: int) -> Network:
+    """Returns a network after some steps of its recipe."""
+    network, device = build(recipe, site), bench.device
+    pace = loop.pace_of(device)
+    made = loop.batches_of(frames, recipe, network, SEED, 0, pace, device)
+    step_of = loop.begin(network, recipe, "float32", device, pace)
+    readings = loop.Readings(pace.reads_every, steps, Path("none"), None)
+    with closing(made), one_thread():
+        for _ in range(steps):
+            step, batch = next(made)
+            readings.add(step, *step_of(step, batch.to(device)))
+        readings.read()
+    return network.eval()
+
+
+def latency(bench: Bench) -> None:
+    """Measures the median time from points to boxes of a network of the tier's size."""
+    frames, held_out, site = bench.frames()
+    steps = 20 if bench.device.type == "cuda" else 2
+    network = fused(trained(bench, bench.recipe(bench.tier, 1000), frames, site, steps))
+    in_memory = [cloud() for cloud in held_out.clouds]
+    times = []
+    for cloud in [*in_memory[:5], *in_memory, *in_memory]:
+        started = time.perf_counter()
+        network.predict(cloud)
+        times.append(1000 * (time.perf_counter() - started))
+    bench.write(bench.tier, "float32", "latency_ms", median(times[5:]))
+
+
+def ap(bench: Bench) -> None:
+    """Measures the AP on held-out frames after AP_STEPS steps of the tier `quick`."""
+    frames, held_out, site = bench.frames()
+    started = time.perf_counter()
+    network = trained(bench, bench.recipe("quick", AP_STEPS), frames, site, AP_STEPS)
+    bench.write("quick", "float32", "ap_training_s", time.perf_counter() - started)
+    bench.write("quick", "float32", "ap_r1000", average_precision(network, held_out))
+
+
+def wait_for(device: torch.device) -> None:
+    if device.type == "cuda":
+        torch.cuda.synchronize()
+
+
+def check_kernels(bench: Bench) -> None:
+    """Compares the Triton kernels with their twins; uses the twins if they differ or fail."""
+    if bench.device.type != "cuda" or not triton_kernels.enabled:
+        return
+    generator = torch.Generator().manual_seed(SEED)
+    counts = torch.tensor([20_000, 0, 7, 9000], device=bench.device)
+    size = torch.tensor([60.0, 40.0, 3.0])
+    xyz = (torch.rand(int(counts.sum()), 3, generator=generator) * size).to(bench.device)
+    centres = xyz[::40].contiguous()
+    of_centres = torch.bincount(clouds.cloud_of_rows(counts, xyz)[::40], minlength=4)
+
+    def chosen() -> tuple[torch.Tensor, ...]:
+        rows, _ = clouds.farthest_of_clouds(xyz, counts, 500)
+        return rows, *clouds.neighbours(xyz, counts, centres, of_centres, 1.0, 16)
+
+    same = 0.0
+    try:
+        with_kernels = chosen()
+        pairs = zip(with_kernels, chosen_without_kernels(chosen), strict=True)
+        same = min(float((a == b).float().mean()) if len(a) == len(b) else 0.0 for a, b in pairs)
+    except Exception as error:
+        print(f"Triton: {type(error).__name__}: {error}", flush=True)
+    bench.write("full", "Triton", "same_as_pytorch", same)
+    if same < 0.99:
+        triton_kernels.enabled = False
+
+
+def chosen_without_kernels(
+    chosen: Callable[[], tuple[torch.Tensor, ...]],
+) -> tuple[torch.Tensor, ...]:
+    triton_kernels.enabled = False
+    try:
+        return chosen()
+    finally:
+        triton_kernels.enabled = True
+
+
+MEASURES: dict[Part, Callable[[Bench], None]] = {
+    "batches": batches,
+    "rates": rates,
+    "latency": latency,
+    "ap": ap,
+    "settings": settings,
+}
+
+
+def measure(bench: Bench, parts: tuple[Part, ...]) -> None:
+    """Measures parts in this process. A part that fails is printed, and the next one follows."""
+    if bench.detector in ON_POINTS:
+        check_kernels(bench)
+    for part in parts:
+        attempt(bench, part, partial(MEASURES[part], bench))
+
+
+def simulated(work: Path) -> Path:
+    """Returns the folder of the LiDAR's frames, which are simulated if they do not exist."""
+    data = work / "frames"
+    if not (data / LIDAR).is_dir():
+        words = ("--preset", PRESET, "--seed", str(SEED), "--frames", FRAMES, "--out", str(data))
+        infrasim("run", scene_file(SCENE), "--lidar", lidar_file(LIDAR), *words)
+    return data / LIDAR
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    add_work(parser, gigabytes=1)
+    add_out(parser, "gpu.csv")
+    parser.add_argument(
+        "--device", default="cuda" if torch.cuda.is_available() else "cpu", help="default: a GPU"
+    )
+    parser.add_argument(
+        "--detectors", nargs="+", choices=DETECTORS, default=list(DETECTORS), help="default: all"
+    )
+    parser.add_argument(
+        "--parts", nargs="+", choices=get_args(Part), default=list(MEASURES), help="default: all"
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=360, help="longest time of all measurements"
+    )
+    parser.add_argument("--alone", action="store_true", help="measure one detector in this process")
+    args = parser.parse_args()
+    started, device = time.monotonic(), device_of(args.device)
+    folder = simulated(args.work)
+    if args.alone:
+        bench = Bench(args.detectors[0], device, folder, args.out, 6.0)
+        measure(bench, tuple(args.parts))
+        return 0
+    limited = device.type == "cuda"  # a CPU needs more time, and is not lent
+    for detector, parts, longest in TASKS:
+        chosen = [part for part in parts if part in args.parts]
+        left = args.seconds - (time.monotonic() - started)
+        if not chosen or detector not in args.detectors or (limited and left < 15):
+            continue
+        if device.type == "cpu" and chosen == ["settings"]:
+            continue
+        words = ["--work", args.work, "--out", args.out, "--device", args.device]
+        command = [sys.executable, "-m", "reproduction", "gpu", "--alone", *map(str, words)]
+        try:
+            subprocess.run(
+                [*command, "--detectors", detector, "--parts", *chosen],
+                check=False,
+                timeout=min(longest, left) if limited else None,
+            )
+        except subprocess.TimeoutExpired:
+            print(f"{detector} {' '.join(chosen)}: not finished in time", flush=True)
+    return 0

@@ -1,0 +1,117 @@
+"""Makes tables about training and detection on a GPU, from results/gpu.csv."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pandas as pd
+import yaml
+
+from reproduction import ROOT
+from reproduction.tables.common import DETECTORS as NAMES
+from reproduction.tables.common import markdown, number, results, tenth
+
+DETECTORS = ("centerpoint-pillar", "pointpillars", "dsvt", "pv-rcnn", "pointrcnn")
+AP_STEPS = 100  # steps of the tier `quick` before the AP is measured
+MATRIX = ROOT / "configs/benchmarks/paper.yaml"
+STEPS = 40_000  # of a training of the tier `full`
+OPEN = "not measured"
+
+
+def _measured(tier: str) -> pd.DataFrame:
+    """Returns the measured values of a tier; one row per device, detector and setting."""
+    table = results("gpu")
+    of_tier = table[table.tier == tier]
+    return of_tier.pivot_table("value", ["device", "detector", "setting"], "measure", sort=False)
+
+
+def _share(value: float) -> str:
+    return OPEN if pd.isna(value) else f"{100 * value:.0f} %"
+
+
+def _rates(table: pd.DataFrame) -> pd.DataFrame:
+    has = "steps_per_s" in table
+    return table[table.steps_per_s.notna()].reset_index() if has else pd.DataFrame()
+
+
+def rates() -> str:
+    """Returns a table of the training rates of the tier `full` on a GPU."""
+    heads = ["device", "detector", "setting", "steps/s", "GPU waits", "memory (GB)", "40,000 steps"]
+    rows = [
+        [
+            row.device,
+            NAMES[row.detector],
+            row.setting,
+            number(row.steps_per_s),
+            _share(getattr(row, "waits", float("nan"))),
+            OPEN if pd.isna(getattr(row, "memory_gb", None)) else tenth(row.memory_gb),
+            f"{STEPS / row.steps_per_s / 3600:.1f} h",
+        ]
+        for row in _rates(_measured("full")).itertuples()
+    ]
+    missing = [name for name in DETECTORS if NAMES[name] not in {row[1] for row in rows}]
+    return markdown(heads, [*rows, *(["a GPU", NAMES[name], *[OPEN] * 5] for name in missing)])
+
+
+def rates_of_cpu() -> str:
+    """Returns a table of the rates of the tier `quick`, on one thread of a CPU."""
+    rows = [
+        [row.device, NAMES[row.detector], number(row.steps_per_s), f"{row.latency_ms:.0f} ms"]
+        for row in _rates(_measured("quick")).itertuples()
+    ]
+    return markdown(["device", "detector", "steps/s", "latency"], rows)
+
+
+def detection() -> str:
+    """Returns a table of the latency of the tier `full` on a GPU, from points to boxes."""
+    table = _measured("full").reset_index()
+    timed = table[table.latency_ms.notna()] if "latency_ms" in table else table[:0]
+    rows = [
+        [row.device, NAMES[row.detector], f"{tenth(row.latency_ms)} ms"]
+        for row in timed.itertuples()
+    ]
+    missing = [name for name in DETECTORS if name not in set(timed.detector)]
+    return markdown(
+        ["device", "detector", "latency"],
+        [*rows, *(["a GPU", NAMES[name], OPEN] for name in missing)],
+    )
+
+
+def accuracy() -> str:
+    """Returns a table of the AP after a fixed number of steps, by device."""
+    table = _measured("quick").reset_index()
+    values = table.pivot_table("ap_r1000", "detector", "device", sort=False)
+    rows = [
+        [NAMES[str(name)], *(OPEN if pd.isna(value) else tenth(value) for value in row)]
+        for name, row in zip(values.index, values.to_numpy(), strict=True)
+    ]
+    heads = [f"AP after {AP_STEPS} steps: {device}" for device in values.columns]
+    return markdown(["detector", *heads], rows)
+
+
+def batches() -> str:
+    """Returns a table of the batches per second by the number of workers."""
+    table = results("gpu")
+    table = table[table.measure == "batches_per_s"]
+    rows = [[row.device, row.setting, number(row.value)] for row in table.itertuples()]
+    return markdown(["device", "processes that make batches", "batches/s"], rows)
+
+
+def hours() -> str:
+    """Returns a table of the GPU hours of the study's matrix with the tier `full`."""
+    count = Counter[str]()
+    for part in yaml.safe_load(MATRIX.read_text(encoding="utf-8"))["matrix"]:
+        experiments = 1
+        for name in ("scenes", "lidars", "presets", "seeds"):
+            experiments *= len(part.get(name, [1]))
+        count.update(dict.fromkeys(part["detectors"], experiments))
+    table = _rates(_measured("full"))
+    best = table.groupby("detector").steps_per_s.max() if len(table) else pd.Series(dtype=float)
+    rows = []
+    for name, trainings in count.items():
+        network = "pointrcnn" if name == "pointrcnn-remedied" else name
+        if network in DETECTORS:
+            rate = best.get(network)
+            time = OPEN if rate is None else f"{trainings * STEPS / rate / 3600:.0f}"
+            rows.append([NAMES[name], str(trainings), time])
+    return markdown(["detector", "trainings", "GPU hours with the fastest setting"], rows)
