@@ -79,6 +79,11 @@ class Frame:
         (n,) uint16.
         """
     @property
+    def echo(self) -> numpy.typing.NDArray[numpy.uint8]:
+        """
+        (n,) uint8, 1 for the second point of a ray, else 0.
+        """
+    @property
     def intensity(self) -> numpy.typing.NDArray[numpy.float32]:
         """
         (n,) float32, [0, 1].
@@ -139,6 +144,10 @@ class Lidar:
     def period_warnings(self, first_frame: typing.SupportsInt | typing.SupportsIndex, last_frame: typing.SupportsInt | typing.SupportsIndex, step: typing.SupportsInt | typing.SupportsIndex) -> list[str]:
         """
         Returns one warning if frames with this step show less of the scan pattern than other steps would, else none.
+        """
+    def with_echo(self, mode: str) -> Lidar:
+        """
+        Returns a copy whose rays give the strongest, first or last echo as a point, or two (dual).
         """
     def with_free_motors(self) -> Lidar:
         """
