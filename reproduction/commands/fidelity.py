@@ -130,19 +130,19 @@ def aggregation_table(frames: range, preset: str) -> pd.DataFrame:
 def beam_table(frames: range) -> pd.DataFrame:
     """Compares three models of the Avia's beam by points per vehicle.
 
-    The beam is one ray, or it has 0.28 x 0.03 degrees and consists of 5 or 15 sub-rays.
+    The beam is one ray, or it has 0.28 x 0.03 degrees and consists of up to 7 or of 19 sub-rays.
     """
     text = yaml.safe_load(lidar_file("livox_avia").read_text())
     lidars = []
     with tempfile.TemporaryDirectory() as folder:
-        for sub_rays in (1, 5, 15):
+        for sub_rays, across in ((1, 1), (7, 3), (19, 5)):
             returns = text["presets"]["datasheet"]["returns"]
             returns.pop("beam", None)
             if sub_rays > 1:
                 returns["beam"] = {
                     "vertical_deg": 0.28,
                     "horizontal_deg": 0.03,
-                    "sub_rays": sub_rays,
+                    "sub_rays": across,
                 }
             text["name"] = f"avia_{sub_rays}_rays"
             file = Path(folder) / f"{sub_rays}.yaml"

@@ -1,8 +1,8 @@
 """Measures what each model of a LiDAR changes in the points per vehicle, by distance.
 
 A rung is one model that is on or off: the divergence of beams, their width and number of sub-rays,
-the echoes of a ray, the range of each channel, the law of range. Each rung changes the LiDARs of the
-catalogue, preset `datasheet`, by one setting. All settings see the same traffic, so that the same
+the echoes of a ray, the range of each channel, the law of range. Each rung changes one setting of
+the catalogue's LiDARs, preset `datasheet`. All settings see the same traffic, so that the same
 vehicles are compared. Vehicles of the evaluation region with a visible share of 0.2 or more count.
 The command writes out/rungs.csv, a row for each rung, LiDAR, distance and seed:
 
@@ -12,7 +12,6 @@ The command writes out/rungs.csv, a row for each rung, LiDAR, distance and seed:
 from __future__ import annotations
 
 import argparse
-import copy
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -62,11 +61,10 @@ RUNGS: dict[str, tuple[Keys, tuple[str, ...]]] = {
 }
 
 
-def changed(name: str, rung: str, folder: Path) -> simulation.Lidar:
-    """Returns a LiDAR of the catalogue with the changes of a rung."""
+def changed_file(name: str, rung: str, folder: Path) -> Path:
+    """Writes a LiDAR of the catalogue with the changes of a rung to a folder; returns its file."""
     file = ROOT / "configs/lidars" / f"{name}.yaml"
     text = yaml.safe_load(file.read_text())
-    text = copy.deepcopy(text)
     preset = text["presets"]["datasheet"]
     for part in (text, preset):
         channels = part.get("pattern", {}).get("spinning", {}).get("channels", {})
@@ -89,7 +87,7 @@ def changed(name: str, rung: str, folder: Path) -> simulation.Lidar:
                 now[key] = round(now[key] * scale, 4)
     copied = folder / f"{name}.yaml"
     copied.write_text(yaml.safe_dump(text))
-    return simulation.load_lidar(copied, "datasheet")
+    return copied
 
 
 def objects(worlds: dict[str, simulation.World], lidar: simulation.Lidar) -> pd.DataFrame:
@@ -132,7 +130,7 @@ def measured(seed: int, rungs: list[str]) -> pd.DataFrame:
         for rung in ["default", *rungs]:
             names = (*FOUR, *BY_CHANNEL) if rung == "default" else RUNGS[rung][1]
             for name in names:
-                lidar = changed(name, rung, Path(folder))
+                lidar = simulation.load_lidar(changed_file(name, rung, Path(folder)), "datasheet")
                 rows = objects(worlds, lidar)
                 if rung == "default":
                     defaults[name] = rows

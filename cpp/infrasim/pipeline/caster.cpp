@@ -128,13 +128,15 @@ void Caster::make_rays(const Part& part) {
   in_leaves_.clear();
   if (part.by_power() && !layer.knows_leaves())
     layer.select(part.first, part.last, leaves_.index(), in_leaves_);
+  layer.candidates(part.first, part.last, static_);
+  if (loses_rays(part))
+    for (auto* numbers : {&selected_, &in_leaves_, &static_}) leave_out_lost(part, *numbers);
   dynamic_ = selected_;
   dynamic_.insert(dynamic_.end(), in_leaves_.begin(), in_leaves_.end());
   std::ranges::sort(dynamic_);
   dynamic_.erase(std::ranges::unique(dynamic_).begin(), dynamic_.end());
   position_.resize(static_cast<std::size_t>(part.groups() * size));
   rays_.number.clear();
-  layer.candidates(part.first, part.last, static_);
   auto candidate = static_.begin();
   for (std::uint32_t& dynamic : dynamic_) {
     while (candidate != static_.end() && *candidate < dynamic) rays_.number.push_back(*candidate++);
@@ -298,6 +300,21 @@ StaticSlice Caster::static_hits_of_beams() const {
   return {static_range_m_, static_gain_, static_class_, beam_of_};
 }
 
+/// Whether rays of the part are lost at random, whatever they meet.
+bool Caster::loses_rays(const Part& part) const {
+  const ScannerUnit& scanner = part.scanner;
+  return scanner.returns.loses_rays() && scanner.returns.echo_mode() == EchoMode::kStrongest &&
+         !(scanner.layer && scanner.layer->has_recorded());
+}
+
+/// Removes the rays that are lost at random, which need not be cast.
+/// @param numbers of rays of the part
+void Caster::leave_out_lost(const Part& part, std::vector<std::uint32_t>& numbers) const {
+  std::erase_if(numbers, [&](std::uint32_t number) {
+    return part.scanner.returns.loses(part.frame.at(part.first_ray + number));
+  });
+}
+
 /// Selects the rays that must be cast, with neighbouring rays together. Rays above all objects in
 /// the scene are not selected.
 void Caster::select(const Part& part) {
@@ -313,6 +330,7 @@ void Caster::select(const Part& part) {
   for (const std::uint32_t i : tile_order(scanner, part.groups()))
     if (below(raycaster_.horizon(), i) || (leaves && below(leaves_.horizon(), i)))
       selected_.push_back(i);
+  if (loses_rays(part)) leave_out_lost(part, selected_);
 }
 
 /// Selects the tiles of rays that may meet a body.
@@ -328,6 +346,7 @@ void Caster::select_for_bodies(const Part& part) {
     if (raycaster_.bodies().any_in(view))
       selected_.insert(selected_.end(), tile.begin(), tile.end());
   }
+  if (loses_rays(part)) leave_out_lost(part, selected_);
 }
 
 /// Sets the hits of the rays to those of the static layer. The gain becomes the cosine of

@@ -105,6 +105,8 @@ class Caster {
   void detect(const Part& part, FrameBuilder& out);
   void make_returned_rays(const Part& part);
 
+  bool loses_rays(const Part& part) const;
+  void leave_out_lost(const Part& part, std::vector<std::uint32_t>& numbers) const;
   void select(const Part& part);
   void select_for_bodies(const Part& part);
   void take_static_hits(const Part& part);

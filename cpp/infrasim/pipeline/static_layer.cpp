@@ -108,6 +108,8 @@ StaticLayer::StaticLayer(const ScanPattern& pattern, StaticHits hits, const Retu
       order_(pattern.tile_order(static_cast<int>(block_groups_))),
       candidates_(words_of(hits_.rays())),
       knows_leaves_(returns.needs_reflectance()) {
+  has_recorded_ = std::ranges::find(hits_.class_id, static_cast<std::uint16_t>(Class::kRecorded)) !=
+                  hits_.class_id.end();
   const std::size_t most_ways = leaf_bytes(hits_.rays()) / sizeof(Volumes::RayWay);
   RayBatch rays;
   rays.max_range = hits_.max_range_m;

@@ -98,6 +98,9 @@ class StaticLayer {
   void select(std::int64_t first_group, std::int64_t last_group, const BodyIndex& bodies,
               std::vector<std::uint32_t>& selected) const;
 
+  /// Whether a ray may meet a recorded surface.
+  bool has_recorded() const { return has_recorded_; }
+
   std::size_t bytes() const;
 
  private:
@@ -115,6 +118,7 @@ class StaticLayer {
   std::vector<std::uint64_t> candidates_;  ///< one bit per ray
   std::vector<Volumes::RayWay> leaf_ways_;
   bool knows_leaves_ = true;
+  bool has_recorded_ = false;
 };
 
 }  // namespace infrasim

@@ -68,6 +68,11 @@ class ReturnModel {
   /// Whether channels have ranges of their own.
   bool has_channels() const { return !by_ring_.empty(); }
 
+  /// Whether rays are lost at random.
+  bool loses_rays() const { return config_.drop_off.has_value(); }
+  /// Whether a ray is lost at random, unless it meets a recorded surface.
+  bool loses(const Rng& ray_rng) const { return lost_at_random(ray_rng, 0); }
+
   bool needs_reflectance() const { return config_.detection.has_value(); }
 
   EchoMode echo_mode() const { return echoes_.mode; }

@@ -1,0 +1,85 @@
+"""Measures what a model of a LiDAR changes in the AP of two detectors.
+
+The model is one of `python -m reproduction rungs`. The scene is the highway, preset `datasheet`.
+Background is trained again for each seed, and the pretrained detector is used as it is. Both see
+the same traffic with and without the model. The command writes out/rungs_ap.csv, a row for each
+rung, LiDAR, detector and seed:
+
+    python -m reproduction rungs_ap --work out/rungs_ap
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import tempfile
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.dataset.catalogue import scene_file
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.runs import infrasim
+from pyinfra.experiments.benchmark.frames import split_by_time
+from pyinfra.experiments.benchmark.matrix import Parts
+from pyinfra.formats import kitti
+from pyinfra.metrics.evaluate import evaluate
+from pyinfra.metrics.settings import Settings
+from pyinfra.models.inference import detect
+from reproduction import add_out, add_seeds, add_work, provenance
+from reproduction.commands.rungs import FOUR, RUNGS, changed_file
+from reproduction.train_detector import train_detector
+
+FRAMES = "0:5000:20"
+DETECTORS = ("background", "pretrained")
+
+
+def simulated(rung: str, seed: int, folder: Path) -> None:
+    """Writes the frames of all LiDARs of a rung."""
+    with tempfile.TemporaryDirectory() as configs:
+        files = [changed_file(name, rung, Path(configs)) for name in FOUR]
+        words = ["--frames", FRAMES, "--preset", "datasheet", "--seed", str(seed)]
+        infrasim("run", scene_file("highway"), "--lidar", *files, *words, "--out", folder)
+    split_by_time(folder, Parts())
+
+
+def average_precision(folder: Path, detector: str, seed: int) -> float:
+    """Returns the AP (R1000) of captured vehicles in the test frames of one LiDAR."""
+    run = folder.parent / f"{folder.name}_{detector}"
+    if detector == "background":
+        train_detector(detector, folder, run, seed)
+        model = detect.load_detector(run)
+    else:
+        ground, region = detect.ground_and_region_of(folder)
+        model = detect.load_detector(Path("generalist"), ground=ground, region=region)
+    files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
+    detect.detect(model, files, run / "predictions")
+    (row,) = evaluate(
+        folder, run / "predictions", Settings(ground_truths=("captured",))
+    ).ap.itertuples()
+    return float(row.ap_r1000)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    add_work(parser, gigabytes=1)
+    add_out(parser, "rungs_ap.csv")
+    add_seeds(parser)
+    parser.add_argument(
+        "--rungs", nargs="+", choices=list(RUNGS), default=["one ray"], help="default: one ray"
+    )
+    args = parser.parse_args()
+    rows: list[dict[str, object]] = []
+    for seed in args.seeds:
+        for rung in ["default", *args.rungs]:
+            folder = args.work / f"{rung.replace(' ', '_')}_{seed}"
+            simulated(rung, seed, folder)
+            for lidar in FOUR:
+                for detector in DETECTORS:
+                    ap = average_precision(folder / lidar, detector, seed)
+                    keys = {"rung": rung, "lidar": lidar, "detector": detector, "seed": seed}
+                    rows.append({**keys, "ap_r1000": ap})
+                    print(*keys.values(), f"{ap:.1f}", flush=True)
+            shutil.rmtree(folder)
+            table = pd.DataFrame(rows).assign(preset="datasheet", **provenance("rungs_ap"))
+            table.to_csv(args.out, index=False, float_format="%.4f")

@@ -1,0 +1,133 @@
+"""Makes tables about the models of a LiDAR, from results/rungs.csv and results/rungs_ap.csv."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import pandas as pd
+
+from pyinfra.metrics.comparison import Interval
+from reproduction.report.ladder import interval
+from reproduction.tables.common import (
+    DETECTORS,
+    LIDARS,
+    markdown,
+    mean_of_ap,
+    results,
+    signed,
+)
+
+LEAST_POINTS = 1.0  # bands with fewer points per vehicle are not compared between LiDARs
+NAMES = {**LIDARS, "hesai_xt32": "XT32", "hesai_ot128": "OT128"}
+BANDS = {0: "0 to 30 m", 30: "30 to 60 m", 60: "60 to 90 m", 90: "90 to 120 m"}
+# What the present default is, in the words of the table.
+DEFAULTS = {
+    "one ray": "beam with its divergence",
+    "assumed beams of 0.05 degrees": "0.1 degrees",
+    "assumed beams of 0.2 degrees": "0.1 degrees",
+    "beams by FWHM": "full width",
+    "19 sub-rays": "up to 7 sub-rays",
+    "sub-rays everywhere": "near moving objects",
+    "separation of 0.25 m": "0.5 m, or the vendor's",
+    "separation of 1 m": "0.5 m, or the vendor's",
+    "first echo": "strongest echo",
+    "last echo": "strongest echo",
+    "two echoes": "strongest echo",
+    "exponent 0.5": "0.25, or fitted",
+    "one range for all channels": "ranges by channel",
+}
+
+
+@dataclass(frozen=True)
+class Relative:
+    """The largest change of the points of one LiDAR relative to another, in percent."""
+
+    lidar: str
+    other: str
+    from_m: int
+    change: Interval
+
+
+def changes() -> pd.DataFrame:
+    """Returns the change of the points per vehicle in percent, by rung, LiDAR, band and seed."""
+    table = results("rungs")
+    table = table[table.points_default > 0]
+    return table.assign(change=100 * (table.points_rung / table.points_default - 1))
+
+
+def largest_relative(rung: pd.DataFrame, points: pd.DataFrame) -> Relative:
+    """Returns the largest relative change between two LiDARs in a band.
+
+    A LiDAR that the rung does not change has a change of 0. `points` has the mean points per
+    vehicle without the rung, by LiDAR and band.
+    """
+    best: Relative | None = None
+    for from_m, band in rung.groupby("from_m"):
+        by_lidar = band.pivot_table("change", "seed", "lidar")
+        for name in LIDARS:
+            if name not in by_lidar:
+                by_lidar[name] = 0.0
+        enough = [n for n in by_lidar if points.loc[n, from_m] >= LEAST_POINTS]
+        for a, b in itertools.permutations(enough, 2):
+            ratio = 100 * ((1 + by_lidar[a] / 100) / (1 + by_lidar[b] / 100) - 1)
+            relative = Relative(a, b, int(from_m), interval(ratio))
+            if best is None or abs(relative.change.value) > abs(best.change.value):
+                best = relative
+    assert best is not None
+    return best
+
+
+def rungs() -> str:
+    """Returns a table of what each model changes in the points per vehicle.
+
+    A cell has the lowest and the highest change of the rung's LiDARs in percent, as means over
+    seeds.
+    """
+    table = changes()
+    points = table.groupby(["lidar", "from_m"]).points_default.mean().unstack()
+    rows = []
+    for name, rung in table.groupby("rung", sort=False):
+        means = rung.groupby(["from_m", "lidar"]).change.mean()
+        cells = []
+        for from_m in BANDS:
+            kept = [n for n in rung.lidar.unique() if points.loc[n, from_m] >= LEAST_POINTS]
+            of_band = means[from_m][kept]
+            cells.append(f"{of_band.min():+.1f} to {of_band.max():+.1f}")
+        top = largest_relative(rung, points)
+        pair = f"{NAMES[top.lidar]} to {NAMES[top.other]}, {BANDS[top.from_m]}"
+        rows.append([str(name), *cells, f"{signed(top.change)}: {pair}", DEFAULTS[str(name)]])
+    heads = ["model", *(f"{band}, %" for band in BANDS.values()), "largest relative change, %"]
+    return markdown([*heads, "default"], rows)
+
+
+def rungs_by_lidar(rung: str = "one ray") -> str:
+    """Returns a table of what one model changes, by LiDAR and distance, in percent."""
+    table = changes()
+    of_rung = table[table.rung == rung]
+    rows = []
+    for name in of_rung.lidar.unique():
+        one = of_rung[of_rung.lidar == name]
+        cells = [signed(interval(one[one.from_m == from_m].change)) for from_m in BANDS]
+        rows.append([NAMES[name], *cells])
+    return markdown(["LiDAR", *(f"{band}, %" for band in BANDS.values())], rows)
+
+
+def rungs_ap() -> str:
+    """Returns a table of the AP (R1000) with beams, and its change without them, by detector."""
+    table = results("rungs_ap")
+    rows = []
+    for lidar in LIDARS:
+        cells = []
+        for detector in table.detector.unique():
+            one = table[(table.lidar == lidar) & (table.detector == detector)]
+            ap = one.pivot_table("ap_r1000", "seed", "rung")
+            change = interval(ap["one ray"] - ap["default"])
+            text = signed(change)
+            cells += [mean_of_ap(ap["default"]), f"**{text}**" if change.is_significant else text]
+        rows.append([LIDARS[lidar], *cells])
+    heads = ["LiDAR"]
+    for detector in table.detector.unique():
+        name = DETECTORS.get(detector, detector)
+        heads += [f"{name}: AP", f"{name}: change with one ray"]
+    return markdown(heads, rows)
