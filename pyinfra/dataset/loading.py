@@ -111,7 +111,9 @@ def load_lidar(
     from pyinfra.dataset import simulation
 
     file = file_or_name(lidar, shipped("lidars"), "lidar")
-    return simulation.load_lidar(file, preset, rate_hz=rate_hz, law_exponent=law_exponent, echo=echo)
+    return simulation.load_lidar(
+        file, preset, rate_hz=rate_hz, law_exponent=law_exponent, echo=echo
+    )
 
 
 @overload

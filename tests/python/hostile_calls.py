@@ -285,6 +285,12 @@ def law_exponent(lidar: Any, exponent: float) -> None:
     assert changed is None or changed.name == lidar.name
 
 
+@given(st.sampled_from(LIDARS), st.text() | st.sampled_from(["strongest", "last", "dual"]))
+def echo(lidar: Any, mode: str) -> None:
+    changed = logged(lidar.with_echo, mode)
+    assert changed is None or changed.name == lidar.name
+
+
 @given(st.sampled_from(LIDARS), st.floats() | st.sampled_from([5.0, 20.0]))
 def rate(lidar: Any, rate_hz: float) -> None:
     changed = logged(lidar.with_rate, rate_hz)
@@ -409,6 +415,7 @@ TESTS: tuple[Callable[[], None], ...] = (
     learn_background,
     load_background,
     law_exponent,
+    echo,
     rate,
     pattern,
     files,

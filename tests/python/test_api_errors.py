@@ -103,6 +103,10 @@ CALLS: dict[str, tuple[Call, str]] = {
         lambda g: pi.load_lidar("ruby_plus", law_exponent=0.6),
         "law_exponent: expected 0.25 to 0.5, got 0.6",
     ),
+    "load_lidar: echo": (
+        lambda g: pi.load_lidar("livox_avia", echo="last"),
+        "echo: livox_avia: expected a mode that the sensor offers .first, strongest, dual.",
+    ),
     "load_lidar: type": (lambda g: pi.load_lidar(None), "lidar: "),
     "simulate: scene": (lambda g: pi.simulate("hiway", "helios_16", [0]), "scene: "),
     "simulate: lidar": (lambda g: pi.simulate(g.scene, "helios", [0]), "lidar: "),

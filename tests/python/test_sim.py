@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from conftest import BINARY
 
+from pyinfra.core.arrays import FloatArray, Records
 from pyinfra.dataset import simulation
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -119,6 +120,25 @@ def test_a_higher_law_exponent_gives_more_points_to_a_lidar_with_one_published_r
     assert points[0] == points[1] < points[2] < points[3]
     assert "law_exponent: 0.5" in dumped("helios_16", 0.5)
     assert dumped("livox_mid_70", 0.25) == dumped("livox_mid_70", None)
+
+
+def test_two_echoes_add_points_that_follow_the_first_of_their_ray(world: simulation.World) -> None:
+    def records(echo: str) -> tuple[FloatArray, Records]:
+        lidar = simulation.load_lidar(CATALOGUE / "ruby_plus.yaml", echo=echo)
+        ((_, (frame,)),) = simulation.simulate(world, [lidar], range(1))
+        return np.asarray(frame.xyz), simulation.fields(frame)
+
+    (one_xyz, one), (both_xyz, both) = records("strongest"), records("dual")
+    second = np.flatnonzero(both["echo"] == 1)
+    assert len(second) > 20
+    assert not one["echo"].any()
+    for name in ("time_s", "ring"):
+        assert (both[name][second] == both[name][second - 1]).all()
+    apart = np.linalg.norm(both_xyz[second] - both_xyz[second - 1], axis=1)
+    assert apart.min() > 0.8  # the least separation is 1 m before the range noise
+    first = both_xyz[both["echo"] == 0]
+    same = len(set(map(bytes, first)) & set(map(bytes, one_xyz)))
+    assert same == len(one_xyz)  # the strongest echoes are the same
 
 
 def test_labels_hold_when_the_scene_or_the_preset_says(world: simulation.World) -> None:

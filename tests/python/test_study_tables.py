@@ -9,7 +9,7 @@ import pytest
 from reproduction.claims import scanning
 from reproduction.commands.verdicts import CHEAPER, CLAIMS, Claim
 from reproduction.commands.verdicts import verdict as verdict_of
-from reproduction.tables import integration, label_times, simulator, sites, stress, verdicts
+from reproduction.tables import integration, label_times, rungs, simulator, sites, stress, verdicts
 from reproduction.tables.common import markdown, results, with_interval
 
 
@@ -53,6 +53,41 @@ def test_a_significant_change_is_printed_with_an_interval_without_0(
     monkeypatch.setattr(stress, "results", lambda _: rows)
     table = dict(row[:2] for row in cells(stress.stress()))
     assert table["vehicle_class: Bus, change of AP"] == "-0.8 [-1.4, -0.1]"
+
+
+def rung_rows() -> pd.DataFrame:
+    """Returns rows of three seeds: without beams, the Avia loses a fifth of its points at 30 m, and
+    128 lines lose a tenth. At 60 m, the Avia has too few points."""
+    kept = {("livox_avia", 30): (50, 40), ("ruby_plus", 30): (200, 180)}
+    kept |= {("livox_avia", 60): (0.5, 0.1), ("ruby_plus", 60): (20, 20)}
+    rows = [
+        {"rung": "one ray", "lidar": lidar, "from_m": m, "points_default": a, "points_rung": b}
+        for (lidar, m), (a, b) in kept.items()
+    ]
+    return pd.DataFrame([{**row, "seed": seed} for seed in (1, 2, 3) for row in rows])
+
+
+def test_a_rung_has_the_largest_change_relative_to_another_lidar(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(rungs, "results", lambda _: rung_rows())
+    monkeypatch.setattr(rungs, "BANDS", {30: "30 to 60 m", 60: "60 to 90 m"})
+    monkeypatch.setattr(rungs, "LIDARS", {"ruby_plus": "128 lines", "livox_avia": "Avia"})
+    ((_, *row),) = cells(rungs.rungs())[1:]
+    assert row[:2] == ["-20.0 to -10.0", "+0.0 to +0.0"]
+    assert row[2] == "+12.5 [+12.5, +12.5]: 128 lines to Avia, 30 to 60 m"
+    assert cells(rungs.rungs_by_lidar())[1][:2] == ["Avia", "-20.0 [-20.0, -20.0]"]
+
+
+def test_a_change_of_ap_by_beams_is_paired_by_seed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rungs, "LIDARS", {"ruby_plus": "128 lines"})
+    table = pd.DataFrame(
+        {"rung": rung, "lidar": "ruby_plus", "detector": "background", "seed": seed, "ap_r1000": ap}
+        for rung, aps in {"default": (90.0, 80.0, 70.0), "one ray": (88.0, 78.0, 68.0)}.items()
+        for seed, ap in enumerate(aps)
+    )
+    monkeypatch.setattr(rungs, "results", lambda _: table)
+    assert cells(rungs.rungs_ap())[1][2] == "**-2.0 [-2.0, -2.0]**"
 
 
 def ladder_rows() -> pd.DataFrame:

@@ -411,24 +411,20 @@ std::size_t Caster::pass_panes(const Part& part) {
   const StaticSlice background =
       scanner.layer ? scanner.layer->slice(part.first, part.last, rays_.number) : StaticSlice{};
   const VehicleParts& parts = part.by_power() ? parts_ : kNoParts;
-  std::size_t cast = transparent_.resolve(rays_, part.vehicles, parts, scanner.returns.path(), hits_,
+  const std::size_t cast = transparent_.resolve(rays_, part.vehicles, parts, scanner.returns.path(), hits_,
                                           echoes_, background);
   if (!scanner.beam) return cast;
   beam_of_.clear();
   for (const SubRay& sub : sub_) beam_of_.push_back(sub.beam);
-  const bool several = scanner.returns.echo_mode() != EchoMode::kStrongest;
-  cast += transparent_.resolve(
-      sub_rays_, part.vehicles, parts, scanner.returns.path(), sub_hits_, sub_echoes_,
-      scanner.beam->everywhere() ? StaticSlice{} : static_hits_of_beams(),
-      several ? &weaker_ : nullptr);
-  return cast;
+  return cast + transparent_.resolve(
+                    sub_rays_, part.vehicles, parts, scanner.returns.path(), sub_hits_, sub_echoes_,
+                    scanner.beam->everywhere() ? StaticSlice{} : static_hits_of_beams(), &weaker_);
 }
 
 /// Merges the echoes of each beam's sub-rays.
 void Caster::merge_beams(const Part& part) {
   const ScannerUnit& scanner = part.scanner;
   const bool several = scanner.returns.echo_mode() != EchoMode::kStrongest;
-  weaker_.resize(several ? weaker_.size() : 0);
   others_.clear();
   sunlit_ = echoes_.reflectance;
   EchoMerger(scanner.returns.separation_m(), scanner.returns.path())
