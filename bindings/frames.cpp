@@ -85,6 +85,8 @@ void bind_frames(py::module_& m) {
       .def_property_readonly("class_id", column(&PointCloud::class_id), "(n,) uint16.")
       .def_property_readonly("object_id", column(&PointCloud::object_id),
                              "(n,) int32, -1 for background.")
+      .def_property_readonly("echo", column(&PointCloud::echo),
+                             "(n,) uint8, 1 for the second point of a ray, else 0.")
       .def_property_readonly(
           "objects", &object_rows,
           "(k,) structured: every object in range, with its box at mid-frame and its "

@@ -131,6 +131,15 @@ void bind_simulation(py::module_& m) {
           "to "
           "0.5. Units with several published ranges keep the exponent that these determine.")
       .def(
+          "with_echo",
+          [](LidarConfig lidar, const std::string& mode) {
+            set_echo_mode(lidar, echo_mode(mode));
+            return lidar;
+          },
+          py::arg("mode"),
+          "Returns a copy whose rays give the strongest, first or last echo as a point, or two "
+          "(dual).")
+      .def(
           "period_warnings",
           [](const LidarConfig& lidar, int first_frame, int last_frame, int step) {
             check_frames(first_frame, last_frame, step);

@@ -73,6 +73,7 @@ def load_lidar(
     preset: str = "datasheet",
     rate_hz: float | None = None,
     law_exponent: float | None = None,
+    echo: str | None = None,
 ) -> simulation.Lidar:
     """Loads a LiDAR under one preset.
 
@@ -85,6 +86,8 @@ def load_lidar(
     law_exponent : power of the reflectance with which the range grows in full sun, 0.25 to 0.5, for
         a LiDAR with one published range; by default, that of the file. It has no effect on a LiDAR
         whose published ranges determine the exponent.
+    echo : echoes of a ray that become points: `strongest`, `first`, `last`, or `dual` for the
+        strongest and the last. By default that of the file, which also lists what the LiDAR offers.
 
     Returns
     -------
@@ -101,11 +104,14 @@ def load_lidar(
     'ruby_plus'
     >>> pi.load_lidar("ruby_plus", rate_hz=20).period_s
     0.05
+    >>> frames = pi.simulate("crossroad", pi.load_lidar("ruby_plus", echo="dual"), range(1))
+    >>> bool((frames[0].fields["echo"] == 1).any())  # second points of rays
+    True
     """
     from pyinfra.dataset import simulation
 
     file = file_or_name(lidar, shipped("lidars"), "lidar")
-    return simulation.load_lidar(file, preset, rate_hz=rate_hz, law_exponent=law_exponent)
+    return simulation.load_lidar(file, preset, rate_hz=rate_hz, law_exponent=law_exponent, echo=echo)
 
 
 @overload

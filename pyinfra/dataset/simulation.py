@@ -147,16 +147,20 @@ def load_lidar(
     *,
     rate_hz: float | None = None,
     law_exponent: float | None = None,
+    echo: str | None = None,
 ) -> Lidar:
     """Loads a LiDAR file under one preset. Raises ConfigError and IoError.
 
     rate_hz: frames per second; by default that of the file
     law_exponent: exponent of the detection law of a LiDAR with one published range
+    echo: echoes of a ray that become points: strongest, first, last or dual
     """
     lidar = Lidar(str(file), preset)
     if rate_hz is not None:
         lidar = lidar.with_rate(rate_hz)
-    return lidar if law_exponent is None else lidar.with_law_exponent(law_exponent)
+    if law_exponent is not None:
+        lidar = lidar.with_law_exponent(law_exponent)
+    return lidar if echo is None else lidar.with_echo(echo)
 
 
 def label_time(scene: World, lidar: Lidar) -> LabelTime:
@@ -216,7 +220,7 @@ def points(frame: Frame) -> Float32Array:
 def fields(frame: Frame) -> Records:
     """Returns the records (n,) of a frame's points, as in the files of the folder `fields`."""
     records = np.empty(len(frame), dtype=kitti.FIELDS)
-    columns = (frame.time, frame.ring, frame.class_id, frame.object_id)
+    columns = (frame.time, frame.ring, frame.class_id, frame.echo, frame.object_id)
     for name, column in zip(kitti.FIELDS.names or (), columns, strict=True):
         records[name] = column
     return records

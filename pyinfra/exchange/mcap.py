@@ -41,9 +41,15 @@ COLOUR = {"r": 1.0, "g": 0.6, "b": 0.1, "a": 0.4}
 _CUBE, _DELETE_ALL = 1, 3  # Marker.type, Marker.action
 
 # Type numbers of sensor_msgs/PointField.
-_DATATYPES = {"<f4": 7, "<u2": 4, "<i4": 5}
+_DATATYPES = {"<f4": 7, "|u1": 2, "<u2": 4, "<i4": 5}
 # Maps kitti.FIELDS to the names that other tools use.
-_FIELDS = {"time_s": "time", "ring": "ring", "class": "class_id", "object_id": "object_id"}
+_FIELDS = {
+    "time_s": "time",
+    "ring": "ring",
+    "class": "class_id",
+    "echo": "echo",
+    "object_id": "object_id",
+}
 
 _HEADER = """
 ================================================================================

@@ -31,7 +31,13 @@ from pyinfra.formats.pcd_file import Header, Viewpoint, read_header, read_pcd, w
 
 POINT_FIELDS: list[tuple[str, Any]] = [(name, "<f4") for name in ("x", "y", "z", "intensity")]
 # Maps additional fields of the .pcd files to their names in kitti.FIELDS.
-MORE = {"time": "time_s", "ring": "ring", "object_id": "object_id", "class": "class"}
+MORE = {
+    "time": "time_s",
+    "ring": "ring",
+    "object_id": "object_id",
+    "class": "class",
+    "echo": "echo",
+}
 # Lower-case field names that mean intensity. CloudCompare prefixes its fields with `scalar_`.
 INTENSITIES = (
     *("intensity", "reflectivity", "i", "intensities", "reflectance", "remission"),

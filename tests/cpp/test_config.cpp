@@ -700,6 +700,19 @@ TEST(lidar_file, a_law_exponent_stands_only_without_further_ranges) {
                        "returns.detection.law_exponent", "expected 0.25 to 0.5");
 }
 
+TEST(lidar_file, a_beam_has_a_middle_and_echoes_need_received_power) {
+  const std::string returns = "max_range_m: 100, range_accuracy_m: 0.02}";
+  const std::string beam = "max_range_m: 100, beam: {vertical_deg: 0.1, horizontal_deg: 0.1, ";
+  expect_lidar_error(returns, beam + "sub_rays: 4}} #!", "returns.beam.sub_rays",
+                     "expected an odd number, got 4");
+  expect_lidar_error(returns, beam + "where: here}} #!", "returns.beam.where", "everywhere");
+  expect_lidar_error(returns, "max_range_m: 100, echoes: {mode: dual}} #!", "returns.echoes",
+                     "because returns.detection is missing");
+  const std::string detection = "max_range_m: 100, detection: {range_at_10_percent_m: 50}, ";
+  expect_lidar_error(returns, detection + "echoes: {mode: dual, offered: [last, first]}} #!",
+                     "returns.echoes.mode", "offers (last, first), got dual");
+}
+
 TEST(lidar_file, an_exponent_is_set_on_units_with_one_published_range) {
   const auto read = [](const char* name) {
     return read_lidar(configs() / "lidars" / (std::string(name) + ".yaml"), "datasheet");

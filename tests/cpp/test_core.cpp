@@ -230,6 +230,7 @@ TEST(point_cloud, select_keeps_every_column_in_the_order_asked_for) {
   cloud.ring = {0, 1, 2};
   cloud.class_id = {10, 11, 12};
   cloud.object_id = {-1, 7, 8};
+  cloud.echo = {0, 1, 0};
 
   const PointCloud kept = cloud.select(std::array{2, 0});
   EXPECT_EQ(kept.size(), 2U);
@@ -239,6 +240,7 @@ TEST(point_cloud, select_keeps_every_column_in_the_order_asked_for) {
   EXPECT_EQ(kept.ring, (std::vector<std::uint16_t>{2, 0}));
   EXPECT_EQ(kept.class_id, (std::vector<std::uint16_t>{12, 10}));
   EXPECT_EQ(kept.object_id, (std::vector<std::int32_t>{8, -1}));
+  EXPECT_EQ(kept.echo, (std::vector<std::uint8_t>{0, 0}));
   EXPECT_EQ(cloud.select({}).size(), 0U);
 }
 

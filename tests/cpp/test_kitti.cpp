@@ -66,6 +66,7 @@ Frame small_frame() {
   c.ring = {3, 65535};
   c.class_id = {0, 10};
   c.object_id = {-1, 7};
+  c.echo = {0, 1};
   ObjectRecord hidden = record(9, {50, -3, -5, 6, 2, 2, 0}, 0);
   hidden.object_class = Class::kTruck;
   hidden.visibility = -1;
@@ -197,7 +198,7 @@ TEST(velodyne_file, is_float32_x_y_z_intensity_per_point) {
   EXPECT_TRUE(velodyne_bytes({}).empty());
 }
 
-TEST(fields_file, is_12_bytes_of_time_ring_class_and_object_per_point) {
+TEST(fields_file, is_12_bytes_of_time_ring_class_echo_and_object_per_point) {
   const auto bytes = fields_bytes(small_frame().cloud);
   ASSERT_EQ(bytes.size(), 24U);
   const auto value = [&]<class T>(std::size_t at, T kind) {
@@ -206,7 +207,8 @@ TEST(fields_file, is_12_bytes_of_time_ring_class_and_object_per_point) {
   };
   EXPECT_EQ(value(12, float{}), 0.09F);
   EXPECT_EQ(value(16, std::uint16_t{}), 65535);
-  EXPECT_EQ(value(18, std::uint16_t{}), 10);
+  EXPECT_EQ(value(18, std::uint8_t{}), 10);
+  EXPECT_EQ(value(19, std::uint8_t{}), 1);
   EXPECT_EQ(value(20, std::int32_t{}), 7);
   EXPECT_EQ(value(8, std::int32_t{}), -1);
 }

@@ -46,7 +46,7 @@ ReturnBatch returns(const ReturnsConfig& config, double range, float reflectance
 
 double kept(const ReturnsConfig& config, double range, float reflectance = 0.1F,
             const WeatherConfig& weather = {}) {
-  return static_cast<double>(returns(config, range, reflectance, weather).ray.size()) / kDraws;
+  return static_cast<double>(returns(config, range, reflectance, weather).echo.size()) / kDraws;
 }
 
 /// Five standard deviations of a share of all samples.
@@ -70,9 +70,9 @@ TEST(returns, of_every_hit_within_the_limits_are_kept_as_they_are) {
   config.min_range_m = 2;
   for (const double range : {2.0, 50.0, 100.0}) {
     const ReturnBatch out = returns(config, range, 0.1F, {}, 100);
-    ASSERT_EQ(out.ray.size(), 100U);
+    ASSERT_EQ(out.echo.size(), 100U);
     EXPECT_EQ(out.range[7], static_cast<float>(range));
-    EXPECT_EQ(out.ray[7], 7U);
+    EXPECT_EQ(out.echo[7], 7U);
   }
   EXPECT_EQ(kept(config, 1.999), 0);
   EXPECT_EQ(kept(config, 100.001), 0);
@@ -193,7 +193,7 @@ TEST(detection, hears_the_sun_on_all_that_the_detector_looks_at) {
   const std::vector<float> bright(kDraws, 1.6F);
   ReturnBatch out;
   model.apply(Rng::of(1, "lidar").at(0), 0, echoes_at(50, kDraws, 0.1F), bright, {}, out);
-  EXPECT_NEAR(static_cast<double>(out.ray.size()) / kDraws, 0.5, bound(0.5));
+  EXPECT_NEAR(static_cast<double>(out.echo.size()) / kDraws, 0.5, bound(0.5));
 }
 
 TEST(detection, falls_with_the_cosine_of_incidence) {
@@ -201,7 +201,7 @@ TEST(detection, falls_with_the_cosine_of_incidence) {
   const EchoBatch echoes = echoes_at(100, kDraws, 0.2F, 0.5F);
   ReturnBatch out;
   model.apply(Rng::of(1, "lidar").at(0), 0, echoes, echoes.reflectance, {}, out);
-  EXPECT_NEAR(static_cast<double>(out.ray.size()) / kDraws, 0.5, bound(0.5));
+  EXPECT_NEAR(static_cast<double>(out.echo.size()) / kDraws, 0.5, bound(0.5));
   EXPECT_NEAR(out.intensity.at(0), 0.1, 1e-6);
 }
 
@@ -302,18 +302,18 @@ TEST(draws, of_a_ray_do_not_depend_on_its_batch) {
   const ReturnBatch whole = some(rng, 0, 1000);
   ReturnBatch parts = some(rng, 0, 321);
   const ReturnBatch rest = some(rng, 321, 679);
-  for (std::size_t i = 0; i < rest.ray.size(); ++i) {
-    parts.ray.push_back(rest.ray[i] + 321);
+  for (std::size_t i = 0; i < rest.echo.size(); ++i) {
+    parts.echo.push_back(rest.echo[i] + 321);
     parts.range.push_back(rest.range[i]);
   }
-  EXPECT_GT(whole.ray.size(), 100U);
-  EXPECT_EQ(parts.ray, whole.ray);
+  EXPECT_GT(whole.echo.size(), 100U);
+  EXPECT_EQ(parts.echo, whole.echo);
   EXPECT_EQ(parts.range, whole.range);
 }
 
 TEST(draws, depend_on_seed_lidar_and_frame) {
   const auto rays = [](std::uint64_t seed, const char* name, int frame) {
-    return some(Rng::of(seed, name).at(frame), 0, 1000).ray;
+    return some(Rng::of(seed, name).at(frame), 0, 1000).echo;
   };
   EXPECT_EQ(rays(1, "lidar", 3), rays(1, "lidar", 3));
   EXPECT_NE(rays(2, "lidar", 3), rays(1, "lidar", 3));
@@ -340,7 +340,7 @@ TEST(draws, of_targets_that_can_not_be_seen_or_missed_change_nothing) {
     const double quantile = normal_quantile(rng.at(i).open_uniform(2));  // the sample kDetection
     if (quantile < 20 * (ratio - 1)) wanted.push_back(static_cast<std::uint32_t>(i));
   }
-  EXPECT_EQ(out.ray, wanted);
+  EXPECT_EQ(out.echo, wanted);
 }
 
 // --- warnings of weather ------------------------------------------------------------------------

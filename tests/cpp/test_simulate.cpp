@@ -21,6 +21,7 @@
 #include "infrasim/pipeline/vehicles.h"
 #include "infrasim/scene/vehicle_body.h"
 #include "infrasim/sensor/beam.h"
+#include "infrasim/sensor/echo_merge.h"
 #include "small_scenes.h"
 
 namespace infrasim {
@@ -421,7 +422,8 @@ SceneConfig open_site() {
 LidarConfig beam_lidar(double elevation_deg, double vertical_deg) {
   LidarConfig lidar = plain_lidar("lidar", spinning(1, elevation_deg, elevation_deg, 0.5));
   lidar.units.front().returns.detection.emplace().range_at_10_percent_m = 1000;
-  lidar.units.front().returns.beam = BeamConfig{.vertical_deg = vertical_deg, .sub_rays = 9};
+  lidar.units.front().returns.beam = BeamConfig{
+      .vertical_deg = vertical_deg, .sub_rays = 9, .where = BeamWhere::kEverywhere};
   return lidar;
 }
 
@@ -451,17 +453,18 @@ TEST(beam, just_above_the_horizon_sees_what_stands_just_below_it) {
   EXPECT_GT(f.cloud.size(), 20U);
 }
 
-/// The range that a beam of two sub-rays reports, from the hits of both.
+/// The range that a beam of two equal sub-rays reports, from the hits of both.
 float reported(const std::array<float, 2>& ranges, const std::array<float, 2>& reflectance,
                const EchoPath& path) {
   EchoBatch sub_echoes, echoes;
   sub_echoes.resize(2);
   echoes.resize(1);
   for (std::size_t i = 0; i < 2; ++i) sub_echoes.set(i, {ranges[i], -1, 0, reflectance[i], 1});
-  std::vector<float> sunlit;
-  const std::vector<std::uint32_t> selected{0};
-  Beam({.vertical_deg = 0.1, .sub_rays = 2}, rotation(0, 0, 0))
-      .combine(sub_echoes, selected, path, echoes, sunlit);
+  std::vector<float> sunlit(1);
+  constexpr std::array<SubRay, 2> kSubRays{{{0, 0.5F}, {0, 0.5F}}};
+  EchoMerger(0.5, path)
+      .merge(kSubRays, sub_echoes, {}, std::array{0U}, std::array<std::uint16_t, 1>{}, echoes, sunlit,
+             nullptr);
   return echoes.range[0];
 }
 
@@ -593,7 +596,7 @@ Vec3 direction(const RayBatch& rays, std::size_t i) { return {rays.dx[i], rays.d
 TEST(beam, turns_with_its_unit) {
   const Mat3 level = rotation(0, 0, 0), turned = rotation(rad(50), rad(30), rad(-10));
   for (const BeamConfig& config : {BeamConfig{.vertical_deg = 0.1, .horizontal_deg = 5},
-                                   BeamConfig{.vertical_deg = 5, .horizontal_deg = 0.1}}) {
+                                   BeamConfig{.vertical_deg = 5, .horizontal_deg = 0.1, .sub_rays = 7}}) {
     RayBatch rays, turned_rays, sub_rays, turned_sub_rays;
     for (RayBatch* batch : {&rays, &turned_rays}) batch->resize(72);
     for (std::size_t i = 0; i < rays.size(); ++i) {
@@ -601,8 +604,8 @@ TEST(beam, turns_with_its_unit) {
       set_direction(rays, i, d);
       set_direction(turned_rays, i, turned * d);
     }
-    Beam(config, level).expand(rays, every(rays), sub_rays);
-    Beam(config, turned).expand(turned_rays, every(turned_rays), turned_sub_rays);
+    Beam(config, level).expand(rays, every(rays), 0, 7, sub_rays);
+    Beam(config, turned).expand(turned_rays, every(turned_rays), 0, 7, turned_sub_rays);
     for (std::size_t i = 0; i < sub_rays.size(); ++i)
       EXPECT_LT(norm(turned * direction(sub_rays, i) - direction(turned_sub_rays, i)), 1e-6);
   }

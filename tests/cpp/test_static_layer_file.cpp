@@ -164,8 +164,8 @@ TEST(static_layer_file, is_refused_for_lidars_without_a_layer) {
             }).find("livox_avia, preset equal: unit 0: expected single rays that repeat"),
             std::string::npos);
   LidarConfig wide = shipped("ruby_plus");
-  wide.units[0].returns.beam.emplace();
-  EXPECT_NE(error_of([&] { cast_static_layer(world, wide); }).find("a beam wider than a ray"),
+  wide.units[0].returns.beam.emplace().where = BeamWhere::kEverywhere;
+  EXPECT_NE(error_of([&] { cast_static_layer(world, wide); }).find("sub-rays everywhere"),
             std::string::npos);
 }
 

@@ -273,10 +273,10 @@ TEST(lidar_warning, of_a_beam_with_too_few_sub_rays) {
     return lidar_warnings({&lidar, 1});
   };
   EXPECT_EQ(warnings(0.28, 5).size(), 0U);
-  EXPECT_EQ(warnings(3, 12).size(), 0U);
+  EXPECT_EQ(warnings(3, 13).size(), 0U);
   ASSERT_EQ(warnings(3, 5).size(), 1U);
   expect_within(warnings(3, 5)[0],
-                "own: returns.beam.sub_rays: expected 12 or more for a beam of 3 degrees, got 5");
+                "own: returns.beam.sub_rays: expected 13 or more for a beam of 3 degrees, got 5");
 }
 
 }  // namespace

@@ -26,7 +26,7 @@ SUMMARY = (
     "lidar,preset,frames,rays_per_frame,hits_per_frame,vehicles_per_frame,"
     "vehicle_points_per_frame,rays_cast_per_frame,seconds,mrays_per_s"
 )
-FIELDS = np.dtype([("time_s", "<f4"), ("ring", "<u2"), ("class", "<u2"), ("object_id", "<i4")])
+FIELDS = np.dtype([("time_s", "<f4"), ("ring", "<u2"), ("class", "u1"), ("echo", "u1"), ("object_id", "<i4")])
 OBJECTS = (
     "id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility,"
     "scan_x,scan_y,scan_z,scan_heading,scan_time_s,points_in_scan_box"

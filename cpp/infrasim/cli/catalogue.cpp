@@ -82,6 +82,7 @@ LidarConfig with_changes(LidarConfig lidar, const LidarChanges& changes) {
                  "infrasim: warning: --law-exponent: no effect on %s, preset %s, because its "
                  "published ranges determine the exponent or it has no returns.detection\n",
                  lidar.name.c_str(), lidar.preset.c_str());
+  if (changes.echo) set_echo_mode(lidar, echo_mode(*changes.echo));
   return lidar;
 }
 

@@ -22,10 +22,15 @@ inline constexpr const char* kLawExponentHelp =
     "power of the reflectance with which the range grows in full sun, 0.25 to 0.5, for LiDARs of "
     "which only one range is published";
 
+inline constexpr const char* kEchoHelp =
+    "echoes of a ray that become points: strongest, first, last or dual; default: that of the LiDAR "
+    "files";
+
 /// Values of a command that replace those of LiDAR files.
 struct LidarChanges {
   std::optional<double> rate_hz;
   std::optional<double> law_exponent;
+  std::optional<std::string> echo;
 };
 
 /// Returns a LiDAR with the changes of a command. Warns if its published ranges determine the

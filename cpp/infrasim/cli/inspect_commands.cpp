@@ -41,6 +41,7 @@ struct CheckOptions {
   std::string file;
   std::optional<std::string> preset;
   std::optional<double> law_exponent;
+  std::optional<std::string> echo;
   std::vector<std::string> assignments;
   bool traffic = false;
   bool canonical = false;
@@ -79,7 +80,7 @@ LidarConfig checked_lidar(const std::filesystem::path& file,
                           const std::optional<std::string>& preset, const LidarChanges& changes) {
   const auto checked = [&](const std::string& name, bool printed) {
     LidarConfig lidar = with_changes(
-        read_lidar(file, name), printed ? changes : LidarChanges{changes.rate_hz, std::nullopt});
+        read_lidar(file, name), printed ? changes : LidarChanges{changes.rate_hz, {}, {}});
     fields_of_view(lidar);
     for (const std::string& line : law_errors(file, lidar))
       if (printed) std::fprintf(stderr, "infrasim: %s\n", line.c_str());
@@ -170,7 +171,7 @@ std::vector<std::string> views_of_mounts(const SceneConfig& scene, const CheckOp
                     compass(bearing(0)) + ", y is north");
     for (const std::string& word : o.lidars) {
       const LidarConfig lidar =
-          lidar_of(word, o.preset.value_or("datasheet"), {o.rate_hz, o.law_exponent});
+          lidar_of(word, o.preset.value_or("datasheet"), {o.rate_hz, o.law_exponent, o.echo});
       const std::vector<FieldOfView> views = fields_of_view(lidar);
       for (std::size_t i = 0; i < views.size(); ++i) {
         const FieldOfView& view = views[i];
@@ -202,7 +203,7 @@ std::string canonical_of(const std::filesystem::path& file, const config::Tree& 
   if (tree.find("version") != nullptr) return data_set_identity(read_file(file), file.string());
   const std::string preset = o.preset.value_or("datasheet");
   if (lidar)
-    return canonical_lidar(with_changes(read_lidar(file, preset), {o.rate_hz, o.law_exponent}));
+    return canonical_lidar(with_changes(read_lidar(file, preset), {o.rate_hz, o.law_exponent, o.echo}));
   return canonical_scene(read_scene(file, o.assignments, preset)) +
          "frames_version: " + std::to_string(kFramesVersion) + "\n";
 }
@@ -221,11 +222,12 @@ void check_command(const CheckOptions& o) {
     if (!o.assignments.empty()) throw ConfigError("--set: expected a scene, got a LiDAR file");
     if (o.traffic) throw ConfigError("--traffic: expected a scene, got a LiDAR file");
     if (!o.lidars.empty()) throw ConfigError("--lidar: expected a scene, got a LiDAR file");
-    std::fputs(dump_lidar(checked_lidar(file, o.preset, {o.rate_hz, o.law_exponent})).c_str(),
+    std::fputs(dump_lidar(checked_lidar(file, o.preset, {o.rate_hz, o.law_exponent, o.echo})).c_str(),
                stdout);
     return;
   }
   if (o.law_exponent) throw ConfigError("--law-exponent: expected a LiDAR, got a scene file");
+  if (o.echo) throw ConfigError("--echo: expected a LiDAR, got a scene file");
   std::set<std::string> findings;
   const SceneConfig scene = checked_scene(file, o, findings);
   for (const std::string& line : findings)
@@ -247,7 +249,7 @@ struct PatternOptions {
 };
 
 void pattern_command(const PatternOptions& o) {
-  const LidarConfig lidar = lidar_of(o.file, o.preset, {o.rate_hz, std::nullopt});
+  const LidarConfig lidar = lidar_of(o.file, o.preset, {o.rate_hz, {}, {}});
   const FrameRange frames = parse_frames(o.frames, frame_count(kLongestScene_s, period_s(lidar)));
   const auto seed = o.seed ? std::optional(parse_seed(*o.seed)) : std::nullopt;
   const std::vector<double> rows =
@@ -292,6 +294,7 @@ void add_check_command(CLI::App& app) {
       "preset of the file; default: all presets are checked, and datasheet is printed");
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of a scene");
   command->add_option("--law-exponent", o->law_exponent, kLawExponentHelp);
+  command->add_option("--echo", o->echo, kEchoHelp);
   command->add_option("--lidar", o->lidars,
                       "LiDARs: files or names; print what they see of the ground from the mounts");
   command->add_option("--rate-hz", o->rate_hz, kRateHelp);

@@ -32,6 +32,7 @@ struct RunOptions {
   std::optional<double> rate_hz;
   std::string frames = "0:100";
   std::optional<double> law_exponent;
+  std::optional<std::string> echo;
   std::optional<std::string> out, summary, aggregation, detail, labels, label_time, seed;
   std::vector<std::string> assignments;
   std::vector<std::string> mounts;
@@ -85,7 +86,7 @@ RunRequest request_of(const RunOptions& o) {
   RunRequest request;
   request.scene = read_scene(config_file(o.scene, {"scenes"}), assignments(o), o.preset);
   for (const std::string& word : o.lidars)
-    request.lidars.push_back(lidar_of(word, o.preset, {o.rate_hz, o.law_exponent}));
+    request.lidars.push_back(lidar_of(word, o.preset, {o.rate_hz, o.law_exponent, o.echo}));
   request.preset = o.preset;
   request.frames =
       parse_frames(o.frames, frame_count(request.scene.duration_s, period_s(request.lidars)));
@@ -197,6 +198,7 @@ void add_run_command(CLI::App& app, CommandResult& result) {
                     "cast the static scene in every frame too; slower, with the same frames");
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of the scene");
   command->add_option("--law-exponent", o->law_exponent, kLawExponentHelp);
+  command->add_option("--echo", o->echo, kEchoHelp);
   command->callback([o, &result] { result.exit_code = run_command(*o); });
 }
 

@@ -92,7 +92,7 @@ std::vector<std::string> sub_ray_warnings(std::span<const LidarConfig> lidars) {
       const double width_deg = std::max(beam->vertical_deg, beam->horizontal_deg);
       if (!sub_rays_miss_targets(width_deg / beam->sub_rays)) continue;
       std::string line = lidar.name + ": returns.beam.sub_rays: expected " +
-                         config::number_text(std::ceil(width_deg / kMostSpacing_deg)) +
+                         config::number_text(2 * std::ceil((width_deg / kMostSpacing_deg - 1) / 2) + 1) +
                          " or more for a beam of " + config::number_text(width_deg) +
                          " degrees, got " + std::to_string(beam->sub_rays) +
                          ", between which small targets are missed";

@@ -1,5 +1,6 @@
 #include "infrasim/config/lidar_config.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <numeric>
@@ -361,6 +362,27 @@ bool set_law_exponent(LidarConfig& lidar, double exponent) {
       changed = true;
     }
   return changed;
+}
+
+EchoMode echo_mode(const std::string& name) {
+  const auto names = enum_names(EchoMode{});
+  const auto found = std::ranges::find(names, name);
+  if (found == names.end())
+    throw ConfigError("echo: expected strongest, first, last or dual, got '" + name + "'");
+  return static_cast<EchoMode>(found - names.begin());
+}
+
+void set_echo_mode(LidarConfig& lidar, EchoMode mode) {
+  for (LidarUnit& unit : lidar.units) {
+    if (!unit.returns.detection && mode != EchoMode::kStrongest)
+      throw ConfigError("echo: expected strongest with preset " + lidar.preset + " of " +
+                        lidar.name + ", which has no returns.detection");
+    EchoesConfig echoes = unit.returns.echoes.value_or(EchoesConfig{});
+    echoes.mode = mode;
+    if (const std::string unoffered = unoffered_mode(echoes); !unoffered.empty())
+      throw ConfigError("echo: " + lidar.name + ": " + unoffered);
+    unit.returns.echoes = echoes;
+  }
 }
 
 std::vector<std::string> preset_names(const std::filesystem::path& file) {

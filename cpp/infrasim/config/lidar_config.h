@@ -147,11 +147,27 @@ struct DetectionConfig {
 std::vector<PublishedRange> published_ranges(const DetectionConfig& detection);
 std::string range_text(const PublishedRange& r);
 
+/// Where a beam has sub-rays. Elsewhere it is a ray.
+enum class BeamWhere { kMoving, kEverywhere };
+std::span<const char* const> enum_names(BeamWhere);
+
 /// A beam with a divergence, cast as several rays.
 struct BeamConfig {
   double vertical_deg = 0;
   double horizontal_deg = 0;
-  int sub_rays = 5;
+  int sub_rays = 3;  ///< across the beam, odd
+  BeamWhere where = BeamWhere::kMoving;
+};
+
+/// Which echoes of a ray become points.
+enum class EchoMode { kStrongest, kFirst, kLast, kDual };
+std::span<const char* const> enum_names(EchoMode);
+
+/// How a LiDAR that detects by received power selects from the echoes of a ray.
+struct EchoesConfig {
+  EchoMode mode = EchoMode::kStrongest;
+  double separation_m = 0.5;     ///< length of a pulse of 3 ns; nearer echoes merge
+  std::vector<EchoMode> offered;  ///< modes of the sensor; if empty, all
 };
 
 inline constexpr double kLongestRange_m = 5000;  ///< longest allowed range of a LiDAR
@@ -163,6 +179,7 @@ struct ReturnsConfig {
   std::optional<DropOffConfig> drop_off;
   std::optional<DetectionConfig> detection;
   std::optional<BeamConfig> beam;
+  std::optional<EchoesConfig> echoes;
 };
 
 struct PriceConfig {
@@ -195,6 +212,13 @@ double rays_per_s(const PatternConfig& pattern);
 /// @return whether any unit has changed
 /// @throws ConfigError for an exponent that is not allowed
 bool set_law_exponent(LidarConfig& lidar, double exponent);
+/// Returns the mode with a name.
+/// @throws ConfigError for an unknown name
+EchoMode echo_mode(const std::string& name);
+
+/// Sets the echo mode of all units.
+/// @throws ConfigError if a unit does not detect by received power, or does not offer the mode
+void set_echo_mode(LidarConfig& lidar, EchoMode mode);
 /// Returns the frame period of a LiDAR, which all its units have: one turn of a spinning unit, or
 /// the key period_s.
 double period_s(const PatternConfig& pattern);

@@ -1,5 +1,7 @@
 #include "infrasim/config/returns_keys.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -91,13 +93,51 @@ void visit(Fields& f, DetectionConfig& c) {
           "expected ranges that grow with reflectance and shrink with sunlight, got " + both);
 }
 
+std::span<const char* const> enum_names(BeamWhere) {
+  static constexpr std::array<const char*, 2> kNames{"moving", "everywhere"};
+  return kNames;
+}
+
+std::span<const char* const> enum_names(EchoMode) {
+  static constexpr std::array<const char*, 4> kNames{"strongest", "first", "last", "dual"};
+  return kNames;
+}
+
+std::string unoffered_mode(const EchoesConfig& c) {
+  if (c.offered.empty() || std::ranges::find(c.offered, c.mode) != c.offered.end()) return {};
+  const auto name = [](EchoMode mode) {
+    return std::string(enum_names(mode)[static_cast<std::size_t>(mode)]);
+  };
+  std::string names;
+  for (const EchoMode mode : c.offered) names += (names.empty() ? "" : ", ") + name(mode);
+  return "expected a mode that the sensor offers (" + names + "), got " + name(c.mode);
+}
+
+template <class Fields>
+void visit(Fields& f, EchoesConfig& c) {
+  f.field("mode", c.mode,
+          "echoes of a ray that become points: the strongest, the first, the last, or two, the "
+          "strongest and the last (dual; if the last is the strongest, it and the second strongest)");
+  f.field("separation_m", c.separation_m, "least distance between two echoes of a ray; nearer ones "
+          "merge", between(0, 10));
+  f.field("offered", c.offered, "modes that the sensor offers; if empty, all");
+  const std::string unoffered = unoffered_mode(c);
+  f.check(unoffered.empty(), "mode", unoffered);
+}
+
 template <class Fields>
 void visit(Fields& f, BeamConfig& c) {
   f.field("vertical_deg", c.vertical_deg, "full vertical divergence", required(between(0, 10)));
   f.field("horizontal_deg", c.horizontal_deg, "full horizontal divergence",
           required(between(0, 10)));
-  f.field("sub_rays", c.sub_rays, "number of rays along the longer side of the beam",
-          between(2, 64));
+  f.field("sub_rays", c.sub_rays,
+          "number of sub-rays across the beam, odd; 3 are 7 in total, 5 are 19, 7 are 37",
+          between(3, 31));
+  f.field("where", c.where,
+          "where a beam has sub-rays: near moving objects, including those that stand, or "
+          "everywhere; elsewhere it is one ray");
+  f.check(c.sub_rays % 2 == 1, "sub_rays",
+          "expected an odd number, got " + std::to_string(c.sub_rays));
 }
 
 template <class Fields>
@@ -112,6 +152,9 @@ void visit(Fields& f, ReturnsConfig& c) {
   f.field("drop_off", c.drop_off, "random loss of points, by the model of CARLA");
   f.field("detection", c.detection, "detection by received power");
   f.field("beam", c.beam, "beam with a divergence");
+  f.field("echoes", c.echoes, "echoes of a ray that become points");
+  f.check(c.detection || !c.echoes || c.echoes->mode == EchoMode::kStrongest, "echoes",
+          "expected mode strongest, because returns.detection is missing, got another");
   f.check(c.max_range_m > c.min_range_m, "max_range_m",
           "expected above min_range_m, got at most that");
 }

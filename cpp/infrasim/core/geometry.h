@@ -91,6 +91,13 @@ Box3d levelled(const Box3d& box);
 class BoxFrame {
  public:
   explicit BoxFrame(const Box3d& box);
+  /// The same, faster if the box has the heading and pitch of another one.
+  BoxFrame(const Box3d& box, const BoxFrame& other)
+      : BoxFrame(box.heading == other.box_.heading && box.pitch == other.box_.pitch
+                     ? other
+                     : BoxFrame(box)) {
+    box_ = box;
+  }
 
   /// Transforms a point from the frame of the Box3d to the frame of the box itself, and back.
   Vec3 to_box(Vec3 p) const;

@@ -9,6 +9,7 @@ void PointCloud::resize(std::size_t n) {
   ring.resize(n);
   class_id.resize(n);
   object_id.resize(n);
+  echo.resize(n);
 }
 
 PointCloud PointCloud::select(std::span<const int> keep) const {
@@ -22,6 +23,7 @@ PointCloud PointCloud::select(std::span<const int> keep) const {
     out.ring[i] = ring[k];
     out.class_id[i] = class_id[k];
     out.object_id[i] = object_id[k];
+    out.echo[i] = echo[k];
   }
   return out;
 }

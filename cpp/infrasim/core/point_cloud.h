@@ -15,6 +15,8 @@ struct PointCloud {
   std::vector<std::uint16_t> ring;      ///< index of the laser, 0 at the lowest elevation
   std::vector<std::uint16_t> class_id;  ///< value of Class
   std::vector<std::int32_t> object_id;  ///< -1 for background
+  /// 1 for the second point of a ray, else 0. The first is the strongest echo.
+  std::vector<std::uint8_t> echo;
 
   std::size_t size() const { return intensity.size(); }
 

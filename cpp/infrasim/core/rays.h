@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -24,6 +25,11 @@ struct RayBatch {
   void resize(std::size_t n) {
     for (auto* column : {&dx, &dy, &dz, &time}) column->resize(n);
     ring.resize(n);
+  }
+  /// Copies `n` rays from row `from` to the lower row `to`.
+  void move_rows(std::size_t from, std::size_t to, std::size_t n) {
+    for (auto* column : {&dx, &dy, &dz, &time}) std::copy_n(&(*column)[from], n, &(*column)[to]);
+    std::copy_n(&ring[from], n, &ring[to]);
   }
 };
 
@@ -61,6 +67,15 @@ struct HitBatch {
     object.resize(n);
     class_id.resize(n);
     place.resize(n);
+  }
+  /// Copies `n` hits from row `from` to the lower row `to`.
+  void move_rows(std::size_t from, std::size_t to, std::size_t n) {
+    const auto move = [&](auto& column) { std::copy_n(&column[from], n, &column[to]); };
+    move(range);
+    move(cos_incidence);
+    move(object);
+    move(class_id);
+    move(place);
   }
 };
 

@@ -114,7 +114,9 @@ std::vector<std::byte> fields_bytes(const PointCloud& cloud) {
     std::byte* at = &bytes[kFieldsRecord * i];
     std::memcpy(at, &cloud.time[i], 4);
     std::memcpy(at + 4, &cloud.ring[i], 2);
-    std::memcpy(at + 6, &cloud.class_id[i], 2);
+    const std::array<std::uint8_t, 2> class_and_echo{static_cast<std::uint8_t>(cloud.class_id[i]),
+                                                     cloud.echo[i]};
+    std::memcpy(at + 6, class_and_echo.data(), 2);
     std::memcpy(at + 8, &cloud.object_id[i], 4);
   }
   return bytes;

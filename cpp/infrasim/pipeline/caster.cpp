@@ -13,8 +13,8 @@ namespace {
 
 constexpr VehicleParts kNoParts{false, false, false, false, false};
 
-// offset of a ray's random numbers for leaves, which follow its other samples
-constexpr std::uint64_t kLeafStream = 16;
+// offset of a ray's random numbers for leaves, which follow the samples of its echoes
+constexpr std::uint64_t kLeafStream = 64;
 
 /// Returns the end of the part of the frame that begins with group `first` and is processed at
 /// once.
@@ -54,13 +54,14 @@ ScannerUnit make_scanner_unit(const SceneConfig& scene, const LidarConfig& lidar
   const std::string mount_prefix =
       mount.own_random_stream.value_or(false) ? "mount " + name + " " : "";
   const auto& beam = config.returns.beam;
+  const bool one_echo = !config.returns.echoes || config.returns.echoes->mode == EchoMode::kStrongest;
   const auto& spinning = config.pattern.spinning;
   const std::vector<Channel> channels =
       spinning ? channels_by_ring(*spinning) : std::vector<Channel>{};
   return {
       ScanPattern(config.pattern, start_phase_s(scene.seed, name, lidar, unit), pose, first_ring),
       ReturnModel(config.returns, scene.weather, channels, first_ring),
-      beam ? std::optional<Beam>(Beam(*beam, pose)) : std::nullopt,
+      beam || !one_echo ? std::optional<Beam>(Beam(beam, pose)) : std::nullopt,
       static_cast<float>(config.returns.max_range_m),
       period_s(config.pattern),
       Rng::of(scene.seed, stream_prefix + mount_prefix + stream_name(lidar, unit)),
@@ -154,29 +155,147 @@ void Caster::make_rays(const Part& part) {
 void Caster::make_returned_rays(const Part& part) {
   if (!part.scanner.layer) return;
   static_.clear();
-  std::ranges::set_difference(returns_.ray, dynamic_, std::back_inserter(static_));
+  auto dynamic = dynamic_.begin();
+  for (const std::uint32_t echo : returns_.echo) {
+    if (echo >= rays_.size()) continue;  // its ray has a direction
+    while (dynamic != dynamic_.end() && *dynamic < echo) ++dynamic;
+    if (dynamic == dynamic_.end() || *dynamic != echo) static_.push_back(echo);
+  }
   part.scanner.pattern.generate(part.first, part.start_s, static_, rays_);
 }
 
-/// Finds the nearest hits of the rays, or of the sub-rays of beams.
+/// Finds the nearest hits of the rays. Beams that meet a moving object become `beams_`, with the
+/// hits of their sub-rays.
 /// @return number of rays cast
 std::size_t Caster::cast_rays(const Part& part) {
   const ScannerUnit& scanner = part.scanner;
-  if (scanner.layer) {
+  if (scanner.layer)
     take_static_hits(part);
+  else
+    select(part);
+  if (scanner.beam) return cast_beams(part);
+  if (scanner.layer)
     raycaster_.cast_bodies(rays_, selected_, hits_, part.by_power());
-    return selected_.size();
-  }
-  select(part);
-  if (!scanner.beam) {
+  else
     raycaster_.cast(rays_, selected_, hits_, part.by_power());
-    return selected_.size();
+  return selected_.size();
+}
+
+std::size_t Caster::cast_beams(const Part& part) {
+  const Beam& beam = *part.scanner.beam;
+  std::size_t cast = 0;
+  if (!part.scanner.layer) {
+    if (beam.everywhere()) beams_.swap(selected_), selected_.clear();
+    raycaster_.cast_background(rays_, selected_, hits_, true);
+    cast += selected_.size();
   }
-  scanner.beam->expand(rays_, selected_, sub_rays_);
-  sub_selected_.resize(sub_rays_.size());
-  std::iota(sub_selected_.begin(), sub_selected_.end(), 0U);
-  raycaster_.cast(sub_rays_, sub_selected_, hits_, true);
-  return sub_rays_.size();
+  if (!beam.everywhere())
+    raycaster_.near_bodies(rays_, selected_, hits_.range, beam.half_width(), beam.from_m(), beams_);
+  static_range_m_.clear();
+  static_gain_.clear();
+  static_class_.clear();
+  for (const std::uint32_t i : beams_) {
+    static_range_m_.push_back(hits_.range[i]);
+    static_gain_.push_back(hits_.cos_incidence[i]);
+    static_class_.push_back(hits_.class_id[i]);
+  }
+  sub_rays_.resize(0);
+  std::vector<std::uint32_t> every(beams_.size());
+  std::iota(every.begin(), every.end(), 0U);
+  if (beam.everywhere()) {
+    cast_sub_rays(part, every, 0, beam.sub_rays());
+    return cast + sub_rays_.size();
+  }
+  // The other rays may meet bodies nearby.
+  auto next = beams_.begin();
+  std::erase_if(selected_, [&](std::uint32_t ray) {
+    const bool beam_of_ray = next != beams_.end() && *next == ray;
+    if (beam_of_ray) ++next;
+    return beam_of_ray;
+  });
+  raycaster_.cast_bodies(rays_, selected_, hits_, true);
+  cast_sub_rays(part, every, 0, beam.probes());
+  cast += sub_rays_.size() + selected_.size();
+  keep_beams_on_bodies(part);
+  const std::size_t probes = sub_rays_.size();
+  if (beam.probes() < beam.sub_rays())
+    cast_sub_rays(part, mixed_beams(part), beam.probes(), beam.sub_rays());
+  return cast + sub_rays_.size() - probes;
+}
+
+/// Appends sub-rays `from` to `to` - 1 of some beams to `sub_rays_`, with their hits.
+/// @param beams positions in `beams_`
+void Caster::cast_sub_rays(const Part& part, std::span<const std::uint32_t> beams, std::size_t from,
+                           std::size_t to) {
+  const Beam& beam = *part.scanner.beam;
+  const std::size_t first = sub_rays_.size(), n = to - from;
+  std::vector<std::uint32_t> rays;
+  for (const std::uint32_t b : beams) rays.push_back(beams_[b]);
+  beam.expand(rays_, rays, from, to, sub_rays_);
+  sub_.resize(sub_rays_.size());
+  sub_number_.resize(sub_rays_.size());
+  const std::span<const float> shares = from == 0 ? beam.probe_shares() : beam.shares();
+  for (std::size_t k = first; k < sub_rays_.size(); ++k) {
+    const std::size_t number = from + (k - first) % n;
+    sub_[k] = {beams[(k - first) / n], shares[number]};
+    sub_number_[k] = static_cast<std::uint8_t>(number);
+  }
+  if (from > 0)  // the probes of these beams have other shares now
+    for (const std::uint32_t b : beams)
+      for (std::size_t j = 0; j < from; ++j) sub_[from * b + j].share = shares[j];
+  sub_order_.resize(sub_rays_.size() - first);
+  std::iota(sub_order_.begin(), sub_order_.end(), static_cast<std::uint32_t>(first));
+  if (beam.everywhere()) return raycaster_.cast(sub_rays_, sub_order_, sub_hits_, true);
+  sub_hits_.resize(sub_rays_.size());
+  for (std::size_t k = first; k < sub_rays_.size(); ++k) {
+    sub_hits_.range[k] = static_range_m_[sub_[k].beam];
+    sub_hits_.cos_incidence[k] = static_gain_[sub_[k].beam];
+    sub_hits_.class_id[k] = static_class_[sub_[k].beam];
+    sub_hits_.object[k] = -1;
+  }
+  raycaster_.cast_bodies(sub_rays_, sub_order_, sub_hits_, true);
+}
+
+/// Removes the beams whose probes meet no moving object. Such a beam is its ray.
+void Caster::keep_beams_on_bodies(const Part& part) {
+  const std::size_t n = part.scanner.beam->probes();
+  std::size_t kept = 0;
+  for (std::size_t beam = 0; beam < beams_.size(); ++beam) {
+    bool any = false;
+    for (std::size_t k = n * beam; k < n * (beam + 1); ++k) any = any || sub_hits_.object[k] >= 0;
+    if (!any) continue;
+    if (kept < beam) {
+      beams_[kept] = beams_[beam];
+      static_range_m_[kept] = static_range_m_[beam];
+      static_gain_[kept] = static_gain_[beam];
+      static_class_[kept] = static_class_[beam];
+      sub_rays_.move_rows(n * beam, n * kept, n);
+      sub_hits_.move_rows(n * beam, n * kept, n);
+    }
+    ++kept;
+  }
+  beams_.resize(kept);
+  sub_rays_.resize(n * kept);
+  sub_.resize(n * kept);
+}
+
+/// Returns the positions in `beams_` of beams whose probes meet different surfaces.
+std::vector<std::uint32_t> Caster::mixed_beams(const Part& part) const {
+  const std::size_t n = part.scanner.beam->probes();
+  const double separation_m = part.scanner.returns.separation_m();
+  std::vector<std::uint32_t> mixed;
+  for (std::size_t beam = 0; beam < beams_.size(); ++beam) {
+    const std::span objects = std::span(sub_hits_.object).subspan(n * beam, n);
+    const auto [low, high] = std::ranges::minmax(std::span(sub_hits_.range).subspan(n * beam, n));
+    const bool one = std::ranges::all_of(objects, [&](int o) { return o == objects.front(); });
+    if (!one || !(high - low <= separation_m)) mixed.push_back(static_cast<std::uint32_t>(beam));
+  }
+  return mixed;
+}
+
+/// Static hits of the sub-rays, which are those of their rays.
+StaticSlice Caster::static_hits_of_beams() const {
+  return {static_range_m_, static_gain_, static_class_, beam_of_};
 }
 
 /// Selects the rays that must be cast, with neighbouring rays together. Rays above all objects in
@@ -184,8 +303,9 @@ std::size_t Caster::cast_rays(const Part& part) {
 void Caster::select(const Part& part) {
   if (bodies_only_) return select_for_bodies(part);
   ScannerUnit& scanner = part.scanner;
-  const float spread = scanner.beam ? scanner.beam->half_width() : 0;
-  const bool leaves = scanner.beam && part.by_power() && !leaves_.empty();
+  const float spread = scanner.half_width();
+  const bool leaves =
+      scanner.beam && scanner.beam->everywhere() && part.by_power() && !leaves_.empty();
   const auto below = [&](const Horizon& horizon, std::uint32_t i) {
     return horizon.covers(rays_.dx[i], rays_.dy[i], rays_.dz[i], spread);
   };
@@ -198,7 +318,7 @@ void Caster::select(const Part& part) {
 /// Selects the tiles of rays that may meet a body.
 void Caster::select_for_bodies(const Part& part) {
   ScannerUnit& scanner = part.scanner;
-  const float spread = scanner.beam ? scanner.beam->half_width() : 0;
+  const float spread = scanner.half_width();
   const std::span<const std::uint32_t> order = tile_order(scanner, part.groups());
   selected_.clear();
   for (std::size_t from = 0; from < order.size(); from += kPacketRays) {
@@ -224,12 +344,20 @@ void Caster::take_static_hits(const Part& part) {
   }
 }
 
-const RayBatch& Caster::rays_cast(const Part& part) const {
-  return part.scanner.beam ? sub_rays_ : rays_;
-}
-
-/// Replaces the hits of rays that leaves stop.
+/// Replaces the hits of rays and of sub-rays that leaves stop.
 void Caster::stop_in_leaves(const Part& part) {
+  if (part.scanner.beam) {
+    sub_order_.resize(sub_rays_.size());
+    std::iota(sub_order_.begin(), sub_order_.end(), 0U);
+    leaves_.stop(
+        sub_rays_, sub_order_,
+        [&](std::uint32_t k) {
+          return part.frame.at(part.first_ray + rays_.number[beams_[sub_[k].beam]])
+              .at(kLeafStream + sub_number_[k]);
+        },
+        sub_hits_);
+    if (part.scanner.beam->everywhere()) return;
+  }
   if (part.scanner.layer && part.scanner.layer->knows_leaves()) {
     const std::uint32_t first = part.scanner.layer->first_ray(part.first);
     std::uint32_t k = 0;
@@ -244,20 +372,15 @@ void Caster::stop_in_leaves(const Part& part) {
     }
     return;
   }
-  const auto width =
-      part.scanner.beam ? static_cast<std::uint32_t>(part.scanner.beam->sub_rays()) : 0;
   const auto rng_of = [&](std::uint32_t k) {
-    const std::uint32_t ray = width > 0 ? selected_[k / width] : k,
-                        sub_ray = width > 0 ? k % width : 0;
-    return part.frame.at(part.first_ray + rays_.number[ray]).at(kLeafStream + sub_ray);
+    return part.frame.at(part.first_ray + rays_.number[k]).at(kLeafStream);
   };
-  leaves_.stop(rays_cast(part), order_for_leaves(part), rng_of, hits_);
+  leaves_.stop(rays_, order_for_leaves(part), rng_of, hits_);
 }
 
 /// Returns the rays that may meet leaves. They include rays that are not cast.
 std::span<const std::uint32_t> Caster::order_for_leaves(const Part& part) {
-  if (part.scanner.beam) return sub_selected_;
-  if (bodies_only_) return selected_;
+  if (bodies_only_) return part.scanner.beam ? std::span<const std::uint32_t>{} : selected_;
   if (part.scanner.layer) return in_leaves_;
   return tile_order(part.scanner, part.groups());
 }
@@ -268,45 +391,136 @@ std::size_t Caster::pass_panes(const Part& part) {
   const ScannerUnit& scanner = part.scanner;
   const StaticSlice background =
       scanner.layer ? scanner.layer->slice(part.first, part.last, rays_.number) : StaticSlice{};
-  return transparent_.resolve(rays_cast(part), part.vehicles, part.by_power() ? parts_ : kNoParts,
-                              scanner.returns.path(), hits_, echoes_, background);
+  const VehicleParts& parts = part.by_power() ? parts_ : kNoParts;
+  std::size_t cast = transparent_.resolve(rays_, part.vehicles, parts, scanner.returns.path(), hits_,
+                                          echoes_, background);
+  if (!scanner.beam) return cast;
+  beam_of_.clear();
+  for (const SubRay& sub : sub_) beam_of_.push_back(sub.beam);
+  const bool several = scanner.returns.echo_mode() != EchoMode::kStrongest;
+  cast += transparent_.resolve(
+      sub_rays_, part.vehicles, parts, scanner.returns.path(), sub_hits_, sub_echoes_,
+      scanner.beam->everywhere() ? StaticSlice{} : static_hits_of_beams(),
+      several ? &weaker_ : nullptr);
+  return cast;
 }
 
-/// Merges the echoes of each beam's sub-rays into one.
+/// Merges the echoes of each beam's sub-rays.
 void Caster::merge_beams(const Part& part) {
-  beam_echoes_.resize(rays_.size());
-  part.scanner.beam->combine(echoes_, selected_, part.scanner.returns.path(), beam_echoes_,
-                             sunlit_);
+  const ScannerUnit& scanner = part.scanner;
+  const bool several = scanner.returns.echo_mode() != EchoMode::kStrongest;
+  weaker_.resize(several ? weaker_.size() : 0);
+  others_.clear();
+  sunlit_ = echoes_.reflectance;
+  EchoMerger(scanner.returns.separation_m(), scanner.returns.path())
+      .merge(sub_, sub_echoes_, weaker_, beams_, rays_.ring, echoes_, sunlit_,
+             several ? &others_ : nullptr);
+}
+
+/// Appends the other echoes of the rays to `echoes_`, and sets the columns of each echo's ray.
+void Caster::add_other_echoes() {
+  std::ranges::stable_sort(others_, {}, &WeakerEcho::ray);
+  const std::size_t n = rays_.size();
+  number_ = rays_.number;
+  ring_ = rays_.ring;
+  rank_.assign(n, 0);
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < others_.size(); ++i) {
+    const bool same = kept > 0 && others_[kept - 1].ray == others_[i].ray;
+    const auto rank = static_cast<std::uint8_t>(same ? rank_.back() + 1 : 1);
+    if (rank >= kMostEchoes) continue;
+    others_[kept++] = others_[i];
+    rank_.push_back(rank);
+    number_.push_back(rays_.number[others_[i].ray]);
+    ring_.push_back(rays_.ring[others_[i].ray]);
+    sunlit_.push_back(sunlit_[others_[i].ray]);
+  }
+  others_.resize(kept);
+  echoes_.resize(n + kept);
+  for (std::size_t i = 0; i < kept; ++i) echoes_.set(n + i, others_[i].echo);
+}
+
+/// Keeps the returns that the echo mode selects, by increasing number of the ray.
+void Caster::choose_echoes(EchoMode mode) {
+  if (others_.empty()) return;
+  const auto first_other =
+      std::ranges::lower_bound(returns_.echo, static_cast<std::uint32_t>(rays_.size()));
+  auto other = first_other - returns_.echo.begin();
+  const ReturnBatch all = returns_;
+  std::vector<std::size_t> kept, rows;  // positions in `all`
+  const auto range = [&](std::size_t row) { return echoes_.range[all.echo[row]]; };
+  const auto choose = [&] {
+    if (rows.size() < 2) return kept.insert(kept.end(), rows.begin(), rows.end()), void();
+    // The rows are in the order of strength.
+    const std::size_t nearest = *std::ranges::min_element(rows, {}, range);
+    const std::size_t farthest = *std::ranges::max_element(rows, {}, range);
+    if (mode == EchoMode::kFirst) return kept.push_back(nearest);
+    if (mode == EchoMode::kLast) return kept.push_back(farthest);
+    kept.push_back(rows[0]);
+    kept.push_back(farthest == rows[0] ? rows[1] : farthest);
+  };
+  const auto mains = static_cast<std::size_t>(other);
+  std::size_t main = 0, more = mains;
+  while (main < mains || more < all.size()) {
+    const std::uint32_t a = main < mains ? all.echo[main] : ~0U;
+    const std::uint32_t b = more < all.size() ? ray_of(all.echo[more]) : ~0U;
+    rows.clear();
+    if (a <= b) rows.push_back(main++);
+    for (const std::uint32_t ray = std::min(a, b);
+         more < all.size() && ray_of(all.echo[more]) == ray;)
+      rows.push_back(more++);
+    choose();
+  }
+  returns_.resize(kept.size());
+  for (std::size_t n = 0; n < kept.size(); ++n) {
+    returns_.echo[n] = all.echo[kept[n]];
+    returns_.range[n] = all.range[kept[n]];
+    returns_.intensity[n] = all.intensity[kept[n]];
+  }
 }
 
 void Caster::detect(const Part& part, FrameBuilder& out) {
   const bool wide = part.scanner.beam.has_value();
-  EchoBatch& echoes = wide ? beam_echoes_ : echoes_;
+  const EchoMode mode = part.scanner.returns.echo_mode();
+  if (mode == EchoMode::kStrongest) others_.clear();
+  const bool several = mode != EchoMode::kStrongest && !others_.empty();
+  if (several) add_other_echoes();
   if (bodies_only_)
-    for (std::size_t i = 0; i < echoes.size(); ++i)
-      if (echoes.object[i] < 0) echoes.range[i] = std::numeric_limits<float>::infinity();
+    for (std::size_t i = 0; i < echoes_.size(); ++i)
+      if (echoes_.object[i] < 0) echoes_.range[i] = std::numeric_limits<float>::infinity();
   StageTimes::measure(times_, Stage::kReturns, [&] {
-    part.scanner.returns.apply(part.frame, part.first_ray, echoes,
-                               wide ? sunlit_ : echoes.reflectance, rays_.ring, returns_,
-                               rays_.number);
+    part.scanner.returns.apply(part.frame, part.first_ray, echoes_,
+                               wide ? sunlit_ : echoes_.reflectance, several ? ring_ : rays_.ring,
+                               returns_, several ? number_ : rays_.number, several ? std::span<const std::uint8_t>(rank_) : std::span<const std::uint8_t>{});
+    choose_echoes(mode);
   });
   StageTimes::measure(times_, Stage::kMaking, [&] { make_returned_rays(part); });
   StageTimes::measure(times_, Stage::kCollecting,
-                      [&] { collect(part.vehicles.moving, wide, echoes, out); });
+                      [&] { collect(part.vehicles.moving, wide, out); });
 }
 
-void Caster::collect(std::span<const MovingObject> objects, bool wide, const EchoBatch& echoes,
-                     FrameBuilder& out) const {
+void Caster::collect(std::span<const MovingObject> objects, bool wide, FrameBuilder& out) const {
   out.reserve(returns_.size());
+  std::uint32_t before = ~0U;  // ray of the return before
   for (std::size_t n = 0; n < returns_.size(); ++n) {
-    const std::uint32_t i = returns_.ray[n];
-    const std::int32_t object = echoes.object[i];
+    const std::uint32_t echo = returns_.echo[n], i = ray_of(echo);
+    const std::int32_t object = echoes_.object[echo];
     const MovingObject* hit = object < 0 ? nullptr : &objects[static_cast<std::size_t>(object)];
-    out.add({rays_.dx[i], rays_.dy[i], rays_.dz[i], returns_.range[n], echoes.range[i], wide,
-             returns_.intensity[n], rays_.time[i], rays_.ring[i],
-             hit != nullptr ? static_cast<std::uint16_t>(hit->object_class) : echoes.class_id[i],
-             object},
+    out.add({.dx = rays_.dx[i],
+             .dy = rays_.dy[i],
+             .dz = rays_.dz[i],
+             .range = returns_.range[n],
+             .hit_range = echoes_.range[echo],
+             .wide = wide,
+             .second = i == before,
+             .intensity = returns_.intensity[n],
+             .time = rays_.time[i],
+             .ring = rays_.ring[i],
+             .class_id = hit != nullptr ? static_cast<std::uint16_t>(hit->object_class)
+                                        : echoes_.class_id[echo],
+             .object = object},
             hit != nullptr ? hit->id : -1);
+    before = i;
   }
 }
 

@@ -19,6 +19,7 @@
 #include "infrasim/raycast/raycaster.h"
 #include "infrasim/raycast/volumes.h"
 #include "infrasim/sensor/beam.h"
+#include "infrasim/sensor/echo_merge.h"
 #include "infrasim/sensor/echoes.h"
 #include "infrasim/sensor/return_model.h"
 #include "infrasim/sensor/scan_pattern.h"
@@ -29,7 +30,7 @@ namespace infrasim {
 struct ScannerUnit {
   ScanPattern pattern;
   ReturnModel returns;
-  std::optional<Beam> beam;
+  std::optional<Beam> beam;  ///< if rays have a divergence or give several points
   float max_range;
   double period_s;  ///< frame period
   Rng stream;       ///< random numbers of the unit
@@ -37,11 +38,14 @@ struct ScannerUnit {
   std::map<std::int64_t, std::vector<std::uint32_t>> tile_orders;
   std::shared_ptr<const StaticLayer> layer;  ///< if null, all rays are cast
 
-  /// Returns whether the unit can have a static layer. It can if the pattern repeats, the beam is
-  /// not wider than a ray, and the layer fits into the memory limit.
+  /// Returns whether the unit can have a static layer. It can if the pattern repeats, the static
+  /// scene is seen by single rays, and the layer fits into the memory limit.
   bool can_have_layer() const {
-    return pattern.repeats_after() > 0 && !beam && layer_bytes(pattern) <= kMostLayerBytes;
+    return pattern.repeats_after() > 0 && !(beam && beam->everywhere()) &&
+           layer_bytes(pattern) <= kMostLayerBytes;
   }
+  /// Tangent of the angle between a ray and its outermost sub-rays.
+  float half_width() const { return beam ? beam->half_width() : 0; }
 
   /// Returns the rays that are fired between two shares of frame k.
   RayRange rays(int k, double from = 0, double to = 1) const;
@@ -56,8 +60,9 @@ std::vector<ScannerUnit> make_scanner_units(const SceneConfig& scene, const Lida
                                             const std::string& stream_prefix = "");
 
 /// Casts the rays of LiDARs and converts hits to returns, one part of a frame after the other. The
-/// steps are: cast, stop in leaves, pass through panes, merge beams, detect. A caster keeps its
-/// buffers between frames. Not thread-safe.
+/// steps are: cast, stop in leaves, pass through panes, merge beams, detect. A beam that meets a
+/// moving object is processed as sub-rays, which all have the ray's static hit; another beam is its
+/// ray. A caster keeps its buffers between frames. Not thread-safe.
 class Caster {
  public:
   /// @param parts  parts of vehicles, for LiDARs that detect by received power
@@ -103,10 +108,19 @@ class Caster {
   void select(const Part& part);
   void select_for_bodies(const Part& part);
   void take_static_hits(const Part& part);
-  const RayBatch& rays_cast(const Part& part) const;
+  std::size_t cast_beams(const Part& part);
+  void cast_sub_rays(const Part& part, std::span<const std::uint32_t> beams, std::size_t from,
+                     std::size_t to);
+  void keep_beams_on_bodies(const Part& part);
+  std::vector<std::uint32_t> mixed_beams(const Part& part) const;
   std::span<const std::uint32_t> order_for_leaves(const Part& part);
-  void collect(std::span<const MovingObject> objects, bool wide, const EchoBatch& echoes,
-               FrameBuilder& out) const;
+  StaticSlice static_hits_of_beams() const;
+  void add_other_echoes();
+  void choose_echoes(EchoMode mode);
+  std::uint32_t ray_of(std::uint32_t echo) const {
+    return echo < rays_.size() ? echo : others_[echo - rays_.size()].ray;
+  }
+  void collect(std::span<const MovingObject> objects, bool wide, FrameBuilder& out) const;
 
   Raycaster& raycaster_;
   VehicleParts parts_;
@@ -120,12 +134,24 @@ class Caster {
   std::vector<std::uint32_t> position_;   ///< position in `rays_` of a dynamic ray, by its number
   std::vector<std::uint32_t> selected_;   ///< rays that must be cast
   std::vector<std::uint32_t> in_leaves_;  ///< rays that may meet leaves
-  RayBatch sub_rays_;  ///< sub-rays of the selected rays, if beams are wider than rays
-  std::vector<std::uint32_t> sub_selected_;
-  HitBatch hits_;     ///< hits of the rays or the sub-rays, until they become echoes
-  EchoBatch echoes_;  ///< echoes of the rays or the sub-rays
-  EchoBatch beam_echoes_;
-  std::vector<float> sunlit_;  ///< reflectance of the beams in sunlight
+  HitBatch hits_;       ///< hits of the rays, until they become echoes
+  EchoBatch echoes_;    ///< strongest echo of each ray, then `others_`
+  std::vector<std::uint32_t> beams_;  ///< rays that have sub-rays
+  RayBatch sub_rays_;                 ///< of `beams_`: the probes, then the others
+  std::vector<SubRay> sub_;           ///< beam and share of each sub-ray
+  std::vector<std::uint8_t> sub_number_;   ///< number of each sub-ray in its beam
+  std::vector<std::uint32_t> sub_order_;
+  std::vector<std::uint32_t> beam_of_;  ///< position in `beams_` of each sub-ray
+  HitBatch sub_hits_;
+  EchoBatch sub_echoes_;
+  std::vector<float> static_range_m_, static_gain_;  ///< static hits of `beams_`
+  std::vector<std::uint16_t> static_class_;
+  std::vector<WeakerEcho> weaker_;  ///< other echoes of the sub-rays
+  std::vector<WeakerEcho> others_;  ///< other echoes of the rays, by ray, then by strength
+  std::vector<float> sunlit_;       ///< reflectance of the beams in sunlight
+  std::vector<std::uint32_t> number_;  ///< of the ray of each echo, if rays have several
+  std::vector<std::uint16_t> ring_;
+  std::vector<std::uint8_t> rank_;  ///< number of each echo among those of its ray
   ReturnBatch returns_;
 };
 

@@ -16,6 +16,7 @@ void copy_head(const std::vector<T>& from, std::vector<T>& to, std::size_t n) {
 
 void FrameBuilder::start() {
   size_ = 0;
+  rays_ = 0;
   hits_.clear();
 }
 
@@ -27,6 +28,7 @@ void FrameBuilder::reserve(std::size_t more) {
 void FrameBuilder::add_hit(const Return& r) {
   const double range = r.hit_range;
   hits_.push_back({size_,
+                   rays_,
                    r.object,
                    frozen_s_.value_or(r.time),
                    r.wide,
@@ -44,6 +46,7 @@ void FrameBuilder::keep(std::span<const int> rows) {
     scratch_.ring[size_] = scratch_.ring[from];
     scratch_.class_id[size_] = scratch_.class_id[from];
     scratch_.object_id[size_] = scratch_.object_id[from];
+    scratch_.echo[size_] = scratch_.echo[from];
     while (hit != hits_.end() && hit->row < from) ++hit;
     if (hit != hits_.end() && hit->row == from) {
       *kept = *hit;
@@ -62,6 +65,7 @@ PointCloud FrameBuilder::cloud() const {
   copy_head(scratch_.ring, cloud.ring, size_);
   copy_head(scratch_.class_id, cloud.class_id, size_);
   copy_head(scratch_.object_id, cloud.object_id, size_);
+  copy_head(scratch_.echo, cloud.echo, size_);
   return cloud;
 }
 
@@ -76,10 +80,16 @@ std::vector<PointCount> FrameBuilder::count(std::span<const ObjectBoxes> boxes,
   std::vector<std::pair<BoxFrame, BoxFrame>> held;
   for (const ObjectBoxes& b : boxes) held.emplace_back(BoxFrame(b.frame), BoxFrame(b.scan));
   std::vector<PointCount> counts(boxes.size());
+  const Hit* before = nullptr;
   for (const Hit& hit : hits_) {
+    const bool again =
+        before != nullptr && before->ray == hit.ray && before->object == hit.object;
+    before = &hit;
+    if (again) continue;
     const auto k = static_cast<std::size_t>(hit.object);
     const auto& [frame, scan] = held[k];
-    const Vec3 place = hit.wide ? BoxFrame(box_at(k, hit.time_s)).nearest(hit.place) : hit.place;
+    const Vec3 place =
+        hit.wide ? BoxFrame(box_at(k, hit.time_s), frame).nearest(hit.place) : hit.place;
     ++counts[k].points;
     counts[k].points_in_box += frame.contains(place, kBoxMargin);
     counts[k].points_in_scan_box += scan.contains(place, kBoxMargin);

@@ -18,8 +18,9 @@ struct Return {
   float dx, dy, dz;  ///< unit direction, levelled frame
   float range;       ///< metres
   float hit_range;   ///< metres, without noise
-  bool
-      wide;  ///< whether the beam is wider than a ray, so that the hit may lie beside the direction
+  /// whether the beam is wider than a ray, so that the hit may lie beside the direction
+  bool wide;
+  bool second;      ///< whether the return before it is of the same ray
   float intensity;  ///< [0, 1]
   float time;       ///< seconds since the start of the frame
   std::uint16_t ring;
@@ -33,7 +34,7 @@ struct ObjectBoxes {
   Box3d scan;   ///< at the time of its returns
 };
 
-/// Number of points on an object.
+/// Number of points on an object. Two points of one ray count once.
 struct PointCount {
   int points = 0;
   int points_in_box = 0;
@@ -67,6 +68,8 @@ class FrameBuilder {
     scratch_.ring[size_] = r.ring;
     scratch_.class_id[size_] = r.class_id;
     scratch_.object_id[size_] = object_id;
+    scratch_.echo[size_] = r.second ? 1 : 0;
+    rays_ += r.second ? 0 : 1;
     if (r.object >= 0) add_hit(r);
     ++size_;
   }
@@ -97,6 +100,7 @@ class FrameBuilder {
   /// A return from an object, with its position.
   struct Hit {
     std::size_t row;
+    std::size_t ray;  ///< number of the ray among those that gave a return
     std::int32_t object;
     double time_s;  ///< time of the object's state that the ray met
     bool wide;
@@ -108,6 +112,7 @@ class FrameBuilder {
   std::vector<Hit> hits_;
   std::optional<double> frozen_s_;
   std::size_t size_ = 0;
+  std::size_t rays_ = 0;
 };
 
 }  // namespace infrasim

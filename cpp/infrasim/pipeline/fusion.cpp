@@ -91,6 +91,7 @@ void Fusion::add_points(const Frame& frame, std::size_t mount, FusedFrame& out) 
   append_column(to.ring, from.ring);
   append_column(to.class_id, from.class_id);
   append_column(to.object_id, from.object_id);
+  append_column(to.echo, from.echo);
   out.mount.resize(to.size(), static_cast<std::uint16_t>(mount));
 }
 

@@ -193,12 +193,13 @@ StaticLayers make_static_layers(const World& world, std::span<const LidarConfig>
       const ScanPattern& pattern = scanner.pattern;
       if (read) {
         units.push_back(std::make_shared<const StaticLayer>(pattern, file->second.units[i],
-                                                            scanner.returns, world.leaves));
+                                                            scanner.returns, world.leaves,
+                                                            scanner.half_width()));
       } else if (scanner.can_have_layer() && layer_bytes(pattern) <= bytes_left &&
                  pays(pattern, static_cast<double>(frames) * period_s(config))) {
         units.push_back(std::make_shared<const StaticLayer>(
             pattern, cast_static(pattern, scanner.max_range, raycaster), scanner.returns,
-            world.leaves));
+            world.leaves, scanner.half_width()));
         bytes_left -= layer_bytes(pattern);
       } else {
         units.push_back(nullptr);

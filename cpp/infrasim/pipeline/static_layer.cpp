@@ -102,7 +102,7 @@ StaticHits cast_static(const ScanPattern& pattern, float max_range_m, Raycaster&
 }
 
 StaticLayer::StaticLayer(const ScanPattern& pattern, StaticHits hits, const ReturnModel& returns,
-                         const Volumes& leaves)
+                         const Volumes& leaves, float half_width)
     : hits_(std::move(hits)),
       block_groups_(block_groups(hits_.group_size)),
       order_(pattern.tile_order(static_cast<int>(block_groups_))),
@@ -114,7 +114,7 @@ StaticLayer::StaticLayer(const ScanPattern& pattern, StaticHits hits, const Retu
   std::vector<std::uint32_t> leaf_candidates;
   std::size_t first = 0;
   for_each_block(pattern, rays, [&](const RayBatch& block) {
-    add_tiles(block);
+    add_tiles(block, half_width);
     mark_surfaces(block, first, returns);
     if (knows_leaves_) add_leaf_ways(block, first, returns, leaves, leaf_candidates);
     knows_leaves_ = knows_leaves_ && leaf_ways_.size() <= most_ways;
@@ -126,11 +126,12 @@ StaticLayer::StaticLayer(const ScanPattern& pattern, StaticHits hits, const Retu
     for (const std::uint32_t ray : leaf_candidates) mark(ray);
 }
 
-void StaticLayer::add_tiles(const RayBatch& block) {
+void StaticLayer::add_tiles(const RayBatch& block, float half_width) {
   for (std::size_t i = 0; i < order_.size(); ++i) {
     if (i % kTileRays == 0) tiles_.emplace_back();
     const std::uint32_t k = order_[i];
-    if (k < block.size()) tiles_.back().add(block.dx[k], block.dy[k], block.dz[k]);
+    if (k < block.size())
+      tiles_.back().add_cone(block.dx[k], block.dy[k], block.dz[k], half_width);
   }
 }
 

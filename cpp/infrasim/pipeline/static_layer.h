@@ -63,8 +63,9 @@ class StaticLayer {
   /// @param hits    hits of this pattern
   /// @param returns return model of the unit
   /// @param leaves  volumes of leaves; only LiDARs that detect by received power see them
+  /// @param half_width tangent of the angle between a ray and its outermost sub-rays
   StaticLayer(const ScanPattern& pattern, StaticHits hits, const ReturnModel& returns,
-              const Volumes& leaves);
+              const Volumes& leaves, float half_width = 0);
 
   std::int64_t groups() const { return hits_.groups; }  ///< number of groups in a period
 
@@ -100,7 +101,7 @@ class StaticLayer {
   std::size_t bytes() const;
 
  private:
-  void add_tiles(const RayBatch& block);
+  void add_tiles(const RayBatch& block, float half_width);
   void mark(std::size_t ray);
   void mark_surfaces(const RayBatch& block, std::size_t first, const ReturnModel& returns);
   void add_leaf_ways(const RayBatch& block, std::size_t first, const ReturnModel& returns,

@@ -14,7 +14,7 @@ void check_can_have_layer(const LidarConfig& lidar, std::span<const ScannerUnit>
     const ScannerUnit& unit = scanners[i];
     if (unit.can_have_layer()) continue;
     const std::string problem =
-        unit.beam ? "a beam wider than a ray"
+        unit.beam && unit.beam->everywhere() ? "beams with sub-rays everywhere"
         : unit.pattern.repeats_after() == 0
             ? "a pattern that never repeats"
             : "a pattern of " + std::to_string(layer_bytes(unit.pattern)) + " bytes";

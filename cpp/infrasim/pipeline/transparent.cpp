@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 #include "infrasim/sensor/reflectance.h"
 
@@ -33,8 +34,11 @@ float floor_range(float range, const BodyHit& hit, float dz) {
 std::size_t TransparentCaster::resolve(const RayBatch& rays, const FrameVehicles& vehicles,
                                        const VehicleParts& parts, const EchoPath& path,
                                        HitBatch& hits, EchoBatch& echoes,
-                                       const StaticSlice& background) {
+                                       const StaticSlice& background,
+                                       std::vector<WeakerEcho>* weaker) {
   vehicles_ = &vehicles;
+  weaker_ = weaker;
+  if (weaker_ != nullptr) weaker_->clear();
   parts_ = parts;
   path_ = path;
   background_ = background;
@@ -55,6 +59,7 @@ std::size_t TransparentCaster::resolve(const RayBatch& rays, const FrameVehicles
     cast += next_.size();
     cast_on(rays);
   }
+  if (weaker_ != nullptr) std::ranges::stable_sort(*weaker_, {}, &WeakerEcho::ray);
   return cast;
 }
 
@@ -98,11 +103,11 @@ void TransparentCaster::cast_on_with(const StaticSlice& background) {
 void TransparentCaster::meet(const RayBatch& rays, const Passing& state, const Hit& hit) {
   const float range = hit.range;
   if (state.floor_range < range)
-    return keep_strongest(state, vehicle_echo(state.floor_range, state.object,
+    return keep_strongest(rays, state, vehicle_echo(state.floor_range, state.object,
                                               interior_optics(std::abs(rays.dz[state.ray]))));
   if (!std::isfinite(range)) return;
   if (hit.object >= 0) return meet_vehicle(rays, state, hit);
-  keep_strongest(state, background_echo(range, static_cast<Class>(hit.class_id), state.ray,
+  keep_strongest(rays, state, background_echo(range, static_cast<Class>(hit.class_id), state.ray,
                                         hit.cos_incidence));
 }
 
@@ -114,13 +119,13 @@ void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state,
   const double cosine = hit.cos_incidence;
   if (!parts_.any())
     return keep_strongest(
-        state, vehicle_echo(range, object, {vehicles_->reflectance[index], hit.cos_incidence}));
+        rays, state, vehicle_echo(range, object, {vehicles_->reflectance[index], hit.cos_incidence}));
   const BodyHit body = body_hit(hit);
   const Part part = part_at(body, parts_);
-  if (state.object == object && state.under) return meet_below(body, part, state, hit);
+  if (state.object == object && state.under) return meet_below(rays, body, part, state, hit);
   const bool inside = state.object == object;
   if (inside && part != Part::kGlass)
-    return keep_strongest(state, vehicle_echo(range, object, interior_optics(cosine)));
+    return keep_strongest(rays, state, vehicle_echo(range, object, interior_optics(cosine)));
   Passing on = state;
   on.near = beyond(range);
   on.object = inside ? -1 : object;
@@ -133,14 +138,14 @@ void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state,
     next_.push_back(on);
     return;
   }
-  keep_strongest(state, vehicle_echo(range, object, optics));
+  keep_strongest(rays, state, vehicle_echo(range, object, optics));
   if (part != Part::kGlass || !sees_through(object_class)) return;
   on.power *= kPaneTwice;
   next_.push_back(on);
 }
 
 /// Handles a ray that entered the space below a body and meets the body again.
-void TransparentCaster::meet_below(const BodyHit& body, Part part, const Passing& state,
+void TransparentCaster::meet_below(const RayBatch& rays, const BodyHit& body, Part part, const Passing& state,
                                    const Hit& hit) {
   const float range = hit.range;
   // A body stands on the ground, so a ray that meets the lower face of the body also meets the
@@ -148,10 +153,10 @@ void TransparentCaster::meet_below(const BodyHit& body, Part part, const Passing
   if (body.at.z < 0 && std::abs(body.normal.z) > kLevelNormal) {
     const bool on_lane = vehicles_->on_lane[static_cast<std::size_t>(hit.object)];
     const Class ground = on_lane ? Class::kRoad : static_cast<Class>(hit.class_id);
-    return keep_strongest(state, background_echo(range, ground, state.ray, hit.cos_incidence));
+    return keep_strongest(rays, state, background_echo(range, ground, state.ray, hit.cos_incidence));
   }
   if (part != Part::kGap)
-    return keep_strongest(state,
+    return keep_strongest(rays, state,
                           vehicle_echo(range, hit.object, interior_optics(hit.cos_incidence)));
   Passing on = state;
   on.near = beyond(range);
@@ -180,18 +185,21 @@ Echo TransparentCaster::background_echo(float range, Class material, std::uint32
 }
 
 /// Stores an echo as that of its ray, unless the stored echo is stronger.
-void TransparentCaster::keep_strongest(const Passing& state, Echo echo) {
+void TransparentCaster::keep_strongest(const RayBatch& rays, const Passing& state, Echo echo) {
   const std::uint32_t i = state.ray;
+  const std::uint16_t ring = rays.ring[i];
   echo.reflectance *= state.power;
   const auto power = [&](float reflected, float range) {
-    return path_.share(range) * reflected / (range * range);
+    return path_.share(range, ring) * reflected / (range * range);
   };
   const bool first = state.near == 0;
-  if (!first && std::isfinite(echoes_->range[i]) &&
-      power(echoes_->reflectance[i] * echoes_->gain[i], echoes_->range[i]) >=
-          power(echo.reflectance * echo.gain, echo.range))
-    return;
-  echoes_->set(i, echo);
+  if (first || !std::isfinite(echoes_->range[i])) return echoes_->set(i, echo);
+  Echo kept = echoes_->at(i);
+  if (power(kept.reflectance * kept.gain, kept.range) <
+      power(echo.reflectance * echo.gain, echo.range))
+    std::swap(kept, echo);
+  echoes_->set(i, kept);
+  if (weaker_ != nullptr) weaker_->push_back({i, echo});
 }
 
 }  // namespace infrasim

@@ -7,6 +7,7 @@
 #include "infrasim/pipeline/static_layer.h"
 #include "infrasim/pipeline/vehicles.h"
 #include "infrasim/raycast/raycaster.h"
+#include "infrasim/sensor/echo_merge.h"
 #include "infrasim/sensor/echo_path.h"
 #include "infrasim/sensor/echoes.h"
 #include "infrasim/sensor/vehicle_parts.h"
@@ -21,14 +22,17 @@ class TransparentCaster {
   explicit TransparentCaster(Raycaster& raycaster) : raycaster_(raycaster) {}
 
   /// Finds the strongest echo of each ray beyond the blind zone.
+  /// @param rays        directions, times and rings
   /// @param vehicles    the vehicles that the raycaster has
   /// @param hits        nearest hits, with incidence; they become the echoes
   /// @param path        attenuation between LiDAR and echo
   /// @param background  hits of the rays with static surfaces; if empty, the surfaces are cast
+  /// @param weaker      if not null, gets the other echoes of the rays, by increasing ray
   /// @return number of additional casts, counted once per ray and cast
   std::size_t resolve(const RayBatch& rays, const FrameVehicles& vehicles,
                       const VehicleParts& parts, const EchoPath& path, HitBatch& hits,
-                      EchoBatch& echoes, const StaticSlice& background = {});
+                      EchoBatch& echoes, const StaticSlice& background = {},
+                      std::vector<WeakerEcho>* weaker = nullptr);
 
  private:
   /// A ray that is cast again.
@@ -45,10 +49,10 @@ class TransparentCaster {
   void cast_on_with(const StaticSlice& background);
   void meet(const RayBatch& rays, const Passing& state, const Hit& hit);
   void meet_vehicle(const RayBatch& rays, const Passing& state, const Hit& hit);
-  void meet_below(const BodyHit& body, Part part, const Passing& state, const Hit& hit);
+  void meet_below(const RayBatch& rays, const BodyHit& body, Part part, const Passing& state, const Hit& hit);
   BodyHit body_hit(const Hit& hit) const;
   Echo background_echo(float range, Class material, std::uint32_t ray, float cosine) const;
-  void keep_strongest(const Passing& state, Echo echo);
+  void keep_strongest(const RayBatch& rays, const Passing& state, Echo echo);
 
   Raycaster& raycaster_;
   const FrameVehicles* vehicles_ = nullptr;
@@ -56,6 +60,7 @@ class TransparentCaster {
   EchoPath path_;
   StaticSlice background_;
   EchoBatch* echoes_ = nullptr;
+  std::vector<WeakerEcho>* weaker_ = nullptr;
   std::vector<Passing> passing_;  ///< rays to cast again
   std::vector<Passing> next_;     ///< rays of the following cast
   RayBatch on_;

@@ -56,6 +56,11 @@ class BodyMotion {
             (c * dy - s * dx) * inv_dy_,         dz * inv_dz_};
   }
 
+  /// Converts a length in metres to lengths along the axes of the unit box.
+  std::array<float, 3> to_unit_lengths(float length_m) const {
+    return {length_m * inv_dx_, length_m * inv_dy_, length_m * inv_dz_};
+  }
+
   /// Converts a normal of any length in the unit box to a unit vector in the body's frame in
   /// metres.
   std::array<float, 3> normal(float nx, float ny, float nz) const {

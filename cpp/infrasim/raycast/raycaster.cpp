@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <iterator>
 #include <numeric>
 #include <stdexcept>
@@ -120,18 +121,20 @@ struct Packet {
 
 /// Whether a ray meets the unit box, in which the mesh of a body lies, between two ranges. May be
 /// true for a ray that passes slightly beside it.
-bool meets_unit_box(const BodyMotion::UnitRay& ray, float from, float to) {
+/// @param margin by which the box is larger on each side
+bool meets_unit_box(const BodyMotion::UnitRay& ray, float from, float to,
+                    const std::array<float, 3>& margin = {}) {
   constexpr float kHalf = 0.5F + 1e-3F;  // larger than rounding errors
-  const auto clip = [&](float origin, float direction) {
-    const float inverse = 1 / direction;
-    const float a = (-kHalf - origin) * inverse, b = (kHalf - origin) * inverse;
+  const auto clip = [&](float origin, float direction, float beside) {
+    const float inverse = 1 / direction, half = kHalf + beside;
+    const float a = (-half - origin) * inverse, b = (half - origin) * inverse;
     // NaN, of a ray in the plane of a side, leaves the limits as they are.
     from = std::max(from, std::min(a, b));
     to = std::min(to, std::max(a, b));
   };
-  clip(ray.x, ray.dx);
-  clip(ray.y, ray.dy);
-  clip(ray.z, ray.dz);
+  clip(ray.x, ray.dx, margin[0]);
+  clip(ray.y, ray.dy, margin[1]);
+  clip(ray.z, ray.dz, margin[2]);
   return from <= to * (1 + 1e-5F);
 }
 
@@ -216,6 +219,7 @@ struct Raycaster::Impl {
   float cos, sin;  ///< of the origin's yaw
   std::vector<MovingBody> moving;
   std::vector<BodyMotion> motions;
+  std::vector<float> farthest_m;  ///< range beyond which no part of each body lies in the frame
   BodyIndex index;
   float time_scale = 1;
   Horizon horizon;
@@ -328,10 +332,18 @@ void Raycaster::set_bodies(std::span<const MovingBody> bodies, double period_s) 
   Impl& m = *impl_;
   m.moving.assign(bodies.begin(), bodies.end());
   m.motions.clear();
+  m.farthest_m.clear();
   m.index.set(bodies);
   m.time_scale = static_cast<float>(1 / period_s);
   m.horizon = m.origin.horizon;
-  for (const MovingBody& b : bodies) m.motions.emplace_back(b);
+  for (const MovingBody& b : bodies) {
+    m.motions.emplace_back(b);
+    double farthest = 0;
+    for (const Box3d& box : {b.from, b.to})
+      farthest = std::max(farthest, norm(Vec3{box.x, box.y, box.z}) +
+                                        norm(Vec3{box.dx, box.dy, box.dz}) / 2);
+    m.farthest_m.push_back(static_cast<float>(farthest));
+  }
   for (const auto& views : m.index.views())
     for (const ViewBounds& view : views) m.horizon.add(view);
 }
@@ -372,6 +384,33 @@ void Raycaster::cast_background(const RayBatch& rays, std::span<const std::uint3
     }
   });
   m.library.error.check();
+}
+
+void Raycaster::near_bodies(const RayBatch& rays, std::span<const std::uint32_t> order,
+                            std::span<const float> range, float spread, float from_m,
+                            std::vector<std::uint32_t>& near) const {
+  const Impl& m = *impl_;
+  near.clear();
+  for_each_packet(order, [&](std::span<const std::uint32_t> part) {
+    ViewBounds view;
+    for (const std::uint32_t k : part) view.add_cone(rays.dx[k], rays.dy[k], rays.dz[k], spread);
+    std::uint32_t meets = 0;  // one bit per ray of the part
+    m.index.for_each_in(view, [&](std::size_t body) {
+      if (m.farthest_m[body] < from_m) return true;
+      const BodyMotion& motion = m.motions[body];
+      const std::array<float, 3> margin = motion.to_unit_lengths(spread * m.farthest_m[body]);
+      for (std::size_t i = 0; i < part.size(); ++i) {
+        const std::uint32_t k = part[i];
+        const float share = std::clamp(rays.time[k] * m.time_scale, 0.0F, 1.0F);
+        if (meets_unit_box(motion.to_unit(rays.dx[k], rays.dy[k], rays.dz[k], share), 0,
+                           std::min(range[k], rays.max_range), margin))
+          meets |= 1U << i;
+      }
+      return true;
+    });
+    for (; meets != 0; meets &= meets - 1)
+      near.push_back(part[static_cast<std::size_t>(std::countr_zero(meets))]);
+  });
 }
 
 void Raycaster::cast_bodies(const RayBatch& rays, std::span<const std::uint32_t> order,

@@ -81,6 +81,15 @@ class Raycaster {
   void cast_bodies(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
                    bool incidence = true);
 
+  /// Finds the rays of `order` whose cone may meet a body from a distance on before the ray's hit,
+  /// in that order.
+  /// @param range  range of each ray's hit; +inf: none
+  /// @param spread tangent of half the cone's angle
+  /// @param from_m bodies that are nearer in the whole frame do not count
+  void near_bodies(const RayBatch& rays, std::span<const std::uint32_t> order,
+                   std::span<const float> range, float spread, float from_m,
+                   std::vector<std::uint32_t>& near) const;
+
   /// Returns the visible share of a body at mid-frame. 8 x 8 rays are cast through the angular
   /// rectangle of its box. Of the rays that would hit the body without other objects, the visible
   /// share is the part that reaches the body first. Each ray is weighted by the transmission of

@@ -9,6 +9,8 @@ namespace {
 
 enum VolumeSample : unsigned { kLeaf, kFirstVolume };
 
+constexpr double kMargin_m = 0.01;  // larger than rounding errors
+
 }  // namespace
 
 Volumes::Volumes(std::span<const LeafVolume> volumes) {
@@ -29,7 +31,9 @@ Volumes::Volumes(std::span<const LeafVolume> volumes) {
              .inv_z = 2 / box.dz,
              .x = 0,
              .y = 0,
-             .z = 0};
+             .z = 0,
+             .nearest_m = norm(Vec3{box.x, box.y, box.z}) -
+                          norm(Vec3{box.dx, box.dy, box.dz}) / 2 - kMargin_m};
     v.x = -(v.cos * box.x + v.sin * box.y) * v.inv_x;
     v.y = (v.sin * box.x - v.cos * box.y) * v.inv_y;
     v.z = -box.z * v.inv_z;

@@ -45,7 +45,10 @@ class Volumes {
   void for_each_way(const RayBatch& rays, std::span<const std::uint32_t> order,
                     std::span<const float> hit_range, const Use& use) const {
     for_each_packet(order, [&](std::span<const std::uint32_t> packet) {
+      float farthest = 0;
+      for (const std::uint32_t k : packet) farthest = std::max(farthest, hit_range[k]);
       index_.for_each_in(view_of(rays, packet), [&](std::size_t v) {
+        if (volumes_[v].nearest_m > farthest) return true;
         for (const std::uint32_t k : packet) {
           const Way way = way_through(v, rays.dx[k], rays.dy[k], rays.dz[k]);
           if (way.from < way.to && way.from < std::min<double>(hit_range[k], rays.max_range))
@@ -87,6 +90,7 @@ class Volumes {
     double cos, sin;
     double inv_x, inv_y, inv_z;  ///< 1 / half of its size
     double x, y, z;              ///< origin of the rays
+    double nearest_m;            ///< no part of the volume is nearer
   };
   Way way_through(std::size_t volume, float dx, float dy, float dz) const;
 

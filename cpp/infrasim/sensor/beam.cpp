@@ -10,99 +10,81 @@ namespace infrasim {
 
 namespace {
 
-// m; echoes that are closer together merge, because a pulse is 3 ns long
-constexpr float kRangeResolution = 0.5F;
-// sine; for rays closer to the vertical, rounding errors determine the side direction
+// sine; for rays closer to the vertical, rounding errors determine the axes
 constexpr double kAlongUp = 1e-6;
+constexpr int kSubRaysOfRing = 6;  // of the first ring; ring k has k times as many
+constexpr float kLeastRadius_m = 0.02F;  // of the outermost sub-rays
+constexpr int kProbes = kSubRaysOfRing / 2;  // on the ring; every second sub-ray
 
 }  // namespace
 
-Beam::Beam(const BeamConfig& config, const Mat3& unit_pose)
-    : vertical_(config.vertical_deg >= config.horizontal_deg),
+Beam::Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose)
+    : places_{{0, 0}},
+      shares_{1},
+      probe_shares_{1},
       up_(unit_pose * Vec3{0, 0, 1}),
       left_(unit_pose * Vec3{0, 1, 0}) {
-  const double width = rad(std::max(config.vertical_deg, config.horizontal_deg));
-  for (int i = 0; i < config.sub_rays; ++i)
-    offsets_.push_back(static_cast<float>(math::tan(width * ((i + 0.5) / config.sub_rays - 0.5))));
+  if (!config) return;
+  everywhere_ = config->where == BeamWhere::kEverywhere;
+  const int rings = config->sub_rays / 2;
+  const double parts = (2.0 * rings + 1) * (2 * rings + 1);  // of the middle's size
+  const double left = math::tan(rad(config->horizontal_deg / 2));
+  const double up = math::tan(rad(config->vertical_deg / 2));
+  shares_[0] = static_cast<float>(1 / parts);
+  for (int ring = 1; ring <= rings; ++ring) {
+    const int n = kSubRaysOfRing * ring;
+    // The mean square radius of the ring, which reaches from 2 ring - 1 to 2 ring + 1.
+    const double radius = std::sqrt((4.0 * ring * ring + 1) / parts);
+    for (int i = 0; i < n; ++i) {
+      // The first sub-ray is on the longer axis. In a single ring, the three probes come first.
+      const int place = rings == 1 ? 2 * i % n + i / kProbes : i;
+      const auto [along, across] = math::cos_sin(2 * kPi * place / n);
+      places_.push_back(up > left ? Vec2{radius * left * across, radius * up * along}
+                                  : Vec2{radius * left * along, radius * up * across});
+      shares_.push_back(static_cast<float>(8.0 * ring / n / parts));
+    }
+    half_width_ = static_cast<float>(radius * std::max(left, up));
+    from_m_ = half_width_ > 0 ? kLeastRadius_m / half_width_ : std::numeric_limits<float>::max();
+  }
+  probe_shares_ = shares_;
+  if (rings > 1) return;
+  // The probes have the ellipse's mean square distance from its axes, which is a quarter.
+  const double on_ring = 0.5 / ((4 + 1) / parts);
+  probe_shares_.assign(1 + kProbes, static_cast<float>(on_ring / kProbes));
+  probe_shares_[0] = static_cast<float>(1 - on_ring);
 }
 
-/// Returns the unit vector along which the sub-rays of a ray are offset. For vertical rays it is
-/// any horizontal vector.
-Vec3 Beam::side_of(Vec3 ray) const {
-  const Vec3 across = vertical_ ? up_ - dot(up_, ray) * ray : cross(up_, ray);
+/// Returns the unit vectors to the left of a ray and upwards in its frame. A vertical ray has the
+/// unit's left.
+std::array<Vec3, 2> Beam::axes_of(Vec3 ray) const {
+  const Vec3 across = cross(up_, ray);
   const double sine = norm(across);
-  return sine < kAlongUp ? left_ : 1 / sine * across;
+  const Vec3 left = sine < kAlongUp ? left_ : 1 / sine * across;
+  return {left, cross(ray, left)};
 }
 
-void Beam::expand(const RayBatch& rays, std::span<const std::uint32_t> selected,
-                  RayBatch& sub_rays) const {
-  const std::size_t n = offsets_.size();
-  sub_rays.resize(n * selected.size());
+void Beam::expand(const RayBatch& rays, std::span<const std::uint32_t> selected, std::size_t from,
+                  std::size_t to, RayBatch& sub_rays) const {
+  std::size_t k = sub_rays.size();
+  sub_rays.resize(k + (to - from) * selected.size());
   sub_rays.max_range = rays.max_range;
-  std::size_t k = 0;
   for (const std::uint32_t i : selected) {
     const Vec3 d{rays.dx[i], rays.dy[i], rays.dz[i]};
-    const Vec3 side = side_of(d);
-    for (std::size_t j = 0; j < n; ++j, ++k) {
-      const Vec3 tilted = d + static_cast<double>(offsets_[j]) * side;
+    const auto [left, up] = axes_of(d);
+    for (std::size_t j = from; j < to; ++j, ++k) {
+      sub_rays.time[k] = rays.time[i];
+      sub_rays.ring[k] = rays.ring[i];
+      sub_rays.dx[k] = rays.dx[i];
+      sub_rays.dy[k] = rays.dy[i];
+      sub_rays.dz[k] = rays.dz[i];
+      if (j == 0) continue;
+      const Vec3 tilted = d + places_[j].x * left + places_[j].y * up;
       const Vec3 sub = 1 / norm(tilted) * tilted;
       sub_rays.dx[k] = static_cast<float>(sub.x);
       sub_rays.dy[k] = static_cast<float>(sub.y);
       sub_rays.dz[k] = static_cast<float>(sub.z);
-      sub_rays.time[k] = rays.time[i];
     }
   }
-}
-
-void Beam::combine(const EchoBatch& sub_echoes, std::span<const std::uint32_t> selected,
-                   const EchoPath& path, EchoBatch& echoes, std::vector<float>& sunlit) const {
-  sunlit.resize(echoes.size());
-  std::ranges::fill(echoes.range, std::numeric_limits<float>::infinity());
-  std::ranges::fill(echoes.object, -1);
-  const std::size_t n = offsets_.size();
-  for (std::size_t k = 0; k < selected.size(); ++k) {
-    const std::size_t i = selected[k], first = n * k;
-    float strongest = 0, lit = 0;
-    for (std::size_t a = first; a < first + n; ++a)
-      if (std::isfinite(sub_echoes.range[a])) lit += sub_echoes.reflectance[a];
-    sunlit[i] = lit / static_cast<float>(n);
-    for (std::size_t a = first; a < first + n; ++a) {
-      if (!std::isfinite(sub_echoes.range[a])) continue;
-      const MergedEcho merged = echo_around(a, first, sub_echoes);
-      const float range = merged.weighted_range / merged.power;
-      const float received = path.share(range) * merged.power;
-      if (received > strongest) {
-        strongest = received;
-        echoes.set(
-            i, {range, sub_echoes.object[merged.strongest], sub_echoes.class_id[merged.strongest],
-                merged.reflected / static_cast<float>(n), 1});
-      }
-      if (merged.holds_all) break;  // no other sum can be larger
-    }
-  }
-}
-
-/// The sum of the sub-rays' echoes within the range resolution of sub-ray `a`.
-Beam::MergedEcho Beam::echo_around(std::size_t a, std::size_t first,
-                                   const EchoBatch& sub_echoes) const {
-  MergedEcho merged;
-  merged.strongest = a;
-  float best = 0, nearest = sub_echoes.range[a], farthest = nearest;
-  for (std::size_t b = first; b < first + offsets_.size(); ++b) {
-    const float range = sub_echoes.range[b];
-    if (!std::isfinite(range)) continue;
-    nearest = std::min(nearest, range);
-    farthest = std::max(farthest, range);
-    if (!(std::abs(range - sub_echoes.range[a]) <= kRangeResolution)) continue;
-    const float reflected = sub_echoes.reflectance[b] * sub_echoes.gain[b];
-    const float power = reflected / (range * range);
-    merged.power += power;
-    merged.weighted_range += power * range;
-    merged.reflected += reflected;
-    if (power > best) best = power, merged.strongest = b;
-  }
-  merged.holds_all = farthest - nearest <= kRangeResolution;
-  return merged;
 }
 
 }  // namespace infrasim

@@ -1,57 +1,59 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/core/geometry.h"
 #include "infrasim/core/rays.h"
-#include "infrasim/sensor/echo_path.h"
-#include "infrasim/sensor/echoes.h"
 
 namespace infrasim {
 
-/// A beam that is wider than a ray. It consists of sub-rays side by side along the beam's longer
-/// axis, which is vertical or horizontal in the unit's frame. Sub-rays are offset perpendicular to
-/// the ray.
+/// A beam of elliptic cross-section with even brightness. It consists of a middle sub-ray and rings
+/// of sub-rays around it. Each sub-ray stands for a part of the ellipse: the middle for an inner
+/// ellipse, each of the others for a part of a ring. All parts are about equally large.
 class Beam {
  public:
+  /// @param config    without a value, the beam is one ray
   /// @param unit_pose rotation from the unit's frame to the levelled frame
-  Beam(const BeamConfig& config, const Mat3& unit_pose);
+  Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose);
 
-  int sub_rays() const { return static_cast<int>(offsets_.size()); }
+  std::size_t sub_rays() const { return places_.size(); }
+  /// Number of the first sub-rays that are enough for a beam that meets one surface.
+  std::size_t probes() const { return probe_shares_.size(); }
+
+  /// Share of the beam's power in each sub-ray; the sum is 1.
+  std::span<const float> shares() const { return shares_; }
+  /// Share of the beam's power in each probe, for a beam without other sub-rays; the sum is 1.
+  std::span<const float> probe_shares() const { return probe_shares_; }
 
   /// Tangent of the angle between a ray and its outermost sub-rays.
-  float half_width() const { return offsets_.back(); }
+  float half_width() const { return half_width_; }
 
-  /// Makes the sub-rays of the selected rays. The middle sub-ray is the ray itself.
-  void expand(const RayBatch& rays, std::span<const std::uint32_t> selected,
-              RayBatch& sub_rays) const;
+  /// Range from which a beam is wider than some 2 cm, so that it differs from a ray.
+  float from_m() const { return from_m_; }
 
-  /// Merges the echoes of the sub-rays into one echo per selected ray, and stores it at the ray's
-  /// index. The other rays get no echo. Echoes within the range resolution of each other are
-  /// summed, and the strongest sum beyond the blind zone becomes the echo. Its range is the
-  /// power-weighted mean. Its reflectance is that of a full beam with the same power and a gain
-  /// of 1.
-  /// @param sub_echoes one per sub-ray
-  /// @param echoes     one per ray
-  /// @param sunlit     reflectance of everything that the beam hits, for the sunlight that it
-  ///   reflects
-  void combine(const EchoBatch& sub_echoes, std::span<const std::uint32_t> selected,
-               const EchoPath& path, EchoBatch& echoes, std::vector<float>& sunlit) const;
+  /// Whether all rays have sub-rays; otherwise only those near moving objects.
+  bool everywhere() const { return everywhere_; }
+
+  /// Appends sub-rays `from` to `to` - 1 of the selected rays, ray by ray. Sub-ray 0 is the ray
+  /// itself.
+  void expand(const RayBatch& rays, std::span<const std::uint32_t> selected, std::size_t from,
+              std::size_t to, RayBatch& sub_rays) const;
 
  private:
-  struct MergedEcho {
-    float power = 0, weighted_range = 0, reflected = 0;
-    std::size_t strongest = 0;  ///< index of its strongest sub-ray
-    bool holds_all = false;     ///< whether it contains every sub-ray with a hit
-  };
+  std::array<Vec3, 2> axes_of(Vec3 ray) const;
 
-  Vec3 side_of(Vec3 ray) const;
-  MergedEcho echo_around(std::size_t a, std::size_t first, const EchoBatch& sub_echoes) const;
-
-  std::vector<float> offsets_;  ///< sideways offsets as tangents
-  bool vertical_;
+  std::vector<Vec2> places_;  ///< offsets of the sub-rays as tangents: left, up
+  std::vector<float> shares_;
+  std::vector<float> probe_shares_;
+  float half_width_ = 0;
+  float from_m_ = 0;
+  bool everywhere_ = false;
   Vec3 up_, left_;  ///< axes of the unit in the levelled frame
 };
 

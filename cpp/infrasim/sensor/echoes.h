@@ -33,6 +33,9 @@ struct EchoBatch {
     reflectance.resize(n);
     gain.resize(n);
   }
+  Echo at(std::size_t i) const {
+    return {range[i], object[i], class_id[i], reflectance[i], gain[i]};
+  }
   void set(std::size_t i, const Echo& echo) {
     range[i] = echo.range;
     object[i] = echo.object;

@@ -17,7 +17,7 @@ namespace {
 
 constexpr float kCarlaAttenuation = 0.004F;  // 1/m, CARLA's atmosphere_attenuation_rate
 
-enum ReturnSample : unsigned { kLoss, kKeep, kDetection, kNoise };
+enum ReturnSample : unsigned { kLoss, kKeep, kDetection, kNoise, kSamples };
 
 double extinction(const WeatherConfig& weather) {
   const double rain = 3.65e-4 * math::pow(weather.rain_mm_per_h, 0.63);
@@ -41,10 +41,10 @@ class Detector {
     }
   }
 
-  bool detects(double margin, const Rng& ray_rng) const {
+  bool detects(double margin, const Rng& ray_rng, unsigned first_sample) const {
     if (margin <= -kCertain) return false;
     if (!(margin < kCertain)) return true;
-    const double u = ray_rng.open_uniform(kDetection);
+    const double u = ray_rng.open_uniform(first_sample + kDetection);
     const auto step = static_cast<std::size_t>((margin + kCertain) * kStepsPerUnit);
     if (u < always_[step]) return true;
     if (u > never_[step + 1]) return false;
@@ -63,7 +63,9 @@ class Detector {
 
 ReturnModel::ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather,
                          std::span<const Channel> channels, int first_ring)
-    : config_(config), extinction_per_m_(extinction(weather)), first_ring_(first_ring) {
+    : config_(config),
+      echoes_(config.echoes.value_or(EchoesConfig{})),
+      extinction_per_m_(extinction(weather)), first_ring_(first_ring) {
   limits_.min_range_m = static_cast<float>(config.min_range_m);
   if (!config.detection) return;
   const RangeLaw law = fit_range_law(*config.detection, config.max_range_m);
@@ -78,6 +80,7 @@ ReturnModel::ReturnModel(const ReturnsConfig& config, const WeatherConfig& weath
     const double scale = c.range_at_10_percent_m.value_or(published_m) / published_m;
     by_ring_.push_back({limits_.signal_m2 * scale * scale,
                         static_cast<float>(c.min_range_m.value_or(config.min_range_m))});
+    min_range_by_ring_m_.push_back(by_ring_.back().min_range_m);
   }
 }
 
@@ -89,15 +92,16 @@ bool ReturnModel::is_recorded(const EchoBatch& echoes, std::size_t i) const {
          (!config_.detection || echoes.reflectance[i] >= 1);
 }
 
-bool ReturnModel::lost_at_random(const Rng& ray_rng) const {
-  return ray_rng.uniform(kLoss) < config_.drop_off->general_rate;
+bool ReturnModel::lost_at_random(const Rng& ray_rng, unsigned first_sample) const {
+  return ray_rng.uniform(first_sample + kLoss) < config_.drop_off->general_rate;
 }
 
-bool ReturnModel::dropped_when_faint(const Rng& ray_rng, double intensity) const {
+bool ReturnModel::dropped_when_faint(const Rng& ray_rng, unsigned first_sample,
+                                     double intensity) const {
   const DropOffConfig& d = *config_.drop_off;
   if (intensity > d.intensity_limit) return false;
   const double slope = d.zero_intensity_rate / d.intensity_limit;
-  return ray_rng.uniform(kKeep) >= slope * intensity + 1 - d.zero_intensity_rate;
+  return ray_rng.uniform(first_sample + kKeep) >= slope * intensity + 1 - d.zero_intensity_rate;
 }
 
 /// Computes what decides on each echo: the signal-to-noise ratio of LiDARs that detect by received
@@ -144,7 +148,8 @@ std::vector<bool> ReturnModel::can_return(const EchoBatch& echoes,
 
 void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const EchoBatch& echoes,
                         const std::vector<float>& sunlit, std::span<const std::uint16_t> rings,
-                        ReturnBatch& out, std::span<const std::uint32_t> number) const {
+                        ReturnBatch& out, std::span<const std::uint32_t> number,
+                        std::span<const std::uint8_t> rank) const {
   static const Detector detector;
   out.resize(echoes.size());
   strengths(echoes, sunlit, rings, out.strength);
@@ -153,20 +158,22 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const EchoBatch
     float range = echoes.range[i];
     if (!in_range(range, has_channels() ? rings[i] : std::uint16_t{0})) continue;
     const Rng ray_rng = rng.at(first_ray + (number.empty() ? i : number[i]));
+    const unsigned first_sample = rank.empty() ? 0 : kSamples * rank[i];
     const bool recorded = is_recorded(echoes, i);
-    if (config_.drop_off && !recorded && lost_at_random(ray_rng)) continue;
+    if (config_.drop_off && !recorded && lost_at_random(ray_rng, first_sample)) continue;
     double intensity = out.strength[i], sigma = config_.range_accuracy_m;
     if (config_.detection) {
       const double ratio = out.strength[i], margin = config_.detection->steepness * (ratio - 1);
-      if (!recorded && !detector.detects(margin, ray_rng)) continue;
+      if (!recorded && !detector.detects(margin, ray_rng, first_sample)) continue;
       intensity = echoes.reflectance[i] * echoes.gain[i];
       // A detected signal, including its noise, is at least as strong as the threshold.
       sigma /= std::sqrt(2 * std::max(1.0, ratio));
     }
-    if (config_.drop_off && !recorded && dropped_when_faint(ray_rng, intensity)) continue;
+    if (config_.drop_off && !recorded && dropped_when_faint(ray_rng, first_sample, intensity))
+      continue;
     if (sigma > 0)
-      range += static_cast<float>(sigma * normal_quantile(ray_rng.open_uniform(kNoise)));
-    out.ray[n] = static_cast<std::uint32_t>(i);
+      range += static_cast<float>(sigma * normal_quantile(ray_rng.open_uniform(first_sample + kNoise)));
+    out.echo[n] = static_cast<std::uint32_t>(i);
     out.range[n] = std::max(0.0F, range);
     out.intensity[n++] = static_cast<float>(std::min(1.0, intensity));
   }

@@ -13,16 +13,19 @@
 
 namespace infrasim {
 
-/// Echoes that became points, in the order of their rays.
+/// Largest number of echoes of a ray that can become points.
+inline constexpr std::size_t kMostEchoes = 8;
+
+/// Echoes that became points, in the order of the echoes.
 struct ReturnBatch {
-  std::vector<std::uint32_t> ray;  ///< index in the batch of rays
+  std::vector<std::uint32_t> echo;  ///< index in the batch of echoes
   std::vector<float> range;        ///< metres, with noise
   std::vector<float> intensity;    ///< [0, 1]
   std::vector<double> strength;    ///< of each echo, see `ReturnModel::strengths`
 
-  std::size_t size() const { return ray.size(); }
+  std::size_t size() const { return echo.size(); }
   void resize(std::size_t n) {
-    ray.resize(n);
+    echo.resize(n);
     range.resize(n);
     intensity.resize(n);
   }
@@ -42,14 +45,17 @@ class ReturnModel {
 
   /// @param rng         stream of this unit and frame; ray i of the frame uses rng.at(i)
   /// @param first_ray   number within the frame of the ray from which `number` counts
-  /// @param echoes      one per ray; reflectance and gain are read only if needs_reflectance()
+  /// @param echoes      reflectance and gain are read only if needs_reflectance()
   /// @param sunlit      reflectance of everything that the detector sees in this direction; for a
   ///   single ray it is that of its echo
-  /// @param rings       ring of each ray; read only if has_channels()
-  /// @param number      number of each ray of the batch; if empty, the rays are consecutive
+  /// @param rings       ring of each echo; read only if has_channels()
+  /// @param number      number of the ray of each echo; if empty, each ray has one echo
+  /// @param rank        number of each echo among those of its ray, 0 to kMostEchoes - 1; if empty,
+  ///   each is the first
   void apply(const Rng& rng, std::uint64_t first_ray, const EchoBatch& echoes,
              const std::vector<float>& sunlit, std::span<const std::uint16_t> rings,
-             ReturnBatch& out, std::span<const std::uint32_t> number = {}) const;
+             ReturnBatch& out, std::span<const std::uint32_t> number = {},
+             std::span<const std::uint8_t> rank = {}) const;
 
   /// Returns whether each echo of the background can become a point. If not, no sample makes it
   /// one.
@@ -64,21 +70,27 @@ class ReturnModel {
 
   bool needs_reflectance() const { return config_.detection.has_value(); }
 
+  EchoMode echo_mode() const { return echoes_.mode; }
+  double separation_m() const { return echoes_.separation_m; }
+
   /// Attenuation by which the strongest echo of a ray is selected. For LiDARs that do not detect by
-  /// received power, the air has no effect. The shortest range is that of the LiDAR, for all
-  /// channels.
+  /// received power, the air has no effect. It must not outlive the model.
   EchoPath path() const {
-    return {static_cast<float>(config_.min_range_m), config_.detection ? extinction_per_m_ : 0};
+    return {.min_range_m = limits_.min_range_m,
+            .extinction_per_m = config_.detection ? extinction_per_m_ : 0,
+            .min_range_by_ring_m = min_range_by_ring_m_,
+            .first_ring = first_ring_};
   }
 
  private:
   void strengths(const EchoBatch& echoes, const std::vector<float>& sunlit,
                  std::span<const std::uint16_t> rings, std::vector<double>& out) const;
   bool is_recorded(const EchoBatch& echoes, std::size_t i) const;
-  bool lost_at_random(const Rng& ray_rng) const;
-  bool dropped_when_faint(const Rng& ray_rng, double intensity) const;
+  bool lost_at_random(const Rng& ray_rng, unsigned first_sample) const;
+  bool dropped_when_faint(const Rng& ray_rng, unsigned first_sample, double intensity) const;
 
   ReturnsConfig config_;
+  EchoesConfig echoes_;
   double extinction_per_m_ = 0;
   /// What may differ between the channels of a unit.
   struct ChannelLimits {
@@ -94,6 +106,7 @@ class ReturnModel {
 
   ChannelLimits limits_;                ///< of channels without ranges of their own
   std::vector<ChannelLimits> by_ring_;  ///< empty if no channel has a range of its own
+  std::vector<float> min_range_by_ring_m_;
   int first_ring_ = 0;
   double sun_per_rho_ = 0;  ///< sunlight on a reflectance of 1, relative to the law's crossover
   double day_exponent_ = kLawExponent;

@@ -21,7 +21,7 @@ SUFFIXES: dict[Part, str] = {
     "calib": ".txt",
 }
 FIELDS = np.dtype(
-    [("time_s", "<f4"), ("ring", "<u2"), ("class", "<u2"), ("object_id", "<i4")],
+    [("time_s", "<f4"), ("ring", "<u2"), ("class", "u1"), ("echo", "u1"), ("object_id", "<i4")],
 )
 SCAN_COLUMNS = "scan_x,scan_y,scan_z,scan_heading,scan_time_s,points_in_scan_box".split(",")
 OBJECT_COLUMNS = [

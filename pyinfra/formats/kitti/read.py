@@ -101,10 +101,11 @@ def read_fields(file: Path) -> Records:
     """Reads the additional fields of each point: (n,) records of FIELDS, in the points' order.
 
     `time_s` counts from the start of the frame. `ring` is 0 at the lowest elevation. `class` is the
-    class of the object, or the material of the background. `object_id` is -1 for background.
+    class of the object, or the material of the background. `echo` is 1 for the second point of a
+    ray. `object_id` is -1 for background.
     Raises FormatError if the file is truncated.
     """
-    return _records(file, FIELDS, "time_s ring class object_id")
+    return _records(file, FIELDS, "time_s ring class echo object_id")
 
 
 PITCHED_HEADER = ",".join([*OBJECT_COLUMNS, PITCH_COLUMN])
