@@ -38,7 +38,7 @@ from pyinfra.experiments import store
 from pyinfra.models.detectors.detection_area import Site, site_of
 from pyinfra.models.detectors.fuse_batchnorm import fused
 from pyinfra.models.detectors.network import Network, device_of, one_thread
-from pyinfra.models.ops import clouds, triton_kernels
+from pyinfra.models.ops import clouds, sparse, triton_kernels, triton_layers
 from pyinfra.models.training import checkpoint, loop
 from pyinfra.models.training.recipe import Precision, Recipe, read_recipe
 from pyinfra.models.training.samples import Frames
@@ -49,6 +49,7 @@ from reproduction.tables.gpu import AP_STEPS, DETECTORS
 
 Part = Literal["batches", "rates", "latency", "ap", "settings"]
 ON_POINTS = ("pv-rcnn", "pointrcnn")  # these search points with the Triton kernels
+WITH_LAYERS = ("dsvt", *ON_POINTS)  # these have layers in Triton
 WORKERS = (0, 1, 2, 4, 8)
 SCENE, LIDAR, PRESET, SEED = "highway", "ruby_plus", "paper", 1
 FRAMES = "0:5000:30"  # frames of the traffic seed SEED; those before 400 s are used
@@ -57,9 +58,14 @@ WARM_UP, PROFILED = 6, 5  # steps before the measurement, and steps whose kernel
 LONGEST = 8  # kernels that are printed
 KEY = ["device", "detector", "tier", "setting", "measure"]
 
+# `pyinfra train` on a GPU uses `tf32` or, with --precision bfloat16, `bfloat16`.
+RATES: dict[str, tuple[Precision, dict[str, bool]]] = {
+    "tf32": ("float32", {"tf32": True}),
+    "bfloat16": ("bfloat16", {"tf32": True}),
+    "float32": ("float32", {"tf32": False}),
+}
 # Other settings than the default, of which a GPU may be faster with some.
 SETTINGS: dict[str, tuple[Precision, dict[str, bool]]] = {
-    "tf32": ("float32", {"tf32": True}),
     "tuned": ("float32", {"tf32": True, "tuned": True}),
     "bfloat16 tuned": ("bfloat16", {"tf32": True, "tuned": True}),
     "compiled": ("float32", {"tf32": True, "tuned": True, "compiled": True}),
@@ -135,9 +141,11 @@ def batches(bench: Bench) -> None:
 
 def rates(bench: Bench) -> None:
     """Measures steps per second with 32 and with 16 bits."""
-    cpu = bench.device.type == "cpu"  # few CPUs multiply matrices of 16 bits
-    for precision in get_args(Precision)[: 1 if cpu else None]:
-        attempt(bench, precision, partial(rate, bench, precision, precision, {}))
+    if bench.device.type == "cpu":  # few CPUs multiply matrices of 16 bits
+        attempt(bench, "float32", partial(rate, bench, "float32", "float32", {}))
+        return
+    for name, (precision, changes) in RATES.items():
+        attempt(bench, name, partial(rate, bench, name, precision, changes))
 
 
 def settings(bench: Bench) -> None:
@@ -212,7 +220,7 @@ def trained(bench: Bench, recipe: Recipe, frames: Frames, site: Site, steps: int
     made = loop.batches_of(frames, recipe, network, SEED, 0, pace, device)
     step_of = loop.begin(network, recipe, "float32", device, pace)
     readings = loop.Readings(pace.reads_every, steps, Path("none"), None)
-    with closing(made), one_thread():
+    with closing(made), one_thread(), loop.products_of(pace):
         for _ in range(steps):
             step, batch = next(made)
             readings.add(step, *step_of(step, batch.to(device)))
@@ -275,6 +283,36 @@ def check_kernels(bench: Bench) -> None:
         triton_kernels.enabled = False
 
 
+def check_layers(bench: Bench) -> None:
+    """Compares the sparse convolution in Triton with its twin, and all layers for failures."""
+    if bench.device.type != "cuda" or not triton_kernels.enabled:
+        return
+    generator = torch.Generator().manual_seed(SEED)
+    cells = torch.rand(5000, 3, generator=generator) * torch.tensor([10.0, 60, 60])
+    at = torch.unique(torch.nn.functional.pad(cells.long(), (1, 0)), dim=0).to(bench.device)
+    shape, kernel = (10, 60, 60), (3, 3, 3)
+    features = torch.rand(len(at), 64, generator=generator).to(bench.device)
+    weight = torch.rand(27, 64, 64, generator=generator).to(bench.device)
+    rows = torch.arange(len(at), device=bench.device)
+    same = 0.0
+    try:
+        by_rulebook = sparse.convolve(
+            features, weight, sparse.submanifold_rulebook(at, shape, kernel)
+        )
+        by_table = sparse.convolve(features, weight, sparse.submanifold_table(at, shape, kernel))
+        same = float(((by_table / by_rulebook - 1).abs() < 1e-3).float().mean())
+        sets = rows[: len(at) // 32 * 32].view(-1, 32)
+        projected = torch.cat([features] * 3, dim=1).requires_grad_()
+        attended = triton_layers.set_attention(projected, sets, sets < 0, 8)
+        triton_layers.most_of_groups(attended.relu(), rows // 7, len(at)).sum().backward()
+        wait_for(bench.device)
+    except Exception as error:
+        print(f"Triton layers: {type(error).__name__}: {error}", flush=True)
+    bench.write("full", "Triton layers", "same_as_pytorch", same)
+    if same < 0.99:
+        triton_layers.enabled = False
+
+
 def chosen_without_kernels(
     chosen: Callable[[], tuple[torch.Tensor, ...]],
 ) -> tuple[torch.Tensor, ...]:
@@ -298,6 +336,8 @@ def measure(bench: Bench, parts: tuple[Part, ...]) -> None:
     """Measures parts in this process. A part that fails is printed, and the next one follows."""
     if bench.detector in ON_POINTS:
         check_kernels(bench)
+    if bench.detector in WITH_LAYERS:
+        check_layers(bench)
     for part in parts:
         attempt(bench, part, partial(MEASURES[part], bench))
 

@@ -19,6 +19,7 @@ from reproduction import ROOT
 from reproduction.tables import (
     findings,
     front_page,
+    gpu,
     integration,
     label_times,
     measure,
@@ -94,6 +95,12 @@ TABLES: dict[str, Callable[[], str]] = {
     "16 lines or 128": partial(placement.placement, "units"),
     "detectors on the highway, paper": partial(verdicts.detectors, "highway", "paper"),
     "detectors on the highway, datasheet": partial(verdicts.detectors, "highway", "datasheet"),
+    "GPU rates": gpu.rates,
+    "GPU latency": gpu.detection,
+    "GPU batches": gpu.batches,
+    "GPU hours": gpu.hours,
+    "GPU and CPU": gpu.accuracy,
+    "CPU rates of training": gpu.rates_of_cpu,
     "claims about detectors": verdicts.claims_of_detectors,
 }
 FRAMES: dict[str, Callable[[], str]] = {"frames of the results": frames_of_results}

@@ -93,7 +93,7 @@ def batches() -> str:
     """Returns a table of the batches per second by the number of workers."""
     table = results("gpu")
     table = table[table.measure == "batches_per_s"]
-    rows = [[row.device, row.setting, number(row.value)] for row in table.itertuples()]
+    rows = [[row.device, row.setting.split()[0], number(row.value)] for row in table.itertuples()]
     return markdown(["device", "processes that make batches", "batches/s"], rows)
 
 

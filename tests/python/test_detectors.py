@@ -180,7 +180,12 @@ def test_boxes_of_a_gpu_are_those_of_the_cpu(name: str) -> None:
     here = network.predict(points)
     there = network.to("cuda").predict(points)
     assert len(here) > 10
-    np.testing.assert_allclose(here.boxes, there.boxes, atol=1e-2)
+    # A box whose score is near the threshold, or whose overlap with a better box is near the limit
+    # of the suppression, may be missing on one device. Boxes of equal scores may change places.
+    for some, others in ((here, there), (there, here)):
+        sure = some.scores > network.min_score + 1e-3
+        apart = np.abs(some.boxes[:, None] - others.boxes[None]).max(axis=2).min(axis=1)
+        assert np.mean(apart[sure] < 1e-2) > 0.97
 
 
 def tilted(points: np.ndarray, degrees: float) -> np.ndarray:

@@ -37,6 +37,7 @@ from pyinfra.models.detectors.suppression import MIN_SCORE
 from pyinfra.models.detectors.windows import view_of
 from pyinfra.models.ops.boxes import iou_3d_pairs
 from pyinfra.models.ops.sets import Sets, partition, windows_of
+from pyinfra.models.ops.triton_layers import LARGEST_HEAD, LARGEST_SET, set_attention, usable
 
 OVERLAP_WEIGHT = 2.0
 
@@ -104,6 +105,10 @@ class SetAttention(nn.Module):
         projected only once.
         """
         projected = torch.cat([self.query_key(x + position), self.value(x)], dim=1)
+        attended: Tensor
+        if self.in_triton(projected, sets):
+            attended = self.out(set_attention(projected, sets.voxel, sets.repeats, self.heads))
+            return attended
         gathered = projected.index_select(0, sets.voxel.flatten())
         shape = (*sets.voxel.shape, 3, self.heads, x.shape[1] // self.heads)
         query, key, value = gathered.view(shape).permute(2, 0, 3, 1, 4)  # (s, heads, size, C)
@@ -114,8 +119,14 @@ class SetAttention(nn.Module):
             query, key, value, attn_mask=hidden[:, None, None, :]
         )
         attention_out = attention_out.transpose(1, 2).reshape(-1, x.shape[1])  # (s * size, width)
-        attended: Tensor = self.out(attention_out.index_select(0, sets.slot))
+        attended = self.out(attention_out.index_select(0, sets.slot))
         return attended
+
+    def in_triton(self, projected: Tensor, sets: Sets) -> bool:
+        """Returns whether a Triton kernel computes the attention, which does not gather voxels."""
+        head = projected.shape[1] // 3 // self.heads
+        small = sets.voxel.shape[1] <= LARGEST_SET and head <= LARGEST_HEAD
+        return small and usable(projected) and not torch.compiler.is_compiling()
 
 
 class Layer(nn.Module):
@@ -150,7 +161,7 @@ class DsvtBlock(nn.Module):
         """Returns features (n, width). by_row: (n,) index of each voxel's cell in its window."""
         y = x
         for layer, embedding, sets in zip(self.layers, self.embeddings, rotated, strict=True):
-            y = layer(y, embedding().index_select(0, by_row), sets)
+            y = layer(y, functional.embedding(by_row, embedding()), sets)
         around: Tensor = self.norm(x + y)
         return around
 

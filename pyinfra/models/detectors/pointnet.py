@@ -33,6 +33,7 @@ from pyinfra.models.ops.clouds import (
 )
 from pyinfra.models.ops.kernels import on_cpu
 from pyinfra.models.ops.points import interpolate
+from pyinfra.models.ops.triton_layers import most_of_groups, usable
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +130,12 @@ class LocalMax(nn.Module):
     def forward(self, clouds: Clouds, centres: Tensor, points: Tensor, owners: Tensor) -> Tensor:
         """Returns features (m, widths[-1]) of centres (m, 3), from pairs of rows (p,)."""
         offset = clouds.xyz[points] - centres[owners]
-        first = self.offset(offset) + self.feature(clouds.features)[points]
-        x: Tensor = self.rest(first)
+        features = self.feature(clouds.features)
+        # On a GPU, the gradient of `index_select` needs no sorting.
+        gathered = features[points] if on_cpu(features) else features.index_select(0, points)
+        x: Tensor = self.rest(self.offset(offset) + gathered)
+        if usable(x):
+            return most_of_groups(x, owners, len(centres))
         # Features are not negative, so the initial zeros remain only at centres without points.
         index = owners[:, None].expand_as(x)
         return x.new_zeros(len(centres), x.shape[1]).scatter_reduce(0, index, x, "amax")

@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 
 import torch
 from torch import Tensor, nn
@@ -196,6 +197,7 @@ class PvRcnn(Network):
         voxel_m, step = self.config.voxel_m, self.bev.step * math.prod(self.config.strides)
         view = view_of(batch, self.site.area, voxel_m, step)
         batch = cut(batch, view, self.site.area, voxel_m)
+        key_rows = KeyRows(self, batch)
         levels, canvas = self.backbone(batch, view)
         x = self.bev(canvas)
         first = self.head.losses(x, batch.boxes)
@@ -204,16 +206,17 @@ class PvRcnn(Network):
             boxes[spread_by_overlap(best_overlap(boxes, truth)[0], self.config.proposals)]
             for boxes, truth in zip(proposals, batch.boxes, strict=True)
         ]
-        key, logits = self.gather(batch, levels, canvas, chosen)
+        key, logits = self.gather(key_rows, levels, canvas, chosen)
         scores, residuals = self.refinement(key, torch.cat(chosen), [len(b) for b in chosen])
         second = refinement_losses(scores, residuals, chosen, batch.boxes)
         return {**first, "point": foreground_loss(key, logits, batch.boxes), **second}
 
     def candidates(self, batch: Batch) -> list[tuple[Tensor, Tensor]]:
+        key_rows = KeyRows(self, batch)
         levels, canvas = self.backbone(batch)
         proposals = self.proposals(self.bev(canvas), INFERENCE_NMS_IOU)
         proposals = [boxes[: self.config.proposals] for boxes in proposals]
-        key, _ = self.gather(batch, levels, canvas, proposals)
+        key, _ = self.gather(key_rows, levels, canvas, proposals)
         proposed, counts = torch.cat(proposals), [len(boxes) for boxes in proposals]
         scores, residuals = self.refinement(key, proposed, counts)
         boxes = refined(proposed, residuals).split_with_sizes(counts)
@@ -230,11 +233,11 @@ class PvRcnn(Network):
         return remaining
 
     def gather(
-        self, batch: Batch, levels: list[Clouds], canvas: Tensor, proposals: list[Tensor]
+        self, key_rows: KeyRows, levels: list[Clouds], canvas: Tensor, proposals: list[Tensor]
     ) -> tuple[Clouds, Tensor]:
         """Returns the key points with features, and their foreground logits (m,)."""
-        raw = raw_points(batch)
-        rows, counts = self.rows_of_key_points(raw, proposals)
+        raw = key_rows.raw
+        rows, counts = key_rows.result(proposals)
         key: tuple[Clouds, Tensor] = self.key_points([raw, *levels], canvas, raw.xyz[rows], counts)
         return key
 
@@ -261,6 +264,34 @@ class PvRcnn(Network):
             Clouds(raw.xyz[candidates], raw.features[candidates], counts), self.config.key_points
         )
         return candidates[rows], sizes_of(key_counts)
+
+
+class KeyRows:
+    """The rows of the key points, as `PvRcnn.rows_of_key_points` returns them.
+
+    If key points do not depend on proposals, a GPU samples them on a second stream, while it
+    computes the first stage.
+    """
+
+    def __init__(self, network: PvRcnn, batch: Batch) -> None:
+        self.network, self.raw, self.early = network, raw_points(batch), None
+        if network.config.around_m == 0 and self.raw.xyz.is_cuda:
+            self.stream = _second_stream(self.raw.xyz.device)
+            self.stream.wait_stream(torch.cuda.current_stream())
+            with torch.cuda.stream(self.stream):
+                self.early = network.rows_of_key_points(self.raw, [])
+
+    def result(self, proposals: list[Tensor]) -> tuple[Tensor, Sequence[int]]:
+        if self.early is None:
+            return self.network.rows_of_key_points(self.raw, proposals)
+        torch.cuda.current_stream().wait_stream(self.stream)
+        self.early[0].record_stream(torch.cuda.current_stream())
+        return self.early
+
+
+@cache
+def _second_stream(device: torch.device) -> torch.cuda.Stream:
+    return torch.cuda.Stream(device)  # type: ignore[no-untyped-call]
 
 
 def raw_points(batch: Batch) -> Clouds:

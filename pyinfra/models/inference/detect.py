@@ -94,7 +94,7 @@ def load_network(file: Path, region: Region | None = None, device: str = "cpu") 
     from pyinfra.models.detectors.network import device_of
     from pyinfra.models.training import checkpoint
 
-    return fused(checkpoint.load(file).network(region)).to(device_of(device))
+    return fused(checkpoint.load(file).network(region).to(device_of(device)))
 
 
 def check_single(run: Path, frames: int) -> None:

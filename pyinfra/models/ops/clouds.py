@@ -71,6 +71,9 @@ def farthest_of_clouds(xyz: Tensor, counts: Counts, most: int) -> tuple[Tensor, 
         rows = triton_kernels.farthest(xyz, number, most)
     else:
         rows = _farthest_of_all(xyz, number, most)
+    if not isinstance(counts, Tensor):  # a selection by known numbers does not make the CPU wait
+        parts = [of_cloud[:count] for of_cloud, count in zip(rows, counts, strict=True)]
+        return torch.cat([rows.new_zeros(0), *parts]), most_of(counts, most)
     exists = torch.arange(most, device=xyz.device) < number[:, None]
     return rows[exists], most_of(counts, most)
 

@@ -7,6 +7,7 @@ sets. Each voxel is in one set, and attention costs the same for each set.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -39,7 +40,12 @@ class Sets:
 
     voxel: Tensor  # (s, size) int64; smaller sets repeat some of their voxels in adjacent slots
     repeats: Tensor  # (s, size) bool: whether the slot has the same voxel as the previous slot
-    slot: Tensor  # (n,) int64: the first of the s * size slots that has the voxel
+
+    @cached_property
+    def slot(self) -> Tensor:
+        """(n,) int64: the first of the s * size slots that has each voxel."""
+        once = (~self.repeats).flatten().nonzero()[:, 0]  # (n,)
+        return torch.empty_like(once).index_put((self.voxel.flatten()[once],), once)
 
 
 def windows_of(frame: Tensor, row: Tensor, column: Tensor, side: int, shift: int) -> VoxelWindows:
@@ -69,6 +75,4 @@ def partition(windows: VoxelWindows, position: Tensor, size: int) -> Sets:
     voxel = order[first[set_window, None] + chosen]
     repeats = torch.zeros_like(voxel, dtype=torch.bool)
     repeats[:, 1:] = chosen[:, 1:] == chosen[:, :-1]
-    once = (~repeats).flatten().nonzero()[:, 0]  # (n,)
-    slot = torch.empty_like(order).index_put((voxel.flatten()[once],), once)
-    return Sets(voxel, repeats, slot)
+    return Sets(voxel, repeats)

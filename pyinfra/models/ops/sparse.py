@@ -1,8 +1,9 @@
 """Sparse 3-D convolution as in SECOND (Yan et al., Sensors 2018), by gather, product and scatter.
 
 A rulebook lists for every offset of the kernel which input voxel contributes to which output voxel.
-Layers with the same geometry have the same key and share one rulebook. `benchmarks/ops.py` compares
-this code with spconv, whose CPU version has no gradient.
+Layers with the same geometry have the same key and share one rulebook. Where Triton is usable, a
+table takes the place of the rulebook, and one kernel gathers and multiplies. `benchmarks/ops.py`
+compares this code with spconv, whose CPU version has no gradient.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from pyinfra.models.ops import triton_layers
 from pyinfra.models.ops.constants import constant
 from pyinfra.models.ops.kernels import kernels, on_cpu
+from pyinfra.models.ops.triton_layers import usable
 
 Triple = tuple[int, int, int]  # along z, y, x
 
@@ -51,6 +54,19 @@ class Rulebook:
 
 
 @dataclass(frozen=True, eq=False)
+class Table:
+    """The input row of each output row and offset of the kernel, for Triton (triton_layers.py)."""
+
+    inputs: Tensor  # (offsets, m) int32 rows of the input, -1 for none; offsets as in Rulebook
+    # (offsets, n) int32 rows of the output; None: `inputs` with the offsets in reverse order
+    outputs: Tensor | None
+    source: Tensor  # (n, 4) int64, coordinates of the input
+    target: Tensor  # (m, 4) int64, coordinates of the output
+    source_shape: Triple
+    target_shape: Triple
+
+
+@dataclass(frozen=True, eq=False)
 class SparseTensor:
     """Features of the occupied voxels in a batch of grids. The features of other voxels are 0."""
 
@@ -58,7 +74,8 @@ class SparseTensor:
     coordinates: Tensor  # (n, 4) int64: batch, z, y, x; no two rows are equal
     shape: Triple  # voxels along z, y, x
     batch_size: int
-    rulebooks: dict[str, Rulebook] = field(default_factory=dict)  # rulebooks of all levels by key
+    # of all levels, by key
+    rulebooks: dict[str, Rulebook | Table] = field(default_factory=dict)
 
     def with_features(self, features: Tensor) -> SparseTensor:
         """Returns the same voxels with other features (n, c), for any c."""
@@ -92,7 +109,7 @@ class _Layer(nn.Module):
         shift = torch.empty(channels_out).uniform_(-bound, bound)
         self.bias = nn.Parameter(shift) if bias else None
 
-    def _convolved(self, x: SparseTensor, rulebook: Rulebook) -> SparseTensor:
+    def _convolved(self, x: SparseTensor, rulebook: Rulebook | Table) -> SparseTensor:
         if rulebook.source is not x.coordinates:
             raise ValueError(f"key {self.key}: expected the voxels of its first layer, got others")
         features = convolve(x.features, self.weight, rulebook, self.bias)
@@ -111,7 +128,8 @@ class SubmanifoldConv3d(_Layer):
     def forward(self, x: SparseTensor) -> SparseTensor:
         """Maps features (n, c_in) to (n, c_out)."""
         if self.key not in x.rulebooks:
-            x.rulebooks[self.key] = submanifold_rulebook(x.coordinates, x.shape, self.kernel)
+            make = submanifold_table if usable(x.features) else submanifold_rulebook
+            x.rulebooks[self.key] = make(x.coordinates, x.shape, self.kernel)
         return self._convolved(x, x.rulebooks[self.key])
 
 
@@ -134,25 +152,29 @@ class SparseConv3d(_Layer):
     def forward(self, x: SparseTensor) -> SparseTensor:
         """Maps features (n, c_in) to (m, c_out); output voxels are sorted by batch, z, y, x."""
         if self.key not in x.rulebooks:
-            x.rulebooks[self.key] = strided_rulebook(
+            make = strided_table if usable(x.features) else strided_rulebook
+            x.rulebooks[self.key] = make(
                 x.coordinates, x.shape, self.kernel, self.stride, self.padding
             )
         return self._convolved(x, x.rulebooks[self.key])
 
 
 def convolve(
-    features: Tensor, weight: Tensor, rulebook: Rulebook, bias: Tensor | None = None
+    features: Tensor, weight: Tensor, rulebook: Rulebook | Table, bias: Tensor | None = None
 ) -> Tensor:
     """Convolves features (n, c_in) to (m, c_out) with weight (offsets, c_in, c_out).
 
     The result is reproducible on every device.
     """
-    if len(weight) != len(rulebook.counts):
-        raise ValueError(f"rulebook: expected {len(weight)} offsets, got {len(rulebook.counts)}")
+    by_table = isinstance(rulebook, Table)
+    offsets = len(rulebook.inputs if isinstance(rulebook, Table) else rulebook.counts)
+    if len(weight) != offsets:
+        raise ValueError(f"rulebook: expected {len(weight)} offsets, got {offsets}")
     kind = features.device.type
     if torch.is_autocast_enabled(kind):
         features = features.to(torch.get_autocast_dtype(kind))
-    result: Tensor = _Convolution.apply(features, weight.to(features.dtype), rulebook)  # type: ignore[no-untyped-call]
+    function = _TableConvolution if by_table else _Convolution
+    result: Tensor = function.apply(features, weight.to(features.dtype), rulebook)  # type: ignore[no-untyped-call]
     return result if bias is None else result + bias
 
 
@@ -178,6 +200,29 @@ class _Convolution(torch.autograd.Function):
                 torch.mm(features.t(), gradient, out=to_weight[rulebook.centre])
             for k, inputs, outputs in _offsets(rulebook):
                 torch.mm(features[inputs].t(), gradient[outputs], out=to_weight[k])
+        return to_features, to_weight, None
+
+
+class _TableConvolution(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, features: Tensor, weight: Tensor, table: Table) -> Tensor:
+        ctx.save_for_backward(features, weight)
+        ctx.table = table
+        return triton_layers.convolve(features, weight, table.inputs)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, Tensor | None, None]:
+        features, weight = ctx.saved_tensors
+        table, gradient = ctx.table, gradients[0].contiguous()
+        to_features = to_weight = None
+        if ctx.needs_input_grad[0]:
+            turned = weight.transpose(1, 2)
+            if table.outputs is None:
+                to_features = triton_layers.convolve(gradient, turned.flip(0), table.inputs)
+            else:
+                to_features = triton_layers.convolve(gradient, turned, table.outputs)
+        if ctx.needs_input_grad[1]:
+            to_weight = triton_layers.gradient_of_weights(features, gradient, table.inputs)
         return to_features, to_weight, None
 
 
@@ -244,6 +289,44 @@ def strided_rulebook(
     )
     target = _coordinates(keys, target_shape)
     return Rulebook(inputs, outputs, counts, None, coordinates, target, shape, target_shape)
+
+
+def submanifold_table(coordinates: Tensor, shape: Triple, kernel: Triple) -> Table:
+    """Returns the neighbours of voxels (n, 4) within the kernel, whose sizes must be odd."""
+    pad = kernel[0] // 2, kernel[1] // 2, kernel[2] // 2
+    sizes = _padded(shape, pad)
+    batch, z, y, x = coordinates.unbind(1)
+    keys = _keys(batch, z + pad[0], y + pad[1], x + pad[2], sizes)
+    ascending, order = keys.sort()
+    at_z, at_y, at_x = (torch.arange(n, device=keys.device) - n // 2 for n in kernel)
+    steps = (at_z[:, None, None] * sizes[1] + at_y[:, None]) * sizes[2] + at_x
+    wanted = keys + steps.flatten()[:, None]  # (offsets, n)
+    at = torch.searchsorted(ascending, wanted).clamp(max=max(0, len(keys) - 1))
+    inputs = torch.where(ascending[at] == wanted, order[at], -1).int()
+    return Table(inputs, None, coordinates, coordinates, shape, shape)
+
+
+def strided_table(
+    coordinates: Tensor, shape: Triple, kernel: Triple, stride: Triple, padding: Triple
+) -> Table:
+    """Returns the pairs of voxels (n, 4) and the output voxels that the kernel reaches."""
+    target_shape = _convolved_shape(shape, kernel, stride, padding)
+    keys, exists = coordinates[:, 0], torch.ones_like(coordinates[:, 0], dtype=torch.bool)
+    for axis, size in enumerate(target_shape):
+        moved = coordinates[:, 1 + axis] + padding[axis]
+        offset = torch.arange(kernel[axis], device=moved.device)[:, None]
+        at = (moved - offset).div(stride[axis], rounding_mode="floor")  # (offsets of the axis, n)
+        met = (at * stride[axis] == moved - offset) & (at >= 0) & (at < size)
+        keys = (keys.view(-1, 1, len(moved)) * size + at).flatten(0, 1)
+        exists = (exists.view(-1, 1, len(moved)) & met).flatten(0, 1)
+    offset, row = exists.nonzero().unbind(1)
+    reached, output = torch.unique(keys[offset, row], return_inverse=True)
+    offsets = math.prod(kernel)
+    inputs = torch.full((offsets, len(reached)), -1, dtype=torch.int32, device=row.device)
+    outputs = torch.full((offsets, len(coordinates)), -1, dtype=torch.int32, device=row.device)
+    inputs[offset, output], outputs[offset, row] = row.int(), output.int()
+    target = _coordinates(reached, target_shape)
+    return Table(inputs, outputs, coordinates, target, shape, target_shape)
 
 
 def _shifted_pairs(keys: Tensor, steps: list[int]) -> tuple[Tensor, Tensor, list[int]]:

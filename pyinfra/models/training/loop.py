@@ -86,7 +86,7 @@ def pace_of(device: torch.device) -> Pace:
         return Pace()
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     workers = min(MOST_WORKERS, ((cores or 1) - 1) // distributed.count())
-    return Pace(workers=workers, in_memory=workers > 0, reads_every=READS, fused=True)
+    return Pace(workers=workers, in_memory=workers > 0, reads_every=READS, fused=True, tf32=True)
 
 
 def train(
