@@ -129,6 +129,24 @@ TEST(beam, sees_as_much_of_moving_objects_as_with_sub_rays_everywhere) {
               0.02 * static_cast<double>(everywhere));
 }
 
+TEST(beam, of_more_sub_rays_sees_nearly_the_same) {
+  const World world = short_run_of("highway");
+  for (const BeamWhere where : {BeamWhere::kMoving, BeamWhere::kEverywhere}) {
+    LidarConfig lidar = read_lidar(configs() / "lidars/helios_16.yaml", "datasheet");
+    const auto points = [&](int sub_rays) {
+      BeamConfig& beam = *lidar.units.front().returns.beam;
+      beam.sub_rays = sub_rays;
+      beam.where = where;
+      int sum = 0;
+      for (const ObjectRecord& object : frame_of(world, lidar, 3).objects) sum += object.points;
+      return sum;
+    };
+    const int few = points(3);
+    EXPECT_GT(few, 100);
+    for (const int many : {5, 9}) EXPECT_NEAR(points(many), few, 0.05 * few);
+  }
+}
+
 TEST(beam, beside_a_car_sees_it) {
   const World world = world_with(empty_road(), {car_on_road(1, -50, -3, 0)});
   LidarConfig ray = wide_lidar();

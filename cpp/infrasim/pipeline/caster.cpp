@@ -236,7 +236,8 @@ void Caster::cast_sub_rays(const Part& part, std::span<const std::uint32_t> beam
   beam.expand(rays_, rays, from, to, sub_rays_);
   sub_.resize(sub_rays_.size());
   sub_number_.resize(sub_rays_.size());
-  const std::span<const float> shares = from == 0 ? beam.probe_shares() : beam.shares();
+  const std::span<const float> shares =
+      from == 0 && to == beam.probes() ? beam.probe_shares() : beam.shares();
   for (std::size_t k = first; k < sub_rays_.size(); ++k) {
     const std::size_t number = from + (k - first) % n;
     sub_[k] = {beams[(k - first) / n], shares[number]};
@@ -278,6 +279,7 @@ void Caster::keep_beams_on_bodies(const Part& part) {
   }
   beams_.resize(kept);
   sub_rays_.resize(n * kept);
+  sub_hits_.resize(n * kept);
   sub_.resize(n * kept);
 }
 

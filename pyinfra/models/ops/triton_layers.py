@@ -206,8 +206,8 @@ if triton is not None:
 
 
 def usable(tensor: Tensor) -> bool:
-    """Returns whether the layers run on the device of a tensor."""
-    return enabled and triton_kernels.usable(tensor)
+    """Returns whether the layers run on the device of a tensor. They do not take float64."""
+    return enabled and tensor.dtype != torch.float64 and triton_kernels.usable(tensor)
 
 
 def convolve(features: Tensor, weight: Tensor, table: Tensor) -> Tensor:
