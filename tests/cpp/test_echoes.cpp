@@ -45,6 +45,8 @@ LidarConfig wide_lidar(BeamWhere where = BeamWhere::kMoving) {
   return lidar;
 }
 
+double square(double x) { return x * x; }
+
 LidarConfig with_echoes(LidarConfig lidar, EchoMode mode, double separation_m = 0.5) {
   lidar.units.front().returns.echoes =
       EchoesConfig{.mode = mode, .separation_m = separation_m, .offered = {}};
@@ -80,6 +82,22 @@ TEST(beam, has_the_shape_of_an_even_ellipse) {
     }
     EXPECT_EQ(beam.probes(), across == 3 ? 4U : beam.sub_rays());
   }
+}
+
+TEST(beam, that_is_long_and_thin_is_probed_at_both_ends) {
+  const Beam beam(BeamConfig{.vertical_deg = 0.28, .horizontal_deg = 0.03}, rotation(0, 0, 0));
+  RayBatch ray, sub_rays;
+  ray.resize(1);
+  ray.dx[0] = 1;
+  ASSERT_EQ(beam.probes(), 3U);
+  beam.expand(ray, std::array{0U}, 0, 3, sub_rays);
+  double sum = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_NEAR(sub_rays.dy[i], 0, 1e-7);
+    sum += beam.probe_shares()[i] * square(sub_rays.dz[i] / std::tan(rad(0.14)));
+  }
+  EXPECT_NEAR(sub_rays.dz[1], -sub_rays.dz[2], 1e-7);
+  EXPECT_NEAR(sum, 0.25, 0.001);
 }
 
 TEST(beam, that_meets_no_moving_object_is_a_ray) {

@@ -24,7 +24,7 @@ from pyinfra.core.errors import FormatError
 from pyinfra.exchange import mcap
 from pyinfra.formats import kitti
 
-TYPES = {4: "<u2", 5: "<i4", 7: "<f4"}  # types of sensor_msgs/PointField
+TYPES = {2: "u1", 4: "<u2", 5: "<i4", 7: "<f4"}  # types of sensor_msgs/PointField
 
 
 def read(file: Path) -> dict[str, list[tuple[int, SimpleNamespace]]]:
@@ -89,7 +89,7 @@ def test_a_known_recording_comes_back_whole(tmp_path: Path) -> None:
         got, fields = records(cloud), fields_of(frame)
         xyzi = np.column_stack([got[n] for n in ("x", "y", "z", "intensity")])
         np.testing.assert_array_equal(xyzi, points(frame))
-        for name, key in {"time": "time_s", "class_id": "class"}.items():
+        for name, key in {"time": "time_s", "class_id": "class", "echo": "echo"}.items():
             np.testing.assert_array_equal(got[name], fields[key])
         np.testing.assert_array_equal(got["ring"], fields["ring"])
         np.testing.assert_array_equal(got["object_id"], fields["object_id"])

@@ -14,7 +14,7 @@ from pyinfra.exchange.recording import Options
 from pyinfra.formats import kitti
 from pyinfra.formats.pcd_file import read_pcd
 
-ALL = ("x", "y", "z", "intensity", "time", "ring", "object_id", "class")
+ALL = ("x", "y", "z", "intensity", "time", "ring", "object_id", "class", "echo")
 
 
 def columns(cloud: PointCloud, names: tuple[str, ...]) -> np.ndarray:
@@ -26,7 +26,7 @@ def test_all_fields_by_hand(tmp_path: Path) -> None:
     cloud = PointCloud.from_path(tmp_path / "out/points/000005.pcd")
     assert cloud.fields == ALL
     assert np.array_equal(columns(cloud, ALL[:4]), points(5))
-    for name, ours in zip(ALL[4:], ("time_s", "ring", "object_id", "class"), strict=True):
+    for name, ours in zip(ALL[4:], ("time_s", "ring", "object_id", "class", "echo"), strict=True):
         assert np.array_equal(cloud.pc_data[name], fields_of(5)[ours])
     first, second = (tmp_path / "out/labels/000005.txt").read_text().splitlines()
     assert [float(word) for word in first.split()[:7]] == pytest.approx(BOXES[3])

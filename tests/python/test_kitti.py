@@ -210,10 +210,18 @@ def test_point_that_is_not_finite_is_an_error(tmp_path: Path) -> None:
 
 
 def test_fields_are_packed_records(tmp_path: Path) -> None:
-    record = np.array([(0.05, 127, 3, -1)], dtype=kitti.FIELDS)
+    record = np.array([(0.05, 127, 3, 1, -1)], dtype=kitti.FIELDS)
     assert record.nbytes == 12
     read = kitti.read_fields(written(tmp_path, record.tobytes()))
     assert (read["ring"][0], read["class"][0], read["object_id"][0]) == (127, 3, -1)
+    assert read["echo"][0] == 1
+
+
+def test_fields_of_older_frames_have_the_first_echo(tmp_path: Path) -> None:
+    before = [("time_s", "<f4"), ("ring", "<u2"), ("class", "<u2"), ("object_id", "<i4")]
+    record = np.array([(0.05, 127, 16, 3)], dtype=before)
+    read = kitti.read_fields(written(tmp_path, record.tobytes()))
+    assert (read["class"][0], read["echo"][0], read["object_id"][0]) == (16, 0, 3)
 
 
 def test_objects_are_read_by_column(tmp_path: Path) -> None:

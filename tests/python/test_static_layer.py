@@ -164,7 +164,7 @@ def test_lidars_that_never_repeat_have_no_layer(infrasim: Infrasim, tmp_path: Pa
     refused = infrasim("static", "highway", "--lidar", "livox_avia", "--out", out)
     assert refused.returncode == 2
     assert "livox_avia, preset datasheet: unit 0: expected" in refused.stderr
-    assert "got a beam wider than a ray" in refused.stderr
+    assert "got a pattern that never repeats" in refused.stderr
     assert not out.exists()
 
 

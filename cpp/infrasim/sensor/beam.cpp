@@ -14,7 +14,9 @@ namespace {
 constexpr double kAlongUp = 1e-6;
 constexpr int kSubRaysOfRing = 6;  // of the first ring; ring k has k times as many
 constexpr float kLeastRadius_m = 0.02F;  // of the outermost sub-rays
-constexpr int kProbes = kSubRaysOfRing / 2;  // on the ring; every second sub-ray
+// A beam with a larger ratio of its axes is probed at the two ends of the longer one, another beam at
+// every second sub-ray of the ring.
+constexpr double kLong = 3;
 
 }  // namespace
 
@@ -27,6 +29,8 @@ Beam::Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose)
   if (!config) return;
   everywhere_ = config->where == BeamWhere::kEverywhere;
   const int rings = config->sub_rays / 2;
+  const auto [narrow, wide] = std::minmax(config->horizontal_deg, config->vertical_deg);
+  const int probes = wide > kLong * narrow ? 2 : kSubRaysOfRing / 2;  // on the ring
   const double parts = (2.0 * rings + 1) * (2 * rings + 1);  // of the middle's size
   const double left = math::tan(rad(config->horizontal_deg / 2));
   const double up = math::tan(rad(config->vertical_deg / 2));
@@ -36,8 +40,8 @@ Beam::Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose)
     // The mean square radius of the ring, which reaches from 2 ring - 1 to 2 ring + 1.
     const double radius = std::sqrt((4.0 * ring * ring + 1) / parts);
     for (int i = 0; i < n; ++i) {
-      // The first sub-ray is on the longer axis. In a single ring, the three probes come first.
-      const int place = rings == 1 ? 2 * i % n + i / kProbes : i;
+      // The first sub-ray is on the longer axis. In a single ring, the probes come first.
+      const int place = rings == 1 ? n / probes * (i % probes) + i / probes : i;
       const auto [along, across] = math::cos_sin(2 * kPi * place / n);
       places_.push_back(up > left ? Vec2{radius * left * across, radius * up * along}
                                   : Vec2{radius * left * along, radius * up * across});
@@ -48,9 +52,10 @@ Beam::Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose)
   }
   probe_shares_ = shares_;
   if (rings > 1) return;
-  // The probes have the ellipse's mean square distance from its axes, which is a quarter.
-  const double on_ring = 0.5 / ((4 + 1) / parts);
-  probe_shares_.assign(1 + kProbes, static_cast<float>(on_ring / kProbes));
+  // The probes have the ellipse's mean square distance from its axes, which is a quarter. Two probes
+  // have it along the longer axis.
+  const double on_ring = (probes == 2 ? 0.25 : 0.5) / ((4 + 1) / parts);
+  probe_shares_.assign(1 + static_cast<std::size_t>(probes), static_cast<float>(on_ring / probes));
   probe_shares_[0] = static_cast<float>(1 - on_ring);
 }
 
