@@ -33,7 +33,8 @@ Frame frame_of(const World& world, const LidarConfig& lidar, int k = 0) {
 
 World short_run_of(const std::string& scene) {
   const std::vector<std::string> assignments{"duration_s=5", "traffic.warm_up_s=20"};
-  return build_world(read_scene(configs() / "scenes" / (scene + ".yaml"), assignments, "datasheet"));
+  return build_world(
+      read_scene(configs() / "scenes" / (scene + ".yaml"), assignments, "datasheet"));
 }
 
 /// A LiDAR with beams of 0.4 x 0.2 degrees, which looks 0 to 20 degrees down.
@@ -189,8 +190,8 @@ std::vector<Echo> merged(const std::vector<Echo>& of_sub_rays, double separation
   std::vector<float> sunlit(1);
   std::vector<WeakerEcho> others;
   EchoMerger(separation_m, path)
-      .merge(sub_rays, sub_echoes, {}, std::array{0U}, std::array<std::uint16_t, 1>{}, echoes, sunlit,
-             &others);
+      .merge(sub_rays, sub_echoes, {}, std::array{0U}, std::array<std::uint16_t, 1>{}, echoes,
+             sunlit, &others);
   std::vector<Echo> out{echoes.at(0)};
   for (const WeakerEcho& other : others) out.push_back(other.echo);
   return out;
@@ -317,14 +318,16 @@ TEST(echoes, depend_neither_on_layers_nor_on_other_frames) {
 
 TEST(echoes, of_a_mode_that_the_sensor_does_not_offer_are_refused) {
   LidarConfig avia = read_lidar(configs() / "lidars/livox_avia.yaml", "datasheet");
-  EXPECT_NE(error_of([&] { set_echo_mode(avia, EchoMode::kLast); })
-                .find("expected a mode that the sensor offers (first, strongest, dual), got last"),
+  EXPECT_NE(error_of([&] {
+              set_echo_mode(avia, EchoMode::kLast);
+            }).find("expected a mode that the sensor offers (first, strongest, dual), got last"),
             std::string::npos);
   set_echo_mode(avia, EchoMode::kDual);
   EXPECT_NE(dump_lidar(avia).find("mode: dual"), std::string::npos);
   LidarConfig paper = read_lidar(configs() / "lidars/livox_avia.yaml", "paper");
-  EXPECT_NE(error_of([&] { set_echo_mode(paper, EchoMode::kDual); })
-                .find("expected strongest with preset paper of livox_avia"),
+  EXPECT_NE(error_of([&] {
+              set_echo_mode(paper, EchoMode::kDual);
+            }).find("expected strongest with preset paper of livox_avia"),
             std::string::npos);
   set_echo_mode(paper, EchoMode::kStrongest);
   EXPECT_NE(error_of([] { echo_mode("both"); }).find("expected strongest, first, last or dual"),

@@ -422,8 +422,8 @@ SceneConfig open_site() {
 LidarConfig beam_lidar(double elevation_deg, double vertical_deg) {
   LidarConfig lidar = plain_lidar("lidar", spinning(1, elevation_deg, elevation_deg, 0.5));
   lidar.units.front().returns.detection.emplace().range_at_10_percent_m = 1000;
-  lidar.units.front().returns.beam = BeamConfig{
-      .vertical_deg = vertical_deg, .sub_rays = 9, .where = BeamWhere::kEverywhere};
+  lidar.units.front().returns.beam =
+      BeamConfig{.vertical_deg = vertical_deg, .sub_rays = 9, .where = BeamWhere::kEverywhere};
   return lidar;
 }
 
@@ -462,9 +462,8 @@ float reported(const std::array<float, 2>& ranges, const std::array<float, 2>& r
   for (std::size_t i = 0; i < 2; ++i) sub_echoes.set(i, {ranges[i], -1, 0, reflectance[i], 1});
   std::vector<float> sunlit(1);
   constexpr std::array<SubRay, 2> kSubRays{{{0, 0.5F}, {0, 0.5F}}};
-  EchoMerger(0.5, path)
-      .merge(kSubRays, sub_echoes, {}, std::array{0U}, std::array<std::uint16_t, 1>{}, echoes, sunlit,
-             nullptr);
+  EchoMerger(0.5, path).merge(kSubRays, sub_echoes, {}, std::array{0U},
+                              std::array<std::uint16_t, 1>{}, echoes, sunlit, nullptr);
   return echoes.range[0];
 }
 
@@ -595,8 +594,9 @@ Vec3 direction(const RayBatch& rays, std::size_t i) { return {rays.dx[i], rays.d
 
 TEST(beam, turns_with_its_unit) {
   const Mat3 level = rotation(0, 0, 0), turned = rotation(rad(50), rad(30), rad(-10));
-  for (const BeamConfig& config : {BeamConfig{.vertical_deg = 0.1, .horizontal_deg = 5},
-                                   BeamConfig{.vertical_deg = 5, .horizontal_deg = 0.1, .sub_rays = 7}}) {
+  for (const BeamConfig& config :
+       {BeamConfig{.vertical_deg = 0.1, .horizontal_deg = 5},
+        BeamConfig{.vertical_deg = 5, .horizontal_deg = 0.1, .sub_rays = 7}}) {
     RayBatch rays, turned_rays, sub_rays, turned_sub_rays;
     for (RayBatch* batch : {&rays, &turned_rays}) batch->resize(72);
     for (std::size_t i = 0; i < rays.size(); ++i) {

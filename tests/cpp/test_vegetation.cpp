@@ -327,8 +327,8 @@ TEST(vegetation, is_met_by_beams_above_all_that_is_solid) {
   SceneConfig scene = empty_road();
   scene.vegetation = {hedge_across(0)};
   LidarConfig wide = seeing_lidar();
-  wide.units[0].returns.beam = BeamConfig{
-      .vertical_deg = 0.3, .horizontal_deg = 0.03, .where = BeamWhere::kEverywhere};
+  wide.units[0].returns.beam =
+      BeamConfig{.vertical_deg = 0.3, .horizontal_deg = 0.03, .where = BeamWhere::kEverywhere};
   const Frame frame = frame_of(scene, wide);
   int above = 0;
   for (std::size_t i = 0; i < frame.cloud.size(); ++i)

@@ -367,6 +367,7 @@ def frame_stream(lidars: list[Any], frames: list[int], threads: int) -> None:
         result = logged(next, stream, None)
         for frame in result[1] if result is not None else ():
             columns = (frame.intensity, frame.time, frame.ring, frame.class_id, frame.object_id)
+            columns += (frame.echo,)
             assert {len(column) for column in columns} == {len(frame)} == {len(frame.xyz)}
             assert frame.rays > 0
             assert frame.seconds > 0

@@ -25,6 +25,7 @@ from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.frame_sequence import BOX, FrameSequence, SimulatedFrames
 from pyinfra.dataset.prediction_origin import origin_of
 from pyinfra.metrics.settings import Settings
+from pyinfra.models.detectors.detection_area import REGION_MARGIN_M
 from pyinfra.models.inference import boxes_table
 from pyinfra.models.training.accumulation import Accumulation
 from pyinfra.viz.report.report_data import Run
@@ -204,7 +205,7 @@ def test_a_region_is_where_vehicles_are_looked_for(frames: FrameSequence) -> Non
     behind = [[-40.0, -30.0], [0.0, -30.0], [0.0, 30.0], [-40.0, 30.0]]
     within = pi.detect("generalist", frames[:2], region=behind)
     assert everywhere.x.max() > 15
-    assert within.x.max() <= 1  # the margin for inexact boxes
+    assert within.x.max() <= REGION_MARGIN_M  # boxes are kept up to this distance
     assert len(within) > 0
     corner = pi.detect("generalist", frames[:2], region=[*behind[:2], behind[3]])
     assert 0 < len(corner) < len(within)  # a triangle of the same extent

@@ -23,7 +23,8 @@ inline constexpr const char* kLawExponentHelp =
     "which only one range is published";
 
 inline constexpr const char* kEchoHelp =
-    "echoes of a ray that become points: strongest, first, last or dual; default: that of the LiDAR "
+    "echoes of a ray that become points: strongest, first, last or dual; default: that of the "
+    "LiDAR "
     "files";
 
 /// Values of a command that replace those of LiDAR files.

@@ -79,8 +79,8 @@ std::set<std::string> law_errors(const std::filesystem::path& file, const LidarC
 LidarConfig checked_lidar(const std::filesystem::path& file,
                           const std::optional<std::string>& preset, const LidarChanges& changes) {
   const auto checked = [&](const std::string& name, bool printed) {
-    LidarConfig lidar = with_changes(
-        read_lidar(file, name), printed ? changes : LidarChanges{changes.rate_hz, {}, {}});
+    LidarConfig lidar = with_changes(read_lidar(file, name),
+                                     printed ? changes : LidarChanges{changes.rate_hz, {}, {}});
     fields_of_view(lidar);
     for (const std::string& line : law_errors(file, lidar))
       if (printed) std::fprintf(stderr, "infrasim: %s\n", line.c_str());
@@ -203,7 +203,8 @@ std::string canonical_of(const std::filesystem::path& file, const config::Tree& 
   if (tree.find("version") != nullptr) return data_set_identity(read_file(file), file.string());
   const std::string preset = o.preset.value_or("datasheet");
   if (lidar)
-    return canonical_lidar(with_changes(read_lidar(file, preset), {o.rate_hz, o.law_exponent, o.echo}));
+    return canonical_lidar(
+        with_changes(read_lidar(file, preset), {o.rate_hz, o.law_exponent, o.echo}));
   return canonical_scene(read_scene(file, o.assignments, preset)) +
          "frames_version: " + std::to_string(kFramesVersion) + "\n";
 }
@@ -222,8 +223,9 @@ void check_command(const CheckOptions& o) {
     if (!o.assignments.empty()) throw ConfigError("--set: expected a scene, got a LiDAR file");
     if (o.traffic) throw ConfigError("--traffic: expected a scene, got a LiDAR file");
     if (!o.lidars.empty()) throw ConfigError("--lidar: expected a scene, got a LiDAR file");
-    std::fputs(dump_lidar(checked_lidar(file, o.preset, {o.rate_hz, o.law_exponent, o.echo})).c_str(),
-               stdout);
+    std::fputs(
+        dump_lidar(checked_lidar(file, o.preset, {o.rate_hz, o.law_exponent, o.echo})).c_str(),
+        stdout);
     return;
   }
   if (o.law_exponent) throw ConfigError("--law-exponent: expected a LiDAR, got a scene file");

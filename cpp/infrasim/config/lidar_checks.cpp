@@ -91,11 +91,11 @@ std::vector<std::string> sub_ray_warnings(std::span<const LidarConfig> lidars) {
       if (!beam) continue;
       const double width_deg = std::max(beam->vertical_deg, beam->horizontal_deg);
       if (!sub_rays_miss_targets(width_deg / beam->sub_rays)) continue;
-      std::string line = lidar.name + ": returns.beam.sub_rays: expected " +
-                         config::number_text(2 * std::ceil((width_deg / kMostSpacing_deg - 1) / 2) + 1) +
-                         " or more for a beam of " + config::number_text(width_deg) +
-                         " degrees, got " + std::to_string(beam->sub_rays) +
-                         ", between which small targets are missed";
+      std::string line =
+          lidar.name + ": returns.beam.sub_rays: expected " +
+          config::number_text(2 * std::ceil((width_deg / kMostSpacing_deg - 1) / 2) + 1) +
+          " or more for a beam of " + config::number_text(width_deg) + " degrees, got " +
+          std::to_string(beam->sub_rays) + ", between which small targets are missed";
       if (lines.empty() || lines.back() != line) lines.push_back(std::move(line));
     }
   return lines;

@@ -166,7 +166,7 @@ std::span<const char* const> enum_names(EchoMode);
 /// How a LiDAR that detects by received power selects from the echoes of a ray.
 struct EchoesConfig {
   EchoMode mode = EchoMode::kStrongest;
-  double separation_m = 0.5;     ///< length of a pulse of 3 ns; nearer echoes merge
+  double separation_m = 0.5;      ///< length of a pulse of 3 ns; nearer echoes merge
   std::vector<EchoMode> offered;  ///< modes of the sensor; if empty, all
 };
 

@@ -31,7 +31,8 @@ std::string objects_csv(const std::vector<ObjectRecord>& objects, bool pitched =
 /// float32 x y z intensity per point, little-endian.
 std::vector<std::byte> velodyne_bytes(const PointCloud& cloud);
 
-/// float32 time_s, uint16 ring, uint8 class, uint8 echo, int32 object_id per point, packed, little-endian.
+/// float32 time_s, uint16 ring, uint8 class, uint8 echo, int32 object_id per point, packed,
+/// little-endian.
 std::vector<std::byte> fields_bytes(const PointCloud& cloud);
 
 /// A frame number in six digits, NNNNNN.

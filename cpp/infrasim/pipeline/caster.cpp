@@ -54,7 +54,8 @@ ScannerUnit make_scanner_unit(const SceneConfig& scene, const LidarConfig& lidar
   const std::string mount_prefix =
       mount.own_random_stream.value_or(false) ? "mount " + name + " " : "";
   const auto& beam = config.returns.beam;
-  const bool one_echo = !config.returns.echoes || config.returns.echoes->mode == EchoMode::kStrongest;
+  const bool one_echo =
+      !config.returns.echoes || config.returns.echoes->mode == EchoMode::kStrongest;
   const auto& spinning = config.pattern.spinning;
   const std::vector<Channel> channels =
       spinning ? channels_by_ring(*spinning) : std::vector<Channel>{};
@@ -413,8 +414,8 @@ std::size_t Caster::pass_panes(const Part& part) {
   const StaticSlice background =
       scanner.layer ? scanner.layer->slice(part.first, part.last, rays_.number) : StaticSlice{};
   const VehicleParts& parts = part.by_power() ? parts_ : kNoParts;
-  const std::size_t cast = transparent_.resolve(rays_, part.vehicles, parts, scanner.returns.path(), hits_,
-                                          echoes_, background);
+  const std::size_t cast = transparent_.resolve(rays_, part.vehicles, parts, scanner.returns.path(),
+                                                hits_, echoes_, background);
   if (!scanner.beam) return cast;
   beam_of_.clear();
   for (const SubRay& sub : sub_) beam_of_.push_back(sub.beam);
@@ -506,9 +507,10 @@ void Caster::detect(const Part& part, FrameBuilder& out) {
     for (std::size_t i = 0; i < echoes_.size(); ++i)
       if (echoes_.object[i] < 0) echoes_.range[i] = std::numeric_limits<float>::infinity();
   StageTimes::measure(times_, Stage::kReturns, [&] {
-    part.scanner.returns.apply(part.frame, part.first_ray, echoes_,
-                               wide ? sunlit_ : echoes_.reflectance, several ? ring_ : rays_.ring,
-                               returns_, several ? number_ : rays_.number, several ? std::span<const std::uint8_t>(rank_) : std::span<const std::uint8_t>{});
+    part.scanner.returns.apply(
+        part.frame, part.first_ray, echoes_, wide ? sunlit_ : echoes_.reflectance,
+        several ? ring_ : rays_.ring, returns_, several ? number_ : rays_.number,
+        several ? std::span<const std::uint8_t>(rank_) : std::span<const std::uint8_t>{});
     choose_echoes(mode);
   });
   StageTimes::measure(times_, Stage::kMaking, [&] { make_returned_rays(part); });

@@ -136,21 +136,21 @@ class Caster {
   std::vector<std::uint32_t> position_;   ///< position in `rays_` of a dynamic ray, by its number
   std::vector<std::uint32_t> selected_;   ///< rays that must be cast
   std::vector<std::uint32_t> in_leaves_;  ///< rays that may meet leaves
-  HitBatch hits_;       ///< hits of the rays, until they become echoes
-  EchoBatch echoes_;    ///< strongest echo of each ray, then `others_`
-  std::vector<std::uint32_t> beams_;  ///< rays that have sub-rays
-  RayBatch sub_rays_;                 ///< of `beams_`: the probes, then the others
-  std::vector<SubRay> sub_;           ///< beam and share of each sub-ray
-  std::vector<std::uint8_t> sub_number_;   ///< number of each sub-ray in its beam
+  HitBatch hits_;                         ///< hits of the rays, until they become echoes
+  EchoBatch echoes_;                      ///< strongest echo of each ray, then `others_`
+  std::vector<std::uint32_t> beams_;      ///< rays that have sub-rays
+  RayBatch sub_rays_;                     ///< of `beams_`: the probes, then the others
+  std::vector<SubRay> sub_;               ///< beam and share of each sub-ray
+  std::vector<std::uint8_t> sub_number_;  ///< number of each sub-ray in its beam
   std::vector<std::uint32_t> sub_order_;
   std::vector<std::uint32_t> beam_of_;  ///< position in `beams_` of each sub-ray
   HitBatch sub_hits_;
   EchoBatch sub_echoes_;
   std::vector<float> static_range_m_, static_gain_;  ///< static hits of `beams_`
   std::vector<std::uint16_t> static_class_;
-  std::vector<WeakerEcho> weaker_;  ///< other echoes of the sub-rays
-  std::vector<WeakerEcho> others_;  ///< other echoes of the rays, by ray, then by strength
-  std::vector<float> sunlit_;       ///< reflectance of the beams in sunlight
+  std::vector<WeakerEcho> weaker_;     ///< other echoes of the sub-rays
+  std::vector<WeakerEcho> others_;     ///< other echoes of the rays, by ray, then by strength
+  std::vector<float> sunlit_;          ///< reflectance of the beams in sunlight
   std::vector<std::uint32_t> number_;  ///< of the ray of each echo, if rays have several
   std::vector<std::uint16_t> ring_;
   std::vector<std::uint8_t> rank_;  ///< number of each echo among those of its ray

@@ -82,8 +82,7 @@ std::vector<PointCount> FrameBuilder::count(std::span<const ObjectBoxes> boxes,
   std::vector<PointCount> counts(boxes.size());
   const Hit* before = nullptr;
   for (const Hit& hit : hits_) {
-    const bool again =
-        before != nullptr && before->ray == hit.ray && before->object == hit.object;
+    const bool again = before != nullptr && before->ray == hit.ray && before->object == hit.object;
     before = &hit;
     if (again) continue;
     const auto k = static_cast<std::size_t>(hit.object);

@@ -192,9 +192,8 @@ StaticLayers make_static_layers(const World& world, std::span<const LidarConfig>
       const ScannerUnit& scanner = scanners[i];
       const ScanPattern& pattern = scanner.pattern;
       if (read) {
-        units.push_back(std::make_shared<const StaticLayer>(pattern, file->second.units[i],
-                                                            scanner.returns, world.leaves,
-                                                            scanner.half_width()));
+        units.push_back(std::make_shared<const StaticLayer>(
+            pattern, file->second.units[i], scanner.returns, world.leaves, scanner.half_width()));
       } else if (scanner.can_have_layer() && layer_bytes(pattern) <= bytes_left &&
                  pays(pattern, static_cast<double>(frames) * period_s(config))) {
         units.push_back(std::make_shared<const StaticLayer>(

@@ -18,8 +18,8 @@
 namespace infrasim {
 
 /// The static layer of each unit of each LiDAR. An entry is null if the pattern never repeats, if
-/// beams have sub-rays everywhere, or if casting the layer takes longer than it saves. The simulators of
-/// all threads share the layers. If the outer vector is empty, all rays are cast.
+/// beams have sub-rays everywhere, or if casting the layer takes longer than it saves. The
+/// simulators of all threads share the layers. If the outer vector is empty, all rays are cast.
 using StaticLayers = std::vector<std::vector<std::shared_ptr<const StaticLayer>>>;
 /// Makes static layers. A layer is read if the scene names a file for it. Other layers are cast, up
 /// to `most_bytes` in total. A layer is cast only if the frames have at least as many rays as a

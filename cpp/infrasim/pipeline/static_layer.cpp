@@ -132,8 +132,7 @@ void StaticLayer::add_tiles(const RayBatch& block, float half_width) {
   for (std::size_t i = 0; i < order_.size(); ++i) {
     if (i % kTileRays == 0) tiles_.emplace_back();
     const std::uint32_t k = order_[i];
-    if (k < block.size())
-      tiles_.back().add_cone(block.dx[k], block.dy[k], block.dz[k], half_width);
+    if (k < block.size()) tiles_.back().add_cone(block.dx[k], block.dy[k], block.dz[k], half_width);
   }
 }
 

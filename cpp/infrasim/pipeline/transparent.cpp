@@ -103,12 +103,14 @@ void TransparentCaster::cast_on_with(const StaticSlice& background) {
 void TransparentCaster::meet(const RayBatch& rays, const Passing& state, const Hit& hit) {
   const float range = hit.range;
   if (state.floor_range < range)
-    return keep_strongest(rays, state, vehicle_echo(state.floor_range, state.object,
-                                              interior_optics(std::abs(rays.dz[state.ray]))));
+    return keep_strongest(rays, state,
+                          vehicle_echo(state.floor_range, state.object,
+                                       interior_optics(std::abs(rays.dz[state.ray]))));
   if (!std::isfinite(range)) return;
   if (hit.object >= 0) return meet_vehicle(rays, state, hit);
-  keep_strongest(rays, state, background_echo(range, static_cast<Class>(hit.class_id), state.ray,
-                                        hit.cos_incidence));
+  keep_strongest(
+      rays, state,
+      background_echo(range, static_cast<Class>(hit.class_id), state.ray, hit.cos_incidence));
 }
 
 void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state, const Hit& hit) {
@@ -119,7 +121,8 @@ void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state,
   const double cosine = hit.cos_incidence;
   if (!parts_.any())
     return keep_strongest(
-        rays, state, vehicle_echo(range, object, {vehicles_->reflectance[index], hit.cos_incidence}));
+        rays, state,
+        vehicle_echo(range, object, {vehicles_->reflectance[index], hit.cos_incidence}));
   const BodyHit body = body_hit(hit);
   const Part part = part_at(body, parts_);
   if (state.object == object && state.under) return meet_below(rays, body, part, state, hit);
@@ -145,15 +148,16 @@ void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state,
 }
 
 /// Handles a ray that entered the space below a body and meets the body again.
-void TransparentCaster::meet_below(const RayBatch& rays, const BodyHit& body, Part part, const Passing& state,
-                                   const Hit& hit) {
+void TransparentCaster::meet_below(const RayBatch& rays, const BodyHit& body, Part part,
+                                   const Passing& state, const Hit& hit) {
   const float range = hit.range;
   // A body stands on the ground, so a ray that meets the lower face of the body also meets the
   // ground.
   if (body.at.z < 0 && std::abs(body.normal.z) > kLevelNormal) {
     const bool on_lane = vehicles_->on_lane[static_cast<std::size_t>(hit.object)];
     const Class ground = on_lane ? Class::kRoad : static_cast<Class>(hit.class_id);
-    return keep_strongest(rays, state, background_echo(range, ground, state.ray, hit.cos_incidence));
+    return keep_strongest(rays, state,
+                          background_echo(range, ground, state.ray, hit.cos_incidence));
   }
   if (part != Part::kGap)
     return keep_strongest(rays, state,

@@ -49,7 +49,8 @@ class TransparentCaster {
   void cast_on_with(const StaticSlice& background);
   void meet(const RayBatch& rays, const Passing& state, const Hit& hit);
   void meet_vehicle(const RayBatch& rays, const Passing& state, const Hit& hit);
-  void meet_below(const RayBatch& rays, const BodyHit& body, Part part, const Passing& state, const Hit& hit);
+  void meet_below(const RayBatch& rays, const BodyHit& body, Part part, const Passing& state,
+                  const Hit& hit);
   BodyHit body_hit(const Hit& hit) const;
   Echo background_echo(float range, Class material, std::uint32_t ray, float cosine) const;
   void keep_strongest(const RayBatch& rays, const Passing& state, Echo echo);

@@ -340,8 +340,8 @@ void Raycaster::set_bodies(std::span<const MovingBody> bodies, double period_s) 
     m.motions.emplace_back(b);
     double farthest = 0;
     for (const Box3d& box : {b.from, b.to})
-      farthest = std::max(farthest, norm(Vec3{box.x, box.y, box.z}) +
-                                        norm(Vec3{box.dx, box.dy, box.dz}) / 2);
+      farthest = std::max(farthest,
+                          norm(Vec3{box.x, box.y, box.z}) + norm(Vec3{box.dx, box.dy, box.dz}) / 2);
     m.farthest_m.push_back(static_cast<float>(farthest));
   }
   for (const auto& views : m.index.views())

@@ -9,7 +9,7 @@ namespace {
 
 enum VolumeSample : unsigned { kLeaf, kFirstVolume };
 
-constexpr double kMargin_m = 0.01;  // larger than rounding errors
+constexpr double kVolumeMargin_m = 0.01;  // larger than rounding errors
 
 }  // namespace
 
@@ -32,8 +32,8 @@ Volumes::Volumes(std::span<const LeafVolume> volumes) {
              .x = 0,
              .y = 0,
              .z = 0,
-             .nearest_m = norm(Vec3{box.x, box.y, box.z}) -
-                          norm(Vec3{box.dx, box.dy, box.dz}) / 2 - kMargin_m};
+             .nearest_m = norm(Vec3{box.x, box.y, box.z}) - norm(Vec3{box.dx, box.dy, box.dz}) / 2 -
+                          kVolumeMargin_m};
     v.x = -(v.cos * box.x + v.sin * box.y) * v.inv_x;
     v.y = (v.sin * box.x - v.cos * box.y) * v.inv_y;
     v.z = -box.z * v.inv_z;

@@ -12,10 +12,10 @@ namespace {
 
 // sine; for rays closer to the vertical, rounding errors determine the axes
 constexpr double kAlongUp = 1e-6;
-constexpr int kSubRaysOfRing = 6;  // of the first ring; ring k has k times as many
+constexpr int kSubRaysOfRing = 6;        // of the first ring; ring k has k times as many
 constexpr float kLeastRadius_m = 0.02F;  // of the outermost sub-rays
-// A beam with a larger ratio of its axes is probed at the two ends of the longer one, another beam at
-// every second sub-ray of the ring.
+// A beam with a larger ratio of its axes is probed at the two ends of the longer one, another beam
+// at every second sub-ray of the ring.
 constexpr double kLong = 3;
 
 }  // namespace
@@ -31,7 +31,7 @@ Beam::Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose)
   const int rings = config->sub_rays / 2;
   const auto [narrow, wide] = std::minmax(config->horizontal_deg, config->vertical_deg);
   const int probes = wide > kLong * narrow ? 2 : kSubRaysOfRing / 2;  // on the ring
-  const double parts = (2.0 * rings + 1) * (2 * rings + 1);  // of the middle's size
+  const double parts = (2.0 * rings + 1) * (2 * rings + 1);           // of the middle's size
   const double left = math::tan(rad(config->horizontal_deg / 2));
   const double up = math::tan(rad(config->vertical_deg / 2));
   shares_[0] = static_cast<float>(1 / parts);
@@ -52,8 +52,8 @@ Beam::Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose)
   }
   probe_shares_ = shares_;
   if (rings > 1) return;
-  // The probes have the ellipse's mean square distance from its axes, which is a quarter. Two probes
-  // have it along the longer axis.
+  // The probes have the ellipse's mean square distance from its axes, which is a quarter. Two
+  // probes have it along the longer axis.
   const double on_ring = (probes == 2 ? 0.25 : 0.5) / ((4 + 1) / parts);
   probe_shares_.assign(1 + static_cast<std::size_t>(probes), static_cast<float>(on_ring / probes));
   probe_shares_[0] = static_cast<float>(1 - on_ring);

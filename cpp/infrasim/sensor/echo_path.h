@@ -13,7 +13,7 @@ struct EchoPath {
   float min_range_m = 0;        ///< end of the blind zone; nearer echoes do not count
   double extinction_per_m = 0;  ///< extinction of the air
   /// blind zones of channels, from ring `first_ring` up; if empty, all rings have `min_range_m`
-  std::span<const float> min_range_by_ring_m = {};
+  std::span<const float> min_range_by_ring_m = {};  // NOLINT(readability-redundant-member-init)
   int first_ring = 0;
 
   /// The end of the blind zone of a ring.

@@ -65,7 +65,8 @@ ReturnModel::ReturnModel(const ReturnsConfig& config, const WeatherConfig& weath
                          std::span<const Channel> channels, int first_ring)
     : config_(config),
       echoes_(config.echoes.value_or(EchoesConfig{})),
-      extinction_per_m_(extinction(weather)), first_ring_(first_ring) {
+      extinction_per_m_(extinction(weather)),
+      first_ring_(first_ring) {
   limits_.min_range_m = static_cast<float>(config.min_range_m);
   if (!config.detection) return;
   const RangeLaw law = fit_range_law(*config.detection, config.max_range_m);
@@ -172,7 +173,8 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const EchoBatch
     if (config_.drop_off && !recorded && dropped_when_faint(ray_rng, first_sample, intensity))
       continue;
     if (sigma > 0)
-      range += static_cast<float>(sigma * normal_quantile(ray_rng.open_uniform(first_sample + kNoise)));
+      range +=
+          static_cast<float>(sigma * normal_quantile(ray_rng.open_uniform(first_sample + kNoise)));
     out.echo[n] = static_cast<std::uint32_t>(i);
     out.range[n] = std::max(0.0F, range);
     out.intensity[n++] = static_cast<float>(std::min(1.0, intensity));

@@ -19,9 +19,9 @@ inline constexpr std::size_t kMostEchoes = 8;
 /// Echoes that became points, in the order of the echoes.
 struct ReturnBatch {
   std::vector<std::uint32_t> echo;  ///< index in the batch of echoes
-  std::vector<float> range;        ///< metres, with noise
-  std::vector<float> intensity;    ///< [0, 1]
-  std::vector<double> strength;    ///< of each echo, see `ReturnModel::strengths`
+  std::vector<float> range;         ///< metres, with noise
+  std::vector<float> intensity;     ///< [0, 1]
+  std::vector<double> strength;     ///< of each echo, see `ReturnModel::strengths`
 
   std::size_t size() const { return echo.size(); }
   void resize(std::size_t n) {
