@@ -304,7 +304,8 @@ def check_layers(bench: Bench) -> None:
         sets = rows[: len(at) // 32 * 32].view(-1, 32)
         projected = torch.cat([features] * 3, dim=1).requires_grad_()
         attended = triton_layers.set_attention(projected, sets, sets < 0, 8)
-        triton_layers.most_of_groups(attended.relu(), rows // 7, len(at)).sum().backward()
+        most = triton_layers.most_of_groups(attended.relu(), rows // 7, len(at))
+        most.sum().backward()  # type: ignore[no-untyped-call]
         wait_for(bench.device)
     except Exception as error:
         print(f"Triton layers: {type(error).__name__}: {error}", flush=True)

@@ -33,6 +33,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 KINDS = ("sh", "python", "yaml", "text")
 FEW_FRAMES = 20
 ELSEWHERE = re.compile(r"--(backend|address) |--device cuda|--precision bfloat16")
+LONG = ["-m", "reproduction", "gpu"]  # only its options are read, because it takes minutes
 SHELL = re.compile(r"[|&;<>`$*{}]")  # shell syntax that the runner does not support
 SMALL = {
     "evaluate": ["--no-figures", "--replicates", "20"],
@@ -117,6 +118,7 @@ def run(command: str, infrasim: Callable[..., object]) -> None:
         result: Any = infrasim(*small_words(words), cwd=Path.cwd())
         assert result.returncode == 0, f"{command}: {result.stderr}"
     elif program == "python":
+        words += ["--help"] if words[:3] == LONG else []
         subprocess.run([sys.executable, *words], check=True, timeout=120)
     elif program in ("cp", "mkdir"):
         {"cp": shutil.copy, "mkdir": os.makedirs}[program](*words)
