@@ -355,7 +355,7 @@ def write_folder(folder: Path, objects: dict[str, dict[int, list[str]]], reach: 
             kitti.frame_file(where, "objects", frame).write_text(text)
             points = np.array([[40, 0, -5, 1], [20, 0, -6, 1]], dtype="<f4")
             points.tofile(kitti.frame_file(where, "velodyne", frame))
-            fields = np.array([(0, 0, 0, 1), (0, 0, 0, -1)], dtype=kitti.FIELDS)
+            fields = np.array([(0, 0, 0, 0, 1), (0, 0, 0, 0, -1)], dtype=kitti.FIELDS)
             fields.tofile(kitti.frame_file(where, "fields", frame))
     return folder
 
