@@ -105,6 +105,8 @@ def import_recording(
     unit_m: float = 1.0,
     columns: int | None = None,
     channel: str | None = None,
+    strict: bool = False,
+    skip_bad: bool = False,
 ) -> RecordedFrames:
     """Converts a recording of another tool to the folder of one LiDAR.
 
@@ -125,6 +127,8 @@ def import_recording(
     unit_m : length unit of the source's coordinates in metres
     columns : number of float32 values per point in a .bin file; by default detected
     channel : name of the LiDAR, if the recording has several
+    strict : whether objects that cannot be read raise Error; by default they are left out
+    skip_bad : whether to leave out frames that cannot be read; by default they raise Error
 
     Returns
     -------
@@ -156,7 +160,9 @@ def import_recording(
     )
     options = imports.checked(Options(intensity_max, columns, None, channel, unit_m))
     recording = imports.recording_folder(path_of(source, "source"))
-    summary, labelled = imports.import_recording(recording, format, folder, facts, options)
+    summary, labelled = imports.import_recording(
+        recording, format, folder, facts, options, strict=strict, skip_bad=skip_bad
+    )
     for text in imports.warnings(summary, labelled, height_m):
         warnings.warn(f"{source}: {text}", stacklevel=CALLER)
     loaded = load_dataset(folder)

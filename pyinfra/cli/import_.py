@@ -128,6 +128,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "detected",
     )
     parser.add_argument(
+        "--skip-bad",
+        action="store_true",
+        help="leave out and count frames that cannot be read; default: such a frame is an error",
+    )
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="objects that cannot be read are errors; default: they are left out and counted",
+    )
+    parser.add_argument(
         "--channel", help="which LiDAR of the recording, or which sequence of KITTI tracking"
     )
 
@@ -158,6 +168,8 @@ def run(args: argparse.Namespace) -> int:
         checked(options),
         upright=args.upright,
         region=args.region,
+        strict=args.strict,
+        skip_bad=args.skip_bad,
     )
     for line in imported.assumed:
         print(f"assumed: {with_options(line, args.options)}")

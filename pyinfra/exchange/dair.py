@@ -13,8 +13,8 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.exchange.frame_times import seconds_of_stamp
-from pyinfra.exchange.json_boxes import read_json, read_objects
-from pyinfra.exchange.pcd import Headers, points_of
+from pyinfra.exchange.json_boxes import read_json, read_objects, track_digest
+from pyinfra.exchange.pcd import Clouds
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Options,
@@ -24,7 +24,6 @@ from pyinfra.exchange.recording import (
     sorted_files,
     stem,
 )
-from pyinfra.formats.pcd_file import read_pcd
 
 SIDES = ("single-infrastructure-side", "infrastructure-side", ".")
 LABELS = ("label/virtuallidar", "label/lidar")
@@ -40,23 +39,27 @@ def read(source: Path, options: Options) -> Recording:
     clouds = sorted_files(side / "velodyne", [".pcd"])
     label_folders = (side / name for name in LABELS if (side / name).is_dir())
     folder = options.labels or next(label_folders, None)
+    tracks = ""
     if folder is not None:
-        check_pairs(clouds, sorted_files(folder, [".json"]))
+        labels = sorted_files(folder, [".json"])
+        check_pairs(clouds, labels)
+        tracks = track_digest(labels)  # V2X-Seq has tracks, DAIR-V2X has none
+    ids: dict[str, int] | None = {} if tracks else None
     names = tuple(stem(file) for file in clouds)
+    contents = Clouds(clouds, options, labelled=folder is not None)
 
     def frame(i: int) -> RecordedFrame:
-        points = points_of(clouds[i], read_pcd(clouds[i]), options)
-        boxes = read_objects(folder / f"{names[i]}.json") if folder is not None else NO_BOXES
-        return RecordedFrame(points, boxes)
+        boxes = read_objects(folder / f"{names[i]}.json", ids) if folder is not None else NO_BOXES
+        return contents.frame(i, boxes)
 
-    headers = Headers(clouds, folder is not None)
     return Recording(
         names,
         frame,
         folder is not None,
+        tracks_sha256=tracks,
         times=lambda: _times(side, names),
-        notes=headers.notes,
-        origin=headers.origin,
+        notes=contents.notes,
+        origin=contents.origin,
     )
 
 

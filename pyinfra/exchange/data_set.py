@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from pyinfra.core.arrays import BoolArray, FloatArray, NameArray, Points
 from pyinfra.core.boxes import points_in_boxes
-from pyinfra.core.errors import Error
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.files import write
 from pyinfra.core.version import __version__
 from pyinfra.core.vocabulary import VEHICLE_TYPES
@@ -63,6 +63,8 @@ class ImportSummary:
     empty: list[str] = field(default_factory=list)  # names of frames without a return
     # Names of frames with the same points as another frame.
     doubled: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)  # objects that could not be read, and why
+    bad: list[str] = field(default_factory=list)  # frames that could not be read, and why
     assumed: tuple[str, ...] = ()
     types: Counter[str] = field(default_factory=Counter)
     wide: int = 0  # number of labelled vehicles that are wider than long
@@ -80,12 +82,20 @@ class ImportSummary:
 
 
 def write_lidar(
-    recording: Recording, out: Path, facts: LidarFacts, indices: Iterable[int] | None = None
+    recording: Recording,
+    out: Path,
+    facts: LidarFacts,
+    indices: Iterable[int] | None = None,
+    *,
+    strict: bool = False,
+    skip_bad: bool = False,
 ) -> ImportSummary:
     """Writes frames, ImageSets and lidar.yaml to the folder `out`, and returns a summary.
 
-    `indices` are the positions in the recording of the frames to write; the default is all. Raises
-    the errors of reading the frames. Raises Error if both `recording` and `facts` have a tilt, or
+    `indices` are the positions in the recording of the frames to write; the default is all. Objects
+    that cannot be read are left out and counted; with `strict`, they raise FormatError. Raises the
+    errors of reading the frames; with `skip_bad`, such frames are left out and counted. Raises
+    Error if both `recording` and `facts` have a tilt, or
     if no frame has a return.
     """
     if facts.tilt and recording.tilt:
@@ -97,7 +107,16 @@ def write_lidar(
     digests: set[bytes] = set()
     period_s = _period_s(recording, facts)
     for i in range(len(numbers)) if indices is None else indices:
-        frame = recording.read(i)
+        try:
+            frame = recording.read(i)
+        except FormatError as error:
+            if not skip_bad:
+                raise FormatError(f"{error}; `skip_bad` leaves out frames like this") from None
+            summary.bad.append(f"frame {recording.names[i]}: {error}")
+            continue
+        if strict and frame.boxes.left_out:
+            raise FormatError(frame.boxes.left_out[0])
+        summary.left_out += frame.boxes.left_out
         digest = sha256(frame.points.tobytes()).digest()
         if digest in digests and len(frame.points) > 0:
             summary.doubled.append(recording.names[i])
@@ -155,7 +174,7 @@ def levelled(frame: RecordedFrame, T_levelled_sensor: FloatArray) -> RecordedFra
     ahead = np.column_stack([np.cos(boxes[:, 6]), np.sin(boxes[:, 6]), np.zeros(len(boxes))])
     ahead = ahead @ T_levelled_sensor.T
     boxes[:, 6] = np.arctan2(ahead[:, 1], ahead[:, 0])
-    return RecordedFrame(points, Boxes(b.names, boxes, b.ids, b.visibility), frame.fields)
+    return RecordedFrame(points, replace(b, boxes=boxes), frame.fields)
 
 
 def _write_frame(

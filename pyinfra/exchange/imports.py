@@ -53,6 +53,8 @@ def import_recording(
     *,
     upright: Upright = "auto",
     region: Path | None = None,
+    strict: bool = False,
+    skip_bad: bool = False,
 ) -> tuple[ImportSummary, bool]:
     """Writes a recording in a format of IMPORTS to the new folder DATA/LIDAR.
 
@@ -60,6 +62,7 @@ def import_recording(
     are assumed to be level if `Format.level` is true, or if `Format.level` is None and the
     recording has labels.
     `region` is a file with an outline in the levelled frame, which is copied to the folder.
+    `strict` and `skip_bad` are those of `write_lidar`.
     Returns a summary, and whether the recording has labels. Raises the errors of the format and of
     `survey`, and FileExistsError if the folder exists. The new folder is removed if an error
     occurs.
@@ -85,7 +88,8 @@ def import_recording(
     notes = recording.notes() if recording.notes is not None else []
     facts = replace(estimate.facts, types=types, assumed=(*notes, *estimate.assumed, *time_notes))
     with new_folder(out) as beside:
-        summary = write_lidar(recording, beside, facts, Shown(range(len(recording.names))))
+        shown = Shown(range(len(recording.names)))
+        summary = write_lidar(recording, beside, facts, shown, strict=strict, skip_bad=skip_bad)
         if region:
             write(beside / REGION_FILE, region.read_bytes())
         write_description(out.parent, given.scene, recording.tracks_sha256)
@@ -123,6 +127,9 @@ def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = No
         )
     if summary.without_intensity:
         out.append(f"set {summary.without_intensity} intensities to 0, which were not finite")
+    for items, kind in ((summary.left_out, "objects"), (summary.bad, "frames")):
+        if items:
+            out.append(f"left out {len(items)} {kind} that cannot be read, such as {items[0]}")
     if summary.empty:
         out.append(f"{_some(summary.empty)} without a return, written as empty frames")
     if summary.doubled:

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,12 @@ from pyinfra.formats.kitti.layout import FARTHEST_M
 # Visible share for each `occluded_state`: not, partly and mostly occluded.
 VISIBILITY = {0: 0.9, 1: 0.6, 2: 0.2}
 BOX_KEYS = (("3d_location", "xyz"), ("3d_dimensions", "lwh"))
+NO_TRACK = ("None", "", "-1")  # values of track_id that mean an unknown track
 LEAST_M, MOST_M = 0.001, 1000.0
+
+
+class UnitError(FormatError):
+    """A value in another unit, which is probably the unit of all objects."""
 
 
 def read_json(file: Path) -> Any:
@@ -37,27 +43,51 @@ def read_json(file: Path) -> Any:
 def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:
     """Reads the objects of a file.
 
-    `ids` maps track names to numbers, and new tracks are added to it. If `ids` is None, boxes get
-    no ids.
+    `ids` maps track names to numbers, and new tracks are added to it. An object without a track
+    gets an id of its own. If `ids` is None, boxes get no ids. Objects without a valid box are left
+    out, and listed in `Boxes.left_out` with the key.
 
-    Raises FormatError with the object and the key.
+    Raises FormatError if the file is no list of objects, and for a rotation in degrees.
     """
     objects = read_json(file)
     if not isinstance(objects, list) or not all(isinstance(entry, dict) for entry in objects):
         raise FormatError(f"{file}: expected a list of objects, got something else")
-    rows = [_box(file, i, entry) for i, entry in enumerate(objects)]
+    rows, kept, left_out = [], [], []
+    for i, entry in enumerate(objects):
+        try:
+            rows.append(_box(file, i, entry))
+            kept.append(i)
+        except UnitError:
+            raise
+        except FormatError as error:
+            left_out.append(str(error))
+    objects = [objects[i] for i in kept]
     names = [str(entry.get("type", "unknown")) or "unknown" for entry in objects]
     visibility = [VISIBILITY.get(_state(entry), 1.0) for entry in objects]
     tracks = None
     if ids is not None:
-        words = [_key(file, i, entry, "track_id") for i, entry in enumerate(objects)]
-        tracks = np.array([ids.setdefault(str(word), len(ids)) for word in words], dtype=np.int64)
-        if len(set(tracks.tolist())) < len(tracks):
-            raise FormatError(f"{file}: track_id: expected each id once in a file, got an id twice")
+        words = [str(entry.get("track_id")) for entry in objects]
+        single = [word not in NO_TRACK and words.count(word) == 1 for word in words]
+        keys = [w if s else f"{file}:{i}" for w, s, i in zip(words, single, kept, strict=True)]
+        tracks = np.array([ids.setdefault(key, len(ids)) for key in keys], dtype=np.int64)
     boxes = np.array(rows, dtype=np.float64).reshape(-1, 7)
     return Boxes(
-        np.array(names, dtype=np.str_), boxes, tracks, np.array(visibility, dtype=np.float64)
+        np.array(names, dtype=np.str_),
+        boxes,
+        tracks,
+        np.array(visibility, dtype=np.float64),
+        tuple(left_out),
     )
+
+
+def track_digest(files: Sequence[Path]) -> str:
+    """Returns a digest of label files whose objects have a `track_id`; empty if none has one."""
+    digest, tracked = sha256(), False
+    for file in files:
+        content = file.read_bytes()
+        tracked = tracked or b'"track_id"' in content
+        digest.update(content)
+    return digest.hexdigest()[:16] if tracked else ""
 
 
 def checked_box(location: str, values: FloatArray) -> FloatArray:
@@ -68,9 +98,7 @@ def checked_box(location: str, values: FloatArray) -> FloatArray:
         allowed = f"sizes above {LEAST_M:g} m, up to {MOST_M:g} m, and a centre within 10 km"
         raise FormatError(f"{location}: expected {allowed}, got sizes {sizes} and centre {xyz}")
     if abs(values[6]) > 2 * math.pi + 0.01:
-        raise FormatError(
-            f"{location}: rotation: expected -2 pi to 2 pi, radians, got {values[6]:g}"
-        )
+        raise UnitError(f"{location}: rotation: expected -2 pi to 2 pi, radians, got {values[6]:g}")
     return values
 
 

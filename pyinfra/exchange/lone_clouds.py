@@ -30,7 +30,7 @@ def cloud_reader(clouds: Sequence[Path]) -> tuple[Callable[[Path], Points], list
     bins = [cloud for cloud in clouds if cloud not in pcds]
     columns, assumed = columns_of(bins, Options())
     notes = [assumed] if columns != USUAL else []
-    notes += pcd.Headers(pcds, labelled=False).notes(shifted=False)
+    notes += pcd.Clouds(pcds, Options()).notes(shifted=False, timed=False)
     chosen = pcds
     if len(pcds) > CHECKED:  # selects files that are evenly distributed
         chosen = [pcds[i * len(pcds) // CHECKED] for i in range(CHECKED)]

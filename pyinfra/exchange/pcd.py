@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,8 +15,16 @@ from pyinfra.core.errors import FormatError
 from pyinfra.dataset.frame_readers import read_cameras
 from pyinfra.exchange.box_text import read_boxes, write_boxes
 from pyinfra.exchange.frame_times import seconds_of_stamp
+from pyinfra.exchange.point_fields import (
+    INTENSITIES,
+    TIMES,
+    PointFields,
+    intensity_field,
+    named_fields,
+)
 from pyinfra.exchange.recording import (
     NO_BOXES,
+    Boxes,
     Options,
     RecordedFrame,
     Recording,
@@ -29,6 +38,7 @@ from pyinfra.formats import kitti
 from pyinfra.formats.kitti.layout import FARTHEST_M
 from pyinfra.formats.pcd_file import Header, Viewpoint, read_header, read_pcd, write_pcd
 
+_Read = TypeVar("_Read")
 POINT_FIELDS: list[tuple[str, Any]] = [(name, "<f4") for name in ("x", "y", "z", "intensity")]
 # Maps additional fields of the .pcd files to their names in kitti.FIELDS.
 MORE = {
@@ -38,15 +48,9 @@ MORE = {
     "class": "class",
     "echo": "echo",
 }
-# Lower-case field names that mean intensity. CloudCompare prefixes its fields with `scalar_`.
-INTENSITIES = (
-    *("intensity", "reflectivity", "i", "intensities", "reflectance", "remission"),
-    *("scalar_intensity", "scalar_reflectivity", "scalar_reflectance"),
-)
-# Number of first clouds that are checked for time stamps. A single cloud is not enough, because an
-# empty cloud has no time stamp.
+# Number of first clouds whose values decide what the fields mean. A single cloud is not enough,
+# because an empty cloud has no values.
 FIRST = 3
-STAMPS = ("timestamp", "time_stamp", "time", "t")  # fields of absolute or relative point times
 
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
@@ -80,35 +84,43 @@ def read(source: Path, options: Options) -> Recording:
     clouds = sorted_files(inside if inside.is_dir() else source, [".pcd"])
     folder = label_files(clouds, source / "labels", options)
     names = tuple(stem(file) for file in clouds)
+    contents = Clouds(clouds, options, labelled=folder is not None)
 
     def frame(i: int) -> RecordedFrame:
-        records = read_pcd(clouds[i])
-        points = points_of(clouds[i], records, options)
         boxes = read_boxes(folder / f"{names[i]}.txt") if folder else NO_BOXES
-        return RecordedFrame(points, boxes, _fields(clouds[i], records))
+        return contents.frame(i, boxes)
 
     splits, notes = read_splits(source / "ImageSets", names)
-    headers = Headers(clouds, folder is not None)
     return Recording(
         names,
         frame,
         folder is not None,
         splits,
         times=lambda: stamps(clouds),
-        notes=lambda: notes + headers.notes(),
-        origin=headers.origin,
+        notes=lambda: notes + contents.notes(),
+        origin=contents.origin,
     )
 
 
-class Headers:
-    """Information from the headers of all clouds of a recording."""
+class Clouds:
+    """The .pcd clouds of a recording, and information from the headers of all of them."""
 
-    def __init__(self, files: Sequence[Path], labelled: bool) -> None:
-        self.files, self.labelled = files, labelled
+    def __init__(self, files: Sequence[Path], options: Options, *, labelled: bool = False) -> None:
+        self.files, self.options, self.labelled = files, options, labelled
+
+    def frame(self, i: int, boxes: Boxes) -> RecordedFrame:
+        """Reads a cloud by its index. Raises FormatError."""
+        file, records = self.files[i], read_pcd(self.files[i])
+        points = points_of(file, records, self.options)
+        return RecordedFrame(points, boxes, self.fields.read(str(file), records))
+
+    @cached_property
+    def fields(self) -> PointFields:
+        return PointFields(readable(read_pcd, self.files[:FIRST]))
 
     @cached_property
     def _all(self) -> list[Header]:
-        return [read_header(file) for file in self.files]
+        return list(readable(read_header, self.files))
 
     def origin(self) -> FloatArray | None:
         """Returns the sensor's position (3,) in the frame of the points, in the source's unit.
@@ -118,8 +130,8 @@ class Headers:
         shifts = np.array([header.viewpoint.applied_shift for header in self._all])
         return shifts[0] if shifts[0].any() and (shifts == shifts[0]).all() else None
 
-    def notes(self, *, shifted: bool = True) -> list[str]:
-        """Describes how `points_of` treats viewpoints and clouds without an intensity."""
+    def notes(self, *, shifted: bool = True, timed: bool = True) -> list[str]:
+        """Describes how viewpoints, clouds without an intensity, and point times are treated."""
         moved = [header for header in self._all if not header.viewpoint.is_identity]
         notes = []
         if moved:
@@ -130,14 +142,14 @@ class Headers:
             notes.append(f"VIEWPOINT of {len(moved)} of {len(self.files)} clouds: {text}")
             if self.labelled:
                 notes.append("labels are assumed to be in the frame of the moved points")
-        dark = [h for h in self._all if not set(INTENSITIES) & set(h.record.names or ())]
+        dark = [h for h in self._all if not named_fields(h.record, INTENSITIES)]
         if dark:
             names = " ".join(dark[0].record.names or ())
             notes.append(
                 f"{len(dark)} of {len(self.files)} clouds have no intensity field ({names}): "
                 "intensities are set to 0"
             )
-        return notes
+        return notes + self.fields.notes if timed else notes
 
 
 def _viewpoint_note(viewpoint: Viewpoint, *, shifted: bool) -> str:
@@ -155,15 +167,26 @@ def stamps(clouds: Sequence[Path]) -> FloatArray | None:
 
     Returns None if the first clouds have no time stamps.
     """
-    if all(_stamp(read_pcd(file)) is None for file in clouds[:FIRST]):
+    if all(_stamp_of(file) is None for file in clouds[:FIRST]):
         return None
-    return np.array([_stamp(read_pcd(file)) for file in clouds], dtype=np.float64)
+    return np.array([_stamp_of(file) for file in clouds], dtype=np.float64)
+
+
+def readable(read: Callable[[Path], _Read], files: Sequence[Path]) -> Iterator[_Read]:
+    """Yields what `read` returns for each file, without files that are wrong."""
+    for file in files:
+        with contextlib.suppress(FormatError):
+            yield read(file)
+
+
+def _stamp_of(file: Path) -> float | None:
+    return next((_stamp(records) for records in readable(read_pcd, [file])), None)
 
 
 def _stamp(records: Records) -> float | None:
-    name = next((name for name in STAMPS if name in (records.dtype.names or ())), None)
+    name = next(iter(named_fields(records.dtype, TIMES)), None)
     values = records[name] if name else np.empty(0)
-    values = values[np.isfinite(values) & (values > 0)] if values.ndim == 1 else np.empty(0)
+    values = values[np.isfinite(values) & (values > 0)]
     return seconds_of_stamp(float(values.min())) if len(values) > 0 else None
 
 
@@ -187,7 +210,7 @@ def points_of(file: Path, records: Records, options: Options, *, shifted: bool =
     names = records.dtype.names or ()
     if not {"x", "y", "z"} <= set(names):
         raise FormatError(f"{file}: FIELDS: expected the fields x, y and z, got {' '.join(names)}")
-    intensity = next((name for name in INTENSITIES if name in names), None)
+    intensity = intensity_field(records)
     columns = [_column(file, records, name) for name in ("x", "y", "z", intensity) if name]
     if intensity is None:
         columns.append(np.zeros(len(records)))
@@ -202,25 +225,3 @@ def _column(file: Path, records: Records, name: str) -> AnyArray:
     if column.ndim > 1:
         raise FormatError(f"{file}: {name}: expected COUNT 1, got COUNT {column.shape[1]}")
     return column
-
-
-def _fields(file: Path, records: Records) -> Records | None:
-    """Returns records (n,) of kitti.FIELDS if the file has time and ring, else None.
-
-    A point without class and object_id counts as background. Raises FormatError.
-    """
-    names = records.dtype.names or ()
-    if not {"time", "ring"} <= set(names):
-        return None
-    out = np.zeros(len(records), dtype=kitti.FIELDS)
-    out["object_id"] = -1
-    for name in set(MORE) & set(names):
-        column, field_name = _column(file, records, name), MORE[name]
-        if kitti.FIELDS[field_name].kind != "f":
-            ends = np.iinfo(kitti.FIELDS[field_name])
-            bad = np.flatnonzero(~((column >= ends.min) & (column <= ends.max)))
-            if len(bad) > 0:
-                problem = f"{file}: point {bad[0]}: {name}: expected {ends.min} to {ends.max}"
-                raise FormatError(f"{problem}, got {column[bad[0]]:g}")
-        out[field_name] = column
-    return out

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from pyinfra.core.errors import FormatError
 from pyinfra.exchange.data_set import levelled
-from pyinfra.exchange.json_boxes import read_json, read_objects
+from pyinfra.exchange.json_boxes import read_json, read_objects, track_digest
 from pyinfra.exchange.nuscenes_tables import angles_of
-from pyinfra.exchange.pcd import Headers, points_of
+from pyinfra.exchange.pcd import Clouds
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Options,
@@ -26,7 +26,6 @@ from pyinfra.exchange.recording import (
     stem,
 )
 from pyinfra.formats.kitti import WorldPose
-from pyinfra.formats.pcd_file import read_pcd
 
 LABELS = ("label", "labels")
 
@@ -42,28 +41,31 @@ def read(source: Path, options: Options) -> Recording:
     top = source.resolve().parents[3]
     beside = (top / name / scene / pole / sequence for name in LABELS)
     folder = options.labels or next((path for path in beside if path.is_dir()), None)
+    tracks = ""
     if folder is not None:
-        check_pairs(clouds, sorted_files(folder, [".json"]))
+        labels = sorted_files(folder, [".json"])
+        check_pairs(clouds, labels)
+        tracks = track_digest(labels)
     names = tuple(stem(file) for file in clouds)
     pose, tilt = _pose(top / f"calib/lidar2world/{pole}.json")
     leaning = Rotation.from_euler("ZYX", [0, *(tilt or (0.0, 0.0))]).as_matrix()
-    ids: dict[str, int] = {}
+    ids: dict[str, int] | None = {} if tracks else None
+    contents = Clouds(clouds, options, labelled=folder is not None)
 
     def frame(i: int) -> RecordedFrame:
-        points = points_of(clouds[i], read_pcd(clouds[i]), options)
         boxes = read_objects(folder / f"{names[i]}.json", ids) if folder is not None else NO_BOXES
-        recorded = RecordedFrame(points, boxes)
+        recorded = contents.frame(i, boxes)
         return levelled(recorded, leaning) if tilt else recorded
 
-    headers = Headers(clouds, folder is not None)
     return Recording(
         names,
         frame,
         folder is not None,
         pose=pose,
         tilt=tilt,
-        notes=headers.notes,
-        origin=headers.origin,
+        tracks_sha256=tracks,
+        notes=contents.notes,
+        origin=contents.origin,
     )
 
 

@@ -36,6 +36,7 @@ class Boxes:
     boxes: FloatArray  # (k, 7) x y z dx dy dz heading
     ids: IntArray | None = None  # (k,) ids of tracks; None if they are unknown
     visibility: FloatArray | None = None  # (k,) visible share in [0, 1]; None if it is unknown
+    left_out: tuple[str, ...] = ()  # texts about objects of the frame that could not be read
 
     def __len__(self) -> int:
         return len(self.names)

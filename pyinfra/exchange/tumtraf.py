@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.exchange.json_boxes import checked_box, number, read_json
-from pyinfra.exchange.pcd import Headers, points_of
+from pyinfra.exchange.pcd import Clouds
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Boxes,
@@ -27,7 +28,6 @@ from pyinfra.exchange.recording import (
     sorted_files,
     stem,
 )
-from pyinfra.formats.pcd_file import read_pcd
 
 CLOUDS = ("point_clouds", "_point_clouds", "_points_clouds", "_points")
 LABELS = ("labels_point_clouds", "_labels_point_clouds", "_labels")
@@ -48,38 +48,34 @@ def read(source: Path, options: Options) -> Recording:
         check_pairs(clouds, sorted_files(labels, [".json"]))
     names = tuple(stem(file) for file in clouds)
     ids: dict[str, int] = {}
+    contents = Clouds(clouds, options, labelled=labels is not None)
 
     def frame(i: int) -> RecordedFrame:
-        points = points_of(clouds[i], read_pcd(clouds[i]), options)
         boxes = NO_BOXES if labels is None else read_cuboids(labels / f"{names[i]}.json", ids)
-        return RecordedFrame(points, boxes)
+        return contents.frame(i, boxes)
 
-    headers = Headers(clouds, labels is not None)
-    return Recording(names, frame, labels is not None, notes=headers.notes, origin=headers.origin)
+    return Recording(names, frame, labels is not None, notes=contents.notes, origin=contents.origin)
 
 
 def read_cuboids(file: Path, ids: dict[str, int]) -> Boxes:
     """Reads the cuboids of the single frame of a file.
 
-    `ids` maps object keys to numbers. New objects are added to it.
+    `ids` maps object keys to numbers. New objects are added to it. Objects without a valid cuboid
+    are left out, and listed in `Boxes.left_out`.
 
-    Raises FormatError with the object.
+    Raises FormatError if the file has no single frame of objects.
     """
     names, rows, track_ids, visibility = [], [], [], []
+    left_out: list[str] = []
     for key, data in _objects(file):
         cuboid = data.get("cuboid")
         cuboid = cuboid[0] if isinstance(cuboid, list) and cuboid else cuboid
         cuboid = cuboid if isinstance(cuboid, dict) else {}
-        values = cuboid.get("val")
-        location = f"{file}: object {key}"
-        if not isinstance(values, list) or len(values) != 10:
-            raise FormatError(f"{location}: expected a cuboid of ten numbers, got none")
-        x, y, z, *turn, length, width, height = (number(location, value) for value in values)
-        if not 0.9 <= np.linalg.norm(turn) <= 1.1:
-            raise FormatError(f"{location}: expected a quaternion of length 1, got {turn}")
-        ahead = Rotation.from_quat(turn).as_matrix()[:, 0]
-        heading = float(np.arctan2(ahead[1], ahead[0]))
-        rows.append(checked_box(location, np.array([x, y, z, length, width, height, heading])))
+        try:
+            rows.append(_box(f"{file}: object {key}", cuboid.get("val")))
+        except FormatError as error:
+            left_out.append(str(error))
+            continue
         names.append(str(data.get("type") or "unknown"))
         track_ids.append(ids.setdefault(key, len(ids)))
         visibility.append(_visibility(cuboid))
@@ -89,7 +85,19 @@ def read_cuboids(file: Path, ids: dict[str, int]) -> Boxes:
         boxes,
         np.array(track_ids, dtype=np.int64),
         np.array(visibility, dtype=np.float64),
+        tuple(left_out),
     )
+
+
+def _box(location: str, values: object) -> FloatArray:
+    if not isinstance(values, list) or len(values) != 10:
+        raise FormatError(f"{location}: expected a cuboid of ten numbers, got none")
+    x, y, z, *turn, length, width, height = (number(location, value) for value in values)
+    if not 0.9 <= np.linalg.norm(turn) <= 1.1:
+        raise FormatError(f"{location}: expected a quaternion of length 1, got {turn}")
+    ahead = Rotation.from_quat(turn).as_matrix()[:, 0]
+    heading = float(np.arctan2(ahead[1], ahead[0]))
+    return checked_box(location, np.array([x, y, z, length, width, height, heading]))
 
 
 def _objects(file: Path) -> Iterator[tuple[str, dict[str, Any]]]:

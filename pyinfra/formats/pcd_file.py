@@ -186,8 +186,10 @@ def _record(file: Path, words: dict[str, list[str]]) -> np.dtype[np.void]:
         if letter + size not in TYPES:
             types = ", ".join(TYPES)
             _fail(file, f"{name}: expected TYPE and SIZE to be one of {types}; got {letter}{size}")
-        if not count.isdecimal() or len(count) > 5 or not 1 <= int(count) <= 10_000:
-            _fail(file, f"{name}: expected a COUNT of 1 to 10000, got {count[:20]}")
+        if not count.isdecimal() or len(count) > 5 or not 0 <= int(count) <= 10_000:
+            _fail(file, f"{name}: expected a COUNT of 0 to 10000, got {count[:20]}")
+        if int(count) == 0:  # padding without bytes, which PCL writes for driver types
+            continue
         shape = () if count == "1" else (int(count),)
         fields.append((f"_{i}" if name == "_" else name, TYPES[letter + size], shape))
     try:

@@ -102,7 +102,7 @@ DATA """
         (HEADER.replace("SIZE 4", "SIZE 3") + "ascii\n", "x: expected .*; got F3"),
         (
             HEADER.replace("COUNT 1", "COUNT 0") + "ascii\n",
-            "x: expected a COUNT of 1 to 10000, got 0",
+            "expected 2 points, got 0",
         ),
         (
             HEADER.replace("POINTS 2", "POINTS " + 5000 * "9") + "ascii\n",

@@ -230,8 +230,38 @@ def test_wrong_objects_are_named(case: str, motorway: Path, tmp_path: Path) -> N
     file = source / "single-infrastructure-side/label/virtuallidar/000001.json"
     write_json(file, change(json.loads(file.read_text())))
     with pytest.raises(FormatError, match=f"000001.json: .*{message}"):
-        import_recording(source, "dair-v2x", tmp_path / "in/p", FACTS, Options())
+        import_recording(source, "dair-v2x", tmp_path / "in/p", FACTS, Options(), strict=True)
     assert not (tmp_path / "in/p").exists()
+
+
+@pytest.mark.parametrize("case", ["no size", "no number", "flat", "no rotation"])
+def test_a_wrong_object_is_left_out_alone(case: str, motorway: Path, tmp_path: Path) -> None:
+    source = dair(motorway, tmp_path / "set")
+    import_recording(source, "dair-v2x", tmp_path / "whole/p", FACTS, Options())
+    file = source / "single-infrastructure-side/label/virtuallidar/000001.json"
+    write_json(file, WRONG[case][0](json.loads(file.read_text())))
+    summary, labelled = import_recording(source, "dair-v2x", tmp_path / "in/p", FACTS, Options())
+    assert len(summary.left_out) == 1
+    assert file.name in summary.left_out[0]
+    assert any("left out 1 objects" in line for line in warnings(summary, labelled))
+    whole, less = (
+        kitti.read_objects(kitti.frame_file(tmp_path / name, "objects", 0))
+        for name in ("whole/p", "in/p")
+    )
+    assert np.array_equal(whole.boxes[1:], less.boxes)
+
+
+def test_a_bad_frame_is_skipped_and_counted(motorway: Path, tmp_path: Path) -> None:
+    source = dair(motorway, tmp_path / "set")
+    file = source / "single-infrastructure-side/velodyne/000001.pcd"
+    file.write_bytes(file.read_bytes()[:-7])
+    with pytest.raises(FormatError, match="`skip_bad` leaves out"):
+        import_recording(source, "dair-v2x", tmp_path / "in/p", FACTS, Options())
+    summary, _ = import_recording(
+        source, "dair-v2x", tmp_path / "in/p", FACTS, Options(), skip_bad=True
+    )
+    assert (summary.frames, len(summary.bad)) == (2, 1)
+    assert kitti.frames(tmp_path / "in/p") == [1, 2]
 
 
 @pytest.mark.parametrize(
@@ -261,7 +291,7 @@ def test_wrong_cuboids_are_named(
     file = source / f"labels_point_clouds/{LIDAR}/{TUM_TIMES[0]}_{LIDAR}.json"
     file.write_text(content)
     with pytest.raises(FormatError, match=f"{file.name}: .*{message}"):
-        import_recording(source, "tumtraf", tmp_path / "in/p", FACTS, Options())
+        import_recording(source, "tumtraf", tmp_path / "in/p", FACTS, Options(), strict=True)
 
 
 def test_one_of_several_lidars_is_chosen(motorway: Path, tmp_path: Path) -> None:

@@ -1,0 +1,218 @@
+"""Reads time, ring and intensity of points, which every driver names and counts differently.
+
+Known names and units of drivers of LiDARs:
+    Velodyne   time       seconds (float32), counted from the start or to the end of the frame
+    Ouster     t          nanoseconds (uint32) from the start of the frame
+    Hesai      timestamp  seconds since 1970 (float64)
+    RoboSense  timestamp  seconds since 1970 (float64)
+    Livox      offset_time nanoseconds (uint32) from the start, or timestamp in nanoseconds
+A file states neither the unit nor the start of the count, so both follow from the values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pyinfra.core.arrays import AnyArray, FloatArray, Records
+from pyinfra.core.errors import FormatError
+from pyinfra.formats import kitti
+
+TIMES = (
+    *("time", "timestamp", "t", "offset_time", "time_stamp", "time_offset", "time_s", "gps_time"),
+    *("offset_ns", "timestamp_ns", "time_ns", "timestamp_us", "time_us"),
+)
+RINGS = (
+    *("ring", "line", "channel", "laser_id", "laser", "ring_id", "beam", "beam_id", "laserid"),
+    *("laser_channel", "scan_channel"),
+)
+# The reflectivity is calibrated by the maker; the intensity of the same points often is not.
+INTENSITIES = (
+    *("reflectivity", "intensity", "i", "intensities", "reflectance", "remission"),
+    *("signal", "signal_photons"),
+)
+# Maps kitti.FIELDS of exported files to the names in these files.
+OWN = {"class": ("class", "class_id"), "object_id": ("object_id",), "echo": ("echo",)}
+UNITS = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
+# Plausible duration between the first and last point of a frame. The range is a factor of 1000, so
+# that exactly one unit fits.
+DURATION_S = (0.003, 3.0)
+MOST_ROUNDING_S = 1e-3  # largest rounding of times of points
+# Fields that only clouds of `pyinfra export` have together; their time is in seconds.
+EXPORTED = {"time", "ring", "object_id", "class", "echo"}
+
+
+@dataclass(frozen=True)
+class PointTimes:
+    """How a recording counts the times of its points."""
+
+    field: str
+    unit_s: float
+    is_absolute: bool  # whether times are counted from an epoch, such as 1970
+    is_shifted: bool  # whether times have to be counted anew from the first point of a frame
+
+    def seconds(self, records: Records) -> FloatArray:
+        """Returns the time (n,) of each point since the start of the frame; 0 if it is invalid."""
+        values = records[self.field]
+        valid = is_valid(values, absolute=self.is_absolute)
+        out = np.zeros(len(values))
+        if valid.any():
+            # Large numbers lose digits, so the subtraction comes before the conversion.
+            least = values[valid].min() if self.is_shifted else 0
+            out[valid] = (values[valid] - least).astype(np.float64) * self.unit_s
+        return out
+
+
+class PointFields:
+    """The fields of all points of a recording, decided from some of its clouds."""
+
+    def __init__(self, samples: Iterable[Records]) -> None:
+        samples = [records for records in samples if len(records) > 0]
+        names = set(samples[0].dtype.names or ()) if samples else set()
+        self.times, self.notes = _point_times(samples)
+        if names >= EXPORTED:
+            self.times, self.notes = PointTimes("time", 1.0, False, False), []
+        self.ring, notes = _ring(samples)
+        self.notes += notes
+        if samples and (self.times is None) != (self.ring is None):
+            has, lacks = ("time", "ring") if self.ring is None else ("ring", "time")
+            field = self.ring or (self.times.field if self.times else "")
+            self.notes.append(
+                f"points have a {has} (`{field}`), but no {lacks} is known: {has} is not used"
+            )
+
+    def read(self, location: str, records: Records) -> Records | None:
+        """Returns records (n,) of kitti.FIELDS, or None if time or ring is unknown.
+
+        A point without class and object id counts as background. Raises FormatError that begins
+        with `location`.
+        """
+        names = records.dtype.names or ()
+        if self.times is None or self.ring is None:
+            return None
+        if self.times.field not in names or self.ring not in names:
+            return None
+        out = np.zeros(len(records), dtype=kitti.FIELDS)
+        out["object_id"] = -1
+        seconds = self.times.seconds(records)
+        bad = np.flatnonzero(~((seconds >= 0) & (seconds <= DURATION_S[1])))
+        if len(bad) > 0:
+            raise FormatError(
+                f"{location}: point {bad[0]}: {self.times.field}: expected 0 to {DURATION_S[1]:g} "
+                f"s after the start of the frame, got {seconds[bad[0]]:g} s"
+            )
+        out["time_s"] = seconds
+        columns = {"ring": self.ring}
+        for key, aliases in OWN.items():
+            if name := next((alias for alias in aliases if alias in names), None):
+                columns[key] = name
+        for key, name in columns.items():
+            out[key] = _whole(location, records[name], name, kitti.FIELDS[key])
+        return out
+
+
+def intensity_field(records: Records) -> str | None:
+    """Returns the field that holds the intensity, or None.
+
+    An empty reflectivity is skipped, because some drivers do not fill it.
+    """
+    present = named_fields(records.dtype, INTENSITIES)
+    filled = (name for name in present if len(present) > 1 and np.any(records[name]))
+    return next(filled, present[0] if present else None)
+
+
+def named_fields(kind: np.dtype[np.void], names: Sequence[str]) -> list[str]:
+    """Returns the fields with one value per point whose names are in `names`, in their order.
+
+    CloudCompare prefixes names with `scalar_`. Letter case does not matter.
+    """
+    of_small: dict[str, str] = {}
+    for name in kind.names or ():
+        if kind[name].shape == () and kind[name].kind in "fiu":
+            of_small.setdefault(name.lower().removeprefix("scalar_"), name)
+    return [of_small[name] for name in names if name in of_small]
+
+
+def is_valid(values: AnyArray, *, absolute: bool) -> AnyArray:
+    """Returns (n,) whether times are finite. An absolute time of 0 means a ray without a return."""
+    finite = np.isfinite(values)
+    return finite & (values > 0) if absolute else finite
+
+
+def _point_times(samples: Sequence[Records]) -> tuple[PointTimes | None, list[str]]:
+    notes: list[str] = []
+    for name in dict.fromkeys(n for records in samples for n in named_fields(records.dtype, TIMES)):
+        columns = [records[name] for records in samples if name in (records.dtype.names or ())]
+        times = _counted(name, columns)
+        if isinstance(times, str):
+            notes.append(f"field `{name}` is not used as the time of points: {times}")
+            continue
+        plain = times.unit_s == 1 and not times.is_shifted
+        if not plain:
+            start = " from an epoch" if times.is_absolute else ""
+            start = " to the end of the frame" if times.is_shifted and not start else start
+            anew = "; times are counted from the first point of each frame"
+            notes.append(
+                f"the field `{name}` is the time of points, in unit {UNITS[times.unit_s]}{start}"
+                + (anew if times.is_shifted else "")
+            )
+        return times, notes
+    return None, notes
+
+
+def _counted(name: str, columns: Sequence[AnyArray]) -> PointTimes | str:
+    """Returns how a field counts time, or why it cannot be the time of points."""
+    spans, firsts, absolutes = [], [], []
+    for column in columns:
+        values = column[np.isfinite(column)]
+        above = values[values > 0]
+        span = float(above.max()) - float(above.min()) if len(above) > 0 else 0.0
+        is_absolute = bool(len(above) > 0 and not (values < 0).any() and above.min() > 2 * span)
+        values = above if is_absolute else values
+        if len(values) > 1:
+            spans.append(float(values.max() - values.min()))
+            firsts.append(float(values.min()))
+            absolutes.append(is_absolute)
+    if not spans:
+        return "it has no values"
+    span, first = float(np.median(spans)), float(np.median(firsts))
+    absolute = bool(np.median(absolutes) > 0.5)
+    if span == 0:
+        why = f"it has too few digits ({columns[0].dtype})" if columns[0].dtype == "f4" else ""
+        return "it is the same for all points of a frame" + (f", or {why}" if why and first else "")
+    unit = next((u for u in UNITS if DURATION_S[0] <= span * u < DURATION_S[1]), None)
+    if unit is None:
+        low, high = DURATION_S
+        return f"expected {low:g} to {high:g} s between points of a frame, got {span:g} s"
+    if columns[0].dtype.kind == "f":
+        rounding = float(np.spacing(np.asarray(first + span, dtype=columns[0].dtype))) * unit
+        if rounding > MOST_ROUNDING_S:
+            return f"its type {columns[0].dtype} rounds times to {rounding:.2g} s"
+    return PointTimes(name, unit, absolute, absolute or first * unit < -1e-6)
+
+
+def _ring(samples: Sequence[Records]) -> tuple[str | None, list[str]]:
+    ends = np.iinfo(np.uint16)
+    notes: list[str] = []
+    for name in dict.fromkeys(n for records in samples for n in named_fields(records.dtype, RINGS)):
+        columns = [records[name] for records in samples if name in (records.dtype.names or ())]
+        values = np.concatenate([column.astype(np.float64) for column in columns])
+        if ((values >= ends.min) & (values <= ends.max) & (values == np.floor(values))).all():
+            return name, notes
+        notes.append(
+            f"field `{name}` is not used as the ring of points: expected whole numbers from 0 to "
+            f"{ends.max}, got {values.min():g} to {values.max():g}"
+        )
+    return None, notes
+
+
+def _whole(location: str, column: AnyArray, name: str, kind: np.dtype[Any]) -> AnyArray:
+    ends = np.iinfo(kind)
+    bad = np.flatnonzero(~((column >= ends.min) & (column <= ends.max)))
+    if len(bad) > 0:
+        problem = f"{location}: point {bad[0]}: {name}: expected {ends.min} to {ends.max}"
+        raise FormatError(f"{problem}, got {column[bad[0]]:g}")
+    return column
