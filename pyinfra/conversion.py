@@ -115,18 +115,19 @@ def import_recording(
 
     Parameters
     ----------
-    source : folder of the recording, or `sample` for the recording of the package
-    format : kitti, openpcdet, pcd, bin, nuscenes, dair-v2x, tumtraf or rcooper
+    source : folder or file of the recording, or `sample` for the recording of the package
+    format : kitti, openpcdet, pcd, nuscenes, bag, pcap, las, ply, csv, bin, dair-v2x, tumtraf or
+        rcooper
     out : new folder, named DATA/LIDAR; the recording is written to `out`/lidar if DATA is the
         working folder, or a folder of other files
     period_s : frame period; by default taken from the recording, or 0.1 if it has none
     height_m : height of the sensor above the road; by default estimated from the points
     tilt_deg : pitch (positive looks down) and roll of the sensor; points and boxes are levelled
     types : maps class names of the recording to types (Car, Van, Truck, ...)
-    intensity_max : largest intensity of the source; by default detected: 1, 255 or 65535
+    intensity_max : largest intensity of the source; by default detected: 1, 255, 4095 or 65535
     unit_m : length unit of the source's coordinates in metres
     columns : number of float32 values per point in a .bin file; by default detected
-    channel : name of the LiDAR, if the recording has several
+    channel : name or topic of the LiDAR, if the recording has several
     strict : whether objects that cannot be read raise Error; by default they are left out
     skip_bad : whether to leave out frames that cannot be read; by default they raise Error
 

@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "source",
         type=Path,
-        help="folder of the recording, or `sample` for the recording of the package",
+        help="folder or file of the recording, or `sample` for the recording of the package",
     )
     parser.add_argument(
         "--from",
@@ -110,7 +110,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--intensity-max",
         type=float,
-        help="highest intensity of the source; default: 1, 255 or 65535, depending on the format "
+        help="highest intensity of the source; default: 1, 255, 4095 or 65535, depending on the format "
         "or the values",
     )
     parser.add_argument(
@@ -138,7 +138,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="objects that cannot be read are errors; default: they are left out and counted",
     )
     parser.add_argument(
-        "--channel", help="which LiDAR of the recording, or which sequence of KITTI tracking"
+        "--channel",
+        help="which LiDAR of the recording, topic of a bag, or sequence of KITTI tracking",
     )
 
 
@@ -157,12 +158,12 @@ def run(args: argparse.Namespace) -> int:
         types=parse_types(args.types),
     )
     source, format = recording_folder(args.source), args.format
-    if format is None and source.is_dir():
+    if format is None and source.exists():
         format, reason = guess_format(source)
         print(f"guessed: format {format}, because of {reason}; --from chooses another")
     imported, labelled = import_recording(
         source,
-        format or "pcd",  # a source that is not a folder is an error in all formats
+        format or "pcd",  # a missing source is an error in all formats
         args.out,
         facts,
         checked(options),

@@ -7,13 +7,42 @@ from pathlib import Path
 
 from pyinfra.core.errors import Error
 from pyinfra.exchange.dair import SIDES
+from pyinfra.exchange.file_kinds import found_text, kind_of
 from pyinfra.exchange.formats import IMPORTS
 from pyinfra.exchange.tumtraf import CLOUDS, LABELS
 
+# Formats whose recordings can be single files, and the endings of these files in a folder.
+FILES = {
+    "bag": (".bag", ".mcap", ".db3"),
+    "pcap": (".pcap",),
+    "las": (".las", ".laz"),
+    "ply": (".ply",),
+    "csv": (".csv", ".xyz", ".asc", ".pts"),
+    "pcd": (),
+}
 MOST_LISTED = 8  # folders in a message
 
 
 def guess_format(source: Path) -> tuple[str, str]:
+    """Returns the name of the format of a file or folder, and what shows this format.
+
+    Raises Error like `_of_file` and `_of_folder`.
+    """
+    return _of_folder(source) if source.is_dir() else _of_file(source)
+
+
+def _of_file(source: Path) -> tuple[str, str]:
+    """Raises Error for a file that holds no recording; the message names what the file is."""
+    kind = kind_of(source)
+    if kind is None or not kind.format:
+        got = f"{kind.name}: {kind.advice}" if kind else f"a file of unknown format, {source.name}"
+        raise Error(
+            f"{source}: expected a folder, or a file of the formats {', '.join(FILES)}; got {got}"
+        )
+    return kind.format, f"{kind.name} in {source.name}"
+
+
+def _of_folder(source: Path) -> tuple[str, str]:
     """Returns the name of the format of a folder, and the files that show this format.
 
     Raises Error for a folder of no known format, and for a folder that several formats fit. The
@@ -31,8 +60,8 @@ def guess_format(source: Path) -> tuple[str, str]:
         names = ", ".join(str(path) for path in inside[:MOST_LISTED])
         raise Error(f"{source}: expected one recording, got a folder of recordings: {names}")
     raise Error(
-        f"{source}: expected the files of one of the formats {', '.join(IMPORTS)}; found none. "
-        "`format` sets the format"
+        f"{source}: expected the files of one of the formats {', '.join(IMPORTS)}; got "
+        f"{found_text(source)}. `format` sets the format"
     )
 
 
@@ -62,6 +91,11 @@ def formats_of(source: Path) -> Iterator[tuple[str, str]]:
                 yield "tumtraf", f"*.pcd beside {' or '.join(LABELS)}"
     if has(source, ".bin"):
         yield "bin", "*.bin"
+    for name, suffixes in FILES.items():
+        for suffix in suffixes:
+            if has(source, suffix):
+                yield name, f"*{suffix}"
+                break
 
 
 def has(folder: Path, ending: str) -> bool:

@@ -23,6 +23,7 @@ from pyinfra.exchange.data_set import (
 )
 from pyinfra.exchange.formats import FORMATS, reader
 from pyinfra.exchange.frame_times import timed
+from pyinfra.exchange.guess import guess_format
 from pyinfra.exchange.object_types import with_public_types
 from pyinfra.exchange.pose_estimation import check_region, survey, turned
 from pyinfra.exchange.rates import Shown
@@ -68,11 +69,8 @@ def import_recording(
     occurs.
     """
     read, format = reader(name), FORMATS[name]
-    if source.exists() and not source.is_dir():
-        raise Error(
-            f"{source}: expected a folder, got a file: unpack archives first; pickles are not "
-            "read, because reading a pickle can run code"
-        )
+    if source.is_file() and (kind := guess_format(source)[0]) != name:
+        raise Error(f"{source}: expected a recording of the format {name}, got {kind}")
     if options.intensity_max is None:
         options = replace(options, intensity_max=format.intensity_max)
     recording = read(source, options)

@@ -20,7 +20,9 @@ from pyinfra.exchange.point_fields import (
     TIMES,
     PointFields,
     intensity_field,
+    map_offset,
     named_fields,
+    offset_note,
 )
 from pyinfra.exchange.recording import (
     NO_BOXES,
@@ -81,7 +83,8 @@ def read(source: Path, options: Options) -> Recording:
     raises FormatError.
     """
     inside = source / "points"
-    clouds = sorted_files(inside if inside.is_dir() else source, [".pcd"])
+    clouds_in = inside if inside.is_dir() else source
+    clouds = [source] if source.is_file() else sorted_files(clouds_in, [".pcd"])
     folder = label_files(clouds, source / "labels", options)
     names = tuple(stem(file) for file in clouds)
     contents = Clouds(clouds, options, labelled=folder is not None)
@@ -111,12 +114,20 @@ class Clouds:
     def frame(self, i: int, boxes: Boxes) -> RecordedFrame:
         """Reads a cloud by its index. Raises FormatError."""
         file, records = self.files[i], read_pcd(self.files[i])
-        points = points_of(file, records, self.options)
+        points = points_of(file, records, self.options, offset=self.offset)
         return RecordedFrame(points, boxes, self.fields.read(str(file), records))
 
     @cached_property
     def fields(self) -> PointFields:
-        return PointFields(readable(read_pcd, self.files[:FIRST]))
+        return PointFields(self._first)
+
+    @cached_property
+    def _first(self) -> list[Records]:
+        return list(readable(read_pcd, self.files[:FIRST]))
+
+    @cached_property
+    def offset(self) -> FloatArray:
+        return map_offset(self._first)
 
     @cached_property
     def _all(self) -> list[Header]:
@@ -149,6 +160,8 @@ class Clouds:
                 f"{len(dark)} of {len(self.files)} clouds have no intensity field ({names}): "
                 "intensities are set to 0"
             )
+        if self.offset.any():
+            notes.append(offset_note(self.offset))
         return notes + self.fields.notes if timed else notes
 
 
@@ -201,11 +214,18 @@ def _records(points: Points, fields: Records | None) -> Records:
     return out
 
 
-def points_of(file: Path, records: Records, options: Options, *, shifted: bool = True) -> Points:
+def points_of(
+    file: Path,
+    records: Records,
+    options: Options,
+    *,
+    shifted: bool = True,
+    offset: FloatArray | None = None,
+) -> Points:
     """Returns the points (n, 4) of a file's records, transformed by its viewpoint.
 
-    With `shifted` = False, points are only rotated, so that the sensor stays the origin. The
-    intensity is 0 if the file has no field for it. Raises FormatError.
+    `offset` (3,) is subtracted first. With `shifted` = False, points are only rotated, so that the
+    sensor stays the origin. The intensity is 0 if the file has no field for it. Raises FormatError.
     """
     names = records.dtype.names or ()
     if not {"x", "y", "z"} <= set(names):
@@ -214,6 +234,8 @@ def points_of(file: Path, records: Records, options: Options, *, shifted: bool =
     columns = [_column(file, records, name) for name in ("x", "y", "z", intensity) if name]
     if intensity is None:
         columns.append(np.zeros(len(records)))
+    if offset is not None and offset.any():
+        columns[:3] = [c.astype(np.float64) - o for c, o in zip(columns[:3], offset, strict=True)]
     viewpoint = read_header(file).viewpoint
     if not viewpoint.is_identity:
         columns[:3] = viewpoint.apply(columns[:3], shifted=shifted)

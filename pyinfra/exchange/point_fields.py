@@ -40,6 +40,7 @@ UNITS = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nano
 # Plausible duration between the first and last point of a frame. The range is a factor of 1000, so
 # that exactly one unit fits.
 DURATION_S = (0.003, 3.0)
+LEAST_MAP_M = 1e5  # UTM coordinates are larger than this
 MOST_ROUNDING_S = 1e-3  # largest rounding of times of points
 # Fields that only clouds of `pyinfra export` have together; their time is in seconds.
 EXPORTED = {"time", "ring", "object_id", "class", "echo"}
@@ -134,6 +135,34 @@ def named_fields(kind: np.dtype[np.void], names: Sequence[str]) -> list[str]:
         if kind[name].shape == () and kind[name].kind in "fiu":
             of_small.setdefault(name.lower().removeprefix("scalar_"), name)
     return [of_small[name] for name in names if name in of_small]
+
+
+def map_offset(samples: Iterable[Records]) -> FloatArray:
+    """Returns the offset (3,) of coordinates of a map, such as UTM; 0 for those of a sensor.
+
+    float32 would round such coordinates to half a metre. They are far from 0 compared with their
+    spread.
+    """
+    for records in samples:
+        axes = [name for axis in "xyz" for name in named_fields(records.dtype, [axis])]
+        if len(axes) < 3 or len(records) == 0:
+            continue
+        values = np.stack([records[name].astype(np.float64) for name in axes], axis=1)
+        values = values[np.isfinite(values).all(axis=1)]
+        if len(values) == 0:
+            continue
+        low, middle, high = np.percentile(values, (5, 50, 95), axis=0)
+        is_map = (np.abs(middle) > LEAST_MAP_M) & (high - low < np.abs(middle) / 2)
+        return np.round(middle) if is_map[:2].any() else np.zeros(3)
+    return np.zeros(3)
+
+
+def offset_note(offset: FloatArray) -> str:
+    x, y, z = offset
+    return (
+        f"coordinates are those of a map: ({x:.0f}, {y:.0f}, {z:.0f}) is subtracted. The sensor is "
+        "probably not at the origin"
+    )
 
 
 def is_valid(values: AnyArray, *, absolute: bool) -> AnyArray:

@@ -158,7 +158,7 @@ def as_points(
             raise FormatError(f"{location}: expected {-most:g} to {most:g}, got {column[bad[0]]:g}")
     points = np.stack([column.astype(np.float32) for column in columns], axis=1)
     if highest != 1:
-        points[:, 3] /= highest
+        points[:, 3] = np.minimum(points[:, 3] / highest, 1)  # a few may be brighter
     if options.unit_m != 1:
         points[:, :3] *= options.unit_m
     return points

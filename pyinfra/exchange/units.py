@@ -11,7 +11,8 @@ from pyinfra.core.arrays import Floats
 from pyinfra.core.errors import Error
 from pyinfra.exchange.recording import Options
 
-INTENSITIES_MAX = (1.0, 255.0, 65535.0)
+INTENSITIES_MAX = (1.0, 255.0, 4095.0, 65535.0)
+BRIGHT_SHARE = 0.999  # a few intensities may be higher than the scale of the others
 FARTHEST_MEDIAN_M = 400.0  # largest plausible median range of a roadside sensor, metres
 NEAREST_MEDIAN_MM = 2000.0
 
@@ -33,13 +34,21 @@ def unit_of(source: Path, clouds: Sequence[Floats], options: Options) -> float:
 
 
 def brightest_of(clouds: Sequence[Floats]) -> float:
-    """Returns the highest finite intensity, or 0."""
-    values = [cloud[np.isfinite(cloud[:, 3]), 3] for cloud in clouds]
-    return max((float(intensities.max(initial=0)) for intensities in values), default=0.0)
+    """Returns the intensity that only a few points exceed, or 0.
+
+    Whole numbers above 1 are never shares of 1, even if almost all points are dark.
+    """
+    values = np.concatenate([np.empty(0), *(c[np.isfinite(c[:, 3]), 3] for c in clouds)])
+    if len(values) == 0:
+        return 0.0
+    highest = float(values.max())
+    bright = float(np.quantile(values, BRIGHT_SHARE, method="higher"))
+    is_whole = highest > 1 and bool((np.abs(values - np.round(values)) < 1e-3).all())
+    return max(bright, 2.0) if is_whole else bright
 
 
 def usual_intensity_max(brightest: float) -> float:
-    """Returns the smallest of 1, 255 and 65535 that is at least `brightest`.
+    """Returns the smallest of INTENSITIES_MAX that is at least `brightest`.
 
     Returns 1 if `brightest` is above 65535.
     """

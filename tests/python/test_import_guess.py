@@ -52,7 +52,7 @@ def test_other_spellings_are_recognised(tmp_path: Path) -> None:
     [
         (["1.pcd", "1.bin"], ["pcd (*.pcd)", "bin (*.bin)"]),
         (["points/1.pcd", "points/1.npy"], ["openpcdet", "pcd"]),
-        (["notes.txt"], ["expected the files of one of the formats kitti", "none"]),
+        (["notes.txt"], ["expected the files of one of the formats kitti", "got notes.txt"]),
         (["monday/1.pcd", "tuesday/1.pcd"], ["a folder of", "monday", "tuesday"]),
     ],
 )

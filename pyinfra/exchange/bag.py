@@ -1,0 +1,320 @@
+"""Reads ROS bags without ROS: .bag of ROS 1, and .mcap and .db3 of ROS 2.
+
+A recording is one topic of clouds, sensor_msgs/PointCloud2 or Livox's CustomMsg. Boxes come from a
+topic with MarkerArray, Detection3DArray or BoundingBoxArray. The pose of the sensor comes from tf.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import weakref
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+from scipy.spatial.transform import Rotation
+
+from pyinfra.core.arrays import FloatArray, Records
+from pyinfra.core.errors import Error, FormatError
+from pyinfra.exchange import ros_messages as ros
+from pyinfra.exchange.data_set import levelled
+from pyinfra.exchange.nuscenes_tables import angles_of
+from pyinfra.exchange.pcd import FIRST
+from pyinfra.exchange.point_fields import PointFields, intensity_field, map_offset, offset_note
+from pyinfra.exchange.record_clouds import points_of
+from pyinfra.exchange.recording import NO_BOXES, Options, RecordedFrame, Recording
+from pyinfra.formats.kitti import WorldPose
+
+SUFFIXES = (".bag", ".mcap", ".db3")
+BOXES = (ros.MARKERS, ros.DETECTIONS, ros.JSK_BOXES)
+ROOTS = ("world", "map", "site", "earth", "odom")  # frames in which the sensor stands still
+NEAR_S = 0.15  # boxes belong to the latest cloud that is at most this much older
+LEAST_TILT_RAD = 1e-4
+# Packets of drivers, which only the drivers can decode.
+PACKETS = ("VelodyneScan", "PandarScan", "UdpFrame", "PacketMsg", "RslidarScan", "RslidarPacket")
+
+
+@dataclass
+class Contents:
+    """What one pass over a bag finds."""
+
+    topics: dict[str, tuple[str, int]]  # type and number of messages of each topic
+    times_ns: list[int] = field(default_factory=list)  # time in the bag of each cloud
+    stamps_ns: list[int] = field(default_factory=list)  # stamp of each cloud
+    boxes: list[tuple[int, Any]] = field(default_factory=list)  # stamp and message
+    box_topic: str = ""
+    frames: dict[str, tuple[str, ros.Transform]] = field(default_factory=dict)  # of each child
+
+
+def read(source: Path, options: Options) -> Recording:
+    """Opens a bag: a file, or a folder of files of one bag.
+
+    `options.channel` selects a topic, if several topics have clouds. Raises Error for a bag without
+    clouds, or without a selected topic. Reading a frame raises FormatError.
+    """
+    bag = Bag(source, options)
+    return bag.recording()
+
+
+class Bag:
+    """A bag and its topic of clouds. Clouds are read in turn, or from any cloud onwards."""
+
+    def __init__(self, source: Path, options: Options) -> None:
+        self.source, self.options = source, options
+        self.paths = bag_paths(source)
+        store = get_typestore(Stores.ROS2_HUMBLE)
+        with _errors(source):
+            self._reader: Any = AnyReader(self.paths, default_typestore=store)
+            self._reader.open()
+            weakref.finalize(self, self._reader.close)
+            self.is_ros2 = self._reader.is2
+            self.topic, self.kind, self.contents = _scan(source, self._reader, options.channel)
+        self.ids: dict[str, int] = {}
+        self._messages: Iterator[bytes] = iter(())
+        self._next = -1
+
+    def recording(self) -> Recording:
+        contents = self.contents
+        stamps, times = np.array(contents.stamps_ns), np.array(contents.times_ns)
+        # Some drivers do not set the stamp, or always write the same.
+        stamped = bool((stamps > 0).all() and len(np.unique(stamps)) > len(stamps) / 2)
+        seconds = (stamps if stamped else times) / 1e9
+        notes = [] if stamped else ["stamps of clouds are not set: times of the bag are used"]
+        pose, tilt = self._pose(notes)
+        of_cloud = self._boxes_by_cloud(seconds, notes) if contents.boxes else {}
+        lean = Rotation.from_euler("ZYX", [0, *(tilt or (0.0, 0.0))]).as_matrix()
+        tracked = bool(contents.boxes)
+
+        def frame(i: int) -> RecordedFrame:
+            location = f"{self.source}: {self.topic}: cloud {i}"
+            records = self.records(i)
+            points = points_of(location, records, self.options, self.offset)
+            boxes = NO_BOXES
+            if i in of_cloud:
+                kind = contents.topics[contents.box_topic][0]
+                boxes = ros.boxes_of(f"{location}: boxes", of_cloud[i], kind, self.ids)
+            recorded = RecordedFrame(points, boxes, self.fields.read(location, records))
+            return levelled(recorded, lean) if tilt else recorded
+
+        digest = f"{self.source.name}:{contents.box_topic}:{len(times)}" if tracked else ""
+        return Recording(
+            tuple(f"{i:06d}" for i in range(len(times))),
+            frame,
+            labelled=bool(contents.boxes),
+            pose=pose,
+            tilt=tilt,
+            tracks_sha256=digest,
+            times=lambda: seconds,
+            notes=lambda: [*notes, *self._field_notes()],
+        )
+
+    def records(self, i: int) -> Records:
+        """Reads the cloud with an index. Raises FormatError."""
+        with _errors(self.source):
+            if self._next != i:
+                self._messages, self._next = self._from(i), i
+            raw = next(self._messages)
+            self._next += 1
+            location = f"{self.source}: {self.topic}: cloud {i}"
+            if self.kind in ros.LIVOX:
+                return ros.livox_records(location, raw, is_ros2=self.is_ros2)
+            return ros.cloud_records(location, _message(self._reader, raw, self.kind))
+
+    def _from(self, i: int) -> Iterator[bytes]:
+        times = self.contents.times_ns
+        chosen = [c for c in self._reader.connections if c.topic == self.topic]
+        messages = self._reader.messages(chosen, start=times[i])
+        skip = i - times.index(times[i])  # earlier clouds of the same time
+        return (raw for _, _, raw in itertools.islice(messages, skip, None))
+
+    @cached_property
+    def _first(self) -> list[Records]:
+        out = []
+        for i in range(min(FIRST, len(self.contents.times_ns))):
+            with contextlib.suppress(FormatError):
+                out.append(self.records(i))
+        return out
+
+    @cached_property
+    def fields(self) -> PointFields:
+        return PointFields(self._first)
+
+    @cached_property
+    def offset(self) -> FloatArray:
+        return map_offset(self._first)
+
+    def _field_notes(self) -> list[str]:
+        notes = list(self.fields.notes)
+        if self.offset.any():
+            notes.append(offset_note(self.offset))
+        if any(intensity_field(records) is None for records in self._first):
+            notes.append("clouds without an intensity: intensities are set to 0")
+        others = [
+            name for name, (kind, _) in self.contents.topics.items() if self._unread(name, kind)
+        ]
+        if others:
+            notes.append(f"topics that are not read: {', '.join(sorted(others)[:8])}")
+        return notes
+
+    def _unread(self, name: str, kind: str) -> bool:
+        return name not in (self.topic, self.contents.box_topic) and kind not in ros.TRANSFORMS
+
+    def _pose(self, notes: list[str]) -> tuple[WorldPose | None, tuple[float, float] | None]:
+        """Returns the pose of the sensor from tf, and its tilt if the recording has boxes."""
+        frame_id = self._frame_id()
+        path = _climb(self.contents.frames, frame_id)
+        if path is None:
+            return None, None
+        root, transform = path
+        yaw, pitch, roll = angles_of(transform.turn)
+        x, y, z = transform.shift
+        notes.append(
+            f"tf gives the pose of `{frame_id}` in `{root}`: ({x:.2f}, {y:.2f}, {z:.2f}) m"
+        )
+        tilted = max(abs(pitch), abs(roll)) > LEAST_TILT_RAD
+        return WorldPose(x, y, z, yaw), (pitch, roll) if tilted and self.contents.boxes else None
+
+    def _frame_id(self) -> str:
+        raw = next(self._from(0), b"")
+        length = int.from_bytes(raw[12:16], "little")
+        return raw[16 : 16 + length].rstrip(b"\0").decode("utf-8", "replace").lstrip("/")
+
+    def _boxes_by_cloud(self, seconds: FloatArray, notes: list[str]) -> dict[int, Any]:
+        """Pairs each message of boxes with the latest cloud that is not newer than it."""
+        out, lost = {}, 0
+        order = np.argsort(seconds, kind="stable")
+        for stamp, message in self.contents.boxes:
+            at = int(np.searchsorted(seconds[order], stamp / 1e9 + 1e-6, side="right")) - 1
+            if at < 0 or stamp / 1e9 - seconds[order][at] > NEAR_S:
+                lost += 1
+            else:
+                out[int(order[at])] = message
+        notes.append(
+            f"boxes are those of the topic {self.contents.box_topic}"
+            + (f"; {lost} messages have no cloud of their time and are left out" if lost else "")
+        )
+        return out
+
+
+def bag_paths(source: Path) -> list[Path]:
+    """Returns what rosbags opens: files, or the folder of a ROS 2 bag with its metadata.yaml."""
+    if source.is_file() or (source / "metadata.yaml").is_file():
+        return [source]
+    files = sorted(p for p in source.iterdir() if p.suffix.lower() in SUFFIXES)
+    kinds = {path.suffix.lower() for path in files}
+    if len(kinds) != 1:
+        got = ", ".join(path.name for path in files[:4]) or "none"
+        raise Error(f"{source}: expected the files of one bag, got {got}")
+    return files
+
+
+def _scan(source: Path, reader: Any, channel: str | None) -> tuple[str, str, Contents]:
+    topics = {name: (str(info.msgtype), int(info.msgcount)) for name, info in reader.topics.items()}
+    clouds = {
+        name: kind
+        for name, (kind, count) in topics.items()
+        if kind in (ros.CLOUD, *ros.LIVOX) and count > 0
+    }
+    topic = _chosen(source, clouds, topics, channel)
+    contents = Contents(topics)
+    boxes = [name for name, (kind, count) in topics.items() if kind in BOXES and count > 0]
+    beside = [name for name in boxes if name.rpartition("/")[0] == topic.rpartition("/")[0]]
+    if len(boxes) == 1 or len(beside) == 1:
+        contents.box_topic = (beside if len(beside) == 1 else boxes)[0]
+    wanted = [
+        c
+        for c in reader.connections
+        if c.topic in (topic, contents.box_topic) or c.msgtype in ros.TRANSFORMS
+    ]
+    for connection, time_ns, raw in reader.messages(wanted):
+        if connection.topic == topic:
+            contents.times_ns.append(int(time_ns))
+            contents.stamps_ns.append(ros.header_stamp_ns(raw, is_ros2=reader.is2))
+        elif connection.topic == contents.box_topic:
+            message = _message(reader, raw, connection.msgtype)
+            contents.boxes.append((_stamp_of(message) or int(time_ns), message))
+        else:
+            for child, parent, transform in ros.transforms(
+                _message(reader, raw, connection.msgtype)
+            ):
+                contents.frames.setdefault(child, (parent, transform))
+    return topic, clouds[topic], contents
+
+
+def _chosen(
+    source: Path,
+    clouds: dict[str, str],
+    topics: dict[str, tuple[str, int]],
+    channel: str | None,
+) -> str:
+    if channel in clouds:
+        return str(channel)
+    listed = ", ".join(f"{name} ({kind}, {count})" for name, (kind, count) in topics.items())
+    if not clouds:
+        packets = [n for n, (kind, _) in topics.items() if kind.rpartition("/")[2] in PACKETS]
+        advice = (
+            f": {packets[0]} has packets, so play the bag with the sensor's driver and record its "
+            "topic of PointCloud2"
+            if packets
+            else ""
+        )
+        raise Error(
+            f"{source}: expected a topic of sensor_msgs/PointCloud2 or of Livox's CustomMsg, got "
+            f"{listed or 'no topic'}{advice}"
+        )
+    if channel is not None or len(clouds) > 1:
+        names = ", ".join(f"{name} ({topics[name][1]} clouds)" for name in clouds)
+        got = f", got {channel}" if channel else ""
+        raise Error(f"{source}: expected one topic of {names}{got}; `channel` selects a topic")
+    return next(iter(clouds))
+
+
+def _climb(
+    frames: dict[str, tuple[str, ros.Transform]], frame_id: str
+) -> tuple[str, ros.Transform] | None:
+    """Returns the root frame above a frame, and the transform to it; None if tf has no root."""
+    transform, name, seen = None, frame_id, {frame_id}
+    while name in frames:
+        name, step = frames[name][0], frames[name][1]
+        transform = step if transform is None else step.after(transform)
+        if name in seen:
+            return None
+        seen.add(name)
+    return (name, transform) if transform is not None and name in ROOTS else None
+
+
+def _stamp_of(message: Any) -> int:
+    first = next(iter(getattr(message, "markers", ())), None)
+    header = getattr(message, "header", None) or getattr(first, "header", None)
+    stamp = getattr(header, "stamp", None)
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec) if stamp is not None else 0
+
+
+def _message(reader: Any, raw: bytes, kind: str) -> Any:
+    """Deserialises a message; types that the bag does not define are those of ROS 2 Humble."""
+    if kind in reader.typestore.fielddefs:
+        return reader.deserialize(raw, kind)
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    return store.deserialize_cdr(raw, kind) if reader.is2 else store.deserialize_ros1(raw, kind)
+
+
+@contextlib.contextmanager
+def _errors(source: Path) -> Iterator[None]:
+    """Converts all errors of rosbags, which has many types for damaged files, to FormatError."""
+    try:
+        yield
+    except (Error, OSError):
+        raise
+    except Exception as error:
+        name = type(error).__name__
+        raise FormatError(
+            f"{source}: cannot be read as a bag: {str(error)[:200] or name}; for a bag that was "
+            "not closed, run `rosbag reindex` or `ros2 bag reindex`, or convert it with "
+            "`mcap recover`"
+        ) from None

@@ -1,0 +1,57 @@
+"""Reads .las and .laz clouds, one file per frame, with laspy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import laspy
+import numpy as np
+
+from pyinfra.core.arrays import Records
+from pyinfra.core.errors import FormatError
+from pyinfra.exchange.record_clouds import read_clouds
+from pyinfra.exchange.recording import Options, Recording
+
+FIELDS = ("intensity", "gps_time", "ring", "line", "reflectivity", "timestamp", "scan_channel")
+MOST_POINTS = 200_000_000
+LEAST_POINT_BYTES = 20  # of a record of LAS; LAZ compresses by a factor of up to 20
+RATIO = 20
+
+
+def read(source: Path, options: Options) -> Recording:
+    """Opens a .las or .laz file, or a folder of them. Reading a frame raises FormatError."""
+    return read_clouds(source, [".las", ".laz"], read_las, options)
+
+
+def read_las(file: Path) -> Records:
+    """Reads a file into records (n,) with x, y, z and those of FIELDS that it has.
+
+    Raises FormatError for a file that laspy cannot read.
+    """
+    try:
+        with laspy.open(file) as stream:
+            count = stream.header.point_count
+            most = min(MOST_POINTS, RATIO * file.stat().st_size // LEAST_POINT_BYTES)
+            if count > most:
+                raise FormatError(
+                    f"{file}: expected at most {most} points in a LAS file of this size, got "
+                    f"{count}; save it again, for example with PDAL"
+                )
+            cloud = stream.read()
+    except FormatError:
+        raise
+    except Exception as error:  # laspy raises many types for damaged files
+        raise FormatError(
+            f"{file}: cannot be read as LAS or LAZ: {str(error)[:200]}; save it again, for example "
+            "with PDAL or CloudCompare"
+        ) from None
+    names = {name.lower(): name for name in cloud.point_format.dimension_names}
+    present = [name for name in FIELDS if name in names]
+    columns = {name: np.asarray(cloud[names[name]]) for name in present}
+    kinds = [(axis, "<f8") for axis in "xyz"]
+    out = np.empty(len(cloud.points), dtype=kinds + [(n, c.dtype) for n, c in columns.items()])
+    for axis in "xyz":
+        out[axis] = np.asarray(cloud[axis])
+    for name, column in columns.items():
+        out[name] = column
+    return out

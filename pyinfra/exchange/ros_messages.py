@@ -1,0 +1,203 @@
+"""Reads ROS messages of points, boxes and transforms into arrays.
+
+Names and types are those of the public interface definitions of ROS 1 and ROS 2, of vision_msgs,
+jsk_recognition_msgs, and of Livox's drivers.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pyinfra.core.arrays import FloatArray, Records
+from pyinfra.core.errors import FormatError
+from pyinfra.exchange.json_boxes import checked_box
+from pyinfra.exchange.recording import Boxes
+
+CLOUD = "sensor_msgs/msg/PointCloud2"
+LIVOX = tuple(
+    f"{package}/msg/CustomMsg"
+    for package in ("livox_ros_driver", "livox_ros_driver2", "livox_interfaces")
+)
+MARKERS = "visualization_msgs/msg/MarkerArray"
+DETECTIONS = "vision_msgs/msg/Detection3DArray"
+JSK_BOXES = "jsk_recognition_msgs/msg/BoundingBoxArray"
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+# Types of sensor_msgs/PointField, by their number.
+DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+LIVOX_FIELDS = [
+    ("offset_time", "<u4"),
+    *((axis, "<f4") for axis in "xyz"),
+    *((name, "u1") for name in ("reflectivity", "tag", "line")),
+]
+_CUBE, _ADD = 1, 0  # Marker.type, Marker.action
+
+
+def header_stamp_ns(raw: bytes, *, is_ros2: bool) -> int:
+    """Returns the stamp of a message that begins with a std_msgs/Header, without its other fields.
+
+    ROS 2 has 4 bytes of encapsulation, and ROS 1 has a sequence number, before the stamp.
+    """
+    if len(raw) < 12:
+        return 0
+    order = "<" if not is_ros2 or raw[1] & 1 else ">"
+    seconds, nanoseconds = struct.unpack_from(f"{order}II", raw, 4)
+    return int(seconds) * 10**9 + int(nanoseconds)
+
+
+def cloud_records(location: str, message: Any) -> Records:
+    """Returns the points (n,) of a sensor_msgs/PointCloud2 with all fields of one value.
+
+    Raises FormatError that begins with `location` for sizes that do not fit.
+    """
+    order = ">" if message.is_bigendian else "<"
+    names, formats, offsets = [], [], []
+    for field in message.fields:
+        kind = DATATYPES.get(int(field.datatype))
+        if kind is None or not field.name or field.name in names:
+            continue
+        if int(field.count) > 1:  # such as padding
+            continue
+        names.append(field.name)
+        formats.append(order + kind)
+        offsets.append(int(field.offset))
+    step, width, height = int(message.point_step), int(message.width), int(message.height)
+    ends = [o + np.dtype(f).itemsize for o, f in zip(offsets, formats, strict=True)]
+    if not names or max(ends) > step or step > 10_000:
+        raise FormatError(
+            f"{location}: expected fields within the point_step, got {max(ends, default=0)} bytes "
+            f"of fields in {step} bytes"
+        )
+    data = np.frombuffer(bytes(message.data), dtype=np.uint8)
+    row = int(message.row_step) if height > 1 else width * step
+    size = row * (height - 1) + width * step if width and height else 0
+    if row < width * step or len(data) < size:
+        raise FormatError(
+            f"{location}: expected {size} bytes of points ({width} x {height}), got {len(data)}"
+        )
+    record = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": step})
+    if size == 0:
+        return np.empty(0, dtype=record)
+    if row == width * step:
+        return np.frombuffer(data[:size].tobytes(), dtype=record)
+    padded = np.zeros(row * height, dtype=np.uint8)
+    padded[:size] = data[:size]
+    rows = padded.reshape(height, row)[:, : width * step]
+    return np.frombuffer(rows.tobytes(), dtype=record)
+
+
+def livox_records(location: str, raw: bytes, *, is_ros2: bool) -> Records:
+    """Returns the points (n,) of a Livox CustomMsg.
+
+    The bytes are read here, because a general reader makes an object of each point. Raises
+    FormatError that begins with `location`.
+    """
+    try:
+        if is_ros2:
+            (length,) = struct.unpack_from("<I", raw, 12)
+            at = 16 + length
+            at += -(at - 4) % 8 + 8  # the timebase has 8 bytes, aligned from the encapsulation
+        else:
+            (length,) = struct.unpack_from("<I", raw, 12)
+            at = 16 + length + 8
+        at += 4 + 4  # point_num, lidar_id and rsvd
+        (count,) = struct.unpack_from("<I", raw, at)
+    except struct.error:
+        raise FormatError(f"{location}: expected a Livox CustomMsg, got {len(raw)} bytes") from None
+    at += 4
+    step = 20 if is_ros2 else 19  # CDR aligns each point to 4 bytes
+    size = max(step * (count - 1) + 19, 0)
+    if len(raw) - at < size or size > len(raw):
+        raise FormatError(f"{location}: expected {size} bytes of points, got {len(raw) - at}")
+    kind = np.dtype(LIVOX_FIELDS, align=False)
+    if count == 0:
+        return np.empty(0, dtype=kind)
+    rows = np.frombuffer(raw[at : at + size] + bytes(step - 19), dtype=np.uint8)
+    return np.frombuffer(rows.reshape(count, step)[:, :19].tobytes(), dtype=kind)
+
+
+@dataclass(frozen=True, eq=False)
+class Transform:
+    """The transform of a child frame to its parent frame."""
+
+    shift: FloatArray  # (3,)
+    turn: FloatArray  # (3, 3)
+
+    def after(self, inner: Transform) -> Transform:
+        """Returns the transform that applies `inner` and then this transform."""
+        return Transform(self.shift + self.turn @ inner.shift, self.turn @ inner.turn)
+
+
+def transforms(message: Any) -> Iterator[tuple[str, str, Transform]]:
+    """Yields child, parent and the transform of each valid entry of a TFMessage."""
+    for entry in message.transforms:
+        q, t = entry.transform.rotation, entry.transform.translation
+        turn = np.array([q.x, q.y, q.z, q.w], dtype=np.float64)
+        shift = np.array([t.x, t.y, t.z], dtype=np.float64)
+        if np.isfinite(shift).all() and 0.9 < np.linalg.norm(turn) < 1.1:
+            child, parent = entry.child_frame_id.lstrip("/"), entry.header.frame_id.lstrip("/")
+            yield child, parent, Transform(shift, Rotation.from_quat(turn).as_matrix())
+
+
+def boxes_of(location: str, message: Any, kind: str, ids: dict[str, int]) -> Boxes:
+    """Returns the boxes of a message of type MARKERS, DETECTIONS or JSK_BOXES, in its frame.
+
+    `ids` maps the names of tracks to numbers, and new tracks are added to it. Invalid boxes are
+    left out.
+    """
+    entries = {MARKERS: _markers, DETECTIONS: _detections, JSK_BOXES: _jsk}[kind](message)
+    rows, names, tracks, left_out = [], [], [], []
+    for i, (name, track, pose, size) in enumerate(entries):
+        p, q = pose.position, pose.orientation
+        turn = np.array([q.x, q.y, q.z, q.w], dtype=np.float64)
+        if not turn.any():  # unset by some writers
+            turn[3] = 1.0
+        values = np.array([p.x, p.y, p.z, size.x, size.y, size.z, 0], dtype=np.float64)
+        try:
+            if not 0.9 < np.linalg.norm(turn) < 1.1:
+                raise FormatError(f"{location}: box {i}: expected a quaternion, got {turn}")
+            ahead = Rotation.from_quat(turn).as_matrix()[:, 0]
+            values[6] = np.arctan2(ahead[1], ahead[0])
+            rows.append(checked_box(f"{location}: box {i}", values))
+        except FormatError as error:
+            left_out.append(str(error))
+            continue
+        names.append(name or "unknown")
+        key = track or f"{location}:{i}"
+        number = int(key) if key.isdecimal() and len(key) < 10 else None
+        tracks.append(ids.setdefault(key, len(ids) if number is None else number))
+    unique = len(set(tracks)) == len(tracks)
+    return Boxes(
+        np.array(names, dtype=np.str_),
+        np.array(rows, dtype=np.float64).reshape(-1, 7),
+        np.array(tracks, dtype=np.int64) if unique else None,
+        left_out=tuple(left_out),
+    )
+
+
+def _markers(message: Any) -> Iterator[tuple[str, str, Any, Any]]:
+    for marker in message.markers:
+        if int(marker.type) == _CUBE and int(marker.action) == _ADD:
+            yield str(marker.ns), str(int(marker.id)), marker.pose, marker.scale
+
+
+def _detections(message: Any) -> Iterator[tuple[str, str, Any, Any]]:
+    for detection in message.detections:
+        best, most = "", -1.0
+        for result in detection.results:
+            inner = getattr(result, "hypothesis", result)  # nested since vision_msgs 4
+            score = float(getattr(inner, "score", 0.0))
+            if score > most:
+                best, most = str(getattr(inner, "class_id", getattr(inner, "id", ""))), score
+        track = str(getattr(detection, "id", "") or getattr(detection, "tracking_id", ""))
+        yield best, track, detection.bbox.center, detection.bbox.size
+
+
+def _jsk(message: Any) -> Iterator[tuple[str, str, Any, Any]]:
+    for box in message.boxes:
+        yield f"label_{int(box.label)}", "", box.pose, box.dimensions
