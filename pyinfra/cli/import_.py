@@ -110,7 +110,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--intensity-max",
         type=float,
-        help="highest intensity of the source; default: 1, 255, 4095 or 65535, depending on the format "
+        help="highest intensity of the source; default: 1, 255, 4095 or 65535, by the format "
         "or the values",
     )
     parser.add_argument(
