@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from pyinfra.metrics.evaluate import evaluate
     from pyinfra.metrics.settings import Settings
     from pyinfra.models.inference.boxes_table import detect, load_detector
+    from pyinfra.tracking.counts import count
+    from pyinfra.tracking.evaluation import evaluate_tracks
+    from pyinfra.tracking.tracker import TrackSettings
+    from pyinfra.tracking.tracks import track
     from pyinfra.viz.frame_plot import plot_frame
     from pyinfra.viz.plots import plot_ap_by_distance, plot_scene, plot_stress
 
@@ -34,11 +38,14 @@ _MODULES = {
     "Error": "pyinfra.core.errors",
     "PoseGrid": "pyinfra.experiments.planner.candidates",
     "Settings": "pyinfra.metrics.settings",
+    "TrackSettings": "pyinfra.tracking.tracker",
     "__version__": "pyinfra.core.version",
     "benchmark": "pyinfra.api",
     "compare": "pyinfra.metrics.compare",
+    "count": "pyinfra.tracking.counts",
     "detect": "pyinfra.models.inference.boxes_table",
     "evaluate": "pyinfra.metrics.evaluate",
+    "evaluate_tracks": "pyinfra.tracking.evaluation",
     "export": "pyinfra.conversion",
     "import_map": "pyinfra.conversion",
     "import_recording": "pyinfra.conversion",
@@ -54,6 +61,7 @@ _MODULES = {
     "recommend": "pyinfra.experiments.option_table",
     "simulate": "pyinfra.dataset.loading",
     "stress": "pyinfra.experiments.stress.runner",
+    "track": "pyinfra.tracking.tracks",
     "train": "pyinfra.api",
 }
 
@@ -61,11 +69,14 @@ __all__ = [
     "Error",
     "PoseGrid",
     "Settings",
+    "TrackSettings",
     "__version__",
     "benchmark",
     "compare",
+    "count",
     "detect",
     "evaluate",
+    "evaluate_tracks",
     "export",
     "import_map",
     "import_recording",
@@ -81,6 +92,7 @@ __all__ = [
     "recommend",
     "simulate",
     "stress",
+    "track",
     "train",
 ]
 

@@ -87,6 +87,15 @@ def _detect(args: argparse.Namespace) -> Words:
     return ["pyinfra", "view", data, "--pred", args.out, "--out", args.out / "view.html"]
 
 
+def _track(args: argparse.Namespace) -> Words:
+    return ["pyinfra", "count", args.out, args.data, "--out", args.out.parent / "counts"]
+
+
+def _count(args: argparse.Namespace) -> Words:
+    hour = ["--interval-s", 3600]
+    return ["pyinfra", "count", args.tracks, args.site, *hour, "--out", args.out]
+
+
 def _region(args: argparse.Namespace) -> Words:
     boxes = args.out.parent / f"{args.out.stem}_boxes"
     return ["pyinfra", "detect", args.data, "--region", args.out, "--out", boxes]
@@ -193,6 +202,8 @@ NEXT: dict[str, Callable[[argparse.Namespace], Words]] = {
     "sites": _sites,
     "train": _train,
     "detect": _detect,
+    "track": _track,
+    "count": _count,
     "region": _region,
     "onnx": _onnx,
     "statistics": _statistics,

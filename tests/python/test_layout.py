@@ -143,7 +143,7 @@ LAYERS = (
     ("formats",),
     ("dataset",),
     ("metrics", "scenes"),
-    ("exchange", "models"),
+    ("exchange", "models", "tracking"),
     ("experiments",),
     ("viz",),
     ("cli",),

@@ -17,6 +17,8 @@ COMMANDS = {
     "site": "site draw sites/town --out plan.svg",
     "sites": "sites --out generated",
     "train": "train background data/pole --out runs/a",
+    "track": "track data/pole --out out/tracks.csv",
+    "count": "count out/tracks.csv data/pole --out out/counts",
     "region": "region data/pole --out outline.yaml",
     "detect": "detect data/pole --out boxes",
     "onnx": "onnx runs/a --out a.onnx",

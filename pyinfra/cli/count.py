@@ -1,0 +1,69 @@
+"""`pyinfra count tracks.csv DATA/LIDAR --out DIR`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pyinfra.core.errors import Error
+from pyinfra.tracking.counts import Counts, count
+from pyinfra.viz.traffic_page import write_page
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Counts tracks at lines and by movement, with speeds, headways, gaps, occupancy, queues "
+        "and travel times. Writes CSV files and a page with a map of the flows."
+    )
+    parser.epilog = "example: pyinfra count out/tracks.csv data/minute/ruby_plus --out out/counts"
+    parser.add_argument("tracks", metavar="TRACKS", type=Path, help="file of `pyinfra track`")
+    parser.add_argument(
+        "site",
+        metavar="SITE",
+        type=Path,
+        help="folder of the LiDAR, whose roads give the lines, or a YAML file with "
+        "`lines_m: {name: [[x, y], [x, y]]}` in the levelled LiDAR frame",
+    )
+    parser.add_argument("--out", type=Path, required=True, help="folder for tables and page")
+    parser.add_argument(
+        "--interval-s",
+        type=float,
+        default=900.0,
+        help="length of the intervals in seconds; default: 900",
+    )
+    parser.add_argument("--no-page", action="store_true", help="write the tables only")
+
+
+def run(args: argparse.Namespace) -> int:
+    if not args.tracks.is_file():
+        raise Error(f"TRACKS: expected a file of `pyinfra track`, got '{args.tracks}'")
+    if not args.site.exists():
+        raise Error(f"SITE: expected a LiDAR's folder or a file with lines, got '{args.site}'")
+    counts = count(args.tracks, args.site, interval_s=args.interval_s)
+    counts.save(args.out)
+    if not args.no_page:
+        write_page(counts, args.out / "counts.html", title=args.tracks.stem)
+    print(table_text(counts))
+    return 0
+
+
+def table_text(counts: Counts) -> str:
+    """Returns the counts by movement and by line as text."""
+    moved = counts.movements.groupby("movement")["count"].sum().sort_values(ascending=False)
+    lines = [f"{len(counts.passages)} passages in {counts.seconds:.0f} s"]
+    lines += _aligned("movement", {name: str(n) for name, n in moved.items()})
+    groups = counts.passages.groupby(["line", "direction"])
+    lines += _aligned(
+        "line",
+        {
+            f"{line} {direction}": f"{len(part)} at {part.speed_km_h.mean():.0f} km/h, "
+            f"85 % below {part.speed_km_h.quantile(0.85):.0f} km/h"
+            for (line, direction), part in groups
+        },
+    )
+    return "\n".join(lines)
+
+
+def _aligned(title: str, rows: dict[str, str]) -> list[str]:
+    wide = max(map(len, [title, *rows]))
+    return [f"{title}:", *(f"  {name:<{wide}}  {text}" for name, text in rows.items())]

@@ -1,0 +1,106 @@
+"""`pyinfra track DATA/LIDAR [PRED] --out tracks.csv`."""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.cli.messages import warn
+from pyinfra.core.errors import Error
+from pyinfra.dataset.frame_sequence import RecordedFrames
+from pyinfra.dataset.frames import frame_numbers, frame_range, has_labels, lidar_folder
+from pyinfra.dataset.prediction_files import prediction_table
+from pyinfra.models.inference.boxes_table import detect, load_detector
+from pyinfra.tracking.evaluation import evaluate_tracks
+from pyinfra.tracking.table_file import write_tracks
+from pyinfra.tracking.tracker import TrackSettings
+from pyinfra.tracking.tracks import track
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Joins the boxes of a fixed LiDAR's frames into tracks: identity, speed, acceleration and "
+        "covariance of each object in each frame."
+    )
+    parser.epilog = "example: pyinfra track data/minute/ruby_plus --out out/tracks.csv"
+    parser.add_argument("data", metavar="DATA", type=Path, help="folder of one LiDAR")
+    parser.add_argument(
+        "pred",
+        metavar="PRED",
+        type=Path,
+        nargs="?",
+        help="folder of predictions, as for `pyinfra evaluate`; default: run the detector",
+    )
+    parser.add_argument("--out", type=Path, required=True, help="file to write, such as tracks.csv")
+    parser.add_argument(
+        "--model", default="generalist", help="detector to run without PRED; default: generalist"
+    )
+    parser.add_argument(
+        "--frames", metavar="A:B[:STEP]", help="frame numbers from A to B, without B; default: all"
+    )
+    default = TrackSettings()
+    for name, meaning in (
+        ("min_score", "minimum score of a box that is used, 0 to 1"),
+        ("birth_score", "minimum score of a box that may begin a track, 0 to 1"),
+        ("missed_s", "seconds without a box after which a track in view ends"),
+        ("hidden_s", "the same for a track that is hidden or stands"),
+    ):
+        value = getattr(default, name)
+        option = f"--{name.replace('_', '-')}"
+        parser.add_argument(
+            option, type=float, default=value, help=f"{meaning}; default: {value:g}"
+        )
+    parser.add_argument(
+        "--live",
+        action="store_true",
+        help="use only the boxes up to each frame, as a running system would",
+    )
+    parser.add_argument(
+        "--within-m",
+        type=float,
+        default=80.0,
+        help="largest distance of vehicles that the printed measures count; default: 80",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    names = ("min_score", "birth_score", "missed_s", "hidden_s")
+    settings = TrackSettings(**{name: getattr(args, name) for name in names})
+    folder = lidar_folder(args.data)
+    everything = args.frames is None
+    numbers = frame_numbers(folder, "all") if everything else frame_range(args.frames, folder)
+    frames = RecordedFrames(folder, tuple(numbers))
+    boxes = _boxes(args, frames)
+    tracks = track(boxes, frames, settings=settings, smooth=not args.live)
+    write_tracks(args.out, tracks)
+    print(_summary(tracks, frames))
+    if not len(tracks):
+        warn("no track: are there boxes, and is the frame period right?", args)
+    elif has_labels(folder) and (folder / "training/objects").is_dir():
+        m = evaluate_tracks(frames, tracks, within_m=args.within_m, lines=[]).measures
+        print(
+            f"visible vehicles within {args.within_m:g} m: HOTA {m.hota:.1f}, MOTA {m.mota:.1f}, "
+            f"{m.switches:.0f} switches, {m.false_tracks:.0f} false tracks, speed error "
+            f"{m.speed_error_km_h:.2f} km/h (median)"
+        )
+    return 0
+
+
+def _boxes(args: argparse.Namespace, frames: RecordedFrames) -> pd.DataFrame:
+    if args.pred is None:
+        return detect(load_detector(args.model), frames)
+    if not args.pred.is_dir():
+        raise Error(f"PRED: expected a folder of predictions, got '{args.pred}'")
+    return prediction_table(frames, args.pred, partial(warn, args=args))
+
+
+def _summary(tracks: pd.DataFrame, frames: RecordedFrames) -> str:
+    count = tracks.groupby("type").id.nunique() if len(tracks) else {}
+    listed = ", ".join(f"{n} {name}" for name, n in count.items()) or "none"
+    seconds = len(frames.numbers) * frames.period_s
+    return (
+        f"tracks: {listed}; {len(frames.numbers)} frames of {frames.period_s:g} s ({seconds:g} s)"
+    )

@@ -1,0 +1,1 @@
+"""Boxes to tracks, and tracks to counts, speeds and travel times."""

@@ -1,0 +1,162 @@
+"""`pyinfra.count`: what tracks say of the traffic, by movement, line, lane, class and interval."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.errors import Error
+from pyinfra.core.files import replacing
+from pyinfra.core.names import path_of
+from pyinfra.core.public import public
+from pyinfra.tracking.lines import AnyLines, Line, lines_of
+from pyinfra.tracking.movements import movements
+from pyinfra.tracking.passages import passages
+from pyinfra.tracking.queues import queues
+from pyinfra.tracking.table_file import read_tracks
+
+TABLES = ("passages", "flows", "movements", "travel", "queues")
+_NEEDED = ("frame", "t_s", "id", "type", "x", "y", "dx", "speed_m_s")
+
+
+@dataclass(frozen=True, eq=False)
+class Counts:
+    """Passages of tracks over lines, and tables made of them.
+
+    Attributes
+    ----------
+    lines : the lines, in the levelled LiDAR frame
+    seconds : duration of the recording
+    passages : one row per passage: t_s, line, direction, lane, id, type, speed_km_h, length_m,
+        position, headway_s (front to front) and gap_s (without the length of the vehicle before)
+    flows : one row per interval, line, direction, lane and type: count, flow_per_h, mean_km_h,
+        p85_km_h, std_km_h, headway_s, gap_s (medians) and occupancy_percent
+    movements : one row per interval, movement and type: count and flow_per_h
+    travel : one row per movement: count, mean_s, p85_s of the time between both lines
+    queues : one row per interval and line of a junction: mean and highest queue_m and queued
+        (vehicles that stand before the line)
+    """
+
+    lines: list[Line]
+    seconds: float
+    passages: pd.DataFrame
+    flows: pd.DataFrame
+    movements: pd.DataFrame
+    travel: pd.DataFrame
+    queues: pd.DataFrame
+
+    def __repr__(self) -> str:
+        return f"Counts({len(self.passages)} passages, {len(self.lines)} lines, {self.seconds:g} s)"
+
+    def save(self, folder: str | os.PathLike[str]) -> Path:
+        """Writes each table as a CSV file, such as flows.csv, and returns the folder."""
+        out = path_of(folder, "folder")
+        out.mkdir(parents=True, exist_ok=True)
+        for name in TABLES:
+            with replacing(out / f"{name}.csv") as beside:
+                getattr(self, name).to_csv(beside, index=False, float_format="%.6g")
+        return out
+
+
+@public
+def count(
+    tracks: pd.DataFrame | str | os.PathLike[str], site: AnyLines, *, interval_s: float = 900.0
+) -> Counts:
+    """Counts the tracks that pass lines, and measures speeds, headways, queues and travel times.
+
+    Parameters
+    ----------
+    tracks : table of `track`, or a file tracks.csv
+    site : where to count: frames or a LiDAR's folder, whose roads give the lines (one before each
+        arm of a junction, one across each other road); or lines in the levelled LiDAR frame, as
+        `{name: [[x, y], [x, y]]}` or as a YAML file with these under `lines_m`
+    interval_s : length of an interval in seconds
+
+    Returns
+    -------
+    Counts : tables of passages, flows, movements, travel times and queues
+
+    Raises
+    ------
+    Error : for a table without the columns of tracks, lines without length, or no line
+
+    Examples
+    --------
+    >>> import pyinfra as pi
+    >>> frames = pi.simulate(pi.load_scene("highway", seed=1), "helios_16", range(30))
+    >>> tracks = pi.track(frames.objects.assign(score=0.9), frames)
+    >>> counts = pi.count(tracks, {"gantry": [[30, 25], [30, -25]]})
+    >>> sorted(set(counts.passages.direction))
+    ['E', 'W']
+    """
+    table = tracks if isinstance(tracks, pd.DataFrame) else read_tracks(path_of(tracks, "tracks"))
+    missing = [name for name in _NEEDED if name not in table]
+    if missing:
+        raise Error(f"tracks: expected the columns {', '.join(missing)}, got none of them")
+    if not 0 < interval_s < np.inf:
+        raise Error(f"interval_s: expected a number above 0, got {interval_s:g}")
+    lines = lines_of(site)
+    first, last = (float(table.t_s.min()), float(table.t_s.max())) if len(table) else (0.0, 0.0)
+    passed = passages(table, lines)
+    moved = movements(passed, lines)
+    return Counts(
+        lines,
+        last - first,
+        passed,
+        flows(passed, first, last, interval_s),
+        movement_table(moved, first, last, interval_s),
+        travel_table(moved),
+        queues(table, lines, first, interval_s),
+    )
+
+
+def flows(passed: pd.DataFrame, first: float, last: float, interval_s: float) -> pd.DataFrame:
+    """Returns counts, speeds, headways and occupancy by interval, line, direction, lane, type."""
+    keys = ["start_s", "line", "direction", "lane", "type"]
+    table = in_intervals(passed, first, interval_s)
+    speed = table.speed_km_h / 3.6
+    table = table.assign(over_s=table.length_m / np.maximum(speed, 0.5))
+    groups = table.groupby(keys, sort=True)
+    out = groups.agg(
+        count=("id", "size"),
+        mean_km_h=("speed_km_h", "mean"),
+        p85_km_h=("speed_km_h", lambda v: v.quantile(0.85)),
+        std_km_h=("speed_km_h", "std"),
+        headway_s=("headway_s", "median"),
+        gap_s=("gap_s", "median"),
+        over_s=("over_s", "sum"),
+    ).reset_index()
+    seconds = seconds_of(out, last, interval_s)
+    out.insert(6, "flow_per_h", 3600 * out["count"] / seconds)
+    return out.assign(occupancy_percent=100 * out.pop("over_s") / seconds)
+
+
+def movement_table(
+    moved: pd.DataFrame, first: float, last: float, interval_s: float
+) -> pd.DataFrame:
+    """Returns counts by interval, movement and type."""
+    keys = ["start_s", "movement", "start", "end", "type"]
+    out = in_intervals(moved, first, interval_s).groupby(keys).size().rename("count").reset_index()
+    return out.assign(flow_per_h=3600 * out["count"] / seconds_of(out, last, interval_s))
+
+
+def travel_table(moved: pd.DataFrame) -> pd.DataFrame:
+    """Returns the travel times of movements between two lines."""
+    timed = moved.dropna(subset=["travel_s"]).groupby("movement").travel_s
+    out = timed.agg(count="size", mean_s="mean", p85_s=lambda v: v.quantile(0.85))
+    return out.reset_index()
+
+
+def in_intervals(table: pd.DataFrame, first: float, interval_s: float) -> pd.DataFrame:
+    """Adds start_s, the begin of the interval of each row. Intervals count from the first frame."""
+    number = np.floor((table.t_s.astype(float) - first) / interval_s)
+    return table.assign(start_s=first + interval_s * number)
+
+
+def seconds_of(table: pd.DataFrame, last: float, interval_s: float) -> pd.Series:
+    """Returns the recorded seconds of each row's interval; the last one may be shorter."""
+    return np.minimum(interval_s, np.maximum(last - table.start_s, 1e-3))

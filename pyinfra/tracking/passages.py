@@ -1,0 +1,96 @@
+"""The passages of tracks over lines: when, which way, in which lane and how fast."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from scipy.cluster.hierarchy import fcluster, linkage
+
+from pyinfra.core.arrays import FloatArray, IntArray
+from pyinfra.tracking.lines import Line
+
+COLUMNS = [
+    "t_s", "line", "direction", "sign", "lane", "id", "type", "speed_km_h", "length_m", "x", "y",
+    "offset_m", "headway_s", "gap_s",
+]  # fmt: skip
+LANE_M = 2.2  # passages whose offsets differ by less, on average, are in one lane
+
+
+def passages(tracks: pd.DataFrame, lines: Sequence[Line]) -> pd.DataFrame:
+    """Returns the passages of tracks over lines, ordered by time.
+
+    A track passes a line at most once: going back and forth over it cancels.
+
+    tracks : frame, t_s, id, type, x y dx, speed_m_s, ordered by frame
+    """
+    rows = tracks.sort_values(["id", "t_s"], kind="stable")
+    values = rows[["x", "y", "t_s", "speed_m_s"]].to_numpy(np.float64)
+    ids = rows["id"].to_numpy(np.int64)
+    parts = []
+    for line in lines:
+        found = _crossings(values, ids, line)
+        if found is not None:
+            row, share, sign, offset = found
+            at = values[row] + share[:, None] * (values[row + 1] - values[row])
+            part = pd.DataFrame(at, columns=["x", "y", "t_s", "speed_m_s"])
+            part["id"], part["sign"], part["offset_m"] = ids[row], sign, offset
+            part["type"], part["length_m"] = (
+                rows["type"].to_numpy()[row],
+                rows["dx"].to_numpy()[row],
+            )
+            part["line"] = line.name
+            part["direction"] = np.where(sign > 0, line.forward, line.backward)
+            parts.append(part)
+    if not parts:
+        return pd.DataFrame(columns=COLUMNS)
+    table = pd.concat(parts).sort_values(["t_s", "id"], ignore_index=True)
+    table["speed_km_h"] = 3.6 * table.pop("speed_m_s")
+    table["lane"] = 0
+    for _, part in table.groupby(["line", "sign"]):
+        table.loc[part.index, "lane"] = _lanes(part.offset_m.to_numpy(), int(part["sign"].iloc[0]))
+    return with_headways(table)[COLUMNS]
+
+
+def _crossings(
+    values: FloatArray, ids: IntArray, line: Line
+) -> tuple[IntArray, FloatArray, IntArray, FloatArray] | None:
+    """Returns row before the passage, share of the step, sign, and offset along the line."""
+    start, end = np.array(line.start), np.array(line.end)
+    along = (end - start) / line.length_m
+    left = np.array([-along[1], along[0]])
+    side, offset = (values[:, :2] - start) @ left, (values[:, :2] - start) @ along
+    step = np.flatnonzero((ids[1:] == ids[:-1]) & ((side[1:] > 0) != (side[:-1] > 0)))
+    if not len(step):
+        return None
+    share = side[step] / (side[step] - side[step + 1])
+    where = offset[step] + share * (offset[step + 1] - offset[step])
+    sign = np.where(side[step + 1] > 0, 1, -1)
+    within = (where >= 0) & (where <= line.length_m)
+    step, share, sign, where = step[within], share[within], sign[within], where[within]
+    net = pd.Series(sign).groupby(ids[step]).transform("sum").to_numpy()
+    counts = pd.Series(sign == np.sign(net))  # the passages that were not taken back
+    first = counts & (counts.groupby(ids[step]).cumsum() == 1)
+    keep = first.to_numpy() & (net != 0)
+    return (step[keep], share[keep], sign[keep], where[keep]) if keep.any() else None
+
+
+def _lanes(offset: FloatArray, sign: int) -> IntArray:
+    """Returns lane numbers from 1, from the right in the direction of travel."""
+    if len(offset) == 1:
+        return np.ones(1, np.int64)
+    group = fcluster(linkage(offset[:, None], "average"), LANE_M, "distance")
+    middle = pd.Series(offset).groupby(group).mean()
+    order = middle.sort_values(ascending=sign < 0).index
+    number = {label: i + 1 for i, label in enumerate(order)}
+    return np.array([number[label] for label in group], dtype=np.int64)
+
+
+def with_headways(table: pd.DataFrame) -> pd.DataFrame:
+    """Adds the time to the vehicle before in the lane: front to front, and without its length."""
+    lane = table.groupby(["line", "sign", "lane"], sort=False)
+    headway = lane.t_s.diff()
+    passing_s = table.length_m / np.maximum(table.speed_km_h / 3.6, 0.5)
+    before = passing_s.groupby([table.line, table["sign"], table.lane]).shift(1)
+    return table.assign(headway_s=headway, gap_s=np.maximum(headway - before, 0))

@@ -1,0 +1,157 @@
+"""The arrays that describe boxes of one frame, and tracks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Self
+
+import numpy as np
+
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.core.boxes import bev_overlap
+from pyinfra.core.vocabulary import OBJECT_CLASSES, PERSON_TYPES
+from pyinfra.tracking.motion import STATES, axes
+
+TYPES = tuple(dict.fromkeys(name for names in OBJECT_CLASSES.values() for name in names))
+PERSONS = np.array([name in PERSON_TYPES for name in TYPES])
+SAME = 0.5  # boxes that share more of the smaller area are one object
+# Standard deviation of a box's centre along and across its heading, at the sensor and per metre.
+ALONG_M, ALONG_PER_M = 0.25, 0.003
+ACROSS_M, ACROSS_PER_M = 0.12, 0.001
+
+
+@dataclass(frozen=True, eq=False)
+class Boxes:
+    """The n boxes of one frame, in the levelled LiDAR frame."""
+
+    values: FloatArray  # (n, 7) x y z dx dy dz heading
+    votes: FloatArray  # (n, len(TYPES)) score of each type
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @property
+    def scores(self) -> FloatArray:
+        """(n,) the probability, 0 to 1, that there is an object: the types exclude each other."""
+        return np.asarray(np.minimum(self.votes.sum(axis=1), 1))
+
+    @property
+    def person(self) -> BoolArray:
+        return np.asarray(PERSONS[self.votes.argmax(axis=1)])
+
+    @property
+    def noise(self) -> FloatArray:
+        """Covariances (n, 2, 2) of the centres, by distance and heading."""
+        distance = np.hypot(self.values[:, 0], self.values[:, 1])
+        along = ALONG_M + ALONG_PER_M * distance
+        return axes(self.values[:, 6], along, ACROSS_M + ACROSS_PER_M * distance)
+
+    def select(self, rows: IntArray | BoolArray) -> Boxes:
+        return Boxes(self.values[rows], self.votes[rows])
+
+    def merged(self) -> Boxes:
+        """Returns the boxes without those that mostly lie in a better box.
+
+        A detector of several types returns a box for each type that an object may have. The box
+        that stays gets the score of each type.
+        """
+        order = np.argsort(-self.votes.max(axis=1, initial=0), kind="stable")
+        boxes = self.select(order)
+        area = np.maximum(boxes.values[:, 3] * boxes.values[:, 4], 1e-6)
+        same = bev_overlap(boxes.values, boxes.values) > SAME * np.minimum(area[:, None], area)
+        kept = np.ones(len(boxes), dtype=bool)
+        votes = boxes.votes.copy()
+        for i, j in np.argwhere(np.triu(same, 1)):
+            if kept[i] and kept[j]:
+                kept[j] = False
+                votes[i] = np.maximum(votes[i], votes[j])
+        return Boxes(boxes.values[kept], votes[kept])
+
+
+@dataclass(eq=False)
+class Tracks:
+    """The n tracks after a frame."""
+
+    ids: IntArray  # (n,)
+    state: FloatArray  # (n, 6) x y vx vy ax ay
+    covariance: FloatArray  # (n, 6, 6)
+    noise: FloatArray  # (n, 2, 2) covariance of the acceleration since the frame before
+    z: FloatArray  # (n,) of the centre
+    size: FloatArray  # (n, 3) dx dy dz
+    heading: FloatArray  # (n,)
+    ahead: FloatArray  # (n,) votes that the heading is not flipped
+    votes: FloatArray  # (n, len(TYPES)) sum of scores
+    odds: FloatArray  # (n,) log odds that the track is an object
+    confirmed: BoolArray  # (n,)
+    last_s: FloatArray  # (n,) time of the last box
+    frames_seen: IntArray  # (n,) frames with a box
+    frames_missed: IntArray  # (n,) frames without
+    seen: BoolArray  # (n,) whether the last frame has a box
+    hidden: BoolArray  # (n,) whether another object hides it in the last frame
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @classmethod
+    def none(cls) -> Self:
+        empty = Boxes(np.empty((0, 7)), np.empty((0, len(TYPES))))
+        return cls.begin(1, 0, empty, np.empty((0, STATES)), np.empty((0, STATES, STATES)))
+
+    @classmethod
+    def begin(
+        cls,
+        first_id: int,
+        time_s: float,
+        boxes: Boxes,
+        state: FloatArray,
+        covariance: FloatArray,
+    ) -> Self:
+        n = len(boxes)
+        return cls(
+            ids=np.arange(first_id, first_id + n),
+            state=state,
+            covariance=covariance,
+            noise=np.zeros((n, 2, 2)),
+            z=boxes.values[:, 2].copy(),
+            size=boxes.values[:, 3:6].copy(),
+            heading=wrapped(boxes.values[:, 6]),
+            ahead=boxes.scores.copy(),
+            votes=boxes.votes.copy(),
+            odds=np.zeros(n),
+            confirmed=np.zeros(n, dtype=bool),
+            last_s=np.full(n, time_s),
+            frames_seen=np.ones(n, np.int64),
+            frames_missed=np.zeros(n, np.int64),
+            seen=np.ones(n, dtype=bool),
+            hidden=np.zeros(n, dtype=bool),
+        )
+
+    def select(self, rows: IntArray) -> Tracks:
+        return Tracks(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
+    @staticmethod
+    def concatenated(parts: Sequence[Tracks]) -> Tracks:
+        names = [f.name for f in fields(Tracks)]
+        return Tracks(**{n: np.concatenate([getattr(part, n) for part in parts]) for n in names})
+
+    @property
+    def types(self) -> IntArray:
+        """(n,) index into TYPES of the type with most votes."""
+        return np.asarray(self.votes.argmax(axis=1))
+
+    @property
+    def person(self) -> BoolArray:
+        return np.asarray(PERSONS[self.types])
+
+    def speed(self) -> FloatArray:
+        return np.asarray(np.hypot(self.state[:, 2], self.state[:, 3]))
+
+    def boxes(self) -> FloatArray:
+        """Returns x y z dx dy dz heading (n, 7)."""
+        return np.column_stack([self.state[:, :2], self.z, self.size, self.heading])
+
+
+def wrapped(angle: FloatArray) -> FloatArray:
+    """Returns angles in [-pi, pi)."""
+    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)

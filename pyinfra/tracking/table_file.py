@@ -1,0 +1,42 @@
+"""Reads and writes tracks.csv."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.core.errors import FormatError
+from pyinfra.core.files import replacing
+from pyinfra.formats.csv_table import read_csv
+
+TRACK_COLUMNS = [
+    "frame", "t_s", "id", "type", "x", "y", "z", "dx", "dy", "dz", "heading",
+    "speed_m_s", "acceleration_m_s2", "vx_m_s", "vy_m_s",
+    "x_var_m2", "y_var_m2", "xy_cov_m2", "speed_var_m2_s2",
+    "score", "frames_seen", "frames_missed", "state",
+]  # fmt: skip
+
+
+def write_tracks(file: Path, tracks: pd.DataFrame) -> None:
+    """Writes a table of `track`."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(file) as beside:
+        tracks.to_csv(beside, index=False, float_format="%.6g")
+
+
+def read_tracks(file: Path) -> pd.DataFrame:
+    """Reads tracks.csv. Raises FormatError with file, line and column."""
+    table = read_csv(file, words=("type", "state"))
+    missing = [name for name in TRACK_COLUMNS if name not in table]
+    if missing:
+        raise FormatError(f"{file}:1: expected the columns {', '.join(missing)}, got none of them")
+    whole = ["frame", "id", "frames_seen", "frames_missed"]
+    numbers = table.drop(columns=["type", "state"])
+    if numbers.isna().to_numpy().any() or (table[whole] % 1 != 0).to_numpy().any():
+        raise FormatError(f"{file}: expected a number in each cell, got an empty or broken one")
+    if table.duplicated(["frame", "id"]).any():
+        line = int(table.duplicated(["frame", "id"]).idxmax()) + 2
+        raise FormatError(f"{file}:{line}: expected each track once in a frame, got it twice")
+    kinds = dict.fromkeys(numbers, "float64") | dict.fromkeys(whole, "int64")
+    return table.astype(kinds)

@@ -1,0 +1,256 @@
+"""The tracker: predict, assign, update, birth, death.
+
+Tracker.step does these five steps for the boxes of one frame, for all tracks at a time. The
+Kalman filter is in motion.py, and the arrays that describe the tracks are in state.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.special import logit
+
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.core.boxes import bev_overlap
+from pyinfra.core.errors import Error
+from pyinfra.tracking import motion
+from pyinfra.tracking.occlusion import View
+from pyinfra.tracking.state import SAME, Boxes, Tracks, wrapped
+
+# Gate of a squared Mahalanobis distance: 99.9 % of the chi-squared distribution with two degrees.
+GATE = 13.8
+NEVER = 1e6  # cost of a pair outside the gate
+SURE = 0.5  # boxes with this score or more are assigned before the others
+SHARED = 0.1  # a box that shares more of its area with a track's box begins no track
+CLOSE_S = 0.2  # no vehicle follows another at so short a time
+CLOSE_SHARE = 0.15  # share of the area by which boxes that are longer by CLOSE_S may overlap
+MOVES_M_S = 1.5  # from this speed on, a vehicle faces where it drives
+FAST_M_S = {"vehicle": 15.0, "person": 2.0}  # standard deviation of a new track's speed
+SIDEWAYS_M_S = {"vehicle": 1.5, "person": 2.0}
+NOISE_M_S2 = {"vehicle": 1.5, "person": 1.0}  # standard deviation of the acceleration
+TURN_PER_S = 0.25  # a vehicle's acceleration to the side, per speed
+OUTSIDE_S = 0.5  # as missed_s, outside the region in which vehicles are searched
+OTHER_KIND = 6.0  # cost of a pair of a vehicle and a person, as of a motorcycle taken for a cyclist
+MISSED = 0.5  # log odds that a frame without a box takes from a track in view
+HEADING_SHARE = 0.2  # weight of a new box in the filtered heading
+SIZE_FRAMES = 30  # a size is a mean over about so many boxes
+
+
+@dataclass(frozen=True)
+class TrackSettings:
+    """When tracks begin and end.
+
+    Attributes
+    ----------
+    min_score : minimum score of a box that is used, 0 to 1
+    birth_score : minimum score of a box that may begin a track, 0 to 1
+    confirmed : sum of the log odds of a track's scores at which it counts as a track
+    missed_s : seconds without a box after which a track in view ends
+    hidden_s : the same for a track that another object hides, or that stands
+    gap_s : a gap between frames, in seconds, that ends all tracks
+    """
+
+    min_score: float = 0.1
+    birth_score: float = 0.3
+    confirmed: float = 3.0
+    missed_s: float = 1.5
+    hidden_s: float = 6.0
+    gap_s: float = 10.0
+
+    def __post_init__(self) -> None:
+        for name in ("min_score", "birth_score"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise Error(f"{name}: expected 0 to 1, got {getattr(self, name):g}")
+        for name in ("confirmed", "missed_s", "hidden_s", "gap_s"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise Error(f"{name}: expected a number above 0, got {getattr(self, name):g}")
+
+
+class Tracker:
+    """Turns the boxes of one frame after the other into tracks.
+
+    `tracks` are the tracks after the last frame, those that are not yet confirmed included. A box
+    is x y z dx dy dz heading, in the levelled LiDAR frame, metres and radians.
+    """
+
+    def __init__(self, settings: TrackSettings | None = None, view: View | None = None) -> None:
+        self.settings = settings or TrackSettings()
+        self.view = view or View.unknown()
+        self.tracks = Tracks.none()
+        self.time_s: float | None = None
+        self.next_id = 1
+
+    def step(self, time_s: float, boxes: Boxes) -> Tracks:
+        """Processes the boxes of a frame and returns the tracks.
+
+        Raises Error for a time that is not after that of the frame before.
+        """
+        if self.time_s is not None and not time_s > self.time_s:
+            raise Error(f"t_s: expected more than {self.time_s:g}, got {time_s:g}")
+        boxes = boxes.merged()
+        boxes = boxes.select(boxes.scores >= self.settings.min_score)
+        self._predict(time_s)
+        track, box = self._assign(boxes)
+        self._update(time_s, boxes, track, box)
+        self._death(time_s)
+        self._birth(time_s, boxes.select(~np.isin(np.arange(len(boxes)), box)))
+        return self.tracks
+
+    def _predict(self, time_s: float) -> None:
+        """Moves the tracks to a time."""
+        before, self.time_s = self.time_s, time_s
+        if before is None:
+            return
+        if time_s - before > self.settings.gap_s:
+            self.tracks = Tracks.none()
+            return
+        t = self.tracks
+        dt_s, across = round(time_s - before, 6), np.clip(TURN_PER_S * t.speed(), 0.1, 1.5)
+        along = by_kind(t.person, NOISE_M_S2)
+        t.noise = motion.axes(t.heading, along, np.where(t.person, along, across))
+        t.state, t.covariance = motion.predict(t.state, t.covariance, dt_s, t.noise)
+
+    def _assign(self, boxes: Boxes) -> tuple[IntArray, IntArray]:
+        """Returns the indices of tracks and of their boxes, sure boxes first."""
+        distance, size = self._distance(boxes)
+        size += OTHER_KIND * (self.tracks.person[:, None] != boxes.person)
+        cost = np.where(distance < GATE, distance + size, NEVER)
+        pairs = [np.empty((0, 2), np.int64)]
+        free = np.ones(len(self.tracks), dtype=bool)
+        for chosen in (boxes.scores >= SURE, boxes.scores < SURE):
+            rows, columns = np.flatnonzero(free), np.flatnonzero(chosen)
+            part = cost[np.ix_(rows, columns)]
+            i, j = linear_sum_assignment(part)
+            within = part[i, j] < NEVER
+            pairs.append(np.column_stack([rows[i[within]], columns[j[within]]]))
+            free[pairs[-1][:, 0]] = False
+        track, box = np.concatenate(pairs).T
+        return track, box
+
+    def _distance(self, boxes: Boxes) -> tuple[FloatArray, FloatArray]:
+        """Returns squared Mahalanobis distances, and log determinants of their covariances.
+
+        Both are (tracks, boxes). Their sum is twice the negative log likelihood.
+        """
+        t = self.tracks
+        x, y = np.moveaxis(boxes.values[None, :, :2] - t.state[:, None, :2], 2, 0)
+        spread = t.covariance[:, None, :2, :2] + boxes.noise[None]
+        xx, xy, yy = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
+        size = xx * yy - xy**2
+        distance = (yy * x**2 - 2 * xy * x * y + xx * y**2) / size
+        return distance, np.log(size)
+
+    def _update(self, time_s: float, boxes: Boxes, track: IntArray, box: IntArray) -> None:
+        """Corrects the tracks by their boxes. The other tracks miss a frame."""
+        t, b = self.tracks, boxes.select(box)
+        # A box that is too short, or cut by the edge of the view, may have its centre elsewhere.
+        short = np.maximum(t.size[track, 0] - b.values[:, 3], 0) / 2
+        cut = np.where(self.view.cut(b.values), b.values[:, 3] / 2, 0)
+        partial = motion.axes(b.values[:, 6], np.maximum(short, cut), 0)
+        t.state[track], t.covariance[track] = motion.update(
+            t.state[track], t.covariance[track], b.values[:, :2], b.noise + partial
+        )
+        weight = (1 / np.minimum(t.frames_seen[track] + 1, SIZE_FRAMES))[:, None]
+        t.size[track] += weight * (b.values[:, 3:6] - t.size[track])
+        t.z[track] += weight[:, 0] * (b.values[:, 2] - t.z[track])
+        t.votes[track] += b.votes
+        self._turn(track, b)
+        t.odds[track] = np.minimum(t.odds[track] + evidence(b.scores), 2 * self.settings.confirmed)
+        t.confirmed |= t.odds >= self.settings.confirmed
+        t.last_s[track] = time_s
+        t.frames_seen[track] += 1
+        t.seen[:] = False
+        t.seen[track] = True
+        missing = np.flatnonzero(~t.seen)
+        t.frames_missed[missing] += 1
+        t.hidden[:] = False
+        t.hidden[missing] = self.view.hidden(t.boxes()[missing], t.boxes()[t.seen])
+        t.odds[missing] -= np.where(t.hidden[missing], 0, MISSED)
+
+    def _turn(self, track: IntArray, boxes: Boxes) -> None:
+        """Filters the headings. A moving vehicle faces where it drives, others do not flip."""
+        t = self.tracks
+        off = wrapped(boxes.values[:, 6] - t.heading[track])
+        flipped = np.abs(off) > np.pi / 2
+        t.heading[track] += HEADING_SHARE * np.where(flipped, wrapped(off + np.pi), off)
+        course = np.arctan2(t.state[track, 3], t.state[track, 2])
+        agrees = np.cos(course - t.heading[track])
+        fast = t.speed()[track] > MOVES_M_S
+        # Votes for the present direction: of the boxes, and of the motion, which counts more.
+        t.ahead[track] += np.where(flipped, -1, 1) * boxes.scores + np.where(fast, 3 * agrees, 0)
+        t.ahead[track] = np.clip(t.ahead[track], -20, 20)
+        back = track[t.ahead[track] < 0]
+        t.heading[back] += np.pi
+        t.ahead[back] *= -1
+        t.heading[track] = wrapped(t.heading[track])
+
+    def _birth(self, time_s: float, boxes: Boxes) -> None:
+        """Begins a track at each sure enough box that no track covers."""
+        boxes = boxes.select(boxes.scores >= self.settings.birth_score)
+        boxes = boxes.select(~covered(boxes.values, self.tracks.boxes()))
+        fast = by_kind(boxes.person, FAST_M_S)
+        count = len(boxes)
+        state = np.zeros((count, motion.STATES))
+        state[:, :2] = boxes.values[:, :2]
+        covariance = np.zeros((count, motion.STATES, motion.STATES))
+        covariance[:, :2, :2] = boxes.noise
+        covariance[:, 2:4, 2:4] = motion.axes(
+            boxes.values[:, 6], fast, by_kind(boxes.person, SIDEWAYS_M_S)
+        )
+        covariance[:, 4:, 4:] = np.eye(2) * by_kind(boxes.person, NOISE_M_S2)[:, None, None] ** 2
+        new = Tracks.begin(self.next_id, time_s, boxes, state, covariance)
+        new.odds[:] = evidence(boxes.scores)
+        new.confirmed[:] = new.odds >= self.settings.confirmed
+        self.next_id += count
+        self.tracks = Tracks.concatenated([self.tracks, new])
+
+    def _death(self, time_s: float) -> None:
+        """Ends tracks that were missed for too long, doubtful ones, and second tracks of one
+        object."""
+        t, settings = self.tracks, self.settings
+        patient = t.hidden | (t.speed() < MOVES_M_S)
+        allowed_s = np.where(patient, settings.hidden_s, settings.missed_s)
+        allowed_s[self.view.outside(t.boxes())] = OUTSIDE_S
+        doubtful = t.odds < np.where(t.confirmed, -settings.confirmed, -1)
+        keep = ~doubtful & (~t.confirmed | (time_s - t.last_s <= allowed_s))
+        self.tracks = t = t.select(np.flatnonzero(keep))
+        self.tracks = t.select(np.flatnonzero(~doubled(t)))
+
+
+def evidence(scores: FloatArray) -> FloatArray:
+    """Returns the log odds of calibrated scores. One box counts little, whatever its score."""
+    return np.asarray(np.clip(logit(np.clip(scores, 0.01, 0.99)), -1.5, 1.5))
+
+
+def by_kind(person: BoolArray, values: dict[str, float]) -> FloatArray:
+    """Returns the value of each track: that of persons or of vehicles."""
+    return np.where(person, values["person"], values["vehicle"])
+
+
+def covered(boxes: FloatArray, others: FloatArray) -> BoolArray:
+    """Returns which boxes (n, 7) share much of their area with one of the others (m, 7)."""
+    shared = bev_overlap(boxes, others) / np.maximum(boxes[:, 3] * boxes[:, 4], 1e-6)[:, None]
+    return np.asarray((shared > SHARED).any(axis=1))
+
+
+def doubled(t: Tracks) -> BoolArray:
+    """Returns which tracks are a second track of an object that has been seen more often.
+
+    Such a track lies mostly in the other's box, or it drives so close before or behind the other
+    that no driver would: detectors return boxes at the ends of buses.
+    """
+    boxes = t.boxes()
+    longer = boxes.copy()
+    longer[:, 3] += CLOSE_S * t.speed()
+    rank = np.empty(len(t), np.int64)
+    rank[np.lexsort((-t.ids, t.frames_seen))] = np.arange(len(t))
+    second = (share(boxes) > SAME) | (share(longer) > CLOSE_SHARE)
+    return np.asarray((second & (rank[:, None] < rank)).any(axis=1))
+
+
+def share(boxes: FloatArray) -> FloatArray:
+    """Returns the overlap areas (n, n) of boxes (n, 7), as shares of the smaller area."""
+    area = np.maximum(boxes[:, 3] * boxes[:, 4], 1e-6)
+    return np.asarray(bev_overlap(boxes, boxes) / np.minimum(area[:, None], area))

@@ -1,0 +1,231 @@
+"""Measures of tracks against TrackEval and by their definitions; passages, counts and commands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from tracking_data import PERIOD_S, boxes, circle, straight
+
+import pyinfra as pi
+from pyinfra.cli import main
+from pyinfra.dataset.frame_sequence import SimulatedFrames
+from pyinfra.tracking.evaluation import geh, true_objects
+from pyinfra.tracking.hota import Sightings, clear, hota
+from pyinfra.tracking.lines import lines_of
+from pyinfra.tracking.passages import passages
+from pyinfra.tracking.table_file import read_tracks, write_tracks
+
+SHORT = {"duration_s": 20, "traffic.warm_up_s": 60}
+ACROSS = {"gate": [[10, 20], [10, -20]]}  # a line across x = 10 m; +1 is east
+
+
+def scenario() -> tuple[Sightings, Sightings]:
+    """Six objects of 40 frames; tracks with gaps, noise, one swap, one new id, and false boxes."""
+    rng = np.random.default_rng(7)
+    true, found = list[tuple[float, ...]](), list[tuple[float, ...]]()
+    for i in range(6):
+        xy = np.column_stack([np.arange(40) * 0.8 + 5 * i, np.full(40, 2.5 * i)])
+        for k in range(40):
+            true.append((k, i, *xy[k]))
+            if rng.random() < 0.85:
+                name = 100 + (i if k < 22 or i > 1 else 1 - i) + 10 * (i == 4 and k > 30)
+                found.append((k, name, *(xy[k] + rng.normal(0, 0.5, 2))))
+        false = np.flatnonzero(rng.random(40) < 0.1)
+        found += [(k, 200 + i, *rng.uniform(0, 40, 2)) for k in false]
+    return sightings(true), sightings(found)
+
+
+def sightings(rows: list[tuple[float, ...]]) -> Sightings:
+    table = np.array(sorted(rows))
+    return Sightings(table[:, 0].astype(int), table[:, 1].astype(int), table[:, 2:])
+
+
+def test_hota_and_mota_are_those_of_trackeval() -> None:
+    """The numbers are those of trackeval 1.3.0, with similarities 1 - d / 2 m."""
+    truth, tracks = scenario()
+    ours = hota(truth, tracks)
+    expected = [45.51894206385146, 50.02531669857265, 41.472587012398456, 77.83140343163743]
+    assert [ours.hota, ours.det_a, ours.ass_a, ours.loc_a] == pytest.approx(expected, abs=1e-9)
+    mot = clear(truth, tracks)
+    assert mot.mota == pytest.approx(70.41666666666667)
+    assert (mot.switches, mot.false_positives, mot.misses) == (3, 27, 41)
+
+
+def test_hota_of_the_truth_is_100_and_of_half_of_it_50() -> None:
+    truth, _ = scenario()
+    assert vars(hota(truth, truth)) == pytest.approx(dict.fromkeys(vars(hota(truth, truth)), 100))
+    half = Sightings(truth.frame[::2], truth.ids[::2], truth.xy[::2])
+    part = hota(truth, half)
+    assert part.det_a == pytest.approx(50)
+    renamed = Sightings(truth.frame, truth.ids * 2 + (truth.frame >= 20), truth.xy)
+    assert hota(truth, renamed).ass_a == pytest.approx(50)
+    assert clear(truth, renamed).switches == 6
+
+
+def test_geh_is_that_of_its_formula() -> None:
+    assert geh(np.array([110.0]), np.array([90.0]))[0] == pytest.approx(2.0)
+    assert geh(np.array([0.0]), np.array([0.0]))[0] == 0
+
+
+def test_a_passage_has_time_direction_and_speed() -> None:
+    truth = boxes([straight(0, -5, 10), straight(30, 5, 8, np.pi)], 60)
+    found = passages(pi.track(truth, period_s=PERIOD_S), lines_of(ACROSS))
+    assert found.direction.tolist() == ["E", "W"]
+    np.testing.assert_allclose(found.t_s, [1.0, 2.5], atol=0.05)
+    np.testing.assert_allclose(found.speed_km_h, [36, 28.8], atol=0.5)
+    np.testing.assert_allclose(found.offset_m, [25, 15], atol=0.1)
+
+
+def test_going_back_and_forth_is_no_passage() -> None:
+    """One vehicle returns before the line, another crosses it three times."""
+    x = {0: [8, 9, 11, 12, 11, 9, 8], 1: [8, 11, 12, 9, 8, 11, 13]}
+    rows = [
+        (k, k * 1.0, i, "Car", v, float(i), 4.5, 1.0)
+        for i, values in x.items()
+        for k, v in enumerate(values)
+    ]
+    columns = ["frame", "t_s", "id", "type", "x", "y", "dx", "speed_m_s"]
+    found = passages(pd.DataFrame(rows, columns=columns), lines_of(ACROSS))
+    assert found.id.tolist() == [1]
+    assert found["sign"].tolist() == [1]
+    assert found.t_s[0] == pytest.approx(2 / 3)
+
+
+def test_lanes_count_from_the_right_and_headways_within_a_lane() -> None:
+    motions = [straight(x, y, 10) for x, y in ((0, -5), (-10, -5), (-20, -5), (-4, -1.5))]
+    found = passages(pi.track(boxes(motions, 50), period_s=PERIOD_S), lines_of(ACROSS))
+    assert found.lane.tolist() == [1, 2, 1, 1]
+    right = found[found.lane == 1]
+    np.testing.assert_allclose(right.headway_s[1:], 1.0, atol=0.05)
+    np.testing.assert_allclose(right.gap_s[1:], 0.55, atol=0.05)
+
+
+def test_flows_and_queues_of_a_small_recording() -> None:
+    motions = [straight(0, -5, 10), straight(-10, -5, 10), straight(9, 5, 10, np.pi)]
+    counts = pi.count(pi.track(boxes(motions, 50), period_s=PERIOD_S), ACROSS, interval_s=10)
+    east = counts.flows[counts.flows.direction == "E"].iloc[0]
+    assert east["count"] == 2
+    assert east.flow_per_h == pytest.approx(3600 * 2 / counts.seconds)
+    assert east.occupancy_percent == pytest.approx(100 * 2 * 0.45 / counts.seconds, rel=0.05)
+    assert counts.movements.movement.tolist() == ["gate > E"]
+    assert len(counts.queues) == 0
+
+
+def test_a_left_turn_is_a_movement_between_two_lines() -> None:
+    lines = {"south": [[35, -4], [50, -4]], "west": [[26, 5], [26, 20]]}
+    counts = pi.count(pi.track(boxes([circle(12, 6)], 60), period_s=PERIOD_S), lines)
+    assert counts.movements.movement.tolist() == ["west > W"]
+    lines["south"] = [[35, 2], [50, 2]]
+    counts = pi.count(pi.track(boxes([circle(12, 6)], 60), period_s=PERIOD_S), lines)
+    assert counts.movements.movement.tolist() == ["south > west"]
+    assert counts.travel.mean_s[0] == pytest.approx(12 * (np.arccos(-4 / 12) - 1 / 6) / 6, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("site", "message"),
+    [
+        ({}, "one or more lines"),
+        ({"a": [[0, 0], [0, 0.1]]}, "0.5 m or more"),
+        ({"a": [[0, 0]]}, "array"),
+        ("nowhere", "expected a folder"),
+    ],
+)
+def test_wrong_lines_are_refused(site: object, message: str) -> None:
+    tracks = pi.track(boxes([straight(0, 0, 5)], 10), period_s=PERIOD_S)
+    with pytest.raises(pi.Error, match=message):
+        pi.count(tracks, site)  # type: ignore[arg-type]
+
+
+def test_a_file_with_lines_is_checked(tmp_path: Path) -> None:
+    file = tmp_path / "lines.yaml"
+    file.write_text("lines_m:\n  gate: [[10, 20], [10, -20]]\n")
+    assert lines_of(file) == lines_of(ACROSS)
+    file.write_text("lines_m:\n  gate: [[10, 20]]\n")
+    with pytest.raises(pi.Error, match=r"lines.yaml:2: lines_m.gate: expected two points"):
+        lines_of(file)
+
+
+@pytest.fixture(scope="module")
+def frames() -> SimulatedFrames:
+    return pi.simulate(pi.load_scene("crossroad", seed=1, set=SHORT), "helios_16", range(120))
+
+
+@pytest.fixture(scope="module")
+def objects(frames: SimulatedFrames) -> pd.DataFrame:
+    """Returns all objects of the scene within 60 m, without casting rays."""
+    truth = frames.everybody()
+    pose = frames.lidar.T_world_levelled
+    table = pd.DataFrame(
+        {"frame": truth.frame, "id": truth.ids, "type": truth.names.astype(object)}
+    )
+    box = truth.boxes - [pose.x, pose.y, pose.z, 0, 0, 0, 0]
+    table[["x", "y", "z", "dx", "dy", "dz", "heading"]] = box
+    near = np.hypot(table.x - 25, table.y - 10) < 60
+    return table[near].assign(score=0.9).reset_index(drop=True)
+
+
+def test_true_boxes_give_a_track_per_vehicle_and_no_switch(
+    frames: SimulatedFrames, objects: pd.DataFrame
+) -> None:
+    lasting = objects.groupby("id").frame.transform("size") > 5
+    truth = objects[lasting].reset_index(drop=True)
+    tracks = pi.track(truth, frames)
+    assert abs(tracks.id.nunique() - truth.id.nunique()) <= 0.01 * truth.id.nunique()
+    both = [
+        Sightings(t.frame.to_numpy(), t.id.to_numpy(), t[["x", "y"]].to_numpy())
+        for t in (truth, tracks[tracks.state == "seen"])
+    ]
+    assert clear(*both).switches == 0
+    ours, theirs = (
+        passages(t.assign(t_s=(t.frame + 0.5) * 0.1), lines_of(frames))
+        for t in (tracks, truth.assign(speed_m_s=0.0))
+    )
+    keys = ["line", "direction"]
+    assert ours.groupby(keys).size().to_dict() == theirs.groupby(keys).size().to_dict()
+
+
+def test_lines_of_a_junction_stand_at_its_arms(frames: SimulatedFrames) -> None:
+    lines = {line.name: line for line in lines_of(frames)}
+    assert sorted(lines) == ["main E", "main W", "side N", "side S"]
+    assert {line.group for line in lines.values()} == {"main x side"}
+    assert lines["main W"].forward == "E"  # into the junction
+
+
+def test_commands_make_tables_and_a_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    truth = boxes([straight(0, -5, 10), straight(30, 5, 8, np.pi)], 60)
+    tracks, lines = tmp_path / "tracks.csv", tmp_path / "lines.yaml"
+    write_tracks(tracks, pi.track(truth, period_s=PERIOD_S))
+    lines.write_text("lines_m:\n  gate: [[10, 20], [10, -20]]\n")
+    assert main.main(["count", str(tracks), str(lines), "--out", str(tmp_path / "out")]) == 0
+    assert "2 passages" in capsys.readouterr().out
+    files = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert files == ["counts.html", *(f"{n}.csv" for n in ("flows", "movements", "passages",
+                                                            "queues", "travel"))]  # fmt: skip
+    page = (tmp_path / "out/counts.html").read_text()
+    assert page.count("<svg") == 2
+    assert "gate" in page
+    assert main.main(["count", str(tracks), "nowhere", "--out", str(tmp_path)]) == 2
+
+
+def test_tracks_are_read_as_they_are_written(tmp_path: Path) -> None:
+    tracks = pi.track(boxes([straight(0, -5, 10)], 20), period_s=PERIOD_S)
+    file = tmp_path / "tracks.csv"
+    write_tracks(file, tracks)
+    pd.testing.assert_frame_equal(read_tracks(file), tracks, rtol=1e-5)
+    text = file.read_text().splitlines()
+    for wrong in ("frame,x\n1,2\n", "\n".join([*text, text[-1], ""]), text[0] + "\n,,,\n"):
+        file.write_text(wrong)
+        with pytest.raises(pi.Error, match=r"tracks.csv"):
+            read_tracks(file)
+
+
+def test_true_speeds_are_those_of_the_motion() -> None:
+    frames = pi.simulate(pi.load_scene("highway", seed=1, set=SHORT), "helios_16", range(12))
+    truth = true_objects(frames)
+    assert truth.speed_m_s.dropna().between(14, 20).all()
+    assert truth.speed_m_s.notna().mean() > 0.9
