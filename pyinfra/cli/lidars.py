@@ -9,10 +9,12 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from pyinfra.core.errors import Error
 from pyinfra.core.names import file_or_name
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import shipped
 from pyinfra.dataset.lidars import LidarSheet, read_catalogue, read_sheet
+from pyinfra.exchange.beam_tables import read_beam_table, write_lidar_file
 
 NOTHING = "-"
 HEADS = ("lidar", "model", "lines", "view, deg", "range", "10 %", "USD", "", "presets")
@@ -44,11 +46,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="preset for which numbers are shown; default: the first of datasheet, equal and "
         "paper that a LiDAR has",
     )
+    parser.add_argument(
+        "--from-table",
+        type=Path,
+        metavar="FILE",
+        help="convert a maker's table of beams to a LiDAR file: Ouster's metadata (.json), "
+        "Velodyne's calibration (.yaml, .xml), angles of Hesai and RoboSense, rays of Livox (.csv)",
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="LIDAR.yaml", help="new LiDAR file for --from-table"
+    )
     parser.add_argument("--json", action="store_true", help="print JSON with named values")
 
 
 def run(args: argparse.Namespace) -> int:
     files = [file_of(word) for word in args.lidars]
+    if (args.from_table is None) != (args.out is None):
+        raise Error("--from-table: expected --out beside it, got one without the other")
+    if args.from_table is not None:
+        table = read_beam_table(args.from_table)
+        beside = write_lidar_file(table, args.out)
+        count = f"{len(table.rays)} rays" if table.rays else f"{len(table.beams)} beams"
+        print(f"{args.out}, {beside}: {count} of {table.maker}; replace the price and the range")
+        files.append(args.out)
     sheets = [read_sheet(f, args.preset) for f in files] or read_catalogue(args.preset)
     print(as_json(sheets) if args.json else "\n".join(lines(sheets)))
     return 0

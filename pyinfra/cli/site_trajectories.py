@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
 
     from pyinfra.core.errors import FormatError
     from pyinfra.scenes.maps import fcd, recorded_boxes, site_folder
-    from pyinfra.scenes.maps.lane_heights import height_notes
+    from pyinfra.scenes.maps.lane_heights import height_notes, on_lanes
     from pyinfra.scenes.maps.site_traffic import RECORD
     from pyinfra.scenes.maps.tracks import lasts_s
     from pyinfra.scenes.maps.traffic_figures import report_lines
@@ -74,7 +74,8 @@ def run(args: argparse.Namespace) -> int:
     offset = np.zeros(3) if args.world else site_folder.offset(args.out)
     has_scene = (args.out / site_folder.SCENE).exists()
     try:
-        if args.file.suffix.lower() in (".xml", ".gz"):
+        notes: list[str] = []
+        if args.file.suffix.lower() in (".xml", ".gz") or fcd.is_fcd_csv(args.file):
             projection = site_folder.projection(args.out)
             recorded = fcd.read_fcd(args.file)
             imported = import_fcd(recorded, args.class_of, offset, projection, has_site=has_scene)
@@ -82,7 +83,8 @@ def run(args: argparse.Namespace) -> int:
             imported = import_boxes(recorded_boxes.read_frames(args.file), np.zeros(3))
         else:
             how = recorded_boxes.BoxColumns(args.columns, args.class_of, args.rate_hz, args.degrees)
-            imported = import_boxes(recorded_boxes.read_boxes(args.file, how), offset)
+            boxes, notes = on_lanes(args.out, recorded_boxes.read_boxes(args.file, how), offset)
+            imported = import_boxes(boxes, offset)
     except FormatError as error:
         text = str(error)
         named = text if text.startswith(str(args.file)) else f"{args.file}: {text}"
@@ -92,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
     if has_scene:
         site_folder.set_duration(args.out, lasts_s(imported.tracks))
     feet = site_folder.feet(args.out) if has_scene else np.zeros((1, 2))
-    notes = [*height_notes(args.out, imported.tracks), *imported.notes]
+    notes += [*height_notes(args.out, imported.tracks), *imported.notes]
     print(*report_lines(args.out / NAME, imported.tracks, feet, notes), sep="\n")
     return 0
 

@@ -91,15 +91,18 @@ def read_csv(file: Path, words: Collection[str] = WORDS) -> pd.DataFrame:
     return pd.DataFrame(columns, index=table.index, columns=table.columns)
 
 
-def read_words(file: Path) -> pd.DataFrame:
-    """Reads all cells as text. Raises FileNotFoundError, and FormatError with file and line."""
+def read_words(file: Path, separator: str = ",") -> pd.DataFrame:
+    """Reads all cells as text.
+
+    Raises FileNotFoundError, and FormatError with file and line.
+    """
     try:
         with file.open(encoding="utf-8-sig", newline="") as stream:  # spreadsheets write a BOM
-            rows = list(csv.reader(stream, strict=True))
+            rows = list(csv.reader(stream, strict=True, delimiter=separator))
     except (csv.Error, UnicodeDecodeError) as error:
         raise FormatError(f"{file}: cannot be read as a table: {error}") from None
     header = rows[0] if rows else []
-    if len(header) == 1 and ";" in header[0]:
+    if len(header) == 1 and separator == "," and ";" in header[0]:
         raise FormatError(f"{file}:1: expected commas between columns, got semicolons")
     for line, row in enumerate(rows, start=1):
         if len(row) != len(header) or not row:

@@ -26,7 +26,8 @@ from pyinfra.scenes.maps.lane_map import SiteMap
 from pyinfra.scenes.maps.map_import import import_map
 from pyinfra.scenes.maps.map_readers import ImportOptions
 from pyinfra.scenes.maps.opendrive import read_opendrive
-from pyinfra.scenes.maps.openstreetmap import add_surroundings, read_street_map
+from pyinfra.scenes.maps.openstreetmap import read_street_map
+from pyinfra.scenes.maps.osm_buildings import add_surroundings
 from pyinfra.scenes.maps.osm_levels import LEAST_M, find_levels
 from pyinfra.scenes.maps.tracks import CLASSES
 from pyinfra.scenes.maps.trajectory_import import import_fcd

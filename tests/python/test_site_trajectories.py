@@ -268,7 +268,7 @@ BROKEN = {
     "no rows": (data.HEADER, "expected a row, got none"),
     "no column": (
         "t,id,class,x,y\n0,1,Car,1,1\n",
-        "expected a column 'z', got the columns t, id, class, x, y; --columns can map",
+        "expected a column 'heading', got the columns t, id, class, x, y; --columns can map",
     ),
     "cut line": (data.HEADER + GOOD[:-20], ":82: expected 10 columns, got 7"),
     "not finite": (data.HEADER + GOOD.replace("0.1000,a,Car,1.0000", "0.1000,a,Car,nan"), ":3: x"),

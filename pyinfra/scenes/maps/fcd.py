@@ -17,6 +17,7 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import FormatError
+from pyinfra.formats.csv_table import numbers, read_words
 
 MOST_OBJECTS = 100_000  # maximum number of objects per file
 
@@ -36,8 +37,51 @@ class Recorded:
     kind: str = "vehicle"
 
 
+def is_fcd_csv(file: Path) -> bool:
+    """Returns whether a file is SUMO's floating car data as a table."""
+    if not file.is_file():
+        return False
+    with file.open("rb") as stream:
+        return b"timestep_time" in stream.readline(10_000)
+
+
+def _read_csv(file: Path) -> list[Recorded]:
+    """Reads the table that SUMO's xml2csv.py and `--fcd-output x.csv` write."""
+    table = read_words(file, ";")
+    out = []
+    for kind in ("vehicle", "person"):
+        columns = {key: f"{kind}_{key}" for key in ("id", "type", "x", "y", "z", "angle", "speed")}
+        if columns["id"] not in table or not {columns["x"], columns["y"]} <= set(table.columns):
+            continue
+        rows = table[table[columns["id"]] != ""]
+        values = {
+            key: numbers(file, rows[columns[key]]).to_numpy(float)
+            if columns[key] in rows
+            else np.full(len(rows), np.nan if key in ("angle", "speed") else 0.0)
+            for key in ("x", "y", "z", "angle", "speed")
+        }
+        t = numbers(file, rows["timestep_time"]).to_numpy(float)
+        heading = np.radians(90 - values["angle"])
+        states = np.column_stack([t, values["x"], values["y"], values["z"], heading])
+        wrong = ~np.isfinite(states[:, :4]).all(axis=1) | (np.abs(states[:, :4]) > 1e8).any(axis=1)
+        if wrong.any():
+            line = int(rows.index[int(wrong.argmax())]) + 2
+            raise FormatError(f"{file}:{line}: expected time, x and y as numbers up to 1e8")
+        for name, of_name in rows.groupby(columns["id"], sort=False):
+            at = rows.index.get_indexer(of_name.index)
+            if (np.diff(states[at, 0]) <= 0).any():
+                raise _refusal(file, f"{kind} {name}: expected ascending times")
+            type_name = str(of_name[columns["type"]].iloc[0]) if columns["type"] in rows else ""
+            out.append(Recorded(str(name), type_name, states[at], values["speed"][at], kind))
+    if not out:
+        raise _refusal(file, "expected columns such as vehicle_id, vehicle_x and vehicle_y")
+    return out
+
+
 def read_fcd(file: Path) -> list[Recorded]:
     """Reads all objects, in the order of their first rows. Raises FormatError, OSError."""
+    if is_fcd_csv(file):
+        return _read_csv(file)
     rows: dict[tuple[str, str], list[tuple[float, ...]]] = {}  # kind and id to rows
     types: dict[tuple[str, str], str] = {}
     try:

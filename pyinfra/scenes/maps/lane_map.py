@@ -11,7 +11,9 @@ from pyinfra.core.errors import Error
 
 NARROWEST_M = 1.0  # minimum width of a driveable lane; narrower parts of a lane are left out
 SHORTEST_M = 0.2  # minimum length of a lane
-FARTHEST_M = 1e6  # maximum distance of a position from a map's origin
+FARTHEST_M = 1e6  # maximum distance of a position from a site's origin
+# Maximum coordinate of a map before its offset is subtracted: UTM and Web Mercator reach 2e7 m.
+FARTHEST_IN_MAP_M = 2.1e7
 # Lanes with a grade above STEEP are reported. Lanes with a grade above STEEPEST are refused.
 STEEP, STEEPEST = 0.5, 1.2
 
@@ -50,6 +52,8 @@ class MapBody:
     height_m: float
     base_m: float | None = None  # z of the base; None if the body stands on the terrain
     hangs: bool = False  # whether the space below its base is open
+    above_m: float = 0.0  # height of its base above the terrain, if base_m is None
+    name: str = ""  # name in the map
 
 
 @dataclass(frozen=True)
@@ -151,7 +155,9 @@ def steep_lanes(lanes: Sequence[MapLane]) -> list[str]:
     return notes
 
 
-def checked_lanes(lanes: Sequence[MapLane], source: str) -> list[MapLane]:
+def checked_lanes(
+    lanes: Sequence[MapLane], source: str, farthest_m: float = FARTHEST_M
+) -> list[MapLane]:
     """Returns the lanes unchanged.
 
     Raises MapError, which names the lane, for impossible coordinates or grades. Also raises
@@ -163,10 +169,10 @@ def checked_lanes(lanes: Sequence[MapLane], source: str) -> list[MapLane]:
             raise MapError(
                 f"{source}: lane {lane.name}: expected finite coordinates, got another value"
             )
-        if np.abs(borders).max() > FARTHEST_M:
+        if np.abs(borders).max() > farthest_m:
             most = np.abs(borders).max()
             raise MapError(
-                f"{source}: lane {lane.name}: expected coordinates up to {FARTHEST_M:g} m, got "
+                f"{source}: lane {lane.name}: expected coordinates up to {farthest_m:g} m, got "
                 f"{most:.4g} m; the projection may be wrong"
             )
         steps = np.diff(lane.centre, axis=0)

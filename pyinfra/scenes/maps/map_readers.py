@@ -9,8 +9,15 @@ from typing import Any
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.scenes.maps import openstreetmap, osm_features, osm_levels
-from pyinfra.scenes.maps.lane_map import MapError, MapLane, SiteMap, checked_lanes
+from pyinfra.scenes.maps import openstreetmap, osm_buildings, osm_features, osm_levels
+from pyinfra.scenes.maps.lane_comparison import bodies_on_lanes, lane_differences
+from pyinfra.scenes.maps.lane_map import (
+    FARTHEST_IN_MAP_M,
+    MapError,
+    MapLane,
+    SiteMap,
+    checked_lanes,
+)
 from pyinfra.scenes.maps.netconvert import OPENDRIVE, OSM, netconvert, without_sidewalk
 from pyinfra.scenes.maps.network import read_network
 from pyinfra.scenes.maps.opendrive import read_opendrive
@@ -53,7 +60,8 @@ def _from_opendrive(
     site_map.not_understood += changed
     arguments = ["--opendrive-files", str(readable), *OPENDRIVE]
     warnings = _shifted_network(file, arguments, offset, folder / NET)
-    network = read_network(folder / NET, lanes=False)
+    network = read_network(folder / NET)
+    site_map.not_understood += lane_differences(site_map.lanes, network.lanes)
     site_map.areas, site_map.junctions = _near(network, options.radius_m)
     site_map.guessed.append("traffic lights, which the map does not have")
     return site_map, {"offset_m": offset.tolist(), "network": warnings}
@@ -97,7 +105,8 @@ def _from_osm(
     site_map = _network_map(file, folder, options)
     site_map.features = list(osm_features.features(streets, centre, options.radius_m))
     site_map.lanes = osm_features.without_kerb_at_crossings(site_map.lanes, streets)
-    openstreetmap.add_surroundings(site_map, streets, centre, options.radius_m)
+    osm_buildings.add_surroundings(site_map, streets, centre, options.radius_m)
+    site_map.not_understood += bodies_on_lanes(site_map.bodies, site_map.lanes)
     site_map.guessed += ["sidewalks and crossings", "traffic lights", "widths of lanes"]
     if options.traffic_side is None:
         why = "as in its roundabouts" if side else "the map does not show the side"
@@ -154,7 +163,7 @@ def _network_map(file: Path, folder: Path, options: ImportOptions) -> SiteMap:
 
 def _offset(lanes: Sequence[MapLane], file: Path, options: ImportOptions) -> FloatArray:
     """Returns the offset x y z (3,) to subtract from a map's coordinates. Raises MapError."""
-    checked_lanes(lanes, str(file))
+    checked_lanes(lanes, str(file), FARTHEST_IN_MAP_M)
     points = np.concatenate([lane.centre for lane in lanes])
     low, high = points.min(0), points.max(0)
     x, y = options.centre or tuple(((low + high)[:2] / 2).round(0).tolist())

@@ -1,4 +1,4 @@
-"""Reads OpenStreetMap files, and converts their buildings and trees to metres around a centre."""
+"""Reads OpenStreetMap files, and converts positions to metres around a centre."""
 
 import gzip
 import math
@@ -14,12 +14,9 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.scenes.maps.lane_map import MapBody, MapError, MapTree, SiteMap
+from pyinfra.scenes.maps.lane_map import MapError
 from pyinfra.scenes.maps.map_file import opened
 
-LEVEL_M = 3.0  # height of a storey
-HOUSE_M = 6.0  # default height of a building
-TREE_M = 9.0  # default height of a tree
 BESIDE_DEG = 0.05  # maximum distance of a centre from the map's roads
 _FLATTENING = 1 / 298.257223563  # WGS 84
 _RADIUS_M = 6378137.0
@@ -228,54 +225,10 @@ def _lon_lat(node: Element, file: Path) -> tuple[float, float]:
     return lon, lat
 
 
-def add_surroundings(
-    site_map: SiteMap, map_: StreetMap, centre: tuple[float, float], radius_m: float
-) -> None:
-    """Adds buildings and trees within the radius to the site map."""
-    heights = []
-    for name, ids, tags in map_.houses:
-        if not all(i in map_.nodes for i in ids):
-            site_map.not_understood.append(f"way {name}: building with missing nodes, left out")
-            continue
-        outline = transverse_mercator(np.array([map_.nodes[i] for i in ids]), centre)
-        outline = outline[:-1] if ids[0] == ids[-1] else outline
-        if np.hypot(*outline.mean(0)) > radius_m:
-            continue
-        height, is_known = _height(tags)
-        heights.append(is_known)
-        if tags.get("min_height") or tags.get("building:min_level"):
-            site_map.not_understood.append(
-                f"way {name}: building above the ground: extended to the ground"
-            )
-        x, y = outline.mean(0)
-        if len(outline) < 3 or crosses_itself(outline):
-            text = f"way {name}: building at {x:.1f} {y:.1f} without a valid outline, left out"
-            site_map.not_understood.append(text)
-            continue
-        site_map.bodies.append(MapBody(outline, height))
-    for node, tags in map_.trees:
-        x, y = transverse_mercator(np.array([map_.nodes[node]]), centre)[0]
-        if math.hypot(x, y) <= radius_m:
-            metres = _metres(tags.get("height", ""))
-            site_map.trees.append(MapTree(float(x), float(y), metres or TREE_M))
-    if heights.count(False):
-        site_map.guessed.append(f"height of {heights.count(False)} of {len(heights)} buildings")
-    site_map.not_understood += map_.others
-
-
-def _metres(text: str) -> float | None:
+def metres(text: str) -> float | None:
     match = re.match(r"\s*(\d+(?:\.\d+)?)\s*(m|ft|')?\s*$", text)
     value = float(match[1]) * (0.3048 if match[2] in {"ft", "'"} else 1) if match else 0.0
     return value if 0.5 <= value <= 1000 else None
-
-
-def _height(tags: dict[str, str]) -> tuple[float, bool]:
-    """Returns the height of a building in metres, and whether the map states it."""
-    stated_m = _metres(tags.get("height", ""))
-    levels = _metres(tags.get("building:levels", ""))
-    return (
-        (stated_m, True) if stated_m else (levels * LEVEL_M, True) if levels else (HOUSE_M, False)
-    )
 
 
 def crosses_itself(outline: FloatArray) -> bool:

@@ -19,8 +19,20 @@ from pyinfra.scenes.maps.box_links import link
 from pyinfra.scenes.maps.tracks import CLASSES
 
 MOST_OBJECTS = 100_000
-_NEEDED = ("x", "y", "z", "heading", "dx", "dy", "dz", "class")
-_COLUMNS = (*_NEEDED, "t", "frame", "id")
+_NEEDED = ("x", "y", "heading", "dx", "dy", "class")
+_COLUMNS = (*_NEEDED, "z", "dz", "t", "frame", "id")
+# Names of columns in public data sets of tracks: inD and its relatives, and INTERACTION.
+_KNOWN = {
+    "x": ("xCenter", "center_x"),
+    "y": ("yCenter", "center_y"),
+    "heading": ("psi_rad", "yaw"),
+    "dx": ("length",),
+    "dy": ("width",),
+    "dz": ("height",),
+    "id": ("trackId", "track_id"),
+    "frame": ("frame_id",),
+    "class": ("agent_type",),
+}
 _RULES = {
     **dict.fromkeys("xyz", (-1e7, 1e7)),
     **dict.fromkeys(("dx", "dy", "dz"), (0.1, 50.0)),
@@ -60,20 +72,29 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
     unknown = sorted(set(how.names) - set(_COLUMNS))
     if unknown:
         raise Error(f"columns: expected names among {', '.join(_COLUMNS)}; got '{unknown[0]}'")
-    words = read_words(file)
+    words = read_words(file, separator_of(file))
     ours = {theirs: our_name for our_name, theirs in how.names.items()}
-    words = words.rename(columns=ours)
+    words = _with_known_names(words.rename(columns=ours))
     clock = "frame" if how.rate_hz is not None else "t"
+    if "t" not in words.columns and "timestamp_ms" in words.columns:
+        words["t"] = (numbers(file, words["timestamp_ms"]) / 1000).astype(str)
+    if "class" not in words.columns:
+        words["class"] = _classes_of(file, words)
     for name in (*_NEEDED, clock):
         if name not in words.columns:
             have = ", ".join(map(str, words.columns))[:200]
             raise FormatError(
                 f"{file}:1: expected a column '{name}', got the columns {have}; `columns` can map "
-                "other names"
+                "other names, and `class_of` =Car is a class for all objects"
             )
     if not len(words):
         raise FormatError(f"{file}: expected a row, got none")
+    classes = np.array([_class(file, i, name, how) for i, name in enumerate(words["class"])])
+    sizes = np.array([CLASSES[name].mean_m for name in classes]).reshape(-1, 3)
     values = {name: _checked(file, words, name) for name in (*_NEEDED[:-1], clock)}
+    absent = np.full(len(words), np.nan)
+    values |= {"z": _checked(file, words, "z") if "z" in words.columns else absent}
+    values |= {"dz": _checked(file, words, "dz") if "dz" in words.columns else sizes[:, 2]}
     times = values[clock] / (how.rate_hz or 1.0)
     boxes = np.column_stack([values[n] for n in ("x", "y", "z", "dx", "dy", "dz", "heading")])
     if how.degrees:
@@ -84,7 +105,6 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
             f"{file}:{row + 2}: heading: expected radians, got {boxes[row, 6]:g}; for degrees, set "
             "`degrees`"
         )
-    classes = np.array([_class(file, i, name, how) for i, name in enumerate(words["class"])])
     ids = words["id"].to_numpy(str) if "id" in words.columns else link(times, boxes, classes)
     return _tracks(file, times, boxes, classes, ids)
 
@@ -114,6 +134,33 @@ def read_frames(folder: Path) -> list[BoxTrack]:
         raise FormatError(f"{folder}: expected one of the classes {known}; got '{wrong[0]}'")
     at = np.array(times)
     return _tracks(folder, at, all_boxes, classes, link(at, all_boxes, classes))
+
+
+def separator_of(file: Path) -> str:
+    """Returns the separator of columns: a semicolon, a tab, or a comma."""
+    with file.open(encoding="utf-8-sig", errors="replace") as stream:
+        head = stream.readline(10_000)
+    return max(",;\t", key=head.count)
+
+
+def _with_known_names(words: pd.DataFrame) -> pd.DataFrame:
+    names = {}
+    for ours, theirs in _KNOWN.items():
+        found = next((name for name in theirs if name in words.columns), None)
+        if ours not in words.columns and found:
+            names[found] = ours
+    return words.rename(columns=names)
+
+
+def _classes_of(file: Path, words: pd.DataFrame) -> pd.Series:
+    """Returns the class of each row from inD's file of tracks beside it, else empty classes."""
+    meta = file.with_name(file.name.replace("_tracks.csv", "_tracksMeta.csv"))
+    if meta != file and meta.is_file() and "id" in words.columns:
+        tracks = read_words(meta)
+        if {"trackId", "class"} <= set(tracks.columns):
+            of_track = dict(zip(tracks["trackId"], tracks["class"], strict=True))
+            return words["id"].map(of_track).fillna("")
+    return pd.Series("", index=words.index)
 
 
 def _checked(file: Path, words: pd.DataFrame, name: str) -> FloatArray:

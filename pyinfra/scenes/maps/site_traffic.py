@@ -12,7 +12,8 @@ from pyinfra.core.errors import Error
 from pyinfra.core.files import write
 from pyinfra.formats.yaml_file import read_keys
 from pyinfra.scenes.maps import site_folder
-from pyinfra.scenes.maps.site_folder import NET
+from pyinfra.scenes.maps.lane_comparison import AGAINST
+from pyinfra.scenes.maps.site_folder import MAP, NET
 from pyinfra.scenes.maps.tracks import lasts_s
 from pyinfra.scenes.maps.traffic import simulate
 from pyinfra.scenes.maps.traffic_demand import Demand
@@ -44,12 +45,26 @@ def _arguments(demand: Demand, seconds: float, seed: int) -> dict[str, Any]:
     return {**rates, "seconds": seconds, "seed": seed}
 
 
+def _check_directions(site: Path) -> None:
+    """Raises Error if most lanes of the map run against SUMO's network, as with left-hand rule."""
+    record = read_keys(site / MAP) if (site / MAP).is_file() else {}
+    notes = record.get("not_understood") or []
+    against = [str(note) for note in notes if AGAINST in str(note)]
+    if len(against) > int(record.get("lanes") or 0) / 2:
+        raise Error(
+            f"{site}: expected lanes that run as in SUMO's network, got {len(against)} lanes that "
+            "run against it: SUMO's import of OpenDRIVE does not know left-hand traffic "
+            '(rule="LHT"). Use recorded trajectories (`pyinfra site trajectories`)'
+        )
+
+
 def write_traffic(site: Path, demand: Demand, seconds: float, seed: int) -> list[str]:
     """Writes trajectories.csv of a site, sets its duration, and returns the lines of a report.
 
     traffic.yaml beside it has the arguments. Raises Error for a demand out of range, MissingPackage
     if SUMO is not installed, and OSError.
     """
+    _check_directions(site)
     feet = site_folder.feet(site)
     traffic = simulate(site / NET, feet, demand, seconds, seed)
     write_trajectories(site / NAME, traffic.tracks)

@@ -210,7 +210,7 @@ def body(thing: MapBody, terrain: Sheet) -> Triangles:
     If the body has no base height, it stands at the lowest terrain below its outline.
     """
     ground = float(terrain.at(thing.outline).min())
-    base = ground if thing.base_m is None else thing.base_m
+    base = ground + thing.above_m if thing.base_m is None else thing.base_m
     outline = thing.outline if _area(thing.outline) > 0 else thing.outline[::-1]
     ring = np.append(np.arange(len(outline)), 0)
     heights = (base + thing.height_m, base if thing.hangs else min(base, ground) - SINK_M)

@@ -1,0 +1,212 @@
+"""Converts makers' tables of beams to a LiDAR file: Ouster, Velodyne, Hesai, RoboSense, Livox.
+
+Conventions of the makers, and of the LiDAR file, whose azimuth offset is clockwise:
+    Ouster     metadata JSON: beam_altitude_angles, beam_azimuth_angles (degrees, clockwise)
+    Velodyne   YAML of the ROS driver or VeloView's XML: vert_correction, rot_correction
+               (radians in YAML, degrees in XML; the azimuth is reduced by rot_correction)
+    Hesai      correction .csv: Laser id, Elevation, Azimuth (degrees, clockwise)
+    RoboSense  angle.csv: elevation, azimuth (degrees, clockwise), without a header
+    Livox      .csv with time, azimuth and zenith (degrees; the zenith is counted from the axis)
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import yaml
+
+from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.files import write
+
+MOST_BEAMS = 512
+MOST_BYTES = 20_000_000
+MAX_RANGE_M = 200.0  # of the LiDAR file, until the user replaces it
+STEP_DEG = 0.2
+PRICE = '{low: 1, high: 1, source: "not known, replace it", date: "2000-01"}'
+
+
+@dataclass(frozen=True)
+class BeamTable:
+    """Beams of a spinning LiDAR, or rays of a table."""
+
+    maker: str
+    model: str
+    beams: list[tuple[float, float]]  # elevation and azimuth offset (clockwise), degrees
+    columns_per_turn: int | None = None
+    rate_hz: float = 10.0
+    rays: list[tuple[float, float, float]] | None = None  # azimuth, elevation (degrees), time (s)
+
+
+def read_beam_table(file: Path) -> BeamTable:
+    """Reads a maker's table. Raises FormatError that says what was expected and found."""
+    if file.stat().st_size > MOST_BYTES:
+        raise FormatError(f"{file}: expected at most {MOST_BYTES} bytes, got {file.stat().st_size}")
+    text = file.read_bytes().decode("utf-8-sig", "replace")
+    suffix = file.suffix.lower()
+    try:
+        if suffix == ".json":
+            table = _ouster(file, json.loads(text))
+        elif suffix in (".yaml", ".yml"):
+            table = _velodyne_yaml(file, yaml.load(text, yaml.CSafeLoader))
+        elif suffix == ".xml":
+            table = _velodyne_xml(file, ElementTree.fromstring(text))
+        else:
+            table = _columns(file, text)
+    except (ValueError, TypeError, yaml.YAMLError, ElementTree.ParseError, RecursionError) as error:
+        if isinstance(error, Error):
+            raise
+        raise FormatError(f"{file}: cannot be read: {str(error)[:200]}") from None
+    count = len(table.beams)
+    if table.rays is None and not 1 <= count <= MOST_BEAMS:
+        raise FormatError(f"{file}: expected 1 to {MOST_BEAMS} beams, got {count}")
+    for i, (elevation, azimuth) in enumerate(table.beams):
+        if not (abs(elevation) <= 90 and abs(azimuth) <= 180):
+            raise FormatError(
+                f"{file}: beam {i}: expected an elevation up to 90 and an azimuth up to 180 "
+                f"degrees, got {elevation:g} and {azimuth:g}"
+            )
+    return table
+
+
+def write_lidar_file(table: BeamTable, file: Path) -> Path:
+    """Writes a LiDAR file and its table beside it, and returns the file of the table.
+
+    The range and the price are not in the makers' tables: the file has values to replace.
+    """
+    name = re.sub(r"[^A-Za-z0-9_]", "_", file.stem)
+    beside = file.with_name(f"{file.stem}_{'rays' if table.rays else 'channels'}.csv")
+    for out in (file, beside):
+        if out.exists():
+            raise Error(f"{out}: expected a new file, got an existing file")
+    if table.rays:
+        head: tuple[str, ...] = ("azimuth_deg", "elevation_deg", "time_s")
+        rows: list[tuple[Any, ...]] = [tuple(f"{v:.9g}" for v in ray) for ray in table.rays]
+        pattern = f"  table: {{file: {beside.name}}}\n"
+    else:
+        head = ("channel", "elevation_deg", "azimuth_offset_deg", "fire_time_us")
+        rows = [(i, f"{e:.9g}", f"{a:.9g}", "") for i, (e, a) in enumerate(table.beams)]
+        turn = (
+            f"columns_per_turn: {table.columns_per_turn}"
+            if table.columns_per_turn
+            else f"azimuth_step_deg: {STEP_DEG}  # assumed"
+        )
+        pattern = (
+            f"  spinning:\n    rate_hz: {table.rate_hz:g}\n    {turn}\n"
+            f"    channels: {{file: {beside.name}}}\n"
+        )
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerows([head, *rows])
+    write(beside, stream.getvalue())
+    write(
+        file,
+        f"name: {name}\nmodel: {json.dumps(table.model)}\nprice_usd: {PRICE}\n"
+        f"pattern:\n{pattern}presets:\n  datasheet:\n    returns:  # assumed: replace the ranges\n"
+        f"      max_range_m: {MAX_RANGE_M:g}\n      detection: {{range_at_10_percent_m: "
+        f"{MAX_RANGE_M / 2:g}}}\n",
+    )
+    return beside
+
+
+def _ouster(file: Path, content: Any) -> BeamTable:
+    """Reads the metadata of firmware 1 to 3, whose keys are nested in newer versions."""
+    inner = content.get("beam_intrinsics", content) if isinstance(content, dict) else {}
+    altitude, azimuth = inner.get("beam_altitude_angles"), inner.get("beam_azimuth_angles")
+    if not isinstance(altitude, list) or not isinstance(azimuth, list):
+        raise FormatError(
+            f"{file}: expected Ouster's beam_altitude_angles and beam_azimuth_angles, got the keys "
+            f"{', '.join(map(str, content))[:200] if isinstance(content, dict) else 'no keys'}"
+        )
+    if len(altitude) != len(azimuth):
+        raise FormatError(f"{file}: expected as many azimuths as altitudes, got {len(azimuth)}")
+    layout = content.get("lidar_data_format", content.get("data_format", {})) or {}
+    mode = content.get("lidar_mode") or (content.get("config_params") or {}).get("lidar_mode")
+    match = re.fullmatch(r"(\d+)x(\d+)", str(mode))
+    columns = layout.get("columns_per_frame") or (int(match[1]) if match else None)
+    model = content.get("prod_line") or (content.get("sensor_info") or {}).get("prod_line")
+    beams = [(_number(file, e), _number(file, a)) for e, a in zip(altitude, azimuth, strict=True)]
+    rate = float(match[2]) if match else 10.0
+    return BeamTable(
+        "Ouster", str(model or "Ouster"), beams, int(columns) if columns else None, rate
+    )
+
+
+def _velodyne_yaml(file: Path, content: Any) -> BeamTable:
+    lasers = content.get("lasers") if isinstance(content, dict) else None
+    if not isinstance(lasers, list):
+        keys = ", ".join(map(str, content))[:200] if isinstance(content, dict) else "no keys"
+        raise FormatError(f"{file}: expected Velodyne's key 'lasers', got {keys}")
+    beams = []
+    for i, laser in enumerate(lasers):
+        if not isinstance(laser, dict) or "vert_correction" not in laser:
+            raise FormatError(f"{file}: lasers: {i}: expected a vert_correction, got none")
+        angles = (laser["vert_correction"], -_number(file, laser.get("rot_correction", 0)))
+        beams.append(tuple(math.degrees(_number(file, angle)) for angle in angles))
+    if len(beams) > 1 and all(abs(e) < 0.03 for e, _ in beams):
+        raise FormatError(f"{file}: vert_correction: expected radians, got angles below 2 degrees")
+    return BeamTable("Velodyne", "Velodyne", [(e, a) for e, a in beams])
+
+
+def _velodyne_xml(file: Path, root: ElementTree.Element) -> BeamTable:
+    beams = []
+    for item in root.iter("px"):
+        words = {key: item.findtext(key) for key in ("vertCorrection_", "rotCorrection_")}
+        if None not in words.values():
+            beams.append(
+                (float(words["vertCorrection_"] or 0), -float(words["rotCorrection_"] or 0))
+            )
+    enabled = [int(item.text or 0) for item in root.findall(".//enabled_/item")]
+    if not beams:
+        raise FormatError(
+            f"{file}: expected Velodyne's vertCorrection_ and rotCorrection_, got <{root.tag}>"
+        )
+    lit = sum(enabled) if enabled else len(beams)
+    return BeamTable("Velodyne", "Velodyne", beams[: lit or len(beams)])
+
+
+def _columns(file: Path, text: str) -> BeamTable:
+    rows = [re.split(r"[,;\t ]+", line.strip()) for line in text.splitlines() if line.strip()]
+    head = [word.lower() for word in rows[0]] if rows else []
+    joined = " ".join(head)
+    if "elevation" in joined and "azimuth" in joined:
+        words = [word for word in head if re.search("elevation|azimuth|channel|laser", word)]
+        at = [next(i for i, w in enumerate(words) if key in w) for key in ("elevation", "azimuth")]
+        values = [[_number(file, v) for v in row] for row in rows[1:] if _is_number(row[0])]
+        beams = [(row[at[0]], row[at[1]]) for row in values if len(row) > max(at)]
+        return BeamTable("Hesai", "Hesai", beams)
+    if "zenith" in joined:
+        values = [[_number(file, v) for v in row[:3]] for row in rows[1:]]
+        rays = [(azimuth, 90 - zenith, t) for t, azimuth, zenith in values]
+        return BeamTable("Livox", "Livox", [], rays=rays)
+    if head and all(map(_is_number, head)) and len(head) == 2:
+        return BeamTable(
+            "RoboSense", "RoboSense", [(_number(file, e), _number(file, a)) for e, a in rows]
+        )
+    raise FormatError(
+        f"{file}: expected a table of Hesai (Laser id, Elevation, Azimuth), RoboSense (two columns "
+        f"of numbers) or Livox (time, azimuth, zenith), got '{' '.join(head)[:60]}'"
+    )
+
+
+def _number(file: Path, raw: object) -> float:
+    try:
+        value = float(raw)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        value = math.nan
+    if not math.isfinite(value):
+        raise FormatError(f"{file}: expected a finite number, got {str(raw)[:40]!r}")
+    return value
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False

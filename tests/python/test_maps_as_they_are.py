@@ -1,0 +1,127 @@
+"""Maps and tracks as they are published: roofs, passages, left-hand rule, UTM, no heights."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pyinfra.core.errors import Error
+from pyinfra.scenes.maps import fcd
+from pyinfra.scenes.maps.lane_comparison import AGAINST, bodies_on_lanes, lane_differences
+from pyinfra.scenes.maps.lane_heights import on_lanes
+from pyinfra.scenes.maps.lane_map import MapBody, MapLane
+from pyinfra.scenes.maps.map_import import import_map
+from pyinfra.scenes.maps.map_readers import ImportOptions
+from pyinfra.scenes.maps.osm_buildings import Passage, building_bodies, is_underground
+from pyinfra.scenes.maps.recorded_boxes import BoxColumns, read_boxes
+from pyinfra.scenes.maps.site_traffic import write_traffic
+from pyinfra.scenes.maps.surfaces import contains
+from pyinfra.scenes.maps.traffic_demand import Demand
+from pyinfra.scenes.maps.trajectory_import import import_boxes, import_fcd
+
+HOUSE = np.array([[12.0, -20], [36, -20], [36, 20], [12, 20]])
+ROAD = Passage("7", np.array([[12.0, 0], [36, 0]]), 4.5, 4.2)
+LANE = '<lane id="{}" type="driving"><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>'
+
+
+def xodr(file: Path, x: float = 0, y: float = 0, rule: str = "") -> Path:
+    """Writes a straight road of 300 m with one lane each way."""
+    file.write_text(
+        '<?xml version="1.0"?><OpenDRIVE><header revMajor="1" revMinor="7"/>'
+        f'<road id="1" length="300" junction="-1" {rule}><link/><planView>'
+        f'<geometry s="0" x="{x}" y="{y}" hdg="0" length="300"><line/></geometry></planView>'
+        f'<lanes><laneSection s="0"><left>{LANE.format(1)}</left><center>'
+        f'<lane id="0" type="none"/></center><right>{LANE.format(-1)}</right></laneSection></lanes>'
+        "</road></OpenDRIVE>"
+    )
+    return file
+
+
+def lane(name: str, y: float, *, east: bool = True) -> MapLane:
+    x = np.array([-100.0, 100]) if east else np.array([100.0, -100])
+    side = 1.75 if east else -1.75
+    left, right = (np.column_stack([x, [y + s] * 2, [0.0] * 2]) for s in (side, -side))
+    return MapLane(name, "road", True, left, right)
+
+
+def test_a_passage_is_free_and_keeps_the_storeys_above() -> None:
+    bodies, notes = building_bodies("5", HOUSE, 18.0, 0.0, {}, [ROAD])
+    upper, *lower = bodies
+    assert (upper.hangs, upper.above_m, upper.height_m) == (True, 4.2, pytest.approx(13.8))
+    on_road = np.array([[20.0, 0], [30, 1.6]])
+    assert contains(upper.outline, on_road).all()
+    assert len(lower) == 2
+    assert not any(contains(part.outline, on_road).any() for part in lower)
+    assert "passage of way 7" in notes[0]
+
+
+def test_a_roof_and_a_house_on_pillars_are_open_below() -> None:
+    (roof,), notes = building_bodies("5", HOUSE, 6.0, 0.0, {"building": "roof"}, [])
+    assert (roof.hangs, roof.above_m) == (True, 5.5)
+    assert "roof" in notes[0]
+    (raised,), _ = building_bodies("5", HOUSE, 18.0, 4.0, {"building": "yes"}, [])
+    assert (raised.hangs, raised.above_m, raised.height_m) == (True, 4.0, 14.0)
+
+
+@pytest.mark.parametrize("tags", [{"location": "underground"}, {"layer": "-1"}, {"level": "-2"}])
+def test_buildings_below_the_ground(tags: dict[str, str]) -> None:
+    assert is_underground(tags)
+    assert not is_underground({"layer": "1"})
+
+
+def test_a_house_on_a_lane_is_named() -> None:
+    (note,) = bodies_on_lanes([MapBody(HOUSE, 9.0, name="way 5: building")], [lane("a", 0)])
+    assert note.startswith("way 5: building: stands on a lane, a, at 12")
+    assert bodies_on_lanes([MapBody(HOUSE, 9.0, None, True, 4.0)], [lane("a", 0)]) == []
+    assert bodies_on_lanes([MapBody(HOUSE, 9.0)], [lane("a", 30)]) == []
+
+
+def test_lanes_that_differ_from_the_network_are_named() -> None:
+    network = [lane("n", -1.75)]
+    assert lane_differences([lane("a", -1.75)], network) == []
+    (note,) = lane_differences([lane("a", -1.75, east=False)], network)
+    assert AGAINST in note
+    (note,) = lane_differences([lane("a", 9.0)], network)
+    assert "not in the network" in note
+
+
+def test_left_hand_traffic_is_refused_by_name(tmp_path: Path) -> None:
+    map_ = xodr(tmp_path / "a.xodr", rule='rule="LHT"')
+    imported = import_map(map_, tmp_path / "site", ImportOptions(radius_m=300))
+    assert sum(AGAINST in note for note in imported.record["not_understood"]) == 2
+    with pytest.raises(Error, match="left-hand"):
+        write_traffic(tmp_path / "site", Demand(900), 30, 1)
+
+
+def test_a_map_in_utm_coordinates(tmp_path: Path) -> None:
+    map_ = xodr(tmp_path / "a.xodr", 691_000, 5_334_000)
+    imported = import_map(map_, tmp_path / "site", ImportOptions(radius_m=300))
+    assert imported.lanes == 2
+    assert imported.record["offset_m"][:2] == [691_150, 5_334_000]
+    assert not any(AGAINST in note for note in imported.record["not_understood"])
+
+
+def test_tracks_of_drones_have_no_heights(tmp_path: Path) -> None:
+    (tmp_path / "07_tracks.csv").write_text(
+        "recordingId,trackId,frame,xCenter,yCenter,heading,width,length\n"
+        + "".join(f"7,0,{k},{20 + 0.4 * k},-30.0,0.0,1.8,4.5\n" for k in range(101))
+    )
+    (tmp_path / "07_tracksMeta.csv").write_text("recordingId,trackId,class\n7,0,car\n")
+    how = BoxColumns({}, {"car": "Car"}, 25.0, True)
+    boxes = read_boxes(tmp_path / "07_tracks.csv", how)
+    standing, notes = on_lanes(tmp_path, boxes, np.zeros(3))
+    assert standing[0].boxes[:, 2] == pytest.approx(standing[0].boxes[:, 5] / 2)
+    assert "no column z" in notes[0]
+    (track,) = import_boxes(standing, np.zeros(3)).tracks
+    assert track.states[-1, 0] - track.states[0, 0] == pytest.approx(40, abs=0.5)
+
+
+def test_sumo_writes_tables_with_semicolons(tmp_path: Path) -> None:
+    file = tmp_path / "fcd.csv"
+    file.write_text(
+        "timestep_time;vehicle_angle;vehicle_id;vehicle_type;vehicle_x;vehicle_y;person_id\n"
+        + "".join(f"{k};90.00;a;passenger;{10 * k};-1.6;\n" for k in range(5))
+    )
+    assert fcd.is_fcd_csv(file)
+    (track,) = import_fcd(fcd.read_fcd(file), {}, np.zeros(3)).tracks
+    assert track.states[-1, 0] - track.states[0, 0] == pytest.approx(40, abs=0.5)
