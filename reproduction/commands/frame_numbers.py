@@ -79,5 +79,6 @@ def main() -> None:
             before = objects(args.against.resolve(), scene, lidars, seed)
             tables.append(compared(before, objects(ROOT, scene, lidars, seed)).assign(seed=seed))
             print(scene, seed, flush=True)
-    table = pd.concat(tables).assign(preset="datasheet", **provenance("frame_numbers"))
+    command = f"frame_numbers --seeds {args.seeds} --against CHECKOUT"
+    table = pd.concat(tables).assign(preset="datasheet", **provenance(command))
     table.to_csv(args.out, index=False, float_format="%.5g")

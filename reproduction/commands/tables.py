@@ -18,6 +18,7 @@ from pyinfra.core.errors import Error
 from reproduction import ROOT
 from reproduction.tables import (
     findings,
+    frame_numbers,
     front_page,
     gpu,
     integration,
@@ -65,6 +66,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "models of a LiDAR": rungs.rungs,
     "one ray by LiDAR": rungs.rungs_by_lidar,
     "beams in AP": rungs.rungs_ap,
+    "points per vehicle, frames 3 and 4": frame_numbers.frame_numbers,
+    "growth": simulator.growth,
     "coverage": measure.coverage,
     "correlation": measure.correlation,
     "people": sites.people,

@@ -17,6 +17,24 @@ def speed() -> str:
     return markdown(["measurement", "value"], rows)
 
 
+def growth() -> str:
+    """Returns a table of the time and memory of `infrasim run` by the size of a scene, with the
+    values of version 0.4 in brackets."""
+    table = results("growth").set_index(["build", "quantity", "size"])
+    here = table.loc["this"]
+    before = table.loc["other"].reindex(here.index) if "other" in table.index else None
+    rows = []
+    for (quantity, size), row in here.iterrows():
+        cells = []
+        for column, digits in (("frame_ms", 1), ("start_s", 2), ("peak_mb", 0)):
+            text = f"{row[column]:.{digits}f}"
+            if before is not None and pd.notna(other := before.loc[(quantity, size), column]):
+                text += f" ({other:.{digits}f})"
+            cells.append(text)
+        rows.append([f"{quantity}: {size:,}", *cells])
+    return markdown(["scene", "CPU of a frame, ms", "CPU of the start, s", "peak memory, MB"], rows)
+
+
 def ladder(detector: str = "background", preset: str = "datasheet") -> str:
     """Returns a table of AP (R1000) of the default scene model, and of differences to it.
 

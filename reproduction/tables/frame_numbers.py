@@ -1,0 +1,62 @@
+"""Makes the table of points per vehicle of frames 3 and 4, from results/frame_numbers.csv."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from reproduction.report.ladder import interval
+from reproduction.tables.common import markdown, results
+from reproduction.tables.rungs import BANDS, LEAST_POINTS
+
+PRODUCTS = {
+    "helios_16": "Helios 16",
+    "hesai_ot128": "OT128",
+    "hesai_xt32": "XT32",
+    "livox_avia": "Avia",
+    "livox_horizon": "Horizon",
+    "livox_mid_40": "Mid-40",
+    "livox_mid_70": "Mid-70",
+    "livox_tele_15": "Tele-15",
+    "pandar_64": "Pandar64",
+    "ruby_plus": "Ruby Plus",
+    "velodyne_hdl_64e": "HDL-64E",
+    "velodyne_vlp_16": "VLP-16",
+    "velodyne_vlp_32c": "VLP-32C",
+    "velodyne_vls_128": "VLS-128",
+}
+# What changed besides the beam, which all LiDARs have now.
+REASONS = {
+    "livox_avia": "had a beam before; its echoes are merged otherwise",
+    "hesai_ot128": "3600 or 1800 columns for 2700; range by channel",
+    "hesai_xt32": "range by channel",
+    "livox_horizon": "exponent 0.5 for 0.25",
+    "livox_mid_40": "exponent 0.5 for 0.25",
+    "livox_mid_70": "exponent 0.5 for 0.25",
+    "livox_tele_15": "exponent 0.28 for 0.25",
+    "velodyne_hdl_64e": "1736 columns for 2031; exponent 0.42 for 0.25",
+    "velodyne_vlp_16": "1808 columns for 1875",
+    "velodyne_vlp_32c": "1808 columns for 1875",
+}
+
+
+def frame_numbers() -> str:
+    """Returns the ratio of the points per vehicle, frames 4 to frames 3, by LiDAR and distance.
+
+    The scenes are pooled. An interval is over the traffic seeds.
+    """
+    table = results("frame_numbers")
+    for when in ("before", "now"):
+        table[f"all_{when}"] = table.vehicles * table[f"points_{when}"]
+    sums = table.groupby(["lidar", "from_m", "seed"])[["vehicles", "all_before", "all_now"]].sum()
+    rows = []
+    for name, product in PRODUCTS.items():
+        cells = []
+        for from_m in BANDS:
+            band: pd.DataFrame = sums.loc[(name, from_m)]
+            if band.all_before.sum() < LEAST_POINTS * band.vehicles.sum():
+                cells.append("below 1 point")
+                continue
+            ratio = interval(band.all_now / band.all_before)
+            cells.append(f"{ratio.value:.2f} [{ratio.low:.2f}, {ratio.high:.2f}]")
+        rows.append([product, *cells, REASONS.get(name, "")])
+    return markdown(["LiDAR", *BANDS.values(), "besides the beam"], rows)
