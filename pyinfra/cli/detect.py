@@ -38,6 +38,9 @@ from pyinfra.models.inference.folder import (
     warn_of_height,
 )
 from pyinfra.models.inference.threads import checked_threads
+from pyinfra.tracking.live import boxes_of_detections, live_lines, new_clouds, time_of
+from pyinfra.tracking.state import Boxes
+from pyinfra.tracking.tracker import Tracker
 
 NOTHING = (
     "no box in any frame: are the sensor's height, its frame (z up, origin at the sensor) and the "
@@ -119,6 +122,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "preferably a minute of frames or more",
     )
     parser.add_argument(
+        "--follow",
+        action="store_true",
+        help="wait for clouds in the folder DATA, which grows, and print a JSON line of tracks for "
+        "each; frames are dropped while the machine is too slow",
+    )
+    parser.add_argument(
+        "--period-s",
+        type=float,
+        help="frame period of --follow, if files are named by frame number, not by time",
+    )
+    parser.add_argument(
+        "--idle-s",
+        type=float,
+        default=float("inf"),
+        help="--follow ends after so many seconds without a new cloud; default: never",
+    )
+    parser.add_argument(
         "--device",
         default="cpu",
         help="device of a network: cpu, cuda, cuda:1, ...; default: cpu",
@@ -137,6 +157,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    if args.follow:
+        return _follow(args)
     _check(args)
     model = model_file(args.model, args.checkpoint)
     is_folder = args.inputs[0].is_dir()
@@ -151,6 +173,28 @@ def run(args: argparse.Namespace) -> int:
     threads = threads_of(model, args.device, checked_threads(args.threads))
     to = sys.stderr if args.out is None else sys.stdout
     _print_summary(detections, threads, load, to)
+    return 0
+
+
+def _follow(args: argparse.Namespace) -> int:
+    """Prints a JSON line of tracks for each new cloud of a growing folder."""
+    if len(args.inputs) != 1 or not args.inputs[0].is_dir():
+        raise Error("DATA: expected one folder with --follow, got something else")
+    if args.out is not None:
+        raise Error("--out: expected none with --follow, which prints, got one")
+    model = model_file(args.model, args.checkpoint)
+    check_single(model, accumulation_of(model).frames)
+    site = place(None, args.height_m, args.region)
+    detector = detector_at_place(model, site, args.device, checked_threads(args.threads))
+
+    def read(file: Path) -> tuple[float, Boxes]:
+        detections = detector.predict(cloud_reader([file])[0](file))
+        boxes = boxes_of_detections(detections.boxes, detections.scores, detections.names)
+        return time_of(file, args.period_s), boxes
+
+    arrivals = new_clouds(args.inputs[0], idle_s=args.idle_s)
+    for line in live_lines(arrivals, read, Tracker()):
+        print(line, flush=True)
     return 0
 
 

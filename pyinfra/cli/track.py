@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -15,8 +16,9 @@ from pyinfra.dataset.frames import frame_numbers, frame_range, has_labels, lidar
 from pyinfra.dataset.prediction_files import prediction_table
 from pyinfra.models.inference.boxes_table import detect, load_detector
 from pyinfra.tracking.evaluation import evaluate_tracks
+from pyinfra.tracking.live import boxes_of_line, live_lines, new_lines
 from pyinfra.tracking.table_file import write_tracks
-from pyinfra.tracking.tracker import TrackSettings
+from pyinfra.tracking.tracker import Tracker, TrackSettings
 from pyinfra.tracking.tracks import track
 
 
@@ -26,7 +28,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "covariance of each object in each frame."
     )
     parser.epilog = "example: pyinfra track data/minute/ruby_plus --out out/tracks.csv"
-    parser.add_argument("data", metavar="DATA", type=Path, help="folder of one LiDAR")
+    parser.add_argument(
+        "data",
+        metavar="DATA",
+        type=Path,
+        help="folder of one LiDAR; or -, to read a JSON line per frame from standard input and "
+        'print one: {"t_s": 1.5, "boxes": [{"type": "vehicle", "x": ..., "score": 0.9}]}',
+    )
     parser.add_argument(
         "pred",
         metavar="PRED",
@@ -34,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         help="folder of predictions, as for `pyinfra evaluate`; default: run the detector",
     )
-    parser.add_argument("--out", type=Path, required=True, help="file to write, such as tracks.csv")
+    parser.add_argument("--out", type=Path, help="file to write, such as tracks.csv; not for -")
     parser.add_argument(
         "--model", default="generalist", help="detector to run without PRED; default: generalist"
     )
@@ -59,6 +67,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="use only the boxes up to each frame, as a running system would",
     )
     parser.add_argument(
+        "--keep-all",
+        action="store_true",
+        help="for -: read each line; by default, lines are dropped while the machine is too slow",
+    )
+    parser.add_argument(
         "--within-m",
         type=float,
         default=80.0,
@@ -69,6 +82,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     names = ("min_score", "birth_score", "missed_s", "hidden_s")
     settings = TrackSettings(**{name: getattr(args, name) for name in names})
+    if str(args.data) == "-":
+        return _live(args, Tracker(settings))
+    if args.out is None:
+        raise Error("out: expected a file, got none")
     folder = lidar_folder(args.data)
     everything = args.frames is None
     numbers = frame_numbers(folder, "all") if everything else frame_range(args.frames, folder)
@@ -86,6 +103,15 @@ def run(args: argparse.Namespace) -> int:
             f"{m.switches:.0f} switches, {m.false_tracks:.0f} false tracks, speed error "
             f"{m.speed_error_km_h:.2f} km/h (median)"
         )
+    return 0
+
+
+def _live(args: argparse.Namespace, tracker: Tracker) -> int:
+    """Prints a JSON line of tracks for each JSON line of boxes."""
+    if args.out is not None or args.pred is not None:
+        raise Error("DATA: expected - alone, got it with PRED or --out")
+    for line in live_lines(new_lines(sys.stdin, drop=not args.keep_all), boxes_of_line, tracker):
+        print(line, flush=True)
     return 0
 
 

@@ -1,0 +1,198 @@
+"""Tracks of frames that arrive one after the other, from a growing folder or as JSON lines.
+
+Memory stays bounded: a frame that arrives while the machine is busy replaces the waiting one.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.arrays import IntArray
+from pyinfra.core.errors import Error, FormatError
+from pyinfra.dataset.frame_sequence import BOX
+from pyinfra.tracking.state import TYPES, Boxes, Tracks
+from pyinfra.tracking.tracker import Tracker
+from pyinfra.tracking.tracks import boxes_of, table_of
+
+POLL_S = 0.02
+WAITING = 2  # lines that may wait
+CLOUDS = (".bin", ".pcd")
+_EPOCH_S = 1e8  # a larger number in a file's name is a time in seconds, a smaller one a frame
+_SHOWN = [
+    "id",
+    "type",
+    *BOX,
+    "vx_m_s",
+    "vy_m_s",
+    "speed_m_s",
+    "acceleration_m_s2",
+    "score",
+    "state",
+]
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """A frame that has arrived: its content, when, and how many frames before it were dropped."""
+
+    item: Any
+    arrived_s: float  # of time.time()
+    dropped: int
+
+
+def new_clouds(folder: Path, *, idle_s: float = np.inf) -> Iterator[Arrival]:
+    """Yields the newest complete cloud file of a growing folder; older ones are dropped.
+
+    Files that exist at the start are not read. Files count in the order of their names. A file is
+    complete when its size has not changed for a poll, or a later file exists. Ends after idle_s
+    seconds without a new file.
+    """
+    last, changed, since = max(_clouds(folder), default=""), -1, time.monotonic()
+    dropped, sizes = 0, dict[str, int]()
+    while time.monotonic() - since < idle_s:
+        stamp = folder.stat().st_mtime_ns
+        if stamp == changed and not sizes:
+            time.sleep(POLL_S)
+            continue
+        changed = stamp
+        names = sorted(name for name in _clouds(folder) if name > last)
+        sizes, before = {}, sizes
+        ready = names[:-1]
+        if names:
+            size = (folder / names[-1]).stat().st_size
+            if size and before.get(names[-1]) == size:
+                ready = names
+            else:
+                sizes = {names[-1]: size}
+        if not ready:
+            time.sleep(POLL_S)
+            continue
+        dropped += len(ready) - 1
+        last, since, file = ready[-1], time.monotonic(), folder / ready[-1]
+        yield Arrival(file, file.stat().st_mtime, dropped)
+
+
+def _clouds(folder: Path) -> list[str]:
+    return [file.name for file in folder.iterdir() if file.suffix.lower() in CLOUDS]
+
+
+def time_of(file: Path, period_s: float | None) -> float:
+    """Returns the time of a cloud: that of its name in seconds, or its number times the period.
+
+    Raises Error for a name without a number, and for a frame number without a period.
+    """
+    match = re.search(r"\d+(?:\.\d+)?$", file.stem)
+    if match is None:
+        raise Error(f"{file}: expected a time or a frame number at the end of the name, got none")
+    value = float(match[0])
+    if value > _EPOCH_S or "." in match[0]:
+        return value
+    if period_s is None:
+        raise Error(f"{file}: expected a time in the name, got a frame number: set `period_s`")
+    return (value + 0.5) * period_s
+
+
+def new_lines(stream: Iterable[str], *, drop: bool = True) -> Iterator[Arrival]:
+    """Yields lines of a stream. With `drop`, only the newest WAITING lines wait."""
+    if not drop:
+        for line in stream:
+            yield Arrival(line, time.time(), 0)
+        return
+    waiting: deque[tuple[str, float]] = deque(maxlen=WAITING)
+    state, ready = {"read": 0, "open": 1}, threading.Condition()
+
+    def read() -> None:
+        for line in stream:
+            with ready:
+                waiting.append((line, time.time()))
+                state["read"] += 1
+                ready.notify()
+        with ready:
+            state["open"] = 0
+            ready.notify()
+
+    threading.Thread(target=read, daemon=True).start()
+    taken = 0
+    while True:
+        with ready:
+            ready.wait_for(lambda: waiting or not state["open"])
+            if not waiting:
+                return
+            line, arrived_s = waiting.popleft()
+            taken += 1
+            dropped = state["read"] - taken - len(waiting)
+        yield Arrival(line, arrived_s, dropped)
+
+
+def boxes_of_line(line: str) -> tuple[float, Boxes]:
+    """Parses `{"t_s": 1.5, "boxes": [{"type": "vehicle", "x": 1, ..., "score": 0.9}]}`.
+
+    Raises FormatError.
+    """
+    try:
+        value = json.loads(line)
+        time_s, rows = float(value["t_s"]), list(value["boxes"])
+        table = pd.DataFrame(rows, columns=["type", *BOX, "score"])
+        table[[*BOX, "score"]] = table[[*BOX, "score"]].astype(float)
+    except (ValueError, KeyError, TypeError) as error:
+        raise FormatError(
+            f"expected a line with t_s and boxes of type, {', '.join(BOX)} and score, got "
+            f"'{line.strip()[:60]}': {error}"
+        ) from None
+    if not np.isfinite(time_s):
+        raise FormatError(f"t_s: expected a finite time, got {time_s}")
+    return time_s, boxes_of(table)
+
+
+def live_lines(
+    arrivals: Iterable[Arrival], read: Callable[[Any], tuple[float, Boxes]], tracker: Tracker
+) -> Iterator[str]:
+    """Yields a JSON line for each frame that arrives.
+
+    It has t_s, delay_s (from the arrival to the line), dropped (frames so far) and tracks. A frame
+    that is not later than the one before is left out, and counts as `unordered`.
+    """
+    unordered = 0
+    for arrival in arrivals:
+        time_s, boxes = read(arrival.item)
+        if tracker.time_s is not None and time_s <= tracker.time_s:
+            unordered += 1
+            continue
+        tracks = tracker.step(time_s, boxes)
+        line = {
+            "t_s": round(time_s, 6),
+            "delay_s": round(max(time.time() - arrival.arrived_s, 0.0), 3),
+            "dropped": arrival.dropped,
+            "unordered": unordered,
+            "tracks": records(tracks, time_s),
+        }
+        yield json.dumps(line)
+
+
+def records(tracks: Tracks, time_s: float) -> list[dict[str, object]]:
+    """Returns the confirmed tracks as dicts, with lengths in m, rounded to 1 mm."""
+    rows: IntArray = np.flatnonzero(tracks.confirmed)
+    chosen = tracks.select(rows)
+    frame = np.zeros(len(rows), np.int64)
+    table = table_of(chosen, frame, np.full(len(rows), time_s))[_SHOWN]
+    return [dict(row) for row in table.round(3).to_dict("records")]
+
+
+def boxes_of_detections(values: Any, scores: Any, names: Any) -> Boxes:
+    """Returns the boxes of a detector: (n, 7), scores (n,) and names (n,)."""
+    kinds = pd.Index(TYPES).get_indexer(names)
+    known = kinds >= 0
+    votes = np.zeros((int(known.sum()), len(TYPES)))
+    votes[np.arange(len(votes)), kinds[known]] = np.clip(np.asarray(scores)[known], 0, 1)
+    return Boxes(np.asarray(values, np.float64)[known], votes)

@@ -1,0 +1,130 @@
+"""Tracks of frames that arrive: bounded memory, dropped frames, times of names, JSON lines."""
+
+from __future__ import annotations
+
+import gc
+import io
+import json
+import threading
+import time
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tracking_data import boxes, straight
+
+import pyinfra as pi
+from pyinfra.cli import main
+from pyinfra.dataset.frame_sequence import BOX
+from pyinfra.tracking import live
+from pyinfra.tracking.tracker import Tracker
+
+
+def lines(frames: int) -> list[str]:
+    table = boxes([straight(-20, 5, 8), straight(20, 15, 0.0)], frames)
+    return [
+        json.dumps(
+            {"t_s": (k + 0.5) / 10, "boxes": part[["type", *BOX, "score"]].to_dict("records")}
+        )
+        for k, part in table.groupby("frame")
+    ]
+
+
+def test_standard_input_gives_the_tracks_of_a_table(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n".join(lines(20))))
+    assert main.main(["track", "-", "--keep-all"]) == 0
+    printed = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    expected = pi.track(boxes([straight(-20, 5, 8), straight(20, 15, 0.0)], 20), period_s=0.1,
+                        smooth=False)  # fmt: skip
+    last = expected[expected.frame == 19]
+    assert [line["t_s"] for line in printed] == pytest.approx((np.arange(20) + 0.5) / 10)
+    assert [t["id"] for t in printed[-1]["tracks"]] == last.id.tolist()
+    assert [t["x"] for t in printed[-1]["tracks"]] == pytest.approx(last.x.tolist(), abs=1e-3)
+    assert printed[-1]["dropped"] == 0
+
+
+@pytest.mark.parametrize(
+    "line", ["{}", "x", '{"t_s": NaN, "boxes": []}', '{"t_s": 1, "boxes": [{"type": "Car"}]}']
+)
+def test_a_wrong_line_is_refused(line: str) -> None:
+    with pytest.raises(pi.Error):
+        live.boxes_of_line(line)
+
+
+def test_a_repeated_or_late_frame_is_left_out_and_counted() -> None:
+    some = lines(5)
+    order = [some[0], some[1], some[1], some[0], some[2]]
+    arrivals = live.new_lines(order, drop=False)
+    out = [json.loads(x) for x in live.live_lines(arrivals, live.boxes_of_line, Tracker())]
+    assert [line["t_s"] for line in out] == [0.05, 0.15, 0.25]
+    assert out[-1]["unordered"] == 2
+
+
+def test_a_slow_machine_drops_lines_and_keeps_the_newest() -> None:
+    arrivals = live.new_lines(str(k) for k in range(1000))
+    first = next(arrivals)
+    time.sleep(0.2)
+    rest = list(arrivals)
+    assert rest[-1].item == "999"
+    assert len(rest) <= live.WAITING + 1
+    assert rest[-1].dropped == 1000 - 1 - len(rest)
+    assert first.dropped <= rest[0].dropped
+
+
+def test_a_growing_folder_gives_new_complete_clouds(tmp_path: Path) -> None:
+    (tmp_path / "000000.pcd").write_text("old")
+
+    def write() -> None:
+        for k in range(1, 4):
+            time.sleep(0.1)
+            (tmp_path / f"{k:06d}.pcd").write_text("cloud")
+
+    thread = threading.Thread(target=write)
+    thread.start()
+    found = [arrival.item.name for arrival in live.new_clouds(tmp_path, idle_s=2)]
+    thread.join()
+    assert found[-1] == "000003.pcd"
+    assert "000000.pcd" not in found
+    assert found == sorted(found)
+
+
+def test_files_that_wait_are_dropped(tmp_path: Path) -> None:
+    clouds = live.new_clouds(tmp_path, idle_s=0.5)
+    thread = threading.Timer(
+        0.1, lambda: [(tmp_path / f"{k}.bin").write_bytes(b"0") for k in range(10, 20)]
+    )
+    thread.start()
+    found = list(clouds)
+    assert found[-1].item.name == "19.bin"
+    assert found[-1].dropped + len(found) == 10
+
+
+def test_the_time_of_a_cloud_is_that_of_its_name() -> None:
+    assert live.time_of(Path("1777883410.500000.pcd"), None) == 1777883410.5
+    assert live.time_of(Path("000012.bin"), 0.05) == pytest.approx(0.625)
+    for name in ("cloud.pcd", "000012.pcd"):
+        with pytest.raises(pi.Error):
+            live.time_of(Path(name), None)
+
+
+def test_memory_does_not_grow_with_the_number_of_frames() -> None:
+    """After 200 frames, 400 more need no more memory."""
+    tracker = Tracker()
+    parsed = [live.boxes_of_line(line)[1] for line in lines(20)]
+
+    def step(start: int, end: int) -> None:
+        for k in range(start, end):
+            tracker.step(0.1 * (k + 1), parsed[k % 20])
+
+    tracemalloc.start()
+    step(0, 200)
+    gc.collect()
+    before = tracemalloc.get_traced_memory()[0]
+    step(200, 600)
+    gc.collect()
+    after = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert after - before < 200_000
