@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
-from pyinfra.core.boxes import bev_overlap
+from pyinfra.core.boxes import centres_within_reach, pair_bev_overlap
 from pyinfra.core.vocabulary import OBJECT_CLASSES, PERSON_TYPES
 from pyinfra.tracking.motion import STATES, axes
 
@@ -58,11 +58,10 @@ class Boxes:
         """
         order = np.argsort(-self.votes.max(axis=1, initial=0), kind="stable")
         boxes = self.select(order)
-        area = np.maximum(boxes.values[:, 3] * boxes.values[:, 4], 1e-6)
-        same = bev_overlap(boxes.values, boxes.values) > SAME * np.minimum(area[:, None], area)
         kept = np.ones(len(boxes), dtype=bool)
         votes = boxes.votes.copy()
-        for i, j in np.argwhere(np.triu(same, 1)):
+        pairs, share = shared(boxes.values)
+        for i, j in pairs[share > SAME]:
             if kept[i] and kept[j]:
                 kept[j] = False
                 votes[i] = np.maximum(votes[i], votes[j])
@@ -150,6 +149,17 @@ class Tracks:
     def boxes(self) -> FloatArray:
         """Returns x y z dx dy dz heading (n, 7)."""
         return np.column_stack([self.state[:, :2], self.z, self.size, self.heading])
+
+
+def shared(boxes: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Returns the pairs (k, 2) of boxes (n, 7) that may touch, first index below the second.
+
+    Also returns the overlap of each pair as share (k,) of the smaller area.
+    """
+    pairs = np.argwhere(np.triu(centres_within_reach(boxes[:, None], boxes[None]), 1))
+    first, second = boxes[pairs[:, 0]], boxes[pairs[:, 1]]
+    area = np.minimum(first[:, 3] * first[:, 4], second[:, 3] * second[:, 4])
+    return pairs, np.asarray(pair_bev_overlap(first, second) / np.maximum(area, 1e-6))
 
 
 def wrapped(angle: FloatArray) -> FloatArray:

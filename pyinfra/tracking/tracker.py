@@ -17,7 +17,7 @@ from pyinfra.core.boxes import bev_overlap
 from pyinfra.core.errors import Error
 from pyinfra.tracking import motion
 from pyinfra.tracking.occlusion import View
-from pyinfra.tracking.state import SAME, Boxes, Tracks, wrapped
+from pyinfra.tracking.state import SAME, Boxes, Tracks, shared, wrapped
 
 # Gate of a squared Mahalanobis distance: 99.9 % of the chi-squared distribution with two degrees.
 GATE = 13.8
@@ -135,9 +135,11 @@ class Tracker:
         Both are (tracks, boxes). Their sum is twice the negative log likelihood.
         """
         t = self.tracks
-        x, y = np.moveaxis(boxes.values[None, :, :2] - t.state[:, None, :2], 2, 0)
-        spread = t.covariance[:, None, :2, :2] + boxes.noise[None]
-        xx, xy, yy = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
+        x, y = (boxes.values[None, :, i] - t.state[:, None, i] for i in (0, 1))
+        noise = boxes.noise
+        xx, xy, yy = (
+            t.covariance[:, None, i, j] + noise[None, :, i, j] for i, j in ((0, 0), (0, 1), (1, 1))
+        )
         size = xx * yy - xy**2
         distance = (yy * x**2 - 2 * xy * x * y + xx * y**2) / size
         return distance, np.log(size)
@@ -241,16 +243,12 @@ def doubled(t: Tracks) -> BoolArray:
     Such a track lies mostly in the other's box, or it drives so close before or behind the other
     that no driver would: detectors return boxes at the ends of buses.
     """
-    boxes = t.boxes()
-    longer = boxes.copy()
+    longer = t.boxes()
     longer[:, 3] += CLOSE_S * t.speed()
-    rank = np.empty(len(t), np.int64)
-    rank[np.lexsort((-t.ids, t.frames_seen))] = np.arange(len(t))
-    second = (share(boxes) > SAME) | (share(longer) > CLOSE_SHARE)
-    return np.asarray((second & (rank[:, None] < rank)).any(axis=1))
-
-
-def share(boxes: FloatArray) -> FloatArray:
-    """Returns the overlap areas (n, n) of boxes (n, 7), as shares of the smaller area."""
-    area = np.maximum(boxes[:, 3] * boxes[:, 4], 1e-6)
-    return np.asarray(bev_overlap(boxes, boxes) / np.minimum(area[:, None], area))
+    pairs, share = shared(longer)
+    moves = (t.speed()[pairs] > MOVES_M_S).all(axis=1)
+    pairs = pairs[share > np.where(moves, CLOSE_SHARE, SAME)]
+    seen = t.frames_seen[pairs]
+    out = np.zeros(len(t), dtype=bool)
+    out[pairs[np.arange(len(pairs)), np.where(seen[:, 0] < seen[:, 1], 0, 1)]] = True
+    return out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,9 @@ from tracking_data import PERIOD_S, boxes, circle, straight
 
 import pyinfra as pi
 from pyinfra.cli import main
-from pyinfra.dataset.frame_sequence import SimulatedFrames
+from pyinfra.dataset.frame_sequence import BOX, SimulatedFrames
+from pyinfra.exchange.track_files import write_json_lines, write_kitti_tracking
+from pyinfra.formats import kitti
 from pyinfra.tracking.evaluation import geh, true_objects
 from pyinfra.tracking.hota import Sightings, clear, hota
 from pyinfra.tracking.lines import lines_of
@@ -229,3 +232,25 @@ def test_true_speeds_are_those_of_the_motion() -> None:
     truth = true_objects(frames)
     assert truth.speed_m_s.dropna().between(14, 20).all()
     assert truth.speed_m_s.notna().mean() > 0.9
+
+
+def test_other_formats_have_the_same_tracks(tmp_path: Path) -> None:
+    tracks = pi.track(
+        boxes([straight(0, -5, 10), straight(30, 5, 8, np.pi)], 20), period_s=PERIOD_S
+    )
+    write_json_lines(tmp_path / "a.jsonl", tracks)
+    rows = [json.loads(line) for line in (tmp_path / "a.jsonl").read_text().splitlines()]
+    assert [row["frame"] for row in rows] == list(range(20))
+    assert [t["x"] for row in rows for t in row["tracks"]] == pytest.approx(tracks.x, abs=1e-3)
+    write_kitti_tracking(tmp_path / "0000.txt", tracks)
+    words = [line.split() for line in (tmp_path / "0000.txt").read_text().splitlines()]
+    assert {len(row) for row in words} == {18}
+    assert [int(row[1]) for row in words] == tracks.id.tolist()
+    values = np.array([row[10:17] for row in words], dtype=np.float64)
+    back = kitti.boxes_from_camera(values, kitti.simulated())
+    np.testing.assert_allclose(back, tracks[BOX], atol=2e-3)
+
+
+def test_the_command_says_which_files_it_writes(tmp_path: Path) -> None:
+    for words in (["x", "--out", "tracks.parquet"], ["x"], ["-", "--out", "a.csv"]):
+        assert main.main(["track", *words]) == 2

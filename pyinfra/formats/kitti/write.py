@@ -91,7 +91,7 @@ def write_labels(file: Path, labels: Labels, calibration: Calibration | None = N
     Raises Error for numbers that are not finite, and for sizes of 0 or less.
     """
     camera = boxes_to_camera(labels.boxes, calibration or simulated())
-    image = _image_columns(camera) if labels.image is None else labels.image
+    image = image_columns(camera) if labels.image is None else labels.image
     scores = np.empty((len(labels), 0)) if labels.scores is None else labels.scores[:, None]
     known = labels.names != "DontCare"
     _check(np.column_stack([camera, image, scores]), labels.boxes[known])
@@ -137,7 +137,7 @@ def write_frame(
     write_points(path_of("velodyne"), points)
 
 
-def _image_columns(camera: FloatArray) -> FloatArray:
+def image_columns(camera: FloatArray) -> FloatArray:
     """Returns truncated occluded alpha x1 y1 x2 y2 (k, 7) for boxes that have no such values."""
     x, z, rotation_y = camera[:, 3], camera[:, 5], camera[:, 6]
     alpha = rotation_y - np.arctan2(x, z)

@@ -1,0 +1,44 @@
+"""Writes tracks as JSON lines or as a label file of the KITTI tracking benchmark.
+
+A line of the KITTI tracking format is frame, track id, and then the columns of a KITTI result:
+type truncated occluded alpha, image box (4), h w l, x y z rotation_y, score. Boxes are in the
+camera frame of a simulated LiDAR, as in predictions without calibration. `occluded` is 0 for a
+frame with a box, and 2 (largely occluded) for others.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.files import write
+from pyinfra.dataset.frame_sequence import BOX
+from pyinfra.formats import kitti
+from pyinfra.formats.kitti.camera import boxes_to_camera
+from pyinfra.formats.kitti.write import image_columns
+
+
+def write_json_lines(file: Path, tracks: pd.DataFrame) -> None:
+    """Writes a line per frame: frame, t_s and the columns of each track, rounded to 1 mm."""
+    lines = []
+    for (frame, time_s), part in tracks.groupby(["frame", "t_s"]):
+        rows = part.drop(columns=["frame", "t_s"]).round(3).to_dict("records")
+        lines.append(json.dumps({"frame": int(frame), "t_s": float(time_s), "tracks": rows}))
+    write(file, "".join(f"{line}\n" for line in lines))
+
+
+def write_kitti_tracking(file: Path, tracks: pd.DataFrame) -> None:
+    """Writes one label file of the KITTI tracking benchmark with scores."""
+    camera = boxes_to_camera(tracks[BOX].to_numpy(np.float64), kitti.simulated())
+    image = image_columns(camera)
+    image[:, 1] = np.where(tracks.state == "seen", 0, 2)
+    heads = zip(tracks.frame, tracks.id, tracks.type, strict=True)
+    lines = []
+    for (frame, number, kind), i, c, score in zip(heads, image, camera, tracks.score, strict=True):
+        words = [str(frame), str(number), str(kind), f"{i[0]:.0f}", f"{i[1]:.0f}", f"{i[2]:.6f}"]
+        words += [*(f"{v:.2f}" for v in i[3:]), *(f"{v:.4f}" for v in c[:6]), f"{c[6]:.6f}"]
+        lines.append(" ".join([*words, f"{score:.6f}"]))
+    write(file, "".join(f"{line}\n" for line in lines))
