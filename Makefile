@@ -66,7 +66,7 @@ debian13: wheels
 
 test: build
 	@scripts/setup.sh train exchange test
-	ctest --preset dev --no-tests=error
+	ctest --preset dev --no-tests=error -E 'nightly_'
 	$(PYTHON) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # clang-tidy reads how the files are compiled from the dev build.
@@ -140,9 +140,10 @@ fuzz:
 		tests/python/test_reader_properties.py tests/python/test_site_properties.py \
 		tests/python/test_core_fuzz.py
 
-# The Python tests that `make test` leaves out.
+# The tests that `make test` leaves out.
 test-nightly: build
 	@scripts/setup.sh train exchange test
+	ctest --preset dev --no-tests=error -R 'nightly_'
 	$(PYTHON) -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m nightly
 
 # The slow checks that CI leaves out, one after the other.

@@ -94,7 +94,7 @@ TEST(people, come_and_go_at_the_ends_of_their_line_alone) {
   EXPECT_GT(came, 50);
 }
 
-TEST(people, share_no_place) {
+TEST(people, nightly_share_no_place) {
   // The highest allowed density, and the largest allowed differences of speed.
   const std::string rows =
       "[{road: bend, offset_m: -11, per_km: 60, class: Pedestrian, "
