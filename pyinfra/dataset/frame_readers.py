@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from pyinfra.core.arrays import FloatArray, IntArray, NameArray
 from pyinfra.core.vocabulary import OTHER_TYPES, VEHICLE_TYPES, LabelTime
 from pyinfra.dataset.file_groups import fail_with_line, file_lines, joined, numbers_of
 from pyinfra.dataset.frame_tables import Predictions, Vehicles
+from pyinfra.dataset.frames import data_set_of
 from pyinfra.dataset.prediction_csv import csv_predictions
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti.read import (
@@ -51,8 +52,19 @@ def read_vehicles(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
     if (lidar_folder / "training/objects").is_dir():
         files = [kitti.frame_file(lidar_folder, "objects", frame) for frame in frames]
         time = kitti.read_label_time(lidar_folder)
-        return joined(files, lambda paths, index: _objects(paths, index, time))
+        vehicles = joined(files, lambda paths, index: _objects(paths, index, time))
+        return replace(vehicles, ids=track_ids(lidar_folder, vehicles.ids))
     return read_labelled(lidar_folder, frames)
+
+
+def track_ids(lidar_folder: Path, ids: IntArray) -> IntArray:
+    """Returns ids (n,) of objects; all are -1 (unknown) in a data set whose ids are row numbers.
+
+    Imports of earlier versions numbered the rows of recordings without tracks.
+    """
+    file = data_set_of(lidar_folder) / "dataset.yaml"
+    are_rows = file.is_file() and b"\nids: rows" in file.read_bytes()
+    return np.full_like(ids, -1) if are_rows else ids
 
 
 def read_labelled(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
@@ -75,7 +87,7 @@ def other_types(
         return None
     names, counts = np.unique(vehicles.names[other], return_counts=True)
     listed = ", ".join(f"{name} ({count})" for name, count in zip(names, counts, strict=True))
-    part: kitti.Part = "objects" if vehicles.ids.max(initial=-1) >= 0 else "label_2"
+    part: kitti.Part = "objects" if (lidar_folder / "training/objects").is_dir() else "label_2"
     first = int(np.flatnonzero(other)[0])
     file = kitti.frame_file(lidar_folder, part, frames[vehicles.frame[first]])
     name = str(vehicles.names[first])
@@ -122,13 +134,14 @@ def _objects(files: Sequence[Path], frames: IntArray, label_time: LabelTime) -> 
     rows = [
         [*row[1:2], *row[:1], *row[2:]] for group in cells if group is not None for row in group
     ]
-    known = None not in cells and all(row[0] for row in rows)
-    values = numbers_of(rows, len(kitti.OBJECT_COLUMNS), 1) if known else None
+    complete = None not in cells and all(row[0] for row in rows)
+    values = numbers_of(rows, len(kitti.OBJECT_COLUMNS), 1) if complete else None
     if values is None or not rules_hold(values, OBJECT_NUMBERS, OBJECT_RULES):
         fail_with_line(files, kitti.read_objects)
     frame = np.repeat(frames, [len(text) - 1 for text in texts])
     ids = values[:, 0].astype(np.int64)
-    if len(np.unique(frame * 2**31 + ids)) < len(ids):
+    known = ids >= 0
+    if len(np.unique(frame[known] * 2**31 + ids[known])) < np.count_nonzero(known):
         fail_with_line(files, kitti.read_objects)
     mid_frame = values[:, 1:8]
     scan = label_time == "scan"

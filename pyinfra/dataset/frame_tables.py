@@ -16,7 +16,7 @@ class Vehicles:
     """The n objects of several frames, in the levelled LiDAR frame."""
 
     frame: IntArray  # (n,) index into the requested frames, ascending
-    ids: IntArray  # (n,) -1 if read from labels
+    ids: IntArray  # (n,) track; -1 if it is unknown
     names: NameArray  # (n,) class
     boxes: FloatArray  # (n, 7) at the label time
     mid_frame: FloatArray  # (n, 7) at mid-frame; the region tests use these boxes

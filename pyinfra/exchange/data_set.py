@@ -19,7 +19,7 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-from pyinfra.core.arrays import BoolArray, FloatArray, NameArray, Points
+from pyinfra.core.arrays import BoolArray, FloatArray, NameArray, Points, Records
 from pyinfra.core.boxes import points_in_boxes
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.files import write
@@ -157,7 +157,7 @@ def write_description(data: Path, scene: str, tracks_sha256: str) -> None:
         "aggregation": RECORDED,
         "seed": 0,
         "version": __version__,
-        "ids": "tracks" if tracks_sha256 else "rows",
+        "ids": "tracks" if tracks_sha256 else "unknown",
     }
     if tracks_sha256:
         lines["tracks_sha256"] = tracks_sha256
@@ -194,7 +194,8 @@ def _write_frame(
     fields = None if frame.fields is None else frame.fields[keep]
     types = types_of(frame.boxes.names, facts.types)
     labels = Labels(types, frame.boxes.boxes, None)
-    objects = objects_of(points, frame.boxes, types, period_s)
+    boxes = frame.boxes if fields is None else with_ids(frame.boxes, points, fields)
+    objects = objects_of(points, boxes, types, period_s)
     kitti.write_frame(out, number, points, labels, objects=objects, fields=fields)
     summary.frames += 1
     summary.points += len(points)
@@ -220,12 +221,12 @@ def objects_of(points: Points, boxes: Boxes, types: NameArray, period_s: float) 
     Annotators draw boxes around the points, so the boxes show the objects at scan time. The scan
     time is unknown, so the boxes are also used as the boxes at mid-frame. Recordings do not state
     which point belongs to which object, so all counts are the number of points in the box. The
-    speed is unknown and written as 0.
+    speed is unknown and written as 0, and an unknown id as -1.
     """
     n = len(boxes)
     counts = points_in_boxes(points, boxes.boxes)
     return Objects(
-        ids=np.arange(n) if boxes.ids is None else boxes.ids,
+        ids=np.full(n, -1) if boxes.ids is None else boxes.ids,
         names=types,
         boxes=boxes.boxes,
         speed=np.zeros(n),
@@ -237,6 +238,25 @@ def objects_of(points: Points, boxes: Boxes, types: NameArray, period_s: float) 
         scan_time_s=np.full(n, period_s / 2),
         points_in_scan_box=counts,
     )
+
+
+def with_ids(boxes: Boxes, points: Points, fields: Records) -> Boxes:
+    """Returns boxes without ids with the ids that the points inside them have in `fields`.
+
+    An id belongs to the box with most of its points, and a box has the id of most points. The ids
+    of all other boxes are -1 (unknown). Boxes with ids are returned unchanged.
+    """
+    owners = np.unique(fields["object_id"][fields["object_id"] >= 0])
+    if boxes.ids is not None or len(owners) == 0 or len(boxes) == 0:
+        return boxes
+    inside = [
+        points_in_boxes(points[fields["object_id"] == owner], boxes.boxes) for owner in owners
+    ]
+    counts = np.stack(inside, axis=1)  # (boxes, owners)
+    best = counts.argmax(axis=1)
+    k = np.arange(len(boxes))
+    agreed = (counts.argmax(axis=0)[best] == k) & (counts[k, best] > 0)
+    return replace(boxes, ids=np.where(agreed, owners[best].astype(np.int64), -1))
 
 
 def _in_sensor_frame(points: Points, T_levelled_sensor: FloatArray) -> Points:

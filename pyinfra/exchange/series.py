@@ -14,11 +14,12 @@ from pyinfra.core.boxes import points_in_boxes
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.files import write
 from pyinfra.core.vocabulary import LabelTime
-from pyinfra.dataset.frame_readers import read_cameras
+from pyinfra.dataset.frame_readers import read_cameras, track_ids
 from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Objects
 
+NEW_IDS = 2**30  # first id of objects without an id, beside objects with ids
 # Keys of dataset.yaml that are part of the provenance.
 _KEYS = ("name", "preset", "aggregation", "label_time", "seed", "version")
 
@@ -69,8 +70,8 @@ def read_series(lidar_folder: Path) -> FrameSeries:
         lidar=name,
         scene=scene,
         provenance={key: provenance[key] for key in _KEYS if key in provenance},
-        # A recording without tracks has `ids: rows` in dataset.yaml. Label files have no ids.
-        ids_are_tracks=has_objects and provenance.get("ids") != "rows",
+        # Label files have no ids.
+        ids_are_tracks=has_objects and provenance.get("ids") not in ("rows", "unknown"),
         period_s=lidar.period_s if lidar else PERIOD_S,
         label_time=lidar.label_time if lidar else "frame",
         T_world_lidar=lidar.T_world_levelled if lidar else kitti.WorldPose(0, 0, 0, 0),
@@ -81,18 +82,20 @@ def read_frames(series: FrameSeries, numbers: Sequence[int]) -> Iterator[StoredF
     """Yields the frames of ascending numbers, with one frame in memory at a time.
 
     If the folder has no `objects`, the boxes come from the labels. Their speed is NaN and their
-    visibility is -1. If ids do not identify tracks, every box gets a new id. Raises
+    visibility is -1. Every box without an id gets a new one. Raises
     FileNotFoundError for an incomplete frame, FormatError, and Error if the numbers do not ascend.
     """
-    folder, before, named = series.lidar_folder, -1, 0
+    folder, before = series.lidar_folder, -1
+    named = NEW_IDS if series.ids_are_tracks else 0
     for number in numbers:
         if number <= before:
             raise Error(f"expected ascending frame numbers, got {number} after {before}")
         points = kitti.read_points(kitti.frame_file(folder, "velodyne", number))
         objects = _boxes(series, number, points)
-        if not series.ids_are_tracks:
-            objects = replace(objects, ids=np.arange(named, named + len(objects)))
-            named += len(objects)
+        unknown = objects.ids < 0
+        ids = np.where(unknown, named + np.cumsum(unknown) - 1, objects.ids)
+        named += int(unknown.sum())
+        objects = replace(objects, ids=ids)
         yield StoredFrame(
             number=number,
             start_s=number * series.period_s,
@@ -145,6 +148,7 @@ def _boxes(series: FrameSeries, number: int, points: Points) -> Objects:
     if not (folder / "training/objects").is_dir():
         return _labels(series, number, points)
     objects = kitti.read_objects(kitti.frame_file(folder, "objects", number))
+    objects = replace(objects, ids=track_ids(folder, objects.ids))
     if series.label_time == "frame":
         return objects
     return replace(objects, boxes=objects.scan_boxes, points_in_box=objects.points_in_scan_box)

@@ -68,9 +68,8 @@ def validate(
     types = Settings().types
     findings += ground_truth_findings(folder, frames, vehicles, types)
     labelled = read_labelled(folder, frames)  # the label files, which other tools read
-    if vehicles.ids.max(initial=-1) >= 0 and (
-        other := other_types(folder, frames, labelled, types)
-    ):
+    has_objects = (folder / "training/objects").is_dir()
+    if has_objects and (other := other_types(folder, frames, labelled, types)):
         findings.append(Finding("warning", "other-types", other))
     findings += [*_labels(folder, frames), *_clouds(folder, frames), *_ranges(folder, vehicles)]
     findings += [*_sizes(folder, frames), *_counts(folder, frames)]

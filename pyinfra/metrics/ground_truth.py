@@ -212,9 +212,13 @@ def with_absent(
 
 
 def _unknown(vehicles: Vehicles, others: Vehicles) -> BoolArray:
-    """Returns which rows of `others` have no row of the same frame and id in `vehicles`: (n,)."""
-    base = 1 + max(vehicles.ids.max(initial=0), others.ids.max(initial=0))
-    return ~np.isin(others.frame * base + others.ids, vehicles.frame * base + vehicles.ids)
+    """Returns which rows of `others` have no row of the same frame and id in `vehicles`: (n,).
+
+    A row without an id (-1) has none.
+    """
+    base = 2 + max(vehicles.ids.max(initial=0), others.ids.max(initial=0))
+    keys, known = (v.frame * base + v.ids + 1 for v in (others, vehicles))
+    return ~np.isin(keys, known) | (others.ids < 0)
 
 
 def _with(vehicles: Vehicles, extra: Vehicles) -> Vehicles:

@@ -24,6 +24,8 @@ from pyinfra.core.errors import Error
 SLOT_S = 1.0  # unit of time that is resampled as a whole
 BLOCK_STEP_S = 5.0  # block lengths are multiples of this, so that they agree between LiDARs
 LEAST_BLOCK_S = 20.0  # least block length, because false positives can outlast vehicles
+# Block length for vehicles without ids, whose stay is unknown. It suits a motorway.
+UNKNOWN_BLOCK_S = 20.0
 REPLICATES = 1000
 SEED = 1
 MIN_BLOCKS = 4.0  # least number of blocks for an interval
@@ -132,10 +134,13 @@ def block_seconds(frame: IntArray, ids: IntArray, apart_s: float) -> float:
     multiple of BLOCK_STEP_S, and at least LEAST_BLOCK_S. If a vehicle is detected either in all of
     its frames or in none, errors are correlated for as long as the vehicle stays.
 
-    frame, ids: (n,) frame and id of each vehicle that any LiDAR can detect. apart_s: time between
+    frame, ids: (n,) frame and id of each vehicle that any LiDAR can detect. Rows with the id -1
+    (unknown) are left out; the length is UNKNOWN_BLOCK_S if no id is known. apart_s: time between
     two frames, in seconds.
     """
-    stay = np.unique(ids, return_counts=True)[1].astype(np.float64)
+    if len(ids) and ids.max() < 0:
+        return UNKNOWN_BLOCK_S
+    stay = np.unique(ids[ids >= 0], return_counts=True)[1].astype(np.float64)
     seconds = apart_s * float((stay**2).sum() / stay.sum()) if len(stay) else 0.0
     return max(LEAST_BLOCK_S, BLOCK_STEP_S * math.ceil(seconds / BLOCK_STEP_S - 1e-9))
 

@@ -31,9 +31,6 @@ from pyinfra.metrics.matching import (
 )
 from pyinfra.metrics.settings import Settings
 
-# Block length in seconds for vehicles without ids, whose stay is unknown. It suits a motorway.
-LABELS_BLOCK_S = 20.0
-
 
 def are_people(types: Iterable[str]) -> bool:
     """Returns whether all types are pedestrians or cyclists, which have special rules."""
@@ -143,14 +140,14 @@ def blocks_of(truth: GroundTruth, settings: Settings, *, present: bool = False) 
 
 
 def block_seconds(truth: GroundTruth, *, people: bool = False, present: bool = False) -> float:
-    """Returns the block length: the stay of visible vehicles, or LABELS_BLOCK_S without ids.
+    """Returns the block length: the stay of visible vehicles, or UNKNOWN_BLOCK_S without ids.
 
     people: whether to use the stay of pedestrians and cyclists only. Otherwise pedestrians and
     cyclists beside the carriageway are left out, because they stay longer. present: whether to use
     all vehicles of the region, visible or not.
     """
     if not truth.has_objects:
-        return LABELS_BLOCK_S
+        return intervals.UNKNOWN_BLOCK_S
     if present:
         beside_m = FOOTWAYS_M if people else 0.0
         vehicles = truth.vehicles.select(truth.places(truth.vehicles.mid_frame, beside_m).inside)

@@ -16,6 +16,7 @@ from pyinfra.dataset.data_set import (
     read_owners,
     road_level,
 )
+from pyinfra.dataset.frame_readers import track_ids
 from pyinfra.formats import kitti
 from pyinfra.metrics.intervals import Blocks, block_seconds, time_blocks
 
@@ -29,7 +30,7 @@ class Observations:
 
     lidars: tuple[str, ...]  # L names, the order of the columns below
     frame: IntArray  # (n,)
-    ids: IntArray  # (n,)
+    ids: IntArray  # (n,) track; -1 if it is unknown
     centre: FloatArray  # (n, 3) centre of the box, levelled LiDAR frame, metres
     distance: FloatArray  # (n,) horizontal, sensor to box centre, metres
     speed: FloatArray  # (n,) m/s
@@ -89,6 +90,8 @@ def blocks_of(data: DataSet, vehicles: Observations, frames: IntArray | None = N
 def read_observations(data: DataSet, *, above_road: bool = False) -> Observations:
     """Reads all vehicles of all frames; rows of several LiDARs are joined by frame and id.
 
+    Rows with the id -1 (unknown) are not joined.
+
     above_road: whether to count only points above road level; `points_in_box` does not change. With
     `above_road`, raises Error if the roads are not level, and FileNotFoundError if the folder
     `fields` is missing.
@@ -113,7 +116,7 @@ def read_observations(data: DataSet, *, above_road: bool = False) -> Observation
     return Observations(
         lidars=data.names,
         frame=unique[:, 0],
-        ids=unique[:, 1],
+        ids=np.maximum(unique[:, 1], -1),
         centre=centre,
         distance=values[:, 3],
         speed=values[:, 4],
@@ -142,8 +145,10 @@ def accumulated(vehicles: Observations, frames: Sequence[int], count: int) -> Ob
     """Returns the vehicles in the last frame of each run of `count` consecutive frames.
 
     The points on a vehicle are summed over the run. All other columns are those of the last frame.
-    Raises Error if there is no such run.
+    Raises Error if there is no such run, or if the id of a vehicle is unknown.
     """
+    if (vehicles.ids < 0).any():
+        raise Error("accumulate: expected vehicles with track ids, got a recording without tracks")
     newest = vehicles.select(np.isin(vehicles.frame, ends_of_runs(frames, count)))
     keys = np.stack([vehicles.frame, vehicles.ids], axis=1)
     points, in_box = np.zeros_like(newest.points), np.zeros_like(newest.points_in_box)
@@ -185,11 +190,16 @@ class _ObjectTable:
 def _read_objects(data: DataSet, lidar: int, level: float | None) -> _ObjectTable:
     folder = data.lidar_folder(data.lidars[lidar].name)
     keys, values, points = [], [], []
+    nameless = 0  # rows without an id so far; their keys are -1, -2, ...
     for frame in data.frames:
         k = kitti.read_objects(kitti.frame_file(folder, "objects", frame))
         vehicle = np.isin(k.names, VEHICLE_TYPES)
         on_vehicle = k.points if level is None else _points_above(folder, frame, k.ids, level)
-        keys.append(np.stack([np.full(len(k), frame), k.ids], axis=1)[vehicle])
+        ids = track_ids(folder, k.ids)
+        unknown = ids < 0
+        ids = np.where(unknown, -nameless - np.cumsum(unknown), ids)
+        nameless += int(unknown.sum())
+        keys.append(np.stack([np.full(len(k), frame), ids], axis=1)[vehicle])
         columns = np.column_stack([k.boxes[:, :3], k.distance, k.speed, k.visibility])
         values.append(columns[vehicle])
         points.append(np.stack([on_vehicle, k.points_in_box], axis=1)[vehicle])
@@ -200,7 +210,8 @@ def _points_above(folder: Path, frame: int, ids: IntArray, level: float) -> IntA
     """Counts the points with z above `level` (metres) on each vehicle: (k,)."""
     points = kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
     owner = read_owners(folder, frame, len(points))
-    owners, counts = np.unique(owner[points[:, 2] > level], return_counts=True)
+    owned = owner[(points[:, 2] > level) & (owner >= 0)]
+    owners, counts = np.unique(owned, return_counts=True)
     per_vehicle = np.zeros(len(ids), dtype=np.int64)
     _, vehicle_index, owner_index = np.intersect1d(ids, owners, return_indices=True)
     per_vehicle[vehicle_index] = counts[owner_index]
@@ -212,10 +223,10 @@ def _rows(sorted_keys: IntArray, keys: IntArray) -> IntArray:
 
     It is the index of the first sorted key that is not smaller than the key.
     """
-    base = int(sorted_keys[:, 1].max(initial=0)) + 1
-    return np.searchsorted(
-        sorted_keys[:, 0] * base + sorted_keys[:, 1], keys[:, 0] * base + keys[:, 1]
-    ).astype(np.int64)
+    ids = np.concatenate([sorted_keys[:, 1], keys[:, 1], [0]])
+    low, base = int(ids.min()), int(np.ptp(ids)) + 1
+    wanted, known = (k[:, 0] * base + k[:, 1] - low for k in (keys, sorted_keys))
+    return np.searchsorted(known, wanted).astype(np.int64)
 
 
 def moving(vehicles: Observations, min_speed: float = 1.0) -> BoolArray:

@@ -115,14 +115,14 @@ def choose_vehicles(scene: Scene, frame: int) -> list[Vehicle | None]:
 def vehicle_points(lidar_folder: Path, vehicle: Vehicle) -> FloatArray:
     """Returns a vehicle's points (n, 3), relative to the centre of its box, x forward.
 
-    They are the points with the vehicle's object_id. If the frame has no `fields` file, they are
-    the points above the road that are inside the box with a margin of MARGIN_M.
+    They are the points with the vehicle's object_id. If the frame has no `fields` file, or the
+    vehicle's id is unknown, they are the points above the road that are inside the box with a margin of MARGIN_M.
     """
     velodyne = kitti.frame_file(lidar_folder, "velodyne", vehicle.frame)
     xyz = kitti.read_points(velodyne)[:, :3].astype(np.float64)
     cos, sin = np.cos(vehicle.box[6]), np.sin(vehicle.box[6])
     local = (xyz - vehicle.box[:3]) @ np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
-    if kitti.frame_file(lidar_folder, "fields", vehicle.frame).is_file():
+    if vehicle.id >= 0 and kitti.frame_file(lidar_folder, "fields", vehicle.frame).is_file():
         return np.asarray(local[read_owners(lidar_folder, vehicle.frame, len(xyz)) == vehicle.id])
     high = vehicle.box[3:6] / 2 + MARGIN_M
     low = -high
@@ -143,7 +143,8 @@ def _vehicles(scene: Scene, frames: Sequence[int]) -> list[Vehicle]:
         ]
         in_view = np.stack(views, axis=1)
         for i, box in enumerate(table.mid_frame):  # the boxes are the same for all LiDARs
-            key = (frames[table.frame[i]], int(table.ids[i]))
+            number = int(table.ids[i])
+            key = (frames[table.frame[i]], number if number >= 0 else -1 - i)
             by_id[key] = Vehicle(*key, box, float(np.hypot(box[0], box[1])), tuple(in_view[i]))
     return list(by_id.values())
 
@@ -157,7 +158,8 @@ def _column_title(vehicle: Vehicle | None, distance: float, frame: int) -> str:
     if vehicle is None:
         return f"about {distance:g} m:\nno {CLASS.lower()}"
     when = "" if vehicle.frame == frame else f", frame {vehicle.frame}"
-    return f"about {distance:g} m:\n{CLASS.lower()} {vehicle.id}{when}"
+    name = f" {vehicle.id}" if vehicle.id >= 0 else ""
+    return f"about {distance:g} m:\n{CLASS.lower()}{name}{when}"
 
 
 def _draw_cutout(axes: Axes, box: FloatArray, points: FloatArray) -> None:

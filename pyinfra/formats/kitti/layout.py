@@ -38,7 +38,7 @@ FARTHEST_M = 10_000.0
 class Objects:
     """The k objects within range of a LiDAR in one frame, with or without returns."""
 
-    ids: IntArray  # (k,)
+    ids: IntArray  # (k,) track; -1 if it is unknown
     names: NameArray  # (k,) class
     boxes: FloatArray  # (k, 7) x y z dx dy dz heading, at mid-frame
     speed: FloatArray  # (k,) m/s

@@ -62,7 +62,8 @@ OBJECT_RULES = (
     _position("scan_x scan_y scan_z"),
     _angle("scan_heading"),
     between(["scan_time_s"], _EARLIEST_S, _LONGEST_FRAME_S),
-    between(["id", "points", *_COUNTS_IN_BOXES], 0, _MOST, whole=True),
+    between(["id"], -1, _MOST, whole=True),
+    between(["points", *_COUNTS_IN_BOXES], 0, _MOST, whole=True),
     ColumnRule(
         _COUNTS_IN_BOXES,
         lambda v, points: v <= points,
@@ -134,9 +135,10 @@ def read_objects(file: Path) -> Objects:
         raise FormatError(f"{file}:1: expected '{','.join(OBJECT_COLUMNS)}', got '{header}'")
     table = NamedRows(file, range(2, 2 + len(rows)), rows, OBJECT_COLUMNS, "class")
     table.check(OBJECT_RULES)
-    ids, first = np.unique(table["id"], return_index=True)
-    if len(ids) < len(rows):
-        again = min(set(range(len(rows))) - set(first.tolist()))
+    known = np.flatnonzero(table["id"] >= 0)
+    ids, first = np.unique(table["id"][known], return_index=True)
+    if len(ids) < len(known):
+        again = int(np.delete(known, first).min())
         table.fail(again, f"{table['id'][again]:.0f} twice", "each id once per frame", "id")
     pitch = _pitch(file, lines) if header == PITCHED_HEADER else None
     boxes = np.stack([table[c] for c in OBJECT_COLUMNS[2:9]], axis=1)

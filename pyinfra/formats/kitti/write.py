@@ -64,7 +64,8 @@ def write_objects(file: Path, objects: Objects) -> None:
         raise Error("objects: expected values in range, got a value out of range")
     if pitch is not None and not (np.abs(pitch) <= 2 * np.pi).all():
         raise Error("objects: expected a pitch from -2 pi to 2 pi, got another value")
-    if len(np.unique(o.ids)) < len(o):
+    known = o.ids[o.ids >= 0]
+    if len(np.unique(known)) < len(known):
         raise Error("objects: expected each id once per frame, got an id twice")
     lines = [",".join(OBJECT_COLUMNS) if pitch is None else PITCHED_HEADER]
     for i in range(len(o)):
