@@ -11,22 +11,36 @@ Each public name is imported when it is first used. This keeps `import pyinfra` 
 """
 
 import importlib
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pyinfra.api import benchmark, train
     from pyinfra.conversion import export, import_map, import_recording
-    from pyinfra.core.errors import Error
+    from pyinfra.core.errors import Error, FindingWarning
     from pyinfra.core.version import __version__
+    from pyinfra.dataset.frame_sequence import FrameSequence, LidarFrame
+    from pyinfra.dataset.lists import list_lidars, list_presets, list_scenes
     from pyinfra.dataset.loading import load_dataset, load_lidar, load_scene, simulate
+    from pyinfra.dataset.simulation import Lidar, World
     from pyinfra.experiments.option_table import recommend
     from pyinfra.experiments.planner.candidates import PoseGrid
-    from pyinfra.experiments.planner.plan import plan
+    from pyinfra.experiments.planner.plan import Plan, plan
     from pyinfra.experiments.stress.runner import stress
     from pyinfra.metrics.compare import compare
+    from pyinfra.metrics.comparison import Interval
     from pyinfra.metrics.evaluate import evaluate
+    from pyinfra.metrics.evaluation_result import Evaluation
     from pyinfra.metrics.settings import Settings
-    from pyinfra.models.inference.boxes_table import detect, load_detector
+    from pyinfra.models.inference.boxes_table import (
+        TrainedDetector,
+        detect,
+        list_detectors,
+        load_detector,
+        register_detector,
+    )
+    from pyinfra.models.inference.detections import Detections
     from pyinfra.tracking.counts import count
     from pyinfra.tracking.evaluation import evaluate_tracks
     from pyinfra.tracking.tracker import TrackSettings
@@ -35,10 +49,20 @@ if TYPE_CHECKING:
     from pyinfra.viz.plots import plot_ap_by_distance, plot_scene, plot_stress
 
 _MODULES = {
+    "Detections": "pyinfra.models.inference.detections",
     "Error": "pyinfra.core.errors",
+    "Evaluation": "pyinfra.metrics.evaluation_result",
+    "FindingWarning": "pyinfra.core.errors",
+    "FrameSequence": "pyinfra.dataset.frame_sequence",
+    "Interval": "pyinfra.metrics.comparison",
+    "Lidar": "pyinfra.dataset.simulation",
+    "LidarFrame": "pyinfra.dataset.frame_sequence",
+    "Plan": "pyinfra.experiments.planner.plan",
     "PoseGrid": "pyinfra.experiments.planner.candidates",
     "Settings": "pyinfra.metrics.settings",
     "TrackSettings": "pyinfra.tracking.tracker",
+    "TrainedDetector": "pyinfra.models.inference.boxes_table",
+    "World": "pyinfra.dataset.simulation",
     "__version__": "pyinfra.core.version",
     "benchmark": "pyinfra.api",
     "compare": "pyinfra.metrics.compare",
@@ -49,6 +73,10 @@ _MODULES = {
     "export": "pyinfra.conversion",
     "import_map": "pyinfra.conversion",
     "import_recording": "pyinfra.conversion",
+    "list_detectors": "pyinfra.models.inference.boxes_table",
+    "list_lidars": "pyinfra.dataset.lists",
+    "list_presets": "pyinfra.dataset.lists",
+    "list_scenes": "pyinfra.dataset.lists",
     "load_dataset": "pyinfra.dataset.loading",
     "load_detector": "pyinfra.models.inference.boxes_table",
     "load_lidar": "pyinfra.dataset.loading",
@@ -59,6 +87,7 @@ _MODULES = {
     "plot_scene": "pyinfra.viz.plots",
     "plot_stress": "pyinfra.viz.plots",
     "recommend": "pyinfra.experiments.option_table",
+    "register_detector": "pyinfra.models.inference.boxes_table",
     "simulate": "pyinfra.dataset.loading",
     "stress": "pyinfra.experiments.stress.runner",
     "track": "pyinfra.tracking.tracks",
@@ -66,10 +95,20 @@ _MODULES = {
 }
 
 __all__ = [
+    "Detections",
     "Error",
+    "Evaluation",
+    "FindingWarning",
+    "FrameSequence",
+    "Interval",
+    "Lidar",
+    "LidarFrame",
+    "Plan",
     "PoseGrid",
     "Settings",
     "TrackSettings",
+    "TrainedDetector",
+    "World",
     "__version__",
     "benchmark",
     "compare",
@@ -80,6 +119,10 @@ __all__ = [
     "export",
     "import_map",
     "import_recording",
+    "list_detectors",
+    "list_lidars",
+    "list_presets",
+    "list_scenes",
     "load_dataset",
     "load_detector",
     "load_lidar",
@@ -90,11 +133,37 @@ __all__ = [
     "plot_scene",
     "plot_stress",
     "recommend",
+    "register_detector",
     "simulate",
     "stress",
     "track",
     "train",
 ]
+
+
+def _check_no_namesake() -> None:
+    """Raises ImportError if the `pyinfra` of PyPI shares this folder, and warns if it is elsewhere.
+
+    That package, a tool for servers, has the same import name. Its folder `operations` shows it.
+    """
+    here = Path(__file__).parent
+    folders = [here, *(Path(folder, "pyinfra") for folder in sys.path)]
+    other = next((f for f in folders if (f / "operations/__init__.py").is_file()), None)
+    if not other:
+        return
+    text = (
+        f"the package 'pyinfra' of PyPI (a tool for servers) is in {other} and has the import name "
+        "of this package; use an environment of its own for infrasim, or run: pip uninstall "
+        "pyinfra infrasim, then: pip install infrasim"
+    )
+    if other == here:
+        raise ImportError(text)
+    import warnings
+
+    warnings.warn(text, stacklevel=3)
+
+
+_check_no_namesake()
 
 
 def __getattr__(name: str) -> object:

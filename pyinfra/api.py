@@ -6,18 +6,24 @@ The other public functions are in `conversion.py` and in the packages on lower l
 
 from __future__ import annotations
 
+import atexit
+import math
 import os
+import shutil
+import tempfile
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from pyinfra.core.errors import Error
-from pyinfra.core.names import StrPath, check_name, file_or_name
+from pyinfra.core.names import StrPath, check_name, file_or_name, path_of
 from pyinfra.core.public import CALLER, public
 from pyinfra.dataset.catalogue import shipped
+from pyinfra.dataset.frame_sequence import FrameSequence
 
 if TYPE_CHECKING:
     from pyinfra.core.vocabulary import Tier
@@ -26,16 +32,18 @@ if TYPE_CHECKING:
 Progress = Callable[[str], None]
 
 
-@public
+@public(seed=(0, 2**63), steps=(0, 10_000_000))
 def train(
     config: StrPath,
-    folders: StrPath | Sequence[StrPath],
+    frames: FrameSequence | StrPath | Sequence[FrameSequence | StrPath],
     *,
-    work: StrPath,
+    work: StrPath | None = None,
+    steps: int | None = None,
     tier: Tier = "quick",
     start: StrPath | None = None,
     seed: int = 1,
     device: str = "cpu",
+    augment: Callable[..., Any] | None = None,
 ) -> TrainedDetector:
     """Trains a detector, or resumes a training that was stopped.
 
@@ -44,12 +52,17 @@ def train(
     Parameters
     ----------
     config : a name (`pointpillars`, `centerpoint-pillar`, `generalist`, ...) or a file
-    folders : folders of LiDARs whose train frames are used
-    work : output folder of checkpoints and log
+    frames : frames of `simulate` or `load_dataset`, which are all used; or folders of LiDARs, whose
+        train frames are used; or a list of these
+    work : output folder of checkpoints and log; by default a temporary folder, which is removed
+        when the process ends (`TrainedDetector.save` keeps the weights)
+    steps : number of training steps; by default that of the tier
     tier : `smoke` (a quick check), `quick` (minutes) or `full`
     start : a model whose weights are the initial weights of the training
     seed : seed of the initial weights, the sample order and the augmentation
     device : torch device
+    augment : further augmentation: a function of points (n, 4), boxes (k, 7), z from the road, and
+        a NumPy random generator, which returns points and boxes. It must keep the number of boxes
 
     Returns
     -------
@@ -71,28 +84,43 @@ def train(
     ...     detections = pi.detect(model, data)
     >>> len(detections) > 0
     True
+    >>> model = pi.train("background", frames)
+    >>> len(pi.detect(model, frames)) > 0
+    True
     """
     from pyinfra.core.vocabulary import TIERS
     from pyinfra.models.inference.boxes_table import load_detector
     from pyinfra.models.training import train as training
     from pyinfra.models.training.recipe import read_recipe
-    from pyinfra.models.training.sources import read_source
+    from pyinfra.models.training.sources import read_source, sequence_source
 
     check_name(tier, TIERS, "tier")
-    paths = [folders] if isinstance(folders, (str, os.PathLike)) else folders
-    if not paths:
-        raise Error("folders: expected one or more, got none")
+    several = isinstance(frames, (list, tuple))
+    given = list(frames) if several else [frames]
+    if not given:
+        raise Error("frames: expected one or more, got none")
     recipe = read_recipe(file_or_name(config, shipped("detectors"), "config"), tier)
+    if steps is not None:
+        recipe = replace(recipe, learning=replace(recipe.learning, steps=steps))
+    recipe = replace(recipe, hook=augment)
+    if work is None:
+        work = tempfile.mkdtemp(prefix="pyinfra_train_")
+        atexit.register(shutil.rmtree, work, ignore_errors=True)
     if start is not None:
         recipe = recipe.begun_with(Path(start))
-    sources = [read_source(Path(path), tier, classes=recipe.classes) for path in paths]
+    sources = [
+        sequence_source(one, tier, recipe.classes)
+        if isinstance(one, FrameSequence)
+        else read_source(path_of(one, "frames"), tier, classes=recipe.classes)
+        for one in given
+    ]
     for text in filter(None, (source.read_warning() for source in sources)):
         warnings.warn(f"other-types: {text}", stacklevel=CALLER)
-    model = training.train(recipe, sources, Path(work), seed=seed, device=device, quiet=True)
+    model = training.train(recipe, sources, Path(work), seed=seed, device=device)
     return load_detector(model, device=device)
 
 
-@public
+@public(jobs=(1, math.inf))
 def benchmark(
     config: StrPath,
     out: StrPath,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import tempfile
 import warnings
 from collections.abc import Mapping
@@ -16,7 +17,7 @@ from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, Simula
 from pyinfra.dataset.loading import load_dataset, one_lidar
 
 
-@public
+@public(vehicles_per_hour=(0, math.inf), seed=(0, 2**31 - 1))
 def import_map(
     file: StrPath,
     out: StrPath,
@@ -91,7 +92,7 @@ def import_map(
     return folder / "site.yaml"
 
 
-@public
+@public()
 def import_recording(
     source: StrPath,
     format: str,
@@ -171,14 +172,15 @@ def import_recording(
     return loaded
 
 
-@public
+@public()
 def export(frames: FrameSequence | StrPath, format: str, out: StrPath) -> Path:
     """Writes frames of one LiDAR in the format of another tool.
 
     Parameters
     ----------
     frames : a result of `simulate` or `load_dataset`, or a LiDAR's folder
-    format : openpcdet, mmdet3d, pcd, mcap, nuscenes or openlabel
+    format : kitti (a data set, as `infrasim run` writes it), openpcdet, mmdet3d, pcd, mcap,
+        nuscenes or openlabel; `docs/formats.md` lists what each format keeps
     out : new or empty folder; simulated frames are temporarily written to its parent folder
 
     Returns

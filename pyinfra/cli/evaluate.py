@@ -12,7 +12,7 @@ from pyinfra.cli.messages import with_options
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import OBJECT_CLASSES, SUBSETS, VEHICLE_TYPES
 from pyinfra.dataset.frames import frame_range
-from pyinfra.metrics.evaluate import class_settings, default_settings, evaluate, write
+from pyinfra.metrics.evaluate import class_settings, default_settings, evaluated, write
 from pyinfra.metrics.evaluation_summary import summary
 from pyinfra.metrics.matching import CENTRE_M, PERSON_IOU, Metric
 from pyinfra.metrics.settings import PROTOCOLS, Settings
@@ -103,6 +103,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_measures(parser: argparse.ArgumentParser, default: Settings) -> None:
     parser.add_argument(
         "--iou",
+        dest="ious",
         type=float,
         nargs="+",
         help=f"IoU thresholds; default: {default.ious[0]:g}, "
@@ -110,6 +111,7 @@ def add_measures(parser: argparse.ArgumentParser, default: Settings) -> None:
     )
     parser.add_argument(
         "--metric",
+        dest="metrics",
         nargs="+",
         choices=METRICS,
         help="how boxes are matched. bev: by IoU of footprints; 3d: by IoU of volumes; centre: by "
@@ -118,6 +120,7 @@ def add_measures(parser: argparse.ArgumentParser, default: Settings) -> None:
     )
     parser.add_argument(
         "--protocol",
+        dest="protocols",
         nargs="+",
         choices=PROTOCOLS,
         default=default.protocols,
@@ -152,13 +155,13 @@ def add_bootstrap(parser: argparse.ArgumentParser, default: Settings) -> None:
 def run(args: argparse.Namespace) -> int:
     ground_truths = args.ground_truth or default_settings(args.gt).ground_truths
     classes = class_types(args.classes) if args.classes else Settings().classes
-    default = class_settings(classes, custom_iou=bool(args.iou))
+    default = class_settings(classes, custom_iou=bool(args.ious))
     settings = Settings(
         classes=classes,
         ground_truths=tuple(ground_truths),
-        ious=tuple(args.iou or default.ious),
-        protocols=tuple(args.protocol),
-        metrics=tuple(args.metric or default.metrics),
+        ious=tuple(args.ious or default.ious),
+        protocols=tuple(args.protocols),
+        metrics=tuple(args.metrics or default.metrics),
         min_score=args.min_score,
         min_points=args.min_points,
         min_objects=args.min_objects,
@@ -167,7 +170,7 @@ def run(args: argparse.Namespace) -> int:
         replicates=args.replicates,
         seed=args.seed,
     )
-    evaluation = evaluate(
+    evaluation = evaluated(
         args.gt,
         args.pred,
         settings,

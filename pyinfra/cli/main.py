@@ -24,7 +24,6 @@ from pyinfra.cli.completion import SHELLS, completion_script
 from pyinfra.cli.messages import message_of, options_of, report_bug
 from pyinfra.cli.next_command import print_next
 from pyinfra.cli.parser import Parser, check_options
-from pyinfra.core import progress
 from pyinfra.core.errors import Error
 from pyinfra.core.version import __version__
 
@@ -144,8 +143,7 @@ def main(words: Sequence[str] | None = None) -> int:
         if words and words[0].startswith("--completion"):
             return print_completion(words)
         make_parser(words).parse_args(words, args)
-        with progress.shown():
-            code = int(args.run(args))
+        code = int(args.run(args))
         if code == 0:
             print_next(args.command, args)
         sys.stdout.flush()  # if the pipe was closed, this line raises BrokenPipeError

@@ -14,6 +14,10 @@ class Error(ValueError):
     exit_code = 2  # exit code of a command that fails with this error
 
 
+class FindingWarning(UserWarning):
+    """Input that the library finds suspicious, such as headings in degrees."""
+
+
 class FormatError(Error):
     """A file violates its format. The message is `file:line: expected ..., got ...`."""
 

@@ -52,7 +52,9 @@ def check_name(word: str, names: Collection[str], argument: str) -> None:
 def suggestion(word: str, names: Iterable[str]) -> str:
     """Returns a text such as `; did you mean 'highway'?`, or all names if none is similar."""
     names = sorted(names)
-    near = difflib.get_close_matches(word, names, n=3, cutoff=0.6)
+    as_written = {name.casefold(): name for name in reversed(names)}
+    near = difflib.get_close_matches(word.casefold(), as_written, n=3, cutoff=0.6)
+    near = [as_written[name] for name in near]
     if near:
         return "; did you mean " + " or ".join(f"'{name}'" for name in near) + "?"
     return f"; names: {', '.join(names)}" if names else ""

@@ -1,15 +1,15 @@
-"""The decorator of public API functions. It turns path problems into a `PathError`."""
+"""The decorator of public API functions. It checks arguments and names wrong paths."""
 
 from __future__ import annotations
 
 import errno
 import functools
-import inspect
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+from pyinfra.core.arguments import Range, checked_call
 from pyinfra.core.errors import Error
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -21,23 +21,28 @@ class PathError(Error, OSError):
     """The path in an argument is missing, of the wrong kind, not accessible, or exists already."""
 
 
-def public(function: F) -> F:
-    """Wraps a function so that wrong paths raise a PathError that names the argument.
+def public(**ranges: Range) -> Callable[[F], F]:
+    """Returns a decorator that checks arguments, and names the argument of a wrong path.
 
-    Other system errors, such as a full disk, stay OSError.
+    Arguments must fit the annotations of the function (`arguments.py`). ranges: the least and the
+    greatest number of arguments. Wrong paths raise a PathError. Other system errors, such as a full
+    disk, stay OSError.
     """
+    return lambda function: _checked(function, ranges)
 
+
+def _checked(function: F, ranges: dict[str, Range]) -> F:
     @functools.wraps(function)
     def call(*args: Any, **named: Any) -> Any:
+        given = checked_call(function, args, named, ranges)
         try:
-            return function(*args, **named)
+            return function(**given)
         except Error:
             raise
         except OSError as error:
             if error.errno not in MENDABLE:
                 raise
             text = f"{error.filename}: {error.strerror}" if error.filename else str(error)
-            given = inspect.signature(function).bind(*args, **named).arguments
             names = [name for name, path in _paths(given) if str(path) in text]
             raise PathError(": ".join([*names[:1], text])) from error
 

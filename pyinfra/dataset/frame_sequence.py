@@ -7,7 +7,7 @@ A sequence can therefore be larger than the memory.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,13 +20,17 @@ import pandas as pd
 import yaml
 
 from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray, Records
+from pyinfra.core.names import StrPath
+from pyinfra.core.present import Presented, extent_of
+from pyinfra.core.progress import track
 from pyinfra.core.version import __version__
-from pyinfra.core.vocabulary import OBJECT_NAMES, LabelTime
+from pyinfra.core.vocabulary import LabelTime
 from pyinfra.dataset.frame_readers import read_vehicles
-from pyinfra.dataset.frame_tables import Vehicles, concatenated, no_vehicles, without_points
+from pyinfra.dataset.frame_tables import Vehicles, concatenated, no_vehicles
 from pyinfra.dataset.frames import PERIOD_S, frame_numbers
 from pyinfra.dataset.frames_version import number_at
 from pyinfra.dataset.ground import Ground, ground_of, ground_of_roads
+from pyinfra.dataset.object_rows import scene_objects, table_of, vehicles_of
 from pyinfra.dataset.outlines import outlines_of
 from pyinfra.dataset.regions import Region, region_of, roads_region
 from pyinfra.dataset.roads import Road, roads_of
@@ -35,37 +39,61 @@ from pyinfra.formats import kitti
 if TYPE_CHECKING:
     from pyinfra.dataset import simulation
 
-BOX = ["x", "y", "z", "dx", "dy", "dz", "heading"]
-LABEL_COLUMNS = ["type", *BOX, "id", "points", "visibility"]
 KEPT = 16  # clouds that a sequence keeps in memory
 
 
-@dataclass(frozen=True, eq=False)
-class LidarFrame:
+class LidarFrame(Presented):
     """One frame of one LiDAR, in the levelled LiDAR frame, metres and radians.
+
+    The frame reads or simulates its contents when they are used, and keeps none of them. Each
+    access returns arrays of its own, which can be changed without any effect on other frames.
 
     Attributes
     ----------
     number : frame number in the scene or folder
     points : (n, 4) float32, x y z intensity
-    objects : type, box, id, points and visibility of each known object, with or without points
-    fields : (n,) records of the points: time_s since the start of the frame, ring, class and
+    objects : type, box, id, points and visibility of each known object, with or without points;
+        the id is -1 if it is unknown
+    labels : the objects with at least one point, with their boxes at the label time
+    fields : (n,) records of the points: time_s since the start of the frame, ring, class, echo and
         object_id (-1 for background); None if the folder has no fields
     """
 
-    number: int
-    points: Float32Array
-    objects: pd.DataFrame
-    fields: Records | None = None
+    def __init__(self, number: int, sequence: FrameSequence) -> None:
+        self.number, self._sequence = number, sequence
+
+    def alone(self) -> FrameSequence:
+        """Returns the sequence of this frame alone."""
+        return self._sequence.of([self.number])
+
+    @property
+    def points(self) -> Float32Array:
+        return self._sequence.points_of(self.number)
+
+    @property
+    def fields(self) -> Records | None:
+        return self._sequence.fields_of(self.number)
+
+    @property
+    def objects(self) -> pd.DataFrame:
+        return table_of(self._sequence.objects_of(self.number))
 
     @property
     def labels(self) -> pd.DataFrame:
-        """The objects with at least one point, with their boxes at the label time."""
-        return self.objects[self.objects.points > 0].reset_index(drop=True)
+        objects = self.objects
+        return objects[objects.points > 0].reset_index(drop=True)
+
+    def facts(self) -> dict[str, object]:
+        return {"lidar": self._sequence.name, "number": self.number}
 
 
-class FrameSequence(Sequence[LidarFrame], ABC):
-    """Frames of one LiDAR, in ascending order."""
+class FrameSequence(Presented, Sequence[LidarFrame]):
+    """Frames of one LiDAR, in ascending order.
+
+    Attributes
+    ----------
+    numbers : frame numbers, ascending
+    """
 
     numbers: tuple[int, ...]
 
@@ -75,29 +103,34 @@ class FrameSequence(Sequence[LidarFrame], ABC):
         """Name of the LiDAR."""
 
     @property
-    @abstractmethod
     def lidar(self) -> kitti.Lidar | None:
         """The LiDAR's pose, field of view and price; None for a folder without lidar.yaml."""
+        return None
 
     @property
-    @abstractmethod
     def ground(self) -> Ground | None:
         """Height of the road; None if it is unknown."""
+        return None
 
     @property
-    @abstractmethod
     def region(self) -> Region | None:
         """The evaluation region; None if it is unknown."""
+        return None
 
     @property
-    @abstractmethod
     def known(self) -> Sequence[int]:
         """Numbers of all frames in the scene or folder, including frames outside this sequence."""
+        return self.numbers
 
     @property
-    @abstractmethod
     def frames_version(self) -> str:
         """The number of the frames; empty for a recording."""
+        return ""
+
+    @property
+    def scene(self) -> str:
+        """Name of the scene or data set."""
+        return ""
 
     @property
     def period_s(self) -> float:
@@ -113,8 +146,32 @@ class FrameSequence(Sequence[LidarFrame], ABC):
         """Returns a sequence of the same LiDAR with the given frame numbers."""
 
     @abstractmethod
+    def points_of(self, number: int) -> Float32Array:
+        """Returns the points (n, 4) of a frame, as an array of its own."""
+
+    @abstractmethod
+    def fields_of(self, number: int) -> Records | None:
+        """Returns the fields (n,) of a frame; None if they are unknown."""
+
+    @abstractmethod
+    def objects_of(self, number: int) -> Vehicles:
+        """Returns the objects of a frame."""
+
+    def save(self, folder: StrPath, format: str = "kitti") -> Path:
+        """Writes the frames to a new folder, as `pyinfra.export`, and returns its path.
+
+        By default the folder is a data set, which `load_dataset` opens.
+        """
+        import pyinfra
+
+        return pyinfra.export(self, format, folder)
+
     def frame(self, number: int) -> LidarFrame:
         """Returns the frame with a given number."""
+        return LidarFrame(number, self)
+
+    def facts(self) -> dict[str, object]:
+        return {"lidar": self.name, "frames": extent_of(self.numbers), "period_s": self.period_s}
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -143,14 +200,7 @@ class FrameSequence(Sequence[LidarFrame], ABC):
         return table[table.points > 0].reset_index(drop=True)
 
 
-def table_of(vehicles: Vehicles) -> pd.DataFrame:
-    """Converts objects to a table with the columns LABEL_COLUMNS."""
-    table = pd.DataFrame({"type": vehicles.names.astype(object)})
-    table[BOX] = vehicles.boxes
-    return table.assign(id=vehicles.ids, points=vehicles.points, visibility=vehicles.visibility)
-
-
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class SimulatedFrames(FrameSequence):
     """Frames that are simulated on demand and not written to disk.
 
@@ -168,6 +218,9 @@ class SimulatedFrames(FrameSequence):
     # The points and fields of the last `kept` simulated frames.
     clouds: OrderedDict[int, tuple[Float32Array, Records]] = field(default_factory=OrderedDict)
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "clouds": OrderedDict()}
+
     @property
     def name(self) -> str:
         return self.unit.name
@@ -176,6 +229,10 @@ class SimulatedFrames(FrameSequence):
     def keys(self) -> dict[str, Any]:
         """The resolved keys of the scene."""
         return dict(yaml.safe_load(self.world.dump()))
+
+    @property
+    def scene(self) -> str:
+        return str(self.keys["name"])
 
     @cached_property
     def described(self) -> tuple[kitti.Lidar, kitti.Tilt]:
@@ -234,18 +291,29 @@ class SimulatedFrames(FrameSequence):
         }
         return replace(self, numbers=tuple(numbers), beside=beside)
 
-    def frame(self, number: int) -> LidarFrame:
-        if number in self.clouds and number in self.rows:
-            return self._frame(number, *self.clouds[number])
-        (frame,) = (self._frame(number, *cloud) for number, cloud in self._cast([number]))
-        return frame
+    def points_of(self, number: int) -> Float32Array:
+        return self._cloud(number)[0].copy()
+
+    def fields_of(self, number: int) -> Records:
+        return self._cloud(number)[1].copy()
+
+    def objects_of(self, number: int) -> Vehicles:
+        if number not in self.rows:
+            self._cloud(number)
+        return vehicles_of(self.rows[number], 0, self.label_time)
+
+    def _cloud(self, number: int) -> tuple[Float32Array, Records]:
+        if number in self.clouds:
+            return self.clouds[number]
+        ((_, cloud),) = self._cast([number])
+        return cloud
 
     def __iter__(self) -> Iterator[LidarFrame]:
-        return (self._frame(number, *cloud) for number, cloud in self._cast(self.numbers))
+        return (self.frame(number) for number, _ in self._cast(self.numbers))
 
     def vehicles(self) -> Vehicles:
         missing = [k for k in self.numbers if k not in self.rows]
-        for _ in self._cast(missing):
+        for _ in track(self._cast(missing), "frame"):
             pass
         label_time = self.label_time
         parts = [vehicles_of(self.rows[k], i, label_time) for i, k in enumerate(self.numbers)]
@@ -283,12 +351,8 @@ class SimulatedFrames(FrameSequence):
                 self.clouds.popitem(last=False)
             yield number, cloud
 
-    def _frame(self, number: int, points: Float32Array, fields: Records) -> LidarFrame:
-        objects = table_of(vehicles_of(self.rows[number], 0, self.label_time))
-        return LidarFrame(number, points, objects, fields)
 
-
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class RecordedFrames(FrameSequence):
     """Frames of a LiDAR's folder in the KITTI layout."""
 
@@ -313,6 +377,10 @@ class RecordedFrames(FrameSequence):
         return region_of(self.folder, self.lidar.T_world_levelled) if self.lidar else None
 
     @property
+    def scene(self) -> str:
+        return self.folder.resolve().parent.name
+
+    @property
     def frames_version(self) -> str:
         return number_at(self.folder)
 
@@ -323,41 +391,45 @@ class RecordedFrames(FrameSequence):
     def of(self, numbers: Sequence[int]) -> RecordedFrames:
         return RecordedFrames(self.folder, tuple(numbers))
 
-    def frame(self, number: int) -> LidarFrame:
-        points = kitti.read_points(kitti.frame_file(self.folder, "velodyne", number))
+    def points_of(self, number: int) -> Float32Array:
+        return kitti.read_points(kitti.frame_file(self.folder, "velodyne", number))
+
+    def fields_of(self, number: int) -> Records | None:
         file = kitti.frame_file(self.folder, "fields", number)
-        fields = kitti.read_fields(file) if file.is_file() else None
-        return LidarFrame(number, points, table_of(read_vehicles(self.folder, [number])), fields)
+        return kitti.read_fields(file) if file.is_file() else None
+
+    def objects_of(self, number: int) -> Vehicles:
+        return read_vehicles(self.folder, [number])
 
     def vehicles(self) -> Vehicles:
         return read_vehicles(self.folder, self.numbers)
 
 
-def vehicles_of(rows: AnyArray, frame: int, label_time: LabelTime) -> Vehicles:
-    """Converts the structured object rows of one simulated frame; `frame` is the frame's index."""
-    at = "scan_" if label_time == "scan" else ""
-    labelled = [f"{at}x", f"{at}y", f"{at}z", "dx", "dy", "dz", f"{at}heading"]
-    return Vehicles(
-        frame=np.full(len(rows), frame, dtype=np.int64),
-        ids=rows["id"].astype(np.int64),
-        names=type_names(rows),
-        boxes=np.stack([rows[name] for name in labelled], axis=1).reshape(-1, 7),
-        mid_frame=np.stack([rows[name] for name in BOX], axis=1).reshape(-1, 7),
-        points=rows["points"].astype(np.int64),
-        visibility=rows["visibility"].astype(np.float64),
-    )
+@dataclass(eq=False, repr=False)
+class ArrayFrames(FrameSequence):
+    """Clouds in memory without labels, numbered from 0."""
 
+    clouds: tuple[Float32Array, ...]  # (n, 4) each
+    numbers: tuple[int, ...]
 
-def scene_objects(rows: AnyArray, frame: int) -> Vehicles:
-    """Converts the result of `World.objects` for one frame. `frame` is the index of the frame."""
-    boxes = np.stack([rows[name] for name in BOX], axis=1).reshape(-1, 7)
-    index = np.full(len(rows), frame, dtype=np.int64)
-    return without_points(index, rows["id"].astype(np.int64), type_names(rows), boxes)
+    @property
+    def name(self) -> str:
+        return "arrays"
 
+    def of(self, numbers: Sequence[int]) -> ArrayFrames:
+        return ArrayFrames(self.clouds, tuple(numbers))
 
-def type_names(rows: AnyArray) -> AnyArray:
-    """Returns the types (k,) of structured object rows."""
-    return np.array([OBJECT_NAMES[int(c)] for c in rows["class_id"]], dtype="<U12")
+    def points_of(self, number: int) -> Float32Array:
+        return self.clouds[number].copy()
+
+    def fields_of(self, number: int) -> None:
+        return None
+
+    def objects_of(self, number: int) -> Vehicles:
+        return no_vehicles()
+
+    def vehicles(self) -> Vehicles:
+        return no_vehicles()
 
 
 def roads_of_world(world: simulation.World, name: str) -> list[Road]:

@@ -2,32 +2,55 @@
 
 from __future__ import annotations
 
+import atexit
+import json
+import math
 import operator
 import os
 import re
+import shutil
+import tempfile
+import warnings
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, TypeAlias, overload
 
-from pyinfra.core.errors import ConfigError, Error
+import numpy as np
+import numpy.typing as npt
+import yaml
+
+from pyinfra.core.arrays import Float32Array
+from pyinfra.core.errors import ConfigError, Error, FindingWarning
 from pyinfra.core.names import file_or_name, path_of
-from pyinfra.core.public import public
-from pyinfra.dataset.catalogue import shipped
-from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
+from pyinfra.core.public import CALLER, public
+from pyinfra.core.vocabulary import Preset
+from pyinfra.dataset.box_tables import on_cpu
+from pyinfra.dataset.catalogue import configs, shipped
+from pyinfra.dataset.frame_sequence import (
+    ArrayFrames,
+    FrameSequence,
+    LidarFrame,
+    RecordedFrames,
+    SimulatedFrames,
+)
 from pyinfra.dataset.frames import frame_numbers, lidars_in
 
 if TYPE_CHECKING:
     from pyinfra.dataset import simulation
 
 AnyLidar: TypeAlias = "simulation.Lidar | str | os.PathLike[str]"
+AnyFrames: TypeAlias = (
+    "FrameSequence | LidarFrame | npt.ArrayLike | Sequence[npt.ArrayLike] | str | os.PathLike[str]"
+)
 AnyLidars: TypeAlias = "list[AnyLidar] | tuple[AnyLidar, ...]"
 
 
-@public
+@public(seed=(0, 2**64 - 1))
 def load_scene(
-    scene: str | os.PathLike[str],
+    scene: str | os.PathLike[str] | Mapping[str, object],
     *,
-    preset: str = "datasheet",
+    preset: Preset = "datasheet",
     seed: int | None = None,
     set: Mapping[str, object] | None = None,
     mount: str = "",
@@ -36,7 +59,8 @@ def load_scene(
 
     Parameters
     ----------
-    scene : name of a shipped scene (`highway`, `crossroad`, ...), or a file
+    scene : name of a shipped scene (`highway`, `crossroad`, ...), a file, or a dict of the keys of
+        a scene file, in which paths are relative to the working folder
     preset : `paper`, `equal` or `datasheet`; a scene may have keys that apply to one preset only
     seed : seed of traffic and noise; by default that of the scene
     set : overrides of keys, such as `{"traffic.vehicles_per_km_lane": 20}`
@@ -59,6 +83,10 @@ def load_scene(
     """
     from pyinfra.dataset import simulation
 
+    if isinstance(scene, Mapping):
+        more = {} if seed is None else {"seed": seed}
+        keys = plain(with_overrides(scene, {**(set or {}), **more}))
+        return simulation.make_world(keys, preset=preset, mount=mount)
     file = file_or_name(scene, shipped("scenes"), "scene")
     try:
         return simulation.load_scene(file, preset=preset, seed=seed, set=set, mount=mount)
@@ -66,11 +94,11 @@ def load_scene(
         raise ConfigError(re.sub(r"--(set|mount|preset|seed)\b", r"\1", str(error))) from None
 
 
-@public
+@public()
 def load_lidar(
-    lidar: str | os.PathLike[str],
+    lidar: str | os.PathLike[str] | Mapping[str, object],
     *,
-    preset: str = "datasheet",
+    preset: Preset = "datasheet",
     rate_hz: float | None = None,
     law_exponent: float | None = None,
     echo: str | None = None,
@@ -79,7 +107,8 @@ def load_lidar(
 
     Parameters
     ----------
-    lidar : name of a shipped LiDAR (`pyinfra lidars` lists them), or a file
+    lidar : name of a shipped LiDAR (`list_lidars` returns them), a file, or a dict of the keys of a
+        LiDAR file, in which paths are relative to the working folder or to the shipped LiDARs
     preset : `paper`, `equal` or `datasheet`
     rate_hz : frames per second, 5 to 20; by default that of the file. The firing cycle of a
         spinning LiDAR stays the same, so that the number of columns per turn changes.
@@ -110,7 +139,8 @@ def load_lidar(
     """
     from pyinfra.dataset import simulation
 
-    file = file_or_name(lidar, shipped("lidars"), "lidar")
+    file = file_of_keys(lidar) if isinstance(lidar, Mapping) else None
+    file = file or file_or_name(lidar, shipped("lidars"), "lidar")
     return simulation.load_lidar(
         file, preset, rate_hz=rate_hz, law_exponent=law_exponent, echo=echo
     )
@@ -132,7 +162,7 @@ def simulate(
     *,
     threads: int | None = ...,
 ) -> dict[str, SimulatedFrames]: ...
-@public
+@public(threads=(1, math.inf))
 def simulate(
     scene: simulation.World | str | os.PathLike[str],
     lidar: AnyLidar | AnyLidars,
@@ -188,6 +218,10 @@ def simulate(
     if threads is not None and threads < 1:
         raise Error(f"threads: expected 1 or more, got {threads}")
     simulation.simulate(world, units, [])  # raises for presets or periods that do not fit
+    steps = set(np.diff(numbers).tolist())
+    for unit in units if len(steps) == 1 else ():
+        for text in unit.period_warnings(numbers[0], numbers[-1] + 1, *steps):
+            warnings.warn(text, FindingWarning, stacklevel=CALLER)
     sequences = {unit.name: SimulatedFrames(world, unit, numbers, threads) for unit in units}
     if len(sequences) < len(units):
         raise Error("lidar: expected different LiDARs, got the same LiDAR twice")
@@ -197,7 +231,7 @@ def simulate(
     return sequences if several else next(iter(sequences.values()))
 
 
-@public
+@public()
 def load_dataset(folder: str | os.PathLike[str]) -> RecordedFrames | dict[str, RecordedFrames]:
     """Opens the frames of a LiDAR's folder, or of each LiDAR of a data set, on disk.
 
@@ -226,6 +260,82 @@ def load_dataset(folder: str | os.PathLike[str]) -> RecordedFrames | dict[str, R
     {'pole': 3}
     """
     return _loaded(folder, "folder")
+
+
+def with_overrides(
+    keys: Mapping[str, object], overrides: Mapping[str, object]
+) -> dict[str, object]:
+    """Returns keys with overrides such as `{"traffic.vehicles_per_km_lane": 20}`."""
+    out = dict(keys)
+    for name, value in overrides.items():
+        first, _, rest = name.partition(".")
+        inner = out.get(first)
+        below = inner if isinstance(inner, Mapping) else {}
+        out[first] = with_overrides(below, {rest: value}) if rest else value
+    return out
+
+
+def file_of_keys(keys: Mapping[str, object]) -> Path:
+    """Returns a file with the keys of a LiDAR, which is removed when the process ends."""
+    text = yaml.safe_dump(_with_paths(plain(keys)), sort_keys=False)
+    folder = Path(tempfile.gettempdir()) / f"pyinfra_{os.getpid()}"
+    if not folder.is_dir():
+        folder.mkdir()
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    file = folder / f"{sha256(text.encode()).hexdigest()[:16]}.yaml"
+    file.write_text(text)
+    return file
+
+
+def _with_paths(value: Any, key: str = "") -> Any:
+    """Returns keys in which each `file` is absolute: in the working folder, or a shipped file."""
+    if isinstance(value, dict):
+        return {name: _with_paths(inner, name) for name, inner in value.items()}
+    if isinstance(value, list):
+        return [_with_paths(inner, key) for inner in value]
+    if key != "file" or not isinstance(value, str):
+        return value
+    ours = configs() / "lidars" / value
+    return str(Path(value).absolute() if Path(value).exists() or not ours.exists() else ours)
+
+
+def plain(keys: Mapping[str, object]) -> dict[str, object]:
+    """Returns keys with NumPy numbers and arrays as numbers and lists, and paths as texts."""
+
+    def of(value: object) -> object:
+        return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else str(value)
+
+    return dict(json.loads(json.dumps(dict(keys), default=of)))
+
+
+def sequence_of(frames: AnyFrames, argument: str) -> FrameSequence:
+    """Returns frames as a sequence: those of `one_lidar`, one frame, or clouds in memory.
+
+    Raises Error for anything else.
+    """
+    if isinstance(frames, LidarFrame):
+        return frames.alone()
+    if isinstance(frames, (FrameSequence, str, os.PathLike)):
+        return one_lidar(frames, argument)
+    several = isinstance(frames, (list, tuple)) and np.ndim(frames[0] if frames else 0) != 1
+    items = list(frames) if several else [frames]
+    clouds = [_cloud(x.points if isinstance(x, LidarFrame) else x, argument) for x in items]
+    return ArrayFrames(tuple(clouds), tuple(range(len(clouds))))
+
+
+def _cloud(value: object, argument: str) -> Float32Array:
+    """Returns points (n, 4) of an array, tensor or list (n, 3) or (n, 4)."""
+    try:
+        points = np.array(on_cpu(value), dtype=np.float32)
+    except (TypeError, ValueError):
+        points = np.empty(0, np.float32)
+    if points.ndim != 2 or points.shape[1] not in (3, 4):
+        shape = f" {points.shape}" if points.size else ""
+        raise Error(
+            f"{argument}: expected frames, a folder, points (n, 4), or a list of these points, got "
+            f"{type(value).__name__}{shape}"
+        )
+    return points if points.shape[1] == 4 else np.pad(points, ((0, 0), (0, 1)))
 
 
 def one_lidar(frames: FrameSequence | str | os.PathLike[str], argument: str) -> FrameSequence:

@@ -8,15 +8,17 @@ import numpy as np
 
 from pyinfra.core.arrays import AnyArray
 from pyinfra.core.files import write
-from pyinfra.dataset.frame_sequence import SimulatedFrames, type_names
+from pyinfra.dataset.frame_sequence import SimulatedFrames
+from pyinfra.dataset.object_rows import type_names
 from pyinfra.dataset.outlines import OUTLINES_FILE
 from pyinfra.formats import kitti
 
 
-def write_folder(frames: SimulatedFrames, data_set: Path) -> Path:
+def write_folder(frames: SimulatedFrames, data_set: Path, *, fields: bool = True) -> Path:
     """Writes a data set of one LiDAR, and returns the LiDAR's folder.
 
-    The folder `data_set` must exist. Boxes are rounded to the decimals of the layout. Clouds are
+    fields: whether to write the fields of the points. The folder `data_set` must exist. Boxes are
+    rounded to the decimals of the layout. Clouds are
     written unchanged.
     """
     lidar_folder = data_set / frames.name
@@ -37,7 +39,14 @@ def write_folder(frames: SimulatedFrames, data_set: Path) -> Path:
         with_points = objects.points > 0
         boxes = objects.label_boxes(label_time)[with_points]
         labels = kitti.Labels(objects.names[with_points], boxes, None)
-        kitti.write_frame(lidar_folder, frame.number, frame.points, labels, objects=objects)
+        kitti.write_frame(
+            lidar_folder,
+            frame.number,
+            frame.points,
+            labels,
+            objects=objects,
+            fields=frame.fields if fields else None,
+        )
     return lidar_folder
 
 

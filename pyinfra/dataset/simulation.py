@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import copyreg
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias, TypeVar
 from warnings import warn
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import yaml
@@ -70,6 +73,26 @@ __all__ = [
     "simulate",
 ]
 
+Made = TypeVar("Made", World, Lidar)
+_RECIPES: WeakKeyDictionary[Any, Callable[[], Any]] = WeakKeyDictionary()  # for pickling
+
+
+def _remembered(made: Made, recipe: Callable[[], Made]) -> Made:
+    """Keeps the function that makes an object again, in this or in another process."""
+    _RECIPES[made] = recipe
+    return made
+
+
+def _reduced(made: World | Lidar) -> tuple[Callable[[], Any], tuple[()]]:
+    if made not in _RECIPES:
+        name = type(made).__name__
+        raise Error(f"{name}: expected a result of load_scene or load_lidar to pickle, got a copy")
+    return _RECIPES[made], ()
+
+
+for _kind in (World, Lidar):
+    copyreg.pickle(_kind, _reduced)
+
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # CSafeDumper is faster
 
 
@@ -105,7 +128,8 @@ def load_scene(
     assignments = [f"{key}={_yaml(value)}" for key, value in (set or {}).items()]
     if seed is not None:
         assignments.append(f"seed={seed}")
-    return World(str(file), assignments, preset, mount)
+    make = partial(World, str(Path(file).absolute()), assignments, preset, mount)
+    return _remembered(World(str(file), assignments, preset, mount), make)
 
 
 def load_observer(
@@ -138,7 +162,8 @@ def make_world(scene: Mapping[str, object], *, preset: str = "datasheet", mount:
     folder. Raises ConfigError and IoError.
     """
     text = yaml.dump(dict(scene), Dumper=_DUMPER, sort_keys=False, default_flow_style=None)
-    return World.of_text(text, str(scene.get("name", "scene")), preset, mount)
+    make = partial(World.of_text, text, str(scene.get("name", "scene")), preset, mount)
+    return _remembered(make(), make)
 
 
 def load_lidar(
@@ -160,7 +185,9 @@ def load_lidar(
         lidar = lidar.with_rate(rate_hz)
     if law_exponent is not None:
         lidar = lidar.with_law_exponent(law_exponent)
-    return lidar if echo is None else lidar.with_echo(echo)
+    lidar = lidar if echo is None else lidar.with_echo(echo)
+    options = {"rate_hz": rate_hz, "law_exponent": law_exponent, "echo": echo}
+    return _remembered(lidar, partial(load_lidar, Path(file).absolute(), preset, **options))
 
 
 def label_time(scene: World, lidar: Lidar) -> LabelTime:
@@ -259,6 +286,10 @@ def scan_pattern(
 def _yaml(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key}: {_yaml(v)}" for key, v in value.items()) + "}"
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(_yaml(v) for v in value) + "]"
     return str(value)

@@ -67,6 +67,7 @@ class ImportSummary:
     bad: list[str] = field(default_factory=list)  # frames that could not be read, and why
     assumed: tuple[str, ...] = ()
     types: Counter[str] = field(default_factory=Counter)
+    tracked: int = 0  # number of labels whose track is known
     wide: int = 0  # number of labelled vehicles that are wider than long
     bottoms: list[FloatArray] = field(default_factory=list)  # z of the vehicles' bottoms
     coverage: Coverage = field(default_factory=Coverage)
@@ -135,10 +136,11 @@ def write_lidar(
     return summary
 
 
-def write_description(data: Path, scene: str, tracks_sha256: str) -> None:
+def write_description(data: Path, scene: str, tracks_sha256: str, *, tracked: bool = False) -> None:
     """Writes dataset.yaml, unless the data set already has a LiDAR.
 
-    `tracks_sha256` is the digest of `Recording`. Raises Error if the data set has a LiDAR and the
+    `tracks_sha256` is the digest of `Recording`. tracked: whether ids are those of tracks, also
+    without a digest. Raises Error if the data set has a LiDAR and the
     new LiDAR cannot be added. This is the case if the data set is simulated, or if the LiDARs do
     not share the ids of tracks.
     """
@@ -157,7 +159,7 @@ def write_description(data: Path, scene: str, tracks_sha256: str) -> None:
         "aggregation": RECORDED,
         "seed": 0,
         "version": __version__,
-        "ids": "tracks" if tracks_sha256 else "unknown",
+        "ids": "tracks" if tracks_sha256 or tracked else "unknown",
     }
     if tracks_sha256:
         lines["tracks_sha256"] = tracks_sha256
@@ -201,6 +203,7 @@ def _write_frame(
     summary.points += len(points)
     summary.without_return += len(keep) - len(points)
     summary.types.update(types.tolist())
+    summary.tracked += int((objects.ids >= 0).sum())
     vehicles = labels.boxes[np.isin(types, VEHICLE_TYPES)]
     summary.wide += int((vehicles[:, 3] < vehicles[:, 4]).sum())
     summary.bottoms.append(vehicles[:, 2] - vehicles[:, 5] / 2)

@@ -35,7 +35,7 @@ class Format:
 
 
 FORMATS = {
-    "kitti": Format(read="kitti_folder"),
+    "kitti": Format(export="kitti_export", read="kitti_folder"),
     "openpcdet": Format(export="openpcdet", read="openpcdet"),
     "mmdet3d": Format(export="mmdet3d"),
     "pcd": Format(export="pcd", read="pcd", extra="exchange"),

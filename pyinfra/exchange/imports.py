@@ -90,7 +90,8 @@ def import_recording(
         summary = write_lidar(recording, beside, facts, shown, strict=strict, skip_bad=skip_bad)
         if region:
             write(beside / REGION_FILE, region.read_bytes())
-        write_description(out.parent, given.scene, recording.tracks_sha256)
+        tracked = summary.tracked > 0
+        write_description(out.parent, given.scene, recording.tracks_sha256, tracked=tracked)
     return summary, recording.labelled
 
 

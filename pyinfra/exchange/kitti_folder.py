@@ -15,6 +15,7 @@ import numpy as np
 from pyinfra.core.arrays import FloatArray, Records
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.exchange.bin_columns import columns_of
+from pyinfra.exchange.known_objects import known_objects
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Boxes,
@@ -57,7 +58,8 @@ def read(source: Path, options: Options) -> Recording:
     def frame(i: int) -> RecordedFrame:
         points = read_bin(clouds[i], columns, options)
         calib = training / f"calib/{names[i]}.txt"
-        boxes = _boxes(folder / f"{names[i]}.txt", calib) if folder else NO_BOXES
+        objects = training / f"objects/{names[i]}.csv"
+        boxes = _boxes(folder / f"{names[i]}.txt", calib, objects) if folder else NO_BOXES
         fields = training / f"fields/{names[i]}.bin"
         return RecordedFrame(points, boxes, _fields(fields, len(points)))
 
@@ -145,10 +147,12 @@ def _fields(file: Path, count: int) -> Records | None:
     return records
 
 
-def _boxes(file: Path, calib: Path) -> Boxes:
+def _boxes(file: Path, calib: Path, objects: Path) -> Boxes:
     calibration = kitti.read_calibration(calib) if calib.is_file() else None
     labels = kitti.read_labels(file, calibration=calibration)
     assert labels.image is not None
+    if known := known_objects(objects, labels):
+        return Boxes(labels.names, labels.boxes, *known)
     return Boxes(labels.names, labels.boxes, visibility=_visibility(labels.image[:, 1]))
 
 

@@ -65,6 +65,8 @@ class Category:
 _DRIVES = ("vehicle.moving", "vehicle.stopped")
 _RIDDEN = ("cycle.with_rider", "cycle.with_rider")
 _WALKS = ("pedestrian.moving", "pedestrian.standing")
+# Key of an annotation with values that the schema does not hold; the devkit ignores other keys.
+OWN = "infrasim"
 CATEGORIES = {
     "Car": Category("vehicle.car", *_DRIVES),
     "Van": Category("vehicle.car", *_DRIVES),
@@ -278,6 +280,7 @@ class _Scene:
                 "num_radar_pts": 0,
                 "prev": "",
                 "next": "",
+                OWN: {"type": str(o.names[i]), "visibility": round(float(o.visibility[i]), 4)},
             }
             self.chain(number, row)
             self.count(number, row, category)

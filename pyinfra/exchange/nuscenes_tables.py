@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -20,14 +21,17 @@ from scipy.spatial.transform import Rotation
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error, FormatError
+from pyinfra.exchange.json_boxes import read_json
 from pyinfra.exchange.recording import Boxes, Options, RecordedFrame, Recording, read_bin
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.kitti.layout import FARTHEST_M
 
 COLUMNS = 5  # x y z intensity ring
 INTENSITY_MAX = 255.0
-# Visible share of each level: the middle of 0-40, 40-60, 60-80 and 80-100 %.
-VISIBILITY = {"1": 0.2, "2": 0.5, "3": 0.7, "4": 0.9}
+# Visible share of each level: within 0-40, and the middle of 40-60, 60-80 and 80-100 %. Level 1 is
+# below the share from which an object counts as visible, because most of it is hidden.
+VISIBILITY = {"1": 0.1, "2": 0.5, "3": 0.7, "4": 0.9}
+OWN = "infrasim"  # key of annotations in exports of this package (nuscenes.py)
 STILL_M = 0.5  # largest distance between the positions of a LiDAR that does not move
 NEEDED = (
     *("sample", "sample_data", "calibrated_sensor", "sensor", "ego_pose"),
@@ -62,14 +66,16 @@ def read(source: Path, options: Options) -> Recording:
 
     x, y, z = (float(value) for value in poses[0].origin)
     times = np.array([tables.numbers("sample_data", row, "timestamp", ()) for row in rows]) / 1e6
+    names = tuple(file.name.split(".")[0] for file in files)
     return Recording(
-        names=tuple(file.name.split(".")[0] for file in files),
+        names=names,
         read=frame,
         labelled=len(annotations) > 0,
         period_s=round(float(np.median(np.diff(times))), 4) if len(rows) > 1 else None,
         pose=WorldPose(x, y, z, poses[0].yaw),
         tilt=poses[0].tilt,
         tracks_sha256=sha256("\n".join(tables.instances).encode()).hexdigest()[:16],
+        splits=_splits(tables, rows, names),
         times=lambda: times,
         notes=lambda: _motion(poses),
     )
@@ -228,6 +234,34 @@ def _rotation(tables: Tables, table: str, row: Row) -> FloatArray:
     return np.asarray(Rotation.from_quat([x, y, z, w]).as_matrix(), dtype=np.float64)
 
 
+def _share(location: str, raw: object) -> float:
+    if not isinstance(raw, (int, float)) or not (raw == -1 or 0 <= raw <= 1):
+        raise FormatError(f"{location}: visibility: expected 0 to 1, or -1, got {raw}")
+    return float(raw)
+
+
+def _splits(tables: Tables, rows: list[Row], names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Returns the frames of train and val by splits.json, which may be missing.
+
+    The file maps names such as `infrasim_train` to names of scenes.
+    """
+    files = [tables.folder / f"{name}.json" for name in ("splits", "scene")]
+    if not all(file.is_file() for file in files):
+        return {}
+    splits, scenes = (read_json(file) for file in files)
+    if not isinstance(splits, dict) or not isinstance(scenes, list):
+        raise FormatError(f"{files[0]}: expected names of scenes by split, got something else")
+    scene_names = {s.get("token"): s.get("name") for s in scenes if isinstance(s, dict)}
+    samples = [tables.row("sample", row.get("sample_token")) for row in rows]
+    of_frame = [scene_names.get(sample.get("scene_token")) for sample in samples]
+    out = {}
+    for part in ("train", "val"):
+        listed = [s for key, s in splits.items() if key.split("_")[-1] == part]
+        inside = [isinstance(s, list) and scene in s for s in listed for scene in of_frame]
+        out[part] = tuple(n for n, i in zip(names, inside, strict=False) if i)
+    return out if all(out.values()) else {}
+
+
 def _boxes(tables: Tables, rows: list[Row], pose: Pose) -> Boxes:
     """Converts global boxes with sizes width length height to the levelled LiDAR frame."""
     table = "sample_annotation"
@@ -255,6 +289,10 @@ def _boxes(tables: Tables, rows: list[Row], pose: Pose) -> Boxes:
         boxes.append([*centre, length, width, height, np.arctan2(ahead[1], ahead[0])])
         ids.append(tables.instances[str(instance["token"])])
         visibility.append(VISIBILITY.get(str(row.get("visibility_token")), 1.0))
+        own = row.get(OWN)  # exact values, in the exports of this package
+        if isinstance(own, dict):
+            names[-1] = str(own.get("type", names[-1]))
+            visibility[-1] = _share(location, own.get("visibility", visibility[-1]))
     return Boxes(
         np.array(names, dtype=np.str_),
         np.array(boxes, dtype=np.float64).reshape(-1, 7),

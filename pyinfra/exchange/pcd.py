@@ -15,6 +15,7 @@ from pyinfra.core.errors import FormatError
 from pyinfra.dataset.frame_readers import read_cameras
 from pyinfra.exchange.box_text import read_boxes, write_boxes
 from pyinfra.exchange.frame_times import seconds_of_stamp
+from pyinfra.exchange.known_objects import known_objects
 from pyinfra.exchange.point_fields import (
     INTENSITIES,
     TIMES,
@@ -73,7 +74,8 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
         write_pcd(out / f"points/{frame:06d}.pcd", _records(points, fields))
         file = kitti.frame_file(lidar_folder, "label_2", frame)
         labels = kitti.read_labels(file, calibration=cameras.different[camera])
-        write_boxes(out / f"labels/{frame:06d}.txt", labels.names, labels.boxes)
+        known = known_objects(kitti.frame_file(lidar_folder, "objects", frame), labels)
+        write_boxes(out / f"labels/{frame:06d}.txt", labels.names, labels.boxes, known)
 
 
 def read(source: Path, options: Options) -> Recording:

@@ -30,7 +30,7 @@ class Shortfall:
     share: float  # how far the option misses the requirement, as a share of the requirement
 
 
-@public
+@public()
 def recommend(
     results: str | os.PathLike[str],
     *,

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
+
+import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.core.public import public
-from pyinfra.metrics.comparison import Bootstrapped, Interval, over_seeds
+from pyinfra.core.vocabulary import Subset
+from pyinfra.metrics.comparison import Interval, over_seeds
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.matching import threshold_of
 from pyinfra.metrics.replicates import difference
 from pyinfra.metrics.settings import Settings
 
 
-@public
+@public()
 def compare(
     a: Evaluation | Sequence[Evaluation],
     b: Evaluation | Sequence[Evaluation],
     *,
-    ground_truth: str | None = None,
-) -> Interval:
+    ground_truth: Subset | None = None,
+    by: Literal["distance"] | None = None,
+) -> Interval | pd.DataFrame:
     """Returns the paired difference in AP (R1000): AP of `a` less AP of `b`.
 
     Parameters
@@ -29,9 +34,13 @@ def compare(
         seed. The seeds must have the same order in both lists
     ground_truth : name of a ground-truth subset, such as `captured`; by default the first subset
         that both evaluations have
+    by : `distance` for the difference in each ring of 20 m around the sensor
 
     Returns
     -------
+    With `by`, a table with the columns distance_m (middle of the ring), value, low, high and
+    significant; rings that one of the evaluations lacks are left out. Otherwise an `Interval`:
+
     value, low, high : the difference and its 95 % interval. For two single evaluations the interval
         comes from a bootstrap over blocks of time. For two lists it is Student's t interval of the
         seeds' differences. The difference is significant if the interval excludes 0.
@@ -49,29 +58,47 @@ def compare(
     >>> half_of_boxes = pi.evaluate(frames, frames.labels[::2].assign(score=1.0))
     >>> pi.compare(all_boxes, half_of_boxes).value > 0
     True
+    >>> pi.compare(all_boxes, half_of_boxes, by="distance").distance_m.tolist()[:2]
+    [10.0, 30.0]
     """
-    for name, value in (("a", a), ("b", b)):
-        evaluations = value if isinstance(value, (list, tuple)) else [value]
-        for evaluation in evaluations:
-            if not isinstance(evaluation, Evaluation):
-                raise Error(
-                    f"{name}: expected results of evaluate, got {type(evaluation).__name__}"
-                )
+    pairs = _pairs(a, b)
+    chosen = [_rows(x, y, ground_truth) for x, y in pairs]
+    if len({repr([row.tolist() for row in rows]) for rows in chosen}) < len(chosen):
+        raise Error("compare: expected another seed in each pair, got the same two results twice")
+    try:
+        overall = over_seeds([difference(*rows) for rows in chosen])
+    except ValueError as error:
+        raise Error(f"compare: {error}") from None
+    return overall if by is None else _by_distance(pairs, str(chosen[0][0].ground_truth))
+
+
+def _pairs(
+    a: Evaluation | Sequence[Evaluation], b: Evaluation | Sequence[Evaluation]
+) -> list[tuple[Evaluation, Evaluation]]:
     if isinstance(a, Evaluation) and isinstance(b, Evaluation):
-        return over_seeds([_difference(a, b, ground_truth)])
+        return [(a, b)]
     if isinstance(a, Evaluation) or isinstance(b, Evaluation):
         raise Error("compare: expected two evaluations or two lists, got one of each")
     if len(a) != len(b) or len(a) < 2:
         raise Error(
             f"compare: expected two lists of equal length, 2 or more, got {len(a)} and {len(b)}"
         )
-    pairs = list(zip(a, b, strict=True))
-    if len({(id(x), id(y)) for x, y in pairs}) < len(pairs):
-        raise Error("compare: expected another seed in each pair, got the same two results twice")
-    return over_seeds([_difference(x, y, ground_truth) for x, y in pairs])
+    return list(zip(a, b, strict=True))
 
 
-def _difference(a: Evaluation, b: Evaluation, ground_truth: str | None) -> Bootstrapped:
+def _by_distance(pairs: Sequence[tuple[Evaluation, Evaluation]], subset: str) -> pd.DataFrame:
+    rings = [(x.rings(subset), y.rings(subset)) for x, y in pairs]
+    common = [ring for ring in rings[0][0] if all(ring in one for pair in rings for one in pair)]
+    rows = []
+    for ring in common:
+        figure = over_seeds([x[ring].less(y[ring]) for x, y in rings])
+        ends = {"value": figure.value, "low": figure.low, "high": figure.high}
+        rows.append({"distance_m": ring, **ends, "significant": figure.is_significant})
+    return pd.DataFrame(rows, columns=["distance_m", "value", "low", "high", "significant"])
+
+
+def _rows(a: Evaluation, b: Evaluation, ground_truth: str | None) -> tuple[pd.Series, pd.Series]:
+    """Returns the rows of both with the AP of a subset. Raises Error if they cannot be compared."""
     names = [set(evaluation.ap.ground_truth) for evaluation in (a, b)]
     common = [name for name in a.ap.ground_truth if name in names[1]]
     subset = ground_truth or (common[0] if common else "")
@@ -90,10 +117,7 @@ def _difference(a: Evaluation, b: Evaluation, ground_truth: str | None) -> Boots
             & (evaluation.replicates.measure == "ap_r1000")
         ]
         rows.append(table.iloc[0])
-    try:
-        return difference(*rows)
-    except ValueError as error:
-        raise Error(f"compare: {error}") from None
+    return rows[0], rows[1]
 
 
 def _measured(evaluation: Evaluation, subset: str) -> dict[str, object]:

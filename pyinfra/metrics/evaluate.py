@@ -8,17 +8,16 @@ in the section "AP and matching" of docs/conventions/evaluation.md.
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
-from pyinfra.core.errors import Error
-from pyinfra.core.files import replacing
+from pyinfra.core.errors import Error, FindingWarning
 from pyinfra.core.names import path_of, suggestion
-from pyinfra.core.public import public
+from pyinfra.core.public import CALLER, public
 from pyinfra.core.vocabulary import OBJECT_CLASSES
 from pyinfra.dataset.frame_readers import Cameras, read_cameras, read_predictions
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
@@ -32,15 +31,22 @@ from pyinfra.metrics.ground_truth_checks import ground_truth_findings
 from pyinfra.metrics.match_input import are_people, match_input
 from pyinfra.metrics.match_results import MatchResult, count_matches
 from pyinfra.metrics.matching import PERSON_IOU
-from pyinfra.metrics.prediction_checks import PredictionFiles, check_predictions, find_files
-from pyinfra.metrics.prediction_table import predictions_of
+from pyinfra.metrics.prediction_checks import (
+    PredictionFiles,
+    check_predictions,
+    few_predicted,
+    find_files,
+)
+from pyinfra.metrics.prediction_table import AnyPredictions, prediction_table, predictions_of
 from pyinfra.metrics.settings import Settings
 
+SEEN_IN_TABLES = ("few-blocks",)  # warnings whose cause the tables show, as NaN
 
-@public
+
+@public()
 def evaluate(
     gt: FrameSequence | str | os.PathLike[str],
-    pred: pd.DataFrame | str | os.PathLike[str],
+    pred: AnyPredictions,
     settings: Settings | None = None,
     *,
     object_class: str | None = None,
@@ -55,11 +61,14 @@ def evaluate(
     ----------
     gt : frames in memory (`simulate`, `load_dataset`), or a LiDAR's folder
     pred : a table with the columns frame, type, x y z dx dy dz heading, score (levelled LiDAR
-        frame, metres, radians), or a folder of KITTI results or CSV files
+        frame, metres, radians), or a folder of KITTI results or CSV files. Or a list with the boxes
+        of each frame, or a dict from frame numbers to boxes, which are whatever a detector may
+        return to `detect`
     settings : classes, ground-truth subsets, thresholds; by default vehicles at BEV IoU 0.5
     object_class : a name of OBJECT_CLASSES (`vehicle`, `pedestrian`, `cyclist`), by default
         `vehicle`. Give either this or `settings`
-    frames : frame numbers to evaluate; by default all frames in memory, or all frames of the split
+    frames : frame numbers to evaluate; by default all frames in memory, or all frames of the split.
+        Give either this or `split`
     split : name of a list in the folder's ImageSets, or `all`; by default `val` if it exists
     allow_missing : whether a frame without a prediction file counts as a frame without boxes
     ranges : whether to also compute AP and recall within 10, 20 ... 100 m of the sensor
@@ -68,7 +77,9 @@ def evaluate(
     Returns
     -------
     Tables: `result.ap`, `result.by_distance`, `result.matches`, `result.distance_ap` (along the
-    roads), `result.areas`, `result.errors`, `result.pr_curve`, and `result.findings`.
+    roads), `result.areas`, `result.errors`, `result.pr_curve`, and `result.findings`. Suspicious
+    input is also a warning: headings in degrees, boxes far from all vehicles or at another height,
+    frames without predictions.
 
     Raises
     ------
@@ -85,9 +96,40 @@ def evaluate(
     >>> float(pi.evaluate(frames, perfect).ap.ap_r1000.iloc[0])
     100.0
     """
+    result = evaluated(
+        gt,
+        pred,
+        settings,
+        object_class=object_class,
+        frames=frames,
+        split=split,
+        allow_missing=allow_missing,
+        ranges=ranges,
+    )
+    for finding in result.findings:
+        if finding.level != "note" and finding.name not in SEEN_IN_TABLES:
+            warnings.warn(f"{finding.name}: {finding.text}", FindingWarning, stacklevel=CALLER)
+    return result
+
+
+@public()
+def evaluated(
+    gt: FrameSequence | str | os.PathLike[str],
+    pred: AnyPredictions,
+    settings: Settings | None = None,
+    *,
+    object_class: str | None = None,
+    frames: Sequence[int] | None = None,
+    split: str | None = None,
+    allow_missing: bool = False,
+    ranges: bool = False,
+) -> Evaluation:
+    """Returns the result of `evaluate`, whose findings are no warnings here."""
     if settings and object_class:
         raise Error("object_class: expected either object_class or settings, got both")
-    in_memory = isinstance(gt, FrameSequence) or isinstance(pred, pd.DataFrame)
+    if frames is not None and split is not None:
+        raise Error("frames: use frames or split, not both")
+    in_memory = isinstance(gt, FrameSequence) or not isinstance(pred, (str, os.PathLike))
     sequence = _chosen(gt, pred, frames, split)
     folder = sequence.folder if isinstance(sequence, RecordedFrames) else None
     prediction_files, predictions = _predictions(
@@ -98,11 +140,17 @@ def evaluate(
         settings = settings_of(object_class or "vehicle", has_objects=truth.has_objects)
     if in_memory and "common" in settings.ground_truths and len(truth.neighbours) < 2:
         raise Error("ground_truths: expected frames of several LiDARs for `common`, got one LiDAR")
+    if settings.min_points > 1 and not truth.has_objects:
+        raise Error(
+            "min_points: expected 1 for labels, which do not have numbers of points, got "
+            f"{settings.min_points}"
+        )
     types, numbers = settings.types, sequence.numbers
     of_types = truth.vehicles.select(np.isin(truth.vehicles.names, types))
     findings = [
         *(ground_truth_findings(folder, numbers, truth.vehicles, types) if folder else ()),
         *prediction_files.findings,
+        *few_predicted(predictions, of_types.select(of_types.points > 0), numbers),
         *check_predictions(
             predictions, prediction_files.files, of_types, types, settings.min_score
         ),
@@ -127,7 +175,7 @@ def _chosen(
             raise Error(f"frames: expected numbers of the {len(gt)} frames in gt, got {other[0]}")
         return gt if wanted == list(gt.numbers) else gt.of(wanted)
     folder = path_of(gt, "gt")
-    if isinstance(pred, pd.DataFrame):
+    if not isinstance(pred, (str, os.PathLike)):
         one_lidar(folder, "gt")  # raises Error for a data set with several LiDARs
     return RecordedFrames(
         folder, tuple(frame_numbers(folder, split) if frames is None else sorted(frames))
@@ -135,7 +183,7 @@ def _chosen(
 
 
 def _predictions(
-    pred: pd.DataFrame | str | os.PathLike[str],
+    pred: AnyPredictions,
     sequence: FrameSequence,
     folder: Path | None,
     *,
@@ -146,12 +194,10 @@ def _predictions(
     folder: the LiDAR's folder; None if the frames are in memory.
     """
     numbers = sequence.numbers
-    if isinstance(pred, pd.DataFrame):
-        names = tuple(Path(f"frame {k}") for k in numbers)
-        return PredictionFiles(names, ()), predictions_of(pred, numbers)
-    all_frames = frame_numbers(folder, "all") if folder else numbers
     if not isinstance(pred, (str, os.PathLike)):
-        raise Error(f"pred: expected a table or a folder, got {type(pred).__name__}")
+        names = tuple(Path(f"frame {k}") for k in numbers)
+        return PredictionFiles(names, ()), predictions_of(prediction_table(pred, numbers), numbers)
+    all_frames = frame_numbers(folder, "all") if folder else numbers
     prediction_files = find_files(
         Path(pred), numbers, all_frames, lidar_folder=folder, allow_missing=allow_missing
     )
@@ -216,17 +262,11 @@ def class_settings(classes: Mapping[str, tuple[str, ...]], *, custom_iou: bool =
     if not all(of_people):
         names = ", ".join(classes)
         raise Error(
-            f"classes: expected only vehicles or only people, or both with `iou`; got {names}"
+            f"classes: expected only vehicles or only people, or both with `ious`; got {names}"
         )
     return Settings(classes=classes, ious=(PERSON_IOU,), metrics=("bev", "centre"))
 
 
 def write(evaluation: Evaluation, out: Path) -> list[Path]:
     """Writes the tables as CSV; returns the files."""
-    out.mkdir(parents=True, exist_ok=True)
-    files = []
-    for name, table in evaluation.tables().items():
-        files.append(out / f"{name}.csv")
-        with replacing(files[-1]) as beside:
-            table.to_csv(beside, index=False, float_format="%.6g")
-    return files
+    return evaluation.save(out)

@@ -6,14 +6,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from pyinfra.core.errors import Error
+from pyinfra.core.files import replacing
+from pyinfra.core.names import StrPath, path_of
+from pyinfra.core.present import Presented
 from pyinfra.core.vocabulary import Subset
 from pyinfra.dataset.frame_tables import Predictions
 from pyinfra.dataset.regions import FOOTWAYS_M
+from pyinfra.metrics.comparison import Bootstrapped
 from pyinfra.metrics.evaluation_tables import (
     AP_COLUMNS,
     EVERYWHERE,
@@ -32,19 +38,22 @@ from pyinfra.metrics.ground_truth import GroundTruth
 from pyinfra.metrics.intervals import MIN_BLOCKS
 from pyinfra.metrics.match_input import MatchInput, are_people, blocks_of, match_input
 from pyinfra.metrics.match_results import MatchResult, count_matches
-from pyinfra.metrics.match_tables import match_table, ring_rows
+from pyinfra.metrics.match_tables import match_table, ring_rows, rings
 from pyinfra.metrics.matching import CENTRE_M, Metric, threshold_of
 from pyinfra.metrics.prediction_checks import Finding
 from pyinfra.metrics.ranges import by_range
 from pyinfra.metrics.replicates import figures, measure_of, replicate_rows, same_of
 from pyinfra.metrics.settings import Settings
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 SEEN_AND_PRESENT: tuple[Subset, Subset] = ("all", "present")
 KITTI_LEAST = 41  # with fewer objects the AP of KITTI's devkit cannot reach 100
 
 
-@dataclass(frozen=True, eq=False)
-class Evaluation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Evaluation(Presented):
     """The tables of an evaluation, and findings about its inputs.
 
     The attribute of a table has the name of its CSV file.
@@ -67,6 +76,14 @@ class Evaluation:
     predictions: Predictions | None = None
     settings: Settings | None = None
 
+    def facts(self) -> dict[str, object]:
+        row = self.ap.iloc[0]
+        value, low, high = shown_ap(row)
+        ends = "no interval" if math.isnan(low) else f"[{low:.1f}, {high:.1f}]"
+        named = {"lidar": self.truth.name, "frames": len(self.truth.frames), "class": row["class"]}
+        ap = f"{value:.1f} {ends} of {row.objects} {row.ground_truth}"
+        return named | {"ap": ap, "findings": len(self.findings)}
+
     @cached_property
     def by_distance(self) -> pd.DataFrame:
         """AP (R1000) in rings of 20 m around the sensor, for each ground-truth subset.
@@ -78,6 +95,26 @@ class Evaluation:
         for which, result in self._results.items():
             rows += [{"ground_truth": which, **row} for row in ring_rows(result)]
         return pd.DataFrame(rows)
+
+    def save(self, folder: StrPath) -> list[Path]:
+        """Writes the tables as CSV files to a folder, and returns the files."""
+        out, files = path_of(folder, "folder"), []
+        out.mkdir(parents=True, exist_ok=True)
+        for name, table in self.tables().items():
+            files.append(out / f"{name}.csv")
+            with replacing(files[-1]) as beside:
+                table.to_csv(beside, index=False, float_format="%.6g")
+        return files
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draws AP (R1000) by distance, as `plot_ap_by_distance`."""
+        import pyinfra
+
+        return pyinfra.plot_ap_by_distance(self, ax=ax)
+
+    def rings(self, which: str) -> dict[float, Bootstrapped]:
+        """Returns AP (R1000) of the rings of a ground-truth subset, by the middle of the ring."""
+        return {middle_m: figure for middle_m, _, figure in rings(self._results[which])}
 
     @cached_property
     def matches(self) -> pd.DataFrame:

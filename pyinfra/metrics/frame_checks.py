@@ -122,7 +122,7 @@ def _unreadable_data_set(folder: Path) -> Iterator[Finding]:
 def _labels(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
     files = [kitti.frame_file(folder, "label_2", frame) for frame in frames]
     rows = [line.split() for file in files for line in lines_of(file)]
-    rows = [row for row in rows if row[0] != "DontCare"]
+    rows = [row for row in rows if row and row[0] != "DontCare"]
     if not rows:
         yield Finding("warning", "no-labels", f"{folder}: no frame has a label")
         return

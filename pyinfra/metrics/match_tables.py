@@ -9,9 +9,11 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import BoolArray
-from pyinfra.dataset.frame_sequence import BOX
+from pyinfra.dataset.object_rows import BOX
 from pyinfra.dataset.roads import Places
 from pyinfra.metrics import ap
+from pyinfra.metrics.comparison import Bootstrapped
+from pyinfra.metrics.evaluation_tables import ap_r1000_of, r1000_columns
 from pyinfra.metrics.match_results import MatchResult
 
 RING_M = 20.0
@@ -32,8 +34,8 @@ class Ring:
         return np.asarray(places.inside & (distance >= self.low_m) & (distance < self.high_m))
 
 
-def ring_rows(result: MatchResult) -> Iterator[dict[str, float]]:
-    """Yields AP (R1000) of each ring up to the farthest object that counts.
+def rings(result: MatchResult) -> Iterator[tuple[float, ap.Ranking, Bootstrapped]]:
+    """Yields the middle, in metres, and AP (R1000) of each ring up to the farthest counted object.
 
     AP is NaN for a ring without objects.
     """
@@ -45,14 +47,15 @@ def ring_rows(result: MatchResult) -> Iterator[dict[str, float]]:
     for i in range(int(distance.max(initial=0) // RING_M) + 1):
         ring = Ring(x, y, i * RING_M, (i + 1) * RING_M)
         ranking = result.ranking(ring)
-        value = float(ap.average_precision(ranking, ap.R1000_RECALLS)[0])
-        replicates = ap.average_precision(ranking, ap.R1000_RECALLS, result.weights)
-        low, high = result.interval(value, replicates, ranking.objects)
+        yield (i + 0.5) * RING_M, ranking, ap_r1000_of(result, ranking)
+
+
+def ring_rows(result: MatchResult) -> Iterator[dict[str, float]]:
+    """Yields AP (R1000) of each ring with its interval, and the counts of the ring."""
+    for middle_m, ranking, r1000 in rings(result):
         yield {
-            "distance_m": (i + 0.5) * RING_M,
-            "ap_r1000": value,
-            "ap_r1000_low": float(low),
-            "ap_r1000_high": float(high),
+            "distance_m": middle_m,
+            **r1000_columns(result, r1000, ranking),
             "objects": int(ranking.objects.sum()),
             "predictions": len(ranking.slot),
         }

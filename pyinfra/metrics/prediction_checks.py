@@ -44,6 +44,7 @@ CHANGES = {  # matrices for x and y that correct boxes with wrong axes
     "turned-quarter-left": [[0, -1], [1, 0]],
     "turned-quarter-right": [[0, 1], [-1, 0]],
 }
+FEW_PREDICTED = 0.5  # a warning says if a larger share of the frames has no prediction
 FRAMES = 300  # every n-th frame is checked, where n is the number of frames // FRAMES
 
 
@@ -168,6 +169,24 @@ def check_predictions(
     if len(used) > 0 and len(vehicles) > 0:
         findings += [Finding("warning", *pair) for pair in _position_findings(used, vehicles)]
     return findings
+
+
+def few_predicted(
+    predictions: Predictions, vehicles: Vehicles, frames: Sequence[int]
+) -> Iterator[Finding]:
+    """Yields a warning if most frames with vehicles have no prediction at all.
+
+    vehicles: the vehicles with points. frames: numbers of the evaluated frames.
+    """
+    with_vehicles = np.unique(vehicles.frame)
+    empty = np.setdiff1d(with_vehicles, predictions.frame)
+    if len(predictions) and len(empty) > FEW_PREDICTED * len(with_vehicles):
+        text = (
+            f"{len(empty)} of {len(with_vehicles)} frames with vehicles have no prediction, for "
+            f"example frame {frames[empty[0]]}; their vehicles count as missed. `frames` selects "
+            "the frames to evaluate"
+        )
+        yield Finding("warning", "frames-without-predictions", text)
 
 
 def _names(

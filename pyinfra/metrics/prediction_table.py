@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -10,11 +12,54 @@ import pandas as pd
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
 from pyinfra.core.names import suggestion
-from pyinfra.dataset.frame_sequence import BOX
+from pyinfra.dataset.box_tables import box_table
 from pyinfra.dataset.frame_tables import Predictions
+from pyinfra.dataset.object_rows import BOX
 
 COLUMNS = ["frame", "type", *BOX, "score"]
 FARTHEST_M = 10_000.0
+
+
+AnyPredictions: TypeAlias = (
+    "pd.DataFrame | Mapping[int, object] | Sequence[object] | str | os.PathLike[str]"
+)
+
+
+def prediction_table(pred: object, frames: Sequence[int]) -> pd.DataFrame:
+    """Returns predictions of several frames as one table.
+
+    Parameters
+    ----------
+    pred : a table, a dict from frame numbers to the boxes of a frame, or a list with the boxes of
+        each frame; boxes are any value of `box_table`. One frame may also have its boxes alone
+    frames : numbers of the evaluated frames
+
+    Raises
+    ------
+    Error : for any other value, and a list of another length
+    """
+    if isinstance(pred, pd.DataFrame):
+        return box_table(pred, "pred")
+    by_frame = isinstance(pred, Mapping) and all(isinstance(k, (int, np.integer)) for k in pred)
+    if by_frame and isinstance(pred, Mapping):
+        parts = dict(pred)
+    elif len(frames) == 1 and not (isinstance(pred, (list, tuple)) and len(pred) == 1):
+        parts = {frames[0]: pred}
+    elif isinstance(pred, (list, tuple)) and len(pred) == len(frames):
+        parts = dict(zip(frames, pred, strict=True))
+    else:
+        got = f"{len(pred)} entries" if isinstance(pred, (list, tuple)) else type(pred).__name__
+        raise Error(
+            f"pred: expected a table, a folder, a dict by frame number, or a list of the boxes of "
+            f"each of the {len(frames)} frames, got {got}"
+        )
+    tables = [
+        box_table(value, f"pred: frame {k}").assign(frame=int(k)) for k, value in parts.items()
+    ]
+    usual = {"type": "vehicle", "score": 1.0}
+    filled = [t.assign(**{n: v for n, v in usual.items() if n not in t.columns}) for t in tables]
+    none = pd.DataFrame(columns=COLUMNS).astype(dict.fromkeys(COLUMNS, float) | {"type": object})
+    return pd.concat([t[COLUMNS] for t in filled if len(t)] or [none], ignore_index=True)
 
 
 def predictions_of(table: pd.DataFrame, frames: Sequence[int]) -> Predictions:

@@ -7,13 +7,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from pyinfra.core.arguments import check_fields
 from pyinfra.core.errors import Error
-from pyinfra.core.names import suggestion
-from pyinfra.core.vocabulary import OBJECT_CLASSES, SUBSETS, Subset
+from pyinfra.core.vocabulary import OBJECT_CLASSES, Subset
 from pyinfra.metrics.matching import IOU, Metric
 
 Protocol = Literal["definition", "r11", "kitti"]
 PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
+_RANGES = {
+    "ious": (0.1, 0.999),
+    "block_s": (1e-3, 1e6),
+    "min_score": (0, 1),
+    "min_points": (1, math.inf),
+    "min_objects": (1, math.inf),
+    "replicates": (1, 100_000),
+    "seed": (0, math.inf),
+}
 
 
 @dataclass(frozen=True)
@@ -24,7 +33,7 @@ class Settings:
     ----------
     classes : names of classes, and the KITTI types that they include
     ground_truths : names of ground-truth subsets: `captured`, `all`, `common` or `present`
-    ious : IoU thresholds, 0.1 to below 1
+    ious : IoU thresholds, 0.1 to 0.999
     protocols : `definition` is AP at 40 and at 1,000 recalls. `r11` is AP at 11 recalls. `kitti` is
         AP at 40 recalls, with the sampling and the strict threshold of KITTI's devkit
     metrics : `bev`, `3d` or `centre`
@@ -54,23 +63,14 @@ class Settings:
     seed: int = 1
 
     def __post_init__(self) -> None:
+        check_fields(self, _RANGES)
         for name in ("classes", "ground_truths", "ious", "protocols", "metrics"):
             if not getattr(self, name):
                 raise Error(f"{name}: expected one or more entries, got none")
-        for which in self.ground_truths:
-            if which not in SUBSETS:
-                near = suggestion(which, SUBSETS)
-                raise Error(f"ground_truths: expected names of subsets, got '{which}'{near}")
-        for iou in self.ious:
-            if not 0.1 <= iou < 1:
-                raise Error(f"iou: expected 0.1 to below 1, got {iou:g}")
-        if self.block_s is not None and not 0 < self.block_s <= 1e6:
-            raise Error(f"block_s: expected above 0 to 1e6, got {self.block_s:g}")
-        if not 0 <= self.min_score <= 1:
-            raise Error(f"min_score: expected 0 to 1, got {self.min_score:g}")
-        for name, least in (("min_points", 1), ("min_objects", 1), ("replicates", 1), ("seed", 0)):
-            if (value := getattr(self, name)) < least:
-                raise Error(f"{name}: expected {least} or more, got {value}")
+        given: Mapping[str, object] = self.classes
+        for name, types in given.items():
+            if isinstance(types, str) or not types:
+                raise Error(f"classes: {name}: expected a list of types, got {types!r}")
 
     def ious_of(self, metric: Metric) -> tuple[float, ...]:
         """Returns the IoU thresholds of a metric. For metric `centre` this is a single NaN."""

@@ -116,7 +116,8 @@ def vehicle_points(lidar_folder: Path, vehicle: Vehicle) -> FloatArray:
     """Returns a vehicle's points (n, 3), relative to the centre of its box, x forward.
 
     They are the points with the vehicle's object_id. If the frame has no `fields` file, or the
-    vehicle's id is unknown, they are the points above the road that are inside the box with a margin of MARGIN_M.
+    vehicle's id is unknown, they are the points above the road that are inside the box with a
+    margin of MARGIN_M.
     """
     velodyne = kitti.frame_file(lidar_folder, "velodyne", vehicle.frame)
     xyz = kitti.read_points(velodyne)[:, :3].astype(np.float64)

@@ -12,7 +12,8 @@ from pyinfra.core.boxes import footprints
 from pyinfra.core.errors import Error
 from pyinfra.core.names import suggestion
 from pyinfra.core.public import public
-from pyinfra.dataset.frame_sequence import BOX, LidarFrame
+from pyinfra.dataset.frame_sequence import LidarFrame
+from pyinfra.dataset.object_rows import BOX
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 LABEL, DETECTION = "#1b7837", "#d6604d"  # colour-blind readers can distinguish these colours
 
 
-@public
+@public(min_score=(0, 1))
 def plot_frame(
     frame: LidarFrame,
     detections: pd.DataFrame | None = None,

@@ -29,7 +29,7 @@ AnyScene: TypeAlias = "simulation.World | SimulatedFrames | str | os.PathLike[st
 AnyResult: TypeAlias = "Evaluation | Mapping[str, Evaluation]"
 
 
-@public
+@public()
 def plot_scene(scene: AnyScene, *, ax: Axes | None = None) -> Axes:
     """Draws the plan of a scene: evaluation region, roads with lanes, buildings, sensors.
 
@@ -83,7 +83,7 @@ def plot_scene(scene: AnyScene, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-@public
+@public()
 def plot_ap_by_distance(
     results: AnyResult, *, ground_truth: str | None = None, ax: Axes | None = None
 ) -> Axes:
@@ -137,7 +137,7 @@ def plot_ap_by_distance(
     return ax
 
 
-@public
+@public()
 def plot_stress(
     rows: pd.DataFrame | str | os.PathLike[str], stressor: str, *, ax: Axes | None = None
 ) -> Axes:

@@ -29,7 +29,7 @@ from pyinfra.experiments import store
 from pyinfra.experiments.benchmark.frames import split_by_time
 from pyinfra.experiments.benchmark.matrix import Parts
 from pyinfra.formats import kitti
-from pyinfra.metrics.evaluate import evaluate
+from pyinfra.metrics.evaluate import evaluated
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
 from reproduction import add_out, add_seeds, add_work, provenance
@@ -105,7 +105,7 @@ def row(folder: Path, detector: str, seed: int) -> dict[str, object]:
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     detect.detect(detect.load_detector(run), files, run / "predictions")
     settings = Settings(ground_truths=("captured",))
-    (ap_row,) = evaluate(folder, run / "predictions", settings).ap.itertuples()
+    (ap_row,) = evaluated(folder, run / "predictions", settings).ap.itertuples()
     frames = kitti.frames(folder)
     points = int(read_vehicles(folder, frames).points.sum())
     return {

@@ -23,7 +23,7 @@ from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments.benchmark.frames import split_by_time
 from pyinfra.experiments.benchmark.matrix import Parts
 from pyinfra.formats import kitti
-from pyinfra.metrics.evaluate import evaluate
+from pyinfra.metrics.evaluate import evaluated
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
 from reproduction import add_out, add_seeds, add_work, provenance
@@ -54,7 +54,7 @@ def average_precision(folder: Path, detector: str, seed: int) -> float:
         model = detect.load_detector(Path("generalist"), ground=ground, region=region)
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     detect.detect(model, files, run / "predictions")
-    (row,) = evaluate(
+    (row,) = evaluated(
         folder, run / "predictions", Settings(ground_truths=("captured",))
     ).ap.itertuples()
     return float(row.ap_r1000)

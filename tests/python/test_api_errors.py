@@ -13,7 +13,8 @@ import pytest
 import report_data
 
 import pyinfra as pi
-from pyinfra.dataset.frame_sequence import BOX, FrameSequence
+from pyinfra.dataset.frame_sequence import FrameSequence
+from pyinfra.dataset.object_rows import BOX
 
 SHORT = {"duration_s": 2, "traffic.warm_up_s": 5}
 Call = Callable[["Given"], object]
@@ -72,8 +73,8 @@ PREDICTIONS: dict[str, tuple[Callable[[pd.DataFrame], Any], str]] = {
 }
 MODELS: dict[str, tuple[Any, str]] = {
     "raises": (raising, "frame 0: ZeroDivisionError: of my own"),
-    "nothing": (lambda p: None, "frame 0: expected a table of boxes, got NoneType"),
-    "array": (lambda p: np.zeros((1, 7)), "frame 0: expected a table of boxes, got ndarray"),
+    "nothing": (lambda p: None, "frame 0: expected a table, .*, got NoneType"),
+    "array": (lambda p: np.zeros((1, 6)), r"frame 0: expected a table, .*, got ndarray \(1, 6\)"),
     "wrong column": (lambda p: boxes().rename(columns={"dx": "dxx"}), "did you mean 'dxx'"),
     "NaN": (lambda p: boxes(x=np.nan), "frame 0: expected finite numbers"),
     "words": (lambda p: boxes(x="left"), "frame 0: expected numbers"),
@@ -91,7 +92,7 @@ CALLS: dict[str, tuple[Call, str]] = {
     "plan: scene": (lambda g: pi.plan("hiway", 9000), "scene: "),
     "plan: find": (lambda g: pi.plan("crossroad", 9000, find=90), "find: expected 0 to 1"),
     "load_scene: name": (lambda g: pi.load_scene("highwy"), "scene: .*did you mean 'highway'"),
-    "load_scene: type": (lambda g: pi.load_scene(3), "scene: expected a name or a path, got int"),
+    "load_scene: type": (lambda g: pi.load_scene(3), "scene: expected a text or a path, got 3"),
     "load_scene: key": (lambda g: pi.load_scene("highway", set={"duraton_s": 1}), "duraton_s"),
     "load_scene: value": (lambda g: pi.load_scene("highway", set={"duration_s": -1}), "duration_s"),
     "load_scene: seed": (lambda g: pi.load_scene("highway", seed=-1), "seed"),
@@ -160,7 +161,7 @@ CALLS: dict[str, tuple[Call, str]] = {
         "ground_truths: ",
     ),
     "Settings: ground truth": (lambda g: pi.Settings(ground_truths=("al",)), "ground_truths: "),
-    "Settings: IoU": (lambda g: pi.Settings(ious=(2.0,)), "iou: "),
+    "Settings: IoU": (lambda g: pi.Settings(ious=(2.0,)), "ious: "),
     "compare: one of each": (lambda g: pi.compare(g.result, [g.result]), "compare: "),
     "compare: lengths": (lambda g: pi.compare([g.result] * 2, [g.result] * 3), "compare: "),
     "compare: twice": (lambda g: pi.compare([g.result] * 2, [g.result] * 2), "compare: "),

@@ -659,7 +659,7 @@ def test_the_devkits_cap_is_reported(run: Callable[..., Evaluation]) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--iou", "1.5"], "iou: expected 0.1 to below 1, got 1.5"),
+        (["--iou", "1.5"], "iou: expected 0.1 to 0.999, got 1.5"),
         (["--class", "large="], "--class: expected .*, got 'large='"),
         (["--frames", "2-4"], "--frames: expected A:B.*, got '2-4'"),
         (["--frames", "7:9"], "--frames: expected .*, got '7:9'"),

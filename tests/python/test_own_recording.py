@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.core.errors import FormatError
-from pyinfra.dataset.frame_sequence import BOX
 from pyinfra.dataset.ground import ground_of, shape_heights
+from pyinfra.dataset.object_rows import BOX
 from pyinfra.dataset.road_plane import find_plane
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.frame_times import seconds_of

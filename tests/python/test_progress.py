@@ -1,43 +1,41 @@
-"""Commands show their progress on a terminal after two seconds. The library shows no progress."""
+"""Long loops show their progress on terminals and in notebooks, after two seconds."""
 
 import io
 import sys
+from types import ModuleType
 
 import pytest
 
 from pyinfra.core import progress
 
 
-class Terminal(io.StringIO):
+class Stream(io.StringIO):
+    def __init__(self, *, terminal: bool) -> None:
+        super().__init__()
+        self.terminal = terminal
+
     def isatty(self) -> bool:
-        return True
+        return self.terminal
 
 
-def terminal_of(monkeypatch: pytest.MonkeyPatch) -> Terminal:
-    """Replaces stderr by a terminal. A fixture can't do this, because pytest replaces stderr again
-    before the test."""
+@pytest.mark.parametrize(
+    ("terminal", "notebook", "shown"),
+    [(True, False, True), (False, True, True), (False, False, False)],
+)
+def test_progress_is_shown_where_somebody_reads_it(
+    monkeypatch: pytest.MonkeyPatch, terminal: bool, notebook: bool, shown: bool
+) -> None:
+    stream = Stream(terminal=terminal)
     monkeypatch.setattr(progress, "DELAY_S", 0.0)
-    monkeypatch.setattr(sys, "stderr", Terminal())
-    assert isinstance(sys.stderr, Terminal)
-    return sys.stderr
-
-
-def test_a_command_shows_progress_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
-    terminal = terminal_of(monkeypatch)
-    with progress.shown():
-        assert list(progress.track(range(3), "frame")) == [0, 1, 2]
-    assert "0/3" in terminal.getvalue()
-
-
-def test_the_library_shows_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
-    terminal = terminal_of(monkeypatch)
+    monkeypatch.setattr(sys, "stderr", stream)
+    if notebook:
+        monkeypatch.setitem(sys.modules, "ipykernel", ModuleType("ipykernel"))
     assert list(progress.track(range(3), "frame")) == [0, 1, 2]
-    assert terminal.getvalue() == ""
+    assert ("0/3" in stream.getvalue()) == shown
 
 
-def test_nothing_is_shown_in_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "stderr", io.StringIO())
-    with progress.shown():
-        assert list(progress.track(range(3), "frame")) == [0, 1, 2]
-    assert isinstance(sys.stderr, io.StringIO)
-    assert sys.stderr.getvalue() == ""
+def test_a_short_loop_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = Stream(terminal=True)
+    monkeypatch.setattr(sys, "stderr", stream)
+    assert list(progress.track(range(3), "frame")) == [0, 1, 2]
+    assert stream.getvalue().strip() == ""

@@ -11,8 +11,8 @@ from conftest import BINARY, Infrasim
 
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset import simulation
-from pyinfra.dataset.frame_sequence import scene_objects
 from pyinfra.dataset.frame_tables import Vehicles
+from pyinfra.dataset.object_rows import scene_objects
 from pyinfra.dataset.trajectories import read_objects_at, read_rows
 from pyinfra.formats.kitti import WorldPose
 

@@ -21,7 +21,7 @@ from pyinfra.dataset.prediction_origin import MODEL_FRAMES, read_origin, write_o
 from pyinfra.experiments.benchmark.matrix import Experiment
 from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import read_csv
-from pyinfra.metrics.evaluate import evaluate
+from pyinfra.metrics.evaluate import evaluated
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.row_selection import AP_COLUMNS, AP_ENDS, AP_OF, OFF_REGION
 from pyinfra.metrics.settings import Settings
@@ -58,7 +58,7 @@ def tables(
     """
     seconds = trained(experiment, recipe, folder, run, device)
     detected(run, folder, device)
-    evaluation = evaluate(folder, run / "predictions", SETTINGS, ranges=True)
+    evaluation = evaluated(folder, run / "predictions", SETTINGS, ranges=True)
     check_counted(evaluation)
     windows = evaluation.distance_ap
     squares = {} if evaluation.cells is None else {"squares": keyed(experiment, evaluation.cells)}

@@ -17,7 +17,7 @@ from pyinfra.dataset.frame_sequence import SimulatedFrames
 from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.fused import fused
 from pyinfra.experiments.planner.site import PlanSite
-from pyinfra.metrics.evaluate import evaluate
+from pyinfra.metrics.evaluate import evaluated
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.detectors.background import DEFAULT, Background
@@ -104,11 +104,11 @@ def measure_frames(
 ) -> Measured:
     """Evaluates a detector on the frames of an option."""
     detections = detect(detector_for(frames, detector), frames)
-    vehicles = evaluate(frames, detections, replace(VEHICLES, replicates=replicates))
+    vehicles = evaluated(frames, detections, replace(VEHICLES, replicates=replicates))
     types = vehicles.truth.vehicles.names
     people = None
     if "Pedestrian" in types and detector != "background":
-        people = evaluate(frames, detections, replace(PEOPLE, replicates=replicates))
+        people = evaluated(frames, detections, replace(PEOPLE, replicates=replicates))
     return Measured(vehicles, people, len(frames))
 
 

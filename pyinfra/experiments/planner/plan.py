@@ -95,7 +95,7 @@ class Plan:
         return "\n".join(self.answer.lines)
 
 
-@public
+@public()
 def plan(
     scene: str | os.PathLike[str],
     budget_usd: float,

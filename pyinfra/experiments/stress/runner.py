@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
 from collections.abc import Callable, Iterable, Sequence
@@ -38,7 +39,7 @@ class Prepared:
     left_out: dict[str, list[str]]  # stressors that cannot be applied to the data, by reason
 
 
-@public
+@public(frames=(1, math.inf), seed=(0, 2**63))
 def stress(
     models: Model | list[Model] | tuple[Model, ...],
     data: str | os.PathLike[str],

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -16,15 +17,20 @@ import pandas as pd
 
 from pyinfra.core.arrays import Points
 from pyinfra.core.errors import Error
-from pyinfra.core.names import path_of, suggestion
+from pyinfra.core.files import write as write_bytes
+from pyinfra.core.names import StrPath, path_of, suggestion
+from pyinfra.core.progress import track
 from pyinfra.core.public import CALLER, public
-from pyinfra.dataset.frame_sequence import BOX, FrameSequence
+from pyinfra.dataset.frame_sequence import FrameSequence
 from pyinfra.dataset.ground import level_ground
 from pyinfra.dataset.height_checks import CHECKED, check_height, height_warnings
-from pyinfra.dataset.loading import one_lidar
+from pyinfra.dataset.loading import AnyFrames, sequence_of
+from pyinfra.dataset.object_rows import BOX
 from pyinfra.dataset.regions import Outline, read_outline, region_within
-from pyinfra.models.detectors import Detections, Detector
+from pyinfra.models.detectors import Detections as Found
+from pyinfra.models.detectors import Detector
 from pyinfra.models.inference import detect as inference
+from pyinfra.models.inference.detections import Detections
 from pyinfra.models.inference.folder import Place, detector_at_place, region_warning
 from pyinfra.models.inference.frames_learnt import frames_warning
 from pyinfra.models.inference.own_detector import OwnDetector, detections_of_own
@@ -38,25 +44,108 @@ AnyRegion: TypeAlias = "npt.ArrayLike | str | os.PathLike[str]"
 
 @dataclass(frozen=True)
 class TrainedDetector:
-    """A trained detector's file. `detect` loads it and adapts it to the site of the frames."""
+    """A trained detector's file. `detect` loads it and adapts it to the site of the frames.
+
+    Attributes
+    ----------
+    file : file of the weights
+    device : device of PyTorch
+    threads : number of threads that process a frame
+    """
 
     file: Path
     device: str = "cpu"
     threads: int = 1
 
+    def __call__(self, points: AnyFrames, **options: Any) -> Detections:
+        """Returns the boxes in one cloud or several; `options` are those of `detect`."""
+        return detect(self, points, **options)
 
-@public
+    def save(self, file: StrPath) -> Path:
+        """Copies the weights to a file, and returns its path."""
+        to = path_of(file, "file")
+        to.parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(to, self.file.read_bytes())
+        return to
+
+
+OWN: dict[str, Any] = {}  # detectors of the user by name
+
+
+@public()
+def register_detector(detector: Callable[..., Any], name: str | None = None) -> Any:
+    """Gives a detector of your own a name, which `load_detector` and `detect` accept.
+
+    Parameters
+    ----------
+    detector : a detector as `detect` accepts it, or a class without required arguments, of which an
+        object is made when the detector is loaded; the function can be used as a decorator
+    name : the name; by default that of the class or function
+
+    Returns
+    -------
+    The given detector
+
+    Raises
+    ------
+    Error : for a name of a shipped detector, and for something that is not callable
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pyinfra as pi
+    >>> @pi.register_detector
+    ... class Nothing:
+    ...     def predict(self, points):
+    ...         return np.empty((0, 7))
+    >>> len(pi.detect("Nothing", np.zeros((5, 4))))
+    0
+    """
+    word = name or getattr(detector, "__name__", "")
+    if not word or word in inference.shipped():
+        raise Error(f"name: expected a name that is not taken, got '{word}'")
+    OWN[word] = detector
+    return detector
+
+
+@public()
+def list_detectors() -> list[str]:
+    """Returns the names of detectors that `load_detector` accepts.
+
+    Parameters
+    ----------
+    None
+
+    Returns
+    -------
+    Names, sorted: the pretrained detectors, and those of `register_detector`
+
+    Raises
+    ------
+    Error : for an argument
+
+    Examples
+    --------
+    >>> import pyinfra as pi
+    >>> "generalist" in pi.list_detectors()
+    True
+    """
+    return sorted([*inference.shipped(), *OWN])
+
+
+@public(threads=(1, math.inf))
 def load_detector(
     model: str | os.PathLike[str] = "generalist",
     *,
     device: str = "cpu",
     threads: int | None = None,
-) -> TrainedDetector:
+) -> TrainedDetector | Any:
     """Selects a detector for `detect`: the pretrained detector of the package, or a trained model.
 
     Parameters
     ----------
-    model : `generalist` for the pretrained detector, or the folder of a training, or a file in it
+    model : `generalist` for the pretrained detector, the name of a detector of `register_detector`,
+        or the folder of a training, or a file in it
     device : device of PyTorch, such as `cpu` or `cuda`
     threads : number of threads that process a frame; by default one per core, at most 4. Only the
         detector `centerpoint-pillar` on a CPU uses this number. The pretrained detector is of this
@@ -76,25 +165,27 @@ def load_detector(
     >>> pi.load_detector("generalist").file.name
     'generalist.safetensors'
     """
+    if isinstance(model, str) and model in OWN:
+        return OWN[model]() if isinstance(OWN[model], type) else OWN[model]
     try:
         file = inference.model_file(path_of(model, "model"))
     except FileNotFoundError:
-        near = suggestion(os.fspath(model), inference.shipped())
+        near = suggestion(os.fspath(model), [*inference.shipped(), *OWN])
         raise Error(
             f"model: expected a model's folder, file or name, got '{model}'{near}"
         ) from None
     return TrainedDetector(file, device, checked_threads(threads))
 
 
-@public
+@public()
 def detect(
     model: TrainedDetector | Detector | OwnDetector | str | os.PathLike[str],
-    frames: FrameSequence | str | os.PathLike[str],
+    frames: AnyFrames,
     *,
     height_m: float | None = None,
     region: AnyRegion | None = None,
     drop_standing: bool = False,
-) -> pd.DataFrame:
+) -> Detections:
     """Runs a detector on frames and returns its boxes.
 
     For a trained detector, z of the points is converted to height above the road, and frames are
@@ -104,11 +195,14 @@ def detect(
 
     Parameters
     ----------
-    model : a result of `load_detector`, a value that its argument `model` accepts, or any callable.
-        A callable gets points (n, 4) float32, x y z intensity, in the levelled LiDAR frame. It
-        returns a table in the same frame with the columns type (default `vehicle`), x y z dx dy dz
-        heading, score (default 1), in metres and radians
-    frames : frames of `simulate` or `load_dataset`, or a LiDAR's folder
+    model : a result of `load_detector`, a value that its argument `model` accepts, or a detector of
+        your own: an object with a method `predict`, or else any callable. It gets points (n, 4)
+        float32, x y z intensity, in the levelled LiDAR frame, as an array that it may change. It
+        returns boxes in the same frame, in metres and radians: a table with the columns x y z dx dy
+        dz heading, type (default `vehicle`) and score (default 1); an array, tensor or list (n, 7)
+        of these numbers, or (n, 8) with the score; or a dict with `boxes`, `scores` and `names`
+    frames : frames of `simulate` or `load_dataset`, or a LiDAR's folder; or points (n, 4) of one
+        cloud, or a list of clouds, which are frames 0, 1, ... without labels, roads and height
     height_m : height of the sensor above a level road, for a trained detector; by default the
         height is read from the frames
     region : area where vehicles can be, for a trained detector. The argument is the corners (m, 2)
@@ -119,8 +213,8 @@ def detect(
 
     Returns
     -------
-    DataFrame : columns frame, type, x y z dx dy dz heading, score; ordered by frame, then best
-        first
+    Detections : a table with the columns frame, type, x y z dx dy dz heading, score; ordered by
+        frame, then best first
 
     Raises
     ------
@@ -137,7 +231,7 @@ def detect(
     >>> pi.detect(nothing, frames).shape
     (0, 10)
     """
-    frames = one_lidar(frames, "frames")
+    frames = sequence_of(frames, "frames")
     if isinstance(model, (str, os.PathLike)):
         model = load_detector(model)
     site = _place(frames, height_m, region)
@@ -152,16 +246,16 @@ def detect(
         if text := frames_warning(model.file, frames.frames_version):
             warnings.warn(text, stacklevel=CALLER)
         detector = detector_at_place(model.file, site, model.device, model.threads)
-        per_frame = [detector.predict(points) for points in _stacked(model.file, frames)]
+        per_frame = [
+            detector.predict(points) for points in track(_stacked(model.file, frames), "frame")
+        ]
     elif region is not None and not drop_standing:
         raise Error(
             "region: expected no value for a detector of your own, which gets all points and "
             "whose boxes are all returned, got an outline"
         )
-    elif hasattr(model, "predict"):
-        per_frame = [model.predict(frame.points) for frame in frames]
-    elif callable(model):
-        per_frame = [detections_of_own(f.number, model, f.points) for f in frames]
+    elif callable(own := getattr(model, "predict", model)):
+        per_frame = [detections_of_own(f.number, own, f.points) for f in track(frames, "frame")]
     else:
         raise Error(f"model: expected a detector or a callable, got {type(model).__name__}")
     if drop_standing and numbers:
@@ -214,12 +308,12 @@ def _points(frames: FrameSequence, number: int) -> Points:
     return frames.frame(number).points
 
 
-def _table(numbers: Sequence[int], detections: Sequence[Detections]) -> pd.DataFrame:
+def _table(numbers: Sequence[int], detections: Sequence[Found]) -> Detections:
     counts = [len(one) for one in detections]
     boxes = np.concatenate([np.empty((0, 7)), *(one.boxes for one in detections)])
-    table = pd.DataFrame({"frame": np.repeat(np.asarray(numbers, np.int64), counts)})
+    table = Detections({"frame": np.repeat(np.asarray(numbers, np.int64), counts)})
     names = [name for one in detections for name in one.names.tolist()]
     table["type"] = pd.Series(names, dtype=object)
     table[BOX] = boxes
     scores = np.concatenate([np.empty(0), *(one.scores for one in detections)])
-    return table.assign(score=scores)[COLUMNS]
+    return Detections(table.assign(score=scores)[COLUMNS])

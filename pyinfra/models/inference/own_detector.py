@@ -1,21 +1,21 @@
-"""A user's own detector: any callable that takes points and returns a table of boxes."""
+"""A user's own detector: any callable that takes points and returns boxes."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import Points
 from pyinfra.core.errors import Error
-from pyinfra.core.names import suggestion
-from pyinfra.dataset.frame_sequence import BOX
+from pyinfra.dataset.box_tables import box_table
+from pyinfra.dataset.object_rows import BOX
 from pyinfra.models.detectors import Detections
 
-OwnDetector: TypeAlias = Callable[[Points], pd.DataFrame]
+OwnDetector: TypeAlias = Callable[[Points], Any]
 
 LONGEST_M = 100.0  # largest side of a box; a larger one is probably not in metres
 
@@ -24,19 +24,14 @@ def detections_of_own(number: int, model: OwnDetector, points: Points) -> Detect
     """Calls a user's detector on a frame and returns the detector's boxes, best first.
 
     number: frame number, for messages. points: (n, 4) float32. Raises Error if the callable fails
-    or does not return a table of boxes.
+    or does not return boxes.
     """
     prefix = f"model: frame {number}"
     try:
-        table = model(points)
+        result = model(points)
     except Exception as error:
         raise Error(f"{prefix}: {type(error).__name__}: {error}") from error
-    if not isinstance(table, pd.DataFrame):
-        raise Error(f"{prefix}: expected a table of boxes, got {type(table).__name__}")
-    for name in BOX:
-        if name not in table.columns:
-            near = suggestion(name, map(str, table.columns))
-            raise Error(f"{prefix}: expected the column '{name}', got none{near}")
+    table = box_table(result, prefix)
     scores = table["score"] if "score" in table.columns else pd.Series(1.0, table.index)
     try:
         numbers = table[BOX].assign(score=scores).to_numpy(dtype=np.float64)

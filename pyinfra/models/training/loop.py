@@ -280,6 +280,9 @@ def batch_of(frames: Samples, recipe: Recipe, network: Network, seed: int, step:
         paste = recipe.augmentation.pasted > 0
         other = frames.another(i, rng) if paste else None
         sample = augmented(frames.sample(i), other, recipe.augmentation, rng)
+        if recipe.hook is not None:
+            points, boxes = recipe.hook(sample.points, sample.boxes, rng)
+            sample = dataclasses.replace(sample, points=points, boxes=boxes)
         samples.append(sample)
         centres.append(windows.centre_of(sample, network.site.area, rng, learning.rare_windows))
     batch = make_batch(samples, network.site.area, network.columns)

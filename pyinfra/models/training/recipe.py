@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.core.config import Part, checked, read_config, ruled
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import TIERS, ObjectClass, Tier
@@ -16,6 +20,9 @@ from pyinfra.models.training.samples import Augmentation
 
 # Precision of the layers. The cells of points, searches, losses and boxes always use 32 bits.
 Precision = Literal["float32", "bfloat16"]
+
+# Maps points (n, 4), boxes (k, 7) and a random generator to points and boxes.
+Hook = Callable[[Points, FloatArray, np.random.Generator], tuple[Points, FloatArray]]
 
 
 def _model(_: Path, word: str) -> None:
@@ -65,6 +72,7 @@ class Recipe:
     network: Any  # the Config of the detector
     learning: Learning
     augmentation: Augmentation
+    hook: Hook | None = None  # a further augmentation, of the user
 
     @property
     def classes(self) -> tuple[ObjectClass, ...]:

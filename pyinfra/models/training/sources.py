@@ -15,7 +15,7 @@ from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import OBJECT_CLASSES, VEHICLES, LabelTime, ObjectClass, Tier
 from pyinfra.dataset import regions, split
 from pyinfra.dataset.frame_readers import other_types, read_vehicles
-from pyinfra.dataset.frame_sequence import SimulatedFrames, vehicles_of
+from pyinfra.dataset.frame_sequence import FrameSequence, SimulatedFrames
 from pyinfra.dataset.frame_tables import Vehicles
 from pyinfra.dataset.frames import (
     data_set_of,
@@ -25,6 +25,7 @@ from pyinfra.dataset.frames import (
 )
 from pyinfra.dataset.frames_version import number_at
 from pyinfra.dataset.ground import Ground, ground_of, ground_of_boxes
+from pyinfra.dataset.object_rows import vehicles_of
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import read_yaml
 from pyinfra.models.detectors.classes import numbers_of
@@ -118,6 +119,30 @@ def read_source(
         classes=classes,
         read_classes=lambda: hit_boxes(vehicles(), len(frames), classes)[1],
         frames_version=number_at(folder),
+    )
+
+
+def sequence_source(
+    frames: FrameSequence, tier: Tier, classes: tuple[ObjectClass, ...] = VEHICLES
+) -> Source:
+    """Returns all frames of a sequence as training frames. Raises Error if the LiDAR is unknown."""
+    lidar = frames.lidar
+    if lidar is None:
+        raise Error("frames: expected frames of a LiDAR with a pose, got frames without")
+    chosen = frames.of(spread(frames.numbers, MOST_FRAMES[tier]))
+    vehicles, count = cache(chosen.vehicles), len(chosen)
+    return Source(
+        lidar=lidar.name,
+        preset=lidar.preset,
+        scene=frames.scene,
+        label_time=lidar.label_time,
+        clouds=ONE_FRAME.clouds(chosen.points_of, chosen.numbers, chosen.numbers, lidar.period_s),
+        read_boxes=lambda: hit_boxes(vehicles(), count, classes)[0],
+        region=frames.region,
+        ground=frames.ground,
+        classes=classes,
+        read_classes=lambda: hit_boxes(vehicles(), count, classes)[1],
+        frames_version=frames.frames_version,
     )
 
 

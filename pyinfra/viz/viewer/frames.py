@@ -21,8 +21,9 @@ from pyinfra.core.arrays import (
 from pyinfra.core.errors import FormatError
 from pyinfra.core.progress import track
 from pyinfra.dataset.frame_readers import read_cameras, read_predictions, read_vehicles
-from pyinfra.dataset.frame_sequence import BOX, SimulatedFrames
+from pyinfra.dataset.frame_sequence import SimulatedFrames
 from pyinfra.dataset.frames import PERIOD_S
+from pyinfra.dataset.object_rows import BOX
 from pyinfra.dataset.world_frame import to_world
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Labels, WorldPose

@@ -1,0 +1,72 @@
+"""Predicted boxes of several frames as a table that can be saved and read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.errors import Error
+from pyinfra.core.names import StrPath, path_of
+from pyinfra.dataset.frame_readers import Cameras, read_cameras, read_predictions
+from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.object_rows import BOX
+from pyinfra.formats import kitti
+from pyinfra.metrics.prediction_checks import find_files
+from pyinfra.metrics.prediction_table import COLUMNS
+
+
+class Detections(pd.DataFrame):  # type: ignore[misc]  # pandas has no types
+    """Boxes of a detector: a pandas table with methods to save and read it.
+
+    Columns: frame, type, x y z dx dy dz heading (levelled LiDAR frame, metres, radians), score.
+    """
+
+    @property
+    def _constructor(self) -> type[Detections]:
+        return Detections
+
+    def save(self, folder: StrPath, frames: Sequence[int] | None = None) -> Path:
+        """Writes a KITTI result file for each frame to a folder, and returns its path.
+
+        frames: frame numbers, also of frames without boxes, which get an empty file; by default the
+        frames of the table. The camera is that of a simulated LiDAR. Raises Error for a missing
+        column.
+        """
+        if missing := [name for name in COLUMNS if name not in self.columns]:
+            raise Error(
+                f"detections: expected the columns {', '.join(COLUMNS)}, got no {missing[0]}"
+            )
+        out = path_of(folder, "folder")
+        out.mkdir(parents=True, exist_ok=True)
+        for number in sorted(set(self.frame.tolist()) | set(() if frames is None else frames)):
+            rows = self[self.frame == number]
+            names, boxes = rows["type"].to_numpy(np.str_), rows[BOX].to_numpy(np.float64)
+            labels = kitti.Labels(names, boxes, rows["score"].to_numpy(np.float64))
+            kitti.write_labels(out / f"{int(number):06d}.txt", labels)
+        return out
+
+    @classmethod
+    def from_kitti(cls, folder: StrPath, lidar_folder: StrPath | None = None) -> Detections:
+        """Reads a folder of KITTI results (.txt) or of CSV files in the LiDAR frame.
+
+        lidar_folder: LiDAR's folder with the calibrations of the frames; by default the camera is
+        that of a simulated LiDAR. Raises FormatError with file and line.
+        """
+        source = path_of(folder, "folder")
+        if not source.is_dir():
+            raise Error(f"folder: expected a folder, got '{source}'")
+        truth = None if lidar_folder is None else path_of(lidar_folder, "lidar_folder")
+        files = (f for f in source.iterdir() if f.suffix in (".txt", ".csv"))
+        numbers = sorted(int(f.stem) for f in files if f.stem.isdecimal())
+        known = frame_numbers(truth, "all") if truth else numbers
+        paths = find_files(source, numbers, known, lidar_folder=truth).files
+        simulated = Cameras((kitti.simulated(),), np.zeros(len(numbers), np.int64))
+        table = read_predictions(paths, read_cameras(truth, numbers) if truth else simulated)
+        columns: dict[str, Any] = {"frame": np.array(numbers, np.int64)[table.frame]}
+        columns |= {"type": pd.Series(table.names.tolist(), dtype=object)}
+        columns |= dict(zip(BOX, table.boxes.T, strict=True)) | {"score": table.scores}
+        return cls(columns)

@@ -1,0 +1,171 @@
+"""A researcher's day in the lines that one would guess, from memory alone."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import pyinfra as pi
+
+SHORT = {"duration_s": 6, "traffic.warm_up_s": 20}
+
+
+@pytest.fixture(scope="module")
+def frames() -> pi.FrameSequence:
+    return pi.simulate(pi.load_scene("highway", seed=1, set=SHORT), "helios_16", range(0, 60, 6))
+
+
+def test_names_are_listed() -> None:
+    assert {"highway", "crossroad"} <= set(pi.list_scenes())
+    assert {"ruby_plus", "helios_16"} <= set(pi.list_lidars())
+    assert pi.list_presets() == ["datasheet", "equal", "paper"]
+    assert "generalist" in pi.list_detectors()
+
+
+def test_scenes_and_lidars_are_dicts(tmp_path: Path) -> None:
+    import yaml
+
+    from pyinfra.dataset.catalogue import lidar_file, scene_file
+
+    lidar = yaml.safe_load(lidar_file("helios_16").read_text()) | {"name": "mine"}
+    scene = yaml.safe_load(scene_file("highway").read_text())
+    world = pi.load_scene(scene, seed=1, set={k: np.float64(v) for k, v in SHORT.items()})
+    ours = pi.simulate(world, pi.load_lidar(lidar), range(1))
+    theirs = pi.simulate(pi.load_scene("highway", seed=1, set=SHORT), "helios_16", range(1))
+    assert ours.name == "mine"
+    np.testing.assert_array_equal(ours[0].points, theirs[0].points)
+    with pytest.raises(pi.Error, match="naem"):
+        pi.load_lidar({"naem": "x"})
+
+
+@pytest.mark.filterwarnings("ignore:generalist")
+def test_the_pretrained_detector_is_a_function(frames: pi.FrameSequence) -> None:
+    model = pi.load_detector("generalist")
+    of_frames = pi.detect(model, frames)
+    of_frame = model(frames[0])
+    pd.testing.assert_frame_equal(of_frame, of_frames[of_frames.frame == 0])
+    assert isinstance(of_frames, pi.Detections)
+
+
+@pytest.mark.filterwarnings("ignore:generalist")
+@pytest.mark.filterwarnings("ignore:no region is known")
+def test_an_array_is_enough(frames: pi.FrameSequence) -> None:
+    pole = frames.lidar.T_world_levelled.z
+    boxes = pi.detect("generalist", frames[0].points, height_m=pole)
+    near = pi.detect("generalist", frames[0])
+    assert len(boxes) >= len(near) > 0
+
+
+def test_detections_are_saved_and_read(frames: pi.FrameSequence, tmp_path: Path) -> None:
+    found = pi.detect(lambda points: frames[0].labels[list(BOX)].to_numpy(), frames)
+    read = pi.Detections.from_kitti(found.save(tmp_path / "found"))
+    pd.testing.assert_frame_equal(read, found, atol=1e-3, rtol=0, check_like=True)
+    one, two = (pi.evaluate(frames, x).ap.ap_r1000[0] for x in (found, tmp_path / "found"))
+    assert one == pytest.approx(two, abs=0.2)
+
+
+def test_an_own_detector_has_a_name(frames: pi.FrameSequence) -> None:
+    @pi.register_detector
+    class Nearest:
+        def predict(self, points: np.ndarray) -> dict[str, object]:
+            x, y, z = points[0, :3]
+            return {"boxes": [[x, y, z, 4, 2, 1.5, 0]], "names": ["Car"], "scores": [0.5]}
+
+    assert "Nearest" in pi.list_detectors()
+    table = pi.detect("Nearest", frames[:2])
+    assert table["type"].tolist() == ["Car", "Car"]
+    with pytest.raises(pi.Error, match="did you mean 'Nearest'"):
+        pi.detect("Nearst", frames)
+
+
+def test_a_detector_learns_from_memory(frames: pi.FrameSequence, tmp_path: Path) -> None:
+    seen: list[tuple[int, int]] = []
+
+    def augment(points: np.ndarray, boxes: np.ndarray, rng: np.random.Generator) -> tuple:
+        seen.append((points.shape[1], boxes.shape[1]))
+        return points, boxes
+
+    model = pi.train("centerpoint-pillar", frames, steps=2, tier="smoke", augment=augment)
+    assert set(seen) == {(4, 7)}
+    assert len(seen) >= 2
+    kept = pi.load_detector(model.save(tmp_path / "kept/model.safetensors"))
+    pd.testing.assert_frame_equal(pi.detect(kept, frames[:1]), pi.detect(model, frames[:1]))
+
+
+def test_frames_are_saved_in_every_format(frames: pi.FrameSequence, tmp_path: Path) -> None:
+    for name in ("kitti", "pcd", "openpcdet", "mmdet3d", "nuscenes", "openlabel", "mcap"):
+        assert any(frames[:1].save(tmp_path / name, format=name).iterdir())
+    with pytest.raises(pi.Error, match=r"format: .*did you mean 'nuscenes'"):
+        frames.save(tmp_path / "x", format="nuscens")
+
+
+def test_everything_can_be_pickled(frames: pi.FrameSequence) -> None:
+    result = pi.evaluate(frames, frames.labels.assign(score=1.0))
+    for thing in (frames.world, frames.unit, frames, frames[0], result, pi.load_detector()):
+        again = pickle.loads(pickle.dumps(thing))
+        assert type(again) is type(thing)
+    again = pickle.loads(pickle.dumps(frames))
+    np.testing.assert_array_equal(again[3].points, frames[3].points)
+    pd.testing.assert_frame_equal(
+        pickle.loads(pickle.dumps(result)).by_distance, result.by_distance
+    )
+
+
+def test_results_are_saved_and_drawn(frames: pi.FrameSequence, tmp_path: Path) -> None:
+    result = pi.evaluate(frames, frames.labels.assign(score=1.0))
+    files = result.save(tmp_path / "out")
+    assert pd.read_csv(files[0]).ap_r1000[0] == 100
+    assert result.plot().get_ylabel()
+
+
+BOX = ("x", "y", "z", "dx", "dy", "dz", "heading")
+HELD = "Detections Evaluation FrameSequence Interval Lidar LidarFrame Plan TrainedDetector World"
+
+
+@pytest.mark.parametrize("name", HELD.split())
+def test_classes_are_exported_and_documented(name: str) -> None:
+    assert (getattr(pi, name).__doc__ or "").strip()
+
+
+# --- wrong arguments ------------------------------------------------------------------------------
+
+WRONG = {
+    "frames: ": lambda f: pi.evaluate(f, f.labels, frames=20),
+    "budget_usd: ": lambda f: pi.recommend("x", budget_usd="3"),
+    "jobs: ": lambda f: pi.plan("crossroad", 9000, jobs=None),
+    "tilt_deg: ": lambda f: pi.import_recording("x", "kitti", "y", tilt_deg=3),
+    "threads: ": lambda f: pi.simulate("highway", "helios_16", [0], threads=1.5),
+    "did you mean 'frames'": lambda f: pi.evaluate(f, f.labels, frame=[1]),
+    "missing a required argument": lambda f: pi.evaluate(f),
+    "settings: ": lambda f: pi.evaluate(f, f.labels, {"ious": 0.5}),
+    "object_class: .*did you mean 'vehicle'": lambda f: pi.evaluate(
+        f, f.labels.assign(score=1.0), object_class="vehicles"
+    ),
+    "config: ": lambda f: pi.train(3, f),
+    "steps: ": lambda f: pi.train("pointpillars", f, steps=1.5),
+    "tier: .*did you mean 'smoke'": lambda f: pi.train("pointpillars", f, tier="smok"),
+    "seed: ": lambda f: pi.train("pointpillars", f, seed=-1),
+    "centre: ": lambda f: pi.import_map("x", "y", centre=3),
+    "types: ": lambda f: pi.import_recording("x", "kitti", "y", types="Car"),
+    "severities: ": lambda f: pi.stress("generalist", "x", work="y", severities=3),
+    "within_m: ": lambda f: pi.plan("crossroad", 9000, within_m="60"),
+    "min_score: ": lambda f: pi.plot_frame(f[0], min_score="a"),
+    "frame: ": lambda f: pi.plot_frame(3),
+    "ground_truth: .*did you mean": lambda f: pi.compare([], [], ground_truth="capturd"),
+    "by: ": lambda f: pi.compare([], [], by="distanc"),
+    "a: ": lambda f: pi.compare(f, f),
+    "set: ": lambda f: pi.load_scene("highway", set=3),
+    "rate_hz: ": lambda f: pi.load_lidar("ruby_plus", rate_hz="10"),
+    "format: ": lambda f: pi.export(f, 3, "x"),
+    "device: ": lambda f: pi.load_detector(device=3),
+}
+
+
+@pytest.mark.parametrize("message", WRONG)
+def test_wrong_arguments_are_errors_of_the_package(frames: pi.FrameSequence, message: str) -> None:
+    with pytest.raises(pi.Error, match=message):
+        WRONG[message](frames)
