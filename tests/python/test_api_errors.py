@@ -92,7 +92,10 @@ CALLS: dict[str, tuple[Call, str]] = {
     "plan: scene": (lambda g: pi.plan("hiway", 9000), "scene: "),
     "plan: find": (lambda g: pi.plan("crossroad", 9000, find=90), "find: expected 0 to 1"),
     "load_scene: name": (lambda g: pi.load_scene("highwy"), "scene: .*did you mean 'highway'"),
-    "load_scene: type": (lambda g: pi.load_scene(3), "scene: expected a text or a path, got 3"),
+    "load_scene: type": (
+        lambda g: pi.load_scene(3),
+        "scene: expected a text or a path or a dict, got 3",
+    ),
     "load_scene: key": (lambda g: pi.load_scene("highway", set={"duraton_s": 1}), "duraton_s"),
     "load_scene: value": (lambda g: pi.load_scene("highway", set={"duration_s": -1}), "duration_s"),
     "load_scene: seed": (lambda g: pi.load_scene("highway", seed=-1), "seed"),
@@ -209,9 +212,9 @@ CALLS: dict[str, tuple[Call, str]] = {
     ),
     "train: folder": (
         lambda g: pi.train("pointpillars", g.empty, work=g.folder / "w"),
-        "folders: ",
+        "frames: ",
     ),
-    "train: none": (lambda g: pi.train("pointpillars", [], work=g.folder / "w"), "folders: "),
+    "train: none": (lambda g: pi.train("pointpillars", [], work=g.folder / "w"), "frames: "),
     "train: tier": (
         lambda g: pi.train("pointpillars", g.empty, work=g.empty, tier="fast"),
         "tier: ",
@@ -254,6 +257,15 @@ CALLS: dict[str, tuple[Call, str]] = {
         lambda g: pi.import_recording(g.empty, "pcd", g.folder / "r/a"),
         "empty",
     ),
+    "list_scenes: argument": (lambda g: pi.list_scenes(1), "list_scenes: too many"),
+    "list_lidars: argument": (lambda g: pi.list_lidars(1), "list_lidars: too many"),
+    "list_presets: argument": (lambda g: pi.list_presets(1), "list_presets: too many"),
+    "list_detectors: argument": (lambda g: pi.list_detectors(1), "list_detectors: too many"),
+    "register_detector: name": (
+        lambda g: pi.register_detector(len, "generalist"),
+        "name: expected a name that is not taken",
+    ),
+    "register_detector: type": (lambda g: pi.register_detector(3), "detector: expected a function"),
     "export: format": (
         lambda g: pi.export(g.frames, "opnpcdet", g.folder / "e"),
         "format: .*did you mean",
