@@ -10,7 +10,8 @@ import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.dataset.frame_readers import read_cameras, read_predictions
-from pyinfra.dataset.frame_sequence import BOX, RecordedFrames
+from pyinfra.dataset.frame_sequence import RecordedFrames
+from pyinfra.dataset.object_rows import BOX
 from pyinfra.dataset.prediction_origin import check_origin
 
 

@@ -62,7 +62,7 @@ class Counts:
         return out
 
 
-@public
+@public()
 def count(
     tracks: pd.DataFrame | str | os.PathLike[str], site: AnyLines, *, interval_s: float = 900.0
 ) -> Counts:

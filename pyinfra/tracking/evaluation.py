@@ -13,7 +13,8 @@ from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.errors import Error
 from pyinfra.core.public import public
 from pyinfra.core.vocabulary import VEHICLE_TYPES
-from pyinfra.dataset.frame_sequence import BOX, FrameSequence
+from pyinfra.dataset.frame_sequence import FrameSequence
+from pyinfra.dataset.object_rows import BOX
 from pyinfra.tracking.hota import ZERO_M, Hota, Sightings, clear, distances, hota
 from pyinfra.tracking.lines import Line, lines_of
 from pyinfra.tracking.movements import movements
@@ -52,7 +53,7 @@ class TrackEvaluation:
         )
 
 
-@public
+@public()
 def evaluate_tracks(
     frames: FrameSequence,
     tracks: pd.DataFrame,

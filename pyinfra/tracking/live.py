@@ -20,7 +20,7 @@ import pandas as pd
 
 from pyinfra.core.arrays import IntArray
 from pyinfra.core.errors import Error, FormatError
-from pyinfra.dataset.frame_sequence import BOX
+from pyinfra.dataset.object_rows import BOX
 from pyinfra.tracking.state import TYPES, Boxes, Tracks
 from pyinfra.tracking.tracker import Tracker
 from pyinfra.tracking.tracks import boxes_of, table_of

@@ -11,7 +11,8 @@ from pyinfra.core.arrays import FloatArray, IntArray
 from pyinfra.core.errors import Error
 from pyinfra.core.names import suggestion
 from pyinfra.core.public import public
-from pyinfra.dataset.frame_sequence import BOX, FrameSequence, RecordedFrames, SimulatedFrames
+from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
+from pyinfra.dataset.object_rows import BOX
 from pyinfra.formats import kitti
 from pyinfra.tracking import motion
 from pyinfra.tracking.occlusion import View
@@ -22,7 +23,7 @@ from pyinfra.tracking.tracker import Tracker, TrackSettings
 SEEN, MISSED, HIDDEN = "seen", "missed", "hidden"
 
 
-@public
+@public()
 def track(
     detections: pd.DataFrame,
     frames: FrameSequence | None = None,

@@ -16,7 +16,7 @@ from tracking_data import boxes, straight
 
 import pyinfra as pi
 from pyinfra.cli import main
-from pyinfra.dataset.frame_sequence import BOX
+from pyinfra.dataset.object_rows import BOX
 from pyinfra.tracking import live
 from pyinfra.tracking.tracker import Tracker
 
