@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.files import write
-from pyinfra.dataset.frame_sequence import BOX
+from pyinfra.dataset.object_rows import BOX
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti.camera import boxes_to_camera
 from pyinfra.formats.kitti.write import image_columns

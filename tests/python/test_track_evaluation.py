@@ -12,7 +12,8 @@ from tracking_data import PERIOD_S, boxes, circle, straight
 
 import pyinfra as pi
 from pyinfra.cli import main
-from pyinfra.dataset.frame_sequence import BOX, SimulatedFrames
+from pyinfra.dataset.frame_sequence import SimulatedFrames
+from pyinfra.dataset.object_rows import BOX
 from pyinfra.exchange.track_files import write_json_lines, write_kitti_tracking
 from pyinfra.formats import kitti
 from pyinfra.tracking.evaluation import geh, true_objects
