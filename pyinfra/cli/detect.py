@@ -16,6 +16,7 @@ from pyinfra.core.errors import Error
 from pyinfra.core.machine_load import OtherLoad, other_load
 from pyinfra.core.names import suggestion
 from pyinfra.dataset.frames import lidar_folder
+from pyinfra.dataset.health import health_text, recorded_health
 from pyinfra.exchange.lone_clouds import cloud_reader
 from pyinfra.models.inference.detect import (
     PERCENTILES,
@@ -250,6 +251,8 @@ def _in_folder(args: argparse.Namespace, model: Path) -> FolderDetections:
         warn(f"{text}: {draw}", args)
     allowed = args.allow_transfer
     if text := learnt_warning(model, data, args.split, allow_transfer=allowed):
+        warn(text, args)
+    if text := health_text(recorded_health(data, [int(file.stem) for file in files])):
         warn(text, args)
     how = {
         "drop_standing": args.drop_standing,

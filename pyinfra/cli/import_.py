@@ -176,6 +176,11 @@ def run(args: argparse.Namespace) -> int:
         print(f"assumed: {with_options(line, args.options)}")
     for line in warnings(imported, labelled, args.height_m):
         warn(f"{args.source}: {line}", args)
+    if any(row.problems for row in imported.health):
+        from pyinfra.viz.health_plot import HEALTH_PICTURE, draw_health
+
+        draw_health(imported.health, args.out / HEALTH_PICTURE)
+        print(f"{args.out / HEALTH_PICTURE}")
     kinds = ", ".join(f"{count} {name}" for name, count in imported.types.most_common())
     print(f"{args.out}: {summary(imported.frames, args.out, since)}; {kinds or 'no label'}")
     return 0

@@ -26,6 +26,7 @@ from pyinfra.core.files import write
 from pyinfra.core.version import __version__
 from pyinfra.core.vocabulary import VEHICLE_TYPES
 from pyinfra.dataset.frames import PERIOD_S, lidars_in
+from pyinfra.dataset.health import HEALTH_FILE, FrameHealth, HealthMonitor, write_health
 from pyinfra.exchange.coverage import Coverage
 from pyinfra.exchange.object_types import types_of
 from pyinfra.exchange.recording import Boxes, RecordedFrame, Recording
@@ -71,6 +72,8 @@ class ImportSummary:
     wide: int = 0  # number of labelled vehicles that are wider than long
     bottoms: list[FloatArray] = field(default_factory=list)  # z of the vehicles' bottoms
     coverage: Coverage = field(default_factory=Coverage)
+    monitor: HealthMonitor = field(default_factory=HealthMonitor)
+    health: list[FrameHealth] = field(default_factory=list)
 
     @property
     def below_m(self) -> float | None:
@@ -107,6 +110,7 @@ def write_lidar(
     summary = ImportSummary(assumed=facts.assumed)
     digests: set[bytes] = set()
     period_s = _period_s(recording, facts)
+    summary.monitor.period_s = period_s
     for i in range(len(numbers)) if indices is None else indices:
         try:
             frame = recording.read(i)
@@ -133,6 +137,9 @@ def write_lidar(
     _write_lists(out, recording, numbers)
     pose = _pose(recording, facts, summary)
     write(out / "lidar.yaml", _lidar_yaml(recording, pose, facts, summary, tilt))
+    summary.health = summary.monitor.report()
+    if summary.health:
+        write_health(out / HEALTH_FILE, summary.health)
     return summary
 
 
@@ -207,6 +214,7 @@ def _write_frame(
     vehicles = labels.boxes[np.isin(types, VEHICLE_TYPES)]
     summary.wide += int((vehicles[:, 3] < vehicles[:, 4]).sum())
     summary.bottoms.append(vehicles[:, 2] - vehicles[:, 5] / 2)
+    summary.monitor.add(number, points, fields)
     summary.coverage.add(_in_sensor_frame(points, T_levelled_sensor))
 
 

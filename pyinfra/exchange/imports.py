@@ -12,6 +12,7 @@ from typing import Literal
 from pyinfra.core.errors import Error
 from pyinfra.core.files import new_folder, write
 from pyinfra.core.vocabulary import OTHER_TYPES, VEHICLE_TYPES
+from pyinfra.dataset.health import health_text
 from pyinfra.dataset.height_checks import check_height
 from pyinfra.dataset.regions import REGION_FILE, outline_region
 from pyinfra.exchange.data_set import (
@@ -129,6 +130,8 @@ def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = No
     for items, kind in ((summary.left_out, "objects"), (summary.bad, "frames")):
         if items:
             out.append(f"left out {len(items)} {kind} that cannot be read, such as {items[0]}")
+    if text := health_text(summary.health):
+        out.append(text)
     if summary.empty:
         out.append(f"{_some(summary.empty)} without a return, written as empty frames")
     if summary.doubled:

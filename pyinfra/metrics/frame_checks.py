@@ -27,6 +27,7 @@ from pyinfra.dataset.frame_readers import (
 )
 from pyinfra.dataset.frame_tables import Vehicles
 from pyinfra.dataset.frames import check_lidar_folder, data_set_of, frame_numbers
+from pyinfra.dataset.health import health_text, recorded_health
 from pyinfra.dataset.outlines import OUTLINES_FILE, read_outlines
 from pyinfra.dataset.roads import read_roads
 from pyinfra.formats import kitti
@@ -48,6 +49,7 @@ FAR_MARGIN_M = 5.0  # tolerance for points beyond the LiDAR's range, because of 
 USUAL_LOW_Z = -3.0  # lower end of the point range in common configurations for cars
 USUAL_FAR_M = 70.4  # far end of the point range in common configurations for cars
 HEIGHT_FILTER_PX = 25.0  # KITTI's tools ignore labels whose 2-D box is lower than this
+MOST_PERIODS = 1.5  # times of points may last this many frame periods
 MARGIN_M = 0.1  # margin around a box when points in it are counted
 
 
@@ -73,9 +75,32 @@ def validate(
         findings.append(Finding("warning", "other-types", other))
     findings += [*_labels(folder, frames), *_clouds(folder, frames), *_ranges(folder, vehicles)]
     findings += [*_sizes(folder, frames), *_counts(folder, frames)]
+    if text := health_text(recorded_health(folder, frames)):
+        findings.append(Finding("warning", "health", f"{folder}: {text}"))
+    findings += _point_times(folder, frames)
     if pred is not None:
         findings += _predictions(folder, pred, split, allow_missing)
     return findings
+
+
+def _point_times(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
+    """Yields a warning of times of points outside the frame."""
+    if not (folder / "lidar.yaml").is_file():
+        return
+    period_s = kitti.read_lidar(folder).period_s
+    late = []
+    for frame in frames[:: 1 + len(frames) // CLOUDS]:
+        file = kitti.frame_file(folder, "fields", frame)
+        times = kitti.read_fields(file)["time_s"] if file.is_file() else np.zeros(0)
+        if len(times) and not -0.001 <= times.min() <= times.max() <= MOST_PERIODS * period_s:
+            late.append(frame)
+    if late:
+        text = (
+            f"{folder}: {len(late)} of the checked frames, such as {late[0]}, have times of points "
+            f"outside 0 to {MOST_PERIODS * period_s:g} s. The unit or the start of the times may "
+            "be wrong"
+        )
+        yield Finding("warning", "point-times", text)
 
 
 def _unreadable(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:

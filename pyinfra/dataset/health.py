@@ -1,0 +1,289 @@
+"""Finds frames of a recording in which the sensor did not work as in its first minute.
+
+Each frame is compared with the medians of the first minute, or of the first third of a shorter
+recording: number of points, points by line and by azimuth, the ground around the sensor, and the
+ranges by azimuth. A fault in more than half of these frames cannot be found in this way.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, fields
+from hashlib import blake2b
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.core.arrays import AnyArray, FloatArray, IntArray, Points, Records
+from pyinfra.core.files import write
+from pyinfra.formats import kitti
+
+HEALTH_FILE = "health.csv"
+REFERENCE_S = 60.0
+LEAST_FRAMES = 5  # shorter recordings are not compared
+MOST_POINTS = 30_000  # number of points used per frame, evenly distributed
+SECTORS = 72  # of 5 degrees
+CELL_M, REACH_M, NEAREST_M = 2.0, 40.0, 3.0  # cells of the ground around the sensor
+SIDE = round(2 * REACH_M / CELL_M)
+LEAST_CELLS = 25
+FEW, MANY = 0.6, 1.7  # allowed number of points, as a share of the usual number
+EMPTY = 0.02
+LOST = 0.3  # lines and sectors with less than this share of their points are lost
+LEAST_LOST_SECTORS = 3
+LEAST_LOST_LINES = 1
+LEAST_COUNT = 15  # lines and sectors with fewer points are not compared
+TILT_DEG, LIFT_M = 0.8, 0.3
+TURN_SECTORS = 1
+FAR_QUANTILE = 0.85
+UNMOVED_SHARE = 0.8
+# Mean changes of range over the sectors that change least, as logarithms.
+TURNED, MOVED = 0.08, 0.35
+NEAR_M, NEAR_SHARE = 1.0, 0.05  # many returns next to the sensor are dirt on its window
+MOST_FRAMES = 1000  # largest number of frames that are read only for their health
+MOST_RANGES = 6  # ranges of frames in a message
+
+
+@dataclass(frozen=True)
+class FrameHealth:
+    """What differs in a frame from the first minute. Unknown values are NaN."""
+
+    frame: int
+    points: int
+    points_share: float
+    tilt_deg: float
+    lift_m: float
+    turn_deg: float
+    lost_lines: int
+    lost_sectors_deg: int
+    near_share: float
+    problems: str  # words separated by a space; empty for a good frame
+
+
+@dataclass
+class HealthMonitor:
+    """Collects features of frames in order, and compares them in `report`."""
+
+    period_s: float = 0.1
+    _numbers: list[int] = field(default_factory=list)
+    _counts: list[int] = field(default_factory=list)
+    _sectors: list[IntArray] = field(default_factory=list)
+    _ranges: list[FloatArray] = field(default_factory=list)
+    _ground: list[FloatArray] = field(default_factory=list)
+    _lines: list[IntArray] = field(default_factory=list)
+    _near: list[float] = field(default_factory=list)
+    _digests: list[bytes] = field(default_factory=list)
+    _ends_s: list[float] = field(default_factory=list)
+
+    def add(self, number: int, points: Points, records: Records | None = None) -> None:
+        """Adds a frame: points (n, 4) in the levelled frame, and records (n,) of kitti.FIELDS."""
+        self._numbers.append(number)
+        self._counts.append(len(points))
+        self._digests.append(blake2b(points.tobytes(), digest_size=8).digest())
+        step = 1 + len(points) // MOST_POINTS
+        xyz = points[::step, :3].astype(np.float64)
+        x, y, z = xyz.T
+        sector = ((np.arctan2(y, x) + math.pi) / (2 * math.pi) * SECTORS).astype(np.int64) % SECTORS
+        self._sectors.append(np.bincount(sector, minlength=SECTORS) * step)
+        distance = np.hypot(x, y)
+        self._ranges.append(_far(sector, distance))
+        self._near.append(float((distance < NEAR_M).mean()) if len(xyz) else 0.0)
+        self._ground.append(_lowest(x, y, z, distance))
+        lines = np.zeros(0, dtype=np.int64) if records is None else np.bincount(records["ring"])
+        self._lines.append(lines)
+        times = np.zeros(1) if records is None or not len(records) else records["time_s"]
+        self._ends_s.append(float(times.max()))
+
+    def report(self) -> list[FrameHealth]:
+        """Returns the health of each frame; empty for less than LEAST_FRAMES frames."""
+        if len(self._numbers) < LEAST_FRAMES:
+            return []
+        first = self._numbers[0] + REFERENCE_S / self.period_s
+        count = sum(number < first for number in self._numbers)
+        reference = slice(0, max(min(count, len(self._numbers) // 3), LEAST_FRAMES))
+        width = max(map(len, self._lines))
+        lines = np.array([np.pad(line, (0, width - len(line))) for line in self._lines])
+        sectors, ranges = np.array(self._sectors), np.array(self._ranges)
+        ground = np.array(self._ground)
+        usual = float(np.median([c for c in self._counts[reference] if c > 0] or [0]))
+        lost_lines = _lost(lines, reference)
+        lost_sectors = _lost(sectors, reference)
+        usual_ranges = _nanmedian(ranges[reference])
+        usual_ground = _nanmedian(ground[reference])
+        usual_near = float(np.median(self._near[reference]))
+        usual_end = float(np.median(self._ends_s[reference]))
+        out, before = [], b""
+        for i, number in enumerate(self._numbers):
+            share = self._counts[i] / usual if usual else math.nan
+            tilt, lift = _tilt(ground[i], usual_ground)
+            turn, change = _turned(ranges[i], usual_ranges)
+            is_empty = not share >= EMPTY
+            sectors_deg = int(lost_sectors[i]) * 360 // SECTORS
+            late_s = abs(self._ends_s[i] - usual_end)
+            problems = {
+                "empty": is_empty,
+                "few-points": not is_empty and share < FEW,
+                "many-points": share > MANY,
+                "frozen": self._digests[i] == before and self._counts[i] > 0,
+                "tilted": tilt > TILT_DEG,
+                "lifted": tilt <= TILT_DEG and abs(lift) > LIFT_M,
+                "turned": abs(turn) > TURN_SECTORS * 360 / SECTORS / 2,
+                "moved": change > MOVED and not abs(turn) > 0,
+                "lost-lines": not is_empty and lost_lines[i] >= LEAST_LOST_LINES,
+                "lost-sectors": not is_empty and lost_sectors[i] >= LEAST_LOST_SECTORS,
+                "dirt": self._near[i] > usual_near + NEAR_SHARE,
+                "times": not is_empty and usual_end > 0 and late_s > 0.5 * usual_end,
+            }
+            before = self._digests[i]
+            words = " ".join(name for name, is_present in problems.items() if is_present)
+            out.append(
+                FrameHealth(
+                    *(number, self._counts[i], round(share, 4), round(tilt, 3), round(lift, 3)),
+                    *(round(turn, 1), int(lost_lines[i]), sectors_deg),
+                    *(round(self._near[i], 4), words),
+                )
+            )
+        return out
+
+
+def folder_health(lidar_folder: Path, numbers: Sequence[int], period_s: float) -> list[FrameHealth]:
+    """Returns the health of frames of a folder in the KITTI layout. Raises FormatError."""
+    monitor = HealthMonitor(period_s)
+    has_fields = (lidar_folder / "training/fields").is_dir()
+    for number in numbers:
+        points = kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", number))
+        file = kitti.frame_file(lidar_folder, "fields", number)
+        records = kitti.read_fields(file) if has_fields and file.is_file() else None
+        monitor.add(number, points, records)
+    return monitor.report()
+
+
+def recorded_health(lidar_folder: Path, numbers: Sequence[int]) -> list[FrameHealth]:
+    """Returns the health of frames of a recording; empty for simulated frames.
+
+    Long recordings are thinned to MOST_FRAMES frames. Raises FormatError.
+    """
+    if not numbers or not (lidar_folder / "lidar.yaml").is_file():
+        return []
+    lidar = kitti.read_lidar(lidar_folder)
+    if lidar.preset != kitti.RECORDED:
+        return []
+    step = 1 + (len(numbers) - 1) // MOST_FRAMES
+    return folder_health(lidar_folder, numbers[::step], lidar.period_s)
+
+
+def health_text(health: Iterable[FrameHealth]) -> str:
+    """Returns one text with the frames of each problem; empty if all frames are good.
+
+    An example is `31 of 60 frames differ from the first minute: tilted (frames 29 to 59)`.
+    """
+    rows = list(health)
+    bad = [row for row in rows if row.problems]
+    if not bad:
+        return ""
+    order = {row.frame: i for i, row in enumerate(rows)}
+    texts = []
+    for problem in dict.fromkeys(word for row in bad for word in row.problems.split()):
+        frames = [row.frame for row in bad if problem in row.problems.split()]
+        ranges: list[list[int]] = []
+        for frame in frames:
+            if ranges and order[frame] == order[ranges[-1][1]] + 1:
+                ranges[-1][1] = frame
+            else:
+                ranges.append([frame, frame])
+        words = [f"{a} to {b}" if a < b else str(a) for a, b in ranges[:MOST_RANGES]]
+        more = ", ..." if len(ranges) > MOST_RANGES else ""
+        texts.append(f"{problem} (frames {', '.join(words)}{more})")
+    return f"{len(bad)} of {len(rows)} frames differ from the first minute: {'; '.join(texts)}"
+
+
+def write_health(file: Path, health: Iterable[FrameHealth]) -> None:
+    """Writes one row per frame as CSV."""
+    names = [column.name for column in fields(FrameHealth)]
+    table = io.StringIO()
+    out = csv.writer(table, lineterminator="\n")
+    out.writerow(names)
+    out.writerows([getattr(row, name) for name in names] for row in health)
+    write(file, table.getvalue())
+
+
+def _far(sector: IntArray, distance: FloatArray) -> FloatArray:
+    """Returns a large quantile (SECTORS,) of the distances of each sector, or NaN.
+
+    Far points lie on buildings, which show a turn; near points lie on the ground.
+    """
+    out = np.full(SECTORS, np.nan)
+    order = np.lexsort([distance, sector])
+    starts = np.searchsorted(sector[order], np.arange(SECTORS + 1))
+    counts = np.diff(starts)
+    has = counts > 0
+    out[has] = distance[order][(starts[:-1] + (FAR_QUANTILE * counts).astype(np.int64))[has]]
+    return out
+
+
+def _lowest(x: FloatArray, y: FloatArray, z: FloatArray, distance: FloatArray) -> FloatArray:
+    """Returns the lowest z (SIDE * SIDE,) in each cell around the sensor, or NaN."""
+    near = (distance > NEAREST_M) & (np.abs(x) < REACH_M) & (np.abs(y) < REACH_M)
+    column, row = ((v[near] + REACH_M) / CELL_M for v in (x, y))
+    cell = column.astype(np.int64) * SIDE + row.astype(np.int64)
+    out = np.full(SIDE * SIDE, np.inf)
+    np.minimum.at(out, cell, z[near])
+    return np.where(np.isfinite(out), out, np.nan)
+
+
+def _nanmedian(values: FloatArray) -> FloatArray:
+    """Returns the median of each column that at least half of the rows have, else NaN."""
+    often = np.asarray(np.isfinite(values).mean(axis=0) >= 0.5)
+    out = np.full(values.shape[1], np.nan)
+    if often.any():
+        out[often] = np.nanmedian(values[:, often], axis=0)
+    return out
+
+
+def _lost(counts: IntArray, reference: slice) -> IntArray:
+    """Returns how many columns have lost their points in each row of counts (frames, columns)."""
+    if counts.shape[1] == 0:
+        return np.zeros(len(counts), dtype=np.int64)
+    usual = np.median(counts[reference], axis=0)
+    low = np.quantile(counts[reference], 0.25, axis=0)
+    steady = (usual >= LEAST_COUNT) & (low > 0.6 * usual)
+    return np.asarray((counts[:, steady] < LOST * usual[steady]).sum(axis=1))
+
+
+def _tilt(ground: FloatArray, usual: FloatArray) -> tuple[float, float]:
+    """Returns angle (degrees) and height (m) of a frame's ground above the usual ground.
+
+    A plane is fitted to the differences of the cells, without the cells that fit worst.
+    """
+    both = np.flatnonzero(np.isfinite(ground) & np.isfinite(usual))
+    if len(both) < LEAST_CELLS:
+        return 0.0, 0.0
+    difference = (ground[both] - usual[both]).astype(np.float64)
+    x, y = (both // SIDE, both % SIDE)
+    a = np.column_stack([x * CELL_M - REACH_M, y * CELL_M - REACH_M, np.ones(len(both))])
+    kept = np.ones(len(both), dtype=bool)
+    solution: AnyArray = np.zeros(3)
+    for _ in range(5):
+        solution = np.linalg.lstsq(a[kept], difference[kept], rcond=None)[0]
+        off = np.abs(difference - a @ solution)
+        kept = off <= max(0.1, 2.0 * float(np.median(off)))
+    if kept.sum() < max(LEAST_CELLS, 0.5 * len(both)):
+        return 0.0, 0.0
+    return math.degrees(math.atan(math.hypot(solution[0], solution[1]))), float(solution[2])
+
+
+def _turned(ranges: FloatArray, usual: FloatArray) -> tuple[float, float]:
+    """Returns the turn about z (degrees) that explains the ranges, and their remaining change."""
+    changes = {}
+    for shift in range(-SECTORS // 8, SECTORS // 8 + 1):
+        moved = np.abs(np.log(np.maximum(np.roll(ranges, -shift), 0.1) / np.maximum(usual, 0.1)))
+        moved = np.sort(moved[np.isfinite(moved)])
+        moved = moved[: round(UNMOVED_SHARE * len(moved))]  # traffic changes the other sectors
+        changes[shift] = float(moved.mean()) if len(moved) >= SECTORS // 6 else math.inf
+    best = min(changes, key=lambda shift: (changes[shift], abs(shift)))
+    if math.isinf(changes[0]):
+        return 0.0, 0.0
+    is_turned = changes[0] > TURNED and changes[best] < 0.4 * changes[0]
+    return (best * 360 / SECTORS if is_turned else 0.0), changes[best if is_turned else 0]
