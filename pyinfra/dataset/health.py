@@ -18,12 +18,14 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.core.arrays import AnyArray, FloatArray, IntArray, Points, Records
+from pyinfra.core.errors import FormatError
 from pyinfra.core.files import write
 from pyinfra.formats import kitti
 
 HEALTH_FILE = "health.csv"
 REFERENCE_S = 60.0
 LEAST_FRAMES = 5  # shorter recordings are not compared
+LEAST_POINTS = 1000  # nor are recordings whose frames have fewer points
 MOST_POINTS = 30_000  # number of points used per frame, evenly distributed
 SECTORS = 72  # of 5 degrees
 CELL_M, REACH_M, NEAREST_M = 2.0, 40.0, 3.0  # cells of the ground around the sensor
@@ -97,7 +99,7 @@ class HealthMonitor:
         self._ends_s.append(float(times.max()))
 
     def report(self) -> list[FrameHealth]:
-        """Returns the health of each frame; empty for less than LEAST_FRAMES frames."""
+        """Returns the health of each frame; empty for too few frames, or too few points."""
         if len(self._numbers) < LEAST_FRAMES:
             return []
         first = self._numbers[0] + REFERENCE_S / self.period_s
@@ -108,6 +110,8 @@ class HealthMonitor:
         sectors, ranges = np.array(self._sectors), np.array(self._ranges)
         ground = np.array(self._ground)
         usual = float(np.median([c for c in self._counts[reference] if c > 0] or [0]))
+        if usual < LEAST_POINTS:
+            return []
         lost_lines = _lost(lines, reference)
         lost_sectors = _lost(sectors, reference)
         usual_ranges = _nanmedian(ranges[reference])
@@ -149,13 +153,18 @@ class HealthMonitor:
 
 
 def folder_health(lidar_folder: Path, numbers: Sequence[int], period_s: float) -> list[FrameHealth]:
-    """Returns the health of frames of a folder in the KITTI layout. Raises FormatError."""
+    """Returns the health of frames of a folder in the KITTI layout that can be read."""
     monitor = HealthMonitor(period_s)
     has_fields = (lidar_folder / "training/fields").is_dir()
     for number in numbers:
-        points = kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", number))
         file = kitti.frame_file(lidar_folder, "fields", number)
-        records = kitti.read_fields(file) if has_fields and file.is_file() else None
+        try:
+            points = kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", number))
+            records = kitti.read_fields(file) if has_fields and file.is_file() else None
+        except FormatError:  # other checks name frames that cannot be read
+            continue
+        if records is not None and len(records) != len(points):
+            records = None
         monitor.add(number, points, records)
     return monitor.report()
 
@@ -163,7 +172,7 @@ def folder_health(lidar_folder: Path, numbers: Sequence[int], period_s: float) -
 def recorded_health(lidar_folder: Path, numbers: Sequence[int]) -> list[FrameHealth]:
     """Returns the health of frames of a recording; empty for simulated frames.
 
-    Long recordings are thinned to MOST_FRAMES frames. Raises FormatError.
+    Long recordings are thinned to MOST_FRAMES frames. Raises FormatError for a wrong lidar.yaml.
     """
     if not numbers or not (lidar_folder / "lidar.yaml").is_file():
         return []

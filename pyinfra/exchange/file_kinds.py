@@ -20,6 +20,7 @@ class FileKind:
 _CLOUD = "save the points as .pcd, .las or .ply, for example with CloudCompare or PDAL"
 _ARCHIVE = "unpack the archive and import the folder"
 _ARRAYS = "save each frame as .bin: `points.astype('float32').tofile('000000.bin')`"
+_PICKLE = FileKind("pickle", "", "pickles are not read, because they can run code; " + _ARRAYS)
 # First bytes and kind. The first match counts.
 MAGIC: tuple[tuple[bytes, FileKind], ...] = (
     (b"\x89MCAP0\r\n", FileKind("MCAP", "bag")),
@@ -51,10 +52,7 @@ MAGIC: tuple[tuple[bytes, FileKind], ...] = (
     (b"Rar!", FileKind("RAR archive", "", _ARCHIVE)),
     (b"\x28\xb5\x2f\xfd", FileKind("zstd", "", _ARCHIVE)),
     (b"PAR1", FileKind("Parquet", "", _ARRAYS)),
-    (
-        b"\x80\x04\x95",
-        FileKind("pickle", "", "pickles are not read, because they can run code; " + _ARRAYS),
-    ),
+    (b"\x80\x04\x95", _PICKLE),
 )
 SUFFIXES = {
     ".las": "las",
@@ -84,6 +82,8 @@ def kind_of(file: Path) -> FileKind | None:
             return kind
     if len(head) > 262 and head[257:262] == b"ustar":
         return FileKind("tar archive", "", _ARCHIVE)
+    if file.suffix.lower() in (".pkl", ".pickle"):
+        return _PICKLE
     format = SUFFIXES.get(file.suffix.lower(), "")
     if format == "csv" and b"\0" not in head:
         return FileKind("text", "csv")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import laspy
@@ -16,6 +17,8 @@ FIELDS = ("intensity", "gps_time", "ring", "line", "reflectivity", "timestamp", 
 MOST_POINTS = 200_000_000
 LEAST_POINT_BYTES = 20  # of a record of LAS; LAZ compresses by a factor of up to 20
 RATIO = 20
+HEAD_BYTES, OLD_HEAD_BYTES = 375, 227  # of versions 1.4 and 1.2
+RECORD_BYTES, EXTENDED_BYTES = 54, 60  # heads of variable length records
 
 
 def read(source: Path, options: Options) -> Recording:
@@ -28,6 +31,7 @@ def read_las(file: Path) -> Records:
 
     Raises FormatError for a file that laspy cannot read.
     """
+    _check_counts(file)
     try:
         with laspy.open(file) as stream:
             count = stream.header.point_count
@@ -55,3 +59,22 @@ def read_las(file: Path) -> Records:
     for name, column in columns.items():
         out[name] = column
     return out
+
+
+def _check_counts(file: Path) -> None:
+    """Raises FormatError for more records than the file can hold, which laspy would read for hours.
+
+    The offsets are those of the public header block: version 1.4 also has extended records.
+    """
+    size = file.stat().st_size
+    with file.open("rb") as stream:
+        head = stream.read(HEAD_BYTES)
+    if len(head) < OLD_HEAD_BYTES:
+        raise FormatError(f"{file}: expected a header of LAS, got {len(head)} bytes")
+    records, extended = struct.unpack_from("<I", head, 100)[0], 0
+    if head[25] >= 4 and len(head) >= HEAD_BYTES:
+        (extended,) = struct.unpack_from("<I", head, 243)
+    if records * RECORD_BYTES + extended * EXTENDED_BYTES > size:
+        raise FormatError(
+            f"{file}: expected records within {size} bytes, got {records} and {extended} records"
+        )

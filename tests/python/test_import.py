@@ -520,7 +520,7 @@ def test_a_file_is_refused_with_the_reason(
 ) -> None:
     (tmp_path / "infos.pkl").write_bytes(b"cos\nsystem\n(S'false'\ntR.")
     words = ["import", tmp_path / "infos.pkl", "--from", "kitti", "--out", tmp_path / "in/pole"]
-    fails(words, capsys, 2, "expected a folder, got a file", "pickles are not read")
+    fails(words, capsys, 2, "expected a folder, or a file", "pickles are not read")
     assert not (tmp_path / "in/pole").exists()
 
 

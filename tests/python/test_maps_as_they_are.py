@@ -93,6 +93,16 @@ def test_left_hand_traffic_is_refused_by_name(tmp_path: Path) -> None:
         write_traffic(tmp_path / "site", Demand(900), 30, 1)
 
 
+def test_a_lanelet2_map_is_told_from_openstreetmap(tmp_path: Path) -> None:
+    file = tmp_path / "a.osm"
+    file.write_text(
+        '<osm version="0.6"><node id="1" lat="49" lon="8"/><way id="2"><nd ref="1"/></way>'
+        '<relation id="3"><tag k="type" v="lanelet"/></relation></osm>'
+    )
+    with pytest.raises(Error, match="got 1 lanelets of a Lanelet2 map"):
+        import_map(file, tmp_path / "site")
+
+
 def test_a_map_in_utm_coordinates(tmp_path: Path) -> None:
     map_ = xodr(tmp_path / "a.xodr", 691_000, 5_334_000)
     imported = import_map(map_, tmp_path / "site", ImportOptions(radius_m=300))

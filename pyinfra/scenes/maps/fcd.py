@@ -46,7 +46,7 @@ def is_fcd_csv(file: Path) -> bool:
 
 
 def _read_csv(file: Path) -> list[Recorded]:
-    """Reads the table that SUMO's xml2csv.py and `--fcd-output x.csv` write."""
+    """Reads the table that SUMO's xml2csv.py and SUMO itself write."""
     table = read_words(file, ";")
     out = []
     for kind in ("vehicle", "person"):

@@ -82,6 +82,7 @@ class StreetMap:
     lines: list[Way] = field(default_factory=list)  # platforms
     others: list[str] = field(default_factory=list)  # texts about ignored elements
     with_heights: set[str] = field(default_factory=set)  # ids of nodes with the tag `ele`
+    lanelets: int = 0  # number of relations of Lanelet2
     deleted: int = 0  # number of elements marked as deleted
     # Whether nodes come after or inside ways, as in some files of Overpass.
     rearranged: bool = False
@@ -143,6 +144,12 @@ def read_street_map(file: Path) -> StreetMap:
     street_map = StreetMap()
     for node in all_elements(file):
         _read_element(node, street_map, file)
+    if street_map.lanelets:
+        raise MapError(
+            f"{file}: expected a map of OpenStreetMap, got {street_map.lanelets} lanelets of a "
+            "Lanelet2 map, which has the same ending: convert it to OpenDRIVE (.xodr), for example "
+            "with the CommonRoad Scenario Designer"
+        )
     if not any("highway" in way.tags for way in street_map.ways):
         raise MapError(f"{file}: expected a way with the tag `highway`, got none")
     if not street_map.of_highways():
@@ -203,6 +210,8 @@ def _read_element(node: Element, street_map: StreetMap, file: Path) -> None:
         elif tags.get("barrier") or tags.get("natural") == "tree_row":
             kind = tags.get("barrier") or "tree_row"
             street_map.others.append(f"way {name}: {kind}, left out")
+    elif tags.get("type") == "lanelet":
+        street_map.lanelets += 1
     elif "building" in tags:
         street_map.others.append(f"relation {name}: building of several outlines, left out")
 
