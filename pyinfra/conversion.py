@@ -119,8 +119,8 @@ def import_recording(
     source : folder or file of the recording, or `sample` for the recording of the package
     format : kitti, openpcdet, pcd, nuscenes, bag, pcap, las, ply, csv, bin, dair-v2x, tumtraf or
         rcooper
-    out : new folder, named DATA/LIDAR; the recording is written to `out`/lidar if DATA is the
-        working folder, or a folder of other files
+    out : new folder, named DATA/LIDAR: a data set's folder, which is new, empty or has a
+        dataset.yaml, and a LiDAR's name; for a single name DATA, the LiDAR's name is `lidar`
     period_s : frame period; by default taken from the recording, or 0.1 if it has none
     height_m : height of the sensor above the road; by default estimated from the points
     tilt_deg : pitch (positive looks down) and roll of the sensor; points and boxes are levelled

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from pyinfra.core.errors import Error
-from pyinfra.core.files import replacing
+from pyinfra.core.files import check_output, replacing
 from pyinfra.core.vocabulary import SUBSETS
 from pyinfra.metrics.intervals import FEW_BLOCKS
 from pyinfra.metrics.places import compare_places
@@ -43,6 +43,7 @@ def run(args: argparse.Namespace) -> int:
         raise Error("PLACE: expected every folder once, got a folder twice")
     table = compare_places(args.places, args.ground_truth)
     if args.out:
+        check_output(args.out, ",".join(table.columns[:3]).encode())
         args.out.parent.mkdir(parents=True, exist_ok=True)
         with replacing(args.out) as beside:
             table.to_csv(beside, index=False, float_format="%.6g")

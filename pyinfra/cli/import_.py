@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         required=True,
         help="new folder for the frames, DATA/LIDAR: a data set's folder and a LiDAR's name. With "
-        "only DATA, the LiDAR's name is `lidar`",
+        "a single name DATA, the LiDAR's name is `lidar`",
     )
     parser.add_argument(
         "--scene-name", dest="scene", help="name of the site; default: the name of the folder DATA"

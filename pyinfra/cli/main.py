@@ -25,6 +25,8 @@ from pyinfra.cli.messages import message_of, options_of, report_bug
 from pyinfra.cli.next_command import print_next
 from pyinfra.cli.parser import Parser, check_options
 from pyinfra.core.errors import Error
+from pyinfra.core.files import regular_files_only
+from pyinfra.core.names import check_utf8
 from pyinfra.core.version import __version__
 
 FAILED = 1
@@ -142,8 +144,11 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         if words and words[0].startswith("--completion"):
             return print_completion(words)
+        for word in words:
+            check_utf8(word, "command line")
         make_parser(words).parse_args(words, args)
-        code = int(args.run(args))
+        with regular_files_only():
+            code = int(args.run(args))
         if code == 0:
             print_next(args.command, args)
         sys.stdout.flush()  # if the pipe was closed, this line raises BrokenPipeError

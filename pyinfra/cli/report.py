@@ -9,6 +9,7 @@ from pyinfra.cli.number_option import usd
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import TIERS
 from pyinfra.experiments.requirements import Requirements, checked_requirements
+from pyinfra.viz.page_file import check_file
 from pyinfra.viz.plan_page.files import is_plan
 from pyinfra.viz.plan_page.page import rewrite_plan_page
 from pyinfra.viz.report.contents import page, read_sections
@@ -89,6 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    check_file(args.out)
     if is_plan(args.results):
         check_only_out(args)
         print(rewrite_plan_page(args.results, args.out))

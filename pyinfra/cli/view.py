@@ -7,9 +7,10 @@ from pathlib import Path
 
 from pyinfra.cli.number_option import one_frame
 from pyinfra.core.errors import Error
+from pyinfra.core.files import resolved
 from pyinfra.dataset.surroundings import read_surroundings
 from pyinfra.viz.page_file import check_file
-from pyinfra.viz.viewer.page import write_page
+from pyinfra.viz.viewer.page import check_size, write_page
 from pyinfra.viz.viewer.selection import (
     chosen_folders,
     chosen_frames,
@@ -71,18 +72,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     if args.most_points is not None and args.most_points < 1:
         raise Error(f"--max-points: expected 1 or more, got {args.most_points}")
-    check_file(args.out)
+    check_file(args.out, *[b"RRF"] * args.rerun)
     folders = chosen_folders(args.data, args.lidar)
     predictions = prediction_folders(args.pred, folders)
     words = str(args.frame) if args.frame is not None else args.frames
     frames = chosen_frames(folders[0], words, predictions.get(folders[0]))
+    if not args.rerun:
+        check_size(folders, frames, args.most_points)
     views = read_views(folders, frames, predictions)
     if args.rerun:
         from pyinfra.viz.viewer import recording
 
         size = recording.write(views, args.out)
     else:
-        around = read_surroundings(folders[0].resolve().parent)
+        around = read_surroundings(resolved(folders[0]).parent)
         title = title_of(folders, frames)
         size = write_page(views, title, args.out, args.most_points, around)
     count = (

@@ -19,11 +19,14 @@ import yaml
 from yaml.constructor import SafeConstructor
 
 from pyinfra.core.errors import ConfigError
+from pyinfra.core.files import check_size
 
 T = TypeVar("T")
 
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # CSafeLoader is ten times faster
 _MOST_LEVELS = 100  # maximum nesting; deeper recursion crashes libyaml
+_MOST_VALUES = 1_000_000  # maximum number of values, with aliases expanded
+MOST_BYTES = 64 << 20  # maximum size of a file
 # PyYAML raises these exceptions for some values that have no Python equivalent.
 NO_VALUE = (ValueError, LookupError, AttributeError, ArithmeticError)
 _MOST_LETTERS = 60  # a message shows at most this many letters of a value
@@ -87,6 +90,7 @@ def checked(
 def read_config(file: Path, kind: type[T]) -> T:
     """Reads a YAML file into a dataclass `kind`. Raises ConfigError and FileNotFoundError."""
     try:
+        check_size(file, MOST_BYTES)
         node = compose(file.read_text(encoding="utf-8"))
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
@@ -111,7 +115,33 @@ def compose(text: str) -> Any:
         if level > _MOST_LEVELS:
             problem = f"expected at most {_MOST_LEVELS} nested levels, got more"
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
-    return yaml.compose(text, Loader=_LOADER)
+    root = yaml.compose(text, Loader=_LOADER)
+    if "*" in text and root is not None:
+        _values_of(root, {})
+    return root
+
+
+def _values_of(node: Any, known: dict[int, int]) -> int:
+    """Returns the number of values of a node with its aliases expanded.
+
+    known: the numbers of the nodes that were counted, by `id`; 0 while a node is counted. Raises
+    yaml.MarkedYAMLError if there are too many, or if a node has an alias to itself.
+    """
+    if id(node) in known and known[id(node)] == 0:
+        problem = "expected no alias to a value that contains it, got one"
+        raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
+    if id(node) not in known:
+        known[id(node)] = 0
+        parts = node.value if isinstance(node, yaml.CollectionNode) else ()
+        pairs = isinstance(node, yaml.MappingNode)
+        total = 1 + sum(
+            _values_of(part, known) for one in parts for part in (one if pairs else (one,))
+        )
+        if total > _MOST_VALUES:
+            problem = f"expected at most {_MOST_VALUES} values, got more through aliases"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
+        known[id(node)] = total
+    return known[id(node)]
 
 
 def as_plain(value: Any) -> Any:

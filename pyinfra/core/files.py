@@ -1,6 +1,7 @@
 """Atomic writing of files and folders, and locks between processes.
 
-A file or folder is either complete or absent.
+A file or folder is either complete or absent. FIFOs, devices and sockets are never replaced, and
+`regular_files_only` also refuses to read them.
 """
 
 import errno
@@ -9,10 +10,21 @@ import itertools
 import os
 import platform
 import shutil
+import stat
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+from pyinfra.core.errors import Error
+
+_KINDS = {
+    stat.S_IFIFO: "a FIFO",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFSOCK: "a socket",
+}
 _COUNT = itertools.count()
 
 
@@ -34,18 +46,100 @@ def _remove_leftovers(path: Path) -> None:
             shutil.rmtree(leftover, ignore_errors=True)
 
 
+def _expect_regular(file: Path) -> None:
+    """Raises Error for a FIFO, a device or a socket."""
+    try:
+        found = file.stat()
+    except (OSError, ValueError):  # a path that cannot be opened either
+        return
+    kind = _KINDS.get(stat.S_IFMT(found.st_mode))
+    if kind:
+        raise Error(f"{file}: expected a regular file, got {kind}")
+
+
+@contextmanager
+def regular_files_only() -> Iterator[None]:
+    """Refuses to open FIFOs, devices and sockets by their path in the block.
+
+    A read of them may never end. The check covers each `open` of Python and of packages that use
+    it, in this process only; it raises Error. The null device can be opened.
+    """
+    if not _GUARD["installed"]:
+        sys.addaudithook(_check_open)  # a hook cannot be removed
+        _GUARD["installed"] = True
+    before, _GUARD["on"] = _GUARD["on"], True
+    try:
+        yield
+    finally:
+        _GUARD["on"] = before
+
+
+_GUARD = {"installed": False, "on": False}
+
+
+def _check_open(event: str, arguments: tuple[Any, ...]) -> None:
+    file = arguments[0] if event == "open" and _GUARD["on"] else None
+    if isinstance(file, (str, bytes)) and os.fsdecode(file) != os.devnull:
+        _expect_regular(Path(os.fsdecode(file)))
+
+
+def check_size(file: Path, most: int) -> None:
+    """Raises Error for a file with more than `most` bytes."""
+    size = file.stat().st_size
+    if size > most:
+        raise Error(f"{file}: expected at most {most >> 20} MiB, got {size >> 20} MiB")
+
+
+def _target_of(file: Path) -> Path:
+    """Returns the path to which symbolic links lead. Raises OSError for a loop of links."""
+    if not file.is_symlink():
+        return file
+    target = Path(os.path.realpath(file))
+    if target.is_symlink():
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(file))
+    return target
+
+
+def resolved(path: Path) -> Path:
+    """Returns the absolute path without symbolic links. Raises OSError for a loop of links."""
+    try:
+        return path.resolve()
+    except RuntimeError:  # Python before 3.13
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path)) from None
+
+
+def check_output(file: Path, begins: bytes) -> None:
+    """Raises Error if `file` exists, has content and is not an earlier output.
+
+    begins: the first bytes of an output; case and leading blanks do not count. The check keeps
+    an output from replacing an input.
+    """
+    _expect_regular(file)
+    if not file.is_file():
+        return
+    with file.open("rb") as stream:
+        start = stream.read(1000)
+    if start and not start.lstrip().lower().startswith(begins.lower()):
+        raise Error(
+            f"{file}: expected a new file, or an earlier output of this kind, got another file"
+        )
+
+
 @contextmanager
 def replacing(file: Path) -> Iterator[Path]:
     """Yields a hidden path to write to. The file at this path replaces `file` at the block's end.
 
-    If the block raises, the new content is deleted and the old file stays. Each OSError, for
-    example for a full disk, names `file`.
+    If `file` is a symbolic link, its target is replaced. If the block raises, the new content is
+    deleted and the old file stays. Each OSError, for example for a full disk, names `file`. Raises
+    Error for a FIFO, a device or a socket.
     """
-    beside = _beside(file)
+    target = _target_of(file)
+    _expect_regular(target)
+    beside = _beside(target)
     try:
         with naming(file, beside):
             yield beside
-            beside.replace(file)
+            beside.replace(target)
     except BaseException:
         beside.unlink(missing_ok=True)
         raise
@@ -54,7 +148,9 @@ def replacing(file: Path) -> Iterator[Path]:
 def write(file: Path, data: bytes | str) -> None:
     """Writes the data (a text as UTF-8) atomically; on an error the old file stays."""
     with replacing(file) as beside:
-        beside.write_bytes(data.encode() if isinstance(data, str) else data)
+        if isinstance(data, str):
+            data = data.encode(errors="backslashreplace")
+        beside.write_bytes(data)
 
 
 @contextmanager
@@ -65,6 +161,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
     Raises FileExistsError if `folder` exists and is not an empty folder, at the start or at the
     end of the block.
     """
+    folder = _target_of(folder)
     exists = FileExistsError(f"{folder}: expected a new or an empty folder, got one with files")
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
         raise exists
@@ -108,7 +205,7 @@ def naming(path: Path, beside: Path | None = None) -> Iterator[None]:
 
 @contextmanager
 def held(file: Path, *, wait: bool, shared: bool = False) -> Iterator[bool]:
-    """Yields whether this process holds a lock on the file.
+    """Yields whether this process holds a lock on the file or the folder.
 
     The lock is exclusive. With `shared`, several processes can hold it together, but none can hold
     it exclusively at the same time. With `wait`, the function waits for the lock. Without `wait`,
@@ -116,11 +213,16 @@ def held(file: Path, *, wait: bool, shared: bool = False) -> Iterator[bool]:
     released at the end of the block, and when the process dies.
     """
     file.parent.mkdir(parents=True, exist_ok=True)
-    with file.open("w") as stream:
+    _expect_regular(file)
+    flags = os.O_RDONLY if file.is_dir() else os.O_RDWR | os.O_CREAT
+    descriptor = os.open(file, flags, 0o666)
+    try:
+        kind = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
         try:
-            kind = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
-            fcntl.flock(stream, kind | (0 if wait else fcntl.LOCK_NB))
+            fcntl.flock(descriptor, kind | (0 if wait else fcntl.LOCK_NB))
         except BlockingIOError:
             yield False
             return
         yield True
+    finally:
+        os.close(descriptor)

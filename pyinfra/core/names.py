@@ -16,7 +16,17 @@ def path_of(value: object, argument: str) -> Path:
     """Converts an argument to a Path. Raises Error if it is neither a text nor a path."""
     if not isinstance(value, (str, os.PathLike)):
         raise Error(f"{argument}: expected a name or a path, got {type(value).__name__}")
+    check_utf8(str(os.fspath(value)), argument)
     return Path(os.fspath(value))
+
+
+def check_utf8(text: str, argument: str) -> None:
+    """Raises Error for a text with bytes that are not UTF-8, which files and pages cannot have."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        shown = text.encode(errors="backslashreplace").decode()
+        raise Error(f"{argument}: expected a text in UTF-8, got '{shown}'") from None
 
 
 def file_or_name(word: StrPath, files: dict[str, Path], argument: str) -> Path:

@@ -13,7 +13,7 @@ from pyinfra.core.vocabulary import OTHER_TYPES, VEHICLE_TYPES, LabelTime
 from pyinfra.dataset.file_groups import fail_with_line, file_lines, joined, numbers_of
 from pyinfra.dataset.frame_tables import Predictions, Vehicles
 from pyinfra.dataset.frames import data_set_of
-from pyinfra.dataset.prediction_csv import csv_predictions
+from pyinfra.dataset.prediction_csv import check_counts, csv_predictions
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti.read import (
     LABEL_RULES,
@@ -191,6 +191,8 @@ def _kitti(
         [(i, content) for i, content in enumerate(text, 1) if content.strip()]
         for text in file_lines(files)
     ]
+    if scores:
+        check_counts(files, [len(text) for text in texts])
     rows = [line.split() for text in texts for _, line in text]
     values = numbers_of(rows, len(kitti.LABEL_COLUMNS) + scores, 8)
     names = np.array([row[0] for row in rows], dtype=np.str_) if values is not None else None

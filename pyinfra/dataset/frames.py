@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.files import resolved
 from pyinfra.formats import kitti
 from pyinfra.formats.text_table import lines_of
 
@@ -96,7 +97,7 @@ def lidars_in(data_set: Path) -> list[Path]:
 def data_set_of(lidar_folder: Path) -> Path:
     """Returns the data set folder that contains a LiDAR's folder. The argument may be `.`."""
     named = lidar_folder.name not in ("", "..")
-    return lidar_folder.parent if named else lidar_folder.resolve().parent
+    return lidar_folder.parent if named else resolved(lidar_folder).parent
 
 
 def has_labels(lidar_folder: Path) -> bool:
@@ -159,4 +160,4 @@ def _parents(folder: Path) -> list[Path]:
     The parents of a relative path are relative, unless the path has only one part.
     """
     named = [folder.parents[i] for i in range(len(folder.parts) - 1)]
-    return (named or list(folder.resolve().parents))[:3]
+    return (named or list(resolved(folder).parents))[:3]

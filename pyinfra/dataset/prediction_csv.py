@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,7 +12,10 @@ from pyinfra.core.arrays import IntArray
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset.file_groups import fail_with_line, file_lines, numbers_of
 from pyinfra.dataset.frame_tables import Predictions
+from pyinfra.formats.kitti.read import MOST_PREDICTIONS, result_rules
+from pyinfra.formats.text_table import NamedRows, rules_hold
 
+_RULES = result_rules(("dx", "dy", "dz"), ("x", "y", "z", "heading"))
 CSV_COLUMNS = ("class", "x", "y", "z", "dx", "dy", "dz", "heading", "score")
 
 
@@ -22,7 +24,7 @@ def csv_predictions(files: Sequence[Path], frames: IntArray) -> Predictions:
     counts = [len(rows) for rows in tables]
     rows = list(itertools.chain.from_iterable(tables))
     values = numbers_of(rows, len(CSV_COLUMNS), 1)
-    if values is None or (values[:, 3:6] <= 0).any():
+    if values is None or not rules_hold(values, CSV_COLUMNS[1:], _RULES):
         fail_with_line(files, _check_csv)
     return Predictions(
         frame=np.repeat(frames, counts),
@@ -34,9 +36,20 @@ def csv_predictions(files: Sequence[Path], frames: IntArray) -> Predictions:
     )
 
 
+def check_counts(files: Sequence[Path], counts: Sequence[int]) -> None:
+    """Raises FormatError for a frame with more than MOST_PREDICTIONS predictions."""
+    for file, count in zip(files, counts, strict=True):
+        if count > MOST_PREDICTIONS:
+            raise FormatError(
+                f"{file}: expected up to {MOST_PREDICTIONS} predictions in a frame, got {count}; "
+                "keep those with the highest scores"
+            )
+
+
 def _csv_rows(file: Path) -> list[list[str]]:
     """Returns the cells of a CSV prediction file, without header, in the order of CSV_COLUMNS."""
     lines = file_lines([file])[0]
+    check_counts([file], [len(lines) - 1])
     header = [name.strip() for name in lines[0].split(",")] if lines else []
     missing = [name for name in CSV_COLUMNS if name not in header]
     if missing:
@@ -53,16 +66,6 @@ def _csv_rows(file: Path) -> list[list[str]]:
 
 
 def _check_csv(file: Path) -> None:
-    for number, row in enumerate(_csv_rows(file), start=2):
-        for name, cell in zip(CSV_COLUMNS[1:], row[1:], strict=True):
-            rule = "more than 0" if name in ("dx", "dy", "dz") else "a finite number"
-            value = _number(cell)
-            if not math.isfinite(value) or (rule == "more than 0" and value <= 0):
-                raise FormatError(f"{file}:{number}: {name}: expected {rule}, got '{cell}'")
-
-
-def _number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return math.nan
+    rows = _csv_rows(file)
+    table = NamedRows(file, range(2, 2 + len(rows)), rows, CSV_COLUMNS, "class")
+    table.check(_RULES)

@@ -13,7 +13,7 @@ from pathlib import Path
 import yaml
 
 from pyinfra.core.errors import Error
-from pyinfra.core.files import write
+from pyinfra.core.files import resolved, write
 from pyinfra.core.version import __version__
 from pyinfra.dataset.frames import data_set_of
 from pyinfra.formats import kitti
@@ -31,7 +31,7 @@ PRICES = re.compile(rb"^price_usd:\n(?:  .*\n)+|^price_total_usd: .*\n", re.MULT
 
 def model_name(model: Path) -> str:
     """Returns the name of a model's file, or of its folder if the file is that of a training."""
-    return model.resolve().parent.name if model.stem in RUN_FILES else model.stem
+    return resolved(model).parent.name if model.stem in RUN_FILES else model.stem
 
 
 def origin_of(lidar_folder: Path, model: Path | None = None) -> dict[str, str]:

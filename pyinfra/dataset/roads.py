@@ -18,6 +18,7 @@ from pyinfra.core.errors import FormatError
 from pyinfra.dataset.outlines import in_any
 from pyinfra.formats.text_table import ColumnRule, between, lines_of, rows_by_name
 
+_MOST_STEPS = 1.5  # the longest step of a road, in median steps
 _CHUNK = 20_000  # points per batch
 
 ROAD_COLUMNS = ["road", "s", "x", "y", "z", "heading", "half_width"]
@@ -71,6 +72,12 @@ def roads_of(lines: Sequence[str], file: Path) -> list[Road]:
 def _road(name: str, values: FloatArray, file: Path) -> Road:
     if len(values) < 2 or not (np.diff(values[:, 0]) > 0).all():
         raise FormatError(f"{file}: road {name}: s: expected ascending values, got other values")
+    steps = np.diff(values[:, 0])  # shorter at the ends of lanes from a file
+    if steps.max() > _MOST_STEPS * np.median(steps):
+        raise FormatError(
+            f"{file}: road {name}: s: expected even steps, got {steps.max():g} m after "
+            f"{values[steps.argmax(), 0]:g}; are rows missing?"
+        )
     s, x, y, z, heading, half_width = values.T
     return Road(name, s, np.column_stack([x, y]), z, heading, half_width)
 

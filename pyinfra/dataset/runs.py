@@ -13,7 +13,7 @@ class SimulatorError(Error):
     The exit code is 2 for a wrong configuration, else 1.
     """
 
-    def __init__(self, message: str, exit_code: int) -> None:
+    def __init__(self, message: str, exit_code: int = 1) -> None:
         super().__init__(message)
         self.exit_code = exit_code
 

@@ -31,6 +31,7 @@ from pyinfra.exchange.coverage import Coverage
 from pyinfra.exchange.object_types import types_of
 from pyinfra.exchange.recording import Boxes, RecordedFrame, Recording
 from pyinfra.formats import kitti
+from pyinfra.formats.csv_table import plain_cell
 from pyinfra.formats.kitti import RECORDED, Labels, Objects, RoadShape, WorldPose
 
 HEIGHT_OFF_M = 0.5  # tolerated difference of a height from the vehicles' bottoms
@@ -285,7 +286,7 @@ def _write_lists(out: Path, recording: Recording, numbers: tuple[int, ...]) -> N
         present = sorted(written & {of_name[name] for name in names})
         text = "".join(f"{number:06d}\n" for number in present)
         write(out / f"ImageSets/{part}.txt", text)
-    rows = [(n, name) for name, n in of_name.items() if n in written]
+    rows = [(n, plain_cell(name)) for name, n in of_name.items() if n in written]
     table = io.StringIO()
     csv.writer(table, lineterminator="\n").writerows([("frame", "source"), *rows])
     write(out / "sources.csv", table.getvalue())

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pyinfra.core.errors import Error
+from pyinfra.core.files import resolved
 from pyinfra.exchange.dair import SIDES
 from pyinfra.exchange.file_kinds import found_text, kind_of
 from pyinfra.exchange.formats import IMPORTS
@@ -86,7 +87,7 @@ def formats_of(source: Path) -> Iterator[tuple[str, str]]:
     for folder in ("", "points/"):
         if has(source / folder, ".pcd"):
             yield "pcd", f"{folder}*.pcd"
-            parents = source.resolve().parents[:2]
+            parents = resolved(source).parents[:2]
             if any((parent / name).is_dir() for parent in parents for name in LABELS):
                 yield "tumtraf", f"*.pcd beside {' or '.join(LABELS)}"
     if has(source, ".bin"):

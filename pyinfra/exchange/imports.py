@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 from pyinfra.core.errors import Error
-from pyinfra.core.files import new_folder, write
+from pyinfra.core.files import held, new_folder, resolved, write
 from pyinfra.core.vocabulary import OTHER_TYPES, VEHICLE_TYPES
 from pyinfra.dataset.health import health_text
 from pyinfra.dataset.height_checks import check_height
@@ -70,6 +71,7 @@ def import_recording(
     occurs.
     """
     read, format = reader(name), FORMATS[name]
+    check_data_folder(out)
     if source.is_file() and (kind := guess_format(source)[0]) != name:
         raise Error(f"{source}: expected a recording of the format {name}, got {kind}")
     if options.intensity_max is None:
@@ -86,12 +88,14 @@ def import_recording(
     types = with_public_types(name, given.types)
     notes = recording.notes() if recording.notes is not None else []
     facts = replace(estimate.facts, types=types, assumed=(*notes, *estimate.assumed, *time_notes))
-    with new_folder(out) as beside:
+    lock = ExitStack()  # is closed after the new folder has its name
+    with lock, new_folder(out) as beside:
         shown = Shown(range(len(recording.names)))
         summary = write_lidar(recording, beside, facts, shown, strict=strict, skip_bad=skip_bad)
         if region:
             write(beside / REGION_FILE, region.read_bytes())
         tracked = summary.tracked > 0
+        lock.enter_context(held(out.parent, wait=True))
         write_description(out.parent, given.scene, recording.tracks_sha256, tracked=tracked)
     return summary, recording.labelled
 
@@ -153,16 +157,29 @@ def _some(names: list[str]) -> str:
 
 
 def output_folder(out: Path) -> Path:
-    """Returns the LiDAR's folder for `out`, so that nothing is written beside a folder of files.
+    """Returns the LiDAR's folder for `out`: DATA/LIDAR, or DATA/lidar for a single name DATA.
 
-    `out` is DATA/LIDAR if DATA is new, empty or a data set. Otherwise, and if DATA is the working
-    folder, `out` itself becomes the data set, and its LiDAR is named `lidar`.
+    The result depends on the words of the path alone, and not on the files that exist.
     """
-    data = out.resolve().parent
-    if (data / "dataset.yaml").is_file():
-        return out
-    is_free = not data.exists() or (data.is_dir() and not any(data.iterdir()))
-    return out if is_free and data != Path.cwd() else out / NAME
+    names = [word for word in out.parts if word not in (out.anchor, ".", "..")]
+    return out if len(names) > 1 else out / NAME
+
+
+def check_data_folder(out: Path) -> None:
+    """Raises Error if the folder of `out` is neither a data set nor empty.
+
+    Hidden files do not count. They can be those of another import, also of one that was killed.
+    """
+    data = out.parent
+    if not data.is_dir() or (data / "dataset.yaml").is_file():
+        return
+    names = sorted(path.name for path in data.iterdir())
+    other = next((name for name in names if not name.startswith(".") and name != out.name), None)
+    if other is not None:
+        raise Error(
+            f"out: expected DATA/LIDAR with a data set or a new or empty folder as DATA, got the "
+            f"folder {data} with '{other}'; {out / NAME} is possible"
+        )
 
 
 def facts_of(
@@ -177,7 +194,7 @@ def facts_of(
     types: Mapping[str, str] | None = None,
 ) -> LidarFacts:
     """Converts a user's arguments to LidarFacts. Raises Error for an argument out of range."""
-    out = out.resolve()
+    out = resolved(out)
     if not re.fullmatch(r"[\w.-]+", out.name) or out.name.startswith("."):
         raise Error(
             f"out: expected a LiDAR name of letters, digits, '_', '.', '-', got '{out.name}'"

@@ -8,6 +8,7 @@ import numpy as np
 
 from pyinfra.core.arrays import NameArray
 from pyinfra.core.errors import Error
+from pyinfra.formats.csv_table import plain_cell
 
 # Maps parts of names to types. The parts of a name such as `vehicle.bus.rigid` are looked up from
 # the last to the first.
@@ -60,7 +61,7 @@ def with_public_types(format: str, user_types: Mapping[str, str]) -> dict[str, s
 def types_of(names: NameArray, user_types: Mapping[str, str]) -> NameArray:
     """Returns the types (k,) of names (k,): by `user_types`, else by TYPES, else the name itself.
 
-    In a name that is returned itself, `_` replaces blanks.
+    In a name that is returned itself, `_` replaces blanks and the first letter of a formula.
     """
     return np.array([_type(str(name), user_types) for name in names], dtype=np.str_)
 
@@ -81,4 +82,4 @@ def _type(name: str, user_types: Mapping[str, str]) -> str:
         return user_types[name]
     parts = reversed(name.lower().split("."))
     types = (TYPES[part] for part in parts if part in TYPES)
-    return next(types, "_".join(name.split()))
+    return next(types, plain_cell("_".join(name.split())))

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pyinfra.core.errors import FormatError
+from pyinfra.core.files import resolved
 from pyinfra.exchange.data_set import levelled
 from pyinfra.exchange.json_boxes import read_json, read_objects, track_digest
 from pyinfra.exchange.nuscenes_tables import angles_of
@@ -37,8 +38,8 @@ def read(source: Path, options: Options) -> Recording:
     raises FormatError.
     """
     clouds = sorted_files(source / "lidar", [".pcd"])
-    scene, pole, sequence = source.resolve().parts[-3:]
-    top = source.resolve().parents[3]
+    scene, pole, sequence = resolved(source).parts[-3:]
+    top = resolved(source).parents[3]
     beside = (top / name / scene / pole / sequence for name in LABELS)
     folder = options.labels or next((path for path in beside if path.is_dir()), None)
     tracks = ""

@@ -12,7 +12,7 @@ import yaml
 from pyinfra.core.arrays import Points, Records
 from pyinfra.core.boxes import points_in_boxes
 from pyinfra.core.errors import Error, FormatError
-from pyinfra.core.files import write
+from pyinfra.core.files import resolved, write
 from pyinfra.core.vocabulary import LabelTime
 from pyinfra.dataset.frame_readers import read_cameras, track_ids
 from pyinfra.dataset.frames import PERIOD_S
@@ -57,7 +57,7 @@ def read_series(lidar_folder: Path) -> FrameSeries:
     """
     has_lidar = (lidar_folder / "lidar.yaml").is_file()
     lidar = kitti.read_lidar(lidar_folder) if has_lidar else None
-    folder = lidar_folder.resolve()
+    folder = resolved(lidar_folder)
     provenance = _provenance(folder.parent / "dataset.yaml")
     name = lidar.name if lidar else folder.name
     scene = provenance.get("name", folder.parent.name)

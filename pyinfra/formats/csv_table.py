@@ -57,6 +57,11 @@ _RENAMED_VALUES = {
 }
 
 
+def plain_cell(text: str) -> str:
+    """Returns the text with `_` for a first letter that makes spreadsheets run it as a formula."""
+    return re.sub(r"^[=+@\t\r-]", "_", text)
+
+
 def current_name(column: str) -> str:
     """Returns the current name of a column. Only names of version 0.3 change."""
     column = re.sub(r"^ap_((?:all|common|present|whole)_)?fine", r"ap_\1r1000", column)
@@ -77,13 +82,19 @@ def existing(file: Path) -> Path:
     return older if older.is_file() and not file.is_file() else file
 
 
-def read_csv(file: Path, words: Collection[str] = WORDS) -> pd.DataFrame:
+def read_csv(
+    file: Path, words: Collection[str] = WORDS, required: Collection[str] = ()
+) -> pd.DataFrame:
     """Reads a table.
 
     The columns `words` are text. All other columns are numbers, with NaN for empty cells. Raises
-    FileNotFoundError, and FormatError with file, line and column.
+    FileNotFoundError, and FormatError with file, line and column, also if a required column is
+    missing.
     """
     table = read_words(file)
+    for name in required:
+        if name not in table:
+            raise FormatError(f"{file}:1: expected the column {name}, got {', '.join(table)}")
     columns = {
         name: column.where(column != "", np.nan) if name in words else numbers(file, column)
         for name, column in table.items()

@@ -8,8 +8,9 @@ from typing import Any, NoReturn
 
 import yaml
 
-from pyinfra.core.config import NO_VALUE, compose
+from pyinfra.core.config import MOST_BYTES, NO_VALUE, compose
 from pyinfra.core.errors import FormatError
+from pyinfra.core.files import check_size
 from pyinfra.formats.text_table import lines_of
 
 
@@ -37,6 +38,7 @@ def read_keys(file: Path) -> dict[str, Any]:
 
 def _parsed(file: Path, parse: Callable[[str], Any]) -> Any:
     """Parses a file. Each exception of PyYAML becomes a FormatError that names the file."""
+    check_size(file, MOST_BYTES)
     try:
         return parse("\n".join(lines_of(file)))
     except yaml.MarkedYAMLError as error:

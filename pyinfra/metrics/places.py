@@ -26,6 +26,11 @@ MEASURES = {
     "recall_percent": "recall",
 }  # name of a measure in the result: name in replicates.csv
 MEASURED_BY = ("class", "metric", "iou")  # columns of a row that define its AP
+# Columns of replicates.csv in each version.
+REQUIRED = (
+    *("ground_truth", "measure", "value", "blocks"),
+    *("vehicles_digest", "frames", "replicates"),
+)
 COLUMNS = ["place", "minus", "measure", "value", "low", "high", "seeds", "frames"]
 
 
@@ -88,7 +93,7 @@ def read_place(folder: Path, which: Subset) -> Place:
     tables: dict[str, dict[str, pd.Series]] = {}
     objects = dict.fromkeys((which, "all"), 0)
     for file in files:
-        table = read_csv(file)
+        table = read_csv(file, required=REQUIRED)
         rows = table[table.ground_truth == which]
         if not set(MEASURES.values()) <= set(rows.measure):
             present = ", ".join(dict.fromkeys(table.ground_truth))
@@ -102,7 +107,7 @@ def read_place(folder: Path, which: Subset) -> Place:
                 f"{file}: expected different seeds, got two evaluations of the same vehicles and "
                 "frames"
             )
-        ap = read_csv(file.with_name("ap.csv"))
+        ap = read_csv(file.with_name("ap.csv"), required=("protocol", "ground_truth", "objects"))
         metric = str(ap.protocol.iloc[0]).partition("-")[2] or "bev"
         rows = rows.assign(origin=str(file), metric=metric)
         tables[digest] = {r.measure: r for _, r in rows.iterrows()}

@@ -177,7 +177,13 @@ def _same(row: pd.Series, name: str) -> str:
 
 
 def bootstrapped_of(row: pd.Series) -> Bootstrapped:
-    """Returns a row of the table as a figure with its replicates."""
+    """Returns a row of the table as a figure with its replicates. Raises Error."""
+    columns = [name for name in row.index if str(name).startswith("replicate_")]
+    if not 0 <= row.replicates <= len(columns):
+        raise Error(
+            f"{row.get('origin', 'replicates')}: replicates: expected 0 to {len(columns)}, the "
+            f"number of columns of replicates, got {row.replicates:g}"
+        )
     names = [f"replicate_{i + 1}" for i in range(int(row.replicates))]
     return Bootstrapped(float(row.value), row[names].to_numpy(np.float64), float(row.blocks))
 

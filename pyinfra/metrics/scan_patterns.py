@@ -11,6 +11,7 @@ import pandas as pd
 import yaml
 
 from pyinfra.core.arrays import FloatArray, IntArray
+from pyinfra.core.files import resolved
 from pyinfra.formats.kitti import read_keys, read_written_keys
 
 CELL_DEG = 0.28
@@ -42,7 +43,7 @@ def read_rays(lidar_yaml: Path, seconds: float, period_s: float) -> Rays:
     written = read_written_keys(lidar_yaml)
     config = {key: written[key] for key in CONFIG_KEYS if written.get(key)}
     if table := config.get("pattern", {}).get("table"):
-        table["file"] = str((lidar_yaml.parent / table["file"]).resolve())
+        table["file"] = str(resolved(lidar_yaml.parent / table["file"]))
     config["presets"] = {"run": {"returns": written["returns"]}}
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "lidar.yaml"

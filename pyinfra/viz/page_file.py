@@ -5,13 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 from pyinfra.core.errors import Error
-from pyinfra.core.files import replacing
+from pyinfra.core.files import check_output, replacing
 
 
-def check_file(out: Path) -> None:
-    """Raises Error if `out` is an existing folder."""
+def check_file(out: Path, begins: bytes = b"<!doctype html") -> None:
+    """Raises Error if `out` is a folder, or a file that does not begin like a page.
+
+    begins: first bytes of an output that is not a page.
+    """
     if out.is_dir():
         raise Error(f"out: expected the name of a file, got the folder {out}")
+    check_output(out, begins)
 
 
 def write_page_file(text: str, out: Path, largest_mb: float, advice: str) -> int:

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.core.files import replacing
+from pyinfra.core.files import check_output, replacing
 from pyinfra.formats.ply import read_ply
 from pyinfra.scenes.maps.lane_map import MapError
 from pyinfra.viz.picture_style import STYLE, legend_below
@@ -42,6 +42,8 @@ MARKERS = {
     "give_way": ("v", "#B00000"),
     "separate_sidewalk": ("_", "#4F6D8A"),
 }
+# First bytes of the files of a plan, by suffix; other files are not replaced.
+BEGINS = {".svg": b"<?xml", ".png": b"\x89PNG", ".pdf": b"%PDF"}
 ARROW_EVERY_M = 25.0
 ARROW_M = 20.0
 SIZE_IN = 8.0
@@ -78,6 +80,7 @@ def read_scene(folder: Path) -> dict[str, Any]:
 
 def save_plan(folder: Path, out: Path, radius_m: float | None = None) -> None:
     """Writes the plan to a file. Raises MapError and OSError."""
+    check_output(out, BEGINS.get(out.suffix, BEGINS[".svg"]))
     out.parent.mkdir(parents=True, exist_ok=True)
     with replacing(out) as beside:
         plan(folder, radius_m).savefig(beside, format=out.suffix.lstrip(".") or "svg", dpi=150)

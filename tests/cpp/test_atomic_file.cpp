@@ -1,4 +1,5 @@
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
@@ -17,6 +18,7 @@
 namespace infrasim {
 namespace {
 
+using testing::error_of;
 using testing::TestFolder;
 
 std::vector<std::string> names(const std::filesystem::path& folder) {
@@ -66,6 +68,45 @@ TEST(atomic_file, claimed_at_once_belongs_to_all_that_say_the_same) {
       claims.emplace_back([&] { EXPECT_NO_THROW(claim_file(file, "same\n")); });
   }
   EXPECT_THROW(claim_file(file, "other\n"), IoError);
+}
+
+TEST(atomic_file, writes_the_target_of_a_link) {
+  const TestFolder folder;
+  std::filesystem::create_directory(folder.path() / "else");
+  const auto target = folder.path() / "else/file", link = folder.path() / "link";
+  std::filesystem::create_symlink("else/file", link);
+  for (const char* text : {"new", "newer"}) {  // the target is first missing
+    write_file_atomically(link, text);
+    EXPECT_EQ(read_file(target), text);
+    EXPECT_TRUE(std::filesystem::is_symlink(link));
+  }
+  EXPECT_FALSE(create_file_atomically(link, "again"));
+  EXPECT_EQ(names(folder.path() / "else"), std::vector<std::string>{"file"});
+}
+
+TEST(atomic_file, neither_reads_nor_replaces_a_fifo_or_a_loop_of_links) {
+  const TestFolder folder;
+  const auto fifo = folder.path() / "fifo", link = folder.path() / "link";
+  ASSERT_EQ(::mkfifo(fifo.c_str(), 0600), 0);
+  std::filesystem::create_symlink("fifo", link);
+  for (const auto& path : {fifo, link}) {
+    EXPECT_NE(error_of([&] { write_file_atomically(path, "x"); }).find("got a FIFO"),
+              std::string::npos);
+    EXPECT_NE(error_of([&] { read_file(path); }).find("got a FIFO"), std::string::npos);
+  }
+  EXPECT_TRUE(std::filesystem::is_fifo(fifo));
+  std::filesystem::create_symlink("loop", folder.path() / "loop");
+  EXPECT_NE(error_of([&] { write_file_atomically(folder.path() / "loop", "x"); }).find("a loop"),
+            std::string::npos);
+  EXPECT_THROW(read_file(folder.path() / "loop"), IoError);
+}
+
+TEST(read_file, refuses_a_file_above_its_limit_before_it_reads) {
+  const TestFolder folder;
+  const auto file = folder.write("sparse", "");
+  std::filesystem::resize_file(file, std::uintmax_t{1} << 40);
+  EXPECT_NE(error_of([&] { read_file(file); }).find("at most 4096 MiB, got 1048576 MiB"),
+            std::string::npos);
 }
 
 TEST(atomic_file, leftovers_of_the_dead_go_and_those_of_others_stay) {

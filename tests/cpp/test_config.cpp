@@ -594,7 +594,8 @@ TEST(lidar_file, a_frame_has_at_least_one_ray_and_no_more_than_memory_holds) {
   };
   expect("rate_hz: 10, azimuth_step_deg: 1e-9", "spinning.azimuth_step_deg",
          "expected 20 to 100000000 columns a second, got 3600000000000");
-  expect("rate_hz: 10, azimuth_step_deg: 1e-300", "spinning.azimuth_step_deg", "expected 20 to");
+  expect("rate_hz: 10, azimuth_step_deg: 1e-8", "spinning.azimuth_step_deg", "expected 20 to");
+  expect("rate_hz: 10, azimuth_step_deg: 1e-300", "spinning.azimuth_step_deg", "1.0e-09 or more");
   expect("rate_hz: 4.9, azimuth_step_deg: 0.2", "spinning.rate_hz", "expected 5 to 20, got");
   expect("rate_hz: 20.1, azimuth_step_deg: 0.2", "spinning.rate_hz", "expected 5 to 20, got");
   expect("rate_hz: 20, columns_per_turn: 50000000", "spinning.columns_per_turn", "1000000000");
@@ -687,6 +688,15 @@ TEST(lidar_file, a_cycle_replaces_the_columns_of_a_turn) {
                      "expected 4 or more columns per turn, got 3.3");
 }
 
+TEST(lidar_file, a_reflectance_is_that_of_a_target) {
+  for (const char* value : {"1e-320", "0", "0.0005", "1.1"})
+    expect_lidar_error("max_range_m: 100, range_accuracy_m: 0.02}",
+                       "max_range_m: 100, detection: {range_at_10_percent_m: 50, further_ranges: "
+                       "[{range_m: 9, reflectance: " +
+                           std::string(value) + "}]}} #!",
+                       "returns.detection.further_ranges.0.reflectance", "expected 0.001 to 1");
+}
+
 TEST(lidar_file, a_law_exponent_stands_only_without_further_ranges) {
   const std::string detection = "max_range_m: 100, range_accuracy_m: 0.02}";
   const auto with = [](const std::string& keys) {
@@ -758,6 +768,22 @@ TEST(channel_table, errors_name_the_line_and_the_column) {
   expect_channels_error(kHeader + "1,0,0\n", 2, "(row)", "4 columns");
   expect_channels_error(kHeader + "1,0,0,0,0\n", 2, "(row)", "4 columns");
   expect_channels_error(kHeader + "1,0,0,-1\n", 2, "fire_time_us", "'-1'");
+  expect_channels_error(kHeader + "banana,0,,\n", 2, "channel", "'banana'");
+  expect_channels_error(kHeader + "1.5,0,,\n", 2, "channel", "a whole number, got 1.5");
+  expect_channels_error(kHeader + "1,0,,\n2,1,,\n1,2,,\n", 4, "channel", "got 1 twice");
+  expect_channels_error(kHeader + std::string(100'000, '1'), 2, "(row)", "got a longer one");
+}
+
+TEST(channel_table, has_a_row_for_each_channel) {
+  const auto read = [](const std::string& rows) {
+    const TestFolder folder;
+    return config::read_channels(folder.write("two.csv", kHeader + rows)).size();
+  };
+  EXPECT_EQ(read("0,0,,\n1,1,,\n"), 2U);
+  EXPECT_EQ(read("3,0,,\n1,1,,\n2,-1,,"), 3U);  // in any order
+  EXPECT_NE(error_of([&] { read("0,0,,\n1,1,,\n3,2,,\n"); }).find("got none for 2"),
+            std::string::npos);
+  EXPECT_NE(error_of([&] { read("2,0,,\n3,1,,\n"); }).find("0 or 1, got 2"), std::string::npos);
 }
 
 TEST(channel_table, may_have_columns_and_ranges_of_its_channels) {

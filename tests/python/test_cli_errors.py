@@ -282,7 +282,7 @@ WRONG_LIDARS = {
     "step of nothing": ("azimuth_step_deg: 2", "azimuth_step_deg: 1e-9",
         "pattern.spinning.azimuth_step_deg", ["columns a second", "expected 20 to 100000000"]),
     "step below every number": ("azimuth_step_deg: 2", "azimuth_step_deg: 1e-300",
-        "pattern.spinning.azimuth_step_deg", ["columns a second", "expected 20 to 100000000"]),
+        "pattern.spinning.azimuth_step_deg", ["'1e-300'", "expected 1.0e-09 or more"]),
     "turn of years": ("rate_hz: 10", "rate_hz: 1e-9",
         "pattern.spinning.rate_hz", ["expected 5 to 20"]),
     "step and columns": ("azimuth_step_deg: 2", "azimuth_step_deg: 2, columns_per_turn: 180",

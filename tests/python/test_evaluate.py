@@ -578,8 +578,8 @@ def test_a_wrong_line_is_named(
     ("row_", "message"),
     [
         ("Car,20,3,-5,4,2,1.5,0", "000000.csv:2: expected 9 columns, got 8"),
-        ("Car,20,3,-5,4,-2,1.5,0,0.9", "000000.csv:2: dy: expected more than 0, got '-2'"),
-        ("Car,20,3,-5,4,2,1.5,nan,0.9", "000000.csv:2: heading: expected .*, got 'nan'"),
+        ("Car,20,3,-5,4,-2,1.5,0,0.9", "000000.csv:2: dy: expected more than 0 to 10000, got -2"),
+        ("Car,20,3,-5,4,2,1.5,nan,0.9", "000000.csv:2: heading: expected .*, got nan"),
         ("Car,20,3,-5,4,2,1.5,0,", "000000.csv:2: score: expected .*, got ''"),
     ],
 )

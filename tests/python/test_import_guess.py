@@ -10,6 +10,7 @@ from pyinfra.cli import main
 from pyinfra.core.errors import Error
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.frames import lidar_folder
+from pyinfra.exchange import imports
 from pyinfra.exchange.guess import guess_format
 from pyinfra.exchange.imports import SAMPLE
 from pyinfra.formats import kitti
@@ -99,22 +100,47 @@ def test_the_sample_recording_is_imported_by_name(
     assert "sample: expected the files of" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("out", ["rec", "notes/rec", "../rec"])
+@pytest.mark.parametrize("out", ["rec", "../rec", "rec/lidar", "notes/rec/lidar"])
 def test_an_import_writes_only_to_its_folder(
     out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The folder before the last one is no data set: it is the working folder, or has files."""
     work = tmp_path / "work"
     with_files(work, "notes/a.txt")
     monkeypatch.chdir(work)
     before = sorted(tmp_path.rglob("*"))
     assert main.main(["import", "sample", "--out", out]) == 0
-    folder = (work / out).resolve()
+    folder = (work / out.removesuffix("/lidar")).resolve()
     others = [path for path in tmp_path.rglob("*") if not path.is_relative_to(folder)]
     assert sorted(others) == before
     assert read_data_set(folder).frames == tuple(range(20))
     assert read_data_set(folder).scene == folder.name
     assert lidar_folder(folder) == folder / "lidar"
+
+
+def test_an_import_keeps_out_of_a_folder_with_other_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with_files(tmp_path, "notes/a.txt")
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.rglob("*"))
+    assert main.main(["import", "sample", "--out", "notes/rec"]) == 2
+    assert "notes/rec/lidar is possible" in capsys.readouterr().err
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("leftover", [".rec.host.1.0.tmp", ".lid.host.1.0.tmp", ".other"])
+def test_the_layout_of_an_import_follows_from_its_argument(
+    leftover: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Files of a killed import, or of another one that runs, do not change it."""
+    with_files(tmp_path / "work", f"data/{leftover}/lidar.yaml")
+    monkeypatch.chdir(tmp_path / "work")
+    assert imports.output_folder(Path("data/lid")) == Path("data/lid")
+    assert main.main(["import", "sample", "--out", "data/lid"]) == 0
+    assert main.main(["import", "sample", "--out", "data/other"]) == 2  # has other object ids
+    found = sorted(file.parent.name for file in Path("data").rglob("lidar.yaml"))
+    assert [name for name in found if name != leftover] == ["lid"]
+    assert Path("data/dataset.yaml").is_file()
 
 
 def test_the_sample_recording_is_what_its_command_writes() -> None:

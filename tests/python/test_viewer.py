@@ -306,13 +306,13 @@ def test_a_page_above_the_limit_is_refused_and_the_old_one_stays(
 ) -> None:
     folder = lidar_folder(tmp_path / "data/one")
     out = tmp_path / "view.html"
-    out.write_text("old")
+    out.write_text("<!doctype html>old")
     monkeypatch.setattr("pyinfra.viz.viewer.page.LARGEST_MB", 0.5)
     assert main.main(["view", str(folder), "--out", str(out)]) == 2
     error = capsys.readouterr().err
     assert "view.html: expected up to 0.5 MB, got" in error
     assert "MB; choose fewer --frames, one --lidar or a lower --max-points" in error
-    assert out.read_text() == "old"
+    assert out.read_text() == "<!doctype html>old"
     assert set(tmp_path.iterdir()) == {tmp_path / "data", out}
 
 

@@ -6,6 +6,7 @@
 #include <span>
 
 #include "infrasim/cli/commands.h"
+#include "infrasim/cli/output_file.h"
 #include "infrasim/config/filter_declarations.h"
 #include "infrasim/core/errors.h"
 #include "infrasim/core/files.h"
@@ -111,9 +112,11 @@ std::vector<FilterStep> steps_of(const FilterOptions& o) {
       steps.push_back(kFilterOptions[i].filter(o.numbers[i]));
   if (!o.background.empty()) {
     steps.emplace_back(background_of(o.background));
-    if (!o.save_background.empty())
+    if (!o.save_background.empty()) {
+      refuse_input("--save-background", o.save_background);
       write_file_atomically(o.save_background,
                             background_to_bytes(std::get<BackgroundModel>(steps.back())));
+    }
   }
   return steps;
 }
@@ -163,6 +166,7 @@ void filter_command(const FilterOptions& o) {
   if (o.encoding == "ascii") out.encoding = PcdEncoding::kAscii;
   if (o.encoding == "binary") out.encoding = PcdEncoding::kBinary;
   if (o.encoding == "binary_compressed") out.encoding = PcdEncoding::kBinaryCompressed;
+  refuse_input("--out", o.out);
   write_cloud(o.out, out, cloud.intensity_max());
   std::printf("%zu points, %zu kept\n", cloud.points, kept.size());
 }

@@ -12,6 +12,7 @@
 #include "infrasim/cli/catalogue.h"
 #include "infrasim/cli/commands.h"
 #include "infrasim/cli/frame_range.h"
+#include "infrasim/cli/output_file.h"
 #include "infrasim/config/fields.h"
 #include "infrasim/config/key_list.h"
 #include "infrasim/config/lidar_checks.h"
@@ -256,6 +257,7 @@ void pattern_command(const PatternOptions& o) {
   const auto seed = o.seed ? std::optional(parse_seed(*o.seed)) : std::nullopt;
   const std::vector<double> rows =
       pattern_table(lidar, frames.first, frames.last, frames.step, seed, o.mount);
+  refuse_input("--out", o.out);
   write_npy(o.out, rows, 3);
   std::printf("%zu rays\n", rows.size() / 3);
 }
@@ -278,6 +280,7 @@ void trajectories_command(const TrajectoriesOptions& o) {
     state_source.each([&, row = 0](const auto& states) mutable { sink(row++, states); });
   };
   write_trajectories(state_source.pitched(), rows, [&](std::string_view text) { out.write(text); });
+  refuse_input("--out", file);
   out.replace();
   std::printf("%d frames\n", row_steps(scene.duration_s));
 }

@@ -12,6 +12,7 @@
 #include "infrasim/cli/commands.h"
 #include "infrasim/cli/signals.h"
 #include "infrasim/core/errors.h"
+#include "infrasim/core/files.h"
 #include "infrasim/core/version.h"
 
 namespace {
@@ -63,6 +64,7 @@ int main(int argc, char** argv) {
   mallopt(M_MMAP_THRESHOLD, 1 << 28);
   mallopt(M_TRIM_THRESHOLD, 1 << 28);
   infrasim::cli::hear_signals();
+  infrasim::record_read_files();
   std::signal(SIGXFSZ, SIG_IGN);  // exceeding the file size limit becomes an error of write()
   CLI::App app(
       "Simulates roadside LiDARs.\nExample: infrasim run highway "

@@ -12,9 +12,11 @@
 #include "infrasim/cli/catalogue.h"
 #include "infrasim/cli/commands.h"
 #include "infrasim/cli/frame_range.h"
+#include "infrasim/cli/output_file.h"
 #include "infrasim/cli/signals.h"
 #include "infrasim/config/lidar_checks.h"
 #include "infrasim/core/errors.h"
+#include "infrasim/core/files.h"
 #include "infrasim/io/atomic_file.h"
 #include "infrasim/pipeline/run.h"
 #include "infrasim/pipeline/scheduler.h"
@@ -135,11 +137,14 @@ void warn(const std::string& line) {
 int run_command(const RunOptions& o) {
   const RunRequest request = request_of(o);
   const std::string summary = path_of("--summary", o.summary);
+  expect_regular(summary);
+  refuse_input("--summary", summary);
   for (const std::string& line : weather_warnings(request.scene.weather, request.lidars))
     warn(line);
   for (const std::string& line : lidar_warnings(request.lidars)) warn(line);
   const std::vector<SummaryRow> rows = run(request, noted_signal(), progress_bar(), warn);
   print_table(rows);
+  refuse_input("--summary", summary);
   if (!summary.empty()) write_file_atomically(summary, summary_csv(rows));
   const int signal = noted_signal();
   if (signal == 0) {

@@ -9,6 +9,7 @@
 
 #include "infrasim/cli/catalogue.h"
 #include "infrasim/cli/commands.h"
+#include "infrasim/cli/output_file.h"
 #include "infrasim/config/fields.h"
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/config/scene_config.h"
@@ -63,6 +64,7 @@ void static_command(const StaticOptions& o) {
       o.recording ? recorded_units(scene, lidar, o) : cast_static_layer(world, lidar);
   LayerOrigin origin = layer_origin(world.scene, world.background());
   if (o.recording) origin.scene = 0;
+  refuse_input("--out", o.out);
   write_file_atomically(o.out, static_layer_to_bytes(origin, units));
   std::size_t rays = 0, hits = 0;
   for (const StaticHits& unit : units) {

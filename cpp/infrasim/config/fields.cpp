@@ -34,6 +34,10 @@ std::string expected(const std::string& allowed, const Tree& tree) {
   return "expected " + allowed + ", got " + value_text(tree);
 }
 
+// Smaller differences from a minimum that is not allowed are typing errors, and their squares or
+// inverses overflow.
+constexpr double kLeastAbove = 1e-9;
+
 std::string allowed(const Rule& rule) {
   const std::string low = number_text(rule.min);
   return std::string(rule.above_min ? "above " + low : low) + " to " + number_text(rule.max);
@@ -129,6 +133,8 @@ void FieldReader::read(const Tree& tree, const std::string& key, double& value, 
     fail(tree.place, key, expected("a number", tree));
   if (number < rule.min || number > rule.max || (rule.above_min && number == rule.min))
     fail(tree.place, key, expected(allowed(rule), tree));
+  if (rule.above_min && number < rule.min + kLeastAbove)
+    fail(tree.place, key, expected(number_text(rule.min + kLeastAbove) + " or more", tree));
   value = number;
 }
 

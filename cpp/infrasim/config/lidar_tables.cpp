@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <optional>
+#include <set>
 
 #include "infrasim/config/fields.h"
 #include "infrasim/config/tree.h"
@@ -16,9 +17,12 @@ namespace {
 constexpr double kTurn = 2 * kPi + 1e-5;  // float32 rounds 2 pi up
 
 constexpr double kLongestTable_s = 3600;
+constexpr int kMostChannels = 100'000;
 
 FiringTable read_csv_table(const std::filesystem::path& file) {
-  const bool in_degrees = read_file(file).starts_with("azimuth_deg");
+  std::string first_word(std::string_view("azimuth_deg").size(), '\0');
+  open_file(file).read(first_word.data(), std::ssize(first_word));
+  const bool in_degrees = first_word == "azimuth_deg";
   const std::string_view azimuth = in_degrees ? "azimuth_deg" : "azimuth_rad";
   const std::string_view elevation = in_degrees ? "elevation_deg" : "elevation_rad";
   const double unit = in_degrees ? kPi / 180 : 1;
@@ -59,6 +63,20 @@ FiringTable read_npy_table(const std::filesystem::path& file) {
   return table;
 }
 
+/// Checks that the numbers of the channels have no gap and begin at 0 or 1.
+void check_numbers(const std::set<int>& numbers, const std::filesystem::path& file) {
+  if (numbers.empty()) fail({file.string(), 1, 1}, "(rows)", "expected at least one, got none");
+  const int first = *numbers.begin(), last = *numbers.rbegin();
+  const auto fail_numbers = [&](const std::string& what) {
+    fail({file.string()}, "channel", what);
+  };
+  if (first > 1) fail_numbers("expected the first one to be 0 or 1, got " + std::to_string(first));
+  for (int number = first; number <= last; ++number)
+    if (!numbers.contains(number))
+      fail_numbers("expected a row for each of " + std::to_string(first) + " to " +
+                   std::to_string(last) + ", got none for " + std::to_string(number));
+}
+
 }  // namespace
 
 std::vector<Channel> read_channels(const std::filesystem::path& file) {
@@ -81,8 +99,13 @@ std::vector<Channel> read_channels(const std::filesystem::path& file) {
     return value < 0 ? std::nullopt : std::optional(value);
   };
   std::vector<Channel> channels;
+  std::set<int> numbers;
   while (csv.next_row()) {
-    csv.cell();
+    const double number = csv.number("channel", 0, kMostChannels);
+    if (number != std::round(number))
+      csv.fail("channel", "expected a whole number, got " + number_text(number));
+    if (!numbers.insert(static_cast<int>(number)).second)
+      csv.fail("channel", "expected each once, got " + number_text(number) + " twice");
     Channel& channel = channels.emplace_back();
     channel.elevation_deg = csv.number("elevation_deg", -90, 90);
     channel.azimuth_offset_deg = csv.number_or(0, "azimuth_offset_deg", -180, 180);
@@ -98,7 +121,7 @@ std::vector<Channel> read_channels(const std::filesystem::path& file) {
       csv.fail("range_at_10_percent_m", "expected above 0, got 0");
     channel.min_range_m = metres("min_range_m", kLongestMinRange_m);
   }
-  if (channels.empty()) fail({file.string(), 1, 1}, "(rows)", "expected at least one, got none");
+  check_numbers(numbers, file);
   return channels;
 }
 

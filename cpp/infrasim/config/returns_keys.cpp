@@ -25,11 +25,14 @@ void visit(Fields& f, DropOffConfig& c) {
           "share of the points with intensity 0 that is lost", required(between(0, 1)));
 }
 
+constexpr double kLeastReflectance = 0.001;  // data sheets have targets of 5 % and more
+
 template <class Fields>
 void visit(Fields& f, PublishedRange& c) {
   f.field("range_m", c.range_m, "range from the data sheet",
           required(positive(kLongestPublishedRange_m)));
-  f.field("reflectance", c.reflectance, "reflectance of the target", required(positive(1)));
+  f.field("reflectance", c.reflectance, "reflectance of the target",
+          required(between(kLeastReflectance, 1)));
   f.field("sunlight_klux", c.sunlight_klux, "illuminance of the target; 0: night", between(0, 200));
 }
 

@@ -23,6 +23,8 @@ Place place_of(const YAML::Mark& mark, const std::string& name) {
   return {name, mark.line + 1, mark.column + 1};
 }
 
+constexpr std::uintmax_t kMostYamlBytes = std::uintmax_t{64} << 20;
+
 constexpr int kMaxDepth = 64;  // an alias may refer to a node that contains it
 
 struct Converter {
@@ -181,7 +183,7 @@ Tree parse_tree(const std::string& text, const std::string& name) {
 }
 
 Tree read_tree(const std::filesystem::path& file) {
-  return parse_tree(read_file(file), file.string());
+  return parse_tree(read_file(file, kMostYamlBytes), file.string());
 }
 
 Tree merged(const Tree& base, const Tree& over) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -11,12 +12,31 @@ inline bool has_zero(const std::filesystem::path& file) {
   return file.native().find('\0') != std::string::npos;
 }
 
+/// largest size of a file of which all bytes are read at once; one of text is smaller
+inline constexpr std::uintmax_t kMostBytes = std::uintmax_t{4} << 30;
+
+/// The file to which a path leads through symbolic links. It need not exist.
+/// @throws ConfigError if the links form a loop
+std::filesystem::path link_target(const std::filesystem::path& path);
+
+/// Refuses FIFOs, devices and sockets. A read of them may never end, and a rename would replace
+/// them. A file that does not exist is accepted.
+/// @throws ConfigError if the path leads to one of them
+void expect_regular(const std::filesystem::path& file);
+
 /// Opens a file to read its bytes.
-/// @throws IoError if it can't be read
+/// @throws IoError if it can't be read, ConfigError if it is a FIFO, a device or a socket
 std::ifstream open_file(const std::filesystem::path& file);
 
 /// All bytes of a file.
-/// @throws IoError if it can't be read
-std::string read_file(const std::filesystem::path& file);
+/// @throws IoError if it can't be read, ConfigError if it is no regular file or has more bytes
+std::string read_file(const std::filesystem::path& file, std::uintmax_t most = kMostBytes);
+
+/// From now on, the process records which files it opens to read. A command calls it at its start,
+/// so that its output does not replace an input.
+void record_read_files();
+
+/// Whether the path leads to a file that was opened to read since record_read_files().
+bool was_read(const std::filesystem::path& file);
 
 }  // namespace infrasim

@@ -63,6 +63,8 @@ pid_t writer_of(std::string_view name) {
 AtomicFile::AtomicFile(std::filesystem::path file) : file_(std::move(file)) {
   if (has_zero(file_))
     throw IoError("(file): expected a path without a zero byte, got one with it");
+  file_ = link_target(file_);
+  expect_regular(file_);
   do {
     hidden_ = hidden_file(file_);
     descriptor_ = ::open(hidden_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);

@@ -44,8 +44,15 @@ bool CsvReader::has(std::string_view column) const {
 void CsvReader::next_line() {
   ++line_;
   cell_ = next_cell_ = 0;
-  std::getline(stream_, row_);
+  stream_.getline(buffer_.data(), static_cast<std::streamsize>(buffer_.size()));
   if (stream_.bad()) throw IoError(name_ + ": can't be read");
+  // The count of a line that does not end the file has its line break.
+  const bool is_last = stream_.eof(), is_cut = stream_.fail() && !is_last;
+  const auto count = static_cast<std::size_t>(stream_.gcount());
+  row_.assign(buffer_.data(), is_last || is_cut ? count : count - 1);
+  if (is_cut)
+    fail_row("(row)", "expected a row of less than " + std::to_string(buffer_.size()) +
+                          " bytes, got a longer one");
   if (row_.ends_with('\r')) row_.pop_back();
 }
 

@@ -47,7 +47,8 @@ class CsvReader {
 
   std::string name_;
   std::ifstream stream_;
-  std::string row_;            ///< the current line
+  std::vector<char> buffer_ = std::vector<char>(std::size_t{1} << 16);  ///< for the next line
+  std::string row_;                                                     ///< the current line
   std::size_t cell_ = 0;       ///< start of the current cell in row_
   std::size_t next_cell_ = 0;  ///< start of the next cell in row_
   std::ptrdiff_t columns_;

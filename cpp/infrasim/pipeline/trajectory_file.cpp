@@ -130,6 +130,8 @@ namespace {
 
 void merge_rows(const std::filesystem::path& file, const World& world,
                 const std::vector<bool>& rows) {
+  if (was_read(file))
+    throw IoError(file.string() + ": expected an output that the run does not read, got an input");
   const FolderLock lock(file.parent_path());
   const bool exists = std::filesystem::exists(file);
   const bool pitched = world.trajectories->pitched;

@@ -17,6 +17,7 @@ from pyinfra.experiments.planner.costs import Costs
 from pyinfra.experiments.planner.lidars import PlanLidar
 from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.site import PlanSite
+from pyinfra.formats.yaml_file import read_keys
 
 FILE = "plan.yaml"
 
@@ -61,8 +62,7 @@ def keep_request(folder: Path, asked: dict[str, Any]) -> None:
     if (folder / "options.csv").exists():
         if not file.is_file():
             raise Error(f"out: expected a new folder, got {folder} with options.csv and no {FILE}")
-        before = yaml.safe_load(file.read_text(encoding="utf-8"))
-        before = before if isinstance(before, dict) else {}
+        before = read_keys(file)
         names = [name for name, value in asked.items() if before.get(name) != value]
         if names:
             changed = [f"{name} {before.get(name)}, now {asked[name]}" for name in names[:3]]

@@ -50,8 +50,8 @@ def observe(
         file = None
         if folder is not None:
             file = folder / f"{_digest(inputs, where[chunk], wanted[chunk])}.npy"
-            if file.is_file():
-                return np.asarray(np.load(file))
+            if (kept := _kept(file)) is not None:
+                return kept
         rows = _observed(site.observer, where[chunk], lidars, wanted[chunk], frames)
         if file is not None:
             with replacing(file) as beside, beside.open("wb") as stream:
@@ -69,6 +69,15 @@ def observe(
         table.insert(0, "pose", np.array(chunk, dtype=np.int64)[table.pop("at").to_numpy()])
         numbered.append(table)
     return pd.concat(numbered, ignore_index=True)
+
+
+def _kept(file: Path) -> AnyArray | None:
+    """Returns the rows of a finished part, or None for a missing or damaged file."""
+    try:
+        rows: AnyArray = np.load(file)
+    except (OSError, ValueError, EOFError, SyntaxError):  # the header is a Python literal
+        return None
+    return rows if {"at", "lidar", "frame"} <= {*(rows.dtype.names or ())} else None
 
 
 def _observed(

@@ -20,7 +20,7 @@ import numpy as np
 import yaml
 
 from pyinfra.core.errors import Error
-from pyinfra.core.files import held, replacing
+from pyinfra.core.files import held, replacing, resolved
 from pyinfra.dataset import split
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.frames import frame_numbers, lidar_folder, period_of
@@ -113,7 +113,7 @@ def _scene(keys: dict[str, Any], folder: Path) -> dict[str, Any]:
     # The name is relative to the folder of the original scene file. A run copies the trajectories,
     # so the copy is used.
     if scene.get("trajectories"):
-        scene["trajectories"] = str((folder.parent / "trajectories.csv").resolve())
+        scene["trajectories"] = str(resolved(folder.parent / "trajectories.csv"))
         _tell_from_first(scene["mounts"])
     return scene
 

@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 
 from pyinfra.core.errors import FormatError
+from pyinfra.core.files import resolved
 from pyinfra.formats.kitti import read_written_keys
 
 Keys = dict[str, Any]
@@ -56,7 +57,7 @@ def turned(unit: Keys, degrees: float) -> Keys:
 def table_files(config: Keys, folder: Path) -> list[Path]:
     """Returns the files with tables of directions; relative names are resolved in `folder`."""
     tables = [unit["pattern"].get("table") for unit in units_of(config)]
-    return [(folder / table["file"]).resolve() for table in tables if table]
+    return [resolved(folder / table["file"]) for table in tables if table]
 
 
 def text(file: Path, turns_deg: Sequence[float] = ()) -> str:
@@ -93,5 +94,5 @@ def _with_whole_path(unit: Keys, folder: Path) -> Keys:
     table = unit["pattern"].get("table")
     if table is None:
         return unit
-    file = (folder / table["file"]).resolve()
+    file = resolved(folder / table["file"])
     return unit | {"pattern": {"table": table | {"file": str(file)}}}

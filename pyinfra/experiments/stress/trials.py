@@ -12,7 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.core.errors import Error, keep_traceback
-from pyinfra.core.files import held
+from pyinfra.core.files import held, resolved
 from pyinfra.core.version import __version__, machine
 from pyinfra.core.vocabulary import VEHICLE_TYPES
 from pyinfra.experiments import store
@@ -53,7 +53,7 @@ class TrainedRun:
 
     @property
     def name(self) -> str:
-        return self.folder.resolve().name
+        return resolved(self.folder).name
 
     def model(self, frames: Path) -> Detector:
         """Returns the detector, adapted to the site of a LiDAR's folder."""

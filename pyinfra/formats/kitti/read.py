@@ -79,8 +79,21 @@ OBJECT_RULES = (
     ColumnRule(("visibility",), lambda v: (v == -1) | ((v >= 0) & (v <= 1)), "0 to 1, or -1"),
 )
 LABEL_RULES = (_sides("h w l"), _position("x y z"), _angle("rotation_y"))
-# Predictions may contain any finite values, but h, w and l must be positive.
-RESULT_RULES = (ColumnRule(("h", "w", "l"), lambda v: v > 0, "more than 0"),)
+# Predictions may be poor, but must have values with which overlaps can be computed.
+LARGEST = 10_000.0  # largest size and coordinate in metres, and heading in radians
+MOST_PREDICTIONS = 1000  # largest number in a frame; nuScenes evaluates up to 500
+
+
+def result_rules(sizes: Sequence[str], others: Sequence[str]) -> tuple[ColumnRule, ...]:
+    """Returns the rules of predictions, for the columns of sizes, and of position and heading."""
+    allowed = f"more than 0 to {LARGEST:g}"
+    return (
+        ColumnRule(tuple(sizes), lambda v: (v > 0) & (v <= LARGEST), allowed),
+        between(others, -LARGEST, LARGEST),
+    )
+
+
+RESULT_RULES = result_rules(("h", "w", "l"), ("x", "y", "z", "rotation_y"))
 
 
 def read_points(file: Path) -> Float32Array:

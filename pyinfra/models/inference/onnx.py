@@ -13,13 +13,14 @@ import json
 import logging
 import warnings
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from pyinfra.core.config import as_plain
 from pyinfra.core.errors import Error
-from pyinfra.core.files import replacing
+from pyinfra.core.files import check_output, replacing
 from pyinfra.models.detectors.batch import Batch
 from pyinfra.models.detectors.centerpoint_pillar import CenterPointPillar
 from pyinfra.models.detectors.pillars import PillarEncoder
@@ -57,9 +58,11 @@ def whole_canvas(encoder: PillarEncoder, points: Tensor) -> Tensor:
 def export(run: Path, file: Path) -> None:
     """Writes a trained detector as an ONNX file.
 
-    Raises Error for a detector that is not dense or that needs stacked frames. Raises ImportError
+    Raises Error for a detector that is not dense or that needs stacked frames, and if `file` is
+    another file than a model. Raises ImportError
     if onnxscript is not installed.
     """
+    check_output(file, b"\x08")
     loaded = checkpoint.load(model_file(run))
     check_single(run, loaded.provenance.accumulate)
     network = loaded.network()
@@ -90,6 +93,18 @@ def export(run: Path, file: Path) -> None:
         "about": json.dumps(as_plain(loaded.provenance)),
         "area": json.dumps(as_plain(network.site)),
     }
+    _remove_source_paths(program.model)
     program.model.metadata_props.update(metadata)
     with replacing(file) as beside:
         program.save(str(beside), external_data=False)
+
+
+def _remove_source_paths(model: Any) -> None:
+    """Removes what the exporter recorded of each node: source files and lines of this machine."""
+    for graph in model.graphs():
+        for node in graph:
+            for part in (node, *node.inputs, *node.outputs):
+                if part is not None:
+                    part.metadata_props.clear()
+                    part.doc_string = None
+        graph.metadata_props.clear()

@@ -23,7 +23,7 @@ from scipy.ndimage import binary_fill_holes, distance_transform_edt, gaussian_fi
 
 from pyinfra.core.arrays import BoolArray, FloatArray, Points
 from pyinfra.core.errors import Error
-from pyinfra.core.files import write
+from pyinfra.core.files import check_output, write
 from pyinfra.core.progress import track
 from pyinfra.dataset.frames import frame_numbers, period_of
 from pyinfra.dataset.ground import Ground, ground_of
@@ -86,6 +86,7 @@ def propose_of_folder(lidar_folder: Path) -> Proposal:
 def write_outline(file: Path, corners: FloatArray) -> None:
     """Writes corners (m, 2) as an outline file, which `read_outline` reads."""
     pairs = ", ".join(f"[{x:g}, {y:g}]" for x, y in np.round(corners, 1))
+    check_output(file, b"outline_m:")
     file.parent.mkdir(parents=True, exist_ok=True)
     write(file, f"outline_m: [{pairs}]\n")
 

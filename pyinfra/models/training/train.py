@@ -11,6 +11,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
+from unittest import mock
 
 import numpy as np
 import yaml
@@ -255,7 +256,9 @@ def _reporting(
     with replacing(out / "run.yaml") as beside:
         beside.write_text(yaml.safe_dump(as_plain(description), sort_keys=False))
     log, steps = Log(out / "log.csv", done), description.steps
-    board = SummaryWriter(str(out / "tensorboard"), purge_step=done + 1)
+    # TensorBoard would write the name of this machine into the name of its file.
+    with mock.patch("socket.gethostname", return_value="host"):
+        board = SummaryWriter(str(out / "tensorboard"), purge_step=done + 1)
     # The value None shows the progress bar on a terminal only.
     bar = tqdm(total=steps, initial=done, unit="step", disable=quiet or None, file=sys.stderr)
 

@@ -53,7 +53,7 @@ def height_notes(site: Path, tracks: Sequence[Track]) -> list[str]:
     vehicles = [track for track in tracks if track.object_class != "Pedestrian"]
     if not vehicles or not (site / LANES).is_file():
         return []
-    lanes = read_csv(site / LANES, {"lane"})
+    lanes = read_csv(site / LANES, {"lane"}, required=("x", "y", "z"))
     centres = np.concatenate([track.states[:, :3] for track in vehicles])
     heights = np.repeat([track.size_m[2] for track in vehicles], [len(t.states) for t in vehicles])
     away, nearest = cKDTree(lanes[["x", "y"]].to_numpy(float)).query(centres[:, :2])

@@ -22,6 +22,12 @@ class MapError(Error):
     """The map cannot be read or used as a site. The message names file and location."""
 
 
+def check_extent(metres: float, where: str) -> None:
+    """Raises MapError for a line that is too long to be sampled."""
+    if not metres <= FARTHEST_M:
+        raise MapError(f"{where}: expected up to {FARTHEST_M:g} m from end to end, got {metres:g}")
+
+
 @dataclass(frozen=True, eq=False)
 class MapLane:
     """A lane or sidewalk between two borders, whose points follow the direction of travel."""

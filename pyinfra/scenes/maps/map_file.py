@@ -3,6 +3,7 @@
 import bz2
 import gzip
 import hashlib
+import os
 import zlib
 from pathlib import Path
 from typing import Any
@@ -86,6 +87,8 @@ def unpacked(file: Path, kind: str, scratch: Path) -> Path:
                         f"{file}: expected up to {LONGEST_BYTES} bytes after unpacking, got more"
                     )
     except (EOFError, zlib.error, OSError) as error:
+        if isinstance(error, OSError) and error.errno is not None:  # for example a full disk
+            raise OSError(error.errno, os.strerror(error.errno), str(out)) from error
         raise MapError(f"{file}: cannot be unpacked: {error}") from error
     return out
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from pyinfra.core.files import new_folder, write
+from pyinfra.formats.yaml_file import read_keys
 from pyinfra.scenes.maps.disagreements import disagreements
 from pyinfra.scenes.maps.lane_map import (
     MapError,
@@ -57,8 +57,8 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
         **_options_as_keys(options),
     }
     if (out / MAP).exists():
-        record = yaml.safe_load((out / MAP).read_text())
-        if isinstance(record, dict) and {k: record.get(k) for k in identity} == identity:
+        record = read_keys(out / MAP)
+        if {k: record.get(k) for k in identity} == identity:
             return Imported(
                 record["lanes"], record["triangles"], Pole(**record["pole"]), record, False
             )

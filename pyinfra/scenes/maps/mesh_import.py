@@ -73,11 +73,11 @@ def _read(file: Path) -> Triangles:
         raise missing("trimesh", "site") from error
     try:
         loaded = trimesh.load_scene(file, process=False).to_mesh()
+        vertices = np.asarray(loaded.vertices, dtype=np.float64).reshape(-1, 3)
+        faces = np.asarray(loaded.faces, dtype=np.int64).reshape(-1, 3)
     except Exception as error:  # the readers of trimesh raise exceptions of many types
         why = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise FormatError(f"{file}: cannot be read as a mesh: {why}") from error
-    vertices = np.asarray(loaded.vertices, dtype=np.float64)
-    faces = np.asarray(loaded.faces, dtype=np.int64)
     if not len(faces):
         raise FormatError(f"{file}: expected faces, got none")
     if len(faces) > MOST_TRIANGLES:

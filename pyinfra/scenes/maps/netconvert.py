@@ -1,10 +1,12 @@
 """Converts maps to SUMO networks with SUMO's tool netconvert."""
 
+import re
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
+from pyinfra.core.files import write
 from pyinfra.scenes.maps.lane_map import MapError
 from pyinfra.scenes.maps.sumo import SumoError, run_tool
 
@@ -44,4 +46,10 @@ def netconvert(source: Path, arguments: Sequence[str], out: Path) -> list[str]:
         raise MapError(f"{source}: netconvert of SUMO failed: {error}") from error
     if not out.exists():
         raise MapError(f"{source}: netconvert of SUMO wrote no network")
+    write(out, without_comments(out.read_text(encoding="utf-8")))
     return warnings
+
+
+def without_comments(text: str) -> str:
+    """Returns a network without comments. They have the date, and paths of this machine."""
+    return re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)

@@ -15,6 +15,7 @@ from pyinfra.scenes.maps.lane_map import (
     MapFeature,
     MapLane,
     SiteMap,
+    check_extent,
     lane_name,
     without_folds,
 )
@@ -56,6 +57,8 @@ def shape_of(text: str, where: str) -> FloatArray:
         raise MapError(f"{where}: shape: expected x,y or x,y,z, got {text[:40]!r}") from error
     if not np.isfinite(shape).all():
         raise MapError(f"{where}: shape: expected finite numbers, got another value")
+    if len(shape):
+        check_extent(float(np.ptp(shape, axis=0).max()), f"{where}: shape")
     return shape
 
 

@@ -10,6 +10,7 @@ import jinja2
 
 from pyinfra.core.files import replacing
 from pyinfra.experiments.result_tables import TableFile
+from pyinfra.viz.page_file import check_file
 from pyinfra.viz.report.blocks import Section
 from pyinfra.viz.report.style import themes
 from pyinfra.viz.report.svg import identifier
@@ -31,6 +32,7 @@ class Page:
 
 def write_page(page: Page, file: Path) -> Path:
     """Writes the tables into the folder NAME_data beside the page, then the page."""
+    check_file(file)
     folder = file.with_name(f"{file.stem}_data")
     folder.mkdir(parents=True, exist_ok=True)
     for source in [*page.tables, *sources(page.sections)]:

@@ -21,6 +21,7 @@ from pyinfra.core.errors import Error
 from pyinfra.core.version import __version__
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.surroundings import Surroundings, road_lines
+from pyinfra.formats import kitti
 from pyinfra.viz.page_file import check_file, write_page_file
 from pyinfra.viz.viewer.encoding import STEP_M, pack_points
 from pyinfra.viz.viewer.frames import ViewFrame
@@ -29,6 +30,8 @@ Views = Mapping[str, Sequence[ViewFrame]]
 
 DRAWN = " Lines on the ground are the road, as far as it is evaluated; brown boxes are buildings."
 LARGEST_MB = 40.0  # maximum size of a page
+LEAST_LETTERS = 1.3  # shortest text of a point; usual are 3 to 4 letters
+ADVICE = "choose fewer `frames`, one `lidar` or a lower `most_points`"
 STANDING = ("buildings", "further_mounts")
 LINE_STEP = 5  # every fifth point along a road is drawn
 MIN_SCORE = 0.3  # minimum score of the predictions that are shown initially
@@ -133,8 +136,26 @@ def write_page(
     """
     check_file(out)
     text = page(views, title=title, most_points=most_points, around=around)
-    advice = "choose fewer `frames`, one `lidar` or a lower `most_points`"
-    return write_page_file(text, out, LARGEST_MB, advice)
+    return write_page_file(text, out, LARGEST_MB, ADVICE)
+
+
+def check_size(
+    folders: Sequence[Path], frames: Sequence[int], most_points: int | None = None
+) -> None:
+    """Raises Error if a page of these frames would certainly exceed LARGEST_MB.
+
+    Only the sizes of the files are read. The shortest text of a point is known from experience.
+    """
+    most, letters = most_points or 2**63, 0.0
+    for folder in folders:
+        for frame in frames:
+            size = kitti.frame_file(folder, "velodyne", frame).stat().st_size
+            letters += LEAST_LETTERS * min(size // 16, most)
+    if letters > 1e6 * LARGEST_MB:
+        raise Error(
+            f"frames: expected a page of up to {LARGEST_MB:g} MB, got {len(frames)} frames of "
+            f"{len(folders)} LiDARs with {letters / 1e6:.0f} MB or more; {ADVICE}"
+        )
 
 
 def _view(views: Views, most_points: int | None, around: Surroundings | None) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pyinfra.core.errors import Error
+from pyinfra.core.files import resolved
 from pyinfra.dataset.frames import lidar_folders
 from pyinfra.formats import kitti
 from pyinfra.viz.viewer.frames import ViewFrame, read_view_frames
@@ -92,7 +93,7 @@ def prediction_folders(words: Sequence[str], folders: Sequence[Path]) -> dict[Pa
 
 
 def title_of(folders: Sequence[Path], frames: Sequence[int]) -> str:
-    scenes = dict.fromkeys(folder.resolve().parent.name for folder in folders)
+    scenes = dict.fromkeys(resolved(folder).parent.name for folder in folders)
     last = f" to {frames[-1]}" if len(frames) > 1 else ""
     return f"{', '.join(scenes)}: frame{'s' if last else ''} {frames[0]}{last}"
 
@@ -104,7 +105,7 @@ def _names(folders: Sequence[Path]) -> list[str]:
         for folder in folders
     ]
     names = [
-        f"{model} ({'/'.join(folder.resolve().parts[-2:])})" if models.count(model) > 1 else model
+        f"{model} ({'/'.join(resolved(folder).parts[-2:])})" if models.count(model) > 1 else model
         for model, folder in zip(models, folders, strict=True)
     ]
     if len(set(names)) < len(names):

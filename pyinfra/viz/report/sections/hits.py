@@ -14,6 +14,7 @@ from pyinfra.viz.report.names import in_order
 from pyinfra.viz.report.report_data import Material
 
 KEY = ["scene", "lidar"]
+SUMMARY = ("lidar", "frames", "hits_per_frame")  # columns of a summary.csv
 LEAD = "Number of points in a frame, averaged over all frames."
 
 
@@ -57,7 +58,9 @@ def measured(material: Material) -> tuple[pd.DataFrame, str]:
     if len(table) > 0:
         return table[[*KEY, "preset", "frames", "hits_per_frame", "origin"]], ""
     parts = [
-        read_csv(data.folder / "summary.csv").assign(scene=data.scene, preset=data.preset)
+        read_csv(data.folder / "summary.csv", required=SUMMARY).assign(
+            scene=data.scene, preset=data.preset
+        )
         for data in material.data
         if (data.folder / "summary.csv").is_file() and data.aggregation == "exact"
     ]
