@@ -16,7 +16,7 @@ configure = cmake --preset $(1) $(2) -DCMAKE_UNITY_BUILD=$(or $(3),$(UNITY)) -DP
 	-Dpybind11_DIR=$$($(PYTHON) -m pybind11 --cmakedir) >build/$(1)-configure.log 2>&1 \
 	|| { cat build/$(1)-configure.log; exit 1; }
 
-.PHONY: setup build demo dataset generalist debian13 test lint stubs reference tables docs viewer bench wheel wheels hashes sanitize fuzz test-nightly nightly clean
+.PHONY: setup build demo dataset generalist debian13 test lint stubs reference tables docs viewer bench wheel wheels hashes sanitize fuzz test-nightly attack nightly clean
 .NOTPARALLEL:
 
 build:
@@ -146,8 +146,13 @@ test-nightly: build
 	ctest --preset dev --no-tests=error -R 'nightly_'
 	$(PYTHON) -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m nightly
 
+# Kills, full disks and damaged files; as root, or without the disks. Some minutes.
+attack: build
+	@scripts/setup.sh train exchange test
+	$(PYTHON) tests/python/attack.py
+
 # The slow checks that CI leaves out, one after the other.
-nightly: sanitize fuzz bench test-nightly
+nightly: sanitize fuzz bench test-nightly attack
 
 clean:
 	rm -rf build docs/examples pyinfra/_core*.so
