@@ -20,6 +20,7 @@ import pandas as pd
 import yaml
 
 from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray, Records
+from pyinfra.core.files import resolved
 from pyinfra.core.names import StrPath
 from pyinfra.core.present import Presented, extent_of
 from pyinfra.core.progress import track
@@ -378,7 +379,7 @@ class RecordedFrames(FrameSequence):
 
     @property
     def scene(self) -> str:
-        return self.folder.resolve().parent.name
+        return resolved(self.folder).parent.name
 
     @property
     def frames_version(self) -> str:

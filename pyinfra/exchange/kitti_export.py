@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from pyinfra.core.files import write
+from pyinfra.core.files import resolved, write
 from pyinfra.dataset.frames import data_set_of, frame_numbers
 from pyinfra.dataset.outlines import OUTLINES_FILE
 from pyinfra.formats import kitti
@@ -16,7 +16,7 @@ OF_DATA_SET = ("dataset.yaml", "roads.csv", OUTLINES_FILE, "trajectories.csv")
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     """Writes the data set `out` with frames of the LiDAR. Raises FormatError for a wrong split."""
-    to = out / lidar_folder.resolve().name
+    to = out / resolved(lidar_folder).name
     files = [data_set_of(lidar_folder) / name for name in OF_DATA_SET]
     copies = {file: out / file.name for file in files if file.is_file()}
     copies |= {file: to / file.name for file in lidar_folder.iterdir() if file.is_file()}

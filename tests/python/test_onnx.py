@@ -51,6 +51,7 @@ def saved(name: str, folder: Path, steps: int = 0) -> Path:
 def test_the_file_gives_the_boxes_of_the_network(name: str, tmp_path: Path) -> None:
     run, file = saved(name, tmp_path / "run", 60), tmp_path / "d.onnx"
     assert main.main(["onnx", str(run), "--out", str(file)]) == 0
+    assert b".py" not in file.read_bytes()  # no path of a source file
     session = onnxruntime.InferenceSession(file, providers=["CPUExecutionProvider"])
     network = checkpoint.load(run / "last.safetensors").network()
     for points in (road_sample(1).points, road_sample(2).points[::3], road_sample(3).points[:1]):
