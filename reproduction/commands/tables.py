@@ -30,6 +30,7 @@ from reproduction.tables import (
     simulator,
     sites,
     stress,
+    tracks,
     verdicts,
 )
 from reproduction.tables.common import frames_of_results, with_frames
@@ -98,6 +99,10 @@ TABLES: dict[str, Callable[[], str]] = {
     "16 lines or 128": partial(placement.placement, "units"),
     "detectors on the highway, paper": partial(verdicts.detectors, "highway", "paper"),
     "detectors on the highway, datasheet": partial(verdicts.detectors, "highway", "datasheet"),
+    "tracks": tracks.measures,
+    "tracked passages": tracks.passages,
+    "tracks of true boxes": tracks.true_boxes,
+    "times of tracking": tracks.times,
     "GPU rates": gpu.rates,
     "GPU latency": gpu.detection,
     "GPU batches": gpu.batches,
