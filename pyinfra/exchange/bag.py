@@ -244,6 +244,8 @@ def _scan(source: Path, reader: Any, channel: str | None) -> tuple[str, str, Con
                 _message(reader, raw, connection.msgtype)
             ):
                 contents.frames.setdefault(child, (parent, transform))
+    if not contents.times_ns:
+        raise FormatError(f"{source}: {topic}: expected clouds, got none; the bag may be truncated")
     return topic, clouds[topic], contents
 
 

@@ -18,6 +18,7 @@ MOST_POINTS = 200_000_000
 LEAST_POINT_BYTES = 20  # of a record of LAS; LAZ compresses by a factor of up to 20
 RATIO = 20
 HEAD_BYTES, OLD_HEAD_BYTES = 375, 227  # of versions 1.4 and 1.2
+COMPRESSED = 0x80  # bit of the point format in the header of LAZ
 RECORD_BYTES, EXTENDED_BYTES = 54, 60  # heads of variable length records
 
 
@@ -33,7 +34,8 @@ def read_las(file: Path) -> Records:
     """
     _check_counts(file)
     try:
-        with laspy.open(file) as stream:
+        # The parallel decompressor allocates what a damaged table asks for, and ends the process.
+        with laspy.open(file, laz_backend=laspy.LazBackend.Lazrs) as stream:
             count = stream.header.point_count
             most = min(MOST_POINTS, RATIO * file.stat().st_size // LEAST_POINT_BYTES)
             if count > most:
@@ -78,3 +80,24 @@ def _check_counts(file: Path) -> None:
         raise FormatError(
             f"{file}: expected records within {size} bytes, got {records} and {extended} records"
         )
+    if head[104] & COMPRESSED:
+        _check_chunks(file, size, struct.unpack_from("<I", head, 96)[0])
+
+
+def _check_chunks(file: Path, size: int, at: int) -> None:
+    """Raises FormatError for a LAZ file with more chunks than it can hold.
+
+    The points begin with the position of the table of chunks, which is -1 if the position is in the
+    last 8 bytes of the file. The table begins with a version and the number of chunks.
+    """
+    with file.open("rb") as stream:
+        stream.seek(at)
+        position = int.from_bytes(stream.read(8), "little", signed=True)
+        if position == -1 and size >= 8:
+            stream.seek(size - 8)
+            position = int.from_bytes(stream.read(8), "little", signed=True)
+        stream.seek(min(max(position, 0), size))
+        table = stream.read(8)
+    chunks = int.from_bytes(table[4:], "little")
+    if len(table) < 8 or not 0 <= position < size or chunks > size // LEAST_POINT_BYTES:
+        raise FormatError(f"{file}: expected a table of chunks within {size} bytes, got {chunks}")

@@ -98,7 +98,8 @@ def points_of(
     if None in axes:
         names = " ".join(records.dtype.names or ())
         raise FormatError(f"{location}: expected the fields x, y and z, got {names[:200]}")
-    columns: list[AnyArray] = [records[name].astype(np.float64) for name in axes if name]
+    with np.errstate(invalid="ignore"):  # damaged files have signalling NaN
+        columns: list[AnyArray] = [records[name].astype(np.float64) for name in axes if name]
     if offset is not None and offset.any():
         columns = [column - o for column, o in zip(columns, offset, strict=True)]
     intensity = intensity_field(records)

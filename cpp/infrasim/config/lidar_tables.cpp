@@ -83,9 +83,10 @@ std::vector<Channel> read_channels(const std::filesystem::path& file) {
   const std::string suffix = file.extension().string();
   if (suffix == ".json" || suffix == ".yaml" || suffix == ".yml" || suffix == ".xml")
     fail({file.string()}, "(file)",
-         "expected a table of channels (.csv), got " + suffix +
-             ": `pyinfra lidars --from-table FILE --out LIDAR.yaml` converts Ouster's metadata "
-             "(beam_altitude_angles) and Velodyne's calibration (vert_correction)");
+         "expected a table of channels (.csv), to which `pyinfra lidars --from-table FILE --out "
+         "LIDAR.yaml` converts Ouster's metadata (beam_altitude_angles) and Velodyne's calibration "
+         "(vert_correction); got " +
+             suffix);
   CsvReader csv(file, "channel,elevation_deg,azimuth_offset_deg,fire_time_us",
                 "column_step,first_column,range_at_10_percent_m,min_range_m");
   const auto whole = [&](const char* key, int blank, int most) {
