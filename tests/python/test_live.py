@@ -46,6 +46,16 @@ def test_standard_input_gives_the_tracks_of_a_table(
     assert printed[-1]["dropped"] == 0
 
 
+def test_live_commands_name_no_next_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
+    assert main.main(["track", "-"]) == 0
+    assert main.main(["detect", str(tmp_path), "--follow", "--idle-s", "0", "--height-m", "6"]) == 0
+    assert capsys.readouterr().out == ""
+
+
 @pytest.mark.parametrize(
     "line", ["{}", "x", '{"t_s": NaN, "boxes": []}', '{"t_s": 1, "boxes": [{"type": "Car"}]}']
 )
